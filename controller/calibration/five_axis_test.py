@@ -2,8 +2,8 @@
 
 ISO 10791-7 cuts a part; the kinematic tests with a sphere, K by their names, are those of ISO 10791-6. Seen
 from the part the tip should not move at all; what it does, from the positions that drives have reported and
-by the machine's own chain, is told along X, Y and Z of the table. Encoders do not see a wrong centre (a probed
-sphere does, see ``rotary_fit``): they see how well the five axes keep together.
+by the machine's own chain, is told along X, Y and Z of the table. Encoders do not see a wrong centre (a
+probed sphere does, see ``rotary_fit``): they see how well the five axes keep together.
 """
 
 from __future__ import annotations

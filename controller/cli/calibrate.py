@@ -10,10 +10,12 @@ import contextlib
 import json
 import math
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
 from typing import Annotated, Any
 
+import numpy as np
 import typer
 from rich.table import Table
 
@@ -21,8 +23,10 @@ from controller import messages
 from controller.calibration import (
     axis_accuracy,
     circular_test,
+    features,
     five_axis_test,
     machine_edit,
+    part_fit,
     pictures,
     positions,
     rotary_fit,
@@ -30,13 +34,22 @@ from controller.calibration import (
     touch_table,
 )
 from controller.calibration.refusal import Refusal
+from controller.cli import remote
+from controller.cli.client import Url
 from controller.cli.speech import speaking, spoken
+from controller.geometry.surfaces import Surface
 from controller.geometry.vectors import Vector, unit
 from controller.machine import machine_file
 from controller.machine.kinematics import kinematics_of
-from controller.machine.model import Machine
+from controller.machine.model import OFFSETS, Machine
 from controller.machine.toml_table import ConfigError, read_text
+from controller.plan.surfaces.cuts import surface_of
+from controller.program import blocks, linked
+from controller.program.program import CutCone, CutNurbs, CutRuled
+from controller.runtime import checked
+from controller.verify import maps
 from controller.verify import trace as traces
+from controller.verify.audit import Watched
 from controller.verify.console import Refused, refusals, show
 
 app = typer.Typer(help="The machine's own geometry from what was measured.", no_args_is_help=True)
@@ -56,6 +69,9 @@ Centre = Annotated[
 Stem = Annotated[str, typer.Option("--stem", help="I,J,K: the way that the sphere's stem points.")]
 Recorded = Annotated[Path, typer.Argument(help="Of simulate --trace, or of a recording (.npz).")]
 Plot = Annotated[Path | None, typer.Option("--plot", help="Draw it (.png).")]
+Program = Annotated[Path | None, typer.Option("--program", help="Whose surfaces were touched.")]
+Free = Annotated[str, typer.Option("--free", help="Moves along X Y Z and turns about them, A B C.")]
+OffsetName = Annotated[str, typer.Option("--offset", help="Work offset: G54 ...")]
 MOST_POSITIONS = 100
 
 
@@ -306,3 +322,153 @@ def _trace(file: Path, made: Machine) -> traces.Trace:
         return traces.load(file)
     except ValueError as error:
         raise Refused(str(error)) from error
+
+
+@app.command()
+@speaking
+def part(
+    measured: Measured,
+    program: Program = None,
+    offset: OffsetName = "G54",
+    free: Free = part_fit.DOFS,
+    machine: MachineFile = "trunnion",
+    write: Write = False,
+    send: Annotated[bool, typer.Option("--send", help="Set it at the machine behind --url.")] = False,
+    url: Url = remote.URL,
+    as_json: Json = False,
+) -> None:
+    """The work offset that fits touches on a part best: on surfaces of its program, planes, bores."""
+    with refused(as_json):
+        made = machine_file.load(machine)
+        if not set(free) <= set(part_fit.DOFS) or len(set(free)) < len(free) or not free:
+            raise Refusal("no_dofs", free=free)
+        found, touches = _part(measured, program, offset, free, made)
+        told = part_fit.report(found, touches)
+        values = {"origin_mm": told["origin_mm"], "turned_deg": told["turned_deg"]}
+        done = written(machine, lambda text: machine_edit.offset(text, offset, values)) if write else None
+        if send:
+            with remote.connected(url, remote.known_token()) as at, at.control():
+                at.put(f"offsets/{offset}", values)
+        if as_json:
+            print(json.dumps({"ok": True, "offset": offset, **told, "written": done, "sent": send}))
+            return
+        x, y, z = told["origin_mm"]
+        a, b, c = told["turned_deg"]
+        show.print(say("part", offset=offset, x=x, y=y, z=z, a=a, b=b, c=c), markup=False)
+        show.print(
+            say("part_fits", before=told["before_um"]["rms"], after=told["after_um"]["rms"]), markup=False
+        )
+        show.print(_touches(told["touches"]))
+        tell_written(done)
+
+
+@app.command()
+@speaking
+def inspect(
+    measured: Measured,
+    program: Annotated[Path, typer.Option("--program", help="What was cut.")],
+    offset: OffsetName = "G54",
+    machine: MachineFile = "trunnion",
+    as_json: Json = False,
+) -> None:
+    """By how much a wall deviates where it was touched, beside what its program should leave there."""
+    with refused(as_json):
+        made = machine_file.load(machine)
+        found, touches = _part(measured, program, offset, "", made)
+        told = part_fit.report(found, touches)
+        predicted = _predicted(program, made)
+        for row in told["touches"]:
+            row["predicted_um"] = _at(predicted.get(row["feature"]), row["u"], row["v"])
+        if as_json:
+            print(json.dumps({"ok": True, **told}))
+            return
+        figures = told["after_um"]
+        show.print(say("inspected", **figures), markup=False)
+        show.print(_touches(told["touches"], with_plan=True))
+
+
+@app.command()
+@speaking
+def points(
+    program: Annotated[Path, typer.Argument(help="The part program.")],
+    line: Annotated[int, typer.Option("--line", help="Line of the surface.")],
+    along: Annotated[int, typer.Option("--along", min=1, max=200, help="So many along it.")] = 8,
+    across: Annotated[int, typer.Option("--across", min=1, max=50, help="So many across it.")] = 3,
+    machine: MachineFile = "trunnion",
+) -> None:
+    """Where to probe a surface: places and normals out of the cutter's side, part frame, as CSV."""
+    with refused(False):
+        surfaces, sides = _surfaces(program, machine_file.load(machine))
+        if line not in surfaces:
+            raise Refusal("no_line", line=line, lines=", ".join(map(str, surfaces)) or "-")
+        print("feature,u,v,X,Y,Z,I,J,K")
+        for u, v, place, normal in features.places(surfaces[line], along, across):
+            out = [sides[line] * c for c in normal]
+            print(f"line {line}," + ",".join(f"{c + 0.0:.6f}" for c in (u, v, *place, *out)))
+
+
+def _part(
+    measured: Path, program: Path | None, offset: str, free: str, made: Machine
+) -> tuple[part_fit.PartFit, touch_table.Touches]:
+    if offset not in OFFSETS:
+        raise Refusal("no_offset", offset=offset)
+    touches = touch_table.read(read_text(measured), made, measured.name)
+    surfaces = _surfaces(program, made)[0] if program else {}
+    names = {name: features.named(name, surfaces, measured.name) for name in dict.fromkeys(touches.features)}
+    start = made.offset(OFFSETS.index(offset)).frame
+    return part_fit.fit(touches, names, made, start, free), touches
+
+
+def _surfaces(program: Path, made: Machine) -> tuple[dict[int, Surface], dict[int, float]]:
+    """By line: the surfaces of a program in its part frame, and on which side of each the cutter is."""
+    found: dict[int, Surface] = {}
+    sides: dict[int, float] = {}
+    text = linked.linked(program.read_bytes(), linked.beside(program))
+    for block in blocks.stream(text, made, str(program)):
+        if isinstance(block, CutCone | CutRuled | CutNurbs):
+            found[block.place.line], sides[block.place.line] = surface_of(block), block.modal.side.value
+    return found, sides
+
+
+def _predicted(program: Path, made: Machine) -> dict[str, Any]:
+    """By ``line N`` the deviations (um) that the plan's own cut leaves, v by u on an even grid."""
+    text = linked.linked(program.read_bytes(), linked.beside(program))
+    task = checked.task(text, str(program), replace(made, gouge="warn"))
+    watched = Watched(checked.path_of(task, checked.chosen_for(task, lambda share: None)).items)
+    for _ in watched:
+        pass
+    own = maps.maps(
+        watched.stretches,
+        lambda: blocks.stream(task.text, task.machine, task.name, start=task.start),
+        task.machine,
+        task.kinematics,
+    )
+    return {f"line {row['line']}": row["map_um"] for row in own.get("surfaces", [])}
+
+
+def _at(rows: Any, u: float | None, v: float | None) -> float | None:
+    """A map at u and v, straight between its places; None where nothing is predicted."""
+    if rows is None or u is None or v is None:
+        return None
+    grid = np.array([[math.nan if value is None else value for value in row] for row in rows])
+    across, along = grid.shape
+    x, y = u * (along - 1), v * (across - 1)
+    i, j = min(int(x), along - 2), min(int(y), across - 2)
+    s, t = x - i, y - j
+    square = grid[j : j + 2, i : i + 2]
+    value = float(np.array([1 - t, t]) @ square @ np.array([1 - s, s]))
+    return None if math.isnan(value) else value
+
+
+def _touches(rows: list[dict[str, Any]], with_plan: bool = False) -> Table:
+    table = Table()
+    heads = ("touch", "feature", "u", "v", "deviation", *(("predicted",) if with_plan else ()))
+    for head in heads:
+        table.add_column(say(f"head_{head}"), justify="left" if head == "feature" else "right")
+    for row in rows:
+        uv = ["" if row[name] is None else f"{row[name]:.4f}" for name in "uv"]
+        cells = [str(row["touch"]), row["feature"], *uv, f"{row['deviation_um']:.1f}"]
+        if with_plan:
+            cells.append("" if row["predicted_um"] is None else f"{row['predicted_um']:.1f}")
+        table.add_row(*cells, style="dim" if row["beside"] else None)
+    return table

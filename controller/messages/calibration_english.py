@@ -34,6 +34,17 @@ REFUSALS = {
     "with G2 and one with G3.",
     "calibration.no_stand": "In the recording the tip stands on no line of the program while a rotary turns "
     "by more than {degrees:g} degrees; run one with G43.4, and give the tool's --length.",
+    "calibration.no_feature": "{file}: feature {feature!r} is none; allowed are {kinds}, with N a line of "
+    "the program that cuts a surface ({lines}); correct it.",
+    "calibration.too_few_free": "{touches} touches are not enough to find {free}; touch more places off the "
+    "edges, or let fewer be free with --free.",
+    "calibration.blind": "These touches tell nothing of {name}; touch places that do, or take it out of "
+    "--free {free}.",
+    "calibration.no_dofs": "--free {free}: allowed are some of X Y Z A B C, each once: moves along and "
+    "turns about the axes of the part; write them as XYC.",
+    "calibration.no_offset": "--offset {offset}: is no work offset; allowed are G54 to G59.3 and G54.1 P1 "
+    "to P48; choose one of these.",
+    "calibration.no_line": "--line {line}: cuts no surface; allowed are {lines}; choose one of these.",
     # --- what a command says
     "calibration.written": "{file} is written; as it was before it is {kept}.",
     "calibration.not_written": "Nothing is written; --write does it.",
@@ -60,6 +71,18 @@ REFUSALS = {
     "calibration.circle_both": "Both senses: G(b) {G_bidirectional_um:.2f} um, hysteresis H {H_um:.2f} um.",
     "calibration.tip": "Line {line}: the tip moved by {x_um:.2f} um along X, {y_um:.2f} um along Y, "
     "{z_um:.2f} um along Z, and was {largest_um:.2f} um off at most.",
+    "calibration.part": "{offset}: origin X {x:.4f} Y {y:.4f} Z {z:.4f} mm, turned by {a:.5f}, {b:.5f}, "
+    "{c:.5f} degrees about X, Y, Z.",
+    "calibration.part_fits": "The touches deviated by {before:.1f} um rms, and do so by {after:.1f} um rms "
+    "in this offset.",
+    "calibration.inspected": "Deviations {least:.1f} to {most:.1f} um, {rms:.1f} um rms; above 0 there is "
+    "too much material.",
+    "calibration.head_touch": "touch",
+    "calibration.head_feature": "feature",
+    "calibration.head_u": "u",
+    "calibration.head_v": "v",
+    "calibration.head_deviation": "off (um)",
+    "calibration.head_predicted": "planned (um)",
     "calibration.head_axis": "axis",
     "calibration.head_point": "point (mm)",
     "calibration.head_direction": "direction",

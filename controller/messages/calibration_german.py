@@ -35,6 +35,17 @@ REFUSALS = {
     "calibration.no_stand": "In der Aufzeichnung steht die Spitze in keiner Programmzeile, während eine "
     "Drehachse um mehr als {degrees:g} Grad dreht; eine mit G43.4 fahren und die Werkzeuglänge mit --length "
     "angeben.",
+    "calibration.no_feature": "{file}: Merkmal {feature!r} gibt es nicht; erlaubt sind {kinds}, N eine "
+    "Programmzeile, die eine Fläche schneidet ({lines}); berichtigen.",
+    "calibration.too_few_free": "{touches} Antastungen reichen nicht, um {free} zu bestimmen; mehr Stellen "
+    "abseits der Kanten antasten, oder mit --free weniger freigeben.",
+    "calibration.blind": "Über {name} sagen diese Antastungen nichts; Stellen antasten, die es tun, oder es "
+    "aus --free {free} nehmen.",
+    "calibration.no_dofs": "--free {free}: erlaubt sind einige von X Y Z A B C, jedes einmal: "
+    "Verschiebungen längs und Drehungen um die Achsen des Teils; sie als XYC schreiben.",
+    "calibration.no_offset": "--offset {offset}: ist keine Nullpunktverschiebung; erlaubt sind G54 bis "
+    "G59.3 und G54.1 P1 bis P48; eine davon wählen.",
+    "calibration.no_line": "--line {line}: schneidet keine Fläche; erlaubt sind {lines}; eine davon wählen.",
     # --- what a command says
     "calibration.written": "{file} ist geschrieben; wie sie vorher war, steht in {kept}.",
     "calibration.not_written": "Nichts ist geschrieben; mit --write geschieht es.",
@@ -62,6 +73,18 @@ REFUSALS = {
     "um.",
     "calibration.tip": "Zeile {line}: Die Spitze bewegte sich um {x_um:.2f} um in X, {y_um:.2f} um in Y, "
     "{z_um:.2f} um in Z und war höchstens {largest_um:.2f} um entfernt.",
+    "calibration.part": "{offset}: Ursprung X {x:.4f} Y {y:.4f} Z {z:.4f} mm, gedreht um {a:.5f}, {b:.5f}, "
+    "{c:.5f} Grad um X, Y, Z.",
+    "calibration.part_fits": "Die Antastungen wichen um {before:.1f} um rms ab, mit dieser Verschiebung um "
+    "{after:.1f} um rms.",
+    "calibration.inspected": "Abweichungen {least:.1f} bis {most:.1f} um, {rms:.1f} um rms; über 0 ist zu "
+    "viel Material da.",
+    "calibration.head_touch": "Antastung",
+    "calibration.head_feature": "Merkmal",
+    "calibration.head_u": "u",
+    "calibration.head_v": "v",
+    "calibration.head_deviation": "Abweichung (um)",
+    "calibration.head_predicted": "geplant (um)",
     "calibration.head_axis": "Achse",
     "calibration.head_point": "Punkt (mm)",
     "calibration.head_direction": "Richtung",

@@ -117,6 +117,10 @@ class State(NamedTuple):
         modal = replace(self.modal, offset=origins.index, part=part, turned_rad=turned, tilted=tilted)
         return self._replace(origins=origins, modal=modal)
 
+    def feed_of_pitch(self, pitch_mm: float) -> float:
+        """Of a thread at S, mm/s."""
+        return pitch_mm * self.speed_rev_min / 60.0
+
     def feed(self, ask: Ask, code: str, word: Word) -> float:
         """The modal F for a motion, mm/s; ProgramError where there is none."""
         if self.inverse and code in SURFACES:

@@ -94,6 +94,11 @@ class Position:
         self._tips, self._length_mm = False, 0.0
         self._pending: list[JointMotion] = []  # absolute, not gone yet: most are never asked for
 
+    def stand(self, joints: Joints) -> None:
+        """There it stands (mm, rad), as the machine has told."""
+        self._pending, self._tips = [], False
+        self._xyz, self._rotaries = [joints[i] for i in self._linear], [*self._machine.pair(joints, 0.0)]
+
     def take(self, block: Block) -> None:
         """Go where a block leads."""
         if isinstance(block, JointMotion) and _is_position(block):

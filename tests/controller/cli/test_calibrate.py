@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import json
+import random
 
 import numpy as np
 import pytest
 from support.machines.hidden_geometry import Errors, hidden, probed
+from support.machines.probed_parts import moved, touched
 from typer.testing import CliRunner
 
 from controller.calibration.positions import Probe, Sphere
@@ -90,3 +92,52 @@ def test_positions_to_probe_are_told_with_the_bounds_that_they_would_leave():
     facts = json.loads(run(*words, "--json").stdout)
     assert len(facts["positions_deg"]) == 6 and set(facts["bounds"]) == {"A", "C"}
     assert run(*words[:2], "1,2", *words[3:]).exit_code == 1
+
+
+def part_scene(tmp_path, off_mm=0.0):
+    """The shipped example, its first surface touched on a part that lies 0.3 mm off."""
+    machine, program = machine_file.load("trunnion"), machine_file.shipped_program("example2_ready")
+    made = run("points", program, "--line", 10, "--along", 5, "--across", 2)
+    assert made.exit_code == 0, made.output
+    rows = [line.split(",") for line in made.stdout.splitlines()[1:]]
+    more = run("points", program, "--line", 19, "--along", 5, "--across", 2)
+    rows += [line.split(",") for line in more.stdout.splitlines()[1:]]
+    places = [(row[0], [float(c) for c in row[3:6]], [float(c) for c in row[6:9]]) for row in rows]
+    real = moved(machine.offset(0).frame, (0.3, -0.2, 0.1), (0.1, 0.0, -0.2))
+    touches = touched(machine, real, places, random.Random(1), off_mm=off_mm)
+    csv, file = tmp_path / "part.csv", tmp_path / "own.toml"
+    head, *lines = table_of(touches, machine).splitlines()
+    named = [f"{line},{name}" for line, name in zip(lines, touches.features, strict=True)]
+    csv.write_text("\n".join([f"{head},feature", *named]))
+    file.write_text((machine_file.SHIPPED / "trunnion.toml").read_text())
+    return program, csv, file, real
+
+
+def test_an_offset_is_found_from_touches_on_the_programs_surfaces_and_written(tmp_path):
+    program, csv, file, real = part_scene(tmp_path)
+    words = ["part", csv, "--program", program, "--machine", file]
+    facts = json.loads(run(*words, "--write", "--json").stdout)
+    assert facts["origin_mm"] == pytest.approx(real.origin, abs=1e-3)
+    found = machine_file.load(file).offsets[0]
+    assert found.origin == pytest.approx(real.origin, abs=1e-3) and found.x == pytest.approx(real.x, abs=1e-5)
+    assert "Ursprung" in run(*words, "--language", "de").output
+    assert run(*words, "--free", "XQ").exit_code == 1
+    assert run(*words, "--offset", "G60").exit_code == 1
+
+
+def test_a_wall_is_inspected_beside_what_the_plan_leaves_there(tmp_path):
+    program, csv, file, _ = part_scene(tmp_path, off_mm=0.01)
+    assert run("part", csv, "--program", program, "--machine", file, "--write").exit_code == 0
+    facts = json.loads(run("inspect", csv, "--program", program, "--machine", file, "--json").stdout)
+    told = [row for row in facts["touches"] if row["predicted_um"] is not None]
+    assert len(told) >= 15
+    assert all(abs(row["predicted_um"]) < 20.0 for row in told)  # the tolerance of that program
+    assert (
+        "geplant" in run("inspect", csv, "--program", program, "--machine", file, "--language", "de").output
+    )
+
+
+def test_points_of_a_line_that_cuts_no_surface_are_refused():
+    program = machine_file.shipped_program("example2_ready")
+    refused = run("points", program, "--line", 3)
+    assert refused.exit_code == 1 and "10, 19" in refused.output

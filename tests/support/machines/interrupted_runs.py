@@ -114,7 +114,7 @@ def distance(rows: np.ndarray, wanted: dict[int, path.Stretch], kinematics: Kine
     """Largest distance (mm, or rad of the rotaries) of commanded joints from the program's."""
     first, far = COLUMN["joint_command_0"], 0.0
     for row in program_rows(rows):
-        joints = tuple([float(q) for q in row[first : first + 5]])
+        joints = tuple([float(q) for q in row[first : first + len(kinematics.order)]])
         near = kinematics.rotaries(joints)
         there = wanted[int(row[COLUMN["motion_id"]])].motion.joints(float(row[COLUMN["s"]]), near, kinematics)
         assert there is not None

@@ -38,8 +38,8 @@ from controller.service.planner_client import Answer, Order, Program
 from controller.service.runs import RunRecord
 from controller.state.modes import Fault, Mode, Request
 
-RUN_S = 40.0  # of the machine: then the operator stops it
-END_S = 90.0  # then it hangs
+RUN_S = 10.0  # of the machine: then the operator stops it
+END_S = 40.0  # then it hangs
 STILL_S = 0.5  # after a fault, looked at
 SAME_MM = 1e-6
 EVERY = 23  # of the rows whose place on the path is computed

@@ -1,0 +1,69 @@
+"""``directrix soak``: random parts, programs, operators and faults for hours, judged at every tick."""
+
+from __future__ import annotations
+
+import importlib
+import json
+import random
+import sys
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from controller import messages
+from controller.cli import checkout, memory, speech
+from controller.verify.console import Refused, bar, refusals, show, tell
+
+Hours = Annotated[float, typer.Option("--hours", min=0.0, help="How long.")]
+Seed = Annotated[int | None, typer.Option("--seed", help="Of all that is drawn; default: another each time.")]
+First = Annotated[int, typer.Option("--first", min=0, help="Number of the run to begin with.")]
+Runs = Annotated[int | None, typer.Option("--runs", min=1, help="At most so many.")]
+Out = Annotated[Path, typer.Option("--out", help="Folder of what does not hold.")]
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
+
+
+@speech.speaking
+def soak(
+    hours: Hours = 1.0,
+    seed: Seed = None,
+    first: First = 0,
+    runs: Runs = None,
+    out: Out = Path("soak"),
+    as_json: Json = False,
+) -> None:
+    """Run what is drawn at random, on the stepped clock as fast as it can, and judge every tick of it.
+
+    What does not hold is kept as a folder with seed, tick and record: `directrix replay FOLDER` makes the run
+    again, and so does --seed N --first K --runs 1. Exit code 1 where something did not hold, or memory grew.
+    """
+    with refusals(as_json, lambda: ()):
+        sys.path.insert(0, str(checkout.tests()))
+        module: Any = importlib.import_module("support.soak.soak")
+        memory.collect_rarely()
+        drawn = random.randrange(10**6) if seed is None else seed
+        if not as_json:
+            tell.print(_say("begins", seed=drawn), markup=False)
+        with bar("soaking", as_json) as progress:
+
+            def told(one: Any, came: Any, so_far: Any) -> None:
+                progress(0.0, f"{so_far.runs} ({len(so_far.kept)}) {one.title}")
+                if came.wrong and not as_json:
+                    tell.print(f"{so_far.kept[-1]}: {came.wrong}", markup=False)
+
+            found = module.soak(drawn, 3600.0 * hours, out, first, runs, told)
+        results = ", ".join(f"{count} {name}" for name, count in sorted(found.results.items()))
+        figures = dict(seed=drawn, runs=found.runs, ticks=found.ticks, wrong=len(found.kept), results=results)
+        grown = dict(settled=found.settled_mb, now=found.memory_mb)
+        if found.kept:
+            raise Refused(_say("wrong", **figures, folder=found.kept[0]), **found.to_dict())
+        if not found.is_flat:
+            raise Refused(_say("grown", **figures, **grown), **found.to_dict())
+        if as_json:
+            print(json.dumps({"ok": True, **found.to_dict()}))
+        else:
+            show.print(_say("held", **figures), markup=False)
+
+
+def _say(key: str, **values: object) -> str:
+    return messages.text(messages.said(f"soak.{key}", **values), speech.spoken.get())
