@@ -24,6 +24,7 @@ from controller import one_thread
 FILES = {
     "programs": ("check", "simulate", "demo", "paper"),
     "replay": ("replay",),
+    "records": ("export", "compare"),
     "explain": ("explain",),
     "verify": ("verify",),
     "fit": ("fit",),

@@ -54,6 +54,12 @@ class Fault(IntEnum):
     FOREIGN_FRAMES = 39
     SETPOINTS_LOST = 40
     INPUT_MISSING = 41
+    SPINDLE_LAGS = 46
+    PROBE_OPEN = 42
+    PROBE_FREE = 43
+    PROBE_HIT = 44
+    PROBE_STUCK = 45
+    PROBE_LATCH = 47
 
 
 class Reaction(IntEnum):

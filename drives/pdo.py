@@ -31,6 +31,8 @@ PDO_BYTES = 6
 TARGET = Struct("<ii")
 CONTROLWORD = Struct("<H")
 MODE_BYTES = 1  # mode of operation display 6061h i8
+TURNED = Struct("<i")  # a spindle's position i32 ...
+TURNED_AND_LOAD = Struct("<ih")  # ... with its torque 6077h i16, in thousandths of the rated one
 LATCH = Struct("<Hi")  # touch probe: status 60B9h u16, position at the rising edge 60BAh i32
 EMERGENCY = Struct("<HB5s")  # error code, error register 1001h, five bytes of the vendor
 

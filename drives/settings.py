@@ -96,7 +96,8 @@ class SpindleSettings:
     """A spindle drive in a velocity mode (CiA 402), not part of the path.
 
     Layout: RPDO ``profile.rpdo`` = 6040h u16 + 60FFh i32, type 255, sent on change and once
-    a heartbeat; TPDO ``profile.tpdo`` = 6041h u16 + 606Ch i32, type ``feedback_every``.
+    a heartbeat; TPDO ``profile.tpdo`` = 6041h u16 + 606Ch i32, type ``feedback_every``. Where axes follow
+    it, TPDO ``position_tpdo`` = its position i32 (and 6077h i16), type 1: sampled with those of the axes.
     """
 
     name: str
@@ -113,6 +114,10 @@ class SpindleSettings:
     velocity_unit_counts_s: float = 0.0  # as of an axis
     acceleration_unit_counts_s2: float = 0.0
     velocity_units: float = 1.0  # units of 60FFh and 606Ch in one count per second, as of an axis
+    position_tpdo: int = 0  # number of the TPDO with its position, at every SYNC; 0 = it tells none
+    position_entry: int = 0x6064_0020  # what is mapped into it: index << 16 | sub << 8 | bits
+    position_per_rev: float = 0.0  # what that counts in a revolution; its sign is the direction of M3
+    tells_load: bool = False  # 6077h goes beside it
     unsupervised: bool = False  # as of an axis
     overrides: tuple[Override, ...] = ()
 

@@ -83,6 +83,31 @@ class RapidShare(Sent):
     share: Annotated[float, Field(ge=0.0, le=1.0, description="1.0 = 100 %.")]
 
 
+class SpindleShare(Sent):
+    """An override of the spindle."""
+
+    share: Annotated[float, Field(ge=0.5, le=1.5, description="1.0 = 100 %.")]
+
+
+class Spindle(Sent):
+    """The spindle by hand."""
+
+    rev_min: Annotated[float, Field(ge=-1e6, le=1e6, description="Signed; 0 = off.")]
+
+
+class Coolant(Sent):
+    """Coolant by hand."""
+
+    mist: bool = False
+    flood: bool = False
+
+
+class Clamps(Sent):
+    """Clamps by hand."""
+
+    open: Annotated[list[Axis], Field(max_length=MAX_AXES, description="Axes whose clamps are open.")]
+
+
 class Home(Sent):
     axes: Annotated[list[Axis] | None, Field(min_length=1, max_length=MAX_AXES, description="null: all.")] = (
         None

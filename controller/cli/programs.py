@@ -28,7 +28,7 @@ from controller.plan.stretch import Note
 from controller.program import linked
 from controller.program import refusals as refusals_of_text
 from controller.program.program import ProgramError
-from controller.runtime import checked, recording, starts
+from controller.runtime import checked, recording, records, starts
 from controller.runtime import events as event_files
 from controller.runtime.bus_load import overload
 from controller.runtime.startup import SessionError
@@ -75,7 +75,7 @@ def _expected() -> tuple[type[Exception], ...]:
     from drives.bus import BusError
     from drives.commission import CommissionError
 
-    return ConfigError, SessionError, event_files.EventError, BusError, CommissionError
+    return ConfigError, SessionError, event_files.EventError, records.NoRecord, BusError, CommissionError
 
 
 # --- what several commands need ------------------------------------------------
@@ -221,7 +221,7 @@ def check(
             tell.print(warning, markup=False)
         show.print(tables.whole(found, program.name, task.machine.name), markup=False)
         if kept.overcuts:
-            form = messages.text(wording.summed(kept.verdicts))
+            form = messages.text(wording.summed(kept.verdicts), speech.spoken.get())
             show.print(form or tables.overcut(kept.overcuts), markup=False)
 
 
@@ -274,7 +274,9 @@ def simulate(
     block_delete: BlockDelete = False,
     dialect: Dialect = None,
     fitted: Fitted = None,
-    trace_file: Annotated[Path | None, typer.Option("--trace", help="Write every tick (.npz).")] = None,
+    trace_file: Annotated[
+        Path | None, typer.Option("--trace", help="Write every tick (.npz, or .parquet).")
+    ] = None,
     events: Annotated[Path | None, typer.Option("--events", help="Requests at ticks (JSON lines).")] = None,
     faults: Annotated[Path | None, typer.Option("--faults", help="Script of faults.")] = None,
     faults_from: Annotated[
@@ -303,6 +305,8 @@ def simulate(
         made = record.machine if record is not None else made
         task = _task(program, made, block_delete)
         _writable(trace_file, plot)
+        if trace_file and trace_file.suffix == records.PARQUET:
+            records.needed()
         kept = None if unchecked else _kept(task, store, as_json)
         with bar("planning", as_json) as progress:
             walk = (
@@ -393,7 +397,9 @@ def _share(seconds: float, kept: stored.Stored | None) -> float:
 def _write(
     trace: Any, machine: Machine, stretches: dict[int, Stretch], trace_file: Path | None, plot: Path | None
 ) -> None:
-    if trace_file:
+    if trace_file and trace_file.suffix == records.PARQUET:
+        records.write(records.of_trace(trace), trace_file)
+    elif trace_file:
         trace.save(trace_file)
     if plot:
         from controller.verify import plots

@@ -7,10 +7,11 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from controller.geometry.vectors import Z, norm, scale
-from controller.machine import drive_objects
+from controller.machine import drive_objects, drive_profiles
 from controller.machine.model import (
     AnalogueOut,
     Axis,
@@ -19,14 +20,18 @@ from controller.machine.model import (
     Following,
     Homing,
     Io,
+    Machine,
     Orient,
+    Sensor,
     Spindle,
+    SpindlePosition,
     Stopping,
     Temperature,
     WorkTable,
 )
 from controller.machine.toml_table import Table
 
+SENSORS = ("probe", "setter")  # on = touched
 INPUTS = (
     "estop",
     "door",
@@ -34,6 +39,7 @@ INPUTS = (
     "tool_clamped",
     "coolant_flow",
     "feed_stop",
+    *SENSORS,
 )  # beside those that clamps name
 OUTPUTS = ("coolant", "mist")
 # Of the drive's own window (following_error): what the controller allows at rest, and of that in position.
@@ -45,6 +51,7 @@ INT16 = -(2**15), 2**15 - 1
 M_CODE = re.compile(r"M(1[0-8]|2[0-8]|3[1-9]|4[0-7]|5[4-9]|69|7[4-9]|8[0-9]|9[0-7]|[1-9][0-9][0-9])")
 M_CODES = "M10 to M18, M20 to M28, M31 to M47, M54 to M59, M69, M74 to M97, M100 to M999"
 MODES = {"csv": 9, "pv": 3}
+TAPPING_REV_S2 = 50.0  # along a thread, where the file says nothing
 
 FindProfile = Callable[[Table], str]  # the profile that a table names
 
@@ -70,8 +77,38 @@ def spindle(table: Table, buses: Sequence[Bus], profile: FindProfile, folder: Pa
         unsupervised=table.flag("unsupervised", False),
         overrides=drive_objects.overrides(table),
     )
+    found = replace(found, position=_position(table, found))
     _fits(table, found)
     table.finish()
+    return found
+
+
+def _position(table: Table, of: Spindle) -> SpindlePosition | None:
+    """``position = { counts_per_rev, index, sub, tpdo, load, ... }``: the spindle's angle at every SYNC."""
+    if not table.has("position"):
+        return None
+    entry = table.table("position", f"{table.name} position")
+    gentle = min(of.acceleration_rev_s2, TAPPING_REV_S2)
+    found = SpindlePosition(
+        counts_per_rev=entry.number("counts_per_rev", default=of.counts_per_rev),
+        index=entry.integer("index", 0x2000, 0x6FFF, 0x6064),
+        sub=entry.integer("sub", 0, 254, 0),
+        tpdo=entry.integer("tpdo", 1, 4, 2),
+        load=entry.flag("load", False),
+        gain_per_s=entry.number("gain_per_s", 1.0, 50.0, default=10.0),
+        acceleration_rev_s2=entry.positive("acceleration_rev_s2", gentle),
+        most_lag_rev=entry.number("most_lag_rev", 0.01, 10.0, default=0.5),
+    )
+    entry.finish()
+    if found.counts_per_rev == 0.0:
+        entry.refuse("counts_per_rev", "is zero", "a number other than 0", "give the encoder's resolution")
+    if of.mode != MODES["csv"]:
+        problem = 'a drive in mode "pv" turns by a ramp of its own and cannot be led along a thread'
+        table.refuse(
+            "position", problem, 'mode = "csv" beside it', 'write mode = "csv", or take position out'
+        )
+    if found.tpdo == drive_profiles.load(of.profile).tpdo:
+        entry.refuse("tpdo", "carries statusword and speed already", "another number of 1 to 4", "change it")
     return found
 
 
@@ -354,6 +391,40 @@ def _audit_clamp(its: Clamp, axis: Table, found: Io | None) -> None:
     if its.input and found.input(its.input) is None:
         names = ", ".join(name for name, _ in found.inputs)
         table.refuse("input", "there is no such input in [io]", names, "add it to [io] inputs")
+
+
+def sensor(table: Table, in_spindle: bool) -> Sensor:
+    """``[probe]``, a touch probe in the spindle, or ``[setter]``, which tools touch."""
+    found = Sensor(
+        input=table.text("input", SENSORS, SENSORS[not in_spindle]),
+        overtravel_mm=table.number("overtravel_mm", 0.05, 50.0, default=2.0),
+        latency_s=table.number("latency_ms", 0.0, 50.0, default=0.0) * 1e-3,
+        latch_tpdo=table.integer("latch_tpdo", 0, 4, 0),
+    )
+    if in_spindle:
+        tool, release_mm = table.integer("tool", 1, 99999), table.number("release_mm", 0.1, 20.0, default=2.0)
+        found = replace(found, tool=tool, release_mm=release_mm)
+    else:
+        found = replace(found, point=table.vector("point_mm"), radius_mm=table.positive("radius_mm"))
+    table.finish()
+    return found
+
+
+def audit_sensors(machine: Machine, top: Table) -> None:
+    """Their inputs are bits of the node, of their own, and the probe is a tool of the table."""
+    for key, one in (("probe", machine.probe), ("setter", machine.setter)):
+        if one is None:
+            continue
+        table = top.table(key, f"[{key}]")
+        table.text("input", default=one.input)
+        names = [name for name, _ in machine.io.inputs] if machine.io is not None else []
+        if one.input not in names:
+            allowed = ", ".join(names) or "none, for there is no [io]"
+            table.refuse("input", "there is no such input in [io]", allowed, "add it to [io] inputs")
+        if key == "probe" and machine.tool_as_told(one.tool) is None:
+            table.integer("tool", 1, 99999)
+            known = ", ".join(str(tool.number) for tool in machine.tools) or "none, for the table is empty"
+            table.refuse("tool", "the tool table has none of this number", known, "add the probe to it")
 
 
 def work_table(table: Table) -> WorkTable:

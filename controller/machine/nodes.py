@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from controller.machine import compensation, drive_profiles
-from controller.machine.model import Axis, Machine, Temperature
+from controller.machine.model import Axis, Machine, SpindlePosition, Temperature
 from controller.machine.toml_table import ConfigError
 from drives.settings import (
     BusSettings,
@@ -59,7 +60,18 @@ def spindle_settings(machine: Machine) -> SpindleSettings | None:
         acceleration_unit_counts_s2=spindle.stopping.acceleration_unit_counts_s2,
         unsupervised=spindle.unsupervised,
         overrides=spindle.overrides,
+        **({} if spindle.position is None else _turned(spindle.position)),
     )
+
+
+def _turned(told: SpindlePosition) -> dict[str, Any]:
+    """Where the spindle's angle comes from."""
+    return {
+        "position_tpdo": told.tpdo,
+        "position_entry": told.index << 16 | told.sub << 8 | 32,
+        "position_per_rev": told.counts_per_rev,
+        "tells_load": told.load,
+    }
 
 
 def io_settings(machine: Machine) -> tuple[IoSettings, ...]:
@@ -130,6 +142,7 @@ def _node(axis: Axis, off: float, machine: Machine) -> NodeSettings:
         overrides=axis.overrides,
         profile=drive_profiles.load(axis.profile),
         serial=axis.serial,
+        probe_tpdo=0 if axis.is_rotary else machine.latch_tpdo,
         temperature_tpdo=axis.temperature.tpdo if axis.temperature else 0,
         temperature_entry=_entry(axis.temperature) if axis.temperature else 0,
     )

@@ -56,4 +56,29 @@ REFUSALS = {
     "kept in {folder}: see soak.json there, and make it again with `directrix replay {folder}`.",
     "soak.grown": "Seed {seed}: {runs} runs ({results}) held, but memory grew from {settled:.0f} to "
     "{now:.0f} MB.",
+    # --- recordings
+    "records.unreadable": "{path}: cannot be read as a recording ({why}); give a trace of simulate, or the "
+    "folder of a fault or of a run.",
+    "records.neither": "{path}: holds neither a trace nor a recording, but {names}; give a trace of "
+    "simulate, or the folder of a fault or of a run.",
+    "records.no_folder": "{folder}: has neither {trace} nor {run} with {machine}; give the folder of a "
+    "fault or of a run.",
+    "records.lacks": "{path}: is no recording of this version of Directrix: it has no {name}.",
+    "records.no_pyarrow": "Parquet needs pyarrow: install directrix with its extra recordings "
+    "(pip install 'directrix[recordings]').",
+    "records.periods": "They have other periods, {a:g} and {b:g} ms: no row stands beside another; compare "
+    "recordings of one period.",
+    "records.nothing_common": "They have no column in common; compare recordings of one machine.",
+    "records.units": "{name}: is in {a} in one and in {b} in the other; compare recordings of one machine.",
+    "records.suffix": "{file}: recordings are written as Parquet; give a name that ends with .parquet.",
+    "records.written": "{file}: {rows} rows of {columns} columns.",
+    "records.same": "The same: {rows} rows of {columns} columns.",
+    "records.lengths": "The same for {rows} rows, but one has {a} and the other {b}.",
+    "records.apart": "Apart from row {row} on (at {time:.3f} s{at}): {name}, by {largest:.6g} {unit} at "
+    "most.",
+    "records.in_line": ", line {line}",
+    "records.column": "column",
+    "records.largest": "largest difference",
+    "records.at": "in row",
+    "records.first": "apart from row",
 }

@@ -59,4 +59,31 @@ REFUSALS = {
     "erste liegt in {folder}: soak.json darin lesen, und mit `directrix replay {folder}` wiederholen.",
     "soak.grown": "Startzahl {seed}: {runs} Läufe ({results}) hielten, aber der Speicher wuchs von "
     "{settled:.0f} auf {now:.0f} MB.",
+    # --- Aufzeichnungen
+    "records.unreadable": "{path}: ist nicht als Aufzeichnung zu lesen ({why}); eine Spur von simulate "
+    "angeben, oder den Ordner einer Störung oder eines Laufs.",
+    "records.neither": "{path}: enthält weder eine Spur noch eine Aufzeichnung, sondern {names}; eine Spur "
+    "von simulate angeben, oder den Ordner einer Störung oder eines Laufs.",
+    "records.no_folder": "{folder}: hat weder {trace} noch {run} mit {machine}; den Ordner einer Störung "
+    "oder eines Laufs angeben.",
+    "records.lacks": "{path}: ist keine Aufzeichnung dieser Version von Directrix: {name} fehlt.",
+    "records.no_pyarrow": "Parquet braucht pyarrow: directrix mit dem Extra recordings installieren "
+    "(pip install 'directrix[recordings]').",
+    "records.periods": "Sie haben verschiedene Takte, {a:g} und {b:g} ms: keine Zeile entspricht einer "
+    "anderen; Aufzeichnungen mit gleichem Takt vergleichen.",
+    "records.nothing_common": "Sie haben keine Spalte gemeinsam; Aufzeichnungen einer Maschine vergleichen.",
+    "records.units": "{name}: ist einmal in {a} und einmal in {b}; Aufzeichnungen einer Maschine "
+    "vergleichen.",
+    "records.suffix": "{file}: Aufzeichnungen werden als Parquet geschrieben; einen Namen mit .parquet am "
+    "Ende angeben.",
+    "records.written": "{file}: {rows} Zeilen mit {columns} Spalten.",
+    "records.same": "Gleich: {rows} Zeilen mit {columns} Spalten.",
+    "records.lengths": "Gleich über {rows} Zeilen, aber die eine hat {a} und die andere {b}.",
+    "records.apart": "Verschieden ab Zeile {row} (bei {time:.3f} s{at}): {name}, um höchstens "
+    "{largest:.6g} {unit}.",
+    "records.in_line": ", Programmzeile {line}",
+    "records.column": "Spalte",
+    "records.largest": "größte Abweichung",
+    "records.at": "in Zeile",
+    "records.first": "verschieden ab Zeile",
 }

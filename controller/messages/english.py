@@ -237,6 +237,11 @@ FAULTS: dict[Fault, Words] = {
         "A load from the start, a speed above what the drive can do, or too short a spin_up_s.",
         "Check the spindle drive, its load and the S word; resume.",
     ),
+    Fault.SPINDLE_LAGS: Words(
+        "The spindle does not follow the thread: it lags by more than most_lag_rev, or does not settle.",
+        "A dull tap, chips in the hole, a speed or an acceleration above what the drive can do.",
+        "The tool stands in the thread, in step with the spindle. Resume, or stop and withdraw it.",
+    ),
     Fault.SPINDLE_LOST: Words(
         "The spindle's drive is silent, in error or not enabled.",
         "Overload, no supply, or a loose cable.",
@@ -256,6 +261,31 @@ FAULTS: dict[Fault, Words] = {
         "The input that M66 or M19 waits for did not come in time.",
         "What it reports has not happened, a loose wire, or too short a Q.",
         "See to what the input reports; resume waits once more, stop ends the program.",
+    ),
+    Fault.PROBE_OPEN: Words(
+        "The probe is open or touches already: it is not to be led towards the part.",
+        "The stylus rests on something or hangs, its battery is empty, or its wire is broken.",
+        "Free the probe, look at its input, and resume; or stop the program.",
+    ),
+    Fault.PROBE_FREE: Words(
+        "The probe is free already: there is nothing to be led off.",
+        "G38.4 or G38.5 without a touch before it.",
+        "Stop the program and correct it, or touch the part and resume.",
+    ),
+    Fault.PROBE_HIT: Words(
+        "The probe has touched outside of a probing move.",
+        "Something stands in the way of a positioning move, or the stylus is loose.",
+        "Reset, jog the probe off by hand, look at its stylus, and correct the program or the work offset.",
+    ),
+    Fault.PROBE_STUCK: Words(
+        "The probe is still touching: nothing is moved with it.",
+        "The stylus hangs, the way off the part is wrong, or the input stays on.",
+        "Reset, free the probe, jog it off by hand and look at its input.",
+    ),
+    Fault.PROBE_LATCH: Words(
+        "A drive that moved has stored no position of the touch.",
+        "The probe's signal does not reach the drive, or its touch probe function is off.",
+        "Reset, look at the wire to the drive and at its object 60B8h, and commission it again.",
     ),
     Fault.IO_LOST: Words(
         "The node with door and emergency-stop inputs is silent, restarted or in error.",
@@ -417,6 +447,9 @@ REFUSALS = {
     "not_number": "{name} {value!r}: must be a number from {lowest:g} to {highest:g}; correct it.",
     "not_whole": "{name} {value!r}: must be a whole number from 0; correct it.",
     "not_switch": "{name} {value!r}: must be true or false; correct it.",
+    "no_spindle": "The controller drives no spindle on this machine; switch it at the machine.",
+    "no_output": "{name}: the machine file has no such output; add it under [io] outputs.",
+    "no_clamp": "{axis}: no axis with a clamp; allowed are {allowed}.",
     "jog_share": "The jog speed is {share:g}; it is a share from -1 to 1 and not 0.",
     "jog_distance": "The distance to jog is {distance:g}; give mm (degrees of a rotary) other than 0.",
     "jog_frame": "There is no frame {frame!r} to jog in; allowed are {allowed}.",

@@ -250,6 +250,11 @@ FAULTS: dict[Fault, Words] = {
         "Last von Anfang an, eine Drehzahl über der möglichen, oder ein zu kurzes spin_up_s.",
         "Spindelantrieb, seine Last und das S-Wort prüfen; fortsetzen.",
     ),
+    Fault.SPINDLE_LAGS: Words(
+        "Die Spindel folgt dem Gewinde nicht: Sie hängt um mehr als most_lag_rev nach oder schwingt.",
+        "Ein stumpfer Bohrer, Späne im Loch, eine Drehzahl oder Beschleunigung über der möglichen.",
+        "Das Werkzeug steht im Gewinde, im Gleichlauf mit der Spindel. Fortsetzen oder herausdrehen.",
+    ),
     Fault.SPINDLE_LOST: Words(
         "Der Spindelantrieb schweigt, hat einen Fehler oder ist nicht freigegeben.",
         "Überlast, keine Versorgung, oder ein loses Kabel.",
@@ -269,6 +274,31 @@ FAULTS: dict[Fault, Words] = {
         "Der Eingang, auf den M66 oder M19 wartet, kam nicht rechtzeitig.",
         "Was er meldet, ist nicht geschehen, eine Ader ist lose, oder Q ist zu kurz.",
         "Nach dem sehen, was der Eingang meldet; Fortsetzen wartet noch einmal, Stopp beendet das Programm.",
+    ),
+    Fault.PROBE_OPEN: Words(
+        "Der Taster ist offen oder berührt schon: Er wird nicht zum Werkstück geführt.",
+        "Der Taststift liegt an oder klemmt, die Batterie ist leer oder die Leitung gebrochen.",
+        "Den Taster freimachen, seinen Eingang ansehen und fortsetzen; oder das Programm abbrechen.",
+    ),
+    Fault.PROBE_FREE: Words(
+        "Der Taster ist schon frei: Es gibt nichts, wovon er wegzuführen wäre.",
+        "G38.4 oder G38.5 ohne eine Berührung davor.",
+        "Das Programm abbrechen und berichtigen, oder das Werkstück berühren und fortsetzen.",
+    ),
+    Fault.PROBE_HIT: Words(
+        "Der Taster hat außerhalb einer Tastbewegung berührt.",
+        "Etwas steht einer Positionierbewegung im Weg, oder der Taststift ist lose.",
+        "Zurücksetzen, den Taster freifahren, den Stift ansehen, Programm oder Nullpunkt berichtigen.",
+    ),
+    Fault.PROBE_STUCK: Words(
+        "Der Taster berührt noch immer: Mit ihm wird nichts bewegt.",
+        "Der Taststift klemmt, der Weg vom Werkstück ist falsch, oder der Eingang bleibt an.",
+        "Zurücksetzen, den Taster freimachen, von Hand freifahren und seinen Eingang ansehen.",
+    ),
+    Fault.PROBE_LATCH: Words(
+        "Ein Antrieb, der sich bewegt hat, hat keine Position der Berührung gespeichert.",
+        "Das Signal des Tasters kommt am Antrieb nicht an, oder dessen Messtasterfunktion ist aus.",
+        "Zurücksetzen, Leitung und Objekt 60B8h ansehen und neu in Betrieb nehmen.",
     ),
     Fault.IO_LOST: Words(
         "Der Knoten mit den Eingängen für Tür und Not-Halt schweigt, startete neu oder hat einen Fehler.",
@@ -432,6 +462,9 @@ REFUSALS = {
     "not_number": "{name} {value!r}: muss eine Zahl von {lowest:g} bis {highest:g} sein; berichtigen.",
     "not_whole": "{name} {value!r}: muss eine ganze Zahl ab 0 sein; berichtigen.",
     "not_switch": "{name} {value!r}: muss true oder false sein; berichtigen.",
+    "no_spindle": "Die Steuerung treibt an dieser Maschine keine Spindel an; sie an der Maschine schalten.",
+    "no_output": "{name}: einen solchen Ausgang hat die Maschinendatei nicht; unter [io] outputs eintragen.",
+    "no_clamp": "{axis}: keine Achse mit Klemmung; möglich sind {allowed}.",
     "jog_share": "Die Geschwindigkeit ist {share:g}; sie ist ein Anteil von -1 bis 1 und nicht 0.",
     "jog_distance": "Der Weg ist {distance:g}; mm (bei Rundachsen Grad) ungleich 0 angeben.",
     "jog_frame": "In {frame!r} kann nicht verfahren werden; erlaubt sind {allowed}.",

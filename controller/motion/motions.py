@@ -87,6 +87,26 @@ class JointMove:
 
 
 @dataclass(frozen=True, slots=True)
+class ThreadMove(JointMove):
+    """A straight line of X Y Z that the spindle's angle leads (G33, G33.1, G84, G74); the rotaries stand.
+
+    At ``s`` the spindle has turned ``begin_rev`` + ``rev_per_mm`` s since the thread began, positive as
+    M3 turns; where that is 0 the tool is out of the thread.
+    """
+
+    rev_per_mm: float = 1.0
+    begin_rev: float = 0.0
+    spindle_mm_s2: float = math.inf  # along the thread, of the spindle
+    give_mm_s: float = 0.0  # of the axes' limits what is left for following a spindle that lags
+    give_mm_s2: float = 0.0
+
+    @property
+    def direction(self) -> Vector:
+        """Unit vector of X Y Z."""
+        return scale(self.curve.derivative(0.0), 1.0 / self.end)
+
+
+@dataclass(frozen=True, slots=True)
 class ToolLine:
     """One exact line of the tip in the part frame (G43.4, G43.5) while the tool axis turns evenly.
 

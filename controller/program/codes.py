@@ -18,6 +18,7 @@ from controller.program.words import Line, Word
 SIDES = ("G40", "G41", "G42")
 SURFACES = ("G51", "G52", "G6.2")
 CURVES = ("G5", "G5.1", "G5.2", "G5.3")
+PROBES = ("G38.2", "G38.3", "G38.4", "G38.5", "G31")
 CYCLES = ("G73", "G74", "G76", "G81", "G82", "G83", "G84", "G85", "G86", "G87", "G89")
 PLACES = ("G10", "G28", "G30", "G53.3", "G92")  # of the codes for one line those that take the axis words
 TILTS = ("G68.2", "G68.3", "G68.4")
@@ -36,7 +37,7 @@ def letters_of(code: str, dialect: str, axes: str) -> str:
     letters = BY_DIALECT[dialect][code].letters.replace(AXES, axes)
     if dialect == "fanuc":
         return letters
-    left_out = "ABCKP" if code in ("G74", "G84") else "ABCK" if code in CYCLES else "UVW"
+    left_out = "ABCK" if code in CYCLES else "UVW"
     return "".join(letter for letter in letters if letter not in left_out)
 
 
@@ -48,6 +49,7 @@ class Ask:
     codes: dict[str, tuple[str, Word]]  # modal group -> code as named in the table, and its word
     words: dict[str, Word]  # letter -> word, without G M N
     switches: tuple[tuple[Word, int, bool], ...] = ()  # the machine's own codes: number of an output, on
+    next_tool: Word | None = None  # the second T beside M6, of the tool behind this one (Mazak)
     polar: tuple[float, float] | None = None  # @ (mm) and ^ (rad) under G91, for which X and Y stand
 
     def code(self, group: str) -> str:
@@ -84,11 +86,19 @@ def sort(line: Line, machine: Machine) -> Ask:
     for word in line.words:  # codes first: they are to blame before the letters that they take
         if word.letter in "GM" and word not in own:
             _take_code(line, word, codes, machine.dialect)
-    for word in line.words:
-        if word.letter not in "GM":
+    rest = [word for word in line.words if word.letter not in "GM"]
+    next_tool = _next_tool(rest) if "tool change" in codes and machine.dialect == "fanuc" else None
+    for word in rest:
+        if word is not next_tool:
             _check_letter(line, word, others, machine)
             others[word.letter] = word
-    return Ask(line, codes, others, switches)
+    return Ask(line, codes, others, switches, next_tool)
+
+
+def _next_tool(words: list[Word]) -> Word | None:
+    """The second T of two beside M6."""
+    tools = [word for word in words if word.letter == "T"]
+    return tools[1] if len(tools) == 2 else None
 
 
 def _switch(word: Word, machine: Machine) -> tuple[Word, int, bool] | None:

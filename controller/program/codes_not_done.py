@@ -18,8 +18,6 @@ from controller.program.code_rows import (
 )
 
 _LATHE = "this control has no lathe axis"
-_NO_SYNC = "no spindle here is tied to the feed"
-_PROBE = "touch the part off by hand on the set-up page"
 _AHEAD = "The feed is always planned as far ahead as the limits ask."
 _NEVER = "It is never on here."
 _SMOOTH = "G64 P says here how far the path may be left; without it it is exact."
@@ -39,6 +37,7 @@ NOT_DONE: tuple[Code, ...] = (
         ("G62", "", "slower in inside corners", "The feed in corners is planned by the limits of the axes."),
         ("M41", "", "low gear", _SPINDLE),
         ("M42", "", "high gear", _SPINDLE),
+        ("M43", "", "third gear", _SPINDLE),
         dialect="fanuc",
     ),
     *noted(
@@ -107,7 +106,7 @@ NOT_DONE: tuple[Code, ...] = (
         "P",
         LINUXCNC,
         "spindle override counts (P1) or not (P0)",
-        "There is none here: the spindle turns as S says.",
+        "The operator keeps it; M49 takes all overrides.",
         Fate.NOTED,
     ),
     # --- what is refused, and what to write instead
@@ -115,7 +114,7 @@ NOT_DONE: tuple[Code, ...] = (
         LINUXCNC,
         ("G7", "diameter mode of lathes", f"{_LATHE}; write radii"),
         ("G8", "radius mode of lathes", f"{_LATHE}; leave it out"),
-        ("G76", "threading", f"{_NO_SYNC}; mill the thread with G2 or G3 and Z"),
+        ("G76", "threading", "mill the thread with G2 or G3 and Z"),
         ("G44", "length taken off Z", "write G43 or G43.1 with the length"),
         ("G87", "back boring", 'write M19 and the moves themselves, or G87 under dialect = "fanuc"'),
         dialect="rs274",
@@ -147,12 +146,6 @@ NOT_DONE: tuple[Code, ...] = (
         ("G17.1", "plane UV", "this control has no axes U V W; write G17"),
         ("G18.1", "plane WU", "this control has no axes U V W; write G18"),
         ("G19.1", "plane VW", "this control has no axes U V W; write G19"),
-        ("G33", "spindle-synchronised motion", f"{_NO_SYNC}; mill the thread with G2 or G3 and Z"),
-        ("G33.1", "rigid tapping", f"{_NO_SYNC}; write G84 with a floating holder"),
-        ("G38.2", "probing", _PROBE),
-        ("G38.3", "probing", _PROBE),
-        ("G38.4", "probing", _PROBE),
-        ("G38.5", "probing", _PROBE),
         ("G88", "boring with retraction by hand", "write G86, or M0 at the bottom"),
         ("G96", "constant surface speed", f"{_LATHE}; write G97 and S"),
     ),
@@ -163,10 +156,8 @@ NOT_DONE: tuple[Code, ...] = (
         ("G26", "spindle speed watch", "leave it out"),
         ("G27", "reference point check", "write G28"),
         ("G29", "return from the reference point", "write G0 and the position"),
-        ("G31", "skip", _PROBE),
         ("G65", "macro call", "write M98 and its number"),
         ("G66", "modal macro", "write M98 and its number on every line"),
-        ("M29", "rigid tapping", f"{_NO_SYNC}; write G84 with a floating holder"),
     ),
     *refused(
         HAAS,

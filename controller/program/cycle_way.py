@@ -8,7 +8,18 @@ from types import MappingProxyType
 from controller.program import output_words, polar_words
 from controller.program.offset_words import Here
 from controller.program.position import Known
-from controller.program.program import Act, Action, Await, Block, Dwell, JointLine, Level, Place, Targets
+from controller.program.program import (
+    Act,
+    Action,
+    Await,
+    Block,
+    Dwell,
+    JointLine,
+    Level,
+    Place,
+    Targets,
+    Thread,
+)
 
 PLANES = MappingProxyType({"G17": (0, 1, 2), "G18": (2, 0, 1), "G19": (1, 2, 0)})
 
@@ -69,6 +80,15 @@ class Way:
             made[machine.linear()[axis]] = value
         line = JointLine(self.place, modal, tuple(made), False, False, feed, feed)
         self.made.append(line)
+
+    def thread(
+        self, height: float, rev_per_mm: float, begin_rev: float | None = 0.0, faster: float = 1.0
+    ) -> None:
+        """Along the spindle's angle; see ``Thread``."""
+        self._go(None, None, height, faster * self.feed)
+        line = self.made.pop()
+        assert isinstance(line, JointLine)
+        self.made.append(replace(line, thread=Thread(rev_per_mm, begin_rev)))
 
     def wait(self, seconds: Known) -> None:
         if seconds:

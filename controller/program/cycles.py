@@ -17,7 +17,7 @@ from dataclasses import replace
 from types import MappingProxyType
 
 from controller.geometry.vectors import ROUNDING, angle_between
-from controller.program import boring, line_words
+from controller.program import boring, line_words, thread_words
 from controller.program.codes import CYCLES, Ask
 from controller.program.cycle_way import PLANES, Way
 from controller.program.modal import Cycle, State, dwell_s
@@ -27,6 +27,7 @@ from controller.program.program import Block, Remark, Tip
 from controller.program.words import Word
 
 BREAK_MM = 0.254  # what G73 draws back, and where G83 ends its rapid above the last depth, as LinuxCNC
+TAPS = ("G74", "G84")
 ALONG_DEG = 0.01  # by which the axis of a cycle may miss the tool: rotary words of two decimals
 MAX_REPEATS = 1000  # of one line ...
 MAX_PECKS = 10_000  # ... in all of them
@@ -44,7 +45,8 @@ def blocks(here: Here, code: str, word: Word) -> tuple[list[Block], State]:
     before = here.state.motion
     beneath = here.state.beneath if before in CYCLES else before
     state = here.state._replace(cycle=cycle, motion=code, beneath=beneath)
-    if code in ("G74", "G84"):
+    rigid = code in TAPS and thread_words.is_rigid(here)
+    if code in TAPS and not rigid:
         state = _told_floating(way, state, code)
     clearance, bottom = _heights(here, cycle)
     if abs(start - clearance) < ROUNDING:
@@ -60,7 +62,7 @@ def blocks(here: Here, code: str, word: Word) -> tuple[list[Block], State]:
         way.rapid(x, y, start)
         if start != clearance and code != "G87":
             way.rapid(None, None, clearance)
-        _DRILL[code](way, cycle, clearance, bottom)
+        (thread_words.tap if rigid else _DRILL[code])(way, cycle, clearance, bottom)
         way.rapid(None, None, way.end)
         start = way.end
     return way.made, state._replace(modal=replace(state.modal, outputs=way.modal.outputs))
@@ -75,7 +77,7 @@ def _check(here: Here, code: str, word: Word) -> None:
         why = "under G93, where F is a time; write G94 and the feed per minute before it"
     elif state.side != "G40":
         why = f"under {state.side}; write G40 before it"
-    elif code in ("G74", "G84") and state.turning != (1 if code == "G84" else -1):
+    elif code in TAPS and state.turning != (1 if code == "G84" else -1):
         way, start = ("clockwise", "M3") if code == "G84" else ("counter-clockwise", "M4")
         why = f"while the spindle does not turn {way}; write S and {start} before it"
     elif code in ("G76", "G86", "G87") and state.turning == 0:
@@ -130,6 +132,8 @@ def _cycle(here: Here, code: str, word: Word) -> tuple[Cycle, float]:
 def _depth(here: Here, code: str, word: Word, before: Cycle | None) -> Known:
     given = here.ask.words.get("Q")
     depth = here.length_mm("Q") if given is not None else before.depth if before is not None else None
+    if code in TAPS:
+        _check_pecks(here, given, depth)
     if code not in ("G73", "G83"):
         return depth
     if depth is None or depth <= 0.0:
@@ -138,6 +142,18 @@ def _depth(here: Here, code: str, word: Word, before: Cycle | None) -> Known:
             given or word, f"{code} has {found}: Q is the depth of each peck, greater than 0; write it"
         )
     return depth
+
+
+def _check_pecks(here: Here, given: Word | None, depth: Known) -> None:
+    """Q of a tap. Raises ProgramError."""
+    if given is not None and not thread_words.is_rigid(here):
+        raise here.ask.refusal(
+            given,
+            f"{given.text} taps in pecks, which needs a spindle that tells its angle: write position in "
+            "[spindle] of the machine file, or leave Q out",
+        )
+    if given is not None and depth is not None and depth <= 0.0:
+        raise here.ask.refusal(given, f"{given.text} is no depth of a peck: Q is greater than 0; correct it")
 
 
 def _seconds(here: Here, code: str, word: Word, before: Cycle | None) -> Known:
@@ -240,7 +256,7 @@ _DRILL: MappingProxyType[str, Callable[[Way, Cycle, float, float], None]] = Mapp
     {
         **dict.fromkeys(("G81", "G82"), _drill),
         **dict.fromkeys(("G73", "G83"), _peck),
-        **dict.fromkeys(("G74", "G84"), _tap),
+        **dict.fromkeys(TAPS, _tap),
         **dict.fromkeys(("G85", "G89"), _bore),
         "G86": _bore_standing,
         "G76": boring.fine,

@@ -117,6 +117,10 @@ class State(NamedTuple):
         modal = replace(self.modal, offset=origins.index, part=part, turned_rad=turned, tilted=tilted)
         return self._replace(origins=origins, modal=modal)
 
+    def feed_of_pitch(self, pitch_mm: float) -> float:
+        """Of a thread at S, mm/s."""
+        return pitch_mm * self.speed_rev_min / 60.0
+
     def feed(self, ask: Ask, code: str, word: Word) -> float:
         """The modal F for a motion, mm/s; ProgramError where there is none."""
         if self.inverse and code in SURFACES:
@@ -258,11 +262,13 @@ class _Settings:
 
     def _select_tool(self) -> None:
         """T0 is no tool: M6 empties the spindle."""
-        word = self.ask.words.get("T")
-        if word is not None:
-            if word.value != 0.0:
-                self._known_tool(word)
-            self.state = self.state._replace(selected=int(word.value))
+        if "T" in self.ask.words:
+            self._select(self.ask.words["T"])
+
+    def _select(self, word: Word) -> None:
+        if word.value != 0.0:
+            self._known_tool(word)
+        self.state = self.state._replace(selected=int(word.value))
 
     def _outputs(self) -> None:
         """M62, M63 and M67 count with the next motion, M64, M65, M68 and the machine's own codes at once."""
@@ -317,6 +323,8 @@ class _Settings:
         modal = self.state.with_tool(self.state.selected, self._machine)
         self.state = self.state._replace(modal=replace(modal, spindle_rev_min=0.0), turning=0)
         self._act(word, Act.TOOL)
+        if self.ask.next_tool is not None:
+            self._select(self.ask.next_tool)
 
     def _name_tool(self) -> None:
         word = self.ask.words.get("Q")

@@ -1,7 +1,7 @@
 """M48 to M53: what the program takes from the operator's hand, and gives back.
 
-M48 and M49 are for all overrides; here that is the one of feeds, as there is none of the spindle. The
-override of rapids, hold and stop stay with the operator.
+M48 and M49 are for the overrides of feeds and of the spindle. The override of rapids, hold and stop stay
+with the operator.
 """
 
 from __future__ import annotations

@@ -9,6 +9,8 @@ such a file, too, with more kinds of lines, so that every setpoint comes again:
     pieces              with this tick its message was taken
     stand               after a long gap the path was stood still before this tick
     wait                from this tick on motion waited for spindle, coolant or clamps (1), or no more (0)
+    thread              from this tick on the spindle led the axes so far (mm) beyond the law of their thread,
+                        and whether it had settled
     fault               in this tick drives or devices had the fault ``value``
     off_path            from this tick on the setpoints are where the drives were, and are not made again
 
@@ -43,12 +45,18 @@ RECORDED = {  # by a live run alone
     "plan_lost": Request.PLAN_LOST,
     "jog": Request.JOG,
     "jog_stop": Request.JOG_STOP,
+    "spindle_override": Request.SPINDLE_OVERRIDE,
+    "spindle": Request.SPINDLE,
+    "coolant": Request.COOLANT,
+    "clamps": Request.CLAMPS,
 }
 FILE, PROGRAM, MACHINE = "events.jsonl", "program.ngc", "machine.toml"  # of a record
 OVERRIDES = ("override", "rapid_override")
+BY_HAND = ("spindle_override", "spindle", "coolant", "clamps")  # nothing of them moves an axis
 SWITCHES = ("single_block", "optional_stop")
 STAND, PLAN, RETRACT, RETURN, ASIDE = "stand", "plan", "retract", "return", "aside"
 WAIT, FAULT, OFF_PATH, PIECES, BEGIN = "wait", "fault", "off_path", "pieces", "begin"
+THREAD = "thread"
 TURNS = (PLAN, RETRACT, RETURN)
 _RANKS = {STAND: 0, PLAN: 1, RETRACT: 1, RETURN: 1, PIECES: 3}  # within a tick; all others between
 _KEYS = frozenset({"tick", "request", "value"})
@@ -156,7 +164,7 @@ def _line(where: str, line: str, keys: frozenset[str]) -> Line | Begin:
         return _begin(where, data.get("value"))
     if request == ASIDE:
         raise EventError(f"{where}: {_LED_ASIDE}")
-    if request in (STAND, PIECES, WAIT, FAULT, OFF_PATH, *TURNS):
+    if request in (STAND, PIECES, WAIT, FAULT, OFF_PATH, THREAD, *TURNS):
         return _happened(where, data)
     return _asked(where, data)
 
@@ -184,6 +192,7 @@ def _happened(where: str, data: dict[str, Any]) -> Line:
         RETURN: value == 0.0 or isinstance(value, dict),
         FAULT: isinstance(value, str) and value in Fault.__members__,
         PLAN: number and value < 60.0,
+        THREAD: isinstance(value, list) and [type(x) for x in value] == [float, bool],
     }.get(kind, number)
     if type(tick) is not int or tick < -1 or not sound:
         raise EventError(
@@ -235,7 +244,7 @@ def _value(where: str, request: str, data: dict[str, Any]) -> float:
         if not number or value not in (0, 1):
             raise EventError(f'{where}: "value" is {value!r}; {request} takes 0 (off) or 1 (on).')
         return float(value)
-    return 0.0
+    return float(value) if request in BY_HAND and number else 0.0
 
 
 def line_of(kind: str, value: Any = None) -> dict[str, Any]:

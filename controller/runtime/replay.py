@@ -120,6 +120,7 @@ class _Repetition:
         self._planner.go_on_from(max(now.accepted, now.rejected))
         self._fitted = bench.machine
         self._waits, self._fault = False, Fault.NONE
+        self._thread = (0.0, False)
 
     def _send(self, message: PieceMessage) -> bool:
         if message.is_keepalive:
@@ -174,7 +175,7 @@ class _Repetition:
             self._make(line)
             recorded |= line.at is not None
         if recorded:
-            self._bench.cycle.again = Again(self._waits, self._fault)
+            self._bench.cycle.again = Again(self._waits, self._fault, self._thread)
 
     def _make(self, line: Line) -> None:
         bench = self._bench
@@ -187,6 +188,8 @@ class _Repetition:
                 bench.outbox.send(self._waiting.popleft())
         elif line.kind == events.WAIT:
             self._waits = bool(line.value)
+        elif line.kind == events.THREAD:
+            self._thread = float(line.value[0]), bool(line.value[1])
         elif line.kind == events.FAULT:
             self._fault = Fault[line.value]
         elif line.kind in events.TURNS:

@@ -41,6 +41,7 @@ from controller.runtime import cyclic
 from controller.runtime.events import Event
 from controller.runtime.observer import Observer
 from controller.runtime.recording import Keeper
+from controller.runtime.simulated_probe import Bench, Wired
 from controller.runtime.simulation import surround
 from controller.runtime.startup import Came, SessionError, StartUp, arrangement, came_to, no_start
 from controller.state import stop_times
@@ -52,6 +53,7 @@ from drives.arranged import Arranged
 from drives.log.frame_log import FrameLog
 from drives.simulated.parameters import LostSync
 from drives.simulated.rig import rig
+from drives.simulated.spindle_motor import MotorParameters
 
 PLAN_EVERY_S = 0.008  # between two turns of the planner, in whole ticks: an override shows soon
 KEEPALIVE_EVERY = 16  # turns of it
@@ -109,19 +111,30 @@ class SteppedMachine:
         lost_sync: LostSync = LostSync.HOLD,
         lateness: Callable[[int], float] | None = None,
         recordings: Path | None = None,
+        motor: MotorParameters | None = None,
+        bench: Bench | None = None,
     ) -> None:
         """``stiffness``: factor on the position gain by axis name; ``lateness``: see SteppedClock.
 
+        ``motor``: how the spindle lags and slips.
         ``recordings``: folder for what is kept of a fault; None = nothing is kept.
+        ``bench``: what its probe can touch.
         """
         self.machine = machine
         self.kinematics = kinematics_of(machine)
         nodes = machine_file.node_settings(machine)
         buses = machine_file.bus_settings(machine)
         spindle, io = machine_file.spindle_settings(machine), machine_file.io_settings(machine)
-        self.rig = rig(nodes, buses, spindle=spindle, io=io, stiffness=stiffness, lost_sync=lost_sync)
+        self.rig = rig(
+            nodes, buses, spindle=spindle, io=io, stiffness=stiffness, lost_sync=lost_sync, motor=motor
+        )
         for node in self.rig.io.values():
             surround(node, machine)
+        self.touch: Wired | None = None
+        if bench is not None:
+            drives = [self.rig.drives[node.name] for node in nodes]
+            self.touch = Wired(bench, machine, drives, next(iter(self.rig.io.values()), None))
+            self.rig.watchers.append(self.touch.watch)
         self._ticks_in_sdo = False
         networks = {
             bus.name: commission.Network(self.rig.port(pdo.SERVICE_FILTERS, bus.name), self._pass_time())

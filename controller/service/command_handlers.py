@@ -28,7 +28,7 @@ from controller.service.refusals import by_fault, number, refused, whole
 from controller.service.sequencer import Going
 from controller.service.service import Service
 from controller.state.modes import Mode, Request, bars
-from controller.tick.mode import MAX_OVERRIDE
+from controller.tick.mode import MAX_OVERRIDE, SPINDLE_OVERRIDES
 
 MAX_DISTANCE = 1e5  # mm or degrees of one step; the travel is the tick's own limit
 MAX_MDI = 10_000  # characters
@@ -58,6 +58,10 @@ class Desk:
             "optional_stop": lambda args: self._switch(Request.OPTIONAL_STOP, args),
             "override": lambda args: self._override(Request.OVERRIDE, args),
             "rapid_override": lambda args: self._override(Request.RAPID_OVERRIDE, args),
+            "spindle_override": self._spindle_override,
+            "spindle": self._spindle,
+            "coolant": self._coolant,
+            "clamps": self._clamps,
             "enable": self._enable,
             "disable": self._disable,
             "home": self._home,
@@ -225,14 +229,57 @@ class Desk:
         return self._ask(Request.RESUME)
 
     def _switch(self, request: Request, args: Values) -> Answer:
-        on = args.get("on")
-        if not isinstance(on, bool):
-            raise refused("not_switch", code="bad", name="on", value=on)
+        on = self._on(args, "on")
         return self._ask(request, float(on), on=on)
+
+    @staticmethod
+    def _on(args: Values, name: str) -> bool:
+        on = args.get(name)
+        if not isinstance(on, bool):
+            raise refused("not_switch", code="bad", name=name, value=on)
+        return on
 
     def _override(self, request: Request, args: Values) -> Answer:
         share = number(args, "share", 0.0, MAX_OVERRIDE)
         return self._ask(request, share, share=share)
+
+    def _spindle_override(self, args: Values) -> Answer:
+        share = number(args, "share", *SPINDLE_OVERRIDES)
+        return self._ask(Request.SPINDLE_OVERRIDE, share, share=share)
+
+    # -- spindle, coolant and clamps by hand
+
+    def _spindle(self, args: Values) -> Answer:
+        """Signed; 0 = off. Raises CommandRefused."""
+        spindle = self._service.machine.spindle
+        if spindle is None or not spindle.is_driven:
+            raise refused("no_spindle", code="bad")
+        rev_min = number(args, "rev_min", -spindle.max_rev_min, spindle.max_rev_min)
+        self._permitted(Request.SPINDLE)
+        return self._ask(Request.SPINDLE, rev_min, rev_min=rev_min)
+
+    def _coolant(self, args: Values) -> Answer:
+        """Raises CommandRefused."""
+        outputs = dict(self._service.machine.io.outputs) if self._service.machine.io else {}
+        wanted = 0
+        for bit, (kind, output) in enumerate((("mist", "mist"), ("flood", "coolant"))):
+            if self._on(args, kind):
+                if output not in outputs:
+                    raise refused("no_output", code="bad", name=output)
+                wanted |= 1 << bit
+        self._permitted(Request.COOLANT)
+        return self._ask(Request.COOLANT, float(wanted), mist=bool(wanted & 1), flood=bool(wanted & 2))
+
+    def _clamps(self, args: Values) -> Answer:
+        """``open``: names of the axes whose clamps are open, and of no other ones. Raises CommandRefused."""
+        clamped = [axis.name for axis in self._service.machine.axes if axis.clamp is not None]
+        names, wanted = args.get("open"), 0
+        for name in names if isinstance(names, list) else []:
+            if name not in clamped:
+                raise refused("no_clamp", code="bad", axis=name, allowed=", ".join(clamped) or "–")
+            wanted |= 1 << [axis.name for axis in self._service.machine.axes].index(name)
+        self._permitted(Request.CLAMPS)
+        return self._ask(Request.CLAMPS, float(wanted), open=names)
 
     def _disable(self, _: Values) -> Answer:
         self._service.sequencer.give_up()

@@ -38,6 +38,7 @@ from controller.ipc.handoff import (
     OFF_PATH,
     OPTIONAL_STOP,
     PLAN_IDS,
+    SETTLED,
     SINGLE_BLOCK,
     STOOD,
     WAITED,
@@ -86,6 +87,7 @@ class RunRecord:
         self._commands = np.zeros((0, axes))
         self._events = RunEvents()
         self._flags, self._fault = 0, Fault.NONE  # as the last row had them
+        self._led = np.zeros((1, 2))  # likewise: how far the spindle led the axes, and that it had settled
         self._refused: set[int] = set()  # numbers of requests
         self._started_s = time.time()
         self._ticks = 0  # that sent a SYNC
@@ -208,7 +210,9 @@ class RunRecord:
             self._fault = Fault(int(faults[i]))
             if self._fault not in _OWN_FAULTS:
                 self._events.add(int(rows[i, COLUMN["tick"]]), events.line_of(events.FAULT, self._fault.name))
-        self._find_flags(rows[rows[:, COLUMN["sync_sent"]] != 0.0])
+        sent = rows[rows[:, COLUMN["sync_sent"]] != 0.0]
+        self._find_flags(sent)
+        self._find_threads(sent)
 
     def _find_flags(self, sent: Rows) -> None:
         """Where motion begins to wait, or waits no more, and where the axes are off their path."""
@@ -220,6 +224,16 @@ class RunRecord:
                 self._events.add(at, events.line_of(events.WAIT, int(bool(self._flags & WAITED))))
             if changed & self._flags & OFF_PATH:
                 self._events.add(at, events.line_of(events.OFF_PATH))
+
+    def _find_threads(self, sent: Rows) -> None:
+        """How far the spindle's angle led the axes, wherever that changes."""
+        settled = sent[:, COLUMN["switches"]].astype(np.int64) & SETTLED != 0
+        led = np.stack([sent[:, COLUMN["thread_mm"]], settled], axis=1)
+        before = np.vstack([self._led, led])
+        for i in np.flatnonzero((before[1:] != before[:-1]).any(axis=1)).tolist():
+            value = [float(led[i, 0]), bool(led[i, 1])]
+            self._events.add(int(sent[i, COLUMN["tick"]]), events.line_of(events.THREAD, value))
+        self._led = before[-1]
 
     def _keep(self, rows: Rows) -> None:
         """A full disk costs the record, not the run."""
@@ -307,7 +321,7 @@ def _asked_line(one: Asked) -> dict[str, Any]:
     if one.jog is not None:
         length = one.jog.length if np.isfinite(one.jog.length) else None
         return events.line_of(name, [one.jog.speed, length, *one.jog.direction])
-    takes_value = name in events.OVERRIDES or name in events.SWITCHES
+    takes_value = name in (*events.OVERRIDES, *events.SWITCHES, *events.BY_HAND)
     return events.line_of(name, one.value if takes_value else None)
 
 

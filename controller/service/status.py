@@ -252,6 +252,7 @@ def facts(machine: Machine, fitted: Mapping[str, Any]) -> dict[str, Any]:
                 "following_error": axis.following_error * abs(k),
                 "brake": axis.brake,
                 "home": axis.homing.position * k,
+                "clamp": axis.clamp.output if axis.clamp is not None else None,
                 "homing_method": axis.homing.method,
                 "absolute": axis.homing.absolute,
                 "profile": Path(axis.profile).stem,
@@ -266,7 +267,9 @@ def facts(machine: Machine, fitted: Mapping[str, Any]) -> dict[str, Any]:
             {"name": bus.name, "interface": bus.interface, "channel": bus.channel, "bit_rate": bus.bit_rate}
             for bus in machine.buses
         ],
-        "spindle": {"max_rev_min": machine.spindle.max_rev_min} if machine.spindle else None,
+        "spindle": {"max_rev_min": machine.spindle.max_rev_min, "driven": machine.spindle.is_driven}
+        if machine.spindle
+        else None,
         "inputs": [name for name, _ in machine.io.inputs] if machine.io else [],
         "outputs": [name for name, _ in machine.io.outputs] if machine.io else [],
         "retract_mm": machine.retract_mm,

@@ -55,6 +55,7 @@ def _value(owner: str, meaning: str, unit: str = "", column: str = "", **more: A
 SINGLE_BLOCK, OPTIONAL_STOP = 1, 2
 STOOD = 4  # stood still in this tick, after a long gap
 WAITED = 8  # motion waited for spindle, coolant or clamps
+SETTLED = 32  # the spindle stands where its thread does, or there is none
 OFF_PATH = 16  # the setpoints are where the drives were
 
 
@@ -118,7 +119,9 @@ class Snapshot(NamedTuple):
         signal="rapid_override % 100",
     )
     switches: int = _value(
-        "cycle", "1 single block, 2 optional stop, 4 stood, 8 waited, 16 off path", column="switches"
+        "cycle",
+        "1 single block, 2 optional stop, 4 stood, 8 waited, 16 off path, 32 settled",
+        column="switches",
     )
     taken: int = _value("cycle", "number of the last request taken in this tick, 0 = none", column="request")
     bus_share: float = _value(
@@ -126,6 +129,17 @@ class Snapshot(NamedTuple):
         "of the period, that the frames of this tick take at most on the fullest bus",
         column="bus_share",
         signal="bus_load % 100",
+    )
+    thread_mm: float = _value(
+        "coupling.led_mm", "along a thread: of the axes beyond the place s of its law", "mm", "thread_mm"
+    )
+    spindle_turns: float = _value(
+        "coupling.turns",
+        "that the spindle has made, where it tells its angle",
+        "rev",
+        "spindle_turns",
+        status="spindle.turns rev",
+        signal="spindle_turns rev",
     )
     # From here on no recording has them.
     fault_axis: int = _value("modes", "index of its axis, -1 = none")
@@ -156,7 +170,20 @@ class Snapshot(NamedTuple):
         "1/min",
         status="spindle.actual_rev_min 1/min",
     )
+    spindle_override: float = _value("modes", "of S, 1 = 100 %", status="spindle.override")
     spindle_at_speed: bool = _value("peripherals.at_speed", "it turns as told", status="spindle.at_speed")
+    spindle_load: float = _value(
+        "coupling.load", "of the rated torque, where it is told", status="spindle.load % 100"
+    )
+    thread_rev: float = _value(
+        "coupling.depth_rev",
+        "turns that the tool is in a thread, 0 = in none",
+        "rev",
+        status="thread.turns rev",
+    )
+    thread_pitch_mm: float = _value(
+        "coupling.pitch_mm", "of that thread, signed as it is turned into", "mm", status="thread.pitch_mm mm"
+    )
     coolant: int = _value("peripherals", "1 mist, 2 flood, 3 both")
     waiting: bool = _value("peripherals", "motion stands until these are as told", status="waiting")
     feed_stopped: bool = _value("peripherals", "the input feed_stop is off", status="feed_stopped")
@@ -168,6 +195,12 @@ class Snapshot(NamedTuple):
     )
     jogging: bool = _value("jogging.active", "a jog moves, or is coming to rest")
     away: bool = _value("jogging", "jogged off the place of the hold; RESUME must wait")
+    probing: int = _value(
+        "probing.phase", "0 none, 1 about to begin, 2 on its way, 3 touched and not told yet, 4 at its end"
+    )
+    probings: int = _value("probing.count", "probings that have come to their end")
+    probed: int = _value("probing.came", "what came of the last: 1 touched, 2 not")
+    touch: tuple[float, ...] = _value("probing", "where the axes were then", "mm, rad", many=EACH_AXIS)
     answers: tuple[int, ...] = _value("answers.ring", "to the last requests, see ``came_of``", many=ANSWERS)
 
     def came_of(self, number: int) -> tuple[Outcome, Fault]:

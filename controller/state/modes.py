@@ -96,6 +96,10 @@ class Request(IntEnum):
     JOG_STOP = 15  # the key is up
     ARRANGED = 16  # a datagram of its own: what commissioning has found of the drives
     PLAN_LOST = 17  # of the service: the process that knows the rest of the program has died
+    SPINDLE_OVERRIDE = 18  # value: share of S
+    SPINDLE = 19  # value: rev/min by hand, without a program; signed, 0 = off
+    COOLANT = 20  # value: 0 off, 1 mist, 2 flood, 3 both; of a program until it says otherwise
+    CLAMPS = 21  # value: bit mask of the axes whose clamps are open by hand
 
 
 # (mode, request) -> mode that follows at once. Overrides and switches are allowed in every
@@ -119,6 +123,11 @@ TRANSITIONS: dict[tuple[Mode, Request], Mode] = {
     (Mode.JOG, Request.JOG): Mode.JOG,
     (Mode.JOG, Request.HOLD): Mode.JOG,  # READY or HOLD comes at standstill
     (Mode.JOG, Request.STOP): Mode.JOG,
+    (Mode.READY, Request.SPINDLE): Mode.READY,
+    (Mode.READY, Request.COOLANT): Mode.READY,
+    (Mode.RUNNING, Request.COOLANT): Mode.RUNNING,
+    (Mode.HOLD, Request.COOLANT): Mode.HOLD,
+    (Mode.READY, Request.CLAMPS): Mode.READY,
 }
 
 # What is queued is void once one of these is taken, and with the tick's own way to READY. A stop of
@@ -149,6 +158,7 @@ ALWAYS = frozenset(
     {
         Request.OVERRIDE,
         Request.RAPID_OVERRIDE,
+        Request.SPINDLE_OVERRIDE,
         Request.ESTOP,
         Request.SINGLE_BLOCK,
         Request.OPTIONAL_STOP,
@@ -166,7 +176,8 @@ def follows(mode: Mode, request: Request) -> Mode | None:
     return TRANSITIONS.get((mode, request))
 
 
-MOVES = (Request.START, Request.RESUME, Request.HOME, Request.ENABLE, Request.JOG)
+MOVES = (Request.START, Request.RESUME, Request.HOME, Request.ENABLE, Request.JOG, Request.SPINDLE)
+BY_HAND = frozenset({Request.SPINDLE, Request.COOLANT, Request.CLAMPS})
 MAX_AXES = 5  # of a machine: for so many there is room in what is laid out once for all (live state, masks)
 ALL_AXES = (1 << MAX_AXES) - 1
 

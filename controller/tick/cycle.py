@@ -16,6 +16,7 @@ from controller.ipc.handoff import (
     OFF_PATH,
     OPTIONAL_STOP,
     PLANNER_SILENCE_S,
+    SETTLED,
     SINGLE_BLOCK,
     STOOD,
     WAITED,
@@ -30,14 +31,16 @@ from controller.ipc.handoff import (
 from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Joints, Machine
 from controller.state import stop_times
-from controller.state.modes import ALWAYS, DROPS, Fault, Mode, Request, bars
+from controller.state.modes import ALWAYS, BY_HAND, DROPS, Fault, Mode, Request, bars
 from controller.tick.check import Check
+from controller.tick.coupling import Coupling
 from controller.tick.drives import Drives
 from controller.tick.follow import Follow, Step
 from controller.tick.jog import Jogging
 from controller.tick.joints import Encoder
 from controller.tick.mode import Modes, Phase
 from controller.tick.peripherals import Peripherals
+from controller.tick.probing import Probing
 from controller.tick.status_publisher import Telling
 from drives.cyclic.drive_fault import DriveFault
 
@@ -57,6 +60,7 @@ class Again(NamedTuple):
 
     waits: bool = False  # motion waited for spindle, coolant or clamps
     fault: Fault = Fault.NONE  # that came up
+    thread: tuple[float, bool] = (0.0, False)  # how far the axes were led beyond it, and that it has settled
 
 
 class Cycle:
@@ -77,8 +81,9 @@ class Cycle:
         stops_s = stop_times.path_stop_s(machine), stop_times.quick_stop_s(machine)
         absolute = sum(1 << i for i, axis in enumerate(machine.axes) if axis.homing.absolute)
         self.modes = Modes(group, machine.period_s, *stops_s, absolute)
-        self.follow = Follow(machine, kinematics_of(machine))
-        self.peripherals = Peripherals(machine, group.spindle, group.io)
+        self.coupling = Coupling(machine, group.spindle, group.drives)
+        self.follow = Follow(machine, kinematics_of(machine), self.coupling)
+        self.peripherals = Peripherals(machine, group.spindle, group.io, self.coupling)
         self.jogging = Jogging(machine, self.modes, self.follow)
         self._masks = range(1, machine.every_axis + 1)  # of axes
         self._homing_asked = 0  # axes (bit mask) whose clamps must open before they home
@@ -88,6 +93,7 @@ class Cycle:
         self._requests = requests
         self._now = now
         self._encoder = Encoder(machine)
+        self.probing = Probing(machine, group, self.modes, self.follow, self._encoder, self.peripherals)
         self._check = Check(machine)
         self._telling = Telling(
             machine,
@@ -101,6 +107,8 @@ class Cycle:
             cycle=self,
             peripherals=self.peripherals,
             answers=self.answers,
+            probing=self.probing,
+            coupling=self.coupling,
         )
         self._period_s = machine.period_s
         self._latest_s = LATE_SHARE * machine.period_s - ROUNDING
@@ -167,7 +175,8 @@ class Cycle:
     def _switches(self) -> int:
         modes, stood = self.modes, self._stood or self._stood_before
         asked = SINGLE_BLOCK * modes.single_block + OPTIONAL_STOP * modes.optional_stop
-        return asked + STOOD * stood + WAITED * self._waits + OFF_PATH * (not modes.on_path)
+        settled = SETTLED * self.coupling.settled
+        return asked + STOOD * stood + WAITED * self._waits + OFF_PATH * (not modes.on_path) + settled
 
     # -- its steps
 
@@ -274,6 +283,8 @@ class Cycle:
             taken = request is not Request.HOME and modes.request(
                 request, value, self.follow.at_rest, self.jogging.away
             )
+            if taken and request in BY_HAND:
+                taken = self.peripherals.by_hand(request, value, modes.mode)
         self._answer(request, number, taken)
         return taken
 
@@ -357,7 +368,11 @@ class Cycle:
         elif self.again.fault is not Fault.NONE:
             self.modes.fail(self.again.fault, -1)
         if self.peripherals.present:
-            self.peripherals.watch(now_s, self.modes, self._encoder.actual, standing, ticks)
+            own = self.follow.own_feed  # M49 takes all overrides
+            share = 1.0 if own else self.modes.spindle_override
+            self.peripherals.watch(now_s, self.modes, self._encoder.actual, standing, ticks, share)
+        if self.probing.present:
+            self.probing.watch()
         if self._unsent > self._most_unsent and self.modes.on_path:
             # A path that no drive hears of has no end: the drives stop by their own supervision.
             self.modes.fail(Fault.SEND_FAILED, -1)
@@ -384,11 +399,13 @@ class Cycle:
         modes, follow = self.modes, self.follow
         follow.heed(modes.optional_stop, modes.single_block or modes.phase is Phase.ENDING)
         self._waits = modes.running and self._must_wait()
+        self.coupling.again = None if self.again is None else self.again.thread
         running = modes.running and not self._waits
         step = follow.step(follow.goes(running, modes.override, modes.rapid_override))
         if follow.piece is not None and not follow.piece.sets and modes.mode in FOLLOWING:
             self.peripherals.switch(follow.piece.outputs)
         fault, axis = self._judge(step, self._check)
+        self.peripherals.lead_spindle()
         if fault is not Fault.NONE:
             self._refuse(fault, axis, step)
         elif step is Step.STOP and modes.running:
@@ -397,12 +414,15 @@ class Cycle:
             modes.path_ends()
         elif step is Step.SET and follow.told is not None:
             self.peripherals.tell(follow.told)
+            if follow.told.senses is not None:
+                self.probing.tell(follow.told.senses)
 
     def _must_wait(self) -> bool:
         if self.again is not None:
             return self.again.waits
         peripherals = self.peripherals
-        return peripherals.waiting or (peripherals.feed_stopped and self.follow.heeds_stop)
+        stopped = peripherals.feed_stopped and self.follow.heeds_stop
+        return peripherals.waiting or self.probing.holds or stopped
 
     def _jog(self) -> None:
         """A step by hand; it cannot fail but by an error of ours, and then no path is left."""

@@ -22,6 +22,7 @@ from controller.machine.kinematics import Kinematics
 from controller.machine.model import Joints, Machine
 from controller.motion.motions import Motion
 from controller.motion.pieces import commit_lead_s
+from controller.tick.coupling import Coupling
 from controller.tick.queue import Brake, Entry, Stops, entries_of
 
 SAME_PLACE = 1e-6  # mm or rad: a queue that begins elsewhere by more (and by a count) is refused
@@ -40,7 +41,8 @@ class Step(IntEnum):
 class Follow:
     """The queue and the clock. Read: ``tau``, ``rate``, ``joints``, ``s``, ``piece``, ``feed``, ``epoch``."""
 
-    def __init__(self, machine: Machine, kinematics: Kinematics) -> None:
+    def __init__(self, machine: Machine, kinematics: Kinematics, coupling: Coupling | None = None) -> None:
+        self.coupling = Coupling(machine, None) if coupling is None else coupling
         self._period_s = machine.period_s
         self._lead_s = commit_lead_s(machine.period_s)
         self._kinematics = kinematics
@@ -56,7 +58,7 @@ class Follow:
         self._base: Joints = (0.0,) * len(machine.axes)  # where the queue begins
         self.joints = self._base
         self._before = (self._base, self._base)
-        self._saved = (self._base, self._before, 0.0, 0, 0.0, 0, self._brake.save())
+        self._saved = (self._base, self._before, 0.0, 0, 0.0, 0, self._brake.save(), self.coupling.save())
         self.tau = 0.0
         self.queue_end_s = 0.0
         self.rate = 0.0
@@ -124,6 +126,12 @@ class Follow:
         self.rate = self.feed = 0.0
         self.limited_by = 0
 
+    def give_up(self) -> None:
+        """What is queued is void; only at standstill. Where it stands on the path stays known."""
+        if self._queue:
+            self.epoch += 1
+            self._empty()
+
     def heed(self, optional_stop: bool, single_block: bool) -> None:
         """Which marks of the pieces count from now on."""
         self.optional_stop, self.single_block = optional_stop, single_block
@@ -167,7 +175,10 @@ class Follow:
             return True
         if first.start_s <= self.tau + ROUNDING:
             near = self._rotaries(self.joints)
-            new = first.motion.joints(first.at(first.start_s)[0], near, self._kinematics)
+            s = first.at(first.start_s)[0]
+            if first.thread is not None:
+                s = self.coupling.place(first.thread, s)
+            new = first.motion.joints(s, near, self._kinematics)
             return new is not None and self.same_place(new, self.joints)
         old = self._entry_at(first.start_s)
         if old is None or old.piece.motion_id != first.piece.motion_id:
@@ -206,17 +217,29 @@ class Follow:
         """Joints of the plan at ``tau``, on the branch of the present joints."""
         queue, i = self._queue, self._now
         while i < len(queue) - 1 and tau >= queue[i].end_s - ROUNDING:
+            if self._halts(queue[i].piece) or not self._passes(i):
+                break
             i += 1
         while i >= 0 and queue[i].motion is None:
             i -= 1  # a dwell stands where the motion before it ended
         if i < 0:
-            return self._base
+            return self.coupling.stay(self._base, self._kinematics) if self.coupling.active else self._base
         entry = queue[i]
         motion = entry.motion
         if motion is None:
             return self._base
-        s = entry.at(tau if tau < entry.end_s else entry.end_s)[0]
+        place = entry.at(tau if tau < entry.end_s else entry.end_s)
+        s = self._along(entry, place)
         return motion.joints(s, self._rotaries(self.joints), self._kinematics)
+
+    def _along(self, entry: Entry, place: tuple[float, float, float]) -> float:
+        """Where along its motion the axes are to be when the law is at ``place`` (s, v, a)."""
+        coupling = self.coupling
+        if entry.thread is not None:
+            return coupling.follow(entry.thread, *place)
+        if coupling.active:
+            coupling.end()
+        return place[0]
 
     def _plan_rests(self) -> bool:
         """Whether the plan stands where the clock is, so that the clock may just stand, too."""
@@ -242,11 +265,20 @@ class Follow:
         piece = self._queue[self._now].piece if self._queue else self.piece
         return piece is None or piece.heeds_stop
 
+    @property
+    def ahead(self) -> Piece | None:
+        """The piece under the clock; where that is over, the next."""
+        queue, i = self._queue, self._now
+        while i < len(queue) - 1 and self.tau >= queue[i].end_s - ROUNDING:
+            i += 1
+        return queue[i].piece if queue else None
+
     def step(self, go: bool) -> Step:
         """One tick: along the plan, along a stop, or standing; joints, s and feed are new."""
         if self._brake.active and self._brake.over:
             self._settle()
         self._save()
+        self.coupling.look()
         self._goes = go
         if not go and not self._brake.active and not self._plan_rests():
             self._leave()
@@ -254,7 +286,8 @@ class Follow:
             return self._brake_on()
         if (go and self._queue) or not self._plan_rests():
             return self._run(go)
-        self._take(self.joints, 1.0 if go else 0.0)
+        joints = self.coupling.stay(self.joints, self._kinematics) if self.coupling.active else self.joints
+        self._take(joints, 1.0 if go else 0.0)
         self.feed = 0.0
         return Step.MOVED
 
@@ -271,9 +304,10 @@ class Follow:
 
     def revert(self) -> None:
         """Takes the last step back: its joints must not be sent."""
-        self.joints, self._before, self._origin_s, self._ticks, self.rate, self._now, brake = self._saved
+        self.joints, self._before, self._origin_s, self._ticks, self.rate, self._now, brake, tie = self._saved
         self.tau = self._origin_s + self._ticks * self._period_s
         self._brake.restore(brake)
+        self.coupling.restore(tie)
 
     def stand(self, back: bool) -> bool:
         """No SYNC came for so long that the drives stand: so does the path, at once, and goes on from rest.
@@ -302,10 +336,19 @@ class Follow:
         """At rest here, at once."""
         self.joints, self._before = joints, (joints, joints)
         self.rate = self.feed = 0.0
+        self.coupling.stood()
 
     def _save(self) -> None:
         clock = (self._origin_s, self._ticks)
-        self._saved = (self.joints, self._before, *clock, self.rate, self._now, self._brake.save())
+        self._saved = (
+            self.joints,
+            self._before,
+            *clock,
+            self.rate,
+            self._now,
+            self._brake.save(),
+            self.coupling.save(),
+        )
 
     def _take(self, joints: Joints, rate: float) -> None:
         self._before = (self.joints, self._before[0])
@@ -331,10 +374,20 @@ class Follow:
         """The clock goes to ``tau``, but not past a mark that counts, nor past the queue's end."""
         queue, i = self._queue, self._now
         while i < len(queue) and queue[i].end_s < tau - ROUNDING:
-            if self._halts(queue[i].piece) or i == len(queue) - 1:
+            if self._halts(queue[i].piece) or i == len(queue) - 1 or not self._passes(i):
                 return queue[i].end_s
             i += 1
         return tau
+
+    def _passes(self, i: int) -> bool:
+        """Whether the clock may go past an entry: past a thread's end only once the spindle is there."""
+        entry, coupling = self._queue[i], self.coupling
+        if not (coupling.active and entry.leaves_thread):
+            return True
+        after = (e for e in self._queue[i + 1 :] if e.motion is not None or e.piece.sets or e.piece.end)
+        following = next(after, None)
+        coupling.releasing = following is None or following.thread is None
+        return coupling.settled
 
     def _halts(self, piece: Piece) -> bool:
         return (
@@ -355,6 +408,8 @@ class Follow:
         while self._now < len(queue):
             entry = queue[self._now]
             if self.tau < entry.end_s - ROUNDING:
+                break
+            if not self._passes(self._now):
                 break
             if self._halts(entry.piece):
                 if not wanted:
@@ -398,7 +453,8 @@ class Follow:
         entry = self._queue[self._now]
         if entry.motion is None:
             return Step.LOST
-        joints = entry.motion.joints(brake.s, self._rotaries(self.joints), self._kinematics)
+        place = self._along(entry, (brake.s, brake.v, brake.a))
+        joints = entry.motion.joints(place, self._rotaries(self.joints), self._kinematics)
         if joints is None:
             self.revert()
             return Step.LOST

@@ -15,6 +15,7 @@ from drives.cia402 import State, Wanted
 from drives.cyclic.drive import DriveFault
 
 MAX_OVERRIDE = 2.0
+SPINDLE_OVERRIDES = (0.5, 1.5)  # below it is no override but a stop, which is another button
 WARNING = 1 << 7  # of the statusword (CiA 402)
 
 # A drive that has tripped, lost its torque or started anew is silent or drops out first.
@@ -90,6 +91,7 @@ class Modes:
         self.reaction = Reaction.NONE
         self.override = 1.0
         self.rapid_override = 1.0
+        self.spindle_override = 1.0
         self.single_block = False
         self.optional_stop = False
         self.homed = self.absolute = absolute
@@ -173,6 +175,8 @@ class Modes:
         """What every mode takes; False for a value that is none."""
         if request in (Request.OVERRIDE, Request.RAPID_OVERRIDE):
             return self._set_override(request, value)
+        if request is Request.SPINDLE_OVERRIDE:
+            return self._set_spindle_override(value)
         if request in (Request.SINGLE_BLOCK, Request.OPTIONAL_STOP):
             return self._switch(request, value)
         if request is Request.ESTOP:
@@ -199,6 +203,12 @@ class Modes:
             self.override = value
         else:
             self.rapid_override = value
+        return True
+
+    def _set_spindle_override(self, value: float) -> bool:
+        if not SPINDLE_OVERRIDES[0] <= value <= SPINDLE_OVERRIDES[1]:
+            return False
+        self.spindle_override = value
         return True
 
     def _start(self, _: float) -> None:

@@ -1,11 +1,16 @@
 """Spindle, coolant, clamps and safety inputs: what the program wants of them, and what they forbid.
 
+Told by hand (``by_hand``), spindle, coolant and clamps stay so in READY and in a jog from there, until a
+program starts or the door opens; the coolant of a program may be told by hand, too, until the program
+says otherwise. An override turns the spindle at a share of what is wanted; motion does not wait for that.
+
 The program speaks at rest, by a piece that ``sets``; from then on motion waits until all
 of them are as told. What an operator's hand can reach is off outside of a program:
 
 ```
    mode          spindle, coolant                    clamps
-   OFF, READY    off; of outputs all but those held  closed as soon as the axes stand
+   OFF           off; of outputs all but those held  closed as soon as the axes stand
+   READY         likewise, or as told by hand        likewise, or as told by hand
    HOMING        off                                 open for the axes that home
    JOG           as before                           open for the axes that move, too
    RUNNING, HOLD as the program says; off while the  as the program says
@@ -25,7 +30,8 @@ from typing import Protocol
 
 from controller.ipc.handoff import ANALOGUE, Awaited, Piece
 from controller.machine.model import Axis, Clamp, Io, Machine
-from controller.state.modes import Fault, Mode
+from controller.state.modes import Fault, Mode, Request
+from controller.tick.coupling import Coupling
 from controller.tick.mode import Modes
 from drives.settings import MasterSettings
 
@@ -116,10 +122,16 @@ class Peripherals:
     """
 
     def __init__(
-        self, machine: Machine, spindle: SpindleDrive | None = None, nodes: Sequence[IoNode] = ()
+        self,
+        machine: Machine,
+        spindle: SpindleDrive | None = None,
+        nodes: Sequence[IoNode] = (),
+        coupling: Coupling | None = None,
     ) -> None:
         period_s, io = machine.period_s, machine.io
         self._spindle = spindle
+        self._coupling = Coupling(machine, None) if coupling is None else coupling
+        self._barred = False  # the door is open, the axes stand: no thread turns the spindle either
         self._node = nodes[0] if nodes and io is not None else None
         self._consumer_s = MasterSettings(period_s=period_s).consumer_s
         self.present = spindle is not None or self._node is not None
@@ -128,6 +140,10 @@ class Peripherals:
         self._flow, self._mist, self._flood = _masks(io)
         self._feed_stop = _mask(io.inputs, ["feed_stop"]) if io is not None else 0
         self._clamps = _clamps(machine, io) if self._node is not None else ()
+        kinds = MIST * bool(self._mist) | FLOOD * bool(self._flood)
+        self._coolants = tuple(kind for kind in range(4) if kind & ~kinds == 0)
+        every = sum(clamp.bit for clamp in self._clamps)
+        self._clamp_masks = tuple(mask for mask in range(every + 1) if mask & ~every == 0)
         spin_up_s = machine.spindle.spin_up_s if machine.spindle is not None else 0.0
         self._spin_up_ticks = round(spin_up_s / period_s)
         self._sag_ticks = round(SPEED_LOST_S / period_s)
@@ -135,7 +151,10 @@ class Peripherals:
         self._switches, self._held = _switches(io)
         self._switched = self._lines = 0  # outputs of programs: as numbered there, and their bits of the node
         self._analogue = io.analogue_out if io is not None and self._node is not None else ()
-        self._wanted = (0.0, 0, 0)  # rev/min, coolant, open clamps: what the program says
+        self._max_rev_min = machine.spindle.max_rev_min if spindle and machine.spindle else 0.0
+        self._wanted = (0.0, 0, 0)  # rev/min, coolant, open clamps: what the program says, or the hand
+        self._by_hand = False  # without a program
+        self._programmed = 0.0  # rev/min, before the override
         self._homing = 0  # clamps to be open for an axis that homes, or is jogged
         self._was_running = self._was_homing = False
         self._told: Piece | None = None  # what the program says, until the axes are in position
@@ -156,7 +175,7 @@ class Peripherals:
     @property
     def at_speed(self) -> bool:
         """Whether the spindle turns as told; true without a spindle of ours."""
-        return self._spindle is None or self._spindle.at_speed
+        return self._spindle is None or self._coupling.active or self._spindle.at_speed
 
     @property
     def actual_rev_min(self) -> float:
@@ -169,6 +188,23 @@ class Peripherals:
         if self.present:
             self._told, self._arriving = piece, 0
             self._wait()
+
+    def by_hand(self, request: Request, value: float, mode: Mode) -> bool:
+        """What an operator's hand wants of spindle, coolant or clamps; False for what is not there."""
+        new = mode is Mode.READY and not self._by_hand
+        rev_min, coolant, is_open = (0.0, 0, 0) if new else self._wanted
+        if request is Request.SPINDLE:
+            there = abs(value) <= self._max_rev_min
+            rev_min = value
+        elif request is Request.COOLANT:
+            there = value in self._coolants
+            coolant = int(value)
+        else:
+            there = value in self._clamp_masks
+            is_open = int(value)
+        if there:
+            self._wanted, self._by_hand = (rev_min, coolant, is_open), mode is Mode.READY
+        return there
 
     def switch(self, outputs: tuple[int, int, Sequence[tuple[int, float]]]) -> None:
         """Outputs of the program, on and off from now on, and analogue ones: at their place in the path."""
@@ -189,6 +225,13 @@ class Peripherals:
         """All of them to rest."""
         for number, out in enumerate(self._analogue):
             self._levels[number] = out.idle
+
+    def lead_spindle(self) -> None:
+        """Along a thread the path leads it, tick by tick."""
+        coupling = self._coupling
+        if coupling.active and not self._barred:
+            coupling.lead()
+            self.rev_min = self._programmed = 60.0 * coupling.rev_s
 
     def _switch_to(self, switched: int) -> None:
         if switched == self._switched:
@@ -223,15 +266,23 @@ class Peripherals:
 
     # -- every tick
 
-    def watch(self, now_s: float, modes: Modes, actual: Sequence[float], standing: bool, ticks: int) -> None:
+    def watch(
+        self,
+        now_s: float,
+        modes: Modes,
+        actual: Sequence[float],
+        standing: bool,
+        ticks: int,
+        spindle_override: float = 1.0,
+    ) -> None:
         """Reads the inputs, judges them, and tells spindle, coolant and clamps what is due.
 
-        ``standing``: the commanded joints stand; ``actual``: mm, rad.
+        ``standing``: the commanded joints stand; ``actual``: mm, rad; ``spindle_override``: share.
         """
         open_door = self._read(now_s, modes)
         if self._told is not None:
             self._arrive(self._told, modes, ticks)
-        self._tell_all(modes, actual, standing, open_door, ticks)
+        self._tell_all(modes, actual, standing, open_door, ticks, spindle_override)
         running = modes.running
         if running and not self._was_running:
             self._wait()
@@ -266,12 +317,20 @@ class Peripherals:
             modes.fail(found, -1)
 
     def _tell_all(
-        self, modes: Modes, actual: Sequence[float], standing: bool, open_door: bool, ticks: int
+        self,
+        modes: Modes,
+        actual: Sequence[float],
+        standing: bool,
+        open_door: bool,
+        ticks: int,
+        share: float,
     ) -> None:
         mode = modes.mode
         given_up = mode is Mode.FAULT and (standing or not modes.on_path)
-        if mode not in _PROGRAM or given_up:
-            self._wanted, self.waiting, self._awaited = (0.0, 0, 0), False, None
+        by_hand = self._by_hand and mode in (Mode.READY, Mode.JOG) and not open_door
+        if given_up or (not by_hand and (self._by_hand or mode not in _PROGRAM)):
+            self._wanted, self.waiting, self._awaited, self._by_hand = (0.0, 0, 0), False, None, False
+            self._coupling.end()
             self._switch_to(self._switched & self._held)
             self._leave_analogue()
         if mode in (Mode.HOMING, Mode.JOG):
@@ -279,15 +338,32 @@ class Peripherals:
         elif self._was_homing or mode is not Mode.OFF:
             self._homing, self._was_homing = 0, False
         rev_min, coolant, is_open = self._wanted
-        if open_door and standing:
+        self._barred = open_door and standing
+        if self._barred:
             rev_min, coolant = 0.0, 0
-        if rev_min != self.rev_min and not self.waiting and modes.running:
-            self._wait()
-        self.rev_min, self.coolant = rev_min, coolant
-        if self._spindle is not None:
-            self._spindle.want_speed(rev_min)
+        self.coolant = coolant
+        if self._barred or not self._coupling.active:
+            self._turn(rev_min, modes, share)
         if self._node is not None:
             self._put_out(is_open | self._homing, actual, ticks)
+
+    def _turn(self, rev_min: float, modes: Modes, share: float) -> None:
+        if rev_min != self._programmed and not self.waiting and modes.running:
+            self._wait()
+        self._programmed = rev_min
+        rev_min = self._overridden(rev_min, share)
+        if rev_min != self.rev_min:
+            self._sagged = -self._spin_up_ticks  # it has that long to come to it
+        self.rev_min = rev_min
+        if self._spindle is not None:
+            self._spindle.want_speed(rev_min)
+
+    def _overridden(self, rev_min: float, share: float) -> float:
+        """What the spindle is told; one that is switched by hand turns as the program says."""
+        most = self._max_rev_min
+        if share == 1.0 or most == 0.0:
+            return rev_min
+        return max(-most, min(most, rev_min * share))
 
     def _arrive(self, told: Piece, modes: Modes, ticks: int) -> None:
         """What the program says counts where motion has led the axes, not on the way there."""
@@ -298,6 +374,7 @@ class Peripherals:
         self._arriving += ticks
         if late < 0:
             self._wanted = (told.spindle_rev_min, told.coolant, told.open_clamps)
+            self._coupling.end()
             self.switch(told.outputs)
             self._awaited, self._was_other = told.awaits, False
             self._told = None
@@ -326,6 +403,8 @@ class Peripherals:
         if self.waiting:
             if self._told is None:
                 self._await(modes, ticks)
+        elif self._coupling.lags or self._coupling.deaf:
+            modes.fail(Fault.SPINDLE_LAGS if self._coupling.lags else Fault.SPINDLE_LOST, -1)
         elif self.at_speed:
             self._sagged = 0
         else:
@@ -337,7 +416,7 @@ class Peripherals:
 
     def _await(self, modes: Modes, ticks: int) -> None:
         self._waited += ticks
-        spindle_done = self._spindle is None or (self._waited >= FRESH_TICKS and self._spindle.at_speed)
+        spindle_done = self._spindle is None or (self._waited >= FRESH_TICKS and self.at_speed)
         if not spindle_done:
             if self._waited > self._spin_up_ticks:
                 modes.fail(Fault.SPINDLE_NOT_AT_SPEED, -1)

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from controller.geometry.vectors import ROUNDING
 from controller.ipc.handoff import STANDSTILL, Piece, PieceMessage, StopTable
-from controller.motion.motions import Motion, ToolSpline
+from controller.motion.motions import Motion, ThreadMove, ToolSpline
 
 ON_GRID_S = 1e-7  # a stop begins at just its time, or it is not for this tick
 REST_SPEED = 1e-6  # mm/s or deg/s of the law: at rest
@@ -15,11 +15,12 @@ REST_SPEED = 1e-6  # mm/s or deg/s of the law: at rest
 class Entry:
     """One piece in the queue, with its place in plan time."""
 
-    __slots__ = ("coefficients", "end_s", "index", "knots", "last", "motion", "piece", "start_s")
+    __slots__ = ("coefficients", "end_s", "index", "knots", "last", "motion", "piece", "start_s", "thread")
 
     def __init__(self, piece: Piece, motion: Motion | None, start_s: float) -> None:
         self.piece = piece
         self.motion = motion
+        self.thread = motion if isinstance(motion, ThreadMove) else None
         self.start_s = start_s
         self.end_s = start_s + piece.duration_s
         self.knots = piece.law.knots_s
@@ -51,6 +52,11 @@ class Entry:
         """Line of the program at ``s``; a spline has many."""
         motion = self.motion
         return motion.line_at(s) if isinstance(motion, ToolSpline) else self.piece.line
+
+    @property
+    def leaves_thread(self) -> bool:
+        """Whether it ends where its thread does: there the spindle must have come, too."""
+        return self.thread is not None and self.at(self.end_s)[0] >= self.thread.end - REST_SPEED
 
     def rests_at(self, tau: float) -> bool:
         """Whether the plan stands at ``tau``: in a dwell, and where a law begins or ends so."""

@@ -33,6 +33,7 @@ MEASURE_EVERY = 4  # SYNCs
 LEARN_S = 1.0  # of motion at speed, until the default is tightened
 AT_SPEED = 0.02  # share of the largest speed
 MARGIN = 2.0  # what is allowed beside what was measured
+FORGETS = 0.995  # of what was measured, from one measurement in motion to the next
 MIN_SYNCS = 2.0  # the part by speed is never less: setpoints that come one SYNC late, and one more
 
 
@@ -59,6 +60,13 @@ class FollowingError:
         self._by_speed = self._given
         self._learning = self._to_learn
         self._largest = 0.0  # lag by speed, SYNCs
+        self._lagged = self._squared = 0.0  # sums over what was measured of late, see ``lag_s``
+        self._period_s = period_s
+
+    @property
+    def lag_s(self) -> float:
+        """How far the drive is behind its speed, beside the bus: the best line through what was measured."""
+        return self._period_s * self._lagged / self._squared if self._squared > 0.0 else 0.0
 
     def forget(self) -> None:
         """Enabled anew: what was measured belongs to another day's load."""
@@ -83,6 +91,9 @@ class FollowingError:
 
     def measure(self, lag: int, moved: int) -> None:
         """Every ``MEASURE_EVERY`` SYNCs: the speed that counts, and what the drive lags by it."""
+        if moved:
+            self._lagged = FORGETS * self._lagged + lag * moved
+            self._squared = FORGETS * self._squared + moved * moved
         speed = float(moved if moved >= 0 else -moved)
         late = self._speed * self._decay
         self._speed = speed = speed if speed > late else late

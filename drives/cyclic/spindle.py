@@ -18,6 +18,8 @@ from drives.settings import INT32_MAX, INT32_MIN, SpindleSettings
 CYCLIC_VELOCITY = 9
 STANDING_REV_S = 0.1  # slower than this it stands
 LONGEST_STEP_S = 0.1  # of the ramp, after a pause in the ticks
+HALF, WHOLE = 2**31, 2**32  # of what a position can count
+FULL_LOAD = 1000.0  # of 6077h
 REPEATS = 1  # a command whose frame was lost is there with the next tick
 
 _unpack_feedback = pdo.FEEDBACK.unpack
@@ -27,8 +29,9 @@ _pack_command_into = pdo.COMMAND.pack_into
 class SpindleDrive(PowerStage):
     """The cyclic side of a spindle.
 
-    Read: ``speed`` (counts/s, actual), ``speed_at_s``, ``rev_min``, ``at_speed``,
-    ``standing``, and what `PowerStage` and `Supervised` have.
+    Read: ``speed`` (counts/s, actual), ``speed_at_s``, ``rev_min``, ``at_speed``, ``standing``; where it
+    tells its position ``turns`` (revolutions since the first one was heard, signed), ``unheard`` (SYNCs since
+    the last one) and ``load`` (share of the rated torque); and what `PowerStage` and `Supervised` have.
     """
 
     def __init__(self, settings: SpindleSettings, lost_after: int = LOST_IN_A_ROW) -> None:
@@ -54,7 +57,14 @@ class SpindleDrive(PowerStage):
         self._sent_speed = 0
         self._due_s = NEVER_S
         self._repeats = 0
+        self.turns = self.load = 0.0
+        self.unheard = 0
+        self._turned: int | None = None  # counts, as heard last
+        self._directly = False  # the wanted speed is led by somebody else: no ramp of ours
         self.handlers[pdo.tpdo(profile.tpdo, node)] = self._feedback
+        if settings.position_tpdo:
+            self._per_rev = settings.position_per_rev
+            self.handlers[pdo.tpdo(settings.position_tpdo, node)] = self._position
 
     def set_velocity_units(self, per_count_s: float) -> None:
         """How many of its units of velocity (60FFh, 606Ch) one count per second is, as was read."""
@@ -65,6 +75,12 @@ class SpindleDrive(PowerStage):
     def want_speed(self, rev_min: float) -> None:
         """Turn so fast, rev/min; positive as M3, negative as M4. It turns while ENABLED is wanted."""
         self._wanted_speed = rev_min / 60.0 * self.settings.counts_per_rev
+        self._directly = False
+
+    def lead(self, rev_s: float) -> None:
+        """Turn just so fast in the period to come, rev/s: a path leads it, and keeps to its acceleration."""
+        self._wanted_speed = rev_s * self.settings.counts_per_rev
+        self._directly = True
 
     def stop(self) -> None:
         """Come to a standstill, and stay enabled."""
@@ -95,6 +111,23 @@ class SpindleDrive(PowerStage):
             return self._wanted_speed == 0.0 and self.standing
         share = self.settings.at_speed_share * abs(self._wanted_speed)
         return abs(self.speed - self._wanted_speed) <= max(share, self._standing_speed)
+
+    def _position(self, data: memoryview, now_s: float) -> None:
+        """Counts that wrap at 32 bits: what it has turned since the last one is their difference."""
+        both = len(data) == pdo.TURNED_AND_LOAD.size
+        if not both and len(data) != pdo.TURNED.size:
+            self.malformed += 1
+            return
+        counts, torque = pdo.TURNED_AND_LOAD.unpack(data) if both else (*pdo.TURNED.unpack(data), 0)
+        if self._turned is not None:
+            self.turns += ((counts - self._turned + HALF) % WHOLE - HALF) / self._per_rev
+        self._turned, self.unheard = counts, 0
+        self.load = torque / FULL_LOAD
+
+    def expect(self) -> None:
+        """As of every drive; and a position is owed for each SYNC."""
+        super().expect()
+        self.unheard += 1
 
     def _feedback(self, data: memoryview, now_s: float) -> None:
         if len(data) != pdo.PDO_BYTES:
@@ -131,7 +164,7 @@ class SpindleDrive(PowerStage):
         self._stepped_s = now_s
         if self.state is not State.OPERATION_ENABLED or self._controlword != cia402.ENABLE_OPERATION:
             self._led_speed = 0.0 if self.standing else float(self.speed)
-        elif not self._leads:
+        elif self._directly or not self._leads:
             self._led_speed = self._wanted_speed
         else:
             most = self._acceleration * step_s

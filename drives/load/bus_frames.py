@@ -196,6 +196,9 @@ def _spindle(rows: _Rows, spindle: SpindleSettings, master: MasterSettings) -> N
         rows.at_interval(what, CONTROLLER, speed, master.heartbeat_s, CONTROLWORD, more=4)
     feedback = pdo.tpdo(profile.tpdo, spindle.node)
     rows.every_tick(f"feedback of {name}", name, feedback, pdo.PDO_BYTES, STATUSWORD, spindle.feedback_every)
+    if spindle.position_tpdo:
+        turned, size = pdo.tpdo(spindle.position_tpdo, spindle.node), 6 if spindle.tells_load else 4
+        rows.every_tick(f"position of {name}", name, turned, size)
     _supervised(rows, name, spindle.node, profile.supervision, master)
     rows.on_event(f"emergency of {name}", name, pdo.EMCY + spindle.node, EMERGENCY_BYTES)
 

@@ -56,7 +56,8 @@ def sized(parameters: Parameters, velocity_counts_s: float, acceleration_counts_
 
 def spindle(settings: SpindleSettings, parameters: Parameters) -> SimulatedDrive:
     """A drive whose motor turns on and on: its position wraps, and its torque is limited."""
-    most = SPINDLE_REV_S2 * settings.counts_per_rev
+    motor = parameters.motor
+    most = (SPINDLE_REV_S2 if motor is None else motor.strongest_rev_s2) * abs(settings.counts_per_rev)
     nature = sized(replace(parameters, most_acceleration=most), 0.0, most)
     made = SimulatedDrive(settings.node, nature, Path(settings.eds) if settings.eds else EDS)
     made.dictionary.believe(settings.overrides)

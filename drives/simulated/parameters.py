@@ -8,6 +8,7 @@ from enum import Enum
 
 from drives.simulated.plant import PlantParameters
 from drives.simulated.servo import DAMPING, NATURAL_FREQUENCY_HZ
+from drives.simulated.spindle_motor import MotorParameters
 
 USUALLY_GUESSED = 2  # periods
 STRONGEST_COUNTS_S2 = 2e9  # five times the quick stop of the simulated drive's data sheet
@@ -42,6 +43,7 @@ class Parameters:
     feed_forward: float = 0.0  # share of the velocity; 1 = no lag at constant speed
     stiffness: float = 1.0  # factor on the position loop's gain (speed / following error)
     plant: PlantParameters | None = None  # friction, backlash, encoder; None = none of them
+    motor: MotorParameters | None = None  # of a spindle that lags and slips; None = an ideal one
     most_acceleration: float = math.inf  # counts/s^2 that the motor can give in velocity modes
     strongest_counts_s2: float = STRONGEST_COUNTS_S2  # that the motor can give, in every mode
     fastest_counts_s: float = math.inf  # that the motor can turn, whatever 607Fh and 6080h say

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 from drives.settings import BusSettings, IoSettings, NodeSettings, SpindleSettings
@@ -10,6 +10,7 @@ from drives.simulated import build
 from drives.simulated.drive import SimulatedDrive
 from drives.simulated.io_node import IoNode
 from drives.simulated.parameters import LostSync, Parameters
+from drives.simulated.spindle_motor import MotorParameters
 from drives.virtual.virtual_bus import Filters, Port, SteppedBus
 
 
@@ -21,6 +22,7 @@ class Rig:
         self.drives = dict(drives)  # by NodeSettings.name
         self.spindle: SimulatedDrive | None = None
         self.io: dict[str, IoNode] = {}  # by IoSettings.name
+        self.watchers: list[Callable[[float], None]] = []  # of what the motors do: told the time
 
     @property
     def now_s(self) -> float:
@@ -34,6 +36,8 @@ class Rig:
     def advance(self, now_s: float) -> None:
         for bus in self.buses.values():
             bus.advance(now_s)
+        for watch in self.watchers:
+            watch(now_s)
 
 
 def rig(
@@ -45,12 +49,14 @@ def rig(
     stiffness: Mapping[str, float] | None = None,
     lost_sync: LostSync = LostSync.HOLD,
     parameters: Parameters = Parameters(),  # noqa: B008 (frozen)
+    motor: MotorParameters | None = None,
     start_s: float = 0.0,
     worst_stuffing: bool = False,
 ) -> Rig:
     """Stepped buses with a simulated device per node, from power-on at ``start_s``.
 
     A device has the object dictionary of its node's data sheet.
+    ``motor``: how the spindle lags and slips; None = it does not.
     ``stiffness`` is a factor on the position loop gain by axis name (0.95 = 5 % softer);
     ``worst_stuffing`` lets every frame take as long as it can.
     Raises KeyError for a node on a bus that is not there, OSError for a data sheet that is not.
@@ -62,7 +68,7 @@ def rig(
         made.drives[node.name] = build.drive(node, one)
         made.buses[node.bus].attach(made.drives[node.name])
     if spindle is not None:
-        made.spindle = build.spindle(spindle, nature)
+        made.spindle = build.spindle(spindle, replace(nature, motor=motor))
         made.buses[spindle.bus].attach(made.spindle)
     for settings in io:
         made.io[settings.name] = build.inputs_and_outputs(settings, nature)

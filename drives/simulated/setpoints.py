@@ -7,6 +7,7 @@ from abc import ABC, abstractmethod
 
 from drives.simulated.plant import Plant
 from drives.simulated.servo import Servo
+from drives.simulated.spindle_motor import SpindleMotor
 from drives.simulated.station import Station
 from drives.simulated.units import Units
 
@@ -25,7 +26,11 @@ class Setpoints(ABC):
         self.parameters = nature = station.parameters
         self.units = Units(self.dictionary, nature.counts_per_metre, nature.counts_per_radian)
         plant = nature.plant
-        self.servo = Plant(nature.position_counts, plant) if plant else Servo(nature.position_counts)
+        self.servo = Servo(nature.position_counts)
+        if nature.motor is not None:
+            self.servo = SpindleMotor(nature.position_counts, nature.motor)
+        elif plant is not None:
+            self.servo = Plant(nature.position_counts, plant)
         self.period_s = 0.0
         self.target: float = nature.position_counts
         self.low: float = -math.inf

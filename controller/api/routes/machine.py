@@ -96,3 +96,27 @@ async def override(request: Request, body: models.Share) -> models.Done:
 async def rapid_override(request: Request, body: models.RapidShare) -> models.Done:
     """Scale the speed of rapids; acts at once."""
     return await ask(request, "rapid_override", share=body.share)
+
+
+@router.put("/overrides/spindle", dependencies=[moves()], responses=MOVES)
+async def spindle_override(request: Request, body: models.SpindleShare) -> models.Done:
+    """Scale the programmed spindle speed; acts at once, and the feed goes on meanwhile."""
+    return await ask(request, "spindle_override", share=body.share)
+
+
+@router.put("/machine/spindle", dependencies=[moves()], responses=MOVES)
+async def spindle(request: Request, body: models.Spindle) -> models.Done:
+    """Turn the spindle by hand, in READY; a program that starts begins with it off."""
+    return await ask(request, "spindle", rev_min=body.rev_min)
+
+
+@router.put("/machine/coolant", dependencies=[moves()], responses=MOVES)
+async def coolant(request: Request, body: models.Coolant) -> models.Done:
+    """Coolant by hand: in READY, and of a program until it says otherwise."""
+    return await ask(request, "coolant", mist=body.mist, flood=body.flood)
+
+
+@router.put("/machine/clamps", dependencies=[moves()], responses=MOVES)
+async def clamps(request: Request, body: models.Clamps) -> models.Done:
+    """Open and close clamps by hand, in READY."""
+    return await ask(request, "clamps", open=body.open)

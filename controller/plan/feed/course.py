@@ -18,7 +18,7 @@ import numpy.typing as npt
 
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Machine
-from controller.motion.motions import ToolSpline
+from controller.motion.motions import ThreadMove, ToolSpline
 from controller.plan.feed.limits import JUMP_SHARE, JointLimits
 from controller.plan.stretch import Stretch
 from controller.plan.surfaces.rates import Derivatives, derivatives, kind, together
@@ -33,6 +33,8 @@ MARGIN = 0.998  # of each limit, for what differences on nodes do not see
 RATE_SHARE = 0.7
 
 REMEMBERED = 256  # stretches: more than a window has
+THREAD_SHARE = 0.6  # of the axes' limits, along a thread; what is left follows the spindle
+THREAD_RAMP_S = 0.06  # in which the spindle's acceleration may change by all of it
 APART = 1e-3  # unit of s: of marks closer than that only the boundaries of stretches count
 
 # A jump of acceleration, sampled, is spread over three ticks by the quadratic B-spline,
@@ -136,7 +138,20 @@ class Course:
         cut = JointLimits.of(self.machine, MARGIN)
         rapid = JointLimits.of(self.machine, MARGIN * self.machine.rapid_share)
         rapid = replace(rapid, velocity=rapid.velocity * self.rapid_override)
-        return tuple(rapid if s.feed_mm_s is None else cut for s in self.stretches)
+        return tuple(
+            _along_thread(cut, s.motion, self)
+            if isinstance(s.motion, ThreadMove)
+            else rapid
+            if s.feed_mm_s is None
+            else cut
+            for s in self.stretches
+        )
+
+    @property
+    def stop_limits(self) -> JointLimits:
+        """What a stop may use: all that the joints have, on a thread (a course of its own) its share."""
+        limits, first = JointLimits.of(self.machine), self.stretches[0].motion
+        return _along_thread(limits, first, self) if isinstance(first, ThreadMove) else limits
 
     def limit(self, s: Array, which: str, index: Index | None = None) -> Array:
         """One of ``velocity``, ``acceleration``, ``jerk`` of the joints at each place, (N, axes)."""
@@ -174,6 +189,19 @@ class Course:
                 np.abs(right.first[0] - left.first[1]), np.abs(right.second[0] - left.second[1])
             )
         return self._jumps[k]
+
+
+def _along_thread(limits: JointLimits, move: ThreadMove, course: Course) -> JointLimits:
+    """What a thread leaves of the joints' limits: the spindle's own, and a share to follow it by."""
+    kinematics, axes = course.kinematics, len(course.machine.axes)
+    along = np.abs(np.array(kinematics.arrange((*move.direction, 0.0, 0.0)), dtype=float))
+    most = np.where(along > 0.0, along * move.spindle_mm_s2, np.inf)
+    share = THREAD_SHARE * np.ones(axes)
+    return JointLimits(
+        limits.velocity * share,
+        np.minimum(limits.acceleration * share, most),
+        np.minimum(limits.jerk * share, most / THREAD_RAMP_S),
+    )
 
 
 @lru_cache(REMEMBERED)

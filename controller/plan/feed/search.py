@@ -17,6 +17,7 @@ from controller.plan.feed import barrier, mesh
 from controller.plan.feed.bounds import INNER, Bounds, Grid, Shares
 from controller.plan.feed.course import MARGIN, Course
 from controller.plan.feed.law import straight, through
+from controller.plan.surfaces.rates import Derivatives
 
 Array = npt.NDArray[np.float64]
 Law = tuple[Array, Array]  # times (n + 1,) and pieces (n, 6)
@@ -243,6 +244,9 @@ class Search:
             v, a, j = _at_place(times, pieces, grid.s[:-1] + share * width, share)
             for k, asked in enumerate((d.velocity(v), d.acceleration(v, a), d.jerk(v, a, j))):
                 most[k] = np.maximum(most[k], np.abs(asked) / limits[k])
+        d, (v, half_a) = _where_jerk_steps(bounds, pieces), pieces[1::2, 1:3].T
+        for j in (6.0 * pieces[0::2, 3], 6.0 * pieces[1::2, 3]):
+            most[2] = np.maximum(most[2], np.abs(d.jerk(v, 2.0 * half_a, j)) / limits[2])
         return Excess(most[0].max(axis=1), most[1], most[2], self._tip_use(bounds, times, pieces))
 
     def _tip_use(self, bounds: Bounds, times: Array, pieces: Array) -> Array:
@@ -255,6 +259,20 @@ class Search:
             v, a, _ = _at_place(times, pieces, grid.s[:-1] + share * np.diff(grid.s), share)
             use = np.maximum(use, tool.tip_acceleration(v, a) / (MARGIN * limit))
         return use
+
+
+def _where_jerk_steps(bounds: Bounds, pieces: Array) -> Derivatives:
+    """Where in each interval the second piece begins: by the parabolas through the inner places."""
+    s, (p, q, r) = bounds.grid.s, INNER
+    x = np.clip((pieces[1::2, 0] - s[:-1]) / np.diff(s), 0.0, 1.0)[:, None]
+    shares = (
+        (x - q) * (x - r) / ((p - q) * (p - r)),
+        (x - p) * (x - r) / ((q - p) * (q - r)),
+        (x - p) * (x - q) / ((r - p) * (r - q)),
+    )
+    rows = ([d.first, d.second, d.third] for d in bounds.grid.inner)
+    orders = zip(*rows, strict=True)
+    return Derivatives(*(sum(w * q for w, q in zip(shares, one, strict=True)) for one in orders))
 
 
 def _slowed(law: Law, factor: float) -> Law:

@@ -9,20 +9,43 @@ from controller.geometry.curves import Arc
 from controller.geometry.vectors import Frame, Vector, norm, scale, subtract, unit
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Joints, Machine
-from controller.motion.motions import JointMove
+from controller.motion.motions import JointMove, ThreadMove
 from controller.plan.stretch import Stretch, Voice, rotaries_of, round_arc, straight
 from controller.program.contour import circles
 from controller.program.position import placed, read_in, shifted
-from controller.program.program import JointArc, JointLine, JointMotion
+from controller.program.program import JointArc, JointLine, JointMotion, Thread
 
 TANGENT_RAD = 1e-6
+SPIN_UP_S = 0.25  # along a thread, at least: in less the spindle's lag could not be learnt
+FOLLOWING_SHARE = 0.3  # of the axes' limits: what a thread leaves for following a spindle that lags
 
 
 def line(block: JointLine, machine: Machine, kinematics: Kinematics, now: Joints) -> Stretch | None:
     """The stretch of a G0 or G1; None where nothing moves."""
     end = target(block, machine, kinematics, now)
     found = straight("line", block.place, now, end, block.feed_mm_s, kinematics, block.feed_deg_s)
+    if found is not None and block.thread is not None:
+        return _tied(found, block.thread, machine)
     return found if found is None or block.time_s is None else timed(found, block.time_s)
+
+
+def _tied(stretch: Stretch, thread: Thread, machine: Machine) -> Stretch:
+    """The same line led by the spindle; of the axes' limits a share is left to follow it by."""
+    move, told = stretch.motion, machine.spindle.position if machine.spindle is not None else None
+    if not isinstance(move, JointMove) or told is None:
+        return stretch
+    way = scale(move.curve.derivative(0.0), 1.0 / move.end)
+    axes = [(abs(d), machine.axes[i].limits) for d, i in zip(way, machine.linear(), strict=True) if d]
+    turned = thread.rev_per_mm * move.end
+    tied = ThreadMove(
+        *(move.curve, move.end, move.start_rotaries, move.end_rotaries),
+        thread.rev_per_mm,
+        -turned if thread.begin_rev is None else thread.begin_rev,
+        min(told.acceleration_rev_s2 / abs(thread.rev_per_mm), (stretch.feed_mm_s or 0.0) / SPIN_UP_S),
+        FOLLOWING_SHARE * min(limits.velocity / d for d, limits in axes),
+        FOLLOWING_SHARE * min(limits.acceleration / d for d, limits in axes),
+    )
+    return replace(stretch, motion=tied, name="thread")
 
 
 def timed(stretch: Stretch, time_s: float) -> Stretch:
@@ -105,6 +128,8 @@ def runs_through(before: Stretch, after: Stretch) -> bool:
     a, b = before.motion, after.motion
     if not isinstance(a, JointMove) or not isinstance(b, JointMove):
         return False
+    if isinstance(a, ThreadMove) or isinstance(b, ThreadMove):
+        return False  # the spindle turns from rest to rest
     first, second = _tangent(a, 1.0), _tangent(b, 0.0)
     if (first[0] is None) != (second[0] is None):
         return False

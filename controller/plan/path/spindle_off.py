@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 
 from controller.machine.model import Machine
+from controller.motion.motions import ThreadMove
 from controller.plan.stretch import Chain, Note, Pause
 from controller.program.program import Place
 
@@ -31,4 +32,5 @@ def noted(
 def _fed(item: Chain | Pause) -> Place | None:
     """Where a chain first moves at a feed."""
     stretches = item.stretches if isinstance(item, Chain) else ()
-    return next((one.place for one in stretches if one.feed_mm_s is not None), None)
+    fed = (one for one in stretches if one.feed_mm_s is not None and not isinstance(one.motion, ThreadMove))
+    return next((one.place for one in fed), None)

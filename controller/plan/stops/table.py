@@ -21,7 +21,6 @@ import numpy.typing as npt
 
 from controller.ipc.handoff import StopTable
 from controller.plan.feed.course import Course
-from controller.plan.feed.limits import JointLimits
 from controller.plan.feed.profile import Profile
 from controller.plan.stops.check import STANDSTILL, check
 from controller.plan.stops.search import MAX_STEPS, Found, Indices, Motion, Ramps, Shares, Stuck, search
@@ -85,7 +84,7 @@ def stops(course: Course, profile: Profile, first_s: float, last_s: float, step_
 
 def _jerk_step(course: Course, start: Motion) -> float:
     """One period, or more where stops are so long that one would make too many steps."""
-    limits, period = JointLimits.of(course.machine), course.machine.period_s
+    limits, period = course.stop_limits, course.machine.period_s
     s, v, _ = start
     some = np.unique(np.linspace(0, len(s) - 1, 20).astype(int))
     rate = course.derivatives(s[some]).first * v[some, None]

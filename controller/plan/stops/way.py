@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from controller.plan.feed.course import Course
-from controller.plan.feed.limits import JUMP_SHARE, JointLimits
+from controller.plan.feed.limits import JUMP_SHARE
 from controller.plan.feed.profile import Profile
 
 Array = npt.NDArray[np.float64]
@@ -33,7 +33,7 @@ class Way:
     """
 
     def __init__(self, course: Course, profile: Profile, first_s: float, last_s: float) -> None:
-        limits = JointLimits.of(course.machine)
+        limits = course.stop_limits
         self.period_s = course.machine.period_s
         self._jerk = limits.jerk
         self.acceleration = (limits.acceleration / limits.jerk)[:, None]
@@ -139,7 +139,7 @@ def _rooms(course: Course, places: Array, s: Array, v: Array) -> tuple[Array, Ar
     JUMP_SHARE of the jerk, and of the acceleration what that jerk makes in a tick. Also the same
     for a stop that ends before the junction ahead, and where that one is; -inf where none is near.
     """
-    period, limits = course.machine.period_s, JointLimits.of(course.machine)
+    period, limits = course.machine.period_s, course.stop_limits
     rapid = [course.machine.rapid_share if x.feed_mm_s is None else 1.0 for x in course.stretches]
     room = np.tile(np.array(rapid)[course.index(places)], (3, 1))
     before, ahead = room.copy(), np.full(len(places), -np.inf)

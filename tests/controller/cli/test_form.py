@@ -60,6 +60,12 @@ def test_with_gouge_warn_it_is_told_and_never_as_within(part: Path, tmp_path: Pa
     assert "exceeds" in shown.stdout and "keeps its tolerance" not in shown.stdout
 
 
+def test_check_tells_the_verdict_in_the_language_that_is_spoken(part: Path, tmp_path: Path) -> None:
+    words = ["check", str(part), "--store", str(tmp_path), "--gouge", "warn", "--language", "de"]
+    shown = CliRunner().invoke(app, words).stdout
+    assert "Formtoleranz" in shown and "exceeds" not in shown
+
+
 def test_a_start_without_a_check_refuses_it_as_well(part: Path, tmp_path: Path) -> None:
     code, told = run("simulate", part, "--store", tmp_path)
     assert code == 1 and "exceeds its form tolerance" in told["error"]

@@ -82,7 +82,7 @@ def test_m53_names_the_input_that_the_machine_file_lacks() -> None:
     assert after("M53 P0", on=mill()) == (True, False)
 
 
-def test_m51_says_that_there_is_no_such_override() -> None:
+def test_m51_says_that_the_operator_keeps_it() -> None:
     found = blocks.read(b"M51 P0\nG0 X1\nM51 P0\n", machine(), "p.ngc").blocks
     told = [one.sentence for one in found if isinstance(one, Remark)]
-    assert len(told) == 1 and "There is none here" in told[0]
+    assert len(told) == 1 and "M49 takes all overrides" in told[0]

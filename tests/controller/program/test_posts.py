@@ -161,3 +161,12 @@ def test_a_block_skip_may_have_a_number(line: str, x: float) -> None:
     assert last(f"G0 X1.\n{line}\n")["X"] == x
     deleted = blocks.read(f"G0 X1.\n{line}\n".encode(), machine(), "p", block_delete=True).blocks
     assert len(deleted) == 1
+
+
+def test_of_two_tools_beside_a_change_the_second_comes_next() -> None:
+    made = blocks.read(b"T001 T002 M6\nG0 X1.\nM6\nG0 X2.\n", machine(), "p").blocks
+    assert [block.modal.tool for block in made if isinstance(block, JointLine)] == [1, 2]
+    with pytest.raises(ProgramError, match="T1 and T2 stand on one line"):
+        blocks.read(b"T1 T2 M6\n", replace(machine(), dialect="rs274"), "p")
+    with pytest.raises(ProgramError, match="stand on one line"):
+        blocks.read(b"T1 T2 T1 M6\n", machine(), "p")

@@ -34,7 +34,15 @@ OTHERWISE = {
     "spindle_rev_min": "peripherals.rev_min",
     "spindle_actual_rev_min": "peripherals.actual_rev_min",
     "spindle_at_speed": "peripherals.at_speed",
+    "thread_mm": "coupling.led_mm",
+    "spindle_turns": "coupling.turns",
+    "spindle_load": "coupling.load",
+    "thread_rev": "coupling.depth_rev",
+    "thread_pitch_mm": "coupling.pitch_mm",
     "jogging": "jogging.active",
+    "probing": "probing.phase",
+    "probings": "probing.count",
+    "probed": "probing.came",
     "answers": "answers.ring",
 }
 # Columns of recordings as they have been since 2026-11; of old ones none may change its place.

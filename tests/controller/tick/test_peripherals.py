@@ -423,3 +423,108 @@ def test_requests_of_one_tick_are_answered_one_by_one_and_the_row_has_the_last()
     assert came == [Outcome.REFUSED, Outcome.DONE, Outcome.REFUSED]
     assert shop.rows()[:, COLUMN["request"]].tolist() == [13.0]
     shop.close()
+
+
+def test_an_override_turns_the_spindle_and_motion_goes_on_meanwhile() -> None:
+    shop = Shop()
+    shop.cut()
+    shop.spindle.at_speed = True
+    shop.tick(20)
+    shop.ask(Request.SPINDLE_OVERRIDE, 1.2)
+    shop.tick()
+    assert shop.spindle.rev_min == 7200.0 and not shop.spindle.at_speed
+    before = shop.cycle.follow.joints
+    shop.tick(60)
+    assert shop.snapshot.mode is Mode.RUNNING and shop.cycle.follow.joints > before
+    shop.spindle.at_speed = True
+    shop.tick(3)
+    for refused_share in (0.49, 1.51, float("nan")):
+        assert came_of(shop, Request.SPINDLE_OVERRIDE, refused_share)[0] is Outcome.REFUSED
+    assert came_of(shop, Request.SPINDLE_OVERRIDE, 0.5)[0] is Outcome.DONE
+    shop.tick()
+    assert shop.spindle.rev_min == 3000.0
+
+
+def test_an_override_leads_the_spindle_to_its_end_and_no_further() -> None:
+    shop = Shop()
+    shop.cut(rev_min=-23000.0)
+    shop.spindle.at_speed = True
+    shop.ask(Request.SPINDLE_OVERRIDE, 1.5)
+    shop.tick(2)
+    assert shop.spindle.rev_min == -24000.0
+
+
+def test_a_spindle_that_does_not_come_to_its_overridden_speed_is_told() -> None:
+    shop = Shop()
+    shop.cut()
+    shop.spindle.at_speed = True
+    shop.cycle.peripherals._sag_ticks = 20
+    shop.tick(5)
+    shop.ask(Request.SPINDLE_OVERRIDE, 1.1)
+    shop.tick(110)
+    assert shop.snapshot.mode is Mode.RUNNING, "it has its time to come there"
+    shop.tick(20)
+    assert (shop.snapshot.mode, shop.snapshot.fault) == (Mode.HOLD, Fault.SPINDLE_NOT_AT_SPEED)
+
+
+def test_by_hand_spindle_and_coolant_stay_until_a_program_starts() -> None:
+    shop = Shop()
+    shop.enable()
+    assert came_of(shop, Request.SPINDLE, 24001.0)[0] is Outcome.REFUSED
+    assert came_of(shop, Request.SPINDLE, -800.0)[0] is Outcome.DONE
+    assert came_of(shop, Request.COOLANT, 3.0)[0] is Outcome.DONE
+    assert came_of(shop, Request.CLAMPS, 8.0)[0] is Outcome.DONE
+    shop.tick(50)
+    assert shop.spindle.rev_min == -800.0
+    assert shop.node.outputs == COOLANT | MIST | OPEN
+    shop.cut(rev_min=6000.0, coolant=0)
+    assert shop.spindle.rev_min == 0.0 and shop.snapshot.waiting, "until it stands"
+    shop.spindle.at_speed = True
+    shop.tick(30)
+    assert shop.spindle.rev_min == 6000.0 and shop.node.outputs == 0
+
+
+def test_a_program_that_ends_leaves_nothing_on_for_the_hand_that_comes_next() -> None:
+    shop = Shop()
+    shop.cut()
+    shop.spindle.at_speed = True
+    shop.tick(4)
+    shop.ask(Request.STOP)
+    shop.until(Mode.READY)
+    assert came_of(shop, Request.COOLANT, 1.0)[0] is Outcome.DONE
+    shop.tick(3)
+    assert shop.spindle.rev_min == 0.0 and shop.node.outputs == MIST
+
+
+def test_a_door_that_opens_ends_what_was_told_by_hand_and_it_does_not_come_back() -> None:
+    shop = Shop()
+    shop.enable()
+    shop.ask(Request.SPINDLE, 800.0)
+    shop.tick(3)
+    shop.node.inputs &= ~DOOR
+    shop.tick(3)
+    assert shop.spindle.rev_min == 0.0
+    assert came_of(shop, Request.SPINDLE, 800.0) == (Outcome.REFUSED, Fault.DOOR_OPEN)
+    shop.node.inputs |= DOOR
+    shop.tick(3)
+    assert shop.spindle.rev_min == 0.0
+
+
+def test_coolant_of_a_program_is_told_by_hand_until_it_says_otherwise() -> None:
+    shop = Shop()
+    shop.cut(coolant=2)
+    assert shop.node.outputs & COOLANT
+    assert came_of(shop, Request.COOLANT, 0.0)[0] is Outcome.DONE
+    assert came_of(shop, Request.SPINDLE, 0.0)[0] is Outcome.REFUSED
+    shop.tick(3)
+    assert not shop.node.outputs & COOLANT and shop.spindle.rev_min == 6000.0
+
+
+@pytest.mark.parametrize(
+    ("request_", "value"),
+    [(Request.COOLANT, 4.0), (Request.COOLANT, 0.5), (Request.CLAMPS, 1.0), (Request.CLAMPS, -8.0)],
+)
+def test_by_hand_only_what_is_there_can_be_told(request_: Request, value: float) -> None:
+    shop = Shop()
+    shop.enable()
+    assert came_of(shop, request_, value)[0] is Outcome.REFUSED

@@ -25,7 +25,7 @@ ALARM = {
     **told(Fault.FOLLOWING_ERROR, "Y"),
     "position_trusted": True,
 }
-# What reaches over the right edge, or is cut off within its own box, where nothing scrolls.
+# What reaches over the right edge of the page or of its card, or is cut off within its own box, where nothing scrolls.
 CLIPPED = """() => {
   const bad = [];
   const scrolls = ".scroll, .listing, .mdi-history, :has(> canvas), svg, input, textarea";
@@ -36,7 +36,8 @@ CLIPPED = """() => {
     const hides = getComputedStyle(one).overflowX !== "visible";
     const named = one.classList.contains("program-name"); // long names end in dots
     const cut = text && hides && !named && one.scrollWidth > one.clientWidth + 1;
-    if (box.right > innerWidth + 1 || cut) bad.push(`${one.tagName}.${one.className} ${text || ""}`);
+    const card = one.closest(".card")?.getBoundingClientRect();
+    if (box.right > Math.min(innerWidth, card?.right ?? innerWidth) + 1 || cut) bad.push(`${one.tagName}.${one.className} ${text || ""}`);
   }
   return [...new Set(bad)];
 }"""

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 from support.fakes.fake_socket import AXES
-from support.live.browser import Site, until
+from support.live.browser import Site, until, yes
 
 pytestmark = pytest.mark.slow
 
@@ -277,3 +277,26 @@ def test_modal_codes_and_parts_made_are_shown(page: Any, site: Site) -> None:
     assert page.locator(".codes .chip").all_inner_texts() == ["G17", "G41", "G54", "T3", "S8000", "M3"]
     site.tell(codes=[])
     page.wait_for_selector(".codes", state="detached")
+
+
+def test_spindle_coolant_and_clamps_are_told_by_hand(page: Any, site: Site) -> None:
+    page.click("[data-spindle='-10']:not([aria-disabled=true])")
+    until(lambda: site.asked("spindle_override"), "the override")
+    assert site.asked("spindle_override")[-1][2] == {"share": 0.9}
+    page.click("[data-to=jog]")
+    page.fill("#run-spindle", "1500")
+    page.click("[data-hand=left]:not([aria-disabled=true])")
+    page.wait_for_selector(".dx-ask >> text=1500")
+    yes(page)
+    until(lambda: site.asked("spindle"), "the spindle")
+    assert site.asked("spindle")[-1][2] == {"rev_min": -1500.0}
+    page.click("[data-hand=off]")
+    until(lambda: site.asked("spindle")[-1][2] == {"rev_min": 0.0}, "the spindle off")
+    site.tell(coolant={"mist": True, "flood": False}, outputs={"a_open": False})
+    page.wait_for_selector("[data-hand=mist][aria-pressed=true]")
+    page.click("[data-hand=flood]")
+    until(lambda: site.asked("coolant"), "coolant")
+    assert site.asked("coolant")[-1][2] == {"mist": True, "flood": True}
+    page.click("[data-hand='clamp A']")
+    until(lambda: site.asked("clamps"), "the clamp")
+    assert site.asked("clamps")[-1][2] == {"open": ["A"]}

@@ -113,7 +113,7 @@ class MovingDoor(FakeDoor):
             time_s=time.monotonic(),
             joints={name: _joint(where, i) for i, (name, where) in enumerate(self._where.items())},
             work_offset="G54",
-            spindle={"rev_min": 12000.0, "actual_rev_min": 11998.0, "at_speed": True},
+            spindle={"rev_min": 12000.0, "actual_rev_min": 11998.0, "at_speed": True, "override": 1.0},
             coolant={"mist": False, "flood": True},
             notices=[],
             tip={"X": 12.5, "Y": -3.25, "Z": 0.0},
@@ -140,10 +140,11 @@ class MovingDoor(FakeDoor):
 
     def facts(self) -> dict[str, Any]:
         """The shipped machine's, with what it has not: a spindle, coolant, drives that are not all alike."""
-        more = {"spindle": {"max_rev_min": 24000.0}, "outputs": ["coolant"]}
+        more = {"spindle": {"max_rev_min": 24000.0, "driven": True}, "outputs": ["mist", "coolant", "a_open"]}
         told = status.facts(MACHINE, more)
         for axis in told["axes"]:
             axis["absolute"] = axis["name"] == "Z"
+            axis["clamp"] = "a_open" if axis["name"] == "A" else None
             axis["supervision"] = "guarding" if axis["unit"] == "deg" else "heartbeat"
         return {**super().facts(), **told}
 

@@ -4,6 +4,7 @@ import { RULES, chosen, end, held } from "../dead_man.js";
 import { ask } from "../dialog.js";
 import { html, useRef, useState } from "../dom.js";
 import { forms } from "../forms.js";
+import { ByHand } from "../peripherals.js";
 import { Act, AxisName, Card, Choice, Figure, reason } from "../parts.js";
 import { dx, keep, kept } from "../store.js";
 import { word as text } from "../texts.js";
@@ -12,7 +13,7 @@ const word = (key, ...values) => text(`jog.${key}`, ...values);
 const FRAMES = ["joint", "part", "tool"];
 const STEPS = ["0", "0.001", "0.01", "0.1", "1", "10"];
 
-const View = () => html`<div class="jog"><${Jog} /><${Mdi} /></div>`;
+const View = () => html`<div class="jog"><${Jog} /><div class="column"><${Mdi} /><${ByHand} /></div></div>`;
 export default { name: "jog", View };
 
 function choose(name, value) {

@@ -6,6 +6,7 @@ import { large, show } from "../frame.js";
 import { free } from "../control.js";
 import { Act, AxisName, Bar, Card, Chip, Figure, field } from "../parts.js";
 import { Listing } from "../listing.js";
+import { SpindleOverride } from "../peripherals.js";
 import { Offer, StateThere, start_question } from "../restart.js";
 import { QueueNext } from "../queue.js";
 import { dx } from "../store.js";
@@ -92,7 +93,7 @@ function Feed() {
         <dd><${Figure} class="strong">${forms.int(spindle?.actual_rev_min)}<//><span class="dim"> / </span><${Figure}>${forms.int(spindle?.rev_min)}<//></dd>`}
       ${dx.facts.outputs && html`<dt>${word("run.coolant")}</dt><${Figure} tag="dd">${running.join(", ") || "–"}<//>`}
     </dl>
-    <${Override} /><${Rapid} />
+    <div class="overrides"><${Override} /><${Rapid} /><${SpindleOverride} /></div>
   <//>`;
 }
 
@@ -191,7 +192,7 @@ function Aside() {
   const rules = { modes: "HOLD READY", given: there, why: aside ? "why.aside" : "why.no_room" };
   const label = word("run.retract_mm");
   return html`<div class="aside">
-    <input type="number" id="run-retract-mm" min="0.001" step="any" max=${room ?? ""} placeholder="mm" aria-label=${label} title=${label} value=${value} oninput=${(event) => give(event.target.value)} ...${field(rules)} />
+    <label><input type="number" id="run-retract-mm" min="0.001" step="any" max=${room ?? ""} aria-label=${label} title=${label} value=${value} oninput=${(event) => give(event.target.value)} ...${field(rules)} /></label>
     <${Act} id="run-retract" text=${word("run.retract")} ...${rules} press=${() => call("POST", "cycle/retract", { mm: Number(value) })} />
     <${Act} text=${word("run.return")} call="POST cycle/return" modes="HOLD" given=${Boolean(aside)} why="why.on_path" />
   </div>`;

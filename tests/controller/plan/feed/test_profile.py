@@ -10,7 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from support.machines.planned_laws import chains, laws_of, sampled
-from support.machines.stepped_runs import largest, program, shipped
+from support.machines.slow_machines import drawn
+from support.machines.stepped_runs import T2, largest, program, shipped
+from support.parts.nurbs_text import Written, nurbs
 from support.parts.random_surfaces import compound, text
 
 from controller.ipc.handoff import Law
@@ -366,6 +368,26 @@ def test_no_feed_is_too_slow_or_too_fast(feed_mm_min: float) -> None:
     assert planned.duration_s >= least * (1 - 1e-9)
     if feed_mm_min < 100.0:
         assert planned.duration_s <= least * 1.002 + 0.5
+
+
+NEARLY_UPRIGHT = [  # X Y Z of six points above, and six below: in the middle the rulings are all but upright
+    *((-0.144, 0.081, 16.908), (-1.624, -2.843, 16.885), (-3.161, -5.735, 17.388)),
+    *((-4.756, -8.594, 17.009), (-6.409, -11.421, 17.491), (-8.12, -14.216, 16.342)),
+    *((0.0, 0.0, 0.908), (-1.595, -2.859, 0.885), (-3.19, -5.719, 1.388)),
+    *((-4.785, -8.578, 1.009), (-6.38, -11.437, 1.491), (-7.976, -14.296, 0.342)),
+]
+
+
+def test_where_the_jerk_steps_inside_of_an_interval_it_is_kept_on_both_sides() -> None:
+    """C turns over within a tenth of a millimetre: between the places looked at it took 1.03 of its jerk."""
+    knots, curves = [0.0] * 6 + [1.0] * 6, (NEARLY_UPRIGHT[:6], NEARLY_UPRIGHT[6:])
+    upper, lower = (Written(6, knots, points) for points in curves)
+    source = T2.format(side="G42 P1 R5.", cuts=nurbs(upper, lower, " F278.19"))
+    machine = drawn(91000)
+    (cut,) = [chain for chain in chains(source, machine) if any(s.cutting for s in chain.stretches)]
+    joints, _ = sampled(cut.stretches, laws_of(cut.stretches, machine), machine)
+    first, second, third = largest(joints, machine)
+    assert first <= 1.0005 and second <= 1.002 and third <= 1.02
 
 
 def test_a_profile_knows_when_it_is_where() -> None:

@@ -1,0 +1,126 @@
+"""``directrix export`` and ``directrix compare``: recordings for others' tools, and one beside another."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.table import Table
+
+from controller import messages
+from controller.cli import speech
+from controller.machine.toml_table import ConfigError
+from controller.runtime import records
+from controller.runtime.events import EventError
+from controller.runtime.records import Apart, NoRecord, Record
+from controller.verify.console import Refused, refusals, show
+
+Recording = Annotated[
+    Path,
+    typer.Argument(help="A trace (.npz, .parquet), or the folder of a fault or of a run."),
+]
+Tolerance = Annotated[
+    float, typer.Option("--tolerance", min=0.0, help="That values may be apart, in the unit of their column.")
+]
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
+
+
+@speech.speaking
+def export(
+    recording: Recording,
+    out: Annotated[Path, typer.Argument(metavar="OUT", help="The file to be written (.parquet).")],
+    as_json: Json = False,
+) -> None:
+    """Write a recording as Parquet, with units and meanings of its columns: for pandas, Polars, DuckDB ...
+
+    Needs the extra recordings.
+    """
+    with refusals(as_json, lambda: (ConfigError, EventError)):
+        if out.suffix != records.PARQUET:
+            raise Refused(_say("suffix", file=out))
+        found = _read(recording)
+        try:
+            records.write(found, out)
+        except NoRecord as error:
+            raise _refused(error) from error
+        facts = {"kind": found.kind, "rows": found.rows, "columns": _facts(found)}
+        if as_json:
+            print(json.dumps({"ok": True, "file": str(out), "period_s": found.period_s, **facts}))
+        else:
+            show.print(_say("written", file=out, rows=found.rows, columns=len(found.columns)), markup=False)
+
+
+@speech.speaking
+def compare(a: Recording, b: Recording, tolerance: Tolerance = 0.0, as_json: Json = False) -> None:
+    """Hold two recordings beside each other, row by row from the start of both.
+
+    Exit code 0: the same, within --tolerance. 1: the first row and column that are apart, or another length.
+    """
+    with refusals(as_json, lambda: (ConfigError, EventError)):
+        first, second = _read(a), _read(b)
+        try:
+            found = records.compare(first, second, tolerance)
+        except NoRecord as error:
+            raise _refused(error) from error
+        facts = {
+            "rows": found.rows,
+            "lengths": found.lengths,
+            "columns": [one._asdict() for one in found.columns],
+            "only": found.only,
+        }
+        if not as_json:
+            show.print(_table(found.columns, first, second))
+        if not found.is_same:
+            raise Refused(_apart(found, first), **facts)
+        if as_json:
+            print(json.dumps({"ok": True, **facts}))
+        else:
+            show.print(_say("same", rows=found.rows, columns=len(found.columns)), markup=False)
+
+
+def _read(path: Path) -> Record:
+    """Raises Refused."""
+    try:
+        return records.read(path)
+    except NoRecord as error:
+        raise _refused(error) from error
+
+
+def _refused(error: NoRecord) -> Refused:
+    return Refused(messages.text(error.said, speech.spoken.get()))
+
+
+def _say(key: str, **values: object) -> str:
+    return messages.text(messages.said(f"records.{key}", **values), speech.spoken.get())
+
+
+def _facts(found: Record) -> list[dict[str, Any]]:
+    return [
+        {"name": name, "unit": one.unit, "meaning": one.meaning, "type": str(one.values.dtype)}
+        for name, one in found.columns.items()
+    ]
+
+
+def _apart(found: records.Comparison, first: Record) -> str:
+    """Where they are first apart."""
+    one = found.first
+    if one is None:
+        return _say("lengths", rows=found.rows, a=found.lengths[0], b=found.lengths[1])
+    line = first.columns["line"].values[one.first] if "line" in first.columns else None
+    at = _say("in_line", line=int(line)) if line is not None else ""
+    time_s = one.first * first.period_s
+    return _say("apart", row=one.first, time=time_s, at=at, name=one.name, largest=one.largest, unit=one.unit)
+
+
+def _table(columns: tuple[Apart, ...], first: Record, second: Record) -> Table:
+    table = Table(title=f"{first.kind}, {first.rows}; {second.kind}, {second.rows}", title_justify="left")
+    table.add_column(_say("column"))
+    for head in ("largest", "at", "first"):
+        table.add_column(_say(head), justify="right")
+    for one in columns:
+        largest = f"{one.largest:.6g} {one.unit}".strip() if one.largest else "0"
+        where = f"{one.row}" if one.largest else ""
+        table.add_row(one.name, largest, where, f"{one.first}" if one.first >= 0 else "")
+    return table

@@ -1,0 +1,126 @@
+"""Threads: G33, G33.1 and the rigid G74 and G84. The spindle's angle leads the axis along the tool.
+
+    the spindle stands; down as it turns; both stand at the bottom; back as it turns back; it turns again
+
+The spindle starts from rest together with the axis, so that the first turn is cut as the last one, and a
+second pass finds the first. It needs a spindle that tells its position (``position`` in [spindle]).
+"""
+
+from __future__ import annotations
+
+import math
+
+from controller.program.cycle_way import PLANES, Way
+from controller.program.modal import Cycle, State
+from controller.program.offset_words import Here
+from controller.program.program import Block, Targets, Tip
+from controller.program.words import Word
+
+CODES = ("G33", "G33.1")
+PITCH_MM = (0.01, 100.0)
+MAX_RETURN = 10.0  # I of G33.1: how much faster than down the way up may be
+_NONE = "no spindle here tells its angle: write position in [spindle] of the machine file, or mill the thread"
+
+
+def is_rigid(here: Here) -> bool:
+    """Whether the spindle tells the angle that a tap follows."""
+    spindle = here.machine.spindle
+    return spindle is not None and spindle.position is not None
+
+
+def blocks(here: Here, code: str, word: Word) -> tuple[list[Block], State]:
+    """The moves of G33 (one way) or G33.1 (there and back), and the state after them."""
+    normal = PLANES[here.state.modal.plane][2]
+    _check(here, code, word, "XYZ"[normal])
+    pitch = _pitch_mm(here, code, word)
+    way = Way(here, here.ask.place(word), here.state.feed_of_pitch(pitch), _no_targets(here))
+    (now,) = here.known(word, here.position.in_frame(here.state.modal)[normal : normal + 1], code)
+    target = here.length_mm("XYZ"[normal]) or 0.0
+    if not here.state.absolute:
+        target += now
+    if abs(target - now) < PITCH_MM[0]:
+        raise here.ask.refusal(word, f"{code} goes nowhere: it is at this height already; correct it")
+    turned = here.state.turning / pitch
+    way.spindle(0.0)
+    if code == "G33":
+        way.thread(target, turned, begin_rev=0.0 if target < now else None)
+    else:
+        way.thread(target, turned)
+        way.thread(now, -turned, begin_rev=None, faster=_faster(here))
+    way.spindle(1.0)
+    return way.made, here.state
+
+
+def _no_targets(here: Here) -> Targets:
+    return (None,) * len(here.machine.axes)
+
+
+def _check(here: Here, code: str, word: Word, height: str) -> None:
+    ask, state = here.ask, here.state
+    why = ""
+    if not is_rigid(here):
+        raise ask.refusal(word, f"{code}: {_NONE}")
+    if height not in ask.words:
+        why = f"without {height}, where it leads; write it"
+    elif state.turning == 0 or not state.speed_rev_min:
+        why = "while the spindle stands; write S and M3 or M4 before it"
+    elif state.modal.tip is not Tip.OFF:
+        why = "under tool-centre control (G43.4, G43.5); write G49 before it"
+    elif state.side != "G40":
+        why = f"under {state.side}; write G40 before it"
+    elif others := [letter for letter in "XYZ" if letter != height and letter in ask.words]:
+        why = f"beside {others[0]}: a thread goes along {height} alone; write a line of its own for that"
+    if why:
+        raise ask.refusal(word, f"{code} stands {why}")
+
+
+def _pitch_mm(here: Here, code: str, word: Word) -> float:
+    given = here.ask.words.get("K")
+    pitch = here.length_mm("K")
+    if given is None or pitch is None:
+        raise here.ask.refusal(
+            word, f"{code} has no K, the pitch: the way of a turn; write it, such as K1.25"
+        )
+    check_pitch(here, given, pitch)
+    return pitch
+
+
+def check_pitch(here: Here, word: Word, pitch: float) -> None:
+    """Raises ProgramError for what is no pitch."""
+    low, high = PITCH_MM
+    if not low <= pitch <= high:
+        raise here.ask.refusal(
+            word, f"{word.text} makes a pitch of {pitch:.6g} mm: {low:g} to {high:g} mm are; correct it"
+        )
+
+
+def _faster(here: Here) -> float:
+    """I of G33.1: so many times as fast back as down, at most as fast as the spindle turns."""
+    word, spindle = here.ask.words.get("I"), here.machine.spindle
+    if word is None or spindle is None:
+        return 1.0
+    most = min(MAX_RETURN, spindle.max_rev_min / here.state.speed_rev_min)
+    if not 0.0 < word.value <= most:
+        raise here.ask.refusal(
+            word,
+            f"{word.text} is how much faster it comes back: above 0, up to {most:.4g}; correct it",
+        )
+    return word.value
+
+
+def tap(way: Way, cycle: Cycle, clearance: float, bottom: float) -> None:
+    """G74 and G84: F over S is the pitch; with Q in pecks, each out to R, all in one thread."""
+    rev_s = abs(way.here.state.modal.spindle_rev_min) / 60.0
+    ask, turning = way.here.ask, way.here.state.turning
+    check_pitch(way.here, ask.words.get("F") or ask.line.words[0], way.feed / rev_s)
+    turned = turning * rev_s / way.feed
+    depth = cycle.depth or math.inf
+    height = clearance
+    way.spindle(0.0)
+    while height > bottom:
+        height = max(height - depth, bottom)
+        way.thread(height, turned)
+        if height == bottom:
+            way.wait(cycle.seconds)
+        way.thread(clearance, -turned, begin_rev=None)
+    way.spindle(1.0)

@@ -1,0 +1,299 @@
+"""The path tied to the spindle's angle, along a thread: the axes go where the spindle has turned to.
+
+A thread's law s(t) is the plan's, as of any motion. Here it leads the *spindle*, and the axes follow
+what the spindle makes of it:
+
+    wanted     turns(s), so many revolutions from the thread's beginning
+    lag        e = wanted - actual, of the same SYNC: a setpoint of tick k is reached at SYNC k + 2, the
+               angle that tick k reads was sampled at SYNC k - 1, so it answers the place of tick k - 3
+    spindle    turns at d/dt wanted + gain e, and as much faster as it slips and lags, which is measured
+    axes       at s - e / (turns per mm), with e as it will be when they are there; and as much further on
+               as their drives lag, which is measured
+
+So a spindle that lags, slips, stalls or is braked takes the axes along, as fast as their limits let it;
+a hold or a stop on the path slows the law down, and both come to rest on the thread. At rest e is worked
+off by the spindle alone, down to ``SETTLED_REV``; only then the clock goes past the end of the motion.
+
+Nothing here allocates what stays, or raises.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any, Protocol
+
+from controller.machine.kinematics import Kinematics
+from controller.machine.model import Joints, Machine
+from controller.motion.motions import ThreadMove
+
+# Of an alpha-beta filter over e and its rate: critically damped, some three ticks.
+STILL_TOLD = (0.0, 0.0)
+ALPHA = 0.4
+BETA = ALPHA * ALPHA / (2.0 - ALPHA)
+REMEMBERS = 0.998  # of the sums by which the spindle's answer is learnt, from tick to tick
+SURE_SPEED, SURE_ACCELERATION = 10.0, 200.0  # (rev/s)^2, (rev/s^2)^2: below them little is believed
+MAX_SLIP, MAX_LAG_S = 0.2, 0.1
+EVEN = 0.1  # rev/s^2: an even speed
+SETTLED_REV = 0.002  # of e at rest, and ...
+SETTLED_COUNTS = 2.0  # ... not below what the encoder can tell
+SETTLED_TICKS = 4  # in a row
+LATE_S = 3.0  # not settled by then: it is lost as one that lags
+CLOSING_REV_S = 0.1  # a lag beyond the window that shrinks by so much is on its way back
+PATIENCE_S = 0.2  # for one that does neither
+TEACHES_REV = 0.2  # a spindle that is further off is hindered, and teaches nothing
+DEAF_SYNCS = 5  # without a position: the thread is left to nobody's guess
+FASTER = 1.2  # than the law asks for: what the loop may add to catch up, and in any case ...
+LEAST_REV_S = 1.0  # ... so much
+LEARNS_S = 1e-5  # of the axes' lag, in a tick: what is learnt on the thread comes without a jerk
+STILL = 1e-9  # of s between two ticks: the law stands
+STILL_MM = 5e-4  # of the axes at rest: what the encoder's last count does moves no axis
+
+
+class Turning(Protocol):
+    """What is needed of ``drives.cyclic.spindle``."""
+
+    turns: float
+    unheard: int
+    load: float
+
+    def lead(self, rev_s: float, /) -> None: ...
+
+
+class Reply:
+    """How the spindle answers: told - actual = ``slip`` speed + ``lag_s`` acceleration, the best of late.
+
+    Each is learnt where the other does not hide it, and forgotten only by what is learnt anew.
+    """
+
+    def __init__(self) -> None:
+        self.slip = self.lag_s = 0.0
+        self._speeds, self._accelerations = [0.0, SURE_SPEED], [0.0, SURE_ACCELERATION]  # sums of x y, x x
+
+    def learn(self, speed: float, acceleration: float, less: float) -> None:
+        """One tick: told ``speed`` (rev/s), its ``acceleration``, and ``less`` came of it by so much."""
+        if acceleration == 0.0 and abs(less) < 1.5 * MAX_SLIP * abs(speed):  # else it is stuck, or starts
+            self.slip = max(-MAX_SLIP, min(MAX_SLIP, _learnt(self._speeds, speed, less)))
+        less -= self.slip * speed
+        if acceleration != 0.0 and abs(less) < 1.5 * MAX_LAG_S * abs(acceleration):
+            self.lag_s = max(0.0, min(MAX_LAG_S, _learnt(self._accelerations, acceleration, less)))
+
+
+def _learnt(sums: list[float], x: float, y: float) -> float:
+    """The slope of the best line through 0, once another point has come."""
+    sums[0] = REMEMBERS * sums[0] + x * y
+    sums[1] = REMEMBERS * sums[1] + x * x
+    return sums[0] / sums[1]
+
+
+class Coupling:
+    """The tie.
+
+    Read: ``active``, ``rev_s`` (the spindle is led at), ``lag_rev`` (e), ``off_mm`` (of the axes),
+    ``depth_rev`` and ``pitch_mm`` of the thread that the tool is in, 0 where it is in none; ``led_mm`` (from
+    the law's place to that of the axes), ``settled`` (both stand where the thread's motion ends).
+    """
+
+    def __init__(self, machine: Machine, spindle: Turning | None, drives: Sequence[Any] = ()) -> None:
+        told = machine.spindle.position if machine.spindle is not None else None
+        self._period_s = machine.period_s
+        self._spindle = spindle if told is not None else None
+        self._drives = drives
+        self._linear = machine.linear()
+        self._gain = told.gain_per_s if told is not None else 0.0
+        self._most_lag = told.most_lag_rev if told is not None else math.inf
+        counts = abs(told.counts_per_rev) if told is not None else 1.0
+        self._near = max(SETTLED_REV, SETTLED_COUNTS / counts)
+        self._most_late = round(LATE_S / machine.period_s)
+        self.active = self.releasing = self.settled = False
+        self.move: ThreadMove | None = None
+        self.rev_s = self.lag_rev = self.off_mm = 0.0
+        self.depth_rev = self.pitch_mm = self.led_mm = 0.0
+        self.again: tuple[float, bool] | None = None  # of a run that is made again: led_mm, settled
+        self._s = self._zero = self._rate = self._step_mm = self._axis_s = 0.0
+        self._wanted = (0.0, 0.0, 0.0, 0.0)  # revolutions, of this tick and the three before
+        self._told = (STILL_TOLD, STILL_TOLD, STILL_TOLD)  # speed and acceleration, of the three ticks before
+        self._turned = 0.0  # revolutions, as heard last
+        self.reply = Reply()
+        self._settled = self._late = self._beyond = 0  # ticks
+        self._most_beyond = round(PATIENCE_S / machine.period_s)
+
+    # -- what others ask
+
+    def look(self) -> None:
+        """Before a tick: whether it has settled; where the axes leave the thread, nothing is off any more."""
+        if self.again is not None:
+            self.settled = self.again[1]
+            return
+        off = self.releasing and not self.off_mm == self._step_mm == 0.0
+        self.settled = self.active and self._settled >= SETTLED_TICKS and not off
+
+    @property
+    def lags(self) -> bool:
+        """Whether the spindle is so far behind, or so slow to settle, that it is not where it was told."""
+        return self.active and (self._beyond > self._most_beyond or self._late > self._most_late)
+
+    @property
+    def deaf(self) -> bool:
+        return self.active and self._spindle is not None and self._spindle.unheard > DEAF_SYNCS
+
+    @property
+    def turns(self) -> float:
+        """Revolutions that the spindle has made, where it tells them."""
+        return 0.0 if self._spindle is None else self._spindle.turns
+
+    @property
+    def load(self) -> float:
+        """Share of the spindle's rated torque, where it tells it."""
+        return 0.0 if self._spindle is None else self._spindle.load
+
+    def end(self) -> None:
+        """The spindle is its own again; where the tool is in a thread stays known."""
+        self.active = self.releasing = False
+        self.move = None
+        self.rev_s = self.lag_rev = self.off_mm = self._rate = self._step_mm = self.led_mm = 0.0
+
+    def stood(self) -> None:
+        """The axes have stood meanwhile."""
+        self._step_mm = 0.0
+
+    def save(self) -> tuple[Any, ...]:
+        return (
+            *(self.active, self.releasing, self.move, self._s, self._zero, self.lag_rev, self._rate),
+            *(self.off_mm, self._step_mm, self.rev_s, self._wanted, self._settled, self._late),
+            *(self._told, self._turned, self.led_mm),
+        )
+
+    def restore(self, saved: tuple[Any, ...]) -> None:
+        self.active, self.releasing, self.move, self._s, self._zero, self.lag_rev, self._rate = saved[:7]
+        self.off_mm, self._step_mm, self.rev_s, self._wanted, self._settled, self._late = saved[7:13]
+        self._told, self._turned, self.led_mm = saved[13:]
+
+    def lead(self) -> None:
+        """Tells the spindle how fast to turn until the next tick."""
+        if self.active and self._spindle is not None:
+            self._spindle.lead(self.rev_s)
+
+    def place(self, move: ThreadMove, s: float) -> float:
+        """Where along ``move`` the axes are now, when the law is at ``s``: for a queue that goes on here."""
+        return s + self.led_mm if self.active else s
+
+    # -- every tick
+
+    def follow(self, move: ThreadMove, s: float, v: float, a: float) -> float:
+        """One tick: the law is at ``s`` (mm), ``v``, ``a`` of it; where along ``move`` the axes are to go."""
+        spindle = self._spindle
+        if spindle is None:
+            return s
+        wanted = move.begin_rev + move.rev_per_mm * s
+        if not self.active:
+            self._begin(move, wanted, spindle.turns)
+        if self.move is not None and move is not self.move:  # the same angle is so much of the other way
+            turned = self.move.rev_per_mm / move.rev_per_mm
+            self.off_mm, self._step_mm = turned * self.off_mm, turned * self._step_mm
+        stands = move is self.move and -STILL < s - self._s < STILL
+        self.move, self._s = move, s
+        now, before, earlier, answered = wanted, *self._wanted[:3]
+        self._wanted = (now, before, earlier, answered)
+        self._measure(answered - (spindle.turns - self._zero), spindle.turns, spindle.unheard)
+        self._watch()
+        self._lead(wanted - before, wanted - 2.0 * before + earlier, stands)
+        self.depth_rev, self.pitch_mm = wanted, 1.0 / move.rev_per_mm
+        if self.again is not None:
+            self.led_mm = self.again[0]
+        else:
+            self.led_mm = self._led(move, v, a, stands)
+        return s + self.led_mm
+
+    def stay(self, joints: Joints, kinematics: Kinematics) -> Joints:
+        """One tick at rest on the thread: the axes follow what the spindle still turns."""
+        move = self.move
+        if move is None:
+            return joints
+        found = move.joints(self.follow(move, self._s, 0.0, 0.0), (0.0, 0.0), kinematics)
+        return joints if found is None else found
+
+    def _begin(self, move: ThreadMove, wanted: float, turns: float) -> None:
+        self.active, self.releasing, self.move = True, False, move
+        self._zero = turns - wanted
+        self._wanted = (wanted, wanted, wanted, wanted)
+        self.lag_rev = self._rate = self.off_mm = self._step_mm = 0.0
+        self._settled = self._late = self._beyond = 0
+        self._told, self._turned = (STILL_TOLD, STILL_TOLD, STILL_TOLD), turns
+        self._axis_s = self._axes_lag_s(move)
+
+    def _axes_lag_s(self, move: ThreadMove) -> float:
+        drives, x, y, z = self._drives, *move.direction
+        if not drives:
+            return 0.0
+        lags = [drives[i].following_error.lag_s for i in self._linear]
+        return float(x * x * lags[0] + y * y * lags[1] + z * z * lags[2])
+
+    def _measure(self, lag: float, turns: float, unheard: int) -> None:
+        """Filters e; where no position has come it goes on as it did."""
+        T = self._period_s
+        turned, self._turned = (turns - self._turned) / T, turns
+        speed, acceleration = self._told[2]
+        if unheard <= 1 and speed != 0.0 and -TEACHES_REV < self.lag_rev < TEACHES_REV:
+            self.reply.learn(speed, acceleration, speed - turned)
+        self.lag_rev += self._rate * T
+        if unheard <= 1:
+            off = lag - self.lag_rev
+            self.lag_rev += ALPHA * off
+            self._rate += BETA / T * off
+
+    def _watch(self) -> None:
+        """Beyond the window: at once if it falls back further, after a while if it does not catch up."""
+        lag = self.lag_rev
+        if -self._most_lag <= lag <= self._most_lag:
+            self._beyond = 0
+            return
+        away = self._rate if lag > 0.0 else -self._rate
+        if away > CLOSING_REV_S:
+            self._beyond = self._most_beyond + 1
+        elif away > -CLOSING_REV_S:
+            self._beyond += 1
+
+    def _lead(self, turned: float, bent: float, stands: bool) -> None:
+        """How fast the spindle is to turn, and whether it has come to where the law stands."""
+        T, reply = self._period_s, self.reply
+        asked, acceleration = turned / T, bent / (T * T)
+        if -EVEN < acceleration < EVEN:
+            acceleration = 0.0
+        most = (FASTER - 1.0) * abs(asked) + LEAST_REV_S
+        added = max(-most, min(most, self._gain * self.lag_rev))
+        self.rev_s = asked * (1.0 + reply.slip) + reply.lag_s * acceleration + added
+        self._told = ((self.rev_s, acceleration), *self._told[:2])
+        if not stands:
+            self._settled = self._late = 0
+        elif abs(self.lag_rev) <= self._near:
+            self._settled += 1
+            self._late = 0
+        else:
+            self._settled = 0
+            self._late += 1
+
+    def _led(self, move: ThreadMove, v: float, a: float, stands: bool) -> float:
+        """How far from the law's place the axes are to go (mm)."""
+        T, measured_s = self._period_s, self._axes_lag_s(move)
+        self._axis_s = axis_s = max(self._axis_s - LEARNS_S, min(self._axis_s + LEARNS_S, measured_s))
+        ahead_s = 3.0 * T + axis_s
+        off = (self.lag_rev + self._rate * ahead_s) / move.rev_per_mm
+        if self.releasing and self._settled >= SETTLED_TICKS:
+            off = 0.0
+        elif stands and abs(off - self.off_mm) < STILL_MM and self._step_mm == 0.0:
+            off = self.off_mm
+        self._approach(off, move.give_mm_s2 * T * T, move.give_mm_s * T)
+        return axis_s * (v + 0.5 * axis_s * a) - self.off_mm
+
+    def _approach(self, off: float, bend: float, most: float) -> None:
+        """``off_mm`` one tick nearer to ``off``: no step bends by more than ``bend``, and it can stop."""
+        gap = off - self.off_mm
+        if -bend <= gap - self._step_mm <= bend and -most <= gap <= most:
+            step = gap
+        else:
+            # n steps of bend, 2 bend .. n bend stop within n (n + 1) / 2 bend.
+            far = 0.5 * (math.sqrt(1.0 + 8.0 * abs(gap) / bend) - 1.0) * bend
+            step = math.copysign(min(far, most), gap)
+        self._step_mm = max(self._step_mm - bend, min(self._step_mm + bend, step))
+        self.off_mm = off if step == gap == self._step_mm else self.off_mm + self._step_mm

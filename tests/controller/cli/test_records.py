@@ -1,0 +1,157 @@
+"""``directrix export`` and ``compare``: columns with units for others' tools, and two recordings apart."""
+
+from __future__ import annotations
+
+import json
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from controller.__main__ import app
+from controller.machine import machine_file
+from controller.runtime import records
+from controller.state.live_state import COLUMN, ROW
+from controller.verify import trace as traces
+
+RUNS = Path(__file__).parents[2] / "data" / "runs"
+PROGRAM = "G21 G90 G54\nT2 M6\nG0 X5. Y-3. Z100.\nG1 X0. A4. F2000.\nM30\n"
+
+parquet = pytest.importorskip("pyarrow.parquet")
+
+
+def told(*words: object) -> tuple[int, dict]:
+    done = CliRunner().invoke(app, [*map(str, words), "--json"])
+    return done.exit_code, json.loads(done.stdout)
+
+
+@pytest.fixture(scope="module")
+def trace(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("trace")
+    (folder / "part.ngc").write_text(PROGRAM)
+    words = ["simulate", folder / "part.ngc", "--trace", folder / "t.npz", "--store", folder]
+    assert told(*words)[0] == 0
+    return folder / "t.npz"
+
+
+@pytest.fixture
+def fault(tmp_path: Path) -> Path:
+    """A folder as a fault leaves it, with rows of the recorder."""
+    machine, folder = machine_file.load("trunnion"), tmp_path / "fault"
+    rows = np.random.default_rng(1).normal(size=(40, len(ROW)))
+    rows[:, COLUMN["tick"]], rows[:, COLUMN["line"]] = np.arange(40.0), 7.0
+    rows[:, COLUMN["mode"]] = 2.0
+    for name in ROW:
+        if name.startswith("setpoint_") or name in ("fault", "motion_id", "limited_by", "switches"):
+            rows[:, COLUMN[name]] = np.round(100.0 * rows[:, COLUMN[name]])
+        if name in ("cutting", "sync_sent"):
+            rows[:, COLUMN[name]] = rows[:, COLUMN[name]] > 0.0
+        if name in ("accepted", "request"):
+            rows[:, COLUMN[name]] = 0.0
+    folder.mkdir()
+    with open(folder / "trace.npz", "wb") as file:
+        np.savez_compressed(
+            file, columns=np.array(ROW), rows=rows, machine=np.array(machine.text), period_s=machine.period_s
+        )
+    return folder
+
+
+def test_another_tool_reads_columns_units_and_meanings(trace: Path, tmp_path: Path) -> None:
+    out = tmp_path / "t.parquet"
+    code, found = told("export", trace, out)
+    assert code == 0 and found["kind"] == "trace"
+    table, source = parquet.read_table(out), traces.load(trace)
+    units = {field.name: field.metadata[b"unit"].decode() for field in table.schema}
+    assert units["joint_command.X"] == units["actual.Z"] == "mm" and units["joint_command.A"] == "deg"
+    assert units["setpoint.C"] == "counts" and units["feed_mm_s"] == "mm/s" and units["time_s"] == "s"
+    assert all(field.metadata[b"meaning"] for field in table.schema)
+    assert float(table.schema.metadata[b"directrix.period_s"]) == source.period_s
+    for i, axis in enumerate(source.axes):
+        assert table[f"joint_command.{axis}"].to_numpy().tobytes() == source.joint_command[:, i].tobytes()
+        assert np.array_equal(table[f"setpoint.{axis}"].to_numpy(), source.joint_setpoint[:, i])
+
+
+def test_simulate_writes_it_itself(trace: Path, tmp_path: Path) -> None:
+    out = tmp_path / "t.parquet"
+    code, _ = told("simulate", trace.parent / "part.ngc", "--trace", out, "--store", tmp_path)
+    assert code == 0
+    code, found = told("compare", trace, out)
+    assert code == 0 and found["lengths"][0] == found["lengths"][1] > 100
+    assert all(one["largest"] == 0.0 for one in found["columns"])
+
+
+def test_a_recording_of_a_fault_has_the_units_of_the_live_state(fault: Path, tmp_path: Path) -> None:
+    code, found = told("export", fault, tmp_path / "f.parquet")
+    columns = {one["name"]: one for one in found["columns"]}
+    assert code == 0 and found["kind"] == "recording" and found["rows"] == 40
+    assert columns["joint_command.X"]["unit"] == "mm" and columns["actual.A"]["unit"] == "rad"
+    assert columns["cutting"]["type"] == "bool" and columns["line"]["type"] == "int64"
+    clock = {"name": "plan_time_s", "unit": "s", "meaning": "the path clock", "type": "float64"}
+    assert columns["plan_time_s"] == clock
+    again = records.read(tmp_path / "f.parquet")
+    source = records.read(fault)
+    assert again.machine == source.machine and again.period_s == source.period_s
+    for name, column in source.columns.items():
+        assert again.columns[name].values.tobytes() == column.values.tobytes(), name
+        assert again.columns[name][1:] == column[1:]
+
+
+def test_every_shipped_record_of_a_run_is_read(tmp_path: Path) -> None:
+    for folder in sorted(RUNS.iterdir()):
+        found = records.read(folder)
+        assert found.kind == "run" and found.rows > 10 and "setpoint.X" in found.columns
+        records.write(found, tmp_path / "r.parquet")
+        assert records.compare(found, records.read(tmp_path / "r.parquet")).is_same
+
+
+def moved(trace: Path, out: Path, row: int, by: float) -> Path:
+    source = traces.load(trace)
+    joints = source.joint_actual.copy()
+    joints[row:, 1] += by
+    replace(source, joint_actual=joints).save(out)
+    return out
+
+
+def test_what_is_apart_is_told_with_row_and_column(trace: Path, tmp_path: Path) -> None:
+    other = moved(trace, tmp_path / "o.npz", 123, 0.004)
+    code, found = told("compare", trace, other)
+    apart = {one["name"]: one for one in found["columns"] if one["first"] >= 0}
+    assert code == 1 and set(apart) == {"actual.Y"}
+    assert apart["actual.Y"]["first"] == 123 and apart["actual.Y"]["largest"] == pytest.approx(0.004)
+    assert "row 123" in found["error"] and "actual.Y" in found["error"] and "line" in found["error"]
+    assert told("compare", trace, other, "--tolerance", "0.005")[0] == 0
+    assert told("compare", other, other)[0] == 0
+
+
+def test_a_run_is_held_beside_a_trace_by_its_setpoints(trace: Path, fault: Path) -> None:
+    a, b = records.read(trace), records.read(fault)
+    found = records.compare(a, b)
+    named = {one.name for one in found.columns}
+    assert {"setpoint.X", "actual.A", "line"} <= named and "tool_tip.X" in found.only[0]
+    x = np.degrees(b.columns["actual.A"].values)
+    off = np.abs(a.columns["actual.A"].values[: found.rows] - x)
+    assert next(one for one in found.columns if one.name == "actual.A").largest == pytest.approx(off.max())
+
+
+def test_lengths_periods_and_what_is_no_recording_are_one_sentence(
+    trace: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    source = traces.load(trace)
+    rows = {n: getattr(source, n)[:-3] for n in source.__dataclass_fields__ if n in records.OF_TRACE}
+    replace(source, **rows).save(tmp_path / "short.npz")
+    replace(source, period_s=0.004).save(tmp_path / "slow.npz")
+    (tmp_path / "text.npz").write_text("no zip")
+    code, short = told("compare", trace, tmp_path / "short.npz")
+    assert code == 1 and str(len(source.time_s) - 3) in short["error"]
+    assert "other periods" in told("compare", trace, tmp_path / "slow.npz")[1]["error"]
+    assert "cannot be read" in told("compare", trace, tmp_path / "text.npz")[1]["error"]
+    assert "neither" in told("compare", tmp_path, trace)[1]["error"]
+    assert "ends with .parquet" in told("export", trace, tmp_path / "t.csv")[1]["error"]
+    code, german = told("compare", trace, tmp_path / "slow.npz", "--language", "de")
+    assert code == 1 and "verschiedene Takte" in german["error"]
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    for words in (("export", trace, tmp_path / "t.parquet"), ("compare", trace, tmp_path / "t.parquet")):
+        assert "directrix[recordings]" in told(*words)[1]["error"]
