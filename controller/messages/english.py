@@ -468,6 +468,11 @@ REFUSALS = {
     "Free space on the disk, or confirm that it runs unrecorded.",
     "worn": "{program} is not started: the tool in the spindle, T{number}, is worn ({cut:.1f} min of cut, "
     "{parts} parts). Change it and say that it is new, or confirm that it cuts on.",
+    "in_thread": "The tool stands in a thread, {depth:.2f} mm deep at a pitch of {pitch:g} mm (line {line}): "
+    "withdraw it first, or say that it is out.",
+    "not_in_thread": "The tool stands in no thread: there is nothing to withdraw.",
+    "thread_unknown": "How the tool stands in its thread could not be read: turn it out by hand, then say "
+    "that it is out.",
     "tool_worn": "T{number} is worn ({cut:.1f} min of cut, {parts} parts): change it and say that it is new.",
     "maintenance_due": "Maintenance is due: {name} (every {every:g} {unit}). Do it, and say that it is done.",
     "no_counter": "counter {counter}: there is none; allowed are {allowed}.",

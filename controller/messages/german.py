@@ -485,6 +485,11 @@ REFUSALS = {
     "worn": "{program} ist nicht gestartet: Das Werkzeug in der Spindel, T{number}, ist verschlissen "
     "({cut:.1f} min im Schnitt, {parts} Teile). Es wechseln und als neu melden oder bestätigen, dass es "
     "weiter schneidet.",
+    "in_thread": "Das Werkzeug steht in einem Gewinde, {depth:.2f} mm tief bei {pitch:g} mm Steigung "
+    "(Zeile {line}): zuerst herausdrehen, oder melden, dass es draußen ist.",
+    "not_in_thread": "Das Werkzeug steht in keinem Gewinde: Es gibt nichts herauszudrehen.",
+    "thread_unknown": "Wie das Werkzeug im Gewinde steht, war nicht zu lesen: von Hand herausdrehen, dann "
+    "melden, dass es draußen ist.",
     "tool_worn": "T{number} ist verschlissen ({cut:.1f} min im Schnitt, {parts} Teile): wechseln und als neu "
     "melden.",
     "maintenance_due": "Wartung ist fällig: {name} (alle {every:g} {unit}). Ausführen und "

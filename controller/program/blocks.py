@@ -60,7 +60,6 @@ from controller.program.codes import (
 )
 from controller.program.decoding import Bytes
 from controller.program.flow import Limits
-from controller.program.functions import Functions
 from controller.program.given import Given
 from controller.program.line import CommonRun, Upcoming
 from controller.program.modal import TIPS, State
@@ -132,7 +131,7 @@ def stream(
     parameters = Parameters(given, machine.parameters, machine.kept, system)
     limits = Limits(machine.call_levels, machine.program_passes)
     common = CommonLines(machine, given)
-    read = words.read(text, name, block_delete, parameters, limits, files, refused, common.short)
+    read = words.read(text, name, block_delete, parameters, limits, files, refused, common.take)
     if remark is not None:
         yield Remark(remark[0], given.state.modal, remark[1])
     made = _blocks(Upcoming(read), machine, given, common, refused)
@@ -146,9 +145,9 @@ def _blocks(
     given: Given,
     common: CommonLines,
     refused: list[ProgramError] | None = None,
-) -> Iterator[Sequence[Block]]:
+) -> Iterator[CommonRun | Sequence[Block]]:
     """Blocks of lines; ``given`` has the state and the position between two of them."""
-    saved, functions = Saved(machine), Functions(common)
+    saved, functions = Saved(machine), common.functions
     for line in ahead.items:
         if ahead.told:
             yield _said(ahead.told, given.state)
