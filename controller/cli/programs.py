@@ -283,6 +283,8 @@ def simulate(
         Literal["program", "home"], typer.Option("--faults-from", help="What its times count from.")
     ] = "program",
     plot: Annotated[Path | None, typer.Option("--plot", help="Draw the cut (.png).")] = None,
+    part: Annotated[Path | None, typer.Option("--part", help="What a probe can touch (.toml).")] = None,
+    touches: Annotated[Path | None, typer.Option("--touches", help="Where it has touched (.csv).")] = None,
     store: Store = None,
     unchecked: Unchecked = False,
     as_json: Json = False,
@@ -293,6 +295,7 @@ def simulate(
     memory.keep_freed()
     memory.collect_rarely()
     from controller.cli import fault_runs, recorded_runs
+    from controller.runtime import simulated_probe, touch_table
     from controller.runtime.stepped import SteppedMachine
     from controller.verify import trace as traces
 
@@ -304,7 +307,7 @@ def simulate(
         planned_events = event_files.read(events) if events and record is None else ()
         made = record.machine if record is not None else made
         task = _task(program, made, block_delete)
-        _writable(trace_file, plot)
+        _writable(trace_file, plot, touches)
         if trace_file and trace_file.suffix == records.PARQUET:
             records.needed()
         kept = None if unchecked else _kept(task, store, as_json)
@@ -316,7 +319,8 @@ def simulate(
             )
         if not as_json:
             _show_notes(walk.notes, task)
-        bench = SteppedMachine(made, recordings=recording.folder())
+        touched = simulated_probe.load(part, made) if part is not None else None
+        bench = SteppedMachine(made, recordings=recording.folder(), bench=touched)
         under = fault_runs.FaultRun(bench, script, faults_from)
         under.come_up()
         if record is not None:
@@ -342,6 +346,8 @@ def simulate(
         if script is not None and not as_json:
             fault_runs.show(figures["faults"])
         _write(trace, made, stretches, trace_file, plot)
+        if touches is not None:
+            touch_table.write(touches, bench.planner.touches, made)
         if record is not None:  # a fault that comes again is what was asked for
             _end("Made again as it was recorded", {**figures, **record.judge(run)}, as_json)
             return

@@ -190,7 +190,7 @@ class Probing:
         return -1
 
     def _stored(self, i: int, latch: Latch, sensing: Sensing) -> bool:
-        """Whether a drive has stored this edge; one that was just where the last one was is not told again."""
+        """Whether a drive has stored this edge; one just where the last one was is not told again."""
         before, after = self._around(sensing)
         low, high = (before[i], after[i]) if before[i] < after[i] else (after[i], before[i])
         return latch.touched or low - MOVES_COUNTS <= latch.position <= high + MOVES_COUNTS

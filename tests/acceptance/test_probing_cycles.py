@@ -12,7 +12,7 @@ from tests.acceptance.test_probing import told
 from tests.support.machines import probing_machine
 from tests.support.suite.seed import SEED
 
-HEAD = "G21 G90 G54\nT99 M6\nG43 H99\n"
+HEAD = "G21 G90 G54\nT99 M6\nG43 H99\n#<_probe_feed>=900\n#<_probe_slow>=200\n"
 
 
 def cycle(text: str, part: str) -> probing_machine.Probed:
@@ -33,7 +33,8 @@ def block(low: tuple[float, float, float], high: tuple[float, float, float], kin
 
 
 def cylinder(x: float, y: float, z: float, radius: float, kind: str = "solid") -> str:
-    return f'[[{kind}]]\nkind = "cylinder"\ncentre_mm = [{x}, {y}, {z}]\nradius_mm = {radius}\nheight_mm = 85.0\n'
+    size = f"centre_mm = [{x}, {y}, {z}]\nradius_mm = {radius}\nheight_mm = 85.0\n"
+    return f'[[{kind}]]\nkind = "cylinder"\n{size}'
 
 
 @pytest.mark.parametrize(("dx", "dy"), [(1, 0), (-1, 0), (0, 1), (0, -1)])
