@@ -203,7 +203,9 @@ class Planner:
     def _note_touch(self, came: Probed, behind: int) -> None:
         """What came of the probing before that unit, for those who measure."""
         way, pause = self._track.at(behind - 2), self._track.at(behind - 1)
-        if way is not None and pause is not None and isinstance(way.what, Stretch):
+        if way is None or pause is None:
+            return
+        if isinstance(way.what, Stretch) and isinstance(pause.what, Pause):
             places = [[q[i] for i in self._machine.linear()] for q in (way.what.start, way.what.end)]
             length = math.dist(*places)
             x, y, z = ((b - a) / length for a, b in zip(*places, strict=True))
