@@ -35,7 +35,7 @@ def tools(
     url: Url = remote.URL,
     as_json: Json = False,
 ) -> None:
-    """Show the tool table; write it, or take tools in: LinuxCNC's tool.tbl, or JSON with ISO 13399's names."""
+    """Show the tool table; write it, take tools in: LinuxCNC's tool.tbl, or JSON with ISO 13399's names."""
     with asked(url, as_json) as machine:
         rows = {int(number): row for number, row in machine.get("tools")["tools"].items()}
         if read is not None:

@@ -2,12 +2,12 @@
 
     T7 P7 D6.000000 Z52.400000 ;end mill 6 mm
 
-``tool.tbl`` has a line per tool: number, pocket, diameter, length, and behind ``;`` what the operator calls it.
+``tool.tbl`` has a line per tool: number, pocket, diameter, length, behind ``;`` what the operator calls it.
 
     {"tools": [{"number": 7, "description": "end mill", "DC": 6.0, "LF": 52.4, "APMX": 15.0, "RE": 0.5}]}
 
-DC is the cutting diameter, LF the functional length, APMX the length that cuts, RE the corner radius, all in mm;
-TAPER, the half angle of the flank in degrees, is our own. Rows are as the service tells them (``setup_data.tools_of``).
+DC is the cutting diameter, LF the functional length, APMX the length that cuts, RE the corner radius, mm;
+TAPER, the half angle of the flank in degrees, is our own. Rows are as ``setup_data.tools_of`` tells them.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ def _tool(line: str, where: str) -> dict[str, Any]:
     for letter in _OFFSETS:
         if values.get(letter):
             raise ConfigError(
-                f"{where}: {letter}{values[letter]:g} is an offset across the tool, which none has here; remove it."
+                f"{where}: {letter}{values[letter]:g} is an offset across the tool, none has one: remove it."
             )
     number, diameter = values.get("T", 0.0), values.get("D", 0.0)
     if not 1.0 <= number <= 99999.0 or number != math.floor(number):
@@ -140,7 +140,7 @@ def completed(rows: Iterable[Row], there: Mapping[int, Row], flute_mm: float | N
         known = row.get("flute_mm") or there.get(row["number"], {}).get("flute_mm") or flute_mm
         if known is None:
             raise ConfigError(
-                f"T{row['number']}: the file does not say the length that cuts, and the table has no such tool; "
+                f"T{row['number']}: the file does not say the length that cuts, and the table has it not; "
                 "give --flute, or APMX in JSON."
             )
         made.append({**row, "flute_mm": known})
@@ -162,9 +162,8 @@ def picture(row: Row) -> str:
     parts = [body, neck, *(_box(low, high, half, "holder") for low, high, half in above)]
     margin = 0.08 * max(top, 2.0 * wide)
     box = (-wide - margin, -top - margin, 2.0 * (wide + margin), top + 2.0 * margin)
-    title = escape(
-        f"T{row['number']} {row['name']}: D {2.0 * radius:g}, {flute:g} mm cut, length {row['length_mm']:g} mm"
-    )
+    measures = f"D {2.0 * radius:g}, {flute:g} mm cut, length {row['length_mm']:g} mm"
+    title = escape(f"T{row['number']} {row['name']}: {measures}")
     style = (
         ".cut{fill:#c9a227}.neck{fill:#9aa3ab}.holder{fill:#5b6670}"
         f"path{{stroke:#222;stroke-width:{0.004 * box[3]:.4g}}}"

@@ -62,13 +62,13 @@ async def set_tool(request: Request, number: ToolNumber, body: models.ToolValues
     "/tools/{number}/picture",
     dependencies=[needs(Role.VIEW)],
     response_class=Response,
-    responses={200: {"content": {"image/svg+xml": {}}}, **documented(401, 403, 404, 503)},
+    responses={200: {"content": {"image/svg+xml": {}}}, **documented(401, 403, 404, 422, 503)},
 )
 async def tool_picture(request: Request, number: ToolNumber) -> Response:
     """A tool's profile, to scale: what cuts, the neck above it, its holder."""
     rows = rows_by(await panel_of(request).door.ask("facts"), "tools", "number")
     if (row := rows.get(str(number))) is None:
-        raise Refusal.told(404, "missing", "no_tool", number=number)
+        raise Refusal.told(404, "missing", "not_in_table", number=number)
     return Response(tool_files.picture(row), media_type="image/svg+xml")
 
 
