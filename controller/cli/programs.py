@@ -169,6 +169,9 @@ def check(
     report: Annotated[
         Path | None, typer.Option("--report", metavar="FILE", help="Of a folder: write a page of it (.html).")
     ] = None,
+    plot: Annotated[
+        Path | None, typer.Option("--plot", help="Of a program: draw times, limits and travel (.png).")
+    ] = None,
     count: workers.Count = 0,
     cluster: workers.Cluster = "",
     as_json: Json = False,
@@ -185,6 +188,9 @@ def check(
         if program is None:
             machine_check.alone(made, sheets, as_json)
             return
+        if plot is not None and program.is_dir():
+            raise Refused(f"--plot {plot}: a picture is of one program; name one, or take --report.")
+        _writable(plot)
         with workers.spread(count, cluster) as spread:
             if program.is_dir():
                 place = store or stored.folder()
@@ -197,6 +203,10 @@ def check(
             task = _task(program, made, block_delete)
             rows = Rows()
             found, kept, warning = _checked(task, store, rows, as_json, spread)
+        if plot is not None:
+            from controller.verify import check_picture
+
+            check_picture.draw(found, rows.longest, f"{program.name} on {task.machine.name}", plot)
         if as_json:
             facts = {"ok": True, "program": str(program), "sheets": sheets, **found.to_dict()}
             key = None if warning else task.key
