@@ -43,6 +43,7 @@ FILES = {
     ),
     "client_lists": ("status", "upload", "runs", "alarms"),
     "offsets": ("offsets",),
+    "tools": ("tools",),
     "drives": ("drives",),
     "dnc": ("dnc",),
     "backup": ("backup",),
