@@ -60,7 +60,6 @@ from controller.program.codes import (
 )
 from controller.program.decoding import Bytes
 from controller.program.flow import Limits
-from controller.program.functions import Functions
 from controller.program.given import Given
 from controller.program.line import CommonRun, Upcoming
 from controller.program.modal import TIPS, State
@@ -148,7 +147,7 @@ def _blocks(
     refused: list[ProgramError] | None = None,
 ) -> Iterator[CommonRun | Sequence[Block]]:
     """Blocks of lines; ``given`` has the state and the position between two of them."""
-    saved, functions = Saved(machine), Functions(common)
+    saved, functions = Saved(machine), common.functions
     for line in ahead.items:
         if ahead.told:
             yield _said(ahead.told, given.state)

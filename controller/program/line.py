@@ -186,7 +186,7 @@ class Line:
 
 @dataclass(frozen=True, slots=True)
 class CommonRun:
-    """Common lines that follow each other: of one modal state but for its motion and F."""
+    """Common lines that follow each other: of one modal state but for motion, F, spindle and coolant."""
 
     blocks: list[Block]
 

@@ -15,6 +15,7 @@ from controller.geometry.vectors import Vector
 from controller.machine.model import STILL, Machine
 from controller.program import points
 from controller.program.arc_words import PLANES
+from controller.program.functions import MAX_STATES, Functions, any_of
 from controller.program.given import Given
 from controller.program.line import (
     AXES,
@@ -38,7 +39,6 @@ from controller.program.modal import FEEDS, State
 from controller.program.points import POINTLESS
 from controller.program.program import Block, JointArc, JointLine, Place, Targets, Tip, TipLine
 
-MAX_STATES = 1000  # that are remembered
 _SHORT = frozenset(("G0", "G1", "G2", "G3"))
 _MOTIONS: MappingProxyType[Part, str] = MappingProxyType(
     {key: f"G{k}" for k in range(4) for key in (str(k), f"0{k}", float(k))}
@@ -113,6 +113,7 @@ class CommonLines:
         self._turning = [PARTS[machine.axes[i].name] for i in machine.rotary()]
         self._points_count = points.count(machine)
         self._given = given
+        self.functions = Functions(self.one_of)
         self.rests = False  # while another line is carried out: what follows may belong to it
         self._ready = _Ready(given.state)  # the state that was seen last ...
         self._family = _Family()  # ... its family ...
@@ -127,18 +128,27 @@ class CommonLines:
         for number, raw in rows:
             found = find(raw)
             last = None if found is None else found.lastindex
-            if found is None or last is None or last > FEED + 1 or self.rests:
+            if found is None or last is None or self.rests:
                 if found is not None and last is None and raw.lstrip()[:1] not in ("N", "n"):
                     continue  # nothing but a comment
                 return number, raw, COMMON.fullmatch(raw)
             parts = found.groups()
+            if last > FEED + 1:
+                done = self.functions.done(parts, given.state, found, number)
+                if done is None or len(run) >= MAX_RUN - len(done[0]):
+                    return number, raw, found
+                run += done[0]
+                given.state = done[1]
+                now = self._seen()
+                continue
             code, feed = parts[MOTION], parts[FEED]
             at = MOTION if code is not None else AXES if parts[AXES] is not None else _first(parts)
             place = _new(Place, (number, found.start(at + 1), 0, ""))
             motion = now.motion if code is None else _MOTIONS[code]
-            ready = (
-                now if feed is None and motion == now.motion else self._family.by_words.get((motion, feed))
-            )
+            if feed is not None:
+                ready = self._family.by_words.get((motion, feed))
+            else:
+                ready = now if motion == now.motion else now.beside.get(motion)
             if (
                 ready is not None
                 and ready.is_line
@@ -291,11 +301,6 @@ class CommonLines:
     def _turns(self, parts: Sequence[Part]) -> bool:
         """Whether a rotary has a word."""
         return any([parts[i] is not None for i in self._turning])
-
-
-def any_of(values: Sequence[object]) -> bool:
-    """Whether one of them is there."""
-    return values.count(None) < len(values)
 
 
 def _time(parts: Sequence[Part]) -> float | None:

@@ -16,6 +16,7 @@ from controller.machine.kinematics import Kinematics, Pair, kinematics_of
 from controller.machine.model import Joints, Machine
 from controller.program.line import CommonRun
 from controller.program.program import (
+    Action,
     Block,
     CutCone,
     CutNurbs,
@@ -115,11 +116,14 @@ class Position:
 
     def take_run(self, run: CommonRun) -> None:
         """Go where common lines lead, which count all alike."""
-        first = run.blocks[0]
-        if isinstance(first, JointMotion) and _is_position(first):
-            self._put_off(cast(Sequence[JointMotion], run.blocks))
+        motions = [block for block in run.blocks if not isinstance(block, Action)]
+        if not motions:
             return
-        for block in run.blocks:
+        first = motions[0]
+        if isinstance(first, JointMotion) and _is_position(first):
+            self._put_off(cast(Sequence[JointMotion], motions))
+            return
+        for block in motions:
             self.take(block)
 
     def _put_off(self, motions: Sequence[JointMotion]) -> None:

@@ -144,6 +144,7 @@ def long_way(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(CommonLines, "take", lambda self, rows, run: words._first(rows, run))
     monkeypatch.setattr(CommonLines, "read", lambda self, line: None)
     monkeypatch.setattr(Functions, "read", lambda self, line, state: None)
+    monkeypatch.setattr(Functions, "done", lambda self, parts, state, found, number: None)
     monkeypatch.setattr(words, "COMMON", re.compile("(?!)"))
 
 
