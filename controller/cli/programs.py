@@ -27,6 +27,7 @@ from controller.plan.report.survey import Survey
 from controller.plan.stretch import Note
 from controller.program import linked
 from controller.program import refusals as refusals_of_text
+from controller.program.decoding import NEWLINE
 from controller.program.program import ProgramError
 from controller.runtime import checked, recording, records, starts
 from controller.runtime import events as event_files
@@ -258,8 +259,9 @@ def _refuse_all(first: ProgramError, task: checked.Task, quiet: bool) -> None:
     found = refusals_of_text.of(task.text, task.machine, task.name, task.start)
     if len(found) < 2 or str(found[0]) != str(first):
         return
-    told = [str(one) for one in found[: refusals_of_text.MOST]]
-    sentence = told[0] if quiet else "\n".join([*told, refusals_of_text.summed(found)])
+    lines = NEWLINE.split(bytes(linked.parts(task.text)[0]).decode(errors="replace"))
+    told = [refusals_of_text.pointed(one, task.name, lines) for one in found[: refusals_of_text.MOST]]
+    sentence = str(found[0]) if quiet else "\n".join([*told, refusals_of_text.summed(found)])
     place = {"file": first.file, "line": first.line, "column": first.column}
     refused = Refused(sentence, **place, **refusals_of_text.facts(found))
     refused.facts["sentence"] = first.sentence
