@@ -15,7 +15,7 @@ from controller.machine.kinematics import kinematics_of
 from controller.plan.restart.program_position import Spot
 from controller.plan.retract import NotPossible
 from controller.program.program import ProgramError
-from controller.runtime import checked
+from controller.runtime import checked, replay
 from controller.state.modes import Fault, Mode, Request
 from tests.support.machines import probing_machine
 from tests.support.suite.seed import SEED
@@ -249,6 +249,13 @@ def test_a_probing_move_that_is_held_goes_on_and_is_not_left_for_a_retract() -> 
     (touch,) = stepped.planner.touches
     assert touch.came.touched
     assert touch.came.at[2] == pytest.approx(185.0, abs=0.001)
+
+
+def test_a_record_is_made_again_up_to_where_it_probes() -> None:
+    stepped = probing_machine.up(PLANE)
+    asked = checked.task(f"{HEAD}G43 H99\nG0 Z7\nG38.2 Z2 F60\nM30\n".encode(), "probe.ngc", stepped.machine)
+    with pytest.raises(ProgramError, match="does not hold what it touched"):
+        list(replay._unprobed(checked.path_of(asked).items))
 
 
 def test_g31_of_fanuc_skips() -> None:
