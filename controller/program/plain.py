@@ -149,12 +149,7 @@ class CommonLines:
                 ready = self._family.by_words.get((motion, feed))
             else:
                 ready = now if motion == now.motion else now.beside.get(motion)
-            if (
-                ready is not None
-                and ready.is_line
-                and parts[CENTRE:FEED] == _NO_ARC
-                and not counts_points
-            ):
+            if ready is not None and ready.is_line and parts[CENTRE:FEED] == _NO_ARC and not counts_points:
                 unit = ready.unit  # the same as below, with no call on the way
                 targets = tuple(
                     [
