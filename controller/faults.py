@@ -55,6 +55,11 @@ class Fault(IntEnum):
     SETPOINTS_LOST = 40
     INPUT_MISSING = 41
     SPINDLE_LAGS = 46
+    PROBE_OPEN = 42
+    PROBE_FREE = 43
+    PROBE_HIT = 44
+    PROBE_STUCK = 45
+    PROBE_LATCH = 47
 
 
 class Reaction(IntEnum):

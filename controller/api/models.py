@@ -148,6 +148,14 @@ class Retract(Sent):
     mm: Annotated[float, Field(gt=0.0, le=1000.0, description="Along the tool axis.")]
 
 
+class Withdraw(Sent):
+    mm: Annotated[
+        float | None,
+        Field(gt=0.0, le=500.0, description="Along the thread; left out: as deep as known."),
+    ] = None
+    is_out: Annotated[bool, Field(description="The tool has been turned out by hand: nothing moves.")] = False
+
+
 class OffsetValues(Sent):
     """A work offset: where the part's origin is on the table, and how the part is turned."""
 

@@ -39,6 +39,7 @@ SLOW = frozenset(
         "reset",
         "retract",
         "return",
+        "withdraw",
         "set_offset",
         "set_tool",
         "forget",

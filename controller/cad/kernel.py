@@ -17,6 +17,7 @@ from OCP.BRepAdaptor import BRepAdaptor_Curve, BRepAdaptor_Curve2d, BRepAdaptor_
 from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeVertex
 from OCP.BRepClass import BRepClass_FaceClassifier
 from OCP.BRepExtrema import BRepExtrema_DistShapeShape
+from OCP.BRepMesh import BRepMesh_IncrementalMesh
 from OCP.BRepTools import BRepTools_WireExplorer
 from OCP.collections import IndexedMap_TopoDS_Shape_TopTools_ShapeMapHasher as ShapeMap
 from OCP.collections import Sequence_TCollection_AsciiString as Names
@@ -108,6 +109,17 @@ class Face:
             ends = curve.FirstParameter(), curve.LastParameter()
             rows += [_three(curve.Value(t)) for t in np.linspace(*ends, per_edge)]
         return np.array(rows).reshape(-1, 3)
+
+    def triangles(self, within_mm: float) -> Array:
+        """The face as triangles, (N, 3, 3) mm, their corners counter-clockwise as seen from outside."""
+        BRepMesh_IncrementalMesh(self._face, within_mm)
+        mesh = BRep_Tool.Triangulation_s(self._face, TopLoc_Location())
+        if mesh is None:
+            return np.zeros((0, 3, 3))
+        nodes = np.array([_three(mesh.Node(i + 1)) for i in range(mesh.NbNodes())])
+        corners = [mesh.Triangle(i + 1).Get() for i in range(mesh.NbTriangles())]
+        found: Array = nodes[np.array(corners, dtype=int) - 1]
+        return found if self.sign > 0.0 else found[:, ::-1]
 
     def holds(self, u: float, v: float) -> bool:
         """Whether a place of its surface is inside its outline."""

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 EXACT_MM = 1e-6  # rulings straighter than this are straight
+SAME_SHARE = 1e-9  # of a side, far below what is built and far above its rounding
 LOOKS_ALONG, LOOKS_ACROSS = 41, 9  # samples between two knots are at least these over a face
 LEVEL = 1e-9  # sine of the angle between a cone's axis and Z
 LEVEL_MM = 1e-9
@@ -263,7 +264,7 @@ class _Direction:
             if not whole or self.spline is None:
                 raise
             return (*self._edges(self.spline), f"{trimmed}, so the whole box about it is cut", True)
-        corners = np.unique(np.concatenate([sides[0].corners, sides[1].corners, self._knots()]))
+        corners = _once(np.concatenate([sides[0].corners, sides[1].corners, self._knots()]))
         try:
             low, high = (fit(partial(self._points, side), corners) for side in sides)
         except NoFit as error:  # an edge that runs into a ruling at its end
@@ -315,6 +316,12 @@ class _Direction:
         radius = float(np.hypot(tops[:, 0] - x, tops[:, 1] - y).mean())
         start = (float(ends[0, 0]), float(ends[0, 1]), low)
         return Cone(start, (x, y, low), float(tops[0, 2]) - low, radius if radius > 1e-7 else 0.0, sweep)
+
+
+def _once(shares: Array) -> Array:
+    """Sorted; those that rounding alone tells apart are one: both sides of a regular part have the same."""
+    found = np.unique(shares)
+    return found[np.concatenate([[True], np.diff(found) > SAME_SHARE])]
 
 
 def _between(knots: Array, least: int) -> Array:

@@ -28,6 +28,9 @@ if TYPE_CHECKING:  # OpenCASCADE takes its time to load, and is an extra
 
 Argument = Annotated[Path, typer.Argument(help="The STEP file.")]
 ListOnly = Annotated[bool, typer.Option("--list", help="Show the faces, write nothing.")]
+Plot = Annotated[
+    Path | None, typer.Option("--plot", help="With --list: a picture (SVG) of the faces with their numbers.")
+]
 Faces = Annotated[str, typer.Option("--faces", help="Numbers of --list in cut order, as 3,7; or all.")]
 Out = Annotated[Path | None, typer.Option("--out", help="The program; default: beside the STEP file, .ngc.")]
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace a program that is there.")]
@@ -67,6 +70,7 @@ def register(app: typer.Typer) -> None:
 def import_(
     file: Argument,
     only_list: ListOnly = False,
+    plot: Plot = None,
     faces: Faces = "",
     out: Out = None,
     overwrite: Overwrite = False,
@@ -90,6 +94,9 @@ def import_(
         for name, value in (("--feed", feed), ("--spindle", spindle), ("--tolerance", tolerance)):
             if not 0.0 < value < math.inf:
                 raise Refused(f"{name} {value:g}: it must be greater than 0; correct it.")
+        if plot is not None and not only_list:
+            raise Refused(f"--plot {plot}: a picture is made with --list only; give --list, or leave it out.")
+        plot = None if plot is None else _target(plot, overwrite, "--plot")
         made, placed = machine_file.load(machine), _placed(move, turn)
         target = None if only_list else _target(out or file.with_suffix(".ngc"), overwrite)
         part = _part(file, placed)
@@ -98,6 +105,8 @@ def import_(
 
         numbers = _numbers("--faces", faces, part) if faces else []
         seen = _seen(part, tolerance, whole, numbers, as_json)
+        if plot is not None:
+            _save(plot, cad_tables.picture_of(seen))
         if target is None:
             cad_tables.faces(file, part, seen, as_json)
             return
@@ -163,9 +172,9 @@ def _float(text: str) -> float | None:
     return value if math.isfinite(value) else None
 
 
-def _target(out: Path, overwrite: bool) -> Path:
+def _target(out: Path, overwrite: bool, option: str = "--out") -> Path:
     if out.exists() and not overwrite:
-        raise Refused(f"{out}: is there already; give --overwrite to replace it, or another --out.")
+        raise Refused(f"{out}: is there already; give --overwrite to replace it, or another {option}.")
     if not out.parent.is_dir():
         raise Refused(f"{out}: there is no folder {out.parent}; make it first.")
     return out
@@ -195,26 +204,29 @@ def _part(file: Path, placed: Frame) -> Part:
 def _seen(part: Part, within_mm: float, whole: bool, numbers: Sequence[int], quiet: bool) -> list[Seen]:
     """The faces with these numbers in this order; without numbers all of them."""
     faces = [part.faces[n - 1] for n in numbers] or part.faces
-    found = []
+    from controller.cad import picture
+
+    fine_mm, found = picture.fine([face.edge_points(5) for face in part.faces]), []
     with bar("looking for rulings", quiet) as progress:
         for i, face in enumerate(faces):
-            found.append(_look(face, within_mm, whole))
+            found.append(_look(face, within_mm, whole, fine_mm))
             progress((i + 1) / len(faces))
     return found
 
 
-def _look(face: Face, within_mm: float, whole: bool) -> Seen:
+def _look(face: Face, within_mm: float, whole: bool, fine_mm: float) -> Seen:
     from controller.cad.kernel import Failure
     from controller.cad.strip import NotRuled, strip
     from controller.cli.cad_tables import Seen
 
+    shape = face.triangles(fine_mm)
     try:
         made = strip(face, within_mm, whole)
     except NotRuled as error:
-        return Seen(face, None, error.reason, error.off_ruled_mm)
+        return Seen(face, None, error.reason, error.off_ruled_mm, shape)
     except Failure as error:
-        return Seen(face, None, f"OpenCASCADE cannot evaluate it ({error})", math.inf)
-    return Seen(face, made, "", made.off_ruled_mm)
+        return Seen(face, None, f"OpenCASCADE cannot evaluate it ({error})", math.inf, shape)
+    return Seen(face, made, "", made.off_ruled_mm, shape)
 
 
 def _cuttable(one: Seen, file: Path, other_side: bool) -> Strip:

@@ -11,15 +11,20 @@ from typing import TYPE_CHECKING, Any
 
 from rich.table import Table
 
-from controller.cad import words
+from controller.cad import picture, words
 from controller.machine.model import Tool
 from controller.verify.console import show, tell
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from controller.cad.deviation import Deviation
     from controller.cad.kernel import Face, Part
     from controller.cad.program import Written
     from controller.cad.strip import Strip
+
+    Array = NDArray[np.float64]
 
 LOOSE = "belongs to no solid, so its normal is taken to point out of the material; see --other-side"
 
@@ -32,12 +37,16 @@ class Seen:
     strip: Strip | None
     reason: str
     off_ruled_mm: float
+    triangles: Array  # of the face, (N, 3, 3) mm
 
     def to_dict(self) -> dict[str, Any]:
+        middle, normal = picture.middle(self.triangles)
         facts: dict[str, Any] = {
             "number": self.face.number,
             "kind": self.face.kind,
             "in_solid": self.face.in_solid,
+            "middle_mm": [round(float(x), 6) for x in middle],
+            "normal": [round(float(x), 6) for x in normal],
             "off_ruled_mm": _finite(self.off_ruled_mm),
             "cut_as": None,
             "why_not": self.reason or None,
@@ -66,7 +75,18 @@ def faces(file: Path, part: Part, seen: Sequence[Seen], as_json: bool) -> None:
         print(json.dumps({"ok": True, "file": str(file), "unit": part.unit, "faces": rows}))
         return
     table = Table(title=f"{file.name}, its unit: {part.unit}; mm and degrees")
-    for head in ("face", "kind", "cut as", "length", "ruling", "off ruled", "hollow r", "twist"):
+    for head in (
+        "face",
+        "kind",
+        "cut as",
+        "middle",
+        "normal",
+        "length",
+        "ruling",
+        "off ruled",
+        "hollow r",
+        "twist",
+    ):
         left = head in ("kind", "cut as")
         table.add_column(head, justify="left" if left else "right", no_wrap=True)
     for row in rows:
@@ -78,7 +98,8 @@ def faces(file: Path, part: Part, seen: Sequence[Seen], as_json: bool) -> None:
 
 def _cells(row: dict[str, Any]) -> tuple[str, ...]:
     off = "" if row["off_ruled_mm"] is None else _short(row["off_ruled_mm"])
-    first = (str(row["number"]), row["kind"], row["cut_as"] or "-")
+    where = (_three(row["middle_mm"], 1), _three(row["normal"], 2))
+    first = (str(row["number"]), row["kind"], row["cut_as"] or "-", *where)
     if row["cut_as"] is None:
         return *first, "", "", off
     hollow = row["concave_radius_mm"]
@@ -90,6 +111,17 @@ def _cells(row: dict[str, Any]) -> tuple[str, ...]:
         "" if hollow is None else f"{hollow:.3f}",
         f"{row['twist_deg']:.2f}" if row["twist_deg"] > 1e-3 else "",
     )
+
+
+def picture_of(seen: Sequence[Seen]) -> str:
+    """Of all faces, as SVG."""
+    return picture.drawn(
+        [picture.Shown(one.face.number, one.triangles, one.strip is not None) for one in seen]
+    )
+
+
+def _three(values: Sequence[float], digits: int) -> str:
+    return " ".join(f"{value:.{digits}f}" for value in values)
 
 
 def _short(mm: float) -> str:

@@ -201,6 +201,19 @@ def retract(
         tell_done(say("retracted", mm=mm), done, as_json)
 
 
+def withdraw(
+    mm: Annotated[float | None, typer.Argument(help="So far; left out: as deep as the tool stands.")] = None,
+    is_out: Annotated[bool, typer.Option("--out", help="It has been turned out by hand.")] = False,
+    take_over: TakeOver = False,
+    url: Url = remote.URL,
+    as_json: Json = False,
+) -> None:
+    """Turn a tap out of the thread in which a fault, a stop or a loss of power has left it."""
+    with asked(url, as_json) as machine, machine.control(take_over):
+        done = carried_out(machine, "cycle/withdraw", {"mm": mm, "is_out": is_out})
+        tell_done(say("withdrawn"), done, as_json)
+
+
 def return_(take_over: TakeOver = False, url: Url = remote.URL, as_json: Json = False) -> None:
     """After a retract: back to the path by the same way."""
     _moving("cycle/return", "returned", take_over, url, as_json)
@@ -316,6 +329,7 @@ def register(app: typer.Typer) -> None:
         stop,
         estop,
         retract,
+        withdraw,
         return_,
         reset,
         enable,

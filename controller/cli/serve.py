@@ -42,12 +42,16 @@ def serve(
         typer.Option("--late", help="Of late ticks; default: the machine file's, simulated 'count'."),
     ] = None,
     group: Annotated[str, typer.Option("--group", help="Whose members may use the socket, too.")] = "",
+    pendant: Annotated[
+        Path | None, typer.Option("--pendant", help="Settings of a handwheel or gamepad (TOML).")
+    ] = None,
 ) -> None:
     """Drive a machine: drives, planner and tick, with a local socket for panel and scripts."""
     from drives.bus import BusError
 
     with refusals(False, lambda: (ConfigError, SessionError, BusError)):
         from controller.service import main
+        from controller.service.pendant import read
 
         made = machine_file.load(machine)
         made = made if period_ms is None else machine_file.with_period(made, period_ms / 1e3)
@@ -55,10 +59,11 @@ def serve(
         made = replace(made, late=late or ("count" if simulate else made.late))
         for sentence in machine_file.warnings(made):
             tell.print(sentence, markup=False)
+        hand = None if pendant is None else read(pendant, tuple(axis.name for axis in made.axes))
         where = (state or control_socket.state_folder(), runtime or control_socket.runtime_folder())
         tell.print(f"{made.name}: {'simulated, ' if simulate else ''}socket in {where[1]}", markup=False)
         try:
-            main.run(made, *where, simulate, _notifier(), group)
+            main.run(made, *where, simulate, _notifier(), group, hand)
         except OSError as error:
             raise Refused(f"{error.filename or where[0]}: {error.strerror or error}.") from error
         except control_socket.CommandRefused as error:

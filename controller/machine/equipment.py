@@ -20,7 +20,9 @@ from controller.machine.model import (
     Following,
     Homing,
     Io,
+    Machine,
     Orient,
+    Sensor,
     Spindle,
     SpindlePosition,
     Stopping,
@@ -29,6 +31,7 @@ from controller.machine.model import (
 )
 from controller.machine.toml_table import Table
 
+SENSORS = ("probe", "setter")  # on = touched
 INPUTS = (
     "estop",
     "door",
@@ -36,6 +39,7 @@ INPUTS = (
     "tool_clamped",
     "coolant_flow",
     "feed_stop",
+    *SENSORS,
 )  # beside those that clamps name
 OUTPUTS = ("coolant", "mist")
 # Of the drive's own window (following_error): what the controller allows at rest, and of that in position.
@@ -387,6 +391,40 @@ def _audit_clamp(its: Clamp, axis: Table, found: Io | None) -> None:
     if its.input and found.input(its.input) is None:
         names = ", ".join(name for name, _ in found.inputs)
         table.refuse("input", "there is no such input in [io]", names, "add it to [io] inputs")
+
+
+def sensor(table: Table, in_spindle: bool) -> Sensor:
+    """``[probe]``, a touch probe in the spindle, or ``[setter]``, which tools touch."""
+    found = Sensor(
+        input=table.text("input", SENSORS, SENSORS[not in_spindle]),
+        overtravel_mm=table.number("overtravel_mm", 0.05, 50.0, default=2.0),
+        latency_s=table.number("latency_ms", 0.0, 50.0, default=0.0) * 1e-3,
+        latch_tpdo=table.integer("latch_tpdo", 0, 4, 0),
+    )
+    if in_spindle:
+        tool, release_mm = table.integer("tool", 1, 99999), table.number("release_mm", 0.1, 20.0, default=2.0)
+        found = replace(found, tool=tool, release_mm=release_mm)
+    else:
+        found = replace(found, point=table.vector("point_mm"), radius_mm=table.positive("radius_mm"))
+    table.finish()
+    return found
+
+
+def audit_sensors(machine: Machine, top: Table) -> None:
+    """Their inputs are bits of the node, of their own, and the probe is a tool of the table."""
+    for key, one in (("probe", machine.probe), ("setter", machine.setter)):
+        if one is None:
+            continue
+        table = top.table(key, f"[{key}]")
+        table.text("input", default=one.input)
+        names = [name for name, _ in machine.io.inputs] if machine.io is not None else []
+        if one.input not in names:
+            allowed = ", ".join(names) or "none, for there is no [io]"
+            table.refuse("input", "there is no such input in [io]", allowed, "add it to [io] inputs")
+        if key == "probe" and machine.tool_as_told(one.tool) is None:
+            table.integer("tool", 1, 99999)
+            known = ", ".join(str(tool.number) for tool in machine.tools) or "none, for the table is empty"
+            table.refuse("tool", "the tool table has none of this number", known, "add the probe to it")
 
 
 def work_table(table: Table) -> WorkTable:

@@ -219,6 +219,22 @@ MEANINGS: Mapping[str, Mapping[str, str]] = {
         "within_s": "not there by then: held, with a fault",
         "shift": "which way then leads the tip off the wall, for G76 and G87; left out: they are refused",
     },
+    "probe": {
+        "input": "of `[io]`, on = touched",
+        "tool": "its number in the tool table, which has its ball and length",
+        "overtravel_mm": "so far it gives behind a touch; a feed at which its stop is longer is refused",
+        "latency_ms": "from the touch to the frame of the input",
+        "latch_tpdo": "number of the TPDO with which the drives tell where they were (60BAh); 0: none",
+        "release_mm": "behind a touch it is free again within so much",
+    },
+    "setter": {
+        "input": "of `[io]`, on = touched",
+        "point_mm": "the middle of its face, seen from the table with all rotaries at zero",
+        "radius_mm": "of its face",
+        "overtravel_mm": "as of a probe",
+        "latency_ms": "as of a probe",
+        "latch_tpdo": "as of a probe",
+    },
     "table": {
         "centre_mm": "of the disc's upper face, with all rotaries at zero",
         "normal": "out of that face",

@@ -136,6 +136,8 @@ def read_table(top: Table, text: str, folder: Path | None = None) -> Machine:
         tip_acceleration_mm_s2=general.positive_or_none("tip_acceleration_mm_s2"),
         axis_speed_rad_s=general.positive_or_none("axis_speed_deg_s", math.radians(1.0)),
         io=equipment.io(top.table("io", "[io]"), buses, axes, folder) if top.has("io") else None,
+        probe=equipment.sensor(top.table("probe", "[probe]"), True) if top.has("probe") else None,
+        setter=equipment.sensor(top.table("setter", "[setter]"), False) if top.has("setter") else None,
         table=equipment.work_table(top.table("table", "[table]")) if top.has("table") else None,
         placement=general.text("placement", PLACEMENTS, "single"),
         max_quick_stop_s=general.number("max_quick_stop_s", 0.01, 60.0, default=MAX_QUICK_STOP_S),
@@ -395,6 +397,7 @@ def _audit(machine: Machine, top: Table, general: Table) -> None:
     for axis in machine.axes:
         _audit_axis(axis, machine, top)
     equipment.audit(machine.axes, (machine.spindle, machine.io), top)
+    equipment.audit_sensors(machine, top)
     z = machine.axes[names.index("Z")]
     if not z.travel_min <= machine.retract_mm <= z.travel_max:
         travel = f"a number {span(z.travel_min, z.travel_max)}, the travel of Z"

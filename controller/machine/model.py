@@ -376,6 +376,20 @@ class Io:
 
 
 @dataclass(frozen=True, slots=True)
+class Sensor:
+    """A touch probe in the spindle, whose ball and length are those of ``tool``, or a tool setter."""
+
+    input: str  # of [io], on = touched
+    overtravel_mm: float  # so far it gives behind a touch before it is harmed
+    latency_s: float = 0.0  # from the touch to the frame of the input
+    latch_tpdo: int = 0  # with which the drives tell where they were (60BAh); 0: the input's time tells it
+    tool: int = 0  # of a probe: its number in the tool table
+    release_mm: float = 2.0  # of a probe: so far behind a touch it is free again
+    point: Vector = ZERO  # of a setter: the middle of its face, seen from the table with all rotaries at zero
+    radius_mm: float = 0.0  # of a setter: of that face
+
+
+@dataclass(frozen=True, slots=True)
 class WorkTable:
     """The body under the work that no tool may touch: a disc, seen with all rotaries at zero."""
 
@@ -409,6 +423,8 @@ class Machine:
     tip_acceleration_mm_s2: float | None = None  # largest of the tool's tip in the part frame, on feed moves
     axis_speed_rad_s: float | None = None  # largest angular speed of the tool's axis there
     io: Io | None = None
+    probe: Sensor | None = None  # in the spindle
+    setter: Sensor | None = None  # of tools, on the table
     table: WorkTable | None = None  # for the check of collisions; None: nobody has told its size
     placement: str = "single"  # of the cutter on surfaces: "single" (the paper), "double", "optimal", "auto"
     max_quick_stop_s: float = MAX_QUICK_STOP_S  # a drive that takes longer to stop by itself is refused
@@ -453,6 +469,22 @@ class Machine:
         if self.suspended or self.shift.xyz == ZERO:
             return frame
         return frame._replace(origin=frame.to_parent(self.shift.xyz))
+
+    def sensor(self, tool: int) -> Sensor | None:
+        """What a probing move with this tool in the spindle listens to: the probe itself, else the setter."""
+        if self.probe is not None and self.probe.tool == tool:
+            return self.probe
+        return self.setter
+
+    def sensor_mask(self, sensor: Sensor | None) -> int:
+        """Bit mask of its input; 0 where there is none."""
+        bit = self.io.input(sensor.input) if sensor is not None and self.io is not None else None
+        return 0 if bit is None else 1 << bit
+
+    @property
+    def latch_tpdo(self) -> int:
+        """Number of the TPDO of the linear axes' touch probes, 0 = they have none."""
+        return max((one.latch_tpdo for one in (self.probe, self.setter) if one is not None), default=0)
 
     @property
     def has_peripherals(self) -> bool:

@@ -142,6 +142,7 @@ def _node(axis: Axis, off: float, machine: Machine) -> NodeSettings:
         overrides=axis.overrides,
         profile=drive_profiles.load(axis.profile),
         serial=axis.serial,
+        probe_tpdo=0 if axis.is_rotary else machine.latch_tpdo,
         temperature_tpdo=axis.temperature.tpdo if axis.temperature else 0,
         temperature_entry=_entry(axis.temperature) if axis.temperature else 0,
     )

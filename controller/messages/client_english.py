@@ -16,6 +16,7 @@ REFUSALS = {
     "client.reset": "Reset.",
     "client.enabled": "Enabled.",
     "client.disabled": "Disabled.",
+    "client.withdrawn": "The tool is out of its thread.",
     "client.retracted": "Retracted by {mm:g} mm.",
     "client.returned": "Returned.",
     "client.homed": "Homed.",

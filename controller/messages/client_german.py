@@ -16,6 +16,7 @@ REFUSALS = {
     "client.reset": "Zurückgesetzt.",
     "client.enabled": "Eingeschaltet.",
     "client.disabled": "Ausgeschaltet.",
+    "client.withdrawn": "Das Werkzeug ist aus dem Gewinde.",
     "client.retracted": "Um {mm:g} mm zurückgezogen.",
     "client.returned": "Zurückgekehrt.",
     "client.homed": "Referenziert.",

@@ -262,6 +262,31 @@ FAULTS: dict[Fault, Words] = {
         "What it reports has not happened, a loose wire, or too short a Q.",
         "See to what the input reports; resume waits once more, stop ends the program.",
     ),
+    Fault.PROBE_OPEN: Words(
+        "The probe is open or touches already: it is not to be led towards the part.",
+        "The stylus rests on something or hangs, its battery is empty, or its wire is broken.",
+        "Free the probe, look at its input, and resume; or stop the program.",
+    ),
+    Fault.PROBE_FREE: Words(
+        "The probe is free already: there is nothing to be led off.",
+        "G38.4 or G38.5 without a touch before it.",
+        "Stop the program and correct it, or touch the part and resume.",
+    ),
+    Fault.PROBE_HIT: Words(
+        "The probe has touched outside of a probing move.",
+        "Something stands in the way of a positioning move, or the stylus is loose.",
+        "Reset, jog the probe off by hand, look at its stylus, and correct the program or the work offset.",
+    ),
+    Fault.PROBE_STUCK: Words(
+        "The probe is still touching: nothing is moved with it.",
+        "The stylus hangs, the way off the part is wrong, or the input stays on.",
+        "Reset, free the probe, jog it off by hand and look at its input.",
+    ),
+    Fault.PROBE_LATCH: Words(
+        "A drive that moved has stored no position of the touch.",
+        "The probe's signal does not reach the drive, or its touch probe function is off.",
+        "Reset, look at the wire to the drive and at its object 60B8h, and commission it again.",
+    ),
     Fault.IO_LOST: Words(
         "The node with door and emergency-stop inputs is silent, restarted or in error.",
         "Its supply dipped, its cable is loose, or its firmware hangs.",
@@ -443,6 +468,11 @@ REFUSALS = {
     "Free space on the disk, or confirm that it runs unrecorded.",
     "worn": "{program} is not started: the tool in the spindle, T{number}, is worn ({cut:.1f} min of cut, "
     "{parts} parts). Change it and say that it is new, or confirm that it cuts on.",
+    "in_thread": "The tool stands in a thread, {depth:.2f} mm deep at a pitch of {pitch:g} mm (line {line}): "
+    "withdraw it first, or say that it is out.",
+    "not_in_thread": "The tool stands in no thread: there is nothing to withdraw.",
+    "thread_unknown": "How the tool stands in its thread could not be read: turn it out by hand, then say "
+    "that it is out.",
     "tool_worn": "T{number} is worn ({cut:.1f} min of cut, {parts} parts): change it and say that it is new.",
     "maintenance_due": "Maintenance is due: {name} (every {every:g} {unit}). Do it, and say that it is done.",
     "no_counter": "counter {counter}: there is none; allowed are {allowed}.",

@@ -275,6 +275,31 @@ FAULTS: dict[Fault, Words] = {
         "Was er meldet, ist nicht geschehen, eine Ader ist lose, oder Q ist zu kurz.",
         "Nach dem sehen, was der Eingang meldet; Fortsetzen wartet noch einmal, Stopp beendet das Programm.",
     ),
+    Fault.PROBE_OPEN: Words(
+        "Der Taster ist offen oder berührt schon: Er wird nicht zum Werkstück geführt.",
+        "Der Taststift liegt an oder klemmt, die Batterie ist leer oder die Leitung gebrochen.",
+        "Den Taster freimachen, seinen Eingang ansehen und fortsetzen; oder das Programm abbrechen.",
+    ),
+    Fault.PROBE_FREE: Words(
+        "Der Taster ist schon frei: Es gibt nichts, wovon er wegzuführen wäre.",
+        "G38.4 oder G38.5 ohne eine Berührung davor.",
+        "Das Programm abbrechen und berichtigen, oder das Werkstück berühren und fortsetzen.",
+    ),
+    Fault.PROBE_HIT: Words(
+        "Der Taster hat außerhalb einer Tastbewegung berührt.",
+        "Etwas steht einer Positionierbewegung im Weg, oder der Taststift ist lose.",
+        "Zurücksetzen, den Taster freifahren, den Stift ansehen, Programm oder Nullpunkt berichtigen.",
+    ),
+    Fault.PROBE_STUCK: Words(
+        "Der Taster berührt noch immer: Mit ihm wird nichts bewegt.",
+        "Der Taststift klemmt, der Weg vom Werkstück ist falsch, oder der Eingang bleibt an.",
+        "Zurücksetzen, den Taster freimachen, von Hand freifahren und seinen Eingang ansehen.",
+    ),
+    Fault.PROBE_LATCH: Words(
+        "Ein Antrieb, der sich bewegt hat, hat keine Position der Berührung gespeichert.",
+        "Das Signal des Tasters kommt am Antrieb nicht an, oder dessen Messtasterfunktion ist aus.",
+        "Zurücksetzen, Leitung und Objekt 60B8h ansehen und neu in Betrieb nehmen.",
+    ),
     Fault.IO_LOST: Words(
         "Der Knoten mit den Eingängen für Tür und Not-Halt schweigt, startete neu oder hat einen Fehler.",
         "Seine Versorgung brach ein, sein Kabel ist lose, oder seine Firmware hängt.",
@@ -460,6 +485,11 @@ REFUSALS = {
     "worn": "{program} ist nicht gestartet: Das Werkzeug in der Spindel, T{number}, ist verschlissen "
     "({cut:.1f} min im Schnitt, {parts} Teile). Es wechseln und als neu melden oder bestätigen, dass es "
     "weiter schneidet.",
+    "in_thread": "Das Werkzeug steht in einem Gewinde, {depth:.2f} mm tief bei {pitch:g} mm Steigung "
+    "(Zeile {line}): zuerst herausdrehen, oder melden, dass es draußen ist.",
+    "not_in_thread": "Das Werkzeug steht in keinem Gewinde: Es gibt nichts herauszudrehen.",
+    "thread_unknown": "Wie das Werkzeug im Gewinde steht, war nicht zu lesen: von Hand herausdrehen, dann "
+    "melden, dass es draußen ist.",
     "tool_worn": "T{number} ist verschlissen ({cut:.1f} min im Schnitt, {parts} Teile): wechseln und als neu "
     "melden.",
     "maintenance_due": "Wartung ist fällig: {name} (alle {every:g} {unit}). Ausführen und "

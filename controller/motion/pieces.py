@@ -18,14 +18,6 @@ from controller.motion.motions import Motion
 
 DEAD_MAN_S = 0.200  # a jog without length that is not asked for again stops after this
 STANDSTILL = -1  # motion id of a dwell: no motion, the joints stay
-COMMIT_LEAD_S = 0.020  # the commit point is at least this far ahead of the path clock ...
-COMMIT_LEAD_TICKS = 3  # ... and at least this many ticks
-
-
-def commit_lead_s(period_s: float) -> float:
-    """How far ahead of the path clock the queue can no longer be changed (s)."""
-    return max(COMMIT_LEAD_S, COMMIT_LEAD_TICKS * period_s)
-
 
 Quintic = tuple[float, float, float, float, float, float]
 
@@ -89,6 +81,26 @@ class Awaited(NamedTuple):
     ticks: int  # at most
 
 
+COMMIT_LEAD_S = 0.020  # the commit point is at least this far ahead of the path clock ...
+COMMIT_LEAD_TICKS = 3  # ... and at least this many ticks
+
+
+def commit_lead_s(period_s: float) -> float:
+    """How far ahead of the path clock the queue can no longer be changed (s)."""
+    return max(COMMIT_LEAD_S, COMMIT_LEAD_TICKS * period_s)
+
+
+class Sensing(NamedTuple):
+    """Where a probing begins, or ends: at a piece that ``sets``."""
+
+    mask: int  # of the node's inputs: the probe's, or the tool setter's
+    on: bool  # what the input is to come to: on = touched
+    ends: bool
+    latched: bool  # the drives store where they are at the edge
+    latency_s: float  # of the input, from the touch to its frame
+    late_ticks: int  # the same in whole ticks
+
+
 class Piece(NamedTuple):
     """A stretch of one motion with its law; starts where the piece before it ends.
 
@@ -119,6 +131,8 @@ class Piece(NamedTuple):
     binds: tuple[tuple[float, int], ...] = ()  # (time within the piece, code from then on): see state.Binding
     own_feed: bool = False  # the override of feeds does not count in it (M49, M50 P0)
     heeds_stop: bool = True  # the input feed_stop does (M53)
+    senses: Sensing | None = None  # where it sets
+    guarded: bool = False  # a probe in the spindle must not touch
 
 
 def dwell(

@@ -19,13 +19,14 @@ from controller.geometry.vectors import ROUNDING
 from controller.ipc.handoff import STILL, Awaited, Law, Piece, StopTable, dwell
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Machine
+from controller.motion.pieces import Sensing
 from controller.plan.feed import binding, pace, profile
 from controller.plan.feed.course import REMEMBERED, Course
 from controller.plan.feed.profile import Profile, State
 from controller.plan.path.path import Pause, Stretch
 from controller.plan.stops import table as stops
 from controller.plan.track import Track, Unit
-from controller.program.program import UNSAID, Act, Await, Level
+from controller.program.program import UNSAID, Act, Await, Level, Probing
 
 FIRST_S = 2.5  # of motion in a window that must be ready soon ...
 WINDOW_S = 8.0  # ... and in others
@@ -36,7 +37,7 @@ BLOCKS_TO_STOP_IN = 4  # program blocks within which single block must have stop
 LONG_STOP_S = 0.3  # where no stop is known
 BRAKING_SHARE = 2.0  # of the length to brake in, for a window from motion
 # What is waited for, at rest.
-SETTING = (Act.SPINDLE, Act.COOLANT, Act.OUTPUT, Act.INPUT, Act.TOOL, Act.CLAMP)
+SETTING = (Act.SPINDLE, Act.COOLANT, Act.OUTPUT, Act.INPUT, Act.TOOL, Act.CLAMP, Act.PROBE)
 SHORTENED = (1.0, 0.5, 0.25, 0.1)  # shares of a window that are tried where it cannot be planned
 
 
@@ -302,6 +303,7 @@ class Windows:
                     heeds_stop=stretch.overrides.stop,
                     binds=binds,
                     outputs=stretch.outputs,
+                    guarded=stretch.guarded,
                 )
             )
         rest_s = made.end_s - made.start_s - sum(piece.duration_s for piece in pieces)
@@ -334,6 +336,15 @@ class Windows:
         on, edge = asked.level in (Level.RISE, Level.HIGH), asked.level in (Level.RISE, Level.FALL)
         return Awaited(1 << bit, on, edge, round(asked.seconds / self._period_s))
 
+    def _sensing(self, pause: Pause, probe: Probing) -> Sensing | None:
+        """What the tick is to listen to."""
+        sensor = self._machine.sensor(pause.modal.tool)
+        if sensor is None:
+            return None
+        late = math.ceil(sensor.latency_s / self._period_s)
+        mask, latched = self._machine.sensor_mask(sensor), sensor.latch_tpdo > 0 and not probe.away
+        return Sensing(mask, not probe.away, pause.ends, latched, sensor.latency_s, late)
+
     def _pause(self, unit: Unit, pause: Pause, place: Place, start_s: float, orders: Orders) -> Sent:
         sets = self._machine.has_peripherals and pause.act in SETTING
         piece = Piece(
@@ -351,6 +362,7 @@ class Windows:
             outputs=pause.modal.outputs if sets and pause.act is Act.OUTPUT else UNSAID,
             open_clamps=pause.open_clamps,
             awaits=self._awaited(pause.awaits) if pause.awaits is not None else None,
+            senses=self._sensing(pause, pause.probe) if pause.probe is not None else None,
         )
         end_s, after = start_s + piece.duration_s, Place(place.unit + 1, 0.0)
         return Sent(place.unit, start_s, end_s, None, after, orders, (piece,))

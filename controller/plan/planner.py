@@ -37,7 +37,7 @@ from controller.plan.restart.program_position import Spot
 from controller.plan.restart.restart import Rest
 from controller.plan.retract import Aside
 from controller.plan.track import Track
-from controller.program.program import ProgramError
+from controller.program.program import Probed, ProgramError
 from controller.state.modes import Mode
 
 AHEAD_S = 2.5  # of motion that is not to be replaced, before the tick needs it
@@ -46,6 +46,7 @@ REPLAN_LEAD_S = 0.05  # ahead of the commit point, where planning takes no time 
 MAX_LEAD_S = 2.0
 RETRY_S = 0.1  # where there is no way on from a state of motion, one this much later is tried ...
 TIMEOUT_S = 0.05  # ... after so much plan time
+TOUCHED, TOUCHING = 1, 3  # of the tick's ``probed`` and ``probing``
 
 
 class _Held(NamedTuple):
@@ -79,6 +80,7 @@ class Planner:
         self._next = Place(0, 0.0)  # where the path goes on after what was sent
         self._queue_end_s = 0.0
         self._dropped = False
+        self._probings: int | None = None  # that had come to their end before the one that is waited for
         self._sent: list[Sent] = []
         self._held: _Held | None = None
         self._lead_s = REPLAN_LEAD_S
@@ -93,7 +95,9 @@ class Planner:
 
     def load(self, items: Iterable[Chain | Pause], queue_end_s: float, epoch: int = 0) -> None:
         """Take a path; the first message goes out with the next ``work``."""
-        self._begin(Track(items, self._machine, self._kinematics), Place(0, 0.0), queue_end_s, epoch)
+        track = Track(items, self._machine, self._kinematics, probes=True)
+        self._begin(track, Place(0, 0.0), queue_end_s, epoch)
+        self._probings = None
         self._dropped = False
         self._detour.forget()
         self.stretches.clear()
@@ -122,7 +126,7 @@ class Planner:
     @property
     def _all_sent(self) -> bool:
         going_on = bool(self._sent) and self._sent[-1].seam_s is not None
-        return not going_on and self._track.at(self._next.unit) is None
+        return not going_on and self._track.at(self._next.unit) is None and self._track.waits is None
 
     @property
     def finished_path(self) -> bool:
@@ -159,6 +163,8 @@ class Planner:
             return False
         if not self._watch_aside(now):
             return False
+        if not self._see_probed(now):
+            return False
         if now.epoch != self._epoch:
             self._restart(now)
         self._forget(now)
@@ -170,6 +176,16 @@ class Planner:
             took_s = self._clock() - began_s
             self._lead_s = min(max(REPLAN_LEAD_S, 1.5 * took_s, 0.8 * self._lead_s), MAX_LEAD_S)
         return sent
+
+    def _see_probed(self, now: Snapshot) -> bool:
+        """Whether there is a way to be planned: between a touch and its outcome there is none."""
+        if self._probings is None:
+            self._probings = now.probings
+        if now.probings > self._probings:
+            self._probings = now.probings
+            behind = self._track.answer(self._next.unit, Probed(now.probed == TOUCHED, now.touch, now.joints))
+            self._begin(self._track, Place(behind, 0.0), now.queue_end_s, now.epoch)
+        return now.probing != TOUCHING
 
     def keepalive(self) -> None:
         """Tell the tick that the planner lives."""

@@ -29,6 +29,7 @@ from controller.program.program import (
     Outputs,
     Overrides,
     Place,
+    Probing,
     ProgramError,
 )
 
@@ -75,6 +76,7 @@ class Stretch:
     orders: tuple[int, ...] = ()
     outputs: Outputs = UNSAID  # that are switched where it begins
     overrides: Overrides = ENABLED
+    guarded: bool = False  # a probe in the spindle must not touch
 
     def scale(self, override: float, rapid_override: float) -> float:
         """The share of its speed that the operator has set, of the two that he sets."""
@@ -130,6 +132,8 @@ class Pause:
     act: Act | None = None
     open_clamps: int = 0  # bit i: the clamp of the i-th axis is open from here on
     awaits: Await | None = None  # an input
+    probe: Probing | None = None  # begins with it ...
+    ends: bool = False  # ... or ends: what comes behind it is read when its outcome is there
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,7 +17,7 @@ from controller.motion.motions import ToolSpline
 from controller.plan.feed import profile
 from controller.plan.restart.program_position import ENTRY_ID, FORMER, Spot, fraction_at, line_of, order_of
 from controller.plan.stretch import Chain, Pause, Stretch
-from controller.program.program import ProgramError
+from controller.program.program import Probed, Probing, ProgramError
 
 STANDS = -1  # motion id of a pause
 
@@ -68,21 +68,34 @@ class Track:
         machine: Machine,
         kinematics: Kinematics,
         ends: bool = True,
+        probes: bool = False,
     ) -> None:
-        """``ends``: the program ends with it; a way aside does not."""
+        """``ends``: the program ends with it; a way aside does not. ``probes``: it is really gone, and
+        what comes behind a probing move is read when its outcome is there.
+        """
         self._machine, self._kinematics = machine, kinematics
         self._ends = ends
         self._ahead = self._units(items)
         self._kept: deque[Unit] = deque()
         self._first = 0  # number of the first unit kept
         self._all = False
+        self._probes = probes
+        self.waits: Probing | None = None  # for its outcome, before any more is read
         self.error: ProgramError | None = None  # that ended the path before its end
 
     def at(self, number: int) -> Unit | None:
         """A unit that is not forgotten; None beyond the end of the path."""
-        while number >= self._first + len(self._kept) and not self._all:
+        while number >= self._first + len(self._kept) and not self._all and self.waits is None:
             self._read()
         return self._kept[number - self._first] if number - self._first < len(self._kept) else None
+
+    def answer(self, number: int, came: Probed) -> int:
+        """What came of the probing that ends at or behind a unit; the number of the unit behind it."""
+        while self.waits is None and self.at(number) is not None:
+            number += 1
+        if self.waits is not None:
+            self.waits.came, self.waits = came, None
+        return self._first + len(self._kept)
 
     def number_of(self, motion_id: int) -> int | None:
         """Of the unit with that motion, if it is known."""
@@ -126,6 +139,8 @@ class Track:
             self._all = True
         else:
             self._kept.append(unit)
+            if self._probes and isinstance(unit.what, Pause) and unit.what.ends:
+                self.waits = unit.what.probe
 
     def _units(self, items: Iterable[Chain | Pause]) -> Iterator[Unit]:
         before: Unit | None = None
@@ -134,6 +149,9 @@ class Track:
                 if before is not None:
                     yield self._before(before, unit, joined)
                 before = unit
+                if isinstance(unit.what, Pause) and unit.what.ends:
+                    yield replace(unit, last=False)  # nobody knows yet what comes behind it
+                    before = None
         except ProgramError:
             if before is not None:  # the way ends behind it, but not the program
                 yield replace(before, last=False)

@@ -36,6 +36,7 @@ from controller.program import (
     plane_words,
     points,
     polar_words,
+    probe_words,
     reference_words,
     spline_words,
     surface_words,
@@ -45,10 +46,20 @@ from controller.program import (
 )
 from controller.program.code_rows import Fate
 from controller.program.code_table import BY_DIALECT, takers_of
-from controller.program.codes import CURVES, CYCLES, PLACES, SIDES, SURFACES, TILTS, TO_PLANE, Ask, letters_of
+from controller.program.codes import (
+    CURVES,
+    CYCLES,
+    PLACES,
+    PROBES,
+    SIDES,
+    SURFACES,
+    TILTS,
+    TO_PLANE,
+    Ask,
+    letters_of,
+)
 from controller.program.decoding import Bytes
 from controller.program.flow import Limits
-from controller.program.functions import Functions
 from controller.program.given import Given
 from controller.program.line import CommonRun, Upcoming
 from controller.program.modal import TIPS, State
@@ -78,6 +89,7 @@ _CLEARED = MappingProxyType(
         "clears the motion mode",
         "G6.2": "it is surplus after the two whole curves of G6.2 on line {}, which clears the motion mode",
         "G80": "G80 on line {} cleared the motion mode",
+        **dict.fromkeys(PROBES, "each probing move names its code, and that of line {} is done"),
         **dict.fromkeys(thread_words.CODES, "each thread names its code, and that of line {} is whole"),
         **dict.fromkeys(CURVES, "each curve names its code, and that of line {} is whole"),
     }
@@ -119,7 +131,7 @@ def stream(
     parameters = Parameters(given, machine.parameters, machine.kept, system)
     limits = Limits(machine.call_levels, machine.program_passes)
     common = CommonLines(machine, given)
-    read = words.read(text, name, block_delete, parameters, limits, files, refused, common.short)
+    read = words.read(text, name, block_delete, parameters, limits, files, refused, common.take)
     if remark is not None:
         yield Remark(remark[0], given.state.modal, remark[1])
     made = _blocks(Upcoming(read), machine, given, common, refused)
@@ -133,9 +145,9 @@ def _blocks(
     given: Given,
     common: CommonLines,
     refused: list[ProgramError] | None = None,
-) -> Iterator[Sequence[Block]]:
+) -> Iterator[CommonRun | Sequence[Block]]:
     """Blocks of lines; ``given`` has the state and the position between two of them."""
-    saved, functions = Saved(machine), Functions(common)
+    saved, functions = Saved(machine), common.functions
     for line in ahead.items:
         if ahead.told:
             yield _said(ahead.told, given.state)
@@ -167,6 +179,7 @@ def _blocks(
             common.rests = False
         given.state = functions.learnt(line, before, turn.state, turn.made)
         yield [*restored, *turn.made]
+        given.see_probed(turn.made, line)
         if turn.ended:
             break
     if ahead.told:
@@ -254,7 +267,7 @@ class _Turn:
             return ""
         named = self.ask.code("motion")
         moving = self.ask.has(self._axes + "IJK") or (named in ("G2", "G3") and self.ask.has("RP"))
-        if named in SURFACES or named in CURVES:
+        if named in SURFACES or named in CURVES or named in PROBES:
             return named
         if named == "G80":
             named = self._beneath()
@@ -454,6 +467,8 @@ class _Turn:
         if motion in CURVES:
             made_curve, self.state = spline_words.curve(here, motion, word, self._ahead)
             return [made_curve]
+        if motion in PROBES:
+            return [probe_words.line(here, motion, word)]
         if motion in CYCLES:
             made, self.state = cycles.blocks(here, motion, word)
             return made

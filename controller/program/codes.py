@@ -18,6 +18,7 @@ from controller.program.words import Line, Word
 SIDES = ("G40", "G41", "G42")
 SURFACES = ("G51", "G52", "G6.2")
 CURVES = ("G5", "G5.1", "G5.2", "G5.3")
+PROBES = ("G38.2", "G38.3", "G38.4", "G38.5", "G31")
 CYCLES = ("G73", "G74", "G76", "G81", "G82", "G83", "G84", "G85", "G86", "G87", "G89")
 PLACES = ("G10", "G28", "G30", "G53.3", "G92")  # of the codes for one line those that take the axis words
 TILTS = ("G68.2", "G68.3", "G68.4")

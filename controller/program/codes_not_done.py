@@ -18,7 +18,6 @@ from controller.program.code_rows import (
 )
 
 _LATHE = "this control has no lathe axis"
-_PROBE = "touch the part off by hand on the set-up page"
 _AHEAD = "The feed is always planned as far ahead as the limits ask."
 _NEVER = "It is never on here."
 _SMOOTH = "G64 P says here how far the path may be left; without it it is exact."
@@ -147,10 +146,6 @@ NOT_DONE: tuple[Code, ...] = (
         ("G17.1", "plane UV", "this control has no axes U V W; write G17"),
         ("G18.1", "plane WU", "this control has no axes U V W; write G18"),
         ("G19.1", "plane VW", "this control has no axes U V W; write G19"),
-        ("G38.2", "probing", _PROBE),
-        ("G38.3", "probing", _PROBE),
-        ("G38.4", "probing", _PROBE),
-        ("G38.5", "probing", _PROBE),
         ("G88", "boring with retraction by hand", "write G86, or M0 at the bottom"),
         ("G96", "constant surface speed", f"{_LATHE}; write G97 and S"),
     ),
@@ -161,7 +156,6 @@ NOT_DONE: tuple[Code, ...] = (
         ("G26", "spindle speed watch", "leave it out"),
         ("G27", "reference point check", "write G28"),
         ("G29", "return from the reference point", "write G0 and the position"),
-        ("G31", "skip", _PROBE),
         ("G65", "macro call", "write M98 and its number"),
         ("G66", "modal macro", "write M98 and its number on every line"),
     ),

@@ -35,7 +35,7 @@ MAX_HELD = 1000  # blocks behind a G41 before it is decided
 
 
 def beside(
-    lines: Iterable[Sequence[Block]],
+    lines: Iterable[CommonRun | Sequence[Block]],
     position: Position,
     machine: Machine,
     name: str,
@@ -46,9 +46,10 @@ def beside(
     Raises ProgramError; with ``refused`` it is noted there, and the contour left uncompensated.
     """
     path = _Path(machine, position)
-    for blocks in lines:
-        if isinstance(blocks, CommonRun) and path.rests and blocks[0].modal.planar is None:
-            position.take_run(blocks)
+    for line in lines:
+        blocks = line.blocks if isinstance(line, CommonRun) else line
+        if isinstance(line, CommonRun) and path.rests and blocks[0].modal.planar is None:
+            position.take_run(line)
             yield from blocks
             continue
         for block in blocks:

@@ -8,16 +8,17 @@ no value, and a program that asks for one is refused.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from types import MappingProxyType
 
 from controller.geometry.vectors import Vector
 from controller.machine.model import Machine
+from controller.program.line import Line
 from controller.program.modal import State
 from controller.program.origins import NONE
 from controller.program.parameters import Key, NoValue
 from controller.program.position import Position
-from controller.program.program import Tip
+from controller.program.program import Block, JointLine, Tip, TipLine
 from controller.program.reference_words import reference
 
 LETTERS = "xyzabcuvw"  # of positions, in the order of their numbers
@@ -27,6 +28,12 @@ _REFERENCES = {"G28": range(5161, 5170), "G30": range(5181, 5190)}
 _SHIFT, _TOOL_OFFSETS, _POSITIONS = range(5211, 5220), range(5401, 5410), range(5420, 5429)
 _TOOL, _DIAMETER, _SYSTEM, _SHIFTED = 5400, 5410, 5220, 5210
 _ANSWER = 5399
+_PROBED, _SUCCEEDED = range(5061, 5070), 5070
+_MISSED = (
+    "{}: the probe has come to the end of its way and has not touched; lead it further, or nearer to "
+    "the part before, or write G38.3, which goes on without",
+    "{}: the probe has come to the end of its way and is not free; lead it further, or look at the stylus",
+)
 _AT_RUN = (
     "#5399 is what M66 finds when the program runs, and the whole program is read before: write M66 with "
     "L1 to L4 and Q, which waits, and holds the program where nothing comes"
@@ -45,6 +52,34 @@ class Given:
     def __init__(self, machine: Machine, state: State, position: Position) -> None:
         self.state, self.position = state, position
         self._machine = machine
+        self._probed: dict[str, float | None] = {}  # of the last probing move, as ``_in_part``
+        self._succeeded = 0.0
+
+    # ---- probing
+
+    def see_probed(self, made: Sequence[Block], line: Line) -> None:
+        """Behind a probing move the reader goes on from where the axes really are. Raises ProgramError."""
+        last = made[-1] if made else None
+        probe = last.probe if isinstance(last, JointLine | TipLine) else None
+        if probe is None:
+            return
+        came, position = probe.came, self.position
+        if came is not None:
+            position.stand(came.at)
+        self._probed = {letter: self._in_part(letter) for letter in LETTERS[:6]}
+        self._succeeded = float(came is None or came.touched)
+        if came is not None:
+            position.stand(came.rest)
+            if probe.must and not came.touched:
+                code = next(word for word in line.words if word.letter == "G")
+                raise line.refusal(code, _MISSED[probe.away].format(probe.code))
+
+    def _of_probing(self, key: int) -> float:
+        letter = LETTERS[key - _PROBED.start]
+        found = self._probed.get(letter, 0.0)
+        if found is None:
+            raise NoValue(_UNKNOWN.format(_written(key), letter.upper()))
+        return found if letter in _DEGREES else found / self.state.mm_per_unit
 
     # ---- positions
 
@@ -101,6 +136,10 @@ class Given:
     def _numbered(self, key: int) -> float | None:
         if key in _POSITIONS:
             return self._position(LETTERS[key - _POSITIONS.start], key)
+        if key in _PROBED:
+            return self._of_probing(key)
+        if key == _SUCCEEDED:
+            return self._succeeded
         if key == _ANSWER:
             raise NoValue(_AT_RUN)
         if key in _OFFSETS:

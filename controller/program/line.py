@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from types import MappingProxyType
 from typing import NamedTuple
 
@@ -25,12 +26,23 @@ def _words(letters: str, others: str = "", behind: str = "") -> str:
     return rf"(?:(?=[{letters}{letters.lower()}{others}]){each}{behind})?"
 
 
-COMMON = re.compile(
-    r"[ \t]*+(?:[Nn][0-9]++[ \t]*+)?(?:[Gg](0?[0-3])[ \t]*+)?"
-    + "".join(map(_words, ("XYZ", "ABC", "IJKR")))
-    + _words("FS", "Mm(;", r"(?:[Mm](0?[3-57-9])[ \t]*+)?(?:\([^(),;]*+\)[ \t]*+)?(?:;.*+)?"),
-    re.DOTALL,
-)
+@cache
+def common(axes: str) -> re.Pattern[str]:
+    """Of lines with words of these axes alone; the groups of others are there, and match nothing."""
+    turns = "".join(_words(letter) if letter in axes else "(?:(?!)())?" for letter in "ABC")
+    return re.compile(
+        r"[ \t]*+(?:[Nn][0-9]++[ \t]*+)?(?:[Gg](0?[0-3])[ \t]*+)?"
+        + _words("XYZ")
+        + rf"(?:(?=[ABCabc]){turns})?"
+        + _words("IJKR")
+        + _words("FS", "Mm(;", r"(?:[Mm](0?[3-57-9])[ \t]*+)?(?:\([^(),;]*+\)[ \t]*+)?(?:;.*+)?"),
+        re.DOTALL,
+    )
+
+
+COMMON = common("ABC")
+Rows = Iterator[tuple[int, str]]  # numbers and texts of lines
+Other = tuple[int, str, re.Match[str] | None]  # one of them, and what COMMON finds in it
 # Of ``Line.parts``, and of the groups of a match less one.
 MOTION, AXES, CENTRE, RADIUS, FEED, SPEED, FUNCTION = 0, 1, 7, 10, 11, 12, 13
 PARTS = MappingProxyType(
@@ -172,8 +184,11 @@ class Line:
         return error.within(self.where.calls) if self.where is not None else error
 
 
-class CommonRun(list[Block]):
-    """Blocks of common lines that follow each other: of one modal state but for its motion and F."""
+@dataclass(frozen=True, slots=True)
+class CommonRun:
+    """Common lines that follow each other: of one modal state but for motion, F, spindle and coolant."""
+
+    blocks: list[Block]
 
 
 class Upcoming(Iterator[Line]):

@@ -12,11 +12,11 @@ structure that is wrong is refused wherever it stands. A text without O-words ha
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 from controller.program.comments import without_comments
-from controller.program.decoding import NEWLINE
+from controller.program.decoding import NEWLINE, Text
 from controller.program.expressions import GAPS
 from controller.program.program import ProgramError
 
@@ -42,6 +42,11 @@ _KEYWORD = re.compile(
 )
 _TITLE = re.compile(rf"[{GAPS}]*(<[^<>]*>)?[{GAPS}]*")  # as some controls name programs: O1234 <PART>
 _CALLS_BY_NUMBER = re.compile(r"[mM][ \t]*0*9[ \t]*[89](?![0-9])")
+
+
+# The same two in bytes, a pattern for each letter: one that begins with a letter is looked for at a run.
+_SIGNS = [re.compile(_O.pattern.replace("[oO:]", letter).encode()) for letter in "oO:"]
+_CALLS = [re.compile(_CALLS_BY_NUMBER.pattern.replace("[mM]", letter).encode()) for letter in "mM"]
 
 
 @dataclass(eq=False, slots=True)
@@ -108,12 +113,14 @@ def found(text: str, name: str) -> Marks:
     return Marks({mark.at: mark for mark in marks}, subs, numbered, by_number, end)
 
 
-def plain(parts: Iterable[str]) -> bool:
-    """Whether lines just follow: the text, in pieces of whole lines, has at most one number alone."""
+def plain(text: Text) -> bool:
+    """Whether lines just follow: the text has at most one number alone."""
+    if any(call.search(text.body) for call in _CALLS):
+        return False
+    if not any(sign.search(text.body) for sign in _SIGNS):
+        return True
     numbers = 0
-    for part in parts:
-        if _CALLS_BY_NUMBER.search(part):
-            return False
+    for part in text.parts():
         try:
             words = [mark.keyword for mark in _marks(part, "", len(part))]
         except ProgramError:

@@ -14,6 +14,7 @@ Key = int | str
 ARGUMENTS = range(1, 31)  # a sub's own
 SAYS_DEBUG = 5599  # 0: what (DEBUG,) would say is not said
 OF_THE_MACHINE = range(5061, 5603)  # positions, offsets and tools: the control gives them
+OF_SKIPS = range(5061, 5067)  # where the last probing move was: of both dialects
 OF_FANUC = range(1000, 5161)  # its system variables: alarms, clocks, modal codes, positions
 RETURNED = ("_value", "_value_returned")  # what the last sub gave back, and whether it did
 
@@ -93,7 +94,7 @@ class Parameters:
             raise NoValue(f"#<{key}> is given by the control and can only be read; use another name")
 
     def _check_own(self, key: Key) -> None:
-        if isinstance(key, int) and key in self._system and not self._is_kept(key):
+        if isinstance(key, int) and key in self._system and key not in OF_SKIPS and not self._is_kept(key):
             raise NoValue(
                 f"#{key} is a system variable on controls of this dialect, and not here: parameters of a "
                 "program are #1 to #999; write (MSG, ...) and M0 for #3000 and #3006, #5420 on for "

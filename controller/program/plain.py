@@ -7,7 +7,6 @@ common, or would be refused, is left to that.
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Sequence
 from dataclasses import replace
 from types import MappingProxyType
@@ -16,25 +15,30 @@ from controller.geometry.vectors import Vector
 from controller.machine.model import STILL, Machine
 from controller.program import points
 from controller.program.arc_words import PLANES
+from controller.program.functions import MAX_STATES, Functions, any_of
 from controller.program.given import Given
 from controller.program.line import (
     AXES,
     CENTRE,
+    COMMON,
     FEED,
     FUNCTION,
+    MAX_RUN,
     MOTION,
     PARTS,
     RADIUS,
     SPEED,
     Line,
+    Other,
     Part,
+    Rows,
+    common,
 )
 from controller.program.line_words import SHORTEST_VECTOR
 from controller.program.modal import FEEDS, State
 from controller.program.points import POINTLESS
 from controller.program.program import Block, JointArc, JointLine, Place, Targets, Tip, TipLine
 
-MAX_STATES = 1000  # that are remembered
 _SHORT = frozenset(("G0", "G1", "G2", "G3"))
 _MOTIONS: MappingProxyType[Part, str] = MappingProxyType(
     {key: f"G{k}" for k in range(4) for key in (str(k), f"0{k}", float(k))}
@@ -48,10 +52,22 @@ _Feed = tuple[str, float | None, float | None]  # motion, mm/s, degrees/s: what 
 class _Ready:
     """A state, and what common lines need of it at hand."""
 
-    __slots__ = ("degrees", "is_line", "is_usual", "mm", "modal", "motion", "relative", "state", "unit")
+    __slots__ = (
+        "beside",
+        "degrees",
+        "is_line",
+        "is_usual",
+        "mm",
+        "modal",
+        "motion",
+        "relative",
+        "state",
+        "unit",
+    )
 
     def __init__(self, state: State) -> None:
         self.state, self.modal, self.motion = state, state.modal, state.motion
+        self.beside: dict[str, _Ready] = {}  # those with other motions, as they are asked for
         self.relative, self.unit = not state.absolute, state.mm_per_unit
         is_feed = self.motion != "G0"
         self.mm = self.modal.feed_mm_s if is_feed else None
@@ -92,44 +108,93 @@ class CommonLines:
         self._axes = tuple((PARTS[a.name], a.shown_per_unit if a.is_rotary else 0.0) for a in machine.axes)
         names = {axis.name for axis in machine.axes}
         self._lacking = tuple(PARTS[letter] for letter in "XYZABC" if letter not in names)
+        self._common = common("".join(sorted(names)))
         self._linear, self._pair = machine.linear(), machine.pair
         self._turning = [PARTS[machine.axes[i].name] for i in machine.rotary()]
         self._points_count = points.count(machine)
         self._given = given
+        self.functions = Functions(self.one_of)
         self.rests = False  # while another line is carried out: what follows may belong to it
         self._ready = _Ready(given.state)  # the state that was seen last ...
         self._family = _Family()  # ... its family ...
         self._families: list[_Family] = []  # ... and some others
 
-    def short(self, found: re.Match[str], number: int) -> Block | None:
-        """The block of a line that COMMON has found, the state then being that after it.
-
-        None where the general way is needed.
+    def take(self, rows: Rows, run: list[Block]) -> Other | None:
+        """Reads lines to blocks of ``run``, the state then being that after them, up to the first that is no
+        common one, which it gives; None where ``run`` is full, or the lines are at their end.
         """
-        if self.rests or not 0 < (found.lastindex or 0) <= FEED + 1:
-            return None
-        parts = found.groups()
-        at = MOTION if parts[MOTION] is not None else AXES if parts[AXES] is not None else _first(parts)
-        return self._made(parts, _new(Place, (number, found.start(at + 1), 0, "")), found.string)
+        given, axes, count, find = self._given, self._axes, len(self._axes), self._common.fullmatch
+        now = self._seen()
+        for number, raw in rows:
+            found = find(raw)
+            last = None if found is None else found.lastindex
+            if found is None or last is None or self.rests:
+                if found is not None and last is None and raw.lstrip()[:1] not in ("N", "n"):
+                    continue  # nothing but a comment
+                return number, raw, COMMON.fullmatch(raw)
+            parts = found.groups()
+            if last > FEED + 1:
+                done = self.functions.done(parts, given.state, found, number)
+                if done is None or len(run) >= MAX_RUN - len(done[0]):
+                    return number, raw, found
+                run += done[0]
+                given.state = done[1]
+                now = self._seen()
+                continue
+            code, feed = parts[MOTION], parts[FEED]
+            at = MOTION if code is not None else AXES if parts[AXES] is not None else _first(parts)
+            place = _new(Place, (number, found.start(at + 1), 0, ""))
+            motion = now.motion if code is None else _MOTIONS[code]
+            if feed is not None:
+                ready = self._family.by_words.get((motion, feed))
+            else:
+                ready = now if motion == now.motion else now.beside.get(motion)
+            if (
+                ready is not None
+                and ready.is_line
+                and parts[CENTRE:FEED] == _NO_ARC
+                and not self._points_count
+            ):
+                unit = ready.unit  # the same as below, with no call on the way
+                targets = tuple(
+                    [
+                        None
+                        if (word := parts[at]) is None
+                        else float(word) / per
+                        if per
+                        else float(word) * unit
+                        for at, per in axes
+                    ]
+                )
+                if targets.count(None) == count:
+                    return number, raw, found
+                run.append(
+                    JointLine(place, ready.modal, targets, ready.relative, False, ready.mm, ready.degrees)
+                )
+                given.state, now = ready.state, ready
+            else:
+                block = self._made(parts, place, raw)
+                if block is None:
+                    return number, raw, found
+                run.append(block)
+                now = self._ready
+            if len(run) == MAX_RUN:
+                break
+        return None
 
     def read(self, line: Line) -> Block | None:
-        """The same of any line."""
+        """The block of any line that is a common one."""
         parts = line.parts
         if parts is None or parts[FUNCTION] is not None or parts[SPEED] is not None:
             return None
-        if not any_of(parts[AXES:RADIUS]):
+        if not any_of(parts[AXES:RADIUS]) or any(parts[at] is not None for at in self._lacking):
             return None
         return self._made(parts, _place(line, parts), line.text)
 
     def _made(self, parts: Sequence[Part], place: Place, text: str) -> Block | None:
-        now = self._ready
-        if self._given.state is not now.state:
-            now = self._see(self._given.state)
+        now = self._seen()
         if not now.is_usual:
             return None
-        for at in self._lacking:
-            if parts[at] is not None:
-                return None
         if self._points_count and (not text or POINTLESS.search(text) is not None):
             return None
         code, feed = parts[MOTION], parts[FEED]
@@ -143,27 +208,26 @@ class CommonLines:
         unit = ready.unit
         targets = tuple(
             [
-                None if (value := parts[at]) is None else float(value) / per if per else float(value) * unit
+                None if (word := parts[at]) is None else float(word) / per if per else float(word) * unit
                 for at, per in self._axes
             ]
         )
-        block: Block | None
-        if ready.is_line and parts[CENTRE:FEED] == _NO_ARC and any_of(targets):
-            block = JointLine(place, ready.modal, targets, ready.relative, False, ready.mm, ready.degrees)
-        elif motion == "G0" or motion == "G1":
+        block: Block | None = None
+        if motion == "G0" or motion == "G1":
             block = self._line(place, parts, targets, ready)
         elif motion == "G2" or motion == "G3":
             block = _arc(place, parts, targets, ready)
-        else:
-            return None
         if block is not None:
             self._given.state = ready.state
         return block
 
     # ---- states
 
-    def _see(self, state: State) -> _Ready:
-        """Another state than the lines before it left."""
+    def _seen(self) -> _Ready:
+        """The state, seen anew where it is another than the lines before left."""
+        state = self._given.state
+        if state is self._ready.state:
+            return self._ready
         key = _feed_of(state)
         for family in self._families:
             ready = family.by_feed.get(key)
@@ -189,7 +253,9 @@ class CommonLines:
                 return None
             found = _Ready(_with_feed(state, (motion, mm_s, deg_s)))
             self._family.add(found)
-        if feed is not None and len(self._family.by_words) < MAX_STATES:
+        if feed is None:
+            now.beside[motion] = found
+        elif len(self._family.by_words) < MAX_STATES:
             self._family.by_words[motion, word] = found
         return found
 
@@ -235,11 +301,6 @@ class CommonLines:
     def _turns(self, parts: Sequence[Part]) -> bool:
         """Whether a rotary has a word."""
         return any([parts[i] is not None for i in self._turning])
-
-
-def any_of(values: Sequence[object]) -> bool:
-    """Whether one of them is there."""
-    return values.count(None) < len(values)
 
 
 def _time(parts: Sequence[Part]) -> float | None:

@@ -16,6 +16,7 @@ from controller.machine.kinematics import Kinematics, Pair, kinematics_of
 from controller.machine.model import Joints, Machine
 from controller.program.line import CommonRun
 from controller.program.program import (
+    Action,
     Block,
     CutCone,
     CutNurbs,
@@ -94,6 +95,11 @@ class Position:
         self._tips, self._length_mm = False, 0.0
         self._pending: list[JointMotion] = []  # absolute, not gone yet: most are never asked for
 
+    def stand(self, joints: Joints) -> None:
+        """There it stands (mm, rad), as the machine has told."""
+        self._pending, self._tips = [], False
+        self._xyz, self._rotaries = [joints[i] for i in self._linear], [*self._machine.pair(joints, 0.0)]
+
     def take(self, block: Block) -> None:
         """Go where a block leads."""
         if isinstance(block, JointMotion) and _is_position(block):
@@ -108,13 +114,16 @@ class Position:
             self._pending.clear()
             self._xyz, self._rotaries = [None] * 3, self._lost()
 
-    def take_run(self, blocks: CommonRun) -> None:
+    def take_run(self, run: CommonRun) -> None:
         """Go where common lines lead, which count all alike."""
-        first = blocks[0]
-        if isinstance(first, JointMotion) and _is_position(first):
-            self._put_off(cast(Sequence[JointMotion], blocks))
+        motions = [block for block in run.blocks if not isinstance(block, Action)]
+        if not motions:
             return
-        for block in blocks:
+        first = motions[0]
+        if isinstance(first, JointMotion) and _is_position(first):
+            self._put_off(cast(Sequence[JointMotion], motions))
+            return
+        for block in motions:
             self.take(block)
 
     def _put_off(self, motions: Sequence[JointMotion]) -> None:

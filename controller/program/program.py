@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 from controller.geometry.splines import BSpline
 from controller.geometry.vectors import Frame, Vector
 from controller.machine.changes import Change
-from controller.machine.model import Machine, Tool
+from controller.machine.model import Joints, Machine, Tool
 
 
 class ProgramError(Exception):
@@ -195,6 +195,24 @@ class CutNurbs:
 Targets = tuple[float | None, ...]
 
 
+class Probed(NamedTuple):
+    """What came of a probing move, joints in mm and rad."""
+
+    touched: bool
+    at: Joints  # where the axes were at the edge
+    rest: Joints  # where they have come to rest
+
+
+@dataclass(slots=True, eq=False)
+class Probing:
+    """A line that ends where the probe touches, or is free: nobody knows where, before it has run."""
+
+    code: str
+    away: bool  # it ends where the probe is free
+    must: bool  # without it the program ends
+    came: Probed | None = None  # told by the run; a check takes the end of the line for it
+
+
 # Lines and arcs come in millions: as frozen ones each would take as long to be made as to be read.
 class Thread(NamedTuple):
     """How a line is tied to the spindle: ``rev_per_mm`` of it, positive as M3 turns.
@@ -223,6 +241,7 @@ class JointLine:
     feed_deg_s: float | None
     time_s: float | None = None  # G93: what the whole block takes; both feeds are 0 then
     thread: Thread | None = None  # the spindle leads it
+    probe: Probing | None = None  # G38.2 to G38.5, G31
 
 
 @dataclass(slots=True, unsafe_hash=True)
@@ -243,6 +262,7 @@ class TipLine:
     feed_deg_s: float | None
     time_s: float | None = None  # G93
     stands: bool = False  # a rapid on which the tip keeps its place on the part: G53.6
+    probe: Probing | None = None  # as JointLine
 
 
 @dataclass(slots=True, unsafe_hash=True)
@@ -308,6 +328,7 @@ class Act(Enum):
     COOLANT = "M7/M8/M9"
     OUTPUT = "M64/M65/M68"
     INPUT = "M66"
+    PROBE = "G38/G31"  # begins, and ends
     CLAMP = "clamp"  # no word of a program: the path asks for it between motions
 
 

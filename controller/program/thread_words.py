@@ -3,7 +3,9 @@
     the spindle stands; down as it turns; both stand at the bottom; back as it turns back; it turns again
 
 The spindle starts from rest together with the axis, so that the first turn is cut as the last one, and a
-second pass finds the first. It needs a spindle that tells its position (``position`` in [spindle]).
+second pass finds the first. G33 with the spindle off turns it by the sign of K, as M3 where that is positive,
+and leaves it standing: so a tap is turned out of its hole. It needs
+a spindle that tells its position (``position`` in [spindle]).
 """
 
 from __future__ import annotations
@@ -40,7 +42,8 @@ def blocks(here: Here, code: str, word: Word) -> tuple[list[Block], State]:
         target += now
     if abs(target - now) < PITCH_MM[0]:
         raise here.ask.refusal(word, f"{code} goes nowhere: it is at this height already; correct it")
-    turned = here.state.turning / pitch
+    turning = here.state.turning or (1 if (here.length_mm("K") or 0.0) > 0.0 else -1)
+    turned = turning / pitch
     way.spindle(0.0)
     if code == "G33":
         way.thread(target, turned, begin_rev=0.0 if target < now else None)
@@ -62,7 +65,9 @@ def _check(here: Here, code: str, word: Word, height: str) -> None:
         raise ask.refusal(word, f"{code}: {_NONE}")
     if height not in ask.words:
         why = f"without {height}, where it leads; write it"
-    elif state.turning == 0 or not state.speed_rev_min:
+    elif not state.speed_rev_min:
+        why = "without a speed; write S before it"
+    elif state.turning == 0 and code != "G33":
         why = "while the spindle stands; write S and M3 or M4 before it"
     elif state.modal.tip is not Tip.OFF:
         why = "under tool-centre control (G43.4, G43.5); write G49 before it"
@@ -81,6 +86,8 @@ def _pitch_mm(here: Here, code: str, word: Word) -> float:
         raise here.ask.refusal(
             word, f"{code} has no K, the pitch: the way of a turn; write it, such as K1.25"
         )
+    if here.state.turning == 0:  # G33: the sign says which way
+        pitch = abs(pitch)
     check_pitch(here, given, pitch)
     return pitch
 

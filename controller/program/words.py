@@ -9,14 +9,14 @@ each as often as it is.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 
 from controller.program import foreign, marks
 from controller.program.comments import message, without_comments
 from controller.program.decoding import Text
 from controller.program.expressions import GAPS, Values
 from controller.program.flow import Limits, Run, Source
-from controller.program.line import COMMON, MAX_RUN, SIMPLE, CommonRun, Line, Word, simple
+from controller.program.line import COMMON, MAX_RUN, SIMPLE, CommonRun, Line, Other, Rows, Word, simple
 from controller.program.parameters import SAYS_DEBUG, Key, NoValue, Parameters
 from controller.program.program import Block, ProgramError
 
@@ -25,7 +25,7 @@ __all__ = ["LARGEST", "Line", "Word", "read"]
 # No machine and no feed needs more; far below what squares and cubes could overflow.
 LARGEST = 1e9
 
-Short = Callable[[re.Match[str], int], Block | None]
+Take = Callable[[Rows, list[Block]], Other | None]
 
 _O_WORD = re.compile(r"o[ \t]*(?:<[^<>]*>|[0-9 \t]+)[ \t]*[a-z]{2}")
 _MARK = re.compile(r"[ \t]*%[ \t]*")
@@ -42,21 +42,21 @@ def read(
     limits: Limits | None = None,
     files: Mapping[str, tuple[str, str]] | None = None,
     refused: list[ProgramError] | None = None,
-    short: Short | None = None,
+    take: Take | None = None,
 ) -> Iterator[Line | CommonRun]:
     """The lines of a text that have words or say something, as they are carried out, up to the closing
     ``%`` or the end.
 
     ``block_delete`` skips lines that begin with ``/``; off (the power-on state) they are read. ``files``:
-    other texts with their names, whose subs may be called, by label. ``short`` may make the block of a common
-    line at once; runs of them come in place of such lines. Raises ProgramError while iterating
-    for text that is no word, or when the end comes before any word; with ``refused``, a line that is none
-    is noted there and left out.
+    other texts with their names, whose subs may be called, by label. ``take`` reads common lines to blocks,
+    ``MAX_RUN`` at most, and gives the first other line; runs of them then come in their place. Raises
+    ProgramError while iterating for text that is no word, or when the end comes before any word; with
+    ``refused``, a line that is none is noted there and left out.
     """
     scan = _Scan(parameters or Parameters(), block_delete, refused)
-    source = None if marks.plain(whole.parts()) else Source.of(name, whole.whole())
+    source = None if marks.plain(whole) else Source.of(name, whole.whole())
     if source is None or source.marks.none:
-        yield from scan.lines(whole.lines(), name, short or _never)
+        yield from scan.lines(enumerate(whole.lines(), start=1), name, take or _first)
     else:
         run = Run(source, scan.line, scan.parameters, limits or Limits(), files or {}, block_delete)
         yield from run.lines()
@@ -78,25 +78,19 @@ class _Scan:
         self.found = False  # a word
         self._opened = self._named = False
 
-    def lines(self, whole: Iterable[str], name: str, short: Short) -> Iterator[Line | CommonRun]:
+    def lines(self, rows: Rows, name: str, take: Take) -> Iterator[Line | CommonRun]:
         """All of a text, as it stands."""
-        find, run = COMMON.fullmatch, CommonRun()
-        for number, raw in enumerate(whole, start=1):
-            common = find(raw)
-            if common is not None:
-                block = short(common, number)
-                if block is not None:
-                    self.found = self._opened = True
-                    run.append(block)
-                    if len(run) == MAX_RUN:
-                        yield run
-                        run = CommonRun()
-                    continue
-                if common.lastindex is None and raw.lstrip()[:1] not in ("N", "n"):
-                    continue
+        while True:
+            run: list[Block] = []
+            other = take(rows, run)
             if run:
-                yield run
-                run = CommonRun()
+                self.found = self._opened = True
+                yield CommonRun(run)
+            if other is None:
+                if len(run) < MAX_RUN:
+                    return
+                continue
+            number, raw, common = other
             if common is not None and common.lastindex is not None:
                 self.found = self._opened = True
                 yield Line(name, number, (), common, _plain_words)
@@ -106,8 +100,6 @@ class _Scan:
                 self._opened = True
             elif (line := self._general(raw, name, number)) is not None:
                 yield line
-        if run:
-            yield run
 
     def line(self, raw: str, name: str, number: int) -> Line | None:
         """One line that is carried out; None where it says nothing."""
@@ -161,8 +153,10 @@ class _Scan:
         return line
 
 
-def _never(_found: re.Match[str], _number: int) -> None:
-    return None
+def _first(rows: Rows, _run: list[Block]) -> Other | None:
+    """No line is common."""
+    row = next(rows, None)
+    return None if row is None else (*row, COMMON.fullmatch(row[1]))
 
 
 def _plain_words(text: str, name: str, number: int) -> tuple[Word, ...]:

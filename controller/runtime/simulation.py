@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from controller.machine.equipment import SENSORS
 from controller.machine.model import Machine
 from drives.simulated.io_node import IoNode
 
@@ -20,11 +21,11 @@ class Wire(NamedTuple):
 
 
 def healthy_inputs(machine: Machine) -> int:
-    """The inputs' word, electrically, with all circuits and doors closed and all clamps closed."""
+    """The inputs' word, electrically: circuits, doors and clamps closed, no probe touched."""
     io = machine.io
     if io is None:
         return 0
-    return sum(1 << bit for name, bit in io.inputs if name not in io.inverted)
+    return sum(1 << bit for name, bit in io.inputs if (name in SENSORS) == (name in io.inverted))
 
 
 def wires(machine: Machine) -> tuple[Wire, ...]:

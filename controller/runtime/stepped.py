@@ -41,6 +41,7 @@ from controller.runtime import cyclic
 from controller.runtime.events import Event
 from controller.runtime.observer import Observer
 from controller.runtime.recording import Keeper
+from controller.runtime.simulated_probe import Bench, Wired
 from controller.runtime.simulation import surround
 from controller.runtime.startup import Came, SessionError, StartUp, arrangement, came_to, no_start
 from controller.state import stop_times
@@ -111,11 +112,13 @@ class SteppedMachine:
         lateness: Callable[[int], float] | None = None,
         recordings: Path | None = None,
         motor: MotorParameters | None = None,
+        bench: Bench | None = None,
     ) -> None:
         """``stiffness``: factor on the position gain by axis name; ``lateness``: see SteppedClock.
 
         ``motor``: how the spindle lags and slips.
         ``recordings``: folder for what is kept of a fault; None = nothing is kept.
+        ``bench``: what its probe can touch.
         """
         self.machine = machine
         self.kinematics = kinematics_of(machine)
@@ -127,6 +130,11 @@ class SteppedMachine:
         )
         for node in self.rig.io.values():
             surround(node, machine)
+        self.touch: Wired | None = None
+        if bench is not None:
+            drives = [self.rig.drives[node.name] for node in nodes]
+            self.touch = Wired(bench, machine, drives, next(iter(self.rig.io.values()), None))
+            self.rig.watchers.append(self.touch.watch)
         self._ticks_in_sdo = False
         networks = {
             bus.name: commission.Network(self.rig.port(pdo.SERVICE_FILTERS, bus.name), self._pass_time())

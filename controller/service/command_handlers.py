@@ -18,7 +18,7 @@ from controller.ipc.handoff import Snapshot, blank
 from controller.machine import setup_data
 from controller.machine.model import Machine
 from controller.machine.toml_table import ConfigError
-from controller.messages import Key
+from controller.messages import Key, said
 from controller.plan.retract import RETRACT_MM_S
 from controller.service import diagnostics, jobs, node_status, restart_preview, runs, sequences, status, wear
 from controller.service.acknowledged import Acknowledged, refusal
@@ -27,10 +27,12 @@ from controller.service.jogging import ENDS, Jogging, Presses
 from controller.service.refusals import by_fault, number, refused, whole
 from controller.service.sequencer import Going
 from controller.service.service import Service
+from controller.service.thread_guard import way_out
 from controller.state.modes import Mode, Request, bars
 from controller.tick.mode import MAX_OVERRIDE, SPINDLE_OVERRIDES
 
 MAX_DISTANCE = 1e5  # mm or degrees of one step; the travel is the tick's own limit
+MAX_WITHDRAW_MM = 500.0
 MAX_MDI = 10_000  # characters
 AT_REST = (Mode.OFF, Mode.READY, Mode.FAULT)
 
@@ -68,6 +70,7 @@ class Desk:
             "reset": self._reset,
             "mdi": self._mdi,
             "retract": self._retract,
+            "withdraw": self._withdraw,
             "return": lambda _: self._aside("return"),
             "jog": self._jog,
             "jog_step": self._jog_step,
@@ -116,6 +119,14 @@ class Desk:
             return {**status.unseen(self._told(status.ended(found))), **kept}
         return {**self._told(found), **kept}
 
+    def _with_thread(self, told: Values) -> Values:
+        """The notice that the tool stands in a thread, while no program turns it."""
+        found = self._service.thread.found
+        if found is None or self._service.running is not None:
+            return told
+        values = {"depth": found.depth_mm, "pitch": found.pitch_mm, "line": found.line}
+        return {**told, "notices": [*told["notices"], {"name": "IN_THREAD", **said("in_thread", **values)}]}
+
     def _told(self, now: Snapshot) -> Values:
         """What a snapshot tells, with the job and the motion under way."""
         service = self._service
@@ -124,9 +135,10 @@ class Desk:
         asked = job.asked_tool(now, service.tool) if job is not None else None
         age_s = service.pulse.age_s(now.tick)
         ends_s = service.last_second.left_s
+        values = status.machine_values(service.machine, now, way, service.tool, age_s, ends_s)
         return {
             "time_s": now.tick * service.machine.period_s,
-            **status.machine_values(service.machine, now, way, service.tool, age_s, ends_s),
+            **self._with_thread(values),
             "aside": service.aside,
             "retract_room_mm": self._retract_room_mm(now),
             "tool": service.tool or None,
@@ -179,6 +191,7 @@ class Desk:
         share = number(args, "speed", -1.0, 1.0)
         if share == 0.0:
             return self._ask(Request.JOG_STOP)
+        self._not_in_thread("JOG")
         now, part = self._permitted(Request.JOG), self._part()
         service, frame, axis = self._service, str(args.get("frame", "joint")), str(args.get("axis", ""))
         line = self._jogging.continuous(service.machine, now, part, frame, axis, share)
@@ -188,6 +201,7 @@ class Desk:
 
     def _jog_step(self, args: Values) -> Answer:
         distance = number(args, "distance", -MAX_DISTANCE, MAX_DISTANCE)
+        self._not_in_thread("JOG")
         now, part = self._permitted(Request.JOG), self._part()
         service, frame, axis = self._service, str(args.get("frame", "joint")), str(args.get("axis", ""))
         line = self._jogging.step(service.machine, now, part, frame, axis, distance)
@@ -306,6 +320,7 @@ class Desk:
         if now.mode is not Mode.READY:  # there the drives are switched off first
             self._permitted(Request.HOME)
         self._not_running("HOME")
+        self._not_in_thread("HOME")
         going = Going()
         return self._sequence("home", lambda: sequences.home(service, axes, going), going)
 
@@ -363,6 +378,7 @@ class Desk:
             why = job.said
             raise refused("not_ready", now.mode.name, "START", program=job.program.name, why=why)
         self._permitted(Request.START)
+        self._not_in_thread("START")
         if args.get("worn") is not True:
             wear.check(service.usage, service.tool, job.program.name)
         return self._begin("start", job, args.get("unrecorded") is True)
@@ -378,11 +394,13 @@ class Desk:
         text = args.get("text")
         if not isinstance(text, str) or not text.strip() or len(text) > MAX_MDI:
             raise refused("no_text", code="bad", most=MAX_MDI)
+        self._not_in_thread("MDI")
         return self._begin("mdi", jobs.mdi(text, self._service.machine))
 
     def _retract(self, args: Values) -> Answer:
         """Off along the tool axis: out of a held program, or from READY, as after a fault."""
         service, now, mm = self._service, self._service.now(), number(args, "mm", 0.0, MAX_DISTANCE)
+        self._not_in_thread("RETRACT")
         if now.mode not in (Mode.HOLD, Mode.READY) or not now.at_rest:
             raise refused("not_retracted", now.mode.name, "RETRACT")
         room_mm = self._retract_room_mm(now)
@@ -395,6 +413,28 @@ class Desk:
         line = self._jogging.step(service.machine, now, self._part(), "tool", "Z", mm)
         line, going = line._replace(speed=min(line.speed, RETRACT_MM_S)), Going()
         return self._sequence("retract", lambda: sequences.retract(service, line, going), going)
+
+    def _not_in_thread(self, request: str) -> None:
+        """Raises CommandRefused where the tool stands in a thread: ``withdraw`` and Resume alone move it."""
+        if (found := self._service.thread.found) is not None:
+            mode, line = self._service.now().mode.name, found.line
+            depth, pitch = found.depth_mm, found.pitch_mm
+            raise refused("in_thread", mode, request, depth=depth, pitch=pitch, line=line)
+
+    def _withdraw(self, args: Values) -> Answer:
+        """Out of a thread along it, by what is known of it or ``mm``; or it ``is_out`` already, by hand."""
+        service, now = self._service, self._service.now()
+        found = service.thread.found
+        if found is None:
+            raise refused("not_in_thread", now.mode.name, "WITHDRAW")
+        if args.get("is_out") is True:
+            self._not_running("WITHDRAW")
+            service.thread.is_out()
+            return {}
+        mm = None if args.get("mm") is None else number(args, "mm", 0.1, MAX_WITHDRAW_MM)
+        if found.pitch_mm == 0.0:
+            raise refused("thread_unknown", now.mode.name, "WITHDRAW")
+        return self._begin("withdraw", jobs.mdi(way_out(service.machine, found, mm), service.machine))
 
     def _retract_room_mm(self, now: Snapshot) -> float | None:
         """As ``status.retract_room_mm``; None while the tool is aside, or a run is just ending."""

@@ -11,7 +11,7 @@ from controller.ipc import control_socket
 from controller.machine.model import Machine
 from controller.runtime import children
 from controller.runtime.startup import SessionError
-from controller.service import engine
+from controller.service import engine, pendant
 from controller.service.command_handlers import Desk
 from controller.service.folders import Folders
 from controller.service.service import POLL_S, Service
@@ -23,8 +23,19 @@ FEED_S = 0.5  # between two signs of life; each needs a tick that has gone on
 STATUS_S = 2.0
 
 
-def run(machine: Machine, state: Path, runtime: Path, simulate: bool, tell: Tell, group: str = "") -> None:
-    """Until SIGTERM or SIGINT. Raises SessionError, ConfigError, BusError, OSError where it cannot begin."""
+def run(
+    machine: Machine,
+    state: Path,
+    runtime: Path,
+    simulate: bool,
+    tell: Tell,
+    group: str = "",
+    hand: pendant.Settings | None = None,
+) -> None:
+    """Until SIGTERM or SIGINT; ``hand``: a handwheel or gamepad.
+
+    Raises SessionError, ConfigError, BusError, OSError where it cannot begin.
+    """
     if simulate:
         machine = engine.simulated(machine)
     elif any(bus.interface == "virtual" for bus in machine.buses):
@@ -33,7 +44,11 @@ def run(machine: Machine, state: Path, runtime: Path, simulate: bool, tell: Tell
             "machine file, or give --simulate."
         )
     asked = children.Asked()
-    with opened(machine, Folders.within(state), runtime, group) as service:
+    control = control_socket.control_path(runtime)
+    with (
+        opened(machine, Folders.within(state), runtime, group) as service,
+        pendant.following(hand, control),
+    ):
         tell("READY=1")
         watch(service, lambda: asked.yes, tell)
         tell("STOPPING=1")

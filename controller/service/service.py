@@ -44,6 +44,7 @@ from controller.service.planner_client import News, Program
 from controller.service.refusals import refused
 from controller.service.runs import Rows, RunRecord
 from controller.service.sequencer import Sequencer
+from controller.service.thread_guard import ThreadGuard
 from controller.service.usage import Usage
 from controller.service.watchdog import STANDS_S, LastSecond, Pulse
 from controller.state.modes import Mode, Request
@@ -72,6 +73,7 @@ class Service:
         self.machine = setup_data.applied(machine, self.fitted)  # as programs see it
         self.alarms = Alarms(state)
         self.usage = Usage(state, machine)
+        self.thread = ThreadGuard(state)
         self.sequencer = Sequencer(self._failed)
         self.job: Job | None = None  # the loaded program
         self.running: Job | None = None  # it, or an MDI line, from start to end
@@ -338,6 +340,7 @@ class Service:
             self._feel_pulse(now)
             self.last_second.look(self._queue_left_s(now))
             self.troubles.look(now)
+            self.thread.look(now, self.running.program.name if self.running is not None else "")
         self._write_journal(now)
         self._look_at_job(now)
         return now

@@ -85,6 +85,11 @@ _ROWS = (
     _row(Fault.CLAMP, True, Reaction.PATH_STOP, Recovery.RESET, wait=Wait.ANSWER),
     _row(Fault.COOLANT_LOST, True, Reaction.END_OF_BLOCK, Recovery.RESUME),
     _row(Fault.INPUT_MISSING, True, Reaction.HOLD, Recovery.RESUME),
+    _row(Fault.PROBE_OPEN, True, Reaction.HOLD, Recovery.RESUME),
+    _row(Fault.PROBE_FREE, True, Reaction.HOLD, Recovery.RESUME),
+    _row(Fault.PROBE_HIT, True, Reaction.PATH_STOP, Recovery.RESET),
+    _row(Fault.PROBE_STUCK, True, Reaction.PATH_STOP, Recovery.RESET),
+    _row(Fault.PROBE_LATCH, True, Reaction.PATH_STOP, Recovery.RESET),
     _row(Fault.IO_LOST, True, Reaction.PATH_STOP, Recovery.RESET, wait=Wait.CONSUMER),
 )
 FAULTS: dict[Fault, FaultRow] = dict(_ROWS)

@@ -195,6 +195,12 @@ class Snapshot(NamedTuple):
     )
     jogging: bool = _value("jogging.active", "a jog moves, or is coming to rest")
     away: bool = _value("jogging", "jogged off the place of the hold; RESUME must wait")
+    probing: int = _value(
+        "probing.phase", "0 none, 1 about to begin, 2 on its way, 3 touched and not told yet, 4 at its end"
+    )
+    probings: int = _value("probing.count", "probings that have come to their end")
+    probed: int = _value("probing.came", "what came of the last: 1 touched, 2 not")
+    touch: tuple[float, ...] = _value("probing", "where the axes were then", "mm, rad", many=EACH_AXIS)
     answers: tuple[int, ...] = _value("answers.ring", "to the last requests, see ``came_of``", many=ANSWERS)
 
     def came_of(self, number: int) -> tuple[Outcome, Fault]:

@@ -47,7 +47,7 @@ FASTER = 1.2  # than the law asks for: what the loop may add to catch up, and in
 LEAST_REV_S = 1.0  # ... so much
 LEARNS_S = 1e-5  # of the axes' lag, in a tick: what is learnt on the thread comes without a jerk
 STILL = 1e-9  # of s between two ticks: the law stands
-STILL_MM = 5e-4  # of the axes at rest: what the encoder's last count does moves no axis
+STILL_MM = 1e-3  # of the axes at rest: what the encoder's last count does moves no axis
 
 
 class Turning(Protocol):
@@ -198,7 +198,7 @@ class Coupling:
         self._measure(answered - (spindle.turns - self._zero), spindle.turns, spindle.unheard)
         self._watch()
         self._lead(wanted - before, wanted - 2.0 * before + earlier, stands)
-        self.depth_rev, self.pitch_mm = wanted, 1.0 / move.rev_per_mm
+        self.depth_rev, self.pitch_mm = wanted - self.lag_rev if wanted else 0.0, 1.0 / move.rev_per_mm
         if self.again is not None:
             self.led_mm = self.again[0]
         else:
@@ -281,7 +281,7 @@ class Coupling:
         off = (self.lag_rev + self._rate * ahead_s) / move.rev_per_mm
         if self.releasing and self._settled >= SETTLED_TICKS:
             off = 0.0
-        elif stands and abs(off - self.off_mm) < STILL_MM and self._step_mm == 0.0:
+        elif stands and abs(off - self.off_mm) < STILL_MM:
             off = self.off_mm
         self._approach(off, move.give_mm_s2 * T * T, move.give_mm_s * T)
         return axis_s * (v + 0.5 * axis_s * a) - self.off_mm

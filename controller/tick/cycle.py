@@ -40,6 +40,7 @@ from controller.tick.jog import Jogging
 from controller.tick.joints import Encoder
 from controller.tick.mode import Modes, Phase
 from controller.tick.peripherals import Peripherals
+from controller.tick.probing import Probing
 from controller.tick.status_publisher import Telling
 from drives.cyclic.drive_fault import DriveFault
 
@@ -92,6 +93,7 @@ class Cycle:
         self._requests = requests
         self._now = now
         self._encoder = Encoder(machine)
+        self.probing = Probing(machine, group, self.modes, self.follow, self._encoder, self.peripherals)
         self._check = Check(machine)
         self._telling = Telling(
             machine,
@@ -105,6 +107,7 @@ class Cycle:
             cycle=self,
             peripherals=self.peripherals,
             answers=self.answers,
+            probing=self.probing,
             coupling=self.coupling,
         )
         self._period_s = machine.period_s
@@ -368,6 +371,8 @@ class Cycle:
             own = self.follow.own_feed  # M49 takes all overrides
             share = 1.0 if own else self.modes.spindle_override
             self.peripherals.watch(now_s, self.modes, self._encoder.actual, standing, ticks, share)
+        if self.probing.present:
+            self.probing.watch()
         if self._unsent > self._most_unsent and self.modes.on_path:
             # A path that no drive hears of has no end: the drives stop by their own supervision.
             self.modes.fail(Fault.SEND_FAILED, -1)
@@ -409,12 +414,15 @@ class Cycle:
             modes.path_ends()
         elif step is Step.SET and follow.told is not None:
             self.peripherals.tell(follow.told)
+            if follow.told.senses is not None:
+                self.probing.tell(follow.told.senses)
 
     def _must_wait(self) -> bool:
         if self.again is not None:
             return self.again.waits
         peripherals = self.peripherals
-        return peripherals.waiting or (peripherals.feed_stopped and self.follow.heeds_stop)
+        stopped = peripherals.feed_stopped and self.follow.heeds_stop
+        return peripherals.waiting or self.probing.holds or stopped
 
     def _jog(self) -> None:
         """A step by hand; it cannot fail but by an error of ours, and then no path is left."""

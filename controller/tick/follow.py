@@ -126,6 +126,12 @@ class Follow:
         self.rate = self.feed = 0.0
         self.limited_by = 0
 
+    def give_up(self) -> None:
+        """What is queued is void; only at standstill. Where it stands on the path stays known."""
+        if self._queue:
+            self.epoch += 1
+            self._empty()
+
     def heed(self, optional_stop: bool, single_block: bool) -> None:
         """Which marks of the pieces count from now on."""
         self.optional_stop, self.single_block = optional_stop, single_block
@@ -258,6 +264,14 @@ class Follow:
         """Whether the input feed_stop does."""
         piece = self._queue[self._now].piece if self._queue else self.piece
         return piece is None or piece.heeds_stop
+
+    @property
+    def ahead(self) -> Piece | None:
+        """The piece under the clock; where that is over, the next."""
+        queue, i = self._queue, self._now
+        while i < len(queue) - 1 and self.tau >= queue[i].end_s - ROUNDING:
+            i += 1
+        return queue[i].piece if queue else None
 
     def step(self, go: bool) -> Step:
         """One tick: along the plan, along a stop, or standing; joints, s and feed are new."""

@@ -41,8 +41,12 @@ class Encoder:
 
     def decode(self, positions: Sequence[int]) -> None:
         """Takes the drives' positions (counts)."""
+        self.actual = self.real(positions)
+
+    def real(self, positions: Sequence[float]) -> Sequence[float]:
+        """Where the axes are (mm, rad) where their drives say ``positions`` (counts)."""
         drives = self._products(positions, self._units_per_count)
-        self.actual = drives if self._deviations is None else self._deviations.real(drives)
+        return drives if self._deviations is None else self._deviations.real(drives)
 
 
 @cache

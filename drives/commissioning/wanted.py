@@ -32,6 +32,7 @@ CONTROLWORD, TARGET, SETPOINT = 0x6040_0010, 0x607A_0020, 0x60C1_0120
 VELOCITY_OFFSET, TARGET_VELOCITY = 0x60B1_0020, 0x60FF_0020
 MODE_DISPLAY = 0x6061_0008
 STATUSWORD, POSITION, VELOCITY = 0x6041_0010, 0x6064_0020, 0x606C_0020
+EVERY_TOUCH = 0x13  # 60B8h: probe 1 on, continuous, rising edge of its input
 TORQUE = 0x6077_0010
 PROBE_STATUS, PROBE_POSITION = 0x60B9_0010, 0x60BA_0020
 SYNCHRONOUS, ON_CHANGE = 1, 255  # transmission types
@@ -100,6 +101,8 @@ def _axis(node: NodeSettings, master: MasterSettings, sheet: Sheet, units: Units
     yield from _homing(node)
     if units is not None:
         yield from _homing_speeds(node, units)
+    if node.probe_tpdo:
+        yield _one(0x60B8, 0, EVERY_TOUCH, "the touch probe stores where every touch was")
     for write in node.profile.writes:
         yield _one(write.index, write.sub, write.value, write.why)
 

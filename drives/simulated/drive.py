@@ -217,6 +217,11 @@ class SimulatedDrive(Device):
         self.dictionary.local_control = taken
         self.axis.refresh()
 
+    def strike(self, closed: bool, counts: float, now_s: float) -> None:
+        """The input of its first touch probe has changed where its motor was at ``counts``."""
+        self.axis.sensors.probes.strike(0, closed, counts)
+        self.process.look(now_s)
+
     def jam(self, jammed: bool, now_s: float) -> None:
         """The motor is stuck, or free again."""
         self._live(now_s)

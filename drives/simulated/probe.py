@@ -86,6 +86,11 @@ class Probes:
             self.closed[probe] = closed
             self._latch(probe, closed, self._servo.position)
 
+    def strike(self, probe: int, closed: bool, position: float) -> None:
+        """The input of probe 0 or 1 has changed within the period, where the motor was at ``position``."""
+        self.closed[probe] = closed
+        self._latch(probe, closed, position)
+
     def look(self, ground: Ground) -> None:
         """What happened in the period that ended."""
         before, now = self._before, self._servo.position

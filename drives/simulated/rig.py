@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 from drives.settings import BusSettings, IoSettings, NodeSettings, SpindleSettings
@@ -22,6 +22,7 @@ class Rig:
         self.drives = dict(drives)  # by NodeSettings.name
         self.spindle: SimulatedDrive | None = None
         self.io: dict[str, IoNode] = {}  # by IoSettings.name
+        self.watchers: list[Callable[[float], None]] = []  # of what the motors do: told the time
 
     @property
     def now_s(self) -> float:
@@ -35,6 +36,8 @@ class Rig:
     def advance(self, now_s: float) -> None:
         for bus in self.buses.values():
             bus.advance(now_s)
+        for watch in self.watchers:
+            watch(now_s)
 
 
 def rig(

@@ -1,4 +1,8 @@
-"""Example 2 on the service of a simulated machine, killed at random instants: the rest is cut to the end.
+"""Example 2 on the service of a simulated machine, killed or stopped at random instants: the rest is cut.
+
+A hundred kills and stops of plan, tick, panel and service, with what came of each:
+
+    DIRECTRIX_KILLS=15 python -m pytest -m "slow or live" -s -n 0 tests/acceptance/test_killed_in_a_run.py
 
 What was cut before the kill and after the restart is made again on the stepped clock out of the
 records: the same setpoints bit for bit, so what holds there held on the machine. A seed is
@@ -13,7 +17,8 @@ import shutil
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -35,6 +40,7 @@ pytestmark = [pytest.mark.slow, pytest.mark.live]
 TEXT = program("example2_ready.ngc", "1000.")
 MACHINE = calm_machine()
 BEGIN = Spot(1, 0.0, 0, 0.0)
+TRUE_S = 0.1  # after a kill the status says so
 MAX_LOST_S = 1.0  # of cut, after a power loss or without a tick
 SEED = int(os.environ.get("DIRECTRIX_SEED") or random.randrange(1_000_000))
 KILLS = int(os.environ.get("DIRECTRIX_KILLS") or 1)
@@ -46,6 +52,7 @@ def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Serving]:
     with serving(folder, *calm(folder)) as running:
         running.ready()
         running.put_in(2)
+        running.until(lambda _: records(running.state), "the record of the tool")
         yield running
 
 
@@ -70,6 +77,23 @@ def until_in(service: Serving, share: float) -> Values:
         service.ended()
         return until_in(service, 0.8 * share)
     return now
+
+
+def killed_s(service: Serving, role: str) -> float:
+    """When the process was no more: a busy kernel takes its time to end one."""
+    pid = service.pid(role)
+    os.kill(pid, signal.SIGKILL)
+    until(lambda: gone([pid]))
+    return time.monotonic()
+
+
+def told_within_s(service: Serving, since_s: float, holds: Callable[[Values], bool]) -> float:
+    """How long after the kill the first status said so; one that was asked for after ``TRUE_S`` must."""
+    while True:
+        asked_s = time.monotonic()
+        if holds(service.status()):
+            return time.monotonic() - since_s
+        assert asked_s - since_s < TRUE_S, "a status that is not true"
 
 
 def interrupted(service: Serving, at_least: int) -> tuple[Path, Entry]:
@@ -124,14 +148,28 @@ def assert_at_or_before(entry: Entry, first: Again) -> None:
 def assert_rest(folder: Path, entry: Entry) -> None:
     """As recorded, and within 1e-6 mm of the program."""
     rest = again(folder, TEXT, MACHINE)
+    show(entry, rest, folder.name)
     assert_same_setpoints(rest)
     assert_cut(rest, TEXT, entry.spot)
+
+
+def tells_of_no_tick(now: Values) -> bool:
+    fault = now["fault"] or {}
+    return not now["tick_alive"] and now["mode"] == "FAULT" and fault.get("name") == "CONTROLLER_GONE"
+
+
+def show(entry: Entry, rest: Again, what: str) -> None:
+    """Where the journal has it that the tool stood, and where the restart joined the program."""
+    rows = program_rows(rest)
+    joined = places(rows)[0] if len(rows) else (entry.spot.motion_id, entry.spot.s)
+    print(f"{what}: stood at motion {entry.spot.motion_id}, {entry.spot.s:.6f} mm; joined at {joined}")
 
 
 def test_a_killed_plan_costs_nothing_of_the_cut(service: Serving, instant: float) -> None:
     done = len(records(service.state))
     until_in(service, instant)
-    service.kill("plan")
+    took_s = told_within_s(service, killed_s(service, "plan"), lambda now: not now["plan_alive"])
+    print(f"plan killed: told after {1e3 * took_s:.0f} ms")
     now = service.until(stands)
     folder, entry = interrupted(service, done + 1)
     service.until(lambda now: now["plan_alive"])
@@ -153,7 +191,8 @@ def test_a_killed_plan_costs_nothing_of_the_cut(service: Serving, instant: float
 def test_a_killed_tick_costs_at_most_a_second_of_cut(service: Serving, instant: float) -> None:
     done = len(records(service.state))
     until_in(service, instant)
-    service.kill("tick")
+    took_s = told_within_s(service, killed_s(service, "tick"), tells_of_no_tick)
+    print(f"tick killed: told after {1e3 * took_s:.0f} ms")
     service.until(lambda now: not now["tick_alive"] and now["fault"], "the loss")
     folder, entry = interrupted(service, done + 1)
     first = again(folder, TEXT, MACHINE)
@@ -213,3 +252,35 @@ def test_a_power_loss_costs_at_most_a_second_of_cut_and_starts_nothing(
         assert "home all of them first" in error.sentence
         service.home()
         assert_rest(finish(service), entry)
+
+
+@pytest.mark.parametrize("role", ("plan", "tick", "service"))
+def test_a_process_that_stands_for_a_while_costs_nothing_of_the_cut(
+    service: Serving, instant: float, role: str
+) -> None:
+    """SIGSTOP and SIGCONT. A tick that stands for long is taken for gone by the drives, which then stop."""
+    done = len(records(service.state))
+    until_in(service, instant)
+    pid = service.process.pid if role == "service" else service.pid(role)
+    seconds = random.Random(f"{instant}{role}").uniform(0.1, 1.5)
+    os.kill(pid, signal.SIGSTOP)
+    try:
+        if role == "tick":
+            took_s = told_within_s(service, time.monotonic(), lambda now: now["tick"]["age_s"] > 0.04)
+            print(f"tick stopped: its age is told after {1e3 * took_s:.0f} ms")
+        time.sleep(seconds)
+    finally:
+        os.kill(pid, signal.SIGCONT)
+    now = service.until(stands)
+    print(f"{role} stood for {seconds:.2f} s: {now['mode']}, {now['job']['state']}")
+    if now["job"]["state"] == "completed":
+        service.until(lambda _: len(records(service.state)) > done)
+        whole = again(records(service.state)[-1], TEXT, MACHINE)
+        assert_same_setpoints(whole)
+        assert_cut(whole, TEXT, BEGIN)
+        return
+    assert now["mode"] == "FAULT" and now["fault"], now
+    _, entry = interrupted(service, done + 1)
+    service.done("reset")
+    service.home()
+    assert_rest(finish(service), entry)

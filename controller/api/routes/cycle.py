@@ -132,6 +132,16 @@ async def retract(request: Request, body: models.Retract) -> models.Done:
     return await ask(request, "retract", mm=body.mm)
 
 
+@router.post("/cycle/withdraw", dependencies=[moves()], responses=MOVES)
+async def withdraw(request: Request, body: models.Withdraw) -> models.Done:
+    """Out of a thread in which a fault, a stop or a loss of power has left the tool: in step.
+
+    Until then nothing else moves the machine but a resume. What is known of the thread is the notice
+    IN_THREAD of the status.
+    """
+    return await ask(request, "withdraw", mm=body.mm, is_out=body.is_out)
+
+
 @router.post("/cycle/return", dependencies=[moves()], responses=MOVES)
 async def return_(request: Request) -> models.Done:
     """Back to the path by the way of the retract."""

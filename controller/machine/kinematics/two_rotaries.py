@@ -50,8 +50,7 @@ STILL = 1e-12  # an axis that leaves the pole slower than this (1/u) does not le
 # A pair of rotaries as it was measured misses its pole by a hair. There the tool axis gives way, by what is
 # missed at most: no rotary could make up for it, and beside a limit of reach both would have to jump.
 HAIR = 0.004  # sine by which a pole may be missed and still be one: 0.23 degrees, both rotaries together
-SOFT = 4.0  # times that: so near to the pole half of it is made up for
-TINY = 1e-60
+SOFT = 0.02  # rad off the pole at which half of it is made up for: so wide that joints go there smoothly
 SPILL = 1e-13  # square of a reach overshot by rounding
 
 
@@ -210,14 +209,14 @@ class TwoRotaries(Kinematics):
     def _made_up(self, square: Number, rho: Number, side: Number, m: ModuleType) -> Number:
         """What a pole that is missed by a hair needs of c: all of it far from there, nothing at the pole.
 
-        The axis is r = sqrt(rho^2 square) off w2; c is missed r^8 / (r^8 + (SOFT missed)^8), over rho: at the
-        pole of higher order than c is without it, and below r / SOFT everywhere, so within reach.
+        The axis is r = sqrt(rho^2 square) off w2; c is missed r^8 / (r^8 + SOFT^8), over rho: at the pole of
+        higher order than c is without it, and below r missed / SOFT everywhere, so within reach.
         """
         above, below = self._missed
         missed = (above if side > 0.0 else below) if m is math else np.where(side > 0.0, above, below)
-        soft, off = (SOFT * missed) * (SOFT * missed), rho * rho * square
+        off = rho * rho * square
         cube = off * off * off
-        return missed * rho * square * cube / ((soft * soft * soft * soft + off * cube + TINY) * self._across)
+        return missed * rho * square * cube / ((SOFT**8 + off * cube) * self._across)
 
     def _limit(
         self, a: Number, b: Number, c: Number, square: Number, inside: Vector | None, m: ModuleType

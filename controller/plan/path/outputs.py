@@ -9,22 +9,27 @@ from collections import deque
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
 
+from controller.machine.model import Machine
 from controller.motion.motions import ThreadMove
+from controller.plan.path.probing import NAME
 from controller.plan.stretch import Chain, Pause, Stretch
 from controller.program.program import ENABLED, UNSAID, Block, Outputs, Overrides
 
-_NOTHING = (UNSAID, ENABLED)
+_Said = tuple[Outputs, Overrides, bool]
+_NOTHING: _Said = (UNSAID, ENABLED, False)
 
 
 class Switched:
     """Notes the blocks as they are read, and hands on what is made of them."""
 
-    def __init__(self) -> None:
-        self._said = deque[tuple[int, tuple[Outputs, Overrides]]]([(0, _NOTHING)])  # from which order on
+    def __init__(self, machine: Machine) -> None:
+        self._probe = machine.probe.tool if machine.probe is not None else None
+        self._said = deque[tuple[int, _Said]]([(0, _NOTHING)])  # from which order on
 
     def read(self, blocks: Iterable[Block]) -> Iterator[Block]:
         for block in blocks:
-            said = block.modal.outputs, block.modal.overrides
+            modal = block.modal
+            said = modal.outputs, modal.overrides, modal.tool == self._probe
             if said != self._said[-1][1]:
                 self._said.append((block.place.order, said))
             yield block
@@ -41,10 +46,12 @@ class Switched:
     def _switching(self, stretch: Stretch) -> Stretch:
         while len(self._said) > 1 and self._said[1][0] <= stretch.place.order:
             self._said.popleft()
-        outputs, overrides = self._said[0][1]
+        outputs, overrides, guarded = self._said[0][1]
+        if stretch.name == NAME:
+            overrides, guarded = overrides._replace(feed=False), False
         if isinstance(stretch.motion, ThreadMove):  # its feed is the spindle's
             overrides = overrides._replace(feed=False)
-        return replace(stretch, outputs=outputs, overrides=overrides)
+        return replace(stretch, outputs=outputs, overrides=overrides, guarded=guarded)
 
 
 def _tied(chain: Chain) -> bool:

@@ -23,7 +23,7 @@ from controller.plan.lines import lines, moves, rows, spline_moves
 from controller.plan.lines.corners import Feed
 from controller.plan.lines.lines import Stand
 from controller.plan.lines.rows import LineRow
-from controller.plan.path import clamps
+from controller.plan.path import clamps, probing
 from controller.plan.path.outputs import Switched
 from controller.plan.rotaries.branch import BranchLost, joints_along
 from controller.plan.stretch import Chain, Note, Path, Pause, Stretch, Voice, rotaries_of
@@ -46,6 +46,7 @@ from controller.program.program import (
     JointMotion,
     Modal,
     Place,
+    Probing,
     Program,
     ProgramError,
     Remark,
@@ -70,6 +71,7 @@ ARC_SAMPLES = 181
 MAX_SAID = 100  # messages that are noted
 SAYS = "Says here: {}"
 ALONE = "G64 is run as G61 where it has no P: the path is followed exactly and not blended."
+NO_WAY = "{} has no way: it ends where the tool stands; lead it on, to where it may touch at most"
 LONGEST_CHAIN = 64  # stretches; a longer row of lines comes in parts
 SWIVEL = "Stops at the pole between two blocks and turns the rotary axis under the standing tool."
 
@@ -139,7 +141,7 @@ class Tracer:
 
     def items(self, blocks: Iterable[Block]) -> Iterator[Chain | Pause]:
         """The path of all blocks, as it is made; before a block that is refused comes all that is sound."""
-        switched = Switched()
+        switched = Switched(self._machine)
         items = switched.laid(self._sound_items(switched.read(blocks)))
         return clamps.opened(items, self._machine, self._kinematics)
 
@@ -163,6 +165,8 @@ class Tracer:
                 self._block(block)
                 if self._items:
                     yield from self._made()
+                if isinstance(block, JointLine | TipLine) and block.probe and block.probe.came:
+                    self.now = block.probe.came.rest
         self._end_row()
         self._rest()
         yield from self._made()
@@ -186,6 +190,10 @@ class Tracer:
         """Anything but a cut."""
         if isinstance(block, Remark):
             self._note(block.place, block.sentence)
+            return
+        if isinstance(block, JointLine | TipLine) and block.probe is not None:
+            self._end_row()
+            self._probe(block, block.probe)
             return
         if isinstance(block, JointLine | TipLine | JointArc) and rows.blends(block):
             self._blended(block)
@@ -216,6 +224,23 @@ class Tracer:
             made = [moves.arc(block, machine, kinematics, now, self._voice)]
         for stretch in made:
             self._move(stretch, block.relative)
+
+    def _probe(self, block: JointLine | TipLine, probe: Probing) -> None:
+        """A line between two pauses: armed at rest, and at rest until it is known what came of it."""
+        self._pause(Pause(block.place, block.modal, act=Act.PROBE, probe=probe))
+        made = len(self._items)
+        if isinstance(block, TipLine):
+            self._tool(block)
+        else:
+            self._exact(block)
+        self._rest()
+        ways = [one for one in self._items[made:] if isinstance(one, Chain)]
+        if not ways:
+            self._voice.refuse(block.place, NO_WAY.format(probe.code))
+        self._items[made:] = [
+            probing.way(one, probe, block.modal.tool, self._machine, self._voice) for one in ways
+        ]
+        self._pause(Pause(block.place, block.modal, act=Act.PROBE, probe=probe, ends=True))
 
     # ---- lines of the tool and rows of lines -----------------------------------------
 

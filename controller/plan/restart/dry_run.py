@@ -11,7 +11,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import replace
 
 from controller.machine.model import Machine
-from controller.program.program import Block
+from controller.program.program import Block, JointLine, TipLine
 
 
 def refusal(offset_mm: float) -> str:
@@ -38,4 +38,6 @@ def blocks_for(blocks: Iterable[Block], offset_mm: float) -> Iterator[Block]:
         dry = replace(
             modal, length_mm=modal.length_mm + offset_mm, cutter=cutter, spindle_rev_min=0.0, coolant=0
         )
+        if isinstance(block, JointLine | TipLine):
+            block = replace(block, probe=None)  # there is nothing to be touched
         yield replace(block, modal=dry)

@@ -24,6 +24,9 @@ Reaches = tuple[float, float]  # of the blends before and behind the joint, mm
 
 BESIDE = 1.25  # times the blend's own reach is looked at
 _ALONG, _ACROSS = np.linspace(0.0, 1.0, 17), np.linspace(0.0, 1.0, 5)
+_SIDE = np.linspace(0.0, 1.0, 41)
+EVEN = 0.97  # blends whose reaches differ by less are alike
+LEAST_RATIO = 0.02  # of the shorter reach to the longer one
 _FURTHER = np.linspace(0.0, 1.0, 13)[1:] ** 2
 
 
@@ -47,14 +50,60 @@ class Rounding(NamedTuple):
         return Rounding(away, float(shape.deriv(2)(0.0)), float(third))
 
 
+class Uneven(NamedTuple):
+    """A corner whose two sides reach differently far: for a step of the rate of 1, over the longer reach."""
+
+    share: float  # of the step, that the longer side takes
+    away: float
+    bend: float
+
+    @staticmethod
+    @lru_cache
+    def of(shorter: float, away: float) -> Uneven:
+        """That of the least third derivative which deviates no more than the even rounding, ``away``.
+
+        ``shorter``: of both reaches, over the longer one. Both sides are (1 - x)^4 (a + b x + c x^2) with one
+        place and one bend at the corner: linear in these and in the share, so a linear program finds them.
+        """
+        from scipy.optimize import linprog  # takes as long to import as a small program to plan
+
+        none, rows, most = np.zeros(3), list[Array](), list[Array]()
+        for reach, rate in ((1.0, np.array([0.0, -1.0])), (shorter, np.array([-1.0, 1.0]))):
+            fixed = _side(reach, np.append(rate[0], none[:2]))
+            parts = [_side(reach, one) for one in (np.append(rate[1], none[:2]), *np.eye(3)[1:])]
+            for order, size in ((3, reach**3), (0, 1.0)):
+                values = np.array([one.deriv(order)(_SIDE) / size for one in (fixed, *parts)])
+                bound = np.full(len(_SIDE), -1.0 if order else 0.0)
+                for sign in (1.0, -1.0):
+                    rows.append(np.column_stack([*(sign * values[1:]), bound]))
+                    most.append((0.0 if order else 0.5 * away) - sign * values[0])
+        bounds = [(0.0, 1.0), (None, None), (None, None), (0.0, None)]
+        found = linprog([0.0, 0.0, 0.0, 1.0], np.vstack(rows), np.concatenate(most), bounds=bounds).x
+        return Uneven(*(float(value) for value in found[:3]))
+
+
+def _side(reach: float, rate_place_bend: Array) -> Polynomial:
+    """What leads a side over, x from the corner, with so much at it; a rate that falls towards x = 1."""
+    rate, a, bend = rate_place_bend
+    b = reach * rate + 4.0 * a
+    return Polynomial([1.0, -1.0]) ** 4 * Polynomial([a, b, 0.5 * reach * reach * bend + 4.0 * b - 6.0 * a])
+
+
 def between(one: End, other: End, reaches_mm: Reaches, rounding: Rounding) -> tuple[Blend, Blend]:
-    """Each of both ends is led over by half of what they differ by.
+    """Each of both ends is led over by half of what they differ by; the one that reaches less, by less.
 
     Where their rates differ the way is rounded as a corner is.
     """
-    half, reach = 0.5 * (other.rows - one.rows), min(reaches_mm)
-    rounded = np.outer((rounding.away * reach, 0.0, rounding.bend / reach), half[1])
-    return one.blend(rounded + half, reaches_mm[0]), other.blend(rounded - half, reaches_mm[1])
+    step, reach, ratio = other.rows - one.rows, max(reaches_mm), min(reaches_mm) / max(reaches_mm)
+    corner = Uneven(0.5, 0.5 * rounding.away, 0.5 * rounding.bend)
+    if ratio < EVEN:
+        corner = Uneven.of(max(round(ratio, 2), LEAST_RATIO), rounding.away)
+    # A step of the place takes third derivatives as 1 / reach^3, one of the bend as 1 / reach.
+    longer = np.array([[1.0 / (1.0 + ratio**3)], [corner.share], [1.0 / (1.0 + ratio)]])
+    first = longer if reaches_mm[0] == reach else 1.0 - longer
+    rounded = np.outer((corner.away * reach, 0.0, corner.bend / reach), step[1])
+    before, after = rounded + first * step, rounded - (1.0 - first) * step
+    return one.blend(before, reaches_mm[0]), other.blend(after, reaches_mm[1])
 
 
 def led_over(

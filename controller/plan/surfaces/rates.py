@@ -43,7 +43,11 @@ Terms = tuple[Vector, Vector, Vector]
 # would jump by what the path bends meanwhile. A touch tells them at the pole itself.
 # Away from it they are taken where they are asked for: two cuts that join smoothly would seem to
 # turn by what the path bends within two microns, and a slow machine would creep over the joint.
+# A path that begins beside the pole, and not at it, turns a rotary within the way that it is off: by no more
+# than a share ``BESIDE`` of that may be carried on.
 POLE_MARGIN_MM = 1e-3
+BESIDE = 0.02
+AT_POLE = 1e-8  # sine of the angle to it
 REMEMBERED = 256  # cuts: a window asks for its own again and again
 MIN_RATE = 1e-3  # of C1'' at an end: below that C1 stands still there, and s has no series
 
@@ -117,8 +121,12 @@ def _inside(cut: SurfaceCut, kinematics: Kinematics) -> tuple[float, float]:
     def margin(u: float) -> float:
         rate, bend = (float(norm(lower.derivative(u, k))) for k in (1, 2))
         axis = cut.part.turn(cut.surface.axis(u))
-        told = seen_at(cut.touches, u) is not None or kinematics.is_clear_of_pole(axis)
-        return 0.0 if told and rate > MIN_RATE * bend else POLE_MARGIN_MM
+        if rate <= MIN_RATE * bend:
+            return POLE_MARGIN_MM
+        if seen_at(cut.touches, u) is not None or kinematics.is_clear_of_pole(axis):
+            return 0.0
+        off, turn_per_mm = float(kinematics.off_pole(axis)), float(norm(cut.surface.axis_rate(u))) / rate
+        return POLE_MARGIN_MM if off < AT_POLE else min(POLE_MARGIN_MM, BESIDE * off / max(turn_per_mm, 1e-9))
 
     return min(margin(0.0), cut.end / 3), cut.end - min(margin(1.0), cut.end / 3)
 

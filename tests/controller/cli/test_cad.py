@@ -7,9 +7,10 @@ import math
 import sys
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import pytest
-from support.parts import step_text
+from support.parts import cad_parts, step_text
 from typer.testing import CliRunner
 
 pytest.importorskip("OCP", reason="OpenCASCADE is missing: the extra cad, and libGL", exc_type=ImportError)
@@ -45,6 +46,39 @@ def test_a_face_written_by_hand_is_listed_and_written(blade: Path) -> None:
     text = blade.with_suffix(".ngc").read_text()
     assert "G52 X31. Y6. Z16. F300." in text
     assert "G41 P2" in text
+
+
+def test_every_face_of_a_list_is_numbered_on_a_picture_with_its_place_and_normal(
+    blade: Path, tmp_path: Path
+) -> None:
+    drawn = tmp_path / "faces.svg"
+    code, told = run(blade, "--list", "--plot", drawn)
+    (face,) = told["faces"]
+    assert code == 0 and math.isclose(math.hypot(*face["normal"]), 1.0, abs_tol=1e-5)
+    assert all(0.0 < at < most for at, most in zip(face["middle_mm"][::2], (31, 16), strict=True))
+    tree = ElementTree.fromstring(drawn.read_text())
+    assert [one.text for one in tree.iter("{http://www.w3.org/2000/svg}text")] == ["1"]
+    points = [one.get("points", "") for one in tree.iter("{http://www.w3.org/2000/svg}polygon")]
+    numbers = [float(word) for row in points for pair in row.split() for word in pair.split(",")]
+    assert len(points) > 20 and min(numbers) >= 29.9 and max(numbers) <= 670.1
+    assert run(blade, "--list", "--plot", drawn)[0] == 1, "what is there is not replaced unasked"
+    assert run(blade, "--faces", "1", "--plot", tmp_path / "other.svg")[0] == 1
+
+
+@pytest.mark.parametrize("sides", [5, 8, 9])
+def test_a_regular_prism_whose_corners_face_each_other_is_listed(sides: int, tmp_path: Path) -> None:
+    """Shares of the two sides that rounding alone told apart were two knots, and an error of ours."""
+    turns = [2.0 * math.pi * k / sides for k in range(sides)]
+    ring = [(20.0 * math.cos(turn), 12.0 * math.sin(turn), 0.0) for turn in turns]
+    file = cad_parts.save(cad_parts.polygon_prism(ring, (3.0, 0.0, 15.0)), tmp_path / "prism.step")
+    code, told = run(file, "--list", "--plot", tmp_path / "prism.svg")
+    assert code == 0 and len(told["faces"]) == sides + 2
+    (tree,) = [ElementTree.fromstring((tmp_path / "prism.svg").read_text())]
+    numbers = [int(one.text or 0) for one in tree.iter("{http://www.w3.org/2000/svg}text")]
+    assert sorted(set(numbers)) == list(range(1, sides + 3)), "each can be seen from one of two corners"
+    for face in told["faces"]:
+        away = [a - b for a, b in zip(face["middle_mm"], (1.5, 0.0, 7.5), strict=True)]
+        assert sum(a * n for a, n in zip(away, face["normal"], strict=True)) > 0.0
 
 
 def test_conventional_cutting_runs_the_other_way_on_the_other_side(blade: Path) -> None:

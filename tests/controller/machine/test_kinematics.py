@@ -109,7 +109,7 @@ def test_a_pole_that_is_missed_by_a_hair_is_a_pole_and_the_tool_leans_by_that_ha
             assert norm(subtract(back.tip, (1.0, 2.0, 3.0))) < 1e-9  # the tip gives way nowhere
             missed = angle_between(back.axis, axis)
             assert missed < 1.01 * kinematics.lean_rad + 1e-12
-            assert off_rad < 0.09 or missed < 1e-6 * kinematics.lean_rad * (0.1 / off_rad) ** 8 + 1e-12
+            assert off_rad < 0.09 or missed < 1e-5 * kinematics.lean_rad * (0.1 / off_rad) ** 8 + 1e-12
 
 
 @kinds

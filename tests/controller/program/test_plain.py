@@ -15,7 +15,7 @@ from support.suite import seed
 from controller.machine.model import Machine
 from controller.program import blocks, words
 from controller.program.functions import Functions
-from controller.program.line import COMMON, Line
+from controller.program.line import COMMON, Line, Other, Rows
 from controller.program.modal import State
 from controller.program.plain import CommonLines
 from controller.program.program import Block, ProgramError
@@ -141,9 +141,10 @@ def outcome(data: bytes, on: Machine | None = None) -> list[Block | str]:
 
 
 def long_way(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(CommonLines, "short", lambda self, found, number: None)
+    monkeypatch.setattr(CommonLines, "take", lambda self, rows, run: words._first(rows, run))
     monkeypatch.setattr(CommonLines, "read", lambda self, line: None)
     monkeypatch.setattr(Functions, "read", lambda self, line, state: None)
+    monkeypatch.setattr(Functions, "done", lambda self, parts, state, found, number: None)
     monkeypatch.setattr(words, "COMMON", re.compile("(?!)"))
 
 
@@ -169,13 +170,12 @@ def test_common_lines_read_exactly_as_by_the_general_way(
 def taken(text: bytes, monkeypatch: pytest.MonkeyPatch) -> list[bool]:
     """Of each line of words whether it goes a short way."""
     found: list[bool] = []
-    short, read, known = CommonLines.short, CommonLines.read, Functions.read
+    take, read, known = CommonLines.take, CommonLines.read, Functions.read
 
-    def shortest(self: CommonLines, match: re.Match[str], number: int) -> Block | None:
-        made = short(self, match, number)
-        if made is not None:
-            found.append(True)
-        return made
+    def shortest(self: CommonLines, rows: Rows, run: list[Block]) -> Other | None:
+        other = take(self, rows, run)
+        found.extend([True] * len(run))
+        return other
 
     def counted(self: CommonLines, line: Line) -> Block | None:
         made = read(self, line)
@@ -187,7 +187,7 @@ def taken(text: bytes, monkeypatch: pytest.MonkeyPatch) -> list[bool]:
         found[-1] |= made is not None
         return made
 
-    monkeypatch.setattr(CommonLines, "short", shortest)
+    monkeypatch.setattr(CommonLines, "take", shortest)
     monkeypatch.setattr(CommonLines, "read", counted)
     monkeypatch.setattr(Functions, "read", learnt)
     list(blocks.stream(text, machine("fig4a", spindle=None), "p"))

@@ -23,6 +23,7 @@ from controller.plan.restart.program_position import FORMER, Spot
 from controller.service import acknowledged, jobs, journal
 from controller.service.command_handlers import Desk
 from controller.service.service import JOURNAL, Service
+from controller.service.thread_guard import InThread
 from controller.service.watchdog import LastSecond, Pulse
 from controller.state.modes import Fault, Mode, Request, sentence
 from controller.state.requests import Outcome, answer
@@ -718,3 +719,30 @@ def test_a_jog_into_a_soft_limit_says_that_it_will_not_move_and_why(
     engine.now = engine.now._replace(joints=joints, actual=joints, homed=0, mode=Mode.READY)
     done(desk, "jog_step", axis=axis, frame="joint", distance=1.0 * sign)
     assert len(engine.jogged) == 2, "where its zero is not known there is no limit"
+
+
+@pytest.mark.parametrize(
+    ("verb", "args"),
+    [
+        ("mdi", {"text": "G0 Z1"}),
+        ("retract", {"mm": 1.0}),
+        ("jog", {"axis": "X", "speed": 1.0}),
+        ("jog_step", {"axis": "X", "distance": 1.0}),
+        ("home", {}),
+    ],
+)
+def test_nothing_moves_a_tool_that_stands_in_a_thread_but_its_way_out(
+    desk: Desk, service: Service, verb: str, args: dict[str, Any]
+) -> None:
+    service.thread.found = InThread(4.0, 1.25, 7, "part.ngc")
+    with pytest.raises(CommandRefused, match=r"5\.00 mm deep.*line 7"):
+        done(desk, verb, **args)
+    assert "IN_THREAD" in {one["name"] for one in done(desk, "status")["notices"]}
+
+
+def test_a_tool_that_was_turned_out_by_hand_is_said_to_be_out(desk: Desk, service: Service) -> None:
+    service.thread.found = InThread(4.0, 1.25, 7, "part.ngc")
+    done(desk, "withdraw", is_out=True)
+    assert service.thread.found is None
+    with pytest.raises(CommandRefused, match="no thread"):
+        done(desk, "withdraw")

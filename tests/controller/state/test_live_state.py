@@ -40,6 +40,9 @@ OTHERWISE = {
     "thread_rev": "coupling.depth_rev",
     "thread_pitch_mm": "coupling.pitch_mm",
     "jogging": "jogging.active",
+    "probing": "probing.phase",
+    "probings": "probing.count",
+    "probed": "probing.came",
     "answers": "answers.ring",
 }
 # Columns of recordings as they have been since 2026-11; of old ones none may change its place.

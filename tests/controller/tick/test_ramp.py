@@ -110,3 +110,28 @@ def test_a_stop_takes_the_time_of_the_limits() -> None:
         ramp.step(0.0)
         ticks += 1
     assert ticks <= speed / acceleration + acceleration / jerk + 3
+
+
+@pytest.mark.parametrize("back", (False, True))
+def test_it_stands_at_once_and_takes_its_last_step_back(back: bool) -> None:
+    ramp = Ramp(0.01, 0.001, 100.0)
+    for _ in range(30):
+        ramp.step(0.2)
+    p, v = ramp.p, ramp.v
+    assert 0.0 < v < p
+    ramp.stand(back)
+    assert ramp.p == (p - v if back else p) and ramp.v == ramp.a == 0.0 and ramp.at_rest
+    for _ in range(5):
+        ramp.step(0.0)
+    assert ramp.p == (p - v if back else p)
+
+
+def test_a_landing_that_was_ended_is_forgotten() -> None:
+    ramp = Ramp(0.01, 0.001, 2.0)
+    while ramp._landing is None:
+        ramp.step(0.2)
+    ramp.stand(False)
+    before = ramp.p
+    ramp.step(0.2)
+    assert ramp._landing is None or ramp.p > before
+    assert ramp.v == ramp.a == pytest.approx(0.001)

@@ -43,6 +43,7 @@ TABLE: dict[str, tuple[set[str], str | None]] = {
     "jog_stop": (set(), None),
     "mdi": ({"READY"}, None),
     "retract": ({"HOLD", "READY"}, None),
+    "withdraw": ({"READY"}, None),
     "return": ({"HOLD"}, None),
     "set_offset": ({"OFF", "READY"}, None),
     "forget": ({"OFF", "READY"}, None),

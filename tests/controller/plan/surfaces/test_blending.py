@@ -393,3 +393,58 @@ def test_upright_rulings_at_a_joint_are_left_upright() -> None:
             axis = stretch.motion.pose(s).axis
             assert math.hypot(axis[0], axis[1]) < 1e-12
     assert_whole(traced, built)
+
+
+SHORT_BETWEEN_LONG = """G64 P0.003
+G42 P1 R5.
+G52 X-5.013 Y2.412 Z8.387 F1690.
+X-6.323 Y3.355 Z8.487
+X-7.408 Y4.379 Z8.807
+X-8.491 Y5.558 Z8.961
+X-2.588 Y2.517 Z-0.276
+X-3.789 Y3.685 Z-0.187
+X-4.99 Y4.853 Z0.129
+X-6.191 Y6.021 Z0.276
+G52 X-8.491 Y5.558 Z8.961
+X-8.669 Y5.752 Z8.986
+X-8.847 Y5.95 Z9.007
+X-9.026 Y6.153 Z9.021
+X-6.191 Y6.021 Z0.276
+X-6.389 Y6.213 Z0.3
+X-6.586 Y6.406 Z0.319
+X-6.784 Y6.598 Z0.332
+G52 X-9.026 Y6.153 Z9.021
+X-9.721 Y6.941 Z9.077
+X-10.43 Y7.796 Z9.039
+X-11.211 Y8.739 Z8.805
+X-6.784 Y6.598 Z0.332
+X-7.552 Y7.345 Z0.383
+X-8.32 Y8.092 Z0.338
+X-9.088 Y8.838 Z0.092
+"""
+
+
+def slowest(cut: Stretch, built: Machine) -> float:
+    """The least speed (mm/s) that the joints' limits allow along a cut."""
+    s = np.linspace(0.0, cut.motion.end, 401)
+    found = Course((cut,), built, kinematics_of(built)).derivatives(s)
+    return float(JointLimits.of(built).path_speed(found).min())
+
+
+def test_the_longer_side_of_a_joint_takes_more_of_what_it_differs_by() -> None:
+    """A block of 0.8 mm between two of 5 mm: a half of it on its few tenths took 0.6 of the feed."""
+    built = replace(machine_file.load("fig4d"), tools=(Tool(1, "end mill", 1.0, 0.0, 30.0),), spindle=None)
+    axes = [
+        replace(
+            a, limits=replace(a.limits, acceleration=0.57 * a.limits.acceleration, jerk=0.213 * a.limits.jerk)
+        )
+        for a in built.axes
+    ]
+    built = replace(built, axes=tuple(axes))
+    traced = trace("G21 G90 G54\nT1 M6\n" + SHORT_BETWEEN_LONG, built)
+    cuts = named(traced, "cut")
+    assert len(cuts) == 3 and all(isinstance(cut.motion.surface, Blended) for cut in cuts)
+    bare = [replace(cut, motion=replace(cut.motion, surface=cut.motion.surface.base)) for cut in cuts]
+    feed = cuts[0].feed_mm_s
+    assert min(slowest(cut, built) for cut in bare) > feed
+    assert min(slowest(cut, built) for cut in cuts) > 0.8 * feed

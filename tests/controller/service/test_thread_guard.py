@@ -1,0 +1,74 @@
+"""A tool in a thread is known over a loss of power, and turned out of it by spindle and axis together."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from support.machines.tapping import Tapper
+
+from controller.ipc.handoff import blank
+from controller.runtime.events import Event
+from controller.service.thread_guard import FILE, InThread, ThreadGuard, way_out
+from controller.state.modes import Mode, Request
+from drives.simulated.spindle_motor import MotorParameters
+
+LAGGING = MotorParameters(lag_s=0.02, slip=0.02, strongest_rev_s2=200.0)
+PROGRAM = "G21 G90 G54 G40\nS600 {way}\nG0 X5. Y-50.\nG0 Z40.\nG33.1 Z28. K1.25\nG0 Z60.\nM30\n"
+
+
+def at(turns: float, pitch: float = 1.25, line: int = 5):  # type: ignore[no-untyped-def]
+    return blank()._replace(thread_rev=turns, thread_pitch_mm=pitch, line=line)
+
+
+def test_what_is_in_a_thread_is_known_to_the_next_service(tmp_path: Path) -> None:
+    guard = ThreadGuard(tmp_path)
+    for turns in (0.0, 0.5, 3.7, 7.2):
+        guard.look(at(turns), "part.ngc")
+    again = ThreadGuard(tmp_path)
+    again.look(blank(), "")  # a tick that has just begun
+    assert again.found is not None
+    assert again.found.turns == pytest.approx(7.2, abs=1.0)
+    assert again.found[1:] == (1.25, 5, "part.ngc")
+
+
+def test_what_has_come_out_is_forgotten(tmp_path: Path) -> None:
+    guard = ThreadGuard(tmp_path)
+    for turns in (0.5, 7.2, 0.3, 0.0):
+        guard.look(at(turns), "part.ngc")
+    assert guard.found is None and not (tmp_path / FILE).exists()
+
+
+def test_a_file_that_cannot_be_read_is_a_tool_in_a_thread(tmp_path: Path) -> None:
+    (tmp_path / FILE).write_text("{")
+    assert ThreadGuard(tmp_path).found == InThread(0.0, 0.0, 0, "")
+
+
+@pytest.mark.parametrize("way", ["M3", "M4"])
+@pytest.mark.parametrize("share", [0.25, 0.6])
+def test_a_stop_in_the_thread_is_turned_out_along_it(way: str, share: float, tmp_path: Path) -> None:
+    program = PROGRAM.format(way=way)
+    plain = Tapper(motor=LAGGING)
+    plain.run(program)
+    first = next(i for i, now in enumerate(plain.seen) if now.thread_rev)
+    ticks = first + round(share * len(plain.cut.turns))
+    tapper, guard = Tapper(motor=LAGGING), ThreadGuard(tmp_path)
+    assert tapper.run(program, Event(ticks, Request.STOP)).result == "stopped"
+    for now in tapper.seen:
+        guard.look(now, "part.ngc")
+    found = ThreadGuard(tmp_path).found  # after a loss of power
+    assert guard.found is not None and found is not None
+    depth = tapper.cut.way[-1]
+    assert guard.found.depth_mm == pytest.approx(depth, abs=0.01)
+    before = tapper.cut
+    assert tapper.run(way_out(tapper.machine, guard.found)).result == "completed"
+    out = tapper.cut
+    right = -1.0 if way == "M3" else 1.0
+    assert out.error_um(right / 1.25) < 5.0
+    assert out.way.max() == pytest.approx(depth + 1.0, abs=0.01)
+    assert out.joints[-1, 2] > before.joints[0, 2]
+    for now in tapper.seen:
+        guard.look(now, "")
+    assert guard.found is None
+    assert max(abs(now.spindle_actual_rev_min) for now in tapper.seen) < 80.0
+    assert tapper.seen[-1].mode is Mode.READY
