@@ -68,7 +68,9 @@ def listing(program: Program) -> list[str]:
     rows = []
     for block in program.blocks:
         own = [f for f in fields(block) if f.name not in ("place", "modal", "doubt")]
-        own = [f for f in own if f.name not in ("time_s", "stands", "thread", "probe") or getattr(block, f.name)]
+        own = [
+            f for f in own if f.name not in ("time_s", "stands", "thread", "probe") or getattr(block, f.name)
+        ]
         values = [f"{f.name}={shown(getattr(block, f.name))}" for f in own]
         modal = [(f.name, getattr(block.modal, f.name)) for f in fields(Modal)]
         changed = [f"{n}={shown(v)}" for n, v in modal if v != getattr(power_on, n)]

@@ -37,7 +37,7 @@ CLIPPED = """() => {
     const named = one.classList.contains("program-name"); // long names end in dots
     const cut = text && hides && !named && one.scrollWidth > one.clientWidth + 1;
     const card = one.closest(".card")?.getBoundingClientRect();
-    if (box.right > Math.min(innerWidth, card?.right ?? innerWidth) + 1 || cut) bad.push(`${one.tagName}.${one.className} ${text || ""}`);
+    if (box.right > Math.min(innerWidth, card?.width ? card.right : innerWidth) + 1 || cut) bad.push(`${one.tagName}.${one.className} ${text || ""}`);
   }
   return [...new Set(bad)];
 }"""
