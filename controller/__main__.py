@@ -39,11 +39,12 @@ FILES = {
     "serve": ("serve",),
     "panel": ("panel",),
     "client": (
-        *("start", "hold", "resume", "stop", "estop", "retract", "return", "reset"),
+        *("start", "hold", "resume", "stop", "estop", "retract", "return", "withdraw", "reset"),
         *("enable", "disable", "home", "mdi", "override", "jog"),
     ),
     "client_lists": ("status", "upload", "runs", "alarms"),
     "offsets": ("offsets",),
+    "tools": ("tools",),
     "drives": ("drives",),
     "dnc": ("dnc",),
     "backup": ("backup",),

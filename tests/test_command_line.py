@@ -516,3 +516,16 @@ def test_the_cone_is_simulated_on_every_shipped_machine_as_long_as_planned(machi
     assert (code, figures["result"], figures["skips"]) == (0, "completed", 0)
     assert figures["duration_s"] == pytest.approx(found["duration_s"], abs=0.1)
     assert figures["cut_length_mm"] == pytest.approx(94.2478, abs=1e-3)
+
+
+def test_check_draws_a_picture_of_times_limits_and_travel(tmp_path: Path) -> None:
+    picture = tmp_path / "check.png"
+    part = tmp_path / "part.ngc"
+    part.write_text("G21 G90 G54\nG1 X5. F1000.\nG1 Y7.\nM30\n")
+    words = ["check", str(part), "--store", str(tmp_path / "store"), "--plot", str(picture)]
+    done = CliRunner().invoke(command_line.app, words)
+    assert done.exit_code == 0, done.output
+    head = picture.read_bytes()[:24]
+    assert head.startswith(b"\x89PNG") and int.from_bytes(head[16:20]) == 1600
+    folder = CliRunner().invoke(command_line.app, ["check", str(tmp_path), "--plot", str(picture)])
+    assert folder.exit_code == 1 and "of one program" in folder.output.replace("\n", " ")

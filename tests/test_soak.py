@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -92,3 +93,16 @@ def test_the_command_tells_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
 def test_any_run_holds(number: int, tmp_path: Path) -> None:
     came = stepped.run(drawn(1, number), tmp_path)
     assert came.wrong == "", (drawn(1, number).title, came)
+
+
+def test_runs_leave_nothing_behind_in_memory(tmp_path: Path) -> None:
+    """What a run has made is gone after it, though replay freezes what is there."""
+    counts: list[int] = []
+
+    def told(*_: object) -> None:
+        counts.append(len(gc.get_objects()))
+
+    soak.soak(SEED, 600.0, tmp_path, FAULTY, 1, told)
+    soak.soak(SEED, 600.0, tmp_path, FAULTY, 1, told)
+    soak.soak(SEED, 600.0, tmp_path, FAULTY, 1, told)
+    assert counts[2] - counts[1] < 1000, counts

@@ -320,8 +320,9 @@ class _Direction:
 
 def _once(shares: Array) -> Array:
     """Sorted; those that rounding alone tells apart are one: both sides of a regular part have the same."""
-    found = np.unique(shares)
-    return found[np.concatenate([[True], np.diff(found) > SAME_SHARE])]
+    found: Array = np.unique(shares)
+    kept: Array = found[np.concatenate([[True], np.diff(found) > SAME_SHARE])]
+    return kept
 
 
 def _between(knots: Array, least: int) -> Array:

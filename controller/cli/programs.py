@@ -27,6 +27,7 @@ from controller.plan.report.survey import Survey
 from controller.plan.stretch import Note
 from controller.program import linked
 from controller.program import refusals as refusals_of_text
+from controller.program.decoding import NEWLINE
 from controller.program.program import ProgramError
 from controller.runtime import checked, recording, records, starts
 from controller.runtime import events as event_files
@@ -169,6 +170,9 @@ def check(
     report: Annotated[
         Path | None, typer.Option("--report", metavar="FILE", help="Of a folder: write a page of it (.html).")
     ] = None,
+    plot: Annotated[
+        Path | None, typer.Option("--plot", help="Of a program: draw times, limits and travel (.png).")
+    ] = None,
     count: workers.Count = 0,
     cluster: workers.Cluster = "",
     as_json: Json = False,
@@ -185,6 +189,9 @@ def check(
         if program is None:
             machine_check.alone(made, sheets, as_json)
             return
+        if plot is not None and program.is_dir():
+            raise Refused(f"--plot {plot}: a picture is of one program; name one, or take --report.")
+        _writable(plot)
         with workers.spread(count, cluster) as spread:
             if program.is_dir():
                 place = store or stored.folder()
@@ -197,6 +204,10 @@ def check(
             task = _task(program, made, block_delete)
             rows = Rows()
             found, kept, warning = _checked(task, store, rows, as_json, spread)
+        if plot is not None:
+            from controller.verify import check_picture
+
+            check_picture.draw(found, rows.longest, f"{program.name} on {task.machine.name}", plot)
         if as_json:
             facts = {"ok": True, "program": str(program), "sheets": sheets, **found.to_dict()}
             key = None if warning else task.key
@@ -248,8 +259,9 @@ def _refuse_all(first: ProgramError, task: checked.Task, quiet: bool) -> None:
     found = refusals_of_text.of(task.text, task.machine, task.name, task.start)
     if len(found) < 2 or str(found[0]) != str(first):
         return
-    told = [str(one) for one in found[: refusals_of_text.MOST]]
-    sentence = told[0] if quiet else "\n".join([*told, refusals_of_text.summed(found)])
+    lines = NEWLINE.split(bytes(linked.parts(task.text)[0]).decode(errors="replace"))
+    told = [refusals_of_text.pointed(one, task.name, lines) for one in found[: refusals_of_text.MOST]]
+    sentence = str(found[0]) if quiet else "\n".join([*told, refusals_of_text.summed(found)])
     place = {"file": first.file, "line": first.line, "column": first.column}
     refused = Refused(sentence, **place, **refusals_of_text.facts(found))
     refused.facts["sentence"] = first.sentence
@@ -283,6 +295,8 @@ def simulate(
         Literal["program", "home"], typer.Option("--faults-from", help="What its times count from.")
     ] = "program",
     plot: Annotated[Path | None, typer.Option("--plot", help="Draw the cut (.png).")] = None,
+    part: Annotated[Path | None, typer.Option("--part", help="What a probe can touch (.toml).")] = None,
+    touches: Annotated[Path | None, typer.Option("--touches", help="Where it has touched (.csv).")] = None,
     store: Store = None,
     unchecked: Unchecked = False,
     as_json: Json = False,
@@ -293,6 +307,7 @@ def simulate(
     memory.keep_freed()
     memory.collect_rarely()
     from controller.cli import fault_runs, recorded_runs
+    from controller.runtime import simulated_probe, touch_table
     from controller.runtime.stepped import SteppedMachine
     from controller.verify import trace as traces
 
@@ -304,7 +319,7 @@ def simulate(
         planned_events = event_files.read(events) if events and record is None else ()
         made = record.machine if record is not None else made
         task = _task(program, made, block_delete)
-        _writable(trace_file, plot)
+        _writable(trace_file, plot, touches)
         if trace_file and trace_file.suffix == records.PARQUET:
             records.needed()
         kept = None if unchecked else _kept(task, store, as_json)
@@ -316,7 +331,8 @@ def simulate(
             )
         if not as_json:
             _show_notes(walk.notes, task)
-        bench = SteppedMachine(made, recordings=recording.folder())
+        touched = simulated_probe.load(part, made) if part is not None else None
+        bench = SteppedMachine(made, recordings=recording.folder(), bench=touched)
         under = fault_runs.FaultRun(bench, script, faults_from)
         under.come_up()
         if record is not None:
@@ -342,6 +358,8 @@ def simulate(
         if script is not None and not as_json:
             fault_runs.show(figures["faults"])
         _write(trace, made, stretches, trace_file, plot)
+        if touches is not None:
+            touch_table.write(touches, bench.planner.touches, made)
         if record is not None:  # a fault that comes again is what was asked for
             _end("Made again as it was recorded", {**figures, **record.judge(run)}, as_json)
             return

@@ -333,6 +333,7 @@ REFUSALS = {
     "other_tools": "other tools were fitted since; stop the program and start the rest of it.",
     "no_fault": "There is no fault to be reset.",
     "running": "{program} is running; stop it, or wait for its end.",
+    "not_in_table": "The tool table has no T{number}.",
     "not_loaded": "No program is loaded; load one first.",
     "still_loading": "{program} is still being read and checked; wait until it is loaded, or stop it.",
     "not_ready": "{program} was not loaded, so it cannot start. {why}",

@@ -346,6 +346,7 @@ REFUSALS = {
     "other_tools": "seither wurden andere Werkzeuge eingesetzt; das Programm stoppen und den Rest starten.",
     "no_fault": "Es gibt keine Störung zurückzusetzen.",
     "running": "{program} läuft; stoppen oder das Ende abwarten.",
+    "not_in_table": "In der Werkzeugtabelle gibt es kein T{number}.",
     "not_loaded": "Kein Programm ist geladen; zuerst eines laden.",
     "still_loading": "{program} wird noch gelesen und geprüft; warten, bis es geladen ist, oder stoppen.",
     "not_ready": "{program} wurde nicht geladen und kann nicht starten. {why}",

@@ -26,6 +26,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from controller.geometry.vectors import ROUNDING
+from controller.geometry.vectors import Vector
 from controller.ipc.handoff import PieceMessage, Snapshot
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Machine
@@ -47,6 +48,15 @@ MAX_LEAD_S = 2.0
 RETRY_S = 0.1  # where there is no way on from a state of motion, one this much later is tried ...
 TIMEOUT_S = 0.05  # ... after so much plan time
 TOUCHED, TOUCHING = 1, 3  # of the tick's ``probed`` and ``probing``
+
+
+class Touch(NamedTuple):
+    """A probing move that has come to its end: of a run the table that measuring starts from."""
+
+    line: int
+    came: Probed
+    direction: Vector  # unit, of the linear axes
+    tool: int  # number
 
 
 class _Held(NamedTuple):
@@ -77,6 +87,7 @@ class Planner:
         self._sequence = 0
         self._epoch = 0
         self._track = Track((), machine, kinematics)
+        self.touches: list[Touch] = []  # of all that was loaded
         self._next = Place(0, 0.0)  # where the path goes on after what was sent
         self._queue_end_s = 0.0
         self._dropped = False
@@ -183,9 +194,22 @@ class Planner:
             self._probings = now.probings
         if now.probings > self._probings:
             self._probings = now.probings
-            behind = self._track.answer(self._next.unit, Probed(now.probed == TOUCHED, now.touch, now.joints))
+            came = Probed(now.probed == TOUCHED, now.touch, now.joints)
+            behind = self._track.answer(self._next.unit, came)
+            self._note_touch(came, behind)
             self._begin(self._track, Place(behind, 0.0), now.queue_end_s, now.epoch)
         return now.probing != TOUCHING
+
+    def _note_touch(self, came: Probed, behind: int) -> None:
+        """What came of the probing before that unit, for those who measure."""
+        way, pause = self._track.at(behind - 2), self._track.at(behind - 1)
+        if way is None or pause is None:
+            return
+        if isinstance(way.what, Stretch) and isinstance(pause.what, Pause):
+            places = [[q[i] for i in self._machine.linear()] for q in (way.what.start, way.what.end)]
+            length = math.dist(*places)
+            x, y, z = ((b - a) / length for a, b in zip(*places, strict=True))
+            self.touches.append(Touch(pause.line, came, (x, y, z), pause.what.modal.tool))
 
     def keepalive(self) -> None:
         """Tell the tick that the planner lives."""

@@ -67,7 +67,7 @@ class _Frame:
     left: dict[int, int] = field(default_factory=dict)  # rounds of each repeat, by its offset
 
 
-Scan = Callable[[str, str, int], Line | None]  # raw text, file, number -> the line
+Scan = Callable[[str, str, int, str], Line | None]  # raw text, file, number, who called -> the line
 
 
 class Run:
@@ -134,7 +134,7 @@ class Run:
         end = NEWLINE.search(text, at)
         raw = text[at : end.start()] if end else text[at:]
         frame.at, frame.number = end.end() if end else len(text) + 1, number + 1
-        return self._scan(raw, frame.source.name, number)
+        return self._scan(raw, frame.source.name, number, frame.calls)
 
     def _said(self, line: Line, frame: _Frame) -> Iterator[Line]:
         """A line with its place in the order; calls by M98 are carried out behind its other words."""

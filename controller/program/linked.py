@@ -16,6 +16,7 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Callable, Iterator, Mapping
+from functools import cache
 from mmap import ACCESS_READ, mmap
 from pathlib import Path
 from typing import TypeVar
@@ -23,6 +24,7 @@ from typing import TypeVar
 from controller.program.decoding import Bytes
 
 MAX_FILES = 200
+SHIPPED = Path(__file__).resolve().parents[2] / "config" / "programs" / "probing"
 SUFFIXES = (".ngc", ".nc", ".tap", ".cnc", ".txt", ".h", "")  # of files of subs, the first that is there
 
 _MARK = re.compile(rb"\n\x1c([^\t\n\x1c]+)\t([^\t\n\x1c]+)\n")
@@ -48,7 +50,7 @@ def linked(program: B, find: Find) -> B | bytes:
     due, known = list(_called(program)), set(_defined(program))
     while due and len(found) < MAX_FILES:
         label = due.pop(0)
-        if label in found or label in known or (file := find(label)) is None:
+        if label in found or label in known or (file := find(label) or _shipped()(label)) is None:
             continue
         found[label] = file
         due += _called(file[1])
@@ -57,6 +59,12 @@ def linked(program: B, find: Find) -> B | bytes:
     return bytes(program) + b"".join(
         b"\n\x1c%s\t%s\n%s" % (label.encode(), name.encode(), text) for label, (name, text) in found.items()
     )
+
+
+@cache
+def _shipped() -> Find:
+    """Cycles that come with Directrix, where the program has no file of that name beside it."""
+    return among({file.name: file for file in sorted(SHIPPED.glob("*.ngc"))})
 
 
 def mapped(program: Path) -> Bytes:

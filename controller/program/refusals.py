@@ -15,6 +15,7 @@ from controller.program import blocks
 from controller.program.program import ProgramError
 
 MOST = 100  # that are told one by one
+MAX_WIDE = 100  # columns of a line that is shown
 MAX_BLOCKS = 1_000_000  # that are read to find them
 
 
@@ -42,6 +43,14 @@ def summed(refused: Sequence[ProgramError]) -> str:
     """One line that counts them."""
     each = ", ".join(f"{about or 'other'} {count}" for about, count in counts(refused).items())
     return f"{len(refused)} refusals: {each}."
+
+
+def pointed(error: ProgramError, name: str, lines: Sequence[str]) -> str:
+    """What is told of a refusal, its line, and a caret below the column; ``lines`` are those of ``name``."""
+    if error.file != name or not 0 < error.line <= len(lines) or len(lines[error.line - 1]) > MAX_WIDE:
+        return str(error)
+    text = "".join(sign if sign.isprintable() else " " for sign in lines[error.line - 1])
+    return f"{error}\n    {text}\n    {' ' * (error.column - 1)}^"
 
 
 def facts(refused: Sequence[ProgramError]) -> dict[str, Any]:

@@ -101,21 +101,21 @@ class _Scan:
             elif (line := self._general(raw, name, number)) is not None:
                 yield line
 
-    def line(self, raw: str, name: str, number: int) -> Line | None:
-        """One line that is carried out; None where it says nothing."""
+    def line(self, raw: str, name: str, number: int, calls: str) -> Line | None:
+        """One line that is carried out; None where it says nothing. ``calls``: who called its sub, or ""."""
         if (common := COMMON.fullmatch(raw)) is not None and common.lastindex is not None:
             self.found = True
             return Line(name, number, (), common, _plain_words)
-        return None if _MARK.fullmatch(raw) else self._general(raw, name, number)
+        return None if _MARK.fullmatch(raw) else self._general(raw, name, number, calls)
 
-    def _general(self, raw: str, name: str, number: int) -> Line | None:
+    def _general(self, raw: str, name: str, number: int, calls: str = "") -> Line | None:
         try:
             return self._words_of(raw, name, number)
         except ProgramError as error:
             error = foreign.statement(raw, name, number) or error
             if self._refused is None:
                 raise error from None
-            self._refused.append(error)
+            self._refused.append(error.within(calls))
             self.found = self._opened = True
             return None
 

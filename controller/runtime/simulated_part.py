@@ -10,7 +10,8 @@
     low_mm = [0.0, 0.0, -30.0]
     high_mm = [80.0, 50.0, 0.0]
 
-    [[hole]]                          # ... less what is taken out of it: of the same kinds
+    [[hole]]                          # ... less what is taken out of it: of the same kinds, reaching well
+                                      # out of the material where it is open
     kind = "cylinder"
     ...
 

@@ -29,6 +29,7 @@ from controller.motion.motions import ThreadMove
 
 # Of an alpha-beta filter over e and its rate: critically damped, some three ticks.
 STILL_TOLD = (0.0, 0.0)
+NO_TIE: tuple[Any, ...] = ()
 ALPHA = 0.4
 BETA = ALPHA * ALPHA / (2.0 - ALPHA)
 REMEMBERS = 0.998  # of the sums by which the spindle's answer is learnt, from tick to tick
@@ -158,6 +159,8 @@ class Coupling:
         self._step_mm = 0.0
 
     def save(self) -> tuple[Any, ...]:
+        if not self.active:
+            return NO_TIE
         return (
             *(self.active, self.releasing, self.move, self._s, self._zero, self.lag_rev, self._rate),
             *(self.off_mm, self._step_mm, self.rev_s, self._wanted, self._settled, self._late),
@@ -165,6 +168,9 @@ class Coupling:
         )
 
     def restore(self, saved: tuple[Any, ...]) -> None:
+        if not saved:
+            self.end()
+            return
         self.active, self.releasing, self.move, self._s, self._zero, self.lag_rev, self._rate = saved[:7]
         self.off_mm, self._step_mm, self.rev_s, self._wanted, self._settled, self._late = saved[7:13]
         self._told, self._turned, self.led_mm = saved[13:]

@@ -171,24 +171,33 @@ class Probing:
     def _where(self, sensing: Sensing) -> Joints | None:
         """The joints at the edge; None where a drive that moved has stored nothing."""
         seen = self._by_ticks(sensing)
-        if not sensing.latched:
-            return tuple(self._encoder.real(seen))
-        if self._unlatched(sensing) >= 0:
-            return None
-        for i, latch in enumerate(self._latches):
-            if latch is not None and latch.touched:
-                seen[i] = latch.position
+        if sensing.latched:
+            if self._unlatched(sensing) >= 0:
+                return None
+            for i in self._linear:
+                latch = self._latches[i]
+                if latch is not None and self._stored(i, latch, sensing):
+                    seen[i] = latch.position
         return tuple(self._encoder.real(seen))
 
     def _unlatched(self, sensing: Sensing) -> int:
         """An axis that has moved around the edge and whose drive has stored no position, or -1."""
-        before, after = self._row(self._seen - 2 - sensing.late_ticks), self._row(self._seen)
+        before, after = self._around(sensing)
         for i in self._linear:
             latch = self._latches[i]
-            stored = latch is not None and latch.touched
-            if not stored and abs(after[i] - before[i]) > MOVES_COUNTS:
+            if abs(after[i] - before[i]) > MOVES_COUNTS and not (latch and self._stored(i, latch, sensing)):
                 return i
         return -1
+
+    def _stored(self, i: int, latch: Latch, sensing: Sensing) -> bool:
+        """Whether a drive has stored this edge; one just where the last one was is not told again."""
+        before, after = self._around(sensing)
+        low, high = (before[i], after[i]) if before[i] < after[i] else (after[i], before[i])
+        return latch.touched or low - MOVES_COUNTS <= latch.position <= high + MOVES_COUNTS
+
+    def _around(self, sensing: Sensing) -> tuple[Sequence[float], Sequence[float]]:
+        """The positions between which the edge came."""
+        return self._row(self._seen - 2 - sensing.late_ticks), self._row(self._seen)
 
     def _by_ticks(self, sensing: Sensing) -> list[float]:
         """Between the positions of two ticks."""

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from support.machines.tapping import Tapper, machine
 
-from controller.ipc.handoff import COLUMN
+from controller.ipc.handoff import COLUMN, SETTLED, WAITED
 from controller.runtime.events import Event
 from controller.state.modes import Fault, Mode, Request
+from controller.tick.cycle import Again
 from drives.simulated.spindle_motor import MotorParameters
 
 DEPTH_UM, PITCH_SHARE = 5.0, 0.01  # what must hold
@@ -163,3 +164,22 @@ def test_without_an_angle_a_thread_is_refused_and_g84_floats() -> None:
     with pytest.raises(Exception, match="tells its angle"):
         tapper.run(tapped(600.0, 1.0))
     assert tapper.run(tapped(600.0, 1.0, code="G84")).result == "completed"
+
+
+def test_the_record_of_a_thread_gives_the_same_setpoints_again_whatever_the_spindle_does() -> None:
+    """As ``replay`` does: what the spindle made of it comes out of the record, tick by tick."""
+    first, again = Tapper(motor=LAGGING), Tapper(motor=MotorParameters(0.005, 0.0, 100.0))
+    first.run(tapped(600.0, 1.0))
+    recorded, tick = iter(list(first.seen)), again.bench.tick
+
+    def as_recorded() -> None:
+        if (now := next(recorded, None)) is not None:
+            thread = now.thread_mm, bool(now.switches & SETTLED)
+            again.bench.cycle.again = Again(bool(now.switches & WAITED), Fault.NONE, thread)
+        tick()
+
+    again.bench.tick = as_recorded  # type: ignore[method-assign]
+    assert again.run(tapped(600.0, 1.0)).result == "completed"
+    found = [now.setpoints for now in again.seen[: len(first.seen)]]
+    assert found == [now.setpoints for now in first.seen[: len(found)]]
+    assert len(found) > 2000

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Path, Request
+from fastapi import APIRouter, Path, Request, Response
 
 from controller.api import models, touch_off
 from controller.api.access import moves, needs, panel_of
+from controller.api.answers import Refusal, documented
 from controller.api.roles import Role
 from controller.api.routes.machine import LOOKS, MOVES, ask
+from controller.machine import tool_files
 from controller.machine.changes import turned_deg
 
 router = APIRouter(tags=["offsets and tools"])
@@ -54,6 +56,20 @@ async def set_tool(request: Request, number: ToolNumber, body: models.ToolValues
     """Add or change a tool; refused while the machine moves or a program is on, but for the
     insert that is changed after a retract."""
     return await ask(request, "set_tool", number=number, **body.model_dump(exclude_none=True))
+
+
+@router.get(
+    "/tools/{number}/picture",
+    dependencies=[needs(Role.VIEW)],
+    response_class=Response,
+    responses={200: {"content": {"image/svg+xml": {}}}, **documented(401, 403, 404, 422, 503)},
+)
+async def tool_picture(request: Request, number: ToolNumber) -> Response:
+    """A tool's profile, to scale: what cuts, the neck above it, its holder."""
+    rows = rows_by(await panel_of(request).door.ask("facts"), "tools", "number")
+    if (row := rows.get(str(number))) is None:
+        raise Refusal.told(404, "missing", "not_in_table", number=number)
+    return Response(tool_files.picture(row), media_type="image/svg+xml")
 
 
 @router.delete("/tools/{number}", dependencies=[moves()], responses=MOVES)

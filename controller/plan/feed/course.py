@@ -32,6 +32,8 @@ MARGIN = 0.998  # of each limit, for what differences on nodes do not see
 # for the jump of acceleration that comes with it.
 RATE_SHARE = 0.7
 
+CHANGES = 3.0  # times j T^2: so fast, a speed changes by an eighteenth of itself in the tick of a jump
+
 REMEMBERED = 256  # stretches: more than a window has
 THREAD_SHARE = 0.6  # of the axes' limits, along a thread; what is left follows the spindle
 THREAD_RAMP_S = 0.06  # in which the spindle's acceleration may change by all of it
@@ -208,6 +210,19 @@ def _along_thread(limits: JointLimits, move: ThreadMove, course: Course) -> Join
 def _at_ends(stretch: Stretch, kinematics: Kinematics) -> Derivatives:
     """At its beginning and its end: whoever looks at a boundary asks for them again."""
     return derivatives(stretch, np.array([0.0, stretch.motion.end]), kinematics)
+
+
+def least_passed(course: Course, k: int) -> float:
+    """What the boundary behind stretch ``k`` is passed at, or it is a stop.
+
+    A jump of rates is spread over a tick, in which the speed changes by j T^2 / 6: where that is much
+    beside the speed, no bound on the speed at the boundary itself keeps the jerk of that tick.
+    """
+    jerks = []
+    for side, end in ((k, 1), (k + 1, 0)):
+        rate = np.abs(_at_ends(course.stretches[side], course.kinematics).first[end]) + 1e-30
+        jerks.append(float((course.limits[side].jerk / rate).min()))
+    return CHANGES * min(jerks) * course.machine.period_s**2
 
 
 def unhindered(course: Course, k: int) -> float:

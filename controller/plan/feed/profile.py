@@ -23,7 +23,7 @@ from controller.machine.kinematics import Kinematics
 from controller.machine.model import Machine
 from controller.motion.motions import JointMove
 from controller.plan.feed import cruise, search
-from controller.plan.feed.course import Course, unhindered
+from controller.plan.feed.course import Course, least_passed, unhindered
 from controller.plan.feed.law import split, straight
 from controller.plan.feed.tool_limits import has_limits
 from controller.plan.stretch import Stretch
@@ -203,7 +203,7 @@ def split_at_stops(
     course = Course(stretches, machine, kinematics, override, rapid_override)
     found: list[list[Stretch]] = [[stretches[0]]]
     for k, after in enumerate(stretches[1:]):
-        if course.junction(k) < STOP_SHARE * unhindered(course, k):
+        if course.junction(k) < max(STOP_SHARE * unhindered(course, k), least_passed(course, k)):
             found.append([after])
         else:
             found[-1].append(after)

@@ -73,3 +73,17 @@ def test_check_tells_all_of_them(tmp_path: Path) -> None:
 def test_what_the_reference_refuses_is_not_passed_over(text: str, line: int, told: str) -> None:
     (found, *_) = refusals.of(text.encode(), machine("fig4a", spindle=None), "p.ngc")
     assert (found.line, told in found.sentence) == (line, True), found
+
+
+def test_a_word_in_a_sub_is_refused_with_who_called_it() -> None:
+    text = b"o1 sub\nG1 X#<nope>\no1 endsub\no1 call\nG0 X1O\n"
+    first, second = refusals.of(text, machine("fig4a", spindle=None), "p")
+    assert "called by o1 call on line 4" in first.sentence and "called" not in second.sentence
+
+
+def test_a_refusal_is_shown_with_its_line_and_a_caret() -> None:
+    text = "G0 X1\n\tG0 X1O\n"
+    (found,) = refusals.of(text.encode(), machine("fig4a", spindle=None), "p")
+    sentence, line, caret = refusals.pointed(found, "p", text.split("\n")).split("\n")
+    assert (sentence, line, line[caret.index("^")]) == (str(found), "     G0 X1O", "O")
+    assert refusals.pointed(found, "another", text.split("\n")) == str(found)

@@ -69,6 +69,7 @@ def soak(
             found.results[came.result] += 1
             if came.wrong:
                 found.kept.append(str(_keep(one, came, out)))
+        gc.unfreeze()  # replay, as a command, has frozen what was there; it thinks that its process ends
         gc.collect()
         found.memory_mb = _memory_mb()
         if not found.settled_mb and time.monotonic() - began_s > SETTLED_S:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import random
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +18,7 @@ from support.parts.random_surfaces import compound, text
 
 from controller.ipc.handoff import Law
 from controller.machine.kinematics import kinematics_of
-from controller.machine.model import Machine
+from controller.machine.model import Machine, Tool
 from controller.plan.feed import profile
 from controller.plan.feed.course import Course
 from controller.plan.feed.law import at_share, straight, through
@@ -388,6 +389,45 @@ def test_where_the_jerk_steps_inside_of_an_interval_it_is_kept_on_both_sides() -
     joints, _ = sampled(cut.stretches, laws_of(cut.stretches, machine), machine)
     first, second, third = largest(joints, machine)
     assert first <= 1.0005 and second <= 1.002 and third <= 1.02
+
+
+PIVOT = """G42 P1 R5.
+G52 X-8.74 Y-25.72 Z10.25 F2990.
+X-9.02 Y-26.99 Z10.22
+X-9.28 Y-28.3 Z10.18
+X-9.52 Y-29.66 Z10.13
+X-8.05 Y-24.71 Z0.0
+X-8.23 Y-25.98 Z0.0
+X-8.38 Y-27.25 Z0.0
+X-8.51 Y-28.54 Z0.0
+G52 X-9.52 Y-29.66 Z10.13
+X-9.58 Y-29.99 Z10.12
+X-9.64 Y-30.33 Z10.1
+X-9.7 Y-30.68 Z10.09
+X-8.51 Y-28.54 Z0.0
+X-8.54 Y-28.86 Z0.0
+X-8.57 Y-29.18 Z0.0
+X-8.6 Y-29.5 Z0.0
+"""
+
+
+def test_a_jump_of_rates_that_would_be_passed_within_a_tick_of_standstill_is_a_stop() -> None:
+    """Both rotaries stop for a pivot of 14 um: X took 1.10 of its jerk in the tick in which they do."""
+    machine = shipped("table_head", tools=(Tool(1, "end mill", 2.0, 0.0, 30.0),))
+    limits = [
+        replace(a.limits, acceleration=0.469 * a.limits.acceleration, jerk=2.5 * a.limits.jerk)
+        for a in machine.axes
+    ]
+    axes = tuple(replace(a, limits=own) for a, own in zip(machine.axes, limits, strict=True))
+    machine = replace(machine, axes=axes)
+    (cut,) = [
+        c
+        for c in chains("G21 G90 G54\nT1 M6\nS12000 M3\n" + PIVOT, machine)
+        if any(s.cutting for s in c.stretches)
+    ]
+    assert "pivot" in [stretch.name for stretch in cut.stretches]
+    joints, _ = sampled(cut.stretches, laws_of(cut.stretches, machine), machine)
+    assert largest(joints, machine)[2] <= 1.02
 
 
 def test_a_profile_knows_when_it_is_where() -> None:

@@ -1,0 +1,82 @@
+"""One picture of a check: what each block takes and is held by, and how much of their limits the axes use.
+
+matplotlib is imported when a picture is drawn, as in ``plots``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from controller.plan.report.survey import BlockUse, Survey
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+INCHES, DPI = (16.0, 9.0), 100
+# Okabe and Ito's palette, as in ``plots``.
+KINDS = {"velocity": "#0072B2", "acceleration": "#E69F00", "jerk": "#CC79A7"}
+USED, ROOM, INK, OVER = "#0072B2", "#DDDDDD", "#222222", "#D55E00"
+FULL = 1.0 + 1e-6  # of a limit
+
+
+def draw(survey: Survey, blocks: Sequence[BlockUse], title: str, path: Path) -> None:
+    """As PNG, 1600 x 900 pixels. ``blocks``: those that take longest, in the program's order."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=INCHES, dpi=DPI, facecolor="white", layout="constrained")
+    figure.suptitle(title, color=INK, weight="bold")
+    grid = figure.add_gridspec(2, 2, width_ratios=(1.2, 1.0))
+    _blocks(figure.add_subplot(grid[:, 0]), blocks)
+    _limits(figure.add_subplot(grid[0, 1]), survey)
+    _travel(figure.add_subplot(grid[1, 1]), survey)
+    figure.savefig(path, format="png", dpi=DPI)
+
+
+def _blocks(axes: Axes, blocks: Sequence[BlockUse]) -> None:
+    """How long each takes, with its ways; what holds it most stands beside it."""
+    taken = [
+        sum(part.time_s for part in (one.approach, one.own, one.departure) if part is not None)
+        for one in blocks
+    ]
+    places = range(len(blocks))
+    axes.barh(places, taken, color=USED)
+    axes.set_yticks(places, [f"{one.line} {one.what}" for one in blocks])
+    axes.invert_yaxis()
+    axes.set_xlabel("s")
+    axes.set_title("line, time, and what holds it")
+    for place, one, seconds in zip(places, blocks, taken, strict=True):
+        if one.own.binds:
+            bound = one.own.binds[0]
+            text = f" {bound.what} {100.0 * bound.share:.0f} %"
+            axes.text(seconds, place, text, va="center", fontsize=8, color=INK)
+    axes.margins(x=0.3)
+
+
+def _limits(axes: Axes, survey: Survey) -> None:
+    """The largest shares of each axis' limits; what is beyond one has another colour."""
+    for k, (kind, colour) in enumerate(KINDS.items()):
+        shares = [getattr(joint, f"{kind}_share") for joint in survey.joints]
+        colours = [OVER if share > FULL else colour for share in shares]
+        places = [place + 0.27 * (k - 1) for place in range(len(shares))]
+        axes.bar(places, [100.0 * share for share in shares], 0.25, color=colours, label=kind)
+    axes.axhline(100.0, color=INK, linewidth=1.0)
+    axes.set_xticks(range(len(survey.joints)), [joint.name for joint in survey.joints])
+    axes.set_ylabel("% of the limit")
+    axes.legend(frameon=False, ncols=3, loc="lower center", bbox_to_anchor=(0.5, 1.0))
+
+
+def _travel(axes: Axes, survey: Survey) -> None:
+    """Of each axis' travel what the program uses, as shares; with the figures at its ends."""
+    for place, joint in enumerate(survey.joints):
+        low, high = joint.travel
+        span = high - low or 1.0
+        axes.barh(place, 100.0, color=ROOM)
+        begin = 100.0 * (joint.lowest - low) / span
+        axes.barh(place, 100.0 * (joint.highest - joint.lowest) / span, left=begin, color=USED)
+        words = f"{joint.lowest:.2f} ... {joint.highest:.2f}   of {low:g} ... {high:g}"
+        axes.text(2.0, place - 0.45, words, va="bottom", fontsize=8, color=INK)
+    axes.set_yticks(range(len(survey.joints)), [joint.name for joint in survey.joints])
+    axes.invert_yaxis()
+    axes.set_xlabel("% of the travel")

@@ -1,0 +1,103 @@
+"""The probing cycles that ship as programs, on parts whose sizes and places are drawn by chance."""
+
+from __future__ import annotations
+
+import math
+import random
+
+import pytest
+
+from controller.program import linked
+from tests.acceptance.test_probing import told
+from tests.support.machines import probing_machine
+from tests.support.suite.seed import SEED
+
+HEAD = "G21 G90 G54\nT99 M6\nG43 H99\n#<_probe_feed>=900\n#<_probe_slow>=200\n"
+
+
+def cycle(text: str, part: str) -> probing_machine.Probed:
+    whole = linked.linked(f"{HEAD}{text}\nG0 Z60\nM30\n".encode(), lambda _: None)
+    done = probing_machine.run(whole.decode(), probing_machine.up(part))
+    assert done.error == ""
+    assert done.run.result == "completed", done.run.fault_text
+    return done
+
+
+@pytest.fixture
+def some(request: pytest.FixtureRequest) -> random.Random:
+    return random.Random(f"{SEED} {request.node.name}")
+
+
+def block(low: tuple[float, float, float], high: tuple[float, float, float], kind: str = "solid") -> str:
+    return f'[[{kind}]]\nkind = "block"\nlow_mm = {list(low)}\nhigh_mm = {list(high)}\n'
+
+
+def cylinder(x: float, y: float, z: float, radius: float, kind: str = "solid") -> str:
+    size = f"centre_mm = [{x}, {y}, {z}]\nradius_mm = {radius}\nheight_mm = 85.0\n"
+    return f'[[{kind}]]\nkind = "cylinder"\n{size}'
+
+
+@pytest.mark.parametrize(("dx", "dy"), [(1, 0), (-1, 0), (0, 1), (0, -1)])
+def test_an_edge_from_each_side(dx: int, dy: int, some: random.Random) -> None:
+    half = some.uniform(10.0, 20.0)
+    part = block((-half, -half, -20.0), (half, half, 0.0))
+    start = f"G0 Z20\nG0 X{-30 * dx} Y{-30 * dy}\nG0 Z-10\n"
+    done = cycle(f"{start}o<probe_edge> call [{dx}] [{dy}] [30] [2]", part)
+    assert told(done)[0][0] == pytest.approx(-(dx + dy) * half, abs=0.001)
+
+
+def test_a_corner_sets_the_offset(some: random.Random) -> None:
+    x, y = some.uniform(-5, 5), some.uniform(-5, 5)
+    part = block((x, y, -20.0), (x + 50, y + 50, 0.0))
+    start = f"G0 Z20\nG0 X{x - 12} Y{y - 12}\nG0 Z-10\n"
+    done = cycle(f"{start}o<probe_corner> call [1] [1] [22] [20] [2]\n(DEBUG, #5241 #5242)", part)
+    assert told(done)[-1] == pytest.approx([x + 8.0, y + 96.0], abs=0.001)
+
+
+def test_a_bore(some: random.Random) -> None:
+    x, y, radius = some.uniform(-2, 2), some.uniform(-2, 2), some.uniform(8, 14)
+    part = block((-40, -40, -60.0), (40, 40, 0.0)) + cylinder(x, y, 30.0, radius, "hole")
+    done = cycle("G0 X0 Y0\nG0 Z-10\no<probe_bore> call [20] [2]\n(DEBUG, #5241 #5242)", part)
+    assert told(done)[-2] == pytest.approx([x, y, 2 * radius], abs=0.002)
+    assert told(done)[-1] == pytest.approx([x + 8.0, y + 96.0], abs=0.002)
+
+
+def test_a_boss(some: random.Random) -> None:
+    x, y, radius = some.uniform(-2, 2), some.uniform(-2, 2), some.uniform(8, 14)
+    done = cycle("G0 X0 Y0\nG0 Z5\no<probe_boss> call [24] [12] [20] [0]", cylinder(x, y, 0.0, radius))
+    assert told(done)[-1] == pytest.approx([x, y, 2 * radius], abs=0.002)
+
+
+@pytest.mark.parametrize("along", ["[1] [0]", "[0] [1]"])
+def test_a_pocket_and_a_web(along: str, some: random.Random) -> None:
+    low, high = some.uniform(-15, -8), some.uniform(8, 15)
+    hole = block((low, low, -30.0), (high, high, 30.0), "hole")
+    done = cycle(
+        f"G0 X0 Y0\nG0 Z-10\no<probe_pocket> call {along} [30] [0]",
+        block((-40, -40, -60), (40, 40, 0)) + hole,
+    )
+    assert told(done)[-1] == pytest.approx([(low + high) / 2, high - low], abs=0.001)
+    done = cycle(
+        f"G0 X0 Y0\nG0 Z5\no<probe_web> call {along} [25] [12] [20] [0]",
+        block((low, low, -30), (high, high, 0)),
+    )
+    assert told(done)[-1] == pytest.approx([(low + high) / 2, high - low], abs=0.001)
+
+
+def test_a_tilted_plane(some: random.Random) -> None:
+    a, b, z = some.uniform(-0.05, 0.05), some.uniform(-0.05, 0.05), some.uniform(-3, 3)
+    part = f'[[solid]]\nkind = "plane"\npoint_mm = [0.0, 0.0, {z}]\nnormal = [{-a}, {-b}, 1.0]\n'
+    done = cycle("G0 X0 Y0\nG0 Z10\no<probe_plane> call [20] [25] [20] [0]", part)
+    wanted = [z, math.degrees(math.atan(a)), math.degrees(math.atan(b))]
+    assert told(done)[-1] == pytest.approx(wanted, abs=0.002)
+
+
+@pytest.mark.parametrize("face", ["x", "y"])
+def test_an_angle_turns_the_offset(face: str, some: random.Random) -> None:
+    turned = some.uniform(-3.0, 3.0)
+    part = f"turned_deg = [0.0, 0.0, {turned}]\n" + block((-60, -60, -30), (60, 60, 0))
+    start = "G0 Z20\nG0 X-75 Y-20" if face == "x" else "G0 Z20\nG0 X-20 Y-75"
+    call = "[1] [0] [40] [30] [2]" if face == "x" else "[0] [1] [40] [30] [2]"
+    done = cycle(f"{start}\nG0 Z-10\no<probe_angle> call {call}\n(DEBUG, #5250)", part)
+    assert told(done)[-2][0] == pytest.approx(turned, abs=0.005)
+    assert told(done)[-1][0] == pytest.approx(turned, abs=0.005)
