@@ -15,8 +15,6 @@ from controller.state.modes import Mode, Request
 
 # Its ear is inside of the cycle, where compiled code has no room for it.
 pytestmark = pytest.mark.skipif(compiled.is_compiled(), reason="the cycle is compiled")
-    compiled.is_compiled(), reason="its ear is inside of the cycle, where compiled code has no room for it"
-)
 
 
 def test_all_requests_are_among_those_that_are_asked() -> None:
