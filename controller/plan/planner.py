@@ -25,8 +25,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import replace
 from typing import NamedTuple
 
-from controller.geometry.vectors import ROUNDING
-from controller.geometry.vectors import Vector
+from controller.geometry.vectors import ROUNDING, Vector
 from controller.ipc.handoff import PieceMessage, Snapshot
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Machine
@@ -36,7 +35,7 @@ from controller.plan.path.path import Chain, Pause, Stretch
 from controller.plan.path_position import place_at
 from controller.plan.restart.program_position import Spot
 from controller.plan.restart.restart import Rest
-from controller.plan.retract import Aside
+from controller.plan.retract import Aside, NotPossible
 from controller.plan.track import Track
 from controller.program.program import Probed, ProgramError
 from controller.state.modes import Mode
@@ -47,6 +46,7 @@ REPLAN_LEAD_S = 0.05  # ahead of the commit point, where planning takes no time 
 MAX_LEAD_S = 2.0
 RETRY_S = 0.1  # where there is no way on from a state of motion, one this much later is tried ...
 TIMEOUT_S = 0.05  # ... after so much plan time
+PROBES = "A probing move is under way, and a retract would be taken for it; resume, or stop the program."
 TOUCHED, TOUCHING = 1, 3  # of the tick's ``probed`` and ``probing``
 
 
@@ -267,6 +267,8 @@ class Planner:
 
         Raises NotPossible.
         """
+        if now.probing:
+            raise NotPossible(PROBES)
         self._lead(self._detour.retract(now, self._left(now), self.spot(now), by_mm), now)
 
     def go_back(

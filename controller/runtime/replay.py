@@ -25,6 +25,8 @@ from controller.plan.planner import Planner
 from controller.plan.restart.program_position import Spot
 from controller.plan.restart.restart import Rest
 from controller.plan.retract import NotPossible
+from controller.plan.stretch import Chain, Pause
+from controller.program.program import ProgramError
 from controller.runtime import checked, events, starts
 from controller.runtime.checked import Task, Walk
 from controller.runtime.events import Line, Recorded
@@ -37,6 +39,10 @@ WHOLE, PART = "setpoints.npz", "setpoints.part"
 ROW_BYTES = 4 * len(SETPOINTS)
 ENDING = 5  # ticks after the last one that is recorded: the mode follows the standstill
 MAX_TICKS = 50_000_000
+PROBED = (
+    "{} probes here, and the record of a run does not hold what it touched: only what comes before this line "
+    "can be made again"
+)
 
 Counts = npt.NDArray[np.int32]
 Rows = npt.NDArray[np.float64]
@@ -137,7 +143,7 @@ class _Repetition:
 
     def run(self, path: Items, ticks: int, to_its_end: bool, progress: Callable[[float], None]) -> Run:
         bench, follow = self._bench, self._bench.cycle.follow
-        self._planner.load(path.items, follow.queue_end_s, follow.epoch)
+        self._planner.load(_unprobed(path.items), follow.queue_end_s, follow.epoch)
         lines = deque(self._record.lines)
         for line in _taken(lines, -1):
             self._make(line)
@@ -243,6 +249,15 @@ class _Repetition:
         }.get(modes.mode, "lost")
         skips = bench.cycle.skips - skips_before
         return Run(rows, result, modes.fault, modes.fault_axis, first, skips, 0, 0, bench.fault_text)
+
+
+def _unprobed(items: Iterable[Chain | Pause]) -> Iterator[Chain | Pause]:
+    """The path up to where it would probe: no record has what was touched then."""
+    for item in items:
+        if isinstance(item, Pause) and item.probe is not None:
+            line, column = item.place.line, item.place.column
+            raise ProgramError("replay", line, column, PROBED.format(item.probe.code))
+        yield item
 
 
 def _taken(lines: deque[Line], tick: int) -> Iterator[Line]:

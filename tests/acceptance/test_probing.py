@@ -12,7 +12,11 @@ import pytest
 from controller.geometry.vectors import add, norm, scale, subtract, unit
 from controller.ipc.handoff import COLUMN, of_axes
 from controller.machine.kinematics import kinematics_of
-from controller.state.modes import Fault
+from controller.plan.restart.program_position import Spot
+from controller.plan.retract import NotPossible
+from controller.program.program import ProgramError
+from controller.runtime import checked, replay
+from controller.state.modes import Fault, Mode, Request
 from tests.support.machines import probing_machine
 from tests.support.suite.seed import SEED
 
@@ -216,6 +220,42 @@ def test_too_fast_for_the_probe_is_refused_with_what_it_bears() -> None:
     assert probe is not None
     lowest = done.run.rows[:, of_axes("actual", 5)][:, 2].min() - 180.0
     assert 5.0 - lowest < probe.overtravel_mm
+
+
+def test_behind_a_touch_nothing_is_started_anew_but_at_its_line() -> None:
+    made = probing_machine.machine()
+    text = f"{HEAD}G43 H99\nG0 Z7\nG38.2 Z2 F200\nG1 X9 F500\nM30\n"
+    asked = checked.task(text.encode(), "probe.ngc", made)
+    assert checked.rest_of(asked, {}, Spot(5, 0.0)).what == "pause"
+    with pytest.raises(ProgramError, match="probes on line 5 before"):
+        checked.rest_of(asked, {}, Spot(6, 0.0))
+    with pytest.raises(ProgramError, match="probes on line 5 before"):
+        checked.rest_of(asked, {}, Spot(5, 0.5))
+
+
+def test_a_probing_move_that_is_held_goes_on_and_is_not_left_for_a_retract() -> None:
+    stepped = probing_machine.up(PLANE)
+    asked = checked.task(f"{HEAD}G43 H99\nG0 Z7\nG38.2 Z2 F60\nM30\n".encode(), "probe.ngc", stepped.machine)
+    stepped.begin(checked.path_of(asked))
+    stepped.go(20_000, lambda: 6.0 < stepped.joints[2] - 180.0 < 6.5)
+    stepped.request(Request.HOLD)
+    stepped.go(500)
+    now = stepped.board.read()
+    assert now is not None and now.mode is Mode.HOLD and now.probing == 2
+    with pytest.raises(NotPossible):
+        stepped.planner.retract(now, 5.0)
+    stepped.request(Request.RESUME)
+    stepped.go(20_000, lambda: stepped.cycle.modes.mode is Mode.READY)
+    (touch,) = stepped.planner.touches
+    assert touch.came.touched
+    assert touch.came.at[2] == pytest.approx(185.0, abs=0.001)
+
+
+def test_a_record_is_made_again_up_to_where_it_probes() -> None:
+    stepped = probing_machine.up(PLANE)
+    asked = checked.task(f"{HEAD}G43 H99\nG0 Z7\nG38.2 Z2 F60\nM30\n".encode(), "probe.ngc", stepped.machine)
+    with pytest.raises(ProgramError, match="does not hold what it touched"):
+        list(replay._unprobed(checked.path_of(asked).items))
 
 
 def test_g31_of_fanuc_skips() -> None:

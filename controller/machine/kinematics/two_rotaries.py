@@ -50,7 +50,7 @@ STILL = 1e-12  # an axis that leaves the pole slower than this (1/u) does not le
 # A pair of rotaries as it was measured misses its pole by a hair. There the tool axis gives way, by what is
 # missed at most: no rotary could make up for it, and beside a limit of reach both would have to jump.
 HAIR = 0.004  # sine by which a pole may be missed and still be one: 0.23 degrees, both rotaries together
-SOFT = 0.02  # rad off the pole at which half of it is made up for: so wide that joints go there smoothly
+SOFT = 1e-3  # sine of the angle to it at which half is made up for, or what is missed where that is more
 SPILL = 1e-13  # square of a reach overshot by rounding
 
 
@@ -101,9 +101,10 @@ class TwoRotaries(Kinematics):
         # Where O reaches +-w2, A = (height - cosine (O w2)) / across: what is left of it there.
         # Usually 0, and then it is taken as such: the pole is a pole only on this machine.
         left = [0.0 if abs(x) < 1e-14 else x for x in (self._height - s * self._cosine for s in (1, -1))]
-        self._missed = tuple(x if abs(x) < HAIR else 0.0 for x in left)
-        self._left = tuple(0.0 if missed else x for missed, x in zip(self._missed, left, strict=True))
-        self.lean_rad = max(abs(x) for x in self._missed) / across
+        missed = [x if abs(x) < HAIR else 0.0 for x in left]
+        self._missed = tuple((x, max(abs(x) / across, SOFT) ** 8) for x in missed)
+        self._left = tuple(0.0 if hair else x for hair, x in zip(missed, left, strict=True))
+        self.lean_rad = max(abs(x) for x in missed) / across
 
     # ---- from the pose to the joints ---------------------------------------------
 
@@ -209,14 +210,17 @@ class TwoRotaries(Kinematics):
     def _made_up(self, square: Number, rho: Number, side: Number, m: ModuleType) -> Number:
         """What a pole that is missed by a hair needs of c: all of it far from there, nothing at the pole.
 
-        The axis is r = sqrt(rho^2 square) off w2; c is missed r^8 / (r^8 + SOFT^8), over rho: at the pole of
-        higher order than c is without it, and below r missed / SOFT everywhere, so within reach.
+        The axis is r = sqrt(rho^2 square) off w2; c is missed r^8 / (r^8 + soft^8), over rho: at the pole of
+        higher order than c is without it, and below 0.7 r everywhere, so within reach.
         """
-        above, below = self._missed
-        missed = (above if side > 0.0 else below) if m is math else np.where(side > 0.0, above, below)
+        (above, above8), (below, below8) = self._missed
+        if m is math:
+            missed, soft8 = (above, above8) if side > 0.0 else (below, below8)
+        else:
+            missed, soft8 = np.where(side > 0.0, above, below), np.where(side > 0.0, above8, below8)
         off = rho * rho * square
         cube = off * off * off
-        return missed * rho * square * cube / ((SOFT**8 + off * cube) * self._across)
+        return missed * rho * square * cube / ((soft8 + off * cube) * self._across)
 
     def _limit(
         self, a: Number, b: Number, c: Number, square: Number, inside: Vector | None, m: ModuleType

@@ -51,6 +51,10 @@ WHICH_TIME = (
     "the program has subs or loops, and with another tool it is not known which time this line was running; "
     "start at a line, which begins the first time that it runs"
 )
+PROBED = (
+    "the program probes on line {} before it comes here, and what it found then is not known any more: start "
+    "at the top, or at or before that line"
+)
 SIDE = 33  # samples along a motion, for its highest point
 FOLLOW_MM = 0.25  # between samples when the rotaries are followed to a place
 
@@ -171,8 +175,10 @@ class _Search:
     def rest(self) -> Rest:
         for item in self._items:
             if isinstance(item, Pause):
-                if self._spot.motion_id < 0 and self._is_pause(item):
+                if self._spot.motion_id < 0 and not item.ends and self._is_pause(item):
                     return self._at_pause(item)
+                if item.probe is not None:
+                    raise self._none(PROBED.format(item.place.line))
                 continue
             found = self._in(item)
             if found is not None:
