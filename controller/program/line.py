@@ -15,7 +15,7 @@ from controller.program.program import Block, Place, ProgramError
 # one M of spindle or coolant, a comment. Nothing in it can be refused as text, or says something. Nine digits
 # are below what any word may be. Only single characters repeat possessively: Python before 3.11.5 goes on
 # behind the begin of a group that it gave up (gh-106052), so that "G0X" would match as G0.
-MAX_RUN = 200  # of them together
+MAX_RUN = 60  # of them together: what lives long costs full collections of garbage
 _SHORT_NUMBER = r"[+-]?(?:[0-9]{1,9}+(?:\.[0-9]*+)?|\.[0-9]++)"
 LETTERS = "XYZABCIJKRFS"
 

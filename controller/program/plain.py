@@ -124,11 +124,11 @@ class CommonLines:
         common one, which it gives; None where ``run`` is full, or the lines are at their end.
         """
         given, axes, count, find = self._given, self._axes, len(self._axes), self._common.fullmatch
-        now = self._seen()
+        now, counts_points, rests = self._seen(), self._points_count, self.rests
         for number, raw in rows:
             found = find(raw)
-            last = None if found is None else found.lastindex
-            if found is None or last is None or self.rests:
+            last = found.lastindex if found is not None else None
+            if found is None or last is None or rests:
                 if found is not None and last is None and raw.lstrip()[:1] not in ("N", "n"):
                     continue  # nothing but a comment
                 return number, raw, COMMON.fullmatch(raw)
@@ -153,7 +153,7 @@ class CommonLines:
                 ready is not None
                 and ready.is_line
                 and parts[CENTRE:FEED] == _NO_ARC
-                and not self._points_count
+                and not counts_points
             ):
                 unit = ready.unit  # the same as below, with no call on the way
                 targets = tuple(

@@ -32,7 +32,7 @@ Known = float | None
 Place3 = tuple[Known, Known, Known]
 
 _UNTURNED = Frame()[1:]
-MAX_PENDING = 500
+MAX_PENDING = 120
 
 
 def homed(machine: Machine) -> Joints:

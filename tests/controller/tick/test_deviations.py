@@ -12,6 +12,7 @@ from support.machines.shipped_kinds import machine
 
 from controller.machine import compensation
 from controller.machine.model import Pitch, Straightness
+from controller.tick.deviations import AxisDeviation
 from controller.tick.joints import Encoder
 
 T = 0.002
@@ -159,3 +160,44 @@ def test_straightness_and_a_thermal_shift_move_the_other_axes_too():
 
 def test_a_machine_without_tables_sends_what_it_sent_before():
     assert Encoder(machine("fig4a"))._deviations is None
+
+
+# ---- which way an axis goes, tick by tick: the table tells the sense itself
+
+
+def sense_of(*places: float) -> tuple[list[float], AxisDeviation]:
+    """What is taken off in each tick, places in ``still`` of the axis; at the last one it stays."""
+    axis = Encoder(built())._deviations._axes[0]
+    axis._at = lambda _q, sense: sense
+    stay = [places[-1]] * (3 * len(axis._ramp) + 9)
+    told = [q * axis._still for q in (*places, *stay)]
+    return [q - axis.step(q) for q in told], axis
+
+
+@pytest.mark.parametrize("side", (1.0, -1.0))
+def test_an_axis_turns_where_it_has_gone_by_its_counts_and_not_before(side):
+    def ends(*places):
+        return round(sense_of(*(side * q for q in places))[0][-1], 9)
+
+    assert ends(0.0) == ends(0.0, 0.9) == ends(0.0, -0.9) == 0.0, "half way between both"
+    assert ends(0.0, 1.01) == side and ends(0.0, -1.01) == -side
+    assert ends(0.0, 4.0, 8.0) == ends(0.0, 4.0, 8.0, 7.1) == side
+    assert ends(0.0, 4.0, 8.0, 6.9) == -side, "from its farthest place, not from where it turned last"
+    assert ends(0.0, 4.0, 8.0, 6.9, 5.0, 5.9) == -side and ends(0.0, 4.0, 8.0, 6.9, 5.0, 6.1) == side
+
+
+@pytest.mark.parametrize("side", (1.0, -1.0))
+def test_a_reversal_goes_along_its_ramp_a_step_a_tick(side):
+    off, axis = sense_of(0.0, 5.0 * side)
+    begun = next(k for k, one in enumerate(off) if abs(one) > 1e-9)
+    wanted = [side * share for share in axis._ramp if share > 0.0]
+    assert off[begun : begun + len(wanted)] == pytest.approx(wanted, abs=1e-9)
+    assert begun == 2 + sum(share <= 0.0 for share in axis._ramp)
+    assert off[-1] == pytest.approx(side, abs=1e-9)
+
+
+def test_what_drives_say_is_read_where_the_axis_was_told_to_be():
+    axis = Encoder(built())._deviations._axes[0]
+    seen: list[float] = []
+    axis.now, axis._at = 0.25, lambda q, sense: seen.append(q) or 0.5
+    assert axis.real(10.0) == 10.5 and seen == [10.25]
