@@ -10,6 +10,7 @@ import gc
 import importlib
 import inspect
 import json
+import os
 import sys
 from types import ModuleType
 from typing import Annotated, Any, TextIO
@@ -17,7 +18,7 @@ from typing import Annotated, Any, TextIO
 import typer
 from typer.core import TyperGroup
 
-from controller import one_thread
+from controller import compiled, one_thread
 
 # File of controller/cli: the commands that it adds, as --help lists them. It has a function of that
 # name, or a Typer called ``app`` or like the command; or ``register(app)`` where there is more to say.
@@ -114,7 +115,8 @@ def _version(asked: bool) -> None:
     if asked:
         from importlib.metadata import version
 
-        print(f"directrix {version('directrix')}")
+        made = "compiled" if compiled.is_compiled() else "not compiled"
+        print(f"directrix {version('directrix')}, {made}")
         raise typer.Exit
 
 
@@ -131,6 +133,7 @@ def main() -> None:
     """Entry point of ``directrix``; a script that asks for JSON gets it whatever is wrong."""
     one_thread.set_default()
     as_json = "--json" in sys.argv[1:]
+    _refuse_outdated(as_json)
     try:
         code = app(standalone_mode=not as_json)
     except SystemExit as ended:
@@ -148,6 +151,19 @@ def main() -> None:
     if code == ENDED_CODE:
         print(json.dumps({"ok": False, "error": ENDED}) if as_json else ENDED, file=_spoken(as_json))
     sys.exit(code)
+
+
+def _refuse_outdated(as_json: bool) -> None:
+    """What was edited or pulled after it was compiled would not be what runs."""
+    newer = compiled.outdated()
+    if newer is None:
+        return
+    from controller import messages
+
+    language = messages.chosen(os.environ.get("DIRECTRIX_LANGUAGE", ""))
+    sentence = messages.text(messages.said("checkout.outdated", file=str(newer)), language)
+    print(json.dumps({"ok": False, "error": sentence}) if as_json else sentence, file=_spoken(as_json))
+    sys.exit(1)
 
 
 def _spoken(as_json: bool) -> TextIO:

@@ -22,6 +22,7 @@ ARROWS: dict[str, set[str]] = {
     "messages": {"faults"},  # texts, a file per language
     "state": {"faults", "machine", "motion", "messages"},
     "ipc": {"motion", "state", "messages", "atomic_file"},  # between the processes
+    "compiled": set(),  # which source runs
     "one_thread": set(),  # numpy's libraries, before they are loaded
     "workers": {"messages", "one_thread"},  # work that is spread over processes
     "program": {"geometry", "machine"},

@@ -36,12 +36,13 @@ _between = itemgetter(*(key(index) for index in (0x607F, 0x60C5, 0x60C6, *OFFSET
 class Mode:
     """No mode: the demand stands."""
 
-    number = 0
+    number: ClassVar[int] = 0
     cyclic: ClassVar[bool] = False  # the demand comes with every SYNC
-    bits = 0
+    at_first: ClassVar[int] = 0  # of ``bits``
 
     def __init__(self, axis: Axis) -> None:
         self.axis = axis
+        self.bits = self.at_first
 
     def begin(self) -> Demand | None:
         """The demand, period by period; None = the axis's target as it is."""
@@ -97,9 +98,9 @@ class Mode:
 class CyclicPosition(Mode):
     """csp. Bit 12: the target is followed."""
 
-    number = CSP
-    cyclic = True
-    bits = BIT_12
+    number: ClassVar[int] = CSP
+    cyclic: ClassVar[bool] = True
+    at_first: ClassVar[int] = BIT_12
 
     def begin(self) -> Demand | None:
         self._speed = Speed(self.axis.servo, self.axis.period_s)
@@ -148,9 +149,9 @@ class CyclicPosition(Mode):
 class CyclicVelocity(Mode):
     """csv: 60FFh plus 60B1h, with 60B2h; the position demand is its integral, kept within 607Dh."""
 
-    number = CSV
-    cyclic = True
-    bits = BIT_12
+    number: ClassVar[int] = CSV
+    cyclic: ClassVar[bool] = True
+    at_first: ClassVar[int] = BIT_12
 
     def begin(self) -> Demand | None:
         self._speed = Speed(self.axis.servo, self.axis.period_s)
@@ -175,8 +176,8 @@ class Interpolated(Mode):
     period is taken from it, and an empty buffer holds the axis where it is.
     """
 
-    number = IP
-    cyclic = True
+    number: ClassVar[int] = IP
+    cyclic: ClassVar[bool] = True
 
     def begin(self) -> Demand | None:
         self.axis.records.clear()
@@ -209,7 +210,7 @@ class ProfilePosition(Mode):
     bit 10: the target is reached, within 6067h for 6068h.
     """
 
-    number = PP
+    number: ClassVar[int] = PP
 
     def begin(self) -> Demand | None:
         axis = self.axis
@@ -229,8 +230,7 @@ class ProfilePosition(Mode):
         axis = self.axis
         if self._next is not None and not word & BIT_5:
             return  # no room: not acknowledged anew
-        target = axis.target + (self._goal if word & BIT_6 else 0.0)
-        target = axis.within(target)
+        target = float(axis.within(axis.target + (self._goal if word & BIT_6 else 0.0)))
         if word & BIT_5 or self._arrived():
             self._goal, self._next = target, None
         else:
@@ -244,7 +244,8 @@ class ProfilePosition(Mode):
     def _demand(self) -> float:
         axis = self.axis
         if self._arrived() and self._next is not None:
-            self._goal, self._next = self._next, None
+            self._goal = self._next
+            self._next = None
             self.set_bits(BIT_12 if axis.controlword & BIT_4 else 0)
         self._look()
         speed = axis.units.speed_at(0x6081)
@@ -262,7 +263,7 @@ class ProfilePosition(Mode):
 class ProfileVelocity(Mode):
     """pv. Bit 10: 60FFh within 606Dh for 606Eh; bit 12: standing, below 606Fh for 6070h."""
 
-    number = PV
+    number: ClassVar[int] = PV
 
     def begin(self) -> Demand | None:
         self._speed = Speed(self.axis.servo, self.axis.period_s)
@@ -292,9 +293,12 @@ class ProfileVelocity(Mode):
 class Homing(Mode):
     """hm: bit 4 starts on its rising edge and breaks off on its falling one."""
 
-    number = HOMING
-    RUNS, IDLE, DONE, FAILED = 0, REACHED, REACHED | BIT_12, REACHED | BIT_13
-    bits = REACHED
+    number: ClassVar[int] = HOMING
+    RUNS: ClassVar[int] = 0
+    IDLE: ClassVar[int] = REACHED
+    DONE: ClassVar[int] = REACHED | BIT_12
+    FAILED: ClassVar[int] = REACHED | BIT_13
+    at_first: ClassVar[int] = REACHED
 
     def begin(self) -> Demand | None:
         if self.bits == self.RUNS:

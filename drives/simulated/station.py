@@ -19,6 +19,7 @@ INITIALISING, STOPPED = pdo.NMT_BOOT_UP, pdo.NMT_STOPPED
 OPERATIONAL, PRE_OPERATIONAL = pdo.NMT_OPERATIONAL, pdo.NMT_PRE_OPERATIONAL
 
 Alarm = Callable[[float], None]  # called with the time
+_NO_ALARM: tuple[float, Alarm] = (math.inf, lambda _now_s: None)
 
 
 class Station:
@@ -48,11 +49,12 @@ class Station:
 
     def _run_alarms(self, now_s: float) -> None:
         alarms = self._alarms
-        for name, alarm in [item for item in alarms.items() if item[1][0] <= now_s]:
-            # An alarm that ran before may have taken this one back or set it anew.
-            if alarms.get(name) is alarm:
+        for name in [name for name, (at_s, _) in alarms.items() if at_s <= now_s]:
+            # An alarm that ran before may have taken this one back or put it off.
+            at_s, alarm = alarms.get(name, _NO_ALARM)
+            if at_s <= now_s:
                 del alarms[name]
-                alarm[1](now_s)
+                alarm(now_s)
         self._alarm_s = min([at_s for at_s, _ in alarms.values()], default=math.inf)
 
     def watch(self, now_s: float) -> None:

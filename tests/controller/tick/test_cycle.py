@@ -445,7 +445,7 @@ def test_an_error_of_our_own_stops_the_drives_and_is_named() -> None:
         raise ZeroDivisionError
 
     bench.clock.steppers.append(lambda now: None)
-    bench.cycle._take_requests = broken  # type: ignore[method-assign]
+    bench.cycle._requests.take = broken  # type: ignore[assignment]
     assert bench.loop.run(lambda: True) is Fault.INTERNAL
     assert bench.group.wanted is Wanted.QUICK_STOP and bench.snapshot.fault is Fault.INTERNAL
     assert bench.group.sync_stopped

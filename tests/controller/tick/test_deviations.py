@@ -166,7 +166,7 @@ def test_a_machine_without_tables_sends_what_it_sent_before():
 
 
 def sense_of(*places: float) -> tuple[list[float], AxisDeviation]:
-    """What is taken off in each tick, places in ``still`` of the axis; the last one is kept until all settles."""
+    """What is taken off in each tick, places in ``still`` of the axis; at the last one it stays."""
     axis = Encoder(built())._deviations._axes[0]
     axis._at = lambda _q, sense: sense
     stay = [places[-1]] * (3 * len(axis._ramp) + 9)

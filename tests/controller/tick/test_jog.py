@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import random
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,6 +14,7 @@ from support.machines.tick_bench import Bench, commands, excess, rapid_law, s_cu
 from controller.ipc.handoff import DEAD_MAN_S, PLANNER_SILENCE_S, Jog, dwell
 from controller.machine.model import Joints, Machine
 from controller.state.modes import ALL_AXES, Fault, Mode, Request
+from controller.tick.check import Check
 from controller.tick.jog import UNHOMED_SHARE
 from controller.tick.mode import Phase
 from drives.cia402 import Wanted
@@ -450,11 +450,17 @@ def test_an_emergency_stop_leaves_nothing_of_a_jog() -> None:
     bench.close()
 
 
+def slow(built: Machine) -> Machine:
+    """None of its axes may move."""
+    axes = [replace(axis, limits=replace(axis.limits, velocity=1e-9)) for axis in built.axes]
+    return replace(built, axes=tuple(axes))
+
+
 def test_a_setpoint_that_fails_its_check_is_not_sent() -> None:
     bench = ready()
     press(bench, 60)
     at = bench.snapshot.joints
-    bench.cycle.jogging.check = SimpleNamespace(judge=lambda *_: (Fault.VELOCITY, 0))  # type: ignore[assignment]
+    bench.cycle.jogging.check = Check(slow(machine()))
     bench.tick()
     assert (bench.snapshot.fault, bench.snapshot.fault_axis) == (Fault.VELOCITY, 0)
     assert bench.snapshot.joints == at and bench.group.wanted is Wanted.QUICK_STOP

@@ -84,7 +84,8 @@ def assert_sound(modes: Modes) -> None:
 
 
 def values_of(modes: Modes) -> dict[str, object]:
-    return {name: value for name, value in vars(modes).items() if name != "_group"}
+    values = {name: getattr(modes, name) for name in dir(modes) if name[:2] != "__" and name != "_group"}
+    return {name: value for name, value in values.items() if not callable(value)}
 
 
 @pytest.mark.parametrize("mode", Mode)

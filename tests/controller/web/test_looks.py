@@ -25,7 +25,7 @@ ALARM = {
     **told(Fault.FOLLOWING_ERROR, "Y"),
     "position_trusted": True,
 }
-# What reaches over the right edge of the page or of its card, or is cut off within its own box, where nothing scrolls.
+# What reaches over the right edge of page or card, or is cut off within its own box, where nothing scrolls.
 CLIPPED = """() => {
   const bad = [];
   const scrolls = ".scroll, .listing, .mdi-history, :has(> canvas), svg, input, textarea";
@@ -37,7 +37,8 @@ CLIPPED = """() => {
     const named = one.classList.contains("program-name"); // long names end in dots
     const cut = text && hides && !named && one.scrollWidth > one.clientWidth + 1;
     const card = one.closest(".card")?.getBoundingClientRect();
-    if (box.right > Math.min(innerWidth, card?.width ? card.right : innerWidth) + 1 || cut) bad.push(`${one.tagName}.${one.className} ${text || ""}`);
+    const edge = Math.min(innerWidth, card?.width ? card.right : innerWidth);
+    if (box.right > edge + 1 || cut) bad.push(`${one.tagName}.${one.className} ${text || ""}`);
   }
   return [...new Set(bad)];
 }"""
