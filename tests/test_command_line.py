@@ -149,7 +149,7 @@ def test_gouge_warn_cuts_it_anyway_and_says_so():
 
 FILES = [
     (("check", "none.ngc"), "none.ngc: there is no such file"),
-    (("check", "."), "this is a folder"),
+    (("simulate", "."), "this is a folder"),
     (("check", "ok.ngc", "--machine", "nope"), "no such machine file; allowed: a path or fig4b"),
     (("check", "ok.ngc", "--machine", "."), "no such machine file"),
     (("check", "ok.ngc", "--machine", "bad.toml"), "bad.toml: is not TOML"),
