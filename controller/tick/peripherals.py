@@ -193,18 +193,16 @@ class Peripherals:
         """What an operator's hand wants of spindle, coolant or clamps; False for what is not there."""
         new = mode is Mode.READY and not self._by_hand
         rev_min, coolant, is_open = (0.0, 0, 0) if new else self._wanted
-        if request is Request.SPINDLE:
-            there = abs(value) <= self._max_rev_min
+        if request is Request.SPINDLE and abs(value) <= self._max_rev_min:
             rev_min = value
-        elif request is Request.COOLANT:
-            there = value in self._coolants
+        elif request is Request.COOLANT and value in self._coolants:
             coolant = int(value)
-        else:
-            there = value in self._clamp_masks
+        elif request is Request.CLAMPS and value in self._clamp_masks:
             is_open = int(value)
-        if there:
-            self._wanted, self._by_hand = (rev_min, coolant, is_open), mode is Mode.READY
-        return there
+        else:
+            return False
+        self._wanted, self._by_hand = (rev_min, coolant, is_open), mode is Mode.READY
+        return True
 
     def switch(self, outputs: tuple[int, int, Sequence[tuple[int, float]]]) -> None:
         """Outputs of the program, on and off from now on, and analogue ones: at their place in the path."""

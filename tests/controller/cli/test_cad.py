@@ -10,10 +10,11 @@ from typing import Any
 from xml.etree import ElementTree
 
 import pytest
-from support.parts import cad_parts, step_text
 from typer.testing import CliRunner
 
 pytest.importorskip("OCP", reason="OpenCASCADE is missing: the extra cad, and libGL", exc_type=ImportError)
+
+from support.parts import cad_parts, step_text
 
 from controller.__main__ import app
 

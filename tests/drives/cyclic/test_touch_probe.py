@@ -22,10 +22,12 @@ def approach(bench, most=300):
 
 
 def armed_bench():
+    """Armed anew for one touch; commissioning arms it for every one."""
     bench = GroupBench(nodes("XY", probe_tpdo=3))
     bench.devices[0].axis.sensors.probes.walls[0] = WALL
     bench.enable()
-    bench.write(1, touch_probe.FUNCTION, 0, touch_probe.function(), 2)
+    for function in (0, touch_probe.function()):
+        bench.write(1, touch_probe.FUNCTION, 0, function, 2)
     bench.until(lambda: bench.group.drives[0].probe.armed)
     return bench
 

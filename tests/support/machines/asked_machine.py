@@ -39,6 +39,7 @@ feed_stop = 4
 loader = 5
 """
 FEED_STOP, LOADER = 4, 5
+CLAMPS = (0, 8, 16, 24)  # of A, C and both, as bits of the axes
 TEXT = """G21 G90 G54 T2 M6
 S3000 M3
 G0 X5. Y0. Z120.
@@ -134,6 +135,14 @@ class AskedMachine:
             return 0.0 <= value <= 2.0
         if request in (Request.SINGLE_BLOCK, Request.OPTIONAL_STOP):
             return value in (0.0, 1.0)
+        if request is Request.SPINDLE_OVERRIDE:
+            return 0.5 <= value <= 1.5
+        if request is Request.SPINDLE:
+            return abs(value) <= 12_000.0
+        if request is Request.COOLANT:
+            return value in range(4)
+        if request is Request.CLAMPS:
+            return value in CLAMPS
         if request is Request.HOME:
             return value in range(1, ALL_AXES + 1)
         if request is Request.JOG and jog is not None:

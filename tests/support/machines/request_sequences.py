@@ -42,6 +42,7 @@ ASKED = (
     *(Request.OVERRIDE, Request.RAPID_OVERRIDE, Request.SINGLE_BLOCK, Request.OPTIONAL_STOP) * 2,
     *(Request.ENABLE, Request.DISABLE, Request.RESET, Request.HOME) * 2,
     *(Request.ESTOP, Request.PLAN_LOST),
+    *(Request.SPINDLE_OVERRIDE, Request.SPINDLE, Request.COOLANT, Request.CLAMPS),
 )
 DIRECTIONS = (
     *((1.0, 0.0, 0.0, 0.0, 0.0), (0.0, -1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0, 0.0)),
@@ -125,6 +126,10 @@ class Site(AskedMachine):
     def _value(self, request: Request) -> float:
         if request is Request.HOME:
             return float(self.rng.choice((1, 4, 8, 31, 0, 32, -1, 2.5, math.nan, math.inf)))
+        if request is Request.SPINDLE:
+            return self.rng.choice((0.0, 600.0, -600.0, 1e5, -1e5, math.nan, math.inf))
+        if request is Request.CLAMPS:
+            return self.rng.choice((0.0, 8.0, 16.0, 24.0, 1.0, 31.0, 2.5, -8.0, math.nan))
         return self.rng.choice((0.0, 1.0, 1.0, 0.3, 2.0, 5.0, -1.0, math.nan))
 
     def _let_go(self) -> None:
