@@ -11,6 +11,8 @@ from typing import Any
 from controller.api.service_client import refusal
 from controller.ipc.control_socket import CommandRefused
 from controller.ipc.handoff import Recorder
+from controller.machine import machine_file
+from controller.machine.setup_data import tools_of
 from controller.messages import said
 from controller.service import diagnostics
 from controller.service.jogging import ENDS, Presses
@@ -69,7 +71,9 @@ class FakeDoor:
         zero = {"origin_mm": [0.0, 0.0, 0.0], "turned_deg": [0.0, 0.0, 0.0]}
         self.offsets: dict[str, Any] = {"G54": {**zero, "unset": False}, "G55": {**zero, "unset": True}}
         self.restart: dict[str, Any] = {"offered": False, "sentence": "Nothing was interrupted."}
-        self.tools: dict[str, Any] = {"1": {"name": "", "radius_mm": 3.0, "length_mm": 0.0, "flute_mm": 15.0}}
+        self.tools: dict[str, Any] = {
+            "1": tools_of(machine_file.load("trunnion"))[0]
+        }  # as the service tells them
 
     @property
     def moved(self) -> list[str]:
@@ -123,7 +127,7 @@ class FakeDoor:
         elif verb == "forget":
             self.offsets.pop(args["name"], None)
         elif verb == "set_tool":
-            self.tools[str(args["number"])] = {k: v for k, v in args.items() if k != "number"}
+            self.tools[str(args["number"])] = {**tools_of(machine_file.load("trunnion"))[0], **args}
             if args.get("remove"):
                 del self.tools[str(args["number"])]
 
