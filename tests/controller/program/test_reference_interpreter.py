@@ -2,18 +2,32 @@
 
 from __future__ import annotations
 
+import math
 import random
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from support.oracles import reference_interpreter
+from support.oracles.reference_interpreter import Move
 from support.parts import random_codes, random_grammar, random_planar
 from support.suite import seed
 
 NO_ROOM = ("leaves standing", "vanishes behind the cutter", "cannot be reached")
+SLIGHT_MM = (
+    1e-3  # an arc about a corner that leads no further: rs274 makes one where the words' rounding bends
+)
 PROGRAMS = 20  # here; a thousand and more outside of the fast tests
+
+
+def without_slight_corners(moves: Sequence[Move]) -> list[Move]:
+    """All moves but arcs that end where they begin, but for ``SLIGHT_MM``."""
+    kept: list[Move] = []
+    for move in moves:
+        if move.kind != "arc" or not kept or math.dist(move.axes, kept[-1].axes) > SLIGHT_MM:
+            kept.append(move)
+    return kept
 
 
 @pytest.mark.skipif(
@@ -54,11 +68,12 @@ def test_a_cutter_beside_a_contour_goes_where_the_reference_interpreter_leads(
         text = random_planar.program(rng)
         ours = reference_interpreter.ours(text, machine)
         theirs = reference_interpreter.reference(text, tmp_path, machine)
-        for mine, other in zip(ours.moves, theirs.moves, strict=False):
+        cuts, others = without_slight_corners(ours.moves), without_slight_corners(theirs.moves)
+        for mine, other in zip(cuts, others, strict=False):
             assert mine.near(other), f"{mine}\n{other}\n{text}"
         if ours.refused:
             assert theirs.refused or any(why in ours.refused for why in NO_ROOM), f"{ours.refused}\n{text}"
         else:
-            assert not theirs.refused and len(ours.moves) == len(theirs.moves), f"{theirs.refused}\n{text}"
+            assert not theirs.refused and len(cuts) == len(others), f"{theirs.refused}\n{text}"
             cut += 1
     assert cut > count // 3

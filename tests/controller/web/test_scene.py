@@ -298,6 +298,7 @@ def test_what_is_planned_is_played_and_gives_way_to_a_machine_that_moves(looker:
     looker.click("[data-scene=play]")
     looker.wait_for_function("() => dxScene.shown_share > 0.002")
     looker.click("[data-scene=pause]")
+    looker.wait_for_selector("[data-scene=play]")  # it is in its place: nothing moves any more
     share = looker.evaluate("dxScene.shown_share")
     looker.wait_for_timeout(200)
     assert looker.evaluate("dxScene.shown_share") == share < 1.0
