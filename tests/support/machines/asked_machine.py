@@ -138,7 +138,7 @@ class AskedMachine:
         if request is Request.SPINDLE_OVERRIDE:
             return 0.5 <= value <= 1.5
         if request is Request.SPINDLE:
-            return abs(value) <= 12_000.0
+            return self.machine.spindle is not None and abs(value) <= self.machine.spindle.max_rev_min
         if request is Request.COOLANT:
             return value in range(4)
         if request is Request.CLAMPS:
