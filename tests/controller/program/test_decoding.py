@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import gc
 import random
 import time
 import tracemalloc
@@ -80,7 +81,7 @@ def test_windows_1252_is_read_and_told_and_refused_outside_of_comments() -> None
     ],
 )
 def test_a_long_line_takes_time_in_proportion(line: str) -> None:
-    """Processor time: eight times the length takes far less than 64 times the time."""
+    """Processor time: sixteen times the length takes far less than 256 times the time."""
 
     def seconds(count: int) -> float:
         begun = time.process_time()
@@ -88,8 +89,13 @@ def test_a_long_line_takes_time_in_proportion(line: str) -> None:
             read((line * count + "\nM30\n").encode())
         return time.process_time() - begun
 
-    short, long = seconds(20_000), seconds(160_000)
-    assert long < 0.25 + 20.0 * short
+    gc.collect()
+    gc.disable()  # what other tests left is nothing of this line's
+    try:
+        short, long = (min(seconds(count) for _ in range(3)) for count in (10_000, 160_000))
+    finally:
+        gc.enable()
+    assert long < 0.25 + 64.0 * short
 
 
 def test_lines_come_as_they_stand_however_the_text_is_parted(monkeypatch: pytest.MonkeyPatch) -> None:
