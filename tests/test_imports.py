@@ -25,7 +25,7 @@ ARROWS: dict[str, set[str]] = {
     "compiled": set(),  # which source runs
     "one_thread": set(),  # numpy's libraries, before they are loaded
     "workers": {"messages", "one_thread"},  # work that is spread over processes
-    "program": {"geometry", "machine"},
+    "program": {"geometry", "machine", "messages"},
     "plan": {"geometry", "machine", "motion", "state", "ipc", "program"},
     "tick": {"geometry", "machine", "motion", "state", "ipc"},
     "verify": VALUES | {"workers", "ipc", "program", "plan"},

@@ -140,7 +140,7 @@ def examined(machine: Machine, job: Job) -> Row:
 
 def _refused(error: ProgramError, task: checked.Task) -> Row:
     more = len(refusals.of(task.text, task.machine, task.name, task.start)) - 1
-    told = said("folder.more", sentence=str(error), more=more) if more > 0 else messages.plain(str(error))
+    told = said("folder.more", sentence=error.placed, more=more) if more > 0 else error.placed
     return Row(task.name, "refused", told, error.line, error.column)
 
 

@@ -9,7 +9,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NoReturn
 
 import typer
 
@@ -27,7 +27,6 @@ from controller.plan.report.survey import Survey
 from controller.plan.stretch import Note
 from controller.program import linked
 from controller.program import refusals as refusals_of_text
-from controller.program.decoding import NEWLINE
 from controller.program.program import ProgramError
 from controller.runtime import checked, recording, records, starts
 from controller.runtime import events as event_files
@@ -251,21 +250,22 @@ def _checked(
             )
     except ProgramError as error:
         _refuse_all(error, task, quiet)
-        raise
 
 
-def _refuse_all(first: ProgramError, task: checked.Task, quiet: bool) -> None:
-    """All refusals of a text in one answer, where there is more than the first. Raises Refused."""
+def _refuse_all(first: ProgramError, task: checked.Task, quiet: bool) -> NoReturn:
+    """All refusals of a text in one answer, each with its line; of those of its path the first alone."""
+    language = speech.spoken.get()
     found = refusals_of_text.of(task.text, task.machine, task.name, task.start)
-    if len(found) < 2 or str(found[0]) != str(first):
-        return
-    lines = NEWLINE.split(bytes(linked.parts(task.text)[0]).decode(errors="replace"))
-    told = [refusals_of_text.pointed(one, task.name, lines) for one in found[: refusals_of_text.MOST]]
-    sentence = str(found[0]) if quiet else "\n".join([*told, refusals_of_text.summed(found)])
+    if not found or str(found[0]) != str(first):
+        found = [first]
+    lines = refusals_of_text.lines_of(task.text, task.name)
+    shown = found[:1] if quiet else found[: refusals_of_text.MOST]
+    told = [refusals_of_text.pointed(one, lines, language) for one in shown]
+    if len(found) > 1 and not quiet:
+        told.append(messages.text(refusals_of_text.summed(found), language))
+    sentence = messages.text(first.placed, language) if quiet else "\n".join(told)
     place = {"file": first.file, "line": first.line, "column": first.column}
-    refused = Refused(sentence, **place, **refusals_of_text.facts(found))
-    refused.facts["sentence"] = first.sentence
-    raise refused
+    raise Refused(sentence, **place, **first.said, **refusals_of_text.facts(found), **first.facts)
 
 
 def _show_notes(notes: Sequence[Note], task: checked.Task) -> None:
@@ -278,6 +278,7 @@ def _show_notes(notes: Sequence[Note], task: checked.Task) -> None:
 # --- simulate ------------------------------------------------------------------
 
 
+@speech.speaking
 def simulate(
     program: ProgramFile,
     machine: MachineFile = "trunnion",

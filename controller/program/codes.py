@@ -58,8 +58,8 @@ class Ask:
     def has(self, letters: str) -> bool:
         return any(letter in self.words for letter in letters)
 
-    def refusal(self, word: Word, sentence: str) -> ProgramError:
-        return self.line.refusal(word, sentence)
+    def refusal(self, word: Word, key: str, **values: object) -> ProgramError:
+        return self.line.refusal(word, key, **values)
 
     def place(self, word: Word) -> Place:
         return self.line.place(word.column)

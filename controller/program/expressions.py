@@ -12,7 +12,7 @@ import re
 from collections.abc import Callable
 
 from controller.program.parameters import Key, NoValue, Parameters
-from controller.program.program import ProgramError
+from controller.program.program import ProgramError, told
 
 DEEPEST = 30  # nesting of brackets, so that no text can exhaust the stack
 NUMBERED = range(1, 6000)
@@ -94,9 +94,9 @@ class Values:
         self._at = 0
         self._depth = 0
 
-    def refusal(self, at: int, sentence: str) -> ProgramError:
+    def refusal(self, at: int, key: str, **values: object) -> ProgramError:
         """The error of this line at the 0-based place ``at``."""
-        return ProgramError(self._name, self._number, at + 1, sentence)
+        return ProgramError(self._name, self._number, at + 1, told(key, **values))
 
     def peek(self) -> str:
         """The next character that is no gap, or nothing at the end of the line."""

@@ -19,10 +19,9 @@ from controller.program.expressions import GAPS, Values
 from controller.program.line import Line, Where, Word
 from controller.program.marks import ALONE, BY_NUMBER, COMPUTED, Mark, Marks
 from controller.program.parameters import ARGUMENTS, Parameters
-from controller.program.program import ProgramError
+from controller.program.program import Caller, Callers, ProgramError
 
 CALLS, RETURNS, RESTORES = 98.0, 99.0, 73.0  # M98, M99, M73
-MAX_CALLERS = 4  # that a sentence names
 SPLIT = 10_000  # P of M98 in eight digits: how often, and which of four digits
 
 
@@ -57,8 +56,7 @@ class _Frame:
     at: int  # offset of the line that comes next
     number: int
     sub: Mark | None = None
-    callers: tuple[str, ...] = ()  # innermost first
-    calls: str = ""  # the same for a sentence
+    callers: Callers = ()
     line: int = 0  # of the program that called a file in; 0: this is of the program itself
     by_number: bool = False  # with M98
     serial: int = 0  # counted over all calls
@@ -67,7 +65,7 @@ class _Frame:
     left: dict[int, int] = field(default_factory=dict)  # rounds of each repeat, by its offset
 
 
-Scan = Callable[[str, str, int, str], Line | None]  # raw text, file, number, who called -> the line
+Scan = Callable[[str, str, int, Callers], Line | None]  # raw text, file, number, who called -> the line
 
 
 class Run:
@@ -113,7 +111,7 @@ class Run:
             try:
                 line = self._next(frame)
             except ProgramError as error:
-                raise error.within(frame.calls) from None
+                raise error.within(frame.callers) from None
             if line is not None:
                 yield from self._said(line, frame)
             if self._due is not None:
@@ -134,13 +132,13 @@ class Run:
         end = NEWLINE.search(text, at)
         raw = text[at : end.start()] if end else text[at:]
         frame.at, frame.number = end.end() if end else len(text) + 1, number + 1
-        return self._scan(raw, frame.source.name, number, frame.calls)
+        return self._scan(raw, frame.source.name, number, frame.callers)
 
     def _said(self, line: Line, frame: _Frame) -> Iterator[Line]:
         """A line with its place in the order; calls by M98 are carried out behind its other words."""
         self._begun |= line.is_plain or bool(line.words)
         self._count_step(frame, line.number)
-        line.where = Where(frame.line or line.number, self._step, frame.serial, frame.calls)
+        line.where = Where(frame.line or line.number, self._step, frame.serial, frame.callers)
         if line.is_plain:
             yield line
             return
@@ -307,8 +305,8 @@ class Run:
                 "(call_levels in [machine]): end the recursion, or raise it",
             )
         line = 0 if source is self._main else caller.line or mark.number
-        callers = (f"{mark.written} on line {mark.number} of {caller.source.name}", *caller.callers)
-        frame = _Frame(source, sub.after, sub.number + 1, sub, callers, _chain(callers), line)
+        callers = (Caller(mark.written, mark.number, caller.source.name), *caller.callers)
+        frame = _Frame(source, sub.after, sub.number + 1, sub, callers, line)
         frame.serial = self._passes
         self._frames.append(frame)
 
@@ -324,7 +322,7 @@ class Run:
         if frame.restores:
             words = (Word("M", 72.0, False, 1, "M72"),)
             self._due = Line(frame.source.name, number, words)
-            self._due.where = Where(frame.line or number, self._step, frame.serial, frame.calls)
+            self._due.where = Where(frame.line or number, self._step, frame.serial, frame.callers)
 
     # ---- subs by number
 
@@ -398,7 +396,7 @@ class Run:
     def _unended(self, frame: _Frame) -> ProgramError:
         sub = frame.sub.written if frame.sub is not None else ""
         sentence = f"the text ends inside of sub {sub}: write M99 at its end"
-        return ProgramError(frame.source.name, max(1, frame.number - 1), 1, sentence).within(frame.calls)
+        return ProgramError(frame.source.name, max(1, frame.number - 1), 1, sentence).within(frame.callers)
 
 
 def _nothing(mark: Mark) -> None:
@@ -414,9 +412,3 @@ def _count_of(line: Line, word: Word | None) -> int:
         )
     return int(word.value)
 
-
-def _chain(callers: tuple[str, ...]) -> str:
-    """Who called, for a sentence."""
-    told = [f"called by {caller}" for caller in callers[:MAX_CALLERS]]
-    more = len(callers) - MAX_CALLERS
-    return ", ".join([*told, f"{more} calls more"] if more > 0 else told)

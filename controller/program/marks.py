@@ -18,7 +18,7 @@ from dataclasses import dataclass, field
 from controller.program.comments import without_comments
 from controller.program.decoding import NEWLINE, Text
 from controller.program.expressions import GAPS
-from controller.program.program import ProgramError
+from controller.program.program import ProgramError, told
 
 ENDS = {"endsub": "sub", "endif": "if", "endwhile": "while", "endrepeat": "repeat"}
 LOOPS = ("while", "do", "repeat")
@@ -74,8 +74,10 @@ class Mark:
         label = self.label if self.label.isdigit() else f"<{self.label}>"
         return f"o{'[]' if self.label == COMPUTED else label} {self.keyword}".rstrip()
 
-    def refusal(self, name: str, sentence: str) -> ProgramError:
-        return ProgramError(name, self.number, self.text.find("o") + 1 or 1, sentence)
+    def refusal(self, name: str, key: str, **values: object) -> ProgramError:
+        """Of this mark in the text ``name``; the text of ``key`` may name it as {mark} and its {label}."""
+        why = told(key, **{"mark": self.written, "label": self.label, **values})
+        return ProgramError(name, self.number, self.text.find("o") + 1 or 1, why)
 
     def surplus(self, name: str, behind: str) -> ProgramError:
         """What is told of text behind all that an O-word takes."""

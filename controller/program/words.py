@@ -18,7 +18,7 @@ from controller.program.expressions import GAPS, Values
 from controller.program.flow import Limits, Run, Source
 from controller.program.line import COMMON, MAX_RUN, SIMPLE, CommonRun, Line, Other, Rows, Word, simple
 from controller.program.parameters import SAYS_DEBUG, Key, NoValue, Parameters
-from controller.program.program import Block, ProgramError
+from controller.program.program import Block, Callers, ProgramError
 
 __all__ = ["LARGEST", "Line", "Word", "read"]
 
@@ -101,21 +101,21 @@ class _Scan:
             elif (line := self._general(raw, name, number)) is not None:
                 yield line
 
-    def line(self, raw: str, name: str, number: int, calls: str) -> Line | None:
-        """One line that is carried out; None where it says nothing. ``calls``: who called its sub, or ""."""
+    def line(self, raw: str, name: str, number: int, callers: Callers) -> Line | None:
+        """One line that is carried out; None where it says nothing. ``callers``: of its sub."""
         if (common := COMMON.fullmatch(raw)) is not None and common.lastindex is not None:
             self.found = True
             return Line(name, number, (), common, _plain_words)
-        return None if _MARK.fullmatch(raw) else self._general(raw, name, number, calls)
+        return None if _MARK.fullmatch(raw) else self._general(raw, name, number, callers)
 
-    def _general(self, raw: str, name: str, number: int, calls: str = "") -> Line | None:
+    def _general(self, raw: str, name: str, number: int, callers: Callers = ()) -> Line | None:
         try:
             return self._words_of(raw, name, number)
         except ProgramError as error:
             error = foreign.statement(raw, name, number) or error
             if self._refused is None:
                 raise error from None
-            self._refused.append(error.within(calls))
+            self._refused.append(error.within(callers))
             self.found = self._opened = True
             return None
 

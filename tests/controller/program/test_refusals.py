@@ -10,6 +10,7 @@ from support.machines.shipped_kinds import machine
 from typer.testing import CliRunner
 
 from controller.__main__ import app
+from controller.messages import text
 from controller.program import refusals
 
 POST = "G21 G90\nG1 X1 F100\nG99.9 X2\nX1O\nM97\nG99.9 X3 E5\nX#<depth>\nG1 X4 E2\nX5\nM30\n"
@@ -24,7 +25,7 @@ def test_every_line_that_is_refused_is_told_once_with_what_is_to_blame() -> None
     assert of(POST) == [(3, "G99.9"), (4, ""), (5, "M97"), (6, "G99.9"), (7, ""), (8, "E")]
     found = refusals.of(POST.encode(), machine("fig4a", spindle=None), "p")
     assert refusals.counts(found) == {"G99.9": 2, "": 2, "M97": 1, "E": 1}
-    assert refusals.summed(found) == "6 refusals: G99.9 2, other 2, M97 1, E 1."
+    assert text(refusals.summed(found)) == "6 refusals: G99.9 2, other 2, M97 1, E 1."
 
 
 @pytest.mark.parametrize(
@@ -82,8 +83,8 @@ def test_a_word_in_a_sub_is_refused_with_who_called_it() -> None:
 
 
 def test_a_refusal_is_shown_with_its_line_and_a_caret() -> None:
-    text = "G0 X1\n\tG0 X1O\n"
-    (found,) = refusals.of(text.encode(), machine("fig4a", spindle=None), "p")
-    sentence, line, caret = refusals.pointed(found, "p", text.split("\n")).split("\n")
+    source = "G0 X1\n\tG0 X1O\n"
+    (found,) = refusals.of(source.encode(), machine("fig4a", spindle=None), "p")
+    sentence, line, caret = refusals.pointed(found, {"p": source.split("\n")}).split("\n")
     assert (sentence, line, line[caret.index("^")]) == (str(found), "     G0 X1O", "O")
-    assert refusals.pointed(found, "another", text.split("\n")) == str(found)
+    assert refusals.pointed(found, {"another": source.split("\n")}) == str(found)
