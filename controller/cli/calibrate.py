@@ -36,7 +36,7 @@ from controller.calibration import (
 from controller.calibration.refusal import Refusal
 from controller.cli import remote
 from controller.cli.client import Url
-from controller.cli.speech import speaking, spoken
+from controller.cli.speech import speaking
 from controller.geometry.surfaces import Surface
 from controller.geometry.vectors import Vector, unit
 from controller.machine import machine_file
@@ -50,7 +50,7 @@ from controller.runtime import checked
 from controller.verify import maps
 from controller.verify import trace as traces
 from controller.verify.audit import Watched
-from controller.verify.console import Refused, refusals, show
+from controller.verify.console import Refused, refusals, show, spoken
 
 app = typer.Typer(help="The machine's own geometry from what was measured.", no_args_is_help=True)
 

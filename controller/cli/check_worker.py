@@ -99,7 +99,10 @@ def _others(first: ProgramError, task: checked.Task) -> dict[str, Any]:
     found = refusals.of(task.text, task.machine, task.name, task.start)
     if len(found) < 2 or str(found[0]) != str(first):
         return {}
-    return {**said("program.of_several", sentence=first.said, summed=refusals.summed(found)), **refusals.facts(found)}
+    return {
+        **said("program.of_several", sentence=first.said, summed=refusals.summed(found)),
+        **refusals.facts(found),
+    }
 
 
 def verified(task: checked.Task, stretches: Mapping[int, Stretch]) -> dict[str, Any]:

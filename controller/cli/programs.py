@@ -34,7 +34,7 @@ from controller.runtime.bus_load import overload
 from controller.runtime.startup import SessionError
 from controller.state.modes import Fault
 from controller.verify import tables, wording
-from controller.verify.console import Refused, bar, refusals, show, tell
+from controller.verify.console import Refused, bar, refusals, show, spoken, tell
 from controller.verify.rows import Rows
 from controller.workers import Spread
 
@@ -199,7 +199,7 @@ def check(
                 return
             if report is not None:
                 told = messages.said("folder.report_alone", program=program)
-                raise Refused(messages.text(told, speech.spoken.get()))
+                raise Refused(messages.text(told, spoken.get()))
             task = _task(program, made, block_delete)
             rows = Rows()
             found, kept, warning = _checked(task, store, rows, as_json, spread)
@@ -231,7 +231,7 @@ def check(
             tell.print(warning, markup=False)
         show.print(tables.whole(found, program.name, task.machine.name), markup=False)
         if kept.overcuts:
-            form = messages.text(wording.summed(kept.verdicts), speech.spoken.get())
+            form = messages.text(wording.summed(kept.verdicts), spoken.get())
             show.print(form or tables.overcut(kept.overcuts), markup=False)
 
 
@@ -254,7 +254,7 @@ def _checked(
 
 def _refuse_all(first: ProgramError, task: checked.Task, quiet: bool) -> NoReturn:
     """All refusals of a text in one answer, each with its line; of those of its path the first alone."""
-    language = speech.spoken.get()
+    language = spoken.get()
     found = refusals_of_text.of(task.text, task.machine, task.name, task.start)
     if not found or str(found[0]) != str(first):
         found = [first]

@@ -411,4 +411,3 @@ def _count_of(line: Line, word: Word | None) -> int:
             word, f"{word.text} is no count: P and L of M98 are whole numbers from 0 up; correct it"
         )
     return int(word.value)
-
