@@ -11,9 +11,9 @@ import operator
 import re
 from collections.abc import Callable
 
-from controller.messages import Key
+from controller.messages import Key, said
 from controller.program.parameters import Name, NoValue, Parameters
-from controller.program.program import ProgramError, told
+from controller.program.program import ProgramError
 
 DEEPEST = 30  # nesting of brackets, so that no text can exhaust the stack
 NUMBERED = range(1, 6000)
@@ -97,7 +97,7 @@ class Values:
 
     def refusal(self, at: int, key: str, **values: object) -> ProgramError:
         """The error of this line at the 0-based place ``at``."""
-        return ProgramError(self._name, self._number, at + 1, told(key, **values))
+        return ProgramError(self._name, self._number, at + 1, said(key, **values))
 
     def peek(self) -> str:
         """The next character that is no gap, or nothing at the end of the line."""

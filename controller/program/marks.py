@@ -19,7 +19,7 @@ from controller.messages import Key, said
 from controller.program.comments import without_comments
 from controller.program.decoding import NEWLINE, Text
 from controller.program.expressions import GAPS
-from controller.program.program import ProgramError, told
+from controller.program.program import ProgramError
 
 ENDS = {"endsub": "sub", "endif": "if", "endwhile": "while", "endrepeat": "repeat"}
 LOOPS = ("while", "do", "repeat")
@@ -77,7 +77,7 @@ class Mark:
 
     def refusal(self, name: str, key: str, **values: object) -> ProgramError:
         """Of this mark in the text ``name``; the text of ``key`` may name it as {mark} and its {label}."""
-        why = told(key, **{"mark": self.written, "label": self.label, **values})
+        why = said(key, **{"mark": self.written, "label": self.label, **values})
         return ProgramError(name, self.number, self.text.find("o") + 1 or 1, why)
 
     def surplus(self, name: str, behind: str) -> ProgramError:
