@@ -24,13 +24,10 @@ KEYED = {"refusal": 1, "_wrong": 1, "said": 0, "Key": 0, "NoValue": 0, "NoCircle
 def keys() -> set[str]:
     """All texts of the room that look like keys of its catalogue."""
     topics = {key.split(".")[0] for key in LANGUAGES["en"].refusals if "." in key}
-    found = set()
-    for tree in TREES.values():
-        for node in ast.walk(tree):
-            if isinstance(node, ast.Constant) and isinstance(node.value, str):
-                if re.fullmatch(rf"({'|'.join(topics)})\.[\w.]+", node.value):
-                    found.add(node.value)
-    return found
+    key = re.compile(rf"({'|'.join(topics)})\.[\w.]+")
+    nodes = (node for tree in TREES.values() for node in ast.walk(tree))
+    written = (node.value for node in nodes if isinstance(node, ast.Constant) and isinstance(node.value, str))
+    return {one for one in written if key.fullmatch(one)}
 
 
 def arguments() -> list[tuple[str, ast.expr]]:
