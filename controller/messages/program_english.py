@@ -75,6 +75,11 @@ REFUSALS = {
     "code.unknown_m": "{word} is not a code of this control: it knows {known}; use one of these, or name "
     "an output for it in m_codes of [io]",
     "code.none": "no code of this control",
+    "code.unknown_near": "{word} is not a code of this control: use {near} instead",
+    "code.unknown_near_m": "{word} is not a code of this control: use {near} instead, or name an output "
+    "for it in m_codes of [io]",
+    "code.other_dialect": '{word} is a code of dialect = "{dialect}" alone: set that in [machine], or '
+    "with --dialect, if the program is written for it, or use another code",
     # --- boring
     "boring.plane": "{code} stands under {plane}: it is done in G17 alone; write G17, or the moves "
     "themselves",
@@ -165,8 +170,8 @@ REFUSALS = {
     "cycle.no_q": "{code} has no Q: Q is the depth of each peck, greater than 0; write it",
     "cycle.bad_q": "{code} has {word}: Q is the depth of each peck, greater than 0; write it",
     # --- value
-    "value.not_finite": "{what} has no finite value: it is too large, divides by zero or leaves the "
-    "range of a function; correct it",
+    "value.not_finite": "{what} has no finite value: it is too large, or leaves the range of a function; "
+    "correct it",
     "value.no_bracket": "[ is missing: the value of a function or a condition stands in brackets, as sin[30]",
     "value.open_bracket": "this [ is not closed: an expression runs from [ to ] on one line; add the ]",
     "value.no_parameter": "#{value:g} is no parameter: they are numbered {first} to {last}; use one of these",
@@ -196,6 +201,7 @@ REFUSALS = {
     "value.not_known": "{name} is the position of {axis}, which is not known here: the reader is ahead "
     "of the machine and knows where the program's own moves lead, not where a surface leaves the tool; "
     "move the axis with G0 or G1 before",
+    "value.by_zero": "{what} divides by zero: what stands behind it is 0; correct it",
     # --- flow
     "flow.too_many_passes": "{mark}: the program has gone round loops and called subs {most} times, "
     "which is the most (program_passes in [machine]); end the loop, or raise it",

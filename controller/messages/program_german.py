@@ -79,6 +79,11 @@ REFUSALS = {
     "code.unknown_m": "{word} ist kein Code dieser Steuerung: sie kennt {known}; einen davon verwenden, "
     "oder in m_codes von [io] einen Ausgang dafür eintragen",
     "code.none": "keinem Code dieser Steuerung",
+    "code.unknown_near": "{word} ist kein Code dieser Steuerung: stattdessen {near} verwenden",
+    "code.unknown_near_m": "{word} ist kein Code dieser Steuerung: stattdessen {near} verwenden, oder in "
+    "m_codes von [io] einen Ausgang dafür eintragen",
+    "code.other_dialect": '{word} ist ein Code nur von dialect = "{dialect}": das in [machine] oder mit '
+    "--dialect setzen, wenn das Programm dafür geschrieben ist, oder einen anderen Code verwenden",
     # --- boring
     "boring.plane": "{code} steht unter {plane}: es geht nur in G17; G17 schreiben, oder die Bewegungen "
     "selbst",
@@ -170,8 +175,8 @@ REFUSALS = {
     "cycle.no_q": "{code} hat kein Q: Q ist die Tiefe eines Spans, größer als 0; es schreiben",
     "cycle.bad_q": "{code} hat {word}: Q ist die Tiefe eines Spans, größer als 0; es berichtigen",
     # --- value
-    "value.not_finite": "{what} hat keinen endlichen Wert: er ist zu groß, teilt durch null oder "
-    "verlässt den Bereich einer Funktion; berichtigen",
+    "value.not_finite": "{what} hat keinen endlichen Wert: er ist zu groß oder verlässt den Bereich "
+    "einer Funktion; berichtigen",
     "value.no_bracket": "[ fehlt: der Wert einer Funktion oder Bedingung steht in Klammern, etwa sin[30]",
     "value.open_bracket": "diese [ ist nicht geschlossen: ein Ausdruck reicht von [ bis ] in einer "
     "Zeile; die ] ergänzen",
@@ -204,6 +209,7 @@ REFUSALS = {
     "value.not_known": "{name} ist die Position von {axis}, die hier nicht bekannt ist: gelesen wird vor "
     "der Maschine her, und bekannt ist, wohin die Bewegungen des Programms führen, nicht, wo eine Fläche "
     "das Werkzeug lässt; die Achse vorher mit G0 oder G1 bewegen",
+    "value.by_zero": "{what} teilt durch null: was dahinter steht, ist 0; berichtigen",
     # --- flow
     "flow.too_many_passes": "{mark}: das Programm hat {most}-mal Schleifen durchlaufen und "
     "Unterprogramme gerufen, was das Meiste ist (program_passes in [machine]); die Schleife beenden, oder "
