@@ -144,9 +144,7 @@ def _code(line: Line, word: Word, dialect: str) -> Code:
     found = BY_DIALECT[dialect].get(f"{word.letter}{number}")
     if found is not None and abs(word.value * 10.0 - tenths) < 1e-6:
         if found.fate is Fate.REFUSED:
-            raise line.refusal(
-                word, "code.not_done", code=found.name, meaning=found.meaning, instead=found.told
-            )
+            raise line.refusal(word, "code.not_done", **found.refused_with())
         return found
     raise _unknown(line, word, dialect)
 
@@ -157,7 +155,9 @@ def _unknown(line: Line, word: Word, dialect: str) -> ProgramError:
     known = sorted((c for c in done if c[0] == word.letter), key=lambda c: float(c[1:]))
     other = next(one for one in BY_DIALECT if one != dialect)
     name = f"{word.letter}{word.value:g}"
-    if name in BY_DIALECT[other] and BY_DIALECT[other][name].fate is not Fate.REFUSED:
+    if (row := BY_DIALECT[other].get(name)) is not None:
+        if row.fate is Fate.REFUSED:
+            return line.refusal(word, "code.not_done", **row.refused_with())
         return line.refusal(word, "code.other_dialect", dialect=other)
     if near := _near(name, known):
         key = "code.unknown_near_m" if word.letter == "M" else "code.unknown_near"

@@ -13,7 +13,8 @@ from support.suite import seed
 
 from controller import program
 from controller.messages import LANGUAGES, Said, text
-from controller.program import refusals
+from controller.program import code_table, refusals
+from controller.program.code_rows import Fate
 
 TREES = {
     file.name: ast.parse(file.read_text()) for file in sorted(Path(program.__file__).parent.rglob("*.py"))
@@ -47,6 +48,15 @@ def arguments() -> list[tuple[str, ast.expr]]:
 def test_every_key_of_the_room_has_its_text(language: str) -> None:
     assert len(keys()) > 250
     assert sorted(keys() - LANGUAGES[language].refusals.keys()) == []
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_every_code_that_is_refused_is_said_with_what_to_write(language: str) -> None:
+    rows = [row for row in code_table.ROWS if row.fate is Fate.REFUSED or row.only]
+    said = [row.refused_with() for row in rows]
+    keys = {key for one in said for key in (one["meaning"], one["instead"])}
+    assert len(keys) == 2 * len(rows) > 80
+    assert sorted(keys - LANGUAGES[language].refusals.keys()) == []
 
 
 def test_no_refusal_is_made_of_a_sentence() -> None:
