@@ -81,5 +81,5 @@ def only(word: str, *rows: tuple[str, str, str, str]) -> list[Code]:
 
 
 def key_of(part: str, name: str, dialect: str) -> Key:
-    """Of the meaning of a code that is refused, or of what to write instead."""
+    """Of the meaning of a code that is refused, of what to write instead, or of a group."""
     return Key(".".join(filter(None, (part, name, dialect))))

@@ -6,12 +6,13 @@ Codes and groups are those of ``code_table``; of one group a line takes one code
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import dataclass
 from functools import cache
 
 from controller.machine.model import Machine
 from controller.messages import chain
-from controller.program.code_rows import AXES, Code, Fate
+from controller.program.code_rows import AXES, Code, Fate, key_of
 from controller.program.code_table import BY_DIALECT
 from controller.program.program import Place, ProgramError
 from controller.program.words import Line, Word
@@ -133,9 +134,14 @@ def _take_code(line: Line, word: Word, codes: dict[str, tuple[str, Word]], diale
         "code.two_of_a_group",
         before=before,
         code=code.name,
-        group=code.group,
+        group=_named(code),
         allowed=" ".join(group(code.group, dialect)),
     )
+
+
+def _named(code: Code) -> str:
+    """The group of a code, for a sentence; a noted one is its own."""
+    return code.name if code.group == code.name else key_of("group", re.sub("[ -]", "_", code.group), "")
 
 
 def _code(line: Line, word: Word, dialect: str) -> Code:

@@ -13,7 +13,7 @@ from support.suite import seed
 
 from controller import program
 from controller.messages import LANGUAGES, Said, text
-from controller.program import code_table, refusals
+from controller.program import code_table, codes, refusals
 from controller.program.code_rows import Fate
 
 TREES = {
@@ -56,6 +56,7 @@ def test_every_code_that_is_refused_is_said_with_what_to_write(language: str) ->
     said = [row.refused_with() for row in rows]
     keys = {key for one in said for key in (one["meaning"], one["instead"])}
     assert len(keys) == 2 * len(rows) > 80
+    keys |= {codes._named(row) for row in code_table.ROWS if row.group not in ("", row.name)}
     assert sorted(keys - LANGUAGES[language].refusals.keys()) == []
 
 

@@ -88,6 +88,24 @@ def test_a_refusal_is_shown_with_its_line_and_a_caret() -> None:
     sentence, line, caret = refusals.pointed(found, {"p": source.split("\n")}).split("\n")
     assert (sentence, line, line[caret.index("^")]) == (str(found), "     G0 X1O", "O")
     assert refusals.pointed(found, {"another": source.split("\n")}) == str(found)
+    (row,) = refusals.facts([found], refusals.lines_of(source.encode(), "p"))["refusals"]
+    assert row["shown"] == [" G0 X1O", "      ^"] and row["key"] == found.said["key"]
+
+
+def test_the_caret_of_a_long_line_and_of_a_called_file_is_shown() -> None:
+    source = f"({'x' * 300}) G0 X1O\n"
+    (found,) = refusals.of(source.encode(), machine("fig4a", spindle=None), "p")
+    line, caret = refusals.shown(found, refusals.lines_of(source.encode(), "p"))
+    assert line[caret.index("^")] == "O" and len(line) <= refusals.MAX_WIDE
+
+
+@pytest.mark.parametrize("options", [[], ["--language", "de"]])
+def test_a_single_refusal_has_its_line_and_caret_too(tmp_path: Path, options: list[str]) -> None:
+    (tmp_path / "part.ngc").write_text("G0 X1\nG0 X1O\n")
+    told = CliRunner().invoke(app, ["check", str(tmp_path / "part.ngc"), *options])
+    *_, line, caret = told.stderr.rstrip().split("\n")
+    assert told.exit_code == 1 and line[caret.index("^")] == "O"
+    assert ("ist das eine Null" if options else "is it a zero") in told.stderr
 
 
 @pytest.mark.parametrize(
