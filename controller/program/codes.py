@@ -66,14 +66,12 @@ class Ask:
 
     def whole(self, word: Word) -> int:
         if word.value != math.floor(word.value) or word.value < 0.0:
-            raise self.refusal(
-                word, f"{word.text} is not a count: {word.letter} takes a whole number from 0 up; correct it"
-            )
+            raise self.refusal(word, "word.not_a_count")
         return int(word.value)
 
     def not_negative(self, word: Word) -> float:
         if word.value < 0.0:
-            raise self.refusal(word, f"{word.text} is negative: {word.letter} is 0 or more here; correct it")
+            raise self.refusal(word, "word.negative")
         return word.value
 
 
@@ -124,8 +122,11 @@ def _take_code(line: Line, word: Word, codes: dict[str, tuple[str, Word]], diale
         return
     raise line.refusal(
         word,
-        f"{before} and {code.name} are both {code.group} codes: one line takes one of "
-        f"{' '.join(group(code.group, dialect))}; remove one or write two lines",
+        "code.two_of_a_group",
+        before=before,
+        code=code.name,
+        group=code.group,
+        allowed=" ".join(group(code.group, dialect)),
     )
 
 
@@ -135,31 +136,21 @@ def _code(line: Line, word: Word, dialect: str) -> Code:
     found = BY_DIALECT[dialect].get(f"{word.letter}{number}")
     if found is not None and abs(word.value * 10.0 - tenths) < 1e-6:
         if found.fate is Fate.REFUSED:
-            raise line.refusal(word, f"{found.name} ({found.meaning}) is not done here: {found.told}")
+            raise line.refusal(
+                word, "code.not_done", code=found.name, meaning=found.meaning, instead=found.told
+            )
         return found
     done = (code.name for code in BY_DIALECT[dialect].values() if code.fate is Fate.DONE)
     known = " ".join(sorted((c for c in done if c[0] == word.letter), key=lambda c: float(c[1:])))
-    own = ", or name an output for it in m_codes of [io]" if word.letter == "M" else ""
-    raise line.refusal(
-        word, f"{word.text} is not a code of this control: it knows {known}; use one of these{own}"
-    )
+    key = "code.unknown_m" if word.letter == "M" else "code.unknown"
+    raise line.refusal(word, key, known=known)
 
 
 def _check_letter(line: Line, word: Word, before: dict[str, Word], machine: Machine) -> None:
     names = [axis.name for axis in machine.axes]
     if word.letter in "ABC" and word.letter not in names:
-        raise line.refusal(
-            word,
-            f"{word.text} moves an axis that this machine does not have: its axes are {' '.join(names)}; "
-            "use one of these, or choose the machine that the program was written for",
-        )
+        raise line.refusal(word, "word.no_such_axis", axes=" ".join(names))
     if word.letter == "N":
-        raise line.refusal(
-            word, f"{word.text} stands inside the line: N is the first word; move or remove it"
-        )
+        raise line.refusal(word, "word.number_inside")
     if word.letter in before:
-        raise line.refusal(
-            word,
-            f"{before[word.letter].text} and {word.text} stand on one line: each letter but G and M may "
-            "stand once; remove one",
-        )
+        raise line.refusal(word, "word.twice", before=before[word.letter].text)
