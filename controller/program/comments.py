@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 
+from controller.messages import said
 from controller.program.program import ProgramError
 
 _COMMENT = re.compile(r"[();]")
@@ -28,13 +29,7 @@ def without_comments(raw: str, name: str, number: int) -> str:
             return "".join([*parts, "\0" * (len(raw) - at)])
         close = raw.find(")", at)
         if mark.group() == ")" or close < 0 or raw.find("(", at + 1, close) >= 0:
-            raise ProgramError(
-                name,
-                number,
-                at + 1,
-                "this parenthesis has no partner: a comment runs from ( to the next ) on one line, without "
-                "another ( inside; close it, or write the comment after a ;",
-            )
+            raise ProgramError(name, number, at + 1, said("text.parenthesis"))
         start = close + 1
         parts.append("\0" * (start - at))
     return "".join([*parts, raw[start:]]) if parts else raw
@@ -47,15 +42,15 @@ def message(raw: str, values: Callable[[str], float], debug: bool = True) -> str
 
     DEBUG, PRINT and LOG show them with six decimals, behind %d or %.2f so many (as LinuxCNC).
     """
-    said = []
+    told = []
     for found in _SAYS.finditer(raw):
         if ";" in raw[: found.start()].split(")")[-1]:
             break
         kind, text = found[1].lower(), found[2]
         if kind == "debug" and not debug:
             continue
-        said.append(text if kind == "msg" else _VALUE.sub(lambda at: _shown(at[1], values(at[2])), text))
-    return " ".join(" ".join(said).split())[:LONGEST]
+        told.append(text if kind == "msg" else _VALUE.sub(lambda at: _shown(at[1], values(at[2])), text))
+    return " ".join(" ".join(told).split())[:LONGEST]
 
 
 def _shown(form: str | None, value: float) -> str:

@@ -9,7 +9,8 @@ from functools import cache
 from types import MappingProxyType
 from typing import NamedTuple
 
-from controller.program.program import Block, Callers, Place, ProgramError, told
+from controller.messages import said
+from controller.program.program import Block, Callers, Place, ProgramError
 
 # A common line as programs from CAM systems have them in millions: an N, G0 to G3, words in the usual order,
 # one M of spindle or coolant, a comment. Nothing in it can be refused as text, or says something. Nine digits
@@ -178,10 +179,10 @@ class Line:
             return Place._make((self.number, column, 0, ()))
         return Place(self.where.line, column, self.where.step, self.where.calls)
 
-    def refusal(self, word: Word, key: str, **values: object) -> ProgramError:
+    def refusal(self, word: Word, key: str, about: str = "", **values: object) -> ProgramError:
         """Of a word; the text of ``key`` may name it as {word} and {letter} beside its own values."""
-        why = told(key, **{"word": word.text, "letter": word.letter, **values})
-        about = word.text if word.letter in "GM" else word.letter
+        why = said(key, **{"word": word.text, "letter": word.letter, **values})
+        about = about or (word.text if word.letter in "GM" else word.letter)
         error = ProgramError(self.name, self.number, word.column, why, about)
         return error.within(self.where.calls) if self.where is not None else error
 

@@ -15,11 +15,6 @@ from controller.machine.model import Joints, Machine, Tool
 from controller.messages import Said, chain, plain, said, text
 
 
-def told(key: str, **values: object) -> Said | str:
-    """During the move."""
-    return key if " " in key else said(key, **values)
-
-
 class Caller(NamedTuple):
     """What called a sub: as written, and where."""
 
