@@ -543,6 +543,8 @@ REFUSALS = {
     "text.stray": "{found!r} kann hier nicht stehen: eine Zeile besteht aus Wörtern wie X12.5 (ein "
     "Buchstabe und seine Zahl, mit Dezimalpunkt, nicht mit Komma), Parametersetzungen und Kommentaren; "
     "berichtigen oder streichen",
+    "text.corner": "eine Fase oder ein Radius einer Ecke (,C oder ,R) wird hier nicht gemacht; die Ecke als "
+    "eigene Gerade oder eigenen Bogen schreiben",
     "text.o_inside": "O steht mitten in der Zeile: ein O-Wort (o100 call) steht allein in seiner Zeile; "
     "zwei Zeilen schreiben",
     "text.only_comments": "die Datei enthält nur Leerzeilen und Kommentare: ein Programm braucht "
@@ -589,6 +591,8 @@ REFUSALS = {
     "[...] und ihre Enden schreiben",
     "foreign.macro_print": "{line} ist eine Makrozeile wie an Fanuc-Steuerungen; (PRINT, ...) schreiben, "
     "um dem Bediener etwas zu sagen",
+    "foreign.okuma_head": "{line} ist der Kopf eines Programms für Okuma; das Teil für Fanuc ausgeben "
+    '(dialect = "fanuc"), oder ihn streichen und Nullpunkte und Längen wie Fanuc schreiben (G54, G43)',
     "foreign.okuma_call": "{line} ist der Aufruf eines Unterprogramms von Okuma; M98 und P mit seiner "
     "Nummer schreiben",
     "foreign.okuma_modal": "{line} ist ein modaler Aufruf von Okuma; M98 und P mit seiner Nummer in jede "
