@@ -175,6 +175,8 @@ REFUSALS = {
     "value.no_bracket": "[ is missing: the value of a function or a condition stands in brackets, as sin[30]",
     "value.open_bracket": "this [ is not closed: an expression runs from [ to ] on one line; add the ]",
     "value.no_parameter": "#{value:g} is no parameter: they are numbered {first} to {last}; use one of these",
+    "value.no_ini": "#<_ini[...]> reads an INI file, and there is none here; write the value, or set a "
+    "parameter to it",
     "value.no_name": "#< opens the name of a parameter, which ends with > on its line, as #<depth>",
     "value.too_deep": "brackets are nested deeper than {most}: split it with parameters #1, #2, ...",
     "value.atan": "atan takes two values: write atan[y]/[x]",
@@ -501,6 +503,7 @@ REFUSALS = {
     "thread.beside_others": "{code} stands beside {other}: a thread goes along {height} alone; write a "
     "line of its own for that",
     # --- text
+    "text.abort": "the program ends itself here: {text!r}",
     "text.percent": "% marks the start and end of a program and stands alone on its line",
     "text.stray": "{found!r} cannot stand here: a line is made of words such as X12.5 (a letter and its "
     "number, with a decimal point, not a comma), parameter settings and comments; correct or remove it",

@@ -182,6 +182,8 @@ REFUSALS = {
     "Zeile; die ] ergänzen",
     "value.no_parameter": "#{value:g} ist kein Parameter: sie sind von {first} bis {last} nummeriert; "
     "einen davon verwenden",
+    "value.no_ini": "#<_ini[...]> liest eine INI-Datei, und hier gibt es keine; den Wert schreiben, oder "
+    "einen Parameter darauf setzen",
     "value.no_name": "#< öffnet den Namen eines Parameters, der mit > in seiner Zeile endet, etwa #<tiefe>",
     "value.too_deep": "Klammern sind tiefer als {most} verschachtelt: mit Parametern #1, #2, ... aufteilen",
     "value.atan": "atan nimmt zwei Werte: atan[y]/[x] schreiben",
@@ -536,6 +538,7 @@ REFUSALS = {
     "thread.beside_others": "{code} steht neben {other}: ein Gewinde geht nur längs {height}; dafür "
     "einen eigenen Satz schreiben",
     # --- text
+    "text.abort": "hier beendet sich das Programm selbst: {text!r}",
     "text.percent": "% bezeichnet Anfang und Ende eines Programms und steht allein in seiner Zeile",
     "text.stray": "{found!r} kann hier nicht stehen: eine Zeile besteht aus Wörtern wie X12.5 (ein "
     "Buchstabe und seine Zahl, mit Dezimalpunkt, nicht mit Komma), Parametersetzungen und Kommentaren; "

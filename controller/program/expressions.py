@@ -154,7 +154,8 @@ class Values:
         found = _NAME.match(self._text, self._at)
         name = "".join(found.group(1).split()) if found else ""
         if found is None or not name:
-            raise self.refusal(self._at, "value.no_name")
+            ini = self._text.startswith("<_ini[", self._at)
+            raise self.refusal(self._at, "value.no_ini" if ini else "value.no_name")
         self._at = found.end()
         return name
 

@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator, Mapping
 
 from controller.messages import said
 from controller.program import foreign, marks
-from controller.program.comments import message, without_comments
+from controller.program.comments import aborted, message, without_comments
 from controller.program.decoding import Text
 from controller.program.expressions import GAPS, Values
 from controller.program.flow import Limits, Run, Source
@@ -147,6 +147,8 @@ class _Scan:
                 values = Values(written.lower(), line.name, line.number, self.parameters)
                 return values.value(0, written)[0]
 
+            if ends := aborted(raw, value):
+                raise ProgramError(line.name, line.number, ends[0], said("text.abort", text=ends[1]))
             line.message = message(raw, value, self.parameters.value(SAYS_DEBUG) != 0.0)
         return line
 
