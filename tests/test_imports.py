@@ -16,7 +16,7 @@ VALUES = {"faults", "geometry", "machine", "motion", "state", "messages"}
 ARROWS: dict[str, set[str]] = {
     "atomic_file": set(),  # files replaced whole
     "faults": set(),  # what a fault is made of: words for all
-    "geometry": set(),
+    "geometry": {"messages"},
     "machine": {"geometry", "atomic_file"},
     "motion": {"geometry", "machine"},  # what both sides compute alike
     "messages": {"faults"},  # texts, a file per language

@@ -95,14 +95,14 @@ def check(
 
 
 def _others(first: ProgramError, task: checked.Task) -> dict[str, Any]:
-    """What else is refused in the text, and a sentence that says so; nothing where that is all."""
+    """All that is refused in the text, and a sentence that says so; of what the path refuses nothing."""
     found = refusals.of(task.text, task.machine, task.name, task.start)
-    if len(found) < 2 or str(found[0]) != str(first):
+    if not found or str(found[0]) != str(first):
         return {}
-    return {
-        **said("program.of_several", sentence=first.said, summed=refusals.summed(found)),
-        **refusals.facts(found),
-    }
+    facts = refusals.facts(found, refusals.lines_of(task.text, task.name))
+    if len(found) == 1:
+        return facts
+    return {**said("program.of_several", sentence=first.said, summed=refusals.summed(found)), **facts}
 
 
 def verified(task: checked.Task, stretches: Mapping[int, Stretch]) -> dict[str, Any]:

@@ -32,7 +32,7 @@ def read(job: Mapping[str, Any]) -> list[dict[str, Any]]:
     machine, name = setup_data.machine(Path(job["state"])), str(job["name"])
     text = linked.linked(str(job["text"]).encode(), linked.among(files))
     found = refusals.of(text, machine, name, homed(machine))
-    rows: list[dict[str, Any]] = refusals.facts([one for one in found if one.file == name])["refusals"]
+    rows: list[dict[str, Any]] = refusals.facts([one for one in found if one.file == name], {})["refusals"]
     return rows
 
 

@@ -259,13 +259,13 @@ def _refuse_all(first: ProgramError, task: checked.Task, quiet: bool) -> NoRetur
     if not found or str(found[0]) != str(first):
         found = [first]
     lines = refusals_of_text.lines_of(task.text, task.name)
-    shown = found[:1] if quiet else found[: refusals_of_text.MOST]
-    told = [refusals_of_text.pointed(one, lines, language) for one in shown]
+    most = 1 if quiet else refusals_of_text.MOST
+    told = [refusals_of_text.pointed(one, lines, language) for one in found[:most]]
     if len(found) > 1 and not quiet:
         told.append(messages.text(refusals_of_text.summed(found), language))
     sentence = messages.text(first.placed, language) if quiet else "\n".join(told)
     place = {"file": first.file, "line": first.line, "column": first.column}
-    raise Refused(sentence, **place, **first.said, **refusals_of_text.facts(found), **first.facts)
+    raise Refused(sentence, **place, **first.said, **refusals_of_text.facts(found, lines), **first.facts)
 
 
 def _show_notes(notes: Sequence[Note], task: checked.Task) -> None:

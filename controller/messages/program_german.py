@@ -79,6 +79,11 @@ REFUSALS = {
     "code.unknown_m": "{word} ist kein Code dieser Steuerung: sie kennt {known}; einen davon verwenden, "
     "oder in m_codes von [io] einen Ausgang dafür eintragen",
     "code.none": "keinem Code dieser Steuerung",
+    "code.unknown_near": "{word} ist kein Code dieser Steuerung: stattdessen {near} verwenden",
+    "code.unknown_near_m": "{word} ist kein Code dieser Steuerung: stattdessen {near} verwenden, oder in "
+    "m_codes von [io] einen Ausgang dafür eintragen",
+    "code.other_dialect": '{word} ist ein Code nur von dialect = "{dialect}": das in [machine] oder mit '
+    "--dialect setzen, wenn das Programm dafür geschrieben ist, oder einen anderen Code verwenden",
     # --- boring
     "boring.plane": "{code} steht unter {plane}: es geht nur in G17; G17 schreiben, oder die Bewegungen "
     "selbst",
@@ -170,13 +175,15 @@ REFUSALS = {
     "cycle.no_q": "{code} hat kein Q: Q ist die Tiefe eines Spans, größer als 0; es schreiben",
     "cycle.bad_q": "{code} hat {word}: Q ist die Tiefe eines Spans, größer als 0; es berichtigen",
     # --- value
-    "value.not_finite": "{what} hat keinen endlichen Wert: er ist zu groß, teilt durch null oder "
-    "verlässt den Bereich einer Funktion; berichtigen",
+    "value.not_finite": "{what} hat keinen endlichen Wert: er ist zu groß oder verlässt den Bereich "
+    "einer Funktion; berichtigen",
     "value.no_bracket": "[ fehlt: der Wert einer Funktion oder Bedingung steht in Klammern, etwa sin[30]",
     "value.open_bracket": "diese [ ist nicht geschlossen: ein Ausdruck reicht von [ bis ] in einer "
     "Zeile; die ] ergänzen",
     "value.no_parameter": "#{value:g} ist kein Parameter: sie sind von {first} bis {last} nummeriert; "
     "einen davon verwenden",
+    "value.no_ini": "#<_ini[...]> liest eine INI-Datei, und hier gibt es keine; den Wert schreiben, oder "
+    "einen Parameter darauf setzen",
     "value.no_name": "#< öffnet den Namen eines Parameters, der mit > in seiner Zeile endet, etwa #<tiefe>",
     "value.too_deep": "Klammern sind tiefer als {most} verschachtelt: mit Parametern #1, #2, ... aufteilen",
     "value.atan": "atan nimmt zwei Werte: atan[y]/[x] schreiben",
@@ -204,6 +211,7 @@ REFUSALS = {
     "value.not_known": "{name} ist die Position von {axis}, die hier nicht bekannt ist: gelesen wird vor "
     "der Maschine her, und bekannt ist, wohin die Bewegungen des Programms führen, nicht, wo eine Fläche "
     "das Werkzeug lässt; die Achse vorher mit G0 oder G1 bewegen",
+    "value.by_zero": "{what} teilt durch null: was dahinter steht, ist 0; berichtigen",
     # --- flow
     "flow.too_many_passes": "{mark}: das Programm hat {most}-mal Schleifen durchlaufen und "
     "Unterprogramme gerufen, was das Meiste ist (program_passes in [machine]); die Schleife beenden, oder "
@@ -530,10 +538,13 @@ REFUSALS = {
     "thread.beside_others": "{code} steht neben {other}: ein Gewinde geht nur längs {height}; dafür "
     "einen eigenen Satz schreiben",
     # --- text
+    "text.abort": "hier beendet sich das Programm selbst: {text!r}",
     "text.percent": "% bezeichnet Anfang und Ende eines Programms und steht allein in seiner Zeile",
     "text.stray": "{found!r} kann hier nicht stehen: eine Zeile besteht aus Wörtern wie X12.5 (ein "
     "Buchstabe und seine Zahl, mit Dezimalpunkt, nicht mit Komma), Parametersetzungen und Kommentaren; "
     "berichtigen oder streichen",
+    "text.corner": "eine Fase oder ein Radius einer Ecke (,C oder ,R) wird hier nicht gemacht; die Ecke als "
+    "eigene Gerade oder eigenen Bogen schreiben",
     "text.o_inside": "O steht mitten in der Zeile: ein O-Wort (o100 call) steht allein in seiner Zeile; "
     "zwei Zeilen schreiben",
     "text.only_comments": "die Datei enthält nur Leerzeilen und Kommentare: ein Programm braucht "
@@ -580,6 +591,8 @@ REFUSALS = {
     "[...] und ihre Enden schreiben",
     "foreign.macro_print": "{line} ist eine Makrozeile wie an Fanuc-Steuerungen; (PRINT, ...) schreiben, "
     "um dem Bediener etwas zu sagen",
+    "foreign.okuma_head": "{line} ist der Kopf eines Programms für Okuma; das Teil für Fanuc ausgeben "
+    '(dialect = "fanuc"), oder ihn streichen und Nullpunkte und Längen wie Fanuc schreiben (G54, G43)',
     "foreign.okuma_call": "{line} ist der Aufruf eines Unterprogramms von Okuma; M98 und P mit seiner "
     "Nummer schreiben",
     "foreign.okuma_modal": "{line} ist ein modaler Aufruf von Okuma; M98 und P mit seiner Nummer in jede "
@@ -590,4 +603,134 @@ REFUSALS = {
     "foreign.program": "{line} ist aus einem Programm für {control}, wo Wörter anderes bedeuten: nichts "
     'davon wird gelesen; das Teil für Fanuc (dialect = "fanuc") oder LinuxCNC (dialect = "rs274") '
     "ausgeben, Werkzeugspitzensteuerung als G43.4, geschwenkte Ebenen als G68.2",
+    # --- meaning
+    "meaning.G54.2.fanuc": "Nullpunkt, der dem Tisch folgt",
+    "meaning.G54.4.fanuc": "Aufspannfehler des Werkstücks",
+    "meaning.G10.9.fanuc": "Durchmesser (X1) oder Radien (X0)",
+    "meaning.G7.rs274": "Durchmesserangabe von Drehmaschinen",
+    "meaning.G8.rs274": "Radiusangabe von Drehmaschinen",
+    "meaning.G76.rs274": "Gewindedrehen",
+    "meaning.G44.rs274": "Länge von Z abgezogen",
+    "meaning.G87.rs274": "Rückwärtssenken",
+    "meaning.G5.2.fanuc": "NURBS",
+    "meaning.G53.3.fanuc": "Werkzeug längs Z der geschwenkten Ebene, mit einer Bewegung",
+    "meaning.G7.fanuc": "gedachte Achse",
+    "meaning.G12.1.fanuc": "Polarkoordinateninterpolation",
+    "meaning.G43.3.fanuc": "Nutatorkopf",
+    "meaning.G45.fanuc": "Werkzeugkorrektur einmal dazu",
+    "meaning.G46.fanuc": "Werkzeugkorrektur einmal weg",
+    "meaning.G47.fanuc": "Werkzeugkorrektur zweimal dazu",
+    "meaning.G48.fanuc": "Werkzeugkorrektur zweimal weg",
+    "meaning.G51.1.fanuc": "Spiegeln",
+    "meaning.G60.fanuc": "Anfahren von einer Seite",
+    "meaning.G63.fanuc": "Gewindebohrbetrieb",
+    "meaning.G107.fanuc": "Zylinderinterpolation",
+    "meaning.M198.fanuc": "Aufruf einer Datei",
+    "meaning.G17.1": "Ebene UV",
+    "meaning.G18.1": "Ebene WU",
+    "meaning.G19.1": "Ebene VW",
+    "meaning.G88": "Ausdrehen mit Rückzug von Hand",
+    "meaning.G96": "konstante Schnittgeschwindigkeit",
+    "meaning.G16": "Polarkoordinaten",
+    "meaning.G22": "gespeicherte Hubgrenzen",
+    "meaning.G26": "Überwachung der Spindeldrehzahl",
+    "meaning.G27": "Prüfen des Referenzpunkts",
+    "meaning.G29": "Rückkehr vom Referenzpunkt",
+    "meaning.G65": "Makroaufruf",
+    "meaning.G66": "modaler Makroaufruf",
+    "meaning.G254": "mitgeführte Nullpunktverschiebung",
+    "meaning.G12.fanuc": "Kreistasche im Uhrzeigersinn",
+    "meaning.G13.fanuc": "Kreistasche gegen den Uhrzeigersinn",
+    "meaning.G150.fanuc": "Tasche",
+    "meaning.G253.fanuc": "Spindel längs Z der geschwenkten Ebene",
+    "meaning.G268.fanuc": "geschwenkte Ebene",
+    "meaning.M83.fanuc": "Blasluft",
+    "meaning.M88.fanuc": "Kühlmittel durch die Spindel",
+    "meaning.M97.fanuc": "Aufruf einer Zeile",
+    "meaning.G100.fanuc": "Werkzeugwechsel mit Bewegungen",
+    # --- instead
+    "instead.G54.2.fanuc": "G43.4 schreiben, das dem gedrehten Werkstück folgt",
+    "instead.G54.4.fanuc": "G10 L2 mit dem Ort schreiben, und R für seine Drehung",
+    "instead.G10.9.fanuc": "Radien schreiben",
+    "instead.G7.rs274": "diese Steuerung hat keine Drehmaschinenachse; Radien schreiben",
+    "instead.G8.rs274": "diese Steuerung hat keine Drehmaschinenachse; weglassen",
+    "instead.G76.rs274": "das Gewinde mit G2 oder G3 und Z fräsen",
+    "instead.G44.rs274": "G43 oder G43.1 mit der Länge schreiben",
+    "instead.G87.rs274": 'M19 und die Bewegungen selbst schreiben, oder G87 unter dialect = "fanuc"',
+    "instead.G5.2.fanuc": "als G1-Sätze unter G64 P schreiben, oder eine Fläche als G6.2",
+    "instead.G53.3.fanuc": "G53.1 schreiben, und G0 in den nächsten Satz",
+    "instead.G7.fanuc": "die Bewegungen selbst schreiben",
+    "instead.G12.1.fanuc": "X und Y schreiben",
+    "instead.G43.3.fanuc": "G43.4 schreiben",
+    "instead.G45.fanuc": "G41 oder G42 mit D schreiben",
+    "instead.G46.fanuc": "G41 oder G42 mit D schreiben",
+    "instead.G47.fanuc": "G41 oder G42 mit D schreiben",
+    "instead.G48.fanuc": "G41 oder G42 mit D schreiben",
+    "instead.G51.1.fanuc": "die gespiegelten Bewegungen schreiben",
+    "instead.G60.fanuc": "davor G0 auf einen Ort schreiben",
+    "instead.G63.fanuc": "M49 vor den Schnitt schreiben und M48 dahinter",
+    "instead.G107.fanuc": "Wörter der Drehachse schreiben",
+    "instead.M198.fanuc": "M98 P schreiben, das auch nach der Datei sucht",
+    "instead.G17.1": "diese Steuerung hat keine Achsen U V W; G17 schreiben",
+    "instead.G18.1": "diese Steuerung hat keine Achsen U V W; G18 schreiben",
+    "instead.G19.1": "diese Steuerung hat keine Achsen U V W; G19 schreiben",
+    "instead.G88": "G86 schreiben, oder M0 am Grund",
+    "instead.G96": "diese Steuerung hat keine Drehmaschinenachse; G97 und S schreiben",
+    "instead.G16": "X und Y schreiben",
+    "instead.G22": "der Verfahrweg der Achsen in der Maschinendatei wird immer überwacht",
+    "instead.G26": "weglassen",
+    "instead.G27": "G28 schreiben",
+    "instead.G29": "G0 und die Position schreiben",
+    "instead.G65": "M98 und seine Nummer schreiben",
+    "instead.G66": "M98 und seine Nummer in jede Zeile schreiben",
+    "instead.G254": "G43.4 schreiben, das dem gedrehten Werkstück folgt",
+    "instead.G12.fanuc": "die Bögen schreiben",
+    "instead.G13.fanuc": "die Bögen schreiben",
+    "instead.G150.fanuc": "die Bewegungen selbst schreiben",
+    "instead.G253.fanuc": "G53.1 schreiben",
+    "instead.G268.fanuc": "G68.2 schreiben",
+    "instead.M83.fanuc": "in m_codes von [io] einen Ausgang dafür eintragen, oder M7 schreiben",
+    "instead.M88.fanuc": "in m_codes von [io] einen Ausgang dafür eintragen, oder M8 schreiben",
+    "instead.M97.fanuc": "M98 und P mit der Nummer eines Unterprogramms hinter M30 schreiben",
+    "instead.G100.fanuc": "T, M6 und die Bewegungen schreiben",
+    # --- spline
+    "spline.order": "die Ordnung ist {order}: sie ist {least} bis {most} (Grad + 1)",
+    "spline.few_points": "{count} Kontrollpunkte sind zu wenig: Ordnung {order} braucht {order} oder mehr",
+    "spline.count_of_knots": "{count} Punkte der Ordnung {order} brauchen {needed} Knoten, gefunden {found}",
+    "spline.count_of_weights": "{count} Punkte brauchen {count} Gewichte, gefunden {found}",
+    "spline.weight": "das Gewicht ist {weight:g}: jedes Gewicht ist größer als 0",
+    "spline.falling": "die Knoten fallen von {a:g} auf {b:g}: sie dürfen nur steigen oder bleiben",
+    "spline.near": "die Knoten {a!r} und {b!r} liegen zu nah, um zwei zu sein: sie gleich schreiben oder "
+    "weiter auseinander",
+    "spline.all_alike": "alle Knoten sind {knot:g}: der letzte muss größer sein als der erste",
+    "spline.first_knot": "der erste Knoten {knot:g} steht {times}-mal: Ordnung {order} braucht ihn "
+    "{order}-mal, damit die Kurve auf einem Kontrollpunkt beginnt und endet",
+    "spline.last_knot": "der letzte Knoten {knot:g} steht {times}-mal: Ordnung {order} braucht ihn "
+    "{order}-mal, damit die Kurve auf einem Kontrollpunkt beginnt und endet",
+    "spline.inner_knot": "der innere Knoten {knot:g} steht {times}-mal: Ordnung {order} nimmt ihn "
+    "höchstens {most}-mal, sonst reißt die Kurve",
+    # --- group
+    "group.call": "Aufruf",
+    "group.centre": "Mittelpunkt",
+    "group.coolant": "Kühlmittel",
+    "group.distance": "Maßangabe",
+    "group.feed": "Vorschub",
+    "group.length": "Werkzeuglänge",
+    "group.motion": "Bewegung",
+    "group.offset": "Nullpunktverschiebung",
+    "group.one_line": "satzweise wirksam",
+    "group.output": "Ausgang",
+    "group.overrides": "Korrekturschalter",
+    "group.path": "Bahnsteuerung",
+    "group.plane": "Ebene",
+    "group.return": "Rückzug",
+    "group.rigid": "starres Gewindebohren",
+    "group.rotation": "Drehung",
+    "group.side": "Werkzeugradiuskorrektur",
+    "group.speed": "Drehzahl",
+    "group.spindle": "Spindel",
+    "group.state": "modaler Zustand",
+    "group.stop": "Halt",
+    "group.tool_change": "Werkzeugwechsel",
+    "group.unit": "Maßeinheit",
 }

@@ -382,9 +382,7 @@ class _Turn:
         for code, word in self.ask.codes.values():
             row = BY_DIALECT[self._machine.dialect][code]
             if row.only and not self._has(row.only):
-                raise self.ask.refusal(
-                    word, "code.not_done", code=code, meaning=row.meaning, instead=row.instead
-                )
+                raise self.ask.refusal(word, "code.not_done", **row.refused_with())
             if row.fate is Fate.NOTED and code not in self.state.noted:
                 sentence = f"{code} ({row.meaning}) needs no action here. {row.told}"
                 self.made.append(Remark(self.ask.place(word), self.state.modal, sentence))

@@ -6,11 +6,13 @@ Codes and groups are those of ``code_table``; of one group a line takes one code
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import dataclass
 from functools import cache
 
 from controller.machine.model import Machine
-from controller.program.code_rows import AXES, Code, Fate
+from controller.messages import chain
+from controller.program.code_rows import AXES, Code, Fate, key_of
 from controller.program.code_table import BY_DIALECT
 from controller.program.program import Place, ProgramError
 from controller.program.words import Line, Word
@@ -50,6 +52,7 @@ class Ask:
     words: dict[str, Word]  # letter -> word, without G M N
     switches: tuple[tuple[Word, int, bool], ...] = ()  # the machine's own codes: number of an output, on
     next_tool: Word | None = None  # the second T beside M6, of the tool behind this one (Mazak)
+    dialect: str = "rs274"
     polar: tuple[float, float] | None = None  # @ (mm) and ^ (rad) under G91, for which X and Y stand
 
     def code(self, group: str) -> str:
@@ -59,7 +62,13 @@ class Ask:
         return any(letter in self.words for letter in letters)
 
     def refusal(self, word: Word, key: str, **values: object) -> ProgramError:
-        return self.line.refusal(word, key, **values)
+        """Of a word; the code of the line that takes its letter is to blame."""
+        about = ""
+        for code, _ in self.codes.values() if word.letter not in "GMFST" else ():
+            row = BY_DIALECT[self.dialect][code]
+            if word.letter in row.letters or (row.group == "side" and word.letter in "DPQR"):
+                about = about or code
+        return self.line.refusal(word, key, about, **values)
 
     def place(self, word: Word) -> Place:
         return self.line.place(word.column)
@@ -90,7 +99,7 @@ def sort(line: Line, machine: Machine) -> Ask:
         if word is not next_tool:
             _check_letter(line, word, others, machine)
             others[word.letter] = word
-    return Ask(line, codes, others, switches, next_tool)
+    return Ask(line, codes, others, switches, next_tool, machine.dialect)
 
 
 def _next_tool(words: list[Word]) -> Word | None:
@@ -125,9 +134,14 @@ def _take_code(line: Line, word: Word, codes: dict[str, tuple[str, Word]], diale
         "code.two_of_a_group",
         before=before,
         code=code.name,
-        group=code.group,
+        group=_named(code),
         allowed=" ".join(group(code.group, dialect)),
     )
+
+
+def _named(code: Code) -> str:
+    """The group of a code, for a sentence; a noted one is its own."""
+    return code.name if code.group == code.name else key_of("group", re.sub("[ -]", "_", code.group), "")
 
 
 def _code(line: Line, word: Word, dialect: str) -> Code:
@@ -136,14 +150,45 @@ def _code(line: Line, word: Word, dialect: str) -> Code:
     found = BY_DIALECT[dialect].get(f"{word.letter}{number}")
     if found is not None and abs(word.value * 10.0 - tenths) < 1e-6:
         if found.fate is Fate.REFUSED:
-            raise line.refusal(
-                word, "code.not_done", code=found.name, meaning=found.meaning, instead=found.told
-            )
+            raise line.refusal(word, "code.not_done", **found.refused_with())
         return found
+    raise _unknown(line, word, dialect)
+
+
+def _unknown(line: Line, word: Word, dialect: str) -> ProgramError:
+    """What to use in place of a code that there is not."""
     done = (code.name for code in BY_DIALECT[dialect].values() if code.fate is Fate.DONE)
-    known = " ".join(sorted((c for c in done if c[0] == word.letter), key=lambda c: float(c[1:])))
+    known = sorted((c for c in done if c[0] == word.letter), key=lambda c: float(c[1:]))
+    other = next(one for one in BY_DIALECT if one != dialect)
+    name = f"{word.letter}{word.value:g}"
+    if (row := BY_DIALECT[other].get(name)) is not None:
+        if row.fate is Fate.REFUSED:
+            return line.refusal(word, "code.not_done", **row.refused_with())
+        return line.refusal(word, "code.other_dialect", dialect=other)
+    if near := _near(name, known):
+        key = "code.unknown_near_m" if word.letter == "M" else "code.unknown_near"
+        return line.refusal(word, key, near=chain("or", near))
     key = "code.unknown_m" if word.letter == "M" else "code.unknown"
-    raise line.refusal(word, key, known=known)
+    return line.refusal(word, key, known=" ".join(known))
+
+
+def _near(name: str, known: list[str]) -> list[str]:
+    """Of the same whole number; else of the same digits; else those that one slip of a finger makes it of."""
+    whole = name.partition(".")[0]
+    akin = [code for code in known if code.partition(".")[0] == whole]
+    digits = name.replace(".", "")
+    akin = akin or [code for code in known if code.replace(".", "") == digits]
+    return akin or [code for code in known if ("." in name or "." not in code) and _is_slip(name, code)][:4]
+
+
+def _is_slip(a: str, b: str) -> bool:
+    """Whether one character is another, or there too much; a single digit is no likeness."""
+    short, long = sorted((a, b), key=len)
+    if len(short) == len(long) > 2:
+        return sum(x != y for x, y in zip(a, b, strict=True)) == 1
+    return len(long) == len(short) + 1 > 3 and any(
+        long[:i] + long[i + 1 :] == short for i in range(len(long))
+    )
 
 
 def _check_letter(line: Line, word: Word, before: dict[str, Word], machine: Machine) -> None:

@@ -10,6 +10,7 @@ import math
 import operator
 import re
 from collections.abc import Callable
+from typing import Any
 
 from controller.messages import Key, said
 from controller.program.parameters import Name, NoValue, Parameters
@@ -24,12 +25,10 @@ _NUMBER = re.compile(r"[+-]?[ \t]*(?:[0-9][0-9 \t]*(?:\.[0-9 \t]*)?|\.[ \t]*[0-9
 _NAME = re.compile(r"<([^<>\[\]#;\0]*)>")
 
 
-class _Unsound(Exception):
-    """An expression without a finite real value; becomes a ProgramError where it stands."""
-
-
 def _mod(a: float, b: float) -> float:
     """The remainder, never negative, whatever the sign of the divisor (as LinuxCNC's)."""
+    if b == 0.0:
+        raise ZeroDivisionError
     rest = math.fmod(a, b)
     return rest + abs(b) if rest < 0.0 else rest
 
@@ -67,21 +66,13 @@ _FUNCTIONS: dict[str, Callable[[float], float]] = {
     "sqrt": math.sqrt,
     "tan": lambda x: math.tan(math.radians(x)),
 }
+_OF_FANUC = _FUNCTIONS | {
+    "fix": lambda x: float(math.trunc(x)),
+    "fup": lambda x: math.copysign(math.ceil(abs(x)), x),
+}
+ARITHMETIC = 3  # the least level of an operator that makes a number of numbers
 LINE = "_line"  # the name of the line number, which each line has by itself
 _FUNCTION = re.compile(rf"({'|'.join(_FUNCTIONS)}|atan|exists)[ \t]*(?=\[)")
-
-
-def _sound(function: Callable[..., float], *arguments: float) -> float:
-    try:
-        return _finite(function(*arguments))
-    except (ValueError, OverflowError, ZeroDivisionError) as error:
-        raise _Unsound from error
-
-
-def _finite(value: float) -> float:
-    if not math.isfinite(value):
-        raise _Unsound
-    return value
 
 
 class Values:
@@ -133,10 +124,7 @@ class Values:
         """A value, and whether it counts as written with a decimal point."""
         self.peek()
         at = self._at
-        try:
-            value = self._operand()
-        except _Unsound:
-            raise self.refusal(start, "value.not_finite", what=what) from None
+        value = self._operand()
         if value is None:
             key = "value.o_behind" if self.peek() == "o" else "value.no_number"
             raise self.refusal(start, key, what=what)
@@ -171,7 +159,8 @@ class Values:
         found = _NAME.match(self._text, self._at)
         name = "".join(found.group(1).split()) if found else ""
         if found is None or not name:
-            raise self.refusal(self._at, "value.no_name")
+            ini = self._text.startswith("<_ini[", self._at)
+            raise self.refusal(self._at, "value.no_ini" if ini else "value.no_name")
         self._at = found.end()
         return name
 
@@ -180,7 +169,8 @@ class Values:
         self.peek()
         if number := _NUMBER.match(self._text, self._at):
             self._at = number.end()
-            return _finite(float("".join(number.group().split())))
+            written = "".join(number.group().split())
+            return self._sound(number.start(), written, float, written)
         negative = self.take("-")
         if not negative:
             self.take("+")
@@ -215,21 +205,27 @@ class Values:
     def _chain(self, level: int) -> float:
         """Operands joined by operators of ``level`` or above."""
         self.peek()
-        value = self.value(self._at, Key("value.expression"))[0]
+        return self.joined(self.value(self._at, Key("value.expression"))[0], level)
+
+    def joined(self, value: float, level: int) -> float:
+        """A value with the operands that follow it, by operators of ``level`` or above."""
         while self.peek() and (found := _OPERATOR.match(self._text, self._at)):
             binds, function = _OPERATIONS[found.group()]
             if binds < level:
                 break
             self._at = found.end()
-            value = _sound(function, value, self._chain(binds + 1))
+            right = self._chain(binds + 1)
+            value = self._sound(found.start(), found.group(), function, value, right)
         return value
 
     def _function(self, name: str) -> float:
         if name == "exists":
             return self._exists()
+        start = self._at
         value = self.bracket()
         if name != "atan":
-            return _sound(_FUNCTIONS[name], value)
+            functions = _OF_FANUC if self._parameters.of_fanuc else _FUNCTIONS
+            return self._sound(start - len(name), name, functions[name], value)
         if not self.take("/"):  # atan[y]/[x] keeps the quadrant (RS-274/NGC 3.3.2.4)
             raise self.refusal(self._at, "value.atan")
         self.peek()
@@ -249,3 +245,15 @@ class Values:
         if isinstance(key, float):  # no number is no parameter, rather than a mistake
             return float(key in NUMBERED and self._parameters.exists(int(key)))
         return float(key == LINE or self._parameters.exists(key))
+
+    def _sound(self, start: int, what: str, function: Callable[..., float], *arguments: Any) -> float:
+        """A finite real value; what has none is to blame, not the word that it is for."""
+        try:
+            value = function(*arguments)
+        except ZeroDivisionError:
+            raise self.refusal(start, "value.by_zero", what=what) from None
+        except (ValueError, OverflowError):
+            value = math.nan
+        if not math.isfinite(value):
+            raise self.refusal(start, "value.not_finite", what=what)
+        return value

@@ -179,10 +179,10 @@ class Line:
             return Place._make((self.number, column, 0, ()))
         return Place(self.where.line, column, self.where.step, self.where.calls)
 
-    def refusal(self, word: Word, key: str, **values: object) -> ProgramError:
+    def refusal(self, word: Word, key: str, about: str = "", **values: object) -> ProgramError:
         """Of a word; the text of ``key`` may name it as {word} and {letter} beside its own values."""
         why = said(key, **{"word": word.text, "letter": word.letter, **values})
-        about = word.text if word.letter in "GM" else word.letter
+        about = about or (word.text if word.letter in "GM" else word.letter)
         error = ProgramError(self.name, self.number, word.column, why, about)
         return error.within(self.where.calls) if self.where is not None else error
 

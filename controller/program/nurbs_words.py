@@ -95,7 +95,9 @@ class _Reader:
             rows = self.weights if bad.what == "weights" else self.knots
             _, line, word = rows[len(self.points) if bad.what == "points" else bad.index]
             number = self.ask.line.number
-            raise line.refusal(word, "surface.no_spline", curve=self.name, number=number, bad=bad) from None
+            raise line.refusal(
+                word, "surface.no_spline", curve=self.name, number=number, bad=bad.said
+            ) from None
 
     def _point(self) -> bool:
         """Take a line of a control point; False where its K stands alone, the first knot of the rest."""

@@ -57,21 +57,27 @@ def lines_of(data: bytes, name: str) -> dict[str, list[str]]:
     return {file: NEWLINE.split(bytes(one).decode(errors="replace")) for file, one in texts.items()}
 
 
-def pointed(error: ProgramError, by_file: Mapping[str, Sequence[str]], language: str = DEFAULT) -> str:
-    """What is told of a refusal, its line, and a caret below the column."""
-    sentence, lines = text(error.placed, language), by_file.get(error.file, ())
+def shown(error: ProgramError, by_file: Mapping[str, Sequence[str]]) -> list[str]:
+    """The line of a refusal, and a caret below the column; nothing where the line is not there."""
+    lines = by_file.get(error.file, ())
     if not 0 < error.line <= len(lines):
-        return sentence
+        return []
     begin = max(0, error.column - 1 - MAX_WIDE // 2) if len(lines[error.line - 1]) > MAX_WIDE else 0
     line = lines[error.line - 1][begin : begin + MAX_WIDE]
-    shown = "".join(sign if sign.isprintable() else " " for sign in line)
-    return f"{sentence}\n    {shown}\n    {' ' * (error.column - 1 - begin)}^"
+    even = "".join(sign if sign.isprintable() else " " for sign in line)
+    return [even, f"{' ' * (error.column - 1 - begin)}^"]
 
 
-def facts(refused: Sequence[ProgramError]) -> dict[str, Any]:
+def pointed(error: ProgramError, by_file: Mapping[str, Sequence[str]], language: str = DEFAULT) -> str:
+    """What is told of a refusal, with its line and the caret."""
+    return "\n    ".join([text(error.placed, language), *shown(error, by_file)])
+
+
+def facts(refused: Sequence[ProgramError], by_file: Mapping[str, Sequence[str]]) -> dict[str, Any]:
     """The same for JSON."""
-    rows = [
-        {"file": one.file, "line": one.line, "column": one.column, "code": one.about, **one.said}
-        for one in refused[:MOST]
-    ]
-    return {"refusals": rows, "counts": counts(refused)}
+
+    def row(one: ProgramError) -> dict[str, Any]:
+        place = {"file": one.file, "line": one.line, "column": one.column, "code": one.about}
+        return {**place, **one.said, "shown": shown(one, by_file)}
+
+    return {"refusals": [row(one) for one in refused[:MOST]], "counts": counts(refused)}

@@ -29,10 +29,10 @@ START = Control(None, None)
 def refusal(line: Line, word: Word, motion: str) -> ProgramError:
     """The refusal of a word that a curve does not take."""
     if motion == "G5.3":
-        return line.refusal(word, "curve.end_with_words")
+        return line.refusal(word, "curve.end_with_words", motion)
     takes = {"G5": "X Y I J P Q F", "G5.1": "X Y I J F", "G5.2": "X Y P L F"}[motion]
     key = "curve.other_axis" if word.letter in "ZABCUVW" else "curve.letter"
-    return line.refusal(word, key, motion=motion, takes=takes)
+    return line.refusal(word, key, motion, motion=motion, takes=takes)
 
 
 def curve(here: Here, motion: str, word: Word, lines: Iterator[Line]) -> tuple[JointCurve, State]:
