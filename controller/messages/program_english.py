@@ -175,6 +175,8 @@ REFUSALS = {
     "value.no_bracket": "[ is missing: the value of a function or a condition stands in brackets, as sin[30]",
     "value.open_bracket": "this [ is not closed: an expression runs from [ to ] on one line; add the ]",
     "value.no_parameter": "#{value:g} is no parameter: they are numbered {first} to {last}; use one of these",
+    "value.no_ini": "#<_ini[...]> reads an INI file, and there is none here; write the value, or set a "
+    "parameter to it",
     "value.no_name": "#< opens the name of a parameter, which ends with > on its line, as #<depth>",
     "value.too_deep": "brackets are nested deeper than {most}: split it with parameters #1, #2, ...",
     "value.atan": "atan takes two values: write atan[y]/[x]",
@@ -501,9 +503,12 @@ REFUSALS = {
     "thread.beside_others": "{code} stands beside {other}: a thread goes along {height} alone; write a "
     "line of its own for that",
     # --- text
+    "text.abort": "the program ends itself here: {text!r}",
     "text.percent": "% marks the start and end of a program and stands alone on its line",
     "text.stray": "{found!r} cannot stand here: a line is made of words such as X12.5 (a letter and its "
     "number, with a decimal point, not a comma), parameter settings and comments; correct or remove it",
+    "text.corner": "a chamfer or a radius of a corner (,C or ,R) is not done here; write the corner as a "
+    "line or an arc of its own",
     "text.o_inside": "O stands inside the line: an O-word (o100 call) stands alone on its line; write "
     "two lines",
     "text.only_comments": "the file holds only blank lines and comments: a program needs at least one "
@@ -546,6 +551,8 @@ REFUSALS = {
     "their ends",
     "foreign.macro_print": "{line} is a line of macros as Fanuc's; write (PRINT, ...) to tell the "
     "operator something",
+    "foreign.okuma_head": "{line} is the head of a program for Okuma; post the part for Fanuc (dialect = "
+    '"fanuc"), or take it out and say offsets and lengths as Fanuc (G54, G43)',
     "foreign.okuma_call": "{line} is Okuma's call of a sub; write M98 and P with its number",
     "foreign.okuma_modal": "{line} is Okuma's modal call; write M98 and P with its number on every line",
     "foreign.okuma_end": "{line} is the end of a sub of Okuma's; write M99",

@@ -182,6 +182,8 @@ REFUSALS = {
     "Zeile; die ] ergänzen",
     "value.no_parameter": "#{value:g} ist kein Parameter: sie sind von {first} bis {last} nummeriert; "
     "einen davon verwenden",
+    "value.no_ini": "#<_ini[...]> liest eine INI-Datei, und hier gibt es keine; den Wert schreiben, oder "
+    "einen Parameter darauf setzen",
     "value.no_name": "#< öffnet den Namen eines Parameters, der mit > in seiner Zeile endet, etwa #<tiefe>",
     "value.too_deep": "Klammern sind tiefer als {most} verschachtelt: mit Parametern #1, #2, ... aufteilen",
     "value.atan": "atan nimmt zwei Werte: atan[y]/[x] schreiben",
@@ -536,10 +538,13 @@ REFUSALS = {
     "thread.beside_others": "{code} steht neben {other}: ein Gewinde geht nur längs {height}; dafür "
     "einen eigenen Satz schreiben",
     # --- text
+    "text.abort": "hier beendet sich das Programm selbst: {text!r}",
     "text.percent": "% bezeichnet Anfang und Ende eines Programms und steht allein in seiner Zeile",
     "text.stray": "{found!r} kann hier nicht stehen: eine Zeile besteht aus Wörtern wie X12.5 (ein "
     "Buchstabe und seine Zahl, mit Dezimalpunkt, nicht mit Komma), Parametersetzungen und Kommentaren; "
     "berichtigen oder streichen",
+    "text.corner": "eine Fase oder ein Radius einer Ecke (,C oder ,R) wird hier nicht gemacht; die Ecke als "
+    "eigene Gerade oder eigenen Bogen schreiben",
     "text.o_inside": "O steht mitten in der Zeile: ein O-Wort (o100 call) steht allein in seiner Zeile; "
     "zwei Zeilen schreiben",
     "text.only_comments": "die Datei enthält nur Leerzeilen und Kommentare: ein Programm braucht "
@@ -586,6 +591,8 @@ REFUSALS = {
     "[...] und ihre Enden schreiben",
     "foreign.macro_print": "{line} ist eine Makrozeile wie an Fanuc-Steuerungen; (PRINT, ...) schreiben, "
     "um dem Bediener etwas zu sagen",
+    "foreign.okuma_head": "{line} ist der Kopf eines Programms für Okuma; das Teil für Fanuc ausgeben "
+    '(dialect = "fanuc"), oder ihn streichen und Nullpunkte und Längen wie Fanuc schreiben (G54, G43)',
     "foreign.okuma_call": "{line} ist der Aufruf eines Unterprogramms von Okuma; M98 und P mit seiner "
     "Nummer schreiben",
     "foreign.okuma_modal": "{line} ist ein modaler Aufruf von Okuma; M98 und P mit seiner Nummer in jede "

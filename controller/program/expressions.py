@@ -67,6 +67,11 @@ _FUNCTIONS: dict[str, Callable[[float], float]] = {
     "sqrt": math.sqrt,
     "tan": lambda x: math.tan(math.radians(x)),
 }
+_OF_FANUC = _FUNCTIONS | {
+    "fix": lambda x: float(math.trunc(x)),
+    "fup": lambda x: math.copysign(math.ceil(abs(x)), x),
+}
+ARITHMETIC = 3  # the least level of an operator that makes a number of numbers
 LINE = "_line"  # the name of the line number, which each line has by itself
 _FUNCTION = re.compile(rf"({'|'.join(_FUNCTIONS)}|atan|exists)[ \t]*(?=\[)")
 
@@ -155,7 +160,8 @@ class Values:
         found = _NAME.match(self._text, self._at)
         name = "".join(found.group(1).split()) if found else ""
         if found is None or not name:
-            raise self.refusal(self._at, "value.no_name")
+            ini = self._text.startswith("<_ini[", self._at)
+            raise self.refusal(self._at, "value.no_ini" if ini else "value.no_name")
         self._at = found.end()
         return name
 
@@ -200,7 +206,10 @@ class Values:
     def _chain(self, level: int) -> float:
         """Operands joined by operators of ``level`` or above."""
         self.peek()
-        value = self.value(self._at, Key("value.expression"))[0]
+        return self.joined(self.value(self._at, Key("value.expression"))[0], level)
+
+    def joined(self, value: float, level: int) -> float:
+        """A value with the operands that follow it, by operators of ``level`` or above."""
         while self.peek() and (found := _OPERATOR.match(self._text, self._at)):
             binds, function = _OPERATIONS[found.group()]
             if binds < level:
@@ -216,7 +225,8 @@ class Values:
         start = self._at
         value = self.bracket()
         if name != "atan":
-            return self._sound(start - len(name), name, _FUNCTIONS[name], value)
+            functions = _OF_FANUC if self._parameters.of_fanuc else _FUNCTIONS
+            return self._sound(start - len(name), name, functions[name], value)
         if not self.take("/"):  # atan[y]/[x] keeps the quadrant (RS-274/NGC 3.3.2.4)
             raise self.refusal(self._at, "value.atan")
         self.peek()

@@ -91,6 +91,7 @@ _STATEMENTS = MappingProxyType(
                 (r"(?:POPEN|DPRNT|BPRNT|PCLOS)",),
                 "foreign.macro_print",
             ),
+            ((r"\$[A-Z0-9_-]+\.?[A-Z]*[ \t]*%?[ \t]*$",), "foreign.okuma_head"),
             ((r"CALL[ \t]+O",), "foreign.okuma_call"),
             ((r"MOD(?:IN|OUT)",), "foreign.okuma_modal"),
             ((r"RTS(?![A-Z])",), "foreign.okuma_end"),

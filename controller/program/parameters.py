@@ -62,6 +62,11 @@ class Parameters:
         self._locals: list[dict[Name, float]] = [{}]  # of the program, and of each sub that runs in it
 
     @property
+    def of_fanuc(self) -> bool:
+        """Whether expressions are those of Fanuc's macros."""
+        return bool(self._system)
+
+    @property
     def level(self) -> int:
         """How many subs are running, one in the other."""
         return len(self._locals) - 1

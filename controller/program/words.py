@@ -13,9 +13,9 @@ from collections.abc import Callable, Iterator, Mapping
 
 from controller.messages import said
 from controller.program import foreign, marks
-from controller.program.comments import message, without_comments
+from controller.program.comments import aborted, message, without_comments
 from controller.program.decoding import Text
-from controller.program.expressions import GAPS, Values
+from controller.program.expressions import ARITHMETIC, GAPS, Values
 from controller.program.flow import Limits, Run, Source
 from controller.program.line import COMMON, MAX_RUN, SIMPLE, CommonRun, Line, Other, Rows, Word, simple
 from controller.program.parameters import SAYS_DEBUG, Name, NoValue, Parameters
@@ -147,6 +147,8 @@ class _Scan:
                 values = Values(written.lower(), line.name, line.number, self.parameters)
                 return values.value(0, written)[0]
 
+            if ends := aborted(raw, value):
+                raise ProgramError(line.name, line.number, ends[0], said("text.abort", text=ends[1]))
             line.message = message(raw, value, self.parameters.value(SAYS_DEBUG) != 0.0)
         return line
 
@@ -191,6 +193,8 @@ class _Words(Values):
         found = self._text[at]
         if found == "%":
             return self.refusal(at, "text.percent")
+        if found == "," and self._text[at + 1 :].lstrip()[:1] in ("c", "r"):
+            return self.refusal(at, "text.corner")
         return self.refusal(at, "text.stray", found=found)
 
     def _line_number(self) -> None:
@@ -219,7 +223,7 @@ class _Words(Values):
         return self.refusal(at, "text.o_inside")
 
     def _setting(self) -> tuple[Name, float]:
-        """``#n = value``."""
+        """``#n = value``; as Fanuc has it also ``#n = #m + 1``, without brackets."""
         start = self._at
         key = self.key()
         written = f"#<{key}>" if isinstance(key, str) else f"#{key}"
@@ -229,4 +233,5 @@ class _Words(Values):
             raise self.refusal(start, why.key, **why.values) from None
         if not self.take("="):
             raise self.refusal(start, "value.alone", written=written)
-        return key, self.value(start, f"{written}=")[0]
+        value = self.value(start, f"{written}=")[0]
+        return key, self.joined(value, ARITHMETIC) if self._parameters.of_fanuc else value
