@@ -202,6 +202,10 @@ PAGE: dict[str, str] = {
     "scene.ahead": "ahead",
     "scene.rapid": "rapid",
     "scene.trail": "trail",
+    "scene.tool": "tool",
+    "scene.holder": "holder",
+    "scene.table": "table",
+    "scene.travel": "travel of the axes",
     "scene.picture": "The machine in three dimensions",
     # Programs
     "view.programs": "Programs",

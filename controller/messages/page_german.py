@@ -206,6 +206,10 @@ PAGE: dict[str, str] = {
     "scene.ahead": "folgt",
     "scene.rapid": "Eilgang",
     "scene.trail": "Spur",
+    "scene.tool": "Werkzeug",
+    "scene.holder": "Halter",
+    "scene.table": "Tisch",
+    "scene.travel": "Verfahrweg der Achsen",
     "scene.picture": "Die Maschine in drei Dimensionen",
     # Programs
     "view.programs": "Programme",
