@@ -75,6 +75,13 @@ def enter(
     ``in_spindle``: number of the tool that is in the spindle. Raises ProgramError where the way
     leaves an axis' travel.
     """
+    if machine.changer is not None and target.modal.tool != in_spindle:
+        sentence = (
+            f"T{in_spindle} is in the spindle, and here the program goes on with "
+            f"T{target.modal.tool}: change it first (T{target.modal.tool} M6 by hand), then start from "
+            "here again"
+        )
+        raise ProgramError(name, target.place.line, target.place.column, sentence)
     room = room_along_axis(target.joints, machine, kinematics)
     clear = along_axis(target.joints, min(target.clear_mm, room), kinematics)
     off = to_height(now, machine.retract_mm, machine, kinematics)

@@ -97,7 +97,23 @@ class Rest:
         """All of the path: from the joints ``now`` to the place, and the rest. Raises ProgramError."""
         here = self.source
         way = entry.enter(self.target, now, in_spindle, here.machine, here.kinematics, here.name)
-        return self.opened(itertools.chain(named(way, ENTRY_ID), self.items))
+        first = self._first_line() if here.machine.changer is not None else []
+        return self.opened(itertools.chain(named(way, ENTRY_ID), first, self.items))
+
+    def _first_line(self) -> list[Chain | Pause]:
+        """What is left of the line. Raises ProgramError in the middle of a tool change."""
+        first: list[Chain | Pause] = []
+        for item in self.items:
+            first.append(item)
+            place = item.place if isinstance(item, Pause) else item.stretches[0].place
+            if isinstance(item, Pause) and item.changing is not None:
+                if item.changing.step == 0:
+                    break
+                sentence = "is in the middle of a tool change: start from the line behind it"
+                raise ProgramError(self.source.name, place.line, place.column, sentence)
+            if place.order > self.order:
+                break
+        return first
 
     def opened(self, items: Iterable[Chain | Pause]) -> Iterator[Chain | Pause]:
         """With the clamps opened where their axes move, and stopped where a tool is changed."""
