@@ -242,8 +242,10 @@ class Desk:
         """Also of what is only being prepared: it does not go out, which is what was asked for."""
         sequencer = self._service.sequencer
         given_up = "" if sequencer.busy == "home" else sequencer.give_up()  # drives home by themselves
-        if self._service.changer is not None:
-            self._service.changer.hold()
+        changer = self._service.changer
+        if changer is not None and changer.under_way:  # maybe between two steps, where the tick holds already
+            changer.hold()
+            given_up = given_up or "change"
         return self._ask(Request.HOLD, instead=_given_up(given_up))
 
     def _stop(self, _: Values) -> Answer:

@@ -259,7 +259,7 @@ class ChangerBench:
         self.changer = ToolChanger(
             self.store,
             lambda: self.machine.changer,  # type: ignore[arg-type, return-value]
-            self.stepped,  # type: ignore[arg-type]
+            self.stepped,
             lambda name, what: self.alarms.append((name, text(what))),
             self.machine.period_s,
         )
@@ -294,7 +294,7 @@ class ChangerBench:
         task = checked.task(program.encode(), "MDI", self.machine)
         start = Start(stepped.joints, follow.queue_end_s, in_spindle=spindle, typed=True, unchecked=True)
         self.changer.arm()
-        stepped.begin(starts.Walk(self._heard(starts.path_from(task, None, start).items)))
+        stepped.begin(checked.Walk(self._heard(starts.path_from(task, None, start).items)))
 
     def go(self, ticks: int) -> str:
         """Look on: "done", "held" (a step fails) or "refused"; "" when the ticks are over."""
