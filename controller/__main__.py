@@ -6,6 +6,7 @@ not wait for what plans and simulates.
 
 from __future__ import annotations
 
+import contextlib
 import gc
 import importlib
 import inspect
@@ -19,6 +20,7 @@ import typer
 from typer.core import TyperGroup
 
 from controller import compiled, one_thread
+from controller.cli import declarations
 
 # File of controller/cli: the commands that it adds, as --help lists them. It has a function of that
 # name, or a Typer called ``app`` or like the command; or ``register(app)`` where there is more to say.
@@ -77,7 +79,9 @@ class Commands(TyperGroup):
 
 def _loaded(file: str) -> dict[str, Any]:
     """The commands of one file, by name."""
-    module = _imported(f"controller.cli.{file}")
+    name = f"controller.cli.{file}"
+    with declarations.only() if declarations.asked_for() else contextlib.nullcontext():
+        module = _imported(name)
     holder = typer.Typer()
     if hasattr(module, "register"):
         module.register(holder)
@@ -145,6 +149,8 @@ def main() -> None:
         sys.exit(2)
     except (typer.Abort, KeyboardInterrupt):
         code = ENDED_CODE
+    except declarations.Undeclared:
+        declarations.begin_again()
     except Exception as error:  # nobody reads a traceback
         from controller.cli import internal_error
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import subprocess
 import sys
@@ -11,7 +12,7 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from controller.__main__ import COMMANDS, app
+from controller.__main__ import COMMANDS, FILES, app
 
 HEAVY = ("scipy", "numpy", "can", "canopen", "matplotlib", "fastapi", "sqlite3", "controller.plan")
 LOADED = """
@@ -22,6 +23,16 @@ try:
 except SystemExit:
     pass
 print(*(name for name in {heavy!r} if name in sys.modules))
+"""
+
+
+COMPLETES = """
+from controller.__main__ import main
+try:
+    main()
+except SystemExit:
+    pass
+print("loaded", *(name for name in {heavy!r} if name in sys.modules))
 """
 
 
@@ -62,10 +73,81 @@ def test_the_version_is_that_of_the_package() -> None:
     assert re.fullmatch(rf"directrix {re.escape(metadata.version('directrix'))}, (not )?compiled\n", told)
 
 
-@pytest.mark.parametrize("words", ["hold", "start", "jog X 1", "status", "alarms"])
+def loaded(*words: str) -> str:
+    """What of ``HEAVY`` a command line has imported."""
+    asked = [sys.executable, "-c", LOADED.format(heavy=HEAVY), *words]
+    done = subprocess.run(asked, capture_output=True, text=True, timeout=60)
+    assert done.stdout, done.stderr
+    return done.stdout.splitlines()[-1]
+
+
+@pytest.mark.parametrize("words", ["hold", "status", "alarms"])
 def test_a_client_verb_waits_for_nothing_that_plans_simulates_or_serves(words: str) -> None:
-    asked = [*words.split(), "--help"]
-    done = subprocess.run(
-        [sys.executable, "-c", LOADED.format(heavy=HEAVY), *asked], capture_output=True, text=True, timeout=60
-    )
-    assert done.stdout.splitlines()[-1] == "", done.stdout.splitlines()[-1] + done.stderr
+    assert loaded(*words.split(), "--url", "http://127.0.0.1:9") == ""
+
+
+@pytest.mark.parametrize("words", ["", "check", "calibrate part", "drives simulate", "jog X 1"])
+def test_help_waits_for_nothing_that_plans_simulates_or_serves(words: str) -> None:
+    """And the list of all commands has every file of them imported."""
+    assert loaded(*words.split(), "--help") == ""
+
+
+HELP = """
+import contextlib, io, sys
+from controller.__main__ import FILES, app
+from controller.cli import declarations
+if sys.argv[1] == "declared":
+    sys.argv[1] = "--help"
+assert declarations.asked_for() is (sys.argv[1] == "--help")
+def shown(words):
+    told = io.StringIO()
+    with contextlib.redirect_stdout(told), contextlib.suppress(SystemExit):
+        app([*words, "--help"], prog_name="directrix")
+    print(told.getvalue())
+    return told.getvalue()
+import typer
+top = typer.main.get_command(app)
+for name in FILES[sys.argv[-1]]:
+    shown([name])
+    for one in getattr(top.get_command(None, name), "commands", ()):
+        shown([name, one])
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("file", FILES)
+def test_the_help_of_a_command_is_what_it_would_be_with_all_that_it_works_with(file: str) -> None:
+    told = [
+        subprocess.run([sys.executable, "-c", HELP, how, file], capture_output=True, text=True, timeout=120)
+        for how in ("wholly", "declared")
+    ]
+    assert told[0].stdout == told[1].stdout and "Usage" in told[0].stdout, told[1].stderr
+    assert [one.stderr for one in told] == ["", ""]
+
+
+def test_help_that_is_the_value_of_an_option_is_none() -> None:
+    asked = [sys.executable, "-m", "controller", "explain", "no.ngc", "--machine", "--help"]
+    done = subprocess.run(asked, capture_output=True, text=True, timeout=60)
+    assert (done.returncode, done.stdout) == (1, "") and "--help: no such machine file" in done.stderr
+
+
+COMPLETED = [
+    ("ch", "check"),
+    ("drives sim", "simulate"),
+    ("check --go", "--gouge"),
+    ("demo --part c", "cone"),
+]
+
+
+@pytest.mark.parametrize(("words", "wanted"), COMPLETED)
+def test_a_shell_completes_commands_options_and_choices(words: str, wanted: str) -> None:
+    line = ["directrix", *words.split()]
+    asked = {
+        "_DIRECTRIX_COMPLETE": "complete_bash",
+        "COMP_WORDS": " ".join(line),
+        "COMP_CWORD": str(len(line) - 1),
+    }
+    ran = [sys.executable, "-c", "import sys; sys.argv[0] = 'directrix'\n" + COMPLETES.format(heavy=HEAVY)]
+    done = subprocess.run(ran, env={**os.environ, **asked}, capture_output=True, text=True, timeout=60)
+    assert wanted in done.stdout.split(), done.stdout + done.stderr
+    assert done.stdout.splitlines()[-1] == "loaded"

@@ -16,7 +16,7 @@ VALUES = {"faults", "geometry", "machine", "motion", "state", "messages"}
 ARROWS: dict[str, set[str]] = {
     "atomic_file": set(),  # files replaced whole
     "faults": set(),  # what a fault is made of: words for all
-    "geometry": set(),
+    "geometry": {"messages"},
     "machine": {"geometry", "atomic_file"},
     "motion": {"geometry", "machine"},  # what both sides compute alike
     "messages": {"faults"},  # texts, a file per language
@@ -25,8 +25,8 @@ ARROWS: dict[str, set[str]] = {
     "compiled": set(),  # which source runs
     "one_thread": set(),  # numpy's libraries, before they are loaded
     "workers": {"messages", "one_thread"},  # work that is spread over processes
-    "program": {"geometry", "machine"},
-    "plan": {"geometry", "machine", "motion", "state", "ipc", "program"},
+    "program": {"geometry", "machine", "messages"},
+    "plan": {"geometry", "machine", "motion", "state", "messages", "ipc", "program"},
     "tick": {"geometry", "machine", "motion", "state", "ipc"},
     "verify": VALUES | {"workers", "ipc", "program", "plan"},
     # The machine's own geometry, and how a part lies, from what was measured.

@@ -6,16 +6,14 @@
 Half a request holds a file of this process for as long as its sender likes, and without files nobody
 is heard any more: not the one, either, who wants the machine to stop. So a request has to come within
 a time, and there are fewer connections than files. Where there are too many, the busiest address
-loses its oldest one of those that keep us waiting, in the same way as most of them do: who asks for a
-stop is the newest, and its request stands in the socket. A few too many are looked at a moment after
-somebody came, many at once, before each of them costs work. The system keeps whoever could not be let
-in yet (``QUEUE``): without a place there a stop would be sent again only a second later. (A TLS
-handshake that does not go on is ended by asyncio, after 60 s.)
+loses its oldest one of those that keep us waiting, in the same way as most of them do. A few too many are
+looked at a moment after somebody came, many at once. Who comes in a crowd is sorted before: ``entrance``.
 """
 
 from __future__ import annotations
 
 import asyncio
+import gc
 import resource
 import socket
 from collections import Counter, defaultdict
@@ -26,6 +24,7 @@ from uvicorn.protocols.http.h11_impl import H11Protocol
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 
 from controller.api.answers import Refusal
+from controller.api.entrance import Entrance
 
 MAX_FILES = 8192  # that the panel asks for where the system's limit is lower
 MOST = 1024  # connections; what comes beside them (store, uploads, service) needs about a hundred files
@@ -34,7 +33,7 @@ BODY_S = 40.0  # more patient than uploads, which answer their sender
 SLOWEST_BYTES_S = 250.0  # of a body
 GRACE_S = 0.25
 SLACK = 1.125  # of the bounds: nobody is let in above it, not for a moment
-QUEUE = 4096  # connections that the system keeps until they are let in; Linux' own bound
+QUEUE = 4096  # connections that the system keeps until they are looked at; Linux' own bound
 LEAVE_S = 5.0  # for the last answer of a connection to go out
 
 
@@ -49,7 +48,7 @@ SILENT = _silent()
 
 
 class Limits(NamedTuple):
-    """``at_once``: connections that are accepted in one go; times in s."""
+    """``at_once``: connections that may stand before the door; times in s."""
 
     most: int
     most_per_address: int
@@ -62,8 +61,8 @@ class Limits(NamedTuple):
     @classmethod
     def within(cls, files: int) -> Limits:
         """For a process that may have so many files open."""
-        most = min(MOST, files // 2)
-        return cls(most, most // 4, min(128, files // 32))
+        most = min(MOST, files // 4)
+        return cls(most, most // 4, min(2 * MOST, files // 4))
 
 
 def raise_file_limit() -> int:
@@ -91,10 +90,12 @@ class Connections:
 
     def serve(self, app: Any, **options: Any) -> None:
         """Until the process is told to end; ``options`` of uvicorn."""
-        bounds: dict[str, Any] = {"http": self.protocol, "ws": WebSocket, "backlog": self.limits.at_once}
-        config = uvicorn.Config(app, **options, **bounds)
-        listening = config.bind_socket()
-        _Server(config, listening).run(sockets=[listening])
+        self.server(app, **options).run()
+
+    def server(self, app: Any, **options: Any) -> Server:
+        """With its port bound."""
+        bounds: dict[str, Any] = {"http": self.protocol, "ws": WebSocket}
+        return Server(uvicorn.Config(app, **options, **bounds), self.limits)
 
     def came(self, one: _Bounded) -> None:
         """A connection was made."""
@@ -158,25 +159,45 @@ class _Kinds:
         return (max(self._half_open, self._waiting, key=len) or self._served).pop()
 
 
-class _Server(uvicorn.Server):
-    """With room for whoever cannot be let in yet."""
+class Server(uvicorn.Server):
+    """uvicorn's, with an entrance of its own."""
 
-    def __init__(self, config: uvicorn.Config, listening: socket.socket) -> None:
+    def __init__(self, config: uvicorn.Config, limits: Limits) -> None:
         super().__init__(config)
-        self._listening = listening
+        self.listening, self._limits = config.bind_socket(), limits
+        self.listening.listen(QUEUE)  # who comes before all is made waits
+        self._entrance: Entrance | None = None
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
-        await super().startup(sockets)
-        self._listening.listen(QUEUE)
+        await super().startup([])
+        gc.collect()
+        gc.freeze()  # what stands from now on is never looked through: that takes a tenth of a second
+        made: dict[str, Any] = {"config": self.config, "server_state": self.server_state}
+        made["app_state"] = self.lifespan.state
+        protocol: Any = self.config.http_protocol_class
+        self._entrance = Entrance(
+            self.listening,
+            lambda at_s: protocol(came_s=at_s, **made),
+            at_once=self._limits.at_once,
+            of_one=self._limits.most_per_address,
+            tls=self.config.ssl,
+            handshake_s=self._limits.header_s,
+        )
+
+    async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+        if self._entrance is not None:
+            self._entrance.close()
+        await super().shutdown(sockets)
 
 
 class _Bounded(H11Protocol):
     """A connection that is closed when its sender, or its reader, keeps it waiting too long."""
 
-    def __init__(self, bounds: Connections, **wiring: Any) -> None:
+    def __init__(self, bounds: Connections, came_s: float, **wiring: Any) -> None:
         super().__init__(**wiring)
         self._bounds, self._limits = bounds, bounds.limits
-        self.since_s = self._due_s = 0.0  # by the loop's clock: begun; the end of its sender's time
+        self.since_s = came_s  # by the loop's clock
+        self._due_s = 0.0  # likewise the end of its sender's time
         self.address = ""
         self._timer: asyncio.TimerHandle | None = None
         self._heard = False  # something of a request that has no answer yet
@@ -194,7 +215,7 @@ class _Bounded(H11Protocol):
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         super().connection_made(transport)
-        self.since_s, self.address = self.loop.time(), _address(self)
+        self.address = _address(self)
         self._wait(self._limits.header_s)
         self._timer = self.loop.call_later(self._limits.header_s, self._look)
         self._bounds.came(self)

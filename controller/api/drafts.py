@@ -13,7 +13,6 @@ from typing import Any
 
 from controller.api.answers import Refusal
 from controller.api.store import Store
-from controller.messages import plain
 
 WORKER = (sys.executable, "-m", "controller.cli.draft_worker")
 LONGEST_S = 20.0
@@ -49,7 +48,7 @@ class Drafts:
         try:
             answer, _ = await child.communicate(json.dumps(job).encode())
             found: list[dict[str, Any]] = json.loads(answer)["refusals"]
-            return [{**one, **plain(str(one["sentence"]))} for one in found]
+            return found
         finally:
             if child.returncode is None:
                 child.kill()

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from controller.calibration import DOFS
 from controller.calibration.features import Feature
 from controller.calibration.refusal import Refusal
 from controller.calibration.touch_table import Touches
@@ -26,7 +27,6 @@ from controller.machine.model import Machine
 
 Array = NDArray[np.float64]
 
-DOFS = "XYZABC"  # moves along X Y Z of the part, then turns about them
 ROUNDS, DONE_MM = 30, 1e-7
 BOUND = 4.0  # standard deviations
 BLIND = 1e-3  # of the best seen direction, at the size of the part: nothing tells of it

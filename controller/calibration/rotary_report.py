@@ -7,13 +7,12 @@ from typing import Any
 
 import numpy as np
 
+from controller.calibration import MAX_DEG, MAX_MM
 from controller.calibration.positions import Advice
 from controller.calibration.refusal import Refusal
 from controller.calibration.rotary_fit import BOUND, Fit
 from controller.geometry.vectors import angle_between, cross, norm, subtract, unit
 from controller.machine.model import Machine
-
-MAX_MM, MAX_DEG = 1.0, 0.3  # by which a rotary may move where nothing else is said
 
 
 def report(fit: Fit, before: Machine, advice: Advice | None = None) -> dict[str, Any]:

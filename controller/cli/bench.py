@@ -21,7 +21,7 @@ from rich.text import Text
 
 from controller import atomic_file, messages
 from controller.cli import checkout, speech
-from controller.verify.console import Refused, bar, refusals, show, tell
+from controller.verify.console import Refused, bar, refusals, show, spoken, tell
 
 Names = Annotated[list[str] | None, typer.Argument(metavar="[NAME]...", help="Which; default: all.")]
 Short = Annotated[bool, typer.Option("--short", help="So little that it only shows that all of it works.")]
@@ -77,7 +77,7 @@ def bench(
 
 
 def _say(key: str, **values: object) -> str:
-    return messages.text(messages.said(f"bench.{key}", **values), speech.spoken.get())
+    return messages.text(messages.said(f"bench.{key}", **values), spoken.get())
 
 
 def _measured(file: Path, short: bool) -> Report:

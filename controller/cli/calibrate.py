@@ -21,6 +21,9 @@ from rich.table import Table
 
 from controller import messages
 from controller.calibration import (
+    DOFS,
+    MAX_DEG,
+    MAX_MM,
     axis_accuracy,
     circular_test,
     features,
@@ -36,7 +39,7 @@ from controller.calibration import (
 from controller.calibration.refusal import Refusal
 from controller.cli import remote
 from controller.cli.client import Url
-from controller.cli.speech import speaking, spoken
+from controller.cli.speech import speaking
 from controller.geometry.surfaces import Surface
 from controller.geometry.vectors import Vector, unit
 from controller.machine import machine_file
@@ -50,7 +53,7 @@ from controller.runtime import checked
 from controller.verify import maps
 from controller.verify import trace as traces
 from controller.verify.audit import Watched
-from controller.verify.console import Refused, refusals, show
+from controller.verify.console import Refused, refusals, show, spoken
 
 app = typer.Typer(help="The machine's own geometry from what was measured.", no_args_is_help=True)
 
@@ -116,12 +119,10 @@ def rotaries(
     measured: Measured,
     sphere_radius: SphereRadius,
     machine: MachineFile = "trunnion",
-    max_mm: Annotated[
-        float, typer.Option("--max-mm", help="A larger move of a centre is refused.")
-    ] = rotary_report.MAX_MM,
+    max_mm: Annotated[float, typer.Option("--max-mm", help="A larger move of a centre is refused.")] = MAX_MM,
     max_deg: Annotated[
         float, typer.Option("--max-deg", help="A larger turn of an axis is refused.")
-    ] = rotary_report.MAX_DEG,
+    ] = MAX_DEG,
     add: Annotated[int, typer.Option("--add", help="So many positions to add are told.", min=0, max=24)] = 4,
     write: Write = False,
     as_json: Json = False,
@@ -330,7 +331,7 @@ def part(
     measured: Measured,
     program: Program = None,
     offset: OffsetName = "G54",
-    free: Free = part_fit.DOFS,
+    free: Free = DOFS,
     machine: MachineFile = "trunnion",
     write: Write = False,
     send: Annotated[bool, typer.Option("--send", help="Set it at the machine behind --url.")] = False,
@@ -340,7 +341,7 @@ def part(
     """The work offset that fits touches on a part best: on surfaces of its program, planes, bores."""
     with refused(as_json):
         made = machine_file.load(machine)
-        if not set(free) <= set(part_fit.DOFS) or len(set(free)) < len(free) or not free:
+        if not set(free) <= set(DOFS) or len(set(free)) < len(free) or not free:
             raise Refusal("no_dofs", free=free)
         found, touches = _part(measured, program, offset, free, made)
         told = part_fit.report(found, touches)

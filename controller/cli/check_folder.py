@@ -16,7 +16,6 @@ from rich.text import Text
 
 from controller import messages
 from controller.cli import internal_error
-from controller.cli.speech import spoken
 from controller.machine.model import Machine
 from controller.messages import said
 from controller.plan.report.stored import Stored
@@ -25,7 +24,7 @@ from controller.program import linked, refusals
 from controller.program.program import ProgramError
 from controller.runtime import checked
 from controller.verify import wording
-from controller.verify.console import Refused, bar, show, tell
+from controller.verify.console import Refused, bar, show, spoken, tell
 from controller.workers import Spread
 
 SUFFIXES = (".ngc", ".nc", ".tap", ".cnc", ".gcode")
@@ -140,7 +139,7 @@ def examined(machine: Machine, job: Job) -> Row:
 
 def _refused(error: ProgramError, task: checked.Task) -> Row:
     more = len(refusals.of(task.text, task.machine, task.name, task.start)) - 1
-    told = said("folder.more", sentence=str(error), more=more) if more > 0 else messages.plain(str(error))
+    told = said("folder.more", sentence=error.placed, more=more) if more > 0 else error.placed
     return Row(task.name, "refused", told, error.line, error.column)
 
 

@@ -24,7 +24,7 @@ from typing import Any
 from controller.cli import internal_error
 from controller.machine import setup_data
 from controller.machine.toml_table import ConfigError
-from controller.messages import plain, said
+from controller.messages import said
 from controller.plan.report.picture import Picture
 from controller.plan.stretch import Stretch
 from controller.program import blocks, linked, refusals
@@ -77,7 +77,7 @@ def check(
         )
     except ProgramError as error:
         place = {"line": error.line, "column": error.column}
-        return "refused", {**plain(error.sentence), **place, **error.facts, **_others(error, task)}
+        return "refused", {**error.said, **place, **error.facts, **_others(error, task)}
     except (ConfigError, OSError) as error:
         return "failed", {**said("could_not_check", program=name, why=error)}
     except Exception as error:  # the operator gets a sentence, and we the rest
@@ -95,11 +95,14 @@ def check(
 
 
 def _others(first: ProgramError, task: checked.Task) -> dict[str, Any]:
-    """What else is refused in the text, and a sentence that says so; nothing where that is all."""
+    """All that is refused in the text, and a sentence that says so; of what the path refuses nothing."""
     found = refusals.of(task.text, task.machine, task.name, task.start)
-    if len(found) < 2 or str(found[0]) != str(first):
+    if not found or str(found[0]) != str(first):
         return {}
-    return {**plain(f"{first.sentence} ({refusals.summed(found)})"), **refusals.facts(found)}
+    facts = refusals.facts(found, refusals.lines_of(task.text, task.name))
+    if len(found) == 1:
+        return facts
+    return {**said("program.of_several", sentence=first.said, summed=refusals.summed(found)), **facts}
 
 
 def verified(task: checked.Task, stretches: Mapping[int, Stretch]) -> dict[str, Any]:

@@ -6,8 +6,7 @@ from pathlib import Path
 
 import controller
 from controller import messages
-from controller.cli.speech import spoken
-from controller.verify.console import Refused
+from controller.verify.console import Refused, spoken
 
 
 def tests() -> Path:

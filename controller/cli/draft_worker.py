@@ -1,7 +1,7 @@
 """The process that reads a program which is being written: a job on standard input, one line of JSON out.
 
     {"text": ..., "name": name, "files": {name: path}, "state": folder, "parent": process id}
-    -> {"refusals": [{"line": 2, "column": 4, "sentence": "..."}]}
+    -> {"refusals": [{"line": 2, "column": 4, "key": "...", "values": {...}}]}
 
 It reads only, with the machine as it is fitted: what a check finds on the path comes once it is kept.
 """
@@ -32,7 +32,7 @@ def read(job: Mapping[str, Any]) -> list[dict[str, Any]]:
     machine, name = setup_data.machine(Path(job["state"])), str(job["name"])
     text = linked.linked(str(job["text"]).encode(), linked.among(files))
     found = refusals.of(text, machine, name, homed(machine))
-    rows: list[dict[str, Any]] = refusals.facts([one for one in found if one.file == name])["refusals"]
+    rows: list[dict[str, Any]] = refusals.facts([one for one in found if one.file == name], {})["refusals"]
     return rows
 
 

@@ -9,7 +9,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NoReturn
 
 import typer
 
@@ -27,7 +27,6 @@ from controller.plan.report.survey import Survey
 from controller.plan.stretch import Note
 from controller.program import linked
 from controller.program import refusals as refusals_of_text
-from controller.program.decoding import NEWLINE
 from controller.program.program import ProgramError
 from controller.runtime import checked, recording, records, starts
 from controller.runtime import events as event_files
@@ -35,7 +34,7 @@ from controller.runtime.bus_load import overload
 from controller.runtime.startup import SessionError
 from controller.state.modes import Fault
 from controller.verify import tables, wording
-from controller.verify.console import Refused, bar, refusals, show, tell
+from controller.verify.console import Refused, bar, refusals, show, spoken, tell
 from controller.verify.rows import Rows
 from controller.workers import Spread
 
@@ -200,7 +199,7 @@ def check(
                 return
             if report is not None:
                 told = messages.said("folder.report_alone", program=program)
-                raise Refused(messages.text(told, speech.spoken.get()))
+                raise Refused(messages.text(told, spoken.get()))
             task = _task(program, made, block_delete)
             rows = Rows()
             found, kept, warning = _checked(task, store, rows, as_json, spread)
@@ -232,7 +231,7 @@ def check(
             tell.print(warning, markup=False)
         show.print(tables.whole(found, program.name, task.machine.name), markup=False)
         if kept.overcuts:
-            form = messages.text(wording.summed(kept.verdicts), speech.spoken.get())
+            form = messages.text(wording.summed(kept.verdicts), spoken.get())
             show.print(form or tables.overcut(kept.overcuts), markup=False)
 
 
@@ -251,21 +250,22 @@ def _checked(
             )
     except ProgramError as error:
         _refuse_all(error, task, quiet)
-        raise
 
 
-def _refuse_all(first: ProgramError, task: checked.Task, quiet: bool) -> None:
-    """All refusals of a text in one answer, where there is more than the first. Raises Refused."""
+def _refuse_all(first: ProgramError, task: checked.Task, quiet: bool) -> NoReturn:
+    """All refusals of a text in one answer, each with its line; of those of its path the first alone."""
+    language = spoken.get()
     found = refusals_of_text.of(task.text, task.machine, task.name, task.start)
-    if len(found) < 2 or str(found[0]) != str(first):
-        return
-    lines = NEWLINE.split(bytes(linked.parts(task.text)[0]).decode(errors="replace"))
-    told = [refusals_of_text.pointed(one, task.name, lines) for one in found[: refusals_of_text.MOST]]
-    sentence = str(found[0]) if quiet else "\n".join([*told, refusals_of_text.summed(found)])
+    if not found or str(found[0]) != str(first):
+        found = [first]
+    lines = refusals_of_text.lines_of(task.text, task.name)
+    most = 1 if quiet else refusals_of_text.MOST
+    told = [refusals_of_text.pointed(one, lines, language) for one in found[:most]]
+    if len(found) > 1 and not quiet:
+        told.append(messages.text(refusals_of_text.summed(found), language))
+    sentence = messages.text(first.placed, language) if quiet else "\n".join(told)
     place = {"file": first.file, "line": first.line, "column": first.column}
-    refused = Refused(sentence, **place, **refusals_of_text.facts(found))
-    refused.facts["sentence"] = first.sentence
-    raise refused
+    raise Refused(sentence, **place, **first.said, **refusals_of_text.facts(found, lines), **first.facts)
 
 
 def _show_notes(notes: Sequence[Note], task: checked.Task) -> None:
@@ -278,6 +278,7 @@ def _show_notes(notes: Sequence[Note], task: checked.Task) -> None:
 # --- simulate ------------------------------------------------------------------
 
 
+@speech.speaking
 def simulate(
     program: ProgramFile,
     machine: MachineFile = "trunnion",

@@ -15,7 +15,7 @@ from controller.machine.toml_table import ConfigError
 from controller.runtime import records
 from controller.runtime.events import EventError
 from controller.runtime.records import Apart, NoRecord, Record
-from controller.verify.console import Refused, refusals, show
+from controller.verify.console import Refused, refusals, show, spoken
 
 Recording = Annotated[
     Path,
@@ -89,11 +89,11 @@ def _read(path: Path) -> Record:
 
 
 def _refused(error: NoRecord) -> Refused:
-    return Refused(messages.text(error.said, speech.spoken.get()))
+    return Refused(messages.text(error.said, spoken.get()))
 
 
 def _say(key: str, **values: object) -> str:
-    return messages.text(messages.said(f"records.{key}", **values), speech.spoken.get())
+    return messages.text(messages.said(f"records.{key}", **values), spoken.get())
 
 
 def _facts(found: Record) -> list[dict[str, Any]]:

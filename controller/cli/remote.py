@@ -14,9 +14,12 @@ before keeps it unless the command asks for taking it over.
 from __future__ import annotations
 
 import contextlib
+import importlib
 import json
 import os
+import sys
 from collections.abc import Iterator, Mapping
+from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from controller.cli import speech
@@ -73,13 +76,12 @@ class Machine:
             del self._http.headers[CONTROL]
 
     def _ask(self, method: str, path: str, **more: Any) -> Any:
-        import httpx
-
+        library = _httpx()
         try:
             answer = self._http.request(method, API + path, headers=speech.header(), **more)
-        except httpx.TimeoutException as error:
+        except library.TimeoutException as error:
             raise Refused(say("late", url=self._http.base_url)) from error
-        except (httpx.HTTPError, httpx.InvalidURL) as error:
+        except (library.HTTPError, library.InvalidURL) as error:
             raise Refused(say("gone", url=self._http.base_url, why=error)) from error
         if answer.is_success:
             return answer.json() if answer.content else None
@@ -98,11 +100,20 @@ def connected(url: str, token: str) -> Iterator[Machine]:
 def client(url: str, headers: Mapping[str, str]) -> httpx.Client:
     """What connects. Proxies of the environment are not for machines: the panel refuses them."""
     try:
-        import httpx
+        library = _httpx()
     except ImportError as error:
         raise Refused(say("no_httpx")) from error
-    limits = httpx.Timeout(TIMEOUT_S, connect=CONNECT_S)
-    return httpx.Client(base_url=url, headers=dict(headers), timeout=limits, mounts={"all://": None})
+    limits = library.Timeout(TIMEOUT_S, connect=CONNECT_S)
+    made: httpx.Client = library.Client(
+        base_url=url, headers=dict(headers), timeout=limits, mounts={"all://": None}
+    )
+    return made
+
+
+def _httpx() -> ModuleType:
+    """Without its own command line, which would cost more than all the rest of a verb."""
+    sys.modules.setdefault("httpx._main", None)  # type: ignore[arg-type]
+    return importlib.import_module("httpx")
 
 
 def known_token() -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tempfile
 from pathlib import Path
-from typing import Annotated, NoReturn
+from typing import Annotated, Literal, NoReturn
 
 import typer
 
@@ -21,6 +21,8 @@ from drives.simulated.parameters import LostSync, Parameters
 from drives.simulated.serve import Server, on_interface, run
 from drives.virtual.fault_script import ScriptError
 from drives.virtual.hub import Hub
+
+LostSyncs = Literal["hold", "extrapolate", "fault", "quick_stop"]  # of drives.simulated
 
 CHANNEL = Path(tempfile.gettempdir()) / "directrix-can"
 BIT_RATE = 1_000_000
@@ -55,7 +57,7 @@ def simulate(
         Path | None, typer.Option("--write-eds", help="Write the data sheet that such drives answer by.")
     ] = None,
     bare: Annotated[bool, typer.Option("--bare", help="Without what the profile calls optional.")] = False,
-    lost_sync: Annotated[LostSync, typer.Option("--lost-sync", help="What they do then.")] = LostSync.HOLD,
+    lost_sync: Annotated[LostSyncs, typer.Option("--lost-sync", help="What they do then.")] = "hold",
     faults: Annotated[Path | None, typer.Option("--faults", help="Script of faults on the bus.")] = None,
     log: Annotated[Path | None, typer.Option("--log", help="Candump log of every frame.")] = None,
     socketcand: Annotated[
@@ -66,7 +68,7 @@ def simulate(
     """Simulated drives of a family or a machine, until Ctrl-C: on a virtual bus, or on a CAN interface."""
     expected = (ConfigError, ScriptError, InterfaceError)
     with refusals(False, lambda: expected), tempfile.TemporaryDirectory() as folder:
-        nature = Parameters(lost_sync=lost_sync)
+        nature = Parameters(lost_sync=LostSync(lost_sync))
         if machine:
             wanted, devices = _of_machine(machine, bus, nature)
             if not (channel or interface):

@@ -1,21 +1,19 @@
-"""In which language the client verbs speak, and have the panel speak: ``--language`` of each of them."""
+"""In which language verbs speak, and have the panel speak: ``--language`` of each of them."""
 
 from __future__ import annotations
 
 import functools
 import inspect
 from collections.abc import Callable
-from contextvars import ContextVar
 from typing import Annotated, Any
 
 import typer
 
 from controller import messages
+from controller.verify.console import spoken
 
 HELP = f"Of what is said: {', '.join(messages.LANGUAGES)}."
 Language = Annotated[str, typer.Option("--language", envvar="DIRECTRIX_LANGUAGE", help=HELP)]
-
-spoken: ContextVar[str] = ContextVar("spoken", default=messages.DEFAULT)
 
 
 def header() -> dict[str, str]:
@@ -37,7 +35,7 @@ def speaking(verb: Callable[..., None]) -> Callable[..., None]:
     """The verb with ``--language``; one that there is not is English, as the panel has it."""
 
     @functools.wraps(verb)
-    def with_language(*args: Any, language: str, **more: Any) -> None:
+    def with_language(*args: Any, language: str = messages.DEFAULT, **more: Any) -> None:
         spoken.set(messages.chosen(language))
         verb(*args, **more)
 

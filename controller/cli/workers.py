@@ -9,8 +9,7 @@ from typing import Annotated
 import typer
 
 from controller import messages, workers
-from controller.cli.speech import spoken
-from controller.verify.console import Refused
+from controller.verify.console import Refused, spoken
 
 Count = Annotated[
     int, typer.Option("--workers", min=0, metavar="N", help="Processes that share the work; 0: one per core.")

@@ -24,6 +24,7 @@ import numpy as np
 from controller.geometry.curves import Bezier, Curve, Points
 from controller.geometry.series import Jet
 from controller.geometry.vectors import ZERO, Number, Vector, add, scale, subtract
+from controller.messages import Said, said, text
 
 Weights = tuple[float, ...]
 Rows = tuple[tuple[float, ...], ...]
@@ -36,9 +37,13 @@ _HIGHEST = 3  # derivative kept as control points; series make what lies above
 class BadSpline(ValueError):
     """Why order, knots, points and weights make no curve; ``what`` and ``index`` name the culprit."""
 
-    def __init__(self, sentence: str, what: str, index: int = 0) -> None:
-        super().__init__(sentence)
-        self.what, self.index = what, index  # 'order', 'points', 'knots' or 'weights'; index into them
+    def __init__(self, why: Said, what: str, index: int = 0) -> None:
+        super().__init__(text(why))
+        self.said, self.what, self.index = (
+            why,
+            what,
+            index,
+        )  # 'order', 'points', 'knots', 'weights'; into them
 
 
 @dataclass(frozen=True, slots=True)
@@ -241,18 +246,18 @@ def simplest(spline: BSpline) -> Curve:
 def check(order: int, knots: Sequence[float], points: Sequence[Vector], weights: Sequence[float]) -> None:
     """Raise BadSpline for the first of order, counts, weights and knots that makes no curve."""
     if order not in ORDERS:
-        raise BadSpline(f"the order is {order}: it is {ORDERS[0]} to {ORDERS[-1]} (degree + 1)", "order")
+        raise BadSpline(said("spline.order", order=order, least=ORDERS[0], most=ORDERS[-1]), "order")
     n = len(points)
     if n < order:
-        raise BadSpline(f"{n} control points are too few: order {order} takes {order} or more", "points")
+        raise BadSpline(said("spline.few_points", count=n, order=order), "points")
     if len(knots) != n + order:
-        sentence = f"{n} points of order {order} take {n + order} knots, found {len(knots)}"
-        raise BadSpline(sentence, "knots", min(len(knots), n + order) - 1)
+        why = said("spline.count_of_knots", count=n, order=order, needed=n + order, found=len(knots))
+        raise BadSpline(why, "knots", min(len(knots), n + order) - 1)
     if weights and len(weights) != n:
-        raise BadSpline(f"{n} points take {n} weights, found {len(weights)}", "weights")
+        raise BadSpline(said("spline.count_of_weights", count=n, found=len(weights)), "weights")
     for i, weight in enumerate(weights):
         if not weight > 0.0:
-            raise BadSpline(f"the weight is {weight:g}: every weight is greater than 0", "weights", i)
+            raise BadSpline(said("spline.weight", weight=weight), "weights", i)
     _check_knots(order, knots)
 
 
@@ -260,25 +265,22 @@ def _check_knots(order: int, knots: Sequence[float]) -> None:
     span, index = knots[-1] - knots[0], 0
     for i, (a, b) in enumerate(pairwise(knots), start=1):
         if a > b:
-            raise BadSpline(f"the knots fall from {a:g} to {b:g}: they may only rise or stay", "knots", i)
+            raise BadSpline(said("spline.falling", a=a, b=b), "knots", i)
         if 0.0 < b - a < ONE_KNOT * span:
-            sentence = f"the knots {a!r} and {b!r} are too near to be two: write them alike or further apart"
-            raise BadSpline(sentence, "knots", i)
+            raise BadSpline(said("spline.near", a=a, b=b), "knots", i)
     if span == 0.0:
-        sentence = f"all knots are {knots[0]:g}: the last must be greater than the first"
-        raise BadSpline(sentence, "knots", len(knots) - 1)
+        raise BadSpline(said("spline.all_alike", knot=knots[0]), "knots", len(knots) - 1)
     for knot, same in groupby(knots):
         times = len(list(same))
         index += times
         at_end = knot in (knots[0], knots[-1])
         if at_end and times != order:
-            sentence = f"the {'first' if index == times else 'last'} knot {knot:g} stands {times} times"
-            why = "so that the curve begins and ends on a control point"
+            key = "spline.first_knot" if index == times else "spline.last_knot"
             place = index if times < order and index == times else index - 1  # what stands there instead
-            raise BadSpline(f"{sentence}: order {order} takes it {order} times, {why}", "knots", place)
+            raise BadSpline(said(key, knot=knot, times=times, order=order), "knots", place)
         if not at_end and times >= order:
-            sentence = f"the inner knot {knot:g} stands {times} times: order {order} takes it"
-            raise BadSpline(f"{sentence} {order - 1} times at most, or the curve is torn", "knots", index - 1)
+            why = said("spline.inner_knot", knot=knot, times=times, order=order, most=order - 1)
+            raise BadSpline(why, "knots", index - 1)
 
 
 def _mixed(p: Vector, q: Vector, w: float, v: float, share: float) -> tuple[Vector, float]:

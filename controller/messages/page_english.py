@@ -227,6 +227,7 @@ PAGE: dict[str, str] = {
     "programs.choose": "choose files",
     "programs.replace": "Replace",
     "programs.replace_ask": "{0} is there already. Replace it?",
+    "programs.refusals": "{0} refusals",
     "programs.none": "No programs yet.",
     "programs.name": "Name",
     "programs.size": "Size",

@@ -232,6 +232,7 @@ PAGE: dict[str, str] = {
     "programs.choose": "Dateien wählen",
     "programs.replace": "Ersetzen",
     "programs.replace_ask": "{0} gibt es schon. Ersetzen?",
+    "programs.refusals": "{0} Ablehnungen",
     "programs.none": "Noch keine Programme.",
     "programs.name": "Name",
     "programs.size": "Größe",

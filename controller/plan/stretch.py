@@ -19,6 +19,7 @@ from controller.geometry.curves import Arc, Line
 from controller.geometry.vectors import ROUNDING, Vector, norm, subtract
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Joints
+from controller.messages import Said
 from controller.motion.motions import JointMove, Motion, Rotaries, ToolLine, ToolSpline
 from controller.program.program import (
     ENABLED,
@@ -165,8 +166,8 @@ class Voice:
     program: str
     tell: Tell
 
-    def refuse(self, place: Place, sentence: str) -> NoReturn:
-        raise ProgramError(self.program, place.line, place.column, sentence)
+    def refuse(self, place: Place, why: Said | str) -> NoReturn:
+        raise ProgramError(self.program, place.line, place.column, why)
 
 
 def rotaries_of(joints: Joints, kinematics: Kinematics) -> Rotaries:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from types import MappingProxyType
 
+from controller.messages import Key, chain
 from controller.program.codes import Ask
 from controller.program.line_words import targets
 from controller.program.offset_words import Here
@@ -21,12 +22,7 @@ def arc(here: Here, motion: str, word: Word) -> JointArc:
     ask, state = here.ask, here.state
     if state.modal.tip is not Tip.OFF:
         code = "G43.4" if state.modal.tip is Tip.ROTARIES else "G43.5"
-        raise ask.refusal(
-            word,
-            f"{motion} under {code} is not done: arcs of the tool tip with a turning axis have no "
-            "agreed meaning; write the arc as G1 lines (with G64 P they become one smooth path), or G49 "
-            "before it",
-        )
+        raise ask.refusal(word, "arc.turning_axis", motion=motion, code=code)
     time = state.time(ask, motion, word)
     centre, radius = _centre(here, motion, word)
     return JointArc(
@@ -48,11 +44,9 @@ def _turns(ask: Ask) -> int:
     word = ask.words.get("P")
     turns = 1 if word is None else ask.whole(word)
     if word is not None and turns == 0:
-        raise ask.refusal(word, f"{word.text} is no arc: P counts the turns, from 1 up; correct it")
+        raise ask.refusal(word, "arc.no_turns")
     if word is not None and turns > MAX_TURNS:
-        raise ask.refusal(
-            word, f"{word.text} is too many turns: P counts 1 to {MAX_TURNS} of them; write more arcs"
-        )
+        raise ask.refusal(word, "arc.too_many_turns", most=MAX_TURNS)
     return turns
 
 
@@ -68,16 +62,11 @@ def _centre(here: Here, motion: str, word: Word) -> tuple[tuple[float, float] | 
     allowed = "IJK"[min(first, second)] + " " + "IJK"[max(first, second)]
     if "IJK"[normal] in given and not harmless:
         extra = given["IJK"[normal]]
-        raise ask.refusal(
-            extra,
-            f"{extra.text} is not in the plane: under {plane} a centre has {allowed}; correct the word or "
-            "the plane",
-        )
+        raise ask.refusal(extra, "arc.off_the_plane", plane=plane, allowed=allowed)
     if (radius is None) == (not centre):
-        found = "both a centre and R" if centre else "neither a centre nor R"
+        found = Key("arc.both" if centre else "arc.neither")
         raise ask.refusal(
-            word,
-            f"{motion} has {found}: under {plane} it takes either {allowed} or R; write one of them",
+            word, "arc.centre_or_radius", motion=motion, found=found, plane=plane, allowed=allowed
         )
     if radius is not None:
         return None, _radius(here, radius, ("XYZ"[first], "XYZ"[second]))
@@ -93,20 +82,14 @@ def _from_start(
     """A centre that is a position (G90.1) as the way to it."""
     if None in centre:
         lacks = "IJK"[axes[centre.index(None)]]
-        raise here.ask.refusal(
-            word, f"{lacks} is missing: under G90.1 a centre is a position and has both words"
-        )
+        raise here.ask.refusal(word, "arc.half_a_centre", lacks=lacks)
     now = here.position.in_frame(here.state.modal)
-    x, y = here.known(word, [now[axis] for axis in axes], "a centre under G90.1")
+    x, y = here.known(word, [now[axis] for axis in axes], Key("position.centre"))
     i, j = (value or 0.0 for value in centre)
     return i - x, j - y
 
 
 def _radius(here: Here, word: Word, plane: tuple[str, str]) -> float:
     if word.value == 0.0 or not here.ask.has("".join(plane)):
-        raise here.ask.refusal(
-            word,
-            f"{word.text} gives no arc: with R the radius is not 0 and an end point {' or '.join(plane)} "
-            "stands beside it; add it, or give the centre",
-        )
+        raise here.ask.refusal(word, "arc.no_radius", axes=chain("or", plane))
     return word.value * here.state.mm_per_unit

@@ -19,6 +19,7 @@ from dataclasses import replace
 from types import MappingProxyType
 
 from controller.machine.model import Joints, Machine
+from controller.messages import chain, said
 from controller.program import (
     arc_words,
     codes,
@@ -82,16 +83,15 @@ from controller.program.saved import Saved
 from controller.program.words import Line, Word
 
 NEEDS_WORDS = (*CYCLES, "G2", "G3")
-_CLEARED = MappingProxyType(
+_CLEARED = MappingProxyType(  # what has ended a motion, and the text that says so
     {
-        "G51": "it is surplus after the whole cone of G51 on line {}, which clears the motion mode",
-        "G52": "it is a surplus point, as G52 needs 8 points of X Y Z, the G52 of line {} has them and "
-        "clears the motion mode",
-        "G6.2": "it is surplus after the two whole curves of G6.2 on line {}, which clears the motion mode",
-        "G80": "G80 on line {} cleared the motion mode",
-        **dict.fromkeys(PROBES, "each probing move names its code, and that of line {} is done"),
-        **dict.fromkeys(thread_words.CODES, "each thread names its code, and that of line {} is whole"),
-        **dict.fromkeys(CURVES, "each curve names its code, and that of line {} is whole"),
+        "G51": "cleared.G51",
+        "G52": "cleared.G52",
+        "G6.2": "cleared.G6.2",
+        "G80": "cleared.G80",
+        **dict.fromkeys(PROBES, "cleared.probe"),
+        **dict.fromkeys(thread_words.CODES, "cleared.thread"),
+        **dict.fromkeys(CURVES, "cleared.curve"),
     }
 )
 
@@ -340,75 +340,40 @@ class _Turn:
             and self._machine.dialect == "rs274"
             and not self.ask.has(self._axes + "IJKRP")
         ):
-            raise self.ask.refusal(
-                self.ask.codes["motion"][1],
-                f"{named} has no place: it takes words of axes, as {named} X10 Y0; write them beside "
-                "it, or leave it out",
-            )
+            raise self.ask.refusal(self.ask.codes["motion"][1], "word.no_place", code=named)
         for letter, word in self.ask.words.items():
             owners = [code for code, letters in takers if letter in letters]
             if not owners and letter not in self._free:
                 raise self._unowned(word)
             if len(owners) > 1:
-                raise self.ask.refusal(
-                    word,
-                    f"{' and '.join(owners)} on one line both take {letter}: which of them {word.text} "
-                    "belongs to is not clear; write two lines",
-                )
+                raise self.ask.refusal(word, "word.two_owners", owners=chain("and", owners), letter=letter)
 
     def _unowned(self, word: Word) -> ProgramError:
         if self._motion == "G6.2":
-            return nurbs_words.refusal(self.ask.line, word, f"found {word.text}")
+            return nurbs_words.refusal(self.ask.line, word, said("surface.found", found=word.text))
         if self._motion in CURVES:
             return spline_words.refusal(self.ask.line, word, self._motion)
         if self._motion in SURFACES:
             return surface_words.surplus(self.ask, self._motion, word)
         if word.letter in self._axes + "K" and not self._motion and not self._places():
-            return self.ask.refusal(
-                word,
-                f"{word.text} has no motion: {self.state.cleared}; write G0 to G3, G51, G52 or G6.2 with it, "
-                "or remove the line",
-            )
+            return self.ask.refusal(word, "word.no_motion", cleared=self.state.cleared)
         if word.letter == "E":
-            return self.ask.refusal(
-                word,
-                f"{word.text}: E is a word beside M67 and M68 alone, and numbers have no "
-                "exponents; write the number out",
-            )
+            return self.ask.refusal(word, "word.exponent")
         if word.letter in self._axes and self._vectors():
-            return self.ask.refusal(
-                word,
-                f"{word.text} is a rotary position under G43.5, where I J K along the tool axis say how the "
-                "tool stands; write I J K, or G43.4 for rotary words",
-            )
+            return self.ask.refusal(word, "word.rotary_with_vectors")
         if word.letter in "IJK" and self._motion in ("G0", "G1"):
-            return self.ask.refusal(
-                word,
-                f"no code on this line takes {word.text}: {self._motion} has tool vectors I J K under G43.5 "
-                "only, and arcs with I J K are G2 and G3; write G43.5 or remove the word",
-            )
-        return self.ask.refusal(
-            word,
-            f"no code on this line takes {word.text}: {word.letter} belongs to "
-            f"{takers_of(word.letter, self._machine.dialect)}; add the code or remove the word",
-        )
+            return self.ask.refusal(word, "word.vector", motion=self._motion)
+        return self.ask.refusal(word, "word.no_owner", takers=takers_of(word.letter, self._machine.dialect))
 
     def _check_frame(self) -> None:
         once = self.ask.code("one-line")
         if once == "G53" and self._motion not in ("G0", "G1"):
-            raise self.ask.refusal(
-                self.ask.codes["one-line"][1],
-                "G53 (machine position) has no move: it goes with axis words under G0 or G1; add G0 and the "
-                "axes, or remove G53",
-            )
+            raise self.ask.refusal(self.ask.codes["one-line"][1], "word.g53_alone")
         named = self.ask.code("motion")
         harmless = ("", "G80") if self._machine.dialect == "rs274" else ("", "G80", "G0", "G1", "G2", "G3")
         if self._places() and named not in harmless:
             other = next(code for code, letters in self._takers() if "Z" in letters or code == "G4")
-            raise self.ask.refusal(
-                self.ask.codes["motion"][1],
-                f"{named} and {other} on one line both take the axis words; write two lines",
-            )
+            raise self.ask.refusal(self.ask.codes["motion"][1], "word.two_take_axes", code=named, other=other)
 
     # ---- what is done ------------------------------------------------------------------
 
@@ -417,7 +382,7 @@ class _Turn:
         for code, word in self.ask.codes.values():
             row = BY_DIALECT[self._machine.dialect][code]
             if row.only and not self._has(row.only):
-                raise self.ask.refusal(word, f"{code} ({row.meaning}) is not done here: {row.instead}")
+                raise self.ask.refusal(word, "code.not_done", **row.refused_with())
             if row.fate is Fate.NOTED and code not in self.state.noted:
                 sentence = f"{code} ({row.meaning}) needs no action here. {row.told}"
                 self.made.append(Remark(self.ask.place(word), self.state.modal, sentence))
@@ -497,7 +462,7 @@ class _Turn:
         if named == "G80" and (beneath := self._beneath()):
             self.state = self.state._replace(motion=beneath, cycle=None)
         elif named in _CLEARED:
-            why = _CLEARED[named].format(self.ask.line.number)
+            why = said(_CLEARED[named], line=self.ask.line.number)
             goes = self.state.curve_goes if named == "G5" else None
             self.state = self.state._replace(motion="", cleared=why, cycle=None, curve_goes=goes)
         elif named != self.state.motion or (self.state.cycle and named not in CYCLES):

@@ -33,9 +33,7 @@ def shift(here: Here, code: str, word: Word, before: Cycle | None) -> tuple[floa
         return None
     output_words.standing(here.ask, word, here.machine, code)
     if (plane := here.state.modal.plane) != "G17":
-        raise here.ask.refusal(
-            word, f"{code} stands under {plane}: it is done in G17 alone; write G17, or the moves themselves"
-        )
+        raise here.ask.refusal(word, "boring.plane", code=code, plane=plane)
     if here.ask.has("IJ"):
         i, j = here.length_mm("I") or 0.0, here.length_mm("J") or 0.0
         return _checked(here, code, word, (i, j))
@@ -43,17 +41,12 @@ def shift(here: Here, code: str, word: Word, before: Cycle | None) -> tuple[floa
         return _checked(here, code, here.ask.words["Q"], _by_q(here, code))
     if before is not None and before.code == code and before.shift is not None:
         return before.shift
-    raise here.ask.refusal(
-        word,
-        f"{code} has no Q, how far the tip is led off the wall before the tool leaves the hole; write it",
-    )
+    raise here.ask.refusal(word, "boring.no_shift", code=code)
 
 
 def _checked(here: Here, code: str, word: Word, found: tuple[float, float]) -> tuple[float, float]:
     if found == (0.0, 0.0):
-        raise here.ask.refusal(
-            word, f"{code} goes aside by nothing: the tip would scratch the wall; write Q above 0, or G86"
-        )
+        raise here.ask.refusal(word, "boring.shift_of_nothing", code=code)
     return found
 
 
@@ -62,31 +55,19 @@ def _by_q(here: Here, code: str) -> tuple[float, float]:
     word, io, modal = here.ask.words["Q"], here.machine.io, here.state.modal
     far = here.length_mm("Q") or 0.0
     if far < 0.0:
-        raise here.ask.refusal(word, f"{word.text} is negative: Q is how far the tool goes aside; correct it")
+        raise here.ask.refusal(word, "boring.negative")
     if io is None or io.orient is None or not io.orient.shift:
-        raise here.ask.refusal(
-            word,
-            f"{word.text} says how far, and the machine file not which way leads the tip off the wall: write "
-            "shift in orient of [io], such as X+, or I and J in place of Q",
-        )
+        raise here.ask.refusal(word, "boring.no_direction")
     x, y, z = modal.frame(here.machine).turn_back(_WAYS[io.orient.shift])
     if modal.tilted or abs(z) > _STRAIGHT:
-        raise here.ask.refusal(
-            word,
-            f"{word.text} goes along {io.orient.shift} of the machine, which is not in the plane of the hole "
-            "here; write I and J in place of Q",
-        )
+        raise here.ask.refusal(word, "boring.off_the_plane", shift=io.orient.shift)
     return far * x, far * y
 
 
 def check_heights(here: Here, word: Word, below: float, end: float, level: float) -> None:
     """Of G87: R is below Z, where the cut upwards ends, and Z below where the tool comes from."""
     if not below < end <= level:
-        raise here.ask.refusal(
-            word,
-            f"G87 cuts upwards from R at {below:.4g} mm to Z at {end:.4g} mm, beginning above both at "
-            f"{level:.4g} mm: R is the lowest; correct them",
-        )
+        raise here.ask.refusal(word, "boring.heights", below=below, end=end, level=level)
 
 
 def fine(way: Way, cycle: Cycle, clearance: float, bottom: float) -> None:

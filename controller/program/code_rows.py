@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Enum
 
+from controller.messages import Key, said, text
+
 AXES = "@"  # in ``letters``: the axes of the machine
 
 NIST = "RS-274/NGC"
@@ -41,6 +43,11 @@ class Code:
     only: str = ""  # of a noted one: the word with which alone it needs no action ...
     instead: str = ""  # ... and what to write in place of any other
 
+    def refused_with(self) -> dict[str, str]:
+        """The values of what is said where it is refused."""
+        parts = {part: key_of(part, self.name, self.dialect) for part in ("meaning", "instead")}
+        return {"code": self.name, **parts}
+
 
 def done(group: str, source: str, *rows: tuple[str, str, str], dialect: str = "") -> list[Code]:
     """Rows of name, letters, meaning."""
@@ -55,14 +62,24 @@ def noted(source: str, *rows: tuple[str, str, str, str], dialect: str = "") -> l
     return made
 
 
-def refused(source: str, *rows: tuple[str, str, str], dialect: str = "") -> list[Code]:
-    """Rows of name, meaning, what to write instead."""
-    return [Code(name, "", "", source, meaning, told, Fate.REFUSED, dialect) for name, meaning, told in rows]
-
-
-def only(word: str, *rows: tuple[str, str, str, str, str, str]) -> list[Code]:
-    """Noted with one word, refused else, under fanuc: name, letters, source, meaning, told, what instead."""
+def refused(source: str, names: str, dialect: str = "") -> list[Code]:
+    """Rows of which the catalogue has the meaning, and what to write instead."""
     made = []
-    for name, letters, source, meaning, told, instead in rows:
+    for name in names.split():
+        meaning, instead = (text(said(key_of(part, name, dialect))) for part in ("meaning", "instead"))
+        made.append(Code(name, "", "", source, meaning, instead, Fate.REFUSED, dialect))
+    return made
+
+
+def only(word: str, *rows: tuple[str, str, str, str]) -> list[Code]:
+    """Noted with one word, refused else, under fanuc: name, letters, source, what it would have done."""
+    made = []
+    for name, letters, source, told in rows:
+        meaning, instead = (text(said(key_of(part, name, "fanuc"))) for part in ("meaning", "instead"))
         made.append(Code(name, name, letters, source, meaning, told, Fate.NOTED, "fanuc", word, instead))
     return made
+
+
+def key_of(part: str, name: str, dialect: str) -> Key:
+    """Of the meaning of a code that is refused, of what to write instead, or of a group."""
+    return Key(".".join(filter(None, (part, name, dialect))))

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from types import MappingProxyType
 
+from controller.messages import Key
 from controller.program.code_rows import AXES, FANUC, HAAS, LINUXCNC, NIST, PAPER, Code, Fate, done
 from controller.program.codes_not_done import NOT_DONE
 
@@ -263,7 +264,7 @@ def takers_of(letter: str, dialect: str) -> str:
     axes = AXES if letter in "XYZABC" else letters
     rows = of(dialect).values()
     found = [row.name for row in rows if row.name in sides or letters in row.letters or axes in row.letters]
-    return " ".join(found) or "no code of this control"
+    return " ".join(found) or Key("code.none")
 
 
 BY_DIALECT = MappingProxyType({dialect: MappingProxyType(of(dialect)) for dialect in ("rs274", "fanuc")})

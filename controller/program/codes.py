@@ -6,11 +6,13 @@ Codes and groups are those of ``code_table``; of one group a line takes one code
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import dataclass
 from functools import cache
 
 from controller.machine.model import Machine
-from controller.program.code_rows import AXES, Code, Fate
+from controller.messages import chain
+from controller.program.code_rows import AXES, Code, Fate, key_of
 from controller.program.code_table import BY_DIALECT
 from controller.program.program import Place, ProgramError
 from controller.program.words import Line, Word
@@ -50,6 +52,7 @@ class Ask:
     words: dict[str, Word]  # letter -> word, without G M N
     switches: tuple[tuple[Word, int, bool], ...] = ()  # the machine's own codes: number of an output, on
     next_tool: Word | None = None  # the second T beside M6, of the tool behind this one (Mazak)
+    dialect: str = "rs274"
     polar: tuple[float, float] | None = None  # @ (mm) and ^ (rad) under G91, for which X and Y stand
 
     def code(self, group: str) -> str:
@@ -58,22 +61,26 @@ class Ask:
     def has(self, letters: str) -> bool:
         return any(letter in self.words for letter in letters)
 
-    def refusal(self, word: Word, sentence: str) -> ProgramError:
-        return self.line.refusal(word, sentence)
+    def refusal(self, word: Word, key: str, **values: object) -> ProgramError:
+        """Of a word; the code of the line that takes its letter is to blame."""
+        about = ""
+        for code, _ in self.codes.values() if word.letter not in "GMFST" else ():
+            row = BY_DIALECT[self.dialect][code]
+            if word.letter in row.letters or (row.group == "side" and word.letter in "DPQR"):
+                about = about or code
+        return self.line.refusal(word, key, about, **values)
 
     def place(self, word: Word) -> Place:
         return self.line.place(word.column)
 
     def whole(self, word: Word) -> int:
         if word.value != math.floor(word.value) or word.value < 0.0:
-            raise self.refusal(
-                word, f"{word.text} is not a count: {word.letter} takes a whole number from 0 up; correct it"
-            )
+            raise self.refusal(word, "word.not_a_count")
         return int(word.value)
 
     def not_negative(self, word: Word) -> float:
         if word.value < 0.0:
-            raise self.refusal(word, f"{word.text} is negative: {word.letter} is 0 or more here; correct it")
+            raise self.refusal(word, "word.negative")
         return word.value
 
 
@@ -92,7 +99,7 @@ def sort(line: Line, machine: Machine) -> Ask:
         if word is not next_tool:
             _check_letter(line, word, others, machine)
             others[word.letter] = word
-    return Ask(line, codes, others, switches, next_tool)
+    return Ask(line, codes, others, switches, next_tool, machine.dialect)
 
 
 def _next_tool(words: list[Word]) -> Word | None:
@@ -124,9 +131,17 @@ def _take_code(line: Line, word: Word, codes: dict[str, tuple[str, Word]], diale
         return
     raise line.refusal(
         word,
-        f"{before} and {code.name} are both {code.group} codes: one line takes one of "
-        f"{' '.join(group(code.group, dialect))}; remove one or write two lines",
+        "code.two_of_a_group",
+        before=before,
+        code=code.name,
+        group=_named(code),
+        allowed=" ".join(group(code.group, dialect)),
     )
+
+
+def _named(code: Code) -> str:
+    """The group of a code, for a sentence; a noted one is its own."""
+    return code.name if code.group == code.name else key_of("group", re.sub("[ -]", "_", code.group), "")
 
 
 def _code(line: Line, word: Word, dialect: str) -> Code:
@@ -135,31 +150,52 @@ def _code(line: Line, word: Word, dialect: str) -> Code:
     found = BY_DIALECT[dialect].get(f"{word.letter}{number}")
     if found is not None and abs(word.value * 10.0 - tenths) < 1e-6:
         if found.fate is Fate.REFUSED:
-            raise line.refusal(word, f"{found.name} ({found.meaning}) is not done here: {found.told}")
+            raise line.refusal(word, "code.not_done", **found.refused_with())
         return found
+    raise _unknown(line, word, dialect)
+
+
+def _unknown(line: Line, word: Word, dialect: str) -> ProgramError:
+    """What to use in place of a code that there is not."""
     done = (code.name for code in BY_DIALECT[dialect].values() if code.fate is Fate.DONE)
-    known = " ".join(sorted((c for c in done if c[0] == word.letter), key=lambda c: float(c[1:])))
-    own = ", or name an output for it in m_codes of [io]" if word.letter == "M" else ""
-    raise line.refusal(
-        word, f"{word.text} is not a code of this control: it knows {known}; use one of these{own}"
+    known = sorted((c for c in done if c[0] == word.letter), key=lambda c: float(c[1:]))
+    other = next(one for one in BY_DIALECT if one != dialect)
+    name = f"{word.letter}{word.value:g}"
+    if (row := BY_DIALECT[other].get(name)) is not None:
+        if row.fate is Fate.REFUSED:
+            return line.refusal(word, "code.not_done", **row.refused_with())
+        return line.refusal(word, "code.other_dialect", dialect=other)
+    if near := _near(name, known):
+        key = "code.unknown_near_m" if word.letter == "M" else "code.unknown_near"
+        return line.refusal(word, key, near=chain("or", near))
+    key = "code.unknown_m" if word.letter == "M" else "code.unknown"
+    return line.refusal(word, key, known=" ".join(known))
+
+
+def _near(name: str, known: list[str]) -> list[str]:
+    """Of the same whole number; else of the same digits; else those that one slip of a finger makes it of."""
+    whole = name.partition(".")[0]
+    akin = [code for code in known if code.partition(".")[0] == whole]
+    digits = name.replace(".", "")
+    akin = akin or [code for code in known if code.replace(".", "") == digits]
+    return akin or [code for code in known if ("." in name or "." not in code) and _is_slip(name, code)][:4]
+
+
+def _is_slip(a: str, b: str) -> bool:
+    """Whether one character is another, or there too much; a single digit is no likeness."""
+    short, long = sorted((a, b), key=len)
+    if len(short) == len(long) > 2:
+        return sum(x != y for x, y in zip(a, b, strict=True)) == 1
+    return len(long) == len(short) + 1 > 3 and any(
+        long[:i] + long[i + 1 :] == short for i in range(len(long))
     )
 
 
 def _check_letter(line: Line, word: Word, before: dict[str, Word], machine: Machine) -> None:
     names = [axis.name for axis in machine.axes]
     if word.letter in "ABC" and word.letter not in names:
-        raise line.refusal(
-            word,
-            f"{word.text} moves an axis that this machine does not have: its axes are {' '.join(names)}; "
-            "use one of these, or choose the machine that the program was written for",
-        )
+        raise line.refusal(word, "word.no_such_axis", axes=" ".join(names))
     if word.letter == "N":
-        raise line.refusal(
-            word, f"{word.text} stands inside the line: N is the first word; move or remove it"
-        )
+        raise line.refusal(word, "word.number_inside")
     if word.letter in before:
-        raise line.refusal(
-            word,
-            f"{before[word.letter].text} and {word.text} stand on one line: each letter but G and M may "
-            "stand once; remove one",
-        )
+        raise line.refusal(word, "word.twice", before=before[word.letter].text)

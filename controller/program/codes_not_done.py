@@ -17,7 +17,6 @@ from controller.program.code_rows import (
     refused,
 )
 
-_LATHE = "this control has no lathe axis"
 _AHEAD = "The feed is always planned as far ahead as the limits ask."
 _NEVER = "It is never on here."
 _SMOOTH = "G64 P says here how far the path may be left; without it it is exact."
@@ -77,29 +76,8 @@ NOT_DONE: tuple[Code, ...] = (
         dialect="fanuc",
     ),
     *noted(BROTHER, ("M298", "L", "high-accuracy mode", _AHEAD), dialect="fanuc"),
-    *only(
-        "P0",
-        (
-            "G54.2",
-            "P",
-            FANUC,
-            "offset that follows the table",
-            _NEVER,
-            "write G43.4, which follows the turned part",
-        ),
-        (
-            "G54.4",
-            "P",
-            FANUC,
-            "error of the part's setting",
-            _NEVER,
-            "write G10 L2 with the place, and R its turn",
-        ),
-    ),
-    *only(
-        "X0",
-        ("G10.9", "X", MAZAK, "diameters (X1) or radii (X0)", "Words of X are positions.", "write radii"),
-    ),
+    *only("P0", ("G54.2", "P", FANUC, _NEVER), ("G54.4", "P", FANUC, _NEVER)),
+    *only("X0", ("G10.9", "X", MAZAK, "Words of X are positions.")),
     Code(
         "M51",
         "overrides",
@@ -110,70 +88,12 @@ NOT_DONE: tuple[Code, ...] = (
         Fate.NOTED,
     ),
     # --- what is refused, and what to write instead
-    *refused(
-        LINUXCNC,
-        ("G7", "diameter mode of lathes", f"{_LATHE}; write radii"),
-        ("G8", "radius mode of lathes", f"{_LATHE}; leave it out"),
-        ("G76", "threading", "mill the thread with G2 or G3 and Z"),
-        ("G44", "length taken off Z", "write G43 or G43.1 with the length"),
-        ("G87", "back boring", 'write M19 and the moves themselves, or G87 under dialect = "fanuc"'),
-        dialect="rs274",
-    ),
-    *refused(
-        LINUXCNC,
-        ("G5.2", "NURBS", "write it as G1 lines under G64 P, or a surface as G6.2"),
-        dialect="fanuc",
-    ),
-    *refused(
-        FANUC,
-        ("G53.3", "tool along the tilted plane's Z with a move", "write G53.1, and G0 on the next line"),
-        ("G7", "imaginary axis", "write the moves themselves"),
-        ("G12.1", "polar interpolation", "write X and Y"),
-        ("G43.3", "nutating head", "write G43.4"),
-        ("G45", "tool offset added once", "write G41 or G42 with D"),
-        ("G46", "tool offset taken off once", "write G41 or G42 with D"),
-        ("G47", "tool offset added twice", "write G41 or G42 with D"),
-        ("G48", "tool offset taken off twice", "write G41 or G42 with D"),
-        ("G51.1", "mirror image", "write the mirrored moves"),
-        ("G60", "approach from one side", "write G0 to a place before it"),
-        ("G63", "tapping mode", "write M49 before the cut and M48 behind it"),
-        ("G107", "cylindrical interpolation", "write words of the rotary axis"),
-        ("M198", "call of a file", "write M98 P, which looks for the file, too"),
-        dialect="fanuc",
-    ),
-    *refused(
-        LINUXCNC,
-        ("G17.1", "plane UV", "this control has no axes U V W; write G17"),
-        ("G18.1", "plane WU", "this control has no axes U V W; write G18"),
-        ("G19.1", "plane VW", "this control has no axes U V W; write G19"),
-        ("G88", "boring with retraction by hand", "write G86, or M0 at the bottom"),
-        ("G96", "constant surface speed", f"{_LATHE}; write G97 and S"),
-    ),
-    *refused(
-        FANUC,
-        ("G16", "polar coordinates", "write X and Y"),
-        ("G22", "stored stroke limits", "the travel of the axes in the machine file is always watched"),
-        ("G26", "spindle speed watch", "leave it out"),
-        ("G27", "reference point check", "write G28"),
-        ("G29", "return from the reference point", "write G0 and the position"),
-        ("G65", "macro call", "write M98 and its number"),
-        ("G66", "modal macro", "write M98 and its number on every line"),
-    ),
-    *refused(
-        HAAS,
-        ("G254", "dynamic work offset", "write G43.4, which follows the turned part"),
-    ),
-    *refused(
-        HAAS,
-        ("G12", "circular pocket, clockwise", "write the arcs"),
-        ("G13", "circular pocket, counter-clockwise", "write the arcs"),
-        ("G150", "pocket", "write the moves themselves"),
-        ("G253", "spindle along the tilted plane's Z", "write G53.1"),
-        ("G268", "tilted plane", "write G68.2"),
-        ("M83", "air blast", "name an output for it in m_codes of [io], or write M7"),
-        ("M88", "coolant through the spindle", "name an output for it in m_codes of [io], or write M8"),
-        ("M97", "call of a line", "write M98 and P with the number of a sub behind M30"),
-        dialect="fanuc",
-    ),
-    *refused(BROTHER, ("G100", "tool change with moves", "write T, M6 and the moves"), dialect="fanuc"),
+    *refused(LINUXCNC, "G7 G8 G76 G44 G87", dialect="rs274"),
+    *refused(LINUXCNC, "G5.2", dialect="fanuc"),
+    *refused(FANUC, "G53.3 G7 G12.1 G43.3 G45 G46 G47 G48 G51.1 G60 G63 G107 M198", dialect="fanuc"),
+    *refused(LINUXCNC, "G17.1 G18.1 G19.1 G88 G96"),
+    *refused(FANUC, "G16 G22 G26 G27 G29 G65 G66"),
+    *refused(HAAS, "G254"),
+    *refused(HAAS, "G12 G13 G150 G253 G268 M83 M88 M97", dialect="fanuc"),
+    *refused(BROTHER, "G100", dialect="fanuc"),
 )

@@ -1,19 +1,23 @@
 """Comments of a line: blanked out, but for those that say something to the operator.
 
 ``(MSG, text)``, ``(DEBUG, text)``, ``(PRINT, text)`` and ``(LOG, text)`` are shown at their place in the run;
-in DEBUG, PRINT and LOG parameters such as ``#1`` and ``#<name>`` stand for their values.
+``(ABORT, text)`` ends the program there. In all but MSG parameters such as ``#1`` and ``#<name>`` stand for
+their values, with six decimals; behind ``%d``, ``%f`` or ``%.2f`` with none, four or so many, to the end of
+the comment (as LinuxCNC).
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
+from controller.messages import said
 from controller.program.program import ProgramError
 
 _COMMENT = re.compile(r"[();]")
-_SAYS = re.compile(r"\([ \t]*(msg|debug|print|log)[ \t]*,([^()]*)\)", re.IGNORECASE)
-_VALUE = re.compile(r"(%d|%\.[0-9]f|%f|%lf)?(##*(?:<[^<>]*>|[0-9]+))")
+_SAYS = re.compile(r"\([ \t]*(msg|debug|print|log|abort)[ \t]*,([^()]*)\)", re.IGNORECASE)
+_VALUE = re.compile(r"%d|%f|%\.([0-9])f|(##*(?:<[^<>]*>|[0-9]+))")
+_UNSET = "######"  # shown of what has no value
 LONGEST = 200  # characters of what is shown
 
 
@@ -28,13 +32,7 @@ def without_comments(raw: str, name: str, number: int) -> str:
             return "".join([*parts, "\0" * (len(raw) - at)])
         close = raw.find(")", at)
         if mark.group() == ")" or close < 0 or raw.find("(", at + 1, close) >= 0:
-            raise ProgramError(
-                name,
-                number,
-                at + 1,
-                "this parenthesis has no partner: a comment runs from ( to the next ) on one line, without "
-                "another ( inside; close it, or write the comment after a ;",
-            )
+            raise ProgramError(name, number, at + 1, said("text.parenthesis"))
         start = close + 1
         parts.append("\0" * (start - at))
     return "".join([*parts, raw[start:]]) if parts else raw
@@ -44,21 +42,44 @@ def message(raw: str, values: Callable[[str], float], debug: bool = True) -> str
     """What the comments of a line say to the operator, or ""; ``values``: that of a ``#1`` or ``#<name>``.
 
     ``debug``: DEBUG says something, too.
-
-    DEBUG, PRINT and LOG show them with six decimals, behind %d or %.2f so many (as LinuxCNC).
     """
-    said = []
+    silent = ("abort",) if debug else ("abort", "debug")
+    shown = [_shown(found, values) for found in _saying(raw) if found[1].lower() not in silent]
+    return _short(" ".join(shown))
+
+
+def aborted(raw: str, values: Callable[[str], float]) -> tuple[int, str] | None:
+    """Column and text of what ends the program on a line; None: nothing does."""
+    found = next((found for found in _saying(raw) if found[1].lower() == "abort"), None)
+    return None if found is None else (found.start() + 1, _short(_shown(found, values)))
+
+
+def _saying(raw: str) -> Iterator[re.Match[str]]:
+    """The comments that say something, up to a ;."""
     for found in _SAYS.finditer(raw):
         if ";" in raw[: found.start()].split(")")[-1]:
-            break
-        kind, text = found[1].lower(), found[2]
-        if kind == "debug" and not debug:
-            continue
-        said.append(text if kind == "msg" else _VALUE.sub(lambda at: _shown(at[1], values(at[2])), text))
-    return " ".join(" ".join(said).split())[:LONGEST]
+            return
+        yield found
 
 
-def _shown(form: str | None, value: float) -> str:
-    if form is None or form in ("%f", "%lf"):
-        return f"{value:.6f}"
-    return f"{round(value)}" if form == "%d" else f"{value:.{form[2]}f}"
+def _shown(found: re.Match[str], values: Callable[[str], float]) -> str:
+    """The text of one of them."""
+    if found[1].lower() == "msg":
+        return found[2]
+    decimals = 6
+
+    def put(at: re.Match[str]) -> str:
+        nonlocal decimals
+        if at[2] is None:
+            decimals = int(at[1]) if at[1] else 4 if at[0] == "%f" else 0
+            return ""
+        try:
+            return f"{round(values(at[2]), decimals) + 0.0:.{decimals}f}"
+        except ProgramError:
+            return _UNSET
+
+    return _VALUE.sub(put, found[2])
+
+
+def _short(text: str) -> str:
+    return " ".join(text.split())[:LONGEST]

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 
 from controller.geometry.vectors import ROUNDING
 from controller.machine.model import Machine
+from controller.messages import Said, said, text
 from controller.program.arc_words import PLANES
 from controller.program.contour import circles, corners, ways
 from controller.program.contour.crossings import Cut
@@ -30,18 +31,15 @@ MOTIONS = (JointLine, JointArc, TipLine)
 MAX_BETWEEN = 1000  # blocks between two moves in the plane
 SHORTEST_ARC_MM = 2e-6  # shorter ones could be taken for whole circles
 ROUND_MM = 1e-3  # by which the cutter may be larger than an arc that it fills (rounded words)
-UNKNOWN = (
-    "where the axes stand is not known here: the path chooses it behind a surface or a tool vector, and the "
-    "cutter cannot be led beside a contour from there; write G0 with positions of X Y Z before it"
-)
+UNKNOWN = said("beside.unknown")
 
 
 class NotBesideError(Exception):
-    """One sentence on why a contour has no way beside it, and where."""
+    """Why a contour has no way beside it, and where."""
 
-    def __init__(self, place: Place, sentence: str) -> None:
-        super().__init__(sentence)
-        self.place, self.sentence = place, sentence
+    def __init__(self, place: Place, why: Said) -> None:
+        super().__init__(text(why))
+        self.place, self.said = place, why
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,7 +85,7 @@ class Cutter:
                 yield held.block
                 return
             if len(self._between) >= MAX_BETWEEN:
-                raise self._wrong(held, f"more than {MAX_BETWEEN} lines move nothing in the plane")
+                raise self._wrong(held, "beside.nothing_moves", most=MAX_BETWEEN)
             self._between.append(held)
             return
         step = self._step(held)
@@ -116,7 +114,7 @@ class Cutter:
         if not isinstance(block, JointLine | JointArc) or (
             isinstance(block, JointLine) and block.machine_frame
         ):
-            raise self._wrong(held, "tool-centre control and machine positions (G53) have no such plane")
+            raise self._wrong(held, "beside.no_plane_of_machine")
         start, end = self._point(held, held.before), self._point(held, held.after)
         number = 0 if self._last is None else self._last.number + 1
         if number == 0:
@@ -136,18 +134,14 @@ class Cutter:
     def _lead_in(self, held: Held, block: JointLine | JointArc, start: complex, end: complex) -> Way:
         off, radius = self.planar.off_mm, abs(self.planar.off_mm)
         if radius > 0.0 and abs(end - start) <= radius:
-            raise self._wrong(
-                held,
-                f"the first move is {abs(end - start):.4g} mm long in the plane, and has to be longer than "
-                f"the cutter's radius, {radius:.6g} mm; begin farther away",
-            )
+            raise self._wrong(held, "beside.short_lead_in", length=abs(end - start), radius=radius)
         if not isinstance(block, JointArc):
             return ways.line(start, end, off)
         circle, centre = self._circle(held, block, start, end)
         out = math.copysign(1.0, circle) * 1j * ways.unit(end - centre)
         way = None if self.planar.joins else ways.onto(start, end, out, circle, off)
         if way is None:
-            raise self._wrong(held, "the first move is an arc, which does not lead there; begin with a line")
+            raise self._wrong(held, "beside.arc_first")
         return way
 
     def _arc(self, held: Held, block: JointArc, start: complex, end: complex) -> Way:
@@ -155,9 +149,7 @@ class Cutter:
         inside = abs(start - centre) - math.copysign(1.0, sweep) * self.planar.off_mm
         if inside < -ROUND_MM:
             raise self._wrong(
-                held,
-                f"it runs inside of an arc of radius {abs(start - centre):.4f} mm, where a cutter of radius "
-                f"{abs(self.planar.off_mm):.4f} mm does not go; take a smaller cutter or a larger radius",
+                held, "beside.inside_an_arc", arc=abs(start - centre), radius=abs(self.planar.off_mm)
             )
         return ways.arc(start, end, centre, sweep, self.planar.off_mm)
 
@@ -168,7 +160,7 @@ class Cutter:
         try:
             found = circles.meant(block.centre_mm, block.radius_mm, chord, way, block.turns, most)
         except circles.NoCircleError as error:
-            raise NotBesideError(held.block.place, str(error)) from None
+            raise NotBesideError(held.block.place, error.said) from None
         return way * found.sweep, start + complex(*found.centre)
 
     # ---- ways as blocks --------------------------------------------------------------
@@ -192,15 +184,10 @@ class Cutter:
             here, there = last.block.place.line, step.block.place.line
             if error.vanishes:
                 raise self._wrong(
-                    last.held,
-                    f"this move vanishes behind the cutter, of radius {abs(self.planar.off_mm):.4f} mm: of "
-                    f"its corner with line {there} nothing of it is left; "
-                    "take a smaller cutter, or make the move longer",
+                    last.held, "beside.vanishes", radius=abs(self.planar.off_mm), there=there
                 ) from None
             raise self._wrong(
-                step.held,
-                f"the corner of lines {here} and {there} cannot be reached by a cutter of radius "
-                f"{abs(self.planar.off_mm):.4f} mm; take a smaller cutter, or change the contour",
+                step.held, "beside.corner", here=here, there=there, radius=abs(self.planar.off_mm)
             ) from None
 
     def _gone(self, step: Step) -> Iterator[Block]:
@@ -285,12 +272,10 @@ class Cutter:
         found = self._cut.goes(step.number, way, min(heights), max(heights), place.line)
         if found is None:
             return
-        sentence = (
-            f"the cutter, of radius {abs(self.planar.off_mm):.4f} mm, cuts into what line {found.line} "
-            "leaves standing: between the two the contour is narrower than the cutter; take a smaller one"
-        )
+        radius = abs(self.planar.off_mm)
         if self._machine.gouge == "refuse":
-            raise self._wrong(step.held, sentence)
+            raise self._wrong(step.held, "beside.gouge", radius=radius, there=found.line)
+        sentence = text(said("beside.gouge_told", radius=radius, there=found.line))
         yield Remark(place, step.block.modal, sentence)
 
     # ---- targets ---------------------------------------------------------------------
@@ -314,15 +299,15 @@ class Cutter:
         """A move that moves nothing in the plane, beside the contour."""
         block = held.block
         if not isinstance(block, JointLine):
-            raise self._wrong(held, "tool-centre control has no such plane")
+            raise self._wrong(held, "beside.no_plane")
         linear = self._machine.linear()
         if all(block.targets[linear[axis]] is None for axis in self._axes[:2]):
             return block
         return replace(block, targets=self._to(held, point), relative=False)
 
-    def _wrong(self, held: Held, why: str) -> NotBesideError:
-        place, planar = held.block.place, self.planar
-        return NotBesideError(place, f"under the {planar.code} of line {planar.place.line} {why}")
+    def _wrong(self, held: Held, key: str, **values: object) -> NotBesideError:
+        planar = self.planar
+        return NotBesideError(held.block.place, said(key, code=planar.code, line=planar.place.line, **values))
 
 
 def to_end(held: Held, axes: Sequence[int], machine: Machine) -> Block:

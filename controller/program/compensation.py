@@ -14,6 +14,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 
 from controller.machine.model import Machine
+from controller.messages import said
 from controller.program.arc_words import PLANES
 from controller.program.compensated import MOTIONS, Cutter, Held, NotBesideError, to_end
 from controller.program.line import CommonRun
@@ -69,7 +70,7 @@ def beside(
 
 
 def _refuse(error: NotBesideError, name: str, refused: list[ProgramError] | None) -> None:
-    wrong = ProgramError(name, error.place.line, error.place.column, error.sentence)
+    wrong = ProgramError(name, error.place.line, error.place.column, error.said)
     wrong = wrong.within(error.place.calls)
     if refused is None:
         raise wrong from None
@@ -147,17 +148,12 @@ class _Path:
 
     def _check_begin(self, held: Held, planar: Planar) -> None:
         if planar.place == self._passed:
-            raise NotBesideError(
-                held.block.place,
-                f"{planar.code} on line {planar.place.line} has no D, and more than {MAX_HELD} lines stand "
-                "between it and the first line or arc; write D beside it",
-            )
+            why = said("beside.late", code=planar.code, line=planar.place.line, most=MAX_HELD)
+            raise NotBesideError(held.block.place, why)
         if self._owed not in ("", held.block.modal.plane):
-            raise NotBesideError(
-                held.block.place,
-                f"{planar.code} on line {planar.place.line} is for {held.block.modal.plane}, and the cutter "
-                f"still stands beside a contour in {self._owed}; move it in that plane behind G40 first",
-            )
+            planes = {"plane": held.block.modal.plane, "owed": self._owed}
+            why = said("beside.owed", code=planar.code, line=planar.place.line, **planes)
+            raise NotBesideError(held.block.place, why)
 
     def _ended(self) -> Iterator[Block]:
         """The last way, as far as its own end."""
@@ -190,9 +186,5 @@ class _Path:
             return block  # a whole circle has no words of the plane
         self._owed = ""
         if isinstance(block, JointArc):
-            raise NotBesideError(
-                block.place,
-                "the first move after G40 is an arc: it leads from beside the contour to its own end, and "
-                "must be a line; write G0 or G1 before it",
-            )
+            raise NotBesideError(block.place, said("beside.arc_behind"))
         return to_end(held, axes, self._machine)

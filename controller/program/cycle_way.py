@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from types import MappingProxyType
 
+from controller.messages import Key
 from controller.program import output_words, polar_words
 from controller.program.offset_words import Here
 from controller.program.position import Known
@@ -39,7 +40,7 @@ class Way:
         said = [here.length_mm("XYZ"[i]) if absolute else None for i in (first, second)]
         values = [now[i] if word is None else word for i, word in zip((first, second), said, strict=True)]
         word = here.ask.line.words[0]
-        a, b = here.known(word, values, "a canned cycle")
+        a, b = here.known(word, values, Key("position.cycle"))
         self.begin = self._over = (a, b)  # the hole that the tool is over
 
     @property

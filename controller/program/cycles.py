@@ -17,6 +17,7 @@ from dataclasses import replace
 from types import MappingProxyType
 
 from controller.geometry.vectors import ROUNDING, angle_between
+from controller.messages import Key
 from controller.program import boring, line_words, thread_words
 from controller.program.codes import CYCLES, Ask
 from controller.program.cycle_way import PLANES, Way
@@ -70,22 +71,21 @@ def blocks(here: Here, code: str, word: Word) -> tuple[list[Block], State]:
 
 def _check(here: Here, code: str, word: Word) -> None:
     ask, state = here.ask, here.state
-    why = ""
+    key, values = "", dict[str, str]()
     if state.modal.tip is not Tip.OFF:
-        why = "under tool-centre control (G43.4, G43.5); write G49 before it, or the moves themselves"
+        key = "cycle.tip_control"
     elif state.inverse:
-        why = "under G93, where F is a time; write G94 and the feed per minute before it"
+        key = "cycle.inverse"
     elif state.side != "G40":
-        why = f"under {state.side}; write G40 before it"
+        key, values = "cycle.beside", {"side": state.side}
     elif code in TAPS and state.turning != (1 if code == "G84" else -1):
-        way, start = ("clockwise", "M3") if code == "G84" else ("counter-clockwise", "M4")
-        why = f"while the spindle does not turn {way}; write S and {start} before it"
+        key = "cycle.tap_right" if code == "G84" else "cycle.tap_left"
     elif code in ("G76", "G86", "G87") and state.turning == 0:
-        why = "while the spindle stands; write S and M3 or M4 before it"
+        key = "cycle.standing"
     elif code == "G87" and state.to_clearance:
-        why = "under G99, and its R is below the part: it ends where it began; write G98 before it"
-    if why:
-        raise ask.refusal(word, f"{code} stands {why}")
+        key = "cycle.g87_to_clearance"
+    if key:
+        raise ask.refusal(word, key, code=code, **values)
     _check_along(here, code, word)
 
 
@@ -100,9 +100,7 @@ def _check_along(here: Here, code: str, word: Word) -> None:
     off = math.degrees(angle_between(position.chain().tool_axis((first, second)), along))
     if off > ALONG_DEG:
         raise here.ask.refusal(
-            word,
-            f"{code} would go along {'XYZ'[normal]} of the tilted plane, {off:.4g} degrees off the tool: "
-            f"a cycle goes along the tool, within {ALONG_DEG:g} degrees; write G53.1 before it",
+            word, "cycle.not_along_the_tool", code=code, axis="XYZ"[normal], off=off, most=ALONG_DEG
         )
 
 
@@ -117,10 +115,8 @@ def _cycle(here: Here, code: str, word: Word) -> tuple[Cycle, float]:
         clearance = before.clearance if clearance is None else clearance
     if bottom is None or clearance is None:
         lacks = "XYZ"[normal] if bottom is None else "R"
-        what = "the bottom" if bottom is None else "the height down to which rapids go"
-        raise here.ask.refusal(
-            word, f"{code} has no {lacks}, {what}: the first line of a cycle says it; write it"
-        )
+        what = Key("cycle.bottom" if bottom is None else "cycle.clearance")
+        raise here.ask.refusal(word, "cycle.no_height", code=code, lacks=lacks, what=what)
     (now,) = here.known(word, here.position.in_frame(state.modal)[normal : normal + 1], code)
     start = before.level if before is not None and keeps and not state.to_clearance else now
     level = before.level if before is not None and keeps else now
@@ -137,23 +133,17 @@ def _depth(here: Here, code: str, word: Word, before: Cycle | None) -> Known:
     if code not in ("G73", "G83"):
         return depth
     if depth is None or depth <= 0.0:
-        found = "no Q" if given is None else given.text
-        raise here.ask.refusal(
-            given or word, f"{code} has {found}: Q is the depth of each peck, greater than 0; write it"
-        )
+        key = "cycle.no_q" if given is None else "cycle.bad_q"
+        raise here.ask.refusal(given or word, key, code=code)
     return depth
 
 
 def _check_pecks(here: Here, given: Word | None, depth: Known) -> None:
     """Q of a tap. Raises ProgramError."""
     if given is not None and not thread_words.is_rigid(here):
-        raise here.ask.refusal(
-            given,
-            f"{given.text} taps in pecks, which needs a spindle that tells its angle: write position in "
-            "[spindle] of the machine file, or leave Q out",
-        )
+        raise here.ask.refusal(given, "cycle.pecks_of_a_tap")
     if given is not None and depth is not None and depth <= 0.0:
-        raise here.ask.refusal(given, f"{given.text} is no depth of a peck: Q is greater than 0; correct it")
+        raise here.ask.refusal(given, "cycle.no_peck")
 
 
 def _seconds(here: Here, code: str, word: Word, before: Cycle | None) -> Known:
@@ -162,9 +152,7 @@ def _seconds(here: Here, code: str, word: Word, before: Cycle | None) -> Known:
         return dwell_s(here.ask, given, here.machine)
     kept = before.seconds if before is not None else None
     if kept is None and code in ("G82", "G86", "G89") and here.machine.dialect == "rs274":
-        raise here.ask.refusal(
-            word, f"{code} has no P, the seconds it waits at the bottom; write it, or G81 or G85"
-        )
+        raise here.ask.refusal(word, "cycle.no_dwell", code=code)
     return kept
 
 
@@ -178,11 +166,7 @@ def _heights(here: Here, cycle: Cycle) -> tuple[float, float]:
     if cycle.code == "G87":
         boring.check_heights(here, word, clearance, bottom, cycle.level)
     elif bottom > clearance:
-        raise here.ask.refusal(
-            word,
-            f"{cycle.code} has its clearance R at {clearance:.4g} mm, below its bottom at {bottom:.4g} mm: R "
-            "is above the bottom; correct one of the two",
-        )
+        raise here.ask.refusal(word, "cycle.upside_down", code=cycle.code, clearance=clearance, bottom=bottom)
     return clearance, bottom
 
 
@@ -193,7 +177,7 @@ def _repeats(ask: Ask, way: Way) -> int:
     count = ask.whole(word)
     least = 0 if way.fanuc else 1  # K0 under fanuc: the words are kept and nothing is drilled
     if not least <= count <= MAX_REPEATS:
-        raise ask.refusal(word, f"{word.text} repeats a cycle {least} to {MAX_REPEATS} times; correct it")
+        raise ask.refusal(word, "cycle.repeats", least=least, most=MAX_REPEATS)
     return count
 
 
@@ -215,9 +199,7 @@ def _peck(way: Way, cycle: Cycle, clearance: float, bottom: float) -> None:
     pecks = (clearance - bottom) / depth * way.repeats
     if pecks > MAX_PECKS:
         word = way.here.ask.line.words[0]
-        raise way.here.ask.refusal(
-            word, f"{cycle.code} would peck {pecks:.0f} times: {MAX_PECKS} are the most; raise Q"
-        )
+        raise way.here.ask.refusal(word, "cycle.too_many_pecks", code=cycle.code, pecks=pecks, most=MAX_PECKS)
     height = clearance - depth
     while height > bottom:
         way.cut(height)

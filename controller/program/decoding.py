@@ -12,6 +12,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from mmap import mmap
 
+from controller.messages import said
 from controller.program.program import Place, ProgramError
 
 _AROUND = bytes([0x00, 0x11, 0x12, 0x13, 0x14, 0x7F])
@@ -59,8 +60,8 @@ def text_of(data: Bytes, name: str) -> tuple[Text, tuple[Place, str] | None]:
     """The text, and what to tell of it where it is not UTF-8; ProgramError for what is no text."""
     text, remark = _decoded(*_without_tape(data), name)
     if control := _CONTROL.search(text.body):
-        found = f"control character 0x{control.group()[0]:02X}"
-        raise _unreadable(_place(text, control.start()), name, f"{found} is not program text")
+        place, byte = _place(text, control.start()), control.group()[0]
+        raise ProgramError(name, place.line, place.column, said("text.control_character", byte=byte))
     return text, remark
 
 
@@ -69,12 +70,12 @@ def _decoded(leader: str, body: memoryview, name: str) -> tuple[Text, tuple[Plac
     at = _first_undecoded(text)
     if at is None:
         return text, None
-    place, found = _place(text, at), f"byte 0x{body[at]:02X} is"
+    place, byte = _place(text, at), body[at]
     windows = Text(leader, body, "cp1252")
     if bytes(body[:2]) not in _UTF_16 and _first_undecoded(windows) is None:
-        told = f"{found} not UTF-8, so the file is read as Windows-1252; it matters in comments only."
-        return windows, (place, told)
-    raise _unreadable(place, name, f"{found} not readable text")
+        why = "so the file is read as Windows-1252; it matters in comments only."
+        return windows, (place, f"byte 0x{byte:02X} is not UTF-8, {why}")
+    raise ProgramError(name, place.line, place.column, said("text.unreadable", byte=byte))
 
 
 def _first_undecoded(text: Text) -> int | None:
@@ -98,11 +99,6 @@ def _without_tape(data: Bytes) -> tuple[str, memoryview]:
     begin = leader.end() if leader else 0
     blank = str(bytes(view[:begin]).translate(None, _AROUND), "ascii")
     return blank, view[begin + 3 if bytes(view[begin : begin + 3]) == codecs.BOM_UTF8 else begin : end]
-
-
-def _unreadable(place: Place, name: str, found: str) -> ProgramError:
-    sentence = f"{found}: a program is plain ASCII or UTF-8 text; save or send the file again as plain text"
-    return ProgramError(name, place.line, place.column, sentence)
 
 
 def _place(text: Text, at: int) -> Place:

@@ -10,10 +10,13 @@ import math
 import operator
 import re
 from collections.abc import Callable
+from typing import Any
 
-from controller.program.parameters import Key, NoValue, Parameters
+from controller.messages import Key, said
+from controller.program.parameters import Name, NoValue, Parameters
 from controller.program.program import ProgramError
 
+SHOWN = 40  # characters of a number in a sentence
 DEEPEST = 30  # nesting of brackets, so that no text can exhaust the stack
 NUMBERED = range(1, 6000)
 GAPS = " \t\0"  # \0 marks where a comment stood: it ends a number, a space does not
@@ -23,12 +26,10 @@ _NUMBER = re.compile(r"[+-]?[ \t]*(?:[0-9][0-9 \t]*(?:\.[0-9 \t]*)?|\.[ \t]*[0-9
 _NAME = re.compile(r"<([^<>\[\]#;\0]*)>")
 
 
-class _Unsound(Exception):
-    """An expression without a finite real value; becomes a ProgramError where it stands."""
-
-
 def _mod(a: float, b: float) -> float:
     """The remainder, never negative, whatever the sign of the divisor (as LinuxCNC's)."""
+    if b == 0.0:
+        raise ZeroDivisionError
     rest = math.fmod(a, b)
     return rest + abs(b) if rest < 0.0 else rest
 
@@ -66,21 +67,13 @@ _FUNCTIONS: dict[str, Callable[[float], float]] = {
     "sqrt": math.sqrt,
     "tan": lambda x: math.tan(math.radians(x)),
 }
+_OF_FANUC = _FUNCTIONS | {
+    "fix": lambda x: float(math.trunc(x)),
+    "fup": lambda x: math.copysign(math.ceil(abs(x)), x),
+}
+ARITHMETIC = 3  # the least level of an operator that makes a number of numbers
 LINE = "_line"  # the name of the line number, which each line has by itself
 _FUNCTION = re.compile(rf"({'|'.join(_FUNCTIONS)}|atan|exists)[ \t]*(?=\[)")
-
-
-def _sound(function: Callable[..., float], *arguments: float) -> float:
-    try:
-        return _finite(function(*arguments))
-    except (ValueError, OverflowError, ZeroDivisionError) as error:
-        raise _Unsound from error
-
-
-def _finite(value: float) -> float:
-    if not math.isfinite(value):
-        raise _Unsound
-    return value
 
 
 class Values:
@@ -94,9 +87,9 @@ class Values:
         self._at = 0
         self._depth = 0
 
-    def refusal(self, at: int, sentence: str) -> ProgramError:
+    def refusal(self, at: int, key: str, **values: object) -> ProgramError:
         """The error of this line at the 0-based place ``at``."""
-        return ProgramError(self._name, self._number, at + 1, sentence)
+        return ProgramError(self._name, self._number, at + 1, said(key, **values))
 
     def peek(self) -> str:
         """The next character that is no gap, or nothing at the end of the line."""
@@ -132,41 +125,23 @@ class Values:
         """A value, and whether it counts as written with a decimal point."""
         self.peek()
         at = self._at
-        try:
-            value = self._operand()
-        except _Unsound:
-            raise self.refusal(
-                start,
-                f"{what} has no finite value: it is too large, divides by zero or leaves the range of a "
-                "function; correct it",
-            ) from None
+        value = self._operand()
         if value is None:
-            raise self.refusal(start, self._no_number(what))
+            key = "value.o_behind" if self.peek() == "o" else "value.no_number"
+            raise self.refusal(start, key, what=what)
         written = self._text[at : self._at]
         return value, any(mark in written for mark in ".#[")
-
-    def _no_number(self, what: str) -> str:
-        if self.peek() == "o":
-            return f"{what} is followed by the letter O: is it a zero? Write the digit 0"
-        return (
-            f"{what} has no number: it takes a number such as 12.5, a parameter #1, an expression [1+2] "
-            "or a function sin[30]; write the number or take the word out"
-        )
 
     def bracket(self) -> float:
         start = self._at
         if not self.take("["):
-            raise self.refusal(
-                start, "[ is missing: the value of a function or a condition stands in brackets, as sin[30]"
-            )
+            raise self.refusal(start, "value.no_bracket")
         value = self._chain(1)
         if not self.take("]"):
-            raise self.refusal(
-                start, "this [ is not closed: an expression runs from [ to ] on one line; add the ]"
-            )
+            raise self.refusal(start, "value.open_bracket")
         return value
 
-    def key(self) -> Key:
+    def key(self) -> Name:
         """The number or name of a parameter, with its #."""
         start = self._at
         self.take("#")
@@ -177,9 +152,7 @@ class Values:
     def _in_range(self, start: int, value: float) -> int:
         if value != math.floor(value) or int(value) not in NUMBERED:
             raise self.refusal(
-                start,
-                f"#{value:g} is no parameter: they are numbered {NUMBERED.start} to {NUMBERED.stop - 1}; "
-                "use one of these",
+                start, "value.no_parameter", value=value, first=NUMBERED.start, last=NUMBERED.stop - 1
             )
         return int(value)
 
@@ -187,9 +160,8 @@ class Values:
         found = _NAME.match(self._text, self._at)
         name = "".join(found.group(1).split()) if found else ""
         if found is None or not name:
-            raise self.refusal(
-                self._at, "#< opens the name of a parameter, which ends with > on its line, as #<depth>"
-            )
+            ini = self._text.startswith("<_ini[", self._at)
+            raise self.refusal(self._at, "value.no_ini" if ini else "value.no_name")
         self._at = found.end()
         return name
 
@@ -198,15 +170,14 @@ class Values:
         self.peek()
         if number := _NUMBER.match(self._text, self._at):
             self._at = number.end()
-            return _finite(float("".join(number.group().split())))
+            written = "".join(number.group().split())
+            return self._sound(number.start(), written[:SHOWN], float, written)
         negative = self.take("-")
         if not negative:
             self.take("+")
         self._depth += 1
         if self._depth > DEEPEST:
-            raise self.refusal(
-                self._at, f"brackets are nested deeper than {DEEPEST}: split it with parameters #1, #2, ..."
-            )
+            raise self.refusal(self._at, "value.too_deep", most=DEEPEST)
         value = self._compound()
         self._depth -= 1
         return -value if negative and value is not None else value
@@ -230,28 +201,34 @@ class Values:
         try:
             return self._parameters.value(key)
         except NoValue as why:
-            raise self.refusal(start, str(why)) from None
+            raise self.refusal(start, why.key, **why.values) from None
 
     def _chain(self, level: int) -> float:
         """Operands joined by operators of ``level`` or above."""
         self.peek()
-        value = self.value(self._at, "the expression")[0]
+        return self.joined(self.value(self._at, Key("value.expression"))[0], level)
+
+    def joined(self, value: float, level: int) -> float:
+        """A value with the operands that follow it, by operators of ``level`` or above."""
         while self.peek() and (found := _OPERATOR.match(self._text, self._at)):
             binds, function = _OPERATIONS[found.group()]
             if binds < level:
                 break
             self._at = found.end()
-            value = _sound(function, value, self._chain(binds + 1))
+            right = self._chain(binds + 1)
+            value = self._sound(found.start(), found.group(), function, value, right)
         return value
 
     def _function(self, name: str) -> float:
         if name == "exists":
             return self._exists()
+        start = self._at
         value = self.bracket()
         if name != "atan":
-            return _sound(_FUNCTIONS[name], value)
+            functions = _OF_FANUC if self._parameters.of_fanuc else _FUNCTIONS
+            return self._sound(start - len(name), name, functions[name], value)
         if not self.take("/"):  # atan[y]/[x] keeps the quadrant (RS-274/NGC 3.3.2.4)
-            raise self.refusal(self._at, "atan takes two values: write atan[y]/[x]")
+            raise self.refusal(self._at, "value.atan")
         self.peek()
         return math.degrees(math.atan2(value, self.bracket()))
 
@@ -260,12 +237,24 @@ class Values:
         start = self._at
         self.take("[")
         if self.peek() != "#":
-            raise self.refusal(start, "EXISTS asks for a parameter: write EXISTS[#<name>]")
+            raise self.refusal(start, "value.exists")
         at = self._at
         self.take("#")
-        key: Key | float = self._named() if self.peek() == "<" else self.value(at, "#")[0]
+        key: Name | float = self._named() if self.peek() == "<" else self.value(at, "#")[0]
         if not self.take("]"):
-            raise self.refusal(start, "EXISTS takes one parameter and a ]: write EXISTS[#<name>]")
+            raise self.refusal(start, "value.exists_open")
         if isinstance(key, float):  # no number is no parameter, rather than a mistake
             return float(key in NUMBERED and self._parameters.exists(int(key)))
         return float(key == LINE or self._parameters.exists(key))
+
+    def _sound(self, start: int, what: str, function: Callable[..., float], *arguments: Any) -> float:
+        """A finite real value; what has none is to blame, not the word that it is for."""
+        try:
+            value = function(*arguments)
+        except ZeroDivisionError:
+            raise self.refusal(start, "value.by_zero", what=what) from None
+        except (ValueError, OverflowError):
+            value = math.nan
+        if not math.isfinite(value):
+            raise self.refusal(start, "value.not_finite", what=what)
+        return value

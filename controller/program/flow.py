@@ -13,16 +13,16 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 
 from controller.machine.model import CALL_LEVELS, PROGRAM_PASSES
+from controller.messages import Key, said
 from controller.program import marks
 from controller.program.decoding import NEWLINE
 from controller.program.expressions import GAPS, Values
 from controller.program.line import Line, Where, Word
 from controller.program.marks import ALONE, BY_NUMBER, COMPUTED, Mark, Marks
 from controller.program.parameters import ARGUMENTS, Parameters
-from controller.program.program import ProgramError
+from controller.program.program import Caller, Callers, ProgramError
 
 CALLS, RETURNS, RESTORES = 98.0, 99.0, 73.0  # M98, M99, M73
-MAX_CALLERS = 4  # that a sentence names
 SPLIT = 10_000  # P of M98 in eight digits: how often, and which of four digits
 
 
@@ -57,8 +57,7 @@ class _Frame:
     at: int  # offset of the line that comes next
     number: int
     sub: Mark | None = None
-    callers: tuple[str, ...] = ()  # innermost first
-    calls: str = ""  # the same for a sentence
+    callers: Callers = ()
     line: int = 0  # of the program that called a file in; 0: this is of the program itself
     by_number: bool = False  # with M98
     serial: int = 0  # counted over all calls
@@ -67,7 +66,7 @@ class _Frame:
     left: dict[int, int] = field(default_factory=dict)  # rounds of each repeat, by its offset
 
 
-Scan = Callable[[str, str, int, str], Line | None]  # raw text, file, number, who called -> the line
+Scan = Callable[[str, str, int, Callers], Line | None]  # raw text, file, number, who called -> the line
 
 
 class Run:
@@ -113,7 +112,7 @@ class Run:
             try:
                 line = self._next(frame)
             except ProgramError as error:
-                raise error.within(frame.calls) from None
+                raise error.within(frame.callers) from None
             if line is not None:
                 yield from self._said(line, frame)
             if self._due is not None:
@@ -134,13 +133,13 @@ class Run:
         end = NEWLINE.search(text, at)
         raw = text[at : end.start()] if end else text[at:]
         frame.at, frame.number = end.end() if end else len(text) + 1, number + 1
-        return self._scan(raw, frame.source.name, number, frame.calls)
+        return self._scan(raw, frame.source.name, number, frame.callers)
 
     def _said(self, line: Line, frame: _Frame) -> Iterator[Line]:
         """A line with its place in the order; calls by M98 are carried out behind its other words."""
         self._begun |= line.is_plain or bool(line.words)
         self._count_step(frame, line.number)
-        line.where = Where(frame.line or line.number, self._step, frame.serial, frame.calls)
+        line.where = Where(frame.line or line.number, self._step, frame.serial, frame.callers)
         if line.is_plain:
             yield line
             return
@@ -174,11 +173,7 @@ class Run:
     def _count(self, mark: Mark) -> None:
         self._passes += 1
         if self._passes > self._limits.passes:
-            raise mark.refusal(
-                self._frames[-1].source.name,
-                f"{mark.written}: the program has gone round loops and called subs {self._limits.passes} "
-                "times, which is the most (program_passes in [machine]); end the loop, or raise it",
-            )
+            raise mark.refusal(self._frames[-1].source.name, "flow.too_many_passes", most=self._limits.passes)
 
     def _values(self, mark: Mark) -> Values:
         values = Values(mark.text, self._frames[-1].source.name, mark.number, self._parameters)
@@ -254,8 +249,9 @@ class Run:
         if len(arguments) > len(ARGUMENTS):
             raise mark.refusal(
                 self._frames[-1].source.name,
-                f"{mark.written} has {len(arguments)} arguments: a sub takes up to {len(ARGUMENTS)}, as #1 "
-                "to #30",
+                "flow.too_many_arguments",
+                count=len(arguments),
+                most=len(ARGUMENTS),
             )
         source, sub = self._found(mark, label)
         self._enter(mark, source, sub)
@@ -263,13 +259,9 @@ class Run:
 
     def _computed(self, mark: Mark, values: Values) -> str:
         """The label of ``o[expression] call``."""
-        value = values.value(mark.rest, "the label")[0]
+        value = values.value(mark.rest, Key("value.label"))[0]
         if value != math.floor(value) or value < 0.0 or not values.skip("call"):
-            raise mark.refusal(
-                self._frames[-1].source.name,
-                f"o with the value {value:g} calls nothing: a computed label is a whole number and goes "
-                "with call only, as o[#1+100] call",
-            )
+            raise mark.refusal(self._frames[-1].source.name, "flow.no_label", value=value)
         return str(int(value))
 
     def _found(self, mark: Mark, label: str) -> tuple[Source, Mark]:
@@ -279,16 +271,14 @@ class Run:
             if source is not None and (sub := source.marks.subs.get(label)) is not None:
                 return source, sub
         if label in here.marks.numbered:
-            raise mark.refusal(here.name, f"O{label} ends with M99: such a sub is called with M98 P{label}")
-        raise mark.refusal(
-            here.name,
-            f"there is no sub {label}: neither o{label} sub in this program nor a file of that name with it "
-            f"in the folder of programs{self._known()}; add it, or correct the name",
-        )
+            raise mark.refusal(here.name, "flow.called_by_m98", label=label)
+        key, values = self._missing("flow.no_sub")
+        raise mark.refusal(here.name, key, label=label, **values)
 
-    def _known(self) -> str:
-        names = sorted(name for name, _ in self._files.values())
-        return f" (of it {' '.join(names[:20])} are called)" if names else ""
+    def _missing(self, key: str) -> tuple[str, dict[str, str]]:
+        """Key and values of a text that tells of a missing sub, with the files that are called, if any."""
+        names = " ".join(sorted(name for name, _ in self._files.values())[:20])
+        return (f"{key}_of_these", {"called": names}) if names else (key, {})
 
     def _file(self, label: str) -> Source | None:
         if label not in self._files:
@@ -301,14 +291,10 @@ class Run:
         self._count(mark)
         caller = self._frames[-1]
         if len(self._frames) > self._limits.call_levels:
-            raise mark.refusal(
-                caller.source.name,
-                f"{mark.written} calls deeper than {self._limits.call_levels} subs in each other "
-                "(call_levels in [machine]): end the recursion, or raise it",
-            )
+            raise mark.refusal(caller.source.name, "flow.too_deep", most=self._limits.call_levels)
         line = 0 if source is self._main else caller.line or mark.number
-        callers = (f"{mark.written} on line {mark.number} of {caller.source.name}", *caller.callers)
-        frame = _Frame(source, sub.after, sub.number + 1, sub, callers, _chain(callers), line)
+        callers = (Caller(mark.written, mark.number, caller.source.name), *caller.callers)
+        frame = _Frame(source, sub.after, sub.number + 1, sub, callers, line)
         frame.serial = self._passes
         self._frames.append(frame)
 
@@ -324,7 +310,7 @@ class Run:
         if frame.restores:
             words = (Word("M", 72.0, False, 1, "M72"),)
             self._due = Line(frame.source.name, number, words)
-            self._due.where = Where(frame.line or number, self._step, frame.serial, frame.calls)
+            self._due.where = Where(frame.line or number, self._step, frame.serial, frame.callers)
 
     # ---- subs by number
 
@@ -332,7 +318,7 @@ class Run:
         """M98 P L. P of more than four digits: how often and, in the last four, which (as Fanuc)."""
         letters = {w.letter: w for w in line.words if w.letter in "PL"}
         if "P" not in letters:
-            raise line.refusal(word, "M98 calls no sub: write P and its number beside it, as M98 P1000")
+            raise line.refusal(word, "flow.m98_alone")
         number, rounds = (_count_of(line, letters.get(letter)) for letter in "PL")
         if str(number) not in self._main.marks.numbered and number >= SPLIT and "L" not in letters:
             rounds, number = divmod(number, SPLIT)
@@ -352,26 +338,17 @@ class Run:
         if (source := self._file(label)) is not None and not source.marks.subs:
             return source, Mark(0, 0, 0, label, ALONE, "", 0, False)  # a file without its number
         if label in here.marks.subs or label in self._main.marks.subs:
-            raise line.refusal(
-                word, f"o{label} sub ends with endsub: it is called with o{label} call, not M98"
-            )
-        raise line.refusal(
-            word,
-            f"there is no O{label}: neither in this program, behind its M30, nor as a file of that name in "
-            f"the folder of programs{self._known()}; add it, or correct P",
-        )
+            raise line.refusal(word, "flow.called_by_o", label=label)
+        key, values = self._missing("flow.no_number")
+        raise line.refusal(word, key, label=label, **values)
 
     def _return(self, line: Line, word: Word) -> None:
         """M99: back to the caller, or once more from the top of the sub."""
         frame = self._frames[-1]
         if len(self._frames) == 1:
-            raise line.refusal(
-                word,
-                "M99 in the program itself would begin it again for ever: it ends subs that M98 calls; end "
-                "the program with M30",
-            )
+            raise line.refusal(word, "flow.m99_outside")
         if not frame.by_number or frame.sub is None:
-            raise line.refusal(word, "M99 ends subs that M98 calls; this one ends with endsub or return")
+            raise line.refusal(word, "flow.m99_in_o")
         frame.rounds -= 1
         self._parameters.leave_sharing()
         if frame.rounds:
@@ -387,18 +364,16 @@ class Run:
         if not self._begun and len(self._frames) == 1:
             self._begun = True
             return
-        what = frame.sub.written if frame.sub is not None else "the program"
+        what = frame.sub.written if frame.sub is not None else Key("flow.program")
         end = "M99" if frame.by_number else "M30"
         raise mark.refusal(
-            frame.source.name,
-            f"{what} runs into {mark.written or 'O' + mark.label}, which begins a sub for M98: write {end} "
-            "before it",
+            frame.source.name, "flow.runs_into", what=what, mark=mark.written or "O" + mark.label, end=end
         )
 
     def _unended(self, frame: _Frame) -> ProgramError:
         sub = frame.sub.written if frame.sub is not None else ""
-        sentence = f"the text ends inside of sub {sub}: write M99 at its end"
-        return ProgramError(frame.source.name, max(1, frame.number - 1), 1, sentence).within(frame.calls)
+        why = said("flow.text_ends", sub=sub)
+        return ProgramError(frame.source.name, max(1, frame.number - 1), 1, why).within(frame.callers)
 
 
 def _nothing(mark: Mark) -> None:
@@ -409,14 +384,5 @@ def _count_of(line: Line, word: Word | None) -> int:
     if word is None:
         return 1
     if word.value != math.floor(word.value) or word.value < 0.0:
-        raise line.refusal(
-            word, f"{word.text} is no count: P and L of M98 are whole numbers from 0 up; correct it"
-        )
+        raise line.refusal(word, "flow.no_count")
     return int(word.value)
-
-
-def _chain(callers: tuple[str, ...]) -> str:
-    """Who called, for a sentence."""
-    told = [f"called by {caller}" for caller in callers[:MAX_CALLERS]]
-    more = len(callers) - MAX_CALLERS
-    return ", ".join([*told, f"{more} calls more"] if more > 0 else told)

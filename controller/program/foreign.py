@@ -11,6 +11,7 @@ from collections.abc import Iterable, Iterator
 from itertools import islice
 from types import MappingProxyType
 
+from controller.messages import said
 from controller.program.decoding import Text
 from controller.program.program import Block, ProgramError
 
@@ -80,22 +81,23 @@ _OKUMA = re.compile(
 # Lines of controls whose other lines are read, and what to write instead.
 _STATEMENTS = MappingProxyType(
     {
-        re.compile(_beginning(*forms), re.IGNORECASE): told
-        for forms, told in (
+        re.compile(_beginning(*forms), re.IGNORECASE): key
+        for forms, key in (
             (
                 (r"(?:IF|WHILE)[ \t]*\[", r"GOTO[ \t]*[N0-9\[#]", r"(?:DO|END)[ \t]*[0-9]"),
-                "a line of macros as Fanuc's; write o100 if [...], o100 while [...] and their ends",
+                "foreign.macro",
             ),
             (
                 (r"(?:POPEN|DPRNT|BPRNT|PCLOS)",),
-                "a line of macros as Fanuc's; write (PRINT, ...) to tell the operator something",
+                "foreign.macro_print",
             ),
-            ((r"CALL[ \t]+O",), "Okuma's call of a sub; write M98 and P with its number"),
-            ((r"MOD(?:IN|OUT)",), "Okuma's modal call; write M98 and P with its number on every line"),
-            ((r"RTS(?![A-Z])",), "the end of a sub of Okuma's; write M99"),
+            ((r"\$[A-Z0-9_-]+\.?[A-Z]*[ \t]*%?[ \t]*$",), "foreign.okuma_head"),
+            ((r"CALL[ \t]+O",), "foreign.okuma_call"),
+            ((r"MOD(?:IN|OUT)",), "foreign.okuma_modal"),
+            ((r"RTS(?![A-Z])",), "foreign.okuma_end"),
             (
                 (r"V(?:C|S|ZOF|TOF|DIN|DOUT|LIM)[A-Z]*[ \t]*[\[0-9]",),
-                "a variable of Okuma's; write a parameter, as #101=5, and G10 for offsets",
+                "foreign.okuma_variable",
             ),
         )
     }
@@ -138,20 +140,16 @@ def program(lines: Iterable[str], name: str) -> ProgramError | None:
 
 
 def _told(name: str, number: int, raw: str, control: str, at: int) -> ProgramError:
-    sentence = (
-        f"{_shown(raw)} is of a program for {control}, where words have other meanings: none of it "
-        'is read; post the part for Fanuc (dialect = "fanuc") or LinuxCNC (dialect = "rs274"), '
-        "tool-centre control as G43.4, tilted planes as G68.2"
-    )
-    return ProgramError(name, number, at + 1, sentence, control.split()[0])
+    why = said("foreign.program", line=_shown(raw), control=control)
+    return ProgramError(name, number, at + 1, why, control.split()[0])
 
 
 def statement(raw: str, name: str, number: int) -> ProgramError | None:
     """What to tell of a line that a control has whose other lines are read here; else None."""
-    for pattern, told in _STATEMENTS.items():
+    for pattern, key in _STATEMENTS.items():
         if found := pattern.search(raw):
             word = found["it"].rstrip(" \t[0123456789#").upper()
-            return ProgramError(name, number, found.start("it") + 1, f"{_shown(raw)} is {told}", word)
+            return ProgramError(name, number, found.start("it") + 1, said(key, line=_shown(raw)), word)
     return None
 
 

@@ -16,7 +16,7 @@ from controller.machine.model import Machine
 from controller.program.line import Line
 from controller.program.modal import State
 from controller.program.origins import NONE
-from controller.program.parameters import Key, NoValue
+from controller.program.parameters import Name, NoValue
 from controller.program.position import Position
 from controller.program.program import Block, JointLine, Tip, TipLine
 from controller.program.reference_words import reference
@@ -29,21 +29,8 @@ _SHIFT, _TOOL_OFFSETS, _POSITIONS = range(5211, 5220), range(5401, 5410), range(
 _TOOL, _DIAMETER, _SYSTEM, _SHIFTED = 5400, 5410, 5220, 5210
 _ANSWER = 5399
 _PROBED, _SUCCEEDED = range(5061, 5070), 5070
-_MISSED = (
-    "{}: the probe has come to the end of its way and has not touched; lead it further, or nearer to "
-    "the part before, or write G38.3, which goes on without",
-    "{}: the probe has come to the end of its way and is not free; lead it further, or look at the stylus",
-)
-_AT_RUN = (
-    "#5399 is what M66 finds when the program runs, and the whole program is read before: write M66 with "
-    "L1 to L4 and Q, which waits, and holds the program where nothing comes"
-)
 _TURN = 9  # number of R behind the nine letters of a work offset
 _DEGREES = frozenset("abc")
-_UNKNOWN = (
-    "{} is the position of {}, which is not known here: the reader is ahead of the machine and knows where "
-    "the program's own moves lead, not where a surface leaves the tool; move the axis with G0 or G1 before"
-)
 
 
 class Given:
@@ -72,24 +59,25 @@ class Given:
             position.stand(came.rest)
             if probe.must and not came.touched:
                 code = next(word for word in line.words if word.letter == "G")
-                raise line.refusal(code, _MISSED[probe.away].format(probe.code))
+                key = "probe.not_free" if probe.away else "probe.not_touched"
+                raise line.refusal(code, key, code=probe.code)
 
     def _of_probing(self, key: int) -> float:
         letter = LETTERS[key - _PROBED.start]
         found = self._probed.get(letter, 0.0)
         if found is None:
-            raise NoValue(_UNKNOWN.format(_written(key), letter.upper()))
+            raise _unknown(key, letter)
         return found if letter in _DEGREES else found / self.state.mm_per_unit
 
     # ---- positions
 
-    def _position(self, letter: str, key: Key) -> float:
+    def _position(self, letter: str, key: Name) -> float:
         """Of an axis in program coordinates and the active unit; 0 of one that the machine does not have."""
         if letter not in "xyz" and letter.upper() not in (axis.name for axis in self._machine.axes):
             return 0.0
         found = self._in_part(letter)
         if found is None:
-            raise NoValue(_UNKNOWN.format(_written(key), letter.upper()))
+            raise _unknown(key, letter)
         return found if letter in _DEGREES else found / self.state.mm_per_unit
 
     def _in_part(self, letter: str) -> float | None:
@@ -112,16 +100,16 @@ class Given:
                 return value * axis.shown_per_unit
         return None
 
-    def _of_machine(self, letter: str, key: Key) -> float:
+    def _of_machine(self, letter: str, key: Name) -> float:
         if letter.upper() not in (axis.name for axis in self._machine.axes):
             return 0.0
         if (found := self._joint(letter)) is None:
-            raise NoValue(_UNKNOWN.format(_written(key), letter.upper()))
+            raise _unknown(key, letter)
         return found if letter in _DEGREES else found / self.state.mm_per_unit
 
     # ---- by number and name
 
-    def value(self, key: Key) -> float | None:
+    def value(self, key: Name) -> float | None:
         """Of one of LinuxCNC's predefined parameters; None of any other. Raises NoValue."""
         if isinstance(key, int):
             return self._numbered(key)
@@ -141,7 +129,7 @@ class Given:
         if key == _SUCCEEDED:
             return self._succeeded
         if key == _ANSWER:
-            raise NoValue(_AT_RUN)
+            raise NoValue("value.at_run")
         if key in _OFFSETS:
             return self._offset(*divmod(key - FIRST_OFFSET, OFFSET_STEP))
         if key in _SHIFT:
@@ -179,12 +167,12 @@ class Given:
                 return turned * self._machine.axes[i].shown_per_unit
         return 0.0
 
-    def _reference(self, code: str, letter: str, key: Key) -> float:
+    def _reference(self, code: str, letter: str, key: Name) -> float:
         """Of an axis, where G28 or G30 leads it."""
         for axis, value in zip(self._machine.axes, reference(self.state, self._machine, code), strict=True):
             if axis.name == letter.upper():
                 if value is None:
-                    raise NoValue(_UNKNOWN.format(_written(key), letter.upper()))
+                    raise _unknown(key, letter)
                 return value * axis.shown_per_unit
         return 0.0
 
@@ -212,7 +200,11 @@ class Given:
         return 540.0 + 10.0 * offset if offset < 6 else 585.0 + offset
 
 
-def _written(key: Key) -> str:
+def _unknown(key: Name, letter: str) -> NoValue:
+    return NoValue("value.not_known", name=_written(key), axis=letter.upper())
+
+
+def _written(key: Name) -> str:
     return f"#<{key}>" if isinstance(key, str) else f"#{key}"
 
 

@@ -9,7 +9,8 @@ from functools import cache
 from types import MappingProxyType
 from typing import NamedTuple
 
-from controller.program.program import Block, Place, ProgramError
+from controller.messages import said
+from controller.program.program import Block, Callers, Place, ProgramError
 
 # A common line as programs from CAM systems have them in millions: an N, G0 to G3, words in the usual order,
 # one M of spindle or coolant, a comment. Nothing in it can be refused as text, or says something. Nine digits
@@ -96,7 +97,7 @@ class Where:
     line: int  # of the program: its own, or the one that calls the file it stands in
     step: int  # rises from line to line; the line's number while nothing goes back
     sub: int  # number of the call that it belongs to; 0: of the program itself
-    calls: str  # who called, for a sentence
+    calls: Callers
 
 
 class Line:
@@ -170,17 +171,19 @@ class Line:
     def place_of(self, part: int) -> Place:
         """Where the word of one of ``parts`` stands."""
         if self.where is None and self._match is not None:  # millions of lines
-            return Place._make((self.number, self._match.start(part + 1), 0, ""))
+            return Place._make((self.number, self._match.start(part + 1), 0, ()))
         return self.place(self.column(part))
 
     def place(self, column: int) -> Place:
         if self.where is None:
-            return Place._make((self.number, column, 0, ""))
+            return Place._make((self.number, column, 0, ()))
         return Place(self.where.line, column, self.where.step, self.where.calls)
 
-    def refusal(self, word: Word, sentence: str) -> ProgramError:
-        about = word.text if word.letter in "GM" else word.letter
-        error = ProgramError(self.name, self.number, word.column, sentence, about)
+    def refusal(self, word: Word, key: str, about: str = "", **values: object) -> ProgramError:
+        """Of a word; the text of ``key`` may name it as {word} and {letter} beside its own values."""
+        why = said(key, **{"word": word.text, "letter": word.letter, **values})
+        about = about or (word.text if word.letter in "GM" else word.letter)
+        error = ProgramError(self.name, self.number, word.column, why, about)
         return error.within(self.where.calls) if self.where is not None else error
 
 

@@ -38,12 +38,7 @@ def check_rotaries(here: Here) -> None:
     rotary = [here.machine.axes[i].name for i in here.machine.rotary()]
     if ask.has("XYZUVW") and ask.has("".join(rotary)):
         word = next(ask.words[name] for name in rotary if name in ask.words)
-        raise ask.refusal(
-            word,
-            f"{word.text} stands beside X Y Z in a tilted plane: these are places on the part, and the tool "
-            "would leave the straight way between them while it turns; write rotary words on a line of their "
-            "own, or G43.4 before it",
-        )
+        raise ask.refusal(word, "line.turns_in_plane")
 
 
 def line(here: Here, motion: str, word: Word) -> JointLine | TipLine:
@@ -71,20 +66,10 @@ def _axis(here: Here) -> Vector | None:
         return None
     found = " ".join(word.text for word in words)
     if len(words) < 3:
-        raise here.ask.refusal(
-            words[0],
-            f"{found} is not a whole tool vector: under G43.5 I J K stand together, from the tip to the "
-            "spindle in the part frame, or none of them; write all three",
-        )
+        raise here.ask.refusal(words[0], "line.half_a_vector", found=found)
     if not here.state.absolute:
-        raise here.ask.refusal(
-            words[0], f"{found} is a direction and no distance: tool vectors need G90; write G90 before it"
-        )
+        raise here.ask.refusal(words[0], "line.vector_relative", found=found)
     i, j, k = (word.value for word in words)
     if math.sqrt(i * i + j * j + k * k) < SHORTEST_VECTOR:
-        raise here.ask.refusal(
-            words[0],
-            f"{found} has no length: a tool vector points from the tip to the spindle and may have any "
-            f"length from {SHORTEST_VECTOR:g} up; correct I J K",
-        )
+        raise here.ask.refusal(words[0], "line.no_length", found=found, least=SHORTEST_VECTOR)
     return i, j, k

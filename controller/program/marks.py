@@ -15,6 +15,7 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
+from controller.messages import Key, said
 from controller.program.comments import without_comments
 from controller.program.decoding import NEWLINE, Text
 from controller.program.expressions import GAPS
@@ -74,16 +75,14 @@ class Mark:
         label = self.label if self.label.isdigit() else f"<{self.label}>"
         return f"o{'[]' if self.label == COMPUTED else label} {self.keyword}".rstrip()
 
-    def refusal(self, name: str, sentence: str) -> ProgramError:
-        return ProgramError(name, self.number, self.text.find("o") + 1 or 1, sentence)
+    def refusal(self, name: str, key: str, **values: object) -> ProgramError:
+        """Of this mark in the text ``name``; the text of ``key`` may name it as {mark} and its {label}."""
+        why = said(key, **{"mark": self.written, "label": self.label, **values})
+        return ProgramError(name, self.number, self.text.find("o") + 1 or 1, why)
 
     def surplus(self, name: str, behind: str) -> ProgramError:
         """What is told of text behind all that an O-word takes."""
-        return self.refusal(
-            name,
-            f"{behind.strip(GAPS).upper()[:20]} stands behind {self.written}: nothing else goes on a line "
-            "with an O-word; write it on a line of its own",
-        )
+        return self.refusal(name, "flow.surplus", behind=behind.strip(GAPS).upper()[:20])
 
 
 @dataclass(frozen=True, slots=True)
@@ -155,13 +154,7 @@ def _mark(text: str, at: int, stop: re.Match[str] | None, number: int, name: str
     head = _MARK.match(bare)
     if head is None:
         column = re.search("[o:]", bare)
-        raise ProgramError(
-            name,
-            number,
-            column.start() + 1 if column else 1,
-            "O is followed by no number and no <name>: an O-word is a label and what it does, as o100 sub; "
-            "correct it",
-        )
+        raise ProgramError(name, number, column.start() + 1 if column else 1, said("flow.o_alone"))
     label = "".join((head["name"] or "").split()) or head["number"] or COMPUTED
     label = str(int("".join(label.split()))) if head["number"] else label
     word = _KEYWORD.match(bare, head.end())
@@ -171,11 +164,7 @@ def _mark(text: str, at: int, stop: re.Match[str] | None, number: int, name: str
         at, stop.end() if stop else len(text) + 1, number, label, keyword, bare, rest, bool(head["deleted"])
     )
     if keyword == ALONE and not _TITLE.fullmatch(bare, rest):
-        raise made.refusal(
-            name,
-            f"{bare[rest:].strip(GAPS).upper()} behind o{label} is no O-word: sub endsub call return if "
-            "elseif else endif while endwhile do repeat endrepeat break continue are; correct it",
-        )
+        raise made.refusal(name, "flow.no_o_word", behind=bare[rest:].strip(GAPS).upper(), label=label)
     return made
 
 
@@ -205,7 +194,7 @@ def _paired(marks: list[Mark], name: str) -> None:
         mark = pairs.open[-1]
         ends = {start: end for end, start in ENDS.items()} | {"do": "while [condition]"}
         what = f"o{mark.label} {ends[mark.keyword]}"
-        raise mark.refusal(name, f"{mark.written} has no end: write {what} where it ends")
+        raise mark.refusal(name, "flow.no_end", what=what)
 
 
 def _behind_bracket(text: str, at: int) -> str:
@@ -236,11 +225,7 @@ class _Pairs:
             if behind.strip(GAPS):
                 raise mark.surplus(self._name, behind)
         if mark.deleted and mark.keyword not in ("call", "return", "break", "continue"):
-            raise mark.refusal(
-                self._name,
-                f"/ before {mark.written} would take away a part of a structure: only call, return, break "
-                "and continue can be left out by block delete; take the / away",
-            )
+            raise mark.refusal(self._name, "flow.deleted")
         if mark.keyword in ("sub", ALONE):
             self._sub(mark)
         elif mark.keyword in ("while", "do", "repeat", "if"):
@@ -252,16 +237,12 @@ class _Pairs:
         elif mark.keyword in ("break", "continue"):
             self._in_loop(mark)
         elif mark.keyword == "return" and not (self.open and self.open[0].keyword == "sub"):
-            raise mark.refusal(
-                self._name, f"{mark.written} stands outside of every sub: it ends the sub that it stands in"
-            )
+            raise mark.refusal(self._name, "flow.return_outside")
 
     def _sub(self, mark: Mark) -> None:
         if self.open:
             raise mark.refusal(
-                self._name,
-                f"{mark.written} stands inside of {self.open[-1].written} on line {self.open[-1].number}: "
-                "subs stand beside each other; end that one before",
+                self._name, "flow.sub_in_sub", other=self.open[-1].written, line=self.open[-1].number
             )
         self._unused(mark, self._subs)
         mark.parts = [mark]
@@ -279,11 +260,7 @@ class _Pairs:
 
     def _unused(self, mark: Mark, used: dict[str, Mark]) -> None:
         if (other := used.get(mark.label)) is not None:
-            raise mark.refusal(
-                self._name,
-                f"the label of {mark.written} was used on line {other.number} ({other.written}): in a "
-                "program, and in each sub of it, every structure has a label of its own; choose another",
-            )
+            raise mark.refusal(self._name, "flow.label_used", line=other.number, other=other.written)
         used[mark.label] = mark
 
     def _closes(self, mark: Mark, keyword: str) -> bool:
@@ -293,12 +270,8 @@ class _Pairs:
         """The open structure that ``mark`` goes on with or ends."""
         if not self._closes(mark, keyword):
             inner = self.open[-1] if self.open else None
-            here = f"{inner.written} of line {inner.number} is open" if inner else "nothing is open"
-            raise mark.refusal(
-                self._name,
-                f"{mark.written} belongs to no o{mark.label} {keyword}: {here} here; end what was begun "
-                "last first",
-            )
+            here = said("flow.open", other=inner.written, line=inner.number) if inner else Key("flow.nothing")
+            raise mark.refusal(self._name, "flow.belongs_nowhere", keyword=keyword, here=here)
         opened = self.open[-1]
         opened.parts.append(mark)
         mark.parts = opened.parts
@@ -313,16 +286,10 @@ class _Pairs:
     def _branch(self, mark: Mark) -> None:
         opened = self._part(mark, "if")
         if any(part.keyword == "else" for part in opened.parts[:-1]):
-            raise mark.refusal(
-                self._name, f"{mark.written} comes after the else of o{mark.label}: else is last"
-            )
+            raise mark.refusal(self._name, "flow.after_else")
 
     def _in_loop(self, mark: Mark) -> None:
         loop = next((o for o in reversed(self.open) if o.keyword in LOOPS and o.label == mark.label), None)
         if loop is None:
-            raise mark.refusal(
-                self._name,
-                f"{mark.written} stands in no loop o{mark.label}: it takes the label of a while, do or "
-                "repeat around it; correct the label",
-            )
+            raise mark.refusal(self._name, "flow.no_loop")
         mark.parts = loop.parts

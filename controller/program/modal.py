@@ -11,6 +11,7 @@ from types import MappingProxyType
 from typing import NamedTuple
 
 from controller.machine.model import OFFSETS, TOOL_AT_POWER_ON, Machine, Tool
+from controller.messages import Key, Said, said
 from controller.program import output_words, override_words, planar_words, side_words, tool_change_words
 from controller.program.codes import SURFACES, Ask
 from controller.program.origins import Origins
@@ -55,13 +56,16 @@ class Begun:
     rows: Mapping[int, Mapping[str, float]]  # words (mm, degrees) by Q
 
 
+NO_MOTION = said("cleared.none")
+
+
 class State(NamedTuple):
     """Everything one line leaves to the next."""
 
     modal: Modal
     motion: str = ""  # G0 to G3, a cycle, or nothing
     beneath: str = ""  # of a cycle under fanuc: what was modal before, and is behind G80
-    cleared: str = "no motion mode is active at the start of a program"
+    cleared: Said = NO_MOTION
     mm_per_unit: float = 1.0
     side: str = "G40"
     absolute: bool = True
@@ -89,11 +93,7 @@ class State(NamedTuple):
         if not self.inverse:
             return None
         if "F" not in ask.words:
-            raise ask.refusal(
-                word,
-                f"{code} under G93 without F: in inverse time each line of G1 to G3 needs its own F, one "
-                "over the minutes that it takes; write F, or G94 and the feed per minute",
-            )
+            raise ask.refusal(word, "feed.inverse_without", code=code)
         return 60.0 / ask.words["F"].value
 
     def tool_as_told(self, number: int, machine: Machine) -> Tool | None:
@@ -125,20 +125,12 @@ class State(NamedTuple):
     def feed(self, ask: Ask, code: str, word: Word) -> float:
         """The modal F for a motion, mm/s; ProgramError where there is none."""
         if self.inverse and code in SURFACES:
-            raise ask.refusal(
-                word,
-                f"{code} takes its feed per minute: inverse time (G93) is for G1 to G3; write G94 before it",
-            )
+            raise ask.refusal(word, "feed.per_minute_only", code=code)
         feed = self.modal.feed_mm_s
         if feed is None and self.turn_feed is not None:
-            raise ask.refusal(
-                word,
-                f"{code} has a feed per turn (G95) and the spindle stands: write S and M3, or G94 before it",
-            )
+            raise ask.refusal(word, "feed.standing", code=code)
         if feed is None:
-            raise ask.refusal(
-                word, f"{code} has no feed: no F stands here or before it; write F with the feed per minute"
-            )
+            raise ask.refusal(word, "feed.none", code=code)
         return feed
 
 
@@ -228,10 +220,10 @@ class _Settings:
         per_min = word.value / BLU_PER_MM if in_blu else word.value
         mm_s = per_min * (1.0 if in_blu else self.state.mm_per_unit) / 60.0
         if mm_s <= 0.0:
-            raise self.ask.refusal(word, f"{word.text} is no feed: F must be greater than 0; correct it")
+            raise self.ask.refusal(word, "feed.not_positive")
         if not FEEDS[0] <= per_min <= FEEDS[1]:
             low, high = (f"{feed * (BLU_PER_MM if in_blu else 1.0):.12g}" for feed in FEEDS)
-            raise self.ask.refusal(word, f"{word.text} is no feed: {low} to {high} a minute are; correct it")
+            raise self.ask.refusal(word, "feed.range", low=low, high=high)
         deg_s = per_min / 60.0
         if self.state.per_turn:
             self.state = self.state._replace(turn_feed=(mm_s * 60.0, per_min))
@@ -255,11 +247,7 @@ class _Settings:
             return
         spindle = self._machine.spindle
         if spindle is not None and word.value > spindle.max_rev_min:
-            raise self.ask.refusal(
-                word,
-                f"{word.text} is too fast: this spindle turns at up to {spindle.max_rev_min:g} 1/min; "
-                "lower it",
-            )
+            raise self.ask.refusal(word, "spindle.too_fast", most=spindle.max_rev_min)
         self.state = self.state._replace(speed_rev_min=self.ask.not_negative(word))
         if self.state.turning and "spindle" not in self.ask.codes and "tool change" not in self.ask.codes:
             self._turn_spindle(self.state.turning, word)
@@ -305,11 +293,7 @@ class _Settings:
         """Length of the tool that a T or H word names."""
         tool = self.state.tool(self.ask.whole(word), self._machine)
         if tool is None:
-            raise self.ask.refusal(
-                word,
-                f"{word.text} names no tool: the tool table has {tool_list(self._machine)}; use one "
-                "of these or add it",
-            )
+            raise self.ask.refusal(word, "tool.unknown", tools=tool_list(self._machine))
         return tool.length_mm
 
     def _change_tool(self) -> None:
@@ -321,9 +305,7 @@ class _Settings:
             return
         word = self.ask.codes["tool change"][1]
         if self.state.selected is None:
-            raise self.ask.refusal(
-                word, "M6 has no tool to change to: write T and its number before or beside it"
-            )
+            raise self.ask.refusal(word, "tool.none_to_change")
         before, modal = self.state.modal, self.state.with_tool(self.state.selected, self._machine)
         self.state = self.state._replace(modal=replace(modal, spindle_rev_min=0.0), turning=0)
         self._act(word, Act.TOOL)
@@ -343,17 +325,10 @@ class _Settings:
 
     def _name_tool(self) -> None:
         if self._machine.changer is not None:
-            raise self.ask.refusal(
-                self.ask.codes["tool change"][1],
-                "M61 says which tool is in the spindle, and here the tool changer's journal knows: "
-                "confirm it at the machine (directrix changer), or change the tool with M6",
-            )
+            raise self.ask.refusal(self.ask.codes["tool change"][1], "tool.m61_changer")
         word = self.ask.words.get("Q")
         if word is None:
-            raise self.ask.refusal(
-                self.ask.codes["tool change"][1],
-                "M61 does not say which tool is in the spindle: write Q and its number, such as M61 Q2",
-            )
+            raise self.ask.refusal(self.ask.codes["tool change"][1], "tool.m61")
         if word.value != 0.0:
             self._known_tool(word)
         self._set_modal(self.state.with_tool(int(word.value), self._machine))
@@ -400,7 +375,7 @@ class _Settings:
             return
         word = self.ask.codes["one-line"][1]
         if not self.ask.has("PX"):
-            raise self.ask.refusal(word, "G4 has no time: write P with the seconds to wait, such as G4 P0.5")
+            raise self.ask.refusal(word, "dwell.no_time")
         seconds = dwell_s(self.ask, self.ask.words.get("P") or self.ask.words["X"], self._machine)
         self.made.append(Dwell(self.ask.place(word), self.state.modal, seconds))
 
@@ -432,16 +407,14 @@ class _Settings:
         """H0 says beside G49 what it says."""
         word = self.ask.words.get("H")
         if word is not None and word.value != 0.0:
-            raise self.ask.refusal(
-                word, f"{word.text} stands beside G49, which ends the tool's length; write H0, or G43 with it"
-            )
+            raise self.ask.refusal(word, "tool.length_beside_g49")
 
     def _said_mm(self, code: str) -> float:
         """The length that H, or Z of G43.1, names; without one that of the tool in the spindle."""
         word = self.ask.words.get("Z" if code == "G43.1" else "H")
         if word is None and code in ("G43.1", "G43.2"):
-            takes = "Z, the length" if code == "G43.1" else "H, the number of a tool"
-            raise self.ask.refusal(self.ask.codes["length"][1], f"{code} takes {takes}; write it")
+            takes = Key("tool.takes_z" if code == "G43.1" else "tool.takes_h")
+            raise self.ask.refusal(self.ask.codes["length"][1], "tool.no_length", code=code, takes=takes)
         if word is None:
             tool = self.state.tool(self.state.modal.tool, self._machine)
             return tool.length_mm if tool is not None else 0.0
@@ -477,20 +450,14 @@ class _Settings:
         index = OFFSETS.index(name)
         if not self.state.origins.is_set(index, self._machine):
             known = [one for i, one in enumerate(OFFSETS) if self.state.origins.is_set(i, self._machine)]
-            raise self.ask.refusal(
-                word,
-                f"{name} is not set, neither in [offsets] of the machine file nor at the machine; set it, or"
-                f" use {' '.join(known)}",
-            )
+            raise self.ask.refusal(word, "offset.not_set", name=name, known=" ".join(known))
         return index
 
     def _numbered(self, code: str, word: Word) -> int:
         """P of G54.1 and G154."""
         number = self.ask.words.get("P")
         if number is None or not 1 <= self.ask.whole(number) <= 48:
-            raise self.ask.refusal(
-                number or word, f"{code} takes P1 to P48, the number of a work offset; write one of these"
-            )
+            raise self.ask.refusal(number or word, "offset.number", code=code)
         return int(number.value)
 
     def _blend(self) -> tuple[float, float]:
@@ -505,14 +472,10 @@ def dwell_s(ask: Ask, word: Word, machine: Machine) -> float:
     if machine.dialect == "fanuc" and not word.point:
         seconds /= 1000.0
     if seconds > MAX_DWELL_S:
-        raise ask.refusal(
-            word,
-            f"{word.text} waits for {seconds / 3600.0:.4g} h: {word.letter} of G4 is 0 to "
-            f"{MAX_DWELL_S:.0f} seconds, a week; write M0 to wait for the operator",
-        )
+        raise ask.refusal(word, "dwell.too_long", hours=seconds / 3600.0, most=MAX_DWELL_S)
     return seconds
 
 
 def tool_list(machine: Machine) -> str:
     """The tool table in a few words, for sentences."""
-    return " ".join(f"T{tool.number}" for tool in machine.tools) or "none"
+    return " ".join(f"T{tool.number}" for tool in machine.tools) or Key("tool.none")

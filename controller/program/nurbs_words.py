@@ -23,6 +23,7 @@ from dataclasses import dataclass, field
 from controller.geometry.splines import ORDERS, BadSpline, BSpline
 from controller.geometry.vectors import Vector
 from controller.machine.model import Machine
+from controller.messages import Key, Said, said
 from controller.program import surface_doubts
 from controller.program.codes import Ask
 from controller.program.modal import State
@@ -32,18 +33,12 @@ from controller.program.words import Line, Word
 
 MAX_POINTS = 5000
 SEEN_AT = 32  # rulings that are looked at to see which curve is above
-NUMBERED = {"P": "upper", "Q": "lower"}
+NUMBERED = {"P": Key("surface.upper"), "Q": Key("surface.lower")}
 
 
-def refusal(line: Line, word: Word, found: str) -> ProgramError:
+def refusal(line: Line, word: Word, found: Said) -> ProgramError:
     """The refusal of anything that is not exactly one surface of G6.2."""
-    return line.refusal(
-        word,
-        f"{found}: G6.2 cuts a ruled surface between two NURBS curves; it stands alone with P and Q, the "
-        "orders of the upper and the lower curve, and F unless one is modal; then, first for the upper and "
-        "then for the lower curve, come a line of K X Y Z (and R) for each control point and as many lines "
-        "of K alone as the order; write exactly these",
-    )
+    return line.refusal(word, "surface.not_nurbs", found=found)
 
 
 def surface(ask: Ask, state: State, machine: Machine, lines: Iterator[Line]) -> CutNurbs:
@@ -51,9 +46,9 @@ def surface(ask: Ask, state: State, machine: Machine, lines: Iterator[Line]) -> 
     word = ask.codes["motion"][1]
     for other in ask.line.words:
         if other is not word and other.letter not in "PQF":
-            raise refusal(ask.line, other, f"found {other.text}")
+            raise refusal(ask.line, other, said("surface.found", found=other.text))
     if lacking := missing(ask.words, "PQ"):
-        raise refusal(ask.line, word, lacking)
+        raise refusal(ask.line, word, said("surface.missing", letters=lacking))
     orders = [_order(ask, ask.words[letter]) for letter in "PQ"]
     feed = feed_of(ask, "G6.2", word, state, machine)
     upper, lower = (
@@ -62,22 +57,15 @@ def surface(ask: Ask, state: State, machine: Machine, lines: Iterator[Line]) -> 
     )
     above, below = ([curve.at(k / SEEN_AT) for k in range(SEEN_AT + 1)] for curve in (upper, lower))
     if surface_doubts.is_upside_down(above, below, state.modal.frame(machine)):
-        raise ask.refusal(
-            word,
-            "the upper curve of this G6.2, the first one, lies below the lower one, so the tool would stand"
-            " upside down; exchange the two curves",
-        )
+        raise ask.refusal(word, "surface.nurbs_upside_down")
     return CutNurbs(ask.place(word), state.modal, upper, lower, feed)
 
 
 def _order(ask: Ask, word: Word) -> int:
     order = ask.whole(word)
     if order not in ORDERS:
-        raise ask.refusal(
-            word,
-            f"{word.text} is no order of the {NUMBERED[word.letter]} curve: it is the degree + 1, from "
-            f"{ORDERS[0]} (straight lines) to {ORDERS[-1]}, and 4 for a cubic; correct it",
-        )
+        curve = NUMBERED[word.letter]
+        raise ask.refusal(word, "surface.order", curve=curve, least=ORDERS[0], most=ORDERS[-1])
     return order
 
 
@@ -86,7 +74,7 @@ class _Reader:
     """One curve being read, with the line and word of everything it is made of."""
 
     ask: Ask
-    name: str  # upper, lower
+    name: Key  # upper, lower
     order: int
     state: State
     lines: Iterator[Line]
@@ -106,45 +94,46 @@ class _Reader:
         except BadSpline as bad:
             rows = self.weights if bad.what == "weights" else self.knots
             _, line, word = rows[len(self.points) if bad.what == "points" else bad.index]
-            sentence = f"the {self.name} curve of the G6.2 on line {self.ask.line.number} cannot be: {bad}"
-            raise line.refusal(word, f"{sentence}; correct it") from None
+            number = self.ask.line.number
+            raise line.refusal(
+                word, "surface.no_spline", curve=self.name, number=number, bad=bad.said
+            ) from None
 
     def _point(self) -> bool:
         """Take a line of a control point; False where its K stands alone, the first knot of the rest."""
-        due = f"control point {len(self.points) + 1} of the {self.name} curve"
+        due = said("surface.control_point", number=len(self.points) + 1, curve=self.name)
         line, given = self._line("KXYZR", due)
         if given.keys() == {"K"}:
             if not self.points:
-                raise refusal(line, given["K"], f"found {given['K'].text} alone where {due} is due")
+                raise refusal(line, given["K"], said("surface.alone_for", found=given["K"].text, due=due))
             return False
         if lacking := missing(given, "XYZ"):
-            raise refusal(line, line.words[0], f"{lacking} in {due}")
+            raise refusal(line, line.words[0], said("surface.missing_in", letters=lacking, due=due))
         if len(self.points) == MAX_POINTS:
-            sentence = f"the {self.name} curve has more than {MAX_POINTS} points"
-            raise line.refusal(line.words[0], f"{sentence}: one G6.2 takes no more; split the surface")
+            raise line.refusal(line.words[0], "surface.too_many", curve=self.name, most=MAX_POINTS)
         weight = given.get("R", given["K"])
         self.points.append(point_of(given, "XYZ", self.state))
         self.weights.append((weight.value if "R" in given else 1.0, line, weight))
         return True
 
     def _knot_alone(self, count: int) -> None:
-        due = f"knot {count} of the {self.order} that follow the points of the {self.name} curve"
+        due = said("surface.knot", count=count, order=self.order, curve=self.name)
         line, given = self._line("K", due)
         if given.keys() != {"K"}:
-            raise refusal(line, line.words[0], f"K missing in {due}")
+            raise refusal(line, line.words[0], said("surface.missing_in", letters="K", due=due))
 
-    def _line(self, letters: str, due: str) -> tuple[Line, dict[str, Word]]:
+    def _line(self, letters: str, due: Said) -> tuple[Line, dict[str, Word]]:
         """The next line, with none but these letters and a K."""
         line = next(self.lines, None)
-        of = f"of the G6.2 on line {self.ask.line.number}"
+        of = said("surface.of_nurbs", due=due, line=self.ask.line.number)
         if line is None:
-            raise refusal(self.ask.line, self.ask.codes["motion"][1], f"the program ends where {due} is due")
+            raise refusal(self.ask.line, self.ask.codes["motion"][1], said("surface.ends_for", due=due))
         given: dict[str, Word] = {}
         for found in line.words:
             if found.letter not in letters or found.letter in given:
-                raise refusal(line, found, f"found {found.text} where {due} {of} is due")
+                raise refusal(line, found, said("surface.found_for", found=found.text, due=of))
             given[found.letter] = found
         if "K" not in given:
-            raise refusal(line, line.words[0], f"K missing in {due} {of}")
+            raise refusal(line, line.words[0], said("surface.missing_in", letters="K", due=of))
         self.knots.append((given["K"].value, line, given["K"]))
         return line, given

@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 
 from controller.geometry.vectors import ZERO, Frame, Vector, X, Y, Z
 from controller.machine.model import MAX_WEAR_MM, OFFSETS, Machine, Offset, Shift, Tool
+from controller.messages import Key
 from controller.program.codes import Ask
 from controller.program.modal import State, tool_list
 from controller.program.origins import NONE, Origins, about, turned_about_z
@@ -35,11 +36,7 @@ class Here(NamedTuple):
     def known(self, word: Word, values: Sequence[Known], what: str) -> tuple[float, ...]:
         """``values``, refused where one of them is not known."""
         if any(value is None for value in values):
-            raise self.ask.refusal(
-                word,
-                f"{what} has to know where the axes stand, and after a surface or a tool vector that is the "
-                "path's choice; write G0 with positions of X Y Z and of the rotary axes before it",
-            )
+            raise self.ask.refusal(word, "position.unknown", what=what)
         return tuple(value for value in values if value is not None)
 
     def length_mm(self, letter: str) -> float | None:
@@ -76,11 +73,9 @@ def _shifted_to(here: Here) -> Origins:
     word = ask.codes["one-line"][1]
     xyz, rotary = here.lengths_mm(), here.rotary_rad()
     if all(value is None for value in (*xyz, *rotary)):
-        raise ask.refusal(word, "G92 says no position: write the axes and what their positions are to read")
+        raise ask.refusal(word, "offset.g92_empty")
     if state.origins.turn is not None:
-        raise ask.refusal(
-            word, "G92 stands under G68: the shift would be turned with it; write G69 before it"
-        )
+        raise ask.refusal(word, "offset.g92_turned")
     origins = replace(
         state.origins, shift=NONE if state.origins.suspended else state.origins.shift, suspended=False
     )
@@ -120,11 +115,8 @@ def _g10(here: Here) -> State:
 
 
 def _not_set(here: Here, word: Word) -> Exception:
-    if here.machine.dialect == "fanuc":
-        known = "L2 P1 to P6 and L20 P1 to P48 (work offsets), L10 to L13 P and the tool with R"
-    else:
-        known = "L2 and L20 P0 to P9 (work offsets), L1, L10 and L11 P and the tool with Z and R"
-    return here.ask.refusal(word, f"{word.text} sets nothing here: G10 takes {known}; write one of these")
+    key = "offset.sets_nothing_fanuc" if here.machine.dialect == "fanuc" else "offset.sets_nothing"
+    return here.ask.refusal(word, key)
 
 
 def _index(here: Here, number: int) -> int:
@@ -143,7 +135,7 @@ def _set_offset(here: Here, index: int, to_here: bool) -> State:
     before = origins.offset(index, here.machine)
     r = here.ask.words.get("R")
     if r is not None and to_here:
-        raise here.ask.refusal(r, f"{r.text} is not taken by G10 L20: R turns an offset with L2; correct it")
+        raise here.ask.refusal(r, "offset.r_of_l20")
     if to_here:
         _check_untilted(here, "G10 L20")
     xyz, rotary = here.lengths_mm(), here.rotary_rad()
@@ -155,11 +147,7 @@ def _set_offset(here: Here, index: int, to_here: bool) -> State:
 
 def _check_untilted(here: Here, code: str) -> None:
     if here.state.origins.plane is not None:
-        raise here.ask.refusal(
-            here.ask.codes["one-line"][1],
-            f"{code} takes where the tool stands, which is told in a tilted plane here and not in the work "
-            "offset; write G69 before it",
-        )
+        raise here.ask.refusal(here.ask.codes["one-line"][1], "offset.tilted", code=code)
 
 
 def _offset_said(here: Here, before: Offset, xyz: Sequence[Known], rotary: Sequence[Known]) -> Offset:
@@ -192,9 +180,7 @@ def _set_tool(here: Here, what: int, number: int) -> State:
     tool = here.state.tool_as_told(number, here.machine)
     if tool is None:
         word = here.ask.words["P"]
-        raise here.ask.refusal(
-            word, f"{word.text} names no tool: the tool table has {tool_list(here.machine)}; use one of these"
-        )
+        raise here.ask.refusal(word, "tool.unknown_here", tools=tool_list(here.machine))
     changed = _fanuc_tool(here, what, tool) if here.machine.dialect == "fanuc" else _tool(here, what, tool)
     _check_tool(here, changed)
     state = here.state._replace(tools=MappingProxyType({**here.state.tools, number: changed}))
@@ -207,17 +193,11 @@ def _check_tool(here: Here, tool: Tool) -> None:
     """As the tool table would."""
     word = here.ask.words.get("R", here.ask.words["P"])
     if tool.radius_mm <= 0.0:
-        raise here.ask.refusal(
-            word, f"{word.text} leaves no tool: its radius must be greater than 0; correct it"
-        )
+        raise here.ask.refusal(word, "tool.no_radius")
     least_mm = min(MAX_WEAR_MM, 0.5 * tool.radius_mm)
     worn = -least_mm <= tool.wear_radius_mm <= MAX_WEAR_MM and abs(tool.wear_length_mm) <= MAX_WEAR_MM
     if not worn:
-        raise here.ask.refusal(
-            word,
-            f"{word.text} is no wear: {-MAX_WEAR_MM:g} to {MAX_WEAR_MM:g} mm are, and half of the radius "
-            "at most; what is worn more is another tool, so correct it, or set length and radius",
-        )
+        raise here.ask.refusal(word, "tool.no_wear", least=-MAX_WEAR_MM, most=MAX_WEAR_MM)
 
 
 def _tool(here: Here, what: int, tool: Tool) -> Tool:
@@ -286,7 +266,7 @@ def rotation(here: Here) -> State:
         return here.state._replace(begun=None, cycle=cycle).with_origins(origins.outside(), here.machine)
     r = here.ask.words.get("R")
     if r is None:
-        raise here.ask.refusal(word, "G68 does not say by how much: write R and the angle in degrees")
+        raise here.ask.refusal(word, "plane.g68_no_angle")
     unturned = here.state.with_origins(replace(origins, turn=None), here.machine)
     normal = NORMALS[here.state.modal.plane]
     centre = _centre(here, unturned, normal, word)
@@ -301,5 +281,5 @@ def _centre(here: Here, unturned: State, normal: Vector, word: Word) -> Vector:
     for i, said in enumerate(here.lengths_mm()):
         if normal[i] == 1.0:
             continue
-        (found[i],) = here.known(word, (now[i] if said is None else said,), "G68 without its centre")
+        (found[i],) = here.known(word, (now[i] if said is None else said,), Key("position.g68"))
     return found[0], found[1], found[2]

@@ -24,11 +24,7 @@ def applied(ask: Ask, modal: Modal, machine: Machine) -> Modal:
     if code == "M50":
         return replace(modal, overrides=modal.overrides._replace(feed=on))
     if code == "M52" and on:
-        raise ask.refusal(
-            word,
-            "M52 lets an input lead the feed (adaptive feed), and no machine file has one: the feed is "
-            "planned ahead by the limits of the axes; write M52 P0, or leave it out",
-        )
+        raise ask.refusal(word, "override.adaptive")
     if code == "M53":
         _check_input(ask, machine, on)
         return replace(modal, overrides=modal.overrides._replace(stop=on))
@@ -39,14 +35,10 @@ def _on(ask: Ask, code: str) -> bool:
     """P: 0 is off, 1 or nothing on."""
     p = ask.words.get("P")
     if p is not None and p.value not in (0.0, 1.0):
-        raise ask.refusal(p, f"{p.text} is neither on nor off: {code} takes P1 or P0; write one of these")
+        raise ask.refusal(p, "override.on_or_off", code=code)
     return p is None or p.value == 1.0
 
 
 def _check_input(ask: Ask, machine: Machine, on: bool) -> None:
     if on and (machine.io is None or machine.io.input(FEED_STOP) is None):
-        raise ask.refusal(
-            ask.codes["overrides"][1],
-            f"M53 has nothing to work on: the machine file has no {FEED_STOP} among inputs in [io]; name it "
-            "there, or leave M53 out",
-        )
+        raise ask.refusal(ask.codes["overrides"][1], "override.no_feed_stop", input=FEED_STOP)

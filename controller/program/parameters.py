@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Protocol
 
-Key = int | str
+Name = int | str
 ARGUMENTS = range(1, 31)  # a sub's own
 SAYS_DEBUG = 5599  # 0: what (DEBUG,) would say is not said
 OF_THE_MACHINE = range(5061, 5603)  # positions, offsets and tools: the control gives them
@@ -20,20 +20,24 @@ RETURNED = ("_value", "_value_returned")  # what the last sub gave back, and whe
 
 
 class NoValue(Exception):
-    """A parameter that cannot be read, or set, here; the sentence why."""
+    """A parameter that cannot be read, or set, here: the key of the text why, and its values."""
+
+    def __init__(self, key: str, **values: object) -> None:
+        super().__init__(key)
+        self.key, self.values = key, values
 
 
 class Given(Protocol):
     """What the control says of itself by parameters of its own."""
 
-    def value(self, key: Key) -> float | None:
+    def value(self, key: Name) -> float | None:
         """The value of one of its parameters; None where it has none of that name. Raises NoValue."""
 
 
 class Nothing:
     """Nothing is given."""
 
-    def value(self, key: Key) -> float | None:
+    def value(self, key: Name) -> float | None:
         return None
 
 
@@ -53,16 +57,21 @@ class Parameters:
         """
         self._system = system
         self._given = given or Nothing()
-        self._global: dict[Key, float] = {**dict.fromkeys(RETURNED, 0.0), SAYS_DEBUG: 1.0, **dict(begun)}
+        self._global: dict[Name, float] = {**dict.fromkeys(RETURNED, 0.0), SAYS_DEBUG: 1.0, **dict(begun)}
         self._kept, self._fresh = kept, dict[int, float]()
-        self._locals: list[dict[Key, float]] = [{}]  # of the program, and of each sub that runs in it
+        self._locals: list[dict[Name, float]] = [{}]  # of the program, and of each sub that runs in it
+
+    @property
+    def of_fanuc(self) -> bool:
+        """Whether expressions are those of Fanuc's macros."""
+        return bool(self._system)
 
     @property
     def level(self) -> int:
         """How many subs are running, one in the other."""
         return len(self._locals) - 1
 
-    def value(self, key: Key) -> float:
+    def value(self, key: Name) -> float:
         """Raises NoValue."""
         self._check_own(key)
         if (found := self._room(key).get(key)) is not None:
@@ -71,9 +80,9 @@ class Parameters:
             return given
         if isinstance(key, int):
             return 0.0
-        raise NoValue(f"#<{key}> has no value yet: set it on an earlier line with #<{key}>=value")
+        raise NoValue("value.unset", name=key)
 
-    def exists(self, key: Key) -> bool:
+    def exists(self, key: Name) -> bool:
         """As EXISTS asks: every number does."""
         try:
             self.value(key)
@@ -81,30 +90,23 @@ class Parameters:
             return False
         return True
 
-    def check_settable(self, key: Key) -> None:
+    def check_settable(self, key: Name) -> None:
         """Raises NoValue for what a program cannot set."""
         self._check_own(key)
         if isinstance(key, int) and key in OF_THE_MACHINE and key != SAYS_DEBUG:
-            raise NoValue(
-                f"#{key} cannot be set: parameters {OF_THE_MACHINE.start} to {OF_THE_MACHINE.stop - 1} are "
-                "positions, offsets and tools of the machine and can only be read; use another number, and "
-                "G10, G92 and G28.1 to set offsets, tools and reference points"
-            )
+            first, last = OF_THE_MACHINE.start, OF_THE_MACHINE.stop - 1
+            raise NoValue("value.of_the_machine", number=key, first=first, last=last)
         if key in RETURNED or (isinstance(key, str) and self._is_given(key)):
-            raise NoValue(f"#<{key}> is given by the control and can only be read; use another name")
+            raise NoValue("value.given", name=key)
 
-    def _check_own(self, key: Key) -> None:
+    def _check_own(self, key: Name) -> None:
         if isinstance(key, int) and key in self._system and key not in OF_SKIPS and not self._is_kept(key):
-            raise NoValue(
-                f"#{key} is a system variable on controls of this dialect, and not here: parameters of a "
-                "program are #1 to #999; write (MSG, ...) and M0 for #3000 and #3006, #5420 on for "
-                "positions, G10 to set offsets"
-            )
+            raise NoValue("value.system", number=key)
 
     def _is_kept(self, key: int) -> bool:
         return any(low <= key <= high for low, high in self._kept)
 
-    def set(self, settings: Mapping[Key, float]) -> None:
+    def set(self, settings: Mapping[Name, float]) -> None:
         """The settings of a line, which take effect together."""
         for key, value in settings.items():
             self._room(key)[key] = value
@@ -133,12 +135,12 @@ class Parameters:
         own = self._locals.pop()
         self._locals[-1].update((key, value) for key, value in own.items() if isinstance(key, int))
 
-    def _room(self, key: Key) -> dict[Key, float]:
+    def _room(self, key: Name) -> dict[Name, float]:
         """Where a parameter is kept."""
         local = key in ARGUMENTS if isinstance(key, int) else not key.startswith("_")
         return self._locals[-1] if local else self._global
 
-    def _of_the_control(self, key: Key) -> float | None:
+    def _of_the_control(self, key: Name) -> float | None:
         if key == "_call_level":
             return float(self.level)
         return self._given.value(key)

@@ -46,17 +46,9 @@ def said(ask: Ask, code: str, letters: str, state: State, machine: Machine) -> P
             again = before if number is None else _beside(ask, code, number, state, machine)
             if again is not None and again.off_mm == before.off_mm:
                 return before
-        raise ask.refusal(
-            word,
-            f"{word.text} stands under the {before.code} of line {before.place.line}, which is on until G40; "
-            "write G40 with a move away from the contour before it",
-        )
+        raise ask.refusal(word, "beside.is_on", code=before.code, line=before.place.line)
     if for_surfaces and number is not None:
-        raise ask.refusal(
-            number,
-            f"{number.text} and {for_surfaces[0].text} stand beside {code}: with D it is for lines and arcs, "
-            "with P, Q and R for surfaces; write one of the two",
-        )
+        raise ask.refusal(number, "beside.two_meanings", other=for_surfaces[0].text, code=code)
     if for_surfaces:
         return None
     number = number or (state.offset_number if code not in WRITTEN else None)
@@ -67,12 +59,9 @@ def _beside(ask: Ask, code: str, number: Word | None, state: State, machine: Mac
     """The compensation of a code with D, or without."""
     written = code in WRITTEN
     if number is None and written:
-        raise ask.refusal(ask.codes["side"][1], f"{code} has no D: write D and the cutter's diameter")
+        raise ask.refusal(ask.codes["side"][1], "beside.no_diameter", code=code)
     if written and "L" in ask.words and ask.words["L"].value not in (0.0, 9.0):
-        raise ask.refusal(
-            ask.words["L"],
-            f"{ask.words['L'].text} is the edge of a turning tool: a cutter here is round; leave L out",
-        )
+        raise ask.refusal(ask.words["L"], "beside.edge")
     if written and number is not None:
         radius: float | None = number.value * state.mm_per_unit / 2.0
     else:
@@ -95,11 +84,7 @@ def _radius(ask: Ask, number: Word | None, state: State, machine: Machine) -> fl
     found: Tool | None = state.tool(whole, machine) if whole else state.modal.tool_in(machine)
     if found is None:
         known = " ".join(f"D{tool.number}" for tool in machine.tools) or "none"
-        raise ask.refusal(
-            number,
-            f"{number.text} names no tool: D is the number in the tool table, which has {known}; use one of "
-            "these or add it, or write G41.1 or G42.1 with D as the diameter",
-        )
+        raise ask.refusal(number, "beside.no_tool", known=known)
     return found.radius_mm
 
 
@@ -109,17 +94,9 @@ def for_lines(ask: Ask, motion: str, word: Word, state: State) -> State:
     if state.side == "G40" or (planar is not None and planar.lines and state.modal.tip is Tip.OFF):
         return state
     if planar is None:
-        raise ask.refusal(
-            word,
-            f"{motion} runs under {state.side}, which is for surfaces here: P, Q or R stand beside it, or a "
-            "surface came after it; write G40, and G41 or G42 with D for lines and arcs",
-        )
+        raise ask.refusal(word, "beside.for_surfaces", motion=motion, side=state.side)
     if state.modal.tip is not Tip.OFF:
-        raise ask.refusal(
-            word,
-            f"{motion} runs under {state.side} and tool-centre control: lines and arcs have their cutter "
-            "beside them in a plane of X Y Z only; write G49 before it, or G40",
-        )
+        raise ask.refusal(word, "beside.tip_control", motion=motion, side=state.side)
     return state._replace(modal=replace(state.modal, planar=planar._replace(lines=True)))
 
 
@@ -127,11 +104,7 @@ def for_surfaces(ask: Ask, motion: str, word: Word, state: State) -> State:
     """Likewise for a surface."""
     planar = state.modal.planar
     if planar is not None and planar.lines:
-        raise ask.refusal(
-            word,
-            f"{motion} is a surface, and the {planar.code} of line {planar.place.line} is for lines and "
-            "arcs: D stands beside it, or a line came first; write G40 before it, and G41 or G42 without D",
-        )
+        raise ask.refusal(word, "beside.for_lines", motion=motion, code=planar.code, line=planar.place.line)
     return state if planar is None else state._replace(modal=replace(state.modal, planar=None))
 
 
@@ -151,8 +124,4 @@ def check(ask: Ask, before: Modal, after: Modal) -> None:
 
 def _changed(ask: Ask, group: str, planar: Planar) -> ProgramError:
     word = ask.codes[group][1]
-    return ask.refusal(
-        word,
-        f"{word.text} stands under the {planar.code} of line {planar.place.line}: tool, length, plane and "
-        "coordinates stay as they are until G40; write G40 with a move away from the contour before it",
-    )
+    return ask.refusal(word, "beside.changed", code=planar.code, line=planar.place.line)

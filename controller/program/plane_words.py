@@ -58,7 +58,7 @@ class Said:
 
     rows: Mapping[int, Mapping[str, float]]
     order: str  # Q of a definition of one line, "" without one
-    refusal: Callable[[str], ProgramError]
+    refusal: Callable[..., ProgramError]  # of a key and its values
     tell: Callable[[str], None]
 
     def get(self, letters: str, q: int = 0) -> Vector:
@@ -75,10 +75,7 @@ class Said:
         """The axes (0 to 2) that are turned about, one after the other."""
         order = self.order or otherwise
         if order not in allowed:
-            raise self.refusal(
-                f"has Q{order}: Q is the order of the axes, 1 for X, 2 for Y, 3 for Z, one of "
-                f"{' '.join(allowed)}; correct it"
-            )
+            raise self.refusal("plane.order", order=order, allowed=" ".join(allowed))
         return [int(digit) - 1 for digit in order]
 
 
@@ -118,7 +115,7 @@ def defined(here: Here) -> tuple[State, list[Block]]:
     said = Said(
         rows,
         f"{given.value:g}" if given is not None else "",
-        lambda sentence: here.ask.refusal(word, f"{code} P{p} {sentence}"),
+        lambda key, **values: here.ask.refusal(word, key, code=code, p=p, **values),
         tell,
     )
     frame = form.made(said)
@@ -135,9 +132,7 @@ def check_whole(ask: Ask, state: State) -> None:
 def _not_whole(ask: Ask, begun: Begun) -> ProgramError:
     given = " ".join(f"Q{q}" for q in sorted(begun.rows))
     return ask.refusal(
-        ask.line.words[0],
-        f"{begun.code} P{begun.p} from line {begun.line} on is not whole: only {given} of it stands before "
-        "this line; write its other lines there, nothing between them",
+        ask.line.words[0], "plane.not_whole", code=begun.code, p=begun.p, line=begun.line, given=given
     )
 
 
@@ -152,18 +147,17 @@ def _taken(here: Here, frame: Frame) -> State:
 def _check_state(here: Here, code: str, word: Word) -> None:
     """Whether a plane may be defined in this state."""
     origins, rs274 = here.state.origins, here.machine.dialect == "rs274"
-    why = ""
+    key = ""
     if code == "G68.4" and origins.plane is None:
-        before = "G68.2 and G53.1" if rs274 else "G68.2"
-        why = f"is seen from a tilted plane, and none is active: write {before} before it"
+        key = "plane.none_rs274" if rs274 else "plane.none"
     elif code != "G68.4" and origins.turn is not None:
-        why = "stands under G68, which would be turned with it: write G69 before it"
+        key = "plane.turned"
     elif rs274 and origins.waiting is not None:
-        why = "would replace a plane that no G53.1 has turned the tool to: write G53.1 or G69 before it"
+        key = "plane.waiting"
     elif rs274 and code != "G68.4" and origins.plane is not None:
-        why = "stands in a tilted plane: write G69 before it, or G68.4 for a plane seen from it"
-    if why:
-        raise here.ask.refusal(word, f"{code} {why}")
+        key = "plane.in_a_plane"
+    if key:
+        raise here.ask.refusal(word, key, code=code)
 
 
 # ---- words ---------------------------------------------------------------------------
@@ -173,13 +167,8 @@ def _form(here: Here, code: str, word: Word) -> tuple[int, Form]:
     given, forms = here.ask.words.get("P"), FORMS[here.machine.dialect]
     p = 0 if given is None else here.ask.whole(given)
     if p not in forms:
-        raise here.ask.refusal(
-            given or word,
-            f"P{p} is no definition of {code}: under {here.machine.dialect} P0 are Euler angles, P1 turns "
-            "about X Y Z, P2 three points, P3 two vectors"
-            + (", P4 projected angles" if 4 in forms else "")
-            + "; write one of these",
-        )
+        key = "plane.no_definition" if 4 in forms else "plane.no_definition_rs274"
+        raise here.ask.refusal(given or word, key, code=code, p=p)
     return p, forms[p]
 
 
@@ -194,11 +183,9 @@ def _rows(here: Here, code: str, p: int, form: Form) -> Mapping[int, Mapping[str
     word = given or ask.codes["rotation"][1]
     if q not in form.letters:
         known = " ".join(f"Q{one}" for one in form.letters)
-        raise ask.refusal(word, f"{code} P{p} has no line Q{q}: its lines are {known}; write one of these")
+        raise ask.refusal(word, "plane.no_row", code=code, p=p, q=q, known=known)
     if q in before:
-        raise ask.refusal(
-            word, f"{code} P{p} Q{q} stands here for the second time: each line once; remove one"
-        )
+        raise ask.refusal(word, "plane.row_twice", code=code, p=p, q=q)
     _check_letters(ask, code, p, form, q)
     points = form.points if q == 0 else "XYZ"
     row = {
@@ -216,8 +203,11 @@ def _check_letters(ask: Ask, code: str, p: int, form: Form, q: int) -> None:
         if letter in ask.words and letter not in letters:
             raise ask.refusal(
                 ask.words[letter],
-                f"{ask.words[letter].text} is not taken by {code} P{p}{f' Q{q}' if form.rows else ''}: that "
-                f"has {' '.join(form.letters[q])}; remove the word",
+                "plane.letter",
+                code=code,
+                p=p,
+                row=f" Q{q}" if form.rows else "",
+                letters=" ".join(form.letters[q]),
             )
 
 
@@ -268,10 +258,7 @@ def _points(said: Said) -> Triad:
     longest = max(norm(along), norm(other), norm(subtract(third, second)))
     across = cross(along, other)
     if longest < MIN_MM or norm(along) < MIN_MM or norm(across) / longest < MIN_MM:
-        raise said.refusal(
-            f"has three points on one line or in one place: each is at least {MIN_MM:g} mm off the line "
-            "through the others, as no plane is told by less; correct them"
-        )
+        raise said.refusal("plane.points_on_a_line", least=MIN_MM)
     x, z = unit(along), unit(across)
     return x, cross(z, x), z
 
@@ -292,15 +279,10 @@ def _squared(said: Said, along: Vector, normal: Vector, most_deg: float) -> Tria
     """X and Z of two vectors; where they miss the right angle Z stays and X gives way."""
     for v, name in ((along, "X"), (normal, "Z")):
         if norm(v) < SHORTEST:
-            raise said.refusal(
-                f"has a vector along {name} without length: I J K are its direction; write them"
-            )
+            raise said.refusal("plane.no_length", axis=name)
     off = math.degrees(angle_between(along, normal)) - 90.0
     if abs(off) > most_deg:
-        raise said.refusal(
-            f"has X and Z of the plane {off + 90.0:.4g} degrees apart: they are {90.0 - most_deg:.4g} to "
-            f"{90.0 + most_deg:.4g} degrees apart, and X gives way to make it 90; correct one of them"
-        )
+        raise said.refusal("plane.not_square", off=off + 90.0, low=90.0 - most_deg, high=90.0 + most_deg)
     if abs(off) > TOLD_DEG:
         said.tell(
             f"has X and Z of the plane {off + 90.0:.4g} degrees apart: Z stays, X gives way to make it 90."
@@ -329,10 +311,7 @@ def _projected(said: Said) -> Frame:
     x, other = _spun([(Y, i)], X), _spun([(X, j)], Y)
     apart = math.degrees(angle_between(x, other))
     if not MIN_DEG <= apart <= 180.0 - MIN_DEG:
-        raise said.refusal(
-            f"has projected axes {round(apart, 4):g} degrees apart, which tell no plane: they are "
-            f"{MIN_DEG:g} to {180.0 - MIN_DEG:g} apart; correct I and J, or write Euler angles (P0)"
-        )
+        raise said.refusal("plane.projected", apart=round(apart, 4), low=MIN_DEG, high=180.0 - MIN_DEG)
     z = unit(cross(x, other))
     return within(Frame(said.get("XYZ"), x, cross(z, x), z), _turned(ZERO, [(Z, k)]))
 
@@ -360,10 +339,7 @@ def _origin(here: Here, out: State, word: Word) -> Vector:
         x, y, z = (value or 0.0 for value in said)
         return x, y, z
     if len(missing) < 3:
-        raise here.ask.refusal(
-            word,
-            f"G68.3 has an origin without {' '.join(missing)}: write X Y Z, or none of them for the tool tip",
-        )
+        raise here.ask.refusal(word, "plane.origin", missing=" ".join(missing))
     x, y, z = here.known(word, here.position.in_frame(replace(out.modal, tilted=True)), "G68.3")
     return x, y, z
 

@@ -68,9 +68,4 @@ def _word(ask: Ask, word: Word, lengths: str, angles: str, inches: bool, machine
     if machine.without_point == "thousandth":
         tenth = 0.1 if inches and word.letter in lengths else 1.0
         return word._replace(value=word.value * 0.001 * tenth, point=True)
-    raise ask.refusal(
-        word,
-        f"{word.text} has no decimal point: on controls of this dialect it may mean {word.value:g} or "
-        f"{word.value * 0.001:g}; write a point, or say in the machine file which, [machine] without_point = "
-        '"unit" or "thousandth"',
-    )
+    raise ask.refusal(word, "word.no_point", whole=word.value, thousandth=word.value * 0.001)

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from controller.machine.model import Machine
+from controller.messages import Key
 from controller.program.codes import Ask
 from controller.program.modal import INCHES, State
 from controller.program.offset_words import Here
@@ -33,7 +34,7 @@ def cartesian(ask: Ask, state: State, position: Position, machine: Machine) -> A
     if absolute and distance is not None and angle is not None:
         x, y = _at(distance, math.radians(angle))
         return _with(ask, word, (x, y), state.mm_per_unit)
-    begin = here.known(word, position.in_frame(state.modal)[:2], "a line with @ or ^")
+    begin = here.known(word, position.in_frame(state.modal)[:2], Key("position.polar"))
     steps = (distance or 0.0, math.radians(angle or 0.0))
     if not absolute:
         x, y = stepped(ask, word, begin, steps)
@@ -48,10 +49,7 @@ def stepped(ask: Ask, word: Word, begin: Sequence[float], steps: tuple[float, fl
     """X and Y one step of distance (mm) and angle (rad) on. Raises ProgramError."""
     far = math.hypot(*begin)
     if far < MIN_MM:
-        raise ask.refusal(
-            word,
-            f"{word.text} is a step under G91 from the origin, where no direction is: write X and Y, or G90",
-        )
+        raise ask.refusal(word, "polar.no_direction")
     return _at(far + steps[0], math.atan2(begin[1], begin[0]) + steps[1])
 
 
@@ -60,15 +58,15 @@ def _at(distance: float, angle: float) -> tuple[float, float]:
 
 
 def _check(ask: Ask, word: Word, machine: Machine) -> None:
-    why = ""
+    key = ""
     if machine.dialect != "rs274":
-        why = 'is a word of dialect = "rs274"; write X and Y'
+        key = "polar.dialect"
     elif ask.has("XY"):
-        why = "stands beside X or Y, in whose place it is; write one or the other"
+        key = "polar.beside_xy"
     elif "one-line" in ask.codes and ask.code("one-line") != "G53":
-        why = f"stands beside {ask.code('one-line')}: it ends lines, arcs and cycles; write X and Y"
-    if why:
-        raise ask.refusal(word, f"{word.text} {why}")
+        key = "polar.beside_code"
+    if key:
+        raise ask.refusal(word, key, code=ask.code("one-line"))
 
 
 def _with(ask: Ask, word: Word, end: tuple[float, float], mm_per_unit: float) -> Ask:

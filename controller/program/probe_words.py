@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from controller.messages import Key, said
 from controller.program import line_words
 from controller.program.offset_words import Here
 from controller.program.program import JointLine, Probing, ProgramError, TipLine
@@ -25,23 +26,19 @@ def _wrong(here: Here, code: str, word: Word) -> ProgramError | None:
     ask, modal, machine = here.ask, here.state.modal, here.machine
     sensor = machine.sensor(modal.tool)
     rotaries = [axis.name for axis in machine.axes if axis.is_rotary and axis.name in ask.words]
+    key, values = "", dict[str, object]()
     if sensor is None:
-        known = f"its probe is T{machine.probe.tool}" if machine.probe is not None else "it has none"
-        why = (
-            f"{code} asks for a probe, and T{modal.tool} is none on this machine: {known}; put it into the "
-            "spindle with T and M6, or add [probe] (for tools [setter]) to the machine file"
-        )
+        number = None if machine.probe is None else machine.probe.tool
+        known = Key("probe.is_none") if number is None else said("probe.is_tool", number=number)
+        key, values = "probe.none", {"tool": modal.tool, "known": known}
     elif rotaries:
-        word = ask.words[rotaries[0]]
-        why = f"{word.text} would turn the part while it is probed: rotaries stand under {code}; remove it"
+        key, word = "probe.turns", ask.words[rotaries[0]]
     elif not ask.has("XYZ"):
-        why = f"{code} has no way: it goes with X, Y or Z; write where it may lead at most"
+        key = "probe.no_way"
     elif modal.planar is not None:
-        why = f"{code} beside a contour (G41, G42) has no meaning; write G40 before it"
+        key = "probe.beside"
     elif here.state.inverse:
-        why = f"{code} takes its feed per minute, for nobody knows how far it goes; write G94 before it"
+        key = "probe.inverse"
     elif modal.spindle_rev_min and sensor is machine.probe:
-        why = f"{code}: a probe must not turn, and the spindle does; write M5 before it"
-    else:
-        return None
-    return ask.refusal(word, why)
+        key = "probe.spindle"
+    return ask.refusal(word, key, code=code, **values) if key else None

@@ -12,24 +12,55 @@ from controller.geometry.splines import BSpline
 from controller.geometry.vectors import Frame, Vector
 from controller.machine.changes import Change
 from controller.machine.model import Joints, Machine, Tool
+from controller.messages import Said, chain, plain, said, text
+
+
+class Caller(NamedTuple):
+    """What called a sub: as written, and where."""
+
+    written: str
+    line: int
+    file: str
+
+
+Callers = tuple[Caller, ...]  # innermost first
+MAX_CALLERS = 4  # that a sentence names
 
 
 class ProgramError(Exception):
-    """One sentence on why a program is refused, and where: file, 1-based line and column."""
+    """Why a program is refused, and where: file, 1-based line and column."""
 
     facts: Mapping[str, Any] = MappingProxyType({})  # beside the sentence, for JSON
 
-    def __init__(self, file: str, line: int, column: int, sentence: str, about: str = "") -> None:
-        """``about``: the code or letter that is to blame, for counts."""
-        super().__init__(f"{file}:{line}:{column}: {sentence}")
-        self.file, self.line, self.column, self.sentence = file, line, column, sentence
-        self.about = about
+    def __init__(self, file: str, line: int, column: int, why: Said | str, about: str = "") -> None:
+        """``why``: a sentence alone where it has no key; ``about``: the code or letter that is to blame,
+        for counts."""
+        super().__init__(file, line, column, why, about)
+        self.file, self.line, self.column, self.said, self.about = file, line, column, plain(why), about
 
-    def within(self, calls: str) -> ProgramError:
-        """The same error inside of a sub; ``calls``: who called it, or ""."""
-        if not calls:
+    @property
+    def sentence(self) -> str:
+        """Why, in English."""
+        return text(self.said)
+
+    @property
+    def placed(self) -> Said:
+        """Where and why."""
+        place = f"{self.file}:{self.line}:{self.column}"
+        return said("program.refused", place=place, sentence=self.said)
+
+    def __str__(self) -> str:
+        return text(self.placed)
+
+    def within(self, callers: Callers) -> ProgramError:
+        """The same error inside of a sub, with who called it."""
+        if not callers:
             return self
-        return ProgramError(self.file, self.line, self.column, f"{self.sentence} ({calls})", self.about)
+        told: list[Said | str] = [said("program.called", **one._asdict()) for one in callers[:MAX_CALLERS]]
+        if (more := len(callers) - MAX_CALLERS) > 0:
+            told.append(said("program.more_calls", more=more))
+        why = said("program.within", sentence=self.said, calls=chain("program.listed", told))
+        return ProgramError(self.file, self.line, self.column, why, self.about)
 
 
 class GougeRefused(ProgramError):
@@ -46,7 +77,7 @@ class Place(NamedTuple):
     line: int
     column: int
     step: int = 0
-    calls: str = ""  # the subs that it runs in, for a sentence
+    calls: Callers = ()  # of the subs that it runs in
 
     @property
     def order(self) -> int:

@@ -28,10 +28,7 @@ def moves(here: Here) -> list[Block]:
     """G28 and G30: a rapid by the words, then one of the same axes to the point; without words all."""
     code, word = here.ask.codes["one-line"]
     if (number := here.ask.words.get("P")) is not None and number.value != 2.0:
-        raise here.ask.refusal(
-            number,
-            f"{number.text} is no reference point of this machine: it has G28 and G30 (P2); use one of them",
-        )
+        raise here.ask.refusal(number, "reference.number")
     targets, relative = _with_increments(here, line_words.targets(here))
     place, modal = here.ask.place(word), here.state.modal
     point = reference(here.state, here.machine, code)
@@ -64,10 +61,7 @@ def _with_increments(here: Here, targets: Targets) -> tuple[Targets, bool]:
 
 
 def _mixed(ask: Ask, word: Word) -> Exception:
-    return ask.refusal(
-        word,
-        f"{word.text} is a distance beside positions: write distances U V W alone, or positions X Y Z alone",
-    )
+    return ask.refusal(word, "reference.mixed")
 
 
 def reference(state: State, machine: Machine, code: str) -> tuple[Known, ...]:

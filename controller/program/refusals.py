@@ -7,11 +7,13 @@ structure end the search, for nothing tells then in which order lines run.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from controller.machine.model import Joints, Machine
-from controller.program import blocks
+from controller.messages import DEFAULT, Said, chain, said, text
+from controller.program import blocks, linked
+from controller.program.decoding import NEWLINE
 from controller.program.program import ProgramError
 
 MOST = 100  # that are told one by one
@@ -39,30 +41,43 @@ def counts(refused: Sequence[ProgramError]) -> dict[str, int]:
     return dict(Counter(error.about for error in refused).most_common())
 
 
-def summed(refused: Sequence[ProgramError]) -> str:
-    """One line that counts them."""
-    each = ", ".join(f"{about or 'other'} {count}" for about, count in counts(refused).items())
-    return f"{len(refused)} refusals: {each}."
-
-
-def pointed(error: ProgramError, name: str, lines: Sequence[str]) -> str:
-    """What is told of a refusal, its line, and a caret below the column; ``lines`` are those of ``name``."""
-    if error.file != name or not 0 < error.line <= len(lines) or len(lines[error.line - 1]) > MAX_WIDE:
-        return str(error)
-    text = "".join(sign if sign.isprintable() else " " for sign in lines[error.line - 1])
-    return f"{error}\n    {text}\n    {' ' * (error.column - 1)}^"
-
-
-def facts(refused: Sequence[ProgramError]) -> dict[str, Any]:
-    """The same for JSON."""
-    rows = [
-        {
-            "file": one.file,
-            "line": one.line,
-            "column": one.column,
-            "sentence": one.sentence,
-            "code": one.about,
-        }
-        for one in refused[:MOST]
+def summed(refused: Sequence[ProgramError]) -> Said:
+    """One sentence that counts them."""
+    each: list[Said | str] = [
+        said("program.count" if about else "program.count_other", about=about, count=count)
+        for about, count in counts(refused).items()
     ]
-    return {"refusals": rows, "counts": counts(refused)}
+    return said("program.summed", count=len(refused), each=chain("program.listed", each))
+
+
+def lines_of(data: bytes, name: str) -> dict[str, list[str]]:
+    """The lines of a program, and of the files that it calls, by their names."""
+    program, files = linked.parts(data)
+    texts = {name: program, **dict(files.values())}
+    return {file: NEWLINE.split(bytes(one).decode(errors="replace")) for file, one in texts.items()}
+
+
+def shown(error: ProgramError, by_file: Mapping[str, Sequence[str]]) -> list[str]:
+    """The line of a refusal, and a caret below the column; nothing where the line is not there."""
+    lines = by_file.get(error.file, ())
+    if not 0 < error.line <= len(lines):
+        return []
+    begin = max(0, error.column - 1 - MAX_WIDE // 2) if len(lines[error.line - 1]) > MAX_WIDE else 0
+    line = lines[error.line - 1][begin : begin + MAX_WIDE]
+    even = "".join(sign if sign.isprintable() else " " for sign in line)
+    return [even, f"{' ' * (error.column - 1 - begin)}^"]
+
+
+def pointed(error: ProgramError, by_file: Mapping[str, Sequence[str]], language: str = DEFAULT) -> str:
+    """What is told of a refusal, with its line and the caret."""
+    return "\n    ".join([text(error.placed, language), *shown(error, by_file)])
+
+
+def facts(refused: Sequence[ProgramError], by_file: Mapping[str, Sequence[str]]) -> dict[str, Any]:
+    """The same for JSON."""
+
+    def row(one: ProgramError) -> dict[str, Any]:
+        place = {"file": one.file, "line": one.line, "column": one.column, "code": one.about}
+        return {**place, **one.said, "shown": shown(one, by_file)}
+
+    return {"refusals": [row(one) for one in refused[:MOST]], "counts": counts(refused)}

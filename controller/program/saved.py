@@ -34,11 +34,7 @@ class Saved:
         if not words:
             return state, [], line
         if len(words) > 1:
-            raise line.refusal(
-                words[1],
-                f"{words[0].text} and {words[1].text} keep the modal state or give it back: one line takes "
-                "one of M70 to M73; write two lines",
-            )
+            raise line.refusal(words[1], "saved.two", first=words[0].text)
         made: list[Block] = []
         state = self._one(line, words[0], state, made)
         return state, made, line.with_words(tuple(w for w in line.words if w not in words))
@@ -51,9 +47,7 @@ class Saved:
         elif word.value == FORGET:
             self._kept.pop(line.sub, None)
         elif line.sub not in self._kept:
-            raise line.refusal(
-                word, "M72 has nothing to give back: M70 or M73 keeps the state before, in the same sub"
-            )
+            raise line.refusal(word, "saved.none")
         else:
             state, blocks = _given_back(line, word, state, self._kept[line.sub], self._machine)
             made += blocks

@@ -25,11 +25,7 @@ def applied(ask: Ask, code: str, letters: str, mm_per_unit: float, modal: Modal)
 def _placement(ask: Ask, code: str, words: dict[str, Word]) -> int:
     placement = ask.whole(words["P"]) if "P" in words else 0
     if "P" in words and placement not in (1, 2, 3, 4):
-        raise ask.refusal(
-            words["P"],
-            f"{words['P'].text} is no placement of the cutter: P of {code} is 1 (single), 2 (double), 3 "
-            "(optimal) or 4 (auto); write one of these, or nothing for the machine's own",
-        )
+        raise ask.refusal(words["P"], "side.placement", code=code)
     return placement
 
 
@@ -39,11 +35,7 @@ def _allowance_mm(ask: Ask, code: str, words: dict[str, Word], mm_per_unit: floa
         return 0.0
     allowance = word.value * mm_per_unit
     if allowance < -MAX_WEAR_MM:
-        raise ask.refusal(
-            word,
-            f"{word.text} takes {-allowance:g} mm more off than the surface: Q of {code} is what stays on "
-            f"it, and below 0 the cutter's wear, at most {MAX_WEAR_MM:g} mm; correct it",
-        )
+        raise ask.refusal(word, "side.allowance", off=-allowance, code=code, most=MAX_WEAR_MM)
     return allowance
 
 
@@ -52,9 +44,5 @@ def _tolerance_mm(ask: Ask, code: str, words: dict[str, Word], mm_per_unit: floa
     if word is None:
         return None
     if word.value <= 0.0:
-        raise ask.refusal(
-            word,
-            f"{word.text} is no tolerance: R of {code} is how far a surface may be off its form, greater "
-            "than 0; correct it, or leave it out for the tool's or the machine's own",
-        )
+        raise ask.refusal(word, "side.tolerance", code=code)
     return word.value * mm_per_unit

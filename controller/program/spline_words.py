@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from controller.messages import Key
 from controller.program.modal import State
 from controller.program.offset_words import Here
 from controller.program.program import Control, JointCurve, ProgramError, Targets, Tip
@@ -27,9 +28,11 @@ START = Control(None, None)
 
 def refusal(line: Line, word: Word, motion: str) -> ProgramError:
     """The refusal of a word that a curve does not take."""
-    takes = {"G5": "X Y I J P Q F", "G5.1": "X Y I J F", "G5.2": "X Y P L F", "G5.3": "no words"}[motion]
-    why = " only X and Y move on a curve;" if word.letter in "ZABCUVW" else ""
-    return line.refusal(word, f"{word.text} is not for {motion}:{why} it takes {takes}; remove it")
+    if motion == "G5.3":
+        return line.refusal(word, "curve.end_with_words", motion)
+    takes = {"G5": "X Y I J P Q F", "G5.1": "X Y I J F", "G5.2": "X Y P L F"}[motion]
+    key = "curve.other_axis" if word.letter in "ZABCUVW" else "curve.letter"
+    return line.refusal(word, key, motion, motion=motion, takes=takes)
 
 
 def curve(here: Here, motion: str, word: Word, lines: Iterator[Line]) -> tuple[JointCurve, State]:
@@ -61,17 +64,17 @@ def _targets(last: Control, here: Here) -> Targets:
 def _check(here: Here, motion: str, word: Word) -> None:
     """Refuses a curve in a state that has none."""
     modal = here.state.modal
-    why = ""
+    key = ""
     if motion == "G5.3":
-        why = "ends a NURBS, and none has begun: write G5.2 and its points before it"
+        key = "curve.end_alone"
     elif modal.plane != "G17":
-        why = f"is a curve in X and Y, and {modal.plane} is active: write G17 before it"
+        key = "curve.plane"
     elif here.state.side != "G40":
-        why = f"runs under {here.state.side}: curves have no cutter beside them; write G40 before it"
+        key = "curve.beside"
     elif modal.tip is not Tip.OFF:
-        why = "is not done under tool-centre control: write G49 before it, or the curve as G1 lines"
-    if why:
-        raise here.ask.refusal(word, f"{motion} {why}")
+        key = "curve.tip_control"
+    if key:
+        raise here.ask.refusal(word, key, motion=motion, plane=modal.plane, side=here.state.side)
 
 
 def _both(here: Here, word: Word, pair: str, what: str) -> tuple[float, float]:
@@ -79,20 +82,20 @@ def _both(here: Here, word: Word, pair: str, what: str) -> tuple[float, float]:
     a, b = (here.length_mm(letter) for letter in pair)
     if a is None or b is None:
         lacks = " ".join(x for x in pair if x not in here.ask.words)
-        raise here.ask.refusal(word, f"{lacks} missing: {pair[0]} and {pair[1]} together are {what}; add it")
+        raise here.ask.refusal(word, "curve.half", lacks=lacks, first=pair[0], second=pair[1], what=Key(what))
     return a, b
 
 
 def _end(here: Here, word: Word) -> tuple[float | None, float | None]:
     if not here.ask.has("XY"):
-        raise here.ask.refusal(word, f"{word.text} says no end: write X and Y, or one of them, beside it")
+        raise here.ask.refusal(word, "curve.no_end")
     return here.length_mm("X"), here.length_mm("Y")
 
 
 def _cubic(here: Here, word: Word) -> tuple[Control, ...]:
     end, to_end = (
         _end(here, word),
-        _both(here, word, "PQ", "the way from the end to the second control point"),
+        _both(here, word, "PQ", "curve.to_end"),
     )
     goes = here.state.curve_goes if here.state.motion == "" else None
     if here.ask.has("IJ") or goes is None:
@@ -100,13 +103,13 @@ def _cubic(here: Here, word: Word) -> tuple[Control, ...]:
             here,
             word,
             "IJ",
-            "the way from the start to the first control point (a G5 right behind another may do without)",
+            "curve.to_first",
         )
     return START, START._replace(off=goes), Control(*end, to_end), Control(*end)
 
 
 def _quadratic(here: Here, word: Word) -> tuple[Control, ...]:
-    end, off = _end(here, word), _both(here, word, "IJ", "the way from the start to the control point")
+    end, off = _end(here, word), _both(here, word, "IJ", "curve.to_control")
     return START, START._replace(off=off), Control(*end)
 
 
@@ -122,13 +125,11 @@ def _nurbs(here: Here, word: Word, lines: Iterator[Line]) -> tuple[tuple[Control
         if given.keys() & set("XYP"):
             points.append(_control(line, given, here.state.mm_per_unit))
         if len(points) >= MAX_POINTS:
-            raise line.refusal(line.words[0], f"a NURBS has at most {MAX_POINTS} points; write two")
+            raise line.refusal(line.words[0], "curve.too_many", most=MAX_POINTS)
         line, given = _next(here, word, lines)
     if len(points) + 1 < order:
         raise line.refusal(
-            line.words[0],
-            f"the NURBS of line {here.ask.line.number} has {len(points) + 1} control points with its start: "
-            f"order L{order} takes {order} or more; add points, or lower L",
+            line.words[0], "curve.too_few", line=here.ask.line.number, count=len(points) + 1, order=order
         )
     return (start, *points), order
 
@@ -137,18 +138,14 @@ def _next(here: Here, begun: Word, lines: Iterator[Line]) -> tuple[Line, dict[st
     """The next line and its words; None in their place where it is G5.3."""
     line = next(lines, None)
     if line is None:
-        raise here.ask.refusal(begun, "the program ends in this NURBS: write G5.3 behind its last point")
+        raise here.ask.refusal(begun, "curve.unended")
     given: dict[str, Word] = {}
     ends = False
     for word in line.words:
         code = word.value if word.letter == "G" else None
         ends = ends or code == 5.3
         if (code not in (5.2, 5.3) and word.letter not in "XYPL") or word.letter in given:
-            raise line.refusal(
-                word,
-                f"found {word.text} in the NURBS of line {here.ask.line.number}: between G5.2 and G5.3 stand "
-                "control points alone, X Y and P on a line each, and L; write it before G5.2 or behind G5.3",
-            )
+            raise line.refusal(word, "curve.surplus", line=here.ask.line.number)
         given[word.letter] = word
     given.pop("G", None)
     if ends and given:
@@ -159,26 +156,18 @@ def _next(here: Here, begun: Word, lines: Iterator[Line]) -> tuple[Line, dict[st
 def _control(line: Line, given: dict[str, Word], unit: float) -> Control:
     for letter in "XYP":
         if letter not in given:
-            raise line.refusal(
-                line.words[0],
-                f"{letter} missing: each control point of a NURBS has X, Y and its weight P (1 is the plain "
-                "one); add it",
-            )
+            raise line.refusal(line.words[0], "curve.half_a_point", lacks=letter)
     x, y = (given[letter].value * unit for letter in "XY")
     return Control(x, y, weight=_weight(line, given["P"]))
 
 
 def _weight(line: Line, word: Word) -> float:
     if word.value <= 0.0:
-        raise line.refusal(word, f"{word.text} is no weight: P of a NURBS is greater than 0; correct it")
+        raise line.refusal(word, "curve.no_weight")
     return word.value
 
 
 def _order(line: Line, word: Word) -> int:
     if word.value not in ORDERS:
-        raise line.refusal(
-            word,
-            f"{word.text} is no order: it is the degree of the curve + 1, a whole number from {ORDERS[0]} to "
-            f"{ORDERS[-1]}; correct it",
-        )
+        raise line.refusal(word, "curve.no_order", least=ORDERS[0], most=ORDERS[-1])
     return int(word.value)

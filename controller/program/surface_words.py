@@ -18,6 +18,7 @@ from collections.abc import Iterator
 
 from controller.geometry.vectors import Vector
 from controller.machine.model import Machine
+from controller.messages import Said, said
 from controller.program import surface_doubts
 from controller.program.codes import CONE_WORDS, Ask
 from controller.program.line import Upcoming
@@ -36,24 +37,15 @@ LEVEL_MM = 1e-9  # start and centre of a cone are on one level, a radius is not 
 def surplus(ask: Ask, motion: str, word: Word) -> ProgramError:
     """The refusal of a word that the G51 or G52 of this line does not take."""
     make = _not_a_cone if motion == "G51" else _not_a_ruled
-    return make(ask.line, word, f"found {word.text}")
+    return make(ask.line, word, said("surface.found", found=word.text))
 
 
-def _not_a_cone(line: Line, word: Word, found: str) -> ProgramError:
-    return line.refusal(
-        word,
-        f"{found}: G51 cuts a cone here and needs X Y Z I J K H R D and, unless one is modal, F; a G51 with "
-        "P is scaling on other controls and is not done here; write exactly these words",
-    )
+def _not_a_cone(line: Line, word: Word, found: Said) -> ProgramError:
+    return line.refusal(word, "surface.no_cone", found=found)
 
 
-def _not_a_ruled(line: Line, word: Word, found: str) -> ProgramError:
-    return line.refusal(
-        word,
-        f"{found}: G52 needs 8 points of X Y Z, four of the upper and four of the lower curve, the first "
-        "beside G52 (with F) and one on each of the seven lines after it; write all 8 points and nothing "
-        "between; a G52 that shifts coordinates has no F beside it and a line with other words after it",
-    )
+def _not_a_ruled(line: Line, word: Word, found: Said) -> ProgramError:
+    return line.refusal(word, "surface.not_ruled", found=found)
 
 
 def is_shift(ask: Ask, state: State, machine: Machine, ahead: Upcoming) -> bool:
@@ -73,11 +65,7 @@ def is_shift(ask: Ask, state: State, machine: Machine, ahead: Upcoming) -> bool:
         return False  # bare coordinates are moves only where a motion is modal
     found = " ".join(["G52", *(given.text for given in axes)])
     raise ask.refusal(
-        ask.codes["motion"][1],
-        f"{found} without F may be a local shift, with moves of {state.motion} from line {after.number} on: "
-        "while a G0 to G3 is active, G52 is a ruled surface only with F beside it, and the other seven "
-        "points are the next lines, of X Y Z alone; write it so, or, for a shift, G0 or G1 on the "
-        'next line; under dialect = "fanuc" a G52 without F always shifts',
+        ask.codes["motion"][1], "surface.or_shift", found=found, motion=state.motion, line=after.number
     )
 
 
@@ -95,7 +83,7 @@ def cone(ask: Ask, state: State, machine: Machine) -> CutCone:
     """The cone of a line with G51 (mm, radians, part frame)."""
     word, given = ask.codes["motion"][1], ask.words
     if lacking := missing(given, CONE_WORDS):
-        raise _not_a_cone(ask.line, word, lacking)
+        raise _not_a_cone(ask.line, word, said("surface.missing", letters=lacking))
     start, centre = point_of(given, "XYZ", state), point_of(given, "IJK", state)
     sweep = given["D"].value if given["D"].point else given["D"].value / BLU_PER_DEGREE
     _check_cone(ask, start, centre, sweep)
@@ -111,62 +99,57 @@ def _check_cone(ask: Ask, start: Vector, centre: Vector, sweep_deg: float) -> No
     given = ask.words
     radius = math.hypot(start[0] - centre[0], start[1] - centre[1])
     forbidden = (
-        ("H", given["H"].value <= 0.0, "the height H must be greater than 0"),
-        ("R", given["R"].value < 0.0, "the upper radius R must be 0 (a tip) or more"),
-        ("D", given["D"].value == 0.0, "the swept angle D must not be 0 (positive is counter-clockwise)"),
-        ("K", abs(start[2] - centre[2]) > LEVEL_MM, "start Z and centre K must be on one level"),
-        ("I", radius <= LEVEL_MM, "the start X Y must be off the centre I J by the bottom radius"),
-        ("D", abs(sweep_deg) > MAX_SWEEP_DEG, f"D sweeps at most {MAX_SWEEP_DEG:.0f} degrees either way"),
+        ("H", given["H"].value <= 0.0, "surface.cone_height"),
+        ("R", given["R"].value < 0.0, "surface.cone_radius"),
+        ("D", given["D"].value == 0.0, "surface.cone_sweep"),
+        ("K", abs(start[2] - centre[2]) > LEVEL_MM, "surface.cone_level"),
+        ("I", radius <= LEVEL_MM, "surface.cone_bottom"),
+        ("D", abs(sweep_deg) > MAX_SWEEP_DEG, "surface.cone_turns"),
     )
-    for letter, is_so, allowed in forbidden:
+    for letter, is_so, key in forbidden:
         if is_so:
-            word = given[letter]
-            raise ask.refusal(word, f"{word.text} makes no cone of G51: {allowed}; correct it")
+            raise ask.refusal(given[letter], key, most=MAX_SWEEP_DEG)
 
 
 def ruled(ask: Ask, state: State, machine: Machine, lines: Iterator[Line]) -> CutRuled:
     """The ruled surface of a line with G52; takes its other seven points from ``lines`` (mm)."""
     word, given = ask.codes["motion"][1], ask.words
     if lacking := missing(given, "XYZ"):
-        raise _not_a_ruled(ask.line, word, lacking)
+        raise _not_a_ruled(ask.line, word, said("surface.missing", letters=lacking))
     if "stop" in ask.codes:
-        raise _not_a_ruled(ask.line, ask.codes["stop"][1], f"found {ask.code('stop')}")
+        raise _not_a_ruled(ask.line, ask.codes["stop"][1], said("surface.found", found=ask.code("stop")))
     p, words = [point_of(given, "XYZ", state)], [given[letter] for letter in "XYZ"]
     while len(p) < 8:
         line = next(lines, None)
         if line is None:
-            raise _not_a_ruled(ask.line, word, f"the program ends after {len(p)} of the 8 points")
-        due = f"point {len(p) + 1} of the G52 on line {ask.line.number}"
+            raise _not_a_ruled(ask.line, word, said("surface.ends_after", count=len(p)))
+        due = said("surface.point", number=len(p) + 1, line=ask.line.number)
         point = _point_words(line, due)
         p.append(point_of(point, "XYZ", state))
         words += point.values()
     feed = feed_of(ask, "G52", word, state, machine)
     upper, lower = (p[0], p[1], p[2], p[3]), (p[4], p[5], p[6], p[7])
     if surface_doubts.is_upside_down(upper, lower, state.modal.frame(machine)):
-        raise ask.refusal(
-            word,
-            "the first four points of this G52, the upper curve, lie below the last four, so the tool would"
-            " stand upside down; exchange the two curves",
-        )
+        raise ask.refusal(word, "surface.upside_down")
     doubt = surface_doubts.of_words("G52", words, surface_doubts.contact_mm(lower))
     return CutRuled(ask.place(word), state.modal, upper, lower, feed, doubt)
 
 
-def _point_words(line: Line, due: str) -> dict[str, Word]:
+def _point_words(line: Line, due: Said) -> dict[str, Word]:
     """Exactly X Y Z."""
     given: dict[str, Word] = {}
     for found in line.words:
         if found.letter not in "XYZ" or found.letter in given:
-            raise _not_a_ruled(line, found, f"found {found.text} where {due} is due")
+            raise _not_a_ruled(line, found, said("surface.found_for", found=found.text, due=due))
         given[found.letter] = found
     if lacking := missing(given, "XYZ"):
-        raise _not_a_ruled(line, line.words[0], f"{lacking} in {due}")
+        raise _not_a_ruled(line, line.words[0], said("surface.missing_in", letters=lacking, due=due))
     return given
 
 
 def missing(given: dict[str, Word], needed: str) -> str:
-    lacking = [letter for letter in needed if letter not in given]
-    return f"{' '.join(lacking)} missing" if lacking else ""
+    """Letters that are needed and not given."""
+    return " ".join(letter for letter in needed if letter not in given)
 
 
 def _length_mm(word: Word, state: State) -> float:
@@ -183,15 +166,9 @@ def feed_of(ask: Ask, code: str, word: Word, state: State, machine: Machine) -> 
     """The feed in mm/s, once all that a surface needs of the state is there."""
     modal = state.modal
     if not state.absolute:
-        raise ask.refusal(
-            word, f"{code} stands under G91: its X Y Z I J K are absolute positions; write G90 before it"
-        )
+        raise ask.refusal(word, "surface.relative", code=code)
     if modal.tool_in(machine) is None:
-        raise ask.refusal(
-            word,
-            f"{code} needs radius and length of tool T{modal.tool} in the spindle, but the tool table has "
-            f"{tool_list(machine)}: add it there or change the tool",
-        )
+        raise ask.refusal(word, "surface.no_tool", code=code, tool=modal.tool, tools=tool_list(machine))
     if machine.spindle is not None and modal.spindle_rev_min == 0.0:
-        raise ask.refusal(word, f"{code} would cut with the spindle off: write S and M3 or M4 before it")
+        raise ask.refusal(word, "surface.spindle_off", code=code)
     return state.feed(ask, code, word)

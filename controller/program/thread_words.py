@@ -21,7 +21,6 @@ from controller.program.words import Word
 CODES = ("G33", "G33.1")
 PITCH_MM = (0.01, 100.0)
 MAX_RETURN = 10.0  # I of G33.1: how much faster than down the way up may be
-_NONE = "no spindle here tells its angle: write position in [spindle] of the machine file, or mill the thread"
 
 
 def is_rigid(here: Here) -> bool:
@@ -41,7 +40,7 @@ def blocks(here: Here, code: str, word: Word) -> tuple[list[Block], State]:
     if not here.state.absolute:
         target += now
     if abs(target - now) < PITCH_MM[0]:
-        raise here.ask.refusal(word, f"{code} goes nowhere: it is at this height already; correct it")
+        raise here.ask.refusal(word, "thread.nowhere", code=code)
     turning = here.state.turning or (1 if (here.length_mm("K") or 0.0) > 0.0 else -1)
     turned = turning / pitch
     way.spindle(0.0)
@@ -60,32 +59,32 @@ def _no_targets(here: Here) -> Targets:
 
 def _check(here: Here, code: str, word: Word, height: str) -> None:
     ask, state = here.ask, here.state
-    why = ""
+    beside = [letter for letter in "XYZ" if letter != height and letter in ask.words]
+    key = ""
     if not is_rigid(here):
-        raise ask.refusal(word, f"{code}: {_NONE}")
-    if height not in ask.words:
-        why = f"without {height}, where it leads; write it"
+        key = "thread.no_angle"
+    elif height not in ask.words:
+        key = "thread.no_height"
     elif not state.speed_rev_min:
-        why = "without a speed; write S before it"
+        key = "thread.no_speed"
     elif state.turning == 0 and code != "G33":
-        why = "while the spindle stands; write S and M3 or M4 before it"
+        key = "cycle.standing"
     elif state.modal.tip is not Tip.OFF:
-        why = "under tool-centre control (G43.4, G43.5); write G49 before it"
+        key = "thread.tip_control"
     elif state.side != "G40":
-        why = f"under {state.side}; write G40 before it"
-    elif others := [letter for letter in "XYZ" if letter != height and letter in ask.words]:
-        why = f"beside {others[0]}: a thread goes along {height} alone; write a line of its own for that"
-    if why:
-        raise ask.refusal(word, f"{code} stands {why}")
+        key = "cycle.beside"
+    elif beside:
+        key = "thread.beside_others"
+    if key:
+        other = beside[0] if beside else ""
+        raise ask.refusal(word, key, code=code, height=height, side=state.side, other=other)
 
 
 def _pitch_mm(here: Here, code: str, word: Word) -> float:
     given = here.ask.words.get("K")
     pitch = here.length_mm("K")
     if given is None or pitch is None:
-        raise here.ask.refusal(
-            word, f"{code} has no K, the pitch: the way of a turn; write it, such as K1.25"
-        )
+        raise here.ask.refusal(word, "thread.no_pitch", code=code)
     if here.state.turning == 0:  # G33: the sign says which way
         pitch = abs(pitch)
     check_pitch(here, given, pitch)
@@ -96,9 +95,7 @@ def check_pitch(here: Here, word: Word, pitch: float) -> None:
     """Raises ProgramError for what is no pitch."""
     low, high = PITCH_MM
     if not low <= pitch <= high:
-        raise here.ask.refusal(
-            word, f"{word.text} makes a pitch of {pitch:.6g} mm: {low:g} to {high:g} mm are; correct it"
-        )
+        raise here.ask.refusal(word, "thread.pitch", pitch=pitch, low=low, high=high)
 
 
 def _faster(here: Here) -> float:
@@ -108,10 +105,7 @@ def _faster(here: Here) -> float:
         return 1.0
     most = min(MAX_RETURN, spindle.max_rev_min / here.state.speed_rev_min)
     if not 0.0 < word.value <= most:
-        raise here.ask.refusal(
-            word,
-            f"{word.text} is how much faster it comes back: above 0, up to {most:.4g}; correct it",
-        )
+        raise here.ask.refusal(word, "thread.faster", most=most)
     return word.value
 
 

@@ -16,9 +16,10 @@ from dataclasses import replace
 from controller.geometry.vectors import ROUNDING, Vector
 from controller.machine.kinematics import Pair
 from controller.machine.model import Kind, Machine
+from controller.messages import Said, chain, said
 from controller.program.modal import State, tool_list
 from controller.program.offset_words import Here
-from controller.program.program import Block, JointLine, TipLine
+from controller.program.program import Block, JointLine, ProgramError, TipLine
 from controller.program.words import Word
 
 # Under an oblique rotary a plane at the end of its reach, such as a side of the part, misses it by as much as
@@ -37,9 +38,7 @@ def turned(here: Here) -> tuple[State, list[Block]]:
     pair = _chosen(here, code, word, (first, second), modal.frame(here.machine).z)
     tip = here.lengths_mm()
     if code == "G53.3" and not here.state.absolute:
-        raise here.ask.refusal(
-            word, "G53.3 takes positions in the plane, and G91 is active: write G90 before it"
-        )
+        raise here.ask.refusal(word, "plane.g53_3_relative")
     if code == "G53.6" or tip != (None, None, None):
         stands = code == "G53.6"
         return state, [TipLine(place, modal, tip, pair, None, False, None, None, stands=stands)]
@@ -55,10 +54,7 @@ def _active(here: Here, code: str, word: Word) -> State:
     if origins.waiting is not None:
         return state._replace(cycle=None).with_origins(origins.tilted(origins.waiting), here.machine)
     if origins.plane is None:
-        raise here.ask.refusal(
-            word,
-            f"{code} turns the tool to a tilted plane and none is defined: write G68.2 or G68.3 before it",
-        )
+        raise here.ask.refusal(word, "plane.none_defined", code=code)
     return state
 
 
@@ -69,9 +65,7 @@ def _with_length(here: Here, state: State) -> State:
         return state
     tool, number = None, here.ask.whole(word)
     if number and (tool := state.tool(number, here.machine)) is None:
-        raise here.ask.refusal(
-            word, f"{word.text} names no tool: the tool table has {tool_list(here.machine)}; use one of these"
-        )
+        raise here.ask.refusal(word, "tool.unknown_here", tools=tool_list(here.machine))
     return state._replace(modal=replace(state.modal, length_mm=tool.length_mm if tool is not None else 0.0))
 
 
@@ -89,11 +83,7 @@ def _chosen(here: Here, code: str, word: Word, now: Pair, axis: Vector) -> Pair:
     given = here.ask.words.get("P")
     p = 0 if given is None else here.ask.whole(given)
     if p > 2:
-        raise here.ask.refusal(
-            given or word,
-            f"{code} P{p} chooses nothing: P0 is the nearest position of the rotary axes, P1 and P2 the "
-            "positive and the negative one of the primary axis; write one of these",
-        )
+        raise here.ask.refusal(given or word, "plane.no_solution_chosen", code=code, p=p)
     machine, kinematics = here.machine, here.position.chain()
     axis = kinematics.nearest_reached(axis, ROUNDING_RAD)
     found = kinematics.candidates(axis, None, machine.turns(), now)
@@ -101,7 +91,7 @@ def _chosen(here: Here, code: str, word: Word, now: Pair, axis: Vector) -> Pair:
     allowed = [pair for pair in found if p == 0 or _is_asked(machine, p, lead, pair, now)]
     if not allowed:
         everywhere = [q for q in kinematics.branches(axis, math, None, now) if not any(map(math.isnan, q))]
-        raise here.ask.refusal(word, f"{code} {_unreachable(machine, everywhere, found, p, axis)}")
+        raise _unreachable(here, code, word, everywhere, found, p, axis)
     return min(allowed, key=lambda pair: _way(pair, now, lead))
 
 
@@ -123,27 +113,24 @@ def _way(pair: Pair, now: Pair, lead: int) -> tuple[float, ...]:
     return (*(round(value, 9) for value in (*ways, *angles)), -pair[lead], -pair[1 - lead])
 
 
-def _unreachable(machine: Machine, pairs: list[Pair], within: list[Pair], p: int, axis: Vector) -> str:
+def _unreachable(
+    here: Here, code: str, word: Word, pairs: list[Pair], within: list[Pair], p: int, axis: Vector
+) -> ProgramError:
     """Why no position is left: of ``pairs`` in any turn those ``within`` the travel are not as P asks."""
-    i, j, k = (0.0 if abs(c) < 5e-7 else c for c in axis)
-    what = f"cannot turn the tool along Z of this plane ({i:.6g} {j:.6g} {k:.6g} on the table)"
-    if not pairs:
-        return f"{what}: {_lost(machine)}; tilt the part, or choose another plane"
-    listed = within if within else pairs
-    shown = " or ".join(
-        _shown(machine, pair) for pair in sorted(listed, key=lambda q: _way(q, (0.0, 0.0), 0))[:4]
+    machine, listed = here.machine, within or pairs
+    names = chain("and", [machine.axes[i].name for i in machine.rotary()]) if machine.rotary() else ""
+    nearest = sorted(listed, key=lambda pair: _way(pair, (0.0, 0.0), 0))[:4]
+    key = "plane.p_leaves_none" if within else "plane.beyond_travel" if pairs else "plane.no_axis"
+    return here.ask.refusal(
+        word,
+        key if names else "plane.no_rotary",
+        **dict(zip("ijk", (0.0 if abs(c) < 5e-7 else c for c in axis), strict=True)),
+        code=code,
+        p=p,
+        names=names,
+        shown=chain("or", [_shown(machine, pair) for pair in nearest]) if nearest else "",
+        travel=chain("program.listed", _travel(machine)) if names else "",
     )
-    advice = "leave out P" if within else "tilt the part, or choose another plane"
-    needs = f"P{p} leaves none of {shown}" if within else f"it needs {shown}"
-    return f"{what}: {needs}, and the travel is {_travel(machine)}; {advice}"
-
-
-def _lost(machine: Machine) -> str:
-    """No position gives the axis of the tool."""
-    names = " and ".join(machine.axes[i].name for i in machine.rotary())
-    if not names:
-        return "it stands along Z, and no axis of this machine turns it"
-    return f"no position of {names} gives this tool axis, whatever their travel"
 
 
 def _shown(machine: Machine, pair: Pair) -> str:
@@ -152,9 +139,9 @@ def _shown(machine: Machine, pair: Pair) -> str:
     return " ".join(rows)
 
 
-def _travel(machine: Machine) -> str:
-    told = []
+def _travel(machine: Machine) -> list[Said | str]:
+    told: list[Said | str] = []
     for axis in (machine.axes[i] for i in machine.rotary()):
         low, high = sorted(q * axis.shown_per_unit for q in (axis.travel_min, axis.travel_max))
-        told.append(f"{axis.name} {low:.6g} to {high:.6g}")
-    return ", ".join(told)
+        told.append(said("plane.travel", axis=axis.name, low=low, high=high))
+    return told

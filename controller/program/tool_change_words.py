@@ -48,11 +48,8 @@ def blocks(
         return [], number
     for tool in (before.tool, after.tool):
         if tool and changer.pocket(tool) is None:
-            raise ask.refusal(
-                word,
-                f"T{tool} has no pocket in the tool changer: give it one, or write a tool that has one "
-                f"({', '.join(f'T{one}' for one in changer.pockets if one) or 'there is none'})",
-            )
+            known = ", ".join(f"T{one}" for one in changer.pockets if one) or "–"
+            raise ask.refusal(word, "tool.no_pocket", tool=tool, known=known)
     if before.planar is not None:
         raise ask.refusal(
             word, "M6 under G41 or G42: the tool that is beside the path goes; write G40 before"

@@ -11,14 +11,15 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator, Mapping
 
+from controller.messages import said
 from controller.program import foreign, marks
-from controller.program.comments import message, without_comments
+from controller.program.comments import aborted, message, without_comments
 from controller.program.decoding import Text
-from controller.program.expressions import GAPS, Values
+from controller.program.expressions import ARITHMETIC, GAPS, Values
 from controller.program.flow import Limits, Run, Source
 from controller.program.line import COMMON, MAX_RUN, SIMPLE, CommonRun, Line, Other, Rows, Word, simple
-from controller.program.parameters import SAYS_DEBUG, Key, NoValue, Parameters
-from controller.program.program import Block, ProgramError
+from controller.program.parameters import SAYS_DEBUG, Name, NoValue, Parameters
+from controller.program.program import Block, Callers, ProgramError
 
 __all__ = ["LARGEST", "Line", "Word", "read"]
 
@@ -61,10 +62,7 @@ def read(
         run = Run(source, scan.line, scan.parameters, limits or Limits(), files or {}, block_delete)
         yield from run.lines()
     if not scan.found:
-        what = "only blank lines and comments" if whole.body else "nothing"
-        raise ProgramError(
-            name, 1, 1, f"the file holds {what}: a program needs at least one word; send the whole program"
-        )
+        raise ProgramError(name, 1, 1, said("text.only_comments" if whole.body else "text.empty"))
 
 
 class _Scan:
@@ -101,21 +99,21 @@ class _Scan:
             elif (line := self._general(raw, name, number)) is not None:
                 yield line
 
-    def line(self, raw: str, name: str, number: int, calls: str) -> Line | None:
-        """One line that is carried out; None where it says nothing. ``calls``: who called its sub, or ""."""
+    def line(self, raw: str, name: str, number: int, callers: Callers) -> Line | None:
+        """One line that is carried out; None where it says nothing. ``callers``: of its sub."""
         if (common := COMMON.fullmatch(raw)) is not None and common.lastindex is not None:
             self.found = True
             return Line(name, number, (), common, _plain_words)
-        return None if _MARK.fullmatch(raw) else self._general(raw, name, number, calls)
+        return None if _MARK.fullmatch(raw) else self._general(raw, name, number, callers)
 
-    def _general(self, raw: str, name: str, number: int, calls: str = "") -> Line | None:
+    def _general(self, raw: str, name: str, number: int, callers: Callers = ()) -> Line | None:
         try:
             return self._words_of(raw, name, number)
         except ProgramError as error:
             error = foreign.statement(raw, name, number) or error
             if self._refused is None:
                 raise error from None
-            self._refused.append(error.within(calls))
+            self._refused.append(error.within(callers))
             self.found = self._opened = True
             return None
 
@@ -149,6 +147,8 @@ class _Scan:
                 values = Values(written.lower(), line.name, line.number, self.parameters)
                 return values.value(0, written)[0]
 
+            if ends := aborted(raw, value):
+                raise ProgramError(line.name, line.number, ends[0], said("text.abort", text=ends[1]))
             line.message = message(raw, value, self.parameters.value(SAYS_DEBUG) != 0.0)
         return line
 
@@ -171,7 +171,7 @@ class _Words(Values):
         self._check_ascii()
         self._text = self._text.lower()
         words: list[Word] = []
-        settings: dict[Key, float] = {}
+        settings: dict[Name, float] = {}
         if self.take("/") and self.peek() in "123456789" and _LEVEL.match(self._text, self._at):
             self._at += 1  # Fanuc's /2: there is one switch for all of them
         if self.peek() == "n":
@@ -192,20 +192,15 @@ class _Words(Values):
     def _stray(self, at: int) -> ProgramError:
         found = self._text[at]
         if found == "%":
-            return self.refusal(at, "% marks the start and end of a program and stands alone on its line")
-        return self.refusal(
-            at,
-            f"{found!r} cannot stand here: a line is made of words such as X12.5 (a letter and its number, "
-            "with a decimal point, not a comma), parameter settings and comments; correct or remove it",
-        )
+            return self.refusal(at, "text.percent")
+        if found == "," and self._text[at + 1 :].lstrip()[:1] in ("c", "r"):
+            return self.refusal(at, "text.corner")
+        return self.refusal(at, "text.stray", found=found)
 
     def _line_number(self) -> None:
         word = self._word()
         if word.value < 0.0:
-            raise self.refusal(
-                word.column - 1,
-                f"{word.text} is no line number: N takes a number from 0 up; correct it or leave it out",
-            )
+            raise self.refusal(word.column - 1, "word.no_number", word=word.text)
 
     def _word(self) -> Word:
         letter, start = self.peek(), self._at
@@ -216,11 +211,7 @@ class _Words(Values):
         self._at += 1
         value, point = self.value(start, letter.upper())
         if abs(value) > LARGEST:
-            raise self.refusal(
-                start,
-                f"{letter.upper()} has the value {value:g}: no word may be beyond +-{LARGEST:.0f}; "
-                "correct it",
-            )
+            raise self.refusal(start, "word.too_large", letter=letter.upper(), value=value, most=LARGEST)
         text = "".join(self._text[start : self._at].split()).replace("\0", "").upper()
         return Word(letter.upper(), value, point, start + 1, text[:40])
 
@@ -228,24 +219,19 @@ class _Words(Values):
         before = self._text[:at].rstrip(GAPS)
         is_word = _O_WORD.match(self._text, at) is not None
         if not is_word and (before[-1:].isdigit() or before[-1:] == "."):
-            return self.refusal(at, f"O after {before[-1]}: is it a zero? A number has digits only; write 0")
-        return self.refusal(
-            at, "O stands inside the line: an O-word (o100 call) stands alone on its line; write two lines"
-        )
+            return self.refusal(at, "value.o_for_zero", before=before[-1])
+        return self.refusal(at, "text.o_inside")
 
-    def _setting(self) -> tuple[Key, float]:
-        """``#n = value``."""
+    def _setting(self) -> tuple[Name, float]:
+        """``#n = value``; as Fanuc has it also ``#n = #m + 1``, without brackets."""
         start = self._at
         key = self.key()
         written = f"#<{key}>" if isinstance(key, str) else f"#{key}"
         try:
             self._parameters.check_settable(key)
         except NoValue as why:
-            raise self.refusal(start, str(why)) from None
+            raise self.refusal(start, why.key, **why.values) from None
         if not self.take("="):
-            raise self.refusal(
-                start,
-                f"{written} stands alone: a parameter is set with {written}=value or used after a letter, "
-                f"as X{written}; add what is missing",
-            )
-        return key, self.value(start, f"{written}=")[0]
+            raise self.refusal(start, "value.alone", written=written)
+        value = self.value(start, f"{written}=")[0]
+        return key, self.joined(value, ARITHMETIC) if self._parameters.of_fanuc else value

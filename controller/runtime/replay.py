@@ -151,7 +151,7 @@ class _Repetition:
                 bench.tick()
         bench.begin_rows()
         started = bench.request(Request.START)
-        first, skips = bench.cycle.tick + 1, bench.cycle.skips
+        first, skips = bench.cycle.tick + 1, bench.cycle.sync.skips
         every = max(1, round(PLAN_EVERY_S / bench.machine.period_s))
         for n in range(ticks):
             if n % every == 0:
@@ -247,7 +247,7 @@ class _Repetition:
             Mode.HOLD: "held",
             Mode.JOG: "held",
         }.get(modes.mode, "lost")
-        skips = bench.cycle.skips - skips_before
+        skips = bench.cycle.sync.skips - skips_before
         return Run(rows, result, modes.fault, modes.fault_axis, first, skips, 0, 0, bench.fault_text)
 
 

@@ -281,7 +281,7 @@ class SteppedMachine:
         self.planner.load(path.items, follow.queue_end_s, follow.epoch)
         self._plan()
         started = self.request(Request.START)
-        first, self._skips_before = self.cycle.tick + 1, self.cycle.skips
+        first, self._skips_before = self.cycle.tick + 1, self.cycle.sync.skips
         self._idle = asked_for = resumes = n = 0  # ``asked_for``: events that have been sent
         plan_every = max(1, round(PLAN_EVERY_S / self.machine.period_s))
         while True:
@@ -438,7 +438,7 @@ class SteppedMachine:
             modes.fault,
             modes.fault_axis,
             first,
-            self.cycle.skips - self._skips_before,
+            self.cycle.sync.skips - self._skips_before,
             resumes,
             left,
             self.fault_text,

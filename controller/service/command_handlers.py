@@ -133,20 +133,22 @@ class Desk:
             return {**status.unseen(self._told(status.ended(found))), **kept}
         return {**self._told(found), **kept}
 
-    def _with_doubt(self, told: Values) -> Values:
-        """The notice that nobody knows where the changer's tools are."""
-        changer = self._service.changer
-        if changer is None or (doubt := changer.doubt) is None:
-            return told
-        return {**told, "notices": [*told["notices"], {"name": "CHANGER_IN_DOUBT", **doubt}]}
+    def _with_notices(self, told: Values) -> Values:
+        """That the tool stands in a thread and no program turns it; that nobody knows where the changer's
+        tools are; that the run, or the last, has no record.
 
-    def _with_thread(self, told: Values) -> Values:
-        """The notice that the tool stands in a thread, while no program turns it."""
-        found = self._service.thread.found
-        if found is None or self._service.running is not None:
-            return told
-        values = {"depth": found.depth_mm, "pitch": found.pitch_mm, "line": found.line}
-        return {**told, "notices": [*told["notices"], {"name": "IN_THREAD", **said("in_thread", **values)}]}
+        An alarm tells of the record, too: but where the disk is full, nobody can keep that either.
+        """
+        notices, found = told["notices"], self._service.thread.found
+        if found is not None and self._service.running is None:
+            values = {"depth": found.depth_mm, "pitch": found.pitch_mm, "line": found.line}
+            notices = [*notices, {"name": "IN_THREAD", **said("in_thread", **values)}]
+        changer = self._service.changer
+        if changer is not None and (doubt := changer.doubt) is not None:
+            notices = [*notices, {"name": "CHANGER_IN_DOUBT", **doubt}]
+        if self._service.unrecorded is not None:
+            notices = [*notices, {"name": "NOT_RECORDED", **self._service.unrecorded}]
+        return {**told, "notices": notices}
 
     def _told(self, now: Snapshot) -> Values:
         """What a snapshot tells, with the job and the motion under way."""
@@ -159,7 +161,7 @@ class Desk:
         values = status.machine_values(service.machine, now, way, service.tool, age_s, ends_s)
         return {
             "time_s": now.tick * service.machine.period_s,
-            **self._with_doubt(self._with_thread(values)),
+            **self._with_notices(values),
             "aside": service.aside,
             "retract_room_mm": self._retract_room_mm(now),
             "tool": service.tool or None,

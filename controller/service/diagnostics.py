@@ -15,7 +15,7 @@ from controller.ipc.packed_rows import packed
 from controller.machine.model import Bus, Machine
 from controller.runtime.bus_load import budgets
 from controller.service.refusals import whole
-from controller.tick.cycle import LATE_SHARE
+from controller.tick.sync_watch import LATE_SHARE
 from drives import pdo
 from drives.load.budget import BusBudget, worst_bits
 from drives.log.frame_log import FrameLog

@@ -141,7 +141,7 @@ class Planning:
         try:
             facts = self._verbs[order.verb](order)
         except ProgramError as error:
-            self._answer(Answer(order.number, error=("bad", str(error))))
+            self._answer(Answer(order.number, error=("bad", error.placed)))
         except GivenUp:
             self._answer(Answer(order.number, error=("refused", said("given_up", verb=order.verb))))
         except (*EXPECTED, NotPossible) as error:
@@ -373,7 +373,7 @@ class Planning:
         if awaited.taken(now):
             self._answer(Answer(awaited.order, self._facts))
         elif error is not None and self._end.planner.finished:
-            self._answer(Answer(awaited.order, error=("bad", str(error))))
+            self._answer(Answer(awaited.order, error=("bad", error.placed)))
         elif why is not None:
             self._answer(Answer(awaited.order, error=why))
         else:

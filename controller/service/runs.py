@@ -148,12 +148,14 @@ class RunRecord:
         machine_text = program.machine.text.encode()
         sums = {"program_sha256": sha256(program.text), "machine_sha256": sha256(machine_text)}
         value = {**start.to_dict(), "fitted": fitted, **sums, "period_s": program.machine.period_s}
-        with contextlib.suppress(OSError):
+        try:
             _write_facts(self.folder / BEGUN, self._facts())
             if self._file is not None:
                 self._file.events([{"tick": -1, "request": events.BEGIN, "value": value}])
                 self._file.begin({events.PROGRAM: program.text, events.MACHINE: machine_text})
             atomic_file.sync(self.folder.parent)
+        except OSError as error:
+            self._problem = self._problem or error.strerror or str(error)
 
     def planned(self, turns: tuple[Turn, ...], fitted: dict[str, Any]) -> None:
         """When the planner acted, and on which tick's snapshot; ``fitted``: now."""
@@ -275,8 +277,10 @@ class RunRecord:
             "following_error": {a.name: e for a, e in zip(self.machine.axes, shown, strict=True)},
             **more,
         }
-        with contextlib.suppress(OSError):
+        try:
             self._write(facts)
+        except OSError:
+            self._throw_away_halves()
         return facts
 
     def _facts(self) -> dict[str, Any]:
@@ -288,6 +292,13 @@ class RunRecord:
         if self._file is not None:
             self._file.close()
         shutil.rmtree(self.folder, ignore_errors=True)
+
+    def _throw_away_halves(self) -> None:
+        """What the disk did not take whole; and all of it where it took no setpoint."""
+        (self.folder / WHOLE).unlink(missing_ok=True)
+        rows = self.folder / PART
+        if not rows.exists() or not rows.stat().st_size:
+            shutil.rmtree(self.folder, ignore_errors=True)
 
     def _write(self, facts: dict[str, Any]) -> None:
         self.folder.mkdir(parents=True, exist_ok=True)  # there may be room by now

@@ -82,6 +82,7 @@ class Service:
         self.running: Job | None = None  # it, or an MDI line, from start to end
         self.record: RunRecord | None = None
         self._told_of_record: RunRecord | None = None  # whose disk is full
+        self.unrecorded: Said | None = None  # why the run, or the last one, has no whole record
         self.commissioned = False
         self.homing: tuple[int, ...] = ()  # axes that were asked to, while they do
         self._asked_tool: int | None = None  # that a program waited for at the last look ...
@@ -300,7 +301,7 @@ class Service:
             asked = self.engine.asked
             while asked and now is not None and now.has_taken(asked[0].number):
                 asked.popleft()  # before this run
-            self.record = RunRecord(self.state, self.machine, job.told())
+            self.record, self.unrecorded = RunRecord(self.state, self.machine, job.told()), None
             self._tell_of_record(self.record)
 
     def _tell_of_record(self, record: RunRecord) -> None:
@@ -309,7 +310,8 @@ class Service:
             return
         self._told_of_record = record
         name, key = str(record.what.get("name", "")), "record_ended" if record.began else "not_recorded"
-        self.alarms.add("NOT_RECORDED", said(key, program=name, why=record.problem))
+        self.unrecorded = said(key, program=name, why=record.problem)
+        self.alarms.add("NOT_RECORDED", self.unrecorded)
 
     def not_started(self, job: Job, why: Said) -> None:
         with self.lock:

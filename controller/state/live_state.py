@@ -96,7 +96,7 @@ class Snapshot(NamedTuple):
     actual: tuple[float, ...] = _value(
         "encoder", "positions that the drives have told", "mm, rad", "actual", many=EACH_AXIS
     )
-    lateness_s: float = _value("cycle", "of this tick", "s", "lateness_s", signal="lateness µs 1e6")
+    lateness_s: float = _value("sync", "of this tick", "s", "lateness_s", signal="lateness µs 1e6")
     sync_sent: bool = _value("cycle", "SYNC went out in this tick", column="sync_sent", signal="sync_sent")
     accepted_now: int = _value(
         "cycle", "sequence of the message taken in this tick; below 0: refused", column="accepted"
@@ -155,8 +155,8 @@ class Snapshot(NamedTuple):
     untrusted: int = _value("modes", "axes that must be homed before a start, bit mask")
     drive_states: tuple[int, ...] = _value("telling", "of CiA 402", many=EACH_AXIS)
     malformed: tuple[int, ...] = _value("telling", "frames of a wrong length from each drive", many=EACH_AXIS)
-    skips: int = _value("cycle", "ticks that sent no SYNC", status="tick.skips")
-    late_max_s: float = _value("cycle", "the latest tick so far", "s", status="tick.late_max_ms ms 1e3")
+    skips: int = _value("sync", "ticks that sent no SYNC", status="tick.skips")
+    late_max_s: float = _value("sync", "the latest tick so far", "s", status="tick.late_max_ms ms 1e3")
     accepted: int = _value("cycle", "sequence of the last message taken")
     rejected: int = _value("cycle", "sequence of the last message refused")
     single_block: bool = _value("modes", "stop after every block", status="single_block")

@@ -7,11 +7,9 @@ raises on what may happen on a machine.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from typing import NamedTuple
 
-from controller.geometry.vectors import ROUNDING
 from controller.ipc.handoff import (
     OFF_PATH,
     OPTIONAL_STOP,
@@ -42,17 +40,10 @@ from controller.tick.mode import Modes, Phase
 from controller.tick.peripherals import Peripherals
 from controller.tick.probing import Probing
 from controller.tick.status_publisher import Telling
-from drives.cyclic.drive_fault import DriveFault
+from controller.tick.sync_watch import SyncWatch
 
-LATE_SHARE = 0.25  # of the period: a later tick sends nothing
-NEAREST_SHARE = 0.75  # of the period: no two SYNCs are closer
 MAX_REQUESTS = 8  # taken in one tick
-LOST_ECHOES = 3  # of the kernel's SYNC, in a row
-# SYNCs in a row that did not come: drives that hold their last setpoint have stopped meanwhile, and
-# to go on at full feed would be a step for them. Fewer are a dip that a servo smooths.
-LONG_GAP = 4
 FOLLOWING = (Mode.RUNNING, Mode.HOLD, Mode.STOPPING)  # the path, with its outputs
-BLAMED_TICKS = 3  # the silence may have begun after the buses were drained
 
 
 class Again(NamedTuple):
@@ -92,6 +83,7 @@ class Cycle:
         self._pieces = pieces
         self._requests = requests
         self._now = now
+        self.sync = SyncWatch(machine, group, self.modes, now)
         self._encoder = Encoder(machine)
         self.probing = Probing(machine, group, self.modes, self.follow, self._encoder, self.peripherals)
         self._check = Check(machine)
@@ -105,39 +97,24 @@ class Cycle:
             snapshot,
             recorder,
             cycle=self,
+            sync=self.sync,
             peripherals=self.peripherals,
             answers=self.answers,
             probing=self.probing,
             coupling=self.coupling,
         )
-        self._period_s = machine.period_s
-        self._latest_s = LATE_SHARE * machine.period_s - ROUNDING
-        self._nearest_s = NEAREST_SHARE * machine.period_s - ROUNDING
-        self._kernel_sync = machine.sync == "kernel"
         self._silence_ticks = round(PLANNER_SILENCE_S / machine.period_s)
         self._silent = 0  # ticks that were run since the plan was last heard
-        self._synced_s = float("-inf")  # when the last SYNC had left
-        self._skip_level = 0.0  # a bucket that skips fill and ticks drain
-        self._skip_limit = max(machine.skip_limit_per_s, 1.0) if machine.late == "stop" else math.inf
-        self._echoes_missed = 0
-        self._synced_tick = 0  # the last tick that sent SYNC
         self._stood = False  # in this tick the path was stood still after a gap
         self.again: Again | None = None  # of a run that is made again
         self._waits = False  # motion waits for spindle, coolant or clamps in this tick
         self._stood_before = False  # so it was before this tick, in a run that is made again
-        self._deaf_s = stop_times.deaf_s(machine)
-        self._blamed = 0  # ticks in which what the drives have to say is of our silence
-        self._unsent = 0  # SYNCs in a row that the bus did not take
-        self._most_unsent = round(stop_times.LOST_BUS_S / machine.period_s)
         self.tick = -1
-        self.skips = 0
-        self.late_max_s = 0.0
         self.accepted = 0  # sequence of the last message taken
         self.rejected = 0
         # What is of this tick alone, for ``live_state``.
         self.accepted_now = 0
         self.taken = 0
-        self.lateness_s = 0.0
         self.sync_sent = False
         self.switches = 0
 
@@ -155,10 +132,9 @@ class Cycle:
         """
         ticks = 1 + missed
         self.tick += ticks
-        self.lateness_s = lateness_s
         self.sync_sent = sent = self._sync(now_s, lateness_s)
-        self._count(sent, ticks, lateness_s)
-        self._look_for_our_silence(now_s, missed)
+        self.sync.count(sent, ticks, lateness_s, self._stood and not sent)
+        self.sync.look_for_our_silence(now_s, missed)
         void = self._take_requests()
         self._take_pieces(void)
         if self._supervise(now_s, ticks) or void:
@@ -185,29 +161,22 @@ class Cycle:
 
         After a long gap that would be a step: they are told first to stand where they are.
         """
-        if self._kernel_sync:
-            sent = self.group.sync(now_s)
-            self._stood = self.group.syncs_seen > LONG_GAP and self._stand(False)
+        if self.sync.by_kernel:
+            sent = self.sync.send(self.tick, now_s, lateness_s)
+            self._stood = self.sync.is_after_a_gap(self.tick) and self._stand(False)
             return sent
-        self._stood = self.tick - self._synced_tick > LONG_GAP and self._stand(True)
-        if self._stood or lateness_s > self._latest_s or now_s - self._synced_s < self._nearest_s:
-            return False
-        sent = self.group.sync(now_s)
-        self._synced_s = self._now()
-        if sent:
-            self._synced_tick = self.tick
-        self._unsent = 0 if sent else self._unsent + 1
-        return sent
+        self._stood = self.sync.is_after_a_gap(self.tick) and self._stand(True)
+        return not self._stood and self.sync.send(self.tick, now_s, lateness_s)
 
     def stand(self) -> None:
         """For a run that is made again: before its next SYNC there was a long gap."""
-        self._stood_before = self._stand(not self._kernel_sync)
+        self._stood_before = self._stand(not self.sync.by_kernel)
         self.group.command(self._encoder.setpoints, self._now())
 
     def pass_by(self) -> None:
         """For a run that is made again: a tick that came too late for its SYNC."""
-        self.run(self._now(), self._period_s)
-        self._synced_tick += 1  # where the path was stood still for it, the record says so
+        self.run(self._now(), self.machine.period_s)
+        self.sync.pass_over()
 
     def _stand(self, back: bool) -> bool:
         """The drives have stood: so does what they are told, and motion begins again from rest.
@@ -220,35 +189,6 @@ class Cycle:
         if stood:
             self._encoder.encode(self.follow.joints)
         return stood
-
-    def _count(self, sent: bool, ticks: int, lateness_s: float) -> None:
-        """Skips and lateness. Too many skips while moving: a stop on the path."""
-        skips = ticks - 1 + (not sent)
-        if self._kernel_sync:
-            skips += max(self.group.syncs_seen - 1, 0)
-            self._echoes_missed = 0 if sent else self._echoes_missed + 1
-            if self._echoes_missed >= LOST_ECHOES and self.modes.on_path:
-                self.modes.fail(Fault.SYNC_LOST, -1)
-        if lateness_s > self.late_max_s:
-            self.late_max_s = lateness_s
-        self.skips += skips
-        if self.modes.mode is not Mode.RUNNING:
-            self._skip_level = 0.0  # what came late at rest does no harm, now or later
-            return
-        drained = self._skip_level - self._skip_limit * self._period_s * ticks
-        own = self._stood and not sent  # kept back by ourselves
-        self._skip_level = (drained if drained > 0.0 else 0.0) + skips - own
-        if self._skip_level > self._skip_limit:
-            self.modes.fail(Fault.TOO_MANY_SKIPS, -1)
-
-    def _look_for_our_silence(self, now_s: float, missed: int) -> None:
-        """Drives that went by our heartbeat, and have none, are not what is at fault."""
-        if missed * self._period_s > self._deaf_s:
-            self._blamed = BLAMED_TICKS
-        if self._blamed:
-            self._blamed -= 1
-            if self.modes.mode is not Mode.FAULT and self.group.fault(now_s)[0] is not DriveFault.NONE:
-                self.modes.fail(Fault.TOO_MANY_SKIPS, -1)
 
     def _take_requests(self) -> bool:
         """True where one of them has made void what is queued."""
@@ -373,7 +313,7 @@ class Cycle:
             self.peripherals.watch(now_s, self.modes, self._encoder.actual, standing, ticks, share)
         if self.probing.present:
             self.probing.watch()
-        if self._unsent > self._most_unsent and self.modes.on_path:
+        if self.sync.is_unheard and self.modes.on_path:
             # A path that no drive hears of has no end: the drives stop by their own supervision.
             self.modes.fail(Fault.SEND_FAILED, -1)
             self.modes.quick_stop()

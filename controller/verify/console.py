@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 from collections.abc import Callable, Iterator
+from contextvars import ContextVar
 from typing import TYPE_CHECKING, Any, NoReturn
 
 import typer
@@ -17,6 +18,8 @@ if TYPE_CHECKING:
 
 tell = Console(stderr=True, highlight=False, soft_wrap=True)  # sentences, progress
 show = Console(highlight=False)  # results
+
+spoken: ContextVar[str] = ContextVar("spoken", default=messages.DEFAULT)  # in which language
 
 Told = Callable[..., None]  # (share done, what is going on now)
 
@@ -72,7 +75,7 @@ def refusals(as_json: bool, expected: Callable[[], tuple[type[Exception], ...]])
         _refuse(as_json, f"{name}{error.strerror}; check path, permission and space.", {})
     except _of_programs() as error:
         place = {"file": error.file, "line": error.line, "column": error.column}
-        _refuse(as_json, str(error), {**place, "sentence": error.sentence, **error.facts})
+        _refuse(as_json, messages.text(error.placed, spoken.get()), {**place, **error.said, **error.facts})
     except expected() as error:
         _refuse(as_json, str(error), {})
 
@@ -86,7 +89,7 @@ def _of_programs() -> type[ProgramError]:
 
 def _refuse(as_json: bool, sentence: str, facts: dict[str, Any], exit_code: int = 1) -> NoReturn:
     if as_json:
-        print(json.dumps({"ok": False, "error": sentence, **messages.told(facts)}))
+        print(json.dumps({"ok": False, "error": sentence, **messages.told(facts, spoken.get())}))
     else:
         tell.print(sentence, markup=False)
     raise typer.Exit(exit_code)

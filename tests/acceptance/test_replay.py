@@ -179,7 +179,7 @@ def test_late_ticks_at_whatever_moment(tmp_path: Path, seed: int) -> None:
     rng = random.Random(seed)
     late = [False]
     bench = RecordedBench(tmp_path, None, lambda _: 0.0007 * (late[0] and rng.random() < 0.33))
-    bench.stepped.cycle._skip_limit = math.inf
+    bench.stepped.cycle.sync._skip_limit = math.inf
     late[0] = True
     bench.request(Request.OVERRIDE, 0.7)
     bench.started(TEXT)

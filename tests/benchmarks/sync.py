@@ -100,7 +100,7 @@ def tick_process(
     ends_s = time.monotonic() + seconds
     loop.Loop(cycle, clock).run(lambda: time.monotonic() < ends_s)
     rows = recorder.drain()[WARM_UP:]
-    out.send((rows[:, COLUMN["lateness_s"]], cycle.skips, dict(granted)))
+    out.send((rows[:, COLUMN["lateness_s"]], cycle.sync.skips, dict(granted)))
 
 
 def play_drives(far: socket.socket, stop: Connection) -> np.ndarray:

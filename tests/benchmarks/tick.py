@@ -117,7 +117,7 @@ class Rig:
         period_s = self.cycle.machine.period_s
         self.answer()
         self.now_s += period_s
-        self.cycle._synced_s = self.now_s - period_s  # the pace is ours, not the wall clock's
+        self.cycle.sync._synced_s = self.now_s - period_s  # the pace is ours, not the wall clock's
         start = time.perf_counter()
         self.cycle.receive(self.now_s)
         self.cycle.run(self.now_s, 0.0)

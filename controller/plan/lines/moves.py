@@ -103,7 +103,7 @@ def arc(
             machine.arc_tolerance_mm,
         )
     except circles.NoCircleError as error:
-        voice.refuse(block.place, str(error))
+        voice.refuse(block.place, error.said)
     radius = math.hypot(*centre)
     first, second, rise = [0.0] * 3, [0.0] * 3, [0.0] * 3
     first[a], first[b] = -centre[0], -centre[1]

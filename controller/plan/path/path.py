@@ -403,10 +403,13 @@ class Tracer:
             first = [stretch for chain in row.chains(True) for stretch in chain.stretches][:1]
         except ProgramError:  # it may run from where a departure leads
             first = []
-        lets = line_blends.lets(way.legs, way.run, first, block.modal, self._machine, self._kinematics)
-        if not lets:
-            self.now = before
-        return lets
+        why = line_blends.departs(way.legs, way.run, first, block.modal, self._machine, self._kinematics)
+        if why is None:
+            return True
+        self.now = before
+        if why:
+            self._note(block.place, line_blends.DEPARTS.format(way.run[-1].place.line, why))
+        return False
 
     def _run_off(self, chain: Chain, modal: Modal) -> Chain:
         """The cuts under way and the row that begins at their end: blended, or at rest there."""

@@ -20,6 +20,7 @@ import numpy.typing as npt
 from controller.geometry.vectors import Vector, norm, subtract
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Joints, Machine
+from controller.messages import said
 from controller.motion.motions import JointMove, Rotaries, SurfaceCut, ToolSpline
 from controller.plan.path import clamps, tool_changes
 from controller.plan.path.path import Tracer, joints_along
@@ -109,7 +110,7 @@ class Rest:
             if isinstance(item, Pause) and item.changing is not None:
                 if item.changing.step == 0:
                     break
-                sentence = "is in the middle of a tool change: start from the line behind it"
+                sentence = said("tool.restart_inside")
                 raise ProgramError(self.source.name, place.line, place.column, sentence)
             if place.order > self.order:
                 break

@@ -33,7 +33,7 @@ Array = npt.NDArray[np.float64]
 
 USEFUL_S = 0.1  # a blend takes so long at the feed, on either side; longer ones ask less of no joint
 USEFUL_MM = (1.0, 10.0)
-SHARE = 0.45  # of a cut: both its ends may be blended
+SHARE = 0.49  # of a cut: both its ends may be blended
 SHORTEST_MM = 0.02
 TRIES = 10
 USED = 0.9  # of what the tolerance leaves, for what lies between the points that are looked at
@@ -209,7 +209,7 @@ def _sought(
         search = _Search(one, other, reach_mm, allowed, kinematics, axis_too)
         best = search.longest(Rounding.of(ROUNDINGS[0]))
         for rounding in map(Rounding.of, ROUNDINGS[1:]):
-            if best is not None and best.reach_mm < search.most_mm:
+            if best is not None and min(best.reaches_mm) < reach_mm:
                 best = search.better(best, rounding)
         if best is not None:
             return best

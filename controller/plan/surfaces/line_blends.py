@@ -22,7 +22,7 @@ import numpy.typing as npt
 
 from controller.geometry import series
 from controller.geometry.placement import Blend
-from controller.geometry.vectors import norm, subtract
+from controller.geometry.vectors import angle_between, norm, subtract
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Joints, Machine
 from controller.motion.motions import ROW, SurfaceCut, ToolSpline
@@ -57,6 +57,17 @@ ROUNDING = Rounding.of(0.0594)
 RUNS_ON = (
     "Runs on from {} of line {} within the joint tolerance: the blend over {:.2f} mm on either side deviates "
     "by {:.3f} um at most."
+)
+DEPARTS = "Does not run on from the block of line {}, which ends with a departure and a rest: {}."
+UNREACHED = "the axes do not get there from the end of that cut without turning otherwise"
+SHORT = "one of the two is too short to be led over into the other: there is {:.3f} mm of way for it"
+TURNS = (
+    "the way of the tool turns there by {:.2f} degrees, and nothing that leads it over stays within {:g} mm "
+    "and {:g} degrees (G64 P Q)"
+)
+DEEPER = (
+    "beside that line the flank would get {:.3f} mm deeper into the surfaces than the cuts do, and {:g} mm "
+    "is allowed (G64 P)"
 )
 
 
@@ -130,18 +141,27 @@ def off(
     return found
 
 
-def lets(
+def departs(
     legs: Sequence[Leg],
     run: Sequence[Stretch],
     row: Sequence[Stretch],
     modal: Modal,
     machine: Machine,
     kinematics: Kinematics,
-) -> bool:
-    """Whether a row that begins so leads on from the last cut: not back, nor into the surfaces."""
-    if not row or _left(legs, run, row[0], modal, machine, kinematics) is None:
-        return False
-    return Room.of(legs, False, machine, kinematics).reached(row[0]) <= legs[-1].cut.block.modal.blend_mm
+) -> str | None:
+    """Why a row that begins so does not lead on from the last cut; None: it does, empty: it is not to."""
+    if not row:
+        return UNREACHED
+    meeting = _meeting(row[0], modal, legs[-1].cut, True, machine, kinematics)
+    if meeting is None:
+        return ""
+    if _left(legs, run, row[0], modal, machine, kinematics) is None:
+        return meeting.unmet
+    deeper, most = (
+        Room.of(legs, False, machine, kinematics).reached(row[0]),
+        legs[-1].cut.block.modal.blend_mm,
+    )
+    return DEEPER.format(deeper, most) if deeper > most else None
 
 
 def _left(
@@ -219,6 +239,15 @@ class Meeting:
         here = self.kinematics.forward(self._joints, self.cut.motion.length_mm)
         gap, tilt = norm(subtract(here.tip, there.tip)), norm(subtract(here.axis, there.axis))
         return self._keeps(float(gap + tilt * self._height_mm), float(tilt))
+
+    @property
+    def unmet(self) -> str:
+        """Why no blend was found."""
+        if self._longest_mm() < SHORTEST_MM:
+            return SHORT.format(self._longest_mm())
+        here, there = self._pose_rows()[1, :3], End.of(self.cut.motion, not self.leaves).rows[1, :3]
+        turn = np.degrees(angle_between(tuple(here), tuple(there)))
+        return TURNS.format(turn, self.allowed.mm, np.degrees(self.allowed.rad))
 
     def blended(self, follow: Follow) -> Blended | None:
         """The longest blend within the tolerance; ``follow`` gives a cut's motion as the joints follow it."""

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+from controller.messages import said, text
+
 ROUND_MM = 0.005  # by which R may be too small for its end (rounded words)
 # By which start and end may differ in their distance from a centre, as LinuxCNC has it: what words of
 # two decimals give away in mm, or this share of the radius, up to ``arc_tolerance_mm``.
@@ -16,7 +18,11 @@ Point = tuple[float, float]
 
 
 class NoCircleError(ValueError):
-    """One sentence on why the words make no arc."""
+    """Why the words make no arc."""
+
+    def __init__(self, key: str, **values: float) -> None:
+        self.said = said(key, **values)
+        super().__init__(text(self.said))
 
 
 class Circle(NamedTuple):
@@ -82,13 +88,10 @@ def _of_centre(centre: Point, chord: Point, most_mm: float) -> Point:
     x, y = centre
     start, end = math.hypot(x, y), math.hypot(chord[0] - x, chord[1] - y)
     if start < SAME_MM:
-        raise NoCircleError("the centre of this arc is its start; I J K are the way from start to centre")
+        raise NoCircleError("arc.centre_is_start")
     allowed = min(most_mm, max(ARC_ROUND_MM, ARC_SHARE * max(start, end)))
     if abs(start - end) > allowed:
-        raise NoCircleError(
-            f"this arc begins {start:.4f} mm from its centre and ends {end:.4f} mm from it; they may differ "
-            f"by {allowed:.4f} mm; correct I J K or the end point"
-        )
+        raise NoCircleError("arc.two_radii", start=start, end=end, allowed=allowed)
     return centre
 
 
@@ -96,14 +99,9 @@ def _of_radius(radius: float, chord: Point, way: float) -> Point:
     """R form: of the two centres the one of the short way (R > 0) or the long way (R < 0)."""
     size = math.hypot(*chord)
     if size < SAME_MM:
-        raise NoCircleError(
-            "an arc with R needs an end point other than its start; a full circle takes I J K"
-        )
+        raise NoCircleError("arc.full_with_radius")
     if size / 2.0 > abs(radius) + ROUND_MM:
-        raise NoCircleError(
-            f"R {abs(radius):.4f} mm cannot reach an end {size:.4f} mm away; R is at least half of that; "
-            "correct R or the end point"
-        )
+        raise NoCircleError("arc.out_of_reach", radius=abs(radius), away=size)
     height = math.sqrt(max(0.0, radius * radius - size * size / 4.0))
     height *= way * math.copysign(1.0, radius)  # the centre of a short way round lies on this side
     return chord[0] / 2.0 - height * chord[1] / size, chord[1] / 2.0 + height * chord[0] / size

@@ -43,7 +43,7 @@ function in_words({ fault, sequence, notices, interlock, warning, waiting, spind
     next: trusted ? word(fault.position_trusted ? "frame.trusted" : "frame.not_trusted") : "",
     under_way: running || (tool_change ? sentence(tool_change) : waiting ? word(waits) : ""),
     interlock: told(interlock),
-    warning: told(warning) || told("PLAN_SILENT"),
+    warning: [warning, "PLAN_SILENT", "IN_THREAD", "NOT_RECORDED"].map(told).find(Boolean) || "",
     failed: sequence?.state === "failed" ? sentence(sequence) : "",
   };
 }

@@ -12,6 +12,7 @@ from controller.api.answers import Refusal
 from controller.api.drafts import Drafts
 from controller.api.store import Store
 from controller.machine import machine_file, setup_data
+from controller.messages import text
 
 SUB = b"o<lift> sub\nG0 Z5\no<lift> endsub\n"
 
@@ -25,17 +26,17 @@ def store(tmp_path: Path) -> Store:
 def test_every_line_that_is_refused_is_told_with_its_place(store: Store) -> None:
     found = asyncio.run(Drafts(store).read("a.ngc", "G21 G90\nG1 Q7\nG1 X1 F100\nG1 X1..5\nM30\n"))
     assert [one["line"] for one in found] == [2, 4]
-    assert found[1]["column"] == 7 and found[1]["sentence"]
+    assert found[1]["column"] == 7 and text(found[1])
     assert store.programs.list() == []
 
 
 def test_a_sub_of_a_stored_program_is_known(store: Store) -> None:
-    text = "G21\no<lift> call\nM30\n"
-    assert asyncio.run(Drafts(store).read("a.ngc", text))
+    calls = "G21\no<lift> call\nM30\n"
+    assert asyncio.run(Drafts(store).read("a.ngc", calls))
     with store.uploads.begin("lift.ngc") as upload:
         upload.write(SUB)
         upload.commit()
-    assert asyncio.run(Drafts(store).read("a.ngc", text)) == []
+    assert asyncio.run(Drafts(store).read("a.ngc", calls)) == []
 
 
 def test_one_is_read_at_a_time(store: Store) -> None:

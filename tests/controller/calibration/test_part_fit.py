@@ -10,7 +10,7 @@ import pytest
 from support.machines.probed_parts import moved, touched
 from support.parts.paper_surfaces import example_1, example_2
 
-from controller.calibration import features, part_fit
+from controller.calibration import DOFS, features, part_fit
 from controller.calibration.features import Ball, Cylinder, Plane, Ruled
 from controller.calibration.refusal import Refusal
 from controller.geometry.vectors import Frame, angle_between, norm, subtract
@@ -31,7 +31,7 @@ def named(touches):
     return {name: features.named(name, SURFACES, "own.csv") for name in dict.fromkeys(touches.features)}
 
 
-def fitted(touches, free=part_fit.DOFS, start=START):
+def fitted(touches, free=DOFS, start=START):
     return part_fit.fit(touches, named(touches), TRUNNION, start, free)
 
 

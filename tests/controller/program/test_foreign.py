@@ -120,3 +120,17 @@ def test_a_line_of_a_control_that_is_read_else_says_what_to_write(
 ) -> None:
     (found,) = refusals.of(f"G0 X1.\n{line}\nX2.\n".encode(), machine("fanuc"), "p")
     assert (found.line, found.column) == (2, column) and instead in found.sentence
+
+
+@pytest.mark.parametrize(
+    ("text", "why"),
+    [
+        ("$PART-1.MIN%\nG0 X1.\n", "head of a program for Okuma"),
+        ("G1 X5. ,C2. F100.\nY5.\n", "chamfer or a radius of a corner"),
+        ("G1 X5. , R2. F100.\nY5.\n", "chamfer or a radius of a corner"),
+        ("G1 X5,5 F100.\n", "cannot stand here"),
+    ],
+)
+def test_what_other_controls_write_on_lines_is_named(text: str, why: str) -> None:
+    found = refusals.of(text.encode(), reference_interpreter.machine("fanuc", without_point="unit"), "p")
+    assert why in found[0].sentence

@@ -8,7 +8,7 @@ from support.machines.shipped_kinds import machine
 from controller.machine.kinematics import kinematics_of
 from controller.plan.path import path
 from controller.program import blocks
-from controller.program.program import CutRuled, Message
+from controller.program.program import CutRuled, Message, ProgramError
 
 POINTS = "X0. Y0. Z10.\n" + "\n".join(f"X{k}. Y0. Z10." for k in (3, 6, 9))
 LOWER = "\n".join(f"X{k}. Y0. Z0." for k in (0, 3, 6, 9))
@@ -32,6 +32,9 @@ def said(text: str) -> list[tuple[int, str]]:
         ("G0X1\nM2\n(msg,never)", []),
         ("G0X1\n(msg,at the end)", [(2, "at the end")]),
         ("(msg no comma)\nG0X1", []),
+        ("#1=1.1234567\n(debug,%f a b: #1 %.2f#1 #1 %d#1 #1)\nG0X1", [(2, "a b: 1.1235 1.12 1.12 1 1")]),
+        ("#1=1.1234567\n(debug,%.1f#1)(print,#1 100% %x#1)\nG0X1", [(2, "1.1 1.123457 100% %x1.123457")]),
+        ("#1=[0*-1]\n(debug,#1 #<never_set>)\nG0X1", [(2, "0.000000 ######")]),
     ],
 )
 def test_messages_stand_where_they_are_carried_out(text: str, expected: list[tuple[int, str]] | None) -> None:
@@ -61,3 +64,11 @@ def test_a_check_tells_what_is_said_and_the_path_does_not_stop_for_it() -> None:
             (0, 0, 50, 0, 0),
         ).items
     )
+
+
+def test_a_program_that_ends_itself_is_refused_with_its_reason_where_it_does() -> None:
+    text = "#1={}\no1 if [#1 GT 3]\n G0 X1 (abort, depth %.1f#1 is too much)\no1 endif\nG0X1\n"
+    assert said(text.format(2)) == []
+    with pytest.raises(ProgramError, match=r"ends itself here: .depth 4\.0 is too much.") as refused:
+        said(text.format(4))
+    assert (refused.value.line, refused.value.column) == (3, 8)

@@ -155,3 +155,28 @@ def test_a_sub_with_m73_leaves_the_state_as_it_was() -> None:
     *_, inside, after = blocks.stream(text.encode(), made(), "p")
     assert isinstance(inside, JointLine) and inside.relative and inside.targets[0] == 25.4
     assert isinstance(after, JointLine) and not after.relative and after.targets[0] == 3.0
+
+
+@pytest.mark.parametrize(
+    ("settings", "x"),
+    [
+        ("#100=2.\n#100=#100+1", 3.0),
+        ("#100=2 * 3 - #101 / 2 #101=4", 6.0),
+        ("#100=-#101 + [1 + 2] MOD 2", 1.0),
+        ("#100=10. - 4. - 3.", 3.0),
+        ("#100=FIX[-1.2] + 10 * FUP[-1.2] + FUP[0.5]", -20.0),
+    ],
+)
+def test_expressions_of_fanuc_need_no_brackets_behind_an_equals_sign(settings: str, x: float) -> None:
+    text = f"{settings}\nG0 X#100\n".encode()
+    on = replace(made(), dialect="fanuc", without_point="unit")
+    (move,) = blocks.read(text, on, "p").blocks
+    assert isinstance(move, JointLine) and move.targets[0] == pytest.approx(x)
+    if "+" in settings or "-" in settings[6:]:
+        with pytest.raises(ProgramError):
+            blocks.read(text, made(), "p")
+
+
+def test_truth_needs_brackets_on_both() -> None:
+    with pytest.raises(ProgramError):
+        blocks.read(b"#100=1 GT 2\nG0 X1\n", replace(made(), dialect="fanuc"), "p")

@@ -10,6 +10,7 @@ from support.machines.shipped_kinds import machine
 from typer.testing import CliRunner
 
 from controller.__main__ import app
+from controller.messages import text
 from controller.program import refusals
 
 POST = "G21 G90\nG1 X1 F100\nG99.9 X2\nX1O\nM97\nG99.9 X3 E5\nX#<depth>\nG1 X4 E2\nX5\nM30\n"
@@ -24,7 +25,7 @@ def test_every_line_that_is_refused_is_told_once_with_what_is_to_blame() -> None
     assert of(POST) == [(3, "G99.9"), (4, ""), (5, "M97"), (6, "G99.9"), (7, ""), (8, "E")]
     found = refusals.of(POST.encode(), machine("fig4a", spindle=None), "p")
     assert refusals.counts(found) == {"G99.9": 2, "": 2, "M97": 1, "E": 1}
-    assert refusals.summed(found) == "6 refusals: G99.9 2, other 2, M97 1, E 1."
+    assert text(refusals.summed(found)) == "6 refusals: G99.9 2, other 2, M97 1, E 1."
 
 
 @pytest.mark.parametrize(
@@ -82,8 +83,74 @@ def test_a_word_in_a_sub_is_refused_with_who_called_it() -> None:
 
 
 def test_a_refusal_is_shown_with_its_line_and_a_caret() -> None:
-    text = "G0 X1\n\tG0 X1O\n"
-    (found,) = refusals.of(text.encode(), machine("fig4a", spindle=None), "p")
-    sentence, line, caret = refusals.pointed(found, "p", text.split("\n")).split("\n")
+    source = "G0 X1\n\tG0 X1O\n"
+    (found,) = refusals.of(source.encode(), machine("fig4a", spindle=None), "p")
+    sentence, line, caret = refusals.pointed(found, {"p": source.split("\n")}).split("\n")
     assert (sentence, line, line[caret.index("^")]) == (str(found), "     G0 X1O", "O")
-    assert refusals.pointed(found, "another", text.split("\n")) == str(found)
+    assert refusals.pointed(found, {"another": source.split("\n")}) == str(found)
+    (row,) = refusals.facts([found], refusals.lines_of(source.encode(), "p"))["refusals"]
+    assert row["shown"] == [" G0 X1O", "      ^"] and row["key"] == found.said["key"]
+
+
+def test_the_caret_of_a_long_line_and_of_a_called_file_is_shown() -> None:
+    source = f"({'x' * 300}) G0 X1O\n"
+    (found,) = refusals.of(source.encode(), machine("fig4a", spindle=None), "p")
+    line, caret = refusals.shown(found, refusals.lines_of(source.encode(), "p"))
+    assert line[caret.index("^")] == "O" and len(line) <= refusals.MAX_WIDE
+
+
+@pytest.mark.parametrize("options", [[], ["--language", "de"]])
+def test_a_single_refusal_has_its_line_and_caret_too(tmp_path: Path, options: list[str]) -> None:
+    (tmp_path / "part.ngc").write_text("G0 X1\nG0 X1O\n")
+    told = CliRunner().invoke(app, ["check", str(tmp_path / "part.ngc"), *options])
+    *_, line, caret = told.stderr.rstrip().split("\n")
+    assert told.exit_code == 1 and line[caret.index("^")] == "O"
+    assert ("ist das eine Null" if options else "is it a zero") in told.stderr
+
+
+@pytest.mark.parametrize(
+    ("line", "column", "about"),
+    [
+        ("M67 E5 Q1", 1, "M67"),
+        ("G41 D99", 5, "G41"),
+        ("G10 L2 P77 X1", 8, "G10"),
+        ("G10 P1", 1, "G10"),
+        ("G5.1 X1 I1 J1 Q3", 15, "G5.1"),
+        ("G1 X1 Q7", 7, "Q"),
+        ("G0 X[1/0]", 7, ""),
+        ("G0 X[2 + 1 mod 0]", 12, ""),
+        ("G0 X[1 + sqrt[-1]]", 10, ""),
+        ("#1=[2**9999]", 6, ""),
+    ],
+)
+def test_the_code_is_blamed_for_its_letters_and_the_operator_for_its_value(
+    line: str, column: int, about: str
+) -> None:
+    (found, *_) = refusals.of(f"G21 F100\n{line}\n".encode(), machine("fig4a", spindle=None), "p")
+    assert (found.line, found.column, found.about) == (2, column, about), found
+
+
+@pytest.mark.parametrize(
+    ("code", "told"),
+    [
+        ("G43.7", "use G43 or G43.1 or G43.2 or G43.4 or G43.5 instead"),
+        ("G99.9", "use G99 instead"),
+        ("G682", "use G68.2 instead"),
+        ("G921", "use G92.1 instead"),
+        ("M35", "instead, or name an output"),
+        ("M777", "it knows M0 M1"),
+        ("M33", 'a code of dialect = "fanuc"'),
+        ("G12.1", "is not done here"),
+    ],
+)
+def test_an_unknown_code_is_told_what_to_use(code: str, told: str) -> None:
+    (found, *_) = refusals.of(f"{code}\n".encode(), machine("fig4a", spindle=None), "p")
+    assert told in found.sentence, found
+
+
+@pytest.mark.parametrize(
+    "line", ["G0 X1O", "G0 X1OY2", "G0 X10O", "G1X1 Y2O F100", "G0 X#1O", "G0 XO5", "G0 Z-O"]
+)
+def test_a_letter_o_behind_a_number_is_asked_after_and_never_to_be_removed(line: str) -> None:
+    (found, *_) = refusals.of(f"{line}\n".encode(), machine("fig4a", spindle=None), "p")
+    assert "is it a zero" in found.sentence and "remove" not in found.sentence, found

@@ -69,3 +69,9 @@ def test_a_whole_circle_leads_out_no_better_than_another_arc() -> None:
     with pytest.raises(ProgramError, match="first move after G40 is an arc") as error:
         blocks.read(b"G0 X0 Y0 Z0\nG41.1 D.25\nG1 X1 F1\nG1 X2\nG40\nG2 I1\n", MACHINE, "p.ngc")
     assert error.value.line == 6
+
+
+@pytest.mark.parametrize("text", [b"#<_ini[vars]x>=3\nG0 X1\n", b"G0 X#<_ini[vars]x>\n"])
+def test_a_value_of_an_ini_file_is_refused_as_such(text: bytes) -> None:
+    with pytest.raises(ProgramError, match="INI file, and there is none"):
+        blocks.read(text, MACHINE, "p.ngc")

@@ -19,6 +19,7 @@ from controller.ipc.control_socket import CommandRefused
 from controller.ipc.handoff import Snapshot
 from controller.machine import setup_data
 from controller.machine.kinematics import kinematics_of
+from controller.messages import said
 from controller.plan.restart.program_position import FORMER, Spot
 from controller.service import acknowledged, jobs, journal
 from controller.service.command_handlers import Desk
@@ -482,7 +483,11 @@ def test_a_start_on_a_full_disk_is_confirmed_costs_the_record_and_the_program_en
     assert service.running is None and service.job is not None and service.job.state == "completed"
     (alarm,) = service.alarms.list()
     assert alarm["name"] == "NOT_RECORDED" and alarm["key"] == "not_recorded"
+    (notice,) = done(desk, "status")["notices"]  # for where the disk takes no alarm either
+    assert notice == {"name": "NOT_RECORDED", **said("not_recorded", **alarm["values"])}
+    (service.state / "runs").unlink()
     done(desk, "start", unrecorded=True)
+    assert done(desk, "status")["notices"] == [], "this one is recorded"
 
 
 def test_a_disk_that_fills_during_a_run_is_told_once(

@@ -176,7 +176,7 @@ def test_an_order_that_fails_is_answered_with_its_sentence(bench: Bench) -> None
     assert refused is not None and refused[0] == "refused" and "needs HOLD" in refused[1]
     bad = Program(b"G0 X1\nG999\n", "bad.ngc", bench.machine)
     error = bench.order("check", program=bad).error
-    assert error is not None and error[0] == "bad" and "bad.ngc:2" in error[1]
+    assert error is not None and error[0] == "bad" and error[1]["values"]["place"] == "bad.ngc:2:1"
     assert bench.stepped.joints == bench.snapshot().joints
 
 

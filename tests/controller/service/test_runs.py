@@ -113,6 +113,35 @@ def test_a_disk_that_is_full_costs_the_record_and_not_the_run(
     assert record.began and record.end("completed")["result"] == "completed"
 
 
+@pytest.mark.parametrize("ticks", [0, 10])
+def test_what_a_full_disk_took_by_halves_is_no_recording(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ticks: int
+) -> None:
+    """Rows that it took whole stay, as those of a run that was lost; of a run without any nothing does."""
+    record = begun(tmp_path, ticks)
+
+    def full(file: Any, **_: Any) -> None:
+        file.write(b"PK")
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(runs.np, "savez_compressed", full)
+    record.end("completed")
+    left = [file.name for file in record.folder.glob("*")]
+    assert "setpoints.npz" not in left and ("setpoints.part" in left) is bool(ticks)
+    assert record.folder.exists() is bool(ticks)
+    assert all(file.stat().st_size for file in tmp_path.rglob("*") if file.is_file())
+
+
+def test_a_beginning_that_the_disk_does_not_take_is_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(file: Path, text: str) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(runs.atomic_file, "write", full)
+    assert begun(tmp_path).problem == "No space left on device"
+
+
 def test_a_run_under_way_is_told_from_one_that_has_ended_by_its_files(tmp_path: Path) -> None:
     record = begun(tmp_path, 10)
     facts = json.loads((record.folder / "begun.json").read_text())

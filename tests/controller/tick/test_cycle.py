@@ -16,8 +16,8 @@ from support.oracles import latched_setpoints
 from controller.ipc.handoff import COLUMN, PLANNER_SILENCE_S, STOOD, Arrangement, Law, dwell, send_arrangement
 from controller.machine.model import Joints
 from controller.state.modes import Fault, Mode, Request
-from controller.tick.cycle import LONG_GAP
 from controller.tick.loop import Loop, WallClock
+from controller.tick.sync_watch import LONG_GAP
 from drives.cia402 import Wanted
 from drives.cyclic.drive import DriveFault
 

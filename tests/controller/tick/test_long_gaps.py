@@ -13,7 +13,7 @@ from support.oracles import latched_setpoints
 from controller.ipc.handoff import COLUMN, STOOD, Jog, dwell, send_jog
 from controller.machine.model import Joints
 from controller.state.modes import Fault, Mode, Request
-from controller.tick.cycle import LONG_GAP
+from controller.tick.sync_watch import LONG_GAP
 from drives.cyclic.drive import DriveFault
 
 HERE: Joints = (0.0, 0.0, 0.0, 0.0, 0.0)

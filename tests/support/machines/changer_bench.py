@@ -259,7 +259,7 @@ class ChangerBench:
         self.changer = ToolChanger(
             self.store,
             lambda: self.machine.changer,  # type: ignore[arg-type, return-value]
-            self.stepped,
+            self.stepped,  # type: ignore[arg-type]
             lambda name, what: self.alarms.append((name, text(what))),
             self.machine.period_s,
         )

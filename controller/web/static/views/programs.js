@@ -183,8 +183,18 @@ function Acts({ one, one: { name } }) {
   </div>`;
 }
 
-// The sentence, and the text around the place with a caret below it.
-const Refused = ({ check: { verdict, result } }) => html`
+// All that is refused, each with its line and a caret; of what the path refuses the text around the place.
+function Refused({ check }) {
+  const refusals = check.result.refusals ?? [];
+  if (refusals.length < 2) return html`<${RefusedOne} check=${check} />`;
+  const counts = Object.entries(check.result.counts ?? {}).map(([code, count]) => `${code || "–"} ${count}`);
+  return html`<p class="wrong figures">${word("refusals", Object.values(check.result.counts ?? {}).reduce((a, b) => a + b, 0))}: ${counts.join(", ")}</p>
+    <div id="programs-wrong" tabindex="0">${refusals.map((one) => html`<div key=${`${one.file} ${one.line} ${one.column}`}>
+      <${Wrong} text=${`${one.file}:${one.line}:${one.column}: ${sentence(one)}`} />
+      ${one.shown.length > 0 && html`<pre class="listing caret">${one.shown.join("\n")}</pre>`}</div>`)}</div>`;
+}
+
+const RefusedOne = ({ check: { verdict, result } }) => html`
   ${verdict ? html`<${Verdict} told=${verdict} />` : html`<${Wrong} text=${sentence(result)} />`}
   ${told.around.length > 0 && html`<pre class="listing caret" id="programs-wrong" tabindex="0">${told.around.join("\n")}</pre>`}`;
 

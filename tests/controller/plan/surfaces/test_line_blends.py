@@ -90,10 +90,26 @@ def test_elsewhere_a_surface_has_its_own_approach(before: str, control: str) -> 
     assert named(found, "plunge") and named(found, "lead in") and named(found, "lift")
 
 
-@pytest.mark.parametrize("after", ["G1 X10. Y6. F1500.\n", "G1 X0. F1500.\n"])
-def test_a_line_into_the_surface_or_straight_back_comes_behind_a_departure(after: str) -> None:
+@pytest.mark.parametrize(
+    ("after", "why"),
+    [
+        ("G1 X30. Y9. F1500.\n", "the flank would get 0.4"),  # into the surface
+        ("G1 X0. F1500.\n", "turns there by 180.00 degrees"),
+        ("G1 X20.01 F1500.\nG1 Y-9.\n", "too short"),
+    ],
+)
+def test_a_line_that_no_cut_can_run_on_into_comes_behind_a_departure_that_is_told(
+    after: str, why: str
+) -> None:
     found, _ = traced(STRAIGHT, after)
     assert named(found, "lead out") and named(found, "lift")
+    (told,) = [one.sentence for one in found.notes if "Does not run on" in one.sentence]
+    assert why in told and "of line 9" in told
+
+
+def test_where_no_blend_is_asked_for_none_is_missed() -> None:
+    found, _ = traced(STRAIGHT, "G61\nG1 X30. F1500.\n")
+    assert named(found, "lead out") and "Does not run on" not in sentences(found)
 
 
 def test_a_refused_surface_comes_behind_the_row_before_it() -> None:

@@ -1,0 +1,109 @@
+"""SYNC of this tick: whether it may still leave, how many did not, and from when on that is a fault.
+
+The drives latch what the last tick sent when SYNC comes. One that comes late by more than ``LATE_SHARE``
+of the period would shift their interpolation, so it is left out and counted, never doubled.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+from controller.geometry.vectors import ROUNDING
+from controller.machine.model import Machine
+from controller.state import stop_times
+from controller.state.modes import Fault, Mode
+from controller.tick.drives import Drives
+from controller.tick.mode import Modes
+from drives.cyclic.drive_fault import DriveFault
+
+LATE_SHARE = 0.25  # of the period: a later tick sends nothing
+NEAREST_SHARE = 0.75  # of the period: no two SYNCs are closer
+LOST_ECHOES = 3  # of the kernel's SYNC, in a row
+# SYNCs in a row that did not come: drives that hold their last setpoint have stopped meanwhile, and
+# to go on at full feed would be a step for them. Fewer are a dip that a servo smooths.
+LONG_GAP = 4
+BLAMED_TICKS = 3  # the silence may have begun after the buses were drained
+
+
+class SyncWatch:
+    """Sends SYNC, and counts what did not come or came late. Names faults; moves nothing."""
+
+    def __init__(self, machine: Machine, group: Drives, modes: Modes, now: Callable[[], float]) -> None:
+        self._group, self._modes, self._now = group, modes, now
+        self.by_kernel = machine.sync == "kernel"
+        self._period_s = machine.period_s
+        self._latest_s = LATE_SHARE * machine.period_s - ROUNDING
+        self._nearest_s = NEAREST_SHARE * machine.period_s - ROUNDING
+        self._synced_s = float("-inf")  # when the last SYNC had left
+        self._synced_tick = 0  # the last tick that sent SYNC
+        self._unsent = 0  # SYNCs in a row that the bus did not take
+        self._most_unsent = round(stop_times.LOST_BUS_S / machine.period_s)
+        self._skip_level = 0.0  # a bucket that skips fill and ticks drain
+        self._skip_limit = max(machine.skip_limit_per_s, 1.0) if machine.late == "stop" else math.inf
+        self._echoes_missed = 0
+        self._deaf_s = stop_times.deaf_s(machine)
+        self._blamed = 0  # ticks in which what the drives have to say is of our silence
+        self.skips = 0
+        self.late_max_s = 0.0
+        self.lateness_s = 0.0  # of this tick
+
+    def is_after_a_gap(self, tick: int) -> bool:
+        """Whether the drives had so long no SYNC that they stand."""
+        if self.by_kernel:
+            return self._group.syncs_seen > LONG_GAP
+        return tick - self._synced_tick > LONG_GAP
+
+    @property
+    def is_unheard(self) -> bool:
+        """The bus takes nothing any more."""
+        return self._unsent > self._most_unsent
+
+    def send(self, tick: int, now_s: float, lateness_s: float) -> bool:
+        """SYNC, unless this tick is too late for one; of the kernel's: whether it was heard."""
+        if self.by_kernel:
+            return self._group.sync(now_s)
+        if lateness_s > self._latest_s or now_s - self._synced_s < self._nearest_s:
+            return False
+        sent = self._group.sync(now_s)
+        self._synced_s = self._now()
+        if sent:
+            self._synced_tick = tick
+        self._unsent = 0 if sent else self._unsent + 1
+        return sent
+
+    def pass_over(self) -> None:
+        """In a run that is made again a SYNC was left out; whether that was a gap its record says."""
+        self._synced_tick += 1
+
+    def count(self, sent: bool, ticks: int, lateness_s: float, kept_back: bool) -> None:
+        """Skips and lateness. Too many skips while moving: a stop on the path.
+
+        ``kept_back``: it was we who left SYNC out in this tick.
+        """
+        skips = ticks - 1 + (not sent)
+        if self.by_kernel:
+            skips += max(self._group.syncs_seen - 1, 0)
+            self._echoes_missed = 0 if sent else self._echoes_missed + 1
+            if self._echoes_missed >= LOST_ECHOES and self._modes.on_path:
+                self._modes.fail(Fault.SYNC_LOST, -1)
+        self.lateness_s = lateness_s
+        if lateness_s > self.late_max_s:
+            self.late_max_s = lateness_s
+        self.skips += skips
+        if self._modes.mode is not Mode.RUNNING:
+            self._skip_level = 0.0  # what came late at rest does no harm, now or later
+            return
+        drained = self._skip_level - self._skip_limit * self._period_s * ticks
+        self._skip_level = (drained if drained > 0.0 else 0.0) + skips - kept_back
+        if self._skip_level > self._skip_limit:
+            self._modes.fail(Fault.TOO_MANY_SKIPS, -1)
+
+    def look_for_our_silence(self, now_s: float, missed: int) -> None:
+        """Drives that went by our heartbeat, and have none, are not what is at fault."""
+        if missed * self._period_s > self._deaf_s:
+            self._blamed = BLAMED_TICKS
+        if self._blamed:
+            self._blamed -= 1
+            if self._modes.mode is not Mode.FAULT and self._group.fault(now_s)[0] is not DriveFault.NONE:
+                self._modes.fail(Fault.TOO_MANY_SKIPS, -1)
