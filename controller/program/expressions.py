@@ -16,6 +16,7 @@ from controller.messages import Key, said
 from controller.program.parameters import Name, NoValue, Parameters
 from controller.program.program import ProgramError
 
+SHOWN = 40  # characters of a number in a sentence
 DEEPEST = 30  # nesting of brackets, so that no text can exhaust the stack
 NUMBERED = range(1, 6000)
 GAPS = " \t\0"  # \0 marks where a comment stood: it ends a number, a space does not
@@ -170,7 +171,7 @@ class Values:
         if number := _NUMBER.match(self._text, self._at):
             self._at = number.end()
             written = "".join(number.group().split())
-            return self._sound(number.start(), written, float, written)
+            return self._sound(number.start(), written[:SHOWN], float, written)
         negative = self.take("-")
         if not negative:
             self.take("+")
