@@ -47,6 +47,7 @@ FILES = {
     "client_lists": ("status", "upload", "runs", "alarms"),
     "offsets": ("offsets",),
     "tools": ("tools",),
+    "changer": ("changer",),
     "drives": ("drives",),
     "dnc": ("dnc",),
     "backup": ("backup",),

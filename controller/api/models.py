@@ -296,6 +296,7 @@ class Status(OfTick, Told):
     tool: int | None = Field(None, description="In the spindle; null: not known.")
     notices: Any = Field(None, description="What forbids motion, and what stopped nothing, as sentences.")
     tool_change: Any = Field(None, description="The tool that the program waits for: number, sentence.")
+    changer: Any = Field(None, description="Where the changer's tools are; null: tools are changed by hand.")
     jogging: Any = None
     sequence: Any = None
 

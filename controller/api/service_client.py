@@ -26,7 +26,9 @@ FRESH_S = 0.025  # half of the interval of the events
 QUICK_S = 5.0
 SLOW_S = 600.0  # a whole program may have to be read
 # Who may look at all asks for these, so they are kept apart from what moves the machine.
-LOOKS = frozenset({"facts", "drives", "alarms", "runs", "rows", "buses", "restart", "acknowledge", "usage"})
+LOOKS = frozenset(
+    {"facts", "drives", "alarms", "runs", "rows", "buses", "restart", "acknowledge", "usage", "changer"}
+)
 TELLS = LOOKS | {"status"}  # what changes nothing
 STOPS = frozenset({"stop", "hold", "estop", "jog_stop", "disable"})
 SLOW = frozenset(
@@ -40,6 +42,8 @@ SLOW = frozenset(
         "retract",
         "return",
         "withdraw",
+        "changer_confirm",
+        "changer_pocket",
         "set_offset",
         "set_tool",
         "forget",

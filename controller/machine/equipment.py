@@ -209,18 +209,24 @@ def temperature(table: Table) -> Temperature | None:
     return found
 
 
-def io(table: Table, buses: Sequence[Bus], axes: Sequence[Axis], folder: Path | None) -> Io:
-    """``[io]``; every bit has a name that something uses."""
+def io(
+    table: Table,
+    buses: Sequence[Bus],
+    axes: Sequence[Axis],
+    folder: Path | None,
+    of_changer: tuple[Sequence[str], Sequence[str]] = ((), ()),
+) -> Io:
+    """``[io]``; every bit has a name that something uses. ``of_changer``: its outputs and inputs."""
     clamps = [axis.clamp for axis in axes if axis.clamp is not None]
     digital_in, digital_out = table.names("digital_in"), table.names("digital_out")
     orient = _orient(table)
     spindles = ((orient.output, orient.input),) if orient else ()
     known = (*OUTPUTS, *(c.output for c in clamps), *(output for output, _ in spindles))
     watched = (*INPUTS, *(c.input for c in clamps if c.input), *(one for _, one in spindles))
-    inputs = _bits(table, "inputs", (*watched, *digital_in))
-    outputs = _bits(table, "outputs", (*known, *digital_out))
+    inputs = _bits(table, "inputs", (*watched, *of_changer[1], *digital_in))
+    outputs = _bits(table, "outputs", (*known, *of_changer[0], *digital_out))
     _of_programs(table, "digital_in", digital_in, inputs, ())
-    _of_programs(table, "digital_out", digital_out, outputs, known)
+    _of_programs(table, "digital_out", digital_out, outputs, (*known, *of_changer[0]))
     found = Io(
         bus=table.text("bus", [bus.name for bus in buses], buses[0].name),
         node=table.integer("node", 1, 126),
@@ -236,6 +242,8 @@ def io(table: Table, buses: Sequence[Bus], axes: Sequence[Axis], folder: Path | 
         m_codes=_m_codes(table, digital_out),
         analogue_out=_analogue_out(table),
         orient=orient,
+        changer_out=tuple(of_changer[0]),
+        changer_in=tuple(name for name in of_changer[1] if name in dict(inputs)),
     )
     _has_its_bits(table, found)
     table.finish()

@@ -12,8 +12,26 @@ from collections.abc import Iterator, Mapping
 from controller.machine.equipment import M_CODES
 from controller.machine.toml_table import Known, Table
 
-ARRAYS = ("bus", "axis", "tool", "straightness")  # of tables, in double brackets
-NAMES = ("offsets", "io.inputs", "io.outputs", "io.m_codes", "io.analogue_out", "offsets.*.rotary_deg")
+ARRAYS = (
+    "bus",
+    "axis",
+    "tool",
+    "straightness",
+    "changer.put_away",
+    "changer.take",
+)  # of tables, in double brackets
+NAMES = (
+    "offsets",
+    "changer.put_away.move_mm",
+    "changer.put_away.move_deg",
+    "changer.take.move_mm",
+    "changer.take.move_deg",
+    "io.inputs",
+    "io.outputs",
+    "io.m_codes",
+    "io.analogue_out",
+    "offsets.*.rotary_deg",
+)
 AS_ABOVE = ("spindle.override", "io.override")  # as of an axis
 # Keys whose range, or what they are where the file is silent, is what the file has elsewhere.
 ELSEWHERE = {
@@ -49,6 +67,20 @@ _OVERRIDE = {
 _UNITS = {
     "velocity_unit_counts_s": "one unit of 6099h, 60B1h and 60FFh, where the drive does not tell",
     "acceleration_unit_counts_s2": "one unit of 6085h and 609Ah; left out: that of velocity, per second",
+}
+_STEP = {  # moves first, then the spindle's angle, then outputs, then the input
+    "name": "of the step, as the operator calls it",
+    "within_s": "not done by then: held, and told",
+    "fails": "what he is told then",
+    "move_mm": "of X Y Z by name: a machine position, or one of each pocket in brackets",
+    "move_deg": "likewise of the rotaries",
+    "orient": "the spindle comes to its angle, as by M19",
+    "on": "outputs of `[io]` that are switched on",
+    "off": "outputs of `[io]` that are switched off",
+    "pocket": "outputs that say the pocket's number in binary, the least bit first",
+    "input": "of `[io]`: says that the step is done",
+    "level": "what it does then, or is; of a step that carries a change alone counts",
+    "carries": "the tool is in its pocket (of `take`: in the spindle) when the step is done",
 }
 _DEVICE = {
     "bus": "on which it is",
@@ -219,6 +251,13 @@ MEANINGS: Mapping[str, Mapping[str, str]] = {
         "within_s": "not there by then: held, with a fault",
         "shift": "which way then leads the tip off the wall, for G76 and G87; left out: they are refused",
     },
+    "changer": {
+        "pockets": "the tools of pocket 1, 2 ...; 0: the pocket is nobody's",
+        "put_away": "the steps that bring the tool of the spindle into its pocket",
+        "take": "the steps that bring a tool into the empty spindle",
+    },
+    "changer.put_away": _STEP,
+    "changer.take": _STEP,
     "probe": {
         "input": "of `[io]`, on = touched",
         "tool": "its number in the tool table, which has its ball and length",
@@ -326,6 +365,8 @@ def _section(name: str, keys: Mapping[str, str], known: Mapping[str, Known]) -> 
 
 
 def _title(name: str) -> str:
+    if name in ARRAYS:
+        return f"`[[{name}]]`"
     first, _, rest = name.partition(".")
     head = f"`[[{first}]]`" if first in ARRAYS else f"`[{first}]`"
     shown = rest.replace(".*", ": a name, and in it").replace("*", "a name, and in it")

@@ -16,6 +16,7 @@ from pathlib import Path
 
 from controller.geometry.vectors import ZERO, Vector, X, Y, Z, cross, norm, scale, subtract
 from controller.machine import (
+    changer_table,
     compensation,
     deviation_tables,
     drive_objects,
@@ -112,6 +113,9 @@ def read_table(top: Table, text: str, folder: Path | None = None) -> Machine:
     offsets = top.table("offsets", "[offsets]", optional=True)
     found = offset_table.offsets(offsets, axes)
     dialect = general.text("dialect", DIALECTS, DIALECTS[0])
+    changes = top.has("changer")
+    of_changer = changer_table.names_of(top.table("changer", "[changer]")) if changes else ((), ())
+    io = equipment.io(top.table("io", "[io]"), buses, axes, folder, of_changer) if top.has("io") else None
     machine = Machine(
         name=general.text("name"),
         period_s=general.number("period_s", *PERIODS_S, default=0.002),
@@ -135,7 +139,7 @@ def read_table(top: Table, text: str, folder: Path | None = None) -> Machine:
         text=text,
         tip_acceleration_mm_s2=general.positive_or_none("tip_acceleration_mm_s2"),
         axis_speed_rad_s=general.positive_or_none("axis_speed_deg_s", math.radians(1.0)),
-        io=equipment.io(top.table("io", "[io]"), buses, axes, folder) if top.has("io") else None,
+        io=io,
         probe=equipment.sensor(top.table("probe", "[probe]"), True) if top.has("probe") else None,
         setter=equipment.sensor(top.table("setter", "[setter]"), False) if top.has("setter") else None,
         table=equipment.work_table(top.table("table", "[table]")) if top.has("table") else None,
@@ -157,6 +161,7 @@ def read_table(top: Table, text: str, folder: Path | None = None) -> Machine:
         without_point=general.text("without_point", WITHOUT_POINT, ""),
         kinematics=general.text("kinematics", tuple(BUILDS), USUAL_BUILD),
         straightness=deviation_tables.straightness(top.tables("straightness"), axes),
+        changer=changer_table.changer(top.table("changer", "[changer]"), axes, io) if changes else None,
         thermal_shift_mm=deviation_tables.thermal_shift(top),
     )
     for table in (general, tools, top):
@@ -398,6 +403,8 @@ def _audit(machine: Machine, top: Table, general: Table) -> None:
         _audit_axis(axis, machine, top)
     equipment.audit(machine.axes, (machine.spindle, machine.io), top)
     equipment.audit_sensors(machine, top)
+    if machine.changer is not None:
+        changer_table.audit(machine, top.table("changer", "[changer]"))
     z = machine.axes[names.index("Z")]
     if not z.travel_min <= machine.retract_mm <= z.travel_max:
         travel = f"a number {span(z.travel_min, z.travel_max)}, the travel of Z"

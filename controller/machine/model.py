@@ -355,16 +355,18 @@ class Io:
     m_codes: tuple[tuple[str, str, bool], ...] = ()  # ("M10", name of a digital_out, on)
     analogue_out: tuple[AnalogueOut, ...] = ()  # E0, E1 ... of M67 and M68
     orient: Orient | None = None  # of M19
+    changer_out: tuple[str, ...] = ()  # outputs of the tool changer, which no program has by number ...
+    changer_in: tuple[str, ...] = ()  # ... and the inputs that it waits for
 
     @property
     def switched(self) -> tuple[str, ...]:
-        """The outputs that a program switches, by number: those of M62 to M65, then that of M19."""
-        return self.digital_out + ((self.orient.output,) if self.orient else ())
+        """The outputs that a program switches, by number: those of M62 to M65, that of M19, the changer's."""
+        return self.digital_out + ((self.orient.output,) if self.orient else ()) + self.changer_out
 
     @property
     def awaited(self) -> tuple[str, ...]:
         """The inputs that it waits for, likewise."""
-        return self.digital_in + ((self.orient.input,) if self.orient else ())
+        return self.digital_in + ((self.orient.input,) if self.orient else ()) + self.changer_in
 
     def input(self, name: str) -> int | None:
         """The bit of an input; None where the machine has none of that name."""
@@ -373,6 +375,37 @@ class Io:
     def output(self, name: str) -> int | None:
         """The bit of an output; None where the machine has none of that name."""
         return dict(self.outputs).get(name)
+
+
+@dataclass(frozen=True, slots=True)
+class ChangerStep:
+    """One step of a tool changer: its moves, then its outputs, then the input that says it is done."""
+
+    name: str  # as the operator calls it
+    within_s: float  # not done by then: held
+    fails: str  # what he is told then
+    # Of each axis that moves where to (mm, rad): one place, or one of each pocket.
+    move: tuple[tuple[str, tuple[float, ...]], ...] = ()
+    orient: bool = False  # as by M19
+    on: tuple[str, ...] = ()  # outputs
+    off: tuple[str, ...] = ()
+    pocket: tuple[str, ...] = ()  # outputs with the pocket's number in binary, the least bit first
+    input: str = ""  # "": nothing is waited for
+    level: str = "rise"  # or "fall", "on", "off"
+    carries: bool = False  # the tool goes from the spindle into its pocket, or the other way
+
+
+@dataclass(frozen=True, slots=True)
+class Changer:
+    """What M6 does where a machine changes its tools by itself."""
+
+    pockets: tuple[int, ...]  # of pocket 1, 2 ... the number of its tool; 0 = it is nobody's
+    put_away: tuple[ChangerStep, ...]  # the tool of the spindle into its pocket
+    take: tuple[ChangerStep, ...]  # a tool out of its pocket into the empty spindle
+
+    def pocket(self, tool: int) -> int | None:
+        """The pocket of a tool, from 1; None where it has none."""
+        return self.pockets.index(tool) + 1 if tool and tool in self.pockets else None
 
 
 @dataclass(frozen=True, slots=True)
@@ -452,6 +485,8 @@ class Machine:
     parameters: tuple[tuple[int, float], ...] = ()  # ... and their values, where one has set them
     kinematics: str = USUAL_BUILD  # of ``BUILDS``
     straightness: tuple[Straightness, ...] = ()
+    changer: Changer | None = None  # None: tools are changed by hand
+    in_spindle: int = TOOL_AT_POWER_ON  # of a changer: the tool with which a program begins, 0 = none
     thermal_shift_mm: Vector = ZERO  # of X Y Z since the machine was calibrated: where the tool is too far
 
     def offset(self, index: int) -> Offset:

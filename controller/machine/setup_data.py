@@ -7,7 +7,8 @@ beside it, in one small file of the state folder, and laid over the machine when
      "tools": {"2": {"name": "end mill 3 mm", "radius_mm": 1.5, "length_mm": 0, "flute_mm": 15}, "3": null},
      "shift": {"G92": {"origin_mm": [1, 0, 0], "rotary_deg": {}, "suspended": false}},
      "references": {"G28": {"X": 0, "Y": 0, "Z": 250, "A": 0, "C": 0}},
-     "parameters": {"500": 12.5}}
+     "parameters": {"500": 12.5},
+     "pockets": {"3": 7}}
 
 A tool that is null was taken out of the table. Which one is in the spindle is kept in a file of its own,
 for a backup that is brought back says nothing of it.
@@ -40,7 +41,7 @@ from controller.machine.toml_table import ConfigError, Table
 FILE = "fitting.json"
 IN_SPINDLE = "in_spindle"
 MACHINE = "machine.json"  # the machine file that the service runs on, complete, for those beside it
-KINDS = ("offsets", "tools", "shift", "references", "parameters")
+KINDS = ("offsets", "tools", "shift", "references", "parameters", "pockets")
 SHORTEST_MM = -10_000.0  # G10 sets tools' lengths below 0, too, as against a longer one
 Values = Mapping[str, Any]
 
@@ -188,12 +189,36 @@ def with_tool(machine: Machine, number: int, values: object, shortest_mm: float 
     return replace(machine, tools=tuple(sorted((*kept, tool), key=lambda one: one.number)))
 
 
+def with_pocket(machine: Machine, key: str, value: object) -> Machine:
+    """Whose a pocket of the tool changer is, 0 = nobody's; its tool leaves the one that it had."""
+    if machine.changer is None:
+        return machine
+    pockets = list(machine.changer.pockets)
+    table = Table("pockets", f"pocket {key}", {"tool": value})
+    known = {tool.number for tool in machine.tools} | {0}
+    tool = table.integer("tool", 0, 99999)
+    if tool not in known:
+        table.refuse("tool", "is not in the tool table", ", ".join(map(str, sorted(known))), "add it there")
+    if not (key.isdigit() and 1 <= int(key) <= len(pockets)):
+        allowed = f"1 to {len(pockets)}"
+        table.refuse("tool", f"is for pocket {key}, which the changer does not have", allowed, "correct it")
+    pockets = [0 if one == tool else one for one in pockets]
+    pockets[int(key) - 1] = tool
+    return replace(machine, changer=replace(machine.changer, pockets=tuple(pockets)))
+
+
 def _laid_tool(machine: Machine, key: str, values: object) -> Machine:
     return with_tool(machine, int(key), values, SHORTEST_MM)
 
 
 _LAID: Mapping[str, Callable[[Machine, str, object], Machine]] = MappingProxyType(
-    dict(zip(KINDS, (with_offset, _laid_tool, with_shift, with_reference, with_parameter), strict=True))
+    dict(
+        zip(
+            KINDS,
+            (with_offset, _laid_tool, with_shift, with_reference, with_parameter, with_pocket),
+            strict=True,
+        )
+    )
 )
 
 
@@ -231,17 +256,17 @@ def _others(machine: Machine, values: Values) -> dict[str, Any]:
 
 def names(values: Values) -> list[str]:
     """Of all that is kept: "G54", "T3", "G92", "G28", "#500"."""
-    marks = {"tools": "T", "parameters": "#"}
+    marks = {"tools": "T", "parameters": "#", "pockets": "P"}
     return [f"{marks.get(kind, '')}{key}" for kind in KINDS for key in values.get(kind) or {}]
 
 
 def without(values: Values, name: str) -> dict[str, Any]:
-    """What is kept but for one thing: "G54", "T3", "G92", "G28", "#500", or "all". Raises KeyError."""
+    """What is kept but for one thing: "G54", "T3", "G92", "G28", "#500", "P2", or "all". Raises KeyError."""
     if name == "all":
         return {}
     kind = next(kind for kind, is_its in _NAMED.items() if is_its(name))
     rows = dict(values.get(kind) or {})
-    del rows[name[1:] if name[0] in "T#" else name]
+    del rows[name[1:] if name[0] in "T#P" else name]
     return {**values, kind: rows}
 
 
@@ -249,6 +274,7 @@ _NAMED: Mapping[str, Callable[[str], bool]] = MappingProxyType(
     {
         "tools": lambda name: name[:1] == "T",
         "parameters": lambda name: name[:1] == "#",
+        "pockets": lambda name: name[:1] == "P",
         "shift": lambda name: name == "G92",
         "references": lambda name: name in REFERENCES,
         "offsets": lambda name: True,

@@ -471,6 +471,38 @@ REFUSALS = {
     "{parts} parts). Change it and say that it is new, or confirm that it cuts on.",
     "in_thread": "The tool stands in a thread, {depth:.2f} mm deep at a pitch of {pitch:g} mm (line {line}): "
     "withdraw it first, or say that it is out.",
+    "no_changer": "This machine has no tool changer: its tools are changed by hand; describe one in "
+    "[changer].",
+    "changer_unknown": "Where the tools of the changer are has not been confirmed yet: look at the "
+    "spindle and at "
+    "every pocket, then confirm it (directrix changer confirm, or the page).",
+    "change_interrupted": "A tool change (T{out} away, T{into} in; 0 is no tool) was interrupted in its step "
+    "{step}.",
+    "change_carried": "T{tool} was in work: it is in the spindle, in pocket {pocket}, or between them.",
+    "change_spindle": "When that step began T{tool} was in the spindle.",
+    "change_spindle_empty": "When that step began the spindle was empty.",
+    "changer_confirm": "Look at spindle, arm and pockets, jog or move by hand what stands in the way, then "
+    "confirm where the tools are; until then nothing moves but by jog.",
+    "change_broken": "A tool change was interrupted.",
+    "change_under_way": "{request} is refused in {mode}: a tool change is under way; resume it, or stop it.",
+    "change_not_kept": "The tool change stops here, for its journal cannot be written: {why}.",
+    "change_out_of_step": "The tool change stops here: its steps do not come in their order. Confirm "
+    "where the "
+    "tools are.",
+    "change_other_tool": "The tool change does not begin: T{found} is in the spindle, and it was planned for "
+    "T{wanted}; load the program again.",
+    "change_not_there": "The tool change does not begin: T{tool} is not in pocket {pocket}; put it there and "
+    "confirm it.",
+    "change_taken": "The tool change does not begin: pocket {pocket}, to which T{tool} belongs, is not free; "
+    "confirm where the tools are.",
+    "change_late": "{fails} Step {number} of {steps} of the tool change, {step}, does not end.",
+    "change_late_do": "Resume waits once more; Stop ends the change, and then where the tools are is "
+    "confirmed.",
+    "changer_not_clear": "clear: confirm that you have looked, and that arm and magazine stand clear of the "
+    "spindle.",
+    "changer_no_tool": "T{tool} is not in the tool table; allowed are {allowed}, and for the spindle 0.",
+    "changer_twice": "T{tool} cannot be in the spindle and out of the machine.",
+    "pockets": "pockets",
     "not_in_thread": "The tool stands in no thread: there is nothing to withdraw.",
     "thread_unknown": "How the tool stands in its thread could not be read: turn it out by hand, then say "
     "that it is out.",

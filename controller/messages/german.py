@@ -488,6 +488,45 @@ REFUSALS = {
     "weiter schneidet.",
     "in_thread": "Das Werkzeug steht in einem Gewinde, {depth:.2f} mm tief bei {pitch:g} mm Steigung "
     "(Zeile {line}): zuerst herausdrehen, oder melden, dass es draußen ist.",
+    "no_changer": "Diese Maschine hat keinen Werkzeugwechsler: Ihre Werkzeuge werden von Hand gewechselt; "
+    "einen in [changer] beschreiben.",
+    "changer_unknown": "Wo die Werkzeuge des Wechslers sind, ist noch nicht bestätigt: Spindel und "
+    "alle Plätze "
+    "ansehen und es bestätigen (directrix changer confirm, oder auf der Seite).",
+    "change_interrupted": "Ein Werkzeugwechsel (T{out} weg, T{into} hinein; 0 ist kein Werkzeug) wurde im "
+    "Schritt {step} unterbrochen.",
+    "change_carried": "T{tool} war in Arbeit: Es ist in der Spindel, auf Platz {pocket} oder dazwischen.",
+    "change_spindle": "Zu Beginn dieses Schritts war T{tool} in der Spindel.",
+    "change_spindle_empty": "Zu Beginn dieses Schritts war die Spindel leer.",
+    "changer_confirm": "Spindel, Arm und Plätze ansehen, was im Weg steht, mit Tippen oder von Hand "
+    "bewegen und "
+    "dann bestätigen, wo die Werkzeuge sind; bis dahin bewegt sich nichts außer durch Tippen.",
+    "change_broken": "Ein Werkzeugwechsel wurde unterbrochen.",
+    "change_under_way": "{request} wird in {mode} abgelehnt: Ein Werkzeugwechsel läuft; ihn fortsetzen oder "
+    "stoppen.",
+    "change_not_kept": "Der Werkzeugwechsel hält hier an, denn sein Journal lässt sich nicht "
+    "schreiben: {why}.",
+    "change_out_of_step": "Der Werkzeugwechsel hält hier an: Seine Schritte kommen nicht in ihrer "
+    "Reihenfolge. "
+    "Bestätigen, wo die Werkzeuge sind.",
+    "change_other_tool": "Der Werkzeugwechsel beginnt nicht: T{found} ist in der Spindel, geplant war er für "
+    "T{wanted}; das Programm neu laden.",
+    "change_not_there": "Der Werkzeugwechsel beginnt nicht: T{tool} ist nicht auf Platz {pocket}; es "
+    "einsetzen "
+    "und bestätigen.",
+    "change_taken": "Der Werkzeugwechsel beginnt nicht: Platz {pocket}, auf den T{tool} gehört, ist "
+    "nicht frei; "
+    "bestätigen, wo die Werkzeuge sind.",
+    "change_late": "{fails} Schritt {number} von {steps} des Werkzeugwechsels, {step}, endet nicht.",
+    "change_late_do": "Fortsetzen wartet noch einmal; Stopp beendet den Wechsel, dann wird bestätigt, wo die "
+    "Werkzeuge sind.",
+    "changer_not_clear": "clear: bestätigen, dass Sie nachgesehen haben und Arm und Magazin die "
+    "Spindel nicht "
+    "berühren.",
+    "changer_no_tool": "T{tool} steht nicht in der Werkzeugtabelle; erlaubt sind {allowed}, für die Spindel "
+    "auch 0.",
+    "changer_twice": "T{tool} kann nicht in der Spindel und außerhalb der Maschine sein.",
+    "pockets": "Plätze",
     "not_in_thread": "Das Werkzeug steht in keinem Gewinde: Es gibt nichts herauszudrehen.",
     "thread_unknown": "Wie das Werkzeug im Gewinde steht, war nicht zu lesen: von Hand herausdrehen, dann "
     "melden, dass es draußen ist.",

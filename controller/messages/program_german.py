@@ -303,6 +303,16 @@ REFUSALS = {
     "verwenden oder es eintragen",
     "tool.none_to_change": "M6 hat kein Werkzeug zum Wechseln: T und seine Nummer davor oder daneben "
     "schreiben",
+    "tool.no_pocket": "T{tool} hat keinen Platz im Werkzeugwechsler: ihm einen geben oder ein "
+    "Werkzeug mit Platz "
+    "schreiben: {known}",
+    "tool.under_side": "M6 unter G41 oder G42: Das Werkzeug neben der Bahn geht; davor G40 schreiben",
+    "tool.m61_changer": "M61 sagt, welches Werkzeug in der Spindel ist, und hier weiß es das Journal des "
+    "Wechslers: es an der Maschine bestätigen (directrix changer) oder das Werkzeug mit M6 wechseln",
+    "tool.restart_other": "T{found} ist in der Spindel, und hier geht das Programm mit T{wanted} "
+    "weiter: zuerst "
+    "wechseln (T{wanted} M6 von Hand), dann von hier neu starten",
+    "tool.restart_inside": "das ist mitten in einem Werkzeugwechsel: mit der Zeile dahinter beginnen",
     "tool.m61": "M61 sagt nicht, welches Werkzeug in der Spindel ist: Q und seine Nummer schreiben, etwa "
     "M61 Q2",
     "tool.length_beside_g49": "{word} steht neben G49, das die Werkzeuglänge aufhebt; H0 schreiben, oder "

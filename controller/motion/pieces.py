@@ -18,6 +18,7 @@ from controller.motion.motions import Motion
 
 DEAD_MAN_S = 0.200  # a jog without length that is not asked for again stops after this
 STANDSTILL = -1  # motion id of a dwell: no motion, the joints stay
+FIRST_MARK = -2  # of the stops between the steps of a tool changer, counted down from here
 
 Quintic = tuple[float, float, float, float, float, float]
 
@@ -110,7 +111,7 @@ class Piece(NamedTuple):
     until spindle, coolant and clamps are as the piece says.
     """
 
-    motion_id: int  # STANDSTILL for a dwell
+    motion_id: int  # STANDSTILL for a dwell, and below it the marks of a tool changer
     line: int  # 1-based line of the text, 0 = none
     law: Law
     duration_s: float

@@ -26,7 +26,7 @@ from controller.plan.feed.profile import Profile, State
 from controller.plan.path.path import Pause, Stretch
 from controller.plan.stops import table as stops
 from controller.plan.track import Track, Unit
-from controller.program.program import UNSAID, Act, Await, Level, Probing
+from controller.program.program import UNSAID, Act, Await, Level, Outputs, Probing
 
 FIRST_S = 2.5  # of motion in a window that must be ready soon ...
 WINDOW_S = 8.0  # ... and in others
@@ -359,13 +359,20 @@ class Windows:
             sets=sets,
             spindle_rev_min=pause.modal.spindle_rev_min,
             coolant=pause.modal.coolant,
-            outputs=pause.modal.outputs if sets and pause.act is Act.OUTPUT else UNSAID,
+            outputs=_switched(pause) if sets else UNSAID,
             open_clamps=pause.open_clamps,
             awaits=self._awaited(pause.awaits) if pause.awaits is not None else None,
             senses=self._sensing(pause, pause.probe) if pause.probe is not None else None,
         )
         end_s, after = start_s + piece.duration_s, Place(place.unit + 1, 0.0)
         return Sent(place.unit, start_s, end_s, None, after, orders, (piece,))
+
+
+def _switched(pause: Pause) -> Outputs:
+    """What is switched where it begins."""
+    if pause.awaits is not None:
+        return pause.awaits.outputs
+    return pause.modal.outputs if pause.act is Act.OUTPUT else UNSAID
 
 
 def _first_of(reach: _Reach) -> _Reach:

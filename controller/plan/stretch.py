@@ -26,6 +26,7 @@ from controller.program.program import (
     UNSAID,
     Act,
     Await,
+    Changing,
     Modal,
     Outputs,
     Overrides,
@@ -134,6 +135,7 @@ class Pause:
     open_clamps: int = 0  # bit i: the clamp of the i-th axis is open from here on
     awaits: Await | None = None  # an input
     probe: Probing | None = None  # begins with it ...
+    changing: Changing | None = None  # a stop between two steps of a tool changer
     ends: bool = False  # ... or ends: what comes behind it is read when its outcome is there
 
 

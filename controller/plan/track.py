@@ -14,12 +14,18 @@ from dataclasses import dataclass, replace
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Machine
 from controller.motion.motions import ToolSpline
+from controller.motion.pieces import FIRST_MARK
 from controller.plan.feed import profile
 from controller.plan.restart.program_position import ENTRY_ID, FORMER, Spot, fraction_at, line_of, order_of
 from controller.plan.stretch import Chain, Pause, Stretch
 from controller.program.program import Probed, Probing, ProgramError
 
-STANDS = -1  # motion id of a pause
+STANDS = -1  # motion id of a pause ...
+
+
+def _id_of(pause: Pause) -> int:
+    """... but of a changer's, which is told from the others by whoever keeps its journal."""
+    return STANDS if pause.changing is None else FIRST_MARK - pause.changing.number
 
 
 @dataclass(frozen=True, slots=True)
@@ -164,7 +170,7 @@ class Track:
         count, joined = 0, False
         for item in items:
             if isinstance(item, Pause):
-                yield Unit(item, STANDS), False
+                yield Unit(item, _id_of(item)), False
                 joined = False
                 continue
             count = count if item.first_id is None else item.first_id

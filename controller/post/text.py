@@ -147,6 +147,8 @@ def _act(item: Pause) -> str:
         return "M5" if speed == 0.0 else f"S{abs(speed):g} {'M3' if speed > 0.0 else 'M4'}"
     if item.act is Act.COOLANT:
         return COOLANT[modal.coolant]
+    if item.changing is not None:
+        return ""
     return item.act.value if item.act in (Act.STOP, Act.OPTIONAL_STOP, Act.END) else ""
 
 

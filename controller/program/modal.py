@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 from controller.machine.model import OFFSETS, TOOL_AT_POWER_ON, Machine, Tool
 from controller.messages import Key, Said, said
-from controller.program import output_words, override_words, planar_words
+from controller.program import output_words, override_words, planar_words, tool_change_words
 from controller.program.codes import SURFACES, Ask
 from controller.program.origins import Origins
 from controller.program.position import Known
@@ -86,6 +86,7 @@ class State(NamedTuple):
     noted: frozenset[str] = frozenset()  # codes that a remark has told of
     curve_goes: tuple[float, float] | None = None  # mm: where the G5 before leads on to
     begun: Begun | None = None  # a tilted plane that takes more lines
+    marks: int = 0  # stops between the steps of a tool changer, so far
 
     def time(self, ask: Ask, code: str, word: Word) -> float | None:
         """Seconds that a feed motion takes under G93, None under G94; ProgramError for G93 without F."""
@@ -140,7 +141,10 @@ def power_on() -> State:
 
 def begun(machine: Machine) -> State:
     """The same on a machine: under the offsets that it has at the start of a program."""
-    return power_on().with_origins(Origins.begun(machine), machine)
+    state = power_on().with_origins(Origins.begun(machine), machine)
+    if machine.changer is None:
+        return state
+    return state._replace(modal=state.with_tool(machine.in_spindle, machine))
 
 
 def apply(
@@ -302,13 +306,26 @@ class _Settings:
         word = self.ask.codes["tool change"][1]
         if self.state.selected is None:
             raise self.ask.refusal(word, "tool.none_to_change")
-        modal = self.state.with_tool(self.state.selected, self._machine)
+        before, modal = self.state.modal, self.state.with_tool(self.state.selected, self._machine)
         self.state = self.state._replace(modal=replace(modal, spindle_rev_min=0.0), turning=0)
         self._act(word, Act.TOOL)
+        self._carry(word, before)
         if self.ask.next_tool is not None:
             self._select(self.ask.next_tool)
 
+    def _carry(self, word: Word, before: Modal) -> None:
+        """The steps of a changer; behind them coolant is as it was, and none of their stops is the end."""
+        made, marks = tool_change_words.blocks(
+            self.ask, word, before, self.state.modal, self._machine, self.state.marks
+        )
+        self.made += made
+        self.state = self.state._replace(marks=marks)
+        if made:
+            self._act(word, Act.COOLANT)
+
     def _name_tool(self) -> None:
+        if self._machine.changer is not None:
+            raise self.ask.refusal(self.ask.codes["tool change"][1], "tool.m61_changer")
         word = self.ask.words.get("Q")
         if word is None:
             raise self.ask.refusal(self.ask.codes["tool change"][1], "tool.m61")

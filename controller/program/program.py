@@ -363,6 +363,16 @@ class Act(Enum):
     CLAMP = "clamp"  # no word of a program: the path asks for it between motions
 
 
+class Changing(NamedTuple):
+    """A stop between two steps of a tool changer: what lies before it is over, what comes has not begun."""
+
+    number: int  # counted along the program, from 0
+    tool_out: int  # that goes from the spindle into its pocket; 0 = none
+    tool_in: int  # that comes out of its own; 0 = none
+    step: int  # of all steps of the change the one that comes; their count: the change is over
+    last: bool  # the change is over
+
+
 @dataclass(frozen=True, slots=True)
 class Action:
     """A machine function; ``modal`` is the state after it."""
@@ -370,6 +380,8 @@ class Action:
     place: Place
     modal: Modal
     act: Act
+    changing: Changing | None = None
+    outputs: Outputs | None = None  # that are switched here, and are no part of the modal state
 
 
 class Level(Enum):
@@ -390,6 +402,7 @@ class Await:
     number: int  # P; that of M19 comes behind them
     level: Level
     seconds: float  # Q, at most
+    outputs: Outputs = UNSAID  # that are switched as the wait begins, and are no part of the modal state
 
 
 @dataclass(frozen=True, slots=True)

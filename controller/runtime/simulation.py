@@ -5,9 +5,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from controller.machine.equipment import SENSORS
-from controller.machine.model import Machine
+from controller.machine.model import Changer, Io, Machine
 from drives.simulated.io_node import IoNode
 
+QUICK_S = 0.3  # what a simulated step of a tool changer takes at most
 SWITCH_SHARE = 0.5  # of the time that a clamp may take: a simulated one takes this
 
 
@@ -43,7 +44,23 @@ def wires(machine: Machine) -> tuple[Wire, ...]:
         asked, there = io.output(io.orient.output) or 0, io.input(io.orient.input) or 0
         turned = (io.orient.output in io.inverted) != (io.orient.input in io.inverted)
         found.append(Wire(asked, there, SWITCH_SHARE * io.orient.within_s, turned))
-    return tuple(found)
+    return (*found, *_of_changer(machine.changer, io))
+
+
+def _of_changer(changer: Changer | None, io: Io) -> list[Wire]:
+    """Each switch of a tool changer follows the first output of the step that waits for it."""
+    found: dict[int, Wire] = {}
+    for step in (*changer.put_away, *changer.take) if changer is not None else ():
+        rows = [(name, True) for name in step.on] + [(name, False) for name in step.off]
+        output = io.output(rows[0][0]) if rows else None
+        switch = io.input(step.input) if step.input else None
+        if output is None or switch is None or switch in found:
+            continue
+        same = rows[0][1] is (step.level in ("rise", "on"))
+        turned = (rows[0][0] in io.inverted) != (step.input in io.inverted)
+        delay_s = min(SWITCH_SHARE * step.within_s, QUICK_S)
+        found[switch] = Wire(output, switch, delay_s, same is turned)
+    return list(found.values())
 
 
 def surround(node: IoNode, machine: Machine) -> None:

@@ -58,6 +58,8 @@ def _joints(values: Iterable[Any]) -> Joints:
 
 def path_from(asked: Task, kept: Stored | None, start: Start) -> Walk:
     """The path of a start; without a check branch and turns are chosen here. Raises ProgramError."""
+    if asked.machine.changer is not None:
+        asked = replace(asked, machine=replace(asked.machine, in_spindle=start.in_spindle))
     choices = kept.choices if kept is not None else None if start.unchecked else checked.chosen_for(asked)
     if start.spot is not None:
         entered = rest(asked, choices or {}, start).entered(start.joints, start.in_spindle)

@@ -20,7 +20,17 @@ from controller.machine.model import Machine
 from controller.machine.toml_table import ConfigError
 from controller.messages import Key, said
 from controller.plan.retract import RETRACT_MM_S
-from controller.service import diagnostics, jobs, node_status, restart_preview, runs, sequences, status, wear
+from controller.service import (
+    diagnostics,
+    jobs,
+    node_status,
+    restart_preview,
+    runs,
+    sequences,
+    status,
+    tool_store,
+    wear,
+)
 from controller.service.acknowledged import Acknowledged, refusal
 from controller.service.jobs import Job
 from controller.service.jogging import ENDS, Jogging, Presses
@@ -28,6 +38,7 @@ from controller.service.refusals import by_fault, number, refused, whole
 from controller.service.sequencer import Going
 from controller.service.service import Service
 from controller.service.thread_guard import way_out
+from controller.service.tool_changer import ToolChanger
 from controller.state.modes import Mode, Request, bars
 from controller.tick.mode import MAX_OVERRIDE, SPINDLE_OVERRIDES
 
@@ -88,6 +99,9 @@ class Desk:
             "tool_life": lambda args: self._errands.submit(wear.tool_life, service.usage, args),
             "tool_renewed": lambda args: self._errands.submit(wear.tool_renewed, service.usage, args),
             "maintenance": lambda args: self._errands.submit(wear.maintenance, service.usage, args),
+            "changer": lambda _: self._errands.submit(self._changer),
+            "changer_confirm": lambda args: self._errands.submit(self._changer_confirm, args),
+            "changer_pocket": lambda args: self._errands.submit(self._changer_pocket, args),
             "maintained": lambda args: self._errands.submit(wear.maintained, service.usage, args),
         }
 
@@ -120,7 +134,8 @@ class Desk:
         return {**self._told(found), **kept}
 
     def _with_notices(self, told: Values) -> Values:
-        """That the tool stands in a thread and no program turns it; that the run, or the last, has no record.
+        """That the tool stands in a thread and no program turns it; that nobody knows where the changer's
+        tools are; that the run, or the last, has no record.
 
         An alarm tells of the record, too: but where the disk is full, nobody can keep that either.
         """
@@ -128,6 +143,9 @@ class Desk:
         if found is not None and self._service.running is None:
             values = {"depth": found.depth_mm, "pitch": found.pitch_mm, "line": found.line}
             notices = [*notices, {"name": "IN_THREAD", **said("in_thread", **values)}]
+        changer = self._service.changer
+        if changer is not None and (doubt := changer.doubt) is not None:
+            notices = [*notices, {"name": "CHANGER_IN_DOUBT", **doubt}]
         if self._service.unrecorded is not None:
             notices = [*notices, {"name": "NOT_RECORDED", **self._service.unrecorded}]
         return {**told, "notices": notices}
@@ -149,6 +167,7 @@ class Desk:
             "tool": service.tool or None,
             **({"in_block": _last_block(job)} if job is not None and not job.active else {}),
             "tool_change": status.tool_change(service.machine, asked, service.usage) if asked else None,
+            "changer": service.changer.told() if service.changer is not None else None,
             "control": None,
             "job": job.to_dict(now) if job is not None else None,
             "drives": node_status.drives(service.machine, now, service.logs, service.homing),
@@ -225,6 +244,10 @@ class Desk:
         """Also of what is only being prepared: it does not go out, which is what was asked for."""
         sequencer = self._service.sequencer
         given_up = "" if sequencer.busy == "home" else sequencer.give_up()  # drives home by themselves
+        changer = self._service.changer
+        if changer is not None and changer.under_way:  # maybe between two steps, where the tick holds already
+            changer.hold()
+            given_up = given_up or "change"
         return self._ask(Request.HOLD, instead=_given_up(given_up))
 
     def _stop(self, _: Values) -> Answer:
@@ -245,7 +268,10 @@ class Desk:
         service = self._service
         if not service.sequencer.busy and (why := service.no_resume):
             raise refused("refused", service.now().mode.name, "RESUME", why=Key(why))
-        return self._ask(Request.RESUME)
+        if service.changer is None:
+            return self._ask(Request.RESUME)
+        service.changer.resume(self._permitted(Request.RESUME))  # it alone lets the tick go on
+        return {}
 
     def _switch(self, request: Request, args: Values) -> Answer:
         on = self._on(args, "on")
@@ -273,6 +299,7 @@ class Desk:
         spindle = self._service.machine.spindle
         if spindle is None or not spindle.is_driven:
             raise refused("no_spindle", code="bad")
+        self._changer_is_sure("SPINDLE")
         rev_min = number(args, "rev_min", -spindle.max_rev_min, spindle.max_rev_min)
         self._permitted(Request.SPINDLE)
         return self._ask(Request.SPINDLE, rev_min, rev_min=rev_min)
@@ -326,6 +353,7 @@ class Desk:
             self._permitted(Request.HOME)
         self._not_running("HOME")
         self._not_in_thread("HOME")
+        self._changer_is_sure("HOME")
         going = Going()
         return self._sequence("home", lambda: sequences.home(service, axes, going), going)
 
@@ -392,6 +420,7 @@ class Desk:
         service = self._service
         self._permitted(Request.START)
         self._not_running(name.upper())
+        self._changer_is_sure(name.upper())
         going = Going()
         return self._sequence(name, lambda: sequences.start(service, job, going, unrecorded), going)
 
@@ -406,6 +435,7 @@ class Desk:
         """Off along the tool axis: out of a held program, or from READY, as after a fault."""
         service, now, mm = self._service, self._service.now(), number(args, "mm", 0.0, MAX_DISTANCE)
         self._not_in_thread("RETRACT")
+        self._changer_is_sure("RETRACT")
         if now.mode not in (Mode.HOLD, Mode.READY) or not now.at_rest:
             raise refused("not_retracted", now.mode.name, "RETRACT")
         room_mm = self._retract_room_mm(now)
@@ -425,6 +455,16 @@ class Desk:
             mode, line = self._service.now().mode.name, found.line
             depth, pitch = found.depth_mm, found.pitch_mm
             raise refused("in_thread", mode, request, depth=depth, pitch=pitch, line=line)
+
+    def _changer_is_sure(self, request: str) -> None:
+        """Raises CommandRefused in the middle of a tool change, and until the tools' places are confirmed."""
+        changer = self._service.changer
+        if changer is None:
+            return
+        if changer.under_way:
+            raise refused("change_under_way", self._service.now().mode.name, request)
+        if (doubt := changer.doubt) is not None:
+            raise CommandRefused("refused", doubt, self._service.now().mode.name, request)
 
     def _withdraw(self, args: Values) -> Answer:
         """Out of a thread along it, by what is known of it or ``mm``; or it ``is_out`` already, by hand."""
@@ -456,6 +496,52 @@ class Desk:
             raise by_fault(now.interlock, now.mode.name, verb.upper())
         going = Going()
         return self._sequence(verb, lambda: sequences.aside(service, verb, distance_mm, going), going)
+
+    # -- the tool changer
+
+    def _its_changer(self) -> ToolChanger:
+        """Raises CommandRefused where the machine has none."""
+        if self._service.changer is None:
+            raise refused("no_changer", code="bad")
+        return self._service.changer
+
+    def _changer(self) -> Values:
+        changer = self._its_changer()
+        names = ("time_s", "what", "tool_out", "tool_in", "step", "name")
+        return {**changer.told(), "log": [dict(zip(names, row, strict=True)) for row in changer.store.log()]}
+
+    def _changer_confirm(self, args: Values) -> Values:
+        """Where every tool is, as an operator has seen it, and that the changer stands clear.
+
+        ``spindle``: the tool in it, 0 = none; ``away``: tools out of the machine; each other one is in its
+        pocket. Raises CommandRefused.
+        """
+        service, changer = self._service, self._its_changer()
+        self._not_running("CHANGER")
+        if not self._on(args, "clear"):
+            raise refused("changer_not_clear", code="bad")
+        spindle, away = whole(args, "spindle", wear.MAX_TOOL), args.get("away") or []
+        known = {tool.number for tool in service.machine.tools}
+        for tool in (spindle, *(away if isinstance(away, list) else [away])):
+            if type(tool) is not int or (tool not in known and tool != 0):
+                raise refused("changer_no_tool", code="bad", tool=tool, allowed=_listed(known))
+        if spindle is not None and spindle and spindle in away:
+            raise refused("changer_twice", code="bad", tool=spindle)
+        pockets = service.machine.changer.pockets if service.machine.changer is not None else ()
+        service.confirm_tools(tool_store.placed(pockets, spindle or 0, away))
+        return changer.told()
+
+    def _changer_pocket(self, args: Values) -> Values:
+        """Whose a pocket is; from then on somebody must confirm where the tools are."""
+        service, changer = self._service, self._its_changer()
+        pocket, tool = whole(args, "pocket"), whole(args, "tool")
+        with self._fitting("pockets", "SET POCKETS"):
+            machine = setup_data.with_pocket(service.machine, str(pocket), tool)
+            pockets = machine.changer.pockets if machine.changer is not None else ()
+            changer.store.forget()
+            values = {str(number): its for number, its in enumerate(pockets, 1)}
+            service.fit(machine, {**service.fitted, "pockets": values})
+        return changer.told()
 
     # -- what is fitted
 
@@ -522,6 +608,10 @@ class Desk:
 def _given_up(name: str) -> Values | None:
     """What a hold or stop has done of which the tick itself had nothing to do; None: nothing."""
     return {"outcome": "given_up", "what": name} if name else None
+
+
+def _listed(tools: set[int]) -> str:
+    return ", ".join(f"T{number}" for number in sorted(tools))
 
 
 def _axis_numbers(machine: Machine, names: object, mode: Mode) -> tuple[int, ...]:

@@ -23,6 +23,7 @@ from controller.machine.changes import Change
 from controller.machine.model import STILL, Joints, Machine, Pair
 from controller.plan.report.passing import Passed, place_of
 from controller.plan.restart.program_position import LinePart, Spot, part_at
+from controller.program.program import Changing
 from controller.service.refusals import refused
 
 
@@ -134,6 +135,7 @@ class News:
     checking: float | None = None  # share of the program's lines that are checked
     ways: dict[int, Way] = field(default_factory=dict)  # motions that were sent since, by their id
     changes: dict[int, tuple[int, ...]] = field(default_factory=dict)  # tools asked for since, by their line
+    marks: tuple[Changing, ...] = ()  # stops of a tool changer, read since
     turns: tuple[Turn, ...] = ()  # since the last news
     messages: tuple[Said, ...] = ()  # of the program, read since
 

@@ -31,7 +31,7 @@ from controller.plan.restart.program_position import ENTRY_ID, FORMER, LinePart,
 from controller.plan.restart.restart import Rest
 from controller.plan.retract import NotPossible
 from controller.plan.stretch import Chain, Pause, Stretch
-from controller.program.program import Act, Aside, Block, Message, ProgramError, Setting
+from controller.program.program import Act, Aside, Block, Changing, Message, ProgramError, Setting
 from controller.runtime import checked, cores, starts
 from controller.runtime.checked import Task
 from controller.runtime.plan_end import PLAN_TURN_S, PlanEnd
@@ -96,6 +96,7 @@ class Planning:
         # By identity of a stretch: with which tool it is moved, and of which lines it is.
         self._known: dict[int, tuple[int | None, tuple[LinePart, ...]]] = {}
         self._changes: dict[int, tuple[int, ...]] = {}  # to which tools, by line; until it is told
+        self._marks: list[Changing] = []  # of a tool changer, until they are told
         self._heard: deque[Aside] = deque()  # messages and settings that no motion has come to
         self._said: list[Said] = []  # until it is told
         # Order of the block from which on, which work offset, the frame that G92 and others made of it,
@@ -240,6 +241,7 @@ class Planning:
         start = _start(program, now)
         self._offsets.clear()
         self._heard.clear()
+        self._marks.clear()
         items = starts.path_from(task, kept, start).items
         self._end.new_planner(program.machine)
         self._tool, self._fitted = None, program.machine
@@ -283,7 +285,9 @@ class Planning:
                 begun = begun if inside else 0.0
             else:
                 self._say(item.place.order, number, item.place.line)
-            if isinstance(item, Pause) and item.act is Act.TOOL:
+            if isinstance(item, Pause) and item.changing is not None:
+                self._marks.append(item.changing)
+            if isinstance(item, Pause) and item.act is Act.TOOL and self._fitted.changer is None:
                 self._tool, line = item.modal.tool, item.place.line
                 self._changes[line] = (*self._changes.get(line, ()), self._tool)
             yield item
@@ -393,16 +397,23 @@ class Planning:
     def _tell(self, news: News) -> None:
         """What is new, and nothing twice."""
         fresh = self._end.planner.fresh
-        if news == self._told and not self._turns and not fresh and not self._changes and not self._said:
+        also = self._turns or fresh or self._changes or self._said or self._marks
+        if news == self._told and not also:
             return
         self._told = news
         ways = {name: self._way(stretch) for name, stretch in fresh.items()}
         self._forget_known()
         self._parent.send(
             replace(
-                news, ways=ways, turns=tuple(self._turns), changes=self._changes, messages=tuple(self._said)
+                news,
+                ways=ways,
+                turns=tuple(self._turns),
+                changes=self._changes,
+                messages=tuple(self._said),
+                marks=tuple(self._marks),
             )
         )
+        self._marks.clear()
         self._changes = {}
         self._said.clear()
         self._turns.clear()

@@ -9,7 +9,9 @@ from typing import Any
 from controller import messages
 from controller.ipc.control_socket import CommandRefused
 from controller.machine import setup_data
+from controller.machine.model import Machine
 from controller.messages import said
+from controller.plan.restart.program_position import FORMER, Spot
 from controller.service import journal
 from controller.service.jobs import Job
 from controller.service.refusals import refused
@@ -90,7 +92,7 @@ def look_again(service: Service, job: Job, request: str = "START") -> None:
     if here.tools_sha256 != entry.job.tools_sha256:
         job.fitted = {**job.fitted, "tools": service.fitted.get("tools", {})}
     machine = setup_data.applied(service.file, job.fitted)
-    job.program = replace(program, machine=machine, spot=journal.spot_of(entry, here))
+    job.program = replace(program, machine=machine, spot=_spot(entry, here, machine))
 
 
 def tell_beside(service: Service) -> None:
@@ -103,3 +105,9 @@ def tell_beside(service: Service) -> None:
     with contextlib.suppress(CommandRefused):  # the program may be refused by now, and this is only told
         if found := service.engine.line.order("beside", program=program)["said"]:
             service.alarms.add("BESIDE_THE_PATH", found, line=entry.spot.line)
+
+
+def _spot(entry: journal.Entry, here: journal.Job, machine: Machine) -> Spot:
+    """Where to go on; a changer makes other motions of a program that begins with another tool."""
+    spot = journal.spot_of(entry, here)
+    return spot if machine.changer is None else Spot(spot.line, spot.fraction, FORMER)

@@ -9,10 +9,11 @@ The door's thread takes no lock of these, so that a hold waits for no disk.
 from __future__ import annotations
 
 import contextlib
+import sqlite3
 import tempfile
 import threading
 import time
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
@@ -23,7 +24,7 @@ from controller.ipc.control_socket import CommandRefused
 from controller.ipc.handoff import COLUMN, Snapshot
 from controller.machine import machine_file, setup_data
 from controller.machine.changes import Change, laid
-from controller.machine.model import Machine
+from controller.machine.model import Changer, Machine
 from controller.machine.toml_table import ConfigError
 from controller.messages import Said, plain, said, several
 from controller.runtime.bus_load import overload
@@ -32,7 +33,7 @@ from controller.runtime.recording import Keeper
 from controller.runtime.starts import Start
 from controller.runtime.startup import SessionError
 from controller.service import alarms as alarm_values
-from controller.service import journal, runs
+from controller.service import journal, runs, tool_store
 from controller.service.alarms import Alarms
 from controller.service.engine import Engine
 from controller.service.fault_reporter import Troubles
@@ -45,6 +46,8 @@ from controller.service.refusals import refused
 from controller.service.runs import Rows, RunRecord
 from controller.service.sequencer import Sequencer
 from controller.service.thread_guard import ThreadGuard
+from controller.service.tool_changer import ToolChanger
+from controller.service.tool_store import ToolStore
 from controller.service.usage import Usage
 from controller.service.watchdog import STANDS_S, LastSecond, Pulse
 from controller.state.modes import Mode, Request
@@ -93,12 +96,28 @@ class Service:
         self.journal = Journal(state / JOURNAL)
         self._folder = tempfile.TemporaryDirectory(prefix="directrix-")
         self.engine = Engine(machine, Path(self._folder.name), kept, self._hear)
+        self.changer = self._with_changer(state)
         self._listener: Listener | None = None
         self.troubles = Troubles(self.machine, self.alarms, self._records)
         self.pulse, self.last_second = Pulse(), LastSecond()
         self._tick_died = self._plan_died = False
 
     # -- beginning and end
+
+    def _with_changer(self, state: Path) -> ToolChanger | None:
+        """Where the machine has one: which tool is in the spindle, its store says."""
+        if self.machine.changer is None:
+            return None
+        store = ToolStore(state / tool_store.FILE)
+        made = ToolChanger(store, self._changer, self.engine, self.alarms.add, self.machine.period_s)
+        self.tool = _in_spindle(made)
+        return made
+
+    def _changer(self) -> Changer:
+        """As its pockets are now."""
+        changer = self.machine.changer
+        assert changer is not None
+        return changer
 
     def power_up(self) -> None:
         """Tick and plan, then the drives' settings. A drive that does not answer is an alarm, and no end.
@@ -154,6 +173,8 @@ class Service:
         self._save_usage(at_once=True)
         self._close_listener()
         self.engine.end()
+        if self.changer is not None:
+            self.changer.store.close()
         self._folder.cleanup()
 
     # -- what verbs and sequences need
@@ -261,6 +282,8 @@ class Service:
             job = self.running or self.job
             if job is not None:
                 job.hear(news)
+            if self.changer is not None:
+                self.changer.hear(news.marks)
             if self.record is not None and news.turns and not (job is not None and job.lost):
                 self.record.planned(news.turns, self.with_tools(job) if job is not None else self.fitted)
 
@@ -271,6 +294,8 @@ class Service:
             job.arm(now.tick if now is not None else -1)
             job.tools = self.machine.tools
             self.running = job
+            if self.changer is not None:
+                self.changer.arm()
             if (recorder := self.engine.recorder) is not None:
                 recorder.drain()
             asked = self.engine.asked
@@ -302,7 +327,10 @@ class Service:
             job, record = self.running, self.record
             if job is None:
                 return
-            if job.news.tool is not None and (result == "completed" or job.news.tool != self.tool):
+            if self.changer is not None:
+                self.changer.ended()
+                self._see_changer(self.changer)
+            elif job.news.tool is not None and (result == "completed" or job.news.tool != self.tool):
                 self._put_in(job.news.tool if result == "completed" else 0)  # it may be in the hand
             self.running = self.record = None
             self.usage.ended(result == "completed" and not job.is_mdi)
@@ -339,6 +367,9 @@ class Service:
         finally:
             self.lock.release()
         if self.engine.tick_alive:
+            if self.changer is not None and self.running is not None:
+                self.changer.look(now)
+                self._see_changer(self.changer)
             self._feel_pulse(now)
             self.last_second.look(self._queue_left_s(now))
             self.troubles.look(now)
@@ -467,6 +498,8 @@ class Service:
 
     def _see_tool(self, now: Snapshot, job: Job) -> None:
         """The one in the spindle: the program goes on from where it asked for it, or moves with it."""
+        if self.changer is not None:
+            return
         way, asked = job.ways.get(now.motion_id), job.asked_tool(now, self.tool)
         put_in = self._asked_tool if now.mode is Mode.RUNNING else None
         if put_in is not None:
@@ -476,6 +509,22 @@ class Service:
         if tool is not None and tool != self.tool:
             self._put_in(tool)
             self.journal.in_spindle(tool)
+
+    def _see_changer(self, changer: ToolChanger) -> None:
+        """As its store has it."""
+        tool = _in_spindle(changer)
+        if tool != self.tool:
+            self._put_in(tool)
+            self.journal.in_spindle(tool)
+
+    def confirm_tools(self, places: Mapping[int, int]) -> None:
+        """An operator has looked where every tool is. Raises CommandRefused."""
+        assert self.changer is not None
+        try:
+            self.changer.store.confirm(places)
+        except sqlite3.Error as error:
+            raise refused("not_written", code="busy", path=self.state, why=str(error)) from error
+        self._see_changer(self.changer)
 
     def _put_in(self, tool: int) -> None:
         self.tool = tool
@@ -506,3 +555,8 @@ class Service:
         """Work that came to nothing after its answer may have gone out already."""
         if error.code != "busy" and name in ("power up", "home", "enable", "reset"):
             self.alarms.add(f"{name} failed".upper().replace(" ", "_"), error.said)
+
+
+def _in_spindle(changer: ToolChanger) -> int:
+    """Number of the tool; 0 = none, or nobody knows."""
+    return 0 if changer.unsure else changer.store.spindle or 0

@@ -17,7 +17,7 @@ from __future__ import annotations
 from enum import IntEnum
 
 from controller.geometry.vectors import ROUNDING
-from controller.ipc.handoff import STANDSTILL, Piece, PieceMessage
+from controller.ipc.handoff import Piece, PieceMessage
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Joints, Machine
 from controller.motion.motions import Motion
@@ -166,7 +166,7 @@ class Follow:
 
     def begins_here(self, message: PieceMessage) -> bool:
         """Whether an accepted message leaves nothing of the queue before it, and begins at these joints."""
-        moves = message.pieces[0].motion_id != STANDSTILL
+        moves = message.pieces[0].motion_id >= 0
         return moves and message.replace_from_s <= self.tau + ROUNDING
 
     def _continues(self, first: Entry) -> bool:
@@ -250,7 +250,7 @@ class Follow:
     def goes(self, running: bool, override: float, rapid_override: float) -> bool:
         """Whether the clock is to run; an override of 0 stops what it is for."""
         piece = self._queue[self._now].piece if self._queue else self.piece
-        if not running or piece is None or piece.motion_id == STANDSTILL:
+        if not running or piece is None or piece.motion_id < 0:
             return running
         return piece.own_feed or (rapid_override if piece.rapid else override) > 0.0
 

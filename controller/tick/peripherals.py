@@ -475,7 +475,8 @@ def _switches(io: Io | None) -> tuple[tuple[int, ...], int]:
     if io is None:
         return (), 0
     lines = tuple(_mask(io.outputs, [name]) for name in io.switched)
-    return lines, sum(1 << i for i, name in enumerate(io.digital_out) if name in io.held)
+    held = (*io.held, *io.changer_out)  # a changer that was stopped in the middle stays as it is
+    return lines, sum(1 << i for i, name in enumerate(io.switched) if name in held)
 
 
 def _clamps(machine: Machine, io: Io | None) -> tuple[Clamped, ...]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from controller.geometry.vectors import ROUNDING
-from controller.ipc.handoff import STANDSTILL, Piece, PieceMessage, StopTable
+from controller.ipc.handoff import Piece, PieceMessage, StopTable
 from controller.motion.motions import Motion, ThreadMove, ToolSpline
 
 ON_GRID_S = 1e-7  # a stop begins at just its time, or it is not for this tick
@@ -80,7 +80,7 @@ def entries_of(message: PieceMessage, known: Mapping[int, Motion], start_s: floa
     entries = []
     for piece in message.pieces:
         motion = message.motions.get(piece.motion_id, known.get(piece.motion_id))
-        if motion is None and piece.motion_id != STANDSTILL:
+        if motion is None and piece.motion_id >= 0:
             return None
         entries.append(Entry(piece, motion, start_s))
         start_s = entries[-1].end_s

@@ -74,6 +74,10 @@ class IoNode(Device):
         self._wires.append((output, wired, delay_s, inverted))
         self._pull(self._wires[-1], self.now_s)
 
+    def unwire(self, wired: int) -> None:
+        """Somebody else shows that input."""
+        self._wires = [wire for wire in self._wires if wire[1] != wired]
+
     def _pull(self, wire: tuple[int, int, float, bool], now_s: float) -> None:
         output, wired, delay_s, inverted = wire
         on = bool(self.outputs >> output & 1) != inverted

@@ -204,7 +204,8 @@ class Tracer:
         elif isinstance(block, Await):
             self._pause(Pause(block.place, block.modal, act=Act.INPUT, awaits=block))
         elif isinstance(block, Action):
-            self._pause(Pause(block.place, block.modal, act=block.act))
+            modal = block.modal if block.outputs is None else replace(block.modal, outputs=block.outputs)
+            self._pause(Pause(block.place, modal, act=block.act, changing=block.changing))
         elif isinstance(block, TipLine):
             self._note_blend(block)
             self._tool(block)

@@ -26,7 +26,11 @@ def stopped(
 
     ``before``: the state in which the path begins; None: that of a whole program. ``typed`` by hand:
     until it names a tool it means the one that is there. ``note`` is told of every stop.
+    A machine with a changer stops nowhere for this.
     """
+    if machine.changer is not None:  # its steps stand in the path itself
+        yield from items
+        return
     state, is_open = before or modal.power_on().modal, 0
     asks = not typed
     for item in items:

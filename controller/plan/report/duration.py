@@ -99,7 +99,8 @@ class Waits:
 
     def _change_s(self, pause: Pause) -> float:
         """A stop that stands where the tool is changed is for the change."""
-        return self._machine.tool_change_s if pause.act is Act.STOP and pause.place == self._change else 0.0
+        by_hand = pause.act is Act.STOP and pause.place == self._change and pause.changing is None
+        return self._machine.tool_change_s if by_hand else 0.0
 
     def _clamps_s(self, pause: Pause) -> float:
         """They move side by side."""

@@ -17,6 +17,7 @@ from dataclasses import dataclass, replace
 from controller.geometry.vectors import Vector, add, scale
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Joints, Machine
+from controller.messages import said
 from controller.plan.stretch import Chain, Pause, Stretch, joints_of, rotaries_of, straight, xyz_of
 from controller.plan.surfaces import audit
 from controller.plan.surfaces.approach import at_height
@@ -75,6 +76,9 @@ def enter(
     ``in_spindle``: number of the tool that is in the spindle. Raises ProgramError where the way
     leaves an axis' travel.
     """
+    if machine.changer is not None and target.modal.tool != in_spindle:
+        sentence = said("tool.restart_other", found=in_spindle, wanted=target.modal.tool)
+        raise ProgramError(name, target.place.line, target.place.column, sentence)
     room = room_along_axis(target.joints, machine, kinematics)
     clear = along_axis(target.joints, min(target.clear_mm, room), kinematics)
     off = to_height(now, machine.retract_mm, machine, kinematics)

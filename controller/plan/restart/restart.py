@@ -20,6 +20,7 @@ import numpy.typing as npt
 from controller.geometry.vectors import Vector, norm, subtract
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Joints, Machine
+from controller.messages import said
 from controller.motion.motions import JointMove, Rotaries, SurfaceCut, ToolSpline
 from controller.plan.path import clamps, tool_changes
 from controller.plan.path.path import Tracer, joints_along
@@ -97,7 +98,23 @@ class Rest:
         """All of the path: from the joints ``now`` to the place, and the rest. Raises ProgramError."""
         here = self.source
         way = entry.enter(self.target, now, in_spindle, here.machine, here.kinematics, here.name)
-        return self.opened(itertools.chain(named(way, ENTRY_ID), self.items))
+        first = self._first_line() if here.machine.changer is not None else []
+        return self.opened(itertools.chain(named(way, ENTRY_ID), first, self.items))
+
+    def _first_line(self) -> list[Chain | Pause]:
+        """What is left of the line. Raises ProgramError in the middle of a tool change."""
+        first: list[Chain | Pause] = []
+        for item in self.items:
+            first.append(item)
+            place = item.place if isinstance(item, Pause) else item.stretches[0].place
+            if isinstance(item, Pause) and item.changing is not None:
+                if item.changing.step == 0:
+                    break
+                sentence = said("tool.restart_inside")
+                raise ProgramError(self.source.name, place.line, place.column, sentence)
+            if place.order > self.order:
+                break
+        return first
 
     def opened(self, items: Iterable[Chain | Pause]) -> Iterator[Chain | Pause]:
         """With the clamps opened where their axes move, and stopped where a tool is changed."""

@@ -38,8 +38,14 @@ CLIPPED = """() => {
     const cut = text && hides && !named && one.scrollWidth > one.clientWidth + 1;
     const card = one.closest(".card")?.getBoundingClientRect();
     const edge = Math.min(innerWidth, card?.width ? card.right : innerWidth);
-    if (box.right > edge + 1 || cut) bad.push(`${one.tagName}.${one.className} ${text || ""}`);
+    const stays = card?.width && getComputedStyle(one.closest(".card")).overflowY === "visible";
+    const low = stays && text && box.bottom > card.bottom + 1;
+    if (box.right > edge + 1 || cut || low) bad.push(`${one.tagName}.${one.className} ${text || ""}`);
   }
+  for (const one of document.querySelectorAll("section[data-shown] input[type=number]"))
+    if (one.checkVisibility() && one.scrollWidth > one.clientWidth + 1) bad.push(`${one.id} ${one.value}`);
+  const scene = document.querySelector("section[data-shown] .scene-said")?.getBoundingClientRect();
+  if (scene && innerWidth > 900 && scene.bottom > innerHeight) bad.push("the legend is below the fold");
   return [...new Set(bad)];
 }"""
 OVERLAPS = """() => {

@@ -147,9 +147,9 @@ class FakeRecorder:
         return row
 
 
-def served(folder: Path) -> Service:
+def served(folder: Path, machine: Machine | None = None) -> Service:
     """A service whose machine is homed and enabled; nothing is loaded."""
-    service = Service(shipped(), Folders.within(folder / "state"))
+    service = Service(machine or shipped(), Folders.within(folder / "state"))
     engine = FakeEngine(service.machine)
     engine.recorder = FakeRecorder(engine)
     service.engine = engine  # type: ignore[assignment]

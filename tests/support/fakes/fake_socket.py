@@ -47,6 +47,8 @@ TABLE: dict[str, tuple[set[str], str | None]] = {
     "retract": ({"HOLD", "READY"}, None),
     "withdraw": ({"READY"}, None),
     "return": ({"HOLD"}, None),
+    "changer_confirm": ({"OFF", "READY", "FAULT"}, None),
+    "changer_pocket": ({"OFF", "READY", "FAULT"}, None),
     "set_offset": ({"OFF", "READY"}, None),
     "forget": ({"OFF", "READY"}, None),
     "set_tool": ({"OFF", "READY", "HOLD"}, None),
@@ -101,6 +103,7 @@ class FakeDoor:
             "buses": self.buses,
             "restart": lambda: self.restart,
             "usage": lambda: dict(USAGE),
+            "changer": dict,
         }
         if verb in looks_at:
             return dict(looks_at[verb]())

@@ -9,7 +9,7 @@ import { word as text } from "../texts.js";
 
 const word = (key) => text(`scene.${key}`);
 const LOOKS = ["iso", "top", "front", "side"];
-const KEYS = { done: "--go", ahead: "--text", feed: "--info", rapid: "--dim", trail: "--hold", surface: "--accent" };
+const KEYS = { done: "--go", ahead: "--text", feed: "--info", rapid: "--dim", trail: "--hold", surface: "--accent", tool: "--hold", holder: "--dim", table: "--dim", travel: "--dim" };
 const shown = { picture: null, coming: false, wrong: "" };
 
 async function come(place) {
@@ -106,7 +106,7 @@ function View() {
     ${picture?.path && html`<${Scrub} picture=${picture} />`}
     <div class="scene-said">
       ${[..."XYZ"].map((axis) => html`<span><span class="dim">${axis} </span><${Figure}>${forms.length(dx.status?.tip?.[axis])}<//></span>`)}
-      ${Object.entries(KEYS).map(([key, colour]) => html`<span class="key dim"><i style=${{ "--colour": `var(${colour})` }}></i>
+      ${Object.entries(KEYS).map(([key, colour]) => html`<span class="key dim"><i class=${key} style=${{ "--colour": `var(${colour})` }}></i>
         <span>${word(key)}</span></span>`)}
       <span class="key dim" id="scene-scale"><i class="ruler"></i><span></span></span>
       <span class="dim" id="scene-said">${shown.wrong}</span>

@@ -1,0 +1,79 @@
+"""``directrix changer``: where the tools of a changer are, and what an operator confirms of them."""
+
+from __future__ import annotations
+
+import json
+from typing import Annotated, Any
+
+import typer
+
+from controller.cli import remote
+from controller.cli.client import Json, TakeOver, Url, asked, tell_done
+from controller.cli.speech import say, speaking
+from controller.verify.console import show
+
+app = typer.Typer(help="Where the tools of a changer are, and what an operator confirms of them.")
+
+
+@app.callback(invoke_without_command=True)
+@speaking
+def shown(context: typer.Context, url: Url = remote.URL, as_json: Json = False) -> None:
+    """Show spindle, pockets and what must be confirmed."""
+    if context.invoked_subcommand is not None:
+        return
+    with asked(url, as_json) as machine:
+        facts = machine.get("changer")
+        if as_json:
+            print(json.dumps({"ok": True, **facts}))
+        else:
+            for line in lines(facts):
+                show.print(line, markup=False)
+
+
+@app.command()
+@speaking
+def confirm(
+    spindle: Annotated[int, typer.Option("--spindle", help="Number of the tool in it; 0: it is empty.")],
+    away: Annotated[
+        list[int] | None, typer.Option("--away", help="A tool that is out of the machine; may be repeated.")
+    ] = None,
+    clear: Annotated[
+        bool, typer.Option("--clear", help="You have looked, and nothing of it touches the spindle.")
+    ] = False,
+    take_over: TakeOver = False,
+    url: Url = remote.URL,
+    as_json: Json = False,
+) -> None:
+    """Say where every tool is: each one that is not named is in its pocket."""
+    with asked(url, as_json) as machine, machine.control(take_over):
+        done = machine.post("changer/confirm", {"spindle": spindle, "away": away or [], "clear": clear})
+        tell_done(say("changer_confirmed"), done, as_json)
+
+
+@app.command()
+@speaking
+def pocket(
+    number: Annotated[int, typer.Argument(help="Of the pocket, from 1.")],
+    tool: Annotated[int, typer.Argument(help="Number of the tool whose it is; 0: nobody's.")],
+    take_over: TakeOver = False,
+    url: Url = remote.URL,
+    as_json: Json = False,
+) -> None:
+    """Give a pocket to a tool; where all tools are must be confirmed then."""
+    with asked(url, as_json) as machine, machine.control(take_over):
+        tell_done(say("changer_pocket"), machine.put(f"changer/pockets/{number}", {"tool": tool}), as_json)
+
+
+def lines(facts: dict[str, Any]) -> list[str]:
+    """What it tells, a line for each pocket."""
+    spindle = facts.get("spindle")
+    shown = say("changer_unknown") if spindle is None else f"T{spindle}" if spindle else say("changer_empty")
+    told = [f"{say('changer_spindle')}: {shown}"]
+    for row in facts.get("pockets") or []:
+        where = {True: "changer_here", False: "changer_gone", None: "changer_unknown"}[row["here"]]
+        told.append(f"{row['pocket']:4}: " + (f"T{row['tool']}, {say(where)}" if row["tool"] else "–"))
+    if step := facts.get("step"):
+        told.append(f"T{step['tool_out']} -> T{step['tool_in']}, {step['step'] + 1}: {step['name']}")
+    if doubt := facts.get("doubt"):
+        told.append(str(doubt.get("sentence", "")))
+    return told

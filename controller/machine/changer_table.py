@@ -1,0 +1,170 @@
+"""``[changer]``: how a machine changes its tools, as two sequences of named steps.
+
+```toml
+[changer]
+pockets = [1, 2, 3, 0]             # the tools of pocket 1, 2 ...; 0: the pocket is nobody's
+
+[[changer.put_away]]
+name = "To the pocket"
+move_mm = { X = [-90, -30, 30, 90], Z = 200 }   # one place, or one of each pocket; machine positions
+within_s = 20
+fails = "The spindle does not come to the pocket."
+
+[[changer.put_away]]
+name = "Open the drawbar"
+on = ["drawbar"]
+input = "drawbar_open"
+within_s = 3
+fails = "The drawbar does not open: look at the air."
+carries = true                     # from here on the tool is in its pocket
+
+[[changer.take]]
+...
+```
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from controller.machine.equipment import OUTPUTS
+from controller.machine.model import Axis, Changer, ChangerStep, Io, Machine
+from controller.machine.toml_table import Table, is_number
+
+SEQUENCES = ("put_away", "take")
+LEVELS = ("rise", "fall", "on", "off")
+MAX_POCKETS = 999
+LONGEST_S = 600.0
+
+
+def names_of(table: Table) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """The outputs and the inputs that the steps name, each once, before [io] is read."""
+    outputs: dict[str, None] = {}
+    inputs: dict[str, None] = {}
+    for sequence in SEQUENCES:
+        for row in table.tables(sequence):
+            for key in ("on", "off", "pocket"):
+                outputs |= dict.fromkeys(row.names(key))
+            if row.has("input"):
+                inputs[row.text("input")] = None
+    return tuple(outputs), tuple(inputs)
+
+
+def changer(table: Table, axes: Sequence[Axis], io: Io | None) -> Changer:
+    """Raises ConfigError."""
+    pockets = _pockets(table)
+    put_away, take = (
+        tuple(_step(row, axes, io, len(pockets)) for row in table.tables(sequence)) for sequence in SEQUENCES
+    )
+    for key, steps in zip(SEQUENCES, (put_away, take), strict=True):
+        if sum(step.carries for step in steps) != 1:
+            problem = "has not one step that carries the tool"
+            table.refuse(key, problem, "one step with carries = true", "say of one step that it carries")
+        names = [step.name for step in steps]
+        if len(set(names)) < len(names):
+            table.refuse(key, "has two steps of one name", "a name per step", "rename one")
+    table.finish()
+    return Changer(pockets, put_away, take)
+
+
+def _pockets(table: Table) -> tuple[int, ...]:
+    allowed = f"1 to {MAX_POCKETS} tool numbers in brackets, 0 for a pocket that is nobody's"
+    value = table.get("pockets", allowed)
+    sound = isinstance(value, list) and all(type(one) is int and 0 <= one <= 99999 for one in value)
+    if not sound or not 1 <= len(value) <= MAX_POCKETS:
+        table.refuse("pockets", "is no list of tools", allowed, "write one number per pocket")
+    tools = [one for one in value if one]
+    if len(set(tools)) < len(tools):
+        table.refuse("pockets", "has a tool in two pockets", "each tool once", "remove one")
+    return tuple(value)
+
+
+def _step(row: Table, axes: Sequence[Axis], io: Io | None, pockets: int) -> ChangerStep:
+    found = ChangerStep(
+        name=row.text("name"),
+        within_s=row.number("within_s", 0.1, LONGEST_S),
+        fails=row.text("fails"),
+        move=(*_moves(row, "mm", axes, pockets), *_moves(row, "deg", axes, pockets)),
+        orient=row.flag("orient", False),
+        on=row.names("on"),
+        off=row.names("off"),
+        pocket=row.names("pocket"),
+        input=row.text("input") if row.has("input") else "",
+        level=row.text("level", LEVELS, "rise"),
+        carries=row.flag("carries", False),
+    )
+    _reach(row, found, io, pockets)
+    row.finish()
+    return found
+
+
+def _moves(row: Table, unit: str, axes: Sequence[Axis], pockets: int) -> list[tuple[str, tuple[float, ...]]]:
+    """``move_mm`` or ``move_deg``: by axis one position, or one of each pocket; within the travel."""
+    key = f"move_{unit}"
+    entry = row.table(key, f"{row.name} {key}", optional=True)
+    known = {axis.name: axis for axis in axes if axis.is_rotary == (unit == "deg")}
+    found: list[tuple[str, tuple[float, ...]]] = []
+    for name in entry.written:
+        if name not in known:
+            allowed = ", ".join(known) or "none"
+            entry.get(name, "a position")
+            entry.refuse(name, f"is no axis in {unit}", allowed, "correct it")
+        axis = known[name]
+        low, high = sorted((axis.travel_min * axis.shown_per_unit, axis.travel_max * axis.shown_per_unit))
+        allowed = f"a position from {low:g} to {high:g}, or {pockets} of them in brackets, one of each pocket"
+        value = entry.get(name, allowed)
+        places = value if isinstance(value, list) else [value]
+        if not all(is_number(one) for one in places) or len(places) not in (1, pockets):
+            entry.refuse(name, "is no position, nor one of each pocket", allowed, "correct it")
+        if not all(low <= one <= high for one in places):
+            entry.refuse(name, "is out of the travel", allowed, "change it")
+        found.append((name, tuple(float(one) / axis.shown_per_unit for one in places)))
+    entry.finish()
+    return found
+
+
+def _reach(row: Table, step: ChangerStep, io: Io | None, pockets: int) -> None:
+    """A step does something, by bits that are there, and it is seen to be done."""
+    switches = (*step.on, *step.off, *step.pocket)
+    if not (step.move or step.orient or switches or step.input):
+        row.refuse("name", "does nothing", "a move, an output, orient or an input", "say what it does")
+    if step.orient and (io is None or io.orient is None):
+        row.refuse("orient", "[io] has no orient", "orient in [io]", "name it there, or take it out")
+    if set(step.on) & set(step.off):
+        row.refuse("off", "has an output that on has, too", "each output once", "remove one")
+    for key, names, bits in (
+        ("on", step.on, io.outputs if io else ()),
+        ("off", step.off, io.outputs if io else ()),
+        ("pocket", step.pocket, io.outputs if io else ()),
+        ("input", (step.input,) if step.input else (), io.inputs if io else ()),
+    ):
+        for name in names:
+            if name not in dict(bits):
+                kind = "inputs" if key == "input" else "outputs"
+                allowed = ", ".join(one for one, _ in bits) or "none, for there is no [io]"
+                row.refuse(key, f"names {name}, which is no bit in {kind} of [io]", allowed, "add it there")
+    for key, names in (("on", step.on), ("off", step.off), ("pocket", step.pocket)):
+        if not set(names).isdisjoint(OUTPUTS):
+            row.refuse(key, "names what M7 to M9 switch", "outputs of the changer's own", "name another")
+    if step.pocket and pockets >= 1 << len(step.pocket):
+        bits_needed = math.ceil(math.log2(pockets + 1))
+        problem = f"{len(step.pocket)} outputs cannot say {pockets}"
+        row.refuse("pocket", problem, f"{bits_needed} outputs or more", "add outputs")
+    if step.carries and not step.input:
+        row.refuse("carries", "nothing says that it is done", "an input beside it", "add input")
+    if step.carries and step.level in ("on", "off"):
+        problem = "a switch that hangs would say that the tool is over before it moves"
+        row.refuse("level", problem, '"rise" or "fall" where a step carries', "write one of these")
+
+
+def audit(machine: Machine, table: Table) -> None:
+    """The tools of the pockets are in the tool table."""
+    if machine.changer is None:
+        return
+    known = {tool.number for tool in machine.tools}
+    for tool in machine.changer.pockets:
+        if tool and tool not in known:
+            allowed = ", ".join(f"T{number}" for number in sorted(known))
+            table.get("pockets", "numbers of tools")
+            table.refuse("pockets", f"T{tool} is not in the tool table", allowed, "add it to the table")

@@ -1,0 +1,174 @@
+"""Where every tool of a changer is, and which step of a change is under way: one SQLite file.
+
+A step that moves a tool is one transaction with what the tool's new place is, and with the step that comes
+next; nothing moves before the disk has it. So a loss of power finds the step that was under way, and of the
+tool that it carries both places where it may be.
+
+    place   where a tool is: in its pocket, in the spindle (pocket 0), or out of the machine (-1)
+    change  the step under way; no row: no change is
+    log     the last steps, and what operators confirmed
+"""
+
+from __future__ import annotations
+
+import sqlite3
+import threading
+import time
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import NamedTuple
+
+from controller.machine.toml_table import ConfigError
+
+FILE = "tools.db"
+SPINDLE, AWAY = 0, -1
+KEPT = 2000  # rows of the log
+_SCHEMA = """
+CREATE TABLE IF NOT EXISTS place (tool INTEGER PRIMARY KEY, pocket INTEGER NOT NULL);
+CREATE TABLE IF NOT EXISTS known (id INTEGER PRIMARY KEY CHECK (id = 1), time_s REAL NOT NULL);
+CREATE TABLE IF NOT EXISTS change (
+    id INTEGER PRIMARY KEY CHECK (id = 1), tool_out INTEGER NOT NULL, tool_in INTEGER NOT NULL,
+    step INTEGER NOT NULL, name TEXT NOT NULL, carries INTEGER NOT NULL, goes_to INTEGER NOT NULL);
+CREATE TABLE IF NOT EXISTS log (
+    id INTEGER PRIMARY KEY AUTOINCREMENT, time_s REAL NOT NULL, what TEXT NOT NULL,
+    tool_out INTEGER NOT NULL, tool_in INTEGER NOT NULL, step INTEGER NOT NULL, name TEXT NOT NULL);
+"""
+
+
+class Step(NamedTuple):
+    """A step under way: its number in its change, and the tool that it carries to a pocket (0: none)."""
+
+    tool_out: int
+    tool_in: int
+    step: int
+    name: str
+    carries: int = 0
+    goes_to: int = SPINDLE
+
+
+class ToolStore:
+    """One per service; every change of it is on the disk when it returns."""
+
+    def __init__(self, file: Path) -> None:
+        """Raises ConfigError for a file that is no store."""
+        self._lock = threading.Lock()
+        try:
+            self._db = sqlite3.connect(file, check_same_thread=False, isolation_level=None)
+            self._db.execute("PRAGMA journal_mode = WAL")
+            self._db.execute("PRAGMA synchronous = FULL")
+            self._db.executescript(_SCHEMA)
+        except sqlite3.Error as error:
+            raise ConfigError(
+                f"{file}: is no tool store ({error}); restore it from a backup, or remove it and "
+                "confirm where every tool is."
+            ) from error
+
+    def close(self) -> None:
+        self._db.close()
+
+    # -- what is known
+
+    @property
+    def places(self) -> Mapping[int, int]:
+        """By tool the pocket where it was last; of the one that is carried now, before that."""
+        with self._lock:
+            return dict(self._db.execute("SELECT tool, pocket FROM place"))
+
+    @property
+    def spindle(self) -> int | None:
+        """The tool in the spindle, 0 = it is empty; None: somebody must say so first."""
+        if not self.known:
+            return None
+        return next((tool for tool, pocket in self.places.items() if pocket == SPINDLE), 0)
+
+    @property
+    def known(self) -> bool:
+        """Whether somebody has ever said where the tools are."""
+        with self._lock:
+            return self._db.execute("SELECT 1 FROM known").fetchone() is not None
+
+    @property
+    def step(self) -> Step | None:
+        """That is under way, or was when all ended."""
+        with self._lock:
+            row = self._db.execute(
+                "SELECT tool_out, tool_in, step, name, carries, goes_to FROM change"
+            ).fetchone()
+        return None if row is None else Step(*row)
+
+    def log(self, last: int = 100) -> list[tuple[float, str, int, int, int, str]]:
+        """(time, "begun", "over" or "confirmed", tools out and in, step, name), the newest first."""
+        with self._lock:
+            return list(
+                self._db.execute(
+                    "SELECT time_s, what, tool_out, tool_in, step, name FROM log ORDER BY id DESC LIMIT ?",
+                    (last,),
+                )
+            )
+
+    # -- what becomes of it
+
+    def begin(self, step: Step) -> None:
+        """The step before is over, and this one may move. Raises sqlite3.Error; then nothing may."""
+        with self._lock, _Whole(self._db):
+            self._arrive()
+            self._db.execute("INSERT OR REPLACE INTO change VALUES (1, ?, ?, ?, ?, ?, ?)", step)
+            self._note("begun", step)
+
+    def end(self) -> None:
+        """The last step is over. Raises sqlite3.Error."""
+        with self._lock, _Whole(self._db):
+            self._arrive()
+            row = self._db.execute("SELECT tool_out, tool_in, step, name FROM change").fetchone()
+            self._db.execute("DELETE FROM change")
+            if row is not None:
+                self._note("over", Step(*row))
+
+    def confirm(self, places: Mapping[int, int]) -> None:
+        """An operator has looked where every tool is. Raises sqlite3.Error."""
+        with self._lock, _Whole(self._db):
+            self._db.execute("DELETE FROM change")
+            self._db.execute("DELETE FROM place")
+            self._db.executemany("INSERT INTO place VALUES (?, ?)", places.items())
+            self._db.execute("INSERT OR REPLACE INTO known VALUES (1, ?)", (time.time(),))
+            in_spindle = next((tool for tool, pocket in places.items() if pocket == SPINDLE), 0)
+            self._note("confirmed", Step(0, in_spindle, 0, ""))
+
+    def forget(self) -> None:
+        """Pockets were given to other tools: somebody must look anew. Raises sqlite3.Error."""
+        with self._lock, _Whole(self._db):
+            self._db.execute("DELETE FROM known")
+
+    def _arrive(self) -> None:
+        """What the step under way carries is where it was to go."""
+        for tool, pocket in self._db.execute(
+            "SELECT carries, goes_to FROM change WHERE carries > 0"
+        ).fetchall():
+            self._db.execute("INSERT OR REPLACE INTO place VALUES (?, ?)", (tool, pocket))
+
+    def _note(self, what: str, step: Step) -> None:
+        self._db.execute(
+            "INSERT INTO log (time_s, what, tool_out, tool_in, step, name) VALUES (?, ?, ?, ?, ?, ?)",
+            (time.time(), what, *step[:4]),
+        )
+        self._db.execute("DELETE FROM log WHERE id <= (SELECT MAX(id) FROM log) - ?", (KEPT,))
+
+
+class _Whole:
+    """One transaction, taken whole or not at all."""
+
+    def __init__(self, db: sqlite3.Connection) -> None:
+        self._db = db
+
+    def __enter__(self) -> None:
+        self._db.execute("BEGIN IMMEDIATE")
+
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        self._db.execute("COMMIT" if kind is None else "ROLLBACK")
+
+
+def placed(pockets: Iterable[int], in_spindle: int, away: Iterable[int]) -> dict[int, int]:
+    """Every tool's place: in its pocket, but for the one in the spindle and those out of the machine."""
+    places = {tool: number for number, tool in enumerate(pockets, 1) if tool}
+    places |= dict.fromkeys(away, AWAY)
+    return places | ({in_spindle: SPINDLE} if in_spindle else {})

@@ -1,0 +1,48 @@
+// The tool changer: which tool is where, and the dialogue after a change that was interrupted.
+import { call } from "../api.js";
+import { ask } from "../dialog.js";
+import { html } from "../dom.js";
+import { Act, AxisName, Chip } from "../parts.js";
+import { dx } from "../store.js";
+import { sentence, word as text } from "../texts.js";
+
+const word = (key, ...values) => text(`changer.${key}`, ...values);
+const whole = (given) => (/^\d+$/.test(given.trim()) ? Number(given) : null);
+const typed = (question, start) => ask(question, "setup.set", { inputmode: "numeric" }, start);
+
+async function confirm(found) {
+  const given = await typed(word("spindle_ask"), found.spindle === null ? "" : String(found.spindle));
+  const spindle = given ? whole(given) : null;
+  if (spindle === null) return;
+  const named = await typed(word("away_ask"), found.away.join(" "));
+  if (named === null || named === false) return;
+  const away = (named.match(/\d+/g) ?? []).map(Number);
+  if (await ask(word("clear_ask", spindle, away.join(" ")))) await call("POST", "changer/confirm", { spindle, away, clear: true });
+}
+
+async function give(pocket, tool) {
+  const given = await typed(word("pocket_ask", pocket), String(tool ?? 0));
+  const number = given ? whole(given) : null;
+  if (number !== null) await call("PUT", `changer/pockets/${pocket}`, { tool: number });
+}
+
+const named = (tool) => (tool === null ? word("unknown") : tool ? `T${tool}` : word("empty"));
+const place = (here) => word(here === null ? "unknown" : here ? "here" : "gone");
+
+function Pocket({ row: { pocket, tool, here } }) {
+  return html`<tr data-pocket=${pocket}><th scope="row">${pocket}</th>
+    <td>${tool ? html`<${AxisName} name=${`T${tool}`} />` : "–"}</td>
+    <td>${tool ? html`<${Chip} tone=${here ? "go" : "hold"}>${place(here)}<//>` : ""}</td>
+    <td><${Act} text=${word("tool")} aria-label=${word("pocket_ask", pocket)} press=${() => give(pocket, tool)} /></td></tr>`;
+}
+
+export function Changer() {
+  const found = dx.status?.changer;
+  if (!found) return html`<p class="dim">${word("by_hand")}</p>`;
+  return html`${found.doubt && html`<p id="changer-doubt" class="wrong">${sentence(found.doubt)}</p>`}
+    <p>${word("spindle")}: <span id="changer-spindle">${named(found.spindle)}</span>
+      ${found.step && html` · ${word("step")} ${found.step.step + 1}: ${found.step.name}`}</p>
+    <div class="row"><${Act} id="changer-confirm" text=${word("confirm")} press=${() => confirm(found)} /></div>
+    <table class="list"><thead><tr>${["pocket", "tool", "place"].map((key) => html`<th scope="col">${word(key)}</th>`)}<td></td></tr></thead>
+      <tbody id="changer-pockets">${found.pockets.map((row) => html`<${Pocket} key=${row.pocket} row=${row} />`)}</tbody></table>`;
+}
