@@ -49,13 +49,16 @@ def as_json(*words):
 
 
 def refused(*words):
-    """The one sentence of a refusal, which must be the same for people and for scripts."""
+    """The one sentence of a refusal, the same for people and for scripts; people see the place under it."""
     code, out, err = run(*words)
     assert (code, out) == (1, ""), (out, err)
-    assert err.count("\n") == 1 and "Traceback" not in err
+    sentence, *shown = err.splitlines()
     code, answer = as_json(*words)
     assert code == 1 and answer["ok"] is False
-    assert answer["error"] == err.rstrip("\n")
+    assert answer["error"] == sentence
+    if shown:
+        line, caret = shown
+        assert caret.strip() == "^" and len(caret) <= len(line) + 1, "under a column of that line"
     return answer
 
 
