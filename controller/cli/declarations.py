@@ -36,7 +36,8 @@ class Undeclared(Exception):
 
 def asked_for() -> bool:
     """Whether this process is to answer help or completion, or lists the commands."""
-    asked = len(sys.argv) == 1 or "--help" in sys.argv or "_DIRECTRIX_COMPLETE" in os.environ
+    listed = len(sys.argv) == 1 and sys.argv[0] != "-c"  # of "python -c" we are a library
+    asked = listed or "--help" in sys.argv or "_DIRECTRIX_COMPLETE" in os.environ
     return asked and WHOLLY not in os.environ
 
 

@@ -287,15 +287,13 @@ REFUSALS = {
     # --- tool
     "tool.unknown": "{word} names no tool: the tool table has {tools}; use one of these or add it",
     "tool.none_to_change": "M6 has no tool to change to: write T and its number before or beside it",
-    "tool.no_pocket": "T{tool} has no pocket in the tool changer: give it one, or write a tool that "
-    "has one: {known}",
+    "tool.no_pocket": "T{tool} has no pocket in the tool changer: give it one, or write a tool that has "
+    "one: {known}",
     "tool.under_side": "M6 under G41 or G42: the tool beside the path goes; write G40 before it",
     "tool.m61_changer": "M61 says which tool is in the spindle, and here the tool changer's journal "
-    "knows: confirm "
-    "it at the machine (directrix changer), or change the tool with M6",
+    "knows: confirm it at the machine (directrix changer), or change the tool with M6",
     "tool.restart_other": "T{found} is in the spindle, and here the program goes on with T{wanted}: "
-    "change it first "
-    "(T{wanted} M6 by hand), then start from here again",
+    "change it first (T{wanted} M6 by hand), then start from here again",
     "tool.restart_inside": "it is in the middle of a tool change: start from the line behind it",
     "tool.m61": "M61 does not say which tool is in the spindle: write Q and its number, such as M61 Q2",
     "tool.length_beside_g49": "{word} stands beside G49, which ends the tool's length; write H0, or G43 "
@@ -308,6 +306,7 @@ REFUSALS = {
     "tool.takes_z": "Z, the length",
     "tool.takes_h": "H, the number of a tool",
     "tool.none": "none",
+    "tool.change_beside": "M6 under G41 or G42: the tool that is beside the path goes; write G40 before",
     # --- dwell
     "dwell.no_time": "G4 has no time: write P with the seconds to wait, such as G4 P0.5",
     "dwell.too_long": "{word} waits for {hours:.4g} h: {letter} of G4 is 0 to {most:.0f} seconds, a "

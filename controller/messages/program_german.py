@@ -303,15 +303,13 @@ REFUSALS = {
     "verwenden oder es eintragen",
     "tool.none_to_change": "M6 hat kein Werkzeug zum Wechseln: T und seine Nummer davor oder daneben "
     "schreiben",
-    "tool.no_pocket": "T{tool} hat keinen Platz im Werkzeugwechsler: ihm einen geben oder ein "
-    "Werkzeug mit Platz "
-    "schreiben: {known}",
+    "tool.no_pocket": "T{tool} hat keinen Platz im Werkzeugwechsler: ihm einen geben oder ein Werkzeug "
+    "mit Platz schreiben: {known}",
     "tool.under_side": "M6 unter G41 oder G42: Das Werkzeug neben der Bahn geht; davor G40 schreiben",
     "tool.m61_changer": "M61 sagt, welches Werkzeug in der Spindel ist, und hier weiß es das Journal des "
     "Wechslers: es an der Maschine bestätigen (directrix changer) oder das Werkzeug mit M6 wechseln",
-    "tool.restart_other": "T{found} ist in der Spindel, und hier geht das Programm mit T{wanted} "
-    "weiter: zuerst "
-    "wechseln (T{wanted} M6 von Hand), dann von hier neu starten",
+    "tool.restart_other": "T{found} ist in der Spindel, und hier geht das Programm mit T{wanted} weiter: "
+    "zuerst wechseln (T{wanted} M6 von Hand), dann von hier neu starten",
     "tool.restart_inside": "das ist mitten in einem Werkzeugwechsel: mit der Zeile dahinter beginnen",
     "tool.m61": "M61 sagt nicht, welches Werkzeug in der Spindel ist: Q und seine Nummer schreiben, etwa "
     "M61 Q2",
@@ -327,6 +325,8 @@ REFUSALS = {
     "tool.takes_z": "Z, die Länge",
     "tool.takes_h": "H, die Nummer eines Werkzeugs",
     "tool.none": "keine",
+    "tool.change_beside": "M6 unter G41 oder G42: das Werkzeug, das neben der Bahn ist, geht; G40 davor "
+    "schreiben",
     # --- dwell
     "dwell.no_time": "G4 hat keine Zeit: P mit den Sekunden schreiben, die gewartet wird, etwa G4 P0.5",
     "dwell.too_long": "{word} wartet {hours:.4g} h: {letter} von G4 ist 0 bis {most:.0f} Sekunden, eine "
@@ -553,8 +553,8 @@ REFUSALS = {
     "text.stray": "{found!r} kann hier nicht stehen: eine Zeile besteht aus Wörtern wie X12.5 (ein "
     "Buchstabe und seine Zahl, mit Dezimalpunkt, nicht mit Komma), Parametersetzungen und Kommentaren; "
     "berichtigen oder streichen",
-    "text.corner": "eine Fase oder ein Radius einer Ecke (,C oder ,R) wird hier nicht gemacht; die Ecke als "
-    "eigene Gerade oder eigenen Bogen schreiben",
+    "text.corner": "eine Fase oder ein Radius einer Ecke (,C oder ,R) wird hier nicht gemacht; die Ecke "
+    "als eigene Gerade oder eigenen Bogen schreiben",
     "text.o_inside": "O steht mitten in der Zeile: ein O-Wort (o100 call) steht allein in seiner Zeile; "
     "zwei Zeilen schreiben",
     "text.only_comments": "die Datei enthält nur Leerzeilen und Kommentare: ein Programm braucht "

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 from controller.machine.model import OFFSETS, TOOL_AT_POWER_ON, Machine, Tool
 from controller.messages import Key, Said, said
-from controller.program import output_words, override_words, planar_words, side_words, tool_change_words
+from controller.program import output_words, override_words, planar_words, tool_change_words
 from controller.program.codes import SURFACES, Ask
 from controller.program.origins import Origins
 from controller.program.position import Known
@@ -381,7 +381,7 @@ class _Settings:
 
     def _side(self) -> None:
         if code := self.ask.code("side"):
-            modal = side_words.applied(
+            modal = planar_words.on_surfaces(
                 self.ask, code, self.side_letters, self.state.mm_per_unit, self.state.modal
             )
             self.state = self.state._replace(modal=modal)

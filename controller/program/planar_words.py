@@ -1,7 +1,8 @@
-"""G40 to G42 with D, G41.1 and G42.1: cutter compensation of lines and arcs, as far as words say it.
+"""G40 to G42, G41.1 and G42.1: cutter compensation of lines and arcs (D), and on surfaces (P, Q, R).
 
 Which of its two meanings a G41 has, a person can tell: with D it is for lines and arcs, with P, Q or R
-for surfaces, and with none of them for whatever of the two comes first. ``compensation`` does it.
+for surfaces, and with none of them for whatever of the two comes first. ``compensation`` does
+that of lines and arcs.
 """
 
 from __future__ import annotations
@@ -10,9 +11,9 @@ from dataclasses import replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
-from controller.machine.model import Machine, Tool
+from controller.machine.model import MAX_WEAR_MM, Machine, Tool
 from controller.program.codes import Ask
-from controller.program.program import Modal, Planar, ProgramError, Tip
+from controller.program.program import Modal, Planar, ProgramError, Side, Tip
 from controller.program.words import Word
 
 if TYPE_CHECKING:
@@ -125,3 +126,46 @@ def check(ask: Ask, before: Modal, after: Modal) -> None:
 def _changed(ask: Ask, group: str, planar: Planar) -> ProgramError:
     word = ask.codes[group][1]
     return ask.refusal(word, "beside.changed", code=planar.code, line=planar.place.line)
+
+
+# ---- on surfaces
+
+
+def on_surfaces(ask: Ask, code: str, letters: str, mm_per_unit: float, modal: Modal) -> Modal:
+    """The state after G40, G41 or G42, as far as it is for surfaces; ``letters``: those of P, Q, R that no
+    other code of the line takes.
+    """
+    words = {letter: ask.words[letter] for letter in letters if letter in ask.words}
+    return replace(
+        modal,
+        side=Side.LEFT if code.startswith("G41") else Side.RIGHT,
+        placement=_placement(ask, code, words),
+        allowance_mm=_allowance_mm(ask, code, words, mm_per_unit),
+        tolerance_mm=_tolerance_mm(ask, code, words, mm_per_unit),
+    )
+
+
+def _placement(ask: Ask, code: str, words: dict[str, Word]) -> int:
+    placement = ask.whole(words["P"]) if "P" in words else 0
+    if "P" in words and placement not in (1, 2, 3, 4):
+        raise ask.refusal(words["P"], "side.placement", code=code)
+    return placement
+
+
+def _allowance_mm(ask: Ask, code: str, words: dict[str, Word], mm_per_unit: float) -> float:
+    """Q: what stays on the surface, or, negative, a cutter's wear."""
+    if (word := words.get("Q")) is None:
+        return 0.0
+    allowance = word.value * mm_per_unit
+    if allowance < -MAX_WEAR_MM:
+        raise ask.refusal(word, "side.allowance", off=-allowance, code=code, most=MAX_WEAR_MM)
+    return allowance
+
+
+def _tolerance_mm(ask: Ask, code: str, words: dict[str, Word], mm_per_unit: float) -> float | None:
+    word = words.get("R")
+    if word is None:
+        return None
+    if word.value <= 0.0:
+        raise ask.refusal(word, "side.tolerance", code=code)
+    return word.value * mm_per_unit

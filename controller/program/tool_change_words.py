@@ -51,9 +51,7 @@ def blocks(
             known = ", ".join(f"T{one}" for one in changer.pockets if one) or "–"
             raise ask.refusal(word, "tool.no_pocket", tool=tool, known=known)
     if before.planar is not None:
-        raise ask.refusal(
-            word, "M6 under G41 or G42: the tool that is beside the path goes; write G40 before"
-        )
+        raise ask.refusal(word, "tool.change_beside")
     place, still, made = ask.place(word), replace(after, spindle_rev_min=0.0, coolant=0), list[Block]()
     rows = steps_of(changer, before.tool, after.tool)
     for k, (step, pocket) in enumerate(rows):

@@ -33,6 +33,7 @@ from controller.ipc.handoff import (
 from controller.machine import machine_file
 from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Joints, Machine
+from controller.motion.pieces import FIRST_MARK
 from controller.plan.path.path import Chain, Pause
 from controller.plan.planner import Planner
 from controller.plan.stretch import straight
@@ -306,7 +307,7 @@ class SteppedMachine:
                 if self._goes_on(waiting, asked):
                     continue
                 if not asked:
-                    resumes += 1
+                    resumes += not self._between_steps()
                     self.request(Request.RESUME)
                     continue
             return self._ended(first, resumes, len(waiting), events, n)
@@ -374,6 +375,11 @@ class SteppedMachine:
         """At M0 the plan itself is at rest: a resume that is assumed costs no time."""
         held = self.cycle.modes.mode is Mode.HOLD and not self.cycle.follow.stopping
         return held and not self._was_asked(events, n)
+
+    def _between_steps(self) -> bool:
+        """Whether it is a stop of the tool changer, which no operator has to resume."""
+        piece = self.cycle.follow.piece
+        return piece is not None and piece.motion_id <= FIRST_MARK
 
     def _goes_on(self, waiting: Sequence[Event], asked: bool) -> bool:
         """Whether the operator will still end this hold; of a program stop, by the next word at all."""

@@ -21,6 +21,8 @@ from controller.machine import machine_file
 from controller.machine.toml_table import ConfigError
 from controller.program import blocks
 from controller.program.program import ProgramError
+from controller.runtime import checked
+from controller.runtime.stepped import SteppedMachine
 from controller.service.command_handlers import Desk
 from controller.service.tool_store import ToolStore, placed
 
@@ -159,6 +161,14 @@ def test_a_tool_without_a_pocket_is_refused_with_its_line() -> None:
 def test_what_the_spindle_holds_already_is_not_changed() -> None:
     made = blocks.read(b"T1 M6\n", machine(), "p.ngc").blocks
     assert len(made) == 1
+
+
+def test_simulated_the_steps_are_no_stops_of_the_program() -> None:
+    stepped = SteppedMachine(machine())
+    stepped.come_up()
+    path = checked.path_of(checked.task(b"T2 M6\nG0 X5\nM0\nT1 M6\nM30\n", "p.ngc", machine()))
+    run = stepped.run(path)
+    assert (run.result, run.assumed_resumes) == ("completed", 1)
 
 
 # -- as the door has it

@@ -209,3 +209,34 @@ def test_in_a_smooth_row_a_line_is_begun_at_its_first_time() -> None:
     x, y = rest.target.joints[:2]
     assert abs(x - 9.0) < 0.01 and 96.0 < y < 106.0
     assert rest_of(smooth, rest.spot, shipped()).target == rest.target
+
+
+HEAD = "G21 G90 G54 G61 F300.\nT2 M6\nS6000 M3\nG43 H2\nG0 X0. Y0. Z20.\n"
+ALL_OF_THE_LANGUAGE = {
+    "subs": "o1 sub\nG91\nG1 X#1 Y1.\nG90\no1 endsub\n"
+    + HEAD
+    + "o1 call [2]\nG52 X3. Y1.\no1 call [4]\nG1 X0.\n",
+    "loops": HEAD + "#1=0\no2 while [#1 LT 3]\n#1=[#1+1]\nG1 X#1\nG3 X[#1+2] Y0. R1.\no2 endwhile\n"
+    "G68 X1. Y1. R30.\nG1 X9.\n",
+    "cycles": HEAD + "G99 G83 X1. Y2. Z-5. R2. Q2. F80.\nX5.\nG98 X9.\nG80\nG1 Z5. F200.\n",
+    "beside a contour": HEAD
+    + "G41.1 D4. G1 X10. Y0.\nX20.\nG3 X30. Y10. R10.\nG1 Y30.\nG40 G1 X40. Y40.\nG0 Z30.\nG1 X1.\n",
+    "tilted": HEAD + "G68.2 P1 Q123 X5. Y0. Z0. I20. J10. K0.\nG53.1\nG0 X0. Y0. Z10.\nG1 Z1.\nX9. Y3.\n"
+    "G81 X1. Z-2. R2.\nG80\nG69\nG1 Z60.\n",
+}
+
+
+@pytest.mark.parametrize("name", ALL_OF_THE_LANGUAGE)
+def test_what_is_left_from_any_line_on_is_what_the_whole_run_has_from_there(name: str) -> None:
+    text, machine = ALL_OF_THE_LANGUAGE[name] + "M30\n", shipped(unset=())
+    whole = list(stretches(text, machine).values())
+    for line in {stretch.place.line for stretch in whole}:
+        rest = rest_of(text, Spot(line, 0.0), machine)
+        left = [stretch for item in rest.items if isinstance(item, Chain) for stretch in item.stretches]
+        behind = whole[len(whole) - len(left) :]
+        assert [(s.place, s.end, s.feed_mm_s) for s in left] == [
+            (s.place, s.end, s.feed_mm_s) for s in behind
+        ]
+        first = next(k for k, stretch in enumerate(whole) if stretch.place.line == line)
+        skipped = whole[first : len(whole) - len(left)]
+        assert all(stretch.feed_mm_s is None for stretch in skipped)  # rapids: the entry leads to their end
