@@ -109,7 +109,10 @@ import typer
 top = typer.main.get_command(app)
 for name in FILES[sys.argv[-1]]:
     shown([name])
-    for one in getattr(top.get_command(None, name), "commands", ()):
+    command = top.get_command(None, name)
+    if getattr(command, "invoke_without_command", False):
+        continue  # its own body runs before the help of those below it: that begins again, with all bodies
+    for one in getattr(command, "commands", ()):
         shown([name, one])
 """
 
