@@ -324,12 +324,15 @@ def simulate(
         if trace_file and trace_file.suffix == records.PARQUET:
             records.needed()
         kept = None if unchecked else _kept(task, store, as_json)
-        with bar("planning", as_json) as progress:
-            walk = (
-                starts.path_from(task, kept, record.recorded.begin.start)
-                if record
-                else checked.walk_of(task, kept, unchecked, progress)
-            )
+        try:
+            with bar("planning", as_json) as progress:
+                walk = (
+                    starts.path_from(task, kept, record.recorded.begin.start)
+                    if record
+                    else checked.walk_of(task, kept, unchecked, progress)
+                )
+        except ProgramError as error:
+            _refuse_all(error, task, as_json)
         if not as_json:
             _show_notes(walk.notes, task)
         touched = simulated_probe.load(part, made) if part is not None else None
