@@ -54,6 +54,9 @@ def refusal(text: str | bytes, on: Machine | None = None) -> ProgramError:
     return caught.value
 
 
+RARE = ("time_s", "stands", "thread", "probe", "changing", "outputs")  # listed where they are there
+
+
 def shown(value: object) -> str:
     if isinstance(value, float):
         return f"{value:.6g}"
@@ -68,9 +71,7 @@ def listing(program: Program) -> list[str]:
     rows = []
     for block in program.blocks:
         own = [f for f in fields(block) if f.name not in ("place", "modal", "doubt")]
-        own = [
-            f for f in own if f.name not in ("time_s", "stands", "thread", "probe") or getattr(block, f.name)
-        ]
+        own = [f for f in own if f.name not in RARE or getattr(block, f.name)]
         values = [f"{f.name}={shown(getattr(block, f.name))}" for f in own]
         modal = [(f.name, getattr(block.modal, f.name)) for f in fields(Modal)]
         changed = [f"{n}={shown(v)}" for n, v in modal if v != getattr(power_on, n)]

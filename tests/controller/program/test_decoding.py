@@ -92,7 +92,7 @@ def test_a_long_line_takes_time_in_proportion(line: str) -> None:
     gc.collect()
     gc.disable()  # what other tests left is nothing of this line's
     try:
-        short, long = (min(seconds(count) for _ in range(3)) for count in (10_000, 160_000))
+        short, long = (min(seconds(count) for _ in range(2)) for count in (5_000, 80_000))
     finally:
         gc.enable()
     assert long < 0.25 + 64.0 * short
