@@ -31,7 +31,7 @@ Factory = Callable[[float], asyncio.Protocol]
 
 
 class Came(NamedTuple):
-    """Somebody at the door; the larger of two goes first."""
+    """Somebody at the door; see ``_turn``."""
 
     rank: int  # 2: asks for a stop; 1: has sent the head of a request
     at_s: float
@@ -105,7 +105,7 @@ class Entrance:
     def _sort(self) -> None:
         """Who goes first stands last; close who is too much."""
         kept, counted = list[Came](), Counter[tuple[str, int]]()
-        for one in sorted(self._waiting, reverse=True):
+        for one in sorted(self._waiting, key=_turn, reverse=True):
             counted[one.address, one.rank] += 1
             if len(kept) < self._most // 2 and counted[one.address, one.rank] <= self._of_one[one.rank]:
                 kept.append(one)
@@ -134,3 +134,8 @@ class Entrance:
             )
             return
         one.socket.close()
+
+
+def _turn(one: Came) -> tuple[int, float]:
+    """The larger of two goes first; sockets that came at one moment are not compared."""
+    return one.rank, one.at_s

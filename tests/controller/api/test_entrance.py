@@ -105,6 +105,24 @@ def test_a_stop_behind_a_crowd_comes_in_before_it(site: Site) -> None:
     assert ages == sorted(ages, reverse=True), "the newest first"
 
 
+def test_those_who_came_in_one_moment_of_a_coarse_clock_come_in(site: Site) -> None:
+    for _ in range(20):
+        site.come(HEAD)
+
+    async def all_in() -> None:
+        loop = asyncio.get_running_loop()
+        loop.time = lambda: 7.0  # type: ignore[method-assign]
+        try:
+            async with site.open():
+                for _ in range(100):
+                    await asyncio.sleep(0)
+        finally:
+            del loop.time
+
+    asyncio.run(all_in())
+    assert len(site.inside) == 20
+
+
 def test_who_is_not_let_in_is_closed_and_the_few_of_another_address_are_not(site: Site) -> None:
     for _ in range(5):
         site.come(HALF, "127.0.0.9")
