@@ -7,14 +7,18 @@ tool that it carries both places where it may be.
     place   where a tool is: in its pocket, in the spindle (pocket 0), or out of the machine (-1)
     change  the step under way; no row: no change is
     log     the last steps, and what operators confirmed
+
+This process alone writes it. What it holds is read once, and again behind every transaction: whoever asks
+where the tools are (the status, a refusal, every look at the tick) waits for no disk.
 """
 
 from __future__ import annotations
 
+import contextlib
 import sqlite3
 import threading
 import time
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
@@ -46,6 +50,14 @@ class Step(NamedTuple):
     goes_to: int = SPINDLE
 
 
+class _Held(NamedTuple):
+    """What the file holds; never changed, but replaced as a whole."""
+
+    places: Mapping[int, int]
+    known: bool
+    step: Step | None
+
+
 class ToolStore:
     """One per service; every change of it is on the disk when it returns."""
 
@@ -57,6 +69,7 @@ class ToolStore:
             self._db.execute("PRAGMA journal_mode = WAL")
             self._db.execute("PRAGMA synchronous = FULL")
             self._db.executescript(_SCHEMA)
+            self._held = self._read()
         except sqlite3.Error as error:
             raise ConfigError(
                 f"{file}: is no tool store ({error}); restore it from a backup, or remove it and "
@@ -71,30 +84,23 @@ class ToolStore:
     @property
     def places(self) -> Mapping[int, int]:
         """By tool the pocket where it was last; of the one that is carried now, before that."""
-        with self._lock:
-            return dict(self._db.execute("SELECT tool, pocket FROM place"))
+        return self._held.places
 
     @property
     def spindle(self) -> int | None:
         """The tool in the spindle, 0 = it is empty; None: somebody must say so first."""
-        if not self.known:
-            return None
-        return next((tool for tool, pocket in self.places.items() if pocket == SPINDLE), 0)
+        held = self._held
+        return _in_spindle(held.places) if held.known else None
 
     @property
     def known(self) -> bool:
         """Whether somebody has ever said where the tools are."""
-        with self._lock:
-            return self._db.execute("SELECT 1 FROM known").fetchone() is not None
+        return self._held.known
 
     @property
     def step(self) -> Step | None:
         """That is under way, or was when all ended."""
-        with self._lock:
-            row = self._db.execute(
-                "SELECT tool_out, tool_in, step, name, carries, goes_to FROM change"
-            ).fetchone()
-        return None if row is None else Step(*row)
+        return self._held.step
 
     def log(self, last: int = 100) -> list[tuple[float, str, int, int, int, str]]:
         """(time, "begun", "over" or "confirmed", tools out and in, step, name), the newest first."""
@@ -110,41 +116,38 @@ class ToolStore:
 
     def begin(self, step: Step) -> None:
         """The step before is over, and this one may move. Raises sqlite3.Error; then nothing may."""
-        with self._lock, _Whole(self._db):
+        with self._whole():
             self._arrive()
             self._db.execute("INSERT OR REPLACE INTO change VALUES (1, ?, ?, ?, ?, ?, ?)", step)
             self._note("begun", step)
 
     def end(self) -> None:
         """The last step is over. Raises sqlite3.Error."""
-        with self._lock, _Whole(self._db):
+        with self._whole():
             self._arrive()
-            row = self._db.execute("SELECT tool_out, tool_in, step, name FROM change").fetchone()
             self._db.execute("DELETE FROM change")
-            if row is not None:
-                self._note("over", Step(*row))
+            if self.step is not None:
+                self._note("over", self.step)
 
     def confirm(self, places: Mapping[int, int]) -> None:
         """An operator has looked where every tool is. Raises sqlite3.Error."""
-        with self._lock, _Whole(self._db):
+        with self._whole():
             self._db.execute("DELETE FROM change")
             self._db.execute("DELETE FROM place")
             self._db.executemany("INSERT INTO place VALUES (?, ?)", places.items())
             self._db.execute("INSERT OR REPLACE INTO known VALUES (1, ?)", (time.time(),))
-            in_spindle = next((tool for tool, pocket in places.items() if pocket == SPINDLE), 0)
-            self._note("confirmed", Step(0, in_spindle, 0, ""))
+            self._note("confirmed", Step(0, _in_spindle(places), 0, ""))
 
     def forget(self) -> None:
         """Pockets were given to other tools: somebody must look anew. Raises sqlite3.Error."""
-        with self._lock, _Whole(self._db):
+        with self._whole():
             self._db.execute("DELETE FROM known")
 
     def _arrive(self) -> None:
         """What the step under way carries is where it was to go."""
-        for tool, pocket in self._db.execute(
-            "SELECT carries, goes_to FROM change WHERE carries > 0"
-        ).fetchall():
-            self._db.execute("INSERT OR REPLACE INTO place VALUES (?, ?)", (tool, pocket))
+        step = self.step
+        if step is not None and step.carries > 0:
+            self._db.execute("INSERT OR REPLACE INTO place VALUES (?, ?)", (step.carries, step.goes_to))
 
     def _note(self, what: str, step: Step) -> None:
         self._db.execute(
@@ -153,18 +156,26 @@ class ToolStore:
         )
         self._db.execute("DELETE FROM log WHERE id <= (SELECT MAX(id) FROM log) - ?", (KEPT,))
 
+    @contextlib.contextmanager
+    def _whole(self) -> Iterator[None]:
+        """One transaction, taken whole or not at all."""
+        with self._lock:
+            with self._db:
+                self._db.execute("BEGIN IMMEDIATE")
+                yield
+            self._held = self._read()
 
-class _Whole:
-    """One transaction, taken whole or not at all."""
+    def _read(self) -> _Held:
+        places = dict(self._db.execute("SELECT tool, pocket FROM place"))
+        known = self._db.execute("SELECT 1 FROM known").fetchone() is not None
+        row = self._db.execute(
+            "SELECT tool_out, tool_in, step, name, carries, goes_to FROM change"
+        ).fetchone()
+        return _Held(places, known, None if row is None else Step(*row))
 
-    def __init__(self, db: sqlite3.Connection) -> None:
-        self._db = db
 
-    def __enter__(self) -> None:
-        self._db.execute("BEGIN IMMEDIATE")
-
-    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
-        self._db.execute("COMMIT" if kind is None else "ROLLBACK")
+def _in_spindle(places: Mapping[int, int]) -> int:
+    return next((tool for tool, pocket in places.items() if pocket == SPINDLE), 0)
 
 
 def placed(pockets: Iterable[int], in_spindle: int, away: Iterable[int]) -> dict[int, int]:
