@@ -521,11 +521,12 @@ class Desk:
         if not self._on(args, "clear"):
             raise refused("changer_not_clear", code="bad")
         spindle, away = whole(args, "spindle", wear.MAX_TOOL), args.get("away") or []
+        away = away if isinstance(away, list) else [away]
         known = {tool.number for tool in service.machine.tools}
-        for tool in (spindle, *(away if isinstance(away, list) else [away])):
+        for tool in (spindle, *away):
             if type(tool) is not int or (tool not in known and tool != 0):
                 raise refused("changer_no_tool", code="bad", tool=tool, allowed=_listed(known))
-        if spindle is not None and spindle and spindle in away:
+        if spindle and spindle in away:
             raise refused("changer_twice", code="bad", tool=spindle)
         pockets = service.machine.changer.pockets if service.machine.changer is not None else ()
         service.confirm_tools(tool_store.placed(pockets, spindle or 0, away))

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import random
 import signal
+import sqlite3
 import subprocess
 import sys
+import threading
 import time
 from collections import Counter
 from concurrent.futures import Future
@@ -24,7 +27,7 @@ from controller.program.program import ProgramError
 from controller.runtime import checked
 from controller.runtime.stepped import SteppedMachine
 from controller.service.command_handlers import Desk
-from controller.service.tool_store import ToolStore, placed
+from controller.service.tool_store import Step, ToolStore, placed
 
 
 def _changes(folder: Path, seed: int, count: int) -> Counter[str]:
@@ -129,6 +132,28 @@ def test_a_store_whose_writer_is_killed_knows_every_tool(tmp_path: Path) -> None
         store.close()
 
 
+def test_who_asks_where_the_tools_are_waits_for_no_writer_and_sees_only_what_is_kept(tmp_path: Path) -> None:
+    store = ToolStore(tmp_path / "tools.db")
+    store.confirm(placed((1, 2, 3), 2, ()))
+    asked = list[object]()
+
+    def ask() -> None:
+        asked.extend((store.spindle, store.step, dict(store.places)))
+
+    with contextlib.suppress(sqlite3.IntegrityError), store._whole():
+        store._db.execute("DELETE FROM place")
+        asking = threading.Thread(target=ask, daemon=True)
+        asking.start()
+        asking.join(30.0)
+        raise sqlite3.IntegrityError
+    assert asked == [2, None, {1: 1, 2: 0, 3: 3}]
+    assert store.spindle == 2, "taken back"
+    store.begin(Step(2, 0, 0, "put away", 2, 2))
+    store.end()
+    assert store.spindle == 0 and store.places == {1: 1, 2: 2, 3: 3}
+    store.close()
+
+
 @pytest.mark.parametrize(
     ("old", "new", "says"),
     [
@@ -205,6 +230,7 @@ def test_what_is_confirmed_is_told(desk: Desk) -> None:
         ({"spindle": 2, "clear": False}, "confirm that you have looked"),
         ({"spindle": 77, "clear": True}, "T77 is not in the tool table"),
         ({"spindle": 2, "away": [2], "clear": True}, "cannot be in the spindle and out"),
+        ({"spindle": 2, "away": 2, "clear": True}, "cannot be in the spindle and out"),
         ({"clear": True}, "not in the tool table"),
     ],
 )
