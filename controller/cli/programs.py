@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, NoReturn
 import typer
 
 from controller import messages
-from controller.cli import check_folder, machine_check, speech, workers
 from controller.cli import fitted as fittings
+from controller.cli import machine_check, speech, workers
 from controller.cli.fitted import Fitted
 from controller.machine import machine_file
 from controller.machine.model import Machine
@@ -39,6 +39,7 @@ from controller.verify.rows import Rows
 from controller.workers import Spread
 
 if TYPE_CHECKING:
+    from controller.runtime.simulated_probe import Bench
     from controller.runtime.stepped import Run
     from controller.verify.trace import Trace
 
@@ -193,6 +194,8 @@ def check(
         _writable(plot)
         with workers.spread(count, cluster) as spread:
             if program.is_dir():
+                from controller.cli import check_folder
+
                 place = store or stored.folder()
                 asked = check_folder.Asked(program, made, place, block_delete, report)
                 check_folder.run(asked, spread, as_json)
@@ -308,7 +311,6 @@ def simulate(
     memory.keep_freed()
     memory.collect_rarely()
     from controller.cli import fault_runs, recorded_runs
-    from controller.runtime import simulated_probe, touch_table
     from controller.runtime.stepped import SteppedMachine
     from controller.verify import trace as traces
 
@@ -335,8 +337,7 @@ def simulate(
             _refuse_all(error, task, as_json)
         if not as_json:
             _show_notes(walk.notes, task)
-        touched = simulated_probe.load(part, made) if part is not None else None
-        bench = SteppedMachine(made, recordings=recording.folder(), bench=touched)
+        bench = SteppedMachine(made, recordings=recording.folder(), bench=_touched(part, made))
         under = fault_runs.FaultRun(bench, script, faults_from)
         under.come_up()
         if record is not None:
@@ -363,6 +364,8 @@ def simulate(
             fault_runs.show(figures["faults"])
         _write(trace, made, stretches, trace_file, plot)
         if touches is not None:
+            from controller.runtime import touch_table
+
             touch_table.write(touches, bench.planner.touches, made)
         if record is not None:  # a fault that comes again is what was asked for
             _end("Made again as it was recorded", {**figures, **record.judge(run)}, as_json)
@@ -409,6 +412,15 @@ def _end(title: str, figures: dict[str, Any], as_json: bool) -> None:
         print(json.dumps({"ok": True, **figures}))
     else:
         show.print(tables.figures(title, figures))
+
+
+def _touched(part: Path | None, machine: Machine) -> Bench | None:
+    """What the probe of a simulated machine finds."""
+    if part is None:
+        return None
+    from controller.runtime import simulated_probe
+
+    return simulated_probe.load(part, machine)
 
 
 def _share(seconds: float, kept: stored.Stored | None) -> float:
