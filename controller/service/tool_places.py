@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from controller.ipc.control_socket import Values
-from controller.machine import setup_data
-from controller.service import fitting, preconditions, tool_store
+from controller.machine import setup_data, tool_store
+from controller.service import fitting, preconditions
 from controller.service.refusals import refused, switch, whole
 from controller.service.service import Service
 from controller.service.tool_changer import ToolChanger
