@@ -86,6 +86,14 @@ def test_a_wrong_program_is_refused_with_its_line(store: Store) -> None:
     assert (state, result["line"]) == ("refused", 2) and "X" in text(result)
 
 
+def test_a_mistake_in_a_called_file_is_told_with_its_name(store: Store) -> None:
+    kept(store, "5.ngc", b"o5 sub\nG1 X1O\no5 endsub\n")
+    program = kept(store, "calls", b"G21\nG0 X1\no5 call\nM2\n")
+    job = {"name": "calls", "program": store.programs.path(program.sha256), "lines": 4, "state": store.folder}
+    state, result = check_worker.check({**job, "files": store.programs.called(program)}, lambda _: None)
+    assert (state, result["file"], result["line"], result["column"]) == ("refused", "5.ngc", 2, 6)
+
+
 def test_a_check_belongs_to_the_tools_and_offsets_it_was_made_with(store: Store) -> None:
     program, checker = kept(store, "a", SOUND), fake(store)
     checker.ask(program)

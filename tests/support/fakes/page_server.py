@@ -209,6 +209,8 @@ class ToldChecker(Checker):
             return ProgramCheck(program.sha256, "", "running", self._share, {}, 0.0)
         before, found, _ = text.partition("WRONG")
         state, result = ("refused", _wrong(before)) if found else ("passed", PASSED)
+        if "o5 call" in text:  # a place in the file of the sub
+            state, result = "refused", {**_wrong("o5 sub\nG1 "), "file": "5.ngc"}
         if "TOO DEEP" in text:
             result = {**PASSED, "verdict": EXCEEDING, "joints": HARD}
         return ProgramCheck(program.sha256, "", state, 1.0, result, 0.0)
