@@ -171,7 +171,7 @@ class Shop:
 def opened(
     folder: Path, period_s: float = PERIOD_S, commands: tuple[str, ...] = ("serve", "panel")
 ) -> Iterator[Shop]:
-    """A shop until the block ends; ``folder`` is empty. The ``demo`` has a period and a machine of its own."""
+    """A shop until the block ends; ``folder`` is empty. A ``demo`` has its own machine and period."""
     shop = Shop(folder, period_s, commands)
     try:
         yield shop
