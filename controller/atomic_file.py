@@ -24,9 +24,9 @@ def write(file: Path, text: str) -> None:
     sync(file.parent)
 
 
-def _write_through(file: Path, text: str) -> None:
-    with open(file, "w", encoding="utf-8") as out:
-        out.write(text)
+def _write_through(file: Path, text: str | bytes) -> None:
+    with open(file, "wb") as out:
+        out.write(text if isinstance(text, bytes) else text.encode())
         out.flush()
         os.fsync(out.fileno())
 
@@ -44,7 +44,7 @@ def sync(folder: Path) -> None:
 
 
 @contextlib.contextmanager
-def all_or_none(texts: Mapping[Path, str]) -> Iterator[Callable[[], None]]:
+def all_or_none(texts: Mapping[Path, str | bytes]) -> Iterator[Callable[[], None]]:
     """Replace several files, also on several disks: all of them or none.
 
         with whole.all_or_none({machine_file: text, fitting: other}) as put:
@@ -73,7 +73,7 @@ def all_or_none(texts: Mapping[Path, str]) -> Iterator[Callable[[], None]]:
             raise
 
 
-def _staged(file: Path, text: str, tidy: contextlib.ExitStack) -> tuple[Path, Path, Path | None]:
+def _staged(file: Path, text: str | bytes, tidy: contextlib.ExitStack) -> tuple[Path, Path, Path | None]:
     """(the file, its new text beside it, the file as it is, under another name: None where there is none)."""
     new, old = file.with_name(f"{file.name}.new"), file.with_name(f"{file.name}.old")
     for made in (new, old):

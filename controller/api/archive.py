@@ -3,6 +3,7 @@
     machine.toml            complete, it needs no other file
     fitting.json            offsets and tools as fitted
     settings.json           names and plain values
+    tools.json              rows of the tool changer's store, {} where there is none; not in format 1
     programs/<sha256>.ngc   contents
     manifest.json           format, time, the sha256 of every part, and names of programs
 
@@ -26,13 +27,14 @@ from typing import Any
 from controller.api import names
 from controller.api.database import StoreError
 from controller.machine import machine_file as config
-from controller.machine import setup_data
+from controller.machine import setup_data, tool_store
 from controller.machine.model import Machine
 from controller.machine.toml_table import ConfigError
 
-FORMAT = 1
+FORMAT = 2
 MANIFEST, MACHINE, FITTING, SETTINGS = "manifest.json", "machine.toml", "fitting.json", "settings.json"
-PARTS = (MACHINE, FITTING, SETTINGS)
+TOOLS = "tools.json"
+PARTS = {1: (MACHINE, FITTING, SETTINGS), 2: (MACHINE, FITTING, SETTINGS, TOOLS)}  # by format
 MAX_BYTES = 4 << 30  # unpacked
 MAX_PART_BYTES = 32 << 20  # of anything but a program: they are read into memory
 MAX_MEMBERS = 100_000
@@ -58,6 +60,7 @@ class Contents:
     machine: Machine  # as its builder wrote it
     fitted: dict[str, Any]
     settings: dict[str, Any]
+    tools: bytes | None  # the tool changer's store, where the back-up has one
     programs: dict[str, str]  # name: sha256
     machine_file: Path | None = None  # that was replaced when this was kept; a roll-back puts it back there
 
@@ -98,7 +101,7 @@ def _members(entries: Sequence[zipfile.ZipInfo]) -> None:
     known: set[str] = set()
     for entry in entries:
         name, shown = entry.filename, names.shown(entry.filename)
-        if name not in (MANIFEST, *PARTS) and not _PROGRAM.fullmatch(name):
+        if name not in (MANIFEST, *PARTS[FORMAT]) and not _PROGRAM.fullmatch(name):
             raise BackupError(f"holds {shown}, which no back-up has")
         if name in known:
             raise BackupError(f"holds {shown} twice")
@@ -107,8 +110,8 @@ def _members(entries: Sequence[zipfile.ZipInfo]) -> None:
         if entry.file_size > MAX_PART_BYTES and not _PROGRAM.fullmatch(name):
             raise BackupError(f"holds {shown} of {entry.file_size >> 20} MB, at most {MAX_PART_BYTES >> 20}")
         known.add(name)
-    if missing := [name for name in (MANIFEST, *PARTS) if name not in known]:
-        raise BackupError(f"has no {missing[0]}")
+    if MANIFEST not in known:
+        raise BackupError(f"has no {MANIFEST}")
     if sum(entry.file_size for entry in entries) > MAX_BYTES:
         raise BackupError(f"holds more than {MAX_BYTES >> 30} GB unpacked")
 
@@ -116,21 +119,31 @@ def _members(entries: Sequence[zipfile.ZipInfo]) -> None:
 def _contents(file: Path, archive: zipfile.ZipFile) -> Contents:
     manifest = _object(MANIFEST, archive.read(MANIFEST))
     _manifest(manifest)
-    parts = {name: archive.read(name) for name in PARTS}
+    parts = {name: _part(archive, name) for name in PARTS[manifest["format"]]}
+    if foreign := sorted({*PARTS[FORMAT]} - {*parts} & {*archive.namelist()}):
+        raise BackupError(f"holds {foreign[0]}, which no back-up of its format has")
     for name, data in parts.items():
         _same(name, hashlib.sha256(data).hexdigest(), manifest["parts"].get(name))
     programs = {names.check(name): sha256 for name, sha256 in manifest["programs"].items()}
     _programs(archive, set(programs.values()))
     machine = config.read(parts[MACHINE].decode(), f"{file.name}/{MACHINE}")
     fitted, settings = _fitted(parts[FITTING], machine), _settings(parts[SETTINGS])
+    tools = _tools(parts.get(TOOLS, b"{}"))
     replaced = Path(manifest["machine_file"]) if "machine_file" in manifest else None
-    return Contents(file, float(manifest["made_s"]), machine, fitted, settings, programs, replaced)
+    return Contents(file, float(manifest["made_s"]), machine, fitted, settings, tools, programs, replaced)
+
+
+def _part(archive: zipfile.ZipFile, name: str) -> bytes:
+    if name not in archive.namelist():
+        raise BackupError(f"has no {name}")
+    return archive.read(name)
 
 
 def _manifest(manifest: dict[str, Any]) -> None:
     """Raises BackupError for a value of the manifest that is not of its kind."""
-    if (found := manifest.get("format")) != FORMAT or isinstance(found, bool):
-        raise BackupError(f"has format {_short(found)}, allowed is {FORMAT}: update this program first, or")
+    if type(found := manifest.get("format")) is not int or found not in PARTS:
+        allowed = " and ".join(map(str, PARTS))
+        raise BackupError(f"has format {_short(found)}, allowed are {allowed}: update this program first, or")
     made_s = manifest.get("made_s")
     if isinstance(made_s, bool) or not isinstance(made_s, int | float) or not 0.0 <= made_s < LATEST_S:
         raise BackupError(f"{MANIFEST}: made_s is {_short(made_s)} and no time in seconds since 1970")
@@ -142,7 +155,7 @@ def _manifest(manifest: dict[str, Any]) -> None:
     if not isinstance(path, str) or "\0" in path:
         raise BackupError(f"{MANIFEST}: machine_file is {_short(path)} and no path")
     known = {"format", "made_s", "parts", "programs", "machine_file"}
-    if foreign := sorted(set(manifest) - known) or sorted(set(manifest["parts"]) - set(PARTS)):
+    if foreign := sorted(set(manifest) - known) or sorted(set(manifest["parts"]) - set(PARTS[found])):
         raise BackupError(f"{MANIFEST}: names {names.shown(foreign[0])}, which no back-up has")
 
 
@@ -183,6 +196,14 @@ def _settings(data: bytes) -> dict[str, Any]:
                 f"{SETTINGS}: {name} is {_short(value)}; allowed are text, numbers, true and false"
             )
     return settings
+
+
+def _tools(data: bytes) -> bytes | None:
+    rows = _object(TOOLS, data)
+    try:
+        return tool_store.file_of(rows) if rows else None
+    except ValueError as error:
+        raise BackupError(f"{TOOLS}: {_said(error)}") from error
 
 
 def _object(part: str, data: bytes) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""Back-up and restore: machine file, offsets, tools, settings and programs in one checked archive.
+"""Back-up and restore: machine file, offsets, tools and where they are, settings and programs in one archive.
 
     backup.save(store, machine, file)     one zip file; manifest.json names every part with its sha256
     backup.check(file)                    Contents, or BackupError: nothing is restored that is not sound
@@ -23,9 +23,10 @@ import sqlite3
 import tempfile
 import time
 import zipfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from datetime import datetime
 from pathlib import Path
+from typing import Any
 
 from controller import atomic_file
 from controller.api import notice_settings
@@ -35,6 +36,7 @@ from controller.api.archive import (
     MACHINE,
     MANIFEST,
     SETTINGS,
+    TOOLS,
     BackupError,
     Contents,
     check,
@@ -45,8 +47,9 @@ from controller.api.programs import Program
 from controller.api.store import Store
 from controller.api.uploads import MODE
 from controller.machine import machine_file as config
-from controller.machine import setup_data
+from controller.machine import setup_data, tool_store
 from controller.machine.model import Machine
+from controller.machine.toml_table import ConfigError
 
 __all__ = ["BackupError", "Contents", "all_kept", "check", "keep", "restore", "save", "update"]
 
@@ -60,10 +63,17 @@ def save(store: Store, machine: Machine, file: Path, machine_file: Path | None =
 
     Raises StoreError, ConfigError, OSError.
     """
+    return _write(store, machine, tool_store.kept(store.folder / tool_store.FILE), file, machine_file)
+
+
+def _write(
+    store: Store, machine: Machine, tools: Mapping[str, Any], file: Path, machine_file: Path | None
+) -> Path:
     parts = {
         MACHINE: _alone(machine).encode(),
         FITTING: json.dumps(setup_data.load(store.folder)).encode(),
         SETTINGS: json.dumps(notice_settings.without_secrets(store.settings.all())).encode(),
+        TOOLS: json.dumps(tools).encode(),
     }
     programs = {program.name: program.sha256 for program in store.programs.list()}
     sums = {name: hashlib.sha256(data).hexdigest() for name, data in parts.items()}
@@ -94,13 +104,16 @@ def restore(store: Store, contents: Contents, machine_file: Path | None, before:
     machine now, for the back-up that is made first. Programs that the archive does not hold stay.
     Raises StoreError, ConfigError, BackupError, OSError.
     """
-    texts = {store.folder / setup_data.FILE: setup_data.text_of(contents.fitted)}
+    texts: dict[Path, str | bytes] = {store.folder / setup_data.FILE: setup_data.text_of(contents.fitted)}
+    if (tools := _unconfirmed(store, contents)) is not None:
+        texts[store.folder / tool_store.FILE] = tools
     if machine_file is not None:
         texts[machine_file] = _alone(contents.machine)
     if machine_file is not None or before is None:
         texts[store.folder / setup_data.MACHINE] = setup_data.note_of(contents.machine)
     with contextlib.ExitStack() as work:
         done = [f"Kept what was: {work.enter_context(_kept(store, before, machine_file))}."] if before else []
+        tool_store.settle(store.folder / tool_store.FILE)
         put = work.enter_context(atomic_file.all_or_none(texts))
         staged = work.enter_context(_unpacked(store, contents))
         with store.database.write() as sql:
@@ -110,7 +123,28 @@ def restore(store: Store, contents: Contents, machine_file: Path | None, before:
     done.append(f"Programs: {len(contents.programs)}.")
     if machine_file is not None:
         done.append(f"Machine file: {machine_file}.")
+    if tools is not None:
+        done.append("Tool changer: as in the back-up; confirm where every tool is before the first motion.")
     return [*done, "Offsets and tools: as in the back-up, from the next start of the service on."]
+
+
+def _unconfirmed(store: Store, contents: Contents) -> bytes | None:
+    """The tool changer's store of the archive, else the one that is there; None: neither is.
+
+    Tools were changed between the two, by hand or by program: nobody knows for sure where they are.
+    """
+    if contents.tools is not None:
+        return contents.tools
+    rows = _readable_tools(store)
+    return tool_store.file_of(rows) if rows else None
+
+
+def _readable_tools(store: Store) -> dict[str, list[list[Any]]]:
+    """{} also for a file that is no tool store: a restore is the way out of that."""
+    try:
+        return tool_store.kept(store.folder / tool_store.FILE)
+    except ConfigError:
+        return {}
 
 
 @contextlib.contextmanager
@@ -199,7 +233,8 @@ def keep(store: Store, machine: Machine, machine_file: Path | None = None) -> Pa
     """
     folder = store.folder / FOLDER
     folder.mkdir(parents=True, exist_ok=True)
-    return save(store, machine, folder / datetime.now().strftime("%Y-%m-%dT%H%M%S.%f.zip"), machine_file)
+    file = folder / datetime.now().strftime("%Y-%m-%dT%H%M%S.%f.zip")
+    return _write(store, machine, _readable_tools(store), file, machine_file)
 
 
 def _forget_old(store: Store) -> None:

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from itertools import islice
 from pathlib import Path
+
+from controller.program import caret
 
 SHOWN_BEFORE = 3  # lines of text above the one that is wrong
 SHOWN_WIDE = 300  # columns of a line
@@ -11,24 +14,12 @@ SHOWN_WIDE = 300  # columns of a line
 def around(path: Path, line: int, column: int) -> list[str]:
     """The lines up to a place (1-based) with their numbers, and a caret under its column.
 
-    Of lines that are longer than ``SHOWN_WIDE`` all show the same columns, those around the place.
-    A sign that has no width, or another one, takes one column as any other.
+    Of lines in which the place is further to the right all show the same columns, those around it.
     """
-    first = max(0, column - SHOWN_WIDE // 2) if column > SHOWN_WIDE else 0
-    width = max(6, len(str(line)))
-    found = []
+    first = max(1, line - SHOWN_BEFORE)
     with open(path, encoding="utf-8", errors="replace") as file:
-        for number, words in enumerate(file, 1):
-            if number > line:
-                break
-            if number > line - SHOWN_BEFORE - 1:
-                shown = words.rstrip()[first : first + SHOWN_WIDE]
-                found.append(f"{number:>{width}}  {_even(shown)}".rstrip())
-    if column > 0:
-        found.append(" " * (width + 2 + column - 1 - first) + "^")
-    return found
-
-
-def _even(words: str) -> str:
-    """A tab is as wide as it likes; the caret counts it as one."""
-    return "".join(sign if sign.isprintable() else " " for sign in words)
+        words = [one.rstrip() for one in islice(file, first - 1, max(line, 0))]
+    margins = [f"{number:>{max(6, len(str(line)))}}  " for number in range(first, first + len(words))]
+    shown = caret.pointed(words, column, SHOWN_WIDE)
+    margins += [" " * len(margins[-1])] * (len(shown) - len(words)) if words else []
+    return [f"{margin}{one}".rstrip() for margin, one in zip(margins, shown, strict=False)]

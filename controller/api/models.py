@@ -335,7 +335,8 @@ class VerdictFacts(Told, Texts):
 
 
 class CheckFacts(Told):
-    """What the check said: figures where it passed, else sentence, line and column."""
+    """What the check said: figures where it passed, else sentence, file, line and column: the file is the
+    program itself, or one whose subs it calls."""
 
     state: str = Field(description="none, waiting, running, passed, refused or failed.")
     progress: float = 0.0

@@ -96,6 +96,15 @@ class Programs:
         except OSError:  # whoever reads it next says so
             return {}
 
+    def text_of(self, program: Program, file: str) -> Path:
+        """Where the text of a program is, or of one whose subs it calls. Raises StoreError: missing."""
+        if file in ("", program.name):
+            return self.path(program.sha256)
+        called = self.called(program)
+        if file not in called:
+            raise _missing(file)
+        return Path(called[file])
+
     def called_by(self, name: str, text: bytes) -> dict[str, str]:
         """The same of a text that would have that name. Raises OSError."""
         there = {one.name: self.path(one.sha256) for one in self.list() if one.name != name}

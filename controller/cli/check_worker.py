@@ -76,7 +76,7 @@ def check(
             watch=lambda items: watched.over(picture.watched(items)),
         )
     except ProgramError as error:
-        place = {"line": error.line, "column": error.column}
+        place = {"file": error.file, "line": error.line, "column": error.column}
         return "refused", {**error.said, **place, **error.facts, **_others(error, task)}
     except (ConfigError, OSError) as error:
         return "failed", {**said("could_not_check", program=name, why=error)}

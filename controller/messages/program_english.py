@@ -172,6 +172,10 @@ REFUSALS = {
     # --- value
     "value.not_finite": "{what} has no finite value: it is too large, or leaves the range of a function; "
     "correct it",
+    "value.no_bits": "{what} goes bit by bit on controls of this dialect, and {value:g} is no whole number "
+    "of up to 31 bits; compare first, as [#1 GT 0] {what} [#2 GT 0], or round it",
+    "value.two_comparisons": "{what} compares what is compared already: on controls of this dialect AND, OR "
+    "and XOR bind before EQ, NE, GT, GE, LT and LE; write brackets, as [[#1 EQ 1] AND [#2 EQ 2]]",
     "value.no_bracket": "[ is missing: the value of a function or a condition stands in brackets, as sin[30]",
     "value.open_bracket": "this [ is not closed: an expression runs from [ to ] on one line; add the ]",
     "value.no_parameter": "#{value:g} is no parameter: they are numbered {first} to {last}; use one of these",

@@ -177,6 +177,10 @@ REFUSALS = {
     # --- value
     "value.not_finite": "{what} hat keinen endlichen Wert: er ist zu groß oder verlässt den Bereich "
     "einer Funktion; berichtigen",
+    "value.no_bits": "{what} geht an Steuerungen dieses Dialekts Bit für Bit, und {value:g} ist keine ganze "
+    "Zahl bis 31 Bit; erst vergleichen, etwa [#1 GT 0] {what} [#2 GT 0], oder runden",
+    "value.two_comparisons": "{what} vergleicht, was schon verglichen ist: an Steuerungen dieses Dialekts "
+    "binden AND, OR und XOR vor EQ, NE, GT, GE, LT, LE; Klammern schreiben: [[#1 EQ 1] AND [#2 EQ 2]]",
     "value.no_bracket": "[ fehlt: der Wert einer Funktion oder Bedingung steht in Klammern, etwa sin[30]",
     "value.open_bracket": "diese [ ist nicht geschlossen: ein Ausdruck reicht von [ bis ] in einer "
     "Zeile; die ] ergänzen",

@@ -1,7 +1,9 @@
 """Values as a program writes them (RS-274/NGC 3.3.2, LinuxCNC's comparisons, names and EXISTS).
 
 A value is a number, a parameter ``#1`` or ``#<name>``, an expression ``[1 + 2]`` or a function
-``sin[30]`` (degrees). Truth is 1 and 0; what is not 0 counts as true.
+``sin[30]`` (degrees). Truth is 1 and 0; what is not 0 counts as true. Under ``fanuc`` AND, OR and XOR
+are of bits and bind as * and + do, and ROUND in a word rounds to its least increment (Fanuc B-64484EN,
+16.2: arithmetic and logic operation).
 """
 
 from __future__ import annotations
@@ -21,6 +23,7 @@ DEEPEST = 30  # nesting of brackets, so that no text can exhaust the stack
 NUMBERED = range(1, 6000)
 GAPS = " \t\0"  # \0 marks where a comment stood: it ends a number, a space does not
 SAME = 1e-4  # values that EQ takes for one, as LinuxCNC's interpreter
+MOST_BITS = 2.0**31  # of a value that is taken bit by bit
 
 _NUMBER = re.compile(r"[+-]?[ \t]*(?:[0-9][0-9 \t]*(?:\.[0-9 \t]*)?|\.[ \t]*[0-9][0-9 \t]*)")
 _NAME = re.compile(r"<([^<>\[\]#;\0]*)>")
@@ -32,6 +35,22 @@ def _mod(a: float, b: float) -> float:
         raise ZeroDivisionError
     rest = math.fmod(a, b)
     return rest + abs(b) if rest < 0.0 else rest
+
+
+class _NoBits(ArithmeticError):
+    """A value that has no bits."""
+
+
+def _bitwise(function: Callable[[int, int], int]) -> Callable[[float, float], float]:
+    """Of whole numbers, bit by bit; of truths, which are 1 and 0, that is what people mean."""
+
+    def of(*values: float) -> float:
+        for value in values:
+            if abs(value - round(value)) >= SAME or abs(value) > MOST_BITS:
+                raise _NoBits(value)
+        return float(function(*map(round, values)))
+
+    return of
 
 
 # ** first, then * / mod, then + -, then comparisons, then the rest; equals from left to right.
@@ -52,6 +71,12 @@ _OPERATIONS: dict[str, tuple[int, Callable[[float, float], float]]] = {
     "or": (1, lambda a, b: float(a != 0.0 or b != 0.0)),
     "xor": (1, lambda a, b: float((a != 0.0) != (b != 0.0))),
 }
+_OF_FANUC_OPERATIONS = _OPERATIONS | {
+    "and": (4, _bitwise(operator.and_)),
+    "or": (3, _bitwise(operator.or_)),
+    "xor": (3, _bitwise(operator.xor)),
+}
+COMPARISON = 2
 _OPERATOR = re.compile("|".join(re.escape(name) for name in _OPERATIONS))
 _FUNCTIONS: dict[str, Callable[[float], float]] = {
     "abs": abs,
@@ -67,7 +92,7 @@ _FUNCTIONS: dict[str, Callable[[float], float]] = {
     "sqrt": math.sqrt,
     "tan": lambda x: math.tan(math.radians(x)),
 }
-_OF_FANUC = _FUNCTIONS | {
+_OF_FANUC_FUNCTIONS = _FUNCTIONS | {
     "fix": lambda x: float(math.trunc(x)),
     "fup": lambda x: math.copysign(math.ceil(abs(x)), x),
 }
@@ -86,6 +111,7 @@ class Values:
         self._parameters = parameters
         self._at = 0
         self._depth = 0
+        self._step = 1.0  # that ROUND rounds to
 
     def refusal(self, at: int, key: str, **values: object) -> ProgramError:
         """The error of this line at the 0-based place ``at``."""
@@ -210,10 +236,15 @@ class Values:
 
     def joined(self, value: float, level: int) -> float:
         """A value with the operands that follow it, by operators of ``level`` or above."""
+        of_fanuc, compared = self._parameters.of_fanuc, False
+        operations = _OF_FANUC_OPERATIONS if of_fanuc else _OPERATIONS
         while self.peek() and (found := _OPERATOR.match(self._text, self._at)):
-            binds, function = _OPERATIONS[found.group()]
+            binds, function = operations[found.group()]
             if binds < level:
                 break
+            if compared and of_fanuc:  # AND has bound the values between, not the comparisons
+                raise self.refusal(found.start(), "value.two_comparisons", what=found.group().upper())
+            compared = binds == COMPARISON
             self._at = found.end()
             right = self._chain(binds + 1)
             value = self._sound(found.start(), found.group(), function, value, right)
@@ -225,8 +256,9 @@ class Values:
         start = self._at
         value = self.bracket()
         if name != "atan":
-            functions = _OF_FANUC if self._parameters.of_fanuc else _FUNCTIONS
-            return self._sound(start - len(name), name, functions[name], value)
+            functions = _OF_FANUC_FUNCTIONS if self._parameters.of_fanuc else _FUNCTIONS
+            step = self._step if name == "round" else 1.0
+            return self._sound(start - len(name), name, functions[name], value / step) * step
         if not self.take("/"):  # atan[y]/[x] keeps the quadrant (RS-274/NGC 3.3.2.4)
             raise self.refusal(self._at, "value.atan")
         self.peek()
@@ -253,6 +285,9 @@ class Values:
             value = function(*arguments)
         except ZeroDivisionError:
             raise self.refusal(start, "value.by_zero", what=what) from None
+        except _NoBits as none:
+            value = none.args[0]
+            raise self.refusal(start, "value.no_bits", what=what.upper(), value=value) from None
         except (ValueError, OverflowError):
             value = math.nan
         if not math.isfinite(value):

@@ -12,7 +12,7 @@ from typing import Any
 
 from controller.machine.model import Joints, Machine
 from controller.messages import DEFAULT, Said, chain, said, text
-from controller.program import blocks, linked
+from controller.program import blocks, caret, linked
 from controller.program.decoding import NEWLINE
 from controller.program.program import ProgramError
 
@@ -62,10 +62,7 @@ def shown(error: ProgramError, by_file: Mapping[str, Sequence[str]]) -> list[str
     lines = by_file.get(error.file, ())
     if not 0 < error.line <= len(lines):
         return []
-    begin = max(0, error.column - 1 - MAX_WIDE // 2) if len(lines[error.line - 1]) > MAX_WIDE else 0
-    line = lines[error.line - 1][begin : begin + MAX_WIDE]
-    even = "".join(sign if sign.isprintable() else " " for sign in line)
-    return [even, f"{' ' * (error.column - 1 - begin)}^"]
+    return caret.pointed([lines[error.line - 1]], error.column, MAX_WIDE)
 
 
 def pointed(error: ProgramError, by_file: Mapping[str, Sequence[str]], language: str = DEFAULT) -> str:

@@ -25,6 +25,7 @@ __all__ = ["LARGEST", "Line", "Word", "read"]
 
 # No machine and no feed needs more; far below what squares and cubes could overflow.
 LARGEST = 1e9
+LENGTHS = frozenset("xyzabcuvwijkrq")  # letters of lengths and angles
 
 Take = Callable[[Rows, list[Block]], Other | None]
 
@@ -209,7 +210,10 @@ class _Words(Values):
         if letter == "o":
             raise self._stray_o(start)
         self._at += 1
+        if letter in LENGTHS and self._parameters.of_fanuc:
+            self._step = 1e-3 if self._parameters.value("_metric") else 1e-4
         value, point = self.value(start, letter.upper())
+        self._step = 1.0
         if abs(value) > LARGEST:
             raise self.refusal(start, "word.too_large", letter=letter.upper(), value=value, most=LARGEST)
         text = "".join(self._text[start : self._at].split()).replace("\0", "").upper()

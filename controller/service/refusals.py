@@ -1,4 +1,4 @@
-"""Refusals of the service, by their key in the messages; numbers among the arguments of a request."""
+"""Refusals of the service, by their key in the messages; arguments of a request that must be of a kind."""
 
 from __future__ import annotations
 
@@ -46,3 +46,11 @@ def whole(args: Mapping[str, Any], key: str, below: float = math.inf) -> int | N
     if not isinstance(value, int) or isinstance(value, bool) or not 0 <= value < below:
         raise refused("not_whole", code="bad", name=key, value=value)
     return value
+
+
+def switch(args: Mapping[str, Any], key: str) -> bool:
+    """On or off. Raises CommandRefused."""
+    on = args.get(key)
+    if not isinstance(on, bool):
+        raise refused("not_switch", code="bad", name=key, value=on)
+    return on

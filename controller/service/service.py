@@ -22,10 +22,11 @@ from typing import Any
 from controller import messages
 from controller.ipc.control_socket import CommandRefused
 from controller.ipc.handoff import COLUMN, Snapshot
-from controller.machine import machine_file, setup_data
+from controller.machine import machine_file, setup_data, tool_store
 from controller.machine.changes import Change, laid
 from controller.machine.model import Changer, Machine
 from controller.machine.toml_table import ConfigError
+from controller.machine.tool_store import ToolStore
 from controller.messages import Said, plain, said, several
 from controller.runtime.bus_load import overload
 from controller.runtime.listener import Listener
@@ -33,7 +34,7 @@ from controller.runtime.recording import Keeper
 from controller.runtime.starts import Start
 from controller.runtime.startup import SessionError
 from controller.service import alarms as alarm_values
-from controller.service import journal, runs, tool_store
+from controller.service import journal, runs
 from controller.service.alarms import Alarms
 from controller.service.engine import Engine
 from controller.service.fault_reporter import Troubles
@@ -47,7 +48,6 @@ from controller.service.runs import Rows, RunRecord
 from controller.service.sequencer import Sequencer
 from controller.service.thread_guard import ThreadGuard
 from controller.service.tool_changer import ToolChanger
-from controller.service.tool_store import ToolStore
 from controller.service.usage import Usage
 from controller.service.watchdog import STANDS_S, LastSecond, Pulse
 from controller.state.modes import Mode, Request

@@ -22,11 +22,11 @@ from typing import Any, Protocol
 
 from controller.ipc.handoff import Snapshot
 from controller.machine.model import Changer, ChangerStep
+from controller.machine.tool_store import AWAY, SPINDLE, Step, ToolStore
 from controller.messages import Said, said, several
 from controller.motion.pieces import FIRST_MARK
 from controller.program.program import Changing
 from controller.program.tool_change_words import steps_of
-from controller.service.tool_store import AWAY, SPINDLE, Step, ToolStore
 from controller.state.modes import Fault, Mode, Request
 
 SLOWER = 2.0  # a step without an input of its own may take so much longer than it says: at an override
@@ -247,7 +247,7 @@ class ToolChanger:
                 }
                 for number, tool in enumerate(changer.pockets, 1)
             ],
-            "away": sorted(tool for tool, pocket in places.items() if pocket == AWAY),
+            "away": self.store.away,  # also where nobody has confirmed it: then it is what was last known
             "unsure": sorted(unsure),
             "step": None
             if step is None

@@ -120,12 +120,17 @@ async def text(request: Request, name: Name) -> Opened:
 @router.get(
     "/programs/{name}/around", dependencies=[needs(Role.VIEW)], responses=documented(401, 403, 404, 422)
 )
-async def around(request: Request, name: Name, line: Place, column: Place = 0) -> models.LinesAround:
-    """The lines up to a place, with a caret below its column: where a check found a mistake."""
-    store = panel_of(request).store
+async def around(
+    request: Request, name: Name, line: Place, column: Place = 0, file: Annotated[str, Query()] = ""
+) -> models.LinesAround:
+    """The lines up to a place, with a caret below its column: where a check found a mistake.
+
+    The place is in the program, or in a ``file`` whose subs it calls.
+    """
+    programs = panel_of(request).store.programs
 
     def read() -> list[str]:
-        return listing.around(store.programs.path(store.programs.get(name).sha256), line, column)
+        return listing.around(programs.text_of(programs.get(name), file), line, column)
 
     return models.LinesAround(lines=await asyncio.to_thread(read))
 

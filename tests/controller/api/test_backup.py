@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import json
 import os
@@ -11,6 +12,7 @@ import sqlite3
 import subprocess
 import warnings
 import zipfile
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -23,13 +25,15 @@ from controller.api.backup import BackupError
 from controller.api.store import Store, StoreError
 from controller.cli import backup as command
 from controller.machine import machine_file as config
-from controller.machine import setup_data
+from controller.machine import setup_data, tool_store
 from controller.machine.toml_table import ConfigError
+from controller.machine.tool_store import AWAY, SPINDLE, Step, ToolStore
 
 FITTED = {
     "offsets": {"G54": {"origin_mm": [1.0, 2.0, 3.0]}},
     "tools": {"7": {"name": "ball", "radius_mm": 4.0, "length_mm": 9.0, "flute_mm": 8.0}, "3": None},
 }
+PLACES = {7: 1, 3: SPINDLE, 12: AWAY}
 PROGRAMS = {"a.ngc": b"M2\n", "Teil ü": b"G4 P1\nM2\n", "twin": b"M2\n"}
 
 
@@ -42,7 +46,19 @@ def put(store: Store, name: str, text: bytes) -> None:
 def state(store: Store) -> tuple[object, ...]:
     """All that a back-up holds."""
     programs = {p.name: store.programs.path(p.sha256).read_bytes() for p in store.programs.list()}
-    return programs, setup_data.load(store.folder), store.settings.all(), setup_data.machine(store.folder)
+    tools = tool_store.kept(store.folder / tool_store.FILE)
+    fitted = setup_data.load(store.folder), tools
+    return programs, fitted, store.settings.all(), setup_data.machine(store.folder)
+
+
+@contextlib.contextmanager
+def tools_of(store: Store) -> Iterator[ToolStore]:
+    """The store of a tool changer, as the service has it open."""
+    opened = ToolStore(store.folder / tool_store.FILE)
+    try:
+        yield opened
+    finally:
+        opened.close()
 
 
 def filled(folder: Path) -> Store:
@@ -50,6 +66,8 @@ def filled(folder: Path) -> Store:
     setup_data.note(folder, config.load("trunnion"))
     setup_data.save(folder, FITTED)
     store.settings.set("upload_mb", 64, "me")
+    with tools_of(store) as tools:
+        tools.confirm(PLACES)
     for name, text in PROGRAMS.items():
         put(store, name, text)
     return store
@@ -95,6 +113,73 @@ def test_the_machine_file_of_an_archive_needs_no_other_file(tmp_path: Path, name
     backup.restore(store, backup.check(tmp_path / "saved.zip"), tmp_path / "m.toml", None)
     found = config.load(tmp_path / "m.toml")
     assert (found.tools, found.axes, found.offsets) == (machine.tools, machine.axes, machine.offsets)
+
+
+def test_where_tools_were_comes_back_and_must_be_confirmed(store: Store, archive: Path) -> None:
+    with tools_of(store) as tools:
+        assert tools.known
+        tools.confirm({7: SPINDLE, 3: 2})
+    changed = state(store)
+    backup.restore(store, backup.check(archive), None, setup_data.noted(store.folder))
+    with tools_of(store) as tools:
+        assert tools.places == PLACES and tools.away == [12]
+        assert not tools.known and tools.spindle is None
+        assert [row[1] for row in tools.log()] == ["confirmed"]
+    backup.restore(store, backup.check(backup.all_kept(store)[0]), None, setup_data.noted(store.folder))
+    assert state(store) == changed
+    with tools_of(store) as tools:
+        assert tools.places == {7: SPINDLE, 3: 2} and not tools.known
+
+
+def test_a_back_up_beside_a_change_has_what_the_disk_has(store: Store, tmp_path: Path) -> None:
+    """Also what is only in the file beside the store, and nothing of a transaction that is not over."""
+    step = Step(3, 7, 4, "arm down", carries=3, goes_to=2)
+    with tools_of(store) as tools:
+        tools.begin(step)
+        with tools._whole():
+            tools._db.execute("DELETE FROM place")
+            made = backup.save(store, config.load("trunnion"), tmp_path / "beside.zip")
+    other = Store(tmp_path / "other")
+    backup.restore(other, backup.check(made), None, None)
+    with tools_of(other) as tools:
+        assert tools.places == PLACES and tools.step == step and not tools.known
+
+
+def left_by_a_killed_service(store: Store) -> None:
+    """A store whose last transactions are only in the file beside it."""
+    file = store.folder / tool_store.FILE
+    beside = file.with_name(f"{file.name}-wal")
+    with tools_of(store) as tools:
+        tools.confirm({7: SPINDLE})
+        left = beside.read_bytes()
+    beside.write_bytes(left)
+
+
+@pytest.mark.parametrize("broken", [False, True])
+def test_what_a_killed_service_left_beside_its_store_is_not_taken_into_the_restored_one(
+    store: Store, archive: Path, broken: bool
+) -> None:
+    left_by_a_killed_service(store)
+    if broken:
+        (store.folder / tool_store.FILE).write_bytes(b"no store" * 1000)
+    backup.restore(store, backup.check(archive), None, setup_data.noted(store.folder))
+    with tools_of(store) as tools:
+        assert tools.places == PLACES and not tools.known
+
+
+def test_a_back_up_of_before_there_were_changers_leaves_where_tools_are_to_be_confirmed(
+    store: Store, archive: Path
+) -> None:
+    with zipfile.ZipFile(archive) as saved:
+        told = json.loads(saved.read("manifest.json"))
+    del told["parts"]["tools.json"]
+    rewritten(archive, "manifest.json", json.dumps({**told, "format": 1}).encode())
+    with pytest.raises(BackupError, match=r"holds tools\.json, which no back-up of its format has"):
+        backup.check(archive)
+    rewritten(archive, "tools.json", None)
+    backup.restore(store, backup.check(archive), None, setup_data.noted(store.folder))
+    with tools_of(store) as tools:
+        assert tools.places == PLACES and not tools.known
 
 
 def test_no_secrets_are_in_an_archive(store: Store, tmp_path: Path) -> None:
@@ -230,7 +315,7 @@ def test_an_archive_that_was_tampered_with_is_refused(archive: Path) -> None:
     wrong: list[tuple[str, bytes | None]] = [(name, None) for name in names]
     wrong += [(name, b"x") for name in names]
     wrong += [
-        ("manifest.json", manifest(archive, format=2)),
+        ("manifest.json", manifest(archive, format=3)),
         ("manifest.json", manifest(archive, programs={"../x": "0" * 64})),
         ("manifest.json", manifest(archive, programs={"x": "../../etc/passwd"})),
         ("manifest.json", manifest(archive, programs=7)),
@@ -341,7 +426,7 @@ def resummed(archive: Path, part: str, data: bytes) -> None:
     rewritten(archive, "manifest.json", json.dumps(told).encode())
 
 
-@pytest.mark.parametrize("part", ["manifest.json", "fitting.json", "settings.json"])
+@pytest.mark.parametrize("part", ["manifest.json", "fitting.json", "settings.json", "tools.json"])
 def test_a_strange_part_is_one_sentence_and_never_a_traceback(archive: Path, part: str) -> None:
     sound, draw, refused = archive.read_bytes(), random.Random(SEED), 0
     with zipfile.ZipFile(archive) as saved:
@@ -376,6 +461,10 @@ def test_a_strange_part_is_one_sentence_and_never_a_traceback(archive: Path, par
         ("manifest.json", '{"format": 1, "made_s": 1, "parts": []}', "parts is a list"),
         ("settings.json", '{"Upload MB": 1}', "'Upload MB' is no name of a setting"),
         ("settings.json", '{"upload_mb": {"a": 1}}', "upload_mb is an object"),
+        ("tools.json", '{"places": [[1, 1]]}', "tools.json: step is no list of rows"),
+        ("tools.json", '{"places": [[1]], "step": [], "log": []}', "a row that is none of 2 values"),
+        ("tools.json", '{"places": [[1, true]], "step": [], "log": []}', "that cannot stand there"),
+        ("tools.json", '{"places": [[1, 2], [1, 3]], "step": [], "log": []}', "UNIQUE constraint failed"),
         (
             "fitting.json",
             '{"axes": {}}',

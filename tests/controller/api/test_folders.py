@@ -38,6 +38,21 @@ def asked(folder: Path, story: Callable[[Scene, Any], Awaitable[None]]) -> None:
     asyncio.run(told())
 
 
+def test_the_text_around_a_place_is_that_of_the_program_or_of_a_file_that_it_calls(tmp_path: Path) -> None:
+    async def story(scene: Scene, client: Any) -> None:
+        keep(scene, "a/5.ngc", "o5 sub\nG1 X1O\no5 endsub\n")
+        keep(scene, "a/calls.ngc", "G21\nG0 X2\no5 call\nM2\n")
+        path, at = "/api/v1/programs/a%2Fcalls.ngc/around", {"line": 2, "column": 6}
+        for file, line in (("", "G0 X2"), ("a/calls.ngc", "G0 X2"), ("a/5.ngc", "G1 X1O")):
+            lines = (await client.get(path, params={**at, "file": file})).json()["lines"]
+            assert lines[-2].endswith(line) and lines[-1].index("^") == 8 + 5
+        keep(scene, "a/other.ngc")
+        for file in ("a/other.ngc", "none.ngc", "../secret"):
+            assert (await client.get(path, params={**at, "file": file})).status_code == 404
+
+    asked(tmp_path, story)
+
+
 @pytest.mark.parametrize("name", SOUND_NAMES)
 def test_every_route_of_a_program_finds_it_by_its_name(tmp_path: Path, name: str) -> None:
     async def story(scene: Scene, client: Any) -> None:

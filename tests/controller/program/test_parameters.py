@@ -177,6 +177,60 @@ def test_expressions_of_fanuc_need_no_brackets_behind_an_equals_sign(settings: s
             blocks.read(text, made(), "p")
 
 
+@pytest.mark.parametrize(
+    ("expression", "of_bits", "of_truth"),
+    [
+        ("[12 AND 10]", 8.0, 1.0),
+        ("[12 OR 10]", 14.0, 1.0),
+        ("[12 XOR 10]", 6.0, 0.0),
+        ("[8 AND 7]", 0.0, 1.0),
+        ("[-1 AND 255]", 255.0, 1.0),
+        ("[1 + 6 AND 3]", 3.0, 1.0),  # AND binds before +
+        ("[2 OR 1 * 4]", 6.0, 1.0),
+        ("[[#101 EQ 0] AND [3 GT 2]]", 1.0, 1.0),
+        ("[[#101 EQ 1] OR [3 LT 2]]", 0.0, 0.0),
+        ("[[1 LT 2] XOR [3 GT 2]]", 0.0, 0.0),
+    ],
+)
+def test_and_or_xor_are_of_bits_on_fanuc_and_of_truth_else(
+    expression: str, of_bits: float, of_truth: float
+) -> None:
+    text = f"#100={expression}\nG0 X#100\n".encode()
+    for dialect, x in (("fanuc", of_bits), ("rs274", of_truth)):
+        (move,) = blocks.read(text, replace(made(), dialect=dialect, without_point="unit"), "p").blocks
+        assert isinstance(move, JointLine) and move.targets[0] == x, dialect
+
+
+@pytest.mark.parametrize(
+    ("line", "place", "phrase"),
+    [
+        ("#100=[1.5 AND 2]", "1:11", "AND goes bit by bit"),
+        ("#100=[3000000000 OR 1]", "1:18", "OR goes bit by bit"),
+        ("#100=[1 EQ 1 AND 2 EQ 2]", "1:20", "write brackets"),
+    ],
+)
+def test_bits_that_are_none_are_refused_on_fanuc(line: str, place: str, phrase: str) -> None:
+    with pytest.raises(ProgramError) as caught:
+        blocks.read(f"{line}\nG0 X1\n".encode(), replace(made(), dialect="fanuc"), "p")
+    assert str(caught.value).startswith(f"p:{place}: ") and phrase in caught.value.sentence
+
+
+@pytest.mark.parametrize(
+    ("text", "x"),
+    [
+        ("G0 X[ROUND[1.2345] + ROUND[2.3456]]", 3.581),  # the manual's own: X[#1+#2] would be 3.580
+        ("G0 X-ROUND[1.2345]", -1.235),
+        ("G20 G0 X0\nG0 XROUND[1.23456]", 1.2346 * 25.4),
+        ("#1=ROUND[1.6]\nG0 X#1", 2.0),
+        ("#1=ROUND[-2.5]\nG0 X#1", -3.0),
+        ("G0 Y[ROUND[1.5]] X[2*ROUND[0.4]]", 0.8),
+    ],
+)
+def test_round_in_a_word_is_to_its_least_increment_on_fanuc(text: str, x: float) -> None:
+    *_, move = blocks.read(text.encode(), replace(made(), dialect="fanuc", without_point="unit"), "p").blocks
+    assert isinstance(move, JointLine) and move.targets[0] == pytest.approx(x)
+
+
 def test_truth_needs_brackets_on_both() -> None:
     with pytest.raises(ProgramError):
         blocks.read(b"#100=1 GT 2\nG0 X1\n", replace(made(), dialect="fanuc"), "p")

@@ -22,12 +22,12 @@ from support.machines.changer_bench import CHANGER, LONGEST, ChangerBench, chang
 from controller.ipc.control_socket import CommandRefused
 from controller.machine import machine_file
 from controller.machine.toml_table import ConfigError
+from controller.machine.tool_store import Step, ToolStore, placed
 from controller.program import blocks
 from controller.program.program import ProgramError
 from controller.runtime import checked
 from controller.runtime.stepped import SteppedMachine
 from controller.service.command_handlers import Desk
-from controller.service.tool_store import Step, ToolStore, placed
 
 
 def _changes(folder: Path, seed: int, count: int) -> Counter[str]:
@@ -100,7 +100,7 @@ def test_where_tools_are_must_be_confirmed_once(tmp_path: Path) -> None:
 _WRITER = """
 import sys
 from pathlib import Path
-from controller.service.tool_store import Step, ToolStore
+from controller.machine.tool_store import Step, ToolStore
 store, spindle = ToolStore(Path(sys.argv[1])), 0
 print("begun", flush=True)
 while True:

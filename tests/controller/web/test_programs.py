@@ -216,6 +216,17 @@ def test_a_program_with_a_mistake_shows_the_line_with_a_caret_below_it(page: Any
 
 
 @pytest.mark.slow
+def test_a_mistake_in_a_called_file_is_shown_with_the_name_and_the_text_of_that_file(page: Any) -> None:
+    drop(page, "5.ngc", "o5 sub\nG1 wrong\no5 endsub\n")
+    drop(page, "calls.ngc", "G21\nG0 X1\no5 call\nM2\n")
+    choose(page, "calls.ngc")
+    page.wait_for_selector("#programs-wrong:not(:empty)")
+    shown = page.inner_text("#programs-wrong").splitlines()
+    assert shown[-2].endswith("2  G1 wrong") and shown[-1].index("^") == shown[-2].index("wrong")
+    assert page.inner_text(".programs-detail .wrong").startswith("5.ngc:2: ")
+
+
+@pytest.mark.slow
 def test_a_program_is_renamed_and_deleted_after_a_question(page: Any, site: Site) -> None:
     drop(page, "old.ngc", "M2\n")
     choose(page, "old.ngc")

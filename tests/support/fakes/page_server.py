@@ -27,7 +27,7 @@ from controller.ipc.handoff import blank
 from controller.machine import machine_file, setup_data
 from controller.messages import Key, said
 from controller.plan.report.verdict import Verdict
-from controller.service import status, wear
+from controller.service import status, usage
 from controller.service.refusals import refused
 from controller.service.usage import Usage
 from controller.state.modes import ALL_AXES, Fault, Mode, told
@@ -60,7 +60,7 @@ class MovingDoor(FakeDoor):
         if verb != "status":
             self._asked.write(json.dumps([time.time(), verb, args]) + "\n")
         if verb in WEARS:
-            return getattr(wear, verb)(self._usage, args)
+            return getattr(usage, verb)(self._usage, args)
         if verb == "usage":
             return self._usage.told()
         if verb in self._overrides:
@@ -209,6 +209,8 @@ class ToldChecker(Checker):
             return ProgramCheck(program.sha256, "", "running", self._share, {}, 0.0)
         before, found, _ = text.partition("WRONG")
         state, result = ("refused", _wrong(before)) if found else ("passed", PASSED)
+        if "o5 call" in text:  # a place in the file of the sub
+            state, result = "refused", {**_wrong("o5 sub\nG1 "), "file": "5.ngc"}
         if "TOO DEEP" in text:
             result = {**PASSED, "verdict": EXCEEDING, "joints": HARD}
         return ProgramCheck(program.sha256, "", state, 1.0, result, 0.0)

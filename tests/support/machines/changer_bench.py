@@ -15,13 +15,13 @@ from pathlib import Path
 
 from controller.machine import machine_file
 from controller.machine.model import Machine
+from controller.machine.tool_store import SPINDLE, ToolStore, placed
 from controller.messages import text
 from controller.plan.stretch import Chain, Pause
 from controller.runtime import checked, starts
 from controller.runtime.starts import Start
 from controller.runtime.stepped import SteppedMachine
 from controller.service.tool_changer import ToolChanger
-from controller.service.tool_store import SPINDLE, ToolStore, placed
 from controller.state.modes import Fault, Mode, Request
 from drives.simulated.io_node import IoNode
 

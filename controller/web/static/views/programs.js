@@ -44,8 +44,9 @@ function take(rows) {
 async function detail({ name }) {
   const said = await call("GET", path_of(name), null, true);
   if (!said.ok || name !== told.chosen) return;
-  const { line, column } = said.body.check.result;
-  const place = line ? await call("GET", `${path_of(name)}/around?line=${line}&column=${column ?? 0}`, null, true) : null;
+  const { file, line, column } = said.body.check.result;
+  const at = `line=${line}&column=${column ?? 0}&file=${encodeURIComponent(file ?? "")}`;
+  const place = line ? await call("GET", `${path_of(name)}/around?${at}`, null, true) : null;
   if (name !== told.chosen) return;
   Object.assign(told, { one: said.body, around: place?.body.lines ?? [] });
   dx.draw();
@@ -194,8 +195,10 @@ function Refused({ check }) {
       ${one.shown.length > 0 && html`<pre class="listing caret">${one.shown.join("\n")}</pre>`}</div>`)}</div>`;
 }
 
+// The name of a called file stands before the sentence: the lines below are then not those of the program.
+const named = ({ file, ...result }) => file && file !== told.chosen ? `${file}:${result.line}: ${sentence(result)}` : sentence(result);
 const RefusedOne = ({ check: { verdict, result } }) => html`
-  ${verdict ? html`<${Verdict} told=${verdict} />` : html`<${Wrong} text=${sentence(result)} />`}
+  ${verdict ? html`<${Verdict} told=${verdict} />` : html`<${Wrong} text=${named(result)} />`}
   ${told.around.length > 0 && html`<pre class="listing caret" id="programs-wrong" tabindex="0">${told.around.join("\n")}</pre>`}`;
 
 const SHARES = ["velocity", "acceleration", "jerk"];

@@ -8,8 +8,11 @@ tool that it carries both places where it may be.
     change  the step under way; no row: no change is
     log     the last steps, and what operators confirmed
 
-This process alone writes it. What it holds is read once, and again behind every transaction: whoever asks
+The service alone writes it. What it holds is read once, and again behind every transaction: whoever asks
 where the tools are (the status, a refusal, every look at the tick) waits for no disk.
+
+A back-up has its rows (``kept``). One that is brought back (``file_of``) is what was last known, and no more:
+since then tools were changed, so an operator must confirm first where they are.
 """
 
 from __future__ import annotations
@@ -20,7 +23,7 @@ import threading
 import time
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from controller.machine.toml_table import ConfigError
 
@@ -71,10 +74,7 @@ class ToolStore:
             self._db.executescript(_SCHEMA)
             self._held = self._read()
         except sqlite3.Error as error:
-            raise ConfigError(
-                f"{file}: is no tool store ({error}); restore it from a backup, or remove it and "
-                "confirm where every tool is."
-            ) from error
+            raise _no_store(file, error) from error
 
     def close(self) -> None:
         self._db.close()
@@ -85,6 +85,11 @@ class ToolStore:
     def places(self) -> Mapping[int, int]:
         """By tool the pocket where it was last; of the one that is carried now, before that."""
         return self._held.places
+
+    @property
+    def away(self) -> list[int]:
+        """Tools that were out of the machine when somebody looked last."""
+        return sorted(tool for tool, pocket in self.places.items() if pocket == AWAY)
 
     @property
     def spindle(self) -> int | None:
@@ -183,3 +188,90 @@ def placed(pockets: Iterable[int], in_spindle: int, away: Iterable[int]) -> dict
     places = {tool: number for number, tool in enumerate(pockets, 1) if tool}
     places |= dict.fromkeys(away, AWAY)
     return places | ({in_spindle: SPINDLE} if in_spindle else {})
+
+
+# -- of a back-up
+
+_ROWS = {
+    "places": "SELECT tool, pocket FROM place ORDER BY tool",
+    "step": "SELECT tool_out, tool_in, step, name, carries, goes_to FROM change",
+    "log": "SELECT time_s, what, tool_out, tool_in, step, name FROM log ORDER BY id",
+}
+_INTO = {
+    "places": "INSERT INTO place VALUES (?, ?)",
+    "step": "INSERT INTO change VALUES (1, ?, ?, ?, ?, ?, ?)",
+    "log": "INSERT INTO log (time_s, what, tool_out, tool_in, step, name) VALUES (?, ?, ?, ?, ?, ?)",
+}
+_KINDS: dict[str, tuple[type, ...]] = {
+    "places": (int, int),
+    "step": (int, int, int, str, int, int),
+    "log": (float, str, int, int, int, str),
+}
+_MOST = 2**31
+
+
+def kept(file: Path) -> dict[str, list[list[Any]]]:
+    """The rows of a store as one moment has them, also while the service writes it; {} where there is none.
+
+    Raises ConfigError.
+    """
+    if not file.exists():
+        return {}
+    try:
+        with contextlib.closing(sqlite3.connect(file, isolation_level=None)) as db:
+            db.execute("BEGIN")  # all that is read from here on is of one moment
+            return {name: [list(row) for row in db.execute(rows)] for name, rows in _ROWS.items()}
+    except sqlite3.Error as error:
+        raise _no_store(file, error) from error
+
+
+def file_of(rows: Mapping[str, Any]) -> bytes:
+    """The file of a store with these rows, in which nobody has confirmed yet where the tools are.
+
+    Raises ValueError for what are no rows of ``kept``.
+    """
+    with contextlib.closing(sqlite3.connect(":memory:", isolation_level=None)) as db:
+        db.executescript(_SCHEMA)
+        for name in _ROWS:
+            values = _checked(name, rows.get(name))
+            try:
+                db.executemany(_INTO[name], values)
+            except sqlite3.Error as error:
+                raise ValueError(f"{name}: {error}") from error
+        return db.serialize()
+
+
+def settle(file: Path) -> None:
+    """Take into the file what stands beside it, so that it can be replaced; the service must not run.
+
+    What stood beside a file that is no store goes: it would be taken into the next one.
+    """
+    beside = [file.with_name(f"{file.name}{end}") for end in ("-wal", "-shm")]
+    if not file.exists():
+        return
+    try:
+        with contextlib.closing(sqlite3.connect(file)) as db:
+            db.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+    except sqlite3.Error:
+        for one in beside:
+            one.unlink(missing_ok=True)
+
+
+def _checked(name: str, rows: object) -> list[list[Any]]:
+    if not isinstance(rows, list):
+        raise ValueError(f"{name} is no list of rows")
+    kinds = _KINDS[name]
+    for row in rows:
+        if not isinstance(row, list) or len(row) != len(kinds):
+            raise ValueError(f"{name} has a row that is none of {len(kinds)} values")
+        for value, kind in zip(row, kinds, strict=True):
+            if type(value) is not kind or (isinstance(value, int) and not -1 <= value < _MOST):
+                raise ValueError(f"{name} has a row with a value that cannot stand there")
+    return rows
+
+
+def _no_store(file: Path, error: sqlite3.Error) -> ConfigError:
+    return ConfigError(
+        f"{file}: is no tool store ({error}); restore it from a backup, or remove it and "
+        "confirm where every tool is."
+    )

@@ -1,0 +1,84 @@
+"""Offsets and tools as the door has them: set at the machine, and given back to the machine file."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable, Iterator
+from functools import partial
+from typing import Any
+
+from controller.ipc.control_socket import CommandRefused, Values
+from controller.ipc.handoff import Snapshot
+from controller.machine import setup_data
+from controller.machine.model import Machine
+from controller.machine.toml_table import ConfigError
+from controller.messages import Key
+from controller.service.refusals import refused
+from controller.service.service import Service
+from controller.state.modes import Mode
+
+AT_REST = (Mode.OFF, Mode.READY, Mode.FAULT)
+
+
+def set_offset(service: Service, args: Values) -> Values:
+    """Raises CommandRefused."""
+    name, values = str(args.get("name", "")), args.get("values")
+    change = partial(setup_data.with_offset, name=name, values=values)
+    return _fit(service, "offsets", name, values, change)
+
+
+def set_tool(service: Service, args: Values) -> Values:
+    """Make, change or (``remove``) take out a tool. Raises CommandRefused."""
+    values = dict(args)
+    number = values.pop("number", None)
+    if not isinstance(number, int) or isinstance(number, bool):
+        raise refused("not_whole", code="bad", name="number", value=number)
+    tool = None if values.pop("remove", False) else values
+    change = partial(setup_data.with_tool, number=number, values=tool)
+    return _fit(service, "tools", str(number), tool, change)
+
+
+def forget(service: Service, args: Values) -> Values:
+    """What was set at the machine, or by a program, is the machine file's again. Raises CommandRefused."""
+    name = str(args.get("name", ""))
+    what = "tools" if name.startswith("T") else "offsets"
+    with at_rest(service, what, "FORGET"):
+        try:
+            values = setup_data.without(service.fitted, name)
+        except KeyError:
+            raise refused("not_set_here", code="bad", name=name) from None
+        service.fit(setup_data.applied(service.file, values), values)
+    return setup_data.told(service.machine, service.fitted)
+
+
+@contextlib.contextmanager
+def at_rest(service: Service, what: str, request: str) -> Iterator[None]:
+    """At rest only: a program under way was planned with what was fitted when it began.
+
+    But a tool that was led off the path of a held program may be changed for another. Raises CommandRefused.
+    """
+    with service.fitting:  # one change at a time, and no start in the middle of one
+        now = service.engine.snapshot()
+        if now is not None and not _may_fit(service, what, now):
+            raise refused("not_fitted", now.mode.name, request, what=Key(what))
+        try:
+            yield
+        except ConfigError as error:
+            raise CommandRefused("bad", str(error)) from error
+
+
+def _fit(service: Service, what: str, key: str, values: Any, change: Callable[[Machine], Machine]) -> Values:
+    """One value of the store, which then counts instead of the machine file's."""
+    with at_rest(service, what, f"SET {what.upper()}"):
+        machine = change(service.machine)
+        rotary = setup_data.rotary_deg(machine, key) if what == "offsets" else {}
+        if rotary:  # though it was not said
+            values = {**(values if isinstance(values, dict) else {"origin_mm": values}), **rotary}
+        service.fit(machine, {**service.fitted, what: {**service.fitted.get(what, {}), key: values}})
+    return setup_data.told(service.machine, service.fitted)
+
+
+def _may_fit(service: Service, what: str, now: Snapshot) -> bool:
+    if what == "tools" and service.aside and now.mode is Mode.HOLD:
+        return service.sequencer.busy != "return"  # which is planned with those that are fitted
+    return now.mode in AT_REST and service.running is None

@@ -1,0 +1,68 @@
+"""Where the tools of a changer are, as the door has it: asked, confirmed by an operator, given a pocket."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from controller.ipc.control_socket import Values
+from controller.machine import setup_data, tool_store
+from controller.service import fitting, preconditions
+from controller.service.refusals import refused, switch, whole
+from controller.service.service import Service
+from controller.service.tool_changer import ToolChanger
+from controller.service.usage import MAX_TOOL
+
+LOGGED = ("time_s", "what", "tool_out", "tool_in", "step", "name")
+
+
+def told(service: Service) -> Values:
+    """Spindle, pockets, doubts and the last steps. Raises CommandRefused."""
+    changer = _changer_of(service)
+    return {**changer.told(), "log": [dict(zip(LOGGED, row, strict=True)) for row in changer.store.log()]}
+
+
+def confirm(service: Service, args: Values) -> Values:
+    """Where every tool is, as an operator has seen it, and that the changer stands clear.
+
+    ``spindle``: the tool in it, 0 = none; ``away``: tools out of the machine; each other one is in its
+    pocket. Raises CommandRefused.
+    """
+    changer = _changer_of(service)
+    preconditions.not_running(service, "CHANGER")
+    if not switch(args, "clear"):
+        raise refused("changer_not_clear", code="bad")
+    spindle, away = whole(args, "spindle", MAX_TOOL), args.get("away") or []
+    away = away if isinstance(away, list) else [away]
+    _known(service, [spindle, *away])
+    if spindle and spindle in away:
+        raise refused("changer_twice", code="bad", tool=spindle)
+    pockets = service.machine.changer.pockets if service.machine.changer is not None else ()
+    service.confirm_tools(tool_store.placed(pockets, spindle or 0, away))
+    return changer.told()
+
+
+def give_pocket(service: Service, args: Values) -> Values:
+    """Whose a pocket is; from then on somebody must confirm where the tools are. Raises CommandRefused."""
+    changer = _changer_of(service)
+    pocket, tool = whole(args, "pocket"), whole(args, "tool")
+    with fitting.at_rest(service, "pockets", "SET POCKETS"):
+        machine = setup_data.with_pocket(service.machine, str(pocket), tool)
+        pockets = machine.changer.pockets if machine.changer is not None else ()
+        changer.store.forget()
+        values = {str(number): its for number, its in enumerate(pockets, 1)}
+        service.fit(machine, {**service.fitted, "pockets": values})
+    return changer.told()
+
+
+def _changer_of(service: Service) -> ToolChanger:
+    if service.changer is None:
+        raise refused("no_changer", code="bad")
+    return service.changer
+
+
+def _known(service: Service, tools: list[Any]) -> None:
+    known = {tool.number for tool in service.machine.tools}
+    for tool in tools:
+        if type(tool) is not int or (tool not in known and tool != 0):
+            allowed = ", ".join(f"T{number}" for number in sorted(known))
+            raise refused("changer_no_tool", code="bad", tool=tool, allowed=allowed)

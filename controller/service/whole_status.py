@@ -1,0 +1,97 @@
+"""The status of the service: what the tick's snapshot tells, with the job, the changer and the drives."""
+
+from __future__ import annotations
+
+from controller.ipc.control_socket import Values
+from controller.ipc.handoff import Snapshot, blank
+from controller.machine import setup_data
+from controller.messages import said
+from controller.service import node_status
+from controller.service import status as machine_status
+from controller.service.jobs import Job
+from controller.service.service import Service
+from controller.state.modes import Mode
+
+
+def status(service: Service) -> Values:
+    """As the verb of that name answers."""
+    alive, found = service.engine.tick_alive, service.engine.snapshot()
+    sequence = service.sequencer.now
+    kept = {
+        "fault": service.fault_at(found, alive),
+        "sequence": sequence.to_dict() if sequence is not None else None,
+        "tick_alive": alive,
+        "plan_alive": service.engine.plan_alive,
+        "commissioned": service.commissioned,
+    }
+    if found is None or found.tick < 0:
+        return {**machine_status.not_begun(_told(service, blank(len(service.machine.axes)))), **kept}
+    if not alive:
+        return {**machine_status.unseen(_told(service, machine_status.ended(found))), **kept}
+    return {**_told(service, found), **kept}
+
+
+def facts(service: Service) -> Values:
+    """What does not change while the service runs, and what is fitted."""
+    fitted = setup_data.told(service.machine, service.fitted)
+    return {
+        **machine_status.facts(service.engine.machine, fitted),
+        "state": str(service.state),
+        "pids": service.engine.pids,
+    }
+
+
+def retract_room_mm(service: Service, now: Snapshot) -> float | None:
+    """As ``status.retract_room_mm``; None while the tool is aside, or a run is just ending."""
+    if service.aside or service.returning or (now.mode is Mode.READY and service.running is not None):
+        return None
+    return machine_status.retract_room_mm(service.machine, now)
+
+
+def _told(service: Service, now: Snapshot) -> Values:
+    """What a snapshot tells, with the job and the motion under way."""
+    job = service.running or service.job
+    way = job.way(now.motion_id) if job is not None and job.active else None
+    asked = job.asked_tool(now, service.tool) if job is not None else None
+    age_s = service.pulse.age_s(now.tick)
+    ends_s = service.last_second.left_s
+    values = machine_status.machine_values(service.machine, now, way, service.tool, age_s, ends_s)
+    return {
+        "time_s": now.tick * service.machine.period_s,
+        **_with_notices(service, values),
+        "aside": service.aside,
+        "retract_room_mm": retract_room_mm(service, now),
+        "tool": service.tool or None,
+        **({"in_block": _last_block(job)} if job is not None and not job.active else {}),
+        "tool_change": machine_status.tool_change(service.machine, asked, service.usage) if asked else None,
+        "changer": service.changer.told() if service.changer is not None else None,
+        "control": None,
+        "job": job.to_dict(now) if job is not None else None,
+        "drives": node_status.drives(service.machine, now, service.logs, service.homing),
+        "jogging": now.mode is Mode.JOG,
+    }
+
+
+def _with_notices(service: Service, values: Values) -> Values:
+    """That the tool stands in a thread and no program turns it; that nobody knows where the changer's
+    tools are; that the run, or the last, has no record.
+
+    An alarm tells of the record, too: but where the disk is full, nobody can keep that either.
+    """
+    notices, found = values["notices"], service.thread.found
+    if found is not None and service.running is None:
+        facts = {"depth": found.depth_mm, "pitch": found.pitch_mm, "line": found.line}
+        notices = [*notices, {"name": "IN_THREAD", **said("in_thread", **facts)}]
+    changer = service.changer
+    if changer is not None and (doubt := changer.doubt) is not None:
+        notices = [*notices, {"name": "CHANGER_IN_DOUBT", **doubt}]
+    if service.unrecorded is not None:
+        notices = [*notices, {"name": "NOT_RECORDED", **service.unrecorded}]
+    return {**values, "notices": notices}
+
+
+def _last_block(job: Job) -> Values | None:
+    """Of a program that has ended: where in its block it was."""
+    if job.last is None:
+        return None
+    return machine_status.in_block(job.last, job.ways.get(job.last.motion_id))
