@@ -528,7 +528,7 @@ def test_the_cone_is_simulated_on_every_shipped_machine_as_long_as_planned(machi
 
 
 @pytest.mark.slow
-def test_the_shipped_machining_centre_changes_its_tools_as_its_description_shows():
+def test_the_shipped_machining_centre_changes_its_tools_as_its_description_shows(at_work):
     description = (machine_file.SHIPPED / "README.md").read_text()
     text = re.search(r"printf '([^']*)' > two_tools\.ngc", description)[1].replace("\\n", "\n")
     assert text.count(" M6\n") == 2
