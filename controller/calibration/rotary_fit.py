@@ -67,7 +67,6 @@ class Unknown:
     name: str  # "A.point.Y", "C.direction.X", "sphere.X", "radius", "X.backlash" ...
     prior: float  # standard deviation, mm or rad
     sought: bool  # it is asked for; else it only may not be taken for another
-    is_angle: bool = False
 
 
 @dataclass(frozen=True, eq=False)
