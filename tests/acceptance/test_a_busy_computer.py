@@ -70,10 +70,17 @@ def in_cut(share: float, now: Values) -> bool:
     return bool(under_way and under_way["what"] == "cut" and under_way["fraction"] >= share)
 
 
-@pytest.mark.parametrize("seed", ONCE_AND_MORE)
 @pytest.mark.parametrize("name", EXAMPLES)
-def test_a_served_machine_finishes_a_part(name: str, seed: int, tmp_path: Path) -> None:
-    with busy(), opened(tmp_path, PERIOD_S) as shop:
+@pytest.mark.parametrize(
+    ("commands", "seed"),
+    [pytest.param(("demo",), k, marks=pytest.mark.soak if k else pytest.mark.slow) for k in range(TIMES)]
+    + [pytest.param(("serve", "panel"), k, marks=pytest.mark.soak) for k in range(TIMES)],
+)
+def test_a_served_machine_finishes_a_part(
+    commands: tuple[str, ...], seed: int, name: str, tmp_path: Path
+) -> None:
+    """``demo --panel`` is the two others by one command: in .ci/run it stands for them."""
+    with busy(), opened(tmp_path, PERIOD_S, commands) as shop:
         shop.ready()
         if EXAMPLES[name]:
             shop.put_in(EXAMPLES[name])
