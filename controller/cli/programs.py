@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple, NoReturn
 import typer
 
 from controller import messages
-from controller.cli import check_folder, machine_check, speech, workers
 from controller.cli import fitted as fittings
+from controller.cli import machine_check, speech, workers
 from controller.cli.fitted import Fitted
 from controller.machine import machine_file
 from controller.machine.model import Machine
@@ -41,6 +41,7 @@ from controller.workers import Spread
 if TYPE_CHECKING:
     from controller.cli.fault_runs import FaultRun
     from controller.cli.recorded_runs import RecordedRun
+    from controller.runtime.simulated_probe import Bench
     from controller.runtime.stepped import Run, SteppedMachine
     from controller.verify.trace import Trace
 
@@ -195,6 +196,8 @@ def check(
         _writable(plot)
         with workers.spread(count, cluster) as spread:
             if program.is_dir():
+                from controller.cli import check_folder
+
                 place = store or stored.folder()
                 asked = check_folder.Asked(program, made, place, block_delete, report)
                 check_folder.run(asked, spread, as_json)
@@ -334,7 +337,6 @@ def simulate(
     memory.keep_freed()
     memory.collect_rarely()
     from controller.cli import fault_runs, recorded_runs
-    from controller.runtime import simulated_probe
     from controller.runtime.stepped import SteppedMachine
 
     with _refusals(as_json):
@@ -348,7 +350,7 @@ def simulate(
         outputs.check()
         kept = None if unchecked else _kept(task, store, as_json)
         walk = _walk(task, kept, record, unchecked, as_json)
-        touched = simulated_probe.load(part, task.machine) if part is not None else None
+        touched = _touched(part, task.machine)
         bench = SteppedMachine(task.machine, recordings=recording.folder(), bench=touched)
         under = fault_runs.FaultRun(bench, script, faults_from)
         run, took_s = _run(bench, under, walk, task, requests, record, kept, as_json)
@@ -378,7 +380,6 @@ class _Outputs(NamedTuple):
 
     def write(self, run: Run, bench: SteppedMachine, task: checked.Task) -> Trace:
         """The trace, which the figures are taken from, too."""
-        from controller.runtime import touch_table
         from controller.verify import trace as traces
 
         machine, planner = task.machine, bench.planner
@@ -387,6 +388,8 @@ class _Outputs(NamedTuple):
         )
         _write(trace, machine, planner.stretches, self.trace, self.plot)
         if self.touches is not None:
+            from controller.runtime import touch_table
+
             touch_table.write(self.touches, planner.touches, machine)
         return trace
 
@@ -487,6 +490,15 @@ def _end(title: str, figures: dict[str, Any], as_json: bool) -> None:
         print(json.dumps({"ok": True, **figures}))
     else:
         show.print(tables.figures(title, figures))
+
+
+def _touched(part: Path | None, machine: Machine) -> Bench | None:
+    """What the probe of a simulated machine finds."""
+    if part is None:
+        return None
+    from controller.runtime import simulated_probe
+
+    return simulated_probe.load(part, machine)
 
 
 def _share(seconds: float, kept: stored.Stored | None) -> float:

@@ -11,7 +11,7 @@ import itertools
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -42,7 +42,6 @@ from controller.runtime import cyclic
 from controller.runtime.events import Event
 from controller.runtime.observer import Observer
 from controller.runtime.recording import Keeper
-from controller.runtime.simulated_probe import Bench, Wired
 from controller.runtime.simulation import surround
 from controller.runtime.startup import Came, SessionError, StartUp, arrangement, came_to, no_start
 from controller.state import stop_times
@@ -55,6 +54,9 @@ from drives.log.frame_log import FrameLog
 from drives.simulated.parameters import LostSync
 from drives.simulated.rig import Rig, rig
 from drives.simulated.spindle_motor import MotorParameters
+
+if TYPE_CHECKING:
+    from controller.runtime.simulated_probe import Bench, Wired
 
 PLAN_EVERY_S = 0.008  # between two turns of the planner, in whole ticks: an override shows soon
 KEEPALIVE_EVERY = 16  # turns of it
@@ -186,6 +188,8 @@ class SteppedMachine:
 
     def _probed(self, bench: Bench) -> Wired:
         """A probe that touches what is on the bench."""
+        from controller.runtime.simulated_probe import Wired
+
         drives = [self.rig.drives[axis.name] for axis in self.machine.axes]
         touch = Wired(bench, self.machine, drives, next(iter(self.rig.io.values()), None))
         self.rig.watchers.append(touch.watch)
