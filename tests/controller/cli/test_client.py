@@ -135,6 +135,11 @@ REQUESTS = [
     (("home",), "home", {"axes": None}),
     (("home", "x", "C"), "home", {"axes": ["X", "C"]}),
     (("mdi", "G0 Z50"), "mdi", {"text": "G0 Z50"}),
+    (
+        ("probe", "edge", "towards=X-", "most=7.5", "--offset", "G54"),
+        "probe",
+        {"cycle": "edge", "values": {"towards": "X-", "most": 7.5}, "offset": "G54"},
+    ),
     (("override", "80"), "override", {"share": 0.8}),
     (("override", "25", "--rapid"), "rapid_override", {"share": 0.25}),
     (("retract", "20"), "retract", {"mm": 20.0}),
@@ -153,6 +158,15 @@ def test_a_verb_asks_the_machine_for_just_that_and_tells_it_as_json_too(
     assert panel.control.holder == "", "control is given back"
     told = json.loads(done(*words, "--json"))
     assert told["ok"] is True and told["request"] == verb
+
+
+def test_the_probing_cycles_are_listed_with_their_values(panel: Panel, door: NotingDoor) -> None:
+    told = done("probe")
+    assert "edge: Edge\n    towards=X+  Towards (X+|X-|Y+|Y-)\n    most=20.0  Touches within (0.1" in told
+    assert "edge: Kante\n    towards=X+  Richtung" in done("probe", "--language", "de")
+    assert json.loads(done("probe", "--json"))["cycles"][0]["name"] == "top"
+    ran = run("probe", "edge", "most")
+    assert ran.exit_code == 1 and "as most=20" in ran.stderr and not door.verbs
 
 
 def test_hold_stop_and_estop_pass_whoever_holds_control(panel: Panel, door: NotingDoor) -> None:
