@@ -31,6 +31,7 @@ REFUSALS = {
     "client.override": "Override {percent:g} %.",
     "client.rapid_override": "Rapid override {percent:g} %.",
     "client.moved_by": "Moved {axis} by {distance:g}.",
+    "client.moved_to_limit": "Moved {axis} as far as the soft limit of {axes}.",
     "client.moved_for": "Moved {axis} for {seconds:g} s.",
     "client.stored": "{name}: stored, checked.",
     "client.stored_long": "{name}: stored, checked, {clock} long.",

@@ -31,6 +31,7 @@ REFUSALS = {
     "client.override": "Vorschub-Override {percent:g} %.",
     "client.rapid_override": "Eilgang-Override {percent:g} %.",
     "client.moved_by": "{axis} um {distance:g} bewegt.",
+    "client.moved_to_limit": "{axis} bis an die Softwaregrenze von {axes} bewegt.",
     "client.moved_for": "{axis} {seconds:g} s lang bewegt.",
     "client.stored": "{name}: gespeichert, geprüft.",
     "client.stored_long": "{name}: gespeichert, geprüft, Dauer {clock}.",
