@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 
 from controller.geometry.arrays import distinct, rows
 from controller.geometry.curves import Arc, Curve
-from controller.geometry.hulls import hull
 from controller.geometry.rulings import difference
+from controller.geometry.splines import hull
 from controller.geometry.vectors import Number, Pose, Vector, add, cross, dot, norm, scale, subtract, unit
 
 Array = NDArray[np.float64]
