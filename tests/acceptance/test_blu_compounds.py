@@ -117,7 +117,7 @@ def test_a_crease_above_the_contact_is_passed_at_what_is_told() -> None:
 
 
 def test_a_joint_of_two_short_cuts_is_passed_at_four_fifths_of_the_feed_at_least() -> None:
-    """Of 0.16 degrees at 63 mm/s on a light machine, 4 mm on either side of it: the blends have all of that."""
+    """Of 0.16 degrees at 63 mm/s on a light machine, between cuts of 4 mm: the blends need all of that."""
     limits = {"B": Limits(6.4, 22.0, 233.0), "C": Limits(12.8, 44.0, 466.0)}
     built, linear = shipped("table_head"), Limits(400.0, 1680.0, 22270.0)
     axes = tuple(replace(one, limits=limits.get(one.name, linear)) for one in built.axes)
