@@ -218,10 +218,11 @@ class Defect:
 
 def defect(surface: Surface) -> Defect | None:
     """The first reason why ``surface`` cannot be cut, or None."""
-    for audit in (_zero_ruling, _standstill, _crossing, _fold):  # a crossing is also a fold
-        found = audit(surface)
-        if found is not None:
-            return found
+    with np.errstate(over="ignore"):  # rates of a weight of 1e-300: too large to be the lowest
+        for audit in (_zero_ruling, _standstill, _crossing, _fold):  # a crossing is also a fold
+            found = audit(surface)
+            if found is not None:
+                return found
     return None
 
 

@@ -286,3 +286,10 @@ def _section_curvature(surface, u, h):
         subtract(p, q) for p, q in ((points[1], points[0]), (points[2], points[1]), (points[2], points[0]))
     )
     return 2.0 * dot(cross(a, b), axis) / (norm(a) * norm(b) * norm(c) * norm(axis))
+
+
+@pytest.mark.filterwarnings("error")
+def test_rates_that_overflow_are_looked_at_in_silence():
+    lower = bezier((0, 0, 0), (1e200, 0, 0), (-1e200, 5, 0), (9, 0, 0))
+    found = defect(RuledSurface(bezier((0, 0, 9), (3, 0, 9), (6, 0, 9), (9, 0, 9)), lower))
+    assert found is None or found.kind in DefectKind
