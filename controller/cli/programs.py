@@ -96,7 +96,7 @@ def _machine(
 
 def _notes(notes: Sequence[Note], machine: Machine) -> dict[str, Any]:
     """What ``check`` and ``simulate`` say with --json of a program and of its machine."""
-    told = [{"line": note.place.line, "note": note.sentence} for note in notes]
+    told = [note.told(spoken.get()) for note in notes]
     return {"notes": told, "warnings": machine_file.warnings(machine)}
 
 
@@ -272,7 +272,8 @@ def _show_notes(notes: Sequence[Note], task: checked.Task) -> None:
     for sentence in machine_file.warnings(task.machine):
         tell.print(sentence, markup=False)
     for note in notes:
-        tell.print(f"{task.name}:{note.place.line}:{note.place.column}: {note.sentence}", markup=False)
+        sentence = messages.text(note.said, spoken.get())
+        tell.print(f"{task.name}:{note.place.line}:{note.place.column}: {sentence}", markup=False)
 
 
 # --- simulate ------------------------------------------------------------------

@@ -10,6 +10,7 @@ import itertools
 from collections.abc import Iterable, Sequence
 
 from controller.geometry.vectors import Frame, Vector, norm, subtract
+from controller.messages import Said, said
 from controller.program.modal import BLU_PER_MM
 from controller.program.words import Word
 
@@ -17,24 +18,17 @@ MICROSCOPIC_MM = 0.1  # a contact that is no longer
 UPSIDE_DOWN = -0.5  # cosine of the ruling's angle to the table's normal
 
 
-def of_words(code: str, words: Iterable[Word], contact_mm: float) -> str:
-    """A doubt about the units of lengths (``contact_mm``: of the contact), or ""."""
+def of_words(code: str, words: Iterable[Word], contact_mm: float) -> Said | None:
+    """A doubt about the units of lengths (``contact_mm``: of the contact), or None."""
     counted = [word for word in words if word.value != 0.0]
     plain = next((word for word in counted if not word.point), None)
     if plain is None:
-        return ""
+        return None
     pointed = next((word for word in counted if word.point), None)
-    means = (
-        f"{plain.text} is {abs(plain.value) / BLU_PER_MM:g} mm, for without a decimal point it counts 0.01 mm"
-    )
+    means = {"code": code, "word": plain.text, "mm": abs(plain.value) / BLU_PER_MM}
     if pointed is not None:
-        return (
-            f"{code} mixes words with and without a decimal point: {means}, {pointed.text} does not;"
-            " write a point in all of them, or in none."
-        )
-    if contact_mm < MICROSCOPIC_MM:
-        return f"{code} cuts {contact_mm:.2g} mm: {means}; write decimal points if millimetres are meant."
-    return ""
+        return said("doubt.mixed", pointed=pointed.text, **means)
+    return said("doubt.microscopic", contact=contact_mm, **means) if contact_mm < MICROSCOPIC_MM else None
 
 
 def contact_mm(points: Sequence[Vector]) -> float:

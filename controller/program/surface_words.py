@@ -72,11 +72,10 @@ def is_shift(ask: Ask, state: State, machine: Machine, ahead: Upcoming) -> bool:
 def told_shift(ask: Ask, state: State) -> Remark:
     """What ``check`` tells of a G52 that shifts."""
     origins = state.origins
-    sentence = "G52 with zeros cancels a shift of coordinates; none is in force here."
+    key = "note.no_shift"
     if origins.local != NONE or (origins.shift != NONE and not origins.suspended):
-        of = "all work offsets" if origins.plane is None else "this tilted plane"
-        sentence = f"G52 without F shifts the coordinates of {of} from here on."
-    return Remark(ask.place(ask.codes["motion"][1]), state.modal, sentence)
+        key = "note.shift" if origins.plane is None else "note.shift_of_plane"
+    return Remark(ask.place(ask.codes["motion"][1]), state.modal, said(key))
 
 
 def cone(ask: Ask, state: State, machine: Machine) -> CutCone:

@@ -17,6 +17,7 @@ from typing import Any
 
 from controller.machine.kinematics import Kinematics, kinematics_of
 from controller.machine.model import TOOL_AT_POWER_ON, Joints, Machine
+from controller.messages import said
 from controller.motion.motions import Rotaries
 from controller.plan.look_ahead import NoLaw
 from controller.plan.path import path, spindle_off, tool_changes
@@ -36,17 +37,12 @@ from controller.verify import wording
 from controller.verify.audit import Audit, FormRefused, Watched, audit
 from controller.workers import Spread, here
 
-NO_LAW = (
-    "no motion was found from here on that keeps all axes within their limits: somewhere they would have to "
-    "turn all but at once; smooth the surfaces there, split the block, or tilt the part"
-)
 # Share of a check that is done when cutters are placed, when branches are chosen, and when all is planned.
 PLACED, CHOSEN, PLANNED = 0.1, 0.2, 0.6
 CUTS = re.compile(
     rb"[gG][ \t]*0*(?:5[12]|6\.2)"
 )  # what may cut a surface: a long program of lines is not read twice
 PLACING_S = 0.4  # that a search for one surface takes, about
-NOTHING = "The program has no block that does anything; nothing to run."
 
 
 Progress = Callable[[float], None]  # gets the share that is done
@@ -149,7 +145,7 @@ def _whole(items: Iterator[Chain | Pause], read: _Read, name: str) -> Iterator[C
         empty = False
         yield item
     if read.last is None:
-        raise ProgramError(name, 1, 1, NOTHING)
+        raise ProgramError(name, 1, 1, said("path.nothing"))
     if empty:
         yield Pause(read.last.place, read.last.modal)
 
@@ -285,7 +281,7 @@ def looked_at(
                 watched, asked.machine, asked.kinematics, tell, lambda line: planned(line / lines), passing
             )
         except NoLaw as lost:
-            raise ProgramError(asked.name, lost.line, 1, NO_LAW) from lost
+            raise ProgramError(asked.name, lost.line, 1, said("path.no_law")) from lost
         seen = _audited(asked, watched, _between(done, PLANNED, 1.0), spread)
     notes, overcuts = (*walk.notes, *seen.notes), tuple(seen.overcuts)
     figures = found.ticks, found.duration_s, found.blocks

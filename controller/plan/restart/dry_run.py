@@ -11,17 +11,13 @@ from collections.abc import Iterable, Iterator
 from dataclasses import replace
 
 from controller.machine.model import Machine
+from controller.messages import Said, said
 from controller.program.program import Block, JointLine, TipLine
 
 
-def refusal(offset_mm: float) -> str:
-    """Why an offset is refused, "" where it is not."""
-    if 0.0 <= offset_mm < 1e4:
-        return ""
-    return (
-        f"a dry run {offset_mm:g} mm off the part along the tool axis is not possible: 0 to 10000 mm are, "
-        "for a negative offset would lead into the part; give another one"
-    )
+def refusal(offset_mm: float) -> Said | None:
+    """Why an offset is refused; None where it is not."""
+    return None if 0.0 <= offset_mm < 1e4 else said("restart.dry_run", offset=offset_mm)
 
 
 def machine_for(machine: Machine, offset_mm: float) -> Machine:

@@ -220,7 +220,7 @@ function Found({ check, made }) {
     <${Maps} verified=${check.verified ?? {}} verdict=${check.verdict} />
     <${Wrong} text=${check.warning} />
     <${Box} joints=${check.joints ?? []} />
-    ${(check.notes ?? []).map(({ line, note }) => html`<p class="dim note">${text("run.line")} ${line}: ${note}</p>`)}`;
+    ${(check.notes ?? []).map((one) => html`<p class="dim note">${text("run.line")} ${one.line}: ${sentence(one)}</p>`)}`;
 }
 
 const Share = ({ share }) => html`<td class=${`figures ${share > 1.005 ? "wrong" : ""}`}>${forms.percent(share)}${share > 1.005 && html` <span class="note">${word("over_limit")}</span>`}</td>`;
