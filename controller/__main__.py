@@ -61,8 +61,9 @@ COMMANDS = {command: file for file, commands in FILES.items() for command in com
 class Commands(TyperGroup):
     """The commands of ``FILES``, each imported when it is asked for."""
 
-    def list_commands(self, ctx: Any) -> list[str]:
-        return list(COMMANDS)
+    def __init__(self, **attributes: Any) -> None:
+        super().__init__(**attributes)
+        self.commands: dict[str, Any] = dict.fromkeys(COMMANDS)  # by their names a mistyped one is helped
 
     def invoke(self, ctx: Any) -> Any:
         """A command that is ended by Ctrl-C ends so with every typer that there is."""
@@ -72,7 +73,7 @@ class Commands(TyperGroup):
             raise typer.Exit(ENDED_CODE) from None
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
-        if cmd_name not in self.commands and cmd_name in COMMANDS:
+        if cmd_name in COMMANDS and self.commands[cmd_name] is None:
             self.commands.update(_loaded(COMMANDS[cmd_name]))
         return self.commands.get(cmd_name)
 

@@ -227,6 +227,12 @@ def test_a_wrong_option_is_json_too_where_json_was_asked_for(monkeypatch, capsys
     assert json.loads(out)["ok"] is False and "--help" in out
 
 
+def test_a_command_that_is_mistyped_is_told_what_was_meant():
+    code, out, err = run("resme")
+    assert (code, out) == (2, "")
+    assert "'resume'" in err, err
+
+
 @pytest.mark.parametrize("as_json", [False, True])
 def test_an_error_of_our_own_is_one_sentence_and_a_file_to_send_in(at_work, monkeypatch, capsys, as_json):
     def wrong(*_: object) -> None:

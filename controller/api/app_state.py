@@ -8,17 +8,15 @@ import logging
 from collections.abc import AsyncIterator, Awaitable, Callable
 from pathlib import Path
 
-from controller.api.checker import Checker
+from controller.api.checker import Checker, Drafts
 from controller.api.database import StoreError
-from controller.api.disk_use import Sizes
-from controller.api.drafts import Drafts
 from controller.api.events import Events
 from controller.api.go_on import GoOn
 from controller.api.notices import Notices
 from controller.api.roles import Control
 from controller.api.service_client import ServiceClient, Watch
 from controller.api.service_sync import Gatherer
-from controller.api.store import Store
+from controller.api.store import Sizes, Store
 from controller.api.ticks import Latest
 from controller.api.users import REFRESH_S, Users
 

@@ -12,7 +12,7 @@ import asyncio
 from collections.abc import Callable
 from typing import Any
 
-from controller.api import loading
+from controller.api import service_client
 from controller.api.answers import Refusal
 from controller.api.database import StoreError
 from controller.api.notices import in_words
@@ -91,7 +91,7 @@ class GoOn:
     async def _next(self, last: str, front: Entry) -> None:
         try:
             if await self._stands(last, "completed"):
-                await loading.load(self._store, self._door, front.program)
+                await service_client.load(self._store, self._door, front.program)
                 await self._started(front.program)
         except (Refusal, StoreError) as error:
             self._end(error.said)

@@ -24,9 +24,8 @@ from controller.api.access import needs, panel_of
 from controller.api.answers import Refusal, documented
 from controller.api.app_state import Panel
 from controller.api.database import StoreError
-from controller.api.disk_use import Sizes
 from controller.api.roles import Role
-from controller.api.store import Store
+from controller.api.store import Sizes, Store
 from controller.state.modes import Mode
 
 router = APIRouter(tags=["metrics"])

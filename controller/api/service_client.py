@@ -20,6 +20,7 @@ from typing import Any, Protocol
 from anyio import CapacityLimiter, to_thread
 
 from controller.api.answers import Refusal
+from controller.api.store import Store
 from controller.ipc.control_socket import Client, CommandRefused
 
 FRESH_S = 0.025  # half of the interval of the events
@@ -151,3 +152,15 @@ class Watch:
 
 def _named(job: Mapping[str, Any]) -> frozenset[str]:
     return frozenset(str(job[key]) for key in ("name", "sha256") if job.get(key))
+
+
+# A program of the store, given to the service to be loaded.
+
+
+async def load(store: Store, door: ServiceClient, name: str, **where: Any) -> dict[str, Any]:
+    """What the service answers; "done" is false while it is still being read. Raises Refusal, StoreError."""
+    program = await asyncio.to_thread(store.programs.get, name)
+    if files := await asyncio.to_thread(store.programs.called, program):
+        where |= {"files": files}
+    path = str(store.programs.path(program.sha256))
+    return await door.ask("load", path=path, name=program.name, sha256=program.sha256, **where)

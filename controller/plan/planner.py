@@ -21,7 +21,7 @@ What is planned depends on the path, the operator and the tick's plan time alone
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -33,7 +33,6 @@ from controller.messages import said
 from controller.plan.look_ahead import Orders, Place, Sent, Windows
 from controller.plan.off_path import Detour
 from controller.plan.path.path import Chain, Pause, Stretch
-from controller.plan.path_position import place_at
 from controller.plan.restart.program_position import Spot
 from controller.plan.restart.restart import Rest
 from controller.plan.retract import Aside, NotPossible
@@ -403,3 +402,24 @@ class Planner:
         self._held = held
         self._send(message)
         return True
+
+
+# Where on the path the tick is, out of a snapshot and what it was sent.
+
+
+def place_at(track: Track, queue: Sequence[Sent], after: Place, epoch: int, now: Snapshot) -> Place | None:
+    """The place of the path at which the tick is, or stands; None where it is on none.
+
+    ``queue``: what was sent for ``epoch``, and ``after`` it. A pause is begun again, also where
+    it has just ended: whether its mark was passed cannot be told, and to set twice is no harm.
+    """
+    number = track.number_of(now.motion_id) if now.motion_id >= 0 else None
+    if now.epoch != epoch or (number is not None and not now.at_rest):
+        return None if number is None else Place(number, now.s)
+    for sent in queue:
+        unit = track.at(sent.first)
+        pauses = unit is not None and isinstance(unit.what, Pause) and unit.line == now.line
+        past_s = now.plan_time_s - sent.end_s
+        if past_s < -ROUNDING or (pauses and past_s < ROUNDING):
+            return sent.place_at(now.plan_time_s)
+    return after if track.at(after.unit) is not None else None

@@ -37,7 +37,6 @@ from controller.program import (
     plane_words,
     points,
     polar_words,
-    probe_words,
     reference_words,
     spline_words,
     surface_words,
@@ -432,7 +431,7 @@ class _Turn:
             made_curve, self.state = spline_words.curve(here, motion, word, self._ahead)
             return [made_curve]
         if motion in PROBES:
-            return [probe_words.line(here, motion, word)]
+            return [line_words.probing_line(here, motion, word)]
         if motion in CYCLES:
             made, self.state = cycles.blocks(here, motion, word)
             return made

@@ -7,14 +7,95 @@ where RS-274/NGC and Fanuc-like controls mean different things by one name.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import MappingProxyType
 
 from controller.messages import Key
-from controller.program.code_rows import AXES, FANUC, HAAS, LINUXCNC, NIST, PAPER, Code, Fate, done
-from controller.program.codes_not_done import NOT_DONE
+from controller.program.code_rows import (
+    AXES,
+    BROTHER,
+    FANUC,
+    HAAS,
+    HURCO,
+    LINUXCNC,
+    MAZAK,
+    NIST,
+    PAPER,
+    Code,
+    Fate,
+    done,
+    noted,
+    only,
+    refused,
+)
 
-# Where a code is tried; those that are not named here, in ``test_each_code`` and ``test_codes_not_done``.
-_EACH, _NOT_DONE = "program/test_each_code.py", "program/test_codes_not_done.py"
+# The rows of the table of codes for what is only noted, and what is refused with what to write instead.
+
+NOT_DONE: tuple[Code, ...] = (
+    *noted(
+        FANUC,
+        ("G5", "P", "ahead"),
+        ("G5.1", AXES + "QRP", "ahead"),
+        ("G8", "P", "ahead"),
+        ("G9", "", "exact"),
+        ("G11", "", "own_line"),
+        ("G13.1", "", "never"),
+        ("G50.1", AXES, "never"),
+        ("G62", "", "corners"),
+        ("M41", "", "speed"),
+        ("M42", "", "speed"),
+        ("M43", "", "speed"),
+        dialect="fanuc",
+    ),
+    *noted(
+        FANUC,
+        ("G15", "", "never"),
+        ("G23", "", "travel"),
+        ("G25", "", "watched"),
+        ("G50", "", "never"),
+        ("G67", "", "never"),
+        ("M10", "", "closes"),
+        ("M11", "", "opens"),
+    ),
+    *noted(HURCO, ("G5.3", "P", "path"), dialect="fanuc"),
+    *noted(
+        HAAS,
+        ("G103", "P", "whole"),
+        ("G187", "PE", "path"),
+        ("G255", "", "follows"),
+    ),
+    *noted(
+        HAAS,
+        ("G269", "", "untilts"),
+        ("M12", "", "closes"),
+        ("M13", "", "opens"),
+        ("M31", "", "no_output"),
+        ("M32", "", "no_output"),
+        ("M33", "", "no_output"),
+        ("M84", "", "no_output"),
+        ("M89", "", "no_output"),
+        ("M138", "PE", "turns"),
+        ("M139", "", "turns"),
+        dialect="fanuc",
+    ),
+    *noted(BROTHER, ("M298", "L", "ahead"), dialect="fanuc"),
+    *only("P0", ("G54.2", "P", FANUC, "never"), ("G54.4", "P", FANUC, "never")),
+    *only("X0", ("G10.9", "X", MAZAK, "positions")),
+    *(replace(row, group="overrides") for row in noted(LINUXCNC, ("M51", "P", "kept"))),
+    # --- what is refused, and what to write instead
+    *refused(LINUXCNC, "G7 G8 G76 G44 G87", dialect="rs274"),
+    *refused(LINUXCNC, "G5.2", dialect="fanuc"),
+    *refused(FANUC, "G53.3 G7 G12.1 G43.3 G45 G46 G47 G48 G51.1 G60 G63 G107 M198", dialect="fanuc"),
+    *refused(LINUXCNC, "G17.1 G18.1 G19.1 G88 G96"),
+    *refused(FANUC, "G16 G22 G26 G27 G29 G65 G66"),
+    *refused(HAAS, "G254"),
+    *refused(HAAS, "G12 G13 G150 G253 G268 M83 M88 M97", dialect="fanuc"),
+    *refused(BROTHER, "G100", dialect="fanuc"),
+)
+
+
+# Where a code is tried; those that are not named here, in ``test_each_code`` and ``test_code_table``.
+_EACH, _NOT_DONE = "program/test_each_code.py", "program/test_code_table.py"
 _TESTS = {
     "program/test_plain.py": "G0 G1 G2 G3 G4 G17 G20 G21 G93 G94 M3 M8",
     "program/test_plane_words.py": "G18 G53 G68.2 G68.3 G53.1 G53.3 G53.6",
@@ -30,8 +111,8 @@ _TESTS = {
     "program/test_compensation.py": "G40 G41 G42 G41.1 G42.1 G43.4 G54 G55 G90",
     "program/test_posts.py": "G80 G154 G234",
     "program/test_parameters.py": "G90.1 G95 M70 M72 M73",
-    "program/test_override_words.py": "M48 M49 M50 M51 M52 M53",
-    "program/test_probe_words.py": "G38.2 G38.3 G38.4 G38.5 G31",
+    "program/test_modal.py": "M48 M49 M50 M51 M52 M53",
+    "program/test_line_words.py": "G38.2 G38.3 G38.4 G38.5 G31",
     "program/test_flow.py": "M98 M99",
     "tick/test_outputs.py": "M10 M11 M62 M63 M64 M65 M66",
     "tick/test_analogue_outputs.py": "M19 M67 M68",

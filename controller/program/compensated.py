@@ -11,9 +11,8 @@ from controller.geometry.vectors import ROUNDING
 from controller.machine.model import Machine
 from controller.messages import Said, said, text
 from controller.program.arc_words import PLANES
-from controller.program.contour import circles, corners, ways
-from controller.program.contour.crossings import Cut
-from controller.program.contour.ways import Way
+from controller.program.contour import circles, ways
+from controller.program.contour.ways import Cut, Way
 from controller.program.position import Known, Place3
 from controller.program.program import (
     Block,
@@ -179,8 +178,8 @@ class Cutter:
 
     def _corner(self, last: Step, step: Step) -> bool:
         try:
-            return corners.joined(last.way, step.way)
-        except corners.NoRoomError as error:
+            return ways.joined(last.way, step.way)
+        except ways.NoRoomError as error:
             here, there = last.block.place.line, step.block.place.line
             if error.vanishes:
                 raise self._wrong(

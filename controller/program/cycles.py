@@ -16,9 +16,9 @@ from collections.abc import Callable
 from dataclasses import replace
 from types import MappingProxyType
 
-from controller.geometry.vectors import ROUNDING, angle_between
+from controller.geometry.vectors import ROUNDING, Vector, angle_between
 from controller.messages import Key, said
-from controller.program import boring, line_words, thread_words
+from controller.program import line_words, output_words, thread_words
 from controller.program.codes import CYCLES, Ask
 from controller.program.cycle_way import PLANES, Way
 from controller.program.modal import Cycle, State, dwell_s
@@ -26,6 +26,91 @@ from controller.program.offset_words import Here
 from controller.program.position import Known
 from controller.program.program import Block, Remark, Tip
 from controller.program.words import Word
+
+# Fine boring and back boring, G76 and G87 of Fanuc-like controls: the spindle stands, the tool goes aside.
+#
+#     G76   down at feed; stands, goes aside by Q, up at rapid, back to the middle, turns
+#     G87   stands, goes aside, down at rapid to R below the part, back to the middle, turns; up at feed to Z;
+#           stands, goes aside, up at rapid, back to the middle, turns
+#
+# Q is how far the tip is led off the wall. Which way that is, with the spindle at its angle, only the machine
+# knows: ``shift`` of ``orient`` in [io]. I J say it in program coordinates instead, as some controls have it.
+# Both are done in G17, where K can still be how often.
+
+BORING = ("G76", "G87")
+_WAYS: MappingProxyType[str, Vector] = MappingProxyType(
+    {"X+": (1.0, 0.0, 0.0), "X-": (-1.0, 0.0, 0.0), "Y+": (0.0, 1.0, 0.0), "Y-": (0.0, -1.0, 0.0)}
+)
+_STRAIGHT = 1e-9  # of a unit vector: it lies in the plane
+
+
+def bore_shift(here: Here, code: str, word: Word, before: Cycle | None) -> tuple[float, float] | None:
+    """The way aside in the plane, mm; kept from the lines of the same code before. None for other cycles."""
+    if code not in BORING:
+        return None
+    output_words.standing(here.ask, word, here.machine, code)
+    if (plane := here.state.modal.plane) != "G17":
+        raise here.ask.refusal(word, "boring.plane", code=code, plane=plane)
+    if here.ask.has("IJ"):
+        i, j = here.length_mm("I") or 0.0, here.length_mm("J") or 0.0
+        return _checked(here, code, word, (i, j))
+    if "Q" in here.ask.words:
+        return _checked(here, code, here.ask.words["Q"], _by_q(here, code))
+    if before is not None and before.code == code and before.shift is not None:
+        return before.shift
+    raise here.ask.refusal(word, "boring.no_shift", code=code)
+
+
+def _checked(here: Here, code: str, word: Word, found: tuple[float, float]) -> tuple[float, float]:
+    if found == (0.0, 0.0):
+        raise here.ask.refusal(word, "boring.shift_of_nothing", code=code)
+    return found
+
+
+def _by_q(here: Here, code: str) -> tuple[float, float]:
+    """Q along the machine's own way, in the plane of the program."""
+    word, io, modal = here.ask.words["Q"], here.machine.io, here.state.modal
+    far = here.length_mm("Q") or 0.0
+    if far < 0.0:
+        raise here.ask.refusal(word, "boring.negative")
+    if io is None or io.orient is None or not io.orient.shift:
+        raise here.ask.refusal(word, "boring.no_direction")
+    x, y, z = modal.frame(here.machine).turn_back(_WAYS[io.orient.shift])
+    if modal.tilted or abs(z) > _STRAIGHT:
+        raise here.ask.refusal(word, "boring.off_the_plane", shift=io.orient.shift)
+    return far * x, far * y
+
+
+def check_heights(here: Here, word: Word, below: float, end: float, level: float) -> None:
+    """Of G87: R is below Z, where the cut upwards ends, and Z below where the tool comes from."""
+    if not below < end <= level:
+        raise here.ask.refusal(word, "boring.heights", below=below, end=end, level=level)
+
+
+def fine_bore(way: Way, cycle: Cycle, clearance: float, bottom: float) -> None:
+    """G76."""
+    way.cut(bottom)
+    way.wait(cycle.seconds)
+    _aside(way, cycle, way.end)
+
+
+def back_bore(way: Way, cycle: Cycle, below: float, end: float) -> None:
+    """G87."""
+    _aside(way, cycle, below)
+    way.cut(end)
+    way.wait(cycle.seconds)
+    _aside(way, cycle, way.end)
+
+
+def _aside(way: Way, cycle: Cycle, height: float) -> None:
+    """To another height with the tip off the wall."""
+    assert cycle.shift is not None
+    way.stand()
+    way.aside(cycle.shift)
+    way.rapid(None, None, height)
+    way.aside((0.0, 0.0))
+    way.turn()
+
 
 BREAK_MM = 0.254  # what G73 draws back, and where G83 ends its rapid above the last depth, as LinuxCNC
 TAPS = ("G74", "G84")
@@ -119,7 +204,7 @@ def _cycle(here: Here, code: str, word: Word) -> tuple[Cycle, float]:
     level = before.level if before is not None and keeps else now
     old = before if before is not None and keeps else None
     depth, seconds = _depth(here, code, word, old), _seconds(here, code, word, old)
-    return Cycle(code, bottom, clearance, level, depth, seconds, boring.shift(here, code, word, old)), start
+    return Cycle(code, bottom, clearance, level, depth, seconds, bore_shift(here, code, word, old)), start
 
 
 def _depth(here: Here, code: str, word: Word, before: Cycle | None) -> Known:
@@ -161,7 +246,7 @@ def _heights(here: Here, cycle: Cycle) -> tuple[float, float]:
         bottom += clearance
     word = here.ask.words.get("R") or here.ask.line.words[0]
     if cycle.code == "G87":
-        boring.check_heights(here, word, clearance, bottom, cycle.level)
+        check_heights(here, word, clearance, bottom, cycle.level)
     elif bottom > clearance:
         raise here.ask.refusal(word, "cycle.upside_down", code=cycle.code, clearance=clearance, bottom=bottom)
     return clearance, bottom
@@ -238,7 +323,7 @@ _DRILL: MappingProxyType[str, Callable[[Way, Cycle, float, float], None]] = Mapp
         **dict.fromkeys(TAPS, _tap),
         **dict.fromkeys(("G85", "G89"), _bore),
         "G86": _bore_standing,
-        "G76": boring.fine,
-        "G87": boring.back,
+        "G76": fine_bore,
+        "G87": back_bore,
     }
 )

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 from controller.geometry.vectors import Vector
+from controller.messages import Key, said
 from controller.program.offset_words import Here
-from controller.program.program import JointLine, Targets, Tip, TipLine
+from controller.program.program import JointLine, Probing, ProgramError, Targets, Tip, TipLine
 from controller.program.words import Word
 
 SHORTEST_VECTOR = 1e-6  # of I J K; shorter ones have no sure direction
@@ -73,3 +75,39 @@ def _axis(here: Here) -> Vector | None:
     if math.sqrt(i * i + j * j + k * k) < SHORTEST_VECTOR:
         raise here.ask.refusal(words[0], "line.no_length", found=found, least=SHORTEST_VECTOR)
     return i, j, k
+
+
+# G38.2 to G38.5 and G31: lines that end where the probe touches, or is free.
+
+AWAY, MUST = ("G38.4", "G38.5"), ("G38.2", "G38.4")
+
+
+def probing_line(here: Here, code: str, word: Word) -> JointLine | TipLine:
+    """The line of a probing move, the rotaries standing. Raises ProgramError."""
+    if (wrong := _no_probing(here, code, word)) is not None:
+        raise wrong
+    made = line(here, "G1", word)
+    return replace(made, probe=Probing(code, code in AWAY, code in MUST))
+
+
+def _no_probing(here: Here, code: str, word: Word) -> ProgramError | None:
+    """Why this line cannot be probed along."""
+    ask, modal, machine = here.ask, here.state.modal, here.machine
+    sensor = machine.sensor(modal.tool)
+    rotaries = [axis.name for axis in machine.axes if axis.is_rotary and axis.name in ask.words]
+    key, values = "", dict[str, object]()
+    if sensor is None:
+        number = None if machine.probe is None else machine.probe.tool
+        known = Key("probe.is_none") if number is None else said("probe.is_tool", number=number)
+        key, values = "probe.none", {"tool": modal.tool, "known": known}
+    elif rotaries:
+        key, word = "probe.turns", ask.words[rotaries[0]]
+    elif not ask.has("XYZ"):
+        key = "probe.no_way"
+    elif modal.planar is not None:
+        key = "probe.beside"
+    elif here.state.inverse:
+        key = "probe.inverse"
+    elif modal.spindle_rev_min and sensor is machine.probe:
+        key = "probe.spindle"
+    return ask.refusal(word, key, code=code, **values) if key else None

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 from controller.machine.model import OFFSETS, TOOL_AT_POWER_ON, Machine, Tool
 from controller.messages import Key, Said, said
-from controller.program import output_words, override_words, planar_words, tool_change_words
+from controller.program import output_words, planar_words, tool_change_words
 from controller.program.codes import SURFACES, Ask
 from controller.program.origins import Origins
 from controller.program.position import Known
@@ -184,7 +184,7 @@ class _Settings:
         self._turn_feed()
         self._coolant()
         if "overrides" in self.ask.codes:
-            self._set_modal(override_words.applied(self.ask, self.state.modal, self._machine))
+            self._set_modal(overrides_after(self.ask, self.state.modal, self._machine))
         self._dwell()
         self._side()
         self._length()
@@ -479,3 +479,40 @@ def dwell_s(ask: Ask, word: Word, machine: Machine) -> float:
 def tool_list(machine: Machine) -> str:
     """The tool table in a few words, for sentences."""
     return " ".join(f"T{tool.number}" for tool in machine.tools) or Key("tool.none")
+
+
+# M48 to M53: what the program takes from the operator's hand, and gives back.
+#
+# M48 and M49 are for the overrides of feeds and of the spindle. The override of rapids, hold and stop stay
+# with the operator.
+
+FEED_STOP = "feed_stop"  # the input of M53
+
+
+def overrides_after(ask: Ask, modal: Modal, machine: Machine) -> Modal:
+    """The modal state after the line's code of the group. Raises ProgramError."""
+    code, word = ask.codes["overrides"]
+    if code in ("M48", "M49"):
+        return replace(modal, overrides=modal.overrides._replace(feed=code == "M48"))
+    on = _is_on(ask, code)
+    if code == "M50":
+        return replace(modal, overrides=modal.overrides._replace(feed=on))
+    if code == "M52" and on:
+        raise ask.refusal(word, "override.adaptive")
+    if code == "M53":
+        _check_input(ask, machine, on)
+        return replace(modal, overrides=modal.overrides._replace(stop=on))
+    return modal
+
+
+def _is_on(ask: Ask, code: str) -> bool:
+    """P: 0 is off, 1 or nothing on."""
+    p = ask.words.get("P")
+    if p is not None and p.value not in (0.0, 1.0):
+        raise ask.refusal(p, "override.on_or_off", code=code)
+    return p is None or p.value == 1.0
+
+
+def _check_input(ask: Ask, machine: Machine, on: bool) -> None:
+    if on and (machine.io is None or machine.io.input(FEED_STOP) is None):
+        raise ask.refusal(ask.codes["overrides"][1], "override.no_feed_stop", input=FEED_STOP)

@@ -24,7 +24,7 @@ from controller.geometry.splines import ORDERS, BadSpline, BSpline
 from controller.geometry.vectors import Vector
 from controller.machine.model import Machine
 from controller.messages import Key, Said, said
-from controller.program import surface_doubts
+from controller.program import surface_words
 from controller.program.codes import Ask
 from controller.program.modal import State
 from controller.program.program import CutNurbs, ProgramError
@@ -56,7 +56,7 @@ def surface(ask: Ask, state: State, machine: Machine, lines: Iterator[Line]) -> 
         for name, order in zip(NUMBERED.values(), orders, strict=True)
     )
     above, below = ([curve.at(k / SEEN_AT) for k in range(SEEN_AT + 1)] for curve in (upper, lower))
-    if surface_doubts.is_upside_down(above, below, state.modal.frame(machine)):
+    if surface_words.is_upside_down(above, below, state.modal.frame(machine)):
         raise ask.refusal(word, "surface.nurbs_upside_down")
     return CutNurbs(ask.place(word), state.modal, upper, lower, feed)
 

@@ -7,7 +7,8 @@ common, or would be refused, is left to that.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+import re
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from types import MappingProxyType
 
@@ -15,7 +16,6 @@ from controller.geometry.vectors import Vector
 from controller.machine.model import STILL, Machine
 from controller.program import points
 from controller.program.arc_words import PLANES
-from controller.program.functions import MAX_STATES, Functions, any_of
 from controller.program.given import Given
 from controller.program.line import (
     AXES,
@@ -37,7 +37,7 @@ from controller.program.line import (
 from controller.program.line_words import SHORTEST_VECTOR
 from controller.program.modal import FEEDS, State
 from controller.program.points import POINTLESS
-from controller.program.program import Block, JointArc, JointLine, Place, Targets, Tip, TipLine
+from controller.program.program import Action, Block, JointArc, JointLine, Place, Targets, Tip, TipLine
 
 _SHORT = frozenset(("G0", "G1", "G2", "G3"))
 _MOTIONS: MappingProxyType[Part, str] = MappingProxyType(
@@ -366,3 +366,76 @@ def _for_surfaces(state: State) -> bool:
     """Whether a side of the cutter is on that is not, or not yet, for lines."""
     planar = state.modal.planar
     return state.side != "G40" and (planar is None or not planar.lines or state.modal.tip is not Tip.OFF)
+
+
+# The short way of lines that are spindle and coolant alone (M3 to M5, M7 to M9, S).
+#
+# What such a line does depends on the state before it alone: it is carried out once, and then known.
+
+MAX_STATES = 1000  # that are remembered
+_FUNCTIONS = frozenset((3.0, 4.0, 5.0, 7.0, 8.0, 9.0))  # M
+_Known = tuple[State, State, list[tuple[int, Action]]]  # before, after, and by which word
+
+
+class Functions:
+    """What was learnt: by state, M and S."""
+
+    def __init__(self, one_of: Callable[[State], State]) -> None:
+        """``one_of``: the same state, of those that are known."""
+        self._one_of = one_of
+        self._known: dict[tuple[int, Part, Part], _Known] = {}
+
+    def done(
+        self, parts: Sequence[Part], state: State, found: re.Match[str], number: int
+    ) -> tuple[list[Action], State] | None:
+        """What a line that COMMON has found does, if that was learnt, and the state after it."""
+        known = self._of(parts, state)
+        if known is None:
+            return None
+        _, after, acts = known
+        return [Action(Place(number, found.start(part + 1)), act.modal, act.act) for part, act in acts], after
+
+    def read(self, line: Line, state: State) -> tuple[list[Block], State] | None:
+        """The same of any line."""
+        parts = line.parts
+        known = None if parts is None else self._of(parts, state)
+        if known is None:
+            return None
+        _, after, acts = known
+        return [Action(line.place(line.column(part)), act.modal, act.act) for part, act in acts], after
+
+    def _of(self, parts: Sequence[Part], state: State) -> _Known | None:
+        if parts[FUNCTION] is None and parts[SPEED] is None:
+            return None
+        known = self._known.get((id(state), parts[FUNCTION], parts[SPEED]))
+        return known if known is not None and _is_function(parts) else None
+
+    def learnt(self, line: Line, before: State, after: State, made: Sequence[Block]) -> State:
+        """The state after a line that was carried out, which is noted for the next time."""
+        parts = line.parts
+        if parts is None or (parts[FUNCTION] is None and parts[SPEED] is None) or not _is_function(parts):
+            return after
+        acts: list[tuple[int, Action]] = []
+        for block in made:
+            if not isinstance(block, Action):
+                return after
+            of_m = parts[FUNCTION] is not None and block.place.column == line.column(FUNCTION)
+            acts.append((FUNCTION if of_m else SPEED, block))
+        after = self._one_of(after)
+        if len(self._known) >= MAX_STATES:
+            self._known.clear()
+        self._known[(id(before), parts[FUNCTION], parts[SPEED])] = (before, after, acts)
+        return after
+
+
+def any_of(values: Sequence[object]) -> bool:
+    """Whether one of them is there."""
+    return values.count(None) < len(values)
+
+
+def _is_function(parts: Sequence[Part]) -> bool:
+    """Whether it has nothing but S and an M of spindle or coolant."""
+    if any_of(parts[:SPEED]):
+        return False
+    code = parts[FUNCTION]
+    return code is None or float(code) in _FUNCTIONS

@@ -13,13 +13,13 @@ Their words follow the paper: without a decimal point they count in BLU (0.01 mm
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 
-from controller.geometry.vectors import Vector
+from controller.geometry.vectors import Frame, Vector, norm, subtract
 from controller.machine.model import Machine
 from controller.messages import Said, said
-from controller.program import surface_doubts
 from controller.program.codes import CONE_WORDS, Ask
 from controller.program.line import Upcoming
 from controller.program.modal import BLU_PER_MM, State, tool_list
@@ -90,7 +90,7 @@ def cone(ask: Ask, state: State, machine: Machine) -> CutCone:
     feed = feed_of(ask, "G51", word, state, machine)
     sweep_rad = math.radians(sweep)
     contact_mm = abs(sweep_rad) * math.hypot(start[0] - centre[0], start[1] - centre[1])
-    doubt = surface_doubts.of_words("G51", (given[letter] for letter in LENGTHS), contact_mm)
+    doubt = doubt_of_words("G51", (given[letter] for letter in LENGTHS), contact_mm)
     return CutCone(ask.place(word), state.modal, start, centre, height, radius, sweep_rad, feed, doubt)
 
 
@@ -128,9 +128,9 @@ def ruled(ask: Ask, state: State, machine: Machine, lines: Iterator[Line]) -> Cu
         words += point.values()
     feed = feed_of(ask, "G52", word, state, machine)
     upper, lower = (p[0], p[1], p[2], p[3]), (p[4], p[5], p[6], p[7])
-    if surface_doubts.is_upside_down(upper, lower, state.modal.frame(machine)):
+    if is_upside_down(upper, lower, state.modal.frame(machine)):
         raise ask.refusal(word, "surface.upside_down")
-    doubt = surface_doubts.of_words("G52", words, surface_doubts.contact_mm(lower))
+    doubt = doubt_of_words("G52", words, length_mm(lower))
     return CutRuled(ask.place(word), state.modal, upper, lower, feed, doubt)
 
 
@@ -171,3 +171,36 @@ def feed_of(ask: Ask, code: str, word: Word, state: State, machine: Machine) -> 
     if machine.spindle is not None and modal.spindle_rev_min == 0.0:
         raise ask.refusal(word, "surface.spindle_off", code=code)
     return state.feed(ask, code, word)
+
+
+# What makes doubtful that a G51 or G52 means what it says: told by ``check``, or refused.
+#
+# In these blocks a word without a decimal point counts 0.01 mm (the paper's unit), with one the active
+# unit. Whoever writes X15 for 15 mm gets 0.15 mm.
+
+MICROSCOPIC_MM = 0.1  # a contact that is no longer
+UPSIDE_DOWN = -0.5  # cosine of the ruling's angle to the table's normal
+
+
+def doubt_of_words(code: str, words: Iterable[Word], contact_mm: float) -> Said | None:
+    """A doubt about the units of lengths (``contact_mm``: of the contact), or None."""
+    counted = [word for word in words if word.value != 0.0]
+    plain = next((word for word in counted if not word.point), None)
+    if plain is None:
+        return None
+    pointed = next((word for word in counted if word.point), None)
+    means = {"code": code, "word": plain.text, "mm": abs(plain.value) / BLU_PER_MM}
+    if pointed is not None:
+        return said("doubt.mixed", pointed=pointed.text, **means)
+    return said("doubt.microscopic", contact=contact_mm, **means) if contact_mm < MICROSCOPIC_MM else None
+
+
+def length_mm(points: Sequence[Vector]) -> float:
+    """About the length of a curve, by its control points."""
+    return float(sum(norm(subtract(b, a)) for a, b in itertools.pairwise(points)))
+
+
+def is_upside_down(upper: Sequence[Vector], lower: Sequence[Vector], part: Frame) -> bool:
+    """Whether the tool would point up out of the table all along: the two curves are exchanged."""
+    rulings = [subtract(a, b) for a, b in zip(upper, lower, strict=True)]
+    return all(part.turn(ruling)[2] < UPSIDE_DOWN * norm(ruling) for ruling in rulings)

@@ -27,7 +27,7 @@ from controller.service import (
     runs,
     sequences,
     tool_places,
-    wear,
+    usage,
     whole_status,
 )
 from controller.service.acknowledged import Acknowledged, refusal
@@ -93,13 +93,13 @@ class Desk:
             "rows": lambda args: self._errands.submit(diagnostics.rows, self._service.engine.recorder, args),
             "buses": lambda _: self._errands.submit(self._buses),
             "usage": lambda _: self._errands.submit(service.usage.told),
-            "tool_life": lambda args: self._errands.submit(wear.tool_life, service.usage, args),
-            "tool_renewed": lambda args: self._errands.submit(wear.tool_renewed, service.usage, args),
-            "maintenance": lambda args: self._errands.submit(wear.maintenance, service.usage, args),
+            "tool_life": lambda args: self._errands.submit(usage.tool_life, service.usage, args),
+            "tool_renewed": lambda args: self._errands.submit(usage.tool_renewed, service.usage, args),
+            "maintenance": lambda args: self._errands.submit(usage.maintenance, service.usage, args),
             "changer": lambda _: self._errands.submit(tool_places.told, service),
             "changer_confirm": lambda args: self._errands.submit(tool_places.confirm, service, args),
             "changer_pocket": lambda args: self._errands.submit(tool_places.give_pocket, service, args),
-            "maintained": lambda args: self._errands.submit(wear.maintained, service.usage, args),
+            "maintained": lambda args: self._errands.submit(usage.maintained, service.usage, args),
         }
 
     def __call__(self, verb: str, args: Values) -> Answer:
@@ -331,7 +331,7 @@ class Desk:
         self._permitted(Request.START)
         preconditions.not_in_thread(self._service, "START")
         if args.get("worn") is not True:
-            wear.check(service.usage, service.tool, job.program.name)
+            usage.check_worn(service.usage, service.tool, job.program.name)
         return self._begin("start", job, args.get("unrecorded") is True)
 
     def _begin(self, name: str, job: Job, unrecorded: bool = False) -> Answer:

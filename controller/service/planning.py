@@ -38,10 +38,9 @@ from controller.runtime.plan_end import PLAN_TURN_S, PlanEnd
 from controller.runtime.processes import EXPECTED, own_error
 from controller.runtime.starts import Start
 from controller.runtime.startup import SessionError
-from controller.service import entry_state, modal_codes
+from controller.service import entry_state
 from controller.service.folders import Folders
-from controller.service.pending_command import Awaited
-from controller.service.planner_client import Answer, News, Order, Program, Said, Turn, Way
+from controller.service.planner_client import Answer, Awaited, News, Order, Program, Said, Turn, Way
 
 NEWS_S = 0.1
 MAX_OFFSETS = 99
@@ -201,7 +200,7 @@ class Planning:
             self._heard.append(block)
         modal = block.modal
         tilted_mm = modal.length_mm if modal.tilted else None
-        now = (modal.offset, modal.part, modal.turned_rad, tilted_mm, modal_codes.of(modal))
+        now = (modal.offset, modal.part, modal.turned_rad, tilted_mm, entry_state.modal_codes(modal))
         if not self._offsets or self._offsets[-1][1:] != now:
             self._offsets.append((block.place.order, *now))
 

@@ -10,7 +10,7 @@ from controller.service import fitting, preconditions
 from controller.service.refusals import refused, switch, whole
 from controller.service.service import Service
 from controller.service.tool_changer import ToolChanger
-from controller.service.wear import MAX_TOOL
+from controller.service.usage import MAX_TOOL
 
 LOGGED = ("time_s", "what", "tool_out", "tool_in", "step", "name")
 

@@ -70,9 +70,14 @@ def in_cut(share: float, now: Values) -> bool:
     return bool(under_way and under_way["what"] == "cut" and under_way["fraction"] >= share)
 
 
-@pytest.mark.parametrize("seed", ONCE_AND_MORE)
-def test_a_served_machine_finishes_both_parts(seed: int, tmp_path: Path) -> None:
-    with busy(), opened(tmp_path, PERIOD_S) as shop:
+@pytest.mark.parametrize(
+    ("commands", "seed"),
+    [pytest.param(("demo",), k, marks=pytest.mark.soak if k else pytest.mark.slow) for k in range(TIMES)]
+    + [pytest.param(("serve", "panel"), k, marks=pytest.mark.soak) for k in range(TIMES)],
+)
+def test_a_served_machine_finishes_both_parts(commands: tuple[str, ...], seed: int, tmp_path: Path) -> None:
+    """``demo --panel`` is the two others by one command: in .ci/run it stands for them."""
+    with busy(), opened(tmp_path, PERIOD_S, commands) as shop:
         shop.ready()
         for name, tool in EXAMPLES.items():
             if tool:

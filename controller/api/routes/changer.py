@@ -20,7 +20,9 @@ class ToolPlaces(models.Sent):
     """Every tool that is not named is in its pocket."""
 
     spindle: Annotated[int, Field(ge=0, le=99999, description="The tool in it, 0 = it is empty.")]
-    away: Annotated[tuple[Number, ...], Field(max_length=999, description="Out of the machine.")] = ()
+    away: Annotated[
+        list[Number], Field(default_factory=list, max_length=999, description="Out of the machine.")
+    ]
     clear: Annotated[bool, Field(description="You have looked, and nothing of it touches the spindle.")] = (
         False
     )
@@ -40,7 +42,7 @@ async def changer(request: Request) -> models.Told:
 @router.post("/changer/confirm", dependencies=[moves()], responses=MOVES)
 async def confirm(request: Request, body: ToolPlaces) -> models.Done:
     """Where every tool is, as you see it: after a change that was interrupted nothing moves before."""
-    return await ask(request, "changer_confirm", **{**body.model_dump(), "away": list(body.away)})
+    return await ask(request, "changer_confirm", **body.model_dump())
 
 
 @router.put("/changer/pockets/{number}", dependencies=[moves()], responses=MOVES)

@@ -7,7 +7,7 @@ from typing import Any
 
 from fastapi import APIRouter, Request, Response
 
-from controller.api import loading, models
+from controller.api import models, service_client
 from controller.api.access import moves, needs, panel_of, stops
 from controller.api.answers import Answer, Refusal, documented
 from controller.api.roles import Role
@@ -36,7 +36,9 @@ async def load(request: Request, response: Response, body: models.Load) -> model
     where = body.model_dump(include={"line", "fraction", "dry_run_mm"}, exclude_none=True)
     where |= {key: True for key in ("restart", "block_delete") if getattr(body, key)}
     panel = panel_of(request)
-    return answered(request, response, await loading.load(panel.store, panel.door, body.program, **where))
+    return answered(
+        request, response, await service_client.load(panel.store, panel.door, body.program, **where)
+    )
 
 
 def answered(request: Request, response: Response, loaded: dict[str, Any]) -> models.Done:

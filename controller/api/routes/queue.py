@@ -7,23 +7,56 @@ from dataclasses import asdict
 from typing import Annotated
 
 from fastapi import APIRouter, Path, Request, Response
+from pydantic import Field
 
 from controller import messages
-from controller.api import loading, models
-from controller.api import models_of_queue as queue_models
+from controller.api import models, service_client
 from controller.api.access import moves, needs, panel_of, principal
-from controller.api.answers import Refusal, documented
+from controller.api.answers import Refusal, Texts, documented
 from controller.api.app_state import Panel
+from controller.api.models import Number, Sent, Told
 from controller.api.roles import Role
 from controller.api.routes.cycle import LATER, answered
 
+Count = Annotated[int, Field(ge=1, le=10_000)]
+
+
+class NewEntry(Sent):
+    program: Annotated[str, Field(min_length=1, max_length=200, description="Name in the store.")]
+    count: Count = 1
+
+
+class EntryChange(Sent):
+    """What is null stays."""
+
+    count: Count | None = None
+    place: Annotated[int | None, Field(ge=0, le=10_000, description="0: the first.")] = None
+
+
+class EntryFacts(Told):
+    id: int
+    program: str
+    count: int
+    done: int = Field(description="Of these so many ran to their end.")
+    added_s: Number
+    added_by: str
+
+
+class QueueFacts(Told, Texts):
+    """What is said is why it does not go on by itself any more."""
+
+    entries: list[EntryFacts]
+    next: int | None = Field(description="The entry that is next: the first that is not done.")
+    go_on: bool = Field(description="What is next is loaded and started when a run has ended whole.")
+
+
 router = APIRouter(tags=["queue"])
 OPERATE = [needs(Role.OPERATE)]
-Number = Annotated[int, Path(ge=0, le=2**53)]
+EntryNumber = Annotated[int, Path(ge=0, le=2**53)]
 
 
 @router.get("/queue", dependencies=[needs(Role.VIEW)], responses=documented(401, 403, 503))
-async def queue(request: Request) -> queue_models.QueueFacts:
+async def queue(request: Request) -> QueueFacts:
     """What is to run, what of it was, and whether it goes on by itself."""
     return await _facts(panel_of(request))
 
@@ -31,7 +64,7 @@ async def queue(request: Request) -> queue_models.QueueFacts:
 @router.post(
     "/queue", status_code=201, dependencies=OPERATE, responses=documented(401, 403, 404, 422, 429, 503)
 )
-async def add(request: Request, body: queue_models.NewEntry) -> queue_models.QueueFacts:
+async def add(request: Request, body: NewEntry) -> QueueFacts:
     """Put a program at its end; nothing is loaded or started by that."""
     panel, who = panel_of(request), await principal(request)
     await asyncio.to_thread(panel.store.queue.add, body.program, body.count, who.name)
@@ -39,7 +72,7 @@ async def add(request: Request, body: queue_models.NewEntry) -> queue_models.Que
 
 
 @router.patch("/queue/{number}", dependencies=OPERATE, responses=documented(401, 403, 404, 422, 503))
-async def change(request: Request, number: Number, body: queue_models.EntryChange) -> queue_models.QueueFacts:
+async def change(request: Request, number: EntryNumber, body: EntryChange) -> QueueFacts:
     """Another count, or another place."""
     panel = panel_of(request)
     await asyncio.to_thread(panel.store.queue.change, number, body.count, body.place)
@@ -47,7 +80,7 @@ async def change(request: Request, number: Number, body: queue_models.EntryChang
 
 
 @router.delete("/queue/{number}", dependencies=OPERATE, responses=documented(401, 403, 404, 422, 503))
-async def remove(request: Request, number: Number) -> queue_models.QueueFacts:
+async def remove(request: Request, number: EntryNumber) -> QueueFacts:
     """Take it out; what is loaded or runs is not touched."""
     panel = panel_of(request)
     await asyncio.to_thread(panel.store.queue.remove, number)
@@ -62,11 +95,11 @@ async def load_next(request: Request, response: Response) -> models.Done:
     panel = panel_of(request)
     if (front := await asyncio.to_thread(panel.store.queue.front)) is None:
         raise Refusal.told(409, "refused", "queue_empty")
-    return answered(request, response, await loading.load(panel.store, panel.door, front.program))
+    return answered(request, response, await service_client.load(panel.store, panel.door, front.program))
 
 
 @router.put("/queue/go_on", dependencies=[moves()], responses=documented(401, 403, 409, 422, 503))
-async def go_on(request: Request, body: models.Switch) -> queue_models.QueueFacts:
+async def go_on(request: Request, body: models.Switch) -> QueueFacts:
     """Whether it goes on by itself after each run that ends whole, as long as whoever asks for it holds
     control and is heard of; any stop, hold, fault or refusal ends that. The first run is started by hand.
     """
@@ -75,16 +108,16 @@ async def go_on(request: Request, body: models.Switch) -> queue_models.QueueFact
     return await _changed(panel)
 
 
-async def _changed(panel: Panel) -> queue_models.QueueFacts:
+async def _changed(panel: Panel) -> QueueFacts:
     panel.events.tell("programs", {"name": "", "done": "queued"})
     return await _facts(panel)
 
 
-async def _facts(panel: Panel) -> queue_models.QueueFacts:
+async def _facts(panel: Panel) -> QueueFacts:
     entries = await asyncio.to_thread(panel.store.queue.all)
     waiting = (one.id for one in entries if one.done < one.count)
-    return queue_models.QueueFacts(
-        entries=[queue_models.EntryFacts(**asdict(one)) for one in entries],
+    return QueueFacts(
+        entries=[EntryFacts(**asdict(one)) for one in entries],
         next=next(waiting, None),
         go_on=panel.go_on.on,
         **messages.facts(panel.go_on.why),

@@ -5,15 +5,16 @@ Each stretch has what was said up to its block.
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
 
 from controller.machine.model import Machine
+from controller.messages import said
 from controller.motion.motions import ThreadMove
-from controller.plan.path.probing import NAME
-from controller.plan.stretch import Chain, Pause, Stretch
-from controller.program.program import ENABLED, UNSAID, Block, Outputs, Overrides
+from controller.plan.stretch import Chain, Pause, Stretch, Voice
+from controller.program.program import ENABLED, UNSAID, Block, Outputs, Overrides, Probing
 
 _Said = tuple[Outputs, Overrides, bool]
 _NOTHING: _Said = (UNSAID, ENABLED, False)
@@ -47,7 +48,7 @@ class Switched:
         while len(self._said) > 1 and self._said[1][0] <= stretch.place.order:
             self._said.popleft()
         outputs, overrides, guarded = self._said[0][1]
-        if stretch.name == NAME:
+        if stretch.name == PROBE:
             overrides, guarded = overrides._replace(feed=False), False
         if isinstance(stretch.motion, ThreadMove):  # its feed is the spindle's
             overrides = overrides._replace(feed=False)
@@ -56,3 +57,60 @@ class Switched:
 
 def _tied(chain: Chain) -> bool:
     return any(isinstance(stretch.motion, ThreadMove) for stretch in chain.stretches)
+
+
+# The way of a probing move: not faster than the probe can bear when it is stopped behind a touch.
+#
+# touch --- seen, the stop begins, setpoint sent --- the axes lag behind it --- stopped by their jerk
+
+PROBE = "probe"
+SEEN_TICKS = 5  # from the edge to the first setpoint that is slower, at the most
+CLOSE = 1e-4  # of the fastest feed that is told, mm/s
+
+
+def probing_way(chain: Chain, probe: Probing, tool: int, machine: Machine, voice: Voice) -> Chain:
+    """The same way, under its own feed alone; refused where its stop would be too long for the probe."""
+    sensor = machine.sensor(tool)
+    most_mm = sensor.overtravel_mm if sensor is not None else 0.0
+    late_s = SEEN_TICKS * machine.period_s + (sensor.latency_s if sensor is not None else 0.0)
+    for stretch in chain.stretches:
+        feed = stretch.feed_mm_s or 0.0
+        found = overtravel_mm(stretch, feed, late_s, machine)
+        if found > most_mm:
+            fastest = math.floor(60.0 * _fastest(stretch, most_mm, late_s, machine))
+            voice.refuse(
+                stretch.place,
+                said(
+                    "probing.too_fast",
+                    code=probe.code,
+                    feed=60.0 * feed,
+                    found=found,
+                    most=most_mm,
+                    fastest=fastest,
+                ),
+            )
+    mine = [replace(one, name=PROBE, overrides=one.overrides._replace(feed=False)) for one in chain.stretches]
+    return replace(chain, stretches=tuple(mine))
+
+
+def overtravel_mm(stretch: Stretch, feed_mm_s: float, late_s: float, machine: Machine) -> float:
+    """How far the axes go on behind a touch, at the most: seen, lagging, stopped within their limits."""
+    ways = [(stretch.end[i] - stretch.start[i], machine.axes[i]) for i in machine.linear()]
+    length = math.sqrt(sum(way * way for way, _ in ways))
+    if length == 0.0:
+        return 0.0
+    shares = [(abs(way) / length, axis) for way, axis in ways if way]
+    lag_s = max(axis.following.at_speed / axis.limits.velocity for _, axis in shares)
+    a = min(axis.limits.acceleration / share for share, axis in shares)
+    j = min(axis.limits.jerk / share for share, axis in shares)
+    stop_s = 2.0 * math.sqrt(feed_mm_s / j) if feed_mm_s * j <= a * a else feed_mm_s / a + a / j
+    return feed_mm_s * (late_s + lag_s + 0.5 * stop_s)
+
+
+def _fastest(stretch: Stretch, most_mm: float, late_s: float, machine: Machine) -> float:
+    low, high = 0.0, stretch.feed_mm_s or 0.0
+    while high - low > CLOSE:
+        middle = 0.5 * (low + high)
+        inside = overtravel_mm(stretch, middle, late_s, machine) <= most_mm
+        low, high = (middle, high) if inside else (low, middle)
+    return low

@@ -24,7 +24,7 @@ from controller.plan.lines import lines, moves, rows, spline_moves
 from controller.plan.lines.corners import Feed
 from controller.plan.lines.lines import Stand
 from controller.plan.lines.rows import LineRow
-from controller.plan.path import clamps, probing
+from controller.plan.path import clamps, outputs
 from controller.plan.path.outputs import Switched
 from controller.plan.rotaries.branch import BranchLost, joints_along
 from controller.plan.stretch import Chain, Note, Path, Pause, Stretch, Voice, motion_named, rotaries_of
@@ -236,7 +236,7 @@ class Tracer:
         if not ways:
             self._voice.refuse(block.place, said("probing.no_way", code=probe.code))
         self._items[made:] = [
-            probing.way(one, probe, block.modal.tool, self._machine, self._voice) for one in ways
+            outputs.probing_way(one, probe, block.modal.tool, self._machine, self._voice) for one in ways
         ]
         self._pause(Pause(block.place, block.modal, act=Act.PROBE, probe=probe, ends=True))
 

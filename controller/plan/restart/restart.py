@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -20,11 +20,11 @@ import numpy.typing as npt
 from controller.geometry.vectors import Vector, norm, subtract
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Joints, Machine
-from controller.messages import said
+from controller.messages import Said, said
 from controller.motion.motions import JointMove, Rotaries, SurfaceCut, ToolSpline
 from controller.plan.path import clamps, tool_changes
 from controller.plan.path.path import Tracer, joints_along
-from controller.plan.restart import dry_run, entry
+from controller.plan.restart import entry
 from controller.plan.restart.program_position import (
     ENTRY_ID,
     FORMER,
@@ -39,7 +39,18 @@ from controller.plan.stretch import Chain, Pause, Stretch, rotaries_of
 from controller.plan.surfaces import links
 from controller.plan.surfaces.leads import LEADS
 from controller.program import modal
-from controller.program.program import Act, Action, Aside, Await, Block, Dwell, Modal, ProgramError
+from controller.program.program import (
+    Act,
+    Action,
+    Aside,
+    Await,
+    Block,
+    Dwell,
+    JointLine,
+    Modal,
+    ProgramError,
+    TipLine,
+)
 
 Array = npt.NDArray[np.float64]
 
@@ -63,10 +74,10 @@ class Source:
         """What is read in its place where it is run dry. Raises ProgramError for an impossible offset."""
         if self.dry_run_mm == 0.0:
             return self
-        if why := dry_run.refusal(self.dry_run_mm):
+        if why := dry_run_refusal(self.dry_run_mm):
             raise ProgramError(self.name, 1, 1, why)
-        machine = dry_run.machine_for(self.machine, self.dry_run_mm)
-        blocks = dry_run.blocks_for(self.blocks, self.dry_run_mm)
+        machine = dry_machine(self.machine, self.dry_run_mm)
+        blocks = dry_blocks(self.blocks, self.dry_run_mm)
         return Source(blocks, self.name, machine, self.kinematics, self.start, self.chosen)
 
 
@@ -381,3 +392,34 @@ def _counted(items: Iterator[Chain | Pause], first_id: int) -> Iterator[Chain | 
             break
         yield item
     yield from items
+
+
+# A dry run: the whole program some way off the part along the tool axis, spindle and coolant off.
+#
+# A tool that is thought longer by d than it is stands d further off along its own axis, on
+# every machine and at every tilt: the spindle is at tip + length x axis. So the offset is put
+# on the lengths, and everything else (approach, travel, limits) is judged as it will be run.
+
+
+def dry_run_refusal(offset_mm: float) -> Said | None:
+    """Why an offset is refused; None where it is not."""
+    return None if 0.0 <= offset_mm < 1e4 else said("restart.dry_run", offset=offset_mm)
+
+
+def dry_machine(machine: Machine, offset_mm: float) -> Machine:
+    """The machine whose tools are longer by the offset (mm)."""
+    tools = tuple(replace(tool, length_mm=tool.length_mm + offset_mm) for tool in machine.tools)
+    return replace(machine, tools=tools)
+
+
+def dry_blocks(blocks: Iterable[Block], offset_mm: float) -> Iterator[Block]:
+    """The same blocks with the offset on the tool's length, spindle and coolant off."""
+    for block in blocks:
+        modal = block.modal
+        cutter = modal.cutter and replace(modal.cutter, length_mm=modal.cutter.length_mm + offset_mm)
+        dry = replace(
+            modal, length_mm=modal.length_mm + offset_mm, cutter=cutter, spindle_rev_min=0.0, coolant=0
+        )
+        if isinstance(block, JointLine | TipLine):
+            block = replace(block, probe=None)  # there is nothing to be touched
+        yield replace(block, modal=dry)

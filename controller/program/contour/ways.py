@@ -1,4 +1,4 @@
-"""Lines and arcs of a contour with the cutter's way beside each, and where two such ways meet.
+"""Lines and arcs of a contour with the cutter's way beside each: where two of them meet, join, or cross.
 
 Points and directions are complex numbers: the first axis of the plane is real, the second
 imaginary, so that ``1j * direction`` points to the left of the travel. All lengths in mm.
@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import cmath
 import math
+from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
@@ -185,3 +186,132 @@ def _of_circles(first: complex, r: float, second: complex, q: float) -> Iterator
         foot, half = unit(second - first), math.sqrt(square)
         yield first + foot * complex(along, half)
         yield first + foot * complex(along, -half)
+
+
+# Where the ways beside two neighbours of a contour join: on an arc around it, or cut short.
+
+SLIGHT_MM = 1e-7  # a corner is none where the cutter leaves its way by no more ...
+CLOSE_MM = 1e-4  # ... or by no more than this, where the rounding of words leaves no other way
+
+
+class NoRoomError(ValueError):
+    """The cutter does not reach the second of two neighbours; ``vanishes``: the first is gone before it."""
+
+    def __init__(self, vanishes: bool) -> None:
+        super().__init__("the first vanishes" if vanishes else "the ways do not meet")
+        self.vanishes = vanishes
+
+
+def joined(before: Way, after: Way) -> bool:
+    """Make two ways end and begin where they join; True: on an arc around their corner instead.
+
+    Raises NoRoomError where there is no such point.
+    """
+    turn = cmath.phase(after.into / before.out)
+    bulge = abs(before.off) * turn * turn / 8.0
+    if bulge < SLIGHT_MM:
+        _meet(before, after)
+        return False
+    if turn * before.off < 0.0 or math.pi - abs(turn) < 1e-9:
+        return True
+    if _shortened(before, after):
+        return False
+    if bulge > CLOSE_MM:
+        found = any(after.ahead(p) <= after.length + ROUNDING for p in meetings(before, after, at_end=True))
+        raise NoRoomError(vanishes=found)
+    _meet(before, after)
+    return False
+
+
+def _meet(before: Way, after: Way) -> None:
+    """Between their ends, at the cutter's distance from the corner."""
+    before.ends = after.begins = before.end + 1j * before.off * unit(before.out + after.into)
+
+
+def _shortened(before: Way, after: Way) -> bool:
+    """Cut both short where they meet; the point that takes least. Whether there is one."""
+    best: tuple[float, float, complex] | None = None
+    most = before.length - before.left_in + ROUNDING
+    for point in meetings(before, after, at_end=True):
+        out, ahead = before.behind(point), after.ahead(point)
+        fits = -ROUNDING <= out <= most and -ROUNDING <= ahead <= after.length + ROUNDING
+        if fits and (best is None or out < best[0]):
+            best = out, ahead, point
+    if best is None:
+        return False
+    before.left_out, after.left_in, before.ends = best
+    after.begins = before.ends
+    return True
+
+
+# Whether the cutter's way crosses one that it has gone: then it cuts what it has left standing before.
+#
+# Neighbours of a contour are looked at where they meet (``joined``). What is looked for here is a neck
+# that is narrower than the cutter: the ways cross, and the contour does not. A contour that crosses itself
+# is meant so. Looked back over is one cut, from where the cutter comes down to where it is lifted.
+
+LOOKED_BACK = 200  # ways, arcs around corners among them
+INSIDE_MM = 1e-5  # from the end of a way; what meets there is a corner
+SLANTED = 0.01  # sine of the least angle; ways that run along each other do not cross
+
+
+@dataclass(slots=True)
+class Gone:
+    """A way that the cutter goes."""
+
+    number: int  # of the contour's line or arc, counted along it
+    way: Way
+    low: float  # along the normal of the plane
+    high: float
+    line: int  # of the program
+
+
+class Cut:
+    """The ways of one cut, as far back as they are looked at."""
+
+    def __init__(self) -> None:
+        # With the box that each stays within: most lie apart, and this is asked for every way.
+        self._gone: deque[tuple[float, float, float, float, Gone]] = deque(maxlen=LOOKED_BACK)
+        self._contour: deque[tuple[int, Way]] = deque(maxlen=LOOKED_BACK)
+
+    def lift(self) -> None:
+        """What follows is another cut; the contour's next line or arc has been taken."""
+        self._gone.clear()
+        self._contour = deque([*self._contour][-1:], maxlen=LOOKED_BACK)
+
+    def takes(self, number: int, contour: Way) -> None:
+        """A line or arc of the contour, before its way is gone."""
+        self._contour.append((number, contour))
+
+    def goes(self, number: int, way: Way, low: float, high: float, line: int) -> Gone | None:
+        """Go a way; the one it crosses, if the contour does not cross itself there, too."""
+        new = Gone(number, way, low, high, line)
+        x, y, to_x, to_y = way.box()
+        near = [g for a, b, c, d, g in self._gone if a <= to_x and x <= c and b <= to_y and y <= d]
+        self._gone.append((x, y, to_x, to_y, new))
+        return next((old for old in near if self._crossed(old, new)), None)
+
+    def _crossed(self, old: Gone, new: Gone) -> bool:
+        if old.high < new.low or new.high < old.low or not cross(old.way, new.way):
+            return False
+        return not self._meant(old.number, new.number)
+
+    def _meant(self, one: int, two: int) -> bool:
+        """Whether the contour crosses itself about there."""
+        near = [[way for n, way in self._contour if abs(n - at) <= 1] for at in (one, two)]
+        return any(a is not b and cross(a, b) for a in near[0] for b in near[1])
+
+
+def cross(one: Way, two: Way) -> bool:
+    """Whether two ways cross, away from their ends."""
+    return any(
+        _within(one, point)
+        and _within(two, point)
+        and abs((one.heading(point).conjugate() * two.heading(point)).imag) > SLANTED
+        for point in meetings(one, two)
+    )
+
+
+def _within(way: Way, point: complex) -> bool:
+    ahead = way.ahead(point)
+    return INSIDE_MM < ahead < way.length - INSIDE_MM

@@ -55,6 +55,25 @@ def test_a_program_is_uploaded_loaded_run_held_resumed_and_stopped_by_requests_a
     assert asyncio.run(story()) == verbs
 
 
+def test_where_a_changers_tools_are_is_confirmed_by_a_request(tmp_path: Path) -> None:
+    async def story() -> list[tuple[str, dict[str, Any]]]:
+        scene = Scene(tmp_path)
+        async with scene.client() as client:
+            await take_control(client)
+            for body in ({"spindle": 7, "away": [3, 1], "clear": True}, {"spindle": 0, "clear": True}):
+                answer = await client.post("/api/v1/changer/confirm", json=body)
+                assert answer.status_code == 200, answer.text
+            answer = await client.put("/api/v1/changer/pockets/2", json={"tool": 7})
+            assert answer.status_code == 200, answer.text
+            return scene.door.asked
+
+    assert asyncio.run(story()) == [
+        ("changer_confirm", {"spindle": 7, "away": [3, 1], "clear": True}),
+        ("changer_confirm", {"spindle": 0, "away": [], "clear": True}),
+        ("changer_pocket", {"pocket": 2, "tool": 7}),
+    ]
+
+
 def test_a_refusal_of_the_machine_names_mode_request_and_reason(tmp_path: Path) -> None:
     async def story() -> None:
         async with Scene(tmp_path).client() as client:

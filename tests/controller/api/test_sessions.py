@@ -14,7 +14,7 @@ import pytest
 from support.fakes.panels import PASSWORD, QUICK, Scene, sentence
 from typer.testing import CliRunner
 
-from controller.api import schema
+from controller.api import database
 from controller.api.access import COOKIE
 from controller.api.app_state import Panel
 from controller.api.http import make_app
@@ -211,7 +211,7 @@ def test_the_command_line_makes_tokens_that_expire_and_lists_when(tmp_path: Path
 
 def test_a_store_of_before_keeps_its_users_and_tokens(tmp_path: Path) -> None:
     with closing(sqlite3.connect(tmp_path / "store.sqlite")) as sql:
-        sql.executescript(schema.MIGRATIONS[0])
+        sql.executescript(database.MIGRATIONS[0])
         sql.execute("PRAGMA user_version = 1")
         sql.execute("INSERT INTO tokens VALUES ('ab', 'cam', 'view', 1.0, 'me')")
         sql.commit()

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from controller.api import schema
+from controller.api import database
 from controller.api.store import Store, StoreError
 
 TEXT = b"G1 X10 F100\nM2\n"
@@ -206,11 +206,12 @@ def test_a_migration_keeps_what_is_there_and_puts_a_copy_beside_it(
     sha256 = upload(store, "a")
     store.close()
     step = "ALTER TABLE programs ADD COLUMN note TEXT NOT NULL DEFAULT ''"
-    monkeypatch.setattr("controller.api.database.MIGRATIONS", (*schema.MIGRATIONS, step))
+    before = database.MIGRATIONS
+    monkeypatch.setattr("controller.api.database.MIGRATIONS", (*before, step))
     folder = tmp_path / "state"
     with sqlite3.connect(Store(folder).database.file) as sql:
         assert sql.execute("SELECT sha256, note FROM programs").fetchall() == [(sha256, "")]
-    with sqlite3.connect(folder / f"store.schema{len(schema.MIGRATIONS)}.sqlite") as sql:
+    with sqlite3.connect(folder / f"store.schema{len(before)}.sqlite") as sql:
         assert sql.execute("SELECT sha256 FROM programs").fetchall() == [(sha256,)]
 
 
@@ -221,7 +222,7 @@ def test_a_migration_that_fails_changes_nothing(
     store.close()
     step = "CREATE TABLE half (x INTEGER) STRICT;\nALTER TABLE nowhere ADD COLUMN x"
     with monkeypatch.context() as patched, pytest.raises(StoreError):
-        patched.setattr("controller.api.database.MIGRATIONS", (*schema.MIGRATIONS, step))
+        patched.setattr("controller.api.database.MIGRATIONS", (*database.MIGRATIONS, step))
         Store(tmp_path / "state")
     again = Store(tmp_path / "state")
     assert [program.name for program in again.programs.list()] == ["a"]

@@ -9,12 +9,13 @@ from pathlib import Path
 
 import pytest
 from support.machines.traced_programs import mill
+from support.oracles import reference_interpreter
 
-from controller.machine.model import AnalogueOut, Io, Orient
+from controller.machine.model import AnalogueOut, Io, Machine, Orient
 from controller.program import blocks, code_table
 from controller.program.code_rows import Code, Fate
 from controller.program.code_table import BY_DIALECT, ROWS
-from controller.program.program import ProgramError, Remark
+from controller.program.program import JointLine, ProgramError, Remark
 
 README = Path(__file__).parents[3] / "config/programs/README.md"
 SAYS = {
@@ -111,3 +112,113 @@ def test_the_file_of_tests_that_the_table_names_is_there_and_tries_the_code(row:
 
 def test_no_code_is_named_for_a_test_that_the_table_does_not_have() -> None:
     assert set(code_table.TEST_OF) <= {row.name for row in ROWS}
+
+
+# Codes that are noted or refused, in lines as programs have them: the code is to blame, not its words.
+
+NOTED = {
+    "fanuc": (
+        *("G5 P10000", "G5.1 Q1 R5", "G5.1 Q2 X0. Y0. Z0.", "G5.3 P50", "G8 P1", "G9", "G10.9 X0.", "G11"),
+        *("G13.1", "G15", "G23", "G25", "G50", "G50.1 X0. Y0.", "G54.2 P0", "G54.4 P0", "G62", "G67"),
+        *(
+            "G187 P3 E0.01",
+            "G269",
+            "M12",
+            "M13",
+            "M31",
+            "M32",
+            "M33",
+            "M41",
+            "M42",
+            "M43",
+            "M84",
+            "M89",
+            "M138 P500 E300",
+            "M139",
+        ),
+        "M298 L3",
+    ),
+    "rs274": ("G103 P1", "G187 P2", "G255", "M51 P1", "G15", "G50"),
+}
+REFUSED = {
+    "rs274": (
+        *("G7", "G8"),
+        *(
+            "G17.1",
+            "G18.1",
+            "G19.1",
+        ),
+        "G44 H1",
+        *("G88 X1. Z-1. R1. P1. F100.", "G96 D2500 S250"),
+    ),
+    "fanuc": (
+        *(
+            "G5.2 P1 X0. Y1. L3",
+            "G7",
+            "G16",
+            "G22 X1. Y1. Z1. I0. J0. K0.",
+            "G26",
+            "G27 X0. Y0.",
+            "G29 X1. Y1.",
+        ),
+        *(
+            "G12 I5. D1 F100.",
+            "G13 I5. D1 F100.",
+            "G12.1",
+            "G43.3 H1",
+            "G45 X1. D1",
+            "G46 X1. D1",
+            "G47 X1. D1",
+        ),
+        *("G48 X1. D1", "G51.1 X0.", "G60 X1.", "G63", "G100 T1 X0. Y0. Z50.", "G107 C20.", "G150 X0. Y0."),
+        *("G253", "G268 X0. Y0. Z0. I0. J30. K0.", "M83", "M88", "M97 P100", "M198 P100"),
+        *("G65 P9010 A1. B2.", "G66 P9010 A1.", "G254", "G53.3 X1. Y1. Z1."),
+    ),
+}
+
+
+def machine(dialect: str) -> Machine:
+    return reference_interpreter.machine(dialect, without_point="unit")
+
+
+@pytest.mark.parametrize(("dialect", "line"), [(d, line) for d, lines in REFUSED.items() for line in lines])
+def test_the_code_is_refused_with_what_to_write_instead(dialect: str, line: str) -> None:
+    code = line.split()[0]
+    with pytest.raises(ProgramError) as error:
+        blocks.read(f"G21\nN20 {line}\n".encode(), machine(dialect), "p.ngc")
+    row = BY_DIALECT[dialect][code]
+    assert row.fate is Fate.REFUSED and row.told in error.value.sentence
+    assert (error.value.line, error.value.column, error.value.about) == (2, 5, code)
+
+
+@pytest.mark.parametrize(("dialect", "line"), [(d, line) for d, lines in NOTED.items() for line in lines])
+def test_a_noted_code_changes_nothing_and_is_told_once(dialect: str, line: str) -> None:
+    told = blocks.read(f"{line}\nG0 X1.\n{line}\nX2.\n".encode(), machine(dialect), "p.ngc").blocks
+    plain = blocks.read(b"G0 X1.\nX2.\n", machine(dialect), "p.ngc").blocks
+    moves = [[b.targets for b in found if isinstance(b, JointLine)] for found in (told, plain)]
+    assert moves[0] == moves[1]
+    (remark,) = [block.sentence for block in told if isinstance(block, Remark)]
+    assert remark.startswith(line.split()[0])
+
+
+@pytest.mark.parametrize(
+    ("line", "only"),
+    [("G54.2 P1", "P0"), ("G54.4 P1", "P0"), ("G54.2", "P0"), ("G10.9 X1.", "X0")],
+)
+def test_what_is_noted_with_one_word_is_refused_with_others(line: str, only: str) -> None:
+    row = BY_DIALECT["fanuc"][line.split()[0]]
+    with pytest.raises(ProgramError) as error:
+        blocks.read(f"G0 X5.\n{line}\n".encode(), machine("fanuc"), "p.ngc")
+    assert row.only == only and row.instead in error.value.sentence
+
+
+def test_words_of_a_noted_code_do_not_move_and_a_motion_beside_it_does() -> None:
+    told = blocks.read(b"G0 X5.\nG05.1 Q2 X0. Y0. Z0.\nG5.1 Q1 G0 X7.\n", machine("fanuc"), "p.ngc").blocks
+    assert [b.targets[0] for b in told if isinstance(b, JointLine)] == [5.0, 7.0]
+
+
+def test_a_noted_code_beside_a_motion_leaves_its_words_to_count_as_ever() -> None:
+    on = replace(machine("fanuc"), without_point="thousandth")
+    for code in ("M31", "M10", "G9", "G187 P3 E1"):
+        told = blocks.read(f"{code} G0 X5000\n".encode(), on, "p.ngc").blocks
+        assert [b.targets[0] for b in told if isinstance(b, JointLine)] == [5.0]

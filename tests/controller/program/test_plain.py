@@ -14,10 +14,9 @@ from support.suite import seed
 
 from controller.machine.model import Machine
 from controller.program import blocks, words
-from controller.program.functions import Functions
 from controller.program.line import COMMON, Line, Other, Rows
 from controller.program.modal import State
-from controller.program.plain import CommonLines
+from controller.program.plain import CommonLines, Functions
 from controller.program.program import Block, ProgramError
 
 BEFORE = (

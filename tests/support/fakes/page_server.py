@@ -27,7 +27,7 @@ from controller.ipc.handoff import blank
 from controller.machine import machine_file, setup_data
 from controller.messages import Key, said
 from controller.plan.report.verdict import Verdict
-from controller.service import status, wear
+from controller.service import status, usage
 from controller.service.refusals import refused
 from controller.service.usage import Usage
 from controller.state.modes import ALL_AXES, Fault, Mode, told
@@ -60,7 +60,7 @@ class MovingDoor(FakeDoor):
         if verb != "status":
             self._asked.write(json.dumps([time.time(), verb, args]) + "\n")
         if verb in WEARS:
-            return getattr(wear, verb)(self._usage, args)
+            return getattr(usage, verb)(self._usage, args)
         if verb == "usage":
             return self._usage.told()
         if verb in self._overrides:

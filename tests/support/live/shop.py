@@ -1,5 +1,7 @@
 """A machine as in a shop, for tests: ``serve --simulate`` and ``panel`` as processes, asked by REST.
 
+Or both of them by one command, ``demo --panel``.
+
 with opened(folder) as shop:
     shop.do("POST", "/machine/home", json={})
     shop.until(lambda now: now["mode"] == "READY", "ready")
@@ -34,25 +36,27 @@ Values = dict[str, Any]
 class Shop:
     """The processes, and a client that holds the control token."""
 
-    def __init__(self, folder: Path, period_s: float) -> None:
+    def __init__(self, folder: Path, period_s: float, commands: tuple[str, ...]) -> None:
         self.folder, self.state, self.runtime = folder, folder / "state", folder / "run"
         self.machine_file = folder / "machine.toml"
         self.machine_file.write_text(_machine(period_s))
         self.tools_put_in = 0
         self.port = _free_port()
-        self.processes = {name: self._begin(name) for name in ("serve", "panel")}
+        self.processes = {name: self._begin(name) for name in commands}
         self.url = f"http://127.0.0.1:{self.port}"
         self.http = httpx.Client(base_url=f"{self.url}/api/v1", timeout=HANGS_S)
 
     def _begin(self, name: str) -> subprocess.Popen[bytes]:
-        words = {
-            "serve": ("--simulate", "--machine", str(self.machine_file)),
-            "panel": ("--port", str(self.port)),
-        }
+        port = ("--port", str(self.port))
         where = ("--state", str(self.state), "--runtime", str(self.runtime))
+        words = {
+            "serve": ("--simulate", "--machine", str(self.machine_file), *where),
+            "panel": (*port, *where),
+            "demo": ("--panel", "--out", str(self.state), *port),
+        }
         with open(self.folder / f"{name}.log", "ab") as log:
             return subprocess.Popen(
-                [sys.executable, "-m", "controller", name, *words[name], *where],
+                [sys.executable, "-m", "controller", name, *words[name]],
                 cwd=ROOT,
                 env={**os.environ, "PYTHONPATH": str(ROOT)},
                 stdin=subprocess.DEVNULL,
@@ -164,9 +168,11 @@ class Shop:
 
 
 @contextlib.contextmanager
-def opened(folder: Path, period_s: float = PERIOD_S) -> Iterator[Shop]:
-    """A shop until the block ends; ``folder`` is empty."""
-    shop = Shop(folder, period_s)
+def opened(
+    folder: Path, period_s: float = PERIOD_S, commands: tuple[str, ...] = ("serve", "panel")
+) -> Iterator[Shop]:
+    """A shop until the block ends; ``folder`` is empty. A ``demo`` has its own machine and period."""
+    shop = Shop(folder, period_s, commands)
     try:
         yield shop
     finally:

@@ -10,8 +10,7 @@ import pytest
 
 from controller.machine import machine_file
 from controller.plan.report import picture
-from controller.plan.report.picture import FEED, RAPID, SURFACE, Picture
-from controller.plan.report.thinning import thin
+from controller.plan.report.picture import FEED, RAPID, SURFACE, Picture, thin
 from controller.runtime import checked
 
 MACHINE = machine_file.load("trunnion")
