@@ -190,7 +190,8 @@ def _rows(asked: Asked, found: Sequence[Job], spread: Spread, quiet: bool) -> tu
     with bar("checking", quiet) as progress:
         for row in spread(partial(examined, asked.machine), found, PROGRAM_S):
             if row.kept is not None:
-                warning = checked.keep(row.kept, row.key, asked.store) or warning
+                unkept = checked.keep(row.kept, row.key, asked.store)
+                warning = messages.text(messages.plain(unkept), spoken.get()) if unkept else warning
             rows.append(row)
             wrong += row.is_wrong
             progress(len(rows) / len(found), f"{len(rows)}/{len(found)} ({wrong}) {row.name}")

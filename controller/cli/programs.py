@@ -136,7 +136,7 @@ def _kept(task: checked.Task, store: Path | None, as_json: bool) -> stored.Store
     """The stored check of what is to be run, if there is a sound one."""
     kept, warning = checked.find(task, store or stored.folder())
     if warning and not as_json:
-        tell.print(warning, markup=False)
+        tell.print(messages.text(messages.plain(warning), spoken.get()), markup=False)
     return kept
 
 
@@ -228,7 +228,7 @@ def check(
         if found.joints:
             show.print(tables.joints(found))
         if warning:
-            tell.print(warning, markup=False)
+            tell.print(messages.text(messages.plain(warning), spoken.get()), markup=False)
         show.print(tables.whole(found, program.name, task.machine.name), markup=False)
         if kept.overcuts:
             form = messages.text(wording.summed(kept.verdicts), spoken.get())
@@ -237,7 +237,7 @@ def check(
 
 def _checked(
     task: checked.Task, store: Path | None, rows: Rows, quiet: bool, spread: Spread
-) -> tuple[Survey, stored.Stored, str]:
+) -> tuple[Survey, stored.Stored, messages.Said | str]:
     lines = max(1, task.text.count(b"\n"))
     try:
         with bar("planning", quiet) as progress:

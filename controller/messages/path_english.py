@@ -15,6 +15,9 @@ REFUSALS = {
     "path.whole_takes": "the program takes",
     "path.so_far_takes": "up to here the program takes",
     "path.allow_longer": ", or raise longest_program_h up to {most:g}",
+    "stored.unread": "{file}: cannot be read ({why}); the program is checked again.",
+    "stored.of_another": "{file}: is not a stored check of this program; it is checked again.",
+    "stored.not_kept": "{folder}: the check could not be stored ({why}); a start checks again.",
     # --- what a check notes
     "note.says": "Says here: {text}",
     "note.exact": "G64 is run as G61 where it has no P: the path is followed exactly and not blended.",

@@ -15,6 +15,9 @@ REFUSALS = {
     "path.whole_takes": "das Programm dauert",
     "path.so_far_takes": "bis hierher dauert das Programm",
     "path.allow_longer": ", oder longest_program_h erhöhen, bis {most:g}",
+    "stored.unread": "{file}: lässt sich nicht lesen ({why}); das Programm wird neu geprüft.",
+    "stored.of_another": "{file}: ist keine gespeicherte Prüfung dieses Programms; es wird neu geprüft.",
+    "stored.not_kept": "{folder}: die Prüfung ließ sich nicht speichern ({why}); ein Start prüft neu.",
     # --- what a check notes
     "note.says": "Meldet hier: {text}",
     "note.exact": "G64 ohne P läuft wie G61: die Bahn wird genau gefahren und nicht verrundet.",

@@ -17,7 +17,7 @@ from typing import Any
 
 from controller.machine.kinematics import Kinematics, kinematics_of
 from controller.machine.model import TOOL_AT_POWER_ON, Joints, Machine
-from controller.messages import said
+from controller.messages import Said, said
 from controller.motion.motions import Rotaries
 from controller.plan.look_ahead import NoLaw
 from controller.plan.path import path, spindle_off, tool_changes
@@ -242,7 +242,7 @@ def check(
     progress: Callable[[int], None] = lambda _: None,
     watch: Callable[[Iterable[Chain | Pause]], Iterable[Chain | Pause]] = lambda items: items,
     spread: Spread = here,
-) -> tuple[Survey, Stored, str]:
+) -> tuple[Survey, Stored, Said | str]:
     """Look at the whole program and keep what was found: survey, check, and a warning or "".
 
     As ``looked_at``. Raises ProgramError.
@@ -311,12 +311,12 @@ def place_ahead(asked: Task, spread: Spread, progress: Progress = lambda _: None
         progress(0.1 + 0.9 * (k + 1) / len(unknown))
 
 
-def keep(kept: Stored, name: str, where: Path) -> str:
+def keep(kept: Stored, name: str, where: Path) -> Said | str:
     """Store a check; a warning where that was not to be done, or ""."""
     try:
         stored.save(kept, name, where)
     except OSError as error:
-        return f"{where}: the check could not be stored ({error.strerror}); a start checks again."
+        return said("stored.not_kept", folder=where, why=error.strerror)
     return ""
 
 
@@ -325,7 +325,7 @@ def verdict_of(kept: Stored, most: int = wording.MOST) -> dict[str, Any] | None:
     return wording.told(kept.verdicts, most)
 
 
-def find(asked: Task, where: Path) -> tuple[Stored | None, str]:
+def find(asked: Task, where: Path) -> tuple[Stored | None, Said | str]:
     """The kept check, and a warning or "" where there is none to be used."""
     kept, warning = stored.load(asked.key, where)
     if kept is not None:

@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any
 
 from controller.machine.model import Joints, Machine
-from controller.messages import Said
+from controller.messages import Said, said
 from controller.motion.motions import Rotaries
 from controller.plan.report.passing import Mark
 from controller.plan.report.verdict import Verdict
@@ -125,7 +125,7 @@ def _forget_old(where: Path) -> None:
         file.unlink(missing_ok=True)
 
 
-def load(name: str, where: Path) -> tuple[Stored | None, str]:
+def load(name: str, where: Path) -> tuple[Stored | None, Said | str]:
     """The check of that name and "", or None and a warning; the warning is "" where there is none."""
     file = where / f"{name}.json"
     try:
@@ -133,11 +133,11 @@ def load(name: str, where: Path) -> tuple[Stored | None, str]:
     except FileNotFoundError:
         return None, ""
     except (OSError, UnicodeDecodeError) as error:
-        return None, f"{file}: cannot be read ({error}); the program is checked again."
+        return None, said("stored.unread", file=file, why=error)
     try:
         return _stored(json.loads(text), name), ""
     except (ValueError, KeyError, TypeError, RecursionError):
-        return None, f"{file}: is not a stored check of this program; it is checked again."
+        return None, said("stored.of_another", file=file)
 
 
 def _stored(values: Any, name: str) -> Stored:

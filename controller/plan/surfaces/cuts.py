@@ -195,7 +195,7 @@ def _parts(block: CutBlock, surface: Surface) -> Iterator[tuple[Surface, tuple[f
 
 def describe(found: Defect) -> Said:
     """What is wrong with a surface and what to do; without a full stop."""
-    return said(f"defect.{found.kind.name.lower()}", u=found.u, v=found.v, turn_deg=found.turn_deg)
+    return said(f"defect.{found.kind.value}", u=found.u, v=found.v, turn_deg=found.turn_deg)
 
 
 def described(block: CutBlock, found: Defect, advice: Said | str = "") -> Said:

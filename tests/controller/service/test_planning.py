@@ -15,6 +15,7 @@ from support.machines.stepped_runs import program
 from controller import messages
 from controller.ipc import control_socket
 from controller.ipc.handoff import COLUMN
+from controller.messages import said
 from controller.plan.restart.program_position import Spot
 from controller.plan.stretch import Note
 from controller.program.program import Place
@@ -77,9 +78,8 @@ def test_a_program_of_which_much_is_to_be_noted_leaves_room_for_the_status(
 ) -> None:
     program = Program(TEXT.encode(), "part.ngc", bench.machine)
     kept = bench.planning._kept(program)
-    much = replace(
-        kept, notes=(Note(Place(1, 1), "Turns the rotary axis under the standing tool. " * 5),) * 5000
-    )
+    long = said("row.departs", line=99999, why=said("row.turns", turn=1 / 3, mm=1 / 3, degrees=1 / 3))
+    much = replace(kept, notes=(Note(Place(1, 1), long),) * 5000)
     monkeypatch.setattr(bench.planning, "_kept", lambda _: much)
     assert len(control_socket.packed(bench.order("check", program=program).facts)) < control_socket.MAX_BYTES
 

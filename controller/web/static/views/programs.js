@@ -218,7 +218,7 @@ function Found({ check, made }) {
     <dl class="facts wide">${facts.filter(([, value]) => value !== "").map(([key, value]) => html`<dt>${word(key)}</dt><dd class="figures">${value}</dd>`)}</dl>
     <${Verdict} told=${check.verdict} />
     <${Maps} verified=${check.verified ?? {}} verdict=${check.verdict} />
-    <${Wrong} text=${check.warning} />
+    <${Wrong} text=${sentence(check.warning)} />
     <${Box} joints=${check.joints ?? []} />
     ${(check.notes ?? []).map((one) => html`<p class="dim note">${text("run.line")} ${one.line}: ${sentence(one)}</p>`)}`;
 }
