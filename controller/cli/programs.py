@@ -20,6 +20,7 @@ from controller.cli.fitted import Fitted
 from controller.machine import machine_file
 from controller.machine.model import Machine
 from controller.machine.toml_table import ConfigError
+from controller.messages import said
 from controller.motion.motions import SurfaceCut
 from controller.plan.path.path import Stretch
 from controller.plan.report import stored
@@ -61,7 +62,6 @@ Unchecked = Annotated[
     bool, typer.Option("--unchecked", help="Start with the first blocks; refuse later ones on the way.")
 ]
 
-STOPPED = "The tool stands on the path before that block."
 PARTS = {"cone": "example1_ready", "ruled": "example2_ready"}
 
 
@@ -371,7 +371,8 @@ def simulate(
         if run.fault is not Fault.NONE:  # also a hold that waits for somebody to close a door
             raise Refused(run.fault_text, **figures)
         if refusal is not None:
-            raise Refused(f"{refusal} {STOPPED}", **figures, line=refusal.line, column=refusal.column)
+            sentence = messages.text(messages.several(refusal.placed, said("stands_before")), spoken.get())
+            raise Refused(sentence, **figures, line=refusal.line, column=refusal.column)
         _end("Simulated on the stepped clock", figures, as_json)
 
 

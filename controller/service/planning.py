@@ -383,7 +383,8 @@ class Planning:
 
     def _news(self, now: Snapshot) -> News:
         planner = self._end.planner
-        refusal = str(planner.error) if planner.error is not None and _stands(now, planner.finished) else ""
+        error = planner.error if _stands(now, planner.finished) else None
+        refusal = error.placed if error is not None else None
         away = planner.aside
         returning = away is not None and away.returning
         stands_aside = away is not None and away.off and not returning
