@@ -132,7 +132,7 @@ class News:
 
     finished: bool = True  # all of the path has been sent
     whole: bool = False  # ... and nothing of it was dropped or refused
-    refusal: Sentence | None = None  # why the program ends before its end; the machine stands before that block
+    refusal: Sentence | None = None  # why it ends before its end; the machine stands before that block
     tool: int | None = None  # to which the program has changed, as far as it is read
     aside: bool = False  # the tool stands off the path, and must return before the program goes on
     returning: bool = False  # it is on its way back, or held there
