@@ -48,6 +48,7 @@ FILES = {
     "offsets": ("offsets",),
     "tools": ("tools",),
     "changer": ("changer",),
+    "probe": ("probe",),
     "drives": ("drives",),
     "dnc": ("dnc",),
     "backup": ("backup",),

@@ -26,17 +26,17 @@ import pickle
 import signal
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Future, ProcessPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
 from functools import lru_cache, partial
 from itertools import islice
-from multiprocessing import get_context
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 from controller import one_thread
 from controller.messages import said, text
+
+if TYPE_CHECKING:  # imported where there are workers: most of the work is done here
+    from concurrent.futures import Future, ProcessPoolExecutor
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -115,6 +115,9 @@ class Workers:
 
     def _submit(self, function: Callable[[Any], Any], item: Any) -> Future[Any]:
         if self._pool is None:
+            from concurrent.futures import ProcessPoolExecutor
+            from multiprocessing import get_context
+
             # Fresh interpreters and no forks: these would have our locks, and threads that are not there.
             self._pool = ProcessPoolExecutor(self.count, get_context("spawn"), _begin, (os.getpid(),))
         return self._pool.submit(function, item)
@@ -140,6 +143,8 @@ class Workers:
             raise WorkersLost("killed", why=error) from error
 
     def _asked_in_order(self, submit: Callable[[T], Any], items: Sequence[T]) -> Iterator[Any]:
+        from concurrent.futures.process import BrokenProcessPool
+
         out: list[tuple[T, Any]] = []  # questions, and futures of their answers; None: not asked yet
         lost, rest = 0, iter(items)
         while True:

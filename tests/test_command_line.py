@@ -527,6 +527,17 @@ def test_the_cone_is_simulated_on_every_shipped_machine_as_long_as_planned(machi
     assert figures["cut_length_mm"] == pytest.approx(94.2478, abs=1e-3)
 
 
+@pytest.mark.slow
+def test_the_shipped_machining_centre_changes_its_tools_as_its_description_shows(at_work):
+    description = (machine_file.SHIPPED / "README.md").read_text()
+    text = re.search(r"printf '([^']*)' > two_tools\.ngc", description)[1].replace("\\n", "\n")
+    assert text.count(" M6\n") == 2
+    code, figures = as_json("simulate", program(text), "--machine", "machining_centre")
+    assert (code, figures["result"], figures["skips"]) == (0, "completed", 0)
+    code, found = as_json("simulate", program(text.replace("T3", "T7")), "--machine", "machining_centre")
+    assert code == 1 and "T7" in found["error"]
+
+
 def test_check_draws_a_picture_of_times_limits_and_travel(tmp_path: Path) -> None:
     picture = tmp_path / "check.png"
     part = tmp_path / "part.ngc"

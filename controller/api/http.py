@@ -36,6 +36,7 @@ from controller.api.routes import (
     listen,
     machine,
     notices,
+    probing,
     programs,
     queue,
     records,
@@ -59,7 +60,7 @@ STORE_STATUSES = {
 }
 PARTS = (
     *((API, part) for part in (machine, cycle, jog, programs, tables, records, ticks)),
-    *((API, part) for part in (diagnostics, session, users, notices, queue, usage, changer, listen)),
+    *((API, part) for part in (diagnostics, session, users, notices, queue, usage, changer, probing, listen)),
     ("", metrics),
     ("", octoprint),
 )

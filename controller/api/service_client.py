@@ -37,6 +37,7 @@ SLOW = frozenset(
         "load",
         "unload",
         "mdi",
+        "probe",
         "enable",
         "home",
         "reset",

@@ -14,7 +14,6 @@ import tomlkit
 from tomlkit.items import Array, InlineTable
 
 from controller import atomic_file
-from controller.geometry.vectors import Vector
 from controller.machine import machine_file
 from controller.machine.model import Axis, Machine
 from controller.machine.toml_table import read_text
@@ -51,15 +50,6 @@ def offset(text: str, name: str, values: Mapping[str, Sequence[float]]) -> str:
     for key, row in values.items():
         made[key] = _numbers(row, LENGTH_DIGITS)
     offsets[name] = made
-    return tomlkit.dumps(document)
-
-
-def thermal(text: str, values: Mapping[str, Vector]) -> str:
-    """A machine file with ``shift_mm`` or ``reference_mm`` of ``[thermal]``."""
-    document = tomlkit.parse(text)
-    entry = document.setdefault("thermal", tomlkit.table())
-    for key, row in values.items():
-        entry[key] = _numbers(row, LENGTH_DIGITS)
     return tomlkit.dumps(document)
 
 

@@ -67,7 +67,6 @@ class Unknown:
     name: str  # "A.point.Y", "C.direction.X", "sphere.X", "radius", "X.backlash" ...
     prior: float  # standard deviation, mm or rad
     sought: bool  # it is asked for; else it only may not be taken for another
-    is_angle: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,9 +174,7 @@ class Model:
         for i, basis in zip(self.rotaries, self.basis, strict=True):
             names = [_named(v) for v in basis]
             found += [Unknown(f"{axes[i].name}.point.{n}", known.point_mm, True) for n in names]
-            found += [
-                Unknown(f"{axes[i].name}.direction.{n}", known.direction_rad, True, True) for n in names
-            ]
+            found += [Unknown(f"{axes[i].name}.direction.{n}", known.direction_rad, True) for n in names]
         found += [Unknown(f"sphere.{n}", math.inf, False) for n in "XYZ"]
         found.append(Unknown("radius", 0.1, False))
         for axis in axes:
@@ -186,11 +183,11 @@ class Model:
             lost = known.backlash_rad if turns else known.backlash_mm
             off = share * pitch_mm / (LEVER_MM if turns else 1.0)
             found += [
-                Unknown(f"{axis.name}.backlash", share * lost, False, turns),
-                Unknown(f"{axis.name}.scale", off if turns else share * known.scale, False, True),
-                Unknown(f"{axis.name}.level", off, False, turns),
+                Unknown(f"{axis.name}.backlash", share * lost, False),
+                Unknown(f"{axis.name}.scale", off if turns else share * known.scale, False),
+                Unknown(f"{axis.name}.level", off, False),
             ]
-            found += [Unknown(f"{axis.name}.pitch.{k}", off, False, turns) for k in range(KNOTS)]
+            found += [Unknown(f"{axis.name}.pitch.{k}", off, False) for k in range(KNOTS)]
         return tuple(found)
 
     def tips(self, machine: Machine, joints: Array) -> Array:

@@ -277,14 +277,26 @@ def jog(
         _one_of(distance, speed, seconds)
         where = {"frame": frame, "axis": axis.upper()}
         with machine.control(take_over):
+            before = machine.get("status")
+            done: dict[str, Any] = {"seconds": seconds}
             if distance is not None:
                 done = machine.post("jog/step", {**where, "distance": distance})
-                _until_rest(machine, (done.get("result") or {}).get("tick", 0))
-                tell_done(say("moved_by", axis=axis.upper(), distance=distance), done, as_json)
+                moved = say("moved_by", axis=axis.upper(), distance=distance)
+                now = _until_rest(machine, (done.get("result") or {}).get("tick", 0))
             else:
                 _pressed(machine, {**where, "speed": speed}, seconds or 0.0)
                 moved = say("moved_for", axis=axis.upper(), seconds=seconds)
-                tell_done(moved, {"seconds": seconds}, as_json)
+                now = machine.get("status")
+            if ends := _at_limits(before, now):
+                moved = say("moved_to_limit", axis=axis.upper(), axes=", ".join(ends))
+                done |= {"at_limit": ends}
+            tell_done(moved, done, as_json)
+
+
+def _at_limits(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
+    """Names of the axes that came to the end of their travel between two statuses."""
+    rows = (now.get("joints") or {}).items()
+    return [name for name, row in rows if row["limit"] and not before["joints"][name]["limit"]]
 
 
 def _one_of(distance: float | None, speed: float | None, seconds: float | None) -> None:
@@ -295,13 +307,16 @@ def _one_of(distance: float | None, speed: float | None, seconds: float | None) 
         raise Refused(say("jog_seconds", seconds=seconds, most=LONGEST_JOG_S))
 
 
-def _until_rest(machine: Machine, tick: int) -> None:
-    """Whoever gives control back ends his jog, so wait; ``tick``: in which it was taken, older is no news."""
+def _until_rest(machine: Machine, tick: int) -> dict[str, Any]:
+    """The status at rest. Whoever gives control back ends his jog, so wait.
+
+    ``tick``: in which the jog was taken, older is no news.
+    """
     try:
         while True:
-            now = machine.get("status")
+            now: dict[str, Any] = machine.get("status")
             if not now.get("jogging") and ((now.get("tick") or {}).get("number") or 0) >= tick:
-                return
+                return now
             time.sleep(REFRESH_S)
     except BaseException:
         machine.post("jog/stop", {})

@@ -4,19 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rich.table import Table
 
 from controller.machine.model import Machine
-from controller.runtime.fault_file import Injected, MachineScript
 from controller.runtime.observer import Observer
 from controller.runtime.startup import SessionError
 from controller.runtime.stepped import SteppedMachine
 from controller.verify import console
 from controller.verify.console import Misunderstood, Refused
 from drives.commission import CommissionError
-from drives.virtual.fault_script import ScriptError
+
+if TYPE_CHECKING:
+    from controller.runtime.fault_file import Injected, MachineScript
 
 Facts = dict[str, Any]
 
@@ -25,6 +26,9 @@ def read(file: Path | None, origin: str, machine: Machine) -> MachineScript | No
     """The script; None without a file. Raises Misunderstood, which ends with exit code 2."""
     if file is None:
         return None
+    from controller.runtime.fault_file import MachineScript
+    from drives.virtual.fault_script import ScriptError
+
     try:
         return MachineScript.load(file, machine)
     except ScriptError as error:

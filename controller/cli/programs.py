@@ -9,18 +9,17 @@ import time
 from collections.abc import Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, NoReturn
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple, NoReturn
 
 import typer
 
 from controller import messages
-from controller.cli import check_folder, machine_check, speech, workers
 from controller.cli import fitted as fittings
+from controller.cli import machine_check, speech, workers
 from controller.cli.fitted import Fitted
 from controller.machine import machine_file
 from controller.machine.model import Machine
 from controller.machine.toml_table import ConfigError
-from controller.messages import said
 from controller.motion.motions import SurfaceCut
 from controller.plan.path.path import Stretch
 from controller.plan.report import stored
@@ -40,7 +39,10 @@ from controller.verify.rows import Rows
 from controller.workers import Spread
 
 if TYPE_CHECKING:
-    from controller.runtime.stepped import Run
+    from controller.cli.fault_runs import FaultRun
+    from controller.cli.recorded_runs import RecordedRun
+    from controller.runtime.simulated_probe import Bench
+    from controller.runtime.stepped import Run, SteppedMachine
     from controller.verify.trace import Trace
 
 ProgramFile = Annotated[Path, typer.Argument(help="The part program.")]
@@ -193,6 +195,8 @@ def check(
         _writable(plot)
         with workers.spread(count, cluster) as spread:
             if program.is_dir():
+                from controller.cli import check_folder
+
                 place = store or stored.folder()
                 asked = check_folder.Asked(program, made, place, block_delete, report)
                 check_folder.run(asked, spread, as_json)
@@ -201,47 +205,70 @@ def check(
                 told = messages.said("folder.report_alone", program=program)
                 raise Refused(messages.text(told, spoken.get()))
             task = _task(program, made, block_delete)
-            rows = Rows()
-            found, kept, warning = _checked(task, store, rows, as_json, spread)
+            done = _checked(task, store, as_json, spread)
         if plot is not None:
-            from controller.verify import check_picture
-
-            check_picture.draw(found, rows.longest, f"{program.name} on {task.machine.name}", plot)
+            _draw_check(program, task, done, plot)
         if as_json:
-            facts = {"ok": True, "program": str(program), "sheets": sheets, **found.to_dict()}
-            key = None if warning else task.key
-            overcuts = {"overcuts": [asdict(one) for one in kept.overcuts]}
-            verdict = {"verdict": messages.told(checked.verdict_of(kept))}
-            rows.write(
-                {
-                    **{**facts, **overcuts, **verdict, "fitted": fittings.said(fitted)},
-                    **{**_notes(kept.notes, task.machine), "stored": key},
-                },
-                sys.stdout,
-            )
-            return
-        if names := fittings.said(fitted):
-            tell.print(fittings.sentence(names), markup=False)
-        _show_notes(kept.notes, task)
-        if rows.longest:
-            show.print(tables.blocks(rows))
-        if found.joints:
-            show.print(tables.joints(found))
-        if warning:
-            tell.print(messages.text(messages.plain(warning), spoken.get()), markup=False)
-        show.print(tables.whole(found, program.name, task.machine.name), markup=False)
-        if kept.overcuts:
-            form = messages.text(wording.summed(kept.verdicts), spoken.get())
-            show.print(form or tables.overcut(kept.overcuts), markup=False)
+            _print_check(program, task, done, sheets, fitted)
+        else:
+            _show_check(program, task, done, fitted)
 
 
-def _checked(
-    task: checked.Task, store: Path | None, rows: Rows, quiet: bool, spread: Spread
-) -> tuple[Survey, stored.Stored, messages.Said | str]:
-    lines = max(1, task.text.count(b"\n"))
+class _Check(NamedTuple):
+    """What came of a check: its figures, its blocks, as it is stored, and why it is not ("" = it is)."""
+
+    survey: Survey
+    rows: Rows
+    kept: stored.Stored
+    warning: messages.Said | str
+
+
+def _draw_check(program: Path, task: checked.Task, done: _Check, plot: Path) -> None:
+    from controller.verify import check_picture
+
+    title = f"{program.name} on {task.machine.name}"
+    check_picture.draw(done.survey, done.rows.longest, title, plot)
+
+
+def _print_check(
+    program: Path, task: checked.Task, done: _Check, sheets: list[str], fitted: Path | None
+) -> None:
+    """One JSON object."""
+    kept = done.kept
+    facts = {
+        **{"ok": True, "program": str(program), "sheets": sheets, **done.survey.to_dict()},
+        "overcuts": [asdict(one) for one in kept.overcuts],
+        "verdict": messages.told(checked.verdict_of(kept), spoken.get()),
+        "fitted": fittings.said(fitted),
+        **_notes(kept.notes, task.machine),
+        "stored": None if done.warning else task.key,
+    }
+    done.rows.write(facts, sys.stdout)
+
+
+def _show_check(program: Path, task: checked.Task, done: _Check, fitted: Path | None) -> None:
+    """Tables; what the data sheets say was told before."""
+    survey, kept = done.survey, done.kept
+    if names := fittings.said(fitted):
+        tell.print(fittings.sentence(names), markup=False)
+    _show_notes(kept.notes, task)
+    if done.rows.longest:
+        show.print(tables.blocks(done.rows))
+    if survey.joints:
+        show.print(tables.joints(survey))
+    if done.warning:
+        tell.print(messages.text(messages.plain(done.warning), spoken.get()), markup=False)
+    show.print(tables.whole(survey, program.name, task.machine.name), markup=False)
+    if kept.overcuts:
+        form = messages.text(wording.summed(kept.verdicts), spoken.get())
+        show.print(form or tables.overcut(kept.overcuts), markup=False)
+
+
+def _checked(task: checked.Task, store: Path | None, quiet: bool, spread: Spread) -> _Check:
+    lines, rows = max(1, task.text.count(b"\n")), Rows()
     try:
         with bar("planning", quiet) as progress:
-            return checked.check(
+            found, kept, warning = checked.check(
                 task,
                 store or stored.folder(),
                 rows.take,
@@ -250,6 +277,7 @@ def _checked(
             )
     except ProgramError as error:
         _refuse_all(error, task, quiet)
+    return _Check(found, rows, kept, warning)
 
 
 def _refuse_all(first: ProgramError, task: checked.Task, quiet: bool) -> NoReturn:
@@ -309,71 +337,124 @@ def simulate(
     memory.keep_freed()
     memory.collect_rarely()
     from controller.cli import fault_runs, recorded_runs
-    from controller.runtime import simulated_probe, touch_table
     from controller.runtime.stepped import SteppedMachine
-    from controller.verify import trace as traces
 
     with _refusals(as_json):
         made = _machine(machine, gouge, period_ms, dialect, fitted)
         script = fault_runs.read(faults, faults_from, made)
         _budget_or_refuse(made)
         record = recorded_runs.read(events, made, _text(program, block_delete)) if events else None
-        planned_events = event_files.read(events) if events and record is None else ()
-        made = record.machine if record is not None else made
-        task = _task(program, made, block_delete)
-        _writable(trace_file, plot, touches)
-        if trace_file and trace_file.suffix == records.PARQUET:
-            records.needed()
+        requests = event_files.read(events) if events and record is None else ()
+        task = _task(program, record.machine if record is not None else made, block_delete)
+        outputs = _Outputs(trace_file, plot, touches)
+        outputs.check()
         kept = None if unchecked else _kept(task, store, as_json)
-        try:
-            with bar("planning", as_json) as progress:
-                walk = (
-                    starts.path_from(task, kept, record.recorded.begin.start)
-                    if record
-                    else checked.walk_of(task, kept, unchecked, progress)
-                )
-        except ProgramError as error:
-            _refuse_all(error, task, as_json)
-        if not as_json:
-            _show_notes(walk.notes, task)
-        touched = simulated_probe.load(part, made) if part is not None else None
-        bench = SteppedMachine(made, recordings=recording.folder(), bench=touched)
+        walk = _walk(task, kept, record, unchecked, as_json)
+        touched = _touched(part, task.machine)
+        bench = SteppedMachine(task.machine, recordings=recording.folder(), bench=touched)
         under = fault_runs.FaultRun(bench, script, faults_from)
-        under.come_up()
-        if record is not None:
-            record.stand(bench)
-        under.begin()
-        began_s = time.perf_counter()
-        with bar("simulating", as_json) as progress:
-            passed = lambda s: progress(_share(s, kept))  # noqa: E731
-            if record is None:
-                run = bench.run(walk, planned_events, passed)
-            else:
-                run = record.run(bench, walk, task, passed)
-        took_s = time.perf_counter() - began_s
-        stretches = bench.planner.stretches
-        trace = traces.from_rows(run.rows, made, task.kinematics, stretches, first_tick=run.first_tick)
-        refusal = bench.planner.error
+        run, took_s = _run(bench, under, walk, task, requests, record, kept, as_json)
         figures = {
-            **_figures(task, "refused" if refusal else run.result, run.fault, unchecked),
-            **_run_figures(run, trace, task, _length_mm(stretches), took_s),
-            **_notes(walk.notes, made),
+            **_figures(task, "refused" if bench.planner.error else run.result, run.fault, unchecked),
+            **_run_figures(run, outputs.write(run, bench, task), task, bench.planner.stretches, took_s),
+            **_notes(walk.notes, task.machine),
             **under.facts(),
         }
         if script is not None and not as_json:
             fault_runs.show(figures["faults"])
-        _write(trace, made, stretches, trace_file, plot)
-        if touches is not None:
-            touch_table.write(touches, bench.planner.touches, made)
-        if record is not None:  # a fault that comes again is what was asked for
-            _end("Made again as it was recorded", {**figures, **record.judge(run)}, as_json)
-            return
-        if run.fault is not Fault.NONE:  # also a hold that waits for somebody to close a door
-            raise Refused(run.fault_text, **figures)
-        if refusal is not None:
-            sentence = messages.text(messages.several(refusal.placed, said("stands_before")), spoken.get())
-            raise Refused(sentence, **figures, line=refusal.line, column=refusal.column)
-        _end("Simulated on the stepped clock", figures, as_json)
+        _end_run(run, bench.planner.error, record, figures, as_json)
+
+
+class _Outputs(NamedTuple):
+    """The files that a run on the stepped clock is to leave."""
+
+    trace: Path | None
+    plot: Path | None
+    touches: Path | None
+
+    def check(self) -> None:
+        """Before anything runs. Raises Refused, OSError."""
+        _writable(*self)
+        if self.trace and self.trace.suffix == records.PARQUET:
+            records.needed()
+
+    def write(self, run: Run, bench: SteppedMachine, task: checked.Task) -> Trace:
+        """The trace, which the figures are taken from, too."""
+        from controller.verify import trace as traces
+
+        machine, planner = task.machine, bench.planner
+        trace = traces.from_rows(
+            run.rows, machine, task.kinematics, planner.stretches, first_tick=run.first_tick
+        )
+        _write(trace, machine, planner.stretches, self.trace, self.plot)
+        if self.touches is not None:
+            from controller.runtime import touch_table
+
+            touch_table.write(self.touches, planner.touches, machine)
+        return trace
+
+
+def _walk(
+    task: checked.Task,
+    kept: stored.Stored | None,
+    record: RecordedRun | None,
+    unchecked: bool,
+    as_json: bool,
+) -> checked.Walk:
+    """The path of the program, or what is left of it where a recorded run began; its notes are shown."""
+    try:
+        with bar("planning", as_json) as progress:
+            walk = (
+                starts.path_from(task, kept, record.recorded.begin.start)
+                if record
+                else checked.walk_of(task, kept, unchecked, progress)
+            )
+    except ProgramError as error:
+        _refuse_all(error, task, as_json)
+    if not as_json:
+        _show_notes(walk.notes, task)
+    return walk
+
+
+def _run(
+    bench: SteppedMachine,
+    under: FaultRun,
+    walk: checked.Walk,
+    task: checked.Task,
+    requests: Sequence[event_files.Event],
+    record: RecordedRun | None,
+    kept: stored.Stored | None,
+    as_json: bool,
+) -> tuple[Run, float]:
+    """What came of it, and how long it took (s): drives up, and the program or the record run to its end."""
+    under.come_up()
+    if record is not None:
+        record.stand(bench)
+    under.begin()
+    began_s = time.perf_counter()
+    with bar("simulating", as_json) as progress:
+        passed = lambda s: progress(_share(s, kept))  # noqa: E731
+        run = record.run(bench, walk, task, passed) if record else bench.run(walk, requests, passed)
+    return run, time.perf_counter() - began_s
+
+
+def _end_run(
+    run: Run,
+    refusal: ProgramError | None,
+    record: RecordedRun | None,
+    figures: dict[str, Any],
+    as_json: bool,
+) -> None:
+    if record is not None:  # a fault that comes again is what was asked for
+        _end("Made again as it was recorded", {**figures, **record.judge(run)}, as_json)
+        return
+    if run.fault is not Fault.NONE:  # also a hold that waits for somebody to close a door
+        raise Refused(run.fault_text, **figures)
+    if refusal is not None:
+        why = messages.several(refusal.placed, messages.said("stands_before"))
+        place = {"line": refusal.line, "column": refusal.column}
+        raise Refused(messages.text(why, spoken.get()), **figures, **place)
+    _end("Simulated on the stepped clock", figures, as_json)
 
 
 def _figures(task: checked.Task, result: str, fault: Fault, unchecked: bool) -> dict[str, Any]:
@@ -389,14 +470,14 @@ def _figures(task: checked.Task, result: str, fault: Fault, unchecked: bool) -> 
 
 
 def _run_figures(
-    run: Run, trace: Trace, task: checked.Task, length_mm: float, took_s: float
+    run: Run, trace: Trace, task: checked.Task, stretches: dict[int, Stretch], took_s: float
 ) -> dict[str, Any]:
-    """What came of a run on the stepped clock; ``length_mm`` of the tool that cut."""
+    """What came of a run on the stepped clock."""
     from controller.verify import trace as traces
 
     machine = task.machine
     return {
-        **traces.summary(trace, machine, task.kinematics, length_mm).to_dict(),
+        **traces.summary(trace, machine, task.kinematics, _length_mm(stretches)).to_dict(),
         "binds": [bound.to_dict() for bound in tables.bound_in(run.rows, machine)],
         "skips": run.skips,
         "assumed_resumes": run.assumed_resumes,
@@ -411,6 +492,15 @@ def _end(title: str, figures: dict[str, Any], as_json: bool) -> None:
         print(json.dumps({"ok": True, **figures}))
     else:
         show.print(tables.figures(title, figures))
+
+
+def _touched(part: Path | None, machine: Machine) -> Bench | None:
+    """What the probe of a simulated machine finds."""
+    if part is None:
+        return None
+    from controller.runtime import simulated_probe
+
+    return simulated_probe.load(part, machine)
 
 
 def _share(seconds: float, kept: stored.Stored | None) -> float:

@@ -7,18 +7,21 @@ read below ``root``, so that tests bring their own.
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
+import gc
 import json
 import os
 import shutil
 import stat
 import subprocess
+import time
+from array import array
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from controller.cli import latency
 from controller.ipc import control_socket
 from controller.machine.model import Bus, Machine
 from controller.runtime import cores
@@ -123,10 +126,10 @@ def kept(tick: dict[str, float]) -> Line:
 
 def _latency(period_s: float, seconds: float, root: Path) -> Line:
     alone = _permitted_of(cores.isolated(root))
-    return latency_line(latency.measure(period_s, seconds, alone[0] if alone else None), period_s)
+    return latency_line(measure(period_s, seconds, alone[0] if alone else None), period_s)
 
 
-def latency_line(measured: latency.Measured, period_s: float) -> Line:
+def latency_line(measured: Measured, period_s: float) -> Line:
     """A tick more than a quarter of a period late is skipped: at most one in a thousand may be."""
     late = measured.share_over(period_s / 4.0)
     found = (
@@ -164,7 +167,7 @@ def priority(tick: int | None) -> Line:
         level = os.sched_getparam(tick).sched_priority
         found = f"the tick runs {'SCHED_FIFO' if fifo else 'without real-time'} priority {level}"
         return _line("priority", fifo, found, UNDER_SYSTEMD)
-    may = latency.as_real_time()
+    may = as_real_time()
     return _line("priority", may, "SCHED_FIFO is" + " not" * (not may) + " permitted", UNDER_SYSTEMD)
 
 
@@ -318,3 +321,91 @@ def clock_set() -> Line:
 
 # struct timex: unsigned modes; long offset, freq, maxerror, esterror; int status.
 _TIMEX_STATUS = 5 * ctypes.sizeof(ctypes.c_long)
+
+
+# How late this computer wakes a process that has a deadline, measured as the tick would see it.
+
+PRIORITY = 70  # below a running tick's, which must not feel the measurement
+
+
+@dataclass(frozen=True, slots=True)
+class Measured:
+    """Lateness of every deadline (s), sorted."""
+
+    late_s: tuple[float, ...]
+    real_time: bool = True
+
+    @property
+    def count(self) -> int:
+        return len(self.late_s)
+
+    @property
+    def worst_s(self) -> float:
+        return self.late_s[-1]
+
+    def quantile_s(self, share: float) -> float:
+        return self.late_s[min(int(share * self.count), self.count - 1)]
+
+    def share_over(self, limit_s: float) -> float:
+        """Share of the deadlines that were missed by more than that."""
+        return sum(late > limit_s for late in self.late_s) / self.count
+
+
+def measure(period_s: float, seconds: float, cpu: int | None = None) -> Measured:
+    """Sleep from deadline to deadline for ``seconds``; on processor ``cpu`` where that is given."""
+    with _like_the_tick(cpu) as real_time:
+        late = _lateness(period_s, max(1, round(seconds / period_s)))
+    return Measured(tuple(sorted(late)), real_time)
+
+
+def _lateness(period_s: float, count: int) -> array[float]:
+    """Deadlines lie on a grid; those slept through count as one."""
+    late = array("d", bytes(8 * count))
+    now, sleep = time.monotonic, time.sleep
+    deadline = now() + period_s
+    for n in range(count):
+        left = deadline - now()
+        if left > 0.0:
+            sleep(left)
+        late[n] = max(now() - deadline, 0.0)
+        deadline += period_s * (1 + int(late[n] / period_s))
+    return late
+
+
+@contextlib.contextmanager
+def _like_the_tick(cpu: int | None) -> Iterator[bool]:
+    """Priority, processor, wakefulness and no garbage collection; gives whether it is real time."""
+    scheduler, parameter = os.sched_getscheduler(0), os.sched_getparam(0)
+    cpus = os.sched_getaffinity(0)
+    with contextlib.ExitStack() as ending:
+        with contextlib.suppress(OSError):
+            awake = os.open("/dev/cpu_dma_latency", os.O_WRONLY)
+            ending.callback(os.close, awake)
+            os.write(awake, bytes(4))
+        if cpu is not None:
+            with contextlib.suppress(OSError):
+                os.sched_setaffinity(0, {cpu})
+                ending.callback(os.sched_setaffinity, 0, cpus)
+        gc.disable()
+        ending.callback(gc.enable)
+        given = _fifo()
+        if given:
+            ending.callback(os.sched_setscheduler, 0, scheduler, parameter)
+        yield given
+
+
+def _fifo() -> bool:
+    try:
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY))
+    except OSError:
+        return False
+    return True
+
+
+def as_real_time() -> bool:
+    """Whether this process may have real-time priority; it does not keep it."""
+    scheduler, parameter = os.sched_getscheduler(0), os.sched_getparam(0)
+    given = _fifo()
+    if given:
+        os.sched_setscheduler(0, scheduler, parameter)
+    return given

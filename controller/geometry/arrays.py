@@ -25,3 +25,14 @@ def rows(values: Sequence[Any], shape: tuple[int, ...]) -> Array:
     for k, value in enumerate(values):
         table[k] = value
     return table
+
+
+def distinct(values: NDArray[Any]) -> NDArray[Any]:
+    """(m,) the different ones, ascending, of an array of any shape without a nan.
+
+    As ``np.unique`` has them, which imports masked arrays, and looks at ten options, in thrice the time.
+    """
+    ordered = np.sort(values, axis=None)
+    new = np.ones(len(ordered), dtype=np.bool_)
+    np.not_equal(ordered[1:], ordered[:-1], out=new[1:])
+    return ordered[new]

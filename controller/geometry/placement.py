@@ -32,6 +32,7 @@ from types import ModuleType
 
 import numpy as np
 
+from controller.geometry.arrays import distinct
 from controller.geometry.curves import Curve, Line
 from controller.geometry.surfaces import Surface, end_tangent
 from controller.geometry.vectors import (
@@ -183,7 +184,7 @@ class Placed(Surface):
         if not len(ends) or at.ndim == 0:
             return tangent, turn
         t, r = (np.array([np.broadcast_to(c, at.shape) for c in v]) for v in (tangent, turn))
-        for end in np.unique(at[ends]):
+        for end in distinct(at[ends]):
             same = at == end
             rates = self._end_rates(float(end), *(tuple(one[:, same][:, 0]) for one in (t, r)))
             t[:, same], r[:, same] = (np.array(one)[:, None] for one in rates)

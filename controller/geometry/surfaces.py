@@ -18,10 +18,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.geometry.arrays import rows
+from controller.geometry.arrays import distinct, rows
 from controller.geometry.curves import Arc, Curve
-from controller.geometry.hulls import hull
 from controller.geometry.rulings import difference
+from controller.geometry.splines import hull
 from controller.geometry.vectors import Number, Pose, Vector, add, cross, dot, norm, scale, subtract, unit
 
 Array = NDArray[np.float64]
@@ -130,7 +130,7 @@ def _end_tangents(curve: Curve, u: Any, tangent: Vector) -> Vector:
     if not len(ends) or at.ndim == 0:
         return tangent
     table = rows(tangent, at.shape)
-    for end in np.unique(at[ends]):  # both of them mostly, however many samples there are
+    for end in distinct(at[ends]):  # both of them mostly, however many samples there are
         same = at == end
         table[:, same] = np.array(end_tangent(curve, float(end), tuple(table[:, same][:, 0])))[:, None]
     return table[0], table[1], table[2]
@@ -228,7 +228,7 @@ def defect(surface: Surface) -> Defect | None:
 def _breaks(surface: Surface) -> Array:
     """Where spans of the directrices begin, and 1."""
     curves = (surface.upper, surface.lower)
-    return np.unique(np.concatenate([getattr(curve, "breaks", (0.0, 1.0)) for curve in curves]))
+    return distinct(np.concatenate([getattr(curve, "breaks", (0.0, 1.0)) for curve in curves]))
 
 
 def _grid(surface: Surface) -> Array:
@@ -237,7 +237,7 @@ def _grid(surface: Surface) -> Array:
     if len(breaks) <= 2:
         return even
     spans = np.linspace(breaks[:-1], breaks[1:], SAMPLES_PER_SPAN)
-    return np.unique(np.concatenate([even, spans.ravel()]))
+    return distinct(np.concatenate([even, spans.ravel()]))
 
 
 def _column(value: Vector, u: Array) -> Vector:

@@ -13,10 +13,86 @@ import difflib
 from functools import lru_cache
 from pathlib import Path
 
-from controller.machine import drive_objects
-from controller.machine.drive_objects import OBJECT
 from controller.machine.toml_table import ConfigError, Table, is_number, parse, read_text
-from drives.profile import CyclicMode, Encoder, Profile, Supervision, Write
+from drives.profile import CyclicMode, Encoder, Override, Profile, Supervision, Write
+
+# Objects of drives as TOML tables name them: ``"2210:01"``, and where a data sheet is wrong about one.
+#
+#     [[override]]                # of a profile; in a machine file [[axis.override]]
+#     object = "1016:01"
+#     high = 0xFFFFFFFF           # or low, access, default, mappable, type
+#     reason = "node << 16 | ms does not fit the sheet's 65535; firmware 1.1.15 takes it"
+#
+# Every refusal is a ``ConfigError`` in the form of ``toml_table``.
+
+OBJECT = "an object in hexadecimal, in quotes, from 1000 to FFFF"
+ACCESS = ("ro", "wo", "rw", "rwr", "rww", "const")  # CiA 306-1, AccessType
+TYPES = {  # CiA 301, 7.4.7.1
+    "INTEGER8": 0x02,
+    "INTEGER16": 0x03,
+    "INTEGER32": 0x04,
+    "UNSIGNED8": 0x05,
+    "UNSIGNED16": 0x06,
+    "UNSIGNED32": 0x07,
+}
+WHAT = ("low", "high", "access", "default", "mappable", "type")
+LEAST, MOST = -(2**31), 2**32 - 1  # of any integer up to 32 bits
+
+
+def object_index(text: str) -> int | None:
+    """1000h .. FFFFh of "60F4"; None for anything else."""
+    try:
+        found = int(text, 16)
+    except ValueError:
+        return None
+    return found if len(text) == 4 and 0x1000 <= found <= 0xFFFF else None
+
+
+def place(table: Table) -> tuple[int, int]:
+    """Index and sub-index of ``object = "2210:01"``. Raises ConfigError."""
+    first, _, sub = table.text("object").partition(":")
+    number = object_index(first)
+    if number is None or not (sub == "" or (len(sub) == 2 and set(sub.upper()) <= set("0123456789ABCDEF"))):
+        table.refuse("object", "is no object", f"{OBJECT}, with a sub-index", 'write e.g. "2210:01"')
+    return number, int(sub or "0", 16)
+
+
+def overrides(table: Table) -> tuple[Override, ...]:
+    """The ``[[override]]`` tables below a table, none or more. Raises ConfigError."""
+    found = table.tables("override")
+    if table.name.startswith("["):  # of an axis, or another of the machine file's tables
+        for entry in found:
+            entry.name = f"{table.name}: {entry.name}"
+    return tuple(map(_override, found))
+
+
+def _override(table: Table) -> Override:
+    where = place(table)
+    for key in WHAT:
+        table.get(key, "", False)  # known, so that ``finish`` lists it among what is allowed
+    if not any(table.has(key) for key in WHAT):
+        table.refuse("object", "nothing of it is overridden", f"one of {', '.join(WHAT)}", "add what is so")
+
+    def number(key: str) -> int | None:
+        return table.integer(key, LEAST, MOST) if table.has(key) else None
+
+    found = Override(
+        *where,
+        reason=table.text("reason").strip(),
+        low=number("low"),
+        high=number("high"),
+        access=table.text("access", ACCESS) if table.has("access") else None,
+        default=number("default"),
+        mappable=table.flag("mappable", False) if table.has("mappable") else None,
+        data_type=TYPES[table.text("type", tuple(TYPES))] if table.has("type") else None,
+    )
+    if not found.reason:
+        table.refuse("reason", "is empty", "a text in quotes", "write who says so, for whoever reads it next")
+    if found.low is not None and found.high is not None and found.low > found.high:
+        table.refuse("low", f"is above high = {found.high}", "low <= high", "swap or change them")
+    table.finish()
+    return found
+
 
 SHIPPED = Path(__file__).resolve().parent.parent.parent / "config" / "drives"
 MODES = {"csp": CyclicMode.CSP, "ip": CyclicMode.IP}
@@ -91,7 +167,7 @@ def read(text: str, file: str, folder: Path, name: str) -> Profile:
         acceleration_unit_counts_s2=table.positive_or_none("acceleration_unit_counts_s2") or 0.0,
         revolution=table.text("revolution", ("motor", "shaft"), GENERAL.revolution),
         encoder_resolution=tuple(_encoder(entry) for entry in top.tables("encoder_resolution")),
-        overrides=drive_objects.overrides(top),
+        overrides=overrides(top),
         quirks=_sentences(table, "quirks"),
     )
     _audit(profile, table)
@@ -156,7 +232,7 @@ def _sentences(table: Table, key: str) -> tuple[str, ...]:
 
 
 def _objects(table: Table, key: str) -> tuple[int, ...]:
-    found = tuple(drive_objects.index(text) for text in _sentences(table, key))
+    found = tuple(object_index(text) for text in _sentences(table, key))
     if None in found:
         table.refuse(key, "is not a list of objects", f"{OBJECT}, each", 'write e.g. ["60F4", "6502"]')
     return tuple(index for index in found if index is not None)
@@ -166,7 +242,7 @@ def _home_offset(table: Table) -> int | None:
     text = table.text("home_offset", default="607C")
     if text == NONE:
         return None
-    index = drive_objects.index(text)
+    index = object_index(text)
     if index is None:
         table.refuse("home_offset", "is no object", f'{OBJECT}, or "none"', 'write e.g. "607C"')
     return index
@@ -174,14 +250,14 @@ def _home_offset(table: Table) -> int | None:
 
 def _encoder(table: Table) -> Encoder:
     """``object = "3000:05"`` that tells counts, or with ``times = 4`` pulses, of a revolution."""
-    found = Encoder(*drive_objects.place(table), table.integer("times", 1, 1024, 1))
+    found = Encoder(*place(table), table.integer("times", 1, 1024, 1))
     table.finish()
     return found
 
 
 def _write(table: Table) -> Write:
     """``object = "2210:01"``, its value, and why it is needed (the end of a sentence)."""
-    where = drive_objects.place(table)
+    where = place(table)
     value = table.get("value", "a whole number")
     if not is_number(value) or type(value) is not int:
         table.refuse("value", "is not a whole number", "a whole number", "write it without quotes")

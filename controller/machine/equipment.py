@@ -11,7 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from controller.geometry.vectors import Z, norm, scale
-from controller.machine import drive_objects, drive_profiles
+from controller.machine import drive_profiles
 from controller.machine.model import (
     AnalogueOut,
     Axis,
@@ -75,7 +75,7 @@ def spindle(table: Table, buses: Sequence[Bus], profile: FindProfile, folder: Pa
         eds=_data_sheet(table, folder),
         stopping=Stopping(0.0, *_units(table)),
         unsupervised=table.flag("unsupervised", False),
-        overrides=drive_objects.overrides(table),
+        overrides=drive_profiles.overrides(table),
     )
     found = replace(found, position=_position(table, found))
     _fits(table, found)
@@ -235,7 +235,7 @@ def io(
         outputs=outputs,
         inverted=_inverted(table, [name for name, _ in (*inputs, *outputs)]),
         unsupervised=table.flag("unsupervised", False),
-        overrides=drive_objects.overrides(table),
+        overrides=drive_profiles.overrides(table),
         digital_in=digital_in,
         digital_out=digital_out,
         held=_held(table, digital_out),

@@ -13,13 +13,13 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from controller.geometry.vectors import ZERO, Vector, X, Y, Z, cross, norm, scale, subtract
 from controller.machine import (
     changer_table,
     compensation,
     deviation_tables,
-    drive_objects,
     drive_profiles,
     equipment,
     offset_table,
@@ -113,10 +113,8 @@ def read_table(top: Table, text: str, folder: Path | None = None) -> Machine:
     offsets = top.table("offsets", "[offsets]", optional=True)
     found = offset_table.offsets(offsets, axes)
     dialect = general.text("dialect", DIALECTS, DIALECTS[0])
-    changes = top.has("changer")
-    of_changer = changer_table.names_of(top.table("changer", "[changer]")) if changes else ((), ())
-    io = equipment.io(top.table("io", "[io]"), buses, axes, folder, of_changer) if top.has("io") else None
     machine = Machine(
+        **_equipment(top, buses, axes, folder),
         name=general.text("name"),
         period_s=general.number("period_s", *PERIODS_S, default=0.002),
         sync=general.text("sync", ("tick", "kernel"), "tick"),
@@ -135,14 +133,9 @@ def read_table(top: Table, text: str, folder: Path | None = None) -> Machine:
         offsets=tuple(one.frame for one in found),
         turned_rad=tuple(one.turned_rad for one in found),
         unset=tuple(name for name in OFFSETS[1:] if not offsets.has(name)),
-        spindle=_spindle(top, buses, folder),
         text=text,
         tip_acceleration_mm_s2=general.positive_or_none("tip_acceleration_mm_s2"),
         axis_speed_rad_s=general.positive_or_none("axis_speed_deg_s", math.radians(1.0)),
-        io=io,
-        probe=equipment.sensor(top.table("probe", "[probe]"), True) if top.has("probe") else None,
-        setter=equipment.sensor(top.table("setter", "[setter]"), False) if top.has("setter") else None,
-        table=equipment.work_table(top.table("table", "[table]")) if top.has("table") else None,
         placement=general.text("placement", PLACEMENTS, "single"),
         max_quick_stop_s=general.number("max_quick_stop_s", 0.01, 60.0, default=MAX_QUICK_STOP_S),
         max_overcut_mm=general.positive_or_none("max_overcut_mm"),
@@ -161,13 +154,29 @@ def read_table(top: Table, text: str, folder: Path | None = None) -> Machine:
         without_point=general.text("without_point", WITHOUT_POINT, ""),
         kinematics=general.text("kinematics", tuple(BUILDS), USUAL_BUILD),
         straightness=deviation_tables.straightness(top.tables("straightness"), axes),
-        changer=changer_table.changer(top.table("changer", "[changer]"), axes, io) if changes else None,
         thermal_shift_mm=deviation_tables.thermal_shift(top),
     )
     for table in (general, tools, top):
         table.finish()
     _audit(machine, top, general)
     return machine
+
+
+def _equipment(
+    top: Table, buses: tuple[Bus, ...], axes: tuple[Axis, ...], folder: Path | None
+) -> dict[str, Any]:
+    """Fields of ``Machine`` for what a machine has besides its axes; None where it has no such thing."""
+    changes = top.has("changer")
+    of_changer = changer_table.names_of(top.table("changer", "[changer]")) if changes else ((), ())
+    io = equipment.io(top.table("io", "[io]"), buses, axes, folder, of_changer) if top.has("io") else None
+    return {
+        "io": io,
+        "spindle": _spindle(top, buses, folder),
+        "probe": equipment.sensor(top.table("probe", "[probe]"), True) if top.has("probe") else None,
+        "setter": equipment.sensor(top.table("setter", "[setter]"), False) if top.has("setter") else None,
+        "table": equipment.work_table(top.table("table", "[table]")) if top.has("table") else None,
+        "changer": changer_table.changer(top.table("changer", "[changer]"), axes, io) if changes else None,
+    }
 
 
 def shipped() -> tuple[str, ...]:
@@ -255,7 +264,7 @@ def _axis(table: Table, buses: tuple[Bus, ...], folder: Path | None) -> Axis:
         clamp=equipment.clamp(table),
         temperature=equipment.temperature(table),
         stopping=equipment.stopping(table, unit, inner),
-        overrides=drive_objects.overrides(table),
+        overrides=drive_profiles.overrides(table),
         reference=_reference(table, f"reference_{unit}", (lower, upper), inner),
         second_reference=_reference(table, f"second_reference_{unit}", (lower, upper), inner),
         pitch=deviation_tables.pitch(table, unit, (lower, upper), inner),

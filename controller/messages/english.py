@@ -471,6 +471,11 @@ REFUSALS = {
     "{parts} parts). Change it and say that it is new, or confirm that it cuts on.",
     "in_thread": "The tool stands in a thread, {depth:.2f} mm deep at a pitch of {pitch:g} mm (line {line}): "
     "withdraw it first, or say that it is out.",
+    "probe_cycle": "cycle {found!r}: there is no such probing cycle; allowed are {allowed}.",
+    "probe_value": "values {name!r}: {cycle} has no such value; allowed are {allowed}.",
+    "probe_choice": "values {name} {found!r}: allowed are {allowed}.",
+    "probe_length": "values {name} {found!r}: must be {lowest:g} to {highest:g} mm and not 0; correct it.",
+    "probe_offset": "offset {found!r}: no offset that a cycle sets; allowed are {allowed}.",
     "no_changer": "This machine has no tool changer: its tools are changed by hand; describe one in "
     "[changer].",
     "changer_unknown": "Where the tools of the changer are has not been confirmed yet: look at the "

@@ -488,6 +488,11 @@ REFUSALS = {
     "weiter schneidet.",
     "in_thread": "Das Werkzeug steht in einem Gewinde, {depth:.2f} mm tief bei {pitch:g} mm Steigung "
     "(Zeile {line}): zuerst herausdrehen, oder melden, dass es draußen ist.",
+    "probe_cycle": "cycle {found!r}: einen solchen Messzyklus gibt es nicht; erlaubt sind {allowed}.",
+    "probe_value": "values {name!r}: {cycle} hat keinen solchen Wert; erlaubt sind {allowed}.",
+    "probe_choice": "values {name} {found!r}: erlaubt sind {allowed}.",
+    "probe_length": "values {name} {found!r}: mm von {lowest:g} bis {highest:g} und nicht 0; ändern.",
+    "probe_offset": "offset {found!r}: kein Nullpunkt, den ein Zyklus setzt; erlaubt sind {allowed}.",
     "no_changer": "Diese Maschine hat keinen Werkzeugwechsler: Ihre Werkzeuge werden von Hand gewechselt; "
     "einen in [changer] beschreiben.",
     "changer_unknown": "Wo die Werkzeuge des Wechslers sind, ist noch nicht bestätigt: Spindel und "

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator
+from functools import cache
 from itertools import islice
 from types import MappingProxyType
 
@@ -61,27 +62,24 @@ _SIEMENS = (
     r"OFFN|CTOL|OTOL)[ \t]*=(?!=|[ \t]*V)",
     r"\$(?:P|A|M[ACN])[A-Z]*_",
 )
-_CONTROLS = tuple(
-    (name, re.compile("|".join(sign.replace("?P<it>", "?:") for sign in signs), re.IGNORECASE))
+_CONTROLS = {
+    name: "|".join(sign.replace("?P<it>", "?:") for sign in signs)
     for name, signs in (
         ("Heidenhain (conversational)", _HEIDENHAIN),
         ("Heidenhain (DIN/ISO)", _HEIDENHAIN_ISO),
         ("Siemens (Sinumerik)", _SIEMENS),
     )
-)
+}
 
 # Okuma's programs of variables have X=XPOS, too, and are read but for their variables.
-_OKUMA = re.compile(
-    _beginning(
-        r"IF[ \t]*\[.*\][ \t]*N[A-Z]", r"GOTO[ \t]*N[A-Z]", r"CALL[ \t]+O", r"VC[0-9]+[ \t]*=", r"MODIN"
-    ),
-    re.IGNORECASE,
+_OKUMA = _beginning(
+    r"IF[ \t]*\[.*\][ \t]*N[A-Z]", r"GOTO[ \t]*N[A-Z]", r"CALL[ \t]+O", r"VC[0-9]+[ \t]*=", r"MODIN"
 )
 
 # Lines of controls whose other lines are read, and what to write instead.
 _STATEMENTS = MappingProxyType(
     {
-        re.compile(_beginning(*forms), re.IGNORECASE): key
+        _beginning(*forms): key
         for forms, key in (
             (
                 (r"(?:IF|WHILE)[ \t]*\[", r"GOTO[ \t]*[N0-9\[#]", r"(?:DO|END)[ \t]*[0-9]"),
@@ -104,6 +102,12 @@ _STATEMENTS = MappingProxyType(
 )
 _TITLE = re.compile(rb"(?:%_N_\w+\s*)?;[ \t]*\$PATH", re.IGNORECASE)
 _COMMENT = re.compile(r"\([^)]*\)?")
+
+
+@cache
+def _pattern(form: str) -> re.Pattern[str]:
+    """Made where something was refused: that takes as long as many a program."""
+    return re.compile(form, re.IGNORECASE)
 
 
 def judged(
@@ -134,7 +138,7 @@ def program(lines: Iterable[str], name: str) -> ProgramError | None:
     for number, raw in enumerate(islice(lines, MAX_LINES), start=1):
         if other is None and (found := _control(raw)) is not None:
             other = _told(name, number, raw, *found)
-        if _OKUMA.search(raw):
+        if _pattern(_OKUMA).search(raw):
             return None
     return other
 
@@ -147,7 +151,7 @@ def _told(name: str, number: int, raw: str, control: str, at: int) -> ProgramErr
 def statement(raw: str, name: str, number: int) -> ProgramError | None:
     """What to tell of a line that a control has whose other lines are read here; else None."""
     for pattern, key in _STATEMENTS.items():
-        if found := pattern.search(raw):
+        if found := _pattern(pattern).search(raw):
             word = found["it"].rstrip(" \t[0123456789#").upper()
             return ProgramError(name, number, found.start("it") + 1, said(key, line=_shown(raw)), word)
     return None
@@ -161,8 +165,8 @@ def _control(raw: str) -> tuple[str, int] | None:
     told = _COMMENT.sub(lambda found: "(".ljust(len(found.group())), raw)  # as arguments they are a sign
     if first != ";":
         told = told.partition(";")[0]
-    for control, signs in _CONTROLS:
-        if found := signs.search(told):
+    for control, signs in _CONTROLS.items():
+        if found := _pattern(signs).search(told):
             return control, len(told) - len(told.lstrip()) if found.start() == 0 else found.start()
     return None
 

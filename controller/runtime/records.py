@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from controller.machine import machine_file
 from controller.machine.model import Kind
 from controller.messages import said, text
-from controller.runtime import events, replay
+from controller.runtime import events
 from controller.state.live_state import FIELDS, Field
 from controller.verify import trace as traces
 
@@ -88,6 +88,8 @@ def read(path: Path) -> Record:
 def _of_folder(folder: Path) -> Record:
     if (folder / TRACE).is_file():
         return read(folder / TRACE)
+    from controller.runtime import replay  # and with it the whole stepped machine
+
     rows = replay.setpoints(folder)
     if rows is None or not (folder / events.MACHINE).is_file():
         raise NoRecord("no_folder", folder=folder, trace=TRACE, run=replay.WHOLE, machine=events.MACHINE)

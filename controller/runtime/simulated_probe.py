@@ -135,7 +135,7 @@ class Touched:
 
     ``look`` takes the joints as the motors have them, mm and rad, and gives the share of the period in which
     the contact closed or opened. Read: ``closed``, and of the last touch ``point`` (of the part, table
-    frame), ``normal`` and ``given_mm`` (how far the stylus gave).
+    frame), ``normal``.
     """
 
     def __init__(self, bench: Bench) -> None:
@@ -151,7 +151,6 @@ class Touched:
         self.closed = False
         self.point: Vector = (0.0, 0.0, 0.0)
         self.normal: Vector = Z
-        self.given_mm = 0.0
 
     def look(self, motors: Joints) -> float | None:
         """The share of the period, 0 to 1, at which the contact changed; None where it did not."""
@@ -218,7 +217,7 @@ class Touched:
         here = [a + share * (b - a) for a, b in zip(before, now, strict=True)]
         if self.closed:
             centre = self.centre(here)
-            self.normal, self.given_mm = self._part.normal(centre), given
+            self.normal = self._part.normal(centre)
             self.point = subtract(centre, scale(self.normal, self._part.distance(centre)))
         else:
             self._scatter = self._random.gauss(0.0, self._probe.scatter_mm)

@@ -11,7 +11,7 @@ import itertools
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -42,7 +42,6 @@ from controller.runtime import cyclic
 from controller.runtime.events import Event
 from controller.runtime.observer import Observer
 from controller.runtime.recording import Keeper
-from controller.runtime.simulated_probe import Bench, Wired
 from controller.runtime.simulation import surround
 from controller.runtime.startup import Came, SessionError, StartUp, arrangement, came_to, no_start
 from controller.state import stop_times
@@ -53,8 +52,11 @@ from drives import commission, pdo
 from drives.arranged import Arranged
 from drives.log.frame_log import FrameLog
 from drives.simulated.parameters import LostSync
-from drives.simulated.rig import rig
+from drives.simulated.rig import Rig, rig
 from drives.simulated.spindle_motor import MotorParameters
+
+if TYPE_CHECKING:
+    from controller.runtime.simulated_probe import Bench, Wired
 
 PLAN_EVERY_S = 0.008  # between two turns of the planner, in whole ticks: an override shows soon
 KEEPALIVE_EVERY = 16  # turns of it
@@ -101,6 +103,27 @@ class Way:
     items: Sequence[Chain | Pause]
 
 
+def _rig(
+    machine: Machine,
+    stiffness: Mapping[str, float] | None,
+    lost_sync: LostSync,
+    motor: MotorParameters | None,
+) -> Rig:
+    """Buses with simulated devices, and what stands around them."""
+    made = rig(
+        machine_file.node_settings(machine),
+        machine_file.bus_settings(machine),
+        spindle=machine_file.spindle_settings(machine),
+        io=machine_file.io_settings(machine),
+        stiffness=stiffness,
+        lost_sync=lost_sync,
+        motor=motor,
+    )
+    for node in made.io.values():
+        surround(node, machine)
+    return made
+
+
 class SteppedMachine:
     """Powers up, commissions, homes and runs programs."""
 
@@ -123,23 +146,12 @@ class SteppedMachine:
         """
         self.machine = machine
         self.kinematics = kinematics_of(machine)
-        nodes = machine_file.node_settings(machine)
-        buses = machine_file.bus_settings(machine)
-        spindle, io = machine_file.spindle_settings(machine), machine_file.io_settings(machine)
-        self.rig = rig(
-            nodes, buses, spindle=spindle, io=io, stiffness=stiffness, lost_sync=lost_sync, motor=motor
-        )
-        for node in self.rig.io.values():
-            surround(node, machine)
-        self.touch: Wired | None = None
-        if bench is not None:
-            drives = [self.rig.drives[node.name] for node in nodes]
-            self.touch = Wired(bench, machine, drives, next(iter(self.rig.io.values()), None))
-            self.rig.watchers.append(self.touch.watch)
+        self.rig = _rig(machine, stiffness, lost_sync, motor)
+        self.touch = None if bench is None else self._probed(bench)
         self._ticks_in_sdo = False
         networks = {
             bus.name: commission.Network(self.rig.port(pdo.SERVICE_FILTERS, bus.name), self._pass_time())
-            for bus in buses
+            for bus in machine.buses
         }
         self._operator, request_end = request_pair()
         self._numbers = itertools.count(1)
@@ -148,7 +160,7 @@ class SteppedMachine:
             machine, networks, self._ask, lambda: self.cycle.modes.homed, self._take_arranged
         )
         self._start_up.commission()
-        ports = {bus.name: self.rig.port(pdo.TICK_FILTERS, bus.name) for bus in buses}
+        ports = {bus.name: self.rig.port(pdo.TICK_FILTERS, bus.name) for bus in machine.buses}
         self._group = cyclic.group(machine, ports)
         self._plan_end, tick_end = piece_pair()
         self.board, self.recorder = SnapshotBoard(axes=len(machine.axes)), Recorder()
@@ -173,6 +185,15 @@ class SteppedMachine:
         self._turns = 0  # of the planner
         self._idle = 0  # ticks in which nothing moved, and nothing was there that would
         self._skips_before = 0  # while coming up
+
+    def _probed(self, bench: Bench) -> Wired:
+        """A probe that touches what is on the bench."""
+        from controller.runtime.simulated_probe import Wired
+
+        drives = [self.rig.drives[axis.name] for axis in self.machine.axes]
+        touch = Wired(bench, self.machine, drives, next(iter(self.rig.io.values()), None))
+        self.rig.watchers.append(touch.watch)
+        return touch
 
     def _take_arranged(self, found: tuple[Arranged, ...]) -> None:
         self.times = stop_times.of(self.machine, found)

@@ -77,6 +77,7 @@ class Desk:
             "home": self._home,
             "reset": self._reset,
             "mdi": self._mdi,
+            "probe": self._probe,
             "retract": self._retract,
             "withdraw": self._withdraw,
             "return": lambda _: self._aside("return"),
@@ -348,6 +349,11 @@ class Desk:
             raise refused("no_text", code="bad", most=MAX_MDI)
         preconditions.not_in_thread(self._service, "MDI")
         return self._begin("mdi", jobs.mdi(text, self._service.machine))
+
+    def _probe(self, args: Values) -> Answer:
+        """A probing cycle, from where the probe stands."""
+        preconditions.not_in_thread(self._service, "PROBE")
+        return self._begin("probe", jobs.probing(args, self._service.machine))
 
     def _retract(self, args: Values) -> Answer:
         """Off along the tool axis: out of a held program, or from READY, as after a fault."""

@@ -10,12 +10,13 @@ from pathlib import Path
 from typing import Any
 
 from controller import messages as catalogue
+from controller.ipc.control_socket import CommandRefused
 from controller.ipc.handoff import Snapshot
 from controller.machine.changes import Change
 from controller.machine.model import Joints, Machine, Tool
 from controller.plan.report.passing import Mark, Passed, passed_s
 from controller.plan.restart.program_position import ENTRY_ID, Spot
-from controller.program import linked
+from controller.program import linked, probing_cycles
 from controller.runtime.starts import Start
 from controller.service import journal
 from controller.service.planner_client import News, Program, Said, Way
@@ -242,7 +243,9 @@ class Job:
 
     def _typed(self) -> str | None:
         """A line typed by hand is in no store, and told here."""
-        return self.program.text[:MAX_TYPED].decode(errors="replace") if self.is_mdi else None
+        if not self.is_mdi:
+            return None
+        return bytes(linked.parts(self.program.text)[0][:MAX_TYPED]).decode(errors="replace")
 
     def _left_s(self, now: Snapshot) -> float | None:
         """Exact once all has been planned; before it by the check, which planned all of it at 100 %.
@@ -314,6 +317,17 @@ def homed_position(machine: Machine) -> Joints:
 def mdi(text: str, machine: Machine) -> Job:
     """A line of program typed by hand."""
     data = text.encode()
+    return Job(Program(data, MDI, machine, typed=True), hashlib.sha256(data).hexdigest())
+
+
+def probing(args: dict[str, Any], machine: Machine) -> Job:
+    """A probing cycle as a line typed by hand. Raises CommandRefused."""
+    values = args.get("values") or {}
+    named = values if isinstance(values, dict) else {str(values): None}
+    try:
+        data = probing_cycles.program(args.get("cycle"), named, args.get("offset"))
+    except probing_cycles.CycleRefused as error:
+        raise CommandRefused("bad", error.said) from error
     return Job(Program(data, MDI, machine, typed=True), hashlib.sha256(data).hexdigest())
 
 

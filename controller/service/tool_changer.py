@@ -58,7 +58,7 @@ class ToolChanger:
         self._now: Changing | None = None  # the stop passed last, while a change is under way
         self._keeps = False  # an operator has held: no step begins
         self._told = False  # that the step does not come to its end
-        self._began_tick = self._seen_tick = 0
+        self._seen_tick = 0
         self._ran = 0  # ticks that the step has run
 
     # -- of a run
@@ -170,7 +170,7 @@ class ToolChanger:
     # -- the time of a step
 
     def _began(self, now: Snapshot) -> None:
-        self._began_tick = self._seen_tick = now.tick
+        self._seen_tick = now.tick
         self._ran, self._told = 0, False
 
     def _watch(self, now: Snapshot) -> None:

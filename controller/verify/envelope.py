@@ -17,6 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from controller.geometry.arrays import distinct
 from controller.verify.bodies import Body
 from controller.verify.sweep import Around, Sweep
 
@@ -58,7 +59,7 @@ def _best_sample(points: Array, sweep: Sweep, body: Body) -> tuple[Array, Index]
     runs = sweep.runs
     off = runs.distance(points) - body.widest_mm  # of the middle pose, from below
     middle = (runs.start + runs.stop - 1) // 2
-    likely = np.unique(np.argmin(off, axis=1))
+    likely = distinct(np.argmin(off, axis=1))
     # At least F at every point. The run that has F has a bound no greater than that, so it is found
     # but for the rounding of squares, which is worst close to an axis.
     least = _distances(points, sweep, middle[likely], body).min(axis=1) + ROUNDING_MM

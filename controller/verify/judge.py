@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.geometry.arrays import columns
+from controller.geometry.arrays import columns, distinct
 from controller.geometry.vectors import Vector
 from controller.machine.model import Tool
 from controller.verify.bodies import cutter
@@ -246,7 +246,7 @@ class Field:
             if settled < SETTLED_MM:
                 break
             along, across = 2 * along - 1, 2 * across - 1
-        return self._told(t, worst, settled), self._map(t, (u, v), len(np.unique(v)))
+        return self._told(t, worst, settled), self._map(t, (u, v), len(distinct(v)))
 
     def _worst(
         self,

@@ -23,6 +23,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from controller.geometry.arrays import distinct
 from controller.geometry.curves import ArcLength
 from controller.machine.model import Tool
 from controller.verify.bodies import Body, cutter, holder
@@ -107,7 +108,7 @@ class Look:
         widest = max(body.widest_mm for body in (cutter(tool, self._least_mm), *holder(tool)))
         runs = sweep.runs
         off = runs.distance(np.vstack([centre, centre]))[0] - runs.slack
-        near = np.unique(sweep.owner[runs.start[off <= radius + widest + MIN_MM]])
+        near = distinct(sweep.owner[runs.start[off <= radius + widest + MIN_MM]])
         return sweep.only(near.tolist())
 
     # ---- its own cut -------------------------------------------------------------
@@ -145,7 +146,7 @@ class Look:
         """Depth (N,) of points under the part of their own cut that is near their own u; 0 elsewhere."""
         depth = np.zeros(len(far))
         whole = next(one for one in sweep.passes if one.motion == self.nominal.motion)
-        for u in np.unique(self.u[far]):
+        for u in distinct(self.u[far]):
             row = far & (self.u == u)
             middle = np.full(len(whole.s), 0.5)
             near = np.flatnonzero(~self._is_far(np.full(len(whole.s), u), whole.s, middle))

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.geometry.arrays import columns
+from controller.geometry.arrays import columns, distinct
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Machine, Tool
 from controller.motion.motions import SurfaceCut
@@ -243,7 +243,7 @@ def _thinned(tips: Array, tops: Array, step_mm: float) -> NDArray[np.int64]:
     kept = np.concatenate([[True], np.diff(way) > 0.0])
     kept[-1] = True
     if kept.sum() < FEWEST_ROWS:
-        return np.unique(np.linspace(0, len(tips) - 1, FEWEST_ROWS).astype(np.int64))
+        return distinct(np.linspace(0, len(tips) - 1, FEWEST_ROWS).astype(np.int64))
     return np.flatnonzero(kept)
 
 

@@ -14,6 +14,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from controller.geometry.arrays import distinct
+
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 Poses = Callable[[Array], tuple[Array, Array]]  # places s (N,) -> tips (N, 3), unit axes (N, 3)
@@ -194,4 +196,4 @@ class Runs:
 
 def _firsts(sweep: Sweep) -> Index:
     """The first sample of every pass."""
-    return np.unique(sweep.first)
+    return distinct(sweep.first)

@@ -22,7 +22,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.geometry.arrays import columns
+from controller.geometry.arrays import columns, distinct
 from controller.geometry.placement import Placed
 from controller.geometry.vectors import Frame, Pose, Vector, angle_between, scale, subtract
 from controller.ipc.handoff import COLUMN, of_axes, rows_of
@@ -199,7 +199,7 @@ def _setup_rows(
     first_tool = machine.tool(1)
     default = Setup(machine.offsets[0], first_tool.length_mm if first_tool else 0.0)
     owners = _owners(ids, known)
-    return [(known.get(int(owner), default), np.flatnonzero(owners == owner)) for owner in np.unique(owners)]
+    return [(known.get(int(owner), default), np.flatnonzero(owners == owner)) for owner in distinct(owners)]
 
 
 def _owners(ids: NDArray[np.int64], known: Mapping[int, Setup]) -> NDArray[np.int64]:

@@ -10,7 +10,7 @@ INVALID = 0x8000_0000  # bit 31: the object does not exist
 BIT_30 = 0x4000_0000  # SYNC: the device produces it; TPDO: no remote request
 EXTENDED = 0x2000_0000  # bit 29: 29-bit identifier, which this drive does not use
 IDENTIFIER = 0x7FF
-SYNC_AT, EMCY_AT, GUARD_TIME_AT = key(0x1005), key(0x1014), key(0x100C)
+SYNC_AT, EMCY_AT = key(0x1005), key(0x1014)
 
 # Identifiers that no configurable object may use (CiA 301, table "restricted CAN-IDs").
 RESTRICTED = (

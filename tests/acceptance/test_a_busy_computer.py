@@ -22,7 +22,7 @@ from controller.machine import machine_file
 
 SPIN = "while True: pass"
 PERIOD_S = 0.005
-TIMES = 20  # of each, by hand; one of each is part of .ci/run
+TIMES = 20  # of each, by hand; one part of each test is drawn by .ci/run
 EXAMPLES = {"example1_ready.ngc": 0, "example2_ready.ngc": 4}  # and the tool to put in first, 0: it is there
 ENDED = ("completed", "stopped", "fault", "refused")
 ON_THE_WAY = (0.1, 0.6)  # shares of a cut at which somebody holds
@@ -70,20 +70,22 @@ def in_cut(share: float, now: Values) -> bool:
     return bool(under_way and under_way["what"] == "cut" and under_way["fraction"] >= share)
 
 
+@pytest.mark.parametrize("name", EXAMPLES)
 @pytest.mark.parametrize(
     ("commands", "seed"),
     [pytest.param(("demo",), k, marks=pytest.mark.soak if k else pytest.mark.slow) for k in range(TIMES)]
     + [pytest.param(("serve", "panel"), k, marks=pytest.mark.soak) for k in range(TIMES)],
 )
-def test_a_served_machine_finishes_both_parts(commands: tuple[str, ...], seed: int, tmp_path: Path) -> None:
+def test_a_served_machine_finishes_a_part(
+    commands: tuple[str, ...], seed: int, name: str, tmp_path: Path
+) -> None:
     """``demo --panel`` is the two others by one command: in .ci/run it stands for them."""
     with busy(), opened(tmp_path, PERIOD_S, commands) as shop:
         shop.ready()
-        for name, tool in EXAMPLES.items():
-            if tool:
-                shop.put_in(tool)
-            shop.upload(name, machine_file.shipped_program(name).read_bytes())
-            looked_at(shop, name)
+        if EXAMPLES[name]:
+            shop.put_in(EXAMPLES[name])
+        shop.upload(name, machine_file.shipped_program(name).read_bytes())
+        looked_at(shop, name)
 
 
 @pytest.mark.parametrize("seed", ONCE_AND_MORE)

@@ -83,6 +83,7 @@ def test_a_run_that_was_stopped_is_offered_and_gone_on_with_and_the_panels_death
         assert offer["line"] in (3, 4)
         again = shop.do("POST", "/job", json={"program": "part.ngc", "restart": True})["result"]
         assert f"Line {offer['line']}," in again["restart"][0]["sentence"], "the state at the place is shown"
+        shop.do("PUT", "/overrides/feed", json={"share": 2.0})
         shop.do("POST", "/cycle/start")
         shop.until(lambda now: now["mode"] == "RUNNING", "the rest")
         last = shop.until(lambda now: now["mode"] not in ACTIVE, "the end")

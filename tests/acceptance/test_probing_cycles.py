@@ -7,7 +7,7 @@ import random
 
 import pytest
 
-from controller.program import linked
+from controller.program import linked, probing_cycles
 from tests.acceptance.test_probing import told
 from tests.support.machines import probing_machine
 from tests.support.suite.seed import SEED
@@ -101,3 +101,34 @@ def test_an_angle_turns_the_offset(face: str, some: random.Random) -> None:
     done = cycle(f"{start}\nG0 Z-10\no<probe_angle> call {call}\n(DEBUG, #5250)", part)
     assert told(done)[-2][0] == pytest.approx(turned, abs=0.005)
     assert told(done)[-1][0] == pytest.approx(turned, abs=0.005)
+
+
+def by_name(name: str, values: dict[str, object], start: str, part: str, show: str) -> list[list[float]]:
+    """A cycle as page, REST and command line run it; what it says, and at the end ``show``."""
+    lines, _ = linked.parts(probing_cycles.program(name, values, "G55"))
+    whole = f"{HEAD}{start}{bytes(lines).decode()}(DEBUG, {show})".encode()
+    return told(cycle_of(linked.linked(whole + b"\nG0 Z60\nM30\n", lambda _: None), part))
+
+
+def cycle_of(whole: bytes, part: str) -> probing_machine.Probed:
+    done = probing_machine.run(whole.decode(), probing_machine.up(part))
+    assert done.error == "" and done.run.result == "completed", (done.error, done.run.fault_text)
+    return done
+
+
+def test_an_edge_by_name_sets_the_offset_that_is_named(some: random.Random) -> None:
+    half = some.uniform(10.0, 20.0)
+    part = block((-half, -half, -20.0), (half, half, 0.0))
+    start = "G10 L2 P2 X8 Y96 Z120\nG0 Z20\nG0 X-30 Y0\nG0 Z-10\n"
+    found = by_name("edge", {"towards": "X+", "most": 30}, start, part, "#5241 #5242")
+    assert found[0][0] == pytest.approx(-half, abs=0.001)
+    assert found[1] == pytest.approx([8.0 - half, 96.0], abs=0.001)
+
+
+def test_the_height_of_a_face_by_name(some: random.Random) -> None:
+    height = some.uniform(-5.0, 5.0)
+    part = block((-20.0, -20.0, -20.0), (20.0, 20.0, height))
+    start = "G10 L2 P2 X8 Y96 Z120\nG0 Z20\nG0 X0 Y0\n"
+    found = by_name("top", {"most": 30}, start, part, "#5243")
+    assert found[0][0] == pytest.approx(height, abs=0.001)
+    assert found[1][0] == pytest.approx(120.0 + height, abs=0.001)

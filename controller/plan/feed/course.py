@@ -16,6 +16,7 @@ from functools import cached_property, lru_cache
 import numpy as np
 import numpy.typing as npt
 
+from controller.geometry.arrays import distinct
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Machine
 from controller.motion.motions import ThreadMove, ToolSpline
@@ -102,7 +103,7 @@ class Course:
     def _alike(self, index: Index) -> list[list[int]]:
         """The stretches that are asked for, those together whose derivatives can be taken together."""
         groups: dict[object, list[int]] = {}
-        for k in np.unique(index).tolist():
+        for k in distinct(index).tolist():
             what = kind(self.stretches[k], self.kinematics)
             groups.setdefault(k if what is None else (what,), []).append(k)
         return list(groups.values())
@@ -111,7 +112,7 @@ class Course:
         """Programmed feed times override at each place (N,), in the unit of s per second; inf on rapids."""
         index = self.index(s) if index is None else index
         found = np.empty(len(s))
-        for k in np.unique(index):
+        for k in distinct(index):
             here, stretch = index == k, self.stretches[k]
             local = np.clip(s[here] - self.starts[k], 0.0, stretch.motion.end)
             found[here] = stretch.feed_at(local) * stretch.scale(self.override, self.rapid_override)
@@ -130,7 +131,7 @@ class Course:
             found.append(start + np.array([at for (_, before), (at, after) in steps if before != after]))
             if isinstance(stretch.motion, ToolSpline):
                 found.append(start + np.frombuffer(stretch.motion.knots)[1:-1])
-        marks = np.unique(np.concatenate(found))
+        marks = distinct(np.concatenate(found))
         apart = np.minimum(np.diff(marks, prepend=-1.0), np.diff(marks, append=np.inf)) > APART
         return np.asarray(marks[apart | np.isin(marks, self.starts)])
 

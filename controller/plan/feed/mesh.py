@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from controller.geometry.arrays import distinct
 from controller.geometry.curves import Arc, Even
 from controller.motion.motions import JointMove, SurfaceCut
 from controller.plan.feed import tool_limits
@@ -111,7 +112,7 @@ def _even(stretch: Stretch, start: float, low: float, high: float) -> Array:
     if not isinstance(motion, SurfaceCut) or not motion.beside_pole:
         return even
     near = start + motion.arc.s_at(beside_pole(motion))
-    return np.unique(np.concatenate((even, near[(near > low) & (near < high)])))
+    return distinct(np.concatenate((even, near[(near > low) & (near < high)])))
 
 
 def _sampled(parts: Parts, s: Array, part: Index) -> Samples:

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from controller.geometry.arrays import distinct
 from controller.plan.feed import barrier, mesh
 from controller.plan.feed.bounds import INNER, Bounds, Grid, Shares
 from controller.plan.feed.course import MARGIN, Course
@@ -103,7 +104,7 @@ class Search:
         """The closed form for the worst place of all: each part of a limit's sum may use a share of it."""
         d = self.parts.derivatives(self.samples.s, self.samples.part)
         m1, m2, m3 = (np.abs(q).max(axis=0) + 1e-30 for q in (d.first, d.second, d.third))
-        some = [self.course.limits[k] for k in np.unique(self.parts.index)]
+        some = [self.course.limits[k] for k in distinct(self.parts.index)]
         velocity, most_a, most_j = (
             np.min([getattr(limit, which) for limit in some], axis=0)
             for which in ("velocity", "acceleration", "jerk")

@@ -19,6 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from controller.geometry import series as jets
+from controller.geometry.arrays import distinct
 from controller.plan.feed.course import Course, Index
 from controller.plan.rotaries.branch import joints_along
 from controller.plan.surfaces.rates import Derivatives, derivatives
@@ -51,7 +52,7 @@ def rates(course: Course, s: Array, index: Index) -> ToolRates:
     """What the tool does at the places ``s`` (N,) of the stretches ``index``; nothing on rapids."""
     found = ToolRates(*(np.zeros(len(s)) for _ in range(4)))
     length = max((getattr(x.motion, "length_mm", 0.0) for x in course.stretches), default=0.0)
-    for k in np.unique(index):
+    for k in distinct(index):
         stretch, here = course.stretches[k], index == k
         if stretch.feed_mm_s is None:
             continue

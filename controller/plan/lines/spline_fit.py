@@ -23,6 +23,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from controller.geometry.arrays import distinct
 from controller.plan import banded
 
 Array = npt.NDArray[np.float64]
@@ -285,7 +286,7 @@ class _Fit:
         """Bound of the deviation on each span, in tolerances (n,)."""
         x, line, allowed = self.x, self._line, self._tolerance
         inside = (line.s > x[0]) & (line.s < x[-1])
-        place = np.unique(np.concatenate((x, line.s[inside])))
+        place = distinct(np.concatenate((x, line.s[inside])))
         span = np.clip(np.searchsorted(x, place, side="right") - 1, 0, len(x) - 2)
         h, c = (place - x[span])[:, None], self.spans()[span]
         f = _along(line, place)

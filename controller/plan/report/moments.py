@@ -19,6 +19,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from controller.geometry.arrays import distinct
 from controller.geometry.curves import Arc, Even, Line
 from controller.motion.motions import JointMove
 from controller.plan.feed import binding, mesh
@@ -128,7 +129,7 @@ def _even(course: Course, look: Look, limits: Array) -> Iterator[Look]:
     feed = course.feed(motion.s).reshape(n, PER_WINDOW)
     rough = (change > CHANGE) | (feed != feed[:, :1]).any(axis=1)
     ends = np.linspace(span.from_s, span.to_s, n + 1)
-    cuts = np.unique(np.concatenate([[0, n], np.flatnonzero(np.diff(rough)) + 1]))
+    cuts = distinct(np.concatenate([[0, n], np.flatnonzero(np.diff(rough)) + 1]))
     for first, last in zip(cuts[:-1].tolist(), cuts[1:].tolist(), strict=True):
         part = _part(span, ends[first], ends[last])
         closer = Look(part, min(CLOSER * (last - first), binding.windows(part)))

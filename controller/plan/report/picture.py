@@ -21,6 +21,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from controller.geometry.arrays import distinct
 from controller.geometry.curves import Even, Line
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Machine
@@ -219,7 +220,7 @@ def _places(stretch: Stretch) -> int:
 
 def _spread(n: int, most: int) -> Whole:
     """Indices of at most ``most`` out of ``n``, first and last among them."""
-    return np.unique(np.linspace(0, n - 1, min(n, most)).round().astype(np.int64))
+    return distinct(np.linspace(0, n - 1, min(n, most)).round().astype(np.int64))
 
 
 # A long row of points made short, with a bound on what is lost.

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from controller.geometry.arrays import columns
+from controller.geometry.arrays import columns, distinct
 from controller.geometry.placement import Placed
 from controller.geometry.surfaces import Cone
 from controller.geometry.vectors import Vector, scale
@@ -106,7 +106,7 @@ def _grid(cut: SurfaceCut) -> Array:
     base = surface.base if isinstance(surface, Placed) else surface
     turns = abs(base.sweep_rad) / TURN if isinstance(base, Cone) else 0.0
     even = np.linspace(0.0, 1.0, 129 + 2 * math.ceil(32 * turns))
-    return np.unique(np.concatenate((even, beside_pole(cut)))) if cut.beside_pole else even
+    return distinct(np.concatenate((even, beside_pole(cut)))) if cut.beside_pole else even
 
 
 def beside_pole(cut: SurfaceCut) -> Array:
@@ -119,7 +119,7 @@ def field(cut: SurfaceCut, kinematics: Kinematics, extra: Array | None = None) -
     """Both branches of ``cut`` over its whole length (with samples at ``extra``); raises BranchLost."""
     u = _grid(cut)
     if extra is not None:
-        u = np.unique(np.concatenate((u, extra)))
+        u = distinct(np.concatenate((u, extra)))
     found = _solve(cut, kinematics, u)
     if (limit := at_limit(cut, u, kinematics)) is not None:
         raise BranchLost(limit, "reach.limit")

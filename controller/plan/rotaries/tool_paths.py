@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from controller.geometry import series as jets
-from controller.geometry.arrays import columns
+from controller.geometry.arrays import columns, distinct
 from controller.geometry.vectors import Number
 from controller.machine.kinematics import Kinematics
 from controller.motion.motions import ROW, ToolLine, ToolSpline
@@ -37,7 +37,7 @@ def _rotaries(line: ToolLine, share: Array, kinematics: Kinematics) -> Array:
     if line.even:
         start, end = np.array(line.start_rotaries), np.array(line.end_rotaries)
         return np.asarray(start + (end - start) * share[:, None])
-    inner = np.unique(share[(share > 0.0) & (share < 1.0)])
+    inner = distinct(share[(share > 0.0) & (share < 1.0)])
     found = follow(
         _circle(line), line.start_rotaries, kinematics, extra=(np.zeros(len(inner), dtype=np.intp), inner)
     )

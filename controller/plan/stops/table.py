@@ -19,6 +19,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
+from controller.geometry.arrays import distinct
 from controller.ipc.handoff import StopTable
 from controller.plan.feed.course import Course
 from controller.plan.feed.profile import Profile
@@ -85,7 +86,7 @@ def _jerk_step(course: Course, start: Motion) -> float:
     """One period, or more where stops are so long that one would make too many steps."""
     limits, period = course.stop_limits, course.machine.period_s
     s, v, _ = start
-    some = np.unique(np.linspace(0, len(s) - 1, 20).astype(int))
+    some = distinct(np.linspace(0, len(s) - 1, 20).astype(int))
     rate = course.derivatives(s[some]).first * v[some, None]
     longest = float(limits.braking_s(rate).max(initial=0.0))
     return period * max(1, int(longest / (LONG_STEPS * period)))

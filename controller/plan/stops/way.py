@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from controller.geometry.arrays import distinct
 from controller.plan.feed.course import Course
 from controller.plan.feed.limits import JUMP_SHARE
 from controller.plan.feed.profile import Profile
@@ -43,7 +44,7 @@ class Way:
         marks = course.marks[(course.marks > s[0]) & (course.marks < s[-1])]
         # A sum of lengths may fall short of a joint of a spline: a little behind it as well.
         sides = np.array([-MIN_STEP, 0.0, 0.5 * MIN_STEP])
-        places = np.unique(np.concatenate([s, (marks[:, None] + sides).ravel()]))
+        places = distinct(np.concatenate([s, (marks[:, None] + sides).ravel()]))
         places, derived = self._refined(course, places, s, v)
         self._fill(places, derived)
         rooms, before, ahead = _rooms(course, places, s, v)
@@ -95,7 +96,7 @@ class Way:
             speed = np.interp(places[1:-1], s, v)
             wrong = self._error(places, derived, speed) > SPLIT_ERROR
             bad = np.flatnonzero(wrong)
-            cells = np.unique(np.concatenate([bad, bad + 1]))
+            cells = distinct(np.concatenate([bad, bad + 1]))
             cells = cells[np.diff(places)[cells] > 4.0 * MIN_STEP]
             if not len(cells):
                 break

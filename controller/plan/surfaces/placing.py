@@ -32,6 +32,7 @@ from functools import lru_cache
 import numpy as np
 import numpy.typing as npt
 
+from controller.geometry.arrays import distinct
 from controller.geometry.placement import ENDS, Placed, Strategy
 from controller.geometry.splines import BSpline
 from controller.geometry.surfaces import Surface, turned
@@ -255,7 +256,7 @@ class _Basis:
     @staticmethod
     def over(surface: Surface) -> _Basis:
         curves = (surface.lower, surface.upper)
-        breaks = np.unique(np.concatenate([getattr(curve, "breaks", ENDS) for curve in curves]))
+        breaks = distinct(np.concatenate([getattr(curve, "breaks", ENDS) for curve in curves]))
         inner = _merged(_cosine(SPANS + 1), breaks)
         return _Basis(np.concatenate(([0.0] * (ORDER - 1), inner, [1.0] * (ORDER - 1))))
 
@@ -301,7 +302,7 @@ class _Basis:
 def _merged(knots: Array, breaks: Array) -> Array:
     """Both, without knots that all but fall on a break."""
     gap = np.abs(knots[:, None] - breaks).min(axis=1)
-    return np.unique(np.concatenate((knots[gap > 0.01], breaks)))
+    return distinct(np.concatenate((knots[gap > 0.01], breaks)))
 
 
 def _optimal(start: Placed, judge: _Judge, free: bool) -> Placed:

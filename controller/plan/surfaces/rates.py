@@ -20,6 +20,7 @@ import numpy as np
 import numpy.typing as npt
 
 from controller.geometry import series as jets
+from controller.geometry.arrays import distinct
 from controller.geometry.curves import Bezier, Curve
 from controller.geometry.placement import Blend, Blended, Placed
 from controller.geometry.surfaces import RuledSurface, Surface
@@ -239,7 +240,7 @@ def together(stretches: Sequence[Stretch], s: Array, of: Index, kinematics: Kine
     cuts = [one.motion for one in stretches if isinstance(one.motion, SurfaceCut)]
     spans = np.array([_inside(cut, kinematics) for cut in cuts])[of]
     inside, u = np.clip(s, spans[:, 0], spans[:, 1]), np.empty(len(s))
-    for k in np.unique(of):
+    for k in distinct(of):
         here = of == k
         u[here] = cuts[k].arc.u_along(inside[here])
     branch = one_branch(stretches[0], cuts[0], kinematics) or 0

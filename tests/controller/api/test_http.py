@@ -12,6 +12,7 @@ import pytest
 from support.fakes.fake_socket import FakeDoor
 from support.fakes.panels import Scene, sentence, take_control
 
+from controller import messages
 from controller.api import http
 from controller.api.service_client import FRESH_S, SocketServiceClient
 from controller.service.jogging import Presses
@@ -72,6 +73,39 @@ def test_where_a_changers_tools_are_is_confirmed_by_a_request(tmp_path: Path) ->
         ("changer_confirm", {"spindle": 0, "away": [], "clear": True}),
         ("changer_pocket", {"pocket": 2, "tool": 7}),
     ]
+
+
+def test_a_probing_cycle_is_listed_drawn_and_run_by_requests(tmp_path: Path) -> None:
+    async def story() -> list[tuple[str, dict[str, Any]]]:
+        scene = Scene(tmp_path)
+        async with scene.client() as client:
+            told = (await client.get("/api/v1/probing")).json()
+            assert told["offsets"][:2] == ["none", "G54"]
+            for cycle in told["cycles"]:
+                drawn = await client.get(f"/api/v1/probing/{cycle['name']}.svg")
+                assert drawn.status_code == 200 and drawn.headers["content-type"] == "image/svg+xml"
+                assert letters_of(cycle) == set(re.findall(r">([a-z])</text>", drawn.text))
+            assert (await client.get("/api/v1/probing/touch.svg")).status_code == 404
+            await take_control(client)
+            scene.door.mode = "READY"
+            body = {"cycle": "web", "values": {"axis": "Y", "half": 12.5}, "offset": "G55"}
+            answer = await client.post("/api/v1/probing", json=body)
+            assert answer.status_code == 200, answer.text
+            for wrong in ({"cycle": 3}, {"cycle": "web", "values": {"half": None}}, {"values": {}}):
+                assert (await client.post("/api/v1/probing", json=wrong)).status_code == 422
+            return scene.door.asked
+
+    values = {"axis": "Y", "half": 12.5}
+    assert asyncio.run(story()) == [("probe", {"cycle": "web", "values": values, "offset": "G55"})]
+
+
+def letters_of(cycle: dict[str, Any]) -> set[str]:
+    """The letters that the texts of its values have, as "Down (d)"; the same in every language."""
+    pages = [messages.of(language).page for language in messages.LANGUAGES]
+    keys = [f"probing.value.{value['name']}" for value in cycle["values"]]
+    found = [{letter for key in keys for letter in re.findall(r"\((.)\)", page[key])} for page in pages]
+    assert all(one == found[0] for one in found)
+    return found[0]
 
 
 def test_a_refusal_of_the_machine_names_mode_request_and_reason(tmp_path: Path) -> None:

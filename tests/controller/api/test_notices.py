@@ -24,8 +24,8 @@ from support.fakes.panels import Scene, sentence
 from support.live.browser import free_port
 
 from controller import messages
-from controller.api import backup, notice_ways, notices
-from controller.api.notice_ways import Notice
+from controller.api import backup, notices
+from controller.api.notices import Notice
 from controller.faults import Fault
 from controller.machine import machine_file
 from controller.messages import said
@@ -160,7 +160,7 @@ def test_a_server_that_hangs_holds_nothing_up(tmp_path: Path, monkeypatch: pytes
         began.set()
         hangs.wait(TIMEOUT_S)
 
-    monkeypatch.setitem(notice_ways.SENDERS, "webhook", hang)
+    monkeypatch.setitem(notices.SENDERS, "webhook", hang)
     settle(scene, webhook="http://127.0.0.1:9/")
     for _ in range(notices.MAX_WAITING + 5):
         scene.panel.notices.send(TEST)
@@ -252,7 +252,7 @@ def test_a_password_is_not_sent_where_the_server_has_no_encryption(tmp_path: Pat
 @pytest.mark.parametrize("way", ["webhook", "mail"])
 def test_a_server_that_drips_is_cut_off(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, way: str) -> None:
     """Each byte comes well within the time-out of a read; all of them would never have come."""
-    monkeypatch.setattr(notice_ways, "WHOLE_S", 0.3)
+    monkeypatch.setattr(notices, "WHOLE_S", 0.3)
     scene, cut = Scene(tmp_path), threading.Event()
     drips = {"webhook": b"HTTP/1.1 ", "mail": b"220-"}[way]
 
@@ -278,7 +278,7 @@ def test_a_server_that_drips_is_cut_off(tmp_path: Path, monkeypatch: pytest.Monk
 
 def test_a_way_that_hangs_does_not_hold_up_the_other(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     scene, got, hangs = Scene(tmp_path), Letters(), threading.Event()
-    monkeypatch.setitem(notice_ways.SENDERS, "webhook", lambda *_: hangs.wait(TIMEOUT_S))
+    monkeypatch.setitem(notices.SENDERS, "webhook", lambda *_: hangs.wait(TIMEOUT_S))
     with mail_server(got) as where:
         settle(scene, **where, security="none", webhook="http://127.0.0.1:9/")
         scene.panel.notices.send(TEST)

@@ -57,14 +57,12 @@ def test_a_text_that_is_no_machine_is_not_written(file):
     assert file.read_text() == before and [p.name for p in file.parent.iterdir()] == ["own.toml"]
 
 
-def test_tables_offsets_and_shifts_are_written_so_that_they_are_read_again(file):
+def test_tables_and_offsets_are_written_so_that_they_are_read_again(file):
     text = file.read_text()
     table = {"at_mm": [-300, 300], "up_mm": [0.01, -0.01], "down_mm": [0.015, -0.005]}
     text = machine_edit.pitch(text, machine_file.load(file).axes[0], table)
     text = machine_edit.offset(text, "G55", {"origin_mm": (1, 2, 3), "turned_deg": (0, 0, 30)})
-    text = machine_edit.thermal(text, {"shift_mm": (0.0, 0.0, 0.004)})
     machine_edit.write(file, text, "x")
     found = machine_file.load(file)
     assert found.axes[0].pitch.down == (0.015, -0.005)
     assert found.offsets[1].origin == (1.0, 2.0, 3.0) and found.offsets[1].x[1] == pytest.approx(0.5)
-    assert found.thermal_shift_mm == (0.0, 0.0, 0.004)

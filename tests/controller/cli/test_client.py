@@ -42,6 +42,7 @@ class NotingDoor:
         self.coming: list[dict[str, Any]] = []  # sequences of the next statuses
         self.jobs: list[dict[str, Any]] = []  # likewise; the last one stays
         self.refused: dict[str, Refusal] = {}
+        self.then: dict[str, Callable[[], None]] = {}  # what comes of a verb
         self.status: dict[str, Any] = {"mode": "READY", "joints": {}, "job": None}
 
     async def ask(self, verb: str, **args: Any) -> dict[str, Any]:
@@ -53,6 +54,7 @@ class NotingDoor:
             if self.jobs:
                 self.status["job"] = self.jobs.pop(0)
             return {**self.status, "sequence": self.coming.pop(0) if self.coming else None}
+        self.then.get(verb, lambda: None)()
         return self.results.get(verb, {})
 
     @property
@@ -135,6 +137,11 @@ REQUESTS = [
     (("home",), "home", {"axes": None}),
     (("home", "x", "C"), "home", {"axes": ["X", "C"]}),
     (("mdi", "G0 Z50"), "mdi", {"text": "G0 Z50"}),
+    (
+        ("probe", "edge", "towards=X-", "most=7.5", "--offset", "G54"),
+        "probe",
+        {"cycle": "edge", "values": {"towards": "X-", "most": 7.5}, "offset": "G54"},
+    ),
     (("override", "80"), "override", {"share": 0.8}),
     (("override", "25", "--rapid"), "rapid_override", {"share": 0.25}),
     (("retract", "20"), "retract", {"mm": 20.0}),
@@ -153,6 +160,15 @@ def test_a_verb_asks_the_machine_for_just_that_and_tells_it_as_json_too(
     assert panel.control.holder == "", "control is given back"
     told = json.loads(done(*words, "--json"))
     assert told["ok"] is True and told["request"] == verb
+
+
+def test_the_probing_cycles_are_listed_with_their_values(panel: Panel, door: NotingDoor) -> None:
+    told = done("probe")
+    assert "edge: Edge\n    towards=X+  Towards (X+|X-|Y+|Y-)\n    most=20.0  Touches within (0.1" in told
+    assert "edge: Kante\n    towards=X+  Richtung" in done("probe", "--language", "de")
+    assert json.loads(done("probe", "--json"))["cycles"][0]["name"] == "top"
+    ran = run("probe", "edge", "most")
+    assert ran.exit_code == 1 and "as most=20" in ran.stderr and not door.verbs
 
 
 def test_hold_stop_and_estop_pass_whoever_holds_control(panel: Panel, door: NotingDoor) -> None:
@@ -316,6 +332,16 @@ def test_a_continuous_jog_is_refreshed_and_stopped_at_its_end(panel: Panel, door
     jogs = [args for verb, args in door.asked if verb == "jog"]
     assert len(jogs) >= 2 and all(j["speed"] == -0.5 and j["axis"] == "X" for j in jogs)
     assert door.asked[-1][0] == "jog_stop"
+
+
+def test_a_jog_that_ends_at_a_soft_limit_says_so_and_not_how_far_was_asked_for(
+    panel: Panel, door: NotingDoor
+) -> None:
+    door.status["joints"] = {"X": {"limit": "+"}, "A": {"limit": None}}
+    door.then["jog_step"] = lambda: door.status.update(joints={"X": {"limit": "+"}, "A": {"limit": "-"}})
+    assert done("jog", "A", "-500") == "Moved A as far as the soft limit of A.\n"
+    door.then["jog_step"] = lambda: None
+    assert done("jog", "A", "1") == "Moved A by 1.\n"
 
 
 def test_a_jog_that_is_broken_off_is_stopped(panel: Panel, door: NotingDoor) -> None:

@@ -10,7 +10,7 @@ import pytest
 from support.fakes.service_stand_ins import answering
 from typer.testing import CliRunner
 
-from controller.cli import latency, self_test, service
+from controller.cli import self_test, service
 from controller.machine.model import Bus
 
 BUS = Bus("x", "socketcan", "can0", 1_000_000)
@@ -26,19 +26,19 @@ def computer(root: Path, files: dict[str, str]) -> Path:
 
 def test_a_tick_in_a_thousand_may_be_late_and_no_more() -> None:
     quick, late = (1e-5,) * 999, (1e-3,)
-    assert self_test.latency_line(latency.Measured(quick + late), 0.002).passed
-    missed = self_test.latency_line(latency.Measured(quick + late * 2), 0.002)
+    assert self_test.latency_line(self_test.Measured(quick + late), 0.002).passed
+    missed = self_test.latency_line(self_test.Measured(quick + late * 2), 0.002)
     assert not missed.passed and "PREEMPT_RT" in missed.remedy
     assert "1000 us late at worst" in missed.found
 
 
 def test_a_quantile_is_of_the_measured() -> None:
-    measured = latency.Measured(tuple(range(1000)))
+    measured = self_test.Measured(tuple(range(1000)))
     assert (measured.quantile_s(0.99), measured.worst_s) == (990, 999)
 
 
 def test_latency_is_measured_at_every_deadline() -> None:
-    measured = latency.measure(0.001, 0.05)
+    measured = self_test.measure(0.001, 0.05)
     assert measured.count == 50
     assert all(late >= 0.0 for late in measured.late_s)
 

@@ -73,8 +73,8 @@ def test_every_shipped_machine_loads_without_warning_and_has_its_kinematics(name
 
 def test_eight_kinds_of_machine_are_shipped() -> None:
     expected = {"trunnion", "fig4b", "fig4c", "fig4d", "table_head", "head_head", "oblique45", "three_axes"}
-    # The trunnion at other limits, and on more buses.
-    same_again = {"xyzac_linuxcnc", "trunnion_two_buses", "trunnion_five_buses"}
+    # The trunnion at other limits, on more buses, and with a tool changer.
+    same_again = {"xyzac_linuxcnc", "trunnion_two_buses", "trunnion_five_buses", "machining_centre"}
     assert set(machine_file.shipped()) == expected | same_again
 
 

@@ -18,7 +18,8 @@ NO_ROOM = ("leaves standing", "vanishes behind the cutter", "cannot be reached")
 SLIGHT_MM = (
     1e-3  # an arc about a corner that leads no further: rs274 makes one where the words' rounding bends
 )
-PROGRAMS = 20  # here; a thousand and more outside of the fast tests
+PROGRAMS = 20  # here; a thousand and more outside of the fast tests, each part with others
+PARTS = [(PROGRAMS, 0), *(pytest.param(250, part, marks=pytest.mark.slow) for part in range(1, 5))]
 
 
 def without_slight_corners(moves: Sequence[Move]) -> list[Move]:
@@ -34,13 +35,13 @@ def without_slight_corners(moves: Sequence[Move]) -> list[Move]:
     reference_interpreter.program() is None, reason="rs274 (linuxcnc-uspace) is not installed"
 )
 @pytest.mark.parametrize("make", [random_codes.program, random_grammar.program])
-@pytest.mark.parametrize("count", [PROGRAMS, pytest.param(1000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(("count", "part"), PARTS)
 def test_random_programs_lead_where_the_reference_interpreter_leads(
-    make: Callable[[random.Random], str], count: int, tmp_path: Path
+    make: Callable[[random.Random], str], count: int, part: int, tmp_path: Path
 ) -> None:
     machine = reference_interpreter.machine()
     print(f"seed {seed.SEED}")
-    rng = random.Random(seed.SEED)
+    rng = random.Random(f"{seed.SEED} {part}")
     for _ in range(count):
         text = make(rng)
         ours = reference_interpreter.ours(text, machine)
@@ -54,16 +55,16 @@ def test_random_programs_lead_where_the_reference_interpreter_leads(
 @pytest.mark.skipif(
     reference_interpreter.program() is None, reason="rs274 (linuxcnc-uspace) is not installed"
 )
-@pytest.mark.parametrize("count", [PROGRAMS, pytest.param(1000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(("count", "part"), PARTS)
 def test_a_cutter_beside_a_contour_goes_where_the_reference_interpreter_leads(
-    count: int, tmp_path: Path
+    count: int, part: int, tmp_path: Path
 ) -> None:
     """What both cut is the same; what it refuses is refused; where the part is cut into only we refuse."""
     machine = reference_interpreter.machine()
     tools = (replace(tool, radius_mm=mm) for tool, mm in zip(machine.tools, (3.175, 6.35), strict=False))
     machine = replace(machine, tools=tuple(tools))
     print(f"seed {seed.SEED}")
-    rng, cut = random.Random(seed.SEED), 0
+    rng, cut = random.Random(f"{seed.SEED} {part}"), 0
     for _ in range(count):
         text = random_planar.program(rng)
         ours = reference_interpreter.ours(text, machine)

@@ -211,7 +211,8 @@ def test_tool_and_tip_are_where_matrices_put_them(name: str, dialect: str) -> No
 @pytest.mark.slow
 @pytest.mark.parametrize("dialect", DIALECTS)
 @pytest.mark.parametrize("name", SHIPPED)
-def test_five_thousand_planes(name: str, dialect: str) -> None:
+@pytest.mark.parametrize("first", range(0, 5000, 1000))
+def test_five_thousand_planes(first: int, name: str, dialect: str) -> None:
     """Every tenth with a drilling cycle."""
-    reached = [judged(name, dialect, number, number % 10 == 0) for number in range(5000)]
-    assert sum(reached) > 1500
+    reached = [judged(name, dialect, number, number % 10 == 0) for number in range(first, first + 1000)]
+    assert sum(reached) > 250

@@ -730,6 +730,7 @@ def test_a_jog_into_a_soft_limit_says_that_it_will_not_move_and_why(
     ("verb", "args"),
     [
         ("mdi", {"text": "G0 Z1"}),
+        ("probe", {"cycle": "bore", "values": {}, "offset": "none"}),
         ("retract", {"mm": 1.0}),
         ("jog", {"axis": "X", "speed": 1.0}),
         ("jog_step", {"axis": "X", "distance": 1.0}),

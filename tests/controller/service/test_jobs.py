@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 from support.machines.stepped_runs import shipped
 
+from controller.ipc.control_socket import CommandRefused
 from controller.ipc.handoff import Snapshot, blank
 from controller.plan.off_path import FIRST_ID
 from controller.plan.report.passing import OWN
@@ -175,3 +177,25 @@ def test_motions_at_feed_are_known_until_they_are_passed_and_none_of_a_dry_run(j
     assert job.fed_in({5}) == set()
     job.arm(0)
     assert job.fed == set()
+
+
+def test_a_probing_cycle_is_run_as_a_typed_line_with_its_program() -> None:
+    made = jobs.probing({"cycle": "bore", "values": {"most": 12.0}, "offset": "G54"}, shipped())
+    text, files = linked.parts(made.program.text)
+    assert made.is_mdi and bytes(text).endswith(b"o<probe_bore> call [12] [1]\n") and "probe_touch" in files
+
+
+@pytest.mark.parametrize(
+    ("args", "says"),
+    [
+        ({}, "no such probing cycle"),
+        ({"cycle": "bore", "values": {"most": "far"}, "offset": "none"}, "0.1 to 500 mm"),
+        ({"cycle": "bore", "values": [1], "offset": "none"}, "bore has no such value"),
+        ({"cycle": "bore", "values": 3, "offset": "none"}, "bore has no such value"),
+        ({"cycle": "bore"}, "no offset that a cycle sets"),
+    ],
+)
+def test_a_probing_cycle_that_cannot_be_is_refused(args: dict[str, Any], says: str) -> None:
+    with pytest.raises(CommandRefused, match=says) as error:
+        jobs.probing(args, shipped())
+    assert error.value.code == "bad"

@@ -15,12 +15,13 @@ from support.live.served_machine import Serving, calm, calm_machine, serving
 
 from controller import messages
 
-LONG = "G21 G90 G54 G43.4\nG0 X0 Y0 Z60. A0 C0\n" + "G1 X60. F3000\nG1 X-60. A4.\n" * 8 + "M30\n"
+BEGIN, TO_AND_FRO = "G21 G90 G54 G43.4\nG0 X0 Y0 Z60. A0 C0\n", "G1 X60. F3000\nG1 X-60. A4.\n"
+SHORT, LONG = (f"{BEGIN}{TO_AND_FRO * times}M30\n" for times in (4, 8))
 NAME = "PLAN_SILENT"
 
 
-def cutting(service: Serving) -> None:
-    service.load(LONG)
+def cutting(service: Serving, text: str) -> None:
+    service.load(text)
     service.done("start")
     service.until(lambda now: now["mode"] == "RUNNING" and now["job"]["elapsed_s"] > 3.0)
 
@@ -34,7 +35,7 @@ def notices(now: dict[str, Any]) -> list[dict[str, Any]]:
 def test_a_plan_that_stands_for_a_second_costs_the_cut_nothing(tmp_path: Path) -> None:
     with serving(tmp_path, *calm(tmp_path)) as service:
         service.ready()
-        cutting(service)
+        cutting(service, SHORT)
         plan, seen = service.pid("plan"), []
         os.kill(plan, signal.SIGSTOP)
         end_s = time.monotonic() + 1.0
@@ -48,7 +49,7 @@ def test_a_plan_that_stands_for_a_second_costs_the_cut_nothing(tmp_path: Path) -
         assert service.ask("alarms")["alarms"] == []
         until(lambda: records(service.state))
         (record,) = records(service.state)
-    done = again(record, LONG, calm_machine())
+    done = again(record, SHORT, calm_machine())
     assert done.run.result == "completed"
     assert_same_setpoints(done)
 
@@ -58,7 +59,7 @@ def test_a_plan_that_stands_for_a_second_costs_the_cut_nothing(tmp_path: Path) -
 def test_a_plan_that_does_not_come_back_is_told_before_the_queue_ends_and_then_named(tmp_path: Path) -> None:
     with serving(tmp_path, *calm(tmp_path)) as service:
         service.ready()
-        cutting(service)
+        cutting(service, LONG)
         assert not notices(service.status())
         plan = service.pid("plan")
         os.kill(plan, signal.SIGSTOP)

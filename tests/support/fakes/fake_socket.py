@@ -49,6 +49,7 @@ TABLE: dict[str, tuple[set[str], str | None]] = {
     "return": ({"HOLD"}, None),
     "changer_confirm": ({"OFF", "READY", "FAULT"}, None),
     "changer_pocket": ({"OFF", "READY", "FAULT"}, None),
+    "probe": ({"READY"}, None),
     "set_offset": ({"OFF", "READY"}, None),
     "forget": ({"OFF", "READY"}, None),
     "set_tool": ({"OFF", "READY", "HOLD"}, None),

@@ -20,9 +20,7 @@ from support.machines.stepped_runs import program
 from controller.machine import machine_file
 from controller.machine.model import Machine
 
-MACHINES = tuple(
-    file.stem for file in sorted(machine_file.SHIPPED.glob("*.toml")) if file.stem not in ("tools",)
-)
+MACHINES = tuple(name for name in machine_file.shipped() if machine_file.load(name).spindle is None)
 AFTER_S = 0.4  # from the end of the last fault to the operator's stop
 
 

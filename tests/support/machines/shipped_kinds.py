@@ -11,7 +11,12 @@ from controller.machine import machine_file
 from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Axis, Bus, Following, Homing, Kind, Limits, Machine, Sense, Spindle, Tool
 
-TILTING = tuple(name for name in machine_file.shipped() if len(machine_file.load(name).rotary()) == 2)
+# Those that cut the paper's programs, which start no spindle.
+TILTING = tuple(
+    name
+    for name, made in ((name, machine_file.load(name)) for name in machine_file.shipped())
+    if len(made.rotary()) == 2 and made.spindle is None
+)
 
 W = (0.0, 96.0, 120.0)  # the paper's tilt axis -> rotary centre, mm
 R = (8.0, 0.0, 0.0)  # rotary centre -> part origin, mm

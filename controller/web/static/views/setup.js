@@ -7,11 +7,12 @@ import { Changer } from "./setup_changer.js";
 import { File, read_anew } from "./setup_file.js";
 import { Notices } from "./setup_notices.js";
 import { Usage } from "./setup_usage.js";
+import { Probing } from "./setup_probing.js";
 import { Users } from "./setup_users.js";
 import { Offsets, Tools, figure, forget_pick, wrong } from "./setup_tables.js";
 
 const word = (key, ...values) => text(`setup.${key}`, ...values);
-const PARTS = { homing: Homing, offsets: Offsets, tools: Tools, changer: Changer, usage: Usage, file: File, drives: Drives, users: Users, notices: Notices };
+const PARTS = { homing: Homing, offsets: Offsets, tools: Tools, changer: Changer, probing: Probing, usage: Usage, file: File, drives: Drives, users: Users, notices: Notices };
 export const at = { part: "homing" };
 
 function View() {

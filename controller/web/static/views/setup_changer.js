@@ -7,12 +7,15 @@ import { dx } from "../store.js";
 import { sentence, word as text } from "../texts.js";
 
 const word = (key, ...values) => text(`changer.${key}`, ...values);
-const whole = (given) => (/^\d+$/.test(given.trim()) ? Number(given) : null);
 const typed = (question, start) => ask(question, "setup.set", { inputmode: "numeric" }, start);
 
+async function whole(question, start) {
+  const given = (await typed(question, String(start ?? ""))) || "";
+  return /^\d+$/.test(given.trim()) ? Number(given) : null;
+}
+
 async function confirm(found) {
-  const given = await typed(word("spindle_ask"), found.spindle === null ? "" : String(found.spindle));
-  const spindle = given ? whole(given) : null;
+  const spindle = await whole(word("spindle_ask"), found.spindle);
   if (spindle === null) return;
   const named = await typed(word("away_ask"), found.away.join(" "));
   if (named === null || named === false) return;
@@ -21,8 +24,7 @@ async function confirm(found) {
 }
 
 async function give(pocket, tool) {
-  const given = await typed(word("pocket_ask", pocket), String(tool ?? 0));
-  const number = given ? whole(given) : null;
+  const number = await whole(word("pocket_ask", pocket), tool ?? 0);
   if (number !== null) await call("PUT", `changer/pockets/${pocket}`, { tool: number });
 }
 

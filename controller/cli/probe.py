@@ -1,0 +1,61 @@
+"""``directrix probe``: a probing cycle from where the probe stands."""
+
+from __future__ import annotations
+
+import json
+from typing import Annotated, Any
+
+import typer
+
+from controller.cli import remote
+from controller.cli.client import Json, TakeOver, Url, asked, carried_out, tell_done
+from controller.cli.speech import say, speaking, word
+from controller.verify.console import Refused, show
+
+
+@speaking
+def probe(
+    cycle: Annotated[str | None, typer.Argument(help="Its name; without one, all are listed.")] = None,
+    values: Annotated[
+        list[str] | None, typer.Argument(help="Its values, as towards=X- most=20; others are as usual.")
+    ] = None,
+    offset: Annotated[str, typer.Option("--offset", help="Work offset to set by it, as G54.")] = "none",
+    take_over: TakeOver = False,
+    url: Url = remote.URL,
+    as_json: Json = False,
+) -> None:
+    """Run a probing cycle from where the probe stands, or list the cycles."""
+    with asked(url, as_json) as machine:
+        if cycle is None:
+            _list(machine.get("probing"), as_json)
+            return
+        body = {"cycle": cycle, "values": dict(map(_value, values or [])), "offset": offset}
+        with machine.control(take_over):
+            tell_done(say("started"), carried_out(machine, "probing", body), as_json)
+
+
+def _value(typed: str) -> tuple[str, str | float]:
+    """(name, value) of ``name=value``. Raises Refused."""
+    name, equals, value = typed.partition("=")
+    if not (name and equals and value):
+        raise Refused(say("probe_value", typed=typed))
+    try:
+        return name, float(value)
+    except ValueError:
+        return name, value
+
+
+def _list(told: dict[str, Any], as_json: bool) -> None:
+    if as_json:
+        print(json.dumps({"ok": True, **told}))
+        return
+    for cycle in told["cycles"]:
+        show.print(f"{cycle['name']}: {word('probing.cycle.' + cycle['name'])}", markup=False)
+        for value in cycle["values"]:
+            bounds = "|".join(value["choices"]) if "choices" in value else _bounds(value)
+            name = word("probing.value." + value["name"])
+            show.print(f"    {value['name']}={value['usual']}  {name} ({bounds})", markup=False)
+
+
+def _bounds(value: dict[str, Any]) -> str:
+    return f"{value['lowest']:g} … {value['highest']:g} {value['unit']}"

@@ -1,0 +1,122 @@
+"""The probing cycles that ship as programs, by their names and values; and one of them as lines of a program.
+
+Page, REST and command line ask for a cycle by name; what runs is the program that any part program may call
+(``config/programs/probing``), with these lines before it:
+
+    G21 G90 G94 G40 G55 G43
+    o<probe_bore> call [20] [2]
+
+The work offset that is set is the active one meanwhile, so what is told is in its coordinates, as they were.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+from controller.machine.model import OFFSETS
+from controller.messages import Said, said
+from controller.program import linked
+
+TOWARDS = {"X+": (1, 0), "X-": (-1, 0), "Y+": (0, 1), "Y-": (0, -1)}
+CORNERS = {"X+Y+": (1, 1), "X+Y-": (1, -1), "X-Y+": (-1, 1), "X-Y-": (-1, -1)}
+AXES = {"X": (1, 0), "Y": (0, 1)}
+CHOICES = {"towards": TOWARDS, "corner": CORNERS, "axis": AXES}
+NONE = "none"
+SETTABLE = (NONE, *OFFSETS[:9])  # which offset a cycle may set: G10 P1 to P9
+
+
+class Length(NamedTuple):
+    """A value in mm, with its bounds and what it is where nothing is said."""
+
+    lowest: float
+    highest: float
+    usual: float
+
+
+LENGTHS = {
+    "most": Length(0.1, 500.0, 20.0),
+    "along": Length(-500.0, 500.0, 20.0),
+    "half": Length(0.1, 500.0, 20.0),
+    "down": Length(0.1, 200.0, 10.0),
+    "beside_x": Length(-500.0, 500.0, 20.0),
+    "beside_y": Length(-500.0, 500.0, 20.0),
+}
+CYCLES: dict[str, tuple[str, ...]] = {  # the values of each in the order of its program's
+    "top": ("most",),
+    "edge": ("towards", "most"),
+    "corner": ("corner", "along", "most"),
+    "bore": ("most",),
+    "boss": ("half", "down", "most"),
+    "pocket": ("axis", "most"),
+    "web": ("axis", "half", "down", "most"),
+    "plane": ("beside_x", "beside_y", "most"),
+    "angle": ("towards", "along", "most"),
+}
+
+
+class CycleRefused(Exception):
+    """A cycle, or a value of it, that cannot be; ``said``: the sentence."""
+
+    def __init__(self, told: Said) -> None:
+        super().__init__(told)
+        self.said = told
+
+
+def listed() -> list[dict[str, Any]]:
+    """Every cycle with its values: what each may be, and is where it is not said."""
+    return [{"name": name, "values": [_facts(value) for value in values]} for name, values in CYCLES.items()]
+
+
+def picture(cycle: str) -> str | None:
+    """The drawing of a cycle (SVG) with the letters of its values; None where there is no such cycle."""
+    if cycle not in CYCLES:
+        return None
+    return (linked.SHIPPED / f"probe_{cycle}.svg").read_text(encoding="utf-8")
+
+
+def program(cycle: object, values: Mapping[str, Any], offset: object) -> bytes:
+    """The lines that run a cycle, with its program behind them; ``offset``: to be set, or "none".
+
+    Raises CycleRefused.
+    """
+    wanted = CYCLES.get(cycle) if isinstance(cycle, str) else None
+    if wanted is None:
+        raise _refused("probe_cycle", found=cycle, allowed=CYCLES)
+    if foreign := sorted(set(values) - set(wanted)):
+        raise _refused("probe_value", name=foreign[0], cycle=cycle, allowed=wanted)
+    if offset not in SETTABLE:
+        raise _refused("probe_offset", found=offset, allowed=SETTABLE)
+    numbers = [number for name in wanted for number in _numbers(name, values.get(name))]
+    set_it = SETTABLE.index(str(offset))
+    active = OFFSETS[0] if offset == NONE else offset
+    call = " ".join(f"[{number:g}]" for number in (*numbers, set_it))
+    text = f"G21 G90 G94 G40 {active} G43\no<probe_{cycle}> call {call}\n"
+    return bytes(linked.linked(text.encode(), lambda _: None))
+
+
+def _facts(name: str) -> dict[str, Any]:
+    if (choices := CHOICES.get(name)) is not None:
+        return {"name": name, "choices": list(choices), "usual": next(iter(choices))}
+    return {"name": name, "unit": "mm", **LENGTHS[name]._asdict()}
+
+
+def _numbers(name: str, value: object) -> tuple[float, ...]:
+    """As the program takes it; what is usual for None."""
+    if (choices := CHOICES.get(name)) is not None:
+        chosen = next(iter(choices)) if value is None else value
+        if not isinstance(chosen, str) or chosen not in choices:
+            raise _refused("probe_choice", name=name, found=value, allowed=choices)
+        return choices[chosen]
+    length = LENGTHS[name]
+    if value is None:
+        return (length.usual,)
+    if not isinstance(value, int | float) or isinstance(value, bool):
+        raise _refused("probe_length", name=name, found=value, **length._asdict())
+    if value == 0.0 or not length.lowest <= value <= length.highest:
+        raise _refused("probe_length", name=name, found=value, **length._asdict())
+    return (float(value),)
+
+
+def _refused(key: str, allowed: Any = (), **values: object) -> CycleRefused:
+    return CycleRefused(said(key, allowed=", ".join(allowed), **values))

@@ -1,0 +1,32 @@
+// Probing cycles: a picture of each, its values, and one of them from where the probe stands.
+import { call, every } from "../api.js";
+import { html } from "../dom.js";
+import { Act } from "../parts.js";
+import { dx } from "../store.js";
+import { known, word as text } from "../texts.js";
+import { number } from "./setup_tables.js";
+
+const word = (key) => text(`probing.${key}`);
+const told = { cycles: [], offsets: [], chosen: { cycle: "edge", offset: "none" } };
+dx.on("setup", every("setup", 60, "probing", (body) => Object.assign(told, body)));
+
+function Value({ name, label = word(name), usual, choices, unit }) {
+  const value = told.chosen[name] ?? usual;
+  const set = (event) => ((told.chosen[name] = event.target.value), dx.draw());
+  const option = (one) => html`<option key=${one} value=${one} selected=${one === value}>${known(`probing.${name}.${one}`, one)}</option>`;
+  return html`<label>${label}${unit && `, ${unit}`} ${choices ? html`<select name=${name} onchange=${set}>${choices.map(option)}</select>` : html`<input name=${name} inputmode="decimal" value=${value} oninput=${set} />`}</label>`;
+}
+
+export function Probing() {
+  const { cycle, offset, ...typed } = told.chosen;
+  const values = told.cycles.find(({ name }) => name === cycle)?.values ?? [];
+  const of = ({ name, choices, usual }) => [name, choices ? (typed[name] ?? usual) : number(String(typed[name] ?? usual))];
+  const run = () => call("POST", "probing", { cycle, offset, values: Object.fromEntries(values.map(of)) });
+  return html`<p class="dim">${word("stands")}</p>
+    <div class="row"><img class="cycle" src=${`/api/v1/probing/${cycle}.svg`} alt=${word(`cycle.${cycle}`)} /><div class="probing">
+      <${Value} name="cycle" choices=${told.cycles.map(({ name }) => name)} />
+      ${values.map((one) => html`<${Value} key=${cycle + one.name} label=${word(`value.${one.name}`)} ...${one} />`)}
+      <${Value} name="offset" choices=${told.offsets} /></div></div>
+    <div class="row"><${Act} id="probing-run" text=${word("run")} kind="go" icon="play" modes="READY" ask=${word("run_ask")} press=${run} /></div>
+    <p id="probing-found">${(dx.status?.job?.messages ?? []).join(" ")}</p>`;
+}

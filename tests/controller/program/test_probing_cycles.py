@@ -1,0 +1,78 @@
+"""Probing cycles by name: the lines that run one, and what is refused."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+import pytest
+
+from controller import messages
+from controller.program import probing_cycles
+from controller.program.linked import SHIPPED, parts
+from controller.program.probing_cycles import CHOICES, CYCLES, LENGTHS, CycleRefused, program
+
+
+def lines(cycle: str, values: dict[str, Any], offset: str = "none") -> str:
+    return bytes(parts(program(cycle, values, offset))[0]).decode()
+
+
+def test_what_is_said_and_what_is_usual() -> None:
+    assert lines("edge", {"towards": "X-", "most": 7.5}, "G55") == (
+        "G21 G90 G94 G40 G55 G43\no<probe_edge> call [-1] [0] [7.5] [2]\n"
+    )
+    assert (
+        lines("corner", {"corner": "X-Y+"}).splitlines()[1] == "o<probe_corner> call [-1] [1] [20] [20] [0]"
+    )
+    assert lines("web", {"axis": "Y", "half": 9, "down": 3}, "G59.3").splitlines()[1] == (
+        "o<probe_web> call [0] [1] [9] [3] [20] [9]"
+    )
+
+
+@pytest.mark.parametrize("cycle", CYCLES)
+def test_the_program_of_a_cycle_is_called_with_as_many_values_as_it_says(cycle: str) -> None:
+    head = (SHIPPED / f"probe_{cycle}.ngc").read_text()
+    said = re.search(rf"o<probe_{cycle}> call (.*?\[P\])", head)
+    assert said is not None
+    assert lines(cycle, {}).count("[") == said[1].count("[")
+    files = parts(program(cycle, {}, "none"))[1]
+    assert {f"probe_{cycle}", "probe_touch"} <= set(files)
+
+
+def test_all_that_ship_are_there_and_each_has_its_words_in_every_language() -> None:
+    files = {file.stem.removeprefix("probe_") for file in SHIPPED.glob("probe_*.ngc")}
+    assert files == {*CYCLES, "touch"}
+    wanted = {f"probing.cycle.{cycle}" for cycle in CYCLES}
+    wanted |= {f"probing.value.{name}" for values in CYCLES.values() for name in values}
+    assert {name for values in CYCLES.values() for name in values} == {*CHOICES, *LENGTHS}
+    for language in messages.LANGUAGES:
+        assert wanted <= set(messages.of(language).page), language
+
+
+@pytest.mark.parametrize(
+    ("cycle", "values", "offset", "says"),
+    [
+        ("edges", {}, "none", "no such probing cycle; allowed are top, edge"),
+        (None, {}, "none", "no such probing cycle"),
+        ("edge", {"half": 3}, "none", "edge has no such value; allowed are towards, most"),
+        ("edge", {"towards": "Z-"}, "none", "allowed are X+, X-, Y+, Y-"),
+        ("edge", {"towards": 1}, "none", "allowed are X+, X-, Y+, Y-"),
+        ("bore", {"most": 0}, "none", "must be 0.1 to 500 mm and not 0"),
+        ("bore", {"most": True}, "none", "must be 0.1 to 500 mm"),
+        ("bore", {"most": float("nan")}, "none", "must be 0.1 to 500 mm"),
+        ("plane", {"beside_x": 0.0}, "none", "must be -500 to 500 mm and not 0"),
+        ("bore", {}, "G54.1 P3", "no offset that a cycle sets; allowed are none, G54"),
+        ("bore", {}, None, "no offset that a cycle sets"),
+    ],
+)
+def test_what_cannot_be_is_refused_in_a_sentence(cycle: Any, values: Any, offset: Any, says: str) -> None:
+    with pytest.raises(CycleRefused) as refused:
+        program(cycle, values, offset)
+    assert says in messages.text(refused.value.said)
+    assert messages.text(refused.value.said, "de") != messages.text(refused.value.said)
+
+
+def test_the_list_has_every_value_with_what_is_usual() -> None:
+    for cycle in probing_cycles.listed():
+        usual = {value["name"]: value["usual"] for value in cycle["values"]}
+        assert program(cycle["name"], usual, "none") == program(cycle["name"], {}, "none")

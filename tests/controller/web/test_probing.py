@@ -1,0 +1,66 @@
+"""Probing cycles on the page: a picture of each, their values, and what is asked of the machine."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from support.live import browser
+from support.live.browser import Site, until
+
+from controller.program.probing_cycles import CYCLES
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture
+def probing(page: Any, site: Site) -> Any:
+    site.tell(mode="READY")
+    page.evaluate("dx.show('setup')")
+    page.click("[data-setup=probing]")
+    page.wait_for_selector("[data-part=probing] [name=most]")
+    return page
+
+
+def run(page: Any) -> None:
+    page.click("#probing-run:not([aria-disabled])")
+    page.wait_for_selector(".dx-ask >> text=Probe from where the probe stands?")
+    browser.yes(page)
+
+
+def test_every_cycle_has_its_picture_and_its_values(probing: Any) -> None:
+    seen = set()
+    drawn = "() => document.querySelector('img.cycle').naturalWidth > 0"
+    for cycle, values in CYCLES.items():
+        probing.select_option("[name=cycle]", cycle)
+        probing.wait_for_selector(f"img.cycle[src$='/probing/{cycle}.svg']")
+        probing.wait_for_function(drawn)
+        fields = probing.eval_on_selector_all(".probing [name]", "all => all.map((one) => one.name)")
+        assert fields == ["cycle", *values, "offset"]
+        seen.add(probing.get_attribute("img.cycle", "alt"))
+    assert len(seen) == len(CYCLES)
+
+
+def test_a_cycle_is_run_with_what_was_typed(probing: Any, site: Site) -> None:
+    before = len(site.asked("probe"))
+    probing.select_option("[name=cycle]", "edge")
+    probing.select_option("[name=towards]", "Y-")
+    probing.fill("[name=most]", "7,5")
+    probing.select_option("[name=offset]", "G55")
+    run(probing)
+    made = until(lambda: site.asked("probe")[before:], "the cycle")[0][2]
+    assert made == {"cycle": "edge", "values": {"towards": "Y-", "most": 7.5}, "offset": "G55"}
+
+
+def test_what_is_no_number_moves_nothing(probing: Any, site: Site) -> None:
+    before = len(site.asked("probe"))
+    probing.select_option("[name=cycle]", "bore")
+    probing.fill("[name=most]", "far")
+    run(probing)
+    probing.wait_for_selector("#dx-said:not([hidden])")
+    assert site.asked("probe")[before:] == []
+
+
+def test_what_was_found_is_shown(probing: Any, site: Site) -> None:
+    site.tell(mode="READY", job={"name": "MDI", "state": "completed", "messages": ["Says: edge at 12.5"]})
+    probing.wait_for_selector("#probing-found >> text=edge at 12.5")
