@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import json
 import re
 import string
 from collections.abc import Iterator
@@ -11,8 +12,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from support.machines.shipped_kinds import machine
+from typer.testing import CliRunner
 
 from controller import messages
+from controller.__main__ import app
 from controller.geometry.surfaces import Defect, DefectKind
 from controller.messages import LANGUAGES, Said, notes_english, path_english, said, text
 from controller.plan.surfaces import cuts
@@ -144,6 +147,20 @@ def test_what_a_path_is_refused_for_is_said_in_german_too(program: str, german: 
     else:
         assert german == ""
         assert all(told(note.said)["de"] for note in kept.notes)
+
+
+@pytest.mark.parametrize(
+    ("language", "words"), [("en", "G64 is run as G61"), ("de", "G64 ohne P läuft wie G61")]
+)
+@pytest.mark.parametrize("verb", ["check", "simulate"])
+def test_notes_are_told_in_the_language_that_is_asked_for(
+    tmp_path: Path, verb: str, language: str, words: str
+) -> None:
+    part = tmp_path / "part.ngc"
+    part.write_text("G21 G64 G1 X0.1 F500\nM2\n")
+    options = ["--language", language, "--store", str(tmp_path), "--json"]
+    (note,) = json.loads(CliRunner().invoke(app, [verb, str(part), *options]).stdout)["notes"]
+    assert note["note"].startswith(words) and note["key"] == "note.exact" and note["line"] == 1
 
 
 def test_what_comes_of_numpy_is_a_figure_of_a_text() -> None:
