@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 
 from controller.geometry.vectors import Vector
 from controller.machine.model import Tool, WorkTable
-from controller.messages import Key, Said, said
+from controller.messages import Key, Said, said, text
 from controller.plan.report.stored import Overcut
 from controller.plan.report.verdict import Verdict
 from controller.plan.stretch import motion_named
@@ -95,6 +95,11 @@ class Gouge:
             whose="" if self.line == self.by_line else said("gouge.of_line", line=self.line),
             body=Key(f"gouge.body.{self.body}") if self.body else "",
         )
+
+    @property
+    def sentence(self) -> str:
+        """In English."""
+        return text(self.said)
 
     @property
     def advice(self) -> Key:
