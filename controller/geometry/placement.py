@@ -165,17 +165,20 @@ class Placed(Surface):
         return tangent, turn
 
     def _end_rates(self, u: float, tangent: Vector, turn: Vector) -> tuple[Vector, Vector]:
-        second = self.lower.derivative(u, 2)
-        if norm(tangent) > 1e-12 * norm(second):
-            return tangent, turn
-        if norm(turn) <= 1e-12 * norm(self.ruling_curve.derivative(u, 2)):
-            # Both directrices stand still: just inside both rates go like the second derivatives.
-            sign = -1.0 if u >= 1.0 else 1.0
-            return scale(second, sign), scale(self.ruling_curve.derivative(u, 2), sign)
-        # C1 alone stands still. Above it the ruling's turn gives the normals; at C1 itself the limit,
-        # of which so small a share does not show above.
-        limit = end_tangent(self.lower, u, tangent)
-        return scale(limit, 1e-12 * norm(turn) / norm(limit)), turn
+        rate = tangent
+        for order in (2, 3):
+            bend, turn_bend = (curve.derivative(u, order) for curve in (self.lower, self.ruling_curve))
+            if norm(rate) > 1e-12 * norm(bend):
+                return rate, turn
+            if norm(turn) > 1e-12 * norm(turn_bend):
+                # C1 alone stands still. Above it the ruling's turn gives the normals; at C1 itself the limit,
+                # of which so small a share does not show above.
+                limit = end_tangent(self.lower, u, tangent)
+                return scale(limit, 1e-12 * norm(turn) / norm(limit)), turn
+            # Both directrices stand still: just inside both rates go like the next derivatives.
+            sign = -1.0 if u >= 1.0 and order == 2 else 1.0
+            rate, turn = scale(bend, sign), scale(turn_bend, sign)
+        return rate, turn
 
     def _rates_with_ends(self, u: Number, tangent: Vector, turn: Vector) -> tuple[Vector, Vector]:
         """As ``_end_rates`` for samples; only those at the ends are touched."""

@@ -14,7 +14,7 @@ from support.machines.traced_programs import trace
 from support.parts import blu_compounds
 from support.parts.random_surfaces import Pair
 
-from controller.machine.model import Machine, Tool
+from controller.machine.model import Limits, Machine, Tool
 from controller.plan.feed.course import Course
 from controller.plan.feed.limits import JointLimits
 from controller.plan.path.path import Stretch
@@ -114,6 +114,31 @@ def test_an_unseen_compound_in_blu_is_cut_at_its_feed() -> None:
 def test_a_crease_above_the_contact_is_passed_at_what_is_told() -> None:
     """Of 6.8 degrees at the upper end, where the contact's normals agree: no blend of 5 um takes it at F."""
     assert run_one(3016) == 3
+
+
+def test_a_joint_of_two_short_cuts_is_passed_at_four_fifths_of_the_feed_at_least() -> None:
+    """Of 0.16 degrees at 63 mm/s on a light machine, between cuts of 4 mm: the blends need all of that."""
+    limits = {"B": Limits(6.4, 22.0, 233.0), "C": Limits(12.8, 44.0, 466.0)}
+    built, linear = shipped("table_head"), Limits(400.0, 1680.0, 22270.0)
+    axes = tuple(replace(one, limits=limits.get(one.name, linear)) for one in built.axes)
+    machine = replace(built, axes=axes, tools=(Tool(1, "end mill", 3.0, 0.0, 30.0),))
+    plan = [
+        ([(23.92, 16.48), (24.82, 15.31), (25.59, 14.04), (26.23, 12.69)], 10.05),
+        ([(19.63, 13.57), (20.44, 12.44), (21.16, 11.23), (21.77, 9.98)], 0.0),
+        ([(26.23, 12.69), (26.87, 11.34), (27.38, 9.9), (27.75, 8.39)], 10.05),
+        ([(21.77, 9.98), (22.38, 8.72), (22.89, 7.4), (23.27, 6.05)], 0.0),
+    ]
+    curves = [np.array([(*point, z) for point in points]) for points, z in plan]
+    surfaces = [(curves[0], curves[1]), (curves[2], curves[3])]
+    assert 0.15 < blu_compounds.angles(surfaces)[0] < TOLERANCE_DEG
+    text, feed = blu_compounds.text(surfaces, 3760.0, "G41", "T1 M6"), 3760.0 / 60.0
+    done = cut(text, machine)
+    before, after = (k for k, stretch in done.stretches.items() if stretch.cutting)
+    assert allowed(done.stretches[before], done.stretches[after], done) > feed
+    way, joint = course_mm(done, [before, after]), done.stretches[before].motion.end
+    speed = np.diff(way) / machine.period_s
+    near = speed[(way[1:] > joint - 0.5) & (way[:-1] < joint + 0.5)]
+    assert len(near) > 5 and near.min() >= 0.8 * feed, near.min() / feed
 
 
 @pytest.mark.slow

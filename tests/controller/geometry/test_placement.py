@@ -151,6 +151,20 @@ def test_a_corner_where_c1_stands_still_at_an_end_is_placed_as_just_inside():
         assert [c[0] for c in array.tip] == pytest.approx(at_end.tip, abs=1e-12)
 
 
+@pytest.mark.parametrize("at", (0.0, 1.0))
+@pytest.mark.filterwarnings("error")
+def test_where_all_stands_still_to_the_second_order_it_is_placed_as_just_inside(at):
+    """Three control points in one: C1 comes to rest there with its third derivative, under an apex."""
+    runs = ((9.0, 7.0, 0.0), (-1.0, 2.0, 0.5), (-1.0, 2.0, 0.5), (-1.0, 2.0, 0.5))
+    lower = Bezier(runs if at else runs[::-1])
+    surface = RuledSurface(Bezier(((2.0, -1.0, 8.0),) * 4), lower)
+    placed = Placed(surface, 3.0, PAIR, PAIR)
+    end, inside = placed.pose(at, 3.0), placed.pose(abs(at - 1e-4), 3.0)
+    assert end.tip == pytest.approx(inside.tip, abs=1e-9) and end.axis == pytest.approx(inside.axis, abs=1e-9)
+    many = placed.pose(np.array((0.3, at)), 3.0, np)
+    assert [c[1] for c in many.tip] == pytest.approx(end.tip, abs=1e-12)
+
+
 @each_placed
 def test_a_placed_surface_survives_pickling_and_is_the_same_surface_to_all_who_ask(placed):
     again = pickle.loads(pickle.dumps(placed))

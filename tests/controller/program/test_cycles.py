@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+from xml.etree import ElementTree
+
 import pytest
 from support.machines.traced_programs import mill, sentences, trace
 from support.oracles import reference_interpreter
 
 from controller.plan.report import explained
-from controller.program import blocks
+from controller.program import blocks, code_table
+from controller.program.code_rows import Fate
+from controller.program.linked import SHIPPED as PROBING
 from controller.program.position import homed
 from controller.program.program import ProgramError
 
+SHIPPED_PROGRAMS = PROBING.parent
 START = "G21 G90 G0 X0 Y0 Z10\nF60 S100 M3\n"
 UP1, UP4 = "-0.746", "-3.746"  # 0.254 mm above the last depth
 
@@ -132,3 +137,13 @@ def test_what_is_refused_says_why(text: str, sentence: str) -> None:
 def test_tapping_is_told_once_to_need_a_floating_holder() -> None:
     text = "G0 Z50\nS100 M3 F60\nG84 X1 Z30 R40\nX2\nX3\nG80\n"
     assert sentences(trace(text, mill())).count("floating holder") == 1
+
+
+def test_every_canned_cycle_has_its_picture_in_the_description() -> None:
+    description = (SHIPPED_PROGRAMS / "README.md").read_text()
+    cycles = {row.name for row in code_table.ROWS if row.fate is Fate.DONE and {*"RLK"} <= {*row.letters}}
+    drawn = {file.stem.upper(): file for file in (SHIPPED_PROGRAMS / "cycles").glob("*.svg")}
+    assert {*drawn} == cycles | {"G33.1"}
+    for code, file in drawn.items():
+        ElementTree.parse(file)
+        assert f"![{file.stem}](cycles/{file.name})" in description, code

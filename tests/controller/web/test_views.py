@@ -66,6 +66,15 @@ def test_a_temperature_is_shown_of_the_drive_that_tells_it(looker: Any) -> None:
     assert looker.is_visible("th.d-warmth")
 
 
+def test_a_value_that_the_tick_newly_tells_is_shown_under_its_name(looker: Any, stepped: Site) -> None:
+    show(looker, "drives")
+    stepped.tell(tick={**stepped.ask("status")["tick"], "syncs": 4711})
+    looker.wait_for_selector(".drives-tick dt:text-is('syncs') + dd:text-is('4711')")
+    stepped.tell()
+    looker.wait_for_selector(".drives-tick dt:text-is('syncs')", state="detached")
+    assert looker.locator(".drives-tick dt").count() == 3
+
+
 def test_only_the_drives_that_home_are_said_to_be_homing(looker: Any, stepped: Site) -> None:
     show(looker, "drives")
     drives = [{**one, "homing": one["axis"] == "Z"} for one in stepped.ask("status")["drives"]]

@@ -13,6 +13,13 @@ const BITS = ["ready", "on", "enabled", "fault", "voltage", "no_quick_stop", "di
 const BAD = ["fault", "following_error"];
 const COLUMNS = [["axis"], ["node", "d-node"], ["state"], ["mode", "d-mode"], ["target", "figures d-target"], ["actual", "figures"], ["error", "figures"], ["warmth", "figures d-warmth"], ["age", "figures d-age"], ["said"], ["bits", "d-bits"]];
 
+// Of the tick's own values these have their form; what else the live state declares as tick.* is shown as it is,
+// under its text or else its name.
+const FORMS = { period_ms: ["period", forms.ms], late_max_ms: ["late_max", forms.ms], skips: ["skips", forms.int] };
+const tick_rows = ({ number, age_s, ...tick }) =>
+  Object.entries({ period_ms: undefined, late_max_ms: undefined, skips: undefined, ...tick }).map(([name, value]) =>
+    name in FORMS ? [word(FORMS[name][0]), FORMS[name][1](value)] : [known(`drives.${name}`, name), String(value)]);
+
 const told = { buses: null, wrong: "" };
 every("drives", 1, "machine/buses", (body) => (told.buses = body), (wrong) => (told.wrong = wrong));
 
@@ -21,7 +28,6 @@ function View() {
   const drives = dx.status?.drives ?? [];
   // Only where the machine file says how the drives tell it.
   const warm = drives.some((drive) => drive.temperature_c !== undefined);
-  const { period_ms, late_max_ms, skips } = dx.status?.tick ?? {};
   return html`<div class="looks drives">
     <${Card} title=${text("view.drives")} class="drives-all" tabindex="0" data-warmth=${warm ? "1" : undefined}>
       <table class="list">
@@ -38,7 +44,7 @@ function View() {
       <div class="meters" id="drives-late">${buses && html`<${Lateness} late=${buses.lateness} />`}</div>
     <//>
     <${Card} title=${word("tick")} class="drives-tick">
-      <${Facts} rows=${[[word("period"), forms.ms(period_ms)], [word("late_max"), forms.ms(late_max_ms)], [word("skips"), forms.int(skips)]]} />
+      <${Facts} rows=${tick_rows(dx.status?.tick ?? {})} />
     <//>
   </div>`;
 }
