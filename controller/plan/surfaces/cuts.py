@@ -195,7 +195,9 @@ def _parts(block: CutBlock, surface: Surface) -> Iterator[tuple[Surface, tuple[f
 
 def describe(found: Defect) -> Said:
     """What is wrong with a surface and what to do; without a full stop."""
-    return said(f"defect.{found.kind.value}", u=found.u, v=found.v, turn_deg=found.turn_deg)
+    figures = {"u": found.u, "v": found.v, "turn_deg": found.turn_deg}
+    known = {name: value for name, value in figures.items() if math.isfinite(value)}  # NaN is no JSON
+    return said(f"defect.{found.kind.value}", **known)
 
 
 def described(block: CutBlock, found: Defect, advice: Said | str = "") -> Said:
