@@ -37,7 +37,7 @@ ARROWS: dict[str, set[str]] = {
     "service": VALUES | {"atomic_file", "ipc", "program", "plan", "tick", "runtime"},
     "api": VALUES | {"atomic_file", "ipc", "program", "plan", "verify"},
     "web": {"api", "messages"},
-    "cad": {"geometry", "machine", "program", "plan"},  # faces of a CAD file as a program
+    "cad": {"geometry", "machine", "messages", "program", "plan"},  # faces of a CAD file as a program
     "post": {"geometry", "machine", "motion", "program", "plan"},  # a planned path as lines
     # Verbs of the command line: free, but for tick.
     "cli": VALUES

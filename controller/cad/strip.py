@@ -21,6 +21,7 @@ from controller.cad.curve import NoFit, Nurbs, fit
 from controller.cad.outline import NOT_RULINGS, Outline, Side, Trimmed, TurnedPlane
 from controller.geometry.surfaces import RuledSurface, concave_radius, defect
 from controller.geometry.vectors import Vector
+from controller.messages import text
 from controller.plan.surfaces.cuts import describe
 
 if TYPE_CHECKING:
@@ -156,7 +157,7 @@ def _sound(made: Strip) -> Strip:
     """As it is; raises Trimmed where the reader would refuse its surface."""
     found = defect(made.surface)
     if found is not None:
-        raise Trimmed(describe(found).split(";")[0])
+        raise Trimmed(text(describe(found)).split(";")[0])
     return made
 
 

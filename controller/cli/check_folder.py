@@ -63,7 +63,7 @@ class Row:
         if self.survey is not None and self.kept is not None:
             found |= {"duration_s": self.survey.duration_s, "blocks": self.survey.blocks}
             found |= {"cuts_mm": self.survey.cuts_mm, "overcut_mm": self.overcut_mm, "stored": self.key}
-            found["notes"] = [{"line": one.place.line, "note": one.sentence} for one in self.kept.notes]
+            found["notes"] = [one.told(spoken.get()) for one in self.kept.notes]
         return found
 
     @property
@@ -190,7 +190,8 @@ def _rows(asked: Asked, found: Sequence[Job], spread: Spread, quiet: bool) -> tu
     with bar("checking", quiet) as progress:
         for row in spread(partial(examined, asked.machine), found, PROGRAM_S):
             if row.kept is not None:
-                warning = checked.keep(row.kept, row.key, asked.store) or warning
+                unkept = checked.keep(row.kept, row.key, asked.store)
+                warning = messages.text(messages.plain(unkept), spoken.get()) if unkept else warning
             rows.append(row)
             wrong += row.is_wrong
             progress(len(rows) / len(found), f"{len(rows)}/{len(found)} ({wrong}) {row.name}")
@@ -270,8 +271,7 @@ def _html_row(row: Row) -> str:
     cells = zip(_OF_REPORT, (*_cells(row), messages.text(row.said, spoken.get())), strict=True)
     inner = "".join(f'<td class="{name}">{html.escape(text)}</td>' for name, text in cells)
     notes = row.kept.notes if row.kept is not None else ()
-    told = "".join(
-        f"<li>{html.escape(row.name)}:{one.place.line}: {html.escape(one.sentence)}</li>" for one in notes
-    )
+    said = [f"{row.name}:{one.place.line}: {messages.text(one.said, spoken.get())}" for one in notes]
+    told = "".join(f"<li>{html.escape(one)}</li>" for one in said)
     more = f'<tr class="notes"><td></td><td colspan="6"><ul>{told}</ul></td></tr>\n' if told else ""
     return f'<tr class="{row.state}">{inner}</tr>\n{more}'

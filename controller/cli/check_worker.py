@@ -91,7 +91,7 @@ def check(
         seen((task, watched.stretches))
     figures = found.to_dict()
     figures["cuts_mm"] = figures["cuts_mm"][:MAX_CUTS]
-    notes = [{"line": note.place.line, "note": note.sentence} for note in kept.notes[:MAX_CUTS]]
+    notes = [note.facts for note in kept.notes[:MAX_CUTS]]
     figures["verdict"] = checked.verdict_of(kept)
     figures["fitted"] = setup_data.names(setup_data.load(state))  # what counts instead of the machine file
     return "passed", {**figures, "notes": notes, "warning": warning, "stored": task.key}

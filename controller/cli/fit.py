@@ -16,7 +16,7 @@ from controller.geometry.surfaces import DefectKind, defect
 from controller.machine import machine_file
 from controller.machine.model import Machine
 from controller.machine.toml_table import ConfigError
-from controller.plan.surfaces.cuts import code, describe, surface_of
+from controller.plan.surfaces.cuts import described, surface_of
 from controller.program import blocks, linked
 from controller.program.program import CutCone, CutNurbs, CutRuled, ProgramError
 from controller.verify import fits
@@ -80,7 +80,7 @@ def _asked(program: Path, machine: Machine) -> Iterator[fits.Asked]:
             surface, place = surface_of(block), block.place
             wrong = defect(surface)
             if wrong is not None and wrong.kind is not DefectKind.TWIST:
-                raise ProgramError(name, place.line, place.column, f"{code(block)}: {describe(wrong)}")
+                raise ProgramError(name, place.line, place.column, described(block, wrong))
             yield fits.Asked(place.line, surface, block.modal.side.value)
 
 

@@ -64,7 +64,6 @@ Unchecked = Annotated[
     bool, typer.Option("--unchecked", help="Start with the first blocks; refuse later ones on the way.")
 ]
 
-STOPPED = "The tool stands on the path before that block."
 PARTS = {"cone": "example1_ready", "ruled": "example2_ready"}
 
 
@@ -99,7 +98,7 @@ def _machine(
 
 def _notes(notes: Sequence[Note], machine: Machine) -> dict[str, Any]:
     """What ``check`` and ``simulate`` say with --json of a program and of its machine."""
-    told = [{"line": note.place.line, "note": note.sentence} for note in notes]
+    told = [note.told(spoken.get()) for note in notes]
     return {"notes": told, "warnings": machine_file.warnings(machine)}
 
 
@@ -139,7 +138,7 @@ def _kept(task: checked.Task, store: Path | None, as_json: bool) -> stored.Store
     """The stored check of what is to be run, if there is a sound one."""
     kept, warning = checked.find(task, store or stored.folder())
     if warning and not as_json:
-        tell.print(warning, markup=False)
+        tell.print(messages.text(messages.plain(warning), spoken.get()), markup=False)
     return kept
 
 
@@ -221,7 +220,7 @@ class _Check(NamedTuple):
     survey: Survey
     rows: Rows
     kept: stored.Stored
-    warning: str
+    warning: messages.Said | str
 
 
 def _draw_check(program: Path, task: checked.Task, done: _Check, plot: Path) -> None:
@@ -239,7 +238,7 @@ def _print_check(
     facts = {
         **{"ok": True, "program": str(program), "sheets": sheets, **done.survey.to_dict()},
         "overcuts": [asdict(one) for one in kept.overcuts],
-        "verdict": messages.told(checked.verdict_of(kept)),
+        "verdict": messages.told(checked.verdict_of(kept), spoken.get()),
         "fitted": fittings.said(fitted),
         **_notes(kept.notes, task.machine),
         "stored": None if done.warning else task.key,
@@ -258,7 +257,7 @@ def _show_check(program: Path, task: checked.Task, done: _Check, fitted: Path | 
     if survey.joints:
         show.print(tables.joints(survey))
     if done.warning:
-        tell.print(done.warning, markup=False)
+        tell.print(messages.text(messages.plain(done.warning), spoken.get()), markup=False)
     show.print(tables.whole(survey, program.name, task.machine.name), markup=False)
     if kept.overcuts:
         form = messages.text(wording.summed(kept.verdicts), spoken.get())
@@ -301,7 +300,8 @@ def _show_notes(notes: Sequence[Note], task: checked.Task) -> None:
     for sentence in machine_file.warnings(task.machine):
         tell.print(sentence, markup=False)
     for note in notes:
-        tell.print(f"{task.name}:{note.place.line}:{note.place.column}: {note.sentence}", markup=False)
+        sentence = messages.text(note.said, spoken.get())
+        tell.print(f"{task.name}:{note.place.line}:{note.place.column}: {sentence}", markup=False)
 
 
 # --- simulate ------------------------------------------------------------------
@@ -451,7 +451,9 @@ def _end_run(
     if run.fault is not Fault.NONE:  # also a hold that waits for somebody to close a door
         raise Refused(run.fault_text, **figures)
     if refusal is not None:
-        raise Refused(f"{refusal} {STOPPED}", **figures, line=refusal.line, column=refusal.column)
+        why = messages.several(refusal.placed, messages.said("stands_before"))
+        place = {"line": refusal.line, "column": refusal.column}
+        raise Refused(messages.text(why, spoken.get()), **figures, **place)
     _end("Simulated on the stepped clock", figures, as_json)
 
 

@@ -14,19 +14,19 @@ import typer
 from rich.table import Table
 
 from controller import messages
-from controller.cli import workers
+from controller.cli import speech, workers
 from controller.machine import machine_file
 from controller.machine.model import Machine, Tool
 from controller.machine.toml_table import ConfigError
 from controller.plan.report.verdict import Verdict
-from controller.plan.stretch import Stretch
+from controller.plan.stretch import Note, Stretch
 from controller.program import blocks, linked
-from controller.program.program import Block
+from controller.program.program import Block, Place
 from controller.runtime import checked
 from controller.verify import forms, passes, trace, wording
 from controller.verify.audit import Watched
 from controller.verify.bound import Bound, bound
-from controller.verify.console import Refused, bar, refusals, show, tell
+from controller.verify.console import Refused, bar, refusals, show, spoken, tell
 from controller.verify.gouges import Gouge, gouges, in_table
 from controller.verify.judge import SETTLED_MM, Judged, Worst, Zone, judge
 from controller.verify.nominal import Nominal
@@ -63,7 +63,7 @@ class Found:
     gouges: list[Gouge]
     ends: list[Gouge]  # what twist costs beside the ends of cuts
     verdicts: list[Verdict]  # on the surfaces that have a form tolerance
-    notes: list[tuple[int, str]]
+    notes: list[Note]
     bounds: list[Bound] | None = (
         None  # of the surfaces that are placed off their rulings; None: not asked for
     )
@@ -77,11 +77,11 @@ class Found:
     def wrong(self) -> str:
         """The first gouge, or else the surface that exceeds its tolerance most."""
         if not self.gouges:
-            more = self.exceeding - 1
-            return messages.text(wording.summed(self.verdicts)) + (f" ({more} more)" if more else "")
-        first, more = self.gouges[0], len(self.gouges) - 1
-        others = f" ({more} more)" if more else ""
-        return f"line {first.by_line}: {first.sentence}; {first.advice}{others}."
+            told = messages.several(wording.summed(self.verdicts) or "", _others(self.exceeding - 1))
+        else:
+            first = self.gouges[0]
+            told = first.told("gouge.one", line=first.by_line, more=_others(len(self.gouges) - 1))
+        return messages.text(told, spoken.get())
 
     def to_dict(self, machine: Machine) -> dict[str, Any]:
         return {
@@ -90,14 +90,23 @@ class Found:
             "accuracy_mm": {"settled": SETTLED_MM, "poses": FIT_MM},
             "table": machine.table is not None,
             "surfaces": [one.to_dict() for one in self.judged],
-            "gouges": [{**one.to_dict(), "sentence": one.sentence} for one in self.gouges],
-            "ends": [{**one.to_dict(), "sentence": one.sentence} for one in self.ends],
-            "verdict": messages.told(wording.told(self.verdicts)),
+            "gouges": _told(self.gouges),
+            "ends": _told(self.ends),
+            "verdict": messages.told(wording.told(self.verdicts), spoken.get()),
             **({"bounds": [one.to_dict() for one in self.bounds]} if self.bounds is not None else {}),
-            "notes": [{"line": line, "note": sentence} for line, sentence in self.notes],
+            "notes": [note.told(spoken.get()) for note in self.notes],
         }
 
 
+def _others(count: int) -> messages.Said | str:
+    return messages.said("gouge.others", more=count) if count else ""
+
+
+def _told(gouges: Sequence[Gouge]) -> list[dict[str, Any]]:
+    return [{**one.to_dict(), "sentence": messages.text(one.said, spoken.get())} for one in gouges]
+
+
+@speech.speaking
 def verify(
     file: Argument,
     program: Program = None,
@@ -184,11 +193,7 @@ def _found(
     most_mm = task.machine.max_overcut_mm
     seen = gouges(surfaces, ways, most_mm, lambda share: progress(0.8 + 0.2 * share), errors_mm, spread)
     table = in_table(task.machine.table, _rough(task, recorded, watched.stretches, ways, fitted))
-    notes = [(note.place.line, note.sentence) for note in walk.notes]
-    if not surfaces:
-        notes.append(
-            (1, "The program cuts no surface (G51, G52, G6.2): there is nothing to hold it against.")
-        )
+    notes = [*walk.notes, *([] if surfaces else [Note(Place(1, 1), messages.said("note.no_surface"))])]
     of = "plan" if recorded is None else "commanded" if commanded else "actual"
     hurt = sorted([*seen.gouges, *table], key=lambda one: one.by_line)
     held = [one for one in judged if one.nominal.tolerance_mm is not None]
@@ -256,20 +261,24 @@ def _rough(
 
 
 def _show(found: Found) -> None:
-    for line, sentence in found.notes:
-        tell.print(f"line {line}: {sentence}", markup=False)
+    for note in found.notes:
+        tell.print(f"line {note.place.line}: {messages.text(note.said, spoken.get())}", markup=False)
     if found.judged:
         show.print(_table(found))
     for one in found.gouges:
-        show.print(f"Gouge, line {one.by_line}: {one.sentence}; {one.advice}.", markup=False)
+        _show_gouge(one, "gouge.on_line")
     for one in found.ends:
-        show.print(f"Overcut, line {one.by_line}: {one.sentence}; {one.advice}.", markup=False)
+        _show_gouge(one, "gouge.overcut_on_line")
     for bounded in found.bounds or ():
         show.print(f"Bound, line {bounded.line}: {bounded.sentence}", markup=False)
     if found.bounds == []:
         show.print("No bound: no surface has its cutter placed off its rulings (P2, P3).", markup=False)
-    if sentence := messages.text(wording.summed(found.verdicts)):
+    if sentence := messages.text(wording.summed(found.verdicts), spoken.get()):
         show.print(sentence, markup=False)
+
+
+def _show_gouge(one: Gouge, key: str) -> None:
+    show.print(messages.text(one.told(key, line=one.by_line), spoken.get()), markup=False)
 
 
 def _table(found: Found) -> Table:

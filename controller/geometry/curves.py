@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller.geometry.vectors import ZERO, Number, Vector, add, dot, norm, scale, subtract
+from controller.messages import said, text
 
 Array = NDArray[np.float64]
 Points = tuple[Vector, ...]
@@ -32,6 +33,14 @@ _NODES = _NODES + 0.5
 _FIT = 0.5 - 0.5 * np.cos(np.pi * np.arange(1, DEGREE + 1) / DEGREE)
 _CHECK = 0.5 - 0.5 * np.cos(np.pi * (np.arange(DEGREE) + 0.5) / DEGREE)
 _POWERS = _FIT[:, None] ** np.arange(DEGREE)
+
+
+class NoLength(ValueError):
+    """Why there is no way along a curve."""
+
+    def __init__(self, key: str) -> None:
+        self.said = said(key)
+        super().__init__(text(self.said))
 
 
 class Curve(Protocol):
@@ -307,7 +316,7 @@ class Even:
 
 def _refuse_nothing(length: float) -> None:
     if not (math.isfinite(length) and length > 0.0):
-        raise ValueError("The curve has no length: there is nothing to travel along.")
+        raise NoLength("cut.no_length")
 
 
 def _panels(curve: Curve, tolerance: float) -> Iterator[tuple[float, float, tuple[float, ...]]]:
@@ -330,7 +339,7 @@ def _panels(curve: Curve, tolerance: float) -> Iterator[tuple[float, float, tupl
             continue
         count, of_span = count + 1, of_span + 1
         if count > MAX_PANELS or of_span > MAX_OF_SPAN:
-            raise ValueError("The curve bends without end: its length has no fit.")
+            raise NoLength("cut.endless_bend")
         if length > 0.0:
             yield start, length, fit or (start, end - start, *(0.0,) * (DEGREE - 1))
         start = open_ends.pop()

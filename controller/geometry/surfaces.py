@@ -194,13 +194,13 @@ SAMPLES_PER_SPAN = 33  # of a B-spline, whose knots may stand close
 class DefectKind(Enum):
     """Why a surface cannot be cut along its rulings."""
 
-    COINCIDENT = "the directrices coincide"
-    ZERO_RULING_INSIDE = "a ruling inside has no length"
-    ZERO_RULING_END = "the ruling at an end has no length"
-    CROSSING = "the directrices cross"
-    STANDSTILL = "the lower directrix stands still inside"
-    TWIST = "the normal turns by 90 degrees or more along a ruling"
-    FOLD = "the surface folds between the directrices"
+    COINCIDENT = "coincident"  # both directrices
+    ZERO_RULING_INSIDE = "zero_ruling_inside"
+    ZERO_RULING_END = "zero_ruling_end"
+    CROSSING = "crossing"  # of the directrices
+    STANDSTILL = "standstill"  # of the lower directrix, inside
+    TWIST = "twist"  # the normal turns by 90 degrees or more along a ruling
+    FOLD = "fold"  # between the directrices
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,12 +14,13 @@ import numpy as np
 from controller.ipc.handoff import Snapshot
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Machine
+from controller.messages import said
 from controller.plan import retract as aside
 from controller.plan.look_ahead import Place
 from controller.plan.path.path import Chain, Pause, Stretch
 from controller.plan.restart.program_position import ENTRY_ID, Spot
 from controller.plan.restart.restart import Rest, named
-from controller.plan.retract import NO_RETRACT, NO_RETURN, Aside, NotPossible
+from controller.plan.retract import Aside, NotPossible
 from controller.plan.track import Track
 from controller.state.modes import Mode
 
@@ -53,7 +54,7 @@ class Detour:
         aside.see_held(now, "retract")
         made = None if self.aside is not None else _leaving(now, left, spot, by_mm)
         if made is None:
-            raise NotPossible(NO_RETRACT)
+            raise NotPossible(said("aside.no_retract"))
         track = self._track(aside.retract(made[0], self._machine, self._kinematics))
         self.aside, self._left = made
         return track
@@ -62,7 +63,7 @@ class Detour:
         """The way back, at whose end ``rest`` is left of the program. Raises NotPossible."""
         away = self.aside
         if away is None or not away.off or away.returning:
-            raise NotPossible(NO_RETURN)
+            raise NotPossible(said("aside.no_return"))
         aside.see_held(now, "return")
         away.see(now)
         target = away.held if rest is None else rest.target.joints

@@ -29,6 +29,7 @@ from controller.geometry.vectors import ROUNDING, Vector
 from controller.ipc.handoff import PieceMessage, Snapshot
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Machine
+from controller.messages import said
 from controller.plan.look_ahead import Orders, Place, Sent, Windows
 from controller.plan.off_path import Detour
 from controller.plan.path.path import Chain, Pause, Stretch
@@ -45,7 +46,6 @@ REPLAN_LEAD_S = 0.05  # ahead of the commit point, where planning takes no time 
 MAX_LEAD_S = 2.0
 RETRY_S = 0.1  # where there is no way on from a state of motion, one this much later is tried ...
 TIMEOUT_S = 0.05  # ... after so much plan time
-PROBES = "A probing move is under way, and a retract would be taken for it; resume, or stop the program."
 TOUCHED, TOUCHING = 1, 3  # of the tick's ``probed`` and ``probing``
 
 
@@ -267,7 +267,7 @@ class Planner:
         Raises NotPossible.
         """
         if now.probing:
-            raise NotPossible(PROBES)
+            raise NotPossible(said("aside.probing"))
         self._lead(self._detour.retract(now, self._left(now), self.spot(now), by_mm), now)
 
     def go_back(

@@ -20,6 +20,7 @@ from controller.geometry.vectors import ROUNDING
 from controller.ipc.handoff import Snapshot
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Joints, Machine
+from controller.messages import Key, Said, said, text
 from controller.plan.restart import entry
 from controller.plan.restart.entry import along_axis
 from controller.plan.restart.program_position import Spot
@@ -31,27 +32,20 @@ from controller.state.modes import Mode
 
 RETRACT_MM_S = 10.0  # off the part, and on all of the way back but its end
 CORNER_MM = 0.05  # a turn of a jogged way that is less (or so many degrees) is none
-NO_RETRACT = (
-    "The tool cannot retract: it leaves the path out of a program that is held, and once. "
-    "Hold the program, or let the tool return first."
-)
-NO_RETURN = (
-    "The tool cannot return: it has not left the path by a retract, or is on its way. "
-    "Retract it first, or wait until it stands."
-)
 
 
 class NotPossible(Exception):
-    """One sentence on why the tool cannot leave the path, or not come back, and what to do."""
+    """Why the tool cannot leave the path, or not come back, and what to do."""
+
+    def __init__(self, why: Said) -> None:
+        super().__init__(text(why))
+        self.said = why
 
 
 def see_held(now: Snapshot, what: str) -> None:
     """Raises NotPossible unless the machine is held and stands."""
     if now.mode is not Mode.HOLD or not now.at_rest or now.stopping:
-        raise NotPossible(
-            f"The tool cannot {what} in mode {now.mode.name}: that needs HOLD and a standstill; "
-            "hold the program and wait until it stands."
-        )
+        raise NotPossible(said("aside.not_held", what=Key(f"aside.{what}"), mode=now.mode.name))
 
 
 @dataclass(slots=True)
@@ -88,10 +82,7 @@ def retract(aside: Aside, machine: Machine, kinematics: Kinematics) -> Iterator[
     """The way off the path, to a stop. Raises NotPossible."""
     room = entry.room_along_axis(aside.held, machine, kinematics)
     if not 0.0 < aside.retract_mm <= room:
-        raise NotPossible(
-            f"The tool cannot retract by {aside.retract_mm:g} mm along its axis here: above 0 and up to "
-            f"{room:.3f} mm are inside the travel; ask for less."
-        )
+        raise NotPossible(said("aside.room", by=aside.retract_mm, room=room))
     off = along_axis(aside.held, aside.retract_mm, kinematics)
     aside.turns = [off]
     return _way([aside.held, off], [RETRACT_MM_S], "retract", aside.place, kinematics)
@@ -111,10 +102,7 @@ def back(
     """
     before, after = lengths_mm
     if after - before >= max(aside.retract_mm, 1e-9):
-        raise NotPossible(
-            f"The new tool is {after - before:.3f} mm longer and the tool stands only "
-            f"{aside.retract_mm:.3f} mm off the part: retract by more than the difference before the change."
-        )
+        raise NotPossible(said("aside.longer", longer=after - before, off=aside.retract_mm))
     turns = [longer(turn, after - before, kinematics) for turn in (now, *reversed(aside.turns))]
     over = along_axis(target, aside.retract_mm, kinematics)
     corners = [now, *turns, over, target]
@@ -123,8 +111,8 @@ def back(
     for corner in corners:
         excess = audit.outside_at(machine, corner)
         if excess is not None:
-            axis = machine.axes[excess.axis]
-            raise NotPossible(audit.describe(axis, excess, " on the way back", "take a shorter tool") + ".")
+            beyond = audit.beyond(machine.axes[excess.axis], excess)
+            raise NotPossible(said("travel.beyond_back", **beyond))
     return _way(corners, feeds, "return", aside.place, kinematics)
 
 

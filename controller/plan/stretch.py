@@ -19,7 +19,7 @@ from controller.geometry.curves import Arc, Line
 from controller.geometry.vectors import ROUNDING, Vector, norm, subtract
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Joints
-from controller.messages import Said
+from controller.messages import DEFAULT, LANGUAGES, Key, Said, text
 from controller.motion.motions import JointMove, Motion, Rotaries, ToolLine, ToolSpline
 from controller.program.program import (
     ENABLED,
@@ -144,7 +144,27 @@ class Note:
     """A decision or a warning that ``check`` shows."""
 
     place: Place
-    sentence: str
+    said: Said
+
+    @property
+    def sentence(self) -> str:
+        """In English."""
+        return text(self.said)
+
+    def told(self, language: str) -> dict[str, object]:
+        """For JSON that is read by people."""
+        return {"line": self.place.line, "note": text(self.said, language), **self.said}
+
+    @property
+    def facts(self) -> dict[str, object]:
+        """The same in no language, for whoever tells it."""
+        return {"line": self.place.line, **self.said}
+
+
+def motion_named(name: str) -> Key:
+    """The text for the name of a motion; of one that a record has and this version does not, a word."""
+    key = f"form.motion.{name}"
+    return Key(key if key in LANGUAGES[DEFAULT].refusals else "form.motion.other")
 
 
 @dataclass(frozen=True, slots=True)
@@ -156,7 +176,7 @@ class Path:
     end: Joints
 
 
-Tell = Callable[[Place, str], None]
+Tell = Callable[[Place, Said], None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -166,7 +186,7 @@ class Voice:
     program: str
     tell: Tell
 
-    def refuse(self, place: Place, why: Said | str) -> NoReturn:
+    def refuse(self, place: Place, why: Said) -> NoReturn:
         raise ProgramError(self.program, place.line, place.column, why)
 
 

@@ -383,8 +383,7 @@ class _Turn:
             if row.only and not self._has(row.only):
                 raise self.ask.refusal(word, "code.not_done", **row.refused_with())
             if row.fate is Fate.NOTED and code not in self.state.noted:
-                sentence = f"{code} ({row.meaning}) needs no action here. {row.told}"
-                self.made.append(Remark(self.ask.place(word), self.state.modal, sentence))
+                self.made.append(Remark(self.ask.place(word), self.state.modal, row.noted_with()))
                 self.state = self.state._replace(noted=self.state.noted | {code})
 
     def _has(self, written: str) -> bool:

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 
-from controller.messages import Key, said, text
+from controller.messages import Key, Said, said, text
 
 AXES = "@"  # in ``letters``: the axes of the machine
 
@@ -42,11 +42,17 @@ class Code:
     dialect: str = ""  # "" = both
     only: str = ""  # of a noted one: the word with which alone it needs no action ...
     instead: str = ""  # ... and what to write in place of any other
+    note: str = ""  # of a noted one: the key of ``told``
 
     def refused_with(self) -> dict[str, str]:
         """The values of what is said where it is refused."""
         parts = {part: key_of(part, self.name, self.dialect) for part in ("meaning", "instead")}
         return {"code": self.name, **parts}
+
+    def noted_with(self) -> Said:
+        """What ``check`` tells of a noted one."""
+        meaning = key_of("meaning", self.name, self.dialect)
+        return said("note.needs_nothing", code=self.name, meaning=meaning, told=Key(self.note))
 
 
 def done(group: str, source: str, *rows: tuple[str, str, str], dialect: str = "") -> list[Code]:
@@ -54,11 +60,12 @@ def done(group: str, source: str, *rows: tuple[str, str, str], dialect: str = ""
     return [Code(name, group, letters, source, meaning, dialect=dialect) for name, letters, meaning in rows]
 
 
-def noted(source: str, *rows: tuple[str, str, str, str], dialect: str = "") -> list[Code]:
-    """Rows of name, letters, meaning, what they would have done."""
+def noted(source: str, *rows: tuple[str, str, str], dialect: str = "") -> list[Code]:
+    """Rows of name, letters, and why it needs no action, as ``told`` of the catalogue has it."""
     made = []
-    for name, letters, meaning, told in rows:
-        made.append(Code(name, name, letters, source, meaning, told, Fate.NOTED, dialect))
+    for name, letters, why in rows:
+        meaning, told = (text(said(key)) for key in (key_of("meaning", name, dialect), f"told.{why}"))
+        made.append(Code(name, name, letters, source, meaning, told, Fate.NOTED, dialect, note=f"told.{why}"))
     return made
 
 
@@ -72,11 +79,11 @@ def refused(source: str, names: str, dialect: str = "") -> list[Code]:
 
 
 def only(word: str, *rows: tuple[str, str, str, str]) -> list[Code]:
-    """Noted with one word, refused else, under fanuc: name, letters, source, what it would have done."""
+    """Noted with one word, refused else, under fanuc: name, letters, source, why it needs no action."""
     made = []
-    for name, letters, source, told in rows:
-        meaning, instead = (text(said(key_of(part, name, "fanuc"))) for part in ("meaning", "instead"))
-        made.append(Code(name, name, letters, source, meaning, told, Fate.NOTED, "fanuc", word, instead))
+    for name, letters, source, why in rows:
+        (row,) = noted(source, (name, letters, why), dialect="fanuc")
+        made.append(replace(row, only=word, instead=text(said(key_of("instead", name, "fanuc")))))
     return made
 
 

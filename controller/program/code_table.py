@@ -7,6 +7,7 @@ where RS-274/NGC and Fanuc-like controls mean different things by one name.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import MappingProxyType
 
 from controller.messages import Key
@@ -30,76 +31,57 @@ from controller.program.code_rows import (
 
 # The rows of the table of codes for what is only noted, and what is refused with what to write instead.
 
-_AHEAD = "The feed is always planned as far ahead as the limits ask."
-_NEVER = "It is never on here."
-_SMOOTH = "G64 P says here how far the path may be left; without it it is exact."
-_SPINDLE = "S alone says how fast the spindle turns."
-_NO_OUTPUT = "m_codes in [io] has no output for it"
-
 NOT_DONE: tuple[Code, ...] = (
     *noted(
         FANUC,
-        ("G5", "P", "high-precision mode", _AHEAD),
-        ("G5.1", AXES + "QRP", "look-ahead mode; of Q2 the axes", _AHEAD),
-        ("G8", "P", "look-ahead mode", _AHEAD),
-        ("G9", "", "exact stop", "Corners are exact but under G64 P."),
-        ("G11", "", "end of data setting", "G10 is for its line alone."),
-        ("G13.1", "", "polar interpolation off", _NEVER),
-        ("G50.1", AXES, "mirror image off", _NEVER),
-        ("G62", "", "slower in inside corners", "The feed in corners is planned by the limits of the axes."),
-        ("M41", "", "low gear", _SPINDLE),
-        ("M42", "", "high gear", _SPINDLE),
-        ("M43", "", "third gear", _SPINDLE),
+        ("G5", "P", "ahead"),
+        ("G5.1", AXES + "QRP", "ahead"),
+        ("G8", "P", "ahead"),
+        ("G9", "", "exact"),
+        ("G11", "", "own_line"),
+        ("G13.1", "", "never"),
+        ("G50.1", AXES, "never"),
+        ("G62", "", "corners"),
+        ("M41", "", "speed"),
+        ("M42", "", "speed"),
+        ("M43", "", "speed"),
         dialect="fanuc",
     ),
     *noted(
         FANUC,
-        ("G15", "", "polar coordinates off", _NEVER),
-        ("G23", "", "stored stroke limits off", "The travel of the axes is always watched."),
-        (
-            "G25",
-            "",
-            "spindle speed watch off",
-            "The spindle is watched wherever the machine file names its drive.",
-        ),
-        ("G50", "", "scaling off", _NEVER),
-        ("G67", "", "modal macro off", _NEVER),
-        ("M10", "", "clamp on", f"{_NO_OUTPUT}; clamps of axes close by themselves."),
-        ("M11", "", "clamp off", f"{_NO_OUTPUT}; clamps of axes open by themselves."),
+        ("G15", "", "never"),
+        ("G23", "", "travel"),
+        ("G25", "", "watched"),
+        ("G50", "", "never"),
+        ("G67", "", "never"),
+        ("M10", "", "closes"),
+        ("M11", "", "opens"),
     ),
-    *noted(HURCO, ("G5.3", "P", "surface finish", _SMOOTH), dialect="fanuc"),
+    *noted(HURCO, ("G5.3", "P", "path"), dialect="fanuc"),
     *noted(
         HAAS,
-        ("G103", "P", "limits look-ahead", "The whole program is read and planned ahead."),
-        ("G187", "PE", "smoothness", _SMOOTH),
-        ("G255", "", "dynamic work offset off", "It is never on here; G43.4 follows the turned part."),
+        ("G103", "P", "whole"),
+        ("G187", "PE", "path"),
+        ("G255", "", "follows"),
     ),
     *noted(
         HAAS,
-        ("G269", "", "tilted plane off", "G268 is never on here; G69 ends G68.2."),
-        ("M12", "", "clamp of the fifth axis on", f"{_NO_OUTPUT}; clamps of axes close by themselves."),
-        ("M13", "", "clamp of the fifth axis off", f"{_NO_OUTPUT}; clamps of axes open by themselves."),
-        ("M31", "", "chip conveyor forward", f"{_NO_OUTPUT}."),
-        ("M32", "", "chip conveyor back", f"{_NO_OUTPUT}."),
-        ("M33", "", "chip conveyor off", f"{_NO_OUTPUT}."),
-        ("M84", "", "air blast off", f"{_NO_OUTPUT}."),
-        ("M89", "", "coolant through the spindle off", f"{_NO_OUTPUT}."),
-        ("M138", "PE", "varying spindle speed", "The spindle turns as S says."),
-        ("M139", "", "varying spindle speed off", "The spindle turns as S says."),
+        ("G269", "", "untilts"),
+        ("M12", "", "closes"),
+        ("M13", "", "opens"),
+        ("M31", "", "no_output"),
+        ("M32", "", "no_output"),
+        ("M33", "", "no_output"),
+        ("M84", "", "no_output"),
+        ("M89", "", "no_output"),
+        ("M138", "PE", "turns"),
+        ("M139", "", "turns"),
         dialect="fanuc",
     ),
-    *noted(BROTHER, ("M298", "L", "high-accuracy mode", _AHEAD), dialect="fanuc"),
-    *only("P0", ("G54.2", "P", FANUC, _NEVER), ("G54.4", "P", FANUC, _NEVER)),
-    *only("X0", ("G10.9", "X", MAZAK, "Words of X are positions.")),
-    Code(
-        "M51",
-        "overrides",
-        "P",
-        LINUXCNC,
-        "spindle override counts (P1) or not (P0)",
-        "The operator keeps it; M49 takes all overrides.",
-        Fate.NOTED,
-    ),
+    *noted(BROTHER, ("M298", "L", "ahead"), dialect="fanuc"),
+    *only("P0", ("G54.2", "P", FANUC, "never"), ("G54.4", "P", FANUC, "never")),
+    *only("X0", ("G10.9", "X", MAZAK, "positions")),
+    *(replace(row, group="overrides") for row in noted(LINUXCNC, ("M51", "P", "kept"))),
     # --- what is refused, and what to write instead
     *refused(LINUXCNC, "G7 G8 G76 G44 G87", dialect="rs274"),
     *refused(LINUXCNC, "G5.2", dialect="fanuc"),

@@ -274,8 +274,7 @@ class Cutter:
         radius = abs(self.planar.off_mm)
         if self._machine.gouge == "refuse":
             raise self._wrong(step.held, "beside.gouge", radius=radius, there=found.line)
-        sentence = text(said("beside.gouge_told", radius=radius, there=found.line))
-        yield Remark(place, step.block.modal, sentence)
+        yield Remark(place, step.block.modal, said("beside.gouge_told", radius=radius, there=found.line))
 
     # ---- targets ---------------------------------------------------------------------
 

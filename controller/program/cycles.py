@@ -17,7 +17,7 @@ from dataclasses import replace
 from types import MappingProxyType
 
 from controller.geometry.vectors import ROUNDING, Vector, angle_between
-from controller.messages import Key
+from controller.messages import Key, said
 from controller.program import line_words, output_words, thread_words
 from controller.program.codes import CYCLES, Ask
 from controller.program.cycle_way import PLANES, Way
@@ -117,9 +117,6 @@ TAPS = ("G74", "G84")
 ALONG_DEG = 0.01  # by which the axis of a cycle may miss the tool: rotary words of two decimals
 MAX_REPEATS = 1000  # of one line ...
 MAX_PECKS = 10_000  # ... in all of them
-FLOATING = (
-    "is tapped with a floating holder: the feed is not tied to the spindle, which turns back at the bottom."
-)
 
 
 def blocks(here: Here, code: str, word: Word) -> tuple[list[Block], State]:
@@ -269,7 +266,7 @@ def _repeats(ask: Ask, way: Way) -> int:
 def _told_floating(way: Way, state: State, code: str) -> State:
     if code in state.noted:
         return state
-    way.made.append(Remark(way.place, state.modal, f"{code} {FLOATING}"))
+    way.made.append(Remark(way.place, state.modal, said("note.floating", code=code)))
     return state._replace(noted=state.noted | {code})
 
 

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from mmap import mmap
 
-from controller.messages import said
+from controller.messages import Said, said
 from controller.program.program import Place, ProgramError
 
 _AROUND = bytes([0x00, 0x11, 0x12, 0x13, 0x14, 0x7F])
@@ -56,7 +56,7 @@ class Text:
         return self.leader + str(self.body, self.encoding)
 
 
-def text_of(data: Bytes, name: str) -> tuple[Text, tuple[Place, str] | None]:
+def text_of(data: Bytes, name: str) -> tuple[Text, tuple[Place, Said] | None]:
     """The text, and what to tell of it where it is not UTF-8; ProgramError for what is no text."""
     text, remark = _decoded(*_without_tape(data), name)
     if control := _CONTROL.search(text.body):
@@ -65,7 +65,7 @@ def text_of(data: Bytes, name: str) -> tuple[Text, tuple[Place, str] | None]:
     return text, remark
 
 
-def _decoded(leader: str, body: memoryview, name: str) -> tuple[Text, tuple[Place, str] | None]:
+def _decoded(leader: str, body: memoryview, name: str) -> tuple[Text, tuple[Place, Said] | None]:
     text = Text(leader, body, "utf-8")
     at = _first_undecoded(text)
     if at is None:
@@ -73,8 +73,7 @@ def _decoded(leader: str, body: memoryview, name: str) -> tuple[Text, tuple[Plac
     place, byte = _place(text, at), body[at]
     windows = Text(leader, body, "cp1252")
     if bytes(body[:2]) not in _UTF_16 and _first_undecoded(windows) is None:
-        why = "so the file is read as Windows-1252; it matters in comments only."
-        return windows, (place, f"byte 0x{byte:02X} is not UTF-8, {why}")
+        return windows, (place, said("note.windows", byte=byte))
     raise ProgramError(name, place.line, place.column, said("text.unreadable", byte=byte))
 
 

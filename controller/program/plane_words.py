@@ -14,6 +14,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 
+from controller import messages
 from controller.geometry.vectors import (
     ZERO,
     Frame,
@@ -59,7 +60,7 @@ class Said:
     rows: Mapping[int, Mapping[str, float]]
     order: str  # Q of a definition of one line, "" without one
     refusal: Callable[..., ProgramError]  # of a key and its values
-    tell: Callable[[str], None]
+    tell: Callable[..., None]  # a key and its values
 
     def get(self, letters: str, q: int = 0) -> Vector:
         row = self.rows.get(q, {})
@@ -108,8 +109,10 @@ def defined(here: Here) -> tuple[State, list[Block]]:
         return here.state._replace(begun=Begun(code, p, line, rows)), []
     told: list[Block] = []
 
-    def tell(sentence: str) -> None:
-        told.append(Remark(here.ask.place(word), here.state.modal, f"{code} P{p} {sentence}"))
+    def tell(key: str, **values: object) -> None:
+        told.append(
+            Remark(here.ask.place(word), here.state.modal, messages.said(key, code=code, p=p, **values))
+        )
 
     given = None if form.rows else here.ask.words.get("Q")
     said = Said(
@@ -284,9 +287,7 @@ def _squared(said: Said, along: Vector, normal: Vector, most_deg: float) -> Tria
     if abs(off) > most_deg:
         raise said.refusal("plane.not_square", off=off + 90.0, low=90.0 - most_deg, high=90.0 + most_deg)
     if abs(off) > TOLD_DEG:
-        said.tell(
-            f"has X and Z of the plane {off + 90.0:.4g} degrees apart: Z stays, X gives way to make it 90."
-        )
+        said.tell("note.not_square", off=off + 90.0)
     z = unit(normal)
     x = unit(subtract(along, scale(z, dot(z, along))))
     return x, cross(z, x), z

@@ -6,12 +6,13 @@ Page, REST and command line ask for a cycle by name; what runs is the program th
     G21 G90 G94 G40 G55 G43
     o<probe_bore> call [20] [2]
 
-The work offset that is set is the active one meanwhile, so what is told is in its coordinates, as they were.
+The work offset that is to be set is the active one meanwhile, so what is told is in its coordinates, as they
+were; one that nobody has set yet cannot be, and G54 is.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import Any, NamedTuple
 
 from controller.machine.model import OFFSETS
@@ -75,10 +76,10 @@ def picture(cycle: str) -> str | None:
     return (linked.SHIPPED / f"probe_{cycle}.svg").read_text(encoding="utf-8")
 
 
-def program(cycle: object, values: Mapping[str, Any], offset: object) -> bytes:
+def program(cycle: object, values: Mapping[str, Any], offset: object, unset: Collection[str] = ()) -> bytes:
     """The lines that run a cycle, with its program behind them; ``offset``: to be set, or "none".
 
-    Raises CycleRefused.
+    ``unset``: offsets that nobody has set. Raises CycleRefused.
     """
     wanted = CYCLES.get(cycle) if isinstance(cycle, str) else None
     if wanted is None:
@@ -89,7 +90,7 @@ def program(cycle: object, values: Mapping[str, Any], offset: object) -> bytes:
         raise _refused("probe_offset", found=offset, allowed=SETTABLE)
     numbers = [number for name in wanted for number in _numbers(name, values.get(name))]
     set_it = SETTABLE.index(str(offset))
-    active = OFFSETS[0] if offset == NONE else offset
+    active = OFFSETS[0] if offset in (NONE, *unset) else offset
     call = " ".join(f"[{number:g}]" for number in (*numbers, set_it))
     text = f"G21 G90 G94 G40 {active} G43\no<probe_{cycle}> call {call}\n"
     return bytes(linked.linked(text.encode(), lambda _: None))

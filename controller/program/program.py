@@ -12,7 +12,7 @@ from controller.geometry.splines import BSpline
 from controller.geometry.vectors import Frame, Vector
 from controller.machine.changes import Change
 from controller.machine.model import Joints, Machine, Tool
-from controller.messages import Said, chain, plain, said, text
+from controller.messages import Said, chain, said, text
 
 
 class Caller(NamedTuple):
@@ -32,11 +32,10 @@ class ProgramError(Exception):
 
     facts: Mapping[str, Any] = MappingProxyType({})  # beside the sentence, for JSON
 
-    def __init__(self, file: str, line: int, column: int, why: Said | str, about: str = "") -> None:
-        """``why``: a sentence alone where it has no key; ``about``: the code or letter that is to blame,
-        for counts."""
+    def __init__(self, file: str, line: int, column: int, why: Said, about: str = "") -> None:
+        """``about``: the code or letter that is to blame, for counts."""
         super().__init__(file, line, column, why, about)
-        self.file, self.line, self.column, self.said, self.about = file, line, column, plain(why), about
+        self.file, self.line, self.column, self.said, self.about = file, line, column, why, about
 
     @property
     def sentence(self) -> str:
@@ -194,7 +193,7 @@ class CutCone:
     upper_radius_mm: float
     sweep_rad: float  # positive counter-clockwise seen from +Z
     feed_mm_s: float
-    doubt: str = field(default="", compare=False)  # whether its words mean what they say, for ``check``
+    doubt: Said | None = field(default=None, compare=False)  # whether its words mean what they say
 
 
 @dataclass(frozen=True, slots=True)
@@ -206,7 +205,7 @@ class CutRuled:
     upper: tuple[Vector, Vector, Vector, Vector]
     lower: tuple[Vector, Vector, Vector, Vector]
     feed_mm_s: float
-    doubt: str = field(default="", compare=False)  # as of a cone
+    doubt: Said | None = field(default=None, compare=False)  # as of a cone
 
 
 @dataclass(frozen=True, slots=True)
@@ -411,7 +410,12 @@ class Remark:
 
     place: Place
     modal: Modal
-    sentence: str
+    said: Said
+
+    @property
+    def sentence(self) -> str:
+        """In English."""
+        return text(self.said)
 
 
 @dataclass(frozen=True, slots=True)

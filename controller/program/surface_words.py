@@ -72,11 +72,10 @@ def is_shift(ask: Ask, state: State, machine: Machine, ahead: Upcoming) -> bool:
 def told_shift(ask: Ask, state: State) -> Remark:
     """What ``check`` tells of a G52 that shifts."""
     origins = state.origins
-    sentence = "G52 with zeros cancels a shift of coordinates; none is in force here."
+    key = "note.no_shift"
     if origins.local != NONE or (origins.shift != NONE and not origins.suspended):
-        of = "all work offsets" if origins.plane is None else "this tilted plane"
-        sentence = f"G52 without F shifts the coordinates of {of} from here on."
-    return Remark(ask.place(ask.codes["motion"][1]), state.modal, sentence)
+        key = "note.shift" if origins.plane is None else "note.shift_of_plane"
+    return Remark(ask.place(ask.codes["motion"][1]), state.modal, said(key))
 
 
 def cone(ask: Ask, state: State, machine: Machine) -> CutCone:
@@ -183,24 +182,17 @@ MICROSCOPIC_MM = 0.1  # a contact that is no longer
 UPSIDE_DOWN = -0.5  # cosine of the ruling's angle to the table's normal
 
 
-def doubt_of_words(code: str, words: Iterable[Word], contact_mm: float) -> str:
-    """A doubt about the units of lengths (``contact_mm``: of the contact), or ""."""
+def doubt_of_words(code: str, words: Iterable[Word], contact_mm: float) -> Said | None:
+    """A doubt about the units of lengths (``contact_mm``: of the contact), or None."""
     counted = [word for word in words if word.value != 0.0]
     plain = next((word for word in counted if not word.point), None)
     if plain is None:
-        return ""
+        return None
     pointed = next((word for word in counted if word.point), None)
-    means = (
-        f"{plain.text} is {abs(plain.value) / BLU_PER_MM:g} mm, for without a decimal point it counts 0.01 mm"
-    )
+    means = {"code": code, "word": plain.text, "mm": abs(plain.value) / BLU_PER_MM}
     if pointed is not None:
-        return (
-            f"{code} mixes words with and without a decimal point: {means}, {pointed.text} does not;"
-            " write a point in all of them, or in none."
-        )
-    if contact_mm < MICROSCOPIC_MM:
-        return f"{code} cuts {contact_mm:.2g} mm: {means}; write decimal points if millimetres are meant."
-    return ""
+        return said("doubt.mixed", pointed=pointed.text, **means)
+    return said("doubt.microscopic", contact=contact_mm, **means) if contact_mm < MICROSCOPIC_MM else None
 
 
 def length_mm(points: Sequence[Vector]) -> float:

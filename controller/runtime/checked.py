@@ -17,6 +17,7 @@ from typing import Any
 
 from controller.machine.kinematics import Kinematics, kinematics_of
 from controller.machine.model import TOOL_AT_POWER_ON, Joints, Machine
+from controller.messages import Said, said
 from controller.motion.motions import Rotaries
 from controller.plan.look_ahead import NoLaw
 from controller.plan.path import path, spindle_off, tool_changes
@@ -36,17 +37,12 @@ from controller.verify import wording
 from controller.verify.audit import Audit, FormRefused, Watched, audit
 from controller.workers import Spread, here
 
-NO_LAW = (
-    "no motion was found from here on that keeps all axes within their limits: somewhere they would have to "
-    "turn all but at once; smooth the surfaces there, split the block, or tilt the part"
-)
 # Share of a check that is done when cutters are placed, when branches are chosen, and when all is planned.
 PLACED, CHOSEN, PLANNED = 0.1, 0.2, 0.6
 CUTS = re.compile(
     rb"[gG][ \t]*0*(?:5[12]|6\.2)"
 )  # what may cut a surface: a long program of lines is not read twice
 PLACING_S = 0.4  # that a search for one surface takes, about
-NOTHING = "The program has no block that does anything; nothing to run."
 
 
 Progress = Callable[[float], None]  # gets the share that is done
@@ -149,7 +145,7 @@ def _whole(items: Iterator[Chain | Pause], read: _Read, name: str) -> Iterator[C
         empty = False
         yield item
     if read.last is None:
-        raise ProgramError(name, 1, 1, NOTHING)
+        raise ProgramError(name, 1, 1, said("path.nothing"))
     if empty:
         yield Pause(read.last.place, read.last.modal)
 
@@ -246,7 +242,7 @@ def check(
     progress: Callable[[int], None] = lambda _: None,
     watch: Callable[[Iterable[Chain | Pause]], Iterable[Chain | Pause]] = lambda items: items,
     spread: Spread = here,
-) -> tuple[Survey, Stored, str]:
+) -> tuple[Survey, Stored, Said | str]:
     """Look at the whole program and keep what was found: survey, check, and a warning or "".
 
     As ``looked_at``. Raises ProgramError.
@@ -285,7 +281,7 @@ def looked_at(
                 watched, asked.machine, asked.kinematics, tell, lambda line: planned(line / lines), passing
             )
         except NoLaw as lost:
-            raise ProgramError(asked.name, lost.line, 1, NO_LAW) from lost
+            raise ProgramError(asked.name, lost.line, 1, said("path.no_law")) from lost
         seen = _audited(asked, watched, _between(done, PLANNED, 1.0), spread)
     notes, overcuts = (*walk.notes, *seen.notes), tuple(seen.overcuts)
     figures = found.ticks, found.duration_s, found.blocks
@@ -315,12 +311,12 @@ def place_ahead(asked: Task, spread: Spread, progress: Progress = lambda _: None
         progress(0.1 + 0.9 * (k + 1) / len(unknown))
 
 
-def keep(kept: Stored, name: str, where: Path) -> str:
+def keep(kept: Stored, name: str, where: Path) -> Said | str:
     """Store a check; a warning where that was not to be done, or ""."""
     try:
         stored.save(kept, name, where)
     except OSError as error:
-        return f"{where}: the check could not be stored ({error.strerror}); a start checks again."
+        return said("stored.not_kept", folder=where, why=error.strerror)
     return ""
 
 
@@ -329,7 +325,7 @@ def verdict_of(kept: Stored, most: int = wording.MOST) -> dict[str, Any] | None:
     return wording.told(kept.verdicts, most)
 
 
-def find(asked: Task, where: Path) -> tuple[Stored | None, str]:
+def find(asked: Task, where: Path) -> tuple[Stored | None, Said | str]:
     """The kept check, and a warning or "" where there is none to be used."""
     kept, warning = stored.load(asked.key, where)
     if kept is not None:

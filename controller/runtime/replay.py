@@ -21,6 +21,7 @@ import numpy.typing as npt
 
 from controller.ipc.handoff import COLUMN, PieceMessage, Snapshot, of_axes
 from controller.machine.model import Machine
+from controller.messages import said
 from controller.plan.planner import Planner
 from controller.plan.restart.program_position import Spot
 from controller.plan.restart.restart import Rest
@@ -39,10 +40,6 @@ WHOLE, PART = "setpoints.npz", "setpoints.part"
 ROW_BYTES = 4 * len(SETPOINTS)
 ENDING = 5  # ticks after the last one that is recorded: the mode follows the standstill
 MAX_TICKS = 50_000_000
-PROBED = (
-    "{} probes here, and the record of a run does not hold what it touched: only what comes before this line "
-    "can be made again"
-)
 
 Counts = npt.NDArray[np.int32]
 Rows = npt.NDArray[np.float64]
@@ -256,7 +253,7 @@ def _unprobed(items: Iterable[Chain | Pause]) -> Iterator[Chain | Pause]:
     for item in items:
         if isinstance(item, Pause) and item.probe is not None:
             line, column = item.place.line, item.place.column
-            raise ProgramError("replay", line, column, PROBED.format(item.probe.code))
+            raise ProgramError("replay", line, column, said("probing.no_replay", code=item.probe.code))
         yield item
 
 

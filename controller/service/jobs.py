@@ -325,7 +325,7 @@ def probing(args: dict[str, Any], machine: Machine) -> Job:
     values = args.get("values") or {}
     named = values if isinstance(values, dict) else {str(values): None}
     try:
-        data = probing_cycles.program(args.get("cycle"), named, args.get("offset"))
+        data = probing_cycles.program(args.get("cycle"), named, args.get("offset"), machine.unset)
     except probing_cycles.CycleRefused as error:
         raise CommandRefused("bad", error.said) from error
     return Job(Program(data, MDI, machine, typed=True), hashlib.sha256(data).hexdigest())

@@ -23,6 +23,7 @@ from controller.ipc.control_socket import CommandRefused
 from controller.ipc.handoff import Snapshot
 from controller.machine.changes import Change
 from controller.machine.model import STILL, Joints, Machine, Pair
+from controller.messages import Said as Sentence
 from controller.plan.report.passing import Passed, place_of
 from controller.plan.restart.program_position import LinePart, Spot, part_at
 from controller.program.program import Changing
@@ -131,7 +132,7 @@ class News:
 
     finished: bool = True  # all of the path has been sent
     whole: bool = False  # ... and nothing of it was dropped or refused
-    refusal: str = ""  # why the program ends before its end; the machine stands before that block
+    refusal: Sentence | None = None  # why it ends before its end; the machine stands before that block
     tool: int | None = None  # to which the program has changed, as far as it is read
     aside: bool = False  # the tool stands off the path, and must return before the program goes on
     returning: bool = False  # it is on its way back, or held there

@@ -143,7 +143,9 @@ class Planning:
             self._answer(Answer(order.number, error=("bad", error.placed)))
         except GivenUp:
             self._answer(Answer(order.number, error=("refused", said("given_up", verb=order.verb))))
-        except (*EXPECTED, NotPossible) as error:
+        except NotPossible as error:
+            self._answer(Answer(order.number, error=("refused", error.said)))
+        except EXPECTED as error:
             self._answer(Answer(order.number, error=("refused", str(error))))
         except Exception as error:
             self._answer(Answer(order.number, error=("busy", own_error("plan", error))))
@@ -183,7 +185,7 @@ class Planning:
             "duration_s": kept.duration_s,
             "blocks": kept.blocks,
             "restart": entry_state.told(rest) if rest else [],
-            "notes": [{"line": note.place.line, "note": note.sentence} for note in kept.notes[:MAX_NOTES]],
+            "notes": [note.facts for note in kept.notes[:MAX_NOTES]],
             "verdict": checked.verdict_of(kept, most=0),  # the job is told many times a second
         }
 
@@ -381,7 +383,8 @@ class Planning:
 
     def _news(self, now: Snapshot) -> News:
         planner = self._end.planner
-        refusal = str(planner.error) if planner.error is not None and _stands(now, planner.finished) else ""
+        error = planner.error if _stands(now, planner.finished) else None
+        refusal = error.placed if error is not None else None
         away = planner.aside
         returning = away is not None and away.returning
         stands_aside = away is not None and away.off and not returning

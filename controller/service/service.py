@@ -546,7 +546,7 @@ class Service:
         """A block was refused on the way: the tool stands before it, and the program ends there."""
         if now.mode is Mode.RUNNING and job.news.refusal and now.at_rest and not job.refused:
             job.refused = True
-            job.said = several(job.news.refusal, said("stands_before"))
+            job.said = several(job.news.refusal or "", said("stands_before"))
             self.alarms.add("PROGRAM", job.said, **alarm_values.where(now))
             with contextlib.suppress(CommandRefused):
                 self.engine.request(Request.STOP)

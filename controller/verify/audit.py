@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Machine
-from controller.messages import text
+from controller.messages import Said, said
 from controller.motion.motions import SurfaceCut
 from controller.plan.report.stored import Overcut
 from controller.plan.report.verdict import Verdict
@@ -90,29 +90,31 @@ def audit(
     exceeding = [one for one in findings.verdicts if not one.within]
     if exceeding and machine.gouge == "refuse":
         raise _form_refusal(findings.verdicts, places, name)
-    told = [*(("Gouge", one) for one in found), *(("Overcut", one) for one in findings.ends)]
-    notes = [Note(places[one.by_line], f"{what}: {one.sentence}; {one.advice}.") for what, one in told]
-    notes += [Note(places[one.line], f"Form: {text(wording.exceeds(one))}.") for one in exceeding]
+    notes = [Note(places[one.by_line], one.told("gouge.told")) for one in found]
+    notes += [Note(places[one.by_line], one.told("gouge.overcut_told")) for one in findings.ends]
+    told = [(one.line, said("form.told", sentence=wording.exceeds(one))) for one in exceeding]
+    notes += [Note(places[line], sentence) for line, sentence in told]
     if watched.left_out:
-        sentence = f"{watched.left_out} motions beside surfaces were not held against them."
-        notes.append(Note(Place(1, 1), sentence))
+        notes.append(Note(Place(1, 1), said("note.left_out", count=watched.left_out)))
     return Audit(notes, findings.overcuts, findings.verdicts)
 
 
 def _refusal(found: list[Gouge], place: Place, name: str) -> ProgramError:
-    first, more = found[0], len(found) - 1
-    others = f" ({more} more with --gouge warn)" if more else ""
-    sentence = f'{first.sentence}; {first.advice}, or set gouge = "warn" to cut it anyway{others}'
-    return ProgramError(name, place.line, place.column, sentence)
+    why = found[0].told("gouge.refused", more=_more(len(found) - 1))
+    return ProgramError(name, place.line, place.column, why)
+
+
+def _more(count: int) -> Said | str:
+    """How many others there are."""
+    return said("gouge.more", more=count) if count else ""
 
 
 def _form_refusal(verdicts: list[Verdict], places: Mapping[int, Place], name: str) -> FormRefused:
     one, more = wording.worst(verdicts), sum(not other.within for other in verdicts) - 1
     assert one is not None
-    others = f" ({more} more with --gouge warn)" if more else ""
-    sentence = f'{text(wording.exceeds(one))}; or set gouge = "warn" to cut it anyway{others}'
     place = places[one.line]
-    refused = FormRefused(name, place.line, place.column, sentence)
+    why = said("form.refused", sentence=wording.exceeds(one), more=_more(more))
+    refused = FormRefused(name, place.line, place.column, why)
     refused.facts = {"verdict": wording.told(verdicts)}
     return refused
 

@@ -27,8 +27,10 @@ from numpy.typing import NDArray
 
 from controller.geometry.vectors import Vector
 from controller.machine.model import Tool, WorkTable
+from controller.messages import Key, Said, said, text
 from controller.plan.report.stored import Overcut
 from controller.plan.report.verdict import Verdict
+from controller.plan.stretch import motion_named
 from controller.plan.surfaces.leads import LEADS
 from controller.verify import forms
 from controller.verify.bodies import Body, cutter, holder
@@ -42,6 +44,15 @@ Array = NDArray[np.float64]
 
 KINDS = ("hollow", "overcut", "own cut", "other motion", "holder", "table")
 END = "end"  # told, and no gouge
+ADVICE = {
+    "hollow": "gouge.do.side",
+    "overcut": "gouge.do.placement",
+    END: "gouge.do.placement",
+    "own cut": "gouge.do.side",
+    "other motion": "gouge.do.apart",
+    "holder": "gouge.do.holder",
+    "table": "gouge.do.table",
+}
 ROW = 8  # surfaces that one worker looks at in a row, for neighbours are in each other's sight
 SURFACE_S = 0.02  # that one takes, about
 LOOKED_AT = 64  # surfaces that are kept in sight: what cuts into one is next to it
@@ -61,51 +72,44 @@ class Gouge:
     u: float | None
     v: float | None
     place: Vector  # part frame of the surface; table frame for the table
-    detail: str = ""
+    bound_mm: float = 0.0  # radius of the hollow, or what a twist may cost, or does cost beside it
+    body: str = ""  # of the tool, in the table
 
     def to_dict(self) -> dict[str, Any]:
         return {name: getattr(self, name) for name in self.__slots__}
 
     @property
-    def sentence(self) -> str:
-        """What happens where, for people."""
+    def said(self) -> Said:
+        """What happens where, for people; without a full stop."""
         x, y, z = self.place
-        at = f"at X {x:.3f} Y {y:.3f} Z {z:.3f} mm"
+        at = said("gouge.at", x=x, y=y, z=z)
         if self.u is not None:
-            at = f"at u = {self.u:.4f}, v = {self.v:.3f} (part {at[3:]})"
-        depth = f"{self.depth_mm:.3f} mm"
-        motion = f"the {self.by} of line {self.by_line}"
-        whose = "" if self.line == self.by_line else f" of line {self.line}"
-        if self.kind == "hollow":
-            return f"the cutter T{self.tool} does not fit into {self.detail} and cuts {depth} too deep {at}"
-        if self.kind == "overcut":
-            return f"the twist of the surface costs {depth} of overcut, more than the {self.detail}, {at}"
-        if self.kind == END:
-            cost = f"costs {depth} of overcut {at}, beside {self.detail} of the cut itself"
-            return f"at the end of the surface the flank reaches over it, which in {motion} {cost}"
-        if self.kind == "own cut":
-            return f"the cut comes back to its own surface and cuts {depth} too deep {at}"
-        if self.kind == "holder":
-            return f"in {motion} the holder of T{self.tool} is {depth} deep in the surface{whose} {at}"
-        if self.kind == "table":
-            what = f"the {self.detail} of T{self.tool}"
-            return f"in {motion} {what} is {depth} deep in the machine's table, table frame {at}"
-        return f"{motion} cuts {depth} too deep into the surface{whose} {at}"
+            at = said("gouge.at_uv", u=self.u, v=self.v, x=x, y=y, z=z)
+        return said(
+            f"gouge.{self.kind.replace(' ', '_')}",
+            tool=self.tool,
+            depth=self.depth_mm,
+            bound=self.bound_mm,
+            at=at,
+            motion=said("gouge.motion", motion=motion_named(self.by), line=self.by_line),
+            whose="" if self.line == self.by_line else said("gouge.of_line", line=self.line),
+            body=Key(f"gouge.body.{self.body}") if self.body else "",
+        )
 
     @property
-    def advice(self) -> str:
+    def sentence(self) -> str:
+        """In English."""
+        return text(self.said)
+
+    @property
+    def advice(self) -> Key:
         if self.kind == "other motion" and self.line == self.by_line:
-            shorter = ", or set a smaller lead_mm" if self.by in LEADS else ""
-            return f"take a smaller cutter or the other side (G41/G42){shorter}"
-        return {
-            "hollow": "take a smaller cutter or the other side (G41/G42)",
-            "overcut": "take a smaller cutter or another placement of it",
-            END: "take a smaller cutter or another placement of it",
-            "own cut": "take a smaller cutter or the other side (G41/G42)",
-            "other motion": "take a smaller cutter, the other side (G41/G42), or move that block away",
-            "holder": "take a longer tool or a slimmer holder",
-            "table": "raise the work (work offset), or take a longer tool or a slimmer holder",
-        }[self.kind]
+            return Key("gouge.do.side_or_lead" if self.by in LEADS else "gouge.do.side")
+        return Key(ADVICE[self.kind])
+
+    def told(self, key: str, **values: object) -> Said:
+        """Both in one text."""
+        return said(key, what=self.said, advice=self.advice, **values)
 
 
 @dataclass(frozen=True, slots=True)
@@ -191,7 +195,7 @@ def _gouge(look: Look, hurt: Hurt) -> Gouge:
     u, v, depth = look.deepest(hurt)
     by, line = hurt.by, look.nominal.line
     place = look.nominal.place(u, v)
-    return Gouge(hurt.kind, line, by.line, by.name, by.tool.number, depth, u, v, place, hurt.detail)
+    return Gouge(hurt.kind, line, by.line, by.name, by.tool.number, depth, u, v, place, hurt.bound_mm)
 
 
 # ---- the table ---------------------------------------------------------------------
@@ -207,7 +211,7 @@ def in_table(table: WorkTable | None, passes: Sequence[tuple[Tool, Pass]]) -> li
             depth, place = _deepest(table, one, body)
             if depth > MIN_MM:
                 by = (one.line, one.line, one.name, tool.number)
-                found.append(Gouge("table", *by, depth, None, None, place, body.name))
+                found.append(Gouge("table", *by, depth, None, None, place, body=body.name))
     return found
 
 

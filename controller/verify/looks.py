@@ -70,7 +70,7 @@ class Hurt:
     kind: str
     depth: Array
     by: By
-    detail: str = ""
+    bound_mm: float = 0.0  # as that of ``Gouge``
 
 
 def _depth(points: Array, sweep: Sweep, body: Body) -> Array:
@@ -206,9 +206,9 @@ class Look:
         if hollow.max(initial=0.0) > MIN_MM:
             k = int(np.argmax(hollow))
             bend = float(self.nominal.hollow(self.u[k : k + 1], self.v[k : k + 1])[0])
-            yield Hurt("hollow", hollow, own, f"the hollow of radius {1.0 / bend:.3f} mm")
+            yield Hurt("hollow", hollow, own, 1.0 / bend)
         elif most_mm is not None and self.twist_mm > most_mm:
-            yield Hurt("overcut", self.own, own, _bound(most_mm))
+            yield Hurt("overcut", self.own, own, most_mm)
         if (self.far - self.own).max(initial=0.0) > self._harmless_mm:
             yield Hurt("own cut", self.far, own)
         for by in self._others():
@@ -253,9 +253,9 @@ class Look:
             return
         ended = np.where(near & (depth > twist + self._harmless_mm), depth, 0.0)
         if most_mm is not None and float(depth[near].max()) > most_mm:
-            yield Hurt("overcut", np.where(near, depth, 0.0), by, _bound(most_mm))
+            yield Hurt("overcut", np.where(near, depth, 0.0), by, most_mm)
         elif ended.any():
-            yield Hurt("end", ended, by, f"{twist:.3f} mm")
+            yield Hurt("end", ended, by, twist)
 
     def _beside(self, by: By, cuts: Sequence[Look]) -> Flags:
         """Points (N,) within a radius of where the cuts of a motion's line end, or go if it is a cut."""
@@ -351,7 +351,3 @@ def _part(one: Pass, first: int, last: int) -> Pass | None:
     if last - first + 1 < FEWEST:
         return None
     return Pass(one.s[here], one.tips[here], one.axes[here], one.line, one.name, one.motion)
-
-
-def _bound(most_mm: float) -> str:
-    return f"{most_mm:g} mm of max_overcut_mm"

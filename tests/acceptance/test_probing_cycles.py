@@ -103,9 +103,11 @@ def test_an_angle_turns_the_offset(face: str, some: random.Random) -> None:
     assert told(done)[-1][0] == pytest.approx(turned, abs=0.005)
 
 
-def by_name(name: str, values: dict[str, object], start: str, part: str, show: str) -> list[list[float]]:
+def by_name(
+    name: str, values: dict[str, object], start: str, part: str, show: str, *unset: str
+) -> list[list[float]]:
     """A cycle as page, REST and command line run it; what it says, and at the end ``show``."""
-    lines, _ = linked.parts(probing_cycles.program(name, values, "G55"))
+    lines, _ = linked.parts(probing_cycles.program(name, values, "G55", unset))
     whole = f"{HEAD}{start}{bytes(lines).decode()}(DEBUG, {show})".encode()
     return told(cycle_of(linked.linked(whole + b"\nG0 Z60\nM30\n", lambda _: None), part))
 
@@ -125,10 +127,9 @@ def test_an_edge_by_name_sets_the_offset_that_is_named(some: random.Random) -> N
     assert found[1] == pytest.approx([8.0 - half, 96.0], abs=0.001)
 
 
-def test_the_height_of_a_face_by_name(some: random.Random) -> None:
+def test_the_height_of_a_face_by_name_sets_an_offset_that_nobody_has_set(some: random.Random) -> None:
     height = some.uniform(-5.0, 5.0)
     part = block((-20.0, -20.0, -20.0), (20.0, 20.0, height))
-    start = "G10 L2 P2 X8 Y96 Z120\nG0 Z20\nG0 X0 Y0\n"
-    found = by_name("top", {"most": 30}, start, part, "#5243")
+    found = by_name("top", {"most": 30}, "G0 Z20\nG0 X0 Y0\n", part, "#5243", "G55")
     assert found[0][0] == pytest.approx(height, abs=0.001)
     assert found[1][0] == pytest.approx(120.0 + height, abs=0.001)

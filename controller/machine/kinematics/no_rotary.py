@@ -19,7 +19,7 @@ LEANS = 1e-6  # sine of the angle to Z: a micron in a metre; what is beyond it i
 class NoRotary(Kinematics):
     """X, Y and Z."""
 
-    unreached = "the tool of this machine stands along Z and cannot lean to this tool axis"
+    unreached = "reach.stands"
 
     def branches(
         self,

@@ -25,7 +25,7 @@ LEANS = 1e-6  # mm per mm by which an axis may miss what the rotary reaches
 class OneRotary(Kinematics):
     """X, Y, Z and a rotary."""
 
-    unreached = "no position of the rotary axis gives this tool axis"
+    unreached = "reach.none_of_one"
 
     def __init__(self, machine: Machine) -> None:
         super().__init__(machine)

@@ -37,7 +37,7 @@ class Kinematics(Protocol):
     arrange: Callable[[Sequence[Number]], tuple[Number, ...]]  # of these five the joints, in their order
     rotaries: Callable[[Joints], Pair]  # of the joints the pair
     lean_rad: float = 0.0  # most by which the tool axis gives way beside a pole that is missed by a hair
-    unreached: str = "no position of the rotary axes gives this tool axis"  # told where ``branches`` is nan
+    unreached: str = "reach.none"  # the key of what is told where ``branches`` is nan
 
     def __init__(self, machine: Machine) -> None:
         self.order = order_of(machine)

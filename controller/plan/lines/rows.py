@@ -325,8 +325,8 @@ class LineRow:
             motion = stretch.motion
             at = float(s[excess.sample])
             line = motion.line_at(at) if isinstance(motion, ToolSpline) else stretch.place.line
-            sentence = audit.describe(self._machine.axes[excess.axis], excess, "")
-            self._voice.refuse(Place(line, stretch.place.column), sentence)
+            why = audit.describe(self._machine.axes[excess.axis], excess)
+            self._voice.refuse(Place(line, stretch.place.column), why)
 
 
 def audit_line(stretch: Stretch, machine: Machine, kinematics: Kinematics, voice: Voice) -> None:
@@ -342,7 +342,7 @@ def audit_line(stretch: Stretch, machine: Machine, kinematics: Kinematics, voice
         rows.append(joints)
     excess = audit.outside(machine, s, np.array(rows))
     if excess is not None:
-        voice.refuse(stretch.place, audit.describe(machine.axes[excess.axis], excess, ""))
+        voice.refuse(stretch.place, audit.describe(machine.axes[excess.axis], excess))
 
 
 def _pairs(motion: ToolSpline) -> Iterator[tuple[float, float]]:

@@ -13,6 +13,7 @@ from controller.geometry.splines import BSpline, simplest
 from controller.geometry.vectors import ROUNDING, Vector, add, norm, subtract
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Joints, Machine
+from controller.messages import said
 from controller.motion.motions import JointMove
 from controller.plan.lines.moves import xyz_of
 from controller.plan.stretch import Stretch, Voice, joints_of, rotaries_of
@@ -35,11 +36,7 @@ def stretches(
     try:
         arcs = [ArcLength.of(span) for span in _spans(whole)]
     except ValueError:
-        voice.refuse(
-            block.place,
-            "this curve turns back on the spot, as its control points lead to and fro on one way; move them "
-            "apart, or write its parts as curves of their own",
-        )
+        voice.refuse(block.place, said("curve.to_and_fro"))
     length = sum(arc.length_mm for arc in arcs)
     made: list[Stretch] = []
     for arc in arcs:

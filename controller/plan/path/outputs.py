@@ -11,6 +11,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import replace
 
 from controller.machine.model import Machine
+from controller.messages import said
 from controller.motion.motions import ThreadMove
 from controller.plan.stretch import Chain, Pause, Stretch, Voice
 from controller.program.program import ENABLED, UNSAID, Block, Outputs, Overrides, Probing
@@ -79,8 +80,14 @@ def probing_way(chain: Chain, probe: Probing, tool: int, machine: Machine, voice
             fastest = math.floor(60.0 * _fastest(stretch, most_mm, late_s, machine))
             voice.refuse(
                 stretch.place,
-                f"{probe.code} at F{60.0 * feed:.0f} mm/min goes {found:.2f} mm on, and the "
-                f"probe bears {most_mm:g} mm behind a touch (overtravel_mm); write F{fastest} or less",
+                said(
+                    "probing.too_fast",
+                    code=probe.code,
+                    feed=60.0 * feed,
+                    found=found,
+                    most=most_mm,
+                    fastest=fastest,
+                ),
             )
     mine = [replace(one, name=PROBE, overrides=one.overrides._replace(feed=False)) for one in chain.stretches]
     return replace(chain, stretches=tuple(mine))

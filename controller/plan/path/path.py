@@ -18,6 +18,7 @@ import numpy as np
 
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Joints, Machine
+from controller.messages import Said, said
 from controller.motion.motions import JointMove, Rotaries, SurfaceCut, ToolLine
 from controller.plan.lines import lines, moves, rows, spline_moves
 from controller.plan.lines.corners import Feed
@@ -26,7 +27,7 @@ from controller.plan.lines.rows import LineRow
 from controller.plan.path import clamps, outputs
 from controller.plan.path.outputs import Switched
 from controller.plan.rotaries.branch import BranchLost, joints_along
-from controller.plan.stretch import Chain, Note, Path, Pause, Stretch, Voice, rotaries_of
+from controller.plan.stretch import Chain, Note, Path, Pause, Stretch, Voice, motion_named, rotaries_of
 from controller.plan.surfaces import approach, audit, choices, cuts, leads, line_blends, links, train, unwind
 from controller.plan.surfaces.train import Leg
 from controller.program.block_look_ahead import Ahead
@@ -69,11 +70,7 @@ __all__ = [
 
 ARC_SAMPLES = 181
 MAX_SAID = 100  # messages that are noted
-SAYS = "Says here: {}"
-ALONE = "G64 is run as G61 where it has no P: the path is followed exactly and not blended."
-NO_WAY = "{} has no way: it ends where the tool stands; lead it on, to where it may touch at most"
 LONGEST_CHAIN = 64  # stretches; a longer row of lines comes in parts
-SWIVEL = "Stops at the pole between two blocks and turns the rotary axis under the standing tool."
 
 
 def trace(program: Program, machine: Machine, kinematics: Kinematics, start: Joints) -> Path:
@@ -178,9 +175,9 @@ class Tracer:
                 yield block
             elif isinstance(block, Setting):
                 continue
-            elif (said := (block.place.line, block.text)) not in self._said and len(self._said) < MAX_SAID:
-                self._said.add(said)
-                self._note(block.place, SAYS.format(block.text))
+            elif (words := (block.place.line, block.text)) not in self._said and len(self._said) < MAX_SAID:
+                self._said.add(words)
+                self._note(block.place, said("note.says", text=block.text))
 
     def _made(self) -> list[Chain | Pause]:
         made, self._items = self._items, []
@@ -189,7 +186,7 @@ class Tracer:
     def _block(self, block: Block) -> None:
         """Anything but a cut."""
         if isinstance(block, Remark):
-            self._note(block.place, block.sentence)
+            self._note(block.place, block.said)
             return
         if isinstance(block, JointLine | TipLine) and block.probe is not None:
             self._end_row()
@@ -237,7 +234,7 @@ class Tracer:
         self._rest()
         ways = [one for one in self._items[made:] if isinstance(one, Chain)]
         if not ways:
-            self._voice.refuse(block.place, NO_WAY.format(probe.code))
+            self._voice.refuse(block.place, said("probing.no_way", code=probe.code))
         self._items[made:] = [
             outputs.probing_way(one, probe, block.modal.tool, self._machine, self._voice) for one in ways
         ]
@@ -408,7 +405,7 @@ class Tracer:
             return True
         self.now = before
         if why:
-            self._note(block.place, line_blends.DEPARTS.format(way.run[-1].place.line, why))
+            self._note(block.place, said("row.departs", line=way.run[-1].place.line, why=why))
         return False
 
     def _run_off(self, chain: Chain, modal: Modal) -> Chain:
@@ -442,7 +439,7 @@ class Tracer:
         for (before, after), meeting in zip(itertools.pairwise(legs), meetings, strict=True):
             for stretch in approach.between(before, after, meeting, self._kinematics):
                 if stretch.name == "swivel":
-                    self._note(stretch.place, SWIVEL)
+                    self._note(stretch.place, said("note.swivel"))
                     self._way = None  # of a train before that is linked: here it is
                     self._chain(Chain(tuple(run)))
                     self._chain(Chain((stretch,)))
@@ -454,13 +451,13 @@ class Tracer:
 
     # ---- collecting --------------------------------------------------------------
 
-    def _note(self, place: Place, sentence: str) -> None:
-        self.notes.append(Note(place, sentence))
+    def _note(self, place: Place, told: Said) -> None:
+        self.notes.append(Note(place, told))
 
     def _note_blend(self, block: Feed | JointCurve) -> None:
         if not block.modal.exact and block.feed_mm_s is not None and not self._blends_noted:
             self._blends_noted = True
-            self._note(block.place, ALONE)
+            self._note(block.place, said("note.exact"))
 
     def _pause(self, pause: Pause) -> None:
         self._rest()
@@ -511,8 +508,8 @@ class Tracer:
             excess = audit.outside(self._machine, s, joints_along(stretch, s, self._kinematics))
         if excess is not None:
             axis = self._machine.axes[excess.axis]
-            where = f" in the {stretch.name}" if stretch.name != "line" else ""
-            advice = audit.MOVE
+            where = said("travel.in", motion=motion_named(stretch.name)) if stretch.name != "line" else ""
+            advice: Said = audit.MOVE
             if axis.is_rotary and relative:  # from another turn the same distance may fit
                 a, b = stretch.start[excess.axis], stretch.end[excess.axis]
                 advice = unwind.offer(axis, a, min(a, b), max(a, b))

@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 
 from controller.machine.model import Machine
+from controller.messages import said
 from controller.motion.motions import ThreadMove
 from controller.plan.stretch import Chain, Note, Pause
 from controller.program.program import Place
-
-OFF = "Feeds with a spindle that was never started: no M3 or M4 with S stands before this line."
 
 
 def noted(
@@ -24,7 +23,7 @@ def noted(
         if waits and isinstance(item, Pause):
             waits = item.modal.spindle_rev_min == 0.0
         elif waits and (place := _fed(item)) is not None:
-            note(Note(place, OFF))
+            note(Note(place, said("note.spindle_off")))
             waits = False
         yield item
 

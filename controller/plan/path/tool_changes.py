@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 
 from controller.machine.model import Machine
+from controller.messages import Key, said
 from controller.plan.stretch import Chain, Note, Pause
 from controller.program import modal
 from controller.program.program import Act, Modal
@@ -47,7 +48,7 @@ def stopped(
                 continue
             place = item.stretches[0].place
             yield Pause(place, state, act=Act.TOOL, open_clamps=is_open)
-        note(Note(place, f"Stops until {_named(state.tool, machine)} is in the spindle."))
+        note(Note(place, said("note.stops_for", tool=_named(state.tool, machine))))
         yield Pause(place, state, act=Act.STOP, open_clamps=is_open)
         in_spindle = state.tool
         if not isinstance(item, Pause):
@@ -56,6 +57,6 @@ def stopped(
 
 def _named(number: int, machine: Machine) -> str:
     if number == 0:
-        return "no tool"
+        return Key("note.no_tool")
     tool = machine.tool(number)
     return f"T{number} ({tool.name})" if tool is not None and tool.name else f"T{number}"

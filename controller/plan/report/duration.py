@@ -15,6 +15,7 @@ from collections.abc import Iterable, Iterator
 import numpy as np
 
 from controller.machine.model import MAX_PROGRAM_H, Machine
+from controller.messages import Key, said
 from controller.plan.stretch import Chain, Pause, Stretch
 from controller.program.program import Act, Place, ProgramError
 
@@ -66,13 +67,10 @@ def bounded(
 
 def _refusal(hours: float, place: Place, machine: Machine, name: str, whole: bool) -> ProgramError:
     allowed = machine.longest_program_h
-    what = "the program takes" if whole else "up to here the program takes"
-    more = f", or raise longest_program_h up to {MAX_PROGRAM_H:g}" if hours <= MAX_PROGRAM_H else ""
-    sentence = (
-        f"{what} {hours:.4g} h at the least, at its feeds and with its dwells, and passes here the "
-        f"{allowed:g} h that longest_program_h in [machine] allows; write a higher F or a shorter dwell{more}"
-    )
-    return ProgramError(name, place.line, place.column, sentence)
+    what = Key("path.whole_takes" if whole else "path.so_far_takes")
+    more = said("path.allow_longer", most=MAX_PROGRAM_H) if hours <= MAX_PROGRAM_H else ""
+    why = said("path.too_long", what=what, hours=hours, allowed=allowed, more=more)
+    return ProgramError(name, place.line, place.column, why)
 
 
 class Waits:

@@ -16,6 +16,7 @@ from controller.geometry.curves import Arc
 from controller.geometry.vectors import ROUNDING, Frame, Vector, norm, subtract
 from controller.machine.kinematics import kinematics_of
 from controller.machine.model import OFFSETS, Joints, Machine
+from controller.messages import text
 from controller.motion.motions import JointMove, Rotaries
 from controller.plan.lines import moves, spline_moves
 from controller.plan.stretch import Voice, rotaries_of
@@ -138,7 +139,7 @@ class _Explainer:
         if isinstance(block, Dwell):
             return {"kind": "dwell", "seconds": block.seconds}
         if isinstance(block, Remark | Message):
-            return {"kind": "message", "text": block.sentence if isinstance(block, Remark) else block.text}
+            return {"kind": "message", "text": text(block.said) if isinstance(block, Remark) else block.text}
         if isinstance(block, Await):
             what = {"input": block.number, "for": block.level.name.lower()}
             return {"kind": "wait", **what, "seconds": block.seconds}

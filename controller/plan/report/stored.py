@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import Any
 
 from controller.machine.model import Joints, Machine
+from controller.messages import Said, said
 from controller.motion.motions import Rotaries
 from controller.plan.report.passing import Mark
 from controller.plan.report.verdict import Verdict
@@ -27,7 +28,7 @@ from controller.plan.stretch import Note
 from controller.plan.surfaces.placements import Recipe
 from controller.program.program import Place
 
-FORMAT = 4  # of the files
+FORMAT = 5  # of the files
 KEPT = 500  # files; the oldest go
 
 
@@ -97,7 +98,7 @@ def save(stored: Stored, name: str, where: Path) -> Path:
         "duration_s": stored.duration_s,
         "blocks": stored.blocks,
         "choices": {str(line): list(pair) for line, pair in stored.choices.items()},
-        "notes": [[note.place.line, note.place.column, note.sentence] for note in stored.notes],
+        "notes": [[note.place.line, note.place.column, note.said] for note in stored.notes],
         "overcuts": [[one.line, one.mm, one.u, one.v] for one in stored.overcuts],
         "placements": {found: recipe.to_dict() for found, recipe in stored.placements.items()},
         "verdicts": [one.to_dict() for one in stored.verdicts],
@@ -124,7 +125,7 @@ def _forget_old(where: Path) -> None:
         file.unlink(missing_ok=True)
 
 
-def load(name: str, where: Path) -> tuple[Stored | None, str]:
+def load(name: str, where: Path) -> tuple[Stored | None, Said | str]:
     """The check of that name and "", or None and a warning; the warning is "" where there is none."""
     file = where / f"{name}.json"
     try:
@@ -132,11 +133,11 @@ def load(name: str, where: Path) -> tuple[Stored | None, str]:
     except FileNotFoundError:
         return None, ""
     except (OSError, UnicodeDecodeError) as error:
-        return None, f"{file}: cannot be read ({error}); the program is checked again."
+        return None, said("stored.unread", file=file, why=error)
     try:
         return _stored(json.loads(text), name), ""
     except (ValueError, KeyError, TypeError, RecursionError):
-        return None, f"{file}: is not a stored check of this program; it is checked again."
+        return None, said("stored.of_another", file=file)
 
 
 def _stored(values: Any, name: str) -> Stored:
@@ -148,9 +149,14 @@ def _stored(values: Any, name: str) -> Stored:
         float(values["duration_s"]),
         int(values["blocks"]),
         {int(line): (float(a), float(b)) for line, (a, b) in values["choices"].items()},
-        tuple(Note(Place(int(line), int(column)), str(words)) for line, column, words in values["notes"]),
+        tuple(Note(Place(int(line), int(column)), _said(words)) for line, column, words in values["notes"]),
         tuple(Overcut(int(n), float(mm), float(u), float(v)) for n, mm, u, v in values["overcuts"]),
         {str(found): Recipe.from_dict(recipe) for found, recipe in values["placements"].items()},
         tuple(map(Verdict.from_dict, values["verdicts"])),
         tuple(((int(n), float(f), int(way), float(s)), float(t)) for n, f, way, s, t in values["marks"]),
     )
+
+
+def _said(words: Any) -> Said:
+    """Raises KeyError or TypeError for anything but a text."""
+    return Said(key=str(words["key"]), values=dict(words["values"]))

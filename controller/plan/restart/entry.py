@@ -18,7 +18,16 @@ from controller.geometry.vectors import Vector, add, scale
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Joints, Machine
 from controller.messages import said
-from controller.plan.stretch import Chain, Pause, Stretch, joints_of, rotaries_of, straight, xyz_of
+from controller.plan.stretch import (
+    Chain,
+    Pause,
+    Stretch,
+    joints_of,
+    motion_named,
+    rotaries_of,
+    straight,
+    xyz_of,
+)
 from controller.plan.surfaces import audit
 from controller.plan.surfaces.approach import at_height
 from controller.program.program import UNSAID, Act, Modal, Place, ProgramError
@@ -112,7 +121,7 @@ def _settings(target: Target, in_spindle: int) -> Iterator[Pause]:
 def _audit(stretch: Stretch | None, machine: Machine, name: str) -> None:
     excess = audit.outside_at(machine, stretch.end) if stretch is not None else None
     if stretch is not None and excess is not None:
-        where = f" in the {stretch.name} of the way back into the program"
+        where = said("travel.in_entry", motion=motion_named(stretch.name))
         sentence = audit.describe(machine.axes[excess.axis], excess, where)
         raise ProgramError(name, stretch.place.line, stretch.place.column, sentence)
 

@@ -20,7 +20,7 @@ import numpy.typing as npt
 from controller.geometry.vectors import Vector, norm, subtract
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Joints, Machine
-from controller.messages import said
+from controller.messages import Said, said
 from controller.motion.motions import JointMove, Rotaries, SurfaceCut, ToolSpline
 from controller.plan.path import clamps, tool_changes
 from controller.plan.path.path import Tracer, joints_along
@@ -54,19 +54,6 @@ from controller.program.program import (
 
 Array = npt.NDArray[np.float64]
 
-NO_MOTION = "the program has no motion at or behind this line; choose an earlier one"
-NO_MOTION_OF_IT = (
-    "this line moves nothing in this program, which has subs or loops: it begins where a line runs for the "
-    "first time; choose a line with a motion"
-)
-WHICH_TIME = (
-    "the program has subs or loops, and with another tool it is not known which time this line was running; "
-    "start at a line, which begins the first time that it runs"
-)
-PROBED = (
-    "the program probes on line {} before it comes here, and what it found then is not known any more: start "
-    "at the top, or at or before that line"
-)
 SIDE = 33  # samples along a motion, for its highest point
 FOLLOW_MM = 0.25  # between samples when the rotaries are followed to a place
 
@@ -140,9 +127,8 @@ def find(source: Source, spot: Spot) -> Rest:
     Raises ProgramError where the program is refused on the way, or has no such place.
     """
     if not 0.0 <= spot.fraction <= 1.0:
-        raise ProgramError(
-            source.name, spot.line, 1, f"a fraction of {spot.fraction:g} is none of a block; 0 to 1 are"
-        )
+        why = said("restart.no_fraction", fraction=spot.fraction)
+        raise ProgramError(source.name, spot.line, 1, why)
     return _Search(source.dry(), spot).rest()
 
 
@@ -206,21 +192,21 @@ class _Search:
                 if self._spot.motion_id < 0 and not item.ends and self._is_pause(item):
                     return self._at_pause(item)
                 if item.probe is not None:
-                    raise self._none(PROBED.format(item.place.line))
+                    raise self._none("restart.probed", line=item.place.line)
                 continue
             found = self._in(item)
             if found is not None:
                 return self._from(item, *found)
             self._pass(item)
-        raise self._none(NO_MOTION_OF_IT if self._goes_back else NO_MOTION)
+        raise self._none("restart.no_motion_of_it" if self._goes_back else "restart.no_motion")
 
-    def _none(self, sentence: str) -> ProgramError:
-        return ProgramError(self._source.name, self._spot.line, 1, sentence)
+    def _none(self, key: str, **values: object) -> ProgramError:
+        return ProgramError(self._source.name, self._spot.line, 1, said(key, **values))
 
     def _check_known(self) -> None:
         """A line alone says where to begin only if it runs once, or the operator has named it."""
         if self._spot.motion_id == FORMER and self._goes_back:
-            raise self._none(WHICH_TIME)
+            raise self._none("restart.which_time")
 
     def _pass(self, chain: Chain) -> None:
         self._note_tops(chain)
@@ -246,10 +232,7 @@ class _Search:
         if fraction > 0.0:
             found = place_in(chain, line, fraction)
             if not self._goes_back and found is None and lines_of(chain.stretches[0])[0] > line:
-                raise self._none(
-                    "this line moves nothing, so there is no fraction of it; "
-                    "start at its beginning (fraction 0) or at a line with a motion"
-                )
+                raise self._none("restart.moves_nothing")
             return found
         return self._first(chain, line)
 
@@ -288,7 +271,7 @@ class _Search:
             self._count += len(chain.stretches)
             after = next(self._items, None)
             if after is None:
-                raise self._none("only a rapid is left of the program there; choose an earlier place")
+                raise self._none("restart.only_rapid")
             if isinstance(after, Pause):
                 return self._at_pause(after)
             chain, k, s = after, 0, 0.0
@@ -418,14 +401,9 @@ def _counted(items: Iterator[Chain | Pause], first_id: int) -> Iterator[Chain | 
 # on the lengths, and everything else (approach, travel, limits) is judged as it will be run.
 
 
-def dry_run_refusal(offset_mm: float) -> str:
-    """Why an offset is refused, "" where it is not."""
-    if 0.0 <= offset_mm < 1e4:
-        return ""
-    return (
-        f"a dry run {offset_mm:g} mm off the part along the tool axis is not possible: 0 to 10000 mm are, "
-        "for a negative offset would lead into the part; give another one"
-    )
+def dry_run_refusal(offset_mm: float) -> Said | None:
+    """Why an offset is refused; None where it is not."""
+    return None if 0.0 <= offset_mm < 1e4 else said("restart.dry_run", offset=offset_mm)
 
 
 def dry_machine(machine: Machine, offset_mm: float) -> Machine:

@@ -31,13 +31,9 @@ Array = npt.NDArray[np.float64]
 REMEMBERED = 64  # cuts that are followed once: they are asked for again and again
 GATHERING = 0.02 * 0.5 ** np.arange(32.0)  # of u: where samples lie about a place beside the pole
 
-AT_LIMIT = (
-    "the tool axis comes to the limit of what the rotary axes reach, where they would have to turn at once"
-)
-
 
 class BranchLost(Exception):
-    """The rotaries cannot follow the tool axis at ``u``."""
+    """The rotaries cannot follow the tool axis at ``u``; ``reason``: the key of the text why."""
 
     def __init__(self, u: float, reason: str) -> None:
         super().__init__(reason)
@@ -100,7 +96,7 @@ class Field:
         if jumps.any():
             torn = np.flatnonzero(jumps & (self._swapped() > JUMP_RAD))
             if len(torn):
-                raise BranchLost(float(self.u[torn[0]]), "the rotary axes would have to jump")
+                raise BranchLost(float(self.u[torn[0]]), "reach.jump")
         return np.asarray(jumps)
 
 
@@ -126,7 +122,7 @@ def field(cut: SurfaceCut, kinematics: Kinematics, extra: Array | None = None) -
         u = distinct(np.concatenate((u, extra)))
     found = _solve(cut, kinematics, u)
     if (limit := at_limit(cut, u, kinematics)) is not None:
-        raise BranchLost(limit, AT_LIMIT)
+        raise BranchLost(limit, "reach.limit")
     while True:
         wide = np.flatnonzero(found.unresolved())
         middle = 0.5 * (found.u[wide] + found.u[wide + 1])

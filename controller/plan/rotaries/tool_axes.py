@@ -29,7 +29,7 @@ SWIVEL_RAD = 1e-7  # turns below, at the pole, are rounding of the axes
 
 
 class AxisLost(Exception):
-    """The rotaries cannot follow the axis on line ``line`` (index) of the row."""
+    """The rotaries cannot follow the axis on line ``line`` (index) of the row; ``reason``: a text's key."""
 
     def __init__(self, line: int, reason: str) -> None:
         super().__init__(reason)
@@ -52,7 +52,7 @@ class GreatCircles:
         sine = np.sqrt((side * side).sum(axis=1))
         angle = np.arctan2(sine, (a * b).sum(axis=1))
         if len(angle) and angle.max() > TURNED_OVER_RAD:
-            raise AxisLost(int(angle.argmax()), "the tool axis turns over, to the opposite direction")
+            raise AxisLost(int(angle.argmax()), "reach.turned_over")
         across = np.cross(side, a) / np.maximum(sine, 1e-300)[:, None]
         return GreatCircles(a, across, angle)
 
@@ -164,7 +164,7 @@ def _followed(found: _Samples, start: Rotaries) -> Array:
     meet, pole = np.diff(found.line) > 0, found.sine[1:] < POLE_SINE
     torn = (stay > JUMP_RAD) & (swap > JUMP_RAD) & ~(meet & pole)
     if torn.any():
-        raise AxisLost(int(found.line[1:][torn.argmax()]), "the rotary axes would have to jump")
+        raise AxisLost(int(found.line[1:][torn.argmax()]), "reach.jump")
     index = (first + np.concatenate(([0], np.cumsum(switch)))) % 2
     values = pairs[index, np.arange(len(index))]
     # Whole turns are added to the exact values: no rounding piles up over many turns.

@@ -13,12 +13,13 @@ from controller.geometry.arrays import rows
 from controller.geometry.placement import Placed
 from controller.geometry.vectors import ROUNDING, Vector
 from controller.machine.model import Axis, Joints, Machine
+from controller.messages import Said, said
 from controller.motion.motions import SurfaceCut
 from controller.plan.surfaces.cuts import Cut
 
 Array = npt.NDArray[np.float64]
 
-MOVE = "move the part (work offset) or the block"  # what helps against a joint outside of its travel
+MOVE = said("travel.move")  # what helps against a joint outside of its travel
 POINTS_PER_CUT = (161, 7)  # along and across, for the gouge check of leads
 MAX_POINTS = 20000
 TURN_POSES = 33
@@ -76,21 +77,24 @@ def outside_at(machine: Machine, joints: Joints) -> Excess | None:
     return None
 
 
-def describe(axis: Axis, excess: Excess, where: str, advice: str = MOVE) -> str:
+def describe(axis: Axis, excess: Excess, where: Said | str = "", advice: Said = MOVE) -> Said:
     """One sentence: which axis, where, how far, what is allowed and what to do."""
-    unit = "deg" if axis.is_rotary else "mm"
+    return said("travel.beyond", where=where, advice=advice, **beyond(axis, excess))
+
+
+def beyond(axis: Axis, excess: Excess) -> dict[str, object]:
+    """The axis, how far it would get and what is allowed, for a text; in its unit outside."""
     k = axis.shown_per_unit
     low, high = sorted((axis.travel_min * k, axis.travel_max * k))
-    return (
-        f"{axis.name} would reach {excess.value * k:.3f} {unit}{where}, {abs(excess.by * k):.3f} {unit} "
-        f"beyond its travel of {low:.3f} to {high:.3f} {unit}; {advice}"
-    )
+    unit = "deg" if axis.is_rotary else "mm"
+    reached = {"value": excess.value * k, "by": abs(excess.by * k)}
+    return {"axis": axis.name, "unit": unit, "low": low, "high": high, **reached}
 
 
-def at_place(cut: Cut, u: float) -> str:
+def at_place(cut: Cut, u: float) -> Said:
     """Where on a block, for a sentence: its parameter and the contact, part frame."""
     x, y, z = cut.motion.surface.contact(u)
-    return f" at u = {cut.block_u(u):.4f} (part X {x:.3f} Y {y:.3f} Z {z:.3f} mm)"
+    return said("travel.at", u=cut.block_u(u), x=x, y=y, z=z)
 
 
 # ---- gouging ---------------------------------------------------------------------

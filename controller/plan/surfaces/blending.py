@@ -122,8 +122,8 @@ class Difference(Enum):
     """What two cuts differ by whose poses agree within a nanometre or two."""
 
     NONE = "none"
-    ROUNDING = "of the program's decimals"
-    KINK = "the axis or the normal turns at quite another rate: that is how the surfaces are meant"
+    ROUNDING = "rounding"  # of the program's decimals
+    KINK = "kink"  # the axis or the normal turns at quite another rate: that is how the surfaces are meant
 
 
 def difference(before: Cut, after: Cut, allowed: Tolerance) -> Difference:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, Generic, TypeVar
 
-from controller.geometry.curves import ArcLength, Bezier
+from controller.geometry.curves import ArcLength, Bezier, NoLength
 from controller.geometry.placement import Placed, Strategy, Turn
 from controller.geometry.rulings import smooth_parts
 from controller.geometry.surfaces import (
@@ -27,6 +27,7 @@ from controller.geometry.surfaces import (
 from controller.geometry.vectors import Number, Vector, add, cross, dot, norm, rotate, scale, subtract, unit
 from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Machine, Tool
+from controller.messages import Key, Said, said
 from controller.motion.motions import SurfaceCut
 from controller.plan.stretch import Voice
 from controller.plan.surfaces.placements import name_of
@@ -34,43 +35,7 @@ from controller.plan.surfaces.placing import Cutter, Wanted, off_mm, place
 from controller.plan.surfaces.touching import touched
 from controller.program.program import CutBlock, CutCone, CutNurbs, CutRuled, GougeRefused, Modal
 
-# What is wrong at u (and v), and what to do.
-DEFECTS = {
-    DefectKind.COINCIDENT: (
-        "the upper and the lower directrix coincide, so there is no ruling to hold the cutter along; "
-        "give two different curves"
-    ),
-    DefectKind.ZERO_RULING_INSIDE: (
-        "the ruling at u = {u:.4f} has no length, so the tool axis is undefined there; "
-        "keep the directrices apart"
-    ),
-    DefectKind.ZERO_RULING_END: (
-        "the ruling at u = {u:.4f}, an end of the block, has no length, so the tool axis is undefined there; "
-        "keep the directrices apart at their ends too"
-    ),
-    DefectKind.CROSSING: (
-        "the directrices cross near u = {u:.4f}; a ruled surface needs two curves that stay apart"
-    ),
-    DefectKind.STANDSTILL: (
-        "the lower directrix stands still at u = {u:.4f} (C1' = 0), where the cutter has no direction of "
-        "travel; split the block there or move its control points apart"
-    ),
-    DefectKind.TWIST: (
-        "the normal of the surface turns by {turn_deg:.1f} degrees along the ruling at u = {u:.4f}, which "
-        "only an axis that leaves the ruling can follow"
-    ),
-    DefectKind.FOLD: (
-        "the surface folds at u = {u:.4f}, v = {v:.3f}: it has no normal there, so no cutter can stand "
-        "beside it; make the directrices run the same way"
-    ),
-}
 FREE = (Strategy.OPTIMAL, Strategy.AUTO)  # leave the ruling: they take any twist
-
-
-NO_TOLERANCE = (
-    "the cutter is to be placed automatically (auto, P4), and there is no form tolerance to be kept; "
-    "write R beside P, or tolerance_mm for the tool or in [machine]"
-)
 
 # A check builds every block twice: to choose the branches of the whole program, and to trace it.
 REMEMBERED = 256
@@ -137,31 +102,26 @@ def build(block: CutBlock, machine: Machine, voice: Voice) -> tuple[Cut, ...]:
     tool = block.modal.tool_in(machine)
     if tool is None:
         known = ", ".join(f"T{t.number}" for t in machine.tools)
-        voice.refuse(
-            block.place,
-            f"T{block.modal.tool} is not in the tool table, which has {known}; add it or take one",
-        )
+        voice.refuse(block.place, said("cut.no_tool", tool=block.modal.tool, known=known))
     surface = surface_of(block)
     found = _defect(surface)
     twisted = found is not None and found.kind is DefectKind.TWIST
     if found is not None and not (twisted and strategy(block, tool, machine) in FREE):
         advice = _untwisted(block, surface, tool, machine) if twisted else ""
-        voice.refuse(block.place, f"{code(block)}: {describe(found)}{advice}")
+        voice.refuse(block.place, described(block, found, advice))
     if block.modal.allowance_mm < 0.0 and tool.radius_mm + block.modal.allowance_mm <= 0.0:
-        sentence = (
-            f"Q of {block.modal.allowance_mm:.3f} mm leaves nothing of T{tool.number} with its radius of "
-            f"{tool.radius_mm:.3f} mm; give a smaller correction"
-        )
-        voice.refuse(block.place, sentence)
+        cutter = {"tool": tool.number, "radius": tool.radius_mm}
+        voice.refuse(block.place, said("cut.no_radius", allowance=block.modal.allowance_mm, **cutter))
     if strategy(block, tool, machine) is Strategy.AUTO and tolerance_mm(block.modal, tool, machine) is None:
-        voice.refuse(block.place, NO_TOLERANCE)
+        voice.refuse(block.place, said("cut.no_tolerance"))
     if not twisted:  # an axis off the ruling meets other curvatures: what it cuts is judged
         _audit_hollow(block, surface, tool, machine, voice)
     _tell_flute(block, surface, tool, voice)
     try:
         return tuple(_cut(block, part, at, tool, machine) for part, at in _parts(block, surface))
     except ValueError as error:
-        voice.refuse(block.place, f"{code(block)}: the lower directrix cannot be travelled: {error}")
+        why = error.said if isinstance(error, NoLength) else str(error)
+        voice.refuse(block.place, said("cut.not_travelled", code=code(block), why=why))
 
 
 def _cut(block: CutBlock, surface: Surface, part: tuple[float, float], tool: Tool, machine: Machine) -> Cut:
@@ -233,29 +193,33 @@ def _parts(block: CutBlock, surface: Surface) -> Iterator[tuple[Surface, tuple[f
         yield RuledSurface(upper.between(start, end), lower.between(start, end)), (start, end)
 
 
-def describe(found: Defect) -> str:
+def describe(found: Defect) -> Said:
     """What is wrong with a surface and what to do; without a full stop."""
-    return DEFECTS[found.kind].format(u=found.u, v=found.v, turn_deg=found.turn_deg)
+    figures = {"u": found.u, "v": found.v, "turn_deg": found.turn_deg}
+    known = {name: value for name, value in figures.items() if math.isfinite(value)}  # NaN is no JSON
+    return said(f"defect.{found.kind.value}", **known)
 
 
-def _untwisted(block: CutBlock, surface: Surface, tool: Tool, machine: Machine) -> str:
+def described(block: CutBlock, found: Defect, advice: Said | str = "") -> Said:
+    """The same of the surface of a block."""
+    return said("cut.defect", code=code(block), defect=describe(found), advice=advice)
+
+
+def _untwisted(block: CutBlock, surface: Surface, tool: Tool, machine: Machine) -> Said:
     """What helps a twisted surface: a placement that leaves the ruling, where one is good enough.
 
     A surface in several parts is not searched for a refusal: that would take seconds for each of them.
     """
     if isinstance(block, CutNurbs) and len(list(_parts(block, surface))) > 1:
-        return "; try P3 (optimal) or P4 (auto)"
+        return said("cut.try_free")
     cutter, kind = _cutter(block.modal, tool), strategy(block, tool, machine)
     own, best = (off_mm(surface, cutter, one) for one in (kind, Strategy.OPTIMAL))
     most = tolerance_mm(block.modal, tool, machine)
     if best < own and (most is None or best <= most):
-        words = "P3 (optimal)" if most is None else "P3 (optimal) or P4 (auto)"
-        return f"; write {words} ({kind.name.lower()} would be {own:.3f} mm off, optimal {best:.3f} mm)"
-    allowed = "" if most is None else f" (the form tolerance is {most:g} mm)"
-    return (
-        f", and with T{tool.number} none was found that is less than {min(own, best):.3f} mm off{allowed}; "
-        "take a thinner cutter or let both curves run more alike"
-    )
+        words = Key("cut.p3" if most is None else "cut.p3_or_p4")
+        return said("cut.write_free", words=words, kind=kind.name.lower(), own=own, best=best)
+    allowed = "" if most is None else said("cut.form_tolerance", most=most)
+    return said("cut.none_found", tool=tool.number, best=min(own, best), allowed=allowed)
 
 
 def _audit_hollow(block: CutBlock, surface: Surface, tool: Tool, machine: Machine, voice: Voice) -> None:
@@ -264,9 +228,16 @@ def _audit_hollow(block: CutBlock, surface: Surface, tool: Tool, machine: Machin
     radius, u = _concave_radius(surface, side.value)
     if tool.radius_mm > radius * (1.0 + 1e-9):
         gouge(
-            f"{code(block)}: the cutter T{tool.number} of radius {tool.radius_mm:.3f} mm does not fit into "
-            f"the hollow of radius {radius:.3f} mm at u = {u:.4f} on its {side.name.lower()} side",
-            f"take a cutter of at most {radius:.3f} mm or the other side",
+            said(
+                "gouge.no_room",
+                code=code(block),
+                tool=tool.number,
+                radius=tool.radius_mm,
+                hollow=radius,
+                u=u,
+                side=Key(f"gouge.{side.name.lower()}"),
+            ),
+            said("gouge.fit_hollow", hollow=radius),
             block,
             machine,
             voice,
@@ -278,19 +249,16 @@ def _tell_flute(block: CutBlock, surface: Surface, tool: Tool, voice: Voice) -> 
     if tool.flute_mm > 0.0:
         longest = max(float(norm(surface.ruling(i / 64.0))) for i in range(65))
         if longest > tool.flute_mm:
-            sentence = (
-                f"The flute of T{tool.number} is {tool.flute_mm:.3f} mm long, the longest ruling "
-                f"{longest:.3f} mm; above the flute nothing is cut."
-            )
-            voice.tell(block.place, sentence)
+            told = said("note.flute", tool=tool.number, flute=tool.flute_mm, longest=longest)
+            voice.tell(block.place, told)
 
 
-def gouge(what: str, advice: str, block: CutBlock, machine: Machine, voice: Voice) -> None:
+def gouge(what: Said, advice: Said, block: CutBlock, machine: Machine, voice: Voice) -> None:
     """Refuse what cuts into the part, or only note it where the machine file says gouge = "warn"."""
     if machine.gouge == "refuse":
-        sentence = f'{what}; {advice}, or set gouge = "warn" to cut it anyway'
-        raise GougeRefused(voice.program, block.place.line, block.place.column, sentence)
-    voice.tell(block.place, f"Gouge: {what}; {advice}.")
+        why = said("gouge.refused", what=what, advice=advice, more="")
+        raise GougeRefused(voice.program, block.place.line, block.place.column, why)
+    voice.tell(block.place, said("gouge.told", what=what, advice=advice))
 
 
 def edge(cut: SurfaceCut, u: float) -> Edge:

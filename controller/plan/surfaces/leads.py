@@ -27,9 +27,10 @@ from controller.geometry.placement import AT_LOWER, Placed
 from controller.geometry.vectors import Vector, norm
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Joints, Machine
+from controller.messages import said
 from controller.motion.motions import Rotaries, ToolSpline
 from controller.plan.rotaries.branch import joints_along
-from controller.plan.stretch import Stretch, Voice, joints_of, rotaries_of, straight
+from controller.plan.stretch import Stretch, Voice, joints_of, motion_named, rotaries_of, straight
 from controller.plan.surfaces import audit, rates
 from controller.plan.surfaces.cuts import Cut, Edge, beside, gouge, tolerance_mm
 from controller.plan.surfaces.train import Leg
@@ -69,10 +70,6 @@ EASY = 0.4  # of both, where the feed does not need more
 MAX_TURN_RAD = math.radians(60.0)  # of a rotary: beside a pole it might be any number of turns
 STANDS_RAD = 1e-9  # per mm: rounding of a rotary that stands
 MIN_RATE = 0.2  # mm of the tip per mm of the contact: in a tight hollow the tip all but stands
-RESTS = (
-    "The {} is straight, and the cut rests at that ruling: one that joins it at its feed would cut into "
-    "the part, leave an axis' travel, or has no direction there."
-)
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,13 +101,13 @@ def lay(legs: Sequence[Leg], at_start: bool, machine: Machine, kinematics: Kinem
     reached = free.reached(off)
     if reached > OVERCUT_MM:
         gouge(
-            f"the {off.name} of {machine.lead_mm:.3f} mm would cut {reached:.3f} mm into the surface",
-            "set a smaller lead_mm, take a smaller cutter or the other side (G41/G42)",
+            said("gouge.lead", lead=motion_named(off.name), length=machine.lead_mm, reached=reached),
+            said("gouge.shorter_lead"),
             leg.cut.block,
             machine,
             voice,
         )
-    voice.tell(leg.cut.block.place, RESTS.format(off.name))
+    voice.tell(leg.cut.block.place, said("lead.rests", lead=motion_named(off.name)))
     return end.led(off)
 
 

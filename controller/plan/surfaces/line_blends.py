@@ -25,6 +25,7 @@ from controller.geometry.placement import Blend
 from controller.geometry.vectors import angle_between, norm, subtract
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Joints, Machine
+from controller.messages import Key, Said, said
 from controller.motion.motions import ROW, SurfaceCut, ToolSpline
 from controller.plan.rotaries.branch import joints_along
 from controller.plan.stretch import Stretch, Voice, rotaries_of
@@ -54,21 +55,6 @@ LOOKED, OF_PATH = 25, 97  # places of the blend on either side, and of the progr
 SAME_AXIS = 1e-12  # axes and their rates that differ by less are alike
 LEAST_RATE = 0.2  # mm of the tip per mm of s: where a tip all but stands nothing is blended
 ROUNDING = Rounding.of(0.0594)
-RUNS_ON = (
-    "Runs on from {} of line {} within the joint tolerance: the blend over {:.2f} mm on either side deviates "
-    "by {:.3f} um at most."
-)
-DEPARTS = "Does not run on from the block of line {}, which ends with a departure and a rest: {}."
-UNREACHED = "the axes do not get there from the end of that cut without turning otherwise"
-SHORT = "one of the two is too short to be led over into the other: there is {:.3f} mm of way for it"
-TURNS = (
-    "the way of the tool turns there by {:.2f} degrees, and nothing that leads it over stays within {:g} mm "
-    "and {:g} degrees (G64 P Q)"
-)
-DEEPER = (
-    "beside that line the flank would get {:.3f} mm deeper into the surfaces than the cuts do, and {:g} mm "
-    "is allowed (G64 P)"
-)
 
 
 class Blended(NamedTuple):
@@ -79,9 +65,10 @@ class Blended(NamedTuple):
     reach_mm: float
     deviates_mm: float
 
-    def told(self, name: str, before: Stretch) -> str:
-        """That it runs on from the block before, called ``name``."""
-        return RUNS_ON.format(name, _last_line(before), self.reach_mm, 1000.0 * self.deviates_mm)
+    def told(self, name: str, before: Stretch) -> Said:
+        """That it runs on from the block before, called by the text of ``name``."""
+        costs = {"reach": self.reach_mm, "um": 1000.0 * self.deviates_mm}
+        return said("row.runs_on", name=Key(name), line=_last_line(before), **costs)
 
 
 class Entered(NamedTuple):
@@ -121,7 +108,7 @@ def onto(
     found = meeting.blended(follow)
     if found is None:
         return None
-    voice.tell(first.block.place, found.told("the line", row))
+    voice.tell(first.block.place, found.told("row.the_line", row))
     return Entered(found.row, legs)
 
 
@@ -137,7 +124,7 @@ def off(
     """The last cut of a train and the first stretch of the row that begins at its end, led over."""
     found = _left(legs, run, row, modal, machine, kinematics)
     if found is not None:
-        voice.tell(row.place, found.told("the block", run[-1]))
+        voice.tell(row.place, found.told("row.the_block", run[-1]))
     return found
 
 
@@ -148,10 +135,10 @@ def departs(
     modal: Modal,
     machine: Machine,
     kinematics: Kinematics,
-) -> str | None:
+) -> Said | str | None:
     """Why a row that begins so does not lead on from the last cut; None: it does, empty: it is not to."""
     if not row:
-        return UNREACHED
+        return said("row.unreached")
     meeting = _meeting(row[0], modal, legs[-1].cut, True, machine, kinematics)
     if meeting is None:
         return ""
@@ -161,7 +148,7 @@ def departs(
         Room.of(legs, False, machine, kinematics).reached(row[0]),
         legs[-1].cut.block.modal.blend_mm,
     )
-    return DEEPER.format(deeper, most) if deeper > most else None
+    return said("row.deeper", deeper=deeper, mm=most) if deeper > most else None
 
 
 def _left(
@@ -241,13 +228,14 @@ class Meeting:
         return self._keeps(float(gap + tilt * self._height_mm), float(tilt))
 
     @property
-    def unmet(self) -> str:
+    def unmet(self) -> Said:
         """Why no blend was found."""
         if self._longest_mm() < SHORTEST_MM:
-            return SHORT.format(self._longest_mm())
+            return said("row.short", room=self._longest_mm())
         here, there = self._pose_rows()[1, :3], End.of(self.cut.motion, not self.leaves).rows[1, :3]
         turn = np.degrees(angle_between(tuple(here), tuple(there)))
-        return TURNS.format(turn, self.allowed.mm, np.degrees(self.allowed.rad))
+        degrees = float(np.degrees(self.allowed.rad))
+        return said("row.turns", turn=float(turn), mm=self.allowed.mm, degrees=degrees)
 
     def blended(self, follow: Follow) -> Blended | None:
         """The longest blend within the tolerance; ``follow`` gives a cut's motion as the joints follow it."""

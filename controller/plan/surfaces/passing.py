@@ -27,10 +27,11 @@ KINDS = ("velocity", "acceleration", "jerk")
 
 
 class Slowest(NamedTuple):
-    """What the contact slows down to (mm/s), and which limit of which joint binds there."""
+    """What the contact slows down to (mm/s), and which limit of which axis binds there."""
 
     mm_s: float
-    binds: str
+    axis: str
+    limit: str  # one of ``KINDS``
 
 
 def slowest(pair: Pair, reach_mm: float, machine: Machine, kinematics: Kinematics) -> Slowest | None:
@@ -43,7 +44,7 @@ def slowest(pair: Pair, reach_mm: float, machine: Machine, kinematics: Kinematic
     least = float(rows.min())
     if least >= pair[1].block.feed_mm_s:
         return None
-    return Slowest(least, f"{machine.axes[axis].name} {KINDS[kind]}")
+    return Slowest(least, machine.axes[axis].name, KINDS[kind])
 
 
 def leaves_a_mark(pair: Pair, machine: Machine, kinematics: Kinematics) -> bool:

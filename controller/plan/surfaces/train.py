@@ -18,6 +18,7 @@ import numpy.typing as npt
 
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Kind, Machine
+from controller.messages import Key, Said, chain, said
 from controller.motion.motions import Rotaries
 from controller.plan.rotaries import winding
 from controller.plan.rotaries.branch import BranchLost, Field, field, joints_on
@@ -33,6 +34,7 @@ Array = npt.NDArray[np.float64]
 SAME_MM = 2e-6  # rounding of six decimals, in three words
 FLAT_MM = 1e-4  # a concave corner that costs less overcut than this is rounding of the program
 TURNED_BACK_RAD = math.pi - 1e-6
+CREASE_DEG = 0.01  # of the normals along a ruling: less is not told
 
 
 class Meeting(Enum):
@@ -44,10 +46,10 @@ class Meeting(Enum):
 
 
 class Met(NamedTuple):
-    """How two cuts meet, as a sentence about the first, and both as they are cut: a blend changes them."""
+    """How two cuts meet, told of the first one, and both as they are cut: a blend changes them."""
 
     meeting: Meeting
-    sentence: str
+    told: Said
     before: Cut
     after: Cut
 
@@ -55,29 +57,29 @@ class Met(NamedTuple):
 def meet(before: Cut, after: Cut, machine: Machine, kinematics: Kinematics, voice: Voice) -> Met:
     """Whether two blocks run through, pivot or need a departure; refuses a concave corner."""
     met = _met(before, after, machine, kinematics, voice)
-    name = f"the block of line {before.block.place.line}"
+    name = said("join.block", line=before.block.place.line)
     if before.block is after.block:
         if met.meeting is Meeting.JOIN:
             return met
-        name = f"its own part before u = {after.part[0]:.4f}"
-    voice.tell(after.block.place, met.sentence.format(name))
+        name = said("join.own_part", u=after.part[0])
+    told = Said(key=met.told["key"], values={**met.told["values"], "name": name})
+    voice.tell(after.block.place, told)
     return met
 
 
 def _met(before: Cut, after: Cut, machine: Machine, kinematics: Kinematics, voice: Voice) -> Met:
     a, b = before.block.modal, after.block.modal
     differ = [
-        name
-        for name, same in (
-            ("tool", a.tool == b.tool),
-            ("work offset", a.offset == b.offset),
-            ("side", a.side == b.side),
+        Key(key)
+        for key, same in (
+            ("join.other_tool", a.tool == b.tool),
+            ("join.other_offset", a.offset == b.offset),
+            ("join.other_side", a.side == b.side),
         )
         if not same
     ]
     if differ:
-        sentence = f"Departs from {{}} and approaches again: another {' and '.join(differ)}."
-        return Met(Meeting.APART, sentence, before, after)
+        return Met(Meeting.APART, said("join.differs", what=chain("and", differ)), before, after)
     end, start = before.end, after.start
     gap, tilt = apart(end.contact, start.contact), apart(end.ruling, start.ruling)
     shared = tilt <= SAME_RAD and gap <= SAME_MM
@@ -87,17 +89,14 @@ def _met(before: Cut, after: Cut, machine: Machine, kinematics: Kinematics, voic
     if not agree or _to_be_blended(before, after, allowed, machine, kinematics):
         joint = blending.joined(before, after, allowed, kinematics)
     if joint is not None:
-        sentence = _blended(joint) + _slowed(joint, allowed, machine, kinematics)
-        return Met(Meeting.JOIN, sentence, joint.before, joint.after)
+        told = _blended(joint, _slowed(joint, allowed, machine, kinematics))
+        return Met(Meeting.JOIN, told, joint.before, joint.after)
     if agree:
-        return Met(Meeting.JOIN, "Joins {}: the poses agree and the cut runs through.", before, after)
+        return Met(Meeting.JOIN, said("join.agrees"), before, after)
     if shared:
         return Met(*_corner(before, after, allowed, voice), before, after)
-    sentence = (
-        "Departs from {} and approaches again: it ends elsewhere or on another ruling "
-        f"({gap:.6f} mm and {math.degrees(tilt):.4f} degrees apart; {_told(allowed)})."
-    )
-    return Met(Meeting.APART, sentence, before, after)
+    told = said("join.elsewhere", gap=gap, tilt=math.degrees(tilt), allowed=_told(allowed))
+    return Met(Meeting.APART, told, before, after)
 
 
 def _to_be_blended(
@@ -116,17 +115,20 @@ def _to_be_blended(
     return found is blending.Difference.ROUNDING
 
 
-def _blended(joint: blending.Joint) -> str:
-    degrees, um = math.degrees(joint.angle_rad), 1000.0 * joint.deviates_mm
-    return (
-        f"Joins {{}} within the joint tolerance: normals {degrees:.4f} degrees, gap {joint.gap_mm:.6f} mm; "
-        f"the blend over {joint.reach_mm:.2f} mm on either side deviates by {um:.3f} um at most."
+def _blended(joint: blending.Joint, slowed: Said | str) -> Said:
+    return said(
+        "join.blended",
+        degrees=math.degrees(joint.angle_rad),
+        gap=joint.gap_mm,
+        reach=joint.reach_mm,
+        um=1000.0 * joint.deviates_mm,
+        slowed=slowed,
     )
 
 
 def _slowed(
     joint: blending.Joint, allowed: blending.Tolerance, machine: Machine, kinematics: Kinematics
-) -> str:
+) -> Said | str:
     """What a blend that the tolerance keeps short costs: a sentence, or nothing."""
     if not joint.shortened:
         return ""
@@ -134,18 +136,16 @@ def _slowed(
     if told is None:
         return ""
     along = math.degrees(joint.crease_rad)
-    crease = f" Along the ruling the normals differ by up to {along:.3f} degrees:" if along > 0.01 else ""
-    return (
-        f"{crease} within {allowed.mm:g} mm the contact slows down to about {60.0 * told.mm_s:.0f} mm/min "
-        f"there ({told.binds}); let the surfaces run on alike, or allow more (G64 P, joint_tolerance_mm)."
-    )
+    binds = {"axis": told.axis, "limit": Key(f"limit.{told.limit}")}
+    key = "join.slowed_at_crease" if along > CREASE_DEG else "join.slowed"
+    return said(key, along=along, mm=allowed.mm, feed=60.0 * told.mm_s, **binds)
 
 
-def _told(allowed: blending.Tolerance) -> str:
-    return f"the joint tolerance is {allowed.mm:g} mm and {math.degrees(allowed.rad):g} degrees"
+def _told(allowed: blending.Tolerance) -> Said:
+    return said("join.tolerance", mm=allowed.mm, degrees=math.degrees(allowed.rad))
 
 
-def _corner(before: Cut, after: Cut, allowed: blending.Tolerance, voice: Voice) -> tuple[Meeting, str]:
+def _corner(before: Cut, after: Cut, allowed: blending.Tolerance, voice: Voice) -> tuple[Meeting, Said]:
     """Ends meet on one ruling, the normals differ.
 
     With the cutter on the right a turn to the left leads it round the outside of the
@@ -154,34 +154,29 @@ def _corner(before: Cut, after: Cut, allowed: blending.Tolerance, voice: Voice) 
     angle = turned(before.end, after.start)
     radius, degrees = after.tool.radius_mm, math.degrees(abs(angle))
     if abs(angle) > TURNED_BACK_RAD:
-        return Meeting.APART, "Departs from {} and approaches again: it turns straight back."
-    if after.side * angle < 0.0 and radius * (1.0 - math.cos(angle)) > FLAT_MM:
-        voice.refuse(
-            after.block.place,
-            f"{_where(before, after)} in a concave corner of "
-            f"{degrees:.4f} degrees; a cutter of radius {radius:.3f} mm would cut "
-            f"{radius * (1.0 - math.cos(angle)):.6f} mm into one of the two; {_told(allowed)}; "
-            "blend the corner with a surface of a larger radius, cut on the other side, or allow more "
-            "(joint_tolerance_mm and _deg in [machine], or G64 P Q)",
-        )
+        return Meeting.APART, said("join.turns_back")
+    overcut = radius * (1.0 - math.cos(angle))
+    if after.side * angle < 0.0 and overcut > FLAT_MM:
+        figures = {"degrees": degrees, "radius": radius, "overcut": overcut}
+        where = _where(before, after)
+        voice.refuse(after.block.place, said("join.concave", where=where, allowed=_told(allowed), **figures))
     tilt = math.degrees(apart(turned_axis(before.end, angle), after.start.axis))
-    and_tilts = f" and tilts by {tilt:.4f} degrees, as the cutter is placed," if tilt > 1e-6 else ""
-    sentence = f"Pivots by {degrees:.4f} degrees{and_tilts} about the ruling it shares with {{}}"
-    return Meeting.PIVOT, sentence + _reached(before, after) + "."
+    tilts = said("join.tilts", tilt=tilt) if tilt > 1e-6 else ""
+    return Meeting.PIVOT, said("join.pivots", degrees=degrees, tilts=tilts, reaches=_reached(before, after))
 
 
-def _reached(before: Cut, after: Cut) -> str:
+def _reached(before: Cut, after: Cut) -> Said | str:
     """What a turn between two placements costs the surfaces that meet there."""
     way = turn(before, after)
     if way is None:
         return ""
-    return f"; on its way the cutter reaches {audit.depth_in_turn(way, before, after):.4f} mm into them"
+    return said("join.reaches", depth=audit.depth_in_turn(way, before, after))
 
 
-def _where(before: Cut, after: Cut) -> str:
+def _where(before: Cut, after: Cut) -> Said:
     if before.block is after.block:
-        return f"the two parts of this block meet at u = {after.part[0]:.4f}"
-    return f"this block meets the one of line {before.block.place.line}"
+        return said("join.parts_meet", u=after.part[0])
+    return said("join.blocks_meet", line=before.block.place.line)
 
 
 @dataclass(frozen=True, slots=True)
@@ -303,8 +298,8 @@ def _followed(fields: Fields, branch: int, near: Rotaries, voice: Voice) -> list
             start = _start(found.pairs[branch if i == 0 else slice(None), 0], near)
             rotaries = found.follow(start)
         except BranchLost as lost:
-            sentence = f"{lost.reason}{audit.at_place(cut, lost.u)}; tilt the part or split the block there"
-            voice.refuse(cut.block.place, sentence)
+            where = audit.at_place(cut, lost.u)
+            voice.refuse(cut.block.place, said("reach.lost", reason=Key(lost.reason), where=where))
         joints = joints_on(cut.motion, found.u, rotaries, fields.kinematics)
         legs.append(Leg(cut, found.u, rotaries, joints))
         near = legs[-1].end

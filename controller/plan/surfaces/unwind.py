@@ -17,6 +17,7 @@ import numpy.typing as npt
 
 from controller.geometry.vectors import ROUNDING
 from controller.machine.model import Axis, Machine
+from controller.messages import Said, said
 from controller.motion.motions import Rotaries
 from controller.plan.rotaries.turns import TURN
 from controller.plan.rotaries.winding import Way
@@ -84,19 +85,17 @@ def start_in_travel(axis: Axis, start: float, low: float, high: float) -> float 
     return start + TURN * min(max(0, first), last) if first <= last else None
 
 
-def offer(axis: Axis, start: float, low: float, high: float) -> str:
+def offer(axis: Axis, start: float, low: float, high: float) -> Said:
     """Advice for a move whose rotary leaves its travel between ``low`` and ``high`` (rad)."""
     better = start_in_travel(axis, start, low, high)
     return audit.MOVE if better is None else _first(axis, better)
 
 
-def _first(axis: Axis, start: float) -> str:
-    at = f"{start * axis.shown_per_unit:.3f}"
-    name = axis.name
-    return f"unwind first: write G0 {name}{at} before this block, so that it starts with {name} at {at} deg"
+def _first(axis: Axis, start: float) -> Said:
+    return said("travel.unwind", axis=axis.name, at=start * axis.shown_per_unit)
 
 
-def _advice(legs: Sequence[Leg], i: int, index: int, machine: Machine) -> str:
+def _advice(legs: Sequence[Leg], i: int, index: int, machine: Machine) -> Said:
     """What to do about a rotary that leaves its travel in leg ``i`` of a train."""
     axis, block = machine.axes[index], legs[i].cut.block
     first = next(k for k, leg in enumerate(legs) if leg.cut.block is block)
@@ -115,24 +114,18 @@ def _range(legs: Sequence[Leg], index: int) -> tuple[float, float]:
     return min(float(e[0][0]) for e in ends), max(float(e[2][0]) for e in ends)
 
 
-def _split(legs: Sequence[Leg], index: int, axis: Axis) -> str:
+def _split(legs: Sequence[Leg], index: int, axis: Axis) -> Said:
     """Where to split a block that turns farther than the travel, and where its second part begins."""
     low, high = _range(legs, index)
     k = abs(axis.shown_per_unit)
-    turned = (
-        f"it turns {axis.name} through {(high - low) * k:.3f} deg, more than its travel holds in any turn"
-    )
     u = np.concatenate([leg.cut.block_u(leg.u) for leg in legs])
     values = np.concatenate([leg.joints[:, index] for leg in legs])
     at, _ = _farthest(values, axis)
     rest, start = _farthest(values[at:], axis)
-    if at == 0 or rest == 0 or abs(start - values[at]) < 1e-6:
-        return f"{turned}; {audit.MOVE}"
-    shown = start * axis.shown_per_unit
-    return (
-        f"{turned}; split the block at u = {u[at]:.4f} or before and unwind between the parts: write "
-        f"G0 {axis.name}{shown:.3f} there, so that the second begins with {axis.name} at {shown:.3f} deg"
-    )
+    then = audit.MOVE
+    if at > 0 and rest > 0 and abs(start - values[at]) >= 1e-6:
+        then = said("travel.split", axis=axis.name, u=float(u[at]), start=start * axis.shown_per_unit)
+    return said("travel.turns", axis=axis.name, turned=(high - low) * k, then=then)
 
 
 def _farthest(values: Array, axis: Axis) -> tuple[int, float]:

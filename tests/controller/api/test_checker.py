@@ -17,7 +17,7 @@ from controller.api.checker import Checker, Drafts
 from controller.api.store import Program, ProgramCheck, Store
 from controller.cli import check_worker
 from controller.machine import machine_file, setup_data
-from controller.messages import text
+from controller.messages import text, told
 from controller.runtime import checked
 
 SOUND = b"O1\nG1 X10 F100\nG1 X20 Y5\nM2\n"
@@ -94,6 +94,15 @@ def test_a_mistake_in_a_called_file_is_told_with_its_name(store: Store) -> None:
     job = {"name": "calls", "program": store.programs.path(program.sha256), "lines": 4, "state": store.folder}
     state, result = check_worker.check({**job, "files": store.programs.called(program)}, lambda _: None)
     assert (state, result["file"], result["line"], result["column"]) == ("refused", "5.ngc", 2, 6)
+
+
+def test_what_a_check_notes_is_told_in_the_readers_language(store: Store) -> None:
+    program = kept(store, "a", b"G21 G64\nG1 X1 F500\nM2\n")
+    job = {"name": "a", "program": store.programs.path(program.sha256), "lines": 3, "state": store.folder}
+    (note,) = check_worker.check(job, lambda _: None)[1]["notes"]
+    (english,), (german,) = (told([note], language) for language in ("en", "de"))
+    assert english["line"] == 2 and english["sentence"].startswith("G64 is run as G61")
+    assert german["sentence"].startswith("G64 ohne P läuft wie G61")
 
 
 def test_a_check_belongs_to_the_tools_and_offsets_it_was_made_with(store: Store) -> None:

@@ -13,6 +13,7 @@ from support.machines.stepped_runs import program, shipped
 from controller.ipc.handoff import Law, Piece, PieceMessage, Snapshot
 from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Machine
+from controller.messages import said
 from controller.plan.path.path import Chain, Pause
 from controller.plan.planner import AHEAD_S, Planner
 from controller.program.program import ProgramError
@@ -362,7 +363,7 @@ def test_a_program_refused_on_the_way_ends_at_rest_and_says_why() -> None:
 
     def refused(items: Iterable[Chain | Pause]) -> Iterator[Chain | Pause]:
         yield from list(items)[:2]
-        raise ProgramError("part.ngc", 9, 1, "no")
+        raise ProgramError("part.ngc", 9, 1, said("path.nothing"))
 
     desk.planner.load(refused(desk.items), BEGIN_S)
     desk.run()

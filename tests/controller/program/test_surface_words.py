@@ -8,6 +8,7 @@ import pytest
 from support.machines.stepped_runs import shipped
 
 from controller.machine.setup_data import with_offset
+from controller.messages import text
 from controller.program import blocks
 from controller.program.program import CutCone, CutRuled, ProgramError
 from controller.runtime import checked
@@ -22,10 +23,10 @@ def ruled(points: list[tuple[float, ...]], form: str = "{:.3f}") -> str:
     return "G52 F800. " + "\n".join(lines) + "\n"
 
 
-def doubt(text: str) -> str:
-    (block,) = blocks.read(f"G21 G90\n{text}".encode(), MACHINE, "part.ngc").blocks
+def doubt(program: str) -> str:
+    (block,) = blocks.read(f"G21 G90\n{program}".encode(), MACHINE, "part.ngc").blocks
     assert isinstance(block, CutCone | CutRuled)
-    return block.doubt
+    return text(block.doubt)
 
 
 def test_words_of_one_kind_are_not_doubted() -> None:

@@ -182,6 +182,9 @@ def test_motions_at_feed_are_known_until_they_are_passed_and_none_of_a_dry_run(j
 def test_a_probing_cycle_is_run_as_a_typed_line_with_its_program() -> None:
     made = jobs.probing({"cycle": "bore", "values": {"most": 12.0}, "offset": "G54"}, shipped())
     text, files = linked.parts(made.program.text)
+    assert jobs.probing({"cycle": "top", "offset": "G57"}, shipped()).program.text.startswith(
+        b"G21 G90 G94 G40 G54 "
+    )
     assert made.is_mdi and bytes(text).endswith(b"o<probe_bore> call [12] [1]\n") and "probe_touch" in files
 
 

@@ -15,6 +15,7 @@ from support.machines.stepped_runs import program
 from controller import messages
 from controller.ipc import control_socket
 from controller.ipc.handoff import COLUMN
+from controller.messages import said
 from controller.plan.restart.program_position import Spot
 from controller.plan.stretch import Note
 from controller.program.program import Place
@@ -77,9 +78,8 @@ def test_a_program_of_which_much_is_to_be_noted_leaves_room_for_the_status(
 ) -> None:
     program = Program(TEXT.encode(), "part.ngc", bench.machine)
     kept = bench.planning._kept(program)
-    much = replace(
-        kept, notes=(Note(Place(1, 1), "Turns the rotary axis under the standing tool. " * 5),) * 5000
-    )
+    long = said("row.departs", line=99999, why=said("row.turns", turn=1 / 3, mm=1 / 3, degrees=1 / 3))
+    much = replace(kept, notes=(Note(Place(1, 1), long),) * 5000)
     monkeypatch.setattr(bench.planning, "_kept", lambda _: much)
     assert len(control_socket.packed(bench.order("check", program=program).facts)) < control_socket.MAX_BYTES
 
@@ -168,12 +168,12 @@ def test_a_load_tells_whether_the_surfaces_keep_their_form_tolerance(bench: Benc
         assert (facts["verdict"] and facts["verdict"]["within"]) == within
     machine = replace(bench.machine, tolerance_mm=0.001, gouge="refuse")
     error = bench.order("check", program=Program(text.encode(), "part.ngc", machine)).error
-    assert error is not None and "exceeds its form tolerance" in str(error)
+    assert error is not None and "exceeds its form tolerance" in messages.text(error[1])
 
 
 def test_an_order_that_fails_is_answered_with_its_sentence(bench: Bench) -> None:
     refused = bench.order("retract", distance_mm=1.0).error
-    assert refused is not None and refused[0] == "refused" and "needs HOLD" in refused[1]
+    assert refused is not None and refused[0] == "refused" and "needs HOLD" in messages.text(refused[1])
     bad = Program(b"G0 X1\nG999\n", "bad.ngc", bench.machine)
     error = bench.order("check", program=bad).error
     assert error is not None and error[0] == "bad" and error[1]["values"]["place"] == "bad.ngc:2:1"

@@ -30,14 +30,17 @@ def run(page: Any) -> None:
 
 def test_every_cycle_has_its_picture_and_its_values(probing: Any) -> None:
     seen = set()
-    drawn = "() => document.querySelector('img.cycle').naturalWidth > 0"
+    drawn = (
+        "() => { const {naturalWidth: drawn, width} = document.querySelector('img.probing-picture');"
+        " return drawn > 0 && 200 < width && width < 400; }"  # beside the values, not over the page
+    )
     for cycle, values in CYCLES.items():
         probing.select_option("[name=cycle]", cycle)
-        probing.wait_for_selector(f"img.cycle[src$='/probing/{cycle}.svg']")
+        probing.wait_for_selector(f"img.probing-picture[src$='/probing/{cycle}.svg']")
         probing.wait_for_function(drawn)
         fields = probing.eval_on_selector_all(".probing [name]", "all => all.map((one) => one.name)")
         assert fields == ["cycle", *values, "offset"]
-        seen.add(probing.get_attribute("img.cycle", "alt"))
+        seen.add(probing.get_attribute("img.probing-picture", "alt"))
     assert len(seen) == len(CYCLES)
 
 

@@ -257,7 +257,7 @@ PASSED = {
         ],
         "left_out": 0,
     },
-    "notes": [{"line": 19, "note": "Joins the block of line 10: the poses agree and the cut runs through."}],
+    "notes": [{"line": 19, **said("join.agrees", name=said("join.block", line=10))}],
 }
 
 

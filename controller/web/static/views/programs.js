@@ -218,9 +218,9 @@ function Found({ check, made }) {
     <dl class="facts wide">${facts.filter(([, value]) => value !== "").map(([key, value]) => html`<dt>${word(key)}</dt><dd class="figures">${value}</dd>`)}</dl>
     <${Verdict} told=${check.verdict} />
     <${Maps} verified=${check.verified ?? {}} verdict=${check.verdict} />
-    <${Wrong} text=${check.warning} />
+    <${Wrong} text=${sentence(check.warning)} />
     <${Box} joints=${check.joints ?? []} />
-    ${(check.notes ?? []).map(({ line, note }) => html`<p class="dim note">${text("run.line")} ${line}: ${note}</p>`)}`;
+    ${(check.notes ?? []).map((one) => html`<p class="dim note">${text("run.line")} ${one.line}: ${sentence(one)}</p>`)}`;
 }
 
 const Share = ({ share }) => html`<td class=${`figures ${share > 1.005 ? "wrong" : ""}`}>${forms.percent(share)}${share > 1.005 && html` <span class="note">${word("over_limit")}</span>`}</td>`;

@@ -23,7 +23,7 @@ export function Probing() {
   const of = ({ name, choices, usual }) => [name, choices ? (typed[name] ?? usual) : number(String(typed[name] ?? usual))];
   const run = () => call("POST", "probing", { cycle, offset, values: Object.fromEntries(values.map(of)) });
   return html`<p class="dim">${word("stands")}</p>
-    <div class="row"><img class="cycle" src=${`/api/v1/probing/${cycle}.svg`} alt=${word(`cycle.${cycle}`)} /><div class="probing">
+    <div class="row"><img class="probing-picture" src=${`/api/v1/probing/${cycle}.svg`} alt=${word(`cycle.${cycle}`)} /><div class="probing">
       <${Value} name="cycle" choices=${told.cycles.map(({ name }) => name)} />
       ${values.map((one) => html`<${Value} key=${cycle + one.name} label=${word(`value.${one.name}`)} ...${one} />`)}
       <${Value} name="offset" choices=${told.offsets} /></div></div>

@@ -7,7 +7,6 @@ from dataclasses import replace
 from support.machines.stepped_runs import shipped
 
 from controller.machine.model import Machine, Spindle
-from controller.plan.path.spindle_off import OFF
 from controller.runtime import checked
 
 MILL = replace(shipped(), spindle=Spindle(24000.0))
@@ -20,7 +19,7 @@ def lines(text: str, machine: Machine | None = None, **how: object) -> list[int]
     walk = checked.path_of(task, **how)  # type: ignore[arg-type]
     for _ in walk.items:
         pass
-    return [note.place.line for note in walk.notes if note.sentence == OFF]
+    return [note.place.line for note in walk.notes if note.said["key"] == "note.spindle_off"]
 
 
 def test_the_first_feed_move_is_told_and_no_other() -> None:

@@ -10,6 +10,7 @@ from support.machines.shipped_kinds import machine
 
 from controller.geometry.vectors import Frame
 from controller.machine.model import Tool
+from controller.messages import said, text
 from controller.plan.report import stored
 from controller.plan.report.stored import Overcut, Stored
 from controller.plan.report.verdict import Verdict
@@ -22,7 +23,7 @@ CHECK = Stored(
     2.468,
     3,
     {8: (0.1, -7.25)},
-    (Note(Place(3, 5), "Joins."),),
+    (Note(Place(3, 5), said("row.departs", line=2, why=said("row.short", room=0.5))),),
     (Overcut(8, 0.1, 0.5, 0.0),),
     verdicts=(
         Verdict(8, 1, 0.05, 0.1, 0.0, 0.5, 0.0, 10.0, (1.0, 2.0, 3.0), "cut", 8, ("double", "radius"), 1.5),
@@ -72,18 +73,18 @@ def test_another_version_asks_for_a_new_check(monkeypatch):
 DAMAGED = ["", "{", "[]", "3", '{"key": 1}', "[" * 100_000, '{"key": "K"}', "\x00\xff"]
 
 
-@pytest.mark.parametrize("text", DAMAGED, ids=[text[:12] for text in DAMAGED])
-def test_a_damaged_file_is_one_warning_and_no_check(tmp_path, text):
-    (tmp_path / "K.json").write_text(text, encoding="latin-1")
+@pytest.mark.parametrize("content", DAMAGED, ids=[content[:12] for content in DAMAGED])
+def test_a_damaged_file_is_one_warning_and_no_check(tmp_path, content):
+    (tmp_path / "K.json").write_text(content, encoding="latin-1")
     found, warning = stored.load("K", tmp_path)
-    assert found is None and warning.endswith("checked again.") and warning.count("\n") == 0
+    assert found is None and text(warning).endswith("checked again.") and text(warning).count("\n") == 0
 
 
 def test_a_file_under_a_foreign_name_is_no_check(tmp_path):
     file = stored.save(CHECK, "A", tmp_path)
     file.rename(tmp_path / "B.json")
     found, warning = stored.load("B", tmp_path)
-    assert found is None and "not a stored check of this program" in warning
+    assert found is None and "not a stored check of this program" in text(warning)
 
 
 @pytest.mark.parametrize(

@@ -10,6 +10,7 @@ import pytest
 from support.machines.traced_programs import mill
 
 from controller.machine.model import Sense
+from controller.messages import text
 from controller.plan.surfaces import audit
 
 
@@ -46,8 +47,8 @@ def test_the_joint_farthest_outside_is_named_with_its_excess() -> None:
 def test_a_sentence_shows_the_configured_sense() -> None:
     axis = replace(mill().axes[4], sense=Sense.ISO, travel_min=math.radians(-10), travel_max=math.radians(20))
     excess = audit.Excess(4, 0, math.radians(25), math.radians(5))
-    text = audit.describe(axis, excess, "")
-    assert text.startswith("C would reach -25.000 deg, 5.000 deg beyond its travel of -20.000 to 10.000 deg")
+    told = text(audit.describe(axis, excess))
+    assert told.startswith("C would reach -25.000 deg, 5.000 deg beyond its travel of -20.000 to 10.000 deg")
 
 
 def test_depth_counts_only_what_lies_above_the_end_of_the_cutter() -> None:
