@@ -14,6 +14,7 @@ from pathlib import Path
 import pytest
 from support.machines.shipped_kinds import machine
 
+from controller import messages
 from controller.machine import machine_file, setup_data
 from controller.machine.model import Kind, Machine, Sense, Spindle
 from controller.program import blocks
@@ -62,6 +63,8 @@ def shown(value: object) -> str:
         return f"{value:.6g}"
     if isinstance(value, tuple):
         return f"({' '.join(shown(part) for part in value)})"
+    if isinstance(value, dict):
+        return messages.text(value)
     return value.name if isinstance(value, (Act, Side)) else str(value)
 
 

@@ -79,7 +79,20 @@ AGED = """() => {
 }"""
 MAX_LOOKS = 20
 
-PARTS = {"setup": ("homing", "offsets", "tools", "changer", "probing", "file", "drives", "users", "notices", "usage")}
+PARTS = {
+    "setup": (
+        "homing",
+        "offsets",
+        "tools",
+        "changer",
+        "probing",
+        "file",
+        "drives",
+        "users",
+        "notices",
+        "usage",
+    )
+}
 RUNNING = [("wide", "light", "en"), ("touch", "dark", "de"), ("phone", "light", "de")]
 
 
