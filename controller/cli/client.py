@@ -277,7 +277,7 @@ def jog(
         _one_of(distance, speed, seconds)
         where = {"frame": frame, "axis": axis.upper()}
         with machine.control(take_over):
-            before = machine.get("status")
+            at_first = _at_limits(machine.get("status"))
             done: dict[str, Any] = {"seconds": seconds}
             if distance is not None:
                 done = machine.post("jog/step", {**where, "distance": distance})
@@ -287,16 +287,15 @@ def jog(
                 _pressed(machine, {**where, "speed": speed}, seconds or 0.0)
                 moved = say("moved_for", axis=axis.upper(), seconds=seconds)
                 now = machine.get("status")
-            if ends := _at_limits(before, now):
+            if ends := [name for name in _at_limits(now) if name not in at_first]:
                 moved = say("moved_to_limit", axis=axis.upper(), axes=", ".join(ends))
                 done |= {"at_limit": ends}
             tell_done(moved, done, as_json)
 
 
-def _at_limits(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
-    """Names of the axes that came to the end of their travel between two statuses."""
-    rows = (now.get("joints") or {}).items()
-    return [name for name, row in rows if row["limit"] and not before["joints"][name]["limit"]]
+def _at_limits(status: Mapping[str, Any]) -> list[str]:
+    """Names of the axes that stand at the end of their travel."""
+    return [name for name, row in (status.get("joints") or {}).items() if row["limit"]]
 
 
 def _one_of(distance: float | None, speed: float | None, seconds: float | None) -> None:

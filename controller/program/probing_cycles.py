@@ -112,11 +112,14 @@ def _numbers(name: str, value: object) -> tuple[float, ...]:
     length = LENGTHS[name]
     if value is None:
         return (length.usual,)
-    if not isinstance(value, int | float) or isinstance(value, bool):
-        raise _refused("probe_length", name=name, found=value, **length._asdict())
-    if value == 0.0 or not length.lowest <= value <= length.highest:
-        raise _refused("probe_length", name=name, found=value, **length._asdict())
-    return (float(value),)
+    if (
+        isinstance(value, int | float)
+        and not isinstance(value, bool)
+        and value != 0.0
+        and length.lowest <= value <= length.highest
+    ):
+        return (float(value),)
+    raise _refused("probe_length", name=name, found=value, **length._asdict())
 
 
 def _refused(key: str, allowed: Any = (), **values: object) -> CycleRefused:

@@ -6,6 +6,7 @@ from typing import Any
 
 from controller.ipc.control_socket import Values
 from controller.machine import setup_data, tool_store
+from controller.machine.model import Machine
 from controller.service import fitting, preconditions
 from controller.service.refusals import refused, switch, whole
 from controller.service.service import Service
@@ -36,8 +37,7 @@ def confirm(service: Service, args: Values) -> Values:
     _known(service, [spindle, *away])
     if spindle and spindle in away:
         raise refused("changer_twice", code="bad", tool=spindle)
-    pockets = service.machine.changer.pockets if service.machine.changer is not None else ()
-    service.confirm_tools(tool_store.placed(pockets, spindle or 0, away))
+    service.confirm_tools(tool_store.placed(_pockets(service.machine), spindle or 0, away))
     return changer.told()
 
 
@@ -47,9 +47,8 @@ def give_pocket(service: Service, args: Values) -> Values:
     pocket, tool = whole(args, "pocket"), whole(args, "tool")
     with fitting.at_rest(service, "pockets", "SET POCKETS"):
         machine = setup_data.with_pocket(service.machine, str(pocket), tool)
-        pockets = machine.changer.pockets if machine.changer is not None else ()
         changer.store.forget()
-        values = {str(number): its for number, its in enumerate(pockets, 1)}
+        values = {str(number): its for number, its in enumerate(_pockets(machine), 1)}
         service.fit(machine, {**service.fitted, "pockets": values})
     return changer.told()
 
@@ -58,6 +57,11 @@ def _changer_of(service: Service) -> ToolChanger:
     if service.changer is None:
         raise refused("no_changer", code="bad")
     return service.changer
+
+
+def _pockets(machine: Machine) -> tuple[int, ...]:
+    """The tool of each pocket, 0 = nobody's."""
+    return machine.changer.pockets if machine.changer is not None else ()
 
 
 def _known(service: Service, tools: list[Any]) -> None:
