@@ -13,6 +13,7 @@ were; one that nobody has set yet cannot be, and G54 is.
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
+from decimal import Decimal
 from typing import Any, NamedTuple
 
 from controller.machine.model import OFFSETS
@@ -91,7 +92,7 @@ def program(cycle: object, values: Mapping[str, Any], offset: object, unset: Col
     numbers = [number for name in wanted for number in _numbers(name, values.get(name))]
     set_it = SETTABLE.index(str(offset))
     active = OFFSETS[0] if offset in (NONE, *unset) else offset
-    call = " ".join(f"[{number:g}]" for number in (*numbers, set_it))
+    call = " ".join(f"[{Decimal(f'{number:.12g}'):f}]" for number in (*numbers, set_it))
     text = f"G21 G90 G94 G40 {active} G43\no<probe_{cycle}> call {call}\n"
     return bytes(linked.linked(text.encode(), lambda _: None))
 

@@ -29,6 +29,13 @@ def test_what_is_said_and_what_is_usual() -> None:
     )
 
 
+def test_a_value_is_written_with_all_its_decimals_and_no_exponent() -> None:
+    values = {"along": -0.00001, "most": 123.45678}
+    assert (
+        lines("corner", values).splitlines()[1] == "o<probe_corner> call [1] [1] [-0.00001] [123.45678] [0]"
+    )
+
+
 @pytest.mark.parametrize("cycle", CYCLES)
 def test_the_program_of_a_cycle_is_called_with_as_many_values_as_it_says(cycle: str) -> None:
     head = (SHIPPED / f"probe_{cycle}.ngc").read_text()
