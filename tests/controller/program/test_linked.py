@@ -96,7 +96,9 @@ def test_what_the_path_refuses_in_a_file_names_it_and_who_called(
     folder: Path, before: str, line: str
 ) -> None:
     points = "\nX0 Y0 Z9" * 7 if "G52" in line else ""
-    (folder / "pocket.ngc").write_text(f"o<pocket> sub\nG1 X1 F500\n  {line}{points}\nG1 X2\no<pocket> endsub\n")
+    (folder / "pocket.ngc").write_text(
+        f"o<pocket> sub\nG1 X1 F500\n  {line}{points}\nG1 X2\no<pocket> endsub\n"
+    )
     on = machine("fig4a", spindle=None)
     read = Program("main.ngc", tuple(blocks.stream(whole(folder, before + MAIN), on, "main.ngc")))
     with pytest.raises(ProgramError) as caught:
