@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import json
 
+from controller import messages
 from controller.machine import machine_file
 from controller.machine.model import Machine
 from controller.runtime.bus_load import overload
-from controller.verify.console import Refused, show, tell
+from controller.verify.console import Refused, say, show, spoken, tell
 
 
 def sheets(machine: Machine, quiet: bool) -> list[str]:
@@ -23,15 +24,19 @@ def sheets(machine: Machine, quiet: bool) -> list[str]:
     return warned
 
 
+def warnings(machine: Machine) -> list[str]:
+    """What works but not well, in words."""
+    return [messages.text(one, spoken.get()) for one in machine_file.warnings(machine)]
+
+
 def alone(machine: Machine, warned: list[str], as_json: bool) -> None:
     """The rest of it where no program is named; ``warned`` by the sheets. Raises Refused."""
     if sentence := overload(machine):
         raise Refused(sentence)
-    warnings = machine_file.warnings(machine)
+    told = warnings(machine)
     if as_json:
-        print(json.dumps({"ok": True, "machine": machine.name, "sheets": warned, "warnings": warnings}))
+        print(json.dumps({"ok": True, "machine": machine.name, "sheets": warned, "warnings": told}))
         return
-    for sentence in warnings:
+    for sentence in told:
         tell.print(sentence, markup=False)
-    title = f"{machine.name}: the drives' data sheets have all that it needs, and its buses carry it."
-    show.print(title, markup=False)
+    show.print(say("machine.sound", machine=machine.name), markup=False)

@@ -59,6 +59,7 @@ from controller.machine.nodes import master_settings as master_settings
 from controller.machine.nodes import node_settings as node_settings
 from controller.machine.nodes import spindle_settings as spindle_settings
 from controller.machine.toml_table import ConfigError, Table, parse, read_text, span
+from controller.messages import Said, said
 from drives.settings import INT32_MAX
 
 SHIPPED = Path(__file__).resolve().parent.parent.parent / "config"  # beside the package, installed or not
@@ -203,26 +204,24 @@ def with_period(machine: Machine, period_s: float) -> Machine:
     )
 
 
-def warnings(machine: Machine) -> list[str]:
-    """Sentences on what works but not well.
+def warnings(machine: Machine) -> list[Said]:
+    """What works but not well.
 
     A setpoint is rounded to counts, and the third difference of rounded values is
     wrong by up to (1 + 3 + 3 + 1) / 2 = 4 counts: the drive sees that as jerk.
     """
-    return [text for axis in machine.axes if (text := _resolution(axis, machine.period_s))]
+    return [told for axis in machine.axes if (told := _resolution(axis, machine.period_s))]
 
 
-def _resolution(axis: Axis, period_s: float) -> str | None:
+def _resolution(axis: Axis, period_s: float) -> Said | None:
     shown, unit = abs(axis.shown_per_unit), "deg" if axis.is_rotary else "mm"
     noise = 4.0 / abs(axis.counts_per_unit) / period_s**3
     share = noise / axis.limits.jerk
     if share <= QUANTISATION_SHARE:
         return None
     needed = abs(axis.counts_per_unit) / shown * share / QUANTISATION_SHARE
-    return (
-        f"{axis.name}: rounding to counts at {period_s * 1e3:g} ms is worth a jerk of {noise * shown:.0f} "
-        f"{unit}/s3, {share:.0%} of its limit; {needed:.0f} counts per {unit} or a longer period is needed"
-    )
+    figures = {"ms": period_s * 1e3, "jerk": noise * shown, "share": share, "needed": needed}
+    return said("machine.rounding", axis=axis.name, unit=unit, **figures)
 
 
 def _axis(table: Table, buses: tuple[Bus, ...], folder: Path | None) -> Axis:

@@ -17,6 +17,7 @@ from controller.machine import machine_file, nodes
 from controller.machine.kinematics import kinematics_of
 from controller.machine.machine_file import ConfigError
 from controller.machine.model import OFFSETS, Kind, Machine, Sense
+from controller.messages import text
 
 TEXT = (machine_file.SHIPPED / "trunnion.toml").read_text()
 TOOLS = (machine_file.SHIPPED / "tools.toml").read_text()
@@ -181,8 +182,8 @@ def test_another_period_is_taken_in_range_only() -> None:
 
 def test_a_resolution_whose_rounding_looks_like_jerk_is_warned() -> None:
     found = machine_file.warnings(machine_file.with_period(machine_file.load("trunnion"), 0.0005))
-    assert [text[0] for text in found] == ["X", "Y", "Z", "A", "C"]
-    assert "jerk of 160000 mm/s3" in found[0]
+    assert [one["values"]["axis"] for one in found] == ["X", "Y", "Z", "A", "C"]
+    assert "jerk of 160000 mm/s3" in text(found[0]) and "Ruck von 160000 mm/s3" in text(found[0], "de")
 
 
 # ---- the drives' side --------------------------------------------------------------
