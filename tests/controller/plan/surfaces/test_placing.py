@@ -166,7 +166,9 @@ def test_an_upper_edge_that_stands_still_at_its_end_has_no_normal_there():
     """Hostile program 701529: the normal turns by 150 degrees, and no double is better than the paper's."""
     end = (-10.055, -8.08, 6.775)
     upper = Bezier(((0.535, 2.663, 7.2317), (-1.994, -2.04, 6.8657), end, end))
-    lower = Bezier(((-0.23, 0.2597, 0.0), (-0.23, 0.26, 0.0), (-0.2296, 0.2597, 0.0), (-11.608, -11.057, 0.0)))
+    lower = Bezier(
+        ((-0.23, 0.2597, 0.0), (-0.23, 0.26, 0.0), (-0.2296, 0.2597, 0.0), (-11.608, -11.057, 0.0))
+    )
     surface = RuledSurface(upper, lower)
     paper, double, optimal = (placing.off_mm(surface, plain(1.5), one) for one in SEARCHED)
     assert 0.0 < optimal <= double <= paper < 0.05
