@@ -18,7 +18,7 @@ from controller.machine.model import Machine
 from controller.machine.toml_table import ConfigError
 from controller.plan.surfaces.cuts import described, surface_of
 from controller.program import blocks, linked
-from controller.program.program import CutCone, CutNurbs, CutRuled, ProgramError
+from controller.program.program import CutCone, CutNurbs, CutRuled
 from controller.verify import fits
 from controller.verify.console import Refused, bar, refusals, show
 
@@ -80,7 +80,7 @@ def _asked(program: Path, machine: Machine) -> Iterator[fits.Asked]:
             surface, place = surface_of(block), block.place
             wrong = defect(surface)
             if wrong is not None and wrong.kind is not DefectKind.TWIST:
-                raise ProgramError(name, place.line, place.column, described(block, wrong))
+                raise place.refusal(name, described(block, wrong))
             yield fits.Asked(place.line, surface, block.modal.side.value)
 
 

@@ -24,9 +24,9 @@ from controller.machine import (
     equipment,
     offset_table,
 )
+from controller.machine.kinematics import builds
 from controller.machine.model import (
     ARC_TOLERANCE_MM,
-    BUILDS,
     CALL_LEVELS,
     DIALECTS,
     JOINT_TOLERANCE_DEG,
@@ -152,7 +152,7 @@ def read_table(top: Table, text: str, folder: Path | None = None) -> Machine:
         dialect=dialect,
         kept=offset_table.kept(general, dialect),
         without_point=general.text("without_point", WITHOUT_POINT, ""),
-        kinematics=general.text("kinematics", tuple(BUILDS), USUAL_BUILD),
+        kinematics=general.text("kinematics", tuple(builds()), USUAL_BUILD),
         straightness=deviation_tables.straightness(top.tables("straightness"), axes),
         thermal_shift_mm=deviation_tables.thermal_shift(top),
     )
@@ -404,8 +404,8 @@ def _audit(machine: Machine, top: Table, general: Table) -> None:
     """What only the whole file can show."""
     axes = Table(top.file, "[[axis]]", {"name": [axis.name for axis in machine.axes]})
     names = [axis.name for axis in machine.axes]
-    rotaries, build = [axis for axis in machine.axes if axis.is_rotary], BUILDS[machine.kinematics]
-    if len(rotaries) != build.rotaries or len(names) != 3 + build.rotaries or len(set(names)) != len(names):
+    rotaries, build = [axis for axis in machine.axes if axis.is_rotary], builds()[machine.kinematics]
+    if len(rotaries) != build.turning or len(names) != 3 + build.turning or len(set(names)) != len(names):
         problem = f"are not the axes of a machine with kinematics = {machine.kinematics!r}"
         axes.refuse("name", problem, build.axes, "add or remove axes, or say another kinematics in [machine]")
     for axis in machine.axes:
