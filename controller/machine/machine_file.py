@@ -59,7 +59,6 @@ from controller.machine.nodes import master_settings as master_settings
 from controller.machine.nodes import node_settings as node_settings
 from controller.machine.nodes import spindle_settings as spindle_settings
 from controller.machine.toml_table import ConfigError, Table, parse, read_text, span
-from controller.messages import Said, said
 from drives.settings import INT32_MAX
 
 SHIPPED = Path(__file__).resolve().parent.parent.parent / "config"  # beside the package, installed or not
@@ -69,7 +68,6 @@ PLACEMENTS = ("single", "double", "optimal", "auto")  # of the cutter on surface
 PERIODS_S = (0.0005, 0.01)
 LATE = ("stop", "count")  # what too many late ticks do
 BIT_RATES = (10_000, 20_000, 50_000, 125_000, 250_000, 500_000, 800_000, 1_000_000)  # CiA 301, table 1
-QUANTISATION_SHARE = 0.1  # of the jerk limit that rounding to counts may look like
 PARALLEL = 1e-6
 
 
@@ -202,26 +200,6 @@ def with_period(machine: Machine, period_s: float) -> Machine:
         f"{machine.name}: [machine]: period_s = {period_s:g}: is out of range; "
         f"allowed: a number {span(*PERIODS_S)}; change the value."
     )
-
-
-def warnings(machine: Machine) -> list[Said]:
-    """What works but not well.
-
-    A setpoint is rounded to counts, and the third difference of rounded values is
-    wrong by up to (1 + 3 + 3 + 1) / 2 = 4 counts: the drive sees that as jerk.
-    """
-    return [told for axis in machine.axes if (told := _resolution(axis, machine.period_s))]
-
-
-def _resolution(axis: Axis, period_s: float) -> Said | None:
-    shown, unit = abs(axis.shown_per_unit), "deg" if axis.is_rotary else "mm"
-    noise = 4.0 / abs(axis.counts_per_unit) / period_s**3
-    share = noise / axis.limits.jerk
-    if share <= QUANTISATION_SHARE:
-        return None
-    needed = abs(axis.counts_per_unit) / shown * share / QUANTISATION_SHARE
-    figures = {"ms": period_s * 1e3, "jerk": noise * shown, "share": share, "needed": needed}
-    return said("machine.rounding", axis=axis.name, unit=unit, **figures)
 
 
 def _axis(table: Table, buses: tuple[Bus, ...], folder: Path | None) -> Axis:
