@@ -324,10 +324,10 @@ REFUSALS = {
     "offset.r_of_l20": "{word} is not taken by G10 L20: R turns an offset with L2; correct it",
     "offset.tilted": "{code} takes where the tool stands, which is told in a tilted plane here and not "
     "in the work offset; write G69 before it",
-    "offset.sets_nothing_fanuc": "{word} sets nothing here: G10 takes L2 P1 to P6 and L20 P1 to P48 "
-    "(work offsets), L10 to L13 P and the tool with R; write one of these",
-    "offset.sets_nothing": "{word} sets nothing here: G10 takes L2 and L20 P0 to P9 (work offsets), L1, "
-    "L10 and L11 P and the tool with Z and R; write one of these",
+    "offset.sets_nothing_fanuc": "{word} sets nothing here: G10 takes L2 P1 to P6, L20 P1 to P48 "
+    "and L120 P1 to P9 (work offsets), L10 to L13 P and the tool with R; write one of these",
+    "offset.sets_nothing": "{word} sets nothing here: G10 takes L2 and L20 P0 to P9, L120 P1 to P9 (work "
+    "offsets), L1, L10 and L11 P and the tool with Z and R; write one of these",
     # --- surface
     "surface.not_nurbs": "{found}: G6.2 cuts a ruled surface between two NURBS curves; it stands alone "
     "with P and Q, the orders of the upper and the lower curve, and F unless one is modal; then, first for "

@@ -346,9 +346,10 @@ REFUSALS = {
     "berichtigen",
     "offset.tilted": "{code} nimmt, wo das Werkzeug steht, und das wird hier in einer geschwenkten Ebene "
     "gesagt und nicht in der Nullpunktverschiebung; G69 davor schreiben",
-    "offset.sets_nothing_fanuc": "{word} setzt hier nichts: G10 nimmt L2 P1 bis P6 und L20 P1 bis P48 "
-    "(Nullpunktverschiebungen), L10 bis L13 P und das Werkzeug mit R; eines davon schreiben",
-    "offset.sets_nothing": "{word} setzt hier nichts: G10 nimmt L2 und L20 P0 bis P9 "
+    "offset.sets_nothing_fanuc": "{word} setzt hier nichts: G10 nimmt L2 P1 bis P6, L20 P1 bis P48 "
+    "und L120 P1 bis P9 (Nullpunktverschiebungen), L10 bis L13 P und das Werkzeug mit R; eines davon "
+    "schreiben",
+    "offset.sets_nothing": "{word} setzt hier nichts: G10 nimmt L2 und L20 P0 bis P9, L120 P1 bis P9 "
     "(Nullpunktverschiebungen), L1, L10 und L11 P und das Werkzeug mit Z und R; eines davon schreiben",
     # --- surface
     "surface.not_nurbs": "{found}: G6.2 schneidet eine Regelfläche zwischen zwei NURBS-Kurven; es steht "

@@ -2,6 +2,8 @@
 
 Under rs274 G10 reads as LinuxCNC has it, and G52 and G92 write the same shift. Under fanuc G10 L2 takes
 distances under G91, L20 means the offsets of G54.1, L10 to L13 take values, and G52 is a shift of its own.
+L120 is of both, for probing cycles: as L20 of rs274, and R turns the offset by so many degrees from the
+active one. One that nobody has set begins as the active one.
 """
 
 from __future__ import annotations
@@ -17,7 +19,7 @@ from controller.machine.model import MAX_WEAR_MM, OFFSETS, Machine, Offset, Shif
 from controller.messages import Key
 from controller.program.codes import Ask
 from controller.program.modal import State, tool_list
-from controller.program.origins import NONE, Origins, about, turned_about_z
+from controller.program.origins import NONE, Origins, about, turned_about_z, within
 from controller.program.position import Known, Position
 from controller.program.words import Word
 
@@ -105,6 +107,8 @@ def _g10(here: Here) -> State:
         raise _not_set(here, word)
     what, n = here.ask.whole(kind), here.ask.whole(number)
     fanuc = here.machine.dialect == "fanuc"
+    if what == 120 and 1 <= n <= 9:
+        return _set_from_active(here, n - 1)
     if what == 2 or (what == 20 and not fanuc):
         return _set_offset(here, _index(here, n), what == 20)
     if what == 20 and 1 <= n <= 48:
@@ -142,6 +146,21 @@ def _set_offset(here: Here, index: int, to_here: bool) -> State:
     offset = _offset_here(here, index, xyz, rotary) if to_here else _offset_said(here, before, xyz, rotary)
     if r is not None:
         offset = replace(offset, frame=turned_about_z(offset.frame, r.value))
+    return here.state.with_origins(origins.with_offset(index, offset), here.machine)
+
+
+def _set_from_active(here: Here, index: int) -> State:
+    """L120."""
+    _check_untilted(here, "G10 L120")
+    origins = here.state.origins
+    active = origins.offset(origins.index, here.machine)
+    if not origins.is_set(index, here.machine):
+        origins = origins.with_offset(index, active)
+        here = here._replace(state=here.state.with_origins(origins, here.machine))
+    offset = _offset_here(here, index, here.lengths_mm(), here.rotary_rad())
+    if (r := here.ask.words.get("R")) is not None:
+        turned = within(active.frame, about(ZERO, Z, math.radians(r.value)))
+        offset = replace(offset, frame=turned._replace(origin=offset.frame.origin))
     return here.state.with_origins(origins.with_offset(index, offset), here.machine)
 
 

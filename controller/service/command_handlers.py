@@ -78,6 +78,7 @@ class Desk:
             "reset": self._reset,
             "mdi": self._mdi,
             "probe": self._probe,
+            "probed": lambda _: {"found": service.probed.told()},
             "retract": self._retract,
             "withdraw": self._withdraw,
             "return": lambda _: self._aside("return"),

@@ -43,6 +43,7 @@ from controller.service.jobs import Job
 from controller.service.journal import Journal
 from controller.service.node_status import LastFrames
 from controller.service.planner_client import News, Program
+from controller.service.probed import Probed
 from controller.service.refusals import refused
 from controller.service.runs import Rows, RunRecord
 from controller.service.sequencer import Sequencer
@@ -76,6 +77,7 @@ class Service:
         self.machine = setup_data.applied(machine, self.fitted)  # as programs see it
         self.alarms = Alarms(state)
         self.usage = Usage(state, machine)
+        self.probed = Probed(state)
         self.thread = ThreadGuard(state)
         self.sequencer = Sequencer(self._failed)
         self.job: Job | None = None  # the loaded program
@@ -473,7 +475,13 @@ class Service:
             self._end_job("completed" if whole else "refused" if job.refused else "stopped", job.said)
 
     def _set(self, job: Job, changes: list[Change], now: Snapshot) -> None:
-        """What the program has set by now is so from now on, for whatever comes after it."""
+        """What the program has set by now is so from now on, for whatever comes after it; found, too."""
+        if job.found:
+            self.probed.add(job.program.name, job.found)
+            if self.record is not None:
+                self.record.found += job.found
+            job.found = []
+            self._records.submit(self.probed.save)
         if not changes:
             return
         with self.fitting:

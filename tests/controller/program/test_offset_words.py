@@ -91,6 +91,26 @@ def test_where_words_lead_under_fanuc(text: str, ends: tuple[float, ...]) -> Non
     assert xyz(text, "fanuc") == pytest.approx(ends)
 
 
+@pytest.mark.parametrize("dialect", ["rs274", "fanuc"])
+@pytest.mark.parametrize(
+    ("text", "ends"),
+    [
+        ("G0 X3. Y4.\nG10 L120 P1 X1. Y1.\nG0 X0 Y0", (2.0, 3.0, 0.0)),
+        ("G10 L2 P2 X5.\nG0 X3. Y4.\nG10 L120 P2 Y1.\nG55 G0 X0 Y0", (5.0, 3.0, 0.0)),
+        ("G10 L120 P2 R30.\nG10 L2 P2 X5.\nG10 L2 P1 R60.\nG10 L120 P2 R30.\nG55 G0 X1. Y0", (5.0, 1.0, 0.0)),
+        ("G10 L2 P1 R60.\nG10 L120 P1 R30.\nG0 X1. Y0", (0.0, 1.0, 0.0)),  # from the active one
+        ("G10 L2 P1 X10. Y5. R90.\nG0 X0 Y0\nG10 L120 P3 X0\nG56 G0 X1. Y0", (10.0, 6.0, 0.0)),  # unset
+        ("G10 L2 P1 X10. Y5.\nG10 L120 P3 R90.\nG56 G0 X1. Y0", (10.0, 6.0, 0.0)),
+    ],
+)
+def test_an_offset_is_set_from_the_active_one_in_both_dialects(
+    dialect: str, text: str, ends: tuple[float, ...]
+) -> None:
+    unset = replace(reference_interpreter.machine(dialect, without_point="unit"), unset=("G56",))
+    last = steps(text, unset)[-1]
+    assert tuple(last.axes[name] for name in "XYZ") == pytest.approx(ends)
+
+
 def test_rotaries_are_shifted_as_well() -> None:
     assert axes("G0 A30\nG92 A10\nG0 A15 C5")[3:] == pytest.approx((35.0, 5.0))
     assert axes("G10 L2 P1 A7\nG1 F100 A1")[3:] == pytest.approx((8.0, 0.0))

@@ -11,6 +11,7 @@ from controller import messages
 from controller.program import probing_cycles
 from controller.program.linked import SHIPPED, parts
 from controller.program.probing_cycles import CHOICES, CYCLES, LENGTHS, CycleRefused, program
+from controller.service.probed import found
 
 
 def lines(cycle: str, values: dict[str, Any], offset: str = "none") -> str:
@@ -46,12 +47,21 @@ def test_the_program_of_a_cycle_is_called_with_as_many_values_as_it_says(cycle: 
     assert {f"probe_{cycle}", "probe_touch"} <= set(files)
 
 
+def results(cycle: str) -> list[str]:
+    """What its program says that it has found."""
+    (told,) = re.findall(r"\(LOG, (.*)\)", (SHIPPED / f"probe_{cycle}.ngc").read_text())
+    result = found(re.sub(r"#<\w+>", "1.5", told))
+    assert result is not None and result["cycle"] == cycle
+    return list(result["values"])
+
+
 def test_all_that_ship_are_there_and_each_has_its_words_in_every_language() -> None:
     files = {file.stem.removeprefix("probe_") for file in SHIPPED.glob("probe_*.ngc")}
     assert files == {*CYCLES, "touch"}
     wanted = {f"probing.cycle.{cycle}" for cycle in CYCLES}
     wanted |= {f"probing.value.{name}" for values in CYCLES.values() for name in values}
     assert {name for values in CYCLES.values() for name in values} == {*CHOICES, *LENGTHS}
+    wanted |= {f"probing.found.{name.rpartition('_')[0]}" for cycle in CYCLES for name in results(cycle)}
     for language in messages.LANGUAGES:
         assert wanted <= set(messages.of(language).page), language
 

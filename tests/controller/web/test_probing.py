@@ -64,6 +64,9 @@ def test_what_is_no_number_moves_nothing(probing: Any, site: Site) -> None:
     assert site.asked("probe")[before:] == []
 
 
-def test_what_was_found_is_shown(probing: Any, site: Site) -> None:
-    site.tell(mode="READY", job={"name": "MDI", "state": "completed", "messages": ["Says: edge at 12.5"]})
-    probing.wait_for_selector("#probing-found >> text=edge at 12.5")
+def test_what_was_found_is_shown_as_a_table(probing: Any) -> None:
+    rows = probing.wait_for_selector("#probing-found tbody").query_selector_all("tr")
+    told = [" ".join(row.inner_text().split()) for row in rows]
+    assert told[0].endswith("part.ngc Bore, from inside X 12.5000 mm Y −3.2500 mm diameter 20.0100 mm")
+    assert told[1].endswith("MDI mine way 1.0000 mm turned by −0.5000 °")
+    assert probing.get_attribute("#probing-found + a", "href") == "/api/v1/probing/found.csv"
