@@ -474,7 +474,10 @@ REFUSALS = {
     "probe_cycle": "cycle {found!r}: there is no such probing cycle; allowed are {allowed}.",
     "probe_value": "values {name!r}: {cycle} has no such value; allowed are {allowed}.",
     "probe_choice": "values {name} {found!r}: allowed are {allowed}.",
-    "probe_length": "values {name} {found!r}: must be {lowest:g} to {highest:g} mm and not 0; correct it.",
+    "probe_number": "values {name} {found!r}: must be {lowest:g} to {highest:g} {unit}; correct it.",
+    "probe_length": "values {name} {found!r}: must be {lowest:g} to {highest:g} {unit} and not 0; "
+    "correct it.",
+    "no_picture": "{found!r}: no code of which there is a picture; there are {allowed}.",
     "probe_offset": "offset {found!r}: no offset that a cycle sets; allowed are {allowed}.",
     "no_changer": "This machine has no tool changer: its tools are changed by hand; describe one in "
     "[changer].",

@@ -491,7 +491,10 @@ REFUSALS = {
     "probe_cycle": "cycle {found!r}: einen solchen Messzyklus gibt es nicht; erlaubt sind {allowed}.",
     "probe_value": "values {name!r}: {cycle} hat keinen solchen Wert; erlaubt sind {allowed}.",
     "probe_choice": "values {name} {found!r}: erlaubt sind {allowed}.",
-    "probe_length": "values {name} {found!r}: mm von {lowest:g} bis {highest:g} und nicht 0; ändern.",
+    "probe_number": "values {name} {found!r}: muss {lowest:g} bis {highest:g} {unit} sein; ändern.",
+    "probe_length": "values {name} {found!r}: muss {lowest:g} bis {highest:g} {unit} und nicht 0 sein; "
+    "ändern.",
+    "no_picture": "{found!r}: kein Code, von dem es ein Bild gibt; es gibt {allowed}.",
     "probe_offset": "offset {found!r}: kein Nullpunkt, den ein Zyklus setzt; erlaubt sind {allowed}.",
     "no_changer": "Diese Maschine hat keinen Werkzeugwechsler: Ihre Werkzeuge werden von Hand gewechselt; "
     "einen in [changer] beschreiben.",

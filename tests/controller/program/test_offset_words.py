@@ -101,9 +101,10 @@ def test_where_words_lead_under_fanuc(text: str, ends: tuple[float, ...]) -> Non
         ("G10 L2 P1 R60.\nG10 L120 P1 R30.\nG0 X1. Y0", (0.0, 1.0, 0.0)),  # from the active one
         ("G10 L2 P1 X10. Y5. R90.\nG0 X0 Y0\nG10 L120 P3 X0\nG56 G0 X1. Y0", (10.0, 6.0, 0.0)),  # unset
         ("G10 L2 P1 X10. Y5.\nG10 L120 P3 R90.\nG56 G0 X1. Y0", (10.0, 6.0, 0.0)),
+        ("G10 L121 P1 Z20. R2.\nG43 H1 G0 X#5410 Z1.", (4.0, 0.0, 21.0)),
     ],
 )
-def test_an_offset_is_set_from_the_active_one_in_both_dialects(
+def test_what_probing_cycles_set_is_set_in_both_dialects(
     dialect: str, text: str, ends: tuple[float, ...]
 ) -> None:
     unset = replace(reference_interpreter.machine(dialect, without_point="unit"), unset=("G56",))
