@@ -419,6 +419,8 @@ PAGE: dict[str, str] = {
     "changer.pocket_ask": "Whose is pocket {0}? The tool's number; 0: nobody's.",
     "usage.tool": "Tool",
     "usage.cut": "Cut",
+    "usage.way": "Length of cut",
+    "usage.cut_m_ask": "After how many metres of cut is T{0} worn? Empty: no limit.",
     "usage.parts": "Parts",
     "usage.since": "New since",
     "usage.worn": "worn",

@@ -423,6 +423,8 @@ PAGE: dict[str, str] = {
     "changer.pocket_ask": "Wem gehört Platz {0}? Nummer des Werkzeugs; 0: niemandem.",
     "usage.tool": "Werkzeug",
     "usage.cut": "Schnitt",
+    "usage.way": "Schnittlänge",
+    "usage.cut_m_ask": "Nach wie vielen Metern im Schnitt ist T{0} verschlissen? Leer: keine Grenze.",
     "usage.parts": "Teile",
     "usage.since": "Neu seit",
     "usage.worn": "verschlissen",
