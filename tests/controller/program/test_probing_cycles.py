@@ -26,9 +26,10 @@ def lines(cycle: str, values: dict[str, Any], offset: str = "none") -> str:
 def test_each_is_read_whole_under_both_dialects(cycle: str, dialect: str) -> None:
     """As a check does: a probing move is taken to touch at its end."""
     machine = probing_machine.machine(**{"[machine]\n": f'[machine]\ndialect = "{dialect}"\n'})
-    offset = "none" if "keep" in CYCLES[cycle] else "G59.3"
+    on_setter = cycle in probing_cycles.ON_SETTER
+    offset = "none" if on_setter else "G59.3"
     values = {"keep": "yes"} if "keep" in CYCLES[cycle] else {}
-    text = b"T1 M6\n" if values else b"T99 M6\n"
+    text = b"T1 M6\n" if on_setter else b"T99 M6\n"
     text += program(cycle, values, offset, machine.unset)
     read = blocks.read(text, machine, "p.ngc", start=(-80.0, -40.0, 200.0, 0.0, 0.0))
     probed = [one for one in read.blocks if isinstance(one, JointLine) and one.probe is not None]
