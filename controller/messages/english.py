@@ -504,6 +504,8 @@ REFUSALS = {
     "change_taken": "The tool change does not begin: pocket {pocket}, to which T{tool} belongs, is not free; "
     "confirm where the tools are.",
     "change_late": "{fails} Step {number} of {steps} of the tool change, {step}, does not end.",
+    "change_worn": "T{number} is to come into the spindle, and it is worn ({cut:.1f} min and {way:.1f} m of "
+    "cut, {parts} parts): give it a new edge and say so; Resume takes it as it is.",
     "change_late_do": "Resume waits once more; Stop ends the change, and then where the tools are is "
     "confirmed.",
     "changer_not_clear": "clear: confirm that you have looked, and that arm and magazine stand clear of the "
@@ -514,7 +516,8 @@ REFUSALS = {
     "not_in_thread": "The tool stands in no thread: there is nothing to withdraw.",
     "thread_unknown": "How the tool stands in its thread could not be read: turn it out by hand, then say "
     "that it is out.",
-    "tool_worn": "T{number} is worn ({cut:.1f} min of cut, {parts} parts): change it and say that it is new.",
+    "tool_worn": "T{number} is worn ({cut:.1f} min and {way:.1f} m of cut, {parts} parts): change it and "
+    "say that it is new.",
     "maintenance_due": "Maintenance is due: {name} (every {every:g} {unit}). Do it, and say that it is done.",
     "no_counter": "counter {counter}: there is none; allowed are {allowed}.",
     "no_item": "maintenance {name}: there is no such job; make one with an interval.",

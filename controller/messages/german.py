@@ -526,6 +526,8 @@ REFUSALS = {
     "nicht frei; "
     "bestätigen, wo die Werkzeuge sind.",
     "change_late": "{fails} Schritt {number} von {steps} des Werkzeugwechsels, {step}, endet nicht.",
+    "change_worn": "T{number} soll in die Spindel und ist verschlissen ({cut:.1f} min und {way:.1f} m im "
+    "Schnitt, {parts} Teile): ihm eine neue Schneide geben und es melden; Fortsetzen nimmt es, wie es ist.",
     "change_late_do": "Fortsetzen wartet noch einmal; Stopp beendet den Wechsel, dann wird bestätigt, wo die "
     "Werkzeuge sind.",
     "changer_not_clear": "clear: bestätigen, dass Sie nachgesehen haben und Arm und Magazin die "
@@ -538,8 +540,8 @@ REFUSALS = {
     "not_in_thread": "Das Werkzeug steht in keinem Gewinde: Es gibt nichts herauszudrehen.",
     "thread_unknown": "Wie das Werkzeug im Gewinde steht, war nicht zu lesen: von Hand herausdrehen, dann "
     "melden, dass es draußen ist.",
-    "tool_worn": "T{number} ist verschlissen ({cut:.1f} min im Schnitt, {parts} Teile): wechseln und als neu "
-    "melden.",
+    "tool_worn": "T{number} ist verschlissen ({cut:.1f} min und {way:.1f} m im Schnitt, {parts} Teile): "
+    "wechseln und als neu melden.",
     "maintenance_due": "Wartung ist fällig: {name} (alle {every:g} {unit}). Ausführen und "
     "als erledigt melden.",
     "no_counter": "Zähler {counter}: gibt es nicht; erlaubt sind {allowed}.",

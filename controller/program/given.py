@@ -41,7 +41,7 @@ class Given:
         self.state, self.position = state, position
         self._machine = machine
         self._probed: dict[str, float | None] = {}  # of the last probing move, as ``_in_part``
-        self._probed_z = 0.0  # of the machine
+        self._probed_z, self._touched = 0.0, False  # of the machine; whether that move was made
         self._succeeded = 0.0
 
     # ---- probing
@@ -56,7 +56,7 @@ class Given:
         if came is not None:
             position.stand(came.at)
         self._probed = {letter: self._in_part(letter) for letter in LETTERS[:6]}
-        self._probed_z = self._joint("z") or 0.0
+        self._probed_z, self._touched = self._joint("z") or 0.0, came is not None and came.touched
         self._succeeded = float(came is None or came.touched)
         if came is not None:
             position.stand(came.rest)
@@ -76,6 +76,11 @@ class Given:
     def probed_z(self) -> float:
         """Of the machine, mm: where the last probing move was."""
         return self._probed_z
+
+    @property
+    def touched(self) -> float:
+        """1 where the last probing move has touched; 0 in a check, where it is taken to have."""
+        return float(self._touched)
 
     # ---- the tool setter
 
@@ -288,6 +293,7 @@ _NAMED: MappingProxyType[str, Callable[[Given], float]] = MappingProxyType(
         "_remap_level": lambda g: 0.0,
         "_task": lambda g: 1.0,
         "_probed_z": lambda g: g.probed_z,
+        "_touched": lambda g: g.touched,
         "_setter_radius": Given.setter_radius,
         "_setter_z": Given.setter_z,
         # The LinuxCNC whose language this is; programs refuse to run under one that is too old for them.

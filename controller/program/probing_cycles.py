@@ -47,6 +47,7 @@ LENGTHS = {
     "beside_x": Length(-500.0, 500.0, 20.0),
     "beside_y": Length(-500.0, 500.0, 20.0),
     "turning": Length(0.0, 5000.0, 0.0, "1/min"),
+    "within": Length(0.001, 10.0, 0.1),
 }
 CYCLES: dict[str, tuple[str, ...]] = {  # the values of each in the order of its program's
     "top": ("most",),
@@ -60,7 +61,11 @@ CYCLES: dict[str, tuple[str, ...]] = {  # the values of each in the order of its
     "angle": ("towards", "along", "most"),
     "tool_length": ("most", "turning", "keep"),
     "tool_radius": ("half", "down", "most", "turning", "keep"),
+    "tool_check": ("most", "turning", "within"),
 }
+
+
+ON_SETTER = ("tool_length", "tool_radius", "tool_check")  # of the tool in the spindle; they set no offset
 
 
 class CycleRefused(Exception):
@@ -74,7 +79,7 @@ class CycleRefused(Exception):
 def listed() -> list[dict[str, Any]]:
     """Every cycle with its values: what each may be, and is where it is not said."""
     return [
-        {"name": name, "values": [_facts(value) for value in values], "sets": "keep" not in values}
+        {"name": name, "values": [_facts(value) for value in values], "sets": name not in ON_SETTER}
         for name, values in CYCLES.items()
     ]
 
@@ -96,11 +101,11 @@ def program(cycle: object, values: Mapping[str, Any], offset: object, unset: Col
         raise _refused("probe_cycle", found=cycle, allowed=CYCLES)
     if foreign := sorted(set(values) - set(wanted)):
         raise _refused("probe_value", name=foreign[0], cycle=cycle, allowed=wanted)
-    settable = SETTABLE[:1] if "keep" in wanted else SETTABLE
+    settable = SETTABLE[:1] if cycle in ON_SETTER else SETTABLE
     if offset not in settable:
         raise _refused("probe_offset", found=offset, allowed=settable)
     numbers = [number for name in wanted for number in _numbers(name, values.get(name))]
-    if "keep" not in wanted:
+    if cycle not in ON_SETTER:
         numbers.append(SETTABLE.index(str(offset)))
     active = OFFSETS[0] if offset in (NONE, *unset) else offset
     call = " ".join(f"[{Decimal(f'{number:.12g}'):f}]" for number in numbers)

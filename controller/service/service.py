@@ -111,7 +111,8 @@ class Service:
         if self.machine.changer is None:
             return None
         store = ToolStore(state / tool_store.FILE)
-        made = ToolChanger(store, self._changer, self.engine, self.alarms.add, self.machine.period_s)
+        worn = self.usage.worn
+        made = ToolChanger(store, self._changer, self.engine, self.alarms.add, self.machine.period_s, worn)
         self.tool = _in_spindle(made)
         return made
 
@@ -509,6 +510,8 @@ class Service:
         if self.changer is not None:
             return
         way, asked = job.ways.get(now.motion_id), job.asked_tool(now, self.tool)
+        if asked is not None and asked != self._asked_tool and (worn := self.usage.worn(asked)):
+            self.alarms.add("CHANGE_WORN", said("change_worn", **worn))
         put_in = self._asked_tool if now.mode is Mode.RUNNING else None
         if put_in is not None:
             job.put_in(put_in, self._asked_line)

@@ -25,6 +25,14 @@ def measured(
     cycle: str, values: dict[str, object], length: float, radius: float, some: random.Random, dialect: str
 ) -> list[list[float]]:
     """What a cycle says of tool 7, which truly is so, and what its table says then: length and diameter."""
+    done = ran(cycle, values, length, radius, some, dialect)
+    assert done.error == "" and done.run.result == "completed", (done.error, done.run.fault_text)
+    return told(done)[-2:]
+
+
+def ran(
+    cycle: str, values: dict[str, object], length: float, radius: float, some: random.Random, dialect: str
+) -> probing_machine.Probed:
     changes = {"[machine]\n": f'[machine]\ndialect = "{dialect}"\n', "\n[setter]": f"{TOOL}\n[setter]"}
     machine = probing_machine.machine(**changes)
     part = f'[tool]\nlength_mm = {length}\nradius_mm = {radius}\n[[solid]]\nkind = "sphere"\n'
@@ -34,9 +42,7 @@ def measured(
     lines, _ = linked.parts(probing_cycles.program(cycle, values, "none"))
     text = f"{start}{bytes(lines).decode()}(DEBUG, #5403 #5410)\nM30\n".encode()
     text = linked.linked(text, lambda _: None)
-    done = probing_machine.run(text.decode(), probing_machine.up(part, machine))
-    assert done.error == "" and done.run.result == "completed", (done.error, done.run.fault_text)
-    return told(done)[-2:]
+    return probing_machine.run(text.decode(), probing_machine.up(part, machine))
 
 
 @pytest.mark.parametrize(("dialect", "keep"), [("rs274", "yes"), ("rs274", "no"), ("fanuc", "yes")])
@@ -54,3 +60,11 @@ def test_the_radius_of_a_tool_is_measured_from_both_sides(some: random.Random) -
     found, table = measured("tool_radius", {"keep": "yes", "most": 15}, 60.0, radius, some, "rs274")
     assert found == pytest.approx([7.0, radius, 3.0], abs=0.002)
     assert table == pytest.approx([60.0, 2.0 * radius], abs=0.004)
+
+
+@pytest.mark.parametrize(("off", "ends"), [(0.08, False), (-4.0, True)])
+def test_a_tool_that_is_another_one_ends_the_program(off: float, ends: bool, some: random.Random) -> None:
+    done = ran("tool_check", {"within": 0.1}, 60.0 + off, 3.0, some, "rs274")
+    assert (f"T7: {off:.1f}" in done.error and "another tool, or broken" in done.error) is ends, done.error
+    assert len(told(done)) == 3 - ends  # nothing behind it is carried out
+    assert told(done)[1] == pytest.approx([7.0, off], abs=0.002)
