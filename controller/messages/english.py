@@ -516,6 +516,7 @@ REFUSALS = {
     "not_in_thread": "The tool stands in no thread: there is nothing to withdraw.",
     "thread_unknown": "How the tool stands in its thread could not be read: turn it out by hand, then say "
     "that it is out.",
+    "no_sister": "T{tool} has no sister T{value}: another tool of the table, or null for none.",
     "tool_worn": "T{number} is worn ({cut:.1f} min and {way:.1f} m of cut, {parts} parts): change it and "
     "say that it is new.",
     "maintenance_due": "Maintenance is due: {name} (every {every:g} {unit}). Do it, and say that it is done.",

@@ -540,6 +540,8 @@ REFUSALS = {
     "not_in_thread": "Das Werkzeug steht in keinem Gewinde: Es gibt nichts herauszudrehen.",
     "thread_unknown": "Wie das Werkzeug im Gewinde steht, war nicht zu lesen: von Hand herausdrehen, dann "
     "melden, dass es draußen ist.",
+    "no_sister": "T{tool} hat keine Schwester T{value}: ein anderes Werkzeug der Tabelle, oder null für "
+    "keine.",
     "tool_worn": "T{number} ist verschlissen ({cut:.1f} min und {way:.1f} m im Schnitt, {parts} Teile): "
     "wechseln und als neu melden.",
     "maintenance_due": "Wartung ist fällig: {name} (alle {every:g} {unit}). Ausführen und "

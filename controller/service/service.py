@@ -265,6 +265,11 @@ class Service:
                 self.record.begins(start, job.program, job.fitted)
             self.running = job
 
+    @property
+    def tool_numbers(self) -> list[int]:
+        """Of the tool table as it is now."""
+        return [tool.number for tool in self.machine.tools]
+
     def with_tools(self, job: Job) -> dict[str, Any]:
         """What the program was started with, and the tools that the operator has changed since."""
         theirs = {str(tool.number) for tool in set(job.tools) ^ set(self.machine.tools)}
@@ -510,8 +515,6 @@ class Service:
         if self.changer is not None:
             return
         way, asked = job.ways.get(now.motion_id), job.asked_tool(now, self.tool)
-        if asked is not None and asked != self._asked_tool and (worn := self.usage.worn(asked)):
-            self.alarms.add("CHANGE_WORN", said("change_worn", **worn))
         put_in = self._asked_tool if now.mode is Mode.RUNNING else None
         if put_in is not None:
             job.put_in(put_in, self._asked_line)

@@ -50,6 +50,7 @@ class ToolUse:
     most_cut_min: float | None = None
     most_cut_m: float | None = None
     most_parts: int | None = None
+    sister: int | None = None  # the tool that comes in its place once it is worn
     told: bool = False  # that it is worn
 
     @property
@@ -168,6 +169,22 @@ class Usage:
             return {}
         return {"number": tool, "cut": use.cut_s / 60.0, "way": use.cut_m, "parts": use.parts}
 
+    def sisters(self, known: Collection[int]) -> dict[str, int]:
+        """Worn tools, each with what comes in its place: its sister, or that one's; ``known``: all tools."""
+        with self._lock:
+            found = {number: self._sister(use, known) for number, use in self._kept.tools.items() if use.worn}
+        return {number: sister for number, sister in found.items() if sister is not None}
+
+    def _sister(self, use: ToolUse | None, known: Collection[int]) -> int | None:
+        """The first that is not worn itself."""
+        passed: list[int] = []
+        while use is not None and use.worn:
+            if use.sister is None or use.sister not in known or use.sister in passed:
+                return None
+            passed.append(use.sister)
+            use = self._kept.tools.get(str(use.sister))
+        return passed[-1]
+
     def due(self) -> list[tuple[str, dict[str, Any]]]:
         """What has come to its end and was not told yet, as keys of the refusals with their values."""
         found: list[tuple[str, dict[str, Any]]] = []
@@ -203,12 +220,18 @@ class Usage:
     # -- changed
 
     def set_life(
-        self, tool: int, most_cut_min: float | None, most_parts: int | None, most_cut_m: float | None = None
+        self,
+        tool: int,
+        most_cut_min: float | None,
+        most_parts: int | None,
+        most_cut_m: float | None = None,
+        sister: int | None = None,
     ) -> None:
         """None: it has no such limit."""
         with self._lock:
             use = self._kept.tools.setdefault(str(tool), ToolUse())
             use.most_cut_min, use.most_cut_m, use.most_parts = most_cut_min, most_cut_m, most_parts
+            use.sister = sister
             use.told = use.told and use.worn
             self._changed = True
 
@@ -293,9 +316,9 @@ LONGEST_MIN, LONGEST_M, MAX_PARTS, LONGEST = 1e6, 1e6, 1_000_000, 1e9
 LONGEST_NAME = 60
 
 
-def check_worn(usage: Usage, tool: int, program: str) -> None:
-    """Raises CommandRefused "worn" where the tool in the spindle is."""
-    if told := usage.worn(tool):
+def check_worn(usage: Usage, tool: int, program: str, known: Collection[int]) -> None:
+    """Raises CommandRefused "worn" where the tool in the spindle is, and M6 brings no sister of it."""
+    if (told := usage.worn(tool)) and str(tool) not in usage.sisters(known):
         raise refused("worn", "READY", "START", "worn", program=program, **told)
 
 
@@ -305,7 +328,10 @@ def tool_life(usage: Usage, args: Values) -> Values:
     cut = None if args.get("cut_min") is None else number(args, "cut_min", 0.1, LONGEST_MIN)
     parts = None if args.get("parts") is None else int(number(args, "parts", 1, MAX_PARTS))
     way = None if args.get("cut_m") is None else number(args, "cut_m", 0.1, LONGEST_M)
-    usage.set_life(tool, cut, parts, way)
+    sister = None if args.get("sister") is None else whole(args, "sister", MAX_TOOL)
+    if sister == 0 or sister == tool:
+        raise refused("no_sister", code="bad", tool=tool, value=sister)
+    usage.set_life(tool, cut, parts, way, sister)
     return _kept(usage)
 
 

@@ -22,6 +22,9 @@ class ToolLife(Sent):
     cut_min: Annotated[float | None, Field(ge=0.1, le=1e6, description="Minutes of cutting.")] = None
     cut_m: Annotated[float | None, Field(ge=0.1, le=1e6, description="Metres of cutting.")] = None
     parts: Annotated[int | None, Field(ge=1, le=1_000_000)] = None
+    sister: Annotated[
+        int | None, Field(ge=1, le=99999, description="What comes in its place at M6 once it is worn.")
+    ] = None
 
 
 class Maintenance(Sent):
@@ -46,6 +49,7 @@ class ToolUse(Told):
     most_cut_min: Number
     most_cut_m: Number
     most_parts: int | None
+    sister: int | None
     worn: bool
 
 

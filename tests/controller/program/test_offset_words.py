@@ -13,7 +13,7 @@ from controller.plan.report import explained
 from controller.plan.report.explained import Step
 from controller.program import blocks
 from controller.program.position import homed
-from controller.program.program import ProgramError
+from controller.program.program import ProgramError, Remark
 
 CONE = "G51 X0. Y15. Z0. I0. J0. K0. H10. R10. D90. F100.\n"
 
@@ -110,6 +110,22 @@ def test_what_probing_cycles_set_is_set_in_both_dialects(
     unset = replace(reference_interpreter.machine(dialect, without_point="unit"), unset=("G56",))
     last = steps(text, unset)[-1]
     assert tuple(last.axes[name] for name in "XYZ") == pytest.approx(ends)
+
+
+def test_a_sister_comes_with_its_own_size_and_h_means_what_is_in_the_spindle() -> None:
+    """T1 is 10 mm long, T2 25.4: never is the length of a tool in force that is not in the spindle."""
+    on = replace(reference_interpreter.machine(), sisters=((1, 2),))
+    for text, tool, z in (
+        ("T1 M6\nG43 G0 Z1", 2, 26.4),
+        ("T1 M6\nG43 H1 G0 Z1", 2, 26.4),
+        ("G43 H1 G0 Z1", 1, 11.0),  # T1 is in the spindle still
+        ("T2 M6\nG43 H2 G0 Z1", 2, 26.4),
+        ("M61 Q1\nG43 H1 G0 Z1", 1, 11.0),
+    ):
+        read = blocks.read(text.encode(), on, "p.ngc")
+        assert (read.blocks[-1].modal.tool, steps(text, on)[-1].axes["Z"]) == (tool, pytest.approx(z)), text
+    told = [one.sentence for one in blocks.read(b"T1 M6\n", on, "p.ngc").blocks if isinstance(one, Remark)]
+    assert told == ["T1 is worn: its sister T2 comes in its place."]
 
 
 def test_rotaries_are_shifted_as_well() -> None:
