@@ -11,8 +11,8 @@ import typer
 
 from controller.cli import remote
 from controller.cli.client import Json, TakeOver, Url, asked, carried_out, tell_done
-from controller.cli.speech import say, speaking, word
-from controller.verify.console import Refused, refusals, show
+from controller.cli.speech import say, speaking
+from controller.verify.console import Refused, refusals, show, word
 
 
 @speaking
