@@ -333,7 +333,7 @@ class Desk:
         self._permitted(Request.START)
         preconditions.not_in_thread(self._service, "START")
         if args.get("worn") is not True:
-            usage.check_worn(service.usage, service.tool, job.program.name)
+            usage.check_worn(service.usage, service.tool, job.program.name, service.tool_numbers)
         return self._begin("start", job, args.get("unrecorded") is True)
 
     def _begin(self, name: str, job: Job, unrecorded: bool = False) -> Answer:

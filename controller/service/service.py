@@ -111,7 +111,8 @@ class Service:
         if self.machine.changer is None:
             return None
         store = ToolStore(state / tool_store.FILE)
-        made = ToolChanger(store, self._changer, self.engine, self.alarms.add, self.machine.period_s)
+        worn = self.usage.worn
+        made = ToolChanger(store, self._changer, self.engine, self.alarms.add, self.machine.period_s, worn)
         self.tool = _in_spindle(made)
         return made
 
@@ -263,6 +264,11 @@ class Service:
             if self.record is not None:
                 self.record.begins(start, job.program, job.fitted)
             self.running = job
+
+    @property
+    def tool_numbers(self) -> list[int]:
+        """Of the tool table as it is now."""
+        return [tool.number for tool in self.machine.tools]
 
     def with_tools(self, job: Job) -> dict[str, Any]:
         """What the program was started with, and the tools that the operator has changed since."""
