@@ -21,8 +21,8 @@ from rich.text import Text
 from controller.cli import remote, status_view
 from controller.cli.client import PANEL, Json, Url, asked, tell_done
 from controller.cli.remote import Machine
-from controller.cli.speech import say, speaking, word
-from controller.verify.console import Refused, bar, show, tell
+from controller.cli.speech import say, speaking
+from controller.verify.console import Refused, bar, show, tell, word
 
 Watch = Annotated[bool, typer.Option("--watch", help="Go on showing it, until Ctrl-C.")]
 Most = Annotated[int, typer.Option("--most", min=1, max=200, help="So many, newest first.")]

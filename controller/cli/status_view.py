@@ -15,7 +15,8 @@ from rich.progress_bar import ProgressBar
 from rich.table import Table
 from rich.text import Text
 
-from controller.cli.speech import say, word
+from controller.cli.speech import say
+from controller.verify.console import word
 
 Status = Mapping[str, Any]
 

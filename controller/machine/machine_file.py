@@ -24,9 +24,9 @@ from controller.machine import (
     equipment,
     offset_table,
 )
+from controller.machine.kinematics import builds
 from controller.machine.model import (
     ARC_TOLERANCE_MM,
-    BUILDS,
     CALL_LEVELS,
     DIALECTS,
     JOINT_TOLERANCE_DEG,
@@ -68,7 +68,6 @@ PLACEMENTS = ("single", "double", "optimal", "auto")  # of the cutter on surface
 PERIODS_S = (0.0005, 0.01)
 LATE = ("stop", "count")  # what too many late ticks do
 BIT_RATES = (10_000, 20_000, 50_000, 125_000, 250_000, 500_000, 800_000, 1_000_000)  # CiA 301, table 1
-QUANTISATION_SHARE = 0.1  # of the jerk limit that rounding to counts may look like
 PARALLEL = 1e-6
 
 
@@ -152,7 +151,7 @@ def read_table(top: Table, text: str, folder: Path | None = None) -> Machine:
         dialect=dialect,
         kept=offset_table.kept(general, dialect),
         without_point=general.text("without_point", WITHOUT_POINT, ""),
-        kinematics=general.text("kinematics", tuple(BUILDS), USUAL_BUILD),
+        kinematics=general.text("kinematics", tuple(builds()), USUAL_BUILD),
         straightness=deviation_tables.straightness(top.tables("straightness"), axes),
         thermal_shift_mm=deviation_tables.thermal_shift(top),
     )
@@ -200,28 +199,6 @@ def with_period(machine: Machine, period_s: float) -> Machine:
     raise ConfigError(
         f"{machine.name}: [machine]: period_s = {period_s:g}: is out of range; "
         f"allowed: a number {span(*PERIODS_S)}; change the value."
-    )
-
-
-def warnings(machine: Machine) -> list[str]:
-    """Sentences on what works but not well.
-
-    A setpoint is rounded to counts, and the third difference of rounded values is
-    wrong by up to (1 + 3 + 3 + 1) / 2 = 4 counts: the drive sees that as jerk.
-    """
-    return [text for axis in machine.axes if (text := _resolution(axis, machine.period_s))]
-
-
-def _resolution(axis: Axis, period_s: float) -> str | None:
-    shown, unit = abs(axis.shown_per_unit), "deg" if axis.is_rotary else "mm"
-    noise = 4.0 / abs(axis.counts_per_unit) / period_s**3
-    share = noise / axis.limits.jerk
-    if share <= QUANTISATION_SHARE:
-        return None
-    needed = abs(axis.counts_per_unit) / shown * share / QUANTISATION_SHARE
-    return (
-        f"{axis.name}: rounding to counts at {period_s * 1e3:g} ms is worth a jerk of {noise * shown:.0f} "
-        f"{unit}/s3, {share:.0%} of its limit; {needed:.0f} counts per {unit} or a longer period is needed"
     )
 
 
@@ -404,8 +381,8 @@ def _audit(machine: Machine, top: Table, general: Table) -> None:
     """What only the whole file can show."""
     axes = Table(top.file, "[[axis]]", {"name": [axis.name for axis in machine.axes]})
     names = [axis.name for axis in machine.axes]
-    rotaries, build = [axis for axis in machine.axes if axis.is_rotary], BUILDS[machine.kinematics]
-    if len(rotaries) != build.rotaries or len(names) != 3 + build.rotaries or len(set(names)) != len(names):
+    rotaries, build = [axis for axis in machine.axes if axis.is_rotary], builds()[machine.kinematics]
+    if len(rotaries) != build.turning or len(names) != 3 + build.turning or len(set(names)) != len(names):
         problem = f"are not the axes of a machine with kinematics = {machine.kinematics!r}"
         axes.refuse("name", problem, build.axes, "add or remove axes, or say another kinematics in [machine]")
     for axis in machine.axes:

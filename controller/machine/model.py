@@ -11,7 +11,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
-from typing import NamedTuple, TypeVar
+from typing import TypeVar
 
 from controller.geometry.vectors import ZERO, Frame, Vector
 from drives.profile import Override
@@ -41,20 +41,7 @@ USUAL_OFFSETS = OFFSETS[:6]  # that every machine shows, set or not
 REFERENCES = ("G28", "G30")  # the reference points, as programs name them
 KEPT_NUMBERS = (31, 5000)  # parameters that a machine may keep from program to program
 
-
-class Build(NamedTuple):
-    """What axes a machine has beside X, Y and Z."""
-
-    rotaries: int
-    axes: str  # all of them, in words
-
-
-BUILDS = {  # by ``kinematics`` of the machine file; who computes them is in ``controller.machine.kinematics``
-    "two_rotaries": Build(2, "X, Y, Z and two of A, B, C, each once"),
-    "one_rotary": Build(1, "X, Y, Z and one of A, B, C, each once"),
-    "no_rotary": Build(0, "X, Y and Z, each once"),
-}
-USUAL_BUILD = "two_rotaries"
+USUAL_BUILD = "two_rotaries"  # of those in ``controller.machine.kinematics``
 
 Joints = tuple[float, ...]  # one of each axis of the machine, in the order of its file
 Pair = tuple[float, float]
@@ -483,11 +470,16 @@ class Machine:
     suspended: bool = False  # ... but for G92.2
     kept: tuple[tuple[int, int], ...] = ()  # numbered parameters, from to, that outlive a program ...
     parameters: tuple[tuple[int, float], ...] = ()  # ... and their values, where one has set them
-    kinematics: str = USUAL_BUILD  # of ``BUILDS``
+    kinematics: str = USUAL_BUILD
     straightness: tuple[Straightness, ...] = ()
     changer: Changer | None = None  # None: tools are changed by hand
     in_spindle: int = TOOL_AT_POWER_ON  # of a changer: the tool with which a program begins, 0 = none
+    sisters: tuple[tuple[int, int], ...] = ()  # of tools that are worn, and those that come in their place
     thermal_shift_mm: Vector = ZERO  # of X Y Z since the machine was calibrated: where the tool is too far
+
+    def comes(self, tool: int) -> int:
+        """Which tool M6 puts in for a T: its sister where it is worn and has one."""
+        return dict(self.sisters).get(tool, tool)
 
     def offset(self, index: int) -> Offset:
         """A work offset, as ``OFFSETS`` counts; one that nobody has set is the machine's zero."""

@@ -32,7 +32,6 @@ from controller.program.program import (
     Overrides,
     Place,
     Probing,
-    ProgramError,
 )
 
 Array = npt.NDArray[np.float64]
@@ -187,7 +186,7 @@ class Voice:
     tell: Tell
 
     def refuse(self, place: Place, why: Said) -> NoReturn:
-        raise ProgramError(self.program, place.line, place.column, why)
+        raise place.refusal(self.program, why)
 
 
 def rotaries_of(joints: Joints, kinematics: Kinematics) -> Rotaries:

@@ -70,8 +70,7 @@ def beside(
 
 
 def _refuse(error: NotBesideError, name: str, refused: list[ProgramError] | None) -> None:
-    wrong = ProgramError(name, error.place.line, error.place.column, error.said)
-    wrong = wrong.within(error.place.calls)
+    wrong = error.place.refusal(name, error.said)
     if refused is None:
         raise wrong from None
     refused.append(wrong)

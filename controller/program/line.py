@@ -171,13 +171,13 @@ class Line:
     def place_of(self, part: int) -> Place:
         """Where the word of one of ``parts`` stands."""
         if self.where is None and self._match is not None:  # millions of lines
-            return Place._make((self.number, self._match.start(part + 1), 0, ()))
+            return Place._make((self.number, self._match.start(part + 1), 0, (), "", 0))
         return self.place(self.column(part))
 
     def place(self, column: int) -> Place:
         if self.where is None:
-            return Place._make((self.number, column, 0, ()))
-        return Place(self.where.line, column, self.where.step, self.where.calls)
+            return Place._make((self.number, column, 0, (), "", 0))
+        return Place(self.where.line, column, self.where.step, self.where.calls, self.name, self.number)
 
     def refusal(self, word: Word, key: str, about: str = "", **values: object) -> ProgramError:
         """Of a word; the text of ``key`` may name it as {word} and {letter} beside its own values."""

@@ -59,7 +59,9 @@ class ProgramError(Exception):
         if (more := len(callers) - MAX_CALLERS) > 0:
             told.append(said("program.more_calls", more=more))
         why = said("program.within", sentence=self.said, calls=chain("program.listed", told))
-        return ProgramError(self.file, self.line, self.column, why, self.about)
+        found = type(self)(self.file, self.line, self.column, why, self.about)
+        found.facts = self.facts
+        return found
 
 
 class GougeRefused(ProgramError):
@@ -70,17 +72,25 @@ class Place(NamedTuple):
     """Where a block's motion word stands: 1-based line and column.
 
     A line of a sub or loop is carried out more than once: ``order`` tells its turns apart. It rises
-    from block to block, and is the line itself in a program without subs and loops.
+    from block to block, and is the line itself in a program without subs and loops. In a file that is
+    called ``line`` is the program's that calls it.
     """
 
     line: int
     column: int
     step: int = 0
     calls: Callers = ()  # of the subs that it runs in
+    file: str = ""  # that it stands in, and its line there; "" and 0: the program itself, ``line``
+    file_line: int = 0
 
     @property
     def order(self) -> int:
         return self.step or self.line
+
+    def refusal(self, program: str, why: Said, kind: type[ProgramError] = ProgramError) -> ProgramError:
+        """Of what stands here: with the file that it stands in, and who called it."""
+        file, line = self.file or program, self.file_line or self.line
+        return kind(file, line, self.column, why).within(self.calls)
 
 
 class Side(Enum):

@@ -78,6 +78,7 @@ class Desk:
             "reset": self._reset,
             "mdi": self._mdi,
             "probe": self._probe,
+            "probed": lambda _: {"found": service.probed.told()},
             "retract": self._retract,
             "withdraw": self._withdraw,
             "return": lambda _: self._aside("return"),
@@ -332,7 +333,7 @@ class Desk:
         self._permitted(Request.START)
         preconditions.not_in_thread(self._service, "START")
         if args.get("worn") is not True:
-            usage.check_worn(service.usage, service.tool, job.program.name)
+            usage.check_worn(service.usage, service.tool, job.program.name, service.tool_numbers)
         return self._begin("start", job, args.get("unrecorded") is True)
 
     def _begin(self, name: str, job: Job, unrecorded: bool = False) -> Answer:

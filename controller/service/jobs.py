@@ -20,6 +20,7 @@ from controller.program import linked, probing_cycles
 from controller.runtime.starts import Start
 from controller.service import journal
 from controller.service.planner_client import News, Program, Said, Way
+from controller.service.probed import found
 from controller.service.refusals import number, refused, whole
 from controller.state.modes import Mode
 
@@ -71,6 +72,7 @@ class Job:
     nominal_s: float = 0.0  # of that run, before the place where the tool is
     last: Snapshot | None = None  # of the program's own motions
     messages: list[str] = field(default_factory=list)  # what the program said last
+    found: list[dict[str, Any]] = field(default_factory=list)  # of that the results of probing cycles
     fitted: dict[str, Any] = field(default_factory=dict)  # with which it was started ...
     tools: tuple[Tool, ...] = ()  # ... and the tool table as it has made it since
     _due: deque[Said] = field(default_factory=deque)  # what it will say
@@ -96,7 +98,7 @@ class Job:
         self._passed = 0
         self.changes.clear()
         self._due.clear()
-        self._reached, self.messages = -1, []
+        self._reached, self.messages, self.found = -1, [], []
         self.news = News(finished=False)
         self.state, self.said = "starting", None
         self.taken = self.refused = self.lost = False
@@ -196,6 +198,7 @@ class Job:
             changes += said.changes
             if said.text:
                 self.messages = [*self.messages, said.text][-MAX_MESSAGES:]
+                self.found += filter(None, [found(said.text)])
         return changes
 
     def _is_due(self, said: Said, now: Snapshot) -> bool:

@@ -84,7 +84,7 @@ def audit(
     fitted = passes.Fitted.of(read(), machine)
     findings = _found(stretches, fitted, machine, kinematics, progress, spread)
     found = findings.gouges
-    places = {stretch.place.line: stretch.place for stretch in stretches.values()}
+    places = _places(stretches.values())
     if found and machine.gouge == "refuse":
         raise _refusal(found, places[found[0].by_line], name)
     exceeding = [one for one in findings.verdicts if not one.within]
@@ -99,9 +99,19 @@ def audit(
     return Audit(notes, findings.overcuts, findings.verdicts)
 
 
+def _places(stretches: Iterable[Stretch]) -> dict[int, Place]:
+    """By lines of the program; one that calls a file with several of them stands for itself."""
+    found: dict[int, Place] = {}
+    for place in (stretch.place for stretch in stretches):
+        known = found.setdefault(place.line, place)
+        if known.file_line != place.file_line:
+            found[place.line] = Place(place.line, 1)
+    return found
+
+
 def _refusal(found: list[Gouge], place: Place, name: str) -> ProgramError:
     why = found[0].told("gouge.refused", more=_more(len(found) - 1))
-    return ProgramError(name, place.line, place.column, why)
+    return place.refusal(name, why)
 
 
 def _more(count: int) -> Said | str:
@@ -109,12 +119,11 @@ def _more(count: int) -> Said | str:
     return said("gouge.more", more=count) if count else ""
 
 
-def _form_refusal(verdicts: list[Verdict], places: Mapping[int, Place], name: str) -> FormRefused:
+def _form_refusal(verdicts: list[Verdict], places: Mapping[int, Place], name: str) -> ProgramError:
     one, more = wording.worst(verdicts), sum(not other.within for other in verdicts) - 1
     assert one is not None
-    place = places[one.line]
     why = said("form.refused", sentence=wording.exceeds(one), more=_more(more))
-    refused = FormRefused(name, place.line, place.column, why)
+    refused = places[one.line].refusal(name, why, FormRefused)
     refused.facts = {"verdict": wording.told(verdicts)}
     return refused
 

@@ -6,6 +6,7 @@ Its moves are judged by those of the trunnion with the rotaries at zero, whose t
 from __future__ import annotations
 
 import math
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,7 +19,7 @@ from support.machines.traced_programs import named, trace
 from support.oracles.trace_limits import BOUNDS, worst
 
 from controller.ipc.handoff import Jog, of_axes
-from controller.machine import machine_file
+from controller.machine import kinematics, machine_file
 from controller.machine.model import Machine
 from controller.machine.toml_table import ConfigError
 from controller.program.position import homed
@@ -186,6 +187,44 @@ def test_planes_turned_about_z_and_tool_centre_control_upright_are_as_they_were(
     done = cut(upright, mill())
     length = next(tool.length_mm for tool in mill().tools if tool.number == 2)
     assert done.joints[-1] == pytest.approx(np.add(mill().offsets[0].origin, (20.0, 5.0, -5.0 + length)))
+
+
+SKEWED = """\
+from controller.geometry.vectors import Pose, Z
+from controller.machine.kinematics.no_rotary import NoRotary
+
+
+class Skewed(NoRotary):
+    axes = "X, Y and Z, with Y leaning to X by 3 in 5"
+
+    def linear(self, tip, rotaries, length_mm, m=None):
+        x, y, z = tip
+        return x - 0.75 * y, 1.25 * y, z + length_mm
+
+    def forward(self, joints, length_mm, m=None):
+        x, y, z, _, _ = self.spread(joints)
+        return Pose((x + 0.6 * y, 0.8 * y, z - length_mm), Z)
+"""
+
+
+def test_a_machine_of_another_build_is_a_class_and_a_file(tmp_path, monkeypatch) -> None:
+    """What a newcomer writes: one module in the room of the kinematics, one machine file that names it."""
+    (tmp_path / "skewed.py").write_text(SKEWED)
+    (tmp_path / "mill.toml").write_text(
+        (machine_file.SHIPPED / "three_axes.toml").read_text().replace('"no_rotary"', '"skewed"', 1)
+    )
+    monkeypatch.setattr(kinematics, "__path__", [*kinematics.__path__, str(tmp_path)])
+    kinematics.builds.cache_clear()
+    try:
+        skewed = machine_file.load(tmp_path / "mill.toml")
+        of_the_tip = "T2 M6\nG43.4 H2\nG1 X20 Y10 Z5 F900\nX30 Y20\nM30\n"
+        programs = (of_the_tip, WALL.format(lean="10."))
+        ends = [(cut(text, skewed).joints[-1], cut(text, mill()).joints[-1]) for text in programs]
+    finally:
+        kinematics.builds.cache_clear()
+        sys.modules.pop("controller.machine.kinematics.skewed")
+    for there, (x, y, z) in ends:
+        assert there == pytest.approx([x - 0.75 * y, 1.25 * y, z], abs=1e-9)
 
 
 @pytest.mark.parametrize(

@@ -1,26 +1,36 @@
 """Joints from a pose and a pose from joints: one protocol, and who keeps it for which build of machine.
 
-A machine of another build is a class that keeps ``Kinematics``, its row here and in ``machine.BUILDS``, and
-a machine file that says ``kinematics = ...``.
+A machine of another build is a module of this room with a class that keeps ``Kinematics``, and a machine file
+whose ``kinematics`` is the module's name.
 """
 
 from __future__ import annotations
 
-from controller.machine.kinematics.no_rotary import NoRotary
-from controller.machine.kinematics.one_rotary import OneRotary
+import functools
+import pkgutil
+from importlib import import_module
+
 from controller.machine.kinematics.protocol import Kinematics, Pair
-from controller.machine.kinematics.two_rotaries import NEAR_POLE, TwoRotaries
+from controller.machine.kinematics.two_rotaries import NEAR_POLE
 from controller.machine.model import Machine
 
-__all__ = ["NEAR_POLE", "Kinematics", "Pair", "kinematics_of"]
+__all__ = ["NEAR_POLE", "Kinematics", "Pair", "builds", "kinematics_of"]
 
-IMPLEMENTATIONS: dict[str, type[Kinematics]] = {  # by ``machine.BUILDS``
-    "two_rotaries": TwoRotaries,
-    "one_rotary": OneRotary,
-    "no_rotary": NoRotary,
-}
+
+@functools.cache
+def builds() -> dict[str, type[Kinematics]]:
+    """The builds by what machine files call them: those with the most axes first."""
+    names = [module.name for module in pkgutil.iter_modules(__path__)]
+    members = [(name, vars(import_module(f"{__name__}.{name}")).values()) for name in names]
+    found = [(name, kind) for name, values in members for kind in values if _is_build(kind, name)]
+    return dict(sorted(found, key=lambda row: -row[1].turning))
+
+
+def _is_build(value: object, module: str) -> bool:
+    is_kinematics = isinstance(value, type) and value is not Kinematics and Kinematics in value.__mro__
+    return is_kinematics and value.__module__ == f"{__name__}.{module}"
 
 
 def kinematics_of(machine: Machine) -> Kinematics:
     """The kinematics of a machine. Raises ValueError for axes that its build cannot have."""
-    return IMPLEMENTATIONS[machine.kinematics](machine)
+    return builds()[machine.kinematics](machine)

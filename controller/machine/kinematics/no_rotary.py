@@ -19,6 +19,8 @@ LEANS = 1e-6  # sine of the angle to Z: a micron in a metre; what is beyond it i
 class NoRotary(Kinematics):
     """X, Y and Z."""
 
+    turning = 0
+    axes = "X, Y and Z, each once"
     unreached = "reach.stands"
 
     def branches(

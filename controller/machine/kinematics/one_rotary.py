@@ -25,6 +25,8 @@ LEANS = 1e-6  # mm per mm by which an axis may miss what the rotary reaches
 class OneRotary(Kinematics):
     """X, Y, Z and a rotary."""
 
+    turning = 1
+    axes = "X, Y, Z and one of A, B, C, each once"
     unreached = "reach.none_of_one"
 
     def __init__(self, machine: Machine) -> None:

@@ -13,7 +13,7 @@ import math
 from collections.abc import Callable, Sequence
 from operator import itemgetter
 from types import ModuleType
-from typing import Protocol
+from typing import ClassVar, Protocol
 
 from controller.geometry.touches import Seen
 from controller.geometry.vectors import Frame, Number, Pose, Vector, X, Y, Z, subtract
@@ -33,6 +33,8 @@ class Kinematics(Protocol):
     one without a pole: a direction of the tool at which the rotary next to the work is free.
     """
 
+    turning: ClassVar[int]  # how many rotaries a machine of this build has beside X, Y and Z
+    axes: ClassVar[str]  # all of its axes, in words
     order: tuple[int, ...]  # joint i is number order[i] of X, Y, Z, first and second rotary
     arrange: Callable[[Sequence[Number]], tuple[Number, ...]]  # of these five the joints, in their order
     rotaries: Callable[[Joints], Pair]  # of the joints the pair

@@ -57,6 +57,9 @@ SPILL = 1e-13  # square of a reach overshot by rounding
 class TwoRotaries(Kinematics):
     """X, Y, Z and two rotaries that tilt the tool against the work."""
 
+    turning = 2
+    axes = "X, Y, Z and two of A, B, C, each once"
+
     def __init__(self, machine: Machine) -> None:
         super().__init__(machine)
         self._check_linear(machine)

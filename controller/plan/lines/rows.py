@@ -12,7 +12,7 @@ from __future__ import annotations
 import itertools
 import math
 from array import array
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
 import numpy.typing as npt
@@ -242,7 +242,8 @@ class LineRow:
             if stretch is not None:
                 if block.time_s is not None:
                     stretch = moves.timed(stretch, block.time_s)
-                self._audit(stretch, np.array([0.0, stretch.motion.end]), np.array([start, end]))
+                ends = np.array([0.0, stretch.motion.end]), np.array([start, end])
+                self._audit(lambda _: block.place, *ends)
                 self.joints = stretch.end
                 yield Chain((stretch,))
             return
@@ -309,11 +310,11 @@ class LineRow:
             _turning(starts, stands),
             tuple(block.place.order for block in here) if here[0].place.step else (),
         )
-        self._audit(found, places, joints)
+        self._audit(lambda s: here[motion.index_at(s)].place, places, joints)
         del self._lines[: last - 1], self._lines_s[: last - 1], self._feeds[: last - 1]
         return found
 
-    def _audit(self, stretch: Stretch, s: Array, joints: Array) -> None:
+    def _audit(self, place_at: Callable[[float], Place], s: Array, joints: Array) -> None:
         """Travel of all joints."""
         low = np.array([axis.travel_min for axis in self._machine.axes]) - ROUNDING
         high = np.array([axis.travel_max for axis in self._machine.axes]) + ROUNDING
@@ -322,11 +323,8 @@ class LineRow:
             s, joints = s[: out.argmax() + 1], joints[: out.argmax() + 1]
         excess = audit.outside(self._machine, s, joints)
         if excess is not None:
-            motion = stretch.motion
-            at = float(s[excess.sample])
-            line = motion.line_at(at) if isinstance(motion, ToolSpline) else stretch.place.line
-            why = audit.describe(self._machine.axes[excess.axis], excess)
-            self._voice.refuse(Place(line, stretch.place.column), why)
+            place = place_at(float(s[excess.sample]))
+            self._voice.refuse(place, audit.describe(self._machine.axes[excess.axis], excess))
 
 
 def audit_line(stretch: Stretch, machine: Machine, kinematics: Kinematics, voice: Voice) -> None:

@@ -70,7 +70,7 @@ def _refusal(hours: float, place: Place, machine: Machine, name: str, whole: boo
     what = Key("path.whole_takes" if whole else "path.so_far_takes")
     more = said("path.allow_longer", most=MAX_PROGRAM_H) if hours <= MAX_PROGRAM_H else ""
     why = said("path.too_long", what=what, hours=hours, allowed=allowed, more=more)
-    return ProgramError(name, place.line, place.column, why)
+    return place.refusal(name, why)
 
 
 class Waits:

@@ -30,7 +30,7 @@ from controller.plan.stretch import (
 )
 from controller.plan.surfaces import audit
 from controller.plan.surfaces.approach import at_height
-from controller.program.program import UNSAID, Act, Modal, Place, ProgramError
+from controller.program.program import UNSAID, Act, Modal, Place
 
 FAR_MM = 100.0  # along a tool axis that lies so flat that Z gains nothing
 FLAT = 0.1  # of Z per mm along the axis
@@ -87,7 +87,7 @@ def enter(
     """
     if machine.changer is not None and target.modal.tool != in_spindle:
         sentence = said("tool.restart_other", found=in_spindle, wanted=target.modal.tool)
-        raise ProgramError(name, target.place.line, target.place.column, sentence)
+        raise target.place.refusal(name, sentence)
     room = room_along_axis(target.joints, machine, kinematics)
     clear = along_axis(target.joints, min(target.clear_mm, room), kinematics)
     off = to_height(now, machine.retract_mm, machine, kinematics)
@@ -123,7 +123,7 @@ def _audit(stretch: Stretch | None, machine: Machine, name: str) -> None:
     if stretch is not None and excess is not None:
         where = said("travel.in_entry", motion=motion_named(stretch.name))
         sentence = audit.describe(machine.axes[excess.axis], excess, where)
-        raise ProgramError(name, stretch.place.line, stretch.place.column, sentence)
+        raise stretch.place.refusal(name, sentence)
 
 
 def highest(tops: Sequence[Vector], joints: Joints, length_mm: float, kinematics: Kinematics) -> float:

@@ -108,8 +108,7 @@ class Rest:
             if isinstance(item, Pause) and item.changing is not None:
                 if item.changing.step == 0:
                     break
-                sentence = said("tool.restart_inside")
-                raise ProgramError(self.source.name, place.line, place.column, sentence)
+                raise place.refusal(self.source.name, said("tool.restart_inside"))
             if place.order > self.order:
                 break
         return first

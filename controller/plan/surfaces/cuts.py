@@ -257,7 +257,7 @@ def gouge(what: Said, advice: Said, block: CutBlock, machine: Machine, voice: Vo
     """Refuse what cuts into the part, or only note it where the machine file says gouge = "warn"."""
     if machine.gouge == "refuse":
         why = said("gouge.refused", what=what, advice=advice, more="")
-        raise GougeRefused(voice.program, block.place.line, block.place.column, why)
+        raise block.place.refusal(voice.program, why, GougeRefused)
     voice.tell(block.place, said("gouge.told", what=what, advice=advice))
 
 

@@ -55,6 +55,7 @@ MIN_GAIN = 2e-3
 SLAB = 200_000  # multiplications of one product of matrices, at most
 EDGE_POINTS = 161  # of the lower edge, to see what cuts it
 CLEAR_MM = 1e-3  # so much flank is left below it
+BELOW_UPPER = 0.02  # of the ruling: C0 may have a standstill or be a tip, where there is no normal
 FREE_RAD = math.radians(60.0)
 FREE_ACROSS, FREE_STEPS, FREE_GAIN = 17, 40, 2e-4
 SQUARES = 30  # steps by least squares
@@ -168,7 +169,9 @@ def _found(surface: Surface, cutter: Cutter, strategy: Strategy, name: str) -> P
     if strategy is Strategy.OPTIMAL:
         free = turned(surface)[0] >= FREE_RAD
         judge = _Judge(single.placed, ALONG, FREE_ACROSS) if free else single
-        found = _optimal(replace(found, normals_v=found.points_v), judge, free)
+        high, low = found.points_v
+        start = replace(found, normals_v=(max(high, BELOW_UPPER), low))
+        found = min(found, _optimal(start, judge, free), key=judge.inner)
     if found == single.placed:
         return None
     return _lowered(replace(found, name=name), cutter)
@@ -237,7 +240,7 @@ def _doubles(judge: _Judge) -> Iterator[Placed]:
         pairs = [
             (pair[0] + i * width, pair[1] + j * width) for i in (-1.0, 0.0, 1.0) for j in (-1.0, 0.0, 1.0)
         ]
-        sound = [p for p in pairs if 0.02 <= p[0] <= p[1] - 0.2 and p[1] <= 1.0]
+        sound = [p for p in pairs if BELOW_UPPER <= p[0] <= p[1] - 0.2 and p[1] <= 1.0]
         made = [replace(judge.placed, points_v=p, normals_v=p) for p in sound]
         best = min(made, key=rough.inner)
         yield best

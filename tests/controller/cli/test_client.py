@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import csv
 import hashlib
 import json
 from collections.abc import Callable, Iterator, Mapping
@@ -14,6 +15,7 @@ import pytest
 from argon2 import PasswordHasher
 from fastapi.testclient import TestClient
 from rich.console import Console
+from support.fakes.fake_socket import PROBED
 from typer.testing import CliRunner, Result
 
 from controller.__main__ import app
@@ -170,6 +172,21 @@ def test_the_probing_cycles_are_listed_with_their_values(panel: Panel, door: Not
     assert json.loads(done("probe", "--json"))["cycles"][0]["name"] == "top"
     ran = run("probe", "edge", "most")
     assert ran.exit_code == 1 and "as most=20" in ran.stderr and not door.verbs
+
+
+def test_what_cycles_have_found_is_listed_and_written_as_a_table(
+    panel: Panel, door: NotingDoor, tmp_path: Path
+) -> None:
+    door.results["probed"] = {"found": PROBED}
+    assert "part.ngc bore x_mm=12.5 y_mm=-3.25 diameter_mm=20.01\n" in done("probe", "--found")
+    assert json.loads(done("probe", "--found", "--json"))["found"][1]["values"]["angle_deg"] == -0.5
+    file = tmp_path / "found.csv"
+    assert done("probe", "--csv", str(file)).startswith("5 values written to")
+    rows = list(csv.reader(file.open(newline="")))
+    assert rows[0] == ["time", "program", "cycle", "value", "unit", "number"]
+    assert rows[1] == ["2027-01-15T08:00:00+00:00", "part.ngc", "bore", "x", "mm", "12.5"]
+    assert rows[-1][2:] == ["mine", "angle", "deg", "-0.5"] and len(rows) == 6
+    assert run("probe", "--csv", str(tmp_path / "no" / "file.csv")).exit_code == 1
 
 
 def test_hold_stop_and_estop_pass_whoever_holds_control(panel: Panel, door: NotingDoor) -> None:

@@ -7,8 +7,11 @@ from pathlib import Path
 import pytest
 from support.machines.shipped_kinds import machine
 
+from controller.machine.kinematics import kinematics_of
+from controller.plan.path import path
 from controller.program import blocks, linked
-from controller.program.program import JointLine, ProgramError
+from controller.program.position import homed
+from controller.program.program import JointLine, Program, ProgramError
 
 SUB = "%\n(a sub)\no<pocket> sub\nG0 X#1\no<deep> call [#1 + 1]\no<pocket> endsub\n%\n"
 DEEP = "o<deep> sub\nG0 Y#1\no<deep> endsub\n"
@@ -77,6 +80,31 @@ def test_a_refusal_in_a_file_names_it_and_who_called(
     assert str(caught.value).startswith(expected)
     if "no feed" in expected:
         assert "called by o<pocket> call on line 2 of main.ngc" in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("before", "line"),
+    [
+        ("", "G1 X9999 F500"),
+        ("G64 P0.01\n", "G1 X9999 F500"),
+        ("", "G2 X1 I4000 F500"),
+        ("", "G52 X1 Y1 Z1 F5."),
+    ],
+    ids=["line", "row of lines", "arc", "surface"],
+)
+def test_what_the_path_refuses_in_a_file_names_it_and_who_called(
+    folder: Path, before: str, line: str
+) -> None:
+    points = "\nX0 Y0 Z9" * 7 if "G52" in line else ""
+    (folder / "pocket.ngc").write_text(
+        f"o<pocket> sub\nG1 X1 F500\n  {line}{points}\nG1 X2\no<pocket> endsub\n"
+    )
+    on = machine("fig4a", spindle=None)
+    read = Program("main.ngc", tuple(blocks.stream(whole(folder, before + MAIN), on, "main.ngc")))
+    with pytest.raises(ProgramError) as caught:
+        path.trace(read, on, kinematics_of(on), homed(on))
+    assert str(caught.value).startswith("pocket.ngc:3:3: ")
+    assert f"called by o<pocket> call on line {2 + bool(before)} of main.ngc" in str(caught.value)
 
 
 def test_lines_that_block_delete_leaves_out_are_comments() -> None:

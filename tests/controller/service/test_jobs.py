@@ -165,6 +165,14 @@ def test_what_the_program_says_is_told_at_its_place(job: Job) -> None:
     assert job.messages == ["start", "turn it", "go on", "end"]
 
 
+def test_what_a_probing_cycle_has_found_is_a_result_once_it_is_said(job: Job) -> None:
+    job.hear(
+        News(messages=(Said("edge edge_mm=12.500000", 0), Said("go on", 0), Said("top height_mm=1.0", 9)))
+    )
+    job.say(snapshot(motion_id=3, line=2))
+    assert job.found == [{"cycle": "edge", "values": {"edge_mm": 12.5}}]
+
+
 def test_a_job_is_the_program_with_the_files_that_it_calls(tmp_path: Path) -> None:
     (tmp_path / "a1").write_bytes(b"o<pocket> call\n/G0X1\nM30\n")
     (tmp_path / "b2").write_bytes(b"o<pocket> sub\nG0X5\no<pocket> endsub\n")

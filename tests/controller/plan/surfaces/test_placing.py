@@ -162,6 +162,18 @@ def assert_better_placements_are_never_worse(first_seed, count):
         assert optimal <= double + 0.05 and double <= paper + 0.05, (at, cutter, paper, double, optimal)
 
 
+def test_an_upper_edge_that_stands_still_at_its_end_has_no_normal_there():
+    """Hostile program 701529: the normal turns by 150 degrees, and no double is better than the paper's."""
+    end = (-10.055, -8.08, 6.775)
+    upper = Bezier(((0.535, 2.663, 7.2317), (-1.994, -2.04, 6.8657), end, end))
+    lower = Bezier(
+        ((-0.23, 0.2597, 0.0), (-0.23, 0.26, 0.0), (-0.2296, 0.2597, 0.0), (-11.608, -11.057, 0.0))
+    )
+    surface = RuledSurface(upper, lower)
+    paper, double, optimal = (placing.off_mm(surface, plain(1.5), one) for one in SEARCHED)
+    assert 0.0 < optimal <= double <= paper < 0.05
+
+
 @pytest.mark.slow
 def test_optimal_is_never_worse_than_double_and_double_never_worse_than_single():
     seed = random.Random().randrange(10**6)
