@@ -89,8 +89,9 @@ def _noted(request: HTTPConnection, refusal: Refusal) -> None:
 def _document(request: Request, script: str) -> HTMLResponse:
     """Dark unless light was chosen: most shops are, and a bright page blinds."""
     theme = "light" if request.cookies.get("directrix_theme") == "light" else "dark"
-    made = files.filled("index.html", script=script, language=language_of(request), theme=theme)
-    return HTMLResponse(made, headers=HEADERS)
+    text = files.file("index.html").body.decode()
+    places = {"script": script, "language": language_of(request), "theme": theme}
+    return HTMLResponse(text.format(**places), headers=HEADERS)
 
 
 def words(language: str) -> dict[str, str]:
