@@ -204,6 +204,8 @@ REFUSALS = {
     "positions, G10 to set offsets",
     "value.at_run": "#5399 is what M66 finds when the program runs, and the whole program is read "
     "before: write M66 with L1 to L4 and Q, which waits, and holds the program where nothing comes",
+    "value.no_probe": "{name} is of what touches, and T{tool} in the spindle is no probe: {known}; take the "
+    "probe in with T and M6, or measure the tool above the tool setter",
     "value.no_setter": "{name} is of a tool setter, and the machine file has none: add [setter] with point_mm"
     " and radius_mm",
     "value.not_above": "{name} is the face of the tool setter, and the tool does not stand above it: it is "

@@ -212,6 +212,8 @@ REFUSALS = {
     "value.at_run": "#5399 ist, was M66 findet, wenn das Programm läuft, und das ganze Programm wird "
     "vorher gelesen: M66 mit L1 bis L4 und Q schreiben, das wartet und das Programm anhält, wenn nichts "
     "kommt",
+    "value.no_probe": "{name} ist von dem, was antastet, und T{tool} in der Spindel ist kein Taster: "
+    "{known}; den Taster mit T und M6 einwechseln, oder das Werkzeug über dem Werkzeugtaster messen",
     "value.no_setter": "{name} ist von einem Werkzeugtaster, und die Maschinendatei hat keinen: [setter] mit "
     "point_mm und radius_mm hinzufügen",
     "value.not_above": "{name} ist die Fläche des Werkzeugtasters, und das Werkzeug steht nicht darüber: es "
