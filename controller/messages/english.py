@@ -386,6 +386,8 @@ REFUSALS = {
     # --- what became of a program
     "given_up": "The {verb} was given up.",
     "service_ended": "The service was ended.",
+    "service_gone": "The controller's service is gone; these are its last figures. Find out what ended it, "
+    "start it again and home.",
     "stands_before": "The tool stands on the path before that block.",
     "beside": "By the drives' own count the tool came to rest {off_mm:.3f} mm beside the path near line "
     "{line}, its axis turned by {off_deg:.3f} degrees. Retract it by hand along its axis before "
@@ -393,6 +395,8 @@ REFUSALS = {
     "journal_unread": "{file}: the journal cannot be read ({why}); start at a line instead.",
     "journal_of_other_version": "{file}: is no journal of this version; start the program at a line instead.",
     # --- by what was interrupted
+    "interrupted": "{program} was interrupted at line {line} by the end of the controller's service; go on "
+    "from there, or load a program.",
     "not_interrupted": "There is no interrupted program to go on with; start one from its beginning or at a "
     "line.",
     "changed": "{program} cannot be gone on with at line {line}: {what} changed since it was interrupted; "

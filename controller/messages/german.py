@@ -401,6 +401,8 @@ REFUSALS = {
     # --- what became of a program
     "given_up": "{verb} wurde aufgegeben.",
     "service_ended": "Der Dienst wurde beendet.",
+    "service_gone": "Der Dienst der Steuerung ist weg; dies sind seine letzten Werte. Herausfinden, was ihn "
+    "beendete, ihn neu starten und referenzieren.",
     "stands_before": "Das Werkzeug steht auf der Bahn vor diesem Satz.",
     "beside": "Nach der Zählung der Antriebe kam das Werkzeug {off_mm:.3f} mm neben der Bahn bei Zeile "
     "{line} zur Ruhe, seine Achse um {off_deg:.3f} Grad gedreht. Es zuerst von Hand entlang seiner Achse "
@@ -409,6 +411,8 @@ REFUSALS = {
     "journal_of_other_version": "{file}: ist kein Journal dieser Version; das Programm stattdessen an einer "
     "Zeile starten.",
     # --- by what was interrupted
+    "interrupted": "{program} wurde bei Zeile {line} durch das Ende des Dienstes der Steuerung unterbrochen; "
+    "dort fortsetzen oder ein Programm laden.",
     "not_interrupted": "Kein Programm ist unterbrochen; eines von vorn oder ab einer Zeile starten.",
     "changed": "{program} kann ab Zeile {line} nicht fortgesetzt werden: seit der Unterbrechung geändert: "
     "{what}; die Änderung rückgängig machen oder nach eigenem Urteil ab einer Zeile starten.",

@@ -72,6 +72,7 @@ PAGE: dict[str, str] = {
     "state.stopped": "stopped",
     "state.refused": "refused",
     "state.fault": "fault",
+    "state.interrupted": "interrupted",
     "sequence.enable": "Switching on",
     "sequence.home": "Homing",
     "sequence.reset": "Resetting",

@@ -76,6 +76,7 @@ PAGE: dict[str, str] = {
     "state.stopped": "gestoppt",
     "state.refused": "abgelehnt",
     "state.fault": "Störung",
+    "state.interrupted": "unterbrochen",
     "sequence.enable": "Einschalten",
     "sequence.home": "Referenzfahrt",
     "sequence.reset": "Quittieren",

@@ -303,7 +303,7 @@ class Desk:
             job = jobs.read(args, service.machine)
             if args.get("restart") is True:
                 job = restart_preview.gone_on_with(service, job)
-            service.job = job
+            service.job, service.interrupted = job, None
             try:
                 return sequences.load(service, job)
             except CommandRefused as error:
@@ -314,7 +314,7 @@ class Desk:
 
     def _unload(self, _: Values) -> Values:
         preconditions.not_running(self._service, "UNLOAD")
-        self._service.job = None
+        self._service.job = self._service.interrupted = None
         return {}
 
     def _start(self, args: Values) -> Answer:
