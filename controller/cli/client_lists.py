@@ -37,16 +37,22 @@ CHECKED = ("passed", "refused", "failed", "none")
 
 
 def status(watch: Watch = False, url: Url = remote.URL, as_json: Json = False) -> None:
-    """Mode, positions, feed and what limits it, time left, alarms; once, or live."""
+    """Mode, positions, feed and what limits it, time left, alarms; once, or live.
+
+    Where the service is gone: what it told last, and exit code 1.
+    """
     with asked(url, as_json) as machine:
         if watch and not as_json:
             follow(machine)
             return
-        now = machine.get("status")
+        now = machine.get("status", last=True)
+        gone_s = now.get("gone_s")
         if as_json:
-            print(json.dumps({"ok": True, **now}))
+            print(json.dumps({"ok": gone_s is None, **now}))
         else:
             show.print(status_view.view(now, _open_alarms(machine)))
+    if gone_s is not None:
+        raise typer.Exit(1)
 
 
 def follow(machine: Machine, pause: Callable[[float], None] = time.sleep) -> None:
@@ -70,7 +76,7 @@ def _live(machine: Machine, pause: Callable[[float], None]) -> None:
 
 def _seen(machine: Machine) -> RenderableType:
     try:
-        return status_view.view(machine.get("status"), _open_alarms(machine))
+        return status_view.view(machine.get("status", last=True), _open_alarms(machine))
     except Refused as refused:
         return Text(str(refused), "red")
 
@@ -79,7 +85,7 @@ def _lines(machine: Machine, pause: Callable[[float], None]) -> None:
     before = ""
     while True:
         try:
-            now = status_view.line(machine.get("status"))
+            now = status_view.line(machine.get("status", last=True))
         except Refused as refused:
             now = str(refused)
         if now != before:

@@ -193,11 +193,17 @@ def _found(
     most_mm = task.machine.max_overcut_mm
     seen = gouges(surfaces, ways, most_mm, lambda share: progress(0.8 + 0.2 * share), errors_mm, spread)
     table = in_table(task.machine.table, _rough(task, recorded, watched.stretches, ways, fitted))
-    notes = [*walk.notes, *([] if surfaces else [Note(Place(1, 1), messages.said("note.no_surface"))])]
+    left = [one.nominal.line for one in judged if recorded is not None and one.inside.uncut == 1.0]
+    notes = [
+        *walk.notes,
+        *([] if surfaces else [Note(Place(1, 1), messages.said("note.no_surface"))]),
+        *[Note(Place(line, 1), messages.said("note.not_cut")) for line in left],
+    ]
     of = "plan" if recorded is None else "commanded" if commanded else "actual"
     hurt = sorted([*seen.gouges, *table], key=lambda one: one.by_line)
     held = [one for one in judged if one.nominal.tolerance_mm is not None]
-    verdicts = [forms.widened(a, b) for a, b in zip(seen.verdicts, held, strict=True)]
+    widened = [forms.widened(a, b) for a, b in zip(seen.verdicts, held, strict=True)]
+    verdicts = [one for one in widened if one.line not in left]
     return Found(of, judged, hurt, seen.ends, verdicts, notes)
 
 
@@ -302,7 +308,7 @@ def _figures(zone: Zone) -> tuple[str, ...]:
         _micro(zone.undercut.mm if zone.undercut else 0.0),
         _micro(zone.mean_mm),
         _micro(zone.percentiles_mm["99"]),
-        _at(worst) + (say("table.uncut", share=zone.uncut) if zone.uncut else ""),
+        ", ".join(filter(None, (_at(worst), say("table.uncut", share=zone.uncut) if zone.uncut else ""))),
     )
 
 

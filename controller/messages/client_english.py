@@ -73,6 +73,8 @@ REFUSALS = {
     "client.open": "open",
     # --- the status
     "client.no_tick": "no tick",
+    "client.no_service": "no service",
+    "client.last_told": "no service; what it told last, {ago} ago",
     "client.not_homed": "not homed",
     "client.single_block": "single block",
     "client.optional_stop": "optional stop",

@@ -75,6 +75,8 @@ REFUSALS = {
     "client.open": "offen",
     # --- the status
     "client.no_tick": "kein Takt",
+    "client.no_service": "kein Dienst",
+    "client.last_told": "kein Dienst; was er vor {ago} zuletzt meldete",
     "client.not_homed": "nicht referenziert",
     "client.single_block": "Einzelsatz",
     "client.optional_stop": "wahlweiser Halt",

@@ -206,6 +206,13 @@ REFUSALS = {
     "positions, G10 to set offsets",
     "value.at_run": "#5399 is what M66 finds when the program runs, and the whole program is read "
     "before: write M66 with L1 to L4 and Q, which waits, and holds the program where nothing comes",
+    "value.no_probe": "{name} is of what touches, and T{tool} in the spindle is no probe: {known}; take the "
+    "probe in with T and M6, or measure the tool above the tool setter",
+    "value.no_setter": "{name} is of a tool setter, and the machine file has none: add [setter] with point_mm"
+    " and radius_mm",
+    "value.not_above": "{name} is the face of the tool setter, and the tool does not stand above it: it is "
+    "{off:.3f} mm beside its middle and may be {most:g}, with the rotaries at 0 (here {turned:.3f} degrees "
+    "at most); move to X{x:g} Y{y:g} of the machine (G53), the rotaries to 0",
     "value.not_known": "{name} is the position of {axis}, which is not known here: the reader is ahead "
     "of the machine and knows where the program's own moves lead, not where a surface leaves the tool; "
     "move the axis with G0 or G1 before",
@@ -329,9 +336,10 @@ REFUSALS = {
     "offset.tilted": "{code} takes where the tool stands, which is told in a tilted plane here and not "
     "in the work offset; write G69 before it",
     "offset.sets_nothing_fanuc": "{word} sets nothing here: G10 takes L2 P1 to P6, L20 P1 to P48 "
-    "and L120 P1 to P9 (work offsets), L10 to L13 P and the tool with R; write one of these",
+    "and L120 P1 to P9 (work offsets), L10 to L13 P and the tool with R, L121 with Z and R; write one of "
+    "these",
     "offset.sets_nothing": "{word} sets nothing here: G10 takes L2 and L20 P0 to P9, L120 P1 to P9 (work "
-    "offsets), L1, L10 and L11 P and the tool with Z and R; write one of these",
+    "offsets), L1, L121, L10 and L11 P and the tool with Z and R; write one of these",
     # --- surface
     "surface.not_nurbs": "{found}: G6.2 cuts a ruled surface between two NURBS curves; it stands alone "
     "with P and Q, the orders of the upper and the lower curve, and F unless one is modal; then, first for "

@@ -214,6 +214,13 @@ REFUSALS = {
     "value.at_run": "#5399 ist, was M66 findet, wenn das Programm läuft, und das ganze Programm wird "
     "vorher gelesen: M66 mit L1 bis L4 und Q schreiben, das wartet und das Programm anhält, wenn nichts "
     "kommt",
+    "value.no_probe": "{name} ist von dem, was antastet, und T{tool} in der Spindel ist kein Taster: "
+    "{known}; den Taster mit T und M6 einwechseln, oder das Werkzeug über dem Werkzeugtaster messen",
+    "value.no_setter": "{name} ist von einem Werkzeugtaster, und die Maschinendatei hat keinen: [setter] mit "
+    "point_mm und radius_mm hinzufügen",
+    "value.not_above": "{name} ist die Fläche des Werkzeugtasters, und das Werkzeug steht nicht darüber: es "
+    "ist {off:.3f} mm neben ihrer Mitte und darf {most:g}, die Rundachsen auf 0 (hier höchstens "
+    "{turned:.3f} Grad); nach X{x:g} Y{y:g} der Maschine fahren (G53), die Rundachsen auf 0",
     "value.not_known": "{name} ist die Position von {axis}, die hier nicht bekannt ist: gelesen wird vor "
     "der Maschine her, und bekannt ist, wohin die Bewegungen des Programms führen, nicht, wo eine Fläche "
     "das Werkzeug lässt; die Achse vorher mit G0 oder G1 bewegen",
@@ -351,10 +358,10 @@ REFUSALS = {
     "offset.tilted": "{code} nimmt, wo das Werkzeug steht, und das wird hier in einer geschwenkten Ebene "
     "gesagt und nicht in der Nullpunktverschiebung; G69 davor schreiben",
     "offset.sets_nothing_fanuc": "{word} setzt hier nichts: G10 nimmt L2 P1 bis P6, L20 P1 bis P48 "
-    "und L120 P1 bis P9 (Nullpunktverschiebungen), L10 bis L13 P und das Werkzeug mit R; eines davon "
-    "schreiben",
+    "und L120 P1 bis P9 (Nullpunktverschiebungen), L10 bis L13 P und das Werkzeug mit R, L121 mit Z und R; "
+    "eines davon schreiben",
     "offset.sets_nothing": "{word} setzt hier nichts: G10 nimmt L2 und L20 P0 bis P9, L120 P1 bis P9 "
-    "(Nullpunktverschiebungen), L1, L10 und L11 P und das Werkzeug mit Z und R; eines davon schreiben",
+    "(Nullpunktverschiebungen), L1, L121, L10 und L11 P und das Werkzeug mit Z und R; eines davon schreiben",
     # --- surface
     "surface.not_nurbs": "{found}: G6.2 schneidet eine Regelfläche zwischen zwei NURBS-Kurven; es steht "
     "allein mit P und Q, den Ordnungen der oberen und der unteren Kurve, und F, wenn keins modal gilt; "

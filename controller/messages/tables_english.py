@@ -38,7 +38,7 @@ REFUSALS = {
     "table.inside": "inside",
     "table.ends": "ends",
     "table.with_all": "with all",
-    "table.uncut": ", {share:.0%} uncut",
+    "table.uncut": "{share:.0%} uncut",
     "table.cutter": "cutter",
     "table.radius": "radius",
     "table.placement": "placement",

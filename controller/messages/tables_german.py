@@ -38,7 +38,7 @@ REFUSALS = {
     "table.inside": "innen",
     "table.ends": "Enden",
     "table.with_all": "mit allem",
-    "table.uncut": ", {share:.0%} nicht geschnitten",
+    "table.uncut": "{share:.0%} nicht geschnitten",
     "table.cutter": "Fräser",
     "table.radius": "Radius",
     "table.placement": "Anstellung",

@@ -27,6 +27,7 @@ from controller.state.modes import Mode
 MDI = "MDI"
 MAX_BYTES = 1 << 30  # of a program
 MAX_TYPED = 1000  # bytes of a line typed by hand that are told
+INTERRUPTED = "interrupted"  # by the end of its service; it is not loaded
 UNDER_WAY = ("starting", "running", "held", "stopping")
 _STATES = {
     Mode.READY: "stopping",  # at its end already, and about to be filed
@@ -149,10 +150,17 @@ class Job:
 
     def known(self, motion_id: int, s: float) -> journal.Known:
         """Of a place, for the journal."""
-        place = self.place(motion_id, s)
+        place, way = self.place(motion_id, s), self.ways.get(motion_id)
         return journal.Known(
-            self.fraction(motion_id, s), passed_s(self.marks, place) if place else None, self.duration_s
+            self.fraction(motion_id, s),
+            passed_s(self.marks, place) if place else None,
+            self.duration_s,
+            self._elapsed_s(self.last) if self.last is not None else None,
+            way.in_block(s) if way is not None else None,
         )
+
+    def _elapsed_s(self, now: Snapshot) -> float:
+        return max(0.0, now.plan_time_s - self.origin_s)
 
     def hear(self, news: News) -> None:
         """What the plan tells while it runs."""
@@ -234,7 +242,7 @@ class Job:
             "fraction": self._share(),
             "blocks": self.blocks,
             "duration_s": self.duration_s,
-            "elapsed_s": max(0.0, now.plan_time_s - self.origin_s) if shown else None,
+            "elapsed_s": self._elapsed_s(now) if shown else None,
             "left_s": left_s,
             "checking": self.news.checking,
             "message": self.messages[-1] if self.messages else None,
@@ -297,6 +305,33 @@ def read(args: dict[str, Any], machine: Machine) -> Job:
     text = linked.without_deleted(text) if skips else text
     program = Program(text, name, machine, spot, dry_run_mm=dry_run_mm, unchecked=unchecked)
     return Job(program, found, block_delete=skips)
+
+
+def interrupted(entry: journal.Entry) -> dict[str, Any]:
+    """As ``to_dict``, of what a service before this one ran and did not end: where it was."""
+    said = catalogue.said("interrupted", program=entry.job.name, line=entry.spot.line)
+    return {
+        "name": entry.job.name,
+        "sha256": entry.job.program_sha256,
+        "text": None,
+        "state": INTERRUPTED,
+        "line": entry.spot.line,
+        "restart": [],
+        "dry_run_mm": entry.job.dry_run_mm or None,
+        "block_delete": False,
+        "block": entry.spot.motion_id if entry.spot.motion_id >= 0 else None,
+        "fraction": entry.done,
+        "blocks": None,
+        "duration_s": entry.duration_s,
+        "elapsed_s": entry.elapsed_s,
+        "left_s": entry.left_s,
+        "checking": None,
+        "message": None,
+        "messages": [],
+        "notes": [],
+        "verdict": None,
+        **catalogue.facts(said),
+    }
 
 
 def _files(args: dict[str, Any]) -> dict[str, Any]:

@@ -27,6 +27,7 @@ from controller.api.store import Store
 from controller.api.users import new_token
 from controller.cli import client as verbs
 from controller.cli import client_lists, remote
+from controller.ipc.control_socket import LAST, packed
 from controller.messages import plain
 from controller.state.modes import Fault, told
 
@@ -390,6 +391,25 @@ def test_status_shows_the_machine_and_what_nobody_acknowledged(panel: Panel, doo
     told = done("status")
     assert "READY" in told and "The door is open." in told
     assert json.loads(done("status", "--json"))["mode"] == "READY"
+
+
+def test_of_a_service_that_is_gone_the_last_is_shown_as_old_and_the_exit_code_says_so(
+    panel: Panel, door: NotingDoor
+) -> None:
+    door.refused["status"] = Refusal(503, "gone", "The service does not answer.")
+    assert "does not answer" in run("status").output, "nothing is known of it"
+    job = {"name": "part.ngc", "line": 8, "state": "fault", "left_s": 50.0, "elapsed_s": 29.0}
+    joint = {"machine": 148.983, "work": 52.983}
+    last = {"mode": "FAULT", "fault": None, "job": job, "joints": {"Y": joint}}
+    (panel.store.folder / LAST).write_bytes(packed({"status": last, "facts": {}}))
+    shown = run("status")
+    assert shown.exit_code == 1
+    assert all(one in shown.output for one in ("no service", "148.983", "line 8", "0:29", "0:50"))
+    as_json = run("status", "--json")
+    told = json.loads(as_json.output)
+    assert as_json.exit_code == 1 and not told["ok"] and told["gone_s"] < 60.0 and told["job"] == job
+    door.refused["status"] = Refusal(503, "silent", "It is there, and does not answer.")
+    assert "148.983" not in run("status").output, "its tick may go on"
 
 
 class Pauses:

@@ -8,7 +8,7 @@ import pytest
 from support.live import browser
 from support.live.browser import Site, until
 
-from controller.program.probing_cycles import CYCLES
+from controller.program.probing_cycles import CYCLES, ON_SETTER
 
 pytestmark = pytest.mark.slow
 
@@ -39,7 +39,7 @@ def test_every_cycle_has_its_picture_and_its_values(probing: Any) -> None:
         probing.wait_for_selector(f"img.probing-picture[src$='/probing/{cycle}.svg']")
         probing.wait_for_function(drawn)
         fields = probing.eval_on_selector_all(".probing [name]", "all => all.map((one) => one.name)")
-        assert fields == ["cycle", *values, "offset"]
+        assert fields == ["cycle", *values, *([] if cycle in ON_SETTER else ["offset"])]
         seen.add(probing.get_attribute("img.probing-picture", "alt"))
     assert len(seen) == len(CYCLES)
 
@@ -53,6 +53,17 @@ def test_a_cycle_is_run_with_what_was_typed(probing: Any, site: Site) -> None:
     run(probing)
     made = until(lambda: site.asked("probe")[before:], "the cycle")[0][2]
     assert made == {"cycle": "edge", "values": {"towards": "Y-", "most": 7.5}, "offset": "G55"}
+
+
+def test_a_cycle_on_the_setter_sets_the_tool_and_no_offset(probing: Any, site: Site) -> None:
+    before = len(site.asked("probe"))
+    probing.select_option("[name=offset]", "G55")
+    probing.select_option("[name=cycle]", "tool_length")
+    probing.select_option("[name=keep]", "yes")
+    run(probing)
+    made = until(lambda: site.asked("probe")[before:], "the cycle")[0][2]
+    values = {"most": 20.0, "turning": 0.0, "keep": "yes"}
+    assert made == {"cycle": "tool_length", "values": values, "offset": "none"}
 
 
 def test_what_is_no_number_moves_nothing(probing: Any, site: Site) -> None:

@@ -23,7 +23,7 @@ function Value({ name, label = word(name), usual, choices, unit }) {
 
 const figure = ([name, value]) => {
   const [, what, unit] = name.match(/^(.*)_(mm|deg)$/) ?? [null, name, ""];
-  return html`${known(`probing.found.${what}`, what)} <b class="figures">${forms.u(value)}</b>${unit && ` ${unit === "deg" ? "°" : unit}`} `;
+  return html`${known(`probing.found.${what}`, what)} <b class="figures">${unit ? forms.u(value) : value}</b>${unit && ` ${unit === "deg" ? "°" : unit}`} `;
 };
 
 const Found = ({ one }) => html`<tr><td class="figures">${forms.moment(one.at_s)}</td><td>${one.program}</td>
@@ -31,14 +31,14 @@ const Found = ({ one }) => html`<tr><td class="figures">${forms.moment(one.at_s)
 
 export function Probing() {
   const { cycle, offset, ...typed } = told.chosen;
-  const values = told.cycles.find(({ name }) => name === cycle)?.values ?? [];
+  const { values = [], sets } = told.cycles.find(({ name }) => name === cycle) ?? {};
   const of = ({ name, choices, usual }) => [name, choices ? (typed[name] ?? usual) : number(String(typed[name] ?? usual))];
-  const run = () => call("POST", "probing", { cycle, offset, values: Object.fromEntries(values.map(of)) });
+  const run = () => call("POST", "probing", { cycle, offset: sets ? offset : "none", values: Object.fromEntries(values.map(of)) });
   return html`<p class="dim">${word("stands")}</p>
     <div class="row"><img class="probing-picture" src=${`/api/v1/probing/${cycle}.svg`} alt=${word(`cycle.${cycle}`)} /><div class="probing">
       <${Value} name="cycle" choices=${told.cycles.map(({ name }) => name)} />
       ${values.map((one) => html`<${Value} key=${cycle + one.name} label=${word(`value.${one.name}`)} ...${one} />`)}
-      <${Value} name="offset" choices=${told.offsets} /></div></div>
+      ${sets && html`<${Value} name="offset" choices=${told.offsets} />`}</div></div>
     <div class="row"><${Act} id="probing-run" text=${word("run")} kind="go" icon="play" modes="READY" ask=${word("run_ask")} press=${run} /></div>
     ${told.found.length > 0 && html`<table class="list" id="probing-found"><thead><tr>
         ${["time", "program", "cycle", "found"].map((key) => html`<th scope="col">${word(key)}</th>`)}</tr></thead>
