@@ -123,6 +123,7 @@ SHOP: tuple[tuple[str, str, str], ...] = (
     ("tools --export tool.tbl", "", "READY"),
     ("tokens add NAME --days 90", "tokens add cam --days 90", "READY"),
     ("probe", "", "READY"),
+    ("probe --found", "", "READY"),
     ("runs", "", "READY"),
     ("backup save monday.zip", "", "READY"),
     ("backup check monday.zip", "", "READY"),
