@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import re
 import shlex
-import shutil
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import pytest
 import typer
-from typer.testing import CliRunner
 
 from controller.__main__ import app
 from controller.machine.equipment import INPUTS, OUTPUTS
@@ -94,32 +91,3 @@ def test_every_input_and_output_is_described(name: str) -> None:
 @pytest.mark.parametrize("room", ROOMS)
 def test_drawings_are_not_cut_by_a_page_of_120_columns(room: str) -> None:
     assert all(len(line) <= 120 for drawing in blocks(PAGES[room], "") for line in drawing.splitlines())
-
-
-# What of the first page runs on a desk, with files for its capitals. The rest needs a machine or CAD.
-FOR = {
-    "PROGRAM": "config/programs/example1_ready.ngc",
-    "MACHINE": "config/trunnion.toml",
-    "--eds FILE": "--eds config/eds/simulated_drive.eds",
-    "NAME": "simulated",
-    " --faults FILE": "",
-}
-ON_A_DESK = ("check", "simulate", "fit", "verify", "post", "bus", "drives check", "faults", "paper")
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("verb", ON_A_DESK)
-def test_a_command_of_the_first_page_does_what_it_says(
-    verb: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    line = next(line for line in command_lines(PAGES["."]) if re.match(rf"directrix {verb}( |$)", line))
-    for capital, file in FOR.items():
-        line = line.replace(capital, file)
-    words = shlex.split(line)[1:]
-    shutil.copytree(ROOT / "config", tmp_path / "config")
-    monkeypatch.chdir(tmp_path)
-    result = CliRunner().invoke(app, words)
-    assert result.exit_code == 0, result.output
-    assert result.output.strip()
-    for option, file in pairwise(words):
-        assert option not in ("--plot", "--trace") or (tmp_path / file).stat().st_size > 1000

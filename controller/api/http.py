@@ -29,6 +29,7 @@ from controller.api.app_state import Panel
 from controller.api.database import StoreError
 from controller.api.roles import Role
 from controller.api.routes import (
+    canned_cycles,
     changer,
     cycle,
     diagnostics,
@@ -61,6 +62,7 @@ STORE_STATUSES = {
 PARTS = (
     *((API, part) for part in (machine, cycle, jog, programs, tables, records, ticks)),
     *((API, part) for part in (diagnostics, session, users, notices, queue, usage, changer, probing, listen)),
+    (API, canned_cycles),
     ("", metrics),
     ("", octoprint),
 )

@@ -228,7 +228,7 @@ class JobFacts(Told, Texts):
     state: str | None = Field(
         None,
         description="loading, loaded or refused; from its start on starting, running, held, stopping; then "
-        "completed, stopped, refused, fault or interrupted.",
+        "completed, stopped, refused, fault or interrupted: by the end of the service; it is not loaded.",
     )
     block_delete: bool | None = Field(None, description="Lines that begin with / were left out.")
     message: str | None = Field(None, description="What the program said last, by MSG and the like.")
@@ -266,6 +266,7 @@ class Status(OfTick, Told):
     """What the machine is doing, at most 50 ms ago; null: not known."""
 
     time_s: Number = None
+    gone_s: Number = Field(None, description="So long ago this was told last: the service is gone. See last.")
     mode: str = Field(description="FAULT where the tick is gone; OFF before its first one.")
     tick_alive: bool | None = Field(None, description="Whether the tick's process is there.")
     plan_alive: bool | None = None

@@ -19,9 +19,10 @@ import typer
 from rich.table import Table
 from rich.text import Text
 
-from controller import atomic_file, messages
+from controller import atomic_file
 from controller.cli import checkout, speech
-from controller.verify.console import Refused, bar, refusals, show, spoken, tell
+from controller.verify import console
+from controller.verify.console import Refused, bar, refusals, show, tell
 
 Names = Annotated[list[str] | None, typer.Argument(metavar="[NAME]...", help="Which; default: all.")]
 Short = Annotated[bool, typer.Option("--short", help="So little that it only shows that all of it works.")]
@@ -77,7 +78,7 @@ def bench(
 
 
 def _say(key: str, **values: object) -> str:
-    return messages.text(messages.said(f"bench.{key}", **values), spoken.get())
+    return console.say(f"bench.{key}", **values)
 
 
 def _measured(file: Path, short: bool) -> Report:

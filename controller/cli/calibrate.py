@@ -50,7 +50,7 @@ from controller.plan.surfaces.cuts import surface_of
 from controller.program import blocks, linked
 from controller.program.program import CutCone, CutNurbs, CutRuled
 from controller.runtime import checked
-from controller.verify import maps
+from controller.verify import console, maps
 from controller.verify import trace as traces
 from controller.verify.audit import Watched
 from controller.verify.console import Refused, refusals, show, spoken
@@ -79,7 +79,7 @@ MOST_POSITIONS = 100
 
 
 def say(key: str, **values: object) -> str:
-    return messages.text(messages.said(f"calibration.{key}", **values), spoken.get())
+    return console.say(f"calibration.{key}", **values)
 
 
 @contextlib.contextmanager

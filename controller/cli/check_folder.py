@@ -23,7 +23,7 @@ from controller.plan.report.survey import Survey
 from controller.program import linked, refusals
 from controller.program.program import ProgramError
 from controller.runtime import checked
-from controller.verify import wording
+from controller.verify import console, wording
 from controller.verify.console import Refused, bar, show, spoken, tell
 from controller.workers import Spread
 
@@ -208,7 +208,7 @@ def _summed(rows: Sequence[Row]) -> str:
 
 
 def _say(key: str, **values: object) -> str:
-    return messages.text(said(f"folder.{key}", **values), spoken.get())
+    return console.say(f"folder.{key}", **values)
 
 
 COLUMNS = ("program", "verdict", "time", "blocks", "surfaces", "overcut")

@@ -5,13 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 
 import controller
-from controller import messages
-from controller.verify.console import Refused, spoken
+from controller.verify.console import Refused, say
 
 
 def tests() -> Path:
     """The folder ``tests`` of the checkout that this is run from. Raises Refused where there is none."""
     found = Path(controller.__file__).resolve().parents[1] / "tests"
     if not (found / "support").is_dir():
-        raise Refused(messages.text(messages.said("checkout.none", folder=found), spoken.get()))
+        raise Refused(say("checkout.none", folder=found))
     return found

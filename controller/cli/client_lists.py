@@ -21,8 +21,8 @@ from rich.text import Text
 from controller.cli import remote, status_view
 from controller.cli.client import PANEL, Json, Url, asked, tell_done
 from controller.cli.remote import Machine
-from controller.cli.speech import say, speaking, word
-from controller.verify.console import Refused, bar, show, tell
+from controller.cli.speech import say, speaking
+from controller.verify.console import Refused, bar, show, tell, word
 
 Watch = Annotated[bool, typer.Option("--watch", help="Go on showing it, until Ctrl-C.")]
 Most = Annotated[int, typer.Option("--most", min=1, max=200, help="So many, newest first.")]
@@ -37,16 +37,22 @@ CHECKED = ("passed", "refused", "failed", "none")
 
 
 def status(watch: Watch = False, url: Url = remote.URL, as_json: Json = False) -> None:
-    """Mode, positions, feed and what limits it, time left, alarms; once, or live."""
+    """Mode, positions, feed and what limits it, time left, alarms; once, or live.
+
+    Where the service is gone: what it told last, and exit code 1.
+    """
     with asked(url, as_json) as machine:
         if watch and not as_json:
             follow(machine)
             return
-        now = machine.get("status")
+        now = machine.get("status", last=True)
+        gone_s = now.get("gone_s")
         if as_json:
-            print(json.dumps({"ok": True, **now}))
+            print(json.dumps({"ok": gone_s is None, **now}))
         else:
             show.print(status_view.view(now, _open_alarms(machine)))
+    if gone_s is not None:
+        raise typer.Exit(1)
 
 
 def follow(machine: Machine, pause: Callable[[float], None] = time.sleep) -> None:
@@ -70,7 +76,7 @@ def _live(machine: Machine, pause: Callable[[float], None]) -> None:
 
 def _seen(machine: Machine) -> RenderableType:
     try:
-        return status_view.view(machine.get("status"), _open_alarms(machine))
+        return status_view.view(machine.get("status", last=True), _open_alarms(machine))
     except Refused as refused:
         return Text(str(refused), "red")
 
@@ -79,7 +85,7 @@ def _lines(machine: Machine, pause: Callable[[float], None]) -> None:
     before = ""
     while True:
         try:
-            now = status_view.line(machine.get("status"))
+            now = status_view.line(machine.get("status", last=True))
         except Refused as refused:
             now = str(refused)
         if now != before:

@@ -11,14 +11,17 @@ import typer
 
 from controller.cli import fitted as fittings
 from controller.cli.fitted import Fitted
+from controller.cli.speech import speaking
 from controller.machine import machine_file
 from controller.machine.toml_table import ConfigError
 from controller.plan.report import explained
 from controller.plan.report.explained import Step
 from controller.program import blocks, linked, position
-from controller.verify.console import Refused, refusals
+from controller.verify import tables
+from controller.verify.console import Refused, refusals, say, spoken
 
 
+@speaking
 def explain(
     program: Annotated[Path, typer.Argument(help="The part program.")],
     machine: Annotated[
@@ -38,20 +41,22 @@ def explain(
         made = fittings.laid(machine_file.load(machine), fitted)
         made = replace(made, dialect=dialect) if dialect else made
         if not program.is_file():
-            raise Refused(f"{program}: there is no such file; give the path of a part program.")
+            raise Refused(say("table.no_file", program=program))
         start = position.homed(made)
         text = linked.linked(linked.mapped(program), linked.beside(program))
         read = blocks.stream(text, made, str(program))
-        for step in explained.steps(read, made, str(program), start):
+        for step in explained.steps(read, made, str(program), start, spoken.get()):
             print(json.dumps(step.to_dict()) if as_json else line_of(step))
 
 
 def line_of(step: Step) -> str:
     """A step for people."""
-    words = [f"{step.line:6d} {step.kind:13s} {_places(step.program):42s} | {_places(step.axes):52s} |"]
-    told = [f"{step.offset} {step.plane}{' tilted' if step.tilted is not None else ''}"]
+    kind = tables.kind(step.kind)
+    words = [f"{step.line:6d} {kind:13s} {_places(step.program):42s} | {_places(step.axes):52s} |"]
+    told = [f"{step.offset} {step.plane}{' ' + say('table.tilted') if step.tilted is not None else ''}"]
     told += [
-        str(value) if name == "unit" else f"{name} {_plain(value)}" for name, value in step.facts.items()
+        str(value) if name == "unit" else f"{say(f'table.fact.{name}')} {_plain(value)}"
+        for name, value in step.facts.items()
     ]
     return " ".join([*words, *told])
 

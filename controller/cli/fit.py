@@ -12,6 +12,7 @@ import typer
 from rich.table import Table
 
 from controller.cli import workers
+from controller.cli.speech import speaking
 from controller.geometry.surfaces import DefectKind, defect
 from controller.machine import machine_file
 from controller.machine.model import Machine
@@ -19,8 +20,8 @@ from controller.machine.toml_table import ConfigError
 from controller.plan.surfaces.cuts import described, surface_of
 from controller.program import blocks, linked
 from controller.program.program import CutCone, CutNurbs, CutRuled
-from controller.verify import fits
-from controller.verify.console import Refused, bar, refusals, show
+from controller.verify import fits, tables
+from controller.verify.console import Refused, bar, refusals, say, show
 
 Argument = Annotated[Path, typer.Argument(help="The part program.")]
 Tolerance = Annotated[float, typer.Option("--tolerance", help="Of the form, mm, ends included.")]
@@ -31,6 +32,7 @@ MIN_MM, MAX_MM = 1e-4, 10.0
 FIT_S = 5.0  # that one surface takes, about
 
 
+@speaking
 def fit(
     program: Argument,
     tolerance: Tolerance = 0.01,
@@ -46,12 +48,12 @@ def fit(
     with refusals(as_json, lambda: (ConfigError,)):
         made = machine_file.load(machine)
         if not MIN_MM <= tolerance <= MAX_MM:
-            raise Refused(f"--tolerance {tolerance:g} is not held; allowed are {MIN_MM:g} to {MAX_MM:g} mm.")
+            raise Refused(say("table.no_tolerance", tolerance=tolerance, least=MIN_MM, most=MAX_MM))
         if not program.is_file():
-            raise Refused(f"{program}: there is no such file; give the path of a part program.")
+            raise Refused(say("table.no_file", program=program))
         asked = list(_asked(program, made))
         if not asked:
-            raise Refused(f"{program}: cuts no surface (G51, G52, G6.2); there is nothing to be fitted.")
+            raise Refused(say("table.no_surface", program=program))
         found = []
         with workers.spread(count, cluster) as spread, bar("fitting", as_json) as progress:
             fitted = partial(fits.fit, tools=made.tools, tolerance_mm=tolerance)
@@ -89,9 +91,8 @@ def _finite(value: float) -> float | None:
 
 
 def _table(found: list[tuple[fits.Asked, list[fits.Best]]], tolerance: float) -> Table:
-    table = Table(title=f"Largest cutters that keep {1e3 * tolerance:g} µm, ends included (own cut alone)")
-    for head in ("line", "cutter", "radius", "placement", "off", "of the tool table"):
-        table.add_column(head, justify="right" if head in ("line", "radius", "off") else "left", no_wrap=True)
+    heads = ("line", "cutter", "radius", "placement", "off", "of_table")
+    table = tables.headed("table.fits", heads, ("cutter", "placement", "of_table"), tolerance=1e3 * tolerance)
     for one, best in found:
         line = str(one.line)
         for row in best:
@@ -101,9 +102,10 @@ def _table(found: list[tuple[fits.Asked, list[fits.Best]]], tolerance: float) ->
 
 
 def _cells(row: fits.Best) -> tuple[str, ...]:
-    kind = f"{row.kind} {row.taper_deg:.3g}°" if row.taper_deg else row.kind
-    own = f"T{row.tool} r {row.tool_radius_mm:g}, {row.tool_placement}" if row.tool is not None else "none"
+    kind, none = say(f"table.cutter.{row.kind}"), say("table.none")
+    kind = f"{kind} {row.taper_deg:.3g}°" if row.taper_deg else kind
+    own = f"T{row.tool} r {row.tool_radius_mm:g}, {row.tool_placement}" if row.tool is not None else none
     if row.radius_mm <= 0.0:
-        return kind, "none", "", "", own
+        return kind, none, "", "", own
     more = "≥ " if row.radius_mm >= fits.LARGEST_MM * (1.0 - 1e-9) else ""
     return kind, f"{more}{row.radius_mm:.2f} mm", row.placement, f"{1e3 * row.off_mm:.1f} µm", own

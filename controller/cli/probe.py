@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import json
+from datetime import datetime
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
 from controller.cli import remote
 from controller.cli.client import Json, TakeOver, Url, asked, carried_out, tell_done
-from controller.cli.speech import say, speaking, word
-from controller.verify.console import Refused, show
+from controller.cli.speech import say, speaking
+from controller.verify.console import Refused, refusals, show, word
 
 
 @speaking
@@ -20,18 +22,41 @@ def probe(
         list[str] | None, typer.Argument(help="Its values, as towards=X- most=20; others are as usual.")
     ] = None,
     offset: Annotated[str, typer.Option("--offset", help="Work offset to set by it, as G54.")] = "none",
+    found: Annotated[bool, typer.Option("--found", help="List what cycles have found.")] = False,
+    table: Annotated[
+        Path | None, typer.Option("--csv", help="Write what cycles have found into this file.")
+    ] = None,
     take_over: TakeOver = False,
     url: Url = remote.URL,
     as_json: Json = False,
 ) -> None:
-    """Run a probing cycle from where the probe stands, or list the cycles."""
+    """Run a probing cycle from where the probe stands, list the cycles, or what they have found."""
     with asked(url, as_json) as machine:
-        if cycle is None:
+        if table is not None:
+            text = machine.get("probing/found.csv")
+            with refusals(as_json, lambda: (OSError,)):
+                table.write_text(text, encoding="utf-8", newline="")
+            tell_done(
+                say("probed_csv", count=text.count("\n") - 1, path=table), {"file": str(table)}, as_json
+            )
+        elif found:
+            _show_found(machine.get("probing/found"), as_json)
+        elif cycle is None:
             _list(machine.get("probing"), as_json)
-            return
-        body = {"cycle": cycle, "values": dict(map(_value, values or [])), "offset": offset}
-        with machine.control(take_over):
-            tell_done(say("started"), carried_out(machine, "probing", body), as_json)
+        else:
+            body = {"cycle": cycle, "values": dict(map(_value, values or [])), "offset": offset}
+            with machine.control(take_over):
+                tell_done(say("started"), carried_out(machine, "probing", body), as_json)
+
+
+def _show_found(told: dict[str, Any], as_json: bool) -> None:
+    if as_json:
+        print(json.dumps({"ok": True, **told}))
+        return
+    for one in told["found"]:
+        at = datetime.fromtimestamp(one["at_s"]).strftime("%Y-%m-%d %H:%M:%S")
+        values = " ".join(f"{name}={value:g}" for name, value in one["values"].items())
+        show.print(f"{at} {one['program']} {one['cycle']} {values}", markup=False, soft_wrap=True)
 
 
 def _value(typed: str) -> tuple[str, str | float]:

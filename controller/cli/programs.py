@@ -99,7 +99,7 @@ def _machine(
 def _notes(notes: Sequence[Note], machine: Machine) -> dict[str, Any]:
     """What ``check`` and ``simulate`` say with --json of a program and of its machine."""
     told = [note.told(spoken.get()) for note in notes]
-    return {"notes": told, "warnings": machine_file.warnings(machine)}
+    return {"notes": told, "warnings": machine_check.warnings(machine)}
 
 
 def _budget_or_refuse(machine: Machine) -> None:
@@ -297,7 +297,7 @@ def _refuse_all(first: ProgramError, task: checked.Task, quiet: bool) -> NoRetur
 
 
 def _show_notes(notes: Sequence[Note], task: checked.Task) -> None:
-    for sentence in machine_file.warnings(task.machine):
+    for sentence in machine_check.warnings(task.machine):
         tell.print(sentence, markup=False)
     for note in notes:
         sentence = messages.text(note.said, spoken.get())
@@ -446,7 +446,7 @@ def _end_run(
     as_json: bool,
 ) -> None:
     if record is not None:  # a fault that comes again is what was asked for
-        _end("Made again as it was recorded", {**figures, **record.judge(run)}, as_json)
+        _end("table.replayed", {**figures, **record.judge(run)}, as_json)
         return
     if run.fault is not Fault.NONE:  # also a hold that waits for somebody to close a door
         raise Refused(run.fault_text, **figures)
@@ -454,7 +454,7 @@ def _end_run(
         why = messages.several(refusal.placed, messages.said("stands_before"))
         place = {"line": refusal.line, "column": refusal.column}
         raise Refused(messages.text(why, spoken.get()), **figures, **place)
-    _end("Simulated on the stepped clock", figures, as_json)
+    _end("table.simulated", figures, as_json)
 
 
 def _figures(task: checked.Task, result: str, fault: Fault, unchecked: bool) -> dict[str, Any]:
@@ -581,7 +581,7 @@ def _demo(part: str, out: Path, made: Machine, store: Path | None, unchecked: bo
     }
     if cut.sentence:
         raise Refused(cut.sentence, **figures)
-    _end("Cut in real time on the virtual bus", figures, as_json)
+    _end("table.live", figures, as_json)
     if not as_json:
         show.print(f"Picture: {picture}   Trace: {trace_file}", markup=False)
 

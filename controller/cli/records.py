@@ -15,6 +15,7 @@ from controller.machine.toml_table import ConfigError
 from controller.runtime import records
 from controller.runtime.events import EventError
 from controller.runtime.records import Apart, NoRecord, Record
+from controller.verify import console
 from controller.verify.console import Refused, refusals, show, spoken
 
 Recording = Annotated[
@@ -93,7 +94,7 @@ def _refused(error: NoRecord) -> Refused:
 
 
 def _say(key: str, **values: object) -> str:
-    return messages.text(messages.said(f"records.{key}", **values), spoken.get())
+    return console.say(f"records.{key}", **values)
 
 
 def _facts(found: Record) -> list[dict[str, Any]]:

@@ -84,6 +84,8 @@ class Machine:
         except (library.HTTPError, library.InvalidURL) as error:
             raise Refused(say("gone", url=self._http.base_url, why=error)) from error
         if answer.is_success:
+            if answer.headers.get("content-type", "").startswith("text/csv"):
+                return answer.text
             return answer.json() if answer.content else None
         raise _refused(answer)
 

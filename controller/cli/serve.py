@@ -12,6 +12,7 @@ from typing import Annotated, Literal
 
 import typer
 
+from controller.cli import machine_check
 from controller.ipc import control_socket
 from controller.machine import machine_file
 from controller.machine.toml_table import ConfigError
@@ -57,7 +58,7 @@ def serve(
         made = made if period_ms is None else machine_file.with_period(made, period_ms / 1e3)
         # Simulated drives take no harm from a computer that is busy with other work.
         made = replace(made, late=late or ("count" if simulate else made.late))
-        for sentence in machine_file.warnings(made):
+        for sentence in machine_check.warnings(made):
             tell.print(sentence, markup=False)
         hand = None if pendant is None else read(pendant, tuple(axis.name for axis in made.axes))
         where = (state or control_socket.state_folder(), runtime or control_socket.runtime_folder())

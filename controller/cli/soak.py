@@ -11,9 +11,9 @@ from typing import Annotated, Any
 
 import typer
 
-from controller import messages
 from controller.cli import checkout, memory, speech
-from controller.verify.console import Refused, bar, refusals, show, spoken, tell
+from controller.verify import console
+from controller.verify.console import Refused, bar, refusals, show, tell
 
 Hours = Annotated[float, typer.Option("--hours", min=0.0, help="How long.")]
 Seed = Annotated[int | None, typer.Option("--seed", help="Of all that is drawn; default: another each time.")]
@@ -66,4 +66,4 @@ def soak(
 
 
 def _say(key: str, **values: object) -> str:
-    return messages.text(messages.said(f"soak.{key}", **values), spoken.get())
+    return console.say(f"soak.{key}", **values)

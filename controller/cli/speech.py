@@ -10,6 +10,7 @@ from typing import Annotated, Any
 import typer
 
 from controller import messages
+from controller.verify import console
 from controller.verify.console import spoken
 
 HELP = f"Of what is said: {', '.join(messages.LANGUAGES)}."
@@ -23,12 +24,7 @@ def header() -> dict[str, str]:
 
 def say(key: str, **values: object) -> str:
     """A text of the client's own."""
-    return messages.text(messages.said(f"client.{key}", **values), spoken.get())
-
-
-def word(key: str, otherwise: str = "") -> str:
-    """A word that the page has, too, for instance of a result."""
-    return messages.of(spoken.get()).page.get(key, otherwise)
+    return console.say(f"client.{key}", **values)
 
 
 def speaking(verb: Callable[..., None]) -> Callable[..., None]:

@@ -15,7 +15,8 @@ from rich.progress_bar import ProgressBar
 from rich.table import Table
 from rich.text import Text
 
-from controller.cli.speech import say, word
+from controller.cli.speech import say
+from controller.verify.console import word
 
 Status = Mapping[str, Any]
 
@@ -50,7 +51,7 @@ def line(status: Status) -> str:
     fault = status.get("fault")
     if fault:
         words.append(str(fault.get("name", fault)))
-    return " ".join(words)
+    return " ".join([*words, *([say("no_service")] if status.get("gone_s") is not None else [])])
 
 
 def number(value: Any, places: int = 3) -> str:
@@ -74,7 +75,9 @@ def clock(seconds: Any) -> str:
 def _headline(status: Status) -> Text:
     mode = str(status.get("mode", "?"))
     told = Text.assemble((f" {mode} ", f"reverse {COLOURS.get(mode, '')}".strip()))
-    if status.get("tick_alive") is False:
+    if (gone_s := status.get("gone_s")) is not None:
+        told.append(f"  {say('last_told', ago=clock(gone_s))}", "bold red")
+    elif status.get("tick_alive") is False:
         told.append(f"  {say('no_tick')}", "bold red")
     if status.get("not_homed"):
         told.append(f"  {say('not_homed')}", "yellow")

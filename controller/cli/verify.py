@@ -23,10 +23,10 @@ from controller.plan.stretch import Note, Stretch
 from controller.program import blocks, linked
 from controller.program.program import Block, Place
 from controller.runtime import checked
-from controller.verify import forms, passes, trace, wording
+from controller.verify import forms, passes, tables, trace, wording
 from controller.verify.audit import Watched
 from controller.verify.bound import Bound, bound
-from controller.verify.console import Refused, bar, refusals, show, spoken, tell
+from controller.verify.console import Refused, bar, refusals, say, show, spoken, tell
 from controller.verify.gouges import Gouge, gouges, in_table
 from controller.verify.judge import SETTLED_MM, Judged, Worst, Zone, judge
 from controller.verify.nominal import Nominal
@@ -193,11 +193,17 @@ def _found(
     most_mm = task.machine.max_overcut_mm
     seen = gouges(surfaces, ways, most_mm, lambda share: progress(0.8 + 0.2 * share), errors_mm, spread)
     table = in_table(task.machine.table, _rough(task, recorded, watched.stretches, ways, fitted))
-    notes = [*walk.notes, *([] if surfaces else [Note(Place(1, 1), messages.said("note.no_surface"))])]
+    left = [one.nominal.line for one in judged if recorded is not None and one.inside.uncut == 1.0]
+    notes = [
+        *walk.notes,
+        *([] if surfaces else [Note(Place(1, 1), messages.said("note.no_surface"))]),
+        *[Note(Place(line, 1), messages.said("note.not_cut")) for line in left],
+    ]
     of = "plan" if recorded is None else "commanded" if commanded else "actual"
     hurt = sorted([*seen.gouges, *table], key=lambda one: one.by_line)
     held = [one for one in judged if one.nominal.tolerance_mm is not None]
-    verdicts = [forms.widened(a, b) for a, b in zip(seen.verdicts, held, strict=True)]
+    widened = [forms.widened(a, b) for a, b in zip(seen.verdicts, held, strict=True)]
+    verdicts = [one for one in widened if one.line not in left]
     return Found(of, judged, hurt, seen.ends, verdicts, notes)
 
 
@@ -262,7 +268,7 @@ def _rough(
 
 def _show(found: Found) -> None:
     for note in found.notes:
-        tell.print(f"line {note.place.line}: {messages.text(note.said, spoken.get())}", markup=False)
+        tell.print(say("table.note", line=note.place.line, note=note.said), markup=False)
     if found.judged:
         show.print(_table(found))
     for one in found.gouges:
@@ -272,7 +278,7 @@ def _show(found: Found) -> None:
     for bounded in found.bounds or ():
         show.print(f"Bound, line {bounded.line}: {bounded.sentence}", markup=False)
     if found.bounds == []:
-        show.print("No bound: no surface has its cutter placed off its rulings (P2, P3).", markup=False)
+        show.print(say("table.no_bound"), markup=False)
     if sentence := messages.text(wording.summed(found.verdicts), spoken.get()):
         show.print(sentence, markup=False)
 
@@ -282,16 +288,16 @@ def _show_gouge(one: Gouge, key: str) -> None:
 
 
 def _table(found: Found) -> Table:
-    table = Table(title=f"Cut surface against nominal ({found.of}), µm along the normal")
-    for head in ("line", "where", "overcut", "undercut", "mean", "99 %", "worst at"):
-        table.add_column(head, justify="left" if head in ("where", "worst at") else "right", no_wrap=True)
+    heads = ("line", "where", "overcut_um", "undercut", "mean", "percentile", "worst_at")
+    of = messages.Key(f"table.of_{found.of}")
+    table = tables.headed("table.judged", heads, left=("where", "worst_at"), of=of)
     for one in found.judged[:MAX_ROWS]:
         line = str(one.nominal.line)
-        for where, zone in (("inside", one.inside), ("ends", one.ends), ("with all", one.whole)):
-            table.add_row(line, where, *_figures(zone))
+        for where, zone in (("inside", one.inside), ("ends", one.ends), ("with_all", one.whole)):
+            table.add_row(line, say(f"table.{where}"), *_figures(zone))
             line = ""
     if len(found.judged) > MAX_ROWS:
-        table.caption = f"{len(found.judged) - MAX_ROWS} more surfaces with --json."
+        table.caption = say("table.more_surfaces", more=len(found.judged) - MAX_ROWS)
     return table
 
 
@@ -302,7 +308,7 @@ def _figures(zone: Zone) -> tuple[str, ...]:
         _micro(zone.undercut.mm if zone.undercut else 0.0),
         _micro(zone.mean_mm),
         _micro(zone.percentiles_mm["99"]),
-        _at(worst) + (f", {zone.uncut:.0%} uncut" if zone.uncut else ""),
+        ", ".join(filter(None, (_at(worst), say("table.uncut", share=zone.uncut) if zone.uncut else ""))),
     )
 
 

@@ -22,6 +22,7 @@ import math
 import os
 import socket
 import threading
+import time
 from collections.abc import Mapping
 from concurrent.futures import Future
 from pathlib import Path
@@ -36,6 +37,7 @@ Answer = Values | Future[Values]
 
 CONTROL = "control.sock"  # in the runtime folder
 RUNTIME = "runtime"  # in the state folder: a file that says which one that is
+LAST = "last_told.json"  # in the state folder: status and facts, as they hold where nobody answers any more
 MAX_BYTES = 200_000  # of a request; bigger things go by their path in the store
 MAX_ANSWER = 2 * MAX_BYTES  # of an answer
 MAX_PEERS = 64
@@ -104,6 +106,20 @@ def runtime_of(state: Path) -> Path:
         return Path((state / RUNTIME).read_text(encoding="utf-8"))
     except OSError:
         return runtime_folder()
+
+
+def last_told(state: Path, what: str) -> Values:
+    """The "status" or "facts" that the service of a state folder told last, with ``gone_s``: so long ago.
+
+    Empty where nothing is known.
+    """
+    try:
+        file = state / LAST
+        told, ago_s = unpacked(file.read_bytes()) or {}, time.time() - file.stat().st_mtime
+    except OSError:
+        return {}
+    found = told.get(what)
+    return {**found, "gone_s": max(0.0, ago_s)} if isinstance(found, dict) else {}
 
 
 def state_folder() -> Path:

@@ -68,7 +68,6 @@ PLACEMENTS = ("single", "double", "optimal", "auto")  # of the cutter on surface
 PERIODS_S = (0.0005, 0.01)
 LATE = ("stop", "count")  # what too many late ticks do
 BIT_RATES = (10_000, 20_000, 50_000, 125_000, 250_000, 500_000, 800_000, 1_000_000)  # CiA 301, table 1
-QUANTISATION_SHARE = 0.1  # of the jerk limit that rounding to counts may look like
 PARALLEL = 1e-6
 
 
@@ -200,28 +199,6 @@ def with_period(machine: Machine, period_s: float) -> Machine:
     raise ConfigError(
         f"{machine.name}: [machine]: period_s = {period_s:g}: is out of range; "
         f"allowed: a number {span(*PERIODS_S)}; change the value."
-    )
-
-
-def warnings(machine: Machine) -> list[str]:
-    """Sentences on what works but not well.
-
-    A setpoint is rounded to counts, and the third difference of rounded values is
-    wrong by up to (1 + 3 + 3 + 1) / 2 = 4 counts: the drive sees that as jerk.
-    """
-    return [text for axis in machine.axes if (text := _resolution(axis, machine.period_s))]
-
-
-def _resolution(axis: Axis, period_s: float) -> str | None:
-    shown, unit = abs(axis.shown_per_unit), "deg" if axis.is_rotary else "mm"
-    noise = 4.0 / abs(axis.counts_per_unit) / period_s**3
-    share = noise / axis.limits.jerk
-    if share <= QUANTISATION_SHARE:
-        return None
-    needed = abs(axis.counts_per_unit) / shown * share / QUANTISATION_SHARE
-    return (
-        f"{axis.name}: rounding to counts at {period_s * 1e3:g} ms is worth a jerk of {noise * shown:.0f} "
-        f"{unit}/s3, {share:.0%} of its limit; {needed:.0f} counts per {unit} or a longer period is needed"
     )
 
 

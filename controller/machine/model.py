@@ -474,7 +474,12 @@ class Machine:
     straightness: tuple[Straightness, ...] = ()
     changer: Changer | None = None  # None: tools are changed by hand
     in_spindle: int = TOOL_AT_POWER_ON  # of a changer: the tool with which a program begins, 0 = none
+    sisters: tuple[tuple[int, int], ...] = ()  # of tools that are worn, and those that come in their place
     thermal_shift_mm: Vector = ZERO  # of X Y Z since the machine was calibrated: where the tool is too far
+
+    def comes(self, tool: int) -> int:
+        """Which tool M6 puts in for a T: its sister where it is worn and has one."""
+        return dict(self.sisters).get(tool, tool)
 
     def offset(self, index: int) -> Offset:
         """A work offset, as ``OFFSETS`` counts; one that nobody has set is the machine's zero."""

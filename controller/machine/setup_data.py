@@ -8,10 +8,12 @@ beside it, in one small file of the state folder, and laid over the machine when
      "shift": {"G92": {"origin_mm": [1, 0, 0], "rotary_deg": {}, "suspended": false}},
      "references": {"G28": {"X": 0, "Y": 0, "Z": 250, "A": 0, "C": 0}},
      "parameters": {"500": 12.5},
-     "pockets": {"3": 7}}
+     "pockets": {"3": 7},
+     "sisters": {"1": 11}}
 
-A tool that is null was taken out of the table. Which one is in the spindle is kept in a file of its own,
-for a backup that is brought back says nothing of it.
+A tool that is null was taken out of the table. Sisters stand in the record of a run alone, which goes on with
+those that it began with: T1 was worn, and T11 comes in its place. Which tool is in the spindle is kept in a
+file of its own, for a backup that is brought back says nothing of it.
 """
 
 from __future__ import annotations
@@ -41,7 +43,7 @@ from controller.machine.toml_table import ConfigError, Table
 FILE = "fitting.json"
 IN_SPINDLE = "in_spindle"
 MACHINE = "machine.json"  # the machine file that the service runs on, complete, for those beside it
-KINDS = ("offsets", "tools", "shift", "references", "parameters", "pockets")
+KINDS = ("offsets", "tools", "shift", "references", "parameters", "pockets", "sisters")
 SHORTEST_MM = -10_000.0  # G10 sets tools' lengths below 0, too, as against a longer one
 Values = Mapping[str, Any]
 
@@ -207,6 +209,13 @@ def with_pocket(machine: Machine, key: str, value: object) -> Machine:
     return replace(machine, changer=replace(machine.changer, pockets=tuple(pockets)))
 
 
+def with_sister(machine: Machine, key: str, value: object) -> Machine:
+    """A tool that comes in the place of a worn one. Raises ConfigError."""
+    table = Table("sisters", f"tool {key}", {"tool": int(key), "sister": value})
+    pair = table.integer("tool", 1, 99999), table.integer("sister", 1, 99999)
+    return replace(machine, sisters=(*machine.sisters, pair))
+
+
 def _laid_tool(machine: Machine, key: str, values: object) -> Machine:
     return with_tool(machine, int(key), values, SHORTEST_MM)
 
@@ -215,7 +224,7 @@ _LAID: Mapping[str, Callable[[Machine, str, object], Machine]] = MappingProxyTyp
     dict(
         zip(
             KINDS,
-            (with_offset, _laid_tool, with_shift, with_reference, with_parameter, with_pocket),
+            (with_offset, _laid_tool, with_shift, with_reference, with_parameter, with_pocket, with_sister),
             strict=True,
         )
     )

@@ -16,6 +16,7 @@ REFUSALS = {
     "client.reset": "Reset.",
     "client.enabled": "Enabled.",
     "client.disabled": "Disabled.",
+    "client.probed_csv": "{count} values written to {path}.",
     "client.probe_value": "{typed!r}: no value of a cycle; write its name, = and the value, as most=20.",
     "client.changer_confirmed": "Where the tools are is confirmed.",
     "client.changer_pocket": "The pocket is given; confirm where the tools are.",
@@ -72,6 +73,8 @@ REFUSALS = {
     "client.open": "open",
     # --- the status
     "client.no_tick": "no tick",
+    "client.no_service": "no service",
+    "client.last_told": "no service; what it told last, {ago} ago",
     "client.not_homed": "not homed",
     "client.single_block": "single block",
     "client.optional_stop": "optional stop",

@@ -16,6 +16,7 @@ REFUSALS = {
     "client.reset": "Zurückgesetzt.",
     "client.enabled": "Eingeschaltet.",
     "client.disabled": "Ausgeschaltet.",
+    "client.probed_csv": "{count} Werte nach {path} geschrieben.",
     "client.probe_value": "{typed!r}: kein Wert eines Zyklus; seinen Namen, = und den Wert, wie most=20.",
     "client.changer_confirmed": "Wo die Werkzeuge sind, ist bestätigt.",
     "client.changer_pocket": "Der Platz ist vergeben; bestätigen, wo die Werkzeuge sind.",
@@ -74,6 +75,8 @@ REFUSALS = {
     "client.open": "offen",
     # --- the status
     "client.no_tick": "kein Takt",
+    "client.no_service": "kein Dienst",
+    "client.last_told": "kein Dienst; was er vor {ago} zuletzt meldete",
     "client.not_homed": "nicht referenziert",
     "client.single_block": "Einzelsatz",
     "client.optional_stop": "wahlweiser Halt",

@@ -83,4 +83,8 @@ REFUSALS = {
     "records.largest": "largest difference",
     "records.at": "in row",
     "records.first": "apart from row",
+    # --- machine files
+    "machine.rounding": "{axis}: rounding to counts at {ms:g} ms is worth a jerk of {jerk:.0f} {unit}/s3, "
+    "{share:.0%} of its limit; {needed:.0f} counts per {unit} or a longer period is needed",
+    "machine.sound": "{machine}: the drives' data sheets have all that it needs, and its buses carry it.",
 }

@@ -88,4 +88,9 @@ REFUSALS = {
     "records.largest": "größte Abweichung",
     "records.at": "in Zeile",
     "records.first": "verschieden ab Zeile",
+    # --- Maschinendateien
+    "machine.rounding": "{axis}: Das Runden auf Inkremente bei {ms:g} ms macht einen Ruck von {jerk:.0f} "
+    "{unit}/s3, {share:.0%} der Grenze; nötig sind {needed:.0f} Inkremente je {unit} oder ein längerer Takt",
+    "machine.sound": "{machine}: Die Datenblätter der Antriebe haben alles, was sie braucht, und ihre Busse "
+    "tragen es.",
 }

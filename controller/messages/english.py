@@ -386,6 +386,8 @@ REFUSALS = {
     # --- what became of a program
     "given_up": "The {verb} was given up.",
     "service_ended": "The service was ended.",
+    "service_gone": "The controller's service is gone; these are its last figures. Find out what ended it, "
+    "start it again and home.",
     "stands_before": "The tool stands on the path before that block.",
     "beside": "By the drives' own count the tool came to rest {off_mm:.3f} mm beside the path near line "
     "{line}, its axis turned by {off_deg:.3f} degrees. Retract it by hand along its axis before "
@@ -393,6 +395,8 @@ REFUSALS = {
     "journal_unread": "{file}: the journal cannot be read ({why}); start at a line instead.",
     "journal_of_other_version": "{file}: is no journal of this version; start the program at a line instead.",
     # --- by what was interrupted
+    "interrupted": "{program} was interrupted at line {line} by the end of the controller's service; go on "
+    "from there, or load a program.",
     "not_interrupted": "There is no interrupted program to go on with; start one from its beginning or at a "
     "line.",
     "changed": "{program} cannot be gone on with at line {line}: {what} changed since it was interrupted; "
@@ -474,7 +478,10 @@ REFUSALS = {
     "probe_cycle": "cycle {found!r}: there is no such probing cycle; allowed are {allowed}.",
     "probe_value": "values {name!r}: {cycle} has no such value; allowed are {allowed}.",
     "probe_choice": "values {name} {found!r}: allowed are {allowed}.",
-    "probe_length": "values {name} {found!r}: must be {lowest:g} to {highest:g} mm and not 0; correct it.",
+    "probe_number": "values {name} {found!r}: must be {lowest:g} to {highest:g} {unit}; correct it.",
+    "probe_length": "values {name} {found!r}: must be {lowest:g} to {highest:g} {unit} and not 0; "
+    "correct it.",
+    "no_drawing": "{found!r}: no code of which there is a picture; there are {allowed}.",
     "probe_offset": "offset {found!r}: no offset that a cycle sets; allowed are {allowed}.",
     "no_changer": "This machine has no tool changer: its tools are changed by hand; describe one in "
     "[changer].",
@@ -501,6 +508,8 @@ REFUSALS = {
     "change_taken": "The tool change does not begin: pocket {pocket}, to which T{tool} belongs, is not free; "
     "confirm where the tools are.",
     "change_late": "{fails} Step {number} of {steps} of the tool change, {step}, does not end.",
+    "change_worn": "T{number} is to come into the spindle, and it is worn ({cut:.1f} min and {way:.1f} m of "
+    "cut, {parts} parts): give it a new edge and say so; Resume takes it as it is.",
     "change_late_do": "Resume waits once more; Stop ends the change, and then where the tools are is "
     "confirmed.",
     "changer_not_clear": "clear: confirm that you have looked, and that arm and magazine stand clear of the "
@@ -511,7 +520,9 @@ REFUSALS = {
     "not_in_thread": "The tool stands in no thread: there is nothing to withdraw.",
     "thread_unknown": "How the tool stands in its thread could not be read: turn it out by hand, then say "
     "that it is out.",
-    "tool_worn": "T{number} is worn ({cut:.1f} min of cut, {parts} parts): change it and say that it is new.",
+    "no_sister": "T{tool} has no sister T{value}: another tool of the table, or null for none.",
+    "tool_worn": "T{number} is worn ({cut:.1f} min and {way:.1f} m of cut, {parts} parts): change it and "
+    "say that it is new.",
     "maintenance_due": "Maintenance is due: {name} (every {every:g} {unit}). Do it, and say that it is done.",
     "no_counter": "counter {counter}: there is none; allowed are {allowed}.",
     "no_item": "maintenance {name}: there is no such job; make one with an interval.",

@@ -401,6 +401,8 @@ REFUSALS = {
     # --- what became of a program
     "given_up": "{verb} wurde aufgegeben.",
     "service_ended": "Der Dienst wurde beendet.",
+    "service_gone": "Der Dienst der Steuerung ist weg; dies sind seine letzten Werte. Herausfinden, was ihn "
+    "beendete, ihn neu starten und referenzieren.",
     "stands_before": "Das Werkzeug steht auf der Bahn vor diesem Satz.",
     "beside": "Nach der Zählung der Antriebe kam das Werkzeug {off_mm:.3f} mm neben der Bahn bei Zeile "
     "{line} zur Ruhe, seine Achse um {off_deg:.3f} Grad gedreht. Es zuerst von Hand entlang seiner Achse "
@@ -409,6 +411,8 @@ REFUSALS = {
     "journal_of_other_version": "{file}: ist kein Journal dieser Version; das Programm stattdessen an einer "
     "Zeile starten.",
     # --- by what was interrupted
+    "interrupted": "{program} wurde bei Zeile {line} durch das Ende des Dienstes der Steuerung unterbrochen; "
+    "dort fortsetzen oder ein Programm laden.",
     "not_interrupted": "Kein Programm ist unterbrochen; eines von vorn oder ab einer Zeile starten.",
     "changed": "{program} kann ab Zeile {line} nicht fortgesetzt werden: seit der Unterbrechung geändert: "
     "{what}; die Änderung rückgängig machen oder nach eigenem Urteil ab einer Zeile starten.",
@@ -491,7 +495,10 @@ REFUSALS = {
     "probe_cycle": "cycle {found!r}: einen solchen Messzyklus gibt es nicht; erlaubt sind {allowed}.",
     "probe_value": "values {name!r}: {cycle} hat keinen solchen Wert; erlaubt sind {allowed}.",
     "probe_choice": "values {name} {found!r}: erlaubt sind {allowed}.",
-    "probe_length": "values {name} {found!r}: mm von {lowest:g} bis {highest:g} und nicht 0; ändern.",
+    "probe_number": "values {name} {found!r}: muss {lowest:g} bis {highest:g} {unit} sein; ändern.",
+    "probe_length": "values {name} {found!r}: muss {lowest:g} bis {highest:g} {unit} und nicht 0 sein; "
+    "ändern.",
+    "no_drawing": "{found!r}: kein Code, von dem es ein Bild gibt; es gibt {allowed}.",
     "probe_offset": "offset {found!r}: kein Nullpunkt, den ein Zyklus setzt; erlaubt sind {allowed}.",
     "no_changer": "Diese Maschine hat keinen Werkzeugwechsler: Ihre Werkzeuge werden von Hand gewechselt; "
     "einen in [changer] beschreiben.",
@@ -523,6 +530,8 @@ REFUSALS = {
     "nicht frei; "
     "bestätigen, wo die Werkzeuge sind.",
     "change_late": "{fails} Schritt {number} von {steps} des Werkzeugwechsels, {step}, endet nicht.",
+    "change_worn": "T{number} soll in die Spindel und ist verschlissen ({cut:.1f} min und {way:.1f} m im "
+    "Schnitt, {parts} Teile): ihm eine neue Schneide geben und es melden; Fortsetzen nimmt es, wie es ist.",
     "change_late_do": "Fortsetzen wartet noch einmal; Stopp beendet den Wechsel, dann wird bestätigt, wo die "
     "Werkzeuge sind.",
     "changer_not_clear": "clear: bestätigen, dass Sie nachgesehen haben und Arm und Magazin die "
@@ -535,8 +544,10 @@ REFUSALS = {
     "not_in_thread": "Das Werkzeug steht in keinem Gewinde: Es gibt nichts herauszudrehen.",
     "thread_unknown": "Wie das Werkzeug im Gewinde steht, war nicht zu lesen: von Hand herausdrehen, dann "
     "melden, dass es draußen ist.",
-    "tool_worn": "T{number} ist verschlissen ({cut:.1f} min im Schnitt, {parts} Teile): wechseln und als neu "
-    "melden.",
+    "no_sister": "T{tool} hat keine Schwester T{value}: ein anderes Werkzeug der Tabelle, oder null für "
+    "keine.",
+    "tool_worn": "T{number} ist verschlissen ({cut:.1f} min und {way:.1f} m im Schnitt, {parts} Teile): "
+    "wechseln und als neu melden.",
     "maintenance_due": "Wartung ist fällig: {name} (alle {every:g} {unit}). Ausführen und "
     "als erledigt melden.",
     "no_counter": "Zähler {counter}: gibt es nicht; erlaubt sind {allowed}.",

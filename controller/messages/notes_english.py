@@ -12,6 +12,7 @@ REFUSALS = {
     "note.reads_input": "M66 without L, or with L0, reads an input for #5399, which no program can look at "
     "here; write L3 or L4 and Q to wait for it.",
     "note.no_shift": "G52 with zeros cancels a shift of coordinates; none is in force here.",
+    "note.sister": "T{tool} is worn: its sister T{sister} comes in its place.",
     "note.shift": "G52 without F shifts the coordinates of all work offsets from here on.",
     "note.shift_of_plane": "G52 without F shifts the coordinates of this tilted plane from here on.",
     "note.not_square": "{code} P{p} has X and Z of the plane {off:.4g} degrees apart: Z stays, X gives way "

@@ -12,6 +12,7 @@ REFUSALS = {
     "note.reads_input": "M66 ohne L, oder mit L0, liest einen Eingang nach #5399, den hier kein Programm "
     "ansehen kann; L3 oder L4 und Q schreiben, um auf ihn zu warten.",
     "note.no_shift": "G52 mit Nullen hebt eine Verschiebung der Koordinaten auf; hier gilt keine.",
+    "note.sister": "T{tool} ist verschlissen: Statt seiner kommt seine Schwester T{sister}.",
     "note.shift": "G52 ohne F verschiebt von hier an die Koordinaten aller Nullpunkte.",
     "note.shift_of_plane": "G52 ohne F verschiebt von hier an die Koordinaten dieser geschwenkten Ebene.",
     "note.not_square": "{code} P{p}: X und Z der Ebene stehen {off:.4g} Grad auseinander; Z bleibt, X gibt "

@@ -30,6 +30,8 @@ REFUSALS = {
     "the flute nothing is cut.",
     "note.left_out": "{count} motions beside surfaces were not held against them.",
     "note.no_surface": "The program cuts no surface (G51, G52, G6.2): there is nothing to hold it against.",
+    "note.not_cut": "The trace does not come to this surface, which is not judged: it begins behind it "
+    "or ends before it.",
     # --- travel
     "travel.beyond": "{axis} would reach {value:.3f} {unit}{where}, {by:.3f} {unit} beyond its travel of "
     "{low:.3f} to {high:.3f} {unit}; {advice}",

@@ -30,6 +30,8 @@ REFUSALS = {
     "note.left_out": "{count} Bewegungen neben den Flächen wurden nicht gegen sie geprüft.",
     "note.no_surface": "Das Programm schneidet keine Fläche (G51, G52, G6.2): es gibt nichts, woran es zu "
     "messen wäre.",
+    "note.not_cut": "Die Aufzeichnung kommt nicht zu dieser Fläche, sie wird nicht beurteilt: sie beginnt "
+    "dahinter oder endet davor.",
     # --- travel
     "travel.beyond": "{axis} käme{where} auf {value:.3f} {unit}, {by:.3f} {unit} außerhalb des Verfahrwegs "
     "von {low:.3f} bis {high:.3f} {unit}; {advice}",

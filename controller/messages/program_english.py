@@ -195,6 +195,8 @@ REFUSALS = {
     "value.expression": "the expression",
     "value.label": "the label",
     "value.unset": "#<{name}> has no value yet: set it on an earlier line with #<{name}>=value",
+    "value.vacant": "#{number} has no value yet, and on controls of this dialect that is not 0: set it on an "
+    "earlier line with #{number}=value",
     "value.of_the_machine": "#{number} cannot be set: parameters {first} to {last} are positions, "
     "offsets and tools of the machine and can only be read; use another number, and G10, G92 and G28.1 to "
     "set offsets, tools and reference points",
@@ -204,6 +206,13 @@ REFUSALS = {
     "positions, G10 to set offsets",
     "value.at_run": "#5399 is what M66 finds when the program runs, and the whole program is read "
     "before: write M66 with L1 to L4 and Q, which waits, and holds the program where nothing comes",
+    "value.no_probe": "{name} is of what touches, and T{tool} in the spindle is no probe: {known}; take the "
+    "probe in with T and M6, or measure the tool above the tool setter",
+    "value.no_setter": "{name} is of a tool setter, and the machine file has none: add [setter] with point_mm"
+    " and radius_mm",
+    "value.not_above": "{name} is the face of the tool setter, and the tool does not stand above it: it is "
+    "{off:.3f} mm beside its middle and may be {most:g}, with the rotaries at 0 (here {turned:.3f} degrees "
+    "at most); move to X{x:g} Y{y:g} of the machine (G53), the rotaries to 0",
     "value.not_known": "{name} is the position of {axis}, which is not known here: the reader is ahead "
     "of the machine and knows where the program's own moves lead, not where a surface leaves the tool; "
     "move the axis with G0 or G1 before",
@@ -214,6 +223,8 @@ REFUSALS = {
     "flow.too_many_arguments": "{mark} has {count} arguments: a sub takes up to {most}, as #1 to #30",
     "flow.no_label": "o with the value {value:g} calls nothing: a computed label is a whole number and "
     "goes with call only, as o[#1+100] call",
+    "flow.no_block": "{mark} leads to N{number:g}, and no line of this program, or of its sub, has that "
+    "number; add it, or correct the number",
     "flow.called_by_m98": "O{label} ends with M99: such a sub is called with M98 P{label}",
     "flow.no_sub": "there is no sub {label}: neither o{label} sub in this program nor a file of that "
     "name with it in the folder of programs; add it, or correct the name",
@@ -324,10 +335,11 @@ REFUSALS = {
     "offset.r_of_l20": "{word} is not taken by G10 L20: R turns an offset with L2; correct it",
     "offset.tilted": "{code} takes where the tool stands, which is told in a tilted plane here and not "
     "in the work offset; write G69 before it",
-    "offset.sets_nothing_fanuc": "{word} sets nothing here: G10 takes L2 P1 to P6 and L20 P1 to P48 "
-    "(work offsets), L10 to L13 P and the tool with R; write one of these",
-    "offset.sets_nothing": "{word} sets nothing here: G10 takes L2 and L20 P0 to P9 (work offsets), L1, "
-    "L10 and L11 P and the tool with Z and R; write one of these",
+    "offset.sets_nothing_fanuc": "{word} sets nothing here: G10 takes L2 P1 to P6, L20 P1 to P48 "
+    "and L120 P1 to P9 (work offsets), L10 to L13 P and the tool with R, L121 with Z and R; write one of "
+    "these",
+    "offset.sets_nothing": "{word} sets nothing here: G10 takes L2 and L20 P0 to P9, L120 P1 to P9 (work "
+    "offsets), L1, L121, L10 and L11 P and the tool with Z and R; write one of these",
     # --- surface
     "surface.not_nurbs": "{found}: G6.2 cuts a ruled surface between two NURBS curves; it stands alone "
     "with P and Q, the orders of the upper and the lower curve, and F unless one is modal; then, first for "

@@ -202,6 +202,8 @@ REFUSALS = {
     "value.expression": "der Ausdruck",
     "value.label": "die Marke",
     "value.unset": "#<{name}> hat noch keinen Wert: ihn in einer früheren Zeile mit #<{name}>=wert setzen",
+    "value.vacant": "#{number} hat noch keinen Wert, und an Steuerungen dieses Dialekts ist das nicht 0: ihn "
+    "in einer früheren Zeile mit #{number}=wert setzen",
     "value.of_the_machine": "#{number} kann nicht gesetzt werden: Parameter {first} bis {last} sind "
     "Positionen, Nullpunktverschiebungen und Werkzeuge der Maschine und nur zu lesen; eine andere Nummer "
     "verwenden, und G10, G92 und G28.1, um Nullpunkte, Werkzeuge und Referenzpunkte zu setzen",
@@ -212,6 +214,13 @@ REFUSALS = {
     "value.at_run": "#5399 ist, was M66 findet, wenn das Programm läuft, und das ganze Programm wird "
     "vorher gelesen: M66 mit L1 bis L4 und Q schreiben, das wartet und das Programm anhält, wenn nichts "
     "kommt",
+    "value.no_probe": "{name} ist von dem, was antastet, und T{tool} in der Spindel ist kein Taster: "
+    "{known}; den Taster mit T und M6 einwechseln, oder das Werkzeug über dem Werkzeugtaster messen",
+    "value.no_setter": "{name} ist von einem Werkzeugtaster, und die Maschinendatei hat keinen: [setter] mit "
+    "point_mm und radius_mm hinzufügen",
+    "value.not_above": "{name} ist die Fläche des Werkzeugtasters, und das Werkzeug steht nicht darüber: es "
+    "ist {off:.3f} mm neben ihrer Mitte und darf {most:g}, die Rundachsen auf 0 (hier höchstens "
+    "{turned:.3f} Grad); nach X{x:g} Y{y:g} der Maschine fahren (G53), die Rundachsen auf 0",
     "value.not_known": "{name} ist die Position von {axis}, die hier nicht bekannt ist: gelesen wird vor "
     "der Maschine her, und bekannt ist, wohin die Bewegungen des Programms führen, nicht, wo eine Fläche "
     "das Werkzeug lässt; die Achse vorher mit G0 oder G1 bewegen",
@@ -224,6 +233,8 @@ REFUSALS = {
     "#1 bis #30",
     "flow.no_label": "o mit dem Wert {value:g} ruft nichts: eine berechnete Marke ist eine ganze Zahl "
     "und steht nur mit call, etwa o[#1+100] call",
+    "flow.no_block": "{mark} führt zu N{number:g}, und keine Zeile dieses Programms oder seines "
+    "Unterprogramms hat diese Nummer; sie ergänzen, oder die Nummer berichtigen",
     "flow.called_by_m98": "O{label} endet mit M99: ein solches Unterprogramm wird mit M98 P{label} gerufen",
     "flow.no_sub": "es gibt kein Unterprogramm {label}: weder o{label} sub in diesem Programm noch eine "
     "Datei dieses Namens damit im Ordner der Programme; ergänzen, oder den Namen berichtigen",
@@ -346,10 +357,11 @@ REFUSALS = {
     "berichtigen",
     "offset.tilted": "{code} nimmt, wo das Werkzeug steht, und das wird hier in einer geschwenkten Ebene "
     "gesagt und nicht in der Nullpunktverschiebung; G69 davor schreiben",
-    "offset.sets_nothing_fanuc": "{word} setzt hier nichts: G10 nimmt L2 P1 bis P6 und L20 P1 bis P48 "
-    "(Nullpunktverschiebungen), L10 bis L13 P und das Werkzeug mit R; eines davon schreiben",
-    "offset.sets_nothing": "{word} setzt hier nichts: G10 nimmt L2 und L20 P0 bis P9 "
-    "(Nullpunktverschiebungen), L1, L10 und L11 P und das Werkzeug mit Z und R; eines davon schreiben",
+    "offset.sets_nothing_fanuc": "{word} setzt hier nichts: G10 nimmt L2 P1 bis P6, L20 P1 bis P48 "
+    "und L120 P1 bis P9 (Nullpunktverschiebungen), L10 bis L13 P und das Werkzeug mit R, L121 mit Z und R; "
+    "eines davon schreiben",
+    "offset.sets_nothing": "{word} setzt hier nichts: G10 nimmt L2 und L20 P0 bis P9, L120 P1 bis P9 "
+    "(Nullpunktverschiebungen), L1, L121, L10 und L11 P und das Werkzeug mit Z und R; eines davon schreiben",
     # --- surface
     "surface.not_nurbs": "{found}: G6.2 schneidet eine Regelfläche zwischen zwei NURBS-Kurven; es steht "
     "allein mit P und Q, den Ordnungen der oberen und der unteren Kurve, und F, wenn keins modal gilt; "

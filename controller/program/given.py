@@ -12,7 +12,8 @@ from collections.abc import Callable, Sequence
 from types import MappingProxyType
 
 from controller.geometry.vectors import Vector
-from controller.machine.model import Machine
+from controller.machine.model import Machine, Sensor
+from controller.messages import Key, said
 from controller.program.line import Line
 from controller.program.modal import State
 from controller.program.origins import NONE
@@ -31,6 +32,7 @@ _ANSWER = 5399
 _PROBED, _SUCCEEDED = range(5061, 5070), 5070
 _TURN = 9  # number of R behind the nine letters of a work offset
 _DEGREES = frozenset("abc")
+UPRIGHT_DEG = 0.01  # a rotary above the tool setter stands at 0: its face is 2 um off at 10 mm
 
 
 class Given:
@@ -40,6 +42,7 @@ class Given:
         self.state, self.position = state, position
         self._machine = machine
         self._probed: dict[str, float | None] = {}  # of the last probing move, as ``_in_part``
+        self._probed_z, self._touched = 0.0, False  # of the machine; whether that move was made
         self._succeeded = 0.0
 
     # ---- probing
@@ -54,6 +57,7 @@ class Given:
         if came is not None:
             position.stand(came.at)
         self._probed = {letter: self._in_part(letter) for letter in LETTERS[:6]}
+        self._probed_z, self._touched = self._joint("z") or 0.0, came is not None and came.touched
         self._succeeded = float(came is None or came.touched)
         if came is not None:
             position.stand(came.rest)
@@ -68,6 +72,54 @@ class Given:
         if found is None:
             raise _unknown(key, letter)
         return found if letter in _DEGREES else found / self.state.mm_per_unit
+
+    @property
+    def probed_z(self) -> float:
+        """Of the machine, mm: where the last probing move was."""
+        return self._probed_z
+
+    @property
+    def touched(self) -> float:
+        """1 where the last probing move has touched; 0 in a check, where it is taken to have."""
+        return float(self._touched)
+
+    # ---- the tool setter
+
+    def setter_radius(self) -> float:
+        """Of its face, mm. Raises NoValue."""
+        return self._setter("_setter_radius").radius_mm
+
+    def setter_z(self) -> float:
+        """How high its face lies, mm: where the tool stands above it. Raises NoValue."""
+        setter = self._setter("_setter_z")
+        x, y = (self._of_machine(letter, "_setter_z") * self.state.mm_per_unit for letter in "xy")
+        turned = max(abs(self._of_machine(letter, "_setter_z")) for letter in "abc")
+        off = math.hypot(x - setter.point[0], y - setter.point[1])
+        if off > setter.radius_mm or turned > UPRIGHT_DEG:
+            values = {"off": off, "most": setter.radius_mm, "turned": turned}
+            place = {"x": setter.point[0], "y": setter.point[1]}
+            raise NoValue("value.not_above", **{"name": "#<_setter_z>", **values, **place})
+        z: float = setter.point[2]
+        return z
+
+    def touch_radius(self) -> float:
+        """Of what touches, mm: of the probe's ball, or above the tool setter of the tool. Raises NoValue.
+
+        Any other tool would be led into the part, and nothing would tell.
+        """
+        tool, probe = self.state.modal.tool, self._machine.probe
+        if probe is None or tool != probe.tool:
+            try:
+                self.setter_z()
+            except NoValue:
+                known = Key("probe.is_none") if probe is None else said("probe.is_tool", number=probe.tool)
+                raise NoValue("value.no_probe", name="#<_touch_radius>", tool=tool, known=known) from None
+        return self.diameter / 2.0
+
+    def _setter(self, name: str) -> Sensor:
+        if (setter := self._machine.setter) is None:
+            raise NoValue("value.no_setter", name=f"#<{name}>")
+        return setter
 
     # ---- positions
 
@@ -255,6 +307,11 @@ _NAMED: MappingProxyType[str, Callable[[Given], float]] = MappingProxyType(
         "_feed_hold": lambda g: float(g.state.modal.overrides.stop),
         "_remap_level": lambda g: 0.0,
         "_task": lambda g: 1.0,
+        "_probed_z": lambda g: g.probed_z,
+        "_touched": lambda g: g.touched,
+        "_touch_radius": Given.touch_radius,
+        "_setter_radius": Given.setter_radius,
+        "_setter_z": Given.setter_z,
         # The LinuxCNC whose language this is; programs refuse to run under one that is too old for them.
         "_vmajor": lambda g: 2.9,
         "_vminor": lambda g: 0.0,

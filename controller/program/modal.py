@@ -16,7 +16,7 @@ from controller.program import output_words, planar_words, tool_change_words
 from controller.program.codes import SURFACES, Ask
 from controller.program.origins import Origins
 from controller.program.position import Known
-from controller.program.program import Act, Action, Await, Block, Dwell, Level, Modal, Side, Tip
+from controller.program.program import Act, Action, Await, Block, Dwell, Level, Modal, Remark, Side, Tip
 from controller.program.words import Word
 
 TIPS = MappingProxyType(
@@ -104,6 +104,11 @@ class State(NamedTuple):
         """The same as it is cut with: worn."""
         found = self.tool_as_told(number, machine)
         return None if found is None else found.worn
+
+    def named(self, number: int, machine: Machine) -> Tool | None:
+        """The tool that H or D means: the one in the spindle, where it has come in the place of that one."""
+        comes = machine.comes(number)
+        return self.tool(comes if comes == self.modal.tool else number, machine)
 
     def with_tool(self, number: int, machine: Machine) -> Modal:
         """The modal state with another tool in the spindle."""
@@ -260,7 +265,12 @@ class _Settings:
     def _select(self, word: Word) -> None:
         if word.value != 0.0:
             self._known_tool(word)
-        self.state = self.state._replace(selected=int(word.value))
+        number = int(word.value)
+        comes = self._machine.comes(number)
+        if comes != number:
+            told = said("note.sister", tool=number, sister=comes)
+            self.made.append(Remark(self.ask.place(word), self.state.modal, told))
+        self.state = self.state._replace(selected=comes)
 
     def _outputs(self) -> None:
         """M62, M63 and M67 count with the next motion, M64, M65, M68 and the machine's own codes at once."""
@@ -291,7 +301,7 @@ class _Settings:
 
     def _known_tool(self, word: Word) -> float:
         """Length of the tool that a T or H word names."""
-        tool = self.state.tool(self.ask.whole(word), self._machine)
+        tool = self.state.named(self.ask.whole(word), self._machine)
         if tool is None:
             raise self.ask.refusal(word, "tool.unknown", tools=tool_list(self._machine))
         return tool.length_mm

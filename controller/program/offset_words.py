@@ -2,6 +2,8 @@
 
 Under rs274 G10 reads as LinuxCNC has it, and G52 and G92 write the same shift. Under fanuc G10 L2 takes
 distances under G91, L20 means the offsets of G54.1, L10 to L13 take values, and G52 is a shift of its own.
+L120 is of both, for probing cycles: as L20 of rs274, and R turns the offset by so many degrees from the
+active one. One that nobody has set begins as the active one. L121 is L1 of rs274.
 """
 
 from __future__ import annotations
@@ -17,7 +19,7 @@ from controller.machine.model import MAX_WEAR_MM, OFFSETS, Machine, Offset, Shif
 from controller.messages import Key
 from controller.program.codes import Ask
 from controller.program.modal import State, tool_list
-from controller.program.origins import NONE, Origins, about, turned_about_z
+from controller.program.origins import NONE, Origins, about, turned_about_z, within
 from controller.program.position import Known, Position
 from controller.program.words import Word
 
@@ -105,11 +107,13 @@ def _g10(here: Here) -> State:
         raise _not_set(here, word)
     what, n = here.ask.whole(kind), here.ask.whole(number)
     fanuc = here.machine.dialect == "fanuc"
+    if what == 120 and 1 <= n <= 9:
+        return _set_from_active(here, n - 1)
     if what == 2 or (what == 20 and not fanuc):
         return _set_offset(here, _index(here, n), what == 20)
     if what == 20 and 1 <= n <= 48:
         return _set_offset(here, OFFSETS.index(f"G54.1 P{n}"), False)
-    if what in (_FANUC_TOOL if fanuc else (1, 10, 11)):
+    if what == 121 or what in (_FANUC_TOOL if fanuc else (1, 10, 11)):
         return _set_tool(here, what, n)
     raise _not_set(here, kind)
 
@@ -145,6 +149,21 @@ def _set_offset(here: Here, index: int, to_here: bool) -> State:
     return here.state.with_origins(origins.with_offset(index, offset), here.machine)
 
 
+def _set_from_active(here: Here, index: int) -> State:
+    """L120."""
+    _check_untilted(here, "G10 L120")
+    origins = here.state.origins
+    active = origins.offset(origins.index, here.machine)
+    if not origins.is_set(index, here.machine):
+        origins = origins.with_offset(index, active)
+        here = here._replace(state=here.state.with_origins(origins, here.machine))
+    offset = _offset_here(here, index, here.lengths_mm(), here.rotary_rad())
+    if (r := here.ask.words.get("R")) is not None:
+        turned = within(active.frame, about(ZERO, Z, math.radians(r.value)))
+        offset = replace(offset, frame=turned._replace(origin=offset.frame.origin))
+    return here.state.with_origins(origins.with_offset(index, offset), here.machine)
+
+
 def _check_untilted(here: Here, code: str) -> None:
     if here.state.origins.plane is not None:
         raise here.ask.refusal(here.ask.codes["one-line"][1], "offset.tilted", code=code)
@@ -177,11 +196,11 @@ def _offset_here(here: Here, index: int, xyz: Sequence[Known], rotary: Sequence[
 
 
 def _set_tool(here: Here, what: int, number: int) -> State:
-    tool = here.state.tool_as_told(number, here.machine)
+    tool, fanuc = here.state.tool_as_told(number, here.machine), here.machine.dialect == "fanuc"
     if tool is None:
         word = here.ask.words["P"]
         raise here.ask.refusal(word, "tool.unknown_here", tools=tool_list(here.machine))
-    changed = _fanuc_tool(here, what, tool) if here.machine.dialect == "fanuc" else _tool(here, what, tool)
+    changed = (_fanuc_tool if what in _FANUC_TOOL and fanuc else _tool)(here, what, tool)
     _check_tool(here, changed)
     state = here.state._replace(tools=MappingProxyType({**here.state.tools, number: changed}))
     if state.modal.tool == number:
@@ -201,12 +220,12 @@ def _check_tool(here: Here, tool: Tool) -> None:
 
 
 def _tool(here: Here, what: int, tool: Tool) -> Tool:
-    """L1: length Z and radius R; L10, L11: the length with which Z reads as said, now or in G59.3.
+    """L1, L121: length Z and radius R; L10, L11: the length with which Z reads as said, now or in G59.3.
 
     What is measured anew is worn no more.
     """
     z, r = here.length_mm("Z"), here.length_mm("R")
-    if z is not None and what != 1:
+    if z is not None and what in (10, 11):
         _check_untilted(here, f"G10 L{what}")
         modal = here.state.modal
         if what == 11:

@@ -143,7 +143,7 @@ class CommonLines:
                 continue
             code, feed = parts[MOTION], parts[FEED]
             at = MOTION if code is not None else AXES if parts[AXES] is not None else _first(parts)
-            place = _new(Place, (number, found.start(at + 1), 0, ()))
+            place = _new(Place, (number, found.start(at + 1), 0, (), "", 0))
             motion = now.motion if code is None else _MOTIONS[code]
             if feed is not None:
                 ready = self._family.by_words.get((motion, feed))

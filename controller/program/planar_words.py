@@ -82,7 +82,7 @@ def _radius(ask: Ask, number: Word | None, state: State, machine: Machine) -> fl
     whole = ask.whole(number)
     if whole == 0 and machine.dialect == "fanuc":
         return 0.0
-    found: Tool | None = state.tool(whole, machine) if whole else state.modal.tool_in(machine)
+    found: Tool | None = state.named(whole, machine) if whole else state.modal.tool_in(machine)
     if found is None:
         known = " ".join(f"D{tool.number}" for tool in machine.tools) or "none"
         raise ask.refusal(number, "beside.no_tool", known=known)

@@ -7,7 +7,7 @@ Page, REST and command line ask for a cycle by name; what runs is the program th
     o<probe_bore> call [20] [2]
 
 The work offset that is to be set is the active one meanwhile, so what is told is in its coordinates, as they
-were; one that nobody has set yet cannot be, and G54 is.
+were; one that nobody has set yet cannot be, and G54 is. Cycles on the tool setter set the tool, no offset.
 """
 
 from __future__ import annotations
@@ -23,17 +23,20 @@ from controller.program import linked
 TOWARDS = {"X+": (1, 0), "X-": (-1, 0), "Y+": (0, 1), "Y-": (0, -1)}
 CORNERS = {"X+Y+": (1, 1), "X+Y-": (1, -1), "X-Y+": (-1, 1), "X-Y-": (-1, -1)}
 AXES = {"X": (1, 0), "Y": (0, 1)}
-CHOICES = {"towards": TOWARDS, "corner": CORNERS, "axis": AXES}
+KEEPS = {"no": (0,), "yes": (1,)}  # in the tool table
+CHOICES: Mapping[str, Mapping[str, tuple[int, ...]]]
+CHOICES = {"towards": TOWARDS, "corner": CORNERS, "axis": AXES, "keep": KEEPS}
 NONE = "none"
 SETTABLE = (NONE, *OFFSETS[:9])  # which offset a cycle may set: G10 P1 to P9
 
 
 class Length(NamedTuple):
-    """A value in mm, with its bounds and what it is where nothing is said."""
+    """A value with its bounds and what it is where nothing is said; 0 only where it is the lowest."""
 
     lowest: float
     highest: float
     usual: float
+    unit: str = "mm"
 
 
 LENGTHS = {
@@ -43,6 +46,8 @@ LENGTHS = {
     "down": Length(0.1, 200.0, 10.0),
     "beside_x": Length(-500.0, 500.0, 20.0),
     "beside_y": Length(-500.0, 500.0, 20.0),
+    "turning": Length(0.0, 5000.0, 0.0, "1/min"),
+    "within": Length(0.001, 10.0, 0.1),
 }
 CYCLES: dict[str, tuple[str, ...]] = {  # the values of each in the order of its program's
     "top": ("most",),
@@ -54,7 +59,13 @@ CYCLES: dict[str, tuple[str, ...]] = {  # the values of each in the order of its
     "web": ("axis", "half", "down", "most"),
     "plane": ("beside_x", "beside_y", "most"),
     "angle": ("towards", "along", "most"),
+    "tool_length": ("most", "turning", "keep"),
+    "tool_radius": ("half", "down", "most", "turning", "keep"),
+    "tool_check": ("most", "turning", "within"),
 }
+
+
+ON_SETTER = ("tool_length", "tool_radius", "tool_check")  # of the tool in the spindle; they set no offset
 
 
 class CycleRefused(Exception):
@@ -67,7 +78,10 @@ class CycleRefused(Exception):
 
 def listed() -> list[dict[str, Any]]:
     """Every cycle with its values: what each may be, and is where it is not said."""
-    return [{"name": name, "values": [_facts(value) for value in values]} for name, values in CYCLES.items()]
+    return [
+        {"name": name, "values": [_facts(value) for value in values], "sets": name not in ON_SETTER}
+        for name, values in CYCLES.items()
+    ]
 
 
 def picture(cycle: str) -> str | None:
@@ -87,12 +101,14 @@ def program(cycle: object, values: Mapping[str, Any], offset: object, unset: Col
         raise _refused("probe_cycle", found=cycle, allowed=CYCLES)
     if foreign := sorted(set(values) - set(wanted)):
         raise _refused("probe_value", name=foreign[0], cycle=cycle, allowed=wanted)
-    if offset not in SETTABLE:
-        raise _refused("probe_offset", found=offset, allowed=SETTABLE)
+    settable = SETTABLE[:1] if cycle in ON_SETTER else SETTABLE
+    if offset not in settable:
+        raise _refused("probe_offset", found=offset, allowed=settable)
     numbers = [number for name in wanted for number in _numbers(name, values.get(name))]
-    set_it = SETTABLE.index(str(offset))
+    if cycle not in ON_SETTER:
+        numbers.append(SETTABLE.index(str(offset)))
     active = OFFSETS[0] if offset in (NONE, *unset) else offset
-    call = " ".join(f"[{Decimal(f'{number:.12g}'):f}]" for number in (*numbers, set_it))
+    call = " ".join(f"[{Decimal(f'{number:.12g}'):f}]" for number in numbers)
     text = f"G21 G90 G94 G40 {active} G43\no<probe_{cycle}> call {call}\n"
     return bytes(linked.linked(text.encode(), lambda _: None))
 
@@ -100,7 +116,7 @@ def program(cycle: object, values: Mapping[str, Any], offset: object, unset: Col
 def _facts(name: str) -> dict[str, Any]:
     if (choices := CHOICES.get(name)) is not None:
         return {"name": name, "choices": list(choices), "usual": next(iter(choices))}
-    return {"name": name, "unit": "mm", **LENGTHS[name]._asdict()}
+    return {"name": name, **LENGTHS[name]._asdict()}
 
 
 def _numbers(name: str, value: object) -> tuple[float, ...]:
@@ -116,11 +132,12 @@ def _numbers(name: str, value: object) -> tuple[float, ...]:
     if (
         isinstance(value, int | float)
         and not isinstance(value, bool)
-        and value != 0.0
+        and (value != 0.0 or length.lowest == 0.0)
         and length.lowest <= value <= length.highest
     ):
         return (float(value),)
-    raise _refused("probe_length", name=name, found=value, **length._asdict())
+    key = "probe_length" if length.lowest < 0.0 else "probe_number"
+    raise _refused(key, name=name, found=value, **length._asdict())
 
 
 def _refused(key: str, allowed: Any = (), **values: object) -> CycleRefused:

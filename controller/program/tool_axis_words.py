@@ -64,7 +64,7 @@ def _with_length(here: Here, state: State) -> State:
     if word is None or here.ask.code("length"):
         return state
     tool, number = None, here.ask.whole(word)
-    if number and (tool := state.tool(number, here.machine)) is None:
+    if number and (tool := state.named(number, here.machine)) is None:
         raise here.ask.refusal(word, "tool.unknown_here", tools=tool_list(here.machine))
     return state._replace(modal=replace(state.modal, length_mm=tool.length_mm if tool is not None else 0.0))
 

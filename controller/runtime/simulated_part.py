@@ -137,7 +137,11 @@ def _sphere(table: Table) -> Distance:
 def _cylinder(table: Table) -> Distance:
     """``centre_mm`` is that of its end face, ``direction`` points out of it, ``height_mm`` goes down."""
     centre, direction = table.vector("centre_mm"), _direction(table, "direction")
-    radius, height = table.positive("radius_mm"), table.positive("height_mm")
+    return cylinder(centre, direction, table.positive("radius_mm"), table.positive("height_mm"))
+
+
+def cylinder(centre: Vector, direction: Vector, radius: float, height: float) -> Distance:
+    """Of millimetres; see ``_cylinder``."""
 
     def distance(p: Vector) -> float:
         v = subtract(p, centre)

@@ -10,6 +10,10 @@
     scatter_mm = 0.0005         # standard deviation from touch to touch
     seed = 1
 
+    [tool]                      # the one that touches the tool setter, as it truly is: an end mill
+    length_mm = 60.0
+    radius_mm = 3.0
+
     [[axis]]                    # where the machine differs from its file
     name = "C"
     point_mm = [0.1, -0.2, 0.0] # its axis is so far off ...
@@ -29,9 +33,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from controller.geometry.vectors import Vector, X, Y, Z, add, dot, norm, rotate, scale, subtract, unit
+from controller.geometry.vectors import Frame, Vector, X, Y, Z, add, dot, norm, rotate, scale, subtract, unit
 from controller.machine.kinematics import kinematics_of
-from controller.machine.model import Joints, Machine
+from controller.machine.model import Joints, Machine, Sensor
 from controller.machine.toml_table import Table, parse, read_text
 from controller.runtime import simulated_part
 from controller.runtime.simulated_part import Part
@@ -41,6 +45,7 @@ from drives.simulated.io_node import IoNode
 NEAR_MM = 0.2  # nearer than that the direction of the contact is looked at
 EXACT_MM = 1e-8
 MOST_STEPS = 60
+SETTER_MM = 30.0  # so far down the side of a tool setter is
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,6 +83,7 @@ class Bench:
     probe: Nature
     machine: Machine  # as it truly is
     lost: tuple[Lost, ...]
+    setter: Bench | None = None  # the tool setter and the tool that touches it
 
 
 def load(path: Path, machine: Machine) -> Bench:
@@ -88,9 +94,19 @@ def load(path: Path, machine: Machine) -> Bench:
 def read(top: Table, machine: Machine, folder: Path) -> Bench:
     probe = _nature(top.table("probe", "[probe]", optional=True), machine)
     true, lost = _hidden(top, machine)
+    tool = _tool(top.table("tool", "[tool]"), machine.setter) if machine.setter and top.has("tool") else None
     part = simulated_part.read(top, machine, folder)
     top.finish()
-    return Bench(part, probe, true, lost)
+    setter = None if tool is None else Bench(*tool, true, lost)
+    return Bench(part, probe, true, lost, setter)
+
+
+def _tool(table: Table, setter: Sensor) -> tuple[Part, Nature]:
+    """The middle of its end face, and what that may not go into: the setter, wider by the tool's radius."""
+    length, radius = table.positive("length_mm"), table.positive("radius_mm")
+    table.finish()
+    wide = simulated_part.cylinder(setter.point, Z, setter.radius_mm + radius, SETTER_MM)
+    return Part("setter", Frame(), (wide,), ()), Nature(length, 0.0)
 
 
 def _nature(table: Table, machine: Machine) -> Nature:
@@ -244,15 +260,20 @@ class Wired:
     """Drives and inputs that see what the probe touches; call ``watch`` when the motors have moved."""
 
     def __init__(
-        self, bench: Bench, machine: Machine, drives: Sequence[SimulatedDrive], io: IoNode | None
+        self,
+        bench: Bench,
+        machine: Machine,
+        drives: Sequence[SimulatedDrive],
+        io: IoNode | None,
+        sensor: Sensor | None,
     ) -> None:
-        """``drives`` in the order of the axes."""
+        """``drives`` in the order of the axes; ``sensor``: the machine's probe, or its tool setter."""
         self.touched = Touched(bench)
         self.stuck: bool | None = None  # what the input shows, whatever is touched; None: the touch
         self._drives, self._io = drives, io
         self._counts = tuple(axis.counts_per_unit for axis in machine.axes)
         self._before = [drive.motor_counts for drive in drives]
-        sensor = machine.probe
+        self._latched = sensor is machine.probe or (sensor is not None and sensor.latch_tpdo > 0)
         self._bit = machine.io.input(sensor.input) if sensor is not None and machine.io is not None else None
         self._inverted = sensor is not None and machine.io is not None and sensor.input in machine.io.inverted
 
@@ -263,7 +284,7 @@ class Wired:
         motors = tuple([counts / per for counts, per in zip(now, self._counts, strict=True)])
         share = self.touched.look(motors)
         if share is not None and self.stuck is None:
-            for drive, a, b in zip(self._drives, self._before, now, strict=True):
+            for drive, a, b in zip(self._drives, self._before, now, strict=True) if self._latched else ():
                 drive.strike(self.touched.closed, a + share * (b - a), now_s)
             self.show(self.touched.closed, now_s)
         self._before = now

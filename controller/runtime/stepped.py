@@ -191,8 +191,11 @@ class SteppedMachine:
         from controller.runtime.simulated_probe import Wired
 
         drives = [self.rig.drives[axis.name] for axis in self.machine.axes]
-        touch = Wired(bench, self.machine, drives, next(iter(self.rig.io.values()), None))
+        io = next(iter(self.rig.io.values()), None)
+        touch = Wired(bench, self.machine, drives, io, self.machine.probe)
         self.rig.watchers.append(touch.watch)
+        if bench.setter is not None:
+            self.rig.watchers.append(Wired(bench.setter, self.machine, drives, io, self.machine.setter).watch)
         return touch
 
     def _take_arranged(self, found: tuple[Arranged, ...]) -> None:

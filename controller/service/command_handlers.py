@@ -78,6 +78,7 @@ class Desk:
             "reset": self._reset,
             "mdi": self._mdi,
             "probe": self._probe,
+            "probed": lambda _: {"found": service.probed.told()},
             "retract": self._retract,
             "withdraw": self._withdraw,
             "return": lambda _: self._aside("return"),
@@ -302,7 +303,7 @@ class Desk:
             job = jobs.read(args, service.machine)
             if args.get("restart") is True:
                 job = restart_preview.gone_on_with(service, job)
-            service.job = job
+            service.job, service.interrupted = job, None
             try:
                 return sequences.load(service, job)
             except CommandRefused as error:
@@ -313,7 +314,7 @@ class Desk:
 
     def _unload(self, _: Values) -> Values:
         preconditions.not_running(self._service, "UNLOAD")
-        self._service.job = None
+        self._service.job = self._service.interrupted = None
         return {}
 
     def _start(self, args: Values) -> Answer:
@@ -332,7 +333,7 @@ class Desk:
         self._permitted(Request.START)
         preconditions.not_in_thread(self._service, "START")
         if args.get("worn") is not True:
-            usage.check_worn(service.usage, service.tool, job.program.name)
+            usage.check_worn(service.usage, service.tool, job.program.name, service.tool_numbers)
         return self._begin("start", job, args.get("unrecorded") is True)
 
     def _begin(self, name: str, job: Job, unrecorded: bool = False) -> Answer:

@@ -20,12 +20,14 @@ from controller.program import linked, probing_cycles
 from controller.runtime.starts import Start
 from controller.service import journal
 from controller.service.planner_client import News, Program, Said, Way
+from controller.service.probed import found
 from controller.service.refusals import number, refused, whole
 from controller.state.modes import Mode
 
 MDI = "MDI"
 MAX_BYTES = 1 << 30  # of a program
 MAX_TYPED = 1000  # bytes of a line typed by hand that are told
+INTERRUPTED = "interrupted"  # by the end of its service; it is not loaded
 UNDER_WAY = ("starting", "running", "held", "stopping")
 _STATES = {
     Mode.READY: "stopping",  # at its end already, and about to be filed
@@ -70,6 +72,7 @@ class Job:
     nominal_s: float = 0.0  # of that run, before the place where the tool is
     last: Snapshot | None = None  # of the program's own motions
     messages: list[str] = field(default_factory=list)  # what the program said last
+    found: list[dict[str, Any]] = field(default_factory=list)  # of that the results of probing cycles
     fitted: dict[str, Any] = field(default_factory=dict)  # with which it was started ...
     tools: tuple[Tool, ...] = ()  # ... and the tool table as it has made it since
     _due: deque[Said] = field(default_factory=deque)  # what it will say
@@ -95,7 +98,7 @@ class Job:
         self._passed = 0
         self.changes.clear()
         self._due.clear()
-        self._reached, self.messages = -1, []
+        self._reached, self.messages, self.found = -1, [], []
         self.news = News(finished=False)
         self.state, self.said = "starting", None
         self.taken = self.refused = self.lost = False
@@ -147,10 +150,17 @@ class Job:
 
     def known(self, motion_id: int, s: float) -> journal.Known:
         """Of a place, for the journal."""
-        place = self.place(motion_id, s)
+        place, way = self.place(motion_id, s), self.ways.get(motion_id)
         return journal.Known(
-            self.fraction(motion_id, s), passed_s(self.marks, place) if place else None, self.duration_s
+            self.fraction(motion_id, s),
+            passed_s(self.marks, place) if place else None,
+            self.duration_s,
+            self._elapsed_s(self.last) if self.last is not None else None,
+            way.in_block(s) if way is not None else None,
         )
+
+    def _elapsed_s(self, now: Snapshot) -> float:
+        return max(0.0, now.plan_time_s - self.origin_s)
 
     def hear(self, news: News) -> None:
         """What the plan tells while it runs."""
@@ -188,6 +198,7 @@ class Job:
             changes += said.changes
             if said.text:
                 self.messages = [*self.messages, said.text][-MAX_MESSAGES:]
+                self.found += filter(None, [found(said.text)])
         return changes
 
     def _is_due(self, said: Said, now: Snapshot) -> bool:
@@ -231,7 +242,7 @@ class Job:
             "fraction": self._share(),
             "blocks": self.blocks,
             "duration_s": self.duration_s,
-            "elapsed_s": max(0.0, now.plan_time_s - self.origin_s) if shown else None,
+            "elapsed_s": self._elapsed_s(now) if shown else None,
             "left_s": left_s,
             "checking": self.news.checking,
             "message": self.messages[-1] if self.messages else None,
@@ -294,6 +305,33 @@ def read(args: dict[str, Any], machine: Machine) -> Job:
     text = linked.without_deleted(text) if skips else text
     program = Program(text, name, machine, spot, dry_run_mm=dry_run_mm, unchecked=unchecked)
     return Job(program, found, block_delete=skips)
+
+
+def interrupted(entry: journal.Entry) -> dict[str, Any]:
+    """As ``to_dict``, of what a service before this one ran and did not end: where it was."""
+    said = catalogue.said("interrupted", program=entry.job.name, line=entry.spot.line)
+    return {
+        "name": entry.job.name,
+        "sha256": entry.job.program_sha256,
+        "text": None,
+        "state": INTERRUPTED,
+        "line": entry.spot.line,
+        "restart": [],
+        "dry_run_mm": entry.job.dry_run_mm or None,
+        "block_delete": False,
+        "block": entry.spot.motion_id if entry.spot.motion_id >= 0 else None,
+        "fraction": entry.done,
+        "blocks": None,
+        "duration_s": entry.duration_s,
+        "elapsed_s": entry.elapsed_s,
+        "left_s": entry.left_s,
+        "checking": None,
+        "message": None,
+        "messages": [],
+        "notes": [],
+        "verdict": None,
+        **catalogue.facts(said),
+    }
 
 
 def _files(args: dict[str, Any]) -> dict[str, Any]:

@@ -88,6 +88,18 @@ class Entry:
     ended: bool = False  # nothing is left of the program
     passed_s: float | None = None  # of a whole run at 100 %, before the place; None: not known ...
     duration_s: float | None = None  # ... and what it takes in all
+    elapsed_s: float | None = None
+    in_block: dict[str, Any] | None = None
+
+    @property
+    def done(self) -> float | None:
+        """Share of a whole run at 100 %."""
+        return None if self.passed_s is None or not self.duration_s else self.passed_s / self.duration_s
+
+    @property
+    def left_s(self) -> float | None:
+        """Of a whole run at 100 %."""
+        return None if self.passed_s is None or not self.duration_s else self.duration_s - self.passed_s
 
 
 class Known(NamedTuple):
@@ -96,6 +108,8 @@ class Known(NamedTuple):
     fraction: float = 0.0
     passed_s: float | None = None
     duration_s: float | None = None
+    elapsed_s: float | None = None  # since the start, as it was run
+    in_block: dict[str, Any] | None = None  # what the motion was, the share of it that was done, and u
 
 
 def unknown(motion_id: int, s: float) -> Known:
@@ -313,8 +327,7 @@ class Journal:
             now.homed,
             time.time(),
             ended,
-            known.passed_s,
-            known.duration_s,
+            *known[1:],
         )
         self._written_s = self._clock()
         try:

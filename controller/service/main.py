@@ -11,7 +11,7 @@ from controller.ipc import control_socket
 from controller.machine.model import Machine
 from controller.runtime import children
 from controller.runtime.startup import SessionError
-from controller.service import engine, pendant
+from controller.service import engine, pendant, whole_status
 from controller.service.command_handlers import Desk
 from controller.service.folders import Folders
 from controller.service.service import POLL_S, Service
@@ -61,6 +61,7 @@ def opened(machine: Machine, kept: Folders, runtime: Path, group: str = "") -> I
     Somebody has to ``watch`` it. Raises what ``run`` does.
     """
     service = Service(machine, kept)
+    last = whole_status.Kept(service).begin()
     try:
         service.engine.start_hubs()
         with_door = Server(control_socket.control_path(runtime), Desk(service), group)
@@ -72,6 +73,7 @@ def opened(machine: Machine, kept: Folders, runtime: Path, group: str = "") -> I
             with_door.close()
     finally:
         service.close()
+        last.close()
 
 
 def watch(

@@ -112,6 +112,11 @@ class Way:
             return 0.0
         return part_at(self.lines, s)[1]
 
+    def in_block(self, s: float) -> dict[str, Any]:
+        """What the motion is, the share of it that is done at ``s``, and on a surface its parameter u."""
+        done = min(1.0, max(0.0, s / self.end_s)) if self.end_s > 0.0 else 0.0
+        return {"what": self.name, "fraction": done, "u": self.arc.u_at(s) if self.arc is not None else None}
+
 
 @dataclass(frozen=True, slots=True)
 class Said:

@@ -40,21 +40,14 @@ def restart(service: Service) -> dict[str, Any]:
         "line": entry.spot.line,
         "fraction": entry.spot.fraction,
         "exact": entry.exact,
-        "done": _share(entry),
-        "left_s": entry.duration_s - entry.passed_s
-        if entry.passed_s is not None and entry.duration_s
-        else None,
+        "done": entry.done,
+        "left_s": entry.left_s,
         "tool": entry.tool,
         "mode": entry.mode,
         "fault": None if entry.fault == "NONE" else entry.fault,
         "dry_run_mm": entry.job.dry_run_mm or None,
         "interrupted_s": entry.time_s,
     }
-
-
-def _share(entry: journal.Entry) -> float | None:
-    """Of a whole run at 100 % that is done."""
-    return entry.passed_s / entry.duration_s if entry.passed_s is not None and entry.duration_s else None
 
 
 def _trusted(service: Service) -> tuple[int, int]:

@@ -78,6 +78,7 @@ class RunRecord:
         self.machine, self.what = machine, what
         self.began = False  # the tick has taken the start
         self.stopped = False  # by an operator
+        self.found: list[dict[str, Any]] = []  # by probing cycles
         self.last_tick = -1
         self._cut_ticks = 0
         axes = len(machine.axes)
@@ -275,6 +276,7 @@ class RunRecord:
             "first_tick": self.first_tick,
             "cut_time_s": self._cut_ticks * self.machine.period_s,
             "following_error": {a.name: e for a, e in zip(self.machine.axes, shown, strict=True)},
+            **({"found": self.found} if self.found else {}),
             **more,
         }
         try:

@@ -156,7 +156,11 @@ def _arm(service: Service, job: Job) -> None:
     if now.queue_end_s > now.plan_time_s + service.machine.period_s:
         _drop(service)
     with service.fitting:
-        job.program, job.fitted = replace(job.program, machine=service.machine), service.fitted
+        machine, job.fitted = service.machine, service.fitted
+        if sisters := service.usage.sisters(service.tool_numbers):
+            job.fitted = {**job.fitted, "sisters": sisters}
+            machine = replace(machine, sisters=tuple((int(tool), one) for tool, one in sisters.items()))
+        job.program = replace(job.program, machine=machine)
         if job.entry is not None:
             restart_preview.look_again(service, job)
         service.arming(job)

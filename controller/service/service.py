@@ -34,7 +34,7 @@ from controller.runtime.recording import Keeper
 from controller.runtime.starts import Start
 from controller.runtime.startup import SessionError
 from controller.service import alarms as alarm_values
-from controller.service import journal, runs
+from controller.service import jobs, journal, runs
 from controller.service.alarms import Alarms
 from controller.service.engine import Engine
 from controller.service.fault_reporter import Troubles
@@ -43,6 +43,7 @@ from controller.service.jobs import Job
 from controller.service.journal import Journal
 from controller.service.node_status import LastFrames
 from controller.service.planner_client import News, Program
+from controller.service.probed import Probed
 from controller.service.refusals import refused
 from controller.service.runs import Rows, RunRecord
 from controller.service.sequencer import Sequencer
@@ -76,6 +77,7 @@ class Service:
         self.machine = setup_data.applied(machine, self.fitted)  # as programs see it
         self.alarms = Alarms(state)
         self.usage = Usage(state, machine)
+        self.probed = Probed(state)
         self.thread = ThreadGuard(state)
         self.sequencer = Sequencer(self._failed)
         self.job: Job | None = None  # the loaded program
@@ -94,6 +96,8 @@ class Service:
         self._over = threading.Event()
         threading.Thread(target=self._sync_records, name="sync", daemon=True).start()
         self.journal = Journal(state / JOURNAL)
+        entry, _ = journal.read(state / JOURNAL)
+        self.interrupted = entry if entry is not None and not entry.ended else None  # until another is loaded
         self._folder = tempfile.TemporaryDirectory(prefix="directrix-")
         self.engine = Engine(machine, Path(self._folder.name), kept, self._hear)
         self.changer = self._with_changer(state)
@@ -109,7 +113,8 @@ class Service:
         if self.machine.changer is None:
             return None
         store = ToolStore(state / tool_store.FILE)
-        made = ToolChanger(store, self._changer, self.engine, self.alarms.add, self.machine.period_s)
+        worn = self.usage.worn
+        made = ToolChanger(store, self._changer, self.engine, self.alarms.add, self.machine.period_s, worn)
         self.tool = _in_spindle(made)
         return made
 
@@ -168,7 +173,7 @@ class Service:
         self.engine.end_run()
         self.sequencer.wait()
         self._over.set()
-        self._end_job("interrupted", said("service_ended"))
+        self._end_job(jobs.INTERRUPTED, said("service_ended"))
         self._records.shutdown(wait=True)
         self._save_usage(at_once=True)
         self._close_listener()
@@ -261,6 +266,11 @@ class Service:
             if self.record is not None:
                 self.record.begins(start, job.program, job.fitted)
             self.running = job
+
+    @property
+    def tool_numbers(self) -> list[int]:
+        """Of the tool table as it is now."""
+        return [tool.number for tool in self.machine.tools]
 
     def with_tools(self, job: Job) -> dict[str, Any]:
         """What the program was started with, and the tools that the operator has changed since."""
@@ -473,7 +483,13 @@ class Service:
             self._end_job("completed" if whole else "refused" if job.refused else "stopped", job.said)
 
     def _set(self, job: Job, changes: list[Change], now: Snapshot) -> None:
-        """What the program has set by now is so from now on, for whatever comes after it."""
+        """What the program has set by now is so from now on, for whatever comes after it; found, too."""
+        if job.found:
+            self.probed.add(job.program.name, job.found)
+            if self.record is not None:
+                self.record.found += job.found
+            job.found = []
+            self._records.submit(self.probed.save)
         if not changes:
             return
         with self.fitting:

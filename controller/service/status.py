@@ -48,7 +48,7 @@ def machine_values(
         **tip(machine, now, way, in_spindle),
         "feed_mm_min": {"programmed": _programmed(now, way), **told["feed_mm_min"]},
         "limited_by": _limited_by(machine, now),
-        "in_block": in_block(now, way),
+        "in_block": way.in_block(now.s) if way is not None else None,
         "codes": list(way.codes) if way is not None else [],
         "coolant": {"mist": bool(now.coolant & 1), "flood": bool(now.coolant & 2)},
         "inputs": _bits(machine.io.inputs if machine.io else (), now.inputs),
@@ -92,7 +92,7 @@ def unseen(told: Mapping[str, Any]) -> dict[str, Any]:
 def not_begun(told: Mapping[str, Any]) -> dict[str, Any]:
     """A status by ``blank``, before the first tick: every field is there, and none is known."""
     drives = [{**unknown(row), **{key: row[key] for key in _NAMES}} for row in told["drives"]]
-    kept = {key: told[key] for key in ("mode", "not_homed", "job", "tool")}
+    kept = {key: told[key] for key in ("mode", "not_homed", "job", "in_block", "tool")}
     return {**unknown(told), **kept, "on_table": None, "drives": drives}
 
 
@@ -208,14 +208,6 @@ def retract_room_mm(machine: Machine, now: Snapshot) -> float | None:
         return None
     room_mm = room_along_axis(now.joints, machine, kinematics_of(machine))
     return math.floor(room_mm * 1e3) / 1e3
-
-
-def in_block(now: Snapshot, way: Way | None) -> dict[str, Any] | None:
-    """What the motion under way is, the share of it that is done, and on a surface its parameter u."""
-    if way is None:
-        return None
-    done = min(1.0, max(0.0, now.s / way.end_s)) if way.end_s > 0.0 else 0.0
-    return {"what": way.name, "fraction": done, "u": way.arc.u_at(now.s) if way.arc is not None else None}
 
 
 def _programmed(now: Snapshot, way: Way | None) -> float | None:

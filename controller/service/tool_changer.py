@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import sqlite3
 import threading
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any, Protocol
 
 from controller.ipc.handoff import Snapshot
@@ -48,10 +48,14 @@ class ToolChanger:
         tick: Tick,
         tell: Callable[[str, Said], object],
         period_s: float,
+        worn: Callable[[int], Mapping[str, Any]],
     ) -> None:
-        """``changer``: as its pockets are now; ``tell``: name and words of an alarm."""
+        """``changer``: as its pockets are now; ``tell``: name and words of an alarm; ``worn``: what is to be
+        said of a tool at the end of its life, nothing of any other."""
         self.store = store
         self._changer, self._tick, self._tell, self._period_s = changer, tick, tell, period_s
+        self._worn = worn
+        self._worn_at: int | None = None  # the stop that has told of a worn tool
         self._lock = threading.Lock()  # of the one RESUME that is under way
         self._asked: int | None = None  # its number
         self._marks: dict[int, Changing] = {}
@@ -68,6 +72,7 @@ class ToolChanger:
         with self._lock:
             self._marks.clear()
             self._now, self._keeps, self._told, self._asked = None, False, False, None
+            self._worn_at = None
 
     def hear(self, marks: Iterable[Changing]) -> None:
         """Stops that the plan has read."""
@@ -102,9 +107,19 @@ class ToolChanger:
         mark = self._mark(now)
         if mark is None:
             self._watch(now)
-        elif not self._keeps and self._free(now) and self._kept(mark):
+        elif not self._keeps and self._free(now) and not self._holds_worn(mark) and self._kept(mark):
             self._began(now)
             self._go_on(now)
+
+    def _holds_worn(self, mark: Changing) -> bool:
+        """Before a tool comes that is worn nothing moves, until RESUME takes it as it is."""
+        if mark.step != 0 or mark.last or self._now is not None or self._worn_at == mark.number:
+            return False
+        worn = self._worn(mark.tool_in)
+        if worn:
+            self._worn_at, self._keeps = mark.number, True
+            self._tell("CHANGE_WORN", said("change_worn", **worn))
+        return bool(worn)
 
     def _mark(self, now: Snapshot) -> Changing | None:
         """The stop at which the tick holds."""
@@ -252,7 +267,7 @@ class ToolChanger:
             "step": None
             if step is None
             else {**step._asdict(), "steps": self._count(mark) if mark is not None else None},
-            "held": self._keeps and mark is not None,
+            "held": self._keeps and (mark is not None or self._worn_at is not None),
             "doubt": self.doubt,
         }
 

@@ -1,8 +1,9 @@
 """What wears: how far each axis has gone, how long spindle and axes have run, how much each tool has cut.
 
 Counted from the recorder's rows, so while programs run as while somebody jogs, and kept over restarts. A tool
-may have a life (minutes of cutting, parts), a job of maintenance an interval (of one of the counters): what
-comes to its end is an alarm, once, and a program is not started with a worn tool unless that is confirmed.
+may have a life (minutes and metres of cutting, parts), a job of maintenance an interval (of one of the
+counters): what comes to its end is an alarm, once, a program is not started with a worn tool unless that is
+confirmed, and a change to one waits for Resume.
 """
 
 from __future__ import annotations
@@ -43,16 +44,23 @@ class ToolUse:
     """Since the tool, or its insert, was new."""
 
     cut_s: float = 0.0
+    cut_m: float = 0.0  # along the path, at feed
     parts: int = 0
     since_s: float | None = None  # seconds since 1970; None: since it is counted
     most_cut_min: float | None = None
+    most_cut_m: float | None = None
     most_parts: int | None = None
+    sister: int | None = None  # the tool that comes in its place once it is worn
     told: bool = False  # that it is worn
 
     @property
     def worn(self) -> bool:
-        cut = self.most_cut_min is not None and self.cut_s >= self.most_cut_min * 60.0
-        return cut or (self.most_parts is not None and self.parts >= self.most_parts)
+        lives = (
+            (self.cut_s / 60.0, self.most_cut_min),
+            (self.cut_m, self.most_cut_m),
+            (self.parts, self.most_parts),
+        )
+        return any(most is not None and used >= most for used, most in lives)
 
 
 @dataclass(slots=True)
@@ -110,19 +118,26 @@ class Usage:
         self._last = rows[-1:]
         cutting = np.isin(rows[:, COLUMN["motion_id"]], list(fed)) & (rows[:, COLUMN["rate"]] > 0.0)
         with self._lock:
-            self._add(steps, int(np.count_nonzero(cutting)), len(rows) if turning else 0, tool)
+            self._add(steps, len(rows) if turning else 0)
+            if tool and cutting.any():
+                self._cut(str(tool), rows[cutting, COLUMN["feed_mm_s"]])
 
-    def _add(self, steps: Rows, cut: int, turned: int, tool: int) -> None:
+    def _cut(self, tool: str, feeds_mm_s: Rows) -> None:
+        """A tool has cut: its feed in each tick."""
+        use, period_s = self._kept.tools.setdefault(tool, ToolUse()), self._machine.period_s
+        use.cut_s += len(feeds_mm_s) * period_s
+        use.cut_m += float(feeds_mm_s.sum()) * period_s / MM_PER_M
+        self._used.add(tool)
+        self._changed = True
+
+    def _add(self, steps: Rows, turned: int) -> None:
         period_s, kept = self._machine.period_s, self._kept
         moved = int(np.count_nonzero(steps.any(axis=1)))
-        self._changed |= bool(moved or cut or turned)
+        self._changed |= bool(moved or turned)
         for axis, gone in zip(self._machine.axes, steps.sum(axis=0) * self._units, strict=True):
             kept.travel[axis.name] = kept.travel.get(axis.name, 0.0) + float(gone)
         for name, ticks in ((MOTION, moved), (SPINDLE, turned)):
             kept.hours[name] = kept.hours.get(name, 0.0) + ticks * period_s / S_PER_H
-        if cut and tool:
-            kept.tools.setdefault(str(tool), ToolUse()).cut_s += cut * period_s
-            self._used.add(str(tool))
 
     def ended(self, whole_part: bool) -> None:
         """A run ended; a whole one is a part of every tool that cut in it."""
@@ -152,7 +167,23 @@ class Usage:
         use = self._kept.tools.get(str(tool))
         if use is None or not use.worn:
             return {}
-        return {"number": tool, "cut": use.cut_s / 60.0, "parts": use.parts}
+        return {"number": tool, "cut": use.cut_s / 60.0, "way": use.cut_m, "parts": use.parts}
+
+    def sisters(self, known: Collection[int]) -> dict[str, int]:
+        """Worn tools, each with what comes in its place: its sister, or that one's; ``known``: all tools."""
+        with self._lock:
+            found = {number: self._sister(use, known) for number, use in self._kept.tools.items() if use.worn}
+        return {number: sister for number, sister in found.items() if sister is not None}
+
+    def _sister(self, use: ToolUse | None, known: Collection[int]) -> int | None:
+        """The first that is not worn itself."""
+        passed: list[int] = []
+        while use is not None and use.worn:
+            if use.sister is None or use.sister not in known or use.sister in passed:
+                return None
+            passed.append(use.sister)
+            use = self._kept.tools.get(str(use.sister))
+        return passed[-1]
 
     def due(self) -> list[tuple[str, dict[str, Any]]]:
         """What has come to its end and was not told yet, as keys of the refusals with their values."""
@@ -188,11 +219,19 @@ class Usage:
 
     # -- changed
 
-    def set_life(self, tool: int, most_cut_min: float | None, most_parts: int | None) -> None:
+    def set_life(
+        self,
+        tool: int,
+        most_cut_min: float | None,
+        most_parts: int | None,
+        most_cut_m: float | None = None,
+        sister: int | None = None,
+    ) -> None:
         """None: it has no such limit."""
         with self._lock:
             use = self._kept.tools.setdefault(str(tool), ToolUse())
-            use.most_cut_min, use.most_parts = most_cut_min, most_parts
+            use.most_cut_min, use.most_cut_m, use.most_parts = most_cut_min, most_cut_m, most_parts
+            use.sister = sister
             use.told = use.told and use.worn
             self._changed = True
 
@@ -200,7 +239,7 @@ class Usage:
         """It has a new edge: counted from nothing."""
         with self._lock:
             use = self._kept.tools.setdefault(str(tool), ToolUse())
-            use.cut_s, use.parts, use.told, use.since_s = 0.0, 0, False, time.time()
+            use.cut_s, use.cut_m, use.parts, use.told, use.since_s = 0.0, 0.0, 0, False, time.time()
             self._changed = True
 
     def set_item(self, name: str, counter: str, every: float) -> None:
@@ -273,13 +312,13 @@ def _read(file: Path) -> Kept:
 # Tool life and maintenance as the door has them: changed by their verbs, and asked before a start.
 
 MAX_TOOL = 100_000
-LONGEST_MIN, MAX_PARTS, LONGEST = 1e6, 1_000_000, 1e9
+LONGEST_MIN, LONGEST_M, MAX_PARTS, LONGEST = 1e6, 1e6, 1_000_000, 1e9
 LONGEST_NAME = 60
 
 
-def check_worn(usage: Usage, tool: int, program: str) -> None:
-    """Raises CommandRefused "worn" where the tool in the spindle is."""
-    if told := usage.worn(tool):
+def check_worn(usage: Usage, tool: int, program: str, known: Collection[int]) -> None:
+    """Raises CommandRefused "worn" where the tool in the spindle is, and M6 brings no sister of it."""
+    if (told := usage.worn(tool)) and str(tool) not in usage.sisters(known):
         raise refused("worn", "READY", "START", "worn", program=program, **told)
 
 
@@ -288,7 +327,11 @@ def tool_life(usage: Usage, args: Values) -> Values:
     tool = _tool(args)
     cut = None if args.get("cut_min") is None else number(args, "cut_min", 0.1, LONGEST_MIN)
     parts = None if args.get("parts") is None else int(number(args, "parts", 1, MAX_PARTS))
-    usage.set_life(tool, cut, parts)
+    way = None if args.get("cut_m") is None else number(args, "cut_m", 0.1, LONGEST_M)
+    sister = None if args.get("sister") is None else whole(args, "sister", MAX_TOOL)
+    if sister == 0 or sister == tool:
+        raise refused("no_sister", code="bad", tool=tool, value=sister)
+    usage.set_life(tool, cut, parts, way, sister)
     return _kept(usage)
 
 

@@ -2,15 +2,24 @@
 
 from __future__ import annotations
 
-from controller.ipc.control_socket import Values
+import contextlib
+import os
+import threading
+
+from controller import atomic_file, messages
+from controller.ipc.control_socket import LAST, Values, packed
 from controller.ipc.handoff import Snapshot, blank
 from controller.machine import setup_data
 from controller.messages import said
-from controller.service import node_status
+from controller.service import alarms, jobs, node_status
 from controller.service import status as machine_status
 from controller.service.jobs import Job
+from controller.service.journal import Entry
 from controller.service.service import Service
-from controller.state.modes import Mode
+from controller.state.modes import Fault, Mode
+
+KEEP_S = 0.5  # so old is what is kept, at most
+OF_A_TICK = ("time_s", "tick", "joints", "drives")  # other in each, also where nothing moves
 
 
 def status(service: Service) -> Values:
@@ -41,6 +50,69 @@ def facts(service: Service) -> Values:
     }
 
 
+class Kept:
+    """What holds of the machine if nobody hears of this service again, in a file for who asks then.
+
+    Positions and the place in the program are the last; that they are old, its time says. Written by a thread
+    of its own where anything has changed: it may wait for the disk.
+    """
+
+    def __init__(self, service: Service) -> None:
+        self._service, self._file = service, service.state / LAST
+        self._told: Values = {}
+        self._as_it_was: object = None
+        self._over = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="last told", daemon=True)
+
+    def begin(self) -> Kept:
+        """Look on."""
+        self._thread.start()
+        return self
+
+    def close(self) -> None:
+        """After an orderly end the drives are off, and that is no fault."""
+        self._over.set()
+        if self._thread.is_alive():
+            self._thread.join()
+        if not self._told:
+            return
+        last, job = self._told["status"], self._service.job
+        ended = {**last, "mode": Mode.OFF.name, "fault": None}
+        if last["job"] and job is not None:
+            ended["job"] = {**last["job"], "state": job.state, **messages.facts(job.said)}
+        self._write({**self._told, "status": ended})
+
+    def _run(self) -> None:
+        while not self._over.wait(KEEP_S):
+            found = self._service.engine.snapshot()
+            if found is not None and found.tick >= 0:
+                self.look(found)
+
+    def look(self, found: Snapshot) -> None:
+        """Keep what ``found`` tells, as of a controller that is gone."""
+        service = self._service
+        gone = {**alarms.of(service.machine, Fault.CONTROLLER_GONE, -1), **said("service_gone")}
+        status = {
+            **machine_status.unseen(_told(service, machine_status.ended(found))),
+            **{"fault": {**gone, "recording": None}, "interlock": None, "warning": None, "notices": []},
+            **{"sequence": None, "tick_alive": False, "plan_alive": False, "commissioned": None},
+        }
+        changes = {key: value for key, value in status.items() if key not in OF_A_TICK}
+        as_it_is = (found.joints, changes, service.fitted)
+        if as_it_is != self._as_it_was:
+            self._told = {"status": status, "facts": {**facts(service), "pids": {}}}
+            self._as_it_was = as_it_is if self._write(self._told) else None
+        with contextlib.suppress(OSError):
+            os.utime(self._file)
+
+    def _write(self, told: Values) -> bool:
+        """Whether the disk took it."""
+        with contextlib.suppress(OSError):
+            atomic_file.write(self._file, packed(told).decode())
+            return True
+        return False
+
+
 def retract_room_mm(service: Service, now: Snapshot) -> float | None:
     """As ``status.retract_room_mm``; None while the tool is aside, or a run is just ending."""
     if service.aside or service.returning or (now.mode is Mode.READY and service.running is not None):
@@ -51,6 +123,7 @@ def retract_room_mm(service: Service, now: Snapshot) -> float | None:
 def _told(service: Service, now: Snapshot) -> Values:
     """What a snapshot tells, with the job and the motion under way."""
     job = service.running or service.job
+    entry = service.interrupted if job is None else None
     way = job.way(now.motion_id) if job is not None and job.active else None
     asked = job.asked_tool(now, service.tool) if job is not None else None
     age_s = service.pulse.age_s(now.tick)
@@ -62,11 +135,15 @@ def _told(service: Service, now: Snapshot) -> Values:
         "aside": service.aside,
         "retract_room_mm": retract_room_mm(service, now),
         "tool": service.tool or None,
-        **({"in_block": _last_block(job)} if job is not None and not job.active else {}),
+        **({"in_block": _last_block(job, entry)} if job is None or not job.active else {}),
         "tool_change": machine_status.tool_change(service.machine, asked, service.usage) if asked else None,
         "changer": service.changer.told() if service.changer is not None else None,
         "control": None,
-        "job": job.to_dict(now) if job is not None else None,
+        "job": job.to_dict(now)
+        if job is not None
+        else jobs.interrupted(entry)
+        if entry is not None
+        else None,
         "drives": node_status.drives(service.machine, now, service.logs, service.homing),
         "jogging": now.mode is Mode.JOG,
     }
@@ -90,8 +167,9 @@ def _with_notices(service: Service, values: Values) -> Values:
     return {**values, "notices": notices}
 
 
-def _last_block(job: Job) -> Values | None:
-    """Of a program that has ended: where in its block it was."""
-    if job.last is None:
-        return None
-    return machine_status.in_block(job.last, job.ways.get(job.last.motion_id))
+def _last_block(job: Job | None, entry: Entry | None) -> Values | None:
+    """Of a program that has ended, or that a service before this one ran: where in its block it was."""
+    if job is None or job.last is None:
+        return entry.in_block if entry is not None else None
+    way = job.ways.get(job.last.motion_id)
+    return way.in_block(job.last.s) if way is not None else None

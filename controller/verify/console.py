@@ -21,6 +21,17 @@ show = Console(highlight=False)  # results
 
 spoken: ContextVar[str] = ContextVar("spoken", default=messages.DEFAULT)  # in which language
 
+
+def say(key: str, **values: object) -> str:
+    """A text of the catalogue in that language."""
+    return messages.text(messages.said(key, **values), spoken.get())
+
+
+def word(key: str, otherwise: str = "") -> str:
+    """A word that the page has, too, for instance of a result."""
+    return messages.of(spoken.get()).page.get(key, otherwise)
+
+
 Told = Callable[..., None]  # (share done, what is going on now)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,10 +12,13 @@ from rich.table import Table
 
 from controller.ipc.handoff import COLUMN
 from controller.machine.model import Machine
+from controller.messages import said
 from controller.plan.feed.binding import NUMBER_OF_CODES
 from controller.plan.report.stored import Overcut
 from controller.plan.report.survey import BlockUse, Survey
 from controller.plan.report.tally import Bound, Part, bounds
+from controller.plan.stretch import motion_named
+from controller.verify.console import say, word
 from controller.verify.rows import Rows as Blocks
 
 Rows = Iterator[tuple[str, str]]
@@ -28,11 +31,8 @@ MAX_BINDS = 3  # in one row
 
 def blocks(rows: Blocks) -> Table:
     """What ``check`` found out about every block, or about those that take longest."""
-    table = Table(title="Blocks: mm, s, mean feed of the programmed (mm/min), and what binds")
-    for head in ("line", "what", "length", "time", "feed of F", "binds"):
-        table.add_column(
-            head, justify="left" if head in ("what", "binds") else "right", no_wrap=head != "binds"
-        )
+    table = headed("table.blocks", ("line", "what", "length", "time", "feed", "binds"), left=("what",))
+    table.columns[-1].no_wrap, table.columns[-1].justify = False, "left"
     for block in rows.longest:
         line = f"{block.line}" if block.lines == 1 else f"{block.line}-{block.last_line}"
         for what, part in _parts(block):
@@ -46,13 +46,30 @@ def blocks(rows: Blocks) -> Table:
             )
             line = ""
     if rows.left_out:
-        table.caption = f"The {len(rows.longest)} that take longest; {rows.left_out} more with --json."
+        table.caption = say("table.longest", shown=len(rows.longest), more=rows.left_out)
     return table
 
 
+def headed(title: str, heads: Sequence[str], left: Collection[str] = (), **values: object) -> Table:
+    """A table by the keys of its title and its columns; figures are on the right."""
+    table = Table(title=say(title, **values))
+    for head in heads:
+        table.add_column(say(f"table.{head}"), justify="left" if head in left else "right", no_wrap=True)
+    return table
+
+
+def kind(what: str) -> str:
+    """What a block or a step does, in words."""
+    motion = motion_named(what)
+    return say(f"table.kind.{what}") if motion == "form.motion.other" else say(motion)
+
+
 def _parts(block: BlockUse) -> Iterator[tuple[str, Part]]:
-    what = block.what if block.lines == 1 else f"{block.lines} {block.what}s"
-    for name, part in (("approach", block.approach), (what, block.own), ("departure", block.departure)):
+    what = kind(block.what)
+    if block.lines > 1:
+        what = say("table.several", count=block.lines, what=what)
+    names = (say("table.approach"), what, say("table.departure"))
+    for name, part in zip(names, (block.approach, block.own, block.departure), strict=True):
         if part and part.time_s > 0.0:
             yield name, part
 
@@ -60,34 +77,41 @@ def _parts(block: BlockUse) -> Iterator[tuple[str, Part]]:
 def _feed(part: Part) -> str:
     if part.length_mm == 0.0:
         return ""
-    return f"{part.feed_mean:.0f}" + (f" of {part.feed:.0f}" if part.feed else "")
+    mean = f"{part.feed_mean:.0f}"
+    return say("table.of", part=mean, whole=f"{part.feed:.0f}") if part.feed else mean
 
 
 def told(found: Sequence[Bound]) -> list[str]:
-    """What binds most, in words: 'feed 54 %', 'C acceleration 43 %'."""
+    """What binds most, in words: 'programmed feed 54 %', 'C acceleration 43 %'."""
     worth = [bound for bound in found if bound.share >= MIN_SHARE][:MAX_BINDS]
-    return [f"{bound.what} {100 * bound.share:.0f} %" for bound in worth]
+    return [f"{_bound(bound)} {100 * bound.share:.0f} %" for bound in worth]
+
+
+def _bound(bound: Bound) -> str:
+    if bound.axis and bound.kind:
+        return f"{bound.axis} {word(f'bound.{bound.kind}', bound.kind)}"
+    return word(f"bound.{bound.what}", bound.what)
 
 
 def whole(found: Survey, program: str, machine: str) -> str:
     """The last lines of ``check``."""
-    cut = f"{found.cut_time_s:.2f} s cut {found.cut_length_mm:.4f} mm of C1"
-    part = f"of which {cut}" if found.cuts_mm else "nothing is cut"
-    limits = told(found.cut_binds)
-    slow = f"\nWhere a feed is programmed, it is limited by {', '.join(limits)}." if limits else ""
-    waits = (
-        f"\nSpindle, clamps and tool changes may take {found.waits_s:.1f} s more." if found.waits_s else ""
-    )
-    return f"{program} can run on {machine}:\n{found.duration_s:.3f} s in all, {part}.{waits}{slow}"
+    cut = said("table.cut_part", time=found.cut_time_s, length=found.cut_length_mm)
+    part = cut if found.cuts_mm else said("table.no_cut")
+    rows = [say("table.can_run", program=program, machine=machine)]
+    rows.append(say("table.in_all", time=found.duration_s, part=part))
+    if found.waits_s:
+        rows.append(say("table.waits", time=found.waits_s))
+    if limits := told(found.cut_binds):
+        rows.append(say("table.limited", limits=", ".join(limits)))
+    return "\n".join(rows)
 
 
 def overcut(overcuts: Sequence[Overcut]) -> str:
     """What the cuts take too much of their own surfaces, where that is most."""
     worst = max(overcuts, key=lambda one: one.mm)
     if worst.mm < TWISTED_MM:
-        return "No cut goes below its own surface."
-    place = f"line {worst.line}, u = {worst.u:.3f}, v = {worst.v:.2f}"
-    return f"The cuts go up to {1e3 * worst.mm:.1f} µm below their own surfaces ({place}); see verify."
+        return say("table.no_overcut")
+    return say("table.overcut", um=1e3 * worst.mm, line=worst.line, u=worst.u, v=worst.v)
 
 
 def bound_in(rows: NDArray[np.float64], machine: Machine) -> tuple[Bound, ...]:
@@ -100,9 +124,8 @@ def bound_in(rows: NDArray[np.float64], machine: Machine) -> tuple[Bound, ...]:
 
 def joints(found: Survey) -> Table:
     """What ``check`` found out about every joint."""
-    table = Table(title="Joints over the whole path (mm, degrees) and shares of their limits")
-    for head in ("axis", "from", "to", "travel", "velocity", "accel.", "jerk"):
-        table.add_column(head, justify="left" if head == "axis" else "right", no_wrap=True)
+    heads = ("axis", "from", "to", "travel", "velocity", "acceleration", "jerk")
+    table = headed("table.joints", heads, left=("axis",))
     for use in found.joints:
         shares = (use.velocity_share, use.acceleration_share, use.jerk_share)
         table.add_row(
@@ -117,7 +140,7 @@ def joints(found: Survey) -> Table:
 
 def figures(title: str, values: Mapping[str, Any]) -> Table:
     """The figures of a run, as ``simulate`` and ``demo`` give them with --json."""
-    table = Table(title=title, show_header=False)
+    table = Table(title=say(title), show_header=False)
     table.add_column(no_wrap=True)
     table.add_column(justify="right")
     for name, value in (*_run(values), *_errors(values), *_syncs(values)):
@@ -127,17 +150,17 @@ def figures(title: str, values: Mapping[str, Any]) -> Table:
 
 def _run(values: Mapping[str, Any]) -> Rows:
     fault = f": {values['fault']}" if values["fault"] else ""
-    yield "program", Path(values["program"]).name
-    yield "result", values["result"] + fault
-    yield "motion in all", f"{values['duration_s']:.3f} s, {values['ticks']} ticks"
-    yield "cut", f"{values['cut_time_s']:.2f} s, {values['cut_length_mm']:.4f} mm of C1"
+    yield say("table.program"), Path(values["program"]).name
+    yield say("table.result"), word(f"result.{values['result']}", values["result"]) + fault
+    yield say("table.motion"), say("table.ticks", time=values["duration_s"], ticks=values["ticks"])
+    yield say("table.cut"), say("table.cut_c1", time=values["cut_time_s"], length=values["cut_length_mm"])
     if limits := values.get("binds"):
-        names = ("limited by", "", "")
+        names = (say("table.limited_by"), "", "")
         yield from zip(names, told([Bound(**one) for one in limits]), strict=False)
     if resumes := values.get("assumed_resumes"):
-        yield "program stops (M0)", f"{resumes}, a resume was assumed after each"
+        yield say("table.stops"), say("table.resumed", count=resumes)
     if left := values.get("events_left"):
-        yield "events after the end", f"{left}, not sent"
+        yield say("table.events_left"), say("table.not_sent", count=left)
 
 
 def _errors(values: Mapping[str, Any]) -> Rows:
@@ -145,17 +168,18 @@ def _errors(values: Mapping[str, Any]) -> Rows:
     for unit, names in (("mm", "XYZ"), ("deg", "ABC")):
         largest = ", ".join(f"{name} {error:.3f}" for name, error in errors.items() if name in names)
         if largest:
-            yield "largest following error" if unit == "mm" else "", f"{largest} {unit}"
-    yield "largest path error", f"{1e3 * values['path_error_mm']:.3f} um"
-    yield "largest axis error", f"{values['axis_error_deg']:.2e} deg"
-    yield "skipped ticks", f"{values['skips']}"
+            yield say("table.following_error") if unit == "mm" else "", f"{largest} {unit}"
+    yield say("table.path_error"), f"{1e3 * values['path_error_mm']:.3f} um"
+    yield say("table.axis_error"), f"{values['axis_error_deg']:.2e} deg"
+    yield say("table.skips"), f"{values['skips']}"
     if "times_real_time" in values:
-        yield "speed", f"{values['times_real_time']:.1f} times real time"
+        yield say("table.speed"), say("table.real_time", times=values["times_real_time"])
 
 
 def _syncs(values: Mapping[str, Any]) -> Rows:
     for bus, sync in values.get("sync", {}).items():
         ms = ("p50_s", "p99_s", "p999_s", "max_s")
-        yield f"SYNC intervals on {bus}", "p50 / p99 / p99.9 / max"
+        yield say("table.sync", bus=bus), "p50 / p99 / p99.9 / max"
         yield "", " / ".join(f"{1e3 * sync[key]:.3f}" for key in ms) + " ms"
-        yield "outside 1 +- 1/4 T", f"{100 * sync['outside_share']:.3f} % of {sync['count']}"
+        share = f"{100 * sync['outside_share']:.3f} %"
+        yield say("table.outside"), say("table.of", part=share, whole=sync["count"])

@@ -22,13 +22,12 @@ from controller.machine import machine_file
 
 SPIN = "while True: pass"
 PERIOD_S = 0.005
-TIMES = 20  # of each, by hand; one part of each test is drawn by .ci/run
+TIMES = 20  # of each, by hand; one of the first is drawn by .ci/run
 EXAMPLES = {"example1_ready.ngc": 0, "example2_ready.ngc": 4}  # and the tool to put in first, 0: it is there
 ENDED = ("completed", "stopped", "fault", "refused")
 ON_THE_WAY = (0.1, 0.6)  # shares of a cut at which somebody holds
 
 pytestmark = pytest.mark.live
-ONCE_AND_MORE = [pytest.param(k, marks=pytest.mark.soak if k else pytest.mark.slow) for k in range(TIMES)]
 
 
 @contextlib.contextmanager
@@ -79,7 +78,7 @@ def in_cut(share: float, now: Values) -> bool:
 def test_a_served_machine_finishes_a_part(
     commands: tuple[str, ...], seed: int, name: str, tmp_path: Path
 ) -> None:
-    """``demo --panel`` is the two others by one command: in .ci/run it stands for them."""
+    """``demo --panel`` is the others by one command: in .ci/run it stands for them, and for ``demo``."""
     with busy(), opened(tmp_path, PERIOD_S, commands) as shop:
         shop.ready()
         if EXAMPLES[name]:
@@ -88,7 +87,8 @@ def test_a_served_machine_finishes_a_part(
         looked_at(shop, name)
 
 
-@pytest.mark.parametrize("seed", ONCE_AND_MORE)
+@pytest.mark.soak
+@pytest.mark.parametrize("seed", range(TIMES))
 @pytest.mark.parametrize("part", ["cone", "ruled"])
 def test_the_demo_finishes(part: str, seed: int, tmp_path: Path) -> None:
     command = [sys.executable, "-m", "controller", "demo", "--part", part, "--out", str(tmp_path), "--json"]

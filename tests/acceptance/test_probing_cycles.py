@@ -12,7 +12,7 @@ from tests.acceptance.test_probing import told
 from tests.support.machines import probing_machine
 from tests.support.suite.seed import SEED
 
-HEAD = "G21 G90 G54\nT99 M6\nG43 H99\n#<_probe_feed>=900\n#<_probe_slow>=200\n"
+HEAD = "G21 G90 G54\nT99 M6\nG43 H99\n#<_probe_feed>=900.\n#<_probe_slow>=200.\n"
 
 
 def cycle(text: str, part: str) -> probing_machine.Probed:
@@ -104,16 +104,23 @@ def test_an_angle_turns_the_offset(face: str, some: random.Random) -> None:
 
 
 def by_name(
-    name: str, values: dict[str, object], start: str, part: str, show: str, *unset: str
+    name: str,
+    values: dict[str, object],
+    start: str,
+    part: str,
+    show: str,
+    *unset: str,
+    dialect: str = "rs274",
 ) -> list[list[float]]:
     """A cycle as page, REST and command line run it; what it says, and at the end ``show``."""
     lines, _ = linked.parts(probing_cycles.program(name, values, "G55", unset))
     whole = f"{HEAD}{start}{bytes(lines).decode()}(DEBUG, {show})".encode()
-    return told(cycle_of(linked.linked(whole + b"\nG0 Z60\nM30\n", lambda _: None), part))
+    return told(cycle_of(linked.linked(whole + b"\nG0 Z60.\nM30\n", lambda _: None), part, dialect))
 
 
-def cycle_of(whole: bytes, part: str) -> probing_machine.Probed:
-    done = probing_machine.run(whole.decode(), probing_machine.up(part))
+def cycle_of(whole: bytes, part: str, dialect: str) -> probing_machine.Probed:
+    made = probing_machine.machine(**{"[machine]\n": f'[machine]\ndialect = "{dialect}"\n'})
+    done = probing_machine.run(whole.decode(), probing_machine.up(part, made))
     assert done.error == "" and done.run.result == "completed", (done.error, done.run.fault_text)
     return done
 
@@ -133,3 +140,23 @@ def test_the_height_of_a_face_by_name_sets_an_offset_that_nobody_has_set(some: r
     found = by_name("top", {"most": 30}, "G0 Z20\nG0 X0 Y0\n", part, "#5243", "G55")
     assert found[0][0] == pytest.approx(height, abs=0.001)
     assert found[1][0] == pytest.approx(120.0 + height, abs=0.001)
+
+
+@pytest.mark.parametrize("dialect", ["rs274", "fanuc"])
+def test_an_angle_by_name_turns_an_offset_that_nobody_has_set(dialect: str, some: random.Random) -> None:
+    """It begins as G54, which is turned itself; what is told is seen from there."""
+    turned, before = some.uniform(-3.0, 3.0), some.uniform(-1.0, 1.0)
+    part = f"turned_deg = [0.0, 0.0, {turned}]\n" + block((-60, -60, -30), (60, 60, 0))
+    start = f"G10 L2 P1 X8. Y96. Z120. R{before:.9f}\nG0 Z20.\nG0 X-75. Y-20.\nG0 Z-10.\n"
+    values = {"towards": "X+", "along": 40, "most": 30}
+    found = by_name("angle", values, start, part, "#5241 #5242 #5243 #5250", "G55", dialect=dialect)
+    assert found[0][0] == pytest.approx(turned - before, abs=0.005)
+    assert found[1] == pytest.approx([8.0, 96.0, 120.0, turned], abs=0.005)
+
+
+def test_a_corner_is_found_in_mm_where_the_program_counts_in_inches(some: random.Random) -> None:
+    x, y = some.uniform(-5, 5), some.uniform(-5, 5)
+    part = block((x, y, -20.0), (x + 50, y + 50, 0.0))
+    start = f"G0 Z20\nG0 X{x - 12} Y{y - 12}\nG0 Z-10\nG20 G91\n"
+    done = cycle(f"{start}o<probe_corner> call [1] [1] [22] [20] [2]\n(DEBUG, #5241 #5242)\nG21 G90", part)
+    assert told(done)[-1] == pytest.approx([x + 8.0, y + 96.0], abs=0.001)

@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
-from typing import Any
+import asyncio
+from typing import Annotated, Any
 
-from fastapi import APIRouter, Request
+from fastapi import APIRouter, Query, Request
 
 from controller.api import models
 from controller.api.access import moves, needs, panel_of, stops
-from controller.api.answers import Answer, documented
+from controller.api.answers import Answer, Refusal, documented
 from controller.api.roles import Role
+from controller.ipc import control_socket
 
 router = APIRouter(tags=["machine"])
 MOVES = documented(401, 403, 409, 422, 503)
 LOOKS = documented(401, 403, 503)
+Last = Annotated[
+    bool,
+    Query(description="Where the service is gone, what it told last, with gone_s; without it that is a 503."),
+]
 
 
 async def ask(request: Request, verb: str, **args: Any) -> models.Done:
@@ -29,18 +35,33 @@ async def ask(request: Request, verb: str, **args: Any) -> models.Done:
     dependencies=[needs(Role.VIEW)],
     responses=documented(401, 403, 503),
 )
-async def status(request: Request) -> Answer:
+async def status(request: Request, last: Last = False) -> Answer:
     """What the machine is doing: mode, job with its exact time left, joints, what limits the feed."""
     panel = panel_of(request)
-    now = await panel.watch.status()
+    try:
+        now = await panel.watch.status()
+    except Refusal as refusal:
+        now = await _last_told(request, "status", last, refusal)
     # As it is, not through the model: this is asked for a hundred times a second.
     return Answer({**now, "control": panel.control.holder or None})
 
 
 @router.get("/facts", dependencies=[needs(Role.VIEW)], responses=LOOKS)
-async def facts(request: Request) -> dict[str, Any]:
+async def facts(request: Request, last: Last = False) -> dict[str, Any]:
     """What does not change while the machine moves: axes, units, limits, tools, offsets, period."""
-    return await panel_of(request).door.ask("facts")
+    try:
+        return await panel_of(request).door.ask("facts")
+    except Refusal as refusal:
+        return await _last_told(request, "facts", last, refusal)
+
+
+async def _last_told(request: Request, what: str, wanted: bool, refusal: Refusal) -> dict[str, Any]:
+    """By a service that is gone. Raises the refusal where it is there, but does not answer."""
+    if wanted and refusal.facts.code == "gone":
+        folder = panel_of(request).store.folder
+        if found := await asyncio.to_thread(control_socket.last_told, folder, what):
+            return found
+    raise refusal
 
 
 @router.get("/drives", dependencies=[needs(Role.VIEW)], responses=LOOKS, response_model_exclude_unset=True)

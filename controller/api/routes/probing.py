@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import csv
+import io
+from datetime import UTC, datetime
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Path, Request, Response
 from pydantic import Field
 
 from controller.api import models
-from controller.api.access import moves, needs
+from controller.api.access import moves, needs, panel_of
 from controller.api.answers import Refusal, documented
 from controller.api.roles import Role
 from controller.api.routes.machine import LOOKS, MOVES, ask
@@ -31,6 +34,45 @@ async def cycles() -> models.Told:
     """Every cycle with its values: what each may be, and is where it is not said."""
     facts: dict[str, Any] = {"cycles": probing_cycles.listed(), "offsets": list(probing_cycles.SETTABLE)}
     return models.Told(**facts)
+
+
+class Found(models.Told):
+    """The result of a cycle."""
+
+    at_s: float = Field(description="Seconds since 1970.")
+    program: str
+    cycle: str
+    values: dict[str, float] = Field(description="By name, which ends in the unit.")
+
+
+class Results(models.Told):
+    found: list[Found]
+
+
+@router.get("/probing/found", dependencies=[needs(Role.VIEW)], responses=LOOKS)
+async def results(request: Request) -> Results:
+    """What cycles have found, the newest first: those by name, and those of programs."""
+    return Results(**await panel_of(request).door.ask("probed"))
+
+
+@router.get(
+    "/probing/found.csv",
+    dependencies=[needs(Role.VIEW)],
+    response_class=Response,
+    responses={200: {"content": {"text/csv": {"schema": {"type": "string"}}}}, **LOOKS},
+)
+async def results_csv(request: Request) -> Response:
+    """The same as a table: a row for each value."""
+    told = await results(request)
+    made = io.StringIO()
+    rows = csv.writer(made)
+    rows.writerow(("time", "program", "cycle", "value", "unit", "number"))
+    for one in told.found:
+        at = datetime.fromtimestamp(one.at_s, UTC).isoformat(timespec="seconds")
+        for value, number in one.values.items():
+            name, _, unit = value.rpartition("_")
+            rows.writerow((at, one.program, one.cycle, name or value, unit if name else "", number))
+    return Response(made.getvalue(), media_type="text/csv")
 
 
 @router.get(

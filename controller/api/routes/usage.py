@@ -20,7 +20,11 @@ class ToolLife(Sent):
     """What is null has no limit."""
 
     cut_min: Annotated[float | None, Field(ge=0.1, le=1e6, description="Minutes of cutting.")] = None
+    cut_m: Annotated[float | None, Field(ge=0.1, le=1e6, description="Metres of cutting.")] = None
     parts: Annotated[int | None, Field(ge=1, le=1_000_000)] = None
+    sister: Annotated[
+        int | None, Field(ge=1, le=99999, description="What comes in its place at M6 once it is worn.")
+    ] = None
 
 
 class Maintenance(Sent):
@@ -39,10 +43,13 @@ class Maintained(Sent):
 class ToolUse(Told):
     number: int
     cut_s: float
+    cut_m: float = Field(description="Along the path, at feed.")
     parts: int = Field(description="Programs that ran whole and in which it cut.")
     since_s: Number = Field(description="When it was new, seconds since 1970; null: since it is counted.")
     most_cut_min: Number
+    most_cut_m: Number
     most_parts: int | None
+    sister: int | None
     worn: bool
 
 

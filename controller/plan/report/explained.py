@@ -16,7 +16,7 @@ from controller.geometry.curves import Arc
 from controller.geometry.vectors import ROUNDING, Frame, Vector, norm, subtract
 from controller.machine.kinematics import kinematics_of
 from controller.machine.model import OFFSETS, Joints, Machine
-from controller.messages import text
+from controller.messages import DEFAULT, text
 from controller.motion.motions import JointMove, Rotaries
 from controller.plan.lines import moves, spline_moves
 from controller.plan.stretch import Voice, rotaries_of
@@ -83,16 +83,18 @@ class Step:
         }
 
 
-def steps(blocks: Iterable[Block], machine: Machine, name: str, start: Joints) -> Iterator[Step]:
+def steps(
+    blocks: Iterable[Block], machine: Machine, name: str, start: Joints, language: str = DEFAULT
+) -> Iterator[Step]:
     """The steps of ``blocks`` from the joints ``start`` on. Raises ProgramError as reading does."""
-    explainer = _Explainer(machine, name, start)
+    explainer = _Explainer(machine, name, start, language)
     for block in blocks:
         yield explainer.step(block)
 
 
 class _Explainer:
-    def __init__(self, machine: Machine, name: str, start: Joints) -> None:
-        self._machine, self._kinematics = machine, kinematics_of(machine)
+    def __init__(self, machine: Machine, name: str, start: Joints, language: str) -> None:
+        self._machine, self._kinematics, self._language = machine, kinematics_of(machine), language
         self._position = Position(machine, start)
         self._voice = Voice(name, lambda _, __: None)
 
@@ -139,7 +141,8 @@ class _Explainer:
         if isinstance(block, Dwell):
             return {"kind": "dwell", "seconds": block.seconds}
         if isinstance(block, Remark | Message):
-            return {"kind": "message", "text": text(block.said) if isinstance(block, Remark) else block.text}
+            told = text(block.said, self._language) if isinstance(block, Remark) else block.text
+            return {"kind": "message", "text": told}
         if isinstance(block, Await):
             what = {"input": block.number, "for": block.level.name.lower()}
             return {"kind": "wait", **what, "seconds": block.seconds}

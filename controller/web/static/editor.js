@@ -10,6 +10,9 @@ import { in_folder, send } from "./uploads.js";
 const word = (key, ...values) => text(`edit.${key}`, ...values);
 const MAX_BYTES = 1_000_000; // of what the reader takes as a draft
 const PAUSE_MS = 500; // in typing, before it is read
+const LOOKS_UP = 100; // lines, for the cycle that repeats on the line of the caret
+const ENDS_CYCLE = ["G0", "G1", "G2", "G3", "G80"];
+let drawn = []; // codes of which there is a picture
 let draft = null; // { name, sha256, ends, stored, area, dirty, refusals, reading, compares }
 
 export const editing = () => draft !== null;
@@ -59,6 +62,22 @@ async function read() {
   dx.draw();
 }
 
+// The picture of the cycle that the caret's line calls, or repeats: { code, path }.
+function picture() {
+  let own = true;
+  for (const line of draft.area?.above(LOOKS_UP) ?? []) {
+    const text = line.replace(/\([^)]*\)|;.*/g, "");
+    const probe = own && /^\s*o\s*<\s*probe_(\w+)\s*>\s*call/i.exec(text)?.[1].toLowerCase();
+    if (probe && probe !== "touch") return { code: `probe_${probe}`, path: `probing/${probe}` };
+    const codes = [...text.matchAll(/g\s*0*(\d+(?:\.\d+)?)/gi)].map(([, number]) => `G${number}`);
+    const code = codes.find((one) => drawn.includes(one));
+    if (code) return { code, path: `cycles/${code}` };
+    if (codes.some((one) => ENDS_CYCLE.includes(one))) return null;
+    own = false;
+  }
+  return null;
+}
+
 // ---- kept, or left
 
 async function keep_it(row) {
@@ -93,13 +112,15 @@ export function Editor({ row_of }) {
   useEffect(() => {
     import("./edit/area.js").then(({ Area }) => {
       if (own !== draft) return;
-      own.area = new Area(place.current, own.stored.replaceAll("\r\n", "\n"), word("text_of", own.name), typed);
+      own.area = new Area(place.current, own.stored.replaceAll("\r\n", "\n"), word("text_of", own.name), typed, () => dx.draw());
       read();
+      if (!drawn.length) call("GET", "cycles", null, true).then((said) => said.ok && ((drawn = said.body.cycles), dx.draw()));
       dx.draw();
     }, () => own === draft && (close(), say(text("frame.no_panel"), "warn")));
   }, [own]);
   const rules = { needs: "role", given: Boolean(own.area), why: "why.still_loading" };
   const first = own.refusals[0];
+  const shown = picture();
   return html`<div class="editor">
     <div class="row editor-head">
       <h2 class="program-title">${own.name}</h2>
@@ -108,6 +129,7 @@ export function Editor({ row_of }) {
       <${Act} text=${word("leave")} needs="" icon="close" data-edit="leave" press=${leave} />
     </div>
     <div class="editor-area" ref=${place}></div>
+    ${shown && html`<img class="editor-picture" key=${shown.code} src=${`${API}${shown.path}.svg`} alt=${shown.code} />`}
     <div class="editor-said" role="status">
       <${Wrong} text=${own.wrong} />
       ${first ? own.refusals.map((one) => html`<button class="plain wrong" type="button" key=${`${one.line} ${one.column}`} onclick=${() => own.area.go(one)}>${word("at", one.line, one.column)} ${sentence(one)}</button>`)

@@ -54,6 +54,7 @@ export const forms = {
   text: (v) => (v === null || v === undefined || v === "" ? NONE : String(v)),
   plain: (v) => (v === null || v === undefined ? "" : String(v)),
   time,
+  whole_seconds: (v) => (v < 120 ? `${v} s` : time(v)),
   seconds: (v) => (typeof v !== "number" ? NONE : v < 60 ? `${v.toFixed(1)} s` : time(v)),
   size,
   bound,

@@ -1,13 +1,14 @@
 // Hearing the machine: its events as they come, and how old they are.
-import { API, ticked } from "./api.js";
+import { API, call, ticked } from "./api.js";
+import { forms } from "./forms.js";
 import { changed, dx } from "./store.js";
 import { sentence, word } from "./texts.js";
 
 const STALE_MS = 700; // statuses come every 50 ms
 const SILENT_MS = 3000; // a socket that says nothing for so long is opened anew
 const AGAIN_MS = 400;
-let lastStatus = -1e9;
-let lastTick = -1e9; // when the machine was seen to have ticked on: never later than the last status
+let lastStatus = -Infinity;
+let lastTick = -Infinity; // when the machine was seen to have ticked on: never later than the last status
 let lastWord = performance.now();
 
 function heard(text) {
@@ -17,6 +18,7 @@ function heard(text) {
   if (event === "service") {
     dx.answers = data.answers;
     dx.why = sentence(data);
+    if (!data.answers) last();
   }
   dx.tell(event === "control" ? "heard.control" : event, data);
   changed();
@@ -25,11 +27,23 @@ function heard(text) {
 function status(data) {
   // Without a tick there is no figure that could be old; one that hangs leaves its last ones.
   if (!ticked(data) || data.tick.number !== dx.status?.tick?.number) lastTick = lastWord;
-  dx.status = { ...data, control: dx.holder, shown: in_words(data) };
   lastStatus = lastWord;
   if (dx.stale) age();
+  shown(data);
+}
+
+function shown(data) {
+  dx.status = { ...data, control: dx.holder, shown: in_words(data) };
   dx.tell("status", dx.status);
   changed();
+}
+
+// What a service that is gone told last, as old as it is.
+async function last() {
+  const { ok, body } = await call("GET", "status?last=true", null, true);
+  if (!ok || typeof body.gone_s !== "number" || dx.answers) return;
+  lastTick = lastStatus = performance.now() - 1000 * body.gone_s;
+  shown(body);
 }
 
 // What is wrong and what is under way.
@@ -52,7 +66,8 @@ function in_words({ fault, sequence, notices, interlock, warning, waiting, spind
 
 function age() {
   const now = performance.now();
-  const [stale, silent] = [now - lastTick > STALE_MS, now - lastStatus > STALE_MS];
+  const old = (since) => !dx.answers || now - since > STALE_MS;
+  const [stale, silent] = [lastTick, lastStatus].map(old);
   const turned = stale !== dx.stale;
   const other = turned || silent !== dx.silent;
   Object.assign(dx, { stale, silent });
@@ -67,7 +82,7 @@ export function old() {
   const open = dx.socket?.readyState === WebSocket.OPEN;
   const text = word(!dx.silent ? "frame.no_tick" : open && !dx.answers ? "frame.no_service" : "frame.no_panel");
   const since = Math.round((performance.now() - lastTick) / 1000);
-  return lastTick > 0 ? `${text} (${word("frame.since")} ${since} s)` : text;
+  return Number.isFinite(since) ? `${text} (${word("frame.since")} ${forms.whole_seconds(since)})` : text;
 }
 
 function connect() {

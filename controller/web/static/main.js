@@ -53,7 +53,7 @@ const made_of = ({ axes, buses, spindle, inputs, outputs, retract_mm, period_s }
   JSON.stringify([axes, buses, spindle, inputs, outputs, retract_mm, period_s]);
 
 async function facts() {
-  const said = await call("GET", "facts", null, true);
+  const said = await call("GET", "facts?last=true", null, true);
   if (!said.ok) return;
   if (dx.facts.axes && made_of(said.body) !== made_of(dx.facts)) location.reload();
   dx.facts = said.body;

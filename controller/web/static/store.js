@@ -40,6 +40,7 @@ dx.tell = (topic, data) => {
 };
 
 dx.shown = (name) => dx.view === name;
+dx.loaded = () => Boolean(dx.status?.job) && dx.status.job.state !== "interrupted"; // not what another service ran
 dx.holds = () => dx.token !== "";
 dx.axis = (name) => (dx.facts.axes ?? []).find((axis) => axis.name === name) ?? {};
 dx.draw = () => {}; // main.js puts the drawing here

@@ -15,6 +15,7 @@ from support.fakes.panels import Scene, sentence, take_control
 from controller import messages
 from controller.api import http
 from controller.api.service_client import FRESH_S, SocketServiceClient
+from controller.program.codes import CYCLES
 from controller.service.jogging import Presses
 from controller.service.socket_server import Server
 
@@ -97,6 +98,20 @@ def test_a_probing_cycle_is_listed_drawn_and_run_by_requests(tmp_path: Path) -> 
 
     values = {"axis": "Y", "half": 12.5}
     assert asyncio.run(story()) == [("probe", {"cycle": "web", "values": values, "offset": "G55"})]
+
+
+def test_every_canned_cycle_is_drawn(tmp_path: Path) -> None:
+    async def story() -> None:
+        async with Scene(tmp_path).client() as client:
+            told = (await client.get("/api/v1/cycles")).json()["cycles"]
+            assert {*CYCLES} <= set(told)
+            for code in told:
+                drawn = await client.get(f"/api/v1/cycles/{code}.svg")
+                assert drawn.status_code == 200 and drawn.text.startswith("<svg")
+            answer = await client.get("/api/v1/cycles/G88.svg")
+            assert answer.status_code == 404 and "there are G33.1, G73" in sentence(answer)
+
+    asyncio.run(story())
 
 
 def letters_of(cycle: dict[str, Any]) -> set[str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import csv
 import hashlib
 import json
 from collections.abc import Callable, Iterator, Mapping
@@ -14,6 +15,7 @@ import pytest
 from argon2 import PasswordHasher
 from fastapi.testclient import TestClient
 from rich.console import Console
+from support.fakes.fake_socket import PROBED
 from typer.testing import CliRunner, Result
 
 from controller.__main__ import app
@@ -25,6 +27,7 @@ from controller.api.store import Store
 from controller.api.users import new_token
 from controller.cli import client as verbs
 from controller.cli import client_lists, remote
+from controller.ipc.control_socket import LAST, packed
 from controller.messages import plain
 from controller.state.modes import Fault, told
 
@@ -169,6 +172,21 @@ def test_the_probing_cycles_are_listed_with_their_values(panel: Panel, door: Not
     assert json.loads(done("probe", "--json"))["cycles"][0]["name"] == "top"
     ran = run("probe", "edge", "most")
     assert ran.exit_code == 1 and "as most=20" in ran.stderr and not door.verbs
+
+
+def test_what_cycles_have_found_is_listed_and_written_as_a_table(
+    panel: Panel, door: NotingDoor, tmp_path: Path
+) -> None:
+    door.results["probed"] = {"found": PROBED}
+    assert "part.ngc bore x_mm=12.5 y_mm=-3.25 diameter_mm=20.01\n" in done("probe", "--found")
+    assert json.loads(done("probe", "--found", "--json"))["found"][1]["values"]["angle_deg"] == -0.5
+    file = tmp_path / "found.csv"
+    assert done("probe", "--csv", str(file)).startswith("5 values written to")
+    rows = list(csv.reader(file.open(newline="")))
+    assert rows[0] == ["time", "program", "cycle", "value", "unit", "number"]
+    assert rows[1] == ["2027-01-15T08:00:00+00:00", "part.ngc", "bore", "x", "mm", "12.5"]
+    assert rows[-1][2:] == ["mine", "angle", "deg", "-0.5"] and len(rows) == 6
+    assert run("probe", "--csv", str(tmp_path / "no" / "file.csv")).exit_code == 1
 
 
 def test_hold_stop_and_estop_pass_whoever_holds_control(panel: Panel, door: NotingDoor) -> None:
@@ -373,6 +391,25 @@ def test_status_shows_the_machine_and_what_nobody_acknowledged(panel: Panel, doo
     told = done("status")
     assert "READY" in told and "The door is open." in told
     assert json.loads(done("status", "--json"))["mode"] == "READY"
+
+
+def test_of_a_service_that_is_gone_the_last_is_shown_as_old_and_the_exit_code_says_so(
+    panel: Panel, door: NotingDoor
+) -> None:
+    door.refused["status"] = Refusal(503, "gone", "The service does not answer.")
+    assert "does not answer" in run("status").output, "nothing is known of it"
+    job = {"name": "part.ngc", "line": 8, "state": "fault", "left_s": 50.0, "elapsed_s": 29.0}
+    joint = {"machine": 148.983, "work": 52.983}
+    last = {"mode": "FAULT", "fault": None, "job": job, "joints": {"Y": joint}}
+    (panel.store.folder / LAST).write_bytes(packed({"status": last, "facts": {}}))
+    shown = run("status")
+    assert shown.exit_code == 1
+    assert all(one in shown.output for one in ("no service", "148.983", "line 8", "0:29", "0:50"))
+    as_json = run("status", "--json")
+    told = json.loads(as_json.output)
+    assert as_json.exit_code == 1 and not told["ok"] and told["gone_s"] < 60.0 and told["job"] == job
+    door.refused["status"] = Refusal(503, "silent", "It is there, and does not answer.")
+    assert "148.983" not in run("status").output, "its tick may go on"
 
 
 class Pauses:

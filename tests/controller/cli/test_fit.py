@@ -56,10 +56,12 @@ def test_what_is_not_twisted_takes_any_radius_up_to_its_hollow(tmp_path: Path) -
         assert best["placement"] == "single" and best["tool"] == 1, "the largest of the shipped table"
 
 
-def test_it_is_read_at_80_columns(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(("language", "cutter"), [("en", "cylinder"), ("de", "Zylinder")])
+def test_it_is_read_at_80_columns(language: str, cutter: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("COLUMNS", "80")
-    result = CliRunner().invoke(app, ["fit", str(machine_file.shipped_program("example1_ready"))])
-    assert result.exit_code == 0 and "cylinder" in result.stdout
+    words = ["fit", str(machine_file.shipped_program("example1_ready")), "--language", language]
+    result = CliRunner().invoke(app, words)
+    assert result.exit_code == 0 and cutter in result.stdout
     assert max(map(len, result.stdout.splitlines())) <= 80
 
 

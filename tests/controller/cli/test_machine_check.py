@@ -10,7 +10,9 @@ import pytest
 from typer.testing import CliRunner
 
 from controller import __main__ as command_line
+from controller.cli import machine_check
 from controller.machine import machine_file
+from controller.verify.console import spoken
 
 EDS = machine_file.SHIPPED / "eds" / "simulated_drive.eds"
 TRUNNION = machine_file.SHIPPED / "trunnion.toml"
@@ -97,3 +99,14 @@ def test_a_machine_alone_is_refused_for_its_buses_too(shop: Path) -> None:
 @pytest.mark.parametrize("name", machine_file.shipped())
 def test_every_shipped_machine_passes(name: str) -> None:
     assert run("check", "--machine", name)[0] == 0
+
+
+@pytest.mark.parametrize(("language", "jerk"), [("en", "jerk of"), ("de", "Ruck von")])
+def test_a_resolution_whose_rounding_looks_like_jerk_is_warned(language: str, jerk: str) -> None:
+    machine = machine_file.load("trunnion")
+    assert not any(machine_check.warnings(machine_file.load(name)) for name in machine_file.shipped())
+    spoken.set(language)
+    found = machine_check.warnings(machine_file.with_period(machine, 0.0005))
+    spoken.set("en")
+    assert [text[0] for text in found] == ["X", "Y", "Z", "A", "C"]
+    assert f"{jerk} 160000 mm/s3" in found[0]

@@ -83,17 +83,31 @@ def test_a_trace_of_what_the_drives_did_is_off_by_their_errors(trace_file: Path,
 @pytest.mark.slow
 def test_the_folder_of_a_recording_is_taken_as_a_trace(tmp_path: Path, ready: str) -> None:
     """Example 2 at an even feed, its setpoints as the recorder keeps them."""
-    (tmp_path / "rec").mkdir()
-    rows = even_rows(ready)
-    made = machine_file.load("trunnion")
-    np.savez_compressed(
-        tmp_path / "rec" / "trace.npz",
-        columns=np.array(ROW), rows=rows, period_s=made.period_s, machine=made.text,
-    )  # fmt: skip
-    code, told = run(tmp_path / "rec", "--program", ready, "--commanded", "--gouge", "warn")
+    code, told = run(
+        recorded(tmp_path, even_rows(ready)), "--program", ready, "--commanded", "--gouge", "warn"
+    )
     assert code == 0 and told["of"] == "commanded"
     first = told["surfaces"][0]["inside"]
     assert first["overcut"]["mm"] == pytest.approx(-0.018, abs=1e-3) and first["uncut"] == 0.0
+
+
+@pytest.mark.slow
+def test_a_surface_that_a_recording_ends_before_is_told_and_not_judged(tmp_path: Path, ready: str) -> None:
+    rows = even_rows(ready)
+    first, behind = sorted(set(rows[:, COLUMN["line"]].astype(int).tolist()))
+    kept = rows[rows[:, COLUMN["line"]] == first]
+    code, told = run(recorded(tmp_path, kept), "--program", ready, "--commanded")
+    assert [note["line"] for note in told["notes"] if note["key"] == "note.not_cut"] == [behind]
+    assert code == 0 and [one["line"] for one in told["verdict"]["surfaces"]] == [first], told
+
+
+def recorded(folder: Path, rows: np.ndarray) -> Path:
+    """The folder of a recording."""
+    made = machine_file.load("trunnion")
+    np.savez_compressed(
+        folder / "trace.npz", columns=np.array(ROW), rows=rows, period_s=made.period_s, machine=made.text
+    )
+    return folder
 
 
 def even_rows(ready: str) -> np.ndarray:

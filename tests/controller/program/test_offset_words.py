@@ -13,7 +13,7 @@ from controller.plan.report import explained
 from controller.plan.report.explained import Step
 from controller.program import blocks
 from controller.program.position import homed
-from controller.program.program import ProgramError
+from controller.program.program import ProgramError, Remark
 
 CONE = "G51 X0. Y15. Z0. I0. J0. K0. H10. R10. D90. F100.\n"
 
@@ -89,6 +89,43 @@ def test_where_words_lead_under_rs274(text: str, ends: tuple[float, ...]) -> Non
 )
 def test_where_words_lead_under_fanuc(text: str, ends: tuple[float, ...]) -> None:
     assert xyz(text, "fanuc") == pytest.approx(ends)
+
+
+@pytest.mark.parametrize("dialect", ["rs274", "fanuc"])
+@pytest.mark.parametrize(
+    ("text", "ends"),
+    [
+        ("G0 X3. Y4.\nG10 L120 P1 X1. Y1.\nG0 X0 Y0", (2.0, 3.0, 0.0)),
+        ("G10 L2 P2 X5.\nG0 X3. Y4.\nG10 L120 P2 Y1.\nG55 G0 X0 Y0", (5.0, 3.0, 0.0)),
+        ("G10 L120 P2 R30.\nG10 L2 P2 X5.\nG10 L2 P1 R60.\nG10 L120 P2 R30.\nG55 G0 X1. Y0", (5.0, 1.0, 0.0)),
+        ("G10 L2 P1 R60.\nG10 L120 P1 R30.\nG0 X1. Y0", (0.0, 1.0, 0.0)),  # from the active one
+        ("G10 L2 P1 X10. Y5. R90.\nG0 X0 Y0\nG10 L120 P3 X0\nG56 G0 X1. Y0", (10.0, 6.0, 0.0)),  # unset
+        ("G10 L2 P1 X10. Y5.\nG10 L120 P3 R90.\nG56 G0 X1. Y0", (10.0, 6.0, 0.0)),
+        ("G10 L121 P1 Z20. R2.\nG43 H1 G0 X#5410 Z1.", (4.0, 0.0, 21.0)),
+    ],
+)
+def test_what_probing_cycles_set_is_set_in_both_dialects(
+    dialect: str, text: str, ends: tuple[float, ...]
+) -> None:
+    unset = replace(reference_interpreter.machine(dialect, without_point="unit"), unset=("G56",))
+    last = steps(text, unset)[-1]
+    assert tuple(last.axes[name] for name in "XYZ") == pytest.approx(ends)
+
+
+def test_a_sister_comes_with_its_own_size_and_h_means_what_is_in_the_spindle() -> None:
+    """T1 is 10 mm long, T2 25.4: never is the length of a tool in force that is not in the spindle."""
+    on = replace(reference_interpreter.machine(), sisters=((1, 2),))
+    for text, tool, z in (
+        ("T1 M6\nG43 G0 Z1", 2, 26.4),
+        ("T1 M6\nG43 H1 G0 Z1", 2, 26.4),
+        ("G43 H1 G0 Z1", 1, 11.0),  # T1 is in the spindle still
+        ("T2 M6\nG43 H2 G0 Z1", 2, 26.4),
+        ("M61 Q1\nG43 H1 G0 Z1", 1, 11.0),
+    ):
+        read = blocks.read(text.encode(), on, "p.ngc")
+        assert (read.blocks[-1].modal.tool, steps(text, on)[-1].axes["Z"]) == (tool, pytest.approx(z)), text
+    told = [one.sentence for one in blocks.read(b"T1 M6\n", on, "p.ngc").blocks if isinstance(one, Remark)]
+    assert told == ["T1 is worn: its sister T2 comes in its place."]
 
 
 def test_rotaries_are_shifted_as_well() -> None:

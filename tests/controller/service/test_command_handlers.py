@@ -8,20 +8,22 @@ import math
 import re
 import threading
 from concurrent.futures import Future
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
-from support.fakes.fake_engine import HANGS_S, FakeEngine, done, heard
+from support.fakes.fake_engine import HANGS_S, FakeEngine, done, heard, served
 
 from controller import messages
+from controller.ipc import control_socket
 from controller.ipc.control_socket import CommandRefused
 from controller.ipc.handoff import Snapshot
 from controller.machine import setup_data
 from controller.machine.kinematics import kinematics_of
 from controller.messages import said
 from controller.plan.restart.program_position import FORMER, Spot
-from controller.service import acknowledged, jobs, journal
+from controller.service import acknowledged, jobs, journal, whole_status
 from controller.service.command_handlers import Desk
 from controller.service.service import JOURNAL, Service
 from controller.service.thread_guard import InThread
@@ -620,8 +622,70 @@ def interrupted(service: Service) -> None:
     """The journal of a program that was stopped in line 3."""
     joints = jobs.homed_position(service.machine)
     job = journal.Job.of("part.ngc", TEXT.encode(), service.machine, joints)
-    entry = journal.Entry(job, Spot(3, 0.5, 7, 12.0), True, 1, "READY", "NONE", 31, 0.0)
+    in_block = {"what": "line", "fraction": 0.25, "u": None}
+    known = (40.0, 100.0, 47.5, in_block)  # s of a whole run before it, and in all; elapsed
+    entry = journal.Entry(job, Spot(3, 0.5, 7, 12.0), True, 1, "READY", "NONE", 31, 0.0, False, *known)
     journal.write(entry, service.state / JOURNAL)
+
+
+@pytest.mark.parametrize("then", ["load", "unload"])
+def test_the_place_of_what_another_service_ran_is_told_until_a_program_is_loaded(
+    then: str, desk: Desk, service: Service, tmp_path: Path
+) -> None:
+    interrupted(service)
+    after = served(tmp_path)
+    told = whole_status.status(after)
+    job = told["job"]
+    loaded(desk, service)
+    assert service.job is not None
+    assert set(job) == set(service.job.to_dict(service.now())), "as of one that is loaded"
+    assert (job["name"], job["state"], job["line"], job["block"]) == ("part.ngc", "interrupted", 3, 7)
+    assert (job["elapsed_s"], job["left_s"], job["duration_s"], job["fraction"]) == (47.5, 60.0, 100.0, 0.4)
+    assert told["in_block"] == {"what": "line", "fraction": 0.25, "u": None} and told["tool"] == 1
+    assert "line 3" in messages.text(job) and "Zeile 3" in messages.text(job, "de")
+    with pytest.raises(CommandRefused, match="oad"):
+        done(Desk(after), "start")
+    if then == "load":
+        loaded(Desk(after), after)
+    else:
+        done(Desk(after), "unload")
+    now = whole_status.status(after)
+    assert now["in_block"] is None and (now["job"] or {"state": "loaded"})["state"] == "loaded"
+
+
+def test_what_holds_where_nobody_answers_any_more_is_on_disk(
+    desk: Desk, service: Service, engine: FakeEngine
+) -> None:
+    """Written only where something is other; a service that ends in order leaves no fault."""
+    held(desk, service, engine)
+    kept, there = whole_status.Kept(service), whole_status.status(service)
+    kept.look(service.now())
+    told = control_socket.last_told(service.state, "status")
+    joints = {name: row["machine"] for name, row in there["joints"].items()}
+    assert {name: row["machine"] for name, row in told["joints"].items()} == joints
+    assert set(told) == {*there, "gone_s"} and told["gone_s"] < HANGS_S
+    assert (told["mode"], told["fault"]["key"], told["job"]["state"]) == ("FAULT", "service_gone", "fault")
+    assert told["not_homed"] == list(joints) and told["job"]["line"] == there["job"]["line"]
+    assert [axis["name"] for axis in control_socket.last_told(service.state, "facts")["axes"]] == list(joints)
+    file = service.state / control_socket.LAST
+    written = file.stat().st_ino
+    kept.look(service.now())
+    assert file.stat().st_ino == written, "nothing but the tick is other"
+    engine.now = engine.now._replace(joints=tuple([q + 1.0 for q in engine.now.joints]))
+    kept.look(service.now())
+    assert file.stat().st_ino != written
+    service.close()
+    kept.close()
+    told = control_socket.last_told(service.state, "status")
+    assert (told["mode"], told["fault"], told["job"]["state"]) == ("OFF", None, "interrupted")
+
+
+def test_what_came_to_its_end_is_not_told_of_after_a_return(service: Service, tmp_path: Path) -> None:
+    interrupted(service)
+    entry, _ = journal.read(service.state / JOURNAL)
+    assert entry is not None
+    journal.write(replace(entry, ended=True), service.state / JOURNAL)
+    assert whole_status.status(served(tmp_path))["job"] is None
 
 
 def test_a_restart_that_is_loaded_is_not_started_with_another_offset(

@@ -116,6 +116,16 @@ def test_the_place_stays_after_an_end_before_the_end(state: str, job: Job) -> No
     assert job.to_dict(snapshot())["fraction"] == 0.0
 
 
+def test_the_journal_has_all_that_is_told_of_a_place(job: Job) -> None:
+    job.hear(News(ways={3: replace(way(10.0), end_s=20.0)}))
+    job.origin_s = 2.0
+    now = snapshot(plan_time_s=6.5, motion_id=3, s=5.0)
+    job.pass_time(now)
+    known, told = job.known(3, 5.0), job.to_dict(now)
+    assert known.elapsed_s == told["elapsed_s"] == 4.5 and known.duration_s == told["duration_s"]
+    assert known.in_block == {"what": "line", "fraction": 0.25, "u": None}
+
+
 def test_the_place_stays_when_the_tick_has_dropped_all_and_nobody_has_seen_it_yet(job: Job) -> None:
     job.state = "running"
     job.pass_time(snapshot(mode=Mode.RUNNING, line=7, motion_id=3, plan_time_s=104.0))
@@ -153,6 +163,14 @@ def test_what_the_program_says_is_told_at_its_place(job: Job) -> None:
     assert seen == [None, "start", "start", "turn it", "go on"]
     job.say(snapshot(motion_id=-1, line=9), ended=True)
     assert job.messages == ["start", "turn it", "go on", "end"]
+
+
+def test_what_a_probing_cycle_has_found_is_a_result_once_it_is_said(job: Job) -> None:
+    job.hear(
+        News(messages=(Said("edge edge_mm=12.500000", 0), Said("go on", 0), Said("top height_mm=1.0", 9)))
+    )
+    job.say(snapshot(motion_id=3, line=2))
+    assert job.found == [{"cycle": "edge", "values": {"edge_mm": 12.5}}]
 
 
 def test_a_job_is_the_program_with_the_files_that_it_calls(tmp_path: Path) -> None:

@@ -70,11 +70,15 @@ def test_an_offset_is_set_at_its_line_and_outlives_the_service(service: Serving,
     service.ended()
     service.done("mdi", text="G10 L1 P2 Z12.5 R1.4")
     service.ended()
+    service.done("mdi", text="(LOG, mine way_mm=#5420)\nG4 P0.01")
+    service.ended()
+    service.until(lambda _: (service.state / "probed.json").exists(), "what was found on the disk")
     service.process.kill()  # as a loss of power
     service.process.wait()
     with serving(tmp_path, *options(tmp_path)) as again:
         again.ready()
         facts = again.ask("facts")
+        assert again.ask("probed")["found"][0]["values"] == {"way_mm": 1.0}
         assert facts["offsets"]["G56"]["origin_mm"] == [9.0, 6.0, 7.0]
         assert facts["shift"]["source"] == "machine" and not facts["shift"]["suspended"]
         tool = next(row for row in facts["tools"] if row["number"] == 2)

@@ -89,6 +89,22 @@ def test_a_change_that_was_held_goes_on_where_it_stood(tmp_path: Path) -> None:
     assert bench.go(LONGEST) == "done" and bench.store.spindle == 2
 
 
+def test_a_worn_tool_is_told_before_anything_moves_and_taken_by_resume(tmp_path: Path) -> None:
+    bench = ChangerBench(tmp_path)
+    bench.confirm()
+    bench.worn = {2}
+    joints = bench.stepped.joints
+    bench.begin("T2 M6\nT3 M6\nT2 M6")
+    assert bench.go(LONGEST) == "held" and bench.stepped.joints == joints and bench.store.step is None
+    assert bench.alarms == [("CHANGE_WORN", bench.alarms[0][1])] and "12.5 m" in bench.alarms[0][1]
+    bench.resume()
+    assert bench.go(3 * LONGEST) == "held" and bench.store.spindle == 3  # once more, before it comes again
+    bench.worn.clear()  # it was renewed meanwhile
+    bench.resume()
+    assert bench.go(LONGEST) == "done" and bench.store.spindle == 2
+    assert [name for name, _ in bench.alarms] == ["CHANGE_WORN"] * 2
+
+
 def test_where_tools_are_must_be_confirmed_once(tmp_path: Path) -> None:
     bench = ChangerBench(tmp_path)
     joints = bench.stepped.joints

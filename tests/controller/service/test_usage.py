@@ -39,6 +39,7 @@ def rows(path: np.ndarray, mode: Mode = Mode.RUNNING, fed: bool = True, first: i
     made = np.zeros((len(path), len(ROW)))
     made[:, COLUMN["tick"]] = np.arange(first, first + len(path))
     made[:, COLUMN["mode"]], made[:, COLUMN["rate"]] = mode, 1.0
+    made[:, COLUMN["feed_mm_s"]] = 4.0
     made[:, COLUMN["motion_id"]] = FED if fed else FED + 1
     made[:, of_axes("joint_command", len(MACHINE.axes))] = path
     return made
@@ -100,6 +101,19 @@ def test_a_tool_counts_its_cut_and_the_parts_that_it_was_in(tmp_path: Path) -> N
     (tool,) = usage.told()["tools"]
     assert (tool["number"], tool["parts"]) == (3, 1)
     assert tool["cut_s"] == pytest.approx(600 * MACHINE.period_s)
+    assert tool["cut_m"] == pytest.approx(600 * 4e-3 * MACHINE.period_s)
+
+
+def test_a_tool_is_worn_by_its_time_its_way_or_its_parts(tmp_path: Path) -> None:
+    usage = Usage(tmp_path, MACHINE)
+    usage.take(rows(walk(500)), 3, turning=False, fed={FED})
+    cut_s, cut_m = 500 * MACHINE.period_s, 500 * 4e-3 * MACHINE.period_s
+    for life in ((cut_s / 60.0, None, None), (None, None, cut_m)):
+        for share, worn in ((0.999, True), (1.001, False)):
+            usage.set_life(3, *(None if one is None else share * one for one in life))
+            assert bool(usage.worn(3)) is worn
+    usage.renew(3)
+    assert usage.told()["tools"][0]["cut_m"] == 0.0
 
 
 def test_all_of_it_is_there_after_a_restart(tmp_path: Path) -> None:
@@ -197,6 +211,48 @@ def test_a_worn_tool_in_the_spindle_starts_no_program_but_by_confirmation(
     done(desk, "start", worn=True)
 
 
+def test_a_worn_tool_with_a_sister_starts_and_the_run_has_it_in_its_place(
+    desk: Desk, service: Service, engine: FakeEngine
+) -> None:
+    loaded(desk, service)
+    done(desk, "tool_life", tool=1, parts=1, sister=2)
+    worn_again(service, 1)
+    done(desk, "start")  # T1 is in the spindle: the next M6 changes it
+    job = service.running
+    assert job is not None and job.program.machine.sisters == ((1, 2),)
+    assert job.fitted["sisters"] == {"1": 2} and "sisters" not in service.fitted
+    assert setup_data.applied(service.file, job.fitted).sisters == ((1, 2),)
+
+
+def worn_again(service: Service, tool: int) -> None:
+    service.usage.take(rows(walk(5)), tool, turning=False, fed={FED})
+    service.usage.ended(whole_part=True)
+
+
+@pytest.mark.parametrize(
+    ("sisters", "worn_ones", "known", "found"),
+    [
+        ({1: 2}, [], {1, 2}, {}),
+        ({1: 2}, [1], {1, 2}, {"1": 2}),
+        ({1: 2, 2: 3}, [1, 2], {1, 2, 3}, {"1": 3, "2": 3}),
+        ({1: 2, 2: 3}, [1, 2, 3], {1, 2, 3}, {}),
+        ({1: 2, 2: 1}, [1, 2], {1, 2}, {}),  # round and round
+        ({1: 2}, [1], {1}, {}),  # out of the table meanwhile
+        ({}, [1], {1}, {}),
+    ],
+)
+def test_a_sister_comes_in_the_place_of_what_is_worn(
+    tmp_path: Path, sisters: dict[int, int], worn_ones: list[int], known: set[int], found: dict[str, int]
+) -> None:
+    usage = Usage(tmp_path, MACHINE)
+    for tool in (1, 2, 3):
+        usage.set_life(tool, None, 1, None, sisters.get(tool))
+    for tool in worn_ones:
+        usage.take(rows(walk(5)), tool, turning=False, fed={FED})
+        usage.ended(whole_part=True)
+    assert usage.sisters(known) == found
+
+
 def test_a_worn_tool_is_an_alarm_while_it_cuts(service: Service) -> None:
     service.usage.set_life(1, 1e-3, None)
     service._count(rows(walk(100)), False, {FED})
@@ -215,7 +271,10 @@ def test_a_worn_tool_that_is_asked_for_is_told_as_such(service: Service) -> None
     [
         ("tool_life", {"tool": 0}),
         ("tool_life", {"tool": 1, "cut_min": 0.0}),
+        ("tool_life", {"tool": 1, "cut_m": 0.0}),
         ("tool_life", {"tool": 1, "parts": "many"}),
+        ("tool_life", {"tool": 1, "sister": 1}),
+        ("tool_life", {"tool": 1, "sister": 0}),
         ("tool_life", {"tool": 10**9}),
         ("maintenance", {"name": "", "counter": "X", "every": 1.0}),
         ("maintenance", {"name": "a\nb", "counter": "X", "every": 1.0}),

@@ -32,7 +32,7 @@ def told(store: ToolStore) -> dict[str, Any]:
     """As the service tells it of a store."""
     changer = changer_bench.machine().changer
     assert changer is not None
-    return ToolChanger(store, lambda: changer, NoTick(), lambda *_: None, 0.002).told()
+    return ToolChanger(store, lambda: changer, NoTick(), lambda *_: None, 0.002, lambda _: {}).told()
 
 
 def shown(page: Any, site: Site, store: ToolStore) -> Any:

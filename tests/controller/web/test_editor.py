@@ -67,6 +67,22 @@ def test_every_mistake_stands_in_its_line_and_goes_when_it_is_mended(page: Any, 
     until(lambda: text_of(site, "edit.ngc") == MENDED, "the text, its ends of lines as they were")
 
 
+CYCLES = "G21 G90\nG83 X1 Y1 Z-5 R2 Q1 F100\nX2 Y2\nG80\nX3\no<probe_bore> call [20] [0]\n(G81)\nM30\n"
+
+
+def test_the_cycle_of_the_carets_line_is_drawn_beside_the_program(page: Any, site: Site) -> None:
+    opened(page, "cycles.ngc", CYCLES)
+    picture = page.locator(".editor-picture")
+    for line, code in ((2, "G83"), (3, "G83"), (4, None), (5, None), (6, "probe_bore"), (7, None)):
+        at(page, line).click()
+        picture.wait_for(state="attached" if code else "detached")
+        assert not code or picture.get_attribute("alt") == code
+    at(page, 3).click()
+    drawn = ".editor-picture[src='/api/v1/cycles/G83.svg']"
+    page.wait_for_function("(one) => document.querySelector(one)?.naturalWidth > 0", arg=drawn)
+    left(page)
+
+
 def test_a_program_is_written_from_nothing_and_not_left_unasked(page: Any, site: Site) -> None:
     page.evaluate("dx.show('programs')")
     page.click("[data-edit=new]")

@@ -8,7 +8,7 @@ import pytest
 from support.live import browser
 from support.live.browser import Site, until
 
-from controller.program.probing_cycles import CYCLES
+from controller.program.probing_cycles import CYCLES, ON_SETTER
 
 pytestmark = pytest.mark.slow
 
@@ -39,7 +39,7 @@ def test_every_cycle_has_its_picture_and_its_values(probing: Any) -> None:
         probing.wait_for_selector(f"img.probing-picture[src$='/probing/{cycle}.svg']")
         probing.wait_for_function(drawn)
         fields = probing.eval_on_selector_all(".probing [name]", "all => all.map((one) => one.name)")
-        assert fields == ["cycle", *values, "offset"]
+        assert fields == ["cycle", *values, *([] if cycle in ON_SETTER else ["offset"])]
         seen.add(probing.get_attribute("img.probing-picture", "alt"))
     assert len(seen) == len(CYCLES)
 
@@ -55,6 +55,17 @@ def test_a_cycle_is_run_with_what_was_typed(probing: Any, site: Site) -> None:
     assert made == {"cycle": "edge", "values": {"towards": "Y-", "most": 7.5}, "offset": "G55"}
 
 
+def test_a_cycle_on_the_setter_sets_the_tool_and_no_offset(probing: Any, site: Site) -> None:
+    before = len(site.asked("probe"))
+    probing.select_option("[name=offset]", "G55")
+    probing.select_option("[name=cycle]", "tool_length")
+    probing.select_option("[name=keep]", "yes")
+    run(probing)
+    made = until(lambda: site.asked("probe")[before:], "the cycle")[0][2]
+    values = {"most": 20.0, "turning": 0.0, "keep": "yes"}
+    assert made == {"cycle": "tool_length", "values": values, "offset": "none"}
+
+
 def test_what_is_no_number_moves_nothing(probing: Any, site: Site) -> None:
     before = len(site.asked("probe"))
     probing.select_option("[name=cycle]", "bore")
@@ -64,6 +75,9 @@ def test_what_is_no_number_moves_nothing(probing: Any, site: Site) -> None:
     assert site.asked("probe")[before:] == []
 
 
-def test_what_was_found_is_shown(probing: Any, site: Site) -> None:
-    site.tell(mode="READY", job={"name": "MDI", "state": "completed", "messages": ["Says: edge at 12.5"]})
-    probing.wait_for_selector("#probing-found >> text=edge at 12.5")
+def test_what_was_found_is_shown_as_a_table(probing: Any) -> None:
+    rows = probing.wait_for_selector("#probing-found tbody").query_selector_all("tr")
+    told = [" ".join(row.inner_text().split()) for row in rows]
+    assert told[0].endswith("part.ngc Bore, from inside X 12.5000 mm Y −3.2500 mm diameter 20.0100 mm")
+    assert told[1].endswith("MDI mine way 1.0000 mm turned by −0.5000 °")
+    assert probing.get_attribute("#probing-found + a", "href") == "/api/v1/probing/found.csv"

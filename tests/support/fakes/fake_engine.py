@@ -44,6 +44,7 @@ class FakeEngine:
         self.machine = machine
         self.tick_alive = self.plan_alive = True
         self.recorder: FakeRecorder | None = None
+        self.pids: dict[str, int] = {}
         self.requests: list[Request] = []  # as they came to the tick
         self.taken: list[Request] = []  # those of them that its table took
         self.orders: list[str] = []

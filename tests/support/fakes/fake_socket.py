@@ -57,6 +57,13 @@ TABLE: dict[str, tuple[set[str], str | None]] = {
     **dict.fromkeys(WEARS, (set(), None)),
 }
 
+PROBED = [
+    {
+        **{"at_s": 1.8e9, "program": "part.ngc", "cycle": "bore"},
+        "values": {"x_mm": 12.5, "y_mm": -3.25, "diameter_mm": 20.01},
+    },
+    {"at_s": 1.7e9, "program": "MDI", "cycle": "mine", "values": {"way_mm": 1.0, "angle_deg": -0.5}},
+]
 USAGE: dict[str, Any] = {"tools": [], "counters": [], "items": []}
 
 
@@ -105,6 +112,7 @@ class FakeDoor:
             "restart": lambda: self.restart,
             "usage": lambda: dict(USAGE),
             "changer": dict,
+            "probed": lambda: {"found": PROBED},
         }
         if verb in looks_at:
             return dict(looks_at[verb]())

@@ -41,7 +41,7 @@ class Shop:
         self.machine_file = folder / "machine.toml"
         self.machine_file.write_text(_machine(period_s))
         self.tools_put_in = 0
-        self.port = _free_port()
+        self.port = free_port()
         self.processes = {name: self._begin(name) for name in commands}
         self.url = f"http://127.0.0.1:{self.port}"
         self.http = httpx.Client(base_url=f"{self.url}/api/v1", timeout=HANGS_S)
@@ -187,6 +187,6 @@ def _machine(period_s: float) -> str:
     return changed
 
 
-def _free_port() -> int:
+def free_port() -> int:
     with socket.create_server(("127.0.0.1", 0)) as free:
         return int(free.getsockname()[1])

@@ -241,6 +241,7 @@ class ChangerBench:
         self.file = folder / "tools.db"
         self.magazine = Magazine(self.machine, {tool: tool for tool in TOOLS})
         self.alarms: list[tuple[str, str]] = []
+        self.worn: set[int] = set()
         self.power_up()
         self.restart_service()
 
@@ -262,6 +263,7 @@ class ChangerBench:
             self.stepped,  # type: ignore[arg-type]
             lambda name, what: self.alarms.append((name, text(what))),
             self.machine.period_s,
+            lambda tool: {"number": tool, "cut": 60.0, "way": 12.5, "parts": 3} if tool in self.worn else {},
         )
 
     def die(self, without_power: bool) -> None:

@@ -50,11 +50,11 @@ const look = EditorView.theme({
 });
 
 export class Area {
-  // ``place``: an element; ``changed`` is called with every change of the text.
-  constructor(place, text, label, changed) {
+  // ``place``: an element; ``changed`` is called with every change of the text, ``moved`` of the caret's place.
+  constructor(place, text, label, changed, moved) {
     this.stored = text;
     this.beside = new Compartment();
-    const heard = EditorView.updateListener.of((update) => update.docChanged && changed());
+    const heard = EditorView.updateListener.of((update) => (update.docChanged ? changed() : update.selectionSet && moved()));
     const parts = [
       ...[lineNumbers(), history(), drawSelection(), highlightActiveLine(), highlightActiveLineGutter(), lintGutter()],
       ...[program, syntaxHighlighting(colours), look, heard, this.beside.of([])],
@@ -68,6 +68,13 @@ export class Area {
 
   get text() {
     return this.view.state.doc.toString();
+  }
+
+  // The caret's line and those above it, the nearest first.
+  *above(most) {
+    const { doc, selection } = this.view.state;
+    const last = doc.lineAt(selection.main.head).number;
+    for (let n = last; n > Math.max(0, last - most); n--) yield doc.line(n).text;
   }
 
   // Refusals, { line, column, sentence }, each under its word.

@@ -133,7 +133,7 @@ function Row({ row }) {
   return html`<tr class="entry" data-program=${name} aria-selected=${name === told.chosen ? "true" : undefined} onclick=${() => choose(row)}>
     <td class="p-name">
       <button class="plain" type="button">${rest(row)}</button>
-      ${name === dx.status?.job?.name && html`<${Chip} tone="info">${word("loaded")}<//>`}
+      ${dx.loaded() && name === dx.status.job.name && html`<${Chip} tone="info">${word("loaded")}<//>`}
       <div class="dim when"><span>${word("uploaded")}</span> <${Moment} at=${row.uploaded_s} /></div>
     </td>
     <td class="p-check"><${State} check=${check} /></td>
@@ -174,7 +174,7 @@ function Acts({ one, one: { name } }) {
   }
   return html`<div class="row program-acts">
     <${Act} text=${word("load")} call="POST job" body=${{ program: name }} kind="go" icon="load" modes="OFF READY" />
-    ${name === dx.status?.job?.name && html`<${Act} text=${word("unload")} call="DELETE job" icon="eject" modes=${AT_REST} />`}
+    ${dx.loaded() && name === dx.status.job.name && html`<${Act} text=${word("unload")} call="DELETE job" icon="eject" modes=${AT_REST} />`}
     <${Enqueue} name=${name} />
     <${Act} text=${word("edit")} needs="role" icon="edit" data-edit="open" press=${() => edit(one)} />
     <${Act} text=${word("ask_check")} call=${`POST ${path}/check`} needs="role" icon="check" />

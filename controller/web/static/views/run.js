@@ -145,7 +145,7 @@ function Cycle() {
   return html`<${Card} title=${word("run.cycle")} class="run-cycle">
     <${Offer} />
     <div class="cycle">
-      ${tall("start", "start", { kind: "go", ask: start_question(), modes: "READY", icon: "play", keys: "F4", given: Boolean(job), why: "why.no_program" })}
+      ${tall("start", "start", { kind: "go", ask: start_question(), modes: "READY", icon: "play", keys: "F4", given: dx.loaded(), why: "why.no_program" })}
       ${tall("resume", "resume", { kind: "go", modes: "HOLD", icon: "reset", keys: "F6" })}
       <${Aside} />
       <div class="toggles"><${Toggle} key="single" name="single" path="single_block" /><${Toggle} key="optional" name="optional" path="optional_stop" /><${Skip} job=${job} /></div>
@@ -174,9 +174,9 @@ const Skip = ({ job }) =>
 
 // What a newcomer would do next, from cold to the first motion.
 function Next() {
-  const { mode, not_homed: homeless, job, sequence } = dx.status ?? {};
+  const { mode, not_homed: homeless, sequence } = dx.status ?? {};
   if (dx.silent || dx.user?.role === "view" || sequence?.state === "running" || !["OFF", "READY"].includes(mode)) return null;
-  const step = !dx.holds() && !free() ? "control" : homeless?.length ? "home" : mode === "OFF" ? (dx.holds() ? "enable" : "control") : !job ? "choose" : "start";
+  const step = !dx.holds() && !free() ? "control" : homeless?.length ? "home" : mode === "OFF" ? (dx.holds() ? "enable" : "control") : dx.loaded() ? "start" : "choose";
   return html`<p class="next">${word("run.next")} <strong>${word(`next.${step}`)}</strong></p>`;
 }
 
@@ -227,7 +227,7 @@ function Program() {
     <${Bar} class="block-bar" share=${at?.fraction} title=${word("run.block")} />
     <${StateThere} />
     <${Listing} job=${job} />
-    ${!job && html`<div class="empty" id="run-empty">
+    ${!dx.loaded() && html`<div class="empty" id="run-empty">
       <p class="dim">${word("frame.no_program")}</p>
       <${Act} text=${word("run.choose")} needs="" icon="programs" press=${() => show("programs")} />
       ${recent().map(({ name }) => html`<${Act} key=${name} text=${word("run.load", name)} call="POST job" body=${{ program: name }} modes="OFF READY" icon="load" data-load=${name} />`)}

@@ -1,14 +1,18 @@
 // Probing cycles: a picture of each, its values, and one of them from where the probe stands.
-import { call, every } from "../api.js";
+import { API, call, every } from "../api.js";
 import { html } from "../dom.js";
+import { forms } from "../forms.js";
 import { Act } from "../parts.js";
 import { dx } from "../store.js";
 import { known, word as text } from "../texts.js";
 import { number } from "./setup_tables.js";
 
+const SHOWN = 20; // of what was found; the table has all
 const word = (key) => text(`probing.${key}`);
-const told = { cycles: [], offsets: [], chosen: { cycle: "edge", offset: "none" } };
-dx.on("setup", every("setup", 60, "probing", (body) => Object.assign(told, body)));
+const told = { cycles: [], offsets: [], found: [], chosen: { cycle: "edge", offset: "none" } };
+const take = (body) => Object.assign(told, body);
+dx.on("setup", every("setup", 60, "probing", take));
+every("setup", 2, "probing/found", take);
 
 function Value({ name, label = word(name), usual, choices, unit }) {
   const value = told.chosen[name] ?? usual;
@@ -17,16 +21,27 @@ function Value({ name, label = word(name), usual, choices, unit }) {
   return html`<label>${label}${unit && `, ${unit}`} ${choices ? html`<select name=${name} onchange=${set}>${choices.map(option)}</select>` : html`<input name=${name} inputmode="decimal" value=${value} oninput=${set} />`}</label>`;
 }
 
+const figure = ([name, value]) => {
+  const [, what, unit] = name.match(/^(.*)_(mm|deg)$/) ?? [null, name, ""];
+  return html`${known(`probing.found.${what}`, what)} <b class="figures">${unit ? forms.u(value) : value}</b>${unit && ` ${unit === "deg" ? "°" : unit}`} `;
+};
+
+const Found = ({ one }) => html`<tr><td class="figures">${forms.moment(one.at_s)}</td><td>${one.program}</td>
+  <td>${known(`probing.cycle.${one.cycle}`, one.cycle)}</td><td>${Object.entries(one.values).map(figure)}</td></tr>`;
+
 export function Probing() {
   const { cycle, offset, ...typed } = told.chosen;
-  const values = told.cycles.find(({ name }) => name === cycle)?.values ?? [];
+  const { values = [], sets } = told.cycles.find(({ name }) => name === cycle) ?? {};
   const of = ({ name, choices, usual }) => [name, choices ? (typed[name] ?? usual) : number(String(typed[name] ?? usual))];
-  const run = () => call("POST", "probing", { cycle, offset, values: Object.fromEntries(values.map(of)) });
+  const run = () => call("POST", "probing", { cycle, offset: sets ? offset : "none", values: Object.fromEntries(values.map(of)) });
   return html`<p class="dim">${word("stands")}</p>
     <div class="row"><img class="probing-picture" src=${`/api/v1/probing/${cycle}.svg`} alt=${word(`cycle.${cycle}`)} /><div class="probing">
       <${Value} name="cycle" choices=${told.cycles.map(({ name }) => name)} />
       ${values.map((one) => html`<${Value} key=${cycle + one.name} label=${word(`value.${one.name}`)} ...${one} />`)}
-      <${Value} name="offset" choices=${told.offsets} /></div></div>
+      ${sets && html`<${Value} name="offset" choices=${told.offsets} />`}</div></div>
     <div class="row"><${Act} id="probing-run" text=${word("run")} kind="go" icon="play" modes="READY" ask=${word("run_ask")} press=${run} /></div>
-    <p id="probing-found">${(dx.status?.job?.messages ?? []).join(" ")}</p>`;
+    ${told.found.length > 0 && html`<table class="list" id="probing-found"><thead><tr>
+        ${["time", "program", "cycle", "found"].map((key) => html`<th scope="col">${word(key)}</th>`)}</tr></thead>
+      <tbody>${told.found.slice(0, SHOWN).map((one) => html`<${Found} key=${one.at_s + one.cycle} one=${one} />`)}</tbody></table>
+      <a href=${`${API}probing/found.csv`} download>${word("csv")}</a>`}`;
 }

@@ -19,6 +19,7 @@ async function change(method, path, body) {
   dx.draw();
 }
 
+const WHOLE = ["parts", "sister"];
 const named = (counter) => known(`usage.counter.${counter}`, counter);
 const amount = (v) => (v < 10 ? v.toFixed(2) : v.toFixed(1));
 
@@ -34,16 +35,18 @@ const Used = ({ used, most, unit = "", label, press }) =>
   html`<${Act} class="figures" needs="role" title=${word("limit")} aria-label=${`${label}: ${word("limit")}`} press=${press}>${used} / ${most ?? "∞"} ${unit}<//>`;
 
 function Tool({ n, name, use }) {
-  const { cut_s = 0, parts = 0, most_cut_min = null, most_parts = null, worn = false, since_s } = use ?? {};
+  const { cut_s = 0, cut_m = 0, parts = 0, most_cut_min = null, most_cut_m = null, most_parts = null, sister = null, worn = false, since_s } = use ?? {};
   const set = async (field, start) => {
     const value = await limit(word(`${field}_ask`, n), start);
-    if (value !== undefined) await change("PUT", `tools/${n}`, { cut_min: most_cut_min, parts: most_parts, [field]: field === "parts" && value ? Math.ceil(value) : value });
+    if (value !== undefined) await change("PUT", `tools/${n}`, { cut_min: most_cut_min, cut_m: most_cut_m, parts: most_parts, sister, [field]: WHOLE.includes(field) && value ? Math.ceil(value) : value });
   };
   const renew = async () => (await ask(word("renew_ask", n))) && change("POST", `tools/${n}/renewed`);
   return html`<tr data-tool=${n}>
     <th scope="row"><${AxisName} name=${`T${n}`} /> ${name} ${worn && html`<${Chip} tone="stop">${word("worn")}<//>`}</th>
     <td><${Used} used=${amount(cut_s / 60)} most=${most_cut_min} unit="min" label=${`T${n} ${word("cut")}`} press=${() => set("cut_min", most_cut_min)} /></td>
+    <td><${Used} used=${amount(cut_m)} most=${most_cut_m} unit="m" label=${`T${n} ${word("way")}`} press=${() => set("cut_m", most_cut_m)} /></td>
     <td><${Used} used=${parts} most=${most_parts} label=${`T${n} ${word("parts")}`} press=${() => set("parts", most_parts)} /></td>
+    <td><${Act} class="figures" needs="role" title=${word("sister_set")} aria-label=${`T${n} ${word("sister")}`} press=${() => set("sister", sister)}>${sister ? `T${sister}` : "–"}<//></td>
     <td class="hide-narrow">${since_s ? forms.moment(since_s) : "–"}</td>
     <td><${Act} text=${word("renew")} aria-label=${`T${n}: ${word("renew")}`} needs="role" press=${renew} /></td>
   </tr>`;
@@ -78,7 +81,7 @@ const Table = ({ id, keys, children }) => html`<div class="scroll" tabindex="0">
 export function Usage() {
   const pick = (event) => ((told.counter = event.target.value), dx.draw());
   return html`<${Wrong} text=${told.wrong} />
-    <${Table} id="usage-tools" keys=${["tool", "cut", "parts", "since", ""]}>${tools().map(([n, { name }]) => html`<${Tool} key=${n} n=${n} name=${name} use=${told.tools.find((one) => String(one.number) === n)} />`)}<//>
+    <${Table} id="usage-tools" keys=${["tool", "cut", "way", "parts", "sister", "since", ""]}>${tools().map(([n, { name }]) => html`<${Tool} key=${n} n=${n} name=${name} use=${told.tools.find((one) => String(one.number) === n)} />`)}<//>
     <h2>${word("maintenance")}</h2>
     <div class="sums">${told.counters.map(({ name, value, unit }) => html`<div class="sum" key=${name} data-counter=${name}><span class="dim">${named(name)}</span>
       <span class="figures">${amount(value)} ${known(`usage.unit.${unit}`, unit)}</span></div>`)}</div>

@@ -1,0 +1,37 @@
+"""Canned cycles: the picture of each, as the description of the language has it."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from fastapi import APIRouter, Path, Response
+
+from controller.api import models
+from controller.api.access import needs
+from controller.api.answers import Refusal, documented
+from controller.api.roles import Role
+from controller.machine.machine_file import SHIPPED
+
+router = APIRouter(tags=["canned cycles"])
+PICTURES = SHIPPED / "programs" / "cycles"
+SVG = {200: {"content": {"image/svg+xml": {}}}, **documented(401, 403, 404, 422)}
+
+
+class Drawn(models.Told):
+    cycles: list[str]
+
+
+@router.get("/cycles", dependencies=[needs(Role.VIEW)], responses=documented(401, 403))
+async def cycles() -> Drawn:
+    """The codes of which there is a picture."""
+    return Drawn(cycles=sorted(file.stem.upper() for file in PICTURES.glob("*.svg")))
+
+
+@router.get("/cycles/{code}.svg", dependencies=[needs(Role.VIEW)], response_class=Response, responses=SVG)
+async def picture(code: Annotated[str, Path(max_length=10)]) -> Response:
+    """Seen from the side: solid at feed, dashed at rapid, 98 and R the heights of G98 and G99."""
+    known = (await cycles()).cycles
+    if code not in known:
+        raise Refusal.told(404, "missing", "no_drawing", found=code, allowed=", ".join(known))
+    drawn = (PICTURES / f"{code.lower()}.svg").read_text(encoding="utf-8")
+    return Response(drawn, media_type="image/svg+xml")

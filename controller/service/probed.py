@@ -1,0 +1,54 @@
+"""What probing cycles have found: a table of the last results, kept on the disk.
+
+A program tells a result as ``(LOG, bore x_mm=#1 y_mm=#2 diameter_mm=#3)``: a name, and values whose names end
+in their unit. So do the cycles that ship, and so may any cycle of one's own.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import re
+import threading
+import time
+from pathlib import Path
+from typing import Any
+
+from controller import atomic_file
+
+FILE = "probed.json"
+KEPT = 500  # results
+_VALUE = r"[a-z]\w*=-?\d+\.\d+"
+_RESULT = re.compile(rf"([a-z]\w*)((?: {_VALUE})+)", re.ASCII)
+
+
+def found(text: str) -> dict[str, Any] | None:
+    """The result that a message of a program tells: cycle and values; None where it tells none."""
+    if (match := _RESULT.fullmatch(text)) is None:
+        return None
+    values = dict(one.split("=") for one in match[2].split())
+    return {"cycle": match[1], "values": {name: float(value) for name, value in values.items()}}
+
+
+class Probed:
+    """One per service; any thread."""
+
+    def __init__(self, state: Path) -> None:
+        self._file, self._lock = state / FILE, threading.Lock()
+        self._rows: list[dict[str, Any]] = []
+        with contextlib.suppress(OSError, ValueError):  # what is not sound is begun anew: nothing moves by it
+            kept = json.loads(self._file.read_text(encoding="utf-8"))
+            self._rows = [row for row in kept if isinstance(row, dict)] if isinstance(kept, list) else []
+
+    def told(self) -> list[dict[str, Any]]:
+        """Time (s since 1970), program, cycle, values; the newest first."""
+        return self._rows[::-1]
+
+    def add(self, program: str, results: list[dict[str, Any]]) -> None:
+        fresh = [{"at_s": time.time(), "program": program, **one} for one in results]
+        self._rows = [*self._rows, *fresh][-KEPT:]
+
+    def save(self) -> None:
+        """What the disk does not take is only told. Waits for the disk."""
+        with self._lock, contextlib.suppress(OSError):
+            atomic_file.write(self._file, json.dumps(self._rows))
