@@ -11,6 +11,7 @@ from support.machines.stepped_runs import shipped
 
 from controller.ipc.control_socket import CommandRefused
 from controller.ipc.handoff import Snapshot, blank
+from controller.machine import machine_file
 from controller.plan.off_path import FIRST_ID
 from controller.plan.report.passing import OWN
 from controller.plan.restart.program_position import ENTRY_ID, LinePart
