@@ -29,10 +29,10 @@ def test_each_is_read_whole_under_both_dialects(cycle: str, dialect: str) -> Non
     on_setter = cycle in probing_cycles.ON_SETTER
     offset = "none" if on_setter else "G59.3"
     values = {"keep": "yes"} if "keep" in CYCLES[cycle] else {}
-    text = b"T1 M6\n" if on_setter else b"T99 M6\n"
-    text += program(cycle, values, offset, machine.unset)
+    text = program(cycle, values, offset, machine.unset, tool=2 if on_setter else 99)
     read = blocks.read(text, machine, "p.ngc", start=(-80.0, -40.0, 200.0, 0.0, 0.0))
     probed = [one for one in read.blocks if isinstance(one, JointLine) and one.probe is not None]
+    assert {one.modal.tool for one in probed} == {2 if on_setter else 99}, "as it was put in by hand"
     sets = sum(isinstance(one, Setting) for one in read.blocks)
     assert len(probed) >= 3 and sets == (cycle != "tool_check")
 

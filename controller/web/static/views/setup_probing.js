@@ -40,8 +40,8 @@ export function Probing() {
       ${values.map((one) => html`<${Value} key=${cycle + one.name} label=${word(`value.${one.name}`)} ...${one} />`)}
       ${sets && html`<${Value} name="offset" choices=${told.offsets} />`}</div></div>
     <div class="row"><${Act} id="probing-run" text=${word("run")} kind="go" icon="play" modes="READY" ask=${word("run_ask")} press=${run} /></div>
-    ${told.found.length > 0 && html`<table class="list" id="probing-found"><thead><tr>
+    ${told.found.length > 0 && html`<div class="scroll" tabindex="0"><table class="list" id="probing-found"><thead><tr>
         ${["time", "program", "cycle", "found"].map((key) => html`<th scope="col">${word(key)}</th>`)}</tr></thead>
-      <tbody>${told.found.slice(0, SHOWN).map((one) => html`<${Found} key=${one.at_s + one.cycle} one=${one} />`)}</tbody></table>
+      <tbody>${told.found.slice(0, SHOWN).map((one) => html`<${Found} key=${one.at_s + one.cycle} one=${one} />`)}</tbody></table></div>
       <a href=${`${API}probing/found.csv`} download>${word("csv")}</a>`}`;
 }
