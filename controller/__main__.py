@@ -90,6 +90,8 @@ def _loaded(file: str) -> dict[str, Any]:
     else:
         for name in FILES[file]:
             _add(holder, name, module)
+    if declarations.are_listed():
+        _bare(holder)
     return dict(typer.main.get_group(holder).commands)
 
 
@@ -112,6 +114,15 @@ def _add(holder: typer.Typer, name: str, module: ModuleType) -> None:
         holder.command(name)(found)
     else:  # what else has that name may be a module of another room
         holder.add_typer(found if isinstance(found, typer.Typer) else module.app, name=name)
+
+
+def _bare(holder: typer.Typer) -> None:
+    """Leaves of the commands what a list of them shows: their options would take most of the time."""
+    for one in holder.registered_commands:
+        one.help, one.callback = one.help or inspect.getdoc(one.callback), lambda: None
+    for group in holder.registered_groups:
+        if group.typer_instance is not None:
+            group.typer_instance.registered_commands.clear()
 
 
 app = typer.Typer(cls=Commands, no_args_is_help=True, pretty_exceptions_enable=False)

@@ -134,6 +134,16 @@ def test_help_that_is_the_value_of_an_option_is_none() -> None:
     assert (done.returncode, done.stdout) == (1, "") and "--help: no such machine file" in done.stderr
 
 
+@pytest.mark.parametrize("words", [["--help"], []])
+def test_the_list_of_commands_is_what_it_would_be_with_their_options(words: list[str]) -> None:
+    shown = {**os.environ, "COLUMNS": "120"}
+    done = subprocess.run(
+        [sys.executable, "-m", "controller", *words], env=shown, capture_output=True, text=True, timeout=60
+    )
+    whole = CliRunner(env=shown).invoke(app, ["--help"], prog_name="python -m controller").output
+    assert done.stdout.split() == whole.split()
+
+
 COMPLETED = [
     ("ch", "check"),
     ("drives sim", "simulate"),

@@ -195,6 +195,8 @@ REFUSALS = {
     "value.expression": "the expression",
     "value.label": "the label",
     "value.unset": "#<{name}> has no value yet: set it on an earlier line with #<{name}>=value",
+    "value.vacant": "#{number} has no value yet, and on controls of this dialect that is not 0: set it on an "
+    "earlier line with #{number}=value",
     "value.of_the_machine": "#{number} cannot be set: parameters {first} to {last} are positions, "
     "offsets and tools of the machine and can only be read; use another number, and G10, G92 and G28.1 to "
     "set offsets, tools and reference points",
@@ -204,6 +206,8 @@ REFUSALS = {
     "positions, G10 to set offsets",
     "value.at_run": "#5399 is what M66 finds when the program runs, and the whole program is read "
     "before: write M66 with L1 to L4 and Q, which waits, and holds the program where nothing comes",
+    "value.no_probe": "{name} is of what touches, and T{tool} in the spindle is no probe: {known}; take the "
+    "probe in with T and M6, or measure the tool above the tool setter",
     "value.no_setter": "{name} is of a tool setter, and the machine file has none: add [setter] with point_mm"
     " and radius_mm",
     "value.not_above": "{name} is the face of the tool setter, and the tool does not stand above it: it is "
@@ -219,6 +223,8 @@ REFUSALS = {
     "flow.too_many_arguments": "{mark} has {count} arguments: a sub takes up to {most}, as #1 to #30",
     "flow.no_label": "o with the value {value:g} calls nothing: a computed label is a whole number and "
     "goes with call only, as o[#1+100] call",
+    "flow.no_block": "{mark} leads to N{number:g}, and no line of this program, or of its sub, has that "
+    "number; add it, or correct the number",
     "flow.called_by_m98": "O{label} ends with M99: such a sub is called with M98 P{label}",
     "flow.no_sub": "there is no sub {label}: neither o{label} sub in this program nor a file of that "
     "name with it in the folder of programs; add it, or correct the name",

@@ -202,6 +202,8 @@ REFUSALS = {
     "value.expression": "der Ausdruck",
     "value.label": "die Marke",
     "value.unset": "#<{name}> hat noch keinen Wert: ihn in einer früheren Zeile mit #<{name}>=wert setzen",
+    "value.vacant": "#{number} hat noch keinen Wert, und an Steuerungen dieses Dialekts ist das nicht 0: ihn "
+    "in einer früheren Zeile mit #{number}=wert setzen",
     "value.of_the_machine": "#{number} kann nicht gesetzt werden: Parameter {first} bis {last} sind "
     "Positionen, Nullpunktverschiebungen und Werkzeuge der Maschine und nur zu lesen; eine andere Nummer "
     "verwenden, und G10, G92 und G28.1, um Nullpunkte, Werkzeuge und Referenzpunkte zu setzen",
@@ -212,6 +214,8 @@ REFUSALS = {
     "value.at_run": "#5399 ist, was M66 findet, wenn das Programm läuft, und das ganze Programm wird "
     "vorher gelesen: M66 mit L1 bis L4 und Q schreiben, das wartet und das Programm anhält, wenn nichts "
     "kommt",
+    "value.no_probe": "{name} ist von dem, was antastet, und T{tool} in der Spindel ist kein Taster: "
+    "{known}; den Taster mit T und M6 einwechseln, oder das Werkzeug über dem Werkzeugtaster messen",
     "value.no_setter": "{name} ist von einem Werkzeugtaster, und die Maschinendatei hat keinen: [setter] mit "
     "point_mm und radius_mm hinzufügen",
     "value.not_above": "{name} ist die Fläche des Werkzeugtasters, und das Werkzeug steht nicht darüber: es "
@@ -229,6 +233,8 @@ REFUSALS = {
     "#1 bis #30",
     "flow.no_label": "o mit dem Wert {value:g} ruft nichts: eine berechnete Marke ist eine ganze Zahl "
     "und steht nur mit call, etwa o[#1+100] call",
+    "flow.no_block": "{mark} führt zu N{number:g}, und keine Zeile dieses Programms oder seines "
+    "Unterprogramms hat diese Nummer; sie ergänzen, oder die Nummer berichtigen",
     "flow.called_by_m98": "O{label} endet mit M99: ein solches Unterprogramm wird mit M98 P{label} gerufen",
     "flow.no_sub": "es gibt kein Unterprogramm {label}: weder o{label} sub in diesem Programm noch eine "
     "Datei dieses Namens damit im Ordner der Programme; ergänzen, oder den Namen berichtigen",

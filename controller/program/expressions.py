@@ -112,6 +112,7 @@ class Values:
         self._at = 0
         self._depth = 0
         self._step = 1.0  # that ROUND rounds to
+        self._vacant = -1  # number of the parameter that the last operand was, if nobody has set it
 
     def refusal(self, at: int, key: str, **values: object) -> ProgramError:
         """The error of this line at the 0-based place ``at``."""
@@ -194,6 +195,7 @@ class Values:
     def _operand(self) -> float | None:
         """A number, parameter, bracket or function with an optional sign; None where none stands."""
         self.peek()
+        self._vacant = -1
         if number := _NUMBER.match(self._text, self._at):
             self._at = number.end()
             written = "".join(number.group().split())
@@ -206,6 +208,8 @@ class Values:
             raise self.refusal(self._at, "value.too_deep", most=DEEPEST)
         value = self._compound()
         self._depth -= 1
+        if negative:
+            self._vacant = -1
         return -value if negative and value is not None else value
 
     def _compound(self) -> float | None:
@@ -216,7 +220,9 @@ class Values:
             return self.bracket()
         if function := _FUNCTION.match(self._text, self._at):
             self._at = function.end()
-            return self._function(function.group(1))
+            value = self._function(function.group(1))
+            self._vacant = -1
+            return value
         return None
 
     def _parameter(self) -> float:
@@ -225,9 +231,16 @@ class Values:
         if key == LINE:
             return float(self._number)
         try:
-            return self._parameters.value(key)
+            value = self._parameters.value(key)
         except NoValue as why:
             raise self.refusal(start, why.key, **why.values) from None
+        self._vacant = key if isinstance(key, int) and self._parameters.is_vacant(key) else -1
+        return value
+
+    def check_set(self, at: int) -> None:
+        """Refuses what was read last where it counts that it is vacant; in a sum it is 0."""
+        if self._vacant >= 0:
+            raise self.refusal(at, "value.vacant", number=self._vacant)
 
     def _chain(self, level: int) -> float:
         """Operands joined by operators of ``level`` or above."""
@@ -244,9 +257,14 @@ class Values:
                 break
             if compared and of_fanuc:  # AND has bound the values between, not the comparisons
                 raise self.refusal(found.start(), "value.two_comparisons", what=found.group().upper())
-            compared = binds == COMPARISON
+            compared, asked = binds == COMPARISON, found.group() in ("eq", "ne")
+            if asked:
+                self.check_set(found.start())
             self._at = found.end()
             right = self._chain(binds + 1)
+            if asked:
+                self.check_set(found.end())
+            self._vacant = -1
             value = self._sound(found.start(), found.group(), function, value, right)
         return value
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 
 from controller.machine.model import CALL_LEVELS, PROGRAM_PASSES
 from controller.messages import Key, said
-from controller.program import marks
+from controller.program import macros, marks
 from controller.program.decoding import NEWLINE
 from controller.program.expressions import GAPS, Values
 from controller.program.line import Line, Where, Word
@@ -43,9 +43,9 @@ class Source:
     marks: Marks
 
     @classmethod
-    def of(cls, name: str, text: str) -> Source:
-        """Raises ProgramError for O-words that make no whole structure."""
-        found = marks.found(text, name)
+    def of(cls, name: str, text: str, of_fanuc: bool = False) -> Source:
+        """Raises ProgramError for O-words, and statements ``of_fanuc``, that make no whole structure."""
+        found = marks.found(text, name, macros.statements if of_fanuc else None)
         return cls(name, text[: found.end], found)
 
 
@@ -89,7 +89,8 @@ class Run:
         self._passes = self._step = self._last = 0
         self._due: Line | None = None  # what a sub that ended has restored
         self._begun = False  # a word or an O-word with a meaning has been met
-        self._acts: dict[str, Callable[[Mark], None]] = {
+        self._targets: dict[tuple[str, int, float], tuple[int, int]] = {}  # of jumps, by name, place and N
+        self._acts: dict[str, Callable[[Mark], Line | None]] = {
             "sub": self._over,
             "endsub": self._leave_sub,
             "return": self._leave_sub,
@@ -104,6 +105,9 @@ class Run:
             "break": self._break,
             "continue": self._continue,
             ALONE: self._number_alone,
+            macros.GOTO: self._jump,
+            macros.IF_GOTO: self._jump,
+            macros.IF_THEN: self._then,
         }
 
     def lines(self) -> Iterator[Line]:
@@ -127,9 +131,9 @@ class Run:
         mark = frame.source.marks.by_offset.get(at)
         if mark is not None:
             frame.at, frame.number = mark.after, number + 1
-            if not (mark.deleted and self._block_delete):
-                self._acts.get(mark.keyword, _nothing)(mark)
-            return None
+            if mark.deleted and self._block_delete:
+                return None
+            return self._acts.get(mark.keyword, _nothing)(mark)
         end = NEWLINE.search(text, at)
         raw = text[at : end.start()] if end else text[at:]
         frame.at, frame.number = end.end() if end else len(text) + 1, number + 1
@@ -226,7 +230,7 @@ class Run:
 
     def _repeat_again(self, mark: Mark) -> None:
         first, left = mark.parts[0], self._frames[-1].left
-        if left[first.at] > 0:
+        if left.get(first.at, 0) > 0:  # a jump may lead into it
             left[first.at] -= 1
             self._count(mark)
             self._go(first)
@@ -236,6 +240,44 @@ class Run:
 
     def _continue(self, mark: Mark) -> None:
         self._go(mark.last, behind=False)
+
+    # ---- statements of macros
+
+    def _jump(self, mark: Mark) -> None:
+        """GOTO, where its condition holds."""
+        values, frame = self._values(mark), self._frames[-1]
+        values.peek()
+        if mark.keyword == macros.IF_GOTO and not (values.bracket() != 0.0 and values.skip("goto")):
+            return
+        number = values.value(mark.rest, Key("value.label"))[0]
+        self._at_end(mark, values)
+        self._count(mark)
+        frame.at, frame.number = self._target(mark, frame.source, number)
+
+    def _target(self, mark: Mark, source: Source, number: float) -> tuple[int, int]:
+        """Offset and number of the line N ``number`` in the program or sub of a mark."""
+        key = source.name, mark.at, number
+        if key not in self._targets:
+            begins = sorted([0, len(source.text) + 1, *(one.at for one in source.marks.numbered.values())])
+            low, high = max(at for at in begins if at <= mark.at), min(at for at in begins if at > mark.at)
+            at = None
+            if number == math.floor(number) and number >= 0.0:
+                n = int(number)
+                at = macros.line_of(source.text, n, mark.after, high)
+                at = macros.line_of(source.text, n, low, mark.at) if at is None else at
+            if at is None:
+                raise mark.refusal(source.name, "flow.no_block", number=number)
+            self._targets[key] = at, 1 + sum(1 for _ in NEWLINE.finditer(source.text, 0, at))
+        return self._targets[key]
+
+    def _then(self, mark: Mark) -> Line | None:
+        """What stands behind THEN, where the condition holds."""
+        values, source = self._values(mark), self._frames[-1].source
+        values.peek()
+        if values.bracket() == 0.0 or not values.skip("then"):
+            return None
+        raw, at = source.text[mark.at : mark.after].rstrip("\r\n"), len(mark.text) - len(values.rest)
+        return self._scan(" " * at + raw[at:], source.name, mark.number, self._frames[-1].callers)
 
     # ---- subs
 
@@ -284,7 +326,7 @@ class Run:
         if label not in self._files:
             return None
         if label not in self._sources:
-            self._sources[label] = Source.of(*self._files[label])
+            self._sources[label] = Source.of(*self._files[label], self._parameters.of_fanuc)
         return self._sources[label]
 
     def _enter(self, mark: Mark, source: Source, sub: Mark) -> None:

@@ -13,6 +13,7 @@ from types import MappingProxyType
 
 from controller.geometry.vectors import Vector
 from controller.machine.model import Machine, Sensor
+from controller.messages import Key, said
 from controller.program.line import Line
 from controller.program.modal import State
 from controller.program.origins import NONE
@@ -100,6 +101,20 @@ class Given:
             raise NoValue("value.not_above", **{"name": "#<_setter_z>", **values, **place})
         z: float = setter.point[2]
         return z
+
+    def touch_radius(self) -> float:
+        """Of what touches, mm: of the probe's ball, or above the tool setter of the tool. Raises NoValue.
+
+        Any other tool would be led into the part, and nothing would tell.
+        """
+        tool, probe = self.state.modal.tool, self._machine.probe
+        if probe is None or tool != probe.tool:
+            try:
+                self.setter_z()
+            except NoValue:
+                known = Key("probe.is_none") if probe is None else said("probe.is_tool", number=probe.tool)
+                raise NoValue("value.no_probe", name="#<_touch_radius>", tool=tool, known=known) from None
+        return self.diameter / 2.0
 
     def _setter(self, name: str) -> Sensor:
         if (setter := self._machine.setter) is None:
@@ -294,6 +309,7 @@ _NAMED: MappingProxyType[str, Callable[[Given], float]] = MappingProxyType(
         "_task": lambda g: 1.0,
         "_probed_z": lambda g: g.probed_z,
         "_touched": lambda g: g.touched,
+        "_touch_radius": Given.touch_radius,
         "_setter_radius": Given.setter_radius,
         "_setter_z": Given.setter_z,
         # The LinuxCNC whose language this is; programs refuse to run under one that is too old for them.

@@ -12,7 +12,7 @@ structure that is wrong is refused wherever it stands. A text without O-words ha
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 
 from controller.messages import Key, said
@@ -29,6 +29,7 @@ COMPUTED = ""  # the label of a call whose number is an expression
 
 _BARE = ("sub", "else", "endif", "do", "endwhile", "endrepeat", "break", "continue")  # take nothing
 _CONDITIONED = ("if", "elseif", "while", "repeat")  # take one value in brackets
+_ALONE_DELETED = ("call", "return", "break", "continue", "goto", "if goto", "if then")  # part of nothing
 
 _COMMENTS = r"(?:\([^()\r\n]*\)[ \t]*)*"
 _O = re.compile(r"[oO:](?<![A-Za-z].)")
@@ -62,6 +63,8 @@ class Mark:
     text: str  # the line in small letters, its comments blanked
     rest: int  # where what follows the keyword (the label, if computed) begins in it
     deleted: bool  # it begins with /
+    statement: str = ""  # as written, of one that is no O-word (``macros``)
+    column: int = 0  # of it
     parts: list[Mark] = field(default_factory=list)  # of the structure it belongs to, in order, itself too
 
     @property
@@ -72,17 +75,22 @@ class Mark:
     def written(self) -> str:
         if self.keyword == BY_NUMBER:
             return f"M98 P{self.label}"
+        if self.statement:
+            return self.statement
         label = self.label if self.label.isdigit() else f"<{self.label}>"
         return f"o{'[]' if self.label == COMPUTED else label} {self.keyword}".rstrip()
 
     def refusal(self, name: str, key: str, **values: object) -> ProgramError:
         """Of this mark in the text ``name``; the text of ``key`` may name it as {mark} and its {label}."""
         why = said(key, **{"mark": self.written, "label": self.label, **values})
-        return ProgramError(name, self.number, self.text.find("o") + 1 or 1, why)
+        return ProgramError(name, self.number, self.column or self.text.find("o") + 1 or 1, why)
 
     def surplus(self, name: str, behind: str) -> ProgramError:
         """What is told of text behind all that an O-word takes."""
         return self.refusal(name, "flow.surplus", behind=behind.strip(GAPS).upper()[:20])
+
+
+More = Callable[[str, str, int], Iterable[Mark]]  # text, its name, where it ends
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,10 +109,12 @@ class Marks:
         return not self.subs and not self.by_number and len(self.by_offset) == len(self.numbered) <= 1
 
 
-def found(text: str, name: str) -> Marks:
-    """The marks of a text. Raises ProgramError for O-words that make no whole structure."""
+def found(text: str, name: str, more: More | None = None) -> Marks:
+    """The marks of a text, with ``more`` of it. Raises ProgramError for what makes no whole structure."""
     end = _end_of(text)
     marks = list(_marks(text, name, end))
+    if more is not None:
+        marks = sorted([*marks, *more(text, name, end)], key=lambda mark: mark.at)
     _paired(marks, name)
     subs = {mark.label: mark for mark in marks if mark.keyword == "sub"}
     numbered = {mark.label: mark for mark in marks if mark.keyword == ALONE}
@@ -194,10 +204,12 @@ def _paired(marks: list[Mark], name: str) -> None:
         mark = pairs.open[-1]
         ends = {start: end for end, start in ENDS.items()} | {"do": "while [condition]"}
         what = f"o{mark.label} {ends[mark.keyword]}"
+        if mark.statement:
+            what = f"END{mark.label.partition('.')[0]}"
         raise mark.refusal(name, "flow.no_end", what=what)
 
 
-def _behind_bracket(text: str, at: int) -> str:
+def behind_bracket(text: str, at: int) -> str:
     """What stands behind the first value in brackets from ``at`` on; nothing where it has no end."""
     depth = 0
     for k in range(at, len(text)):
@@ -219,12 +231,10 @@ class _Pairs:
 
     def take(self, mark: Mark) -> None:
         if mark.keyword in _BARE or mark.keyword in _CONDITIONED:
-            behind = (
-                mark.text[mark.rest :] if mark.keyword in _BARE else _behind_bracket(mark.text, mark.rest)
-            )
+            behind = mark.text[mark.rest :] if mark.keyword in _BARE else behind_bracket(mark.text, mark.rest)
             if behind.strip(GAPS):
                 raise mark.surplus(self._name, behind)
-        if mark.deleted and mark.keyword not in ("call", "return", "break", "continue"):
+        if mark.deleted and mark.keyword not in _ALONE_DELETED:
             raise mark.refusal(self._name, "flow.deleted")
         if mark.keyword in ("sub", ALONE):
             self._sub(mark)

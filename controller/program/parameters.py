@@ -14,6 +14,7 @@ Name = int | str
 ARGUMENTS = range(1, 31)  # a sub's own
 SAYS_DEBUG = 5599  # 0: what (DEBUG,) would say is not said
 OF_THE_MACHINE = range(5061, 5603)  # positions, offsets and tools: the control gives them
+VACANT = range(1000)  # there, until a program sets them: neither 0 nor a number
 OF_SKIPS = range(5061, 5067)  # where the last probing move was: of both dialects
 OF_FANUC = range(1000, 5161)  # its system variables: alarms, clocks, modal codes, positions
 RETURNED = ("_value", "_value_returned")  # what the last sub gave back, and whether it did
@@ -56,6 +57,7 @@ class Parameters:
         ``system``: numbers that another control means itself by, and that a program cannot use for that.
         """
         self._system = system
+        self._vacant = VACANT if system else range(0)
         self._given = given or Nothing()
         self._global: dict[Name, float] = {**dict.fromkeys(RETURNED, 0.0), SAYS_DEBUG: 1.0, **dict(begun)}
         self._kept, self._fresh = kept, dict[int, float]()
@@ -81,6 +83,10 @@ class Parameters:
         if isinstance(key, int):
             return 0.0
         raise NoValue("value.unset", name=key)
+
+    def is_vacant(self, key: Name) -> bool:
+        """Whether it is there and nobody has set it: on controls as Fanuc's neither 0 nor a number."""
+        return isinstance(key, int) and key in self._vacant and key not in self._room(key)
 
     def exists(self, key: Name) -> bool:
         """As EXISTS asks: every number does."""

@@ -91,10 +91,13 @@ def picture(cycle: str) -> str | None:
     return (linked.SHIPPED / f"probe_{cycle}.svg").read_text(encoding="utf-8")
 
 
-def program(cycle: object, values: Mapping[str, Any], offset: object, unset: Collection[str] = ()) -> bytes:
+def program(
+    cycle: object, values: Mapping[str, Any], offset: object, unset: Collection[str] = (), tool: int = 0
+) -> bytes:
     """The lines that run a cycle, with its program behind them; ``offset``: to be set, or "none".
 
-    ``unset``: offsets that nobody has set. Raises CycleRefused.
+    ``unset``: offsets that nobody has set. ``tool``: put in by hand, so that the program must be told of it;
+    0: the changer knows it, or nobody. Raises CycleRefused.
     """
     wanted = CYCLES.get(cycle) if isinstance(cycle, str) else None
     if wanted is None:
@@ -109,7 +112,8 @@ def program(cycle: object, values: Mapping[str, Any], offset: object, unset: Col
         numbers.append(SETTABLE.index(str(offset)))
     active = OFFSETS[0] if offset in (NONE, *unset) else offset
     call = " ".join(f"[{Decimal(f'{number:.12g}'):f}]" for number in numbers)
-    text = f"G21 G90 G94 G40 {active} G43\no<probe_{cycle}> call {call}\n"
+    there = f"M61 Q{tool}\n" if tool else ""
+    text = f"{there}G21 G90 G94 G40 {active} G43\no<probe_{cycle}> call {call}\n"
     return bytes(linked.linked(text.encode(), lambda _: None))
 
 

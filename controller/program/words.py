@@ -12,7 +12,7 @@ import re
 from collections.abc import Callable, Iterator, Mapping
 
 from controller.messages import said
-from controller.program import foreign, marks
+from controller.program import foreign, macros, marks
 from controller.program.comments import aborted, message, without_comments
 from controller.program.decoding import Text
 from controller.program.expressions import ARITHMETIC, GAPS, Values
@@ -56,7 +56,9 @@ def read(
     ``refused``, a line that is none is noted there and left out.
     """
     scan = _Scan(parameters or Parameters(), block_delete, refused)
-    source = None if marks.plain(whole) else Source.of(name, whole.whole())
+    of_fanuc = scan.parameters.of_fanuc
+    plain = marks.plain(whole) and not (of_fanuc and macros.may_stand_in(whole))
+    source = None if plain else Source.of(name, whole.whole(), of_fanuc)
     if source is None or source.marks.none:
         yield from scan.lines(enumerate(whole.lines(), start=1), name, take or _first)
     else:
@@ -214,6 +216,7 @@ class _Words(Values):
             self._step = 1e-3 if self._parameters.value("_metric") else 1e-4
         value, point = self.value(start, letter.upper())
         self._step = 1.0
+        self.check_set(start)
         if abs(value) > LARGEST:
             raise self.refusal(start, "word.too_large", letter=letter.upper(), value=value, most=LARGEST)
         text = "".join(self._text[start : self._at].split()).replace("\0", "").upper()
@@ -238,4 +241,6 @@ class _Words(Values):
         if not self.take("="):
             raise self.refusal(start, "value.alone", written=written)
         value = self.value(start, f"{written}=")[0]
-        return key, self.joined(value, ARITHMETIC) if self._parameters.of_fanuc else value
+        value = self.joined(value, ARITHMETIC) if self._parameters.of_fanuc else value
+        self.check_set(start)
+        return key, value

@@ -354,7 +354,7 @@ class Desk:
     def _probe(self, args: Values) -> Answer:
         """A probing cycle, from where the probe stands."""
         preconditions.not_in_thread(self._service, "PROBE")
-        return self._begin("probe", jobs.probing(args, self._service.machine))
+        return self._begin("probe", jobs.probing(args, self._service.machine, self._service.tool))
 
     def _retract(self, args: Values) -> Answer:
         """Off along the tool axis: out of a held program, or from READY, as after a fault."""

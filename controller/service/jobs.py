@@ -358,12 +358,13 @@ def mdi(text: str, machine: Machine) -> Job:
     return Job(Program(data, MDI, machine, typed=True), hashlib.sha256(data).hexdigest())
 
 
-def probing(args: dict[str, Any], machine: Machine) -> Job:
-    """A probing cycle as a line typed by hand. Raises CommandRefused."""
+def probing(args: dict[str, Any], machine: Machine, tool: int) -> Job:
+    """A probing cycle as a line typed by hand, with the tool in the spindle. Raises CommandRefused."""
     values = args.get("values") or {}
     named = values if isinstance(values, dict) else {str(values): None}
+    by_hand = tool if machine.changer is None else 0
     try:
-        data = probing_cycles.program(args.get("cycle"), named, args.get("offset"), machine.unset)
+        data = probing_cycles.program(args.get("cycle"), named, args.get("offset"), machine.unset, by_hand)
     except probing_cycles.CycleRefused as error:
         raise CommandRefused("bad", error.said) from error
     return Job(Program(data, MDI, machine, typed=True), hashlib.sha256(data).hexdigest())

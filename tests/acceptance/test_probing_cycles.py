@@ -142,7 +142,7 @@ def test_the_height_of_a_face_by_name_sets_an_offset_that_nobody_has_set(some: r
     assert found[1][0] == pytest.approx(120.0 + height, abs=0.001)
 
 
-@pytest.mark.parametrize("dialect", ["rs274", "fanuc"])
+@pytest.mark.parametrize("dialect", ["rs274", pytest.param("fanuc", marks=pytest.mark.slow)])
 def test_an_angle_by_name_turns_an_offset_that_nobody_has_set(dialect: str, some: random.Random) -> None:
     """It begins as G54, which is turned itself; what is told is seen from there."""
     turned, before = some.uniform(-3.0, 3.0), some.uniform(-1.0, 1.0)

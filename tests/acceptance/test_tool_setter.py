@@ -11,6 +11,8 @@ from tests.acceptance.test_probing import told
 from tests.support.machines import probing_machine
 from tests.support.suite.seed import SEED
 
+pytestmark = pytest.mark.slow
+
 FACE_MM = 60.0  # of the setter, as ``probing_machine.SETTER`` has it
 TABLE = 'name = "end mill 6 mm"\nradius_mm = 3.000\nlength_mm = 60.0\nflute_mm = 15.0\n'
 TOOL = f"\n[[tool]]\nnumber = 7\n{TABLE}"

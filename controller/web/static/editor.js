@@ -129,7 +129,7 @@ export function Editor({ row_of }) {
       <${Act} text=${word("leave")} needs="" icon="close" data-edit="leave" press=${leave} />
     </div>
     <div class="editor-area" ref=${place}></div>
-    ${shown && html`<img class="editor-picture" key=${shown.code} src=${`${API}${shown.path}.svg`} alt=${shown.code} />`}
+    ${shown && html`<img class="editor-picture" key=${shown.code} src=${`${API}${shown.path}.svg`} alt=${shown.code} onerror=${(event) => (event.target.hidden = true)} />`}
     <div class="editor-said" role="status">
       <${Wrong} text=${own.wrong} />
       ${first ? own.refusals.map((one) => html`<button class="plain wrong" type="button" key=${`${one.line} ${one.column}`} onclick=${() => own.area.go(one)}>${word("at", one.line, one.column)} ${sentence(one)}</button>`)

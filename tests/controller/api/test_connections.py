@@ -283,20 +283,17 @@ def test_the_unit_has_as_many_files_as_the_panel_wants() -> None:
 def secured(folder: Path) -> tuple[ssl.SSLContext, tuple[str, ...]]:
     """A certificate of this computer's own: who trusts it alone, and the options of the panel."""
     files = [str(folder / name) for name in ("own.pem", "key.pem")]
-    made = [
-        "req",
-        "-x509",
-        "-newkey",
-        "ec",
-        "-pkeyopt",
-        "ec_paramgen_curve:P-256",
-        "-nodes",
-        "-days",
-        "2",
+    made = ("req", "-x509", "-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:P-256", "-nodes", "-days", "2")
+    more = (
         "-subj",
-        "/CN=127.0.0.1",
-    ]
-    more = ("-addext", "subjectAltName=IP:127.0.0.1", "-out", files[0], "-keyout", files[1])
+        "/CN=panel",
+        "-addext",
+        "subjectAltName=IP:127.0.0.1",
+        "-out",
+        files[0],
+        "-keyout",
+        files[1],
+    )
     subprocess.run(["openssl", *made, *more], check=True, capture_output=True)
     return ssl.create_default_context(cafile=files[0]), ("--tls-certificate", files[0], "--tls-key", files[1])
 

@@ -20,6 +20,7 @@ SHIPPED = sorted((machine_file.SHIPPED / "programs").glob("*.ngc"))
 FRAGMENTS = (
     "o1 sub|o1 endsub|o1 call [1]|o<a> call|o2 if [#1 gt 1]|o2 else|o2 elseif [1]|o2 endif|"
     "o3 while [#1 lt 3]|o3 endwhile|o4 do|o4 while [0]|o5 repeat [2]|o5 endrepeat|o5 break|o5 continue|"
+    "WHILE [#1 LT 3] DO1|END1|DO2|END2|GOTO 10|N10|IF [#1 GT 1] GOTO 10|IF [1] THEN #1=2|GOTO #1|IF [#1]|"
     "o1 return [1]|M98 P1 L3|M99|O1|#1=[#1+1]|#<_a>=2|#<b>|##1|exists[#<a>]|(msg, a)|(debug,%d#<b>)|%|"
     "/1|N1.5|X1O|E5|1e5|--3|+-2|"
     "[|]|[[2]|2**-1|atan[1]/[0]|sqrt[-1]|1/0|.|-|G|Xx|\x00|\x1a|\x11|\x13|\r|;|(|)|((|é|\ufeff|\u2028"

@@ -187,8 +187,8 @@ def test_expressions_of_fanuc_need_no_brackets_behind_an_equals_sign(settings: s
         ("[-1 AND 255]", 255.0, 1.0),
         ("[1 + 6 AND 3]", 3.0, 1.0),  # AND binds before +
         ("[2 OR 1 * 4]", 6.0, 1.0),
-        ("[[#101 EQ 0] AND [3 GT 2]]", 1.0, 1.0),
-        ("[[#101 EQ 1] OR [3 LT 2]]", 0.0, 0.0),
+        ("[[#101 LT 1] AND [3 GT 2]]", 1.0, 1.0),
+        ("[[#101 GT 1] OR [3 LT 2]]", 0.0, 0.0),
         ("[[1 LT 2] XOR [3 GT 2]]", 0.0, 0.0),
     ],
 )

@@ -29,11 +29,25 @@ def test_each_is_read_whole_under_both_dialects(cycle: str, dialect: str) -> Non
     on_setter = cycle in probing_cycles.ON_SETTER
     offset = "none" if on_setter else "G59.3"
     values = {"keep": "yes"} if "keep" in CYCLES[cycle] else {}
-    text = b"T1 M6\n" if on_setter else b"T99 M6\n"
-    text += program(cycle, values, offset, machine.unset)
+    text = program(cycle, values, offset, machine.unset, tool=2 if on_setter else 99)
     read = blocks.read(text, machine, "p.ngc", start=(-80.0, -40.0, 200.0, 0.0, 0.0))
     probed = [one for one in read.blocks if isinstance(one, JointLine) and one.probe is not None]
-    assert len(probed) >= 3 and sum(isinstance(one, Setting) for one in read.blocks) == 1
+    assert {one.modal.tool for one in probed} == {2 if on_setter else 99}, "as it was put in by hand"
+    sets = sum(isinstance(one, Setting) for one in read.blocks)
+    assert len(probed) >= 3 and sets == (cycle != "tool_check")
+
+
+@pytest.mark.parametrize("cycle", [one for one in CYCLES if one not in probing_cycles.ON_SETTER])
+def test_no_tool_but_the_probe_is_led_to_the_part(cycle: str) -> None:
+    """The machine has a setter, which would be listened to while a mill goes into the part."""
+    text = b"T1 M6\n" + program(cycle, {}, "none")
+    moved = []
+    with pytest.raises(ProgramError) as refused:
+        for block in blocks.stream(
+            text, probing_machine.machine(), "p.ngc", start=(0.0, 0.0, 200.0, 0.0, 0.0)
+        ):
+            moved += [block] if isinstance(block, JointLine) else []
+    assert "T1 in the spindle is no probe: its probe is T99" in refused.value.sentence and not moved
 
 
 @pytest.mark.parametrize(
@@ -76,7 +90,7 @@ def test_a_value_is_written_with_all_its_decimals_and_no_exponent() -> None:
 @pytest.mark.parametrize("cycle", CYCLES)
 def test_the_program_of_a_cycle_is_called_with_as_many_values_as_it_says(cycle: str) -> None:
     head = (SHIPPED / f"probe_{cycle}.ngc").read_text()
-    said = re.search(rf"o<probe_{cycle}> call (.*?\[(?:P|keep)\])", head)
+    said = re.search(rf"o<probe_{cycle}> call (.*?\[(?:P|keep|within)\])", head)
     assert said is not None
     assert lines(cycle, {}).count("[") == said[1].count("[")
     files = parts(program(cycle, {}, "none"))[1]

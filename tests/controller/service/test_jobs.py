@@ -11,6 +11,7 @@ from support.machines.stepped_runs import shipped
 
 from controller.ipc.control_socket import CommandRefused
 from controller.ipc.handoff import Snapshot, blank
+from controller.machine import machine_file
 from controller.plan.off_path import FIRST_ID
 from controller.plan.report.passing import OWN
 from controller.plan.restart.program_position import ENTRY_ID, LinePart
@@ -198,12 +199,19 @@ def test_motions_at_feed_are_known_until_they_are_passed_and_none_of_a_dry_run(j
 
 
 def test_a_probing_cycle_is_run_as_a_typed_line_with_its_program() -> None:
-    made = jobs.probing({"cycle": "bore", "values": {"most": 12.0}, "offset": "G54"}, shipped())
+    made = jobs.probing({"cycle": "bore", "values": {"most": 12.0}, "offset": "G54"}, shipped(), 0)
     text, files = linked.parts(made.program.text)
-    assert jobs.probing({"cycle": "top", "offset": "G57"}, shipped()).program.text.startswith(
+    assert jobs.probing({"cycle": "top", "offset": "G57"}, shipped(), 0).program.text.startswith(
         b"G21 G90 G94 G40 G54 "
     )
     assert made.is_mdi and bytes(text).endswith(b"o<probe_bore> call [12] [1]\n") and "probe_touch" in files
+
+
+@pytest.mark.parametrize(("name", "head"), [("trunnion", b"M61 Q99\nG21 "), ("machining_centre", b"G21 ")])
+def test_a_probing_cycle_knows_the_tool_that_was_put_in_by_hand(name: str, head: bytes) -> None:
+    """Else a program begins with T1 in the spindle; a changer knows what is there."""
+    made = jobs.probing({"cycle": "top", "offset": "none"}, machine_file.load(name), 99)
+    assert made.program.text.startswith(head)
 
 
 @pytest.mark.parametrize(
@@ -218,5 +226,5 @@ def test_a_probing_cycle_is_run_as_a_typed_line_with_its_program() -> None:
 )
 def test_a_probing_cycle_that_cannot_be_is_refused(args: dict[str, Any], says: str) -> None:
     with pytest.raises(CommandRefused, match=says) as error:
-        jobs.probing(args, shipped())
+        jobs.probing(args, shipped(), 0)
     assert error.value.code == "bad"

@@ -6,8 +6,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from support.fakes.fake_engine import done
 
+from controller.service.command_handlers import Desk
+from controller.service.planner_client import News, Said
 from controller.service.probed import FILE, KEPT, Probed, found
+from controller.service.service import Service
 
 BORE = {"cycle": "bore", "values": {"x_mm": -0.25, "diameter_mm": 20.0}}
 
@@ -37,6 +41,22 @@ def test_results_are_there_after_a_restart_and_no_more_than_are_kept(tmp_path: P
     for told in (kept.told(), Probed(tmp_path).told()):
         assert [row["program"] for row in told] == [f"{k}.ngc" for k in range(KEPT + 2, 2, -1)]
         assert told[0].items() >= BORE.items() and told[0]["at_s"] >= told[-1]["at_s"]
+
+
+def test_what_a_run_finds_is_in_the_table_and_in_its_record(desk: Desk, service: Service) -> None:
+    program = service.state / "part.ngc"
+    program.write_text("G21 G90 G54\nG1 X10. F3000\nM30\n")
+    done(desk, "load", path=str(program))
+    done(desk, "start")
+    job, record = service.running, service.record
+    assert job is not None and record is not None
+    for _ in range(2):  # and what was told before is not told again
+        job.hear(News(messages=(Said("bore x_mm=-0.25 diameter_mm=20.0", 0), Said("go on", 0))))
+        service._set(job, job.say(service.now()._replace(motion_id=1)), service.now())
+        service._set(job, [], service.now())
+    found = [{key: row[key] for key in ("program", "cycle", "values")} for row in service.probed.told()]
+    assert found == [{"program": "part.ngc", **BORE}] * 2
+    assert record.end("completed")["found"] == [BORE, BORE]
 
 
 @pytest.mark.parametrize("text", ["", "{}", "[1, null]", "no JSON"])

@@ -80,4 +80,4 @@ def test_what_was_found_is_shown_as_a_table(probing: Any) -> None:
     told = [" ".join(row.inner_text().split()) for row in rows]
     assert told[0].endswith("part.ngc Bore, from inside X 12.5000 mm Y −3.2500 mm diameter 20.0100 mm")
     assert told[1].endswith("MDI mine way 1.0000 mm turned by −0.5000 °")
-    assert probing.get_attribute("#probing-found + a", "href") == "/api/v1/probing/found.csv"
+    assert probing.get_attribute("[data-part=probing] a[download]", "href") == "/api/v1/probing/found.csv"
