@@ -56,11 +56,3 @@ def file(name: str) -> Packed:
 def _read(path: Path, _: int) -> Packed:
     kind = KINDS.get(path.suffix) or mimetypes.guess_type(path.name)[0] or "application/octet-stream"
     return Packed.of(path.read_bytes(), kind)
-
-
-def filled(name: str, **places: str) -> str:
-    """A document with its ``{places}``."""
-    text = file(name).body.decode()
-    for place, value in places.items():
-        text = text.replace(f"{{{place}}}", value)
-    return text

@@ -9,6 +9,8 @@ document is for those who may at least look. All that a page shows it asks for b
 
 from __future__ import annotations
 
+import json
+
 from fastapi import FastAPI
 from starlette.requests import HTTPConnection, Request
 from starlette.responses import HTMLResponse, RedirectResponse, Response
@@ -16,7 +18,7 @@ from starlette.responses import HTMLResponse, RedirectResponse, Response
 from controller import messages
 from controller.api.access import check_local, note_refused, panel_of, principal
 from controller.api.answers import VARY, Refusal, language_of
-from controller.web import files, texts
+from controller.web import files
 
 LOG_IN = "/login"
 FILES = "/page"
@@ -45,19 +47,21 @@ async def _index(request: Request) -> Response:
             return RedirectResponse(LOG_IN, 303)
         _noted(request, refusal)
         raise
-    return _document(request, "index.html")
+    return _document(request, "main")
 
 
 async def _log_in(request: Request) -> Response:
     _open(request)
-    return _document(request, "login.html")
+    return _document(request, "login")
 
 
 async def _texts(request: Request, language: str) -> Response:
     _open(request)
     if language not in messages.LANGUAGES:
         raise Refusal.told(404, "missing", "no_page_file", name=language)
-    return files.Packed.of(texts.document(language), "application/json").answer(request)
+    return files.Packed.of(
+        json.dumps(words(language), ensure_ascii=False).encode(), "application/json"
+    ).answer(request)
 
 
 async def _file(request: Request, name: str) -> Response:
@@ -82,7 +86,19 @@ def _noted(request: HTTPConnection, refusal: Refusal) -> None:
     note_refused(request, "", f"page {request.url.path}"[:200], refusal)
 
 
-def _document(request: Request, name: str) -> HTMLResponse:
+def _document(request: Request, script: str) -> HTMLResponse:
     """Dark unless light was chosen: most shops are, and a bright page blinds."""
     theme = "light" if request.cookies.get("directrix_theme") == "light" else "dark"
-    return HTMLResponse(files.filled(name, language=language_of(request), theme=theme), headers=HEADERS)
+    text = files.file("index.html").body.decode()
+    places = {"script": script, "language": language_of(request), "theme": theme}
+    return HTMLResponse(text.format(**places), headers=HEADERS)
+
+
+def words(language: str) -> dict[str, str]:
+    """All texts by key, with the causes and remedies of faults; and the languages that there are, by code."""
+    said = messages.of(language)
+    faults = {
+        f"alarms.{key}": text for key, text in said.texts.items() if key.startswith(("cause.", "remedy."))
+    }
+    names = {f"language.{code}": one.name for code, one in messages.LANGUAGES.items()}
+    return {**said.page, **faults, **names}

@@ -34,7 +34,7 @@ from controller.service.command_handlers import Desk
 from controller.service.service import Service
 from controller.service.socket_server import Server
 from controller.state.modes import Mode
-from controller.web import texts
+from controller.web import server
 from controller.web.server import add_page
 
 XX = {"Accept-Language": "xx"}
@@ -242,7 +242,7 @@ def test_events_come_in_the_language_asked_for(scene: Scene, service: Service, e
 def test_the_page_has_all_its_texts_in_it_and_offers_it(scene: Scene) -> None:
     async def story(client: httpx.AsyncClient) -> None:
         found = (await client.get("/page/texts/xx.json")).json()
-        assert found["language.xx"] == "⟦X⟧" and set(found) == set(texts.of("en"))
+        assert found["language.xx"] == "⟦X⟧" and set(found) == set(server.words("en"))
         assert not [key for key, text in found.items() if key[:9] != "language." and text[0] != "⟦"]
         for headers in (XX, {"Accept-Language": "de", "Cookie": "directrix_language=xx"}):
             assert '<html lang="xx"' in (await client.get("/", headers=headers)).text
@@ -252,7 +252,7 @@ def test_the_page_has_all_its_texts_in_it_and_offers_it(scene: Scene) -> None:
 
 def test_no_text_stands_in_the_pages_own_files() -> None:
     """What is between tags, or in an attribute that is read, comes from the catalogue."""
-    folder = Path(texts.__file__).parent / "static"
+    folder = Path(server.__file__).parent / "static"
     for file in (*folder.glob("*.js"), *folder.glob("*/*.js"), *folder.glob("*.html")):
         if "vendor" in file.parts:
             continue

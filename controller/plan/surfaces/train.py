@@ -11,6 +11,7 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from enum import Enum
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -203,6 +204,12 @@ class Leg:
         start, end = tuple(self.joints[0].tolist()), tuple(self.joints[-1].tolist())
         return Stretch(self.cut.motion, block.place, block.feed_mm_s, True, start, end, True, "cut")
 
+    @property
+    def ends(self) -> Leg:
+        """Its first and its last sample alone, which are all that a path asks for: the others take 20 kB."""
+        both = [0, -1]
+        return Leg(self.cut, self.u[both], self.rotaries[both], self.joints[both])
+
     def shifted(self, machine: Machine, by: Rotaries) -> Leg:
         """The same leg in other whole turns (rad) of the two rotaries."""
         joints = self.joints.copy()
@@ -212,19 +219,19 @@ class Leg:
 
 
 class Fields:
-    """Both branches of each cut of a train, solved when they are first asked for."""
+    """Both branches of each cut of a train, solved one after the other: of a thousand one is kept."""
 
     def __init__(self, cuts: Sequence[Cut], kinematics: Kinematics) -> None:
         self.cuts, self.kinematics = cuts, kinematics
-        self._known: dict[int, Field] = {}
+        self._known: tuple[int, Field] | None = None
 
     def of(self, i: int) -> Field:
         """Of the i-th cut; raises BranchLost."""
-        if i not in self._known:
-            self._known[i] = field(self.cuts[i].motion, self.kinematics)
-        return self._known[i]
+        if self._known is None or self._known[0] != i:
+            self._known = i, field(self.cuts[i].motion, self.kinematics)
+        return self._known[1]
 
-    @property
+    @cached_property
     def free(self) -> bool:
         """Whether a rotary may begin the train wherever it stands (a tool axis on the pole)."""
         return bool(np.isnan(self.of(0).pairs[:, 0]).any())
@@ -232,7 +239,7 @@ class Fields:
 
 @dataclass(frozen=True, slots=True)
 class Option:
-    """A train followed on one branch, in some whole turn."""
+    """A train followed on one branch, in some whole turn; the legs are ``ends`` alone, or whole."""
 
     legs: tuple[Leg, ...]
     way: Way
@@ -268,28 +275,26 @@ def choose(
     found = options(fields, machine, now, voice)
     fitting = [(o, by) for o in found if o.way.inside for by in o.way.shifts(machine, now)]
     if not fitting:
-        unwind.refuse(found, machine, now, voice)
+        unwind.refuse(options(fields, machine, now, voice, whole=True), machine, now, voice)
     option, by = min(fitting, key=lambda pair: pair[0].way.rank(pair[1], now).key)
     return option.shifted(machine, by)
 
 
-def options(fields: Fields, machine: Machine, near: Rotaries, voice: Voice) -> list[Option]:
+def options(
+    fields: Fields, machine: Machine, near: Rotaries, voice: Voice, whole: bool = False
+) -> list[Option]:
     """The train followed from each branch of its start; refuses where neither can be followed."""
-    found: list[Option] = []
-    refusal: ProgramError | None = None
-    for branch in (0, 1):
-        try:
-            legs = _followed(fields, branch, near, voice)
-            found.append(Option(tuple(legs), _way(legs, machine)))
-        except ProgramError as error:
-            refusal = refusal or error
-    if not found and refusal is not None:
-        raise refusal
-    return found
+    found = [_Followed(machine), _Followed(machine)]
+    ways = [_followed(fields, branch, near, voice) for branch in (0, 1)]
+    for _ in fields.cuts:  # both side by side, so that a field is solved once
+        for one, way in zip(found, ways, strict=True):
+            one.take(way, whole)
+    if found[0].refusal and found[1].refusal:
+        raise found[0].refusal
+    return [Option(tuple(one.legs), one.way()) for one in found if one.refusal is None]
 
 
-def _followed(fields: Fields, branch: int, near: Rotaries, voice: Voice) -> list[Leg]:
-    legs: list[Leg] = []
+def _followed(fields: Fields, branch: int, near: Rotaries, voice: Voice) -> Iterator[Leg]:
     for i, cut in enumerate(fields.cuts):
         try:
             if i:
@@ -300,10 +305,9 @@ def _followed(fields: Fields, branch: int, near: Rotaries, voice: Voice) -> list
         except BranchLost as lost:
             where = audit.at_place(cut, lost.u)
             voice.refuse(cut.block.place, said("reach.lost", reason=Key(lost.reason), where=where))
-        joints = joints_on(cut.motion, found.u, rotaries, fields.kinematics)
-        legs.append(Leg(cut, found.u, rotaries, joints))
-        near = legs[-1].end
-    return legs
+        leg = Leg(cut, found.u, rotaries, joints_on(cut.motion, found.u, rotaries, fields.kinematics))
+        near = leg.end
+        yield leg
 
 
 def _turned(fields: Fields, i: int, near: Rotaries) -> Rotaries:
@@ -315,25 +319,48 @@ def _turned(fields: Fields, i: int, near: Rotaries) -> Rotaries:
     return float(first), float(second)
 
 
-def _way(legs: Sequence[Leg], machine: Machine) -> Way:
-    tilt = tilt_of(machine)
-    travel, place = 0.0, legs[0].rotaries[0]
-    for leg in legs:
-        travel += float(np.abs(leg.rotaries[0] - place).sum() + np.abs(np.diff(leg.rotaries, axis=0)).sum())
-        place = leg.rotaries[-1]
-    ends = [audit.extremes(leg.u, leg.rotaries) for leg in legs]
-    low, high = np.min([e[0] for e in ends], axis=0), np.max([e[2] for e in ends], axis=0)
-    tilts = legs[0].rotaries[:, tilt]
-    return Way(
-        start=legs[0].start,
-        end=legs[-1].end,
-        low=(float(low[0]), float(low[1])),
-        high=(float(high[0]), float(high[1])),
-        travel=travel,
-        negative=bool(tilts[np.argmax(np.abs(tilts))] < -1e-9),
-        inside=all(audit.outside(machine, leg.u, leg.joints, rotary=False) is None for leg in legs),
-        tilt=tilt,
-    )
+class _Followed:
+    """A train as it is followed on one branch: its legs, and what they ask of the rotaries."""
+
+    def __init__(self, machine: Machine) -> None:
+        self.legs: list[Leg] = []
+        self.refusal: ProgramError | None = None
+        self._machine = machine
+        self._travel, self._negative, self._inside = 0.0, False, True
+        self._low, self._high = np.full(2, np.inf), np.full(2, -np.inf)
+
+    def take(self, way: Iterator[Leg], whole: bool) -> None:
+        """The next leg, if there is one."""
+        if self.refusal is not None:
+            return
+        try:
+            leg = next(way)
+        except ProgramError as error:
+            self.refusal = error
+            return
+        if not self.legs:
+            tilts = leg.rotaries[:, tilt_of(self._machine)]
+            self._negative = bool(tilts[np.argmax(np.abs(tilts))] < -1e-9)
+        place = self.legs[-1].rotaries[-1] if self.legs else leg.rotaries[0]
+        turned = np.abs(np.diff(leg.rotaries, axis=0)).sum()
+        self._travel += float(np.abs(leg.rotaries[0] - place).sum() + turned)
+        low, _, high, _ = audit.extremes(leg.u, leg.rotaries)
+        self._low, self._high = np.minimum(self._low, low), np.maximum(self._high, high)
+        self._inside &= audit.outside(self._machine, leg.u, leg.joints, rotary=False) is None
+        self.legs.append(leg if whole else leg.ends)
+
+    def way(self) -> Way:
+        """All of it."""
+        return Way(
+            start=self.legs[0].start,
+            end=self.legs[-1].end,
+            low=(float(self._low[0]), float(self._low[1])),
+            high=(float(self._high[0]), float(self._high[1])),
+            travel=self._travel,
+            negative=self._negative,
+            inside=self._inside,
+            tilt=tilt_of(self._machine),
+        )
 
 
 def _start(pairs: Array, near: Rotaries) -> Rotaries:

@@ -89,6 +89,14 @@ export const Facts = ({ rows, ...more }) =>
       <dd class="figures">${value}</dd>`)}
   </dl>`;
 
+// Rows under a head; of a column the key of its text and then its classes, "" = it has no text. ``body``: the rows' id.
+export const Table = ({ word, columns, body, children, ...more }) => html`<table ...${more} class=${`list ${more.class ?? ""}`}>
+  <thead><tr>${columns.map((column) => {
+    const [key, ...classes] = column.split(" ");
+    return key ? html`<th scope="col" class=${classes.join(" ")}>${word(key)}</th>` : html`<td></td>`;
+  })}</tr></thead><tbody id=${body}>${children}</tbody></table>`;
+export const ScrolledTable = (props) => html`<div class="scroll" tabindex="0"><${Table} ...${props} /></div>`;
+
 export const Link = ({ text, path, ...more }) => html`<a class="act" href=${`/api/v1/${path}`} download="" ...${more}>${text}</a>`;
 export const Wrong = ({ text, ...more }) => text && html`<p class="wrong" role="alert" ...${more}>${text}</p>`;
 export const AxisName = ({ name }) => html`<span class="axis-name">${name}</span>`;

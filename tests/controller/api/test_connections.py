@@ -11,6 +11,7 @@ import re
 import resource
 import select
 import socket
+import ssl
 import statistics
 import subprocess
 import sys
@@ -41,6 +42,7 @@ HANGS_S = 90.0  # no test is meant to come near
 HALF = b"POST /api/v1/cycle/stop HTTP/1.1\r\nHost: 127.0.0.1\r\nX-Some: h"
 SLOW = b"POST /api/v1/session HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Length: 90\r\n\r\n{"
 SENT = (b"", HALF, SLOW)
+HELLO = b"\x16\x03\x01\x02\x00\x01\x00"  # a handshake of TLS that announces more than comes
 FLOOD = 2000  # connections
 PART = round(10.0 * SLOWEST_BYTES_S)  # of a body
 LIMITS = Limits(most=24, most_per_address=8, at_once=64, grace_s=0.05)
@@ -105,18 +107,21 @@ def site(scene: Scene) -> Iterator[Site]:
     made.end()
 
 
-def stop(port: int, token: str) -> int:
+def stop(port: int, token: str, tls: ssl.SSLContext | None = None) -> int:
     """Status of the answer to a stop by somebody who is logged in."""
-    asked = http.client.HTTPConnection("127.0.0.1", port, timeout=HANGS_S)
+    if tls is None:
+        asked = http.client.HTTPConnection("127.0.0.1", port, timeout=HANGS_S)
+    else:
+        asked = http.client.HTTPSConnection("127.0.0.1", port, timeout=HANGS_S, context=tls)
     with contextlib.closing(asked):
         asked.request("POST", "/api/v1/cycle/stop", headers={"Authorization": f"Bearer {token}"})
         return asked.getresponse().status
 
 
-def stop_s(port: int, token: str, door: FakeDoor) -> float:
+def stop_s(port: int, token: str, door: FakeDoor, tls: ssl.SSLContext | None = None) -> float:
     """How long it takes."""
     door.mode, began_s = "RUNNING", time.monotonic()
-    assert stop(port, token) == 200
+    assert stop(port, token, tls) == 200
     return time.monotonic() - began_s
 
 
@@ -275,11 +280,32 @@ def test_the_unit_has_as_many_files_as_the_panel_wants() -> None:
     assert f"LimitNOFILE={MAX_FILES}" in unit
 
 
+def secured(folder: Path) -> tuple[ssl.SSLContext, tuple[str, ...]]:
+    """A certificate of this computer's own: who trusts it alone, and the options of the panel."""
+    files = [str(folder / name) for name in ("own.pem", "key.pem")]
+    made = ("req", "-x509", "-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:P-256", "-nodes", "-days", "2")
+    more = (
+        "-subj",
+        "/CN=panel",
+        "-addext",
+        "subjectAltName=IP:127.0.0.1",
+        "-out",
+        files[0],
+        "-keyout",
+        files[1],
+    )
+    subprocess.run(["openssl", *made, *more], check=True, capture_output=True)
+    return ssl.create_default_context(cafile=files[0]), ("--tls-certificate", files[0], "--tls-key", files[1])
+
+
 @pytest.mark.slow
+@pytest.mark.parametrize("with_tls", [False, True])
 def test_with_few_files_a_logged_in_stop_is_heard_through_two_thousand_half_open_connections(
-    tmp_path: Path, scene: Scene
+    with_tls: bool, tmp_path: Path, scene: Scene
 ) -> None:
     """The command itself, as its unit starts it, with a limit of files that cannot be raised."""
+    tls, options = secured(tmp_path) if with_tls else (None, ())
+    sent = (b"", HELLO) if with_tls else SENT
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     if hard < FLOOD + 500:
         pytest.skip(f"needs {FLOOD + 500} files for its own ends")
@@ -288,7 +314,7 @@ def test_with_few_files_a_logged_in_stop_is_heard_through_two_thousand_half_open
     runtime.mkdir()
     door, flood = FakeDoor(), list[socket.socket]()
     door.mode = "RUNNING"
-    where = ("--state", str(tmp_path), "--runtime", str(runtime), "--port", str(port))
+    where = ("--state", str(tmp_path), "--runtime", str(runtime), "--port", str(port), *options)
     with contextlib.closing(Server(control_path(runtime), door.answer)), open(log, "wb") as told:
         panel = subprocess.Popen(
             [sys.executable, "-m", "controller", "panel", "--no-page", *where],
@@ -308,9 +334,9 @@ def test_with_few_files_a_logged_in_stop_is_heard_through_two_thousand_half_open
                 flood.append(one)
             for kind, one in enumerate(flood):
                 with contextlib.suppress(OSError):
-                    one.send(SENT[kind % len(SENT)])
-            assert stop(port, scene.tokens["operate"]) == 200, "right behind them"
-            took_s = [stop_s(port, scene.tokens["operate"], door) for _ in range(20)]
+                    one.send(sent[kind % len(sent)])
+            assert stop(port, scene.tokens["operate"], tls) == 200, "right behind them"
+            took_s = [stop_s(port, scene.tokens["operate"], door, tls) for _ in range(20)]
             assert statistics.median(took_s) < 0.5, took_s
             assert set(door.moved) == {"stop"} and len(door.moved) == 21
             assert resident_mb(panel.pid) < quiet_mb + 100.0

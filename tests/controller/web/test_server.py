@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import gzip
+import json
 import posixpath
 import re
 from pathlib import Path
@@ -14,7 +15,7 @@ from support.fakes.panels import ROLES, Scene
 
 from controller.api.access import COOKIE
 from controller.api.roles import Role
-from controller.web import files, server, texts
+from controller.web import files, server
 from controller.web.vendor import changed
 
 ORIGIN = "http://127.0.0.1:8080"
@@ -114,7 +115,7 @@ def test_a_document_has_the_language_and_the_theme_that_were_chosen(alone: Scene
 
 
 def test_every_text_of_the_page_is_there_in_every_language_with_the_same_places() -> None:
-    english, german = texts.of("en"), texts.of("de")
+    english, german = server.words("en"), server.words("de")
     assert list(english) == list(german)
     places = re.compile(r"\{\d\}")
     for key, text in english.items():
@@ -123,7 +124,7 @@ def test_every_text_of_the_page_is_there_in_every_language_with_the_same_places(
 
 
 def test_every_text_that_the_page_asks_for_by_its_name_is_there() -> None:
-    known = texts.of("en")
+    known = server.words("en")
     for name in sorted(files.names()):
         if not name.endswith(".js") or name.startswith("vendor/"):
             continue
@@ -159,7 +160,7 @@ def test_the_page_is_small_until_the_machine_is_looked_at() -> None:
     assert {"views/run.js", "vendor/uplot.js", "api.js"} <= loaded
     assert not any("three" in name or name.startswith("scene/") for name in loaded)
     sizes = [len(files.file(name).packed) for name in loaded | set(FIRST)]
-    assert sum(sizes) + len(gzip.compress(texts.document("de"))) < MAX_BYTES
+    assert sum(sizes) + len(gzip.compress(json.dumps(server.words("de")).encode())) < MAX_BYTES
 
 
 def test_what_others_wrote_is_as_the_manifest_says() -> None:

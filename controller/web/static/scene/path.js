@@ -1,20 +1,10 @@
 // The path of a checked program with its surfaces: what is done, and what is to do.
+import { lower } from "../scope/ticks.js";
 import * as THREE from "../vendor/three.module.min.js";
 import { css } from "./stage.js";
 
 const RAPID = 0;
 const REACH_MM = 50;
-
-// The first index whose number is not below the wanted one.
-function lower(numbers, wanted) {
-  let [low, high] = [0, numbers.length];
-  while (low < high) {
-    const middle = (low + high) >> 1;
-    if (numbers[middle] < wanted) low = middle + 1;
-    else high = middle;
-  }
-  return low;
-}
 
 export class Path {
   at = 0; // the point that the tool has passed last

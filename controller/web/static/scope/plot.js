@@ -2,7 +2,7 @@
 import { Component, createRef, html } from "../dom.js";
 import { dx } from "../store.js";
 import uPlot from "../vendor/uplot.js";
-import { ends, period, redraw, shown, state, zoom } from "./ticks.js";
+import { ends, lower, period, redraw, shown, state, zoom } from "./ticks.js";
 
 const COLOURS = {
   dark: ["#5cc8ff", "#ffbe3d", "#3ddc84", "#ff8a85", "#c9a4ff", "#7fe3d4", "#f0f3a0", "#ffa6d8"],
@@ -17,16 +17,7 @@ export const figure = (v) => (v === null || v === undefined ? "–" : String(Num
 // ---- the values
 
 // The last column that begins no later than a tick.
-function column(tick) {
-  const { ticks } = state.data;
-  let [low, high] = [0, ticks.length - 1];
-  while (low < high) {
-    const middle = (low + high + 1) >> 1;
-    if (ticks[middle] <= tick) low = middle;
-    else high = middle - 1;
-  }
-  return low;
-}
+const column = (tick) => Math.max(0, lower(state.data.ticks, tick + 1) - 1);
 
 function value_at(name, tick) {
   const i = column(tick);

@@ -16,6 +16,17 @@ export const state = {
   ...{ data: null, units: {}, width: 800, wrong: "" },
 };
 
+// The first index whose number is not below the wanted one.
+export function lower(numbers, wanted) {
+  let [low, high] = [0, numbers.length];
+  while (low < high) {
+    const middle = (low + high) >> 1;
+    if (numbers[middle] < wanted) low = middle + 1;
+    else high = middle;
+  }
+  return low;
+}
+
 // ``X commanded`` in the page's language.
 export function shown(name) {
   const [axis, what] = name.includes(".") ? name.split(".") : ["", name];

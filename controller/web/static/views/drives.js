@@ -2,7 +2,7 @@
 import { every } from "../api.js";
 import { html } from "../dom.js";
 import { forms } from "../forms.js";
-import { AxisName, Card, Chip, Facts, Figure, Meter, Wrong } from "../parts.js";
+import { AxisName, Card, Chip, Facts, Figure, Meter, Table, Wrong } from "../parts.js";
 import { dx } from "../store.js";
 import { known, sentence, word as text } from "../texts.js";
 
@@ -11,7 +11,7 @@ const TONES = { OPERATION_ENABLED: "go", FAULT: "stop", FAULT_REACTION_ACTIVE: "
 // Bits of the statusword (CiA 402, 6041h); 8, 14 and 15 are the maker's own.
 const BITS = ["ready", "on", "enabled", "fault", "voltage", "no_quick_stop", "disabled", "warning", "8", "remote", "reached", "limit", "follows", "following_error", "14", "15"];
 const BAD = ["fault", "following_error"];
-const COLUMNS = [["axis"], ["node", "d-node"], ["state"], ["mode", "d-mode"], ["target", "figures d-target"], ["actual", "figures"], ["error", "figures"], ["warmth", "figures d-warmth"], ["age", "figures d-age"], ["said"], ["bits", "d-bits"]];
+const COLUMNS = ["axis", "node d-node", "state", "mode d-mode", "target figures d-target", "actual figures", "error figures", "warmth figures d-warmth", "age figures d-age", "said", "bits d-bits"];
 
 // Of the tick's own values these have their form; what else the live state declares as tick.* is shown as it is,
 // under its text or else its name.
@@ -30,10 +30,7 @@ function View() {
   const warm = drives.some((drive) => drive.temperature_c !== undefined);
   return html`<div class="looks drives">
     <${Card} title=${text("view.drives")} class="drives-all" tabindex="0" data-warmth=${warm ? "1" : undefined}>
-      <table class="list">
-        <thead><tr>${COLUMNS.map(([key, classes]) => html`<th class=${classes} scope="col">${word(key)}</th>`)}</tr></thead>
-        <tbody id="drives-list">${drives.map((drive) => html`<${Drive} key=${drive.axis} drive=${drive} />`)}</tbody>
-      </table>
+      <${Table} word=${word} columns=${COLUMNS} body="drives-list">${drives.map((drive) => html`<${Drive} key=${drive.axis} drive=${drive} />`)}<//>
     <//>
     <${Card} title=${word("buses")} class="drives-bus">
       <${Wrong} id="drives-said" text=${wrong} />

@@ -6,7 +6,7 @@ import { Editor, edit, editing, write_new } from "../editor.js";
 import { forms } from "../forms.js";
 import { Icon } from "../icons.js";
 import { Maps, Verdict } from "../maps.js";
-import { Act, Card, Chip, Wrong } from "../parts.js";
+import { Act, Card, Chip, ScrolledTable, Wrong } from "../parts.js";
 import { Offer, StateThere } from "../restart.js";
 import { Enqueue, Queue } from "../queue.js";
 import { dx } from "../store.js";
@@ -83,12 +83,10 @@ function search(event) {
   dx.draw();
 }
 
-const List = () => html`<div class="scroll" tabindex="0"><table class="list">
-  <thead><tr>${["name", "check", "time", "last", "size"].map((column) => html`<th class=${`p-${column}`} scope="col">${word(column)}</th>`)}</tr></thead>
-  <tbody>${folders().map(([folder, count]) => html`<tr key=${`${folder}/`} class="entry" data-folder=${folder} onclick=${() => enter(in_folder(folder))}>
+const List = () => html`<${ScrolledTable} word=${word} columns=${["name", "check", "time", "last", "size"].map((key) => `${key} p-${key}`)}>
+  ${folders().map(([folder, count]) => html`<tr key=${`${folder}/`} class="entry" data-folder=${folder} onclick=${() => enter(in_folder(folder))}>
     <td colspan="5"><button class="plain" type="button"><${Icon} name="folder" /> ${folder}</button> <span class="dim figures">${count}</span></td></tr>`)}
-    ${shown().map((row) => html`<${Row} key=${row.name} row=${row} />`)}</tbody>
-</table></div>`;
+  ${shown().map((row) => html`<${Row} key=${row.name} row=${row} />`)}<//>`;
 
 // ---- folders: what stands before a slash in a name
 
@@ -226,16 +224,12 @@ function Found({ check, made }) {
 const Share = ({ share }) => html`<td class=${`figures ${share > 1.005 ? "wrong" : ""}`}>${forms.percent(share)}${share > 1.005 && html` <span class="note">${word("over_limit")}</span>`}</td>`;
 
 // What each axis does; a share of more than its limit is said in colour and word.
-const Box = ({ joints }) => html`<div class="scroll" tabindex="0"><table class="list box">
-  <thead>
-    <tr>${["run.axis", "programs.from", "programs.to", ...SHARES.map((one) => `programs.${one}`)].map((key) => html`<th scope="col">${text(key)}</th>`)}</tr>
-    </thead>
-  <tbody>${joints.map((joint) => html`<tr key=${joint.name}>
+const BOX = ["run.axis", ...["from", "to", ...SHARES].map((one) => `programs.${one}`)];
+const Box = ({ joints }) => html`<${ScrolledTable} class="box" word=${text} columns=${BOX}>${joints.map((joint) => html`<tr key=${joint.name}>
     <th scope="row">${joint.name}</th>
     <td class="figures">${joint.lowest.toFixed(2)}</td><td class="figures">${joint.highest.toFixed(2)}</td>
     ${SHARES.map((one) => html`<${Share} key=${one} share=${joint[`${one}_share`]} />`)}
-  </tr>`)}</tbody>
-</table></div>`;
+  </tr>`)}<//>`;
 
 // To begin elsewhere; what will be in force there is shown once it is loaded.
 function Places({ name, lines }) {

@@ -2,14 +2,14 @@
 import { call, every, history } from "../api.js";
 import { html } from "../dom.js";
 import { forms } from "../forms.js";
-import { Act, Card, Chip, Facts, Link, Wrong } from "../parts.js";
+import { Act, Card, Chip, Facts, Link, Table, Wrong } from "../parts.js";
 import { dx } from "../store.js";
 import { known, sentence, word as text } from "../texts.js";
 import { open_scope } from "./scope.js";
 
 const word = (key) => text(`runs.${key}`);
 const TONES = { completed: "go", stopped: "hold", fault: "stop", refused: "stop", lost: "stop", running: "info" };
-const COLUMNS = [["program"], ["result"], ["began", "figures"], ["took", "figures"], ["cut", "figures r-cut"], ["error", "figures r-error"]];
+const COLUMNS = ["program", "result", "began figures", "took figures", "cut figures r-cut", "error figures r-error"];
 
 const list = history("runs", 3, (most) => `runs?most=${most}`, (body) => body.runs);
 let sums = null;
@@ -30,10 +30,7 @@ function View() {
     <${Card} title=${word("sums")} class="runs-sums"><div class="sums"><${Sums} /></div><//>
     <${Card} class="runs-history" tabindex="0">
       <${Wrong} id="runs-said" text=${list.wrong} />
-      <table class="list">
-        <thead><tr>${COLUMNS.map(([key, classes]) => html`<th class=${classes} scope="col">${word(key)}</th>`)}</tr></thead>
-        <tbody id="runs-list">${list.rows.map((run) => html`<${Row} key=${run.id} run=${run} />`)}</tbody>
-      </table>
+      <${Table} word=${word} columns=${COLUMNS} body="runs-list">${list.rows.map((run) => html`<${Row} key=${run.id} run=${run} />`)}<//>
       ${!list.rows.length && html`<p class="dim" id="runs-empty">${word("none")}</p>`}
       <button class="act" id="runs-more" type="button" hidden=${!list.more} onclick=${list.older}><span>${word("more")}</span></button>
     <//>

@@ -1,6 +1,6 @@
 // Set-up: homing, work offsets, tools, the machine file, and what the drives were told.
 import { html } from "../dom.js";
-import { Act, AxisName, Card, Chip, Wrong } from "../parts.js";
+import { Act, AxisName, Card, Chip, Table, Wrong } from "../parts.js";
 import { dx } from "../store.js";
 import { known, word as text } from "../texts.js";
 import { Changer } from "./setup_changer.js";
@@ -35,18 +35,14 @@ dx.on("view", (name) => (name === "setup" ? read_anew() : forget_pick())); // wh
 
 // ---- homing
 
+const HOMING = ["axis", "state", "home_at figures hide-narrow", "travel figures hide-narrow", ""];
 const FREE = { modes: "OFF READY" };
 const minus = (text) => text.replaceAll("-", "−");
 
 function Homing() {
   const joints = Object.entries(dx.status?.joints ?? {});
   return html`
-    <table class="list">
-      <thead><tr><th scope="col">${word("axis")}</th><th scope="col">${word("state")}</th>
-        <th scope="col" class="figures hide-narrow">${word("home_at")}</th>
-        <th scope="col" class="figures hide-narrow">${word("travel")}</th><td></td></tr></thead>
-      <tbody id="setup-homing">${joints.map(([name, joint]) => html`<${Axis} key=${name} name=${name} joint=${joint} />`)}</tbody>
-    </table>
+    <${Table} word=${word} columns=${HOMING} body="setup-homing">${joints.map(([name, joint]) => html`<${Axis} key=${name} name=${name} joint=${joint} />`)}<//>
     <div class="row"><${Act} text=${word("home_all")} call="POST machine/home" body=${{}} ask=${word("home_all_ask")} ...${FREE} icon="home" /></div>`;
 }
 
@@ -67,20 +63,18 @@ function Axis({ name, joint: { homed, limit } }) {
 
 // ---- commissioning
 
+const DRIVES = ["axis", "node figures", "heartbeat", "state", "profile hide-narrow", "homing_how hide-narrow", "supervision hide-narrow"];
+
 function Drives() {
   const { commissioned: done, drives = [], mode } = dx.status ?? {};
   const tone = done === undefined ? "" : done ? "go" : "hold";
-  const heads = [["axis"], ["node", "figures"], ["heartbeat"], ["state"], ["profile", "hide-narrow"], ["homing_how", "hide-narrow"], ["supervision", "hide-narrow"]];
   return html`
     <div class="row">
       <span id="setup-commissioned"><${Chip} tone=${tone}>${done === undefined ? "–" : word(done ? "commissioned" : "not_commissioned")}<//></span>
       <${Chip}>${text(`mode.${mode ?? "OFF"}`)}<//>
     </div>
     <p class="dim">${word("how")}</p>
-    <table class="list">
-      <thead><tr>${heads.map(([key, classes]) => html`<th scope="col" class=${classes}>${word(key)}</th>`)}</tr></thead>
-      <tbody id="setup-drives">${drives.map((drive) => html`<${Drive} key=${drive.axis} drive=${drive} />`)}</tbody>
-    </table>`;
+    <${Table} word=${word} columns=${DRIVES} body="setup-drives">${drives.map((drive) => html`<${Drive} key=${drive.axis} drive=${drive} />`)}<//>`;
 }
 
 // How a drive is set up: profile, homing, what notices that the controller is gone.

@@ -2,7 +2,7 @@
 import { call } from "../api.js";
 import { ask } from "../dialog.js";
 import { html } from "../dom.js";
-import { Act, AxisName, Chip } from "../parts.js";
+import { Act, AxisName, Chip, Table } from "../parts.js";
 import { dx } from "../store.js";
 import { sentence, word as text } from "../texts.js";
 
@@ -45,6 +45,5 @@ export function Changer() {
     <p>${word("spindle")}: <span id="changer-spindle">${named(found.spindle)}</span>
       ${found.step && html` · ${word("step")} ${found.step.step + 1}: ${found.step.name}`}</p>
     <div class="row"><${Act} id="changer-confirm" text=${word("confirm")} press=${() => confirm(found)} /></div>
-    <table class="list"><thead><tr>${["pocket", "tool", "place"].map((key) => html`<th scope="col">${word(key)}</th>`)}<td></td></tr></thead>
-      <tbody id="changer-pockets">${found.pockets.map((row) => html`<${Pocket} key=${row.pocket} row=${row} />`)}</tbody></table>`;
+    <${Table} word=${word} columns=${["pocket", "tool", "place", ""]} body="changer-pockets">${found.pockets.map((row) => html`<${Pocket} key=${row.pocket} row=${row} />`)}<//>`;
 }

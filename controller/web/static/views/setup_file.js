@@ -1,6 +1,7 @@
 // The machine file, value by value with its lines: to be read and searched.
 import { call } from "../api.js";
 import { html, useEffect } from "../dom.js";
+import { Table } from "../parts.js";
 import { dx } from "../store.js";
 import { word as text } from "../texts.js";
 
@@ -31,11 +32,8 @@ export function File() {
       <input class="wide" id="setup-filter" type="search" value=${wanted} placeholder=${word("filter")} aria-label=${word("filter")} oninput=${search} />
     </div>
     <p class="dim">${word("read_only")}</p>
-    <table class="list file-table">
-      <thead><tr><th scope="col" class="figures">${word("line")}</th><th scope="col">${word("key")}</th>
-        <th scope="col">${word("value")}</th><th scope="col" class="hide-narrow">${word("comment")}</th></tr></thead>
-      <tbody id="setup-file">${found.map((row, i) => html`<${Row} key=${row.line} row=${row} first=${row.table !== found[i - 1]?.table} />`)}</tbody>
-    </table>`;
+    <${Table} class="file-table" word=${word} columns=${["line figures", "key", "value", "comment hide-narrow"]} body="setup-file">
+      ${found.map((row, i) => html`<${Row} key=${row.line} row=${row} first=${row.table !== found[i - 1]?.table} />`)}<//>`;
 }
 
 const Row = ({ row, first }) => html`

@@ -2,7 +2,7 @@
 import { API, call, every } from "../api.js";
 import { html } from "../dom.js";
 import { forms } from "../forms.js";
-import { Act } from "../parts.js";
+import { Act, ScrolledTable } from "../parts.js";
 import { dx } from "../store.js";
 import { known, word as text } from "../texts.js";
 import { number } from "./setup_tables.js";
@@ -40,8 +40,6 @@ export function Probing() {
       ${values.map((one) => html`<${Value} key=${cycle + one.name} label=${word(`value.${one.name}`)} ...${one} />`)}
       ${sets && html`<${Value} name="offset" choices=${told.offsets} />`}</div></div>
     <div class="row"><${Act} id="probing-run" text=${word("run")} kind="go" icon="play" modes="READY" ask=${word("run_ask")} press=${run} /></div>
-    ${told.found.length > 0 && html`<div class="scroll" tabindex="0"><table class="list" id="probing-found"><thead><tr>
-        ${["time", "program", "cycle", "found"].map((key) => html`<th scope="col">${word(key)}</th>`)}</tr></thead>
-      <tbody>${told.found.slice(0, SHOWN).map((one) => html`<${Found} key=${one.at_s + one.cycle} one=${one} />`)}</tbody></table></div>
+    ${told.found.length > 0 && html`<${ScrolledTable} id="probing-found" word=${word} columns=${["time", "program", "cycle", "found"]}>${told.found.slice(0, SHOWN).map((one) => html`<${Found} key=${one.at_s + one.cycle} one=${one} />`)}<//>
       <a href=${`${API}probing/found.csv`} download>${word("csv")}</a>`}`;
 }

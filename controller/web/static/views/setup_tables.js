@@ -3,7 +3,7 @@ import { call, every } from "../api.js";
 import { ask, ask_for, say } from "../dialog.js";
 import { Component, createRef, html } from "../dom.js";
 import { forms } from "../forms.js";
-import { Act, AxisName } from "../parts.js";
+import { Act, AxisName, Table } from "../parts.js";
 import { dx } from "../store.js";
 import { word as text } from "../texts.js";
 
@@ -166,10 +166,7 @@ const tool_body = (all, values) => Object.fromEntries(Object.entries(all).filter
 
 export function Tools() {
   return html`
-    <table class="list">
-      <thead><tr>${["tool", "name", ...FIELDS].map((key) => html`<th scope="col">${word(key)}</th>`)}<td></td></tr></thead>
-      <tbody id="setup-tools">${tools().map(([n, values]) => html`<${Tool} key=${n} n=${n} values=${values} />`)}</tbody>
-    </table>
+    <${Table} word=${word} columns=${["tool", "name", ...FIELDS, ""]} body="setup-tools">${tools().map(([n, values]) => html`<${Tool} key=${n} n=${n} values=${values} />`)}<//>
     <div class="row"><${Act} id="setup-add" text=${word("add")} press=${add_tool} /></div>`;
 }
 

@@ -3,7 +3,7 @@ import { call, every } from "../api.js";
 import { ask, ask_for, say } from "../dialog.js";
 import { html } from "../dom.js";
 import { forms } from "../forms.js";
-import { Act, AxisName, Chip, Wrong } from "../parts.js";
+import { Act, AxisName, Chip, ScrolledTable, Wrong } from "../parts.js";
 import { dx } from "../store.js";
 import { known, word as text } from "../texts.js";
 import { number, tools } from "./setup_tables.js";
@@ -75,17 +75,14 @@ async function add() {
 }
 const unit_of = (counter) => told.counters.find(({ name }) => name === counter)?.unit;
 
-const Table = ({ id, keys, children }) => html`<div class="scroll" tabindex="0"><table class="list">
-  <thead><tr>${keys.map((key) => html`<th scope="col" class=${["since", "last"].includes(key) ? "hide-narrow" : ""}>${key && word(key)}</th>`)}</tr></thead><tbody id=${id}>${children}</tbody></table></div>`;
-
 export function Usage() {
   const pick = (event) => ((told.counter = event.target.value), dx.draw());
   return html`<${Wrong} text=${told.wrong} />
-    <${Table} id="usage-tools" keys=${["tool", "cut", "way", "parts", "sister", "since", ""]}>${tools().map(([n, { name }]) => html`<${Tool} key=${n} n=${n} name=${name} use=${told.tools.find((one) => String(one.number) === n)} />`)}<//>
+    <${ScrolledTable} word=${word} body="usage-tools" columns=${["tool", "cut", "way", "parts", "sister", "since hide-narrow", ""]}>${tools().map(([n, { name }]) => html`<${Tool} key=${n} n=${n} name=${name} use=${told.tools.find((one) => String(one.number) === n)} />`)}<//>
     <h2>${word("maintenance")}</h2>
     <div class="sums">${told.counters.map(({ name, value, unit }) => html`<div class="sum" key=${name} data-counter=${name}><span class="dim">${named(name)}</span>
       <span class="figures">${amount(value)} ${known(`usage.unit.${unit}`, unit)}</span></div>`)}</div>
-    ${told.items.length > 0 && html`<${Table} id="usage-items" keys=${["item", "used", "last", ""]}>${told.items.map((one) => html`<${Item} key=${one.name} one=${one} />`)}<//>`}
+    ${told.items.length > 0 && html`<${ScrolledTable} word=${word} body="usage-items" columns=${["item", "used", "last hide-narrow", ""]}>${told.items.map((one) => html`<${Item} key=${one.name} one=${one} />`)}<//>`}
     <div class="row"><select aria-label=${word("counter")} value=${told.counter} onchange=${pick}>${told.counters.map(({ name }) => html`<option key=${name} value=${name} selected=${name === told.counter}>${named(name)}</option>`)}</select>
       <${Act} id="usage-add" text=${word("add")} needs="set_up" press=${add} /></div>`;
 }

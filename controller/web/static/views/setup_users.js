@@ -3,7 +3,7 @@ import { call } from "../api.js";
 import { ask, ask_for, say } from "../dialog.js";
 import { html, useEffect } from "../dom.js";
 import { forms } from "../forms.js";
-import { Act, Chip, Wrong } from "../parts.js";
+import { Act, Chip, ScrolledTable, Wrong } from "../parts.js";
 import { dx } from "../store.js";
 import { sentence, word as text } from "../texts.js";
 
@@ -53,8 +53,7 @@ const Remove = ({ path, name }) => html`<${Act} text=${word("remove")} aria-labe
 const Roles = ({ role, label, choose }) =>
   html`<select aria-label=${label} value=${role} onchange=${(event) => choose(event.target.value)}>${ROLES.map((one) => html`<option key=${one} value=${one} selected=${one === role}>${word(`role.${one}`)}</option>`)}</select>`;
 
-const Table = ({ heads, id, children }) => html`<div class="scroll" tabindex="0"><table class="list">
-  <thead><tr>${heads.map((key) => html`<th scope="col">${key && word(key)}</th>`)}</tr></thead><tbody id=${id}>${children}</tbody></table></div>`;
+const Table = (props) => html`<${ScrolledTable} word=${word} ...${props} />`;
 
 export function Users() {
   useEffect(() => void read(), []);
@@ -67,15 +66,15 @@ export function Users() {
       <${Act} id="users-token" text=${word("add_token")} ...${RULES} press=${add_token} /></div>
     ${told.made && html`<p class="made" role="status">${word("made", told.made.name)} <code>${told.made.token}</code></p>`}
     ${told.users.length === 0 && html`<p class="dim">${word("first")}</p>`}
-    ${told.users.length > 0 && html`<${Table} heads=${["name", "role", ""]} id="users-list">${told.users.map(({ name, role }) => html`<tr key=${name} data-user=${name}>
+    ${told.users.length > 0 && html`<${Table} columns=${["name", "role", ""]} body="users-list">${told.users.map(({ name, role }) => html`<tr key=${name} data-user=${name}>
       <th scope="row">${name}</th>
       <td><${Roles} role=${role} label=${`${word("role")} ${name}`} choose=${(other) => change("PATCH", `users/${name}`, { role: other }).then(read)} /></td>
       <td><div class="row"><${Act} text=${word("password")} aria-label=${`${word("password")} ${name}`} ...${RULES} press=${() => new_password(name)} /><${Remove} path="users" name=${name} /></div></td></tr>`)}<//>`}
-    ${told.tokens.length > 0 && html`<h2>${word("tokens")}</h2><${Table} heads=${["name", "role", "by", "expires", ""]} id="users-tokens">${told.tokens.map((one) => html`<tr key=${one.name} data-token=${one.name}>
+    ${told.tokens.length > 0 && html`<h2>${word("tokens")}</h2><${Table} columns=${["name", "role", "by", "expires", ""]} body="users-tokens">${told.tokens.map((one) => html`<tr key=${one.name} data-token=${one.name}>
       <th scope="row">${one.name}</th><td>${word(`role.${one.role}`)}</td><td>${one.made_by}</td>
       <td>${one.expires_s ? forms.moment(one.expires_s) : word("never")}</td><td><${Remove} path="tokens" name=${one.name} /></td></tr>`)}<//>`}
     <h2>${word("audit")}</h2>
-    <${Table} heads=${["when", "name", "action", "outcome"]} id="users-audit">${told.entries.map((one) => html`<tr key=${one.id}>
+    <${Table} columns=${["when", "name", "action", "outcome"]} body="users-audit">${told.entries.map((one) => html`<tr key=${one.id}>
       <td>${forms.date(one.at_s)}</td><td>${one.user || "–"} <span class="dim">${one.address}</span></td><td>${one.action} <span class="dim">${one.detail}</span></td>
       <td><${Chip} tone=${one.allowed ? "go" : "stop"}>${word(one.allowed ? "allowed" : "refused")}<//></td></tr>`)}<//>`;
 }
