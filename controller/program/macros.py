@@ -19,9 +19,10 @@ from controller.program.marks import Mark, behind_bracket
 
 GOTO, IF_GOTO, IF_THEN = "goto", "if goto", "if then"  # keywords; a loop is a while of an O-word
 
-_BEGIN = r"(?<![^\r\n])[ \t]*(?P<deleted>/?)[1-9]?[ \t]*(?:N[ \t]*[0-9]+[ \t]*)?"
+_BEGIN = r"(?<![^\r\n])[ \t]*(?P<deleted>/[1-9]?)?[ \t]*"
 _STATEMENT = re.compile(
-    _BEGIN + r"(?P<word>WHILE(?=[ \t]*\[)|IF(?=[ \t]*\[)|GOTO(?=[ \t]*[0-9#\[])|(?:DO|END)(?=[ \t]*[0-9]))",
+    _BEGIN + r"(?:N[ \t]*[0-9]+[ \t]*)?"
+    r"(?P<word>WHILE(?=[ \t]*\[)|IF(?=[ \t]*\[)|GOTO(?=[ \t]*[0-9#\[])|(?:DO|END)(?=[ \t]*[0-9]))",
     re.IGNORECASE,
 )
 _DO = re.compile(rf"do[ \t]*([0-9]+)[{GAPS}]*$")
@@ -49,45 +50,61 @@ def may_stand_in(text: Text) -> bool:
 
 def statements(text: str, name: str, end: int) -> Iterator[Mark]:
     """The marks of a text up to ``end``; what only looks like a statement has none."""
-    opened: list[tuple[str, str]] = []  # number and label of the loops under way
-    number, before, count = 1, 0, 0
+    loops, number, before = _Loops(), 1, 0
     for found in _STATEMENT.finditer(text, 0, end):
         at = found.start()
         number, before = number + sum(1 for _ in NEWLINE.finditer(text, before, at)), at
         newline = NEWLINE.search(text, found.end())
-        raw = text[at : newline.start() if newline else len(text)]
-        bare, word, begins = (
-            without_comments(raw, name, number).lower(),
-            found["word"].lower(),
-            found.start("word") - at,
-        )
-        keyword, label, rest = word, "", begins + len(word)
-        if word in ("while", "do"):
-            loop = _DO.search(bare, begins)
-            if loop is None:
-                continue
-            count += 1
-            keyword, label = "while", f"{loop[1]}.{count}"
-            opened.append((loop[1], label))
-            bare = bare[: loop.start()] if word == "while" else bare[:begins] + "[1]"
-            rest = rest if word == "while" else begins
-        elif word == "end":
-            if (closed := _NUMBER.match(bare, rest)) is None:
-                continue
-            one = next((one for one in reversed(opened) if one[0] == closed[1]), (closed[1], closed[1]))
-            opened = [other for other in opened if other != one]
-            keyword, label, bare = "endwhile", one[1], bare[:rest]
-        elif word == "if":
-            behind = behind_bracket(bare, rest).lstrip(GAPS)
-            keyword = IF_GOTO if behind.startswith("goto") else IF_THEN
-            if keyword == IF_THEN and not behind.startswith("then"):
-                continue
-        after = newline.end() if newline else len(text) + 1
-        written = " ".join(raw[begins:].split())
-        yield Mark(at, after, number, label, keyword, bare, rest, bool(found["deleted"]), written, begins + 1)
+        raw, begins = text[at : newline.start() if newline else len(text)], found.start("word") - at
+        bare = without_comments(raw, name, number).lower()
+        kind = _kind(found["word"].lower(), bare, begins, loops)
+        if kind is not None:
+            after = newline.end() if newline else len(text) + 1
+            written = " ".join(raw[begins:].split())
+            yield Mark(at, after, number, *kind, found["deleted"] is not None, written, begins + 1)
+
+
+class _Loops:
+    """Those that are under way, by number and the label that each has as an O-word."""
+
+    def __init__(self) -> None:
+        self._open: list[tuple[str, str]] = []
+        self._count = 0
+
+    def begin(self, number: str) -> str:
+        self._count += 1
+        self._open.append((number, f"{number}.{self._count}"))
+        return self._open[-1][1]
+
+    def end(self, number: str) -> str:
+        """Of the innermost of that number; of one that nobody began its number alone."""
+        one = next((one for one in reversed(self._open) if one[0] == number), (number, number))
+        self._open = [other for other in self._open if other != one]
+        return one[1]
+
+
+def _kind(word: str, bare: str, begins: int, loops: _Loops) -> tuple[str, str, str, int] | None:
+    """Label, keyword, line and where what it takes begins, of a statement; None where it is none."""
+    rest = begins + len(word)
+    if word == "goto":
+        return "", GOTO, bare, rest
+    if word == "if":
+        behind = behind_bracket(bare, rest).lstrip(GAPS)
+        keyword = next((one for one in (IF_GOTO, IF_THEN) if behind.startswith(one[3:])), None)
+        return None if keyword is None else ("", keyword, bare, rest)
+    if word == "end":
+        closed = _NUMBER.match(bare, rest)
+        return None if closed is None else (loops.end(closed[1]), "endwhile", bare[:rest], rest)
+    loop = _DO.search(bare, begins)
+    if loop is None:
+        return None
+    label = loops.begin(loop[1])
+    if word == "do":  # for ever
+        return label, "while", bare[:begins] + "[1]", begins
+    return label, "while", bare[: loop.start()], rest
 
 
 def line_of(text: str, number: int, low: int, high: int) -> int | None:
     """The offset of the line N ``number`` between two offsets; None where there is none."""
-    found = re.compile(rf"{_BEGIN.split('(?:N')[0]}[nN][ \t]*0*{number}(?![0-9.])").search(text, low, high)
+    found = re.compile(rf"{_BEGIN}[nN][ \t]*0*{number}(?![0-9.])").search(text, low, high)
     return found.start() if found else None
