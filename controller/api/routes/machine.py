@@ -33,7 +33,7 @@ async def ask(request: Request, verb: str, **args: Any) -> models.Done:
     "/status",
     response_model=models.Status,
     dependencies=[needs(Role.VIEW)],
-    responses=documented(401, 403, 503),
+    responses=documented(401, 403, 422, 503),
 )
 async def status(request: Request, last: Last = False) -> Answer:
     """What the machine is doing: mode, job with its exact time left, joints, what limits the feed."""
@@ -46,7 +46,7 @@ async def status(request: Request, last: Last = False) -> Answer:
     return Answer({**now, "control": panel.control.holder or None})
 
 
-@router.get("/facts", dependencies=[needs(Role.VIEW)], responses=LOOKS)
+@router.get("/facts", dependencies=[needs(Role.VIEW)], responses=documented(401, 403, 422, 503))
 async def facts(request: Request, last: Last = False) -> dict[str, Any]:
     """What does not change while the machine moves: axes, units, limits, tools, offsets, period."""
     try:
