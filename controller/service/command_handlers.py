@@ -300,9 +300,10 @@ class Desk:
         preconditions.not_running(self._service, "LOAD")
 
         def work() -> Values:
-            job = jobs.read(args, service.machine)
             if args.get("restart") is True:
-                job = restart_preview.gone_on_with(service, job)
+                job = restart_preview.gone_on_with(service, args)
+            else:
+                job = jobs.read(args, service.machine)
             service.job, service.interrupted = job, None
             try:
                 return sequences.load(service, job)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections import deque
 from collections.abc import Collection, Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -114,7 +114,8 @@ class Job:
         """What is run, with where a whole run of it starts; ``now``: with what it has set since."""
         program = self.program
         joints = whole_from(self.start) or homed_position(program.machine)
-        return journal.Job.of(program.name, program.text, now, joints, program.dry_run_mm, self.fitted)
+        run = journal.Job.of(program.name, program.text, now, joints, program.dry_run_mm, self.fitted)
+        return replace(run, file_sha256=self.sha256, block_delete=self.block_delete)
 
     def state_at(self, now: Snapshot) -> str:
         """The state by this very snapshot, though nobody has drawn conclusions yet."""
@@ -312,13 +313,13 @@ def interrupted(entry: journal.Entry) -> dict[str, Any]:
     said = catalogue.said("interrupted", program=entry.job.name, line=entry.spot.line)
     return {
         "name": entry.job.name,
-        "sha256": entry.job.program_sha256,
+        "sha256": entry.job.file_sha256,
         "text": None,
         "state": INTERRUPTED,
         "line": entry.spot.line,
         "restart": [],
         "dry_run_mm": entry.job.dry_run_mm or None,
-        "block_delete": False,
+        "block_delete": entry.job.block_delete,
         "block": entry.spot.motion_id if entry.spot.motion_id >= 0 else None,
         "fraction": entry.done,
         "blocks": None,

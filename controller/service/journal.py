@@ -56,6 +56,10 @@ class Job:
     # With which the run was begun: its lines set anew what they set since, from the first one on.
     fitted: dict[str, Any] | None = None  # None: not known
     before_sha256: str = ""  # of the offsets before the program changed them last
+    file_sha256: str = (
+        ""  # of its file alone: ``program_sha256`` is with what it calls, and without what is skipped
+    )
+    block_delete: bool = False  # lines that begin with / were skipped
 
     @classmethod
     def of(
@@ -70,7 +74,7 @@ class Job:
         """Of a program on a machine with its offsets and tools as they are now."""
         offsets, tools = fitted_sha256(machine)
         sums = sha256(program), sha256(machine.text.encode()), offsets, tools
-        return cls(name, *sums, start, dry_run_mm, fitted)
+        return cls(name, *sums, start, dry_run_mm, fitted, file_sha256=sums[0])
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,6 +163,7 @@ def _entry(values: Any) -> Entry:
     line, fraction, motion_id, s = values.pop("spot")
     spot = Spot(int(line), float(fraction), int(motion_id), float(s))
     start = tuple([float(q) for q in job.pop("start")])
+    job.setdefault("file_sha256", job["program_sha256"])  # older ones
     return Entry(job=Job(start=start, **job), spot=spot, **values)
 
 

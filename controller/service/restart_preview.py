@@ -12,7 +12,7 @@ from controller.machine import setup_data
 from controller.machine.model import Machine
 from controller.messages import said
 from controller.plan.restart.program_position import FORMER, Spot
-from controller.service import journal
+from controller.service import jobs, journal
 from controller.service.jobs import Job
 from controller.service.refusals import refused
 from controller.service.service import JOURNAL, Service
@@ -21,8 +21,8 @@ from controller.service.service import JOURNAL, Service
 def restart(service: Service) -> dict[str, Any]:
     """The journal's entry as plain values; key and values say why it is not ``offered``.
 
-    Whether the program is still there as it was is for who keeps the programs: it is told by its
-    ``sha256``. A load with ``restart`` looks at everything again.
+    Whether the program is still there as it was is for who keeps the programs: it is told by the
+    ``sha256`` of its file. A load with ``restart`` looks at everything again.
     """
     entry, why = journal.read(service.state / JOURNAL)
     if entry is None or entry.ended:
@@ -36,7 +36,7 @@ def restart(service: Service) -> dict[str, Any]:
         "offered": why is None,
         **messages.facts(why),
         "name": entry.job.name,
-        "sha256": entry.job.program_sha256,
+        "sha256": entry.job.file_sha256,
         "line": entry.spot.line,
         "fraction": entry.spot.fraction,
         "exact": entry.exact,
@@ -59,14 +59,15 @@ def _trusted(service: Service) -> tuple[int, int]:
     return now.homed, now.untrusted
 
 
-def gone_on_with(service: Service, job: Job) -> Job:
-    """The job from where the journal says that it was interrupted. Raises CommandRefused."""
+def gone_on_with(service: Service, args: dict[str, Any]) -> Job:
+    """The job of a ``load`` from where the journal says that it was interrupted. Raises CommandRefused."""
     entry, why = journal.read(service.state / JOURNAL)
     mode = service.now().mode.name
     if why:
         raise CommandRefused("refused", why, mode, "LOAD")
     if entry is None:
         raise refused("not_interrupted", mode, "LOAD")
+    job = jobs.read({**args, "block_delete": entry.job.block_delete}, service.machine)
     job.entry = entry
     job.program = replace(job.program, start=entry.job.start, dry_run_mm=entry.job.dry_run_mm)
     look_again(service, job, "LOAD")

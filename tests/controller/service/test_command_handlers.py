@@ -680,6 +680,39 @@ def test_what_holds_where_nobody_answers_any_more_is_on_disk(
     assert (told["mode"], told["fault"], told["job"]["state"]) == ("OFF", None, "interrupted")
 
 
+def test_what_calls_files_and_skips_lines_is_gone_on_with_as_it_was_begun(
+    desk: Desk, service: Service, tmp_path: Path
+) -> None:
+    """The store knows a program by its file; what is run is that with what it calls, less what it skips."""
+    file, called = service.state / "part.ngc", service.state / "holes.ngc"
+    file.write_text("G21\n/G0 X9\no<holes> call\nG0 X1\nM30\n")
+    called.write_text("o<holes> sub\nG0 X2\no<holes> endsub\n")
+    how = {"path": str(file), "files": {"holes.ngc": str(called)}}
+    done(desk, "load", block_delete=True, **how)
+    assert service.job is not None
+    entry = journal.Entry(
+        service.job.journalled(service.machine),
+        Spot(4, 0.5, 7, 12.0),
+        True,
+        1,
+        "READY",
+        "NONE",
+        31,
+        0.0,
+        False,
+    )
+    journal.write(entry, service.state / JOURNAL)
+    after = served(tmp_path)
+    assert whole_status.status(after)["job"]["block_delete"] is True
+    offer = done(Desk(after), "restart")
+    assert offer["offered"] and offer["sha256"] == journal.sha256(file.read_bytes())
+    done(Desk(after), "load", restart=True, **how)
+    assert after.job is not None and after.job.block_delete
+    called.write_text("o<holes> sub\nG0 X3\no<holes> endsub\n")
+    with pytest.raises(CommandRefused, match="the program changed"):
+        done(Desk(after), "load", restart=True, **how)
+
+
 def test_what_came_to_its_end_is_not_told_of_after_a_return(service: Service, tmp_path: Path) -> None:
     interrupted(service)
     entry, _ = journal.read(service.state / JOURNAL)
