@@ -182,7 +182,7 @@ def test_a_page_of_another_machine_than_the_one_that_answers_is_built_anew(
 ) -> None:
     facts = site.ask("facts")
     change(facts)
-    page.route("**/api/v1/facts", lambda route: route.fulfill(json=facts), times=1)
+    page.route("**/api/v1/facts*", lambda route: route.fulfill(json=facts), times=1)
     page.evaluate("window.old = true; dx.tell('service', {answers: true})")
     page.wait_for_function("() => window.dx && !window.old")
     page.wait_for_selector("body[data-control=mine]")
