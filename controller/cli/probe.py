@@ -53,6 +53,8 @@ def _show_found(told: dict[str, Any], as_json: bool) -> None:
     if as_json:
         print(json.dumps({"ok": True, **told}))
         return
+    if not told["found"]:
+        show.print(say("probed_nothing"))
     for one in told["found"]:
         at = datetime.fromtimestamp(one["at_s"]).strftime("%Y-%m-%d %H:%M:%S")
         values = " ".join(f"{name}={value:g}" for name, value in one["values"].items())

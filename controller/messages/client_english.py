@@ -16,6 +16,7 @@ REFUSALS = {
     "client.reset": "Reset.",
     "client.enabled": "Enabled.",
     "client.disabled": "Disabled.",
+    "client.probed_nothing": "No cycle has found anything yet.",
     "client.probed_csv": "{count} values written to {path}.",
     "client.probe_value": "{typed!r}: no value of a cycle; write its name, = and the value, as most=20.",
     "client.changer_confirmed": "Where the tools are is confirmed.",

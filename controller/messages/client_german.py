@@ -16,6 +16,7 @@ REFUSALS = {
     "client.reset": "Zurückgesetzt.",
     "client.enabled": "Eingeschaltet.",
     "client.disabled": "Ausgeschaltet.",
+    "client.probed_nothing": "Noch kein Zyklus hat etwas gefunden.",
     "client.probed_csv": "{count} Werte nach {path} geschrieben.",
     "client.probe_value": "{typed!r}: kein Wert eines Zyklus; seinen Namen, = und den Wert, wie most=20.",
     "client.changer_confirmed": "Wo die Werkzeuge sind, ist bestätigt.",

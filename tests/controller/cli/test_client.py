@@ -177,6 +177,8 @@ def test_the_probing_cycles_are_listed_with_their_values(panel: Panel, door: Not
 def test_what_cycles_have_found_is_listed_and_written_as_a_table(
     panel: Panel, door: NotingDoor, tmp_path: Path
 ) -> None:
+    door.results["probed"] = {"found": []}
+    assert done("probe", "--found") == "No cycle has found anything yet.\n"
     door.results["probed"] = {"found": PROBED}
     assert "part.ngc bore x_mm=12.5 y_mm=-3.25 diameter_mm=20.01\n" in done("probe", "--found")
     assert json.loads(done("probe", "--found", "--json"))["found"][1]["values"]["angle_deg"] == -0.5
