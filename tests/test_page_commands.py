@@ -35,7 +35,7 @@ DIRECTRIX = f'directrix() {{ {sys.executable} -m controller "$@"; }}\n'
 # On a desk: what comes before it, and what is run. Left out: nothing, and the command as it stands.
 DESK: dict[str, tuple[str, str]] = {
     "--version": ("", ""),
-    "bench [NAME]": ("", "bench --help"),
+    "bench [NAME]": ("", "bench reader --short"),
     "bench [NAME] [--short] [--json] [--plot DIR]": ("", "bench reader --short --json --plot ."),
     "bench check": ("", "bench check --short"),
     "bus FILE": ("", "bus config/trunnion.toml"),
@@ -169,7 +169,7 @@ ELSEWHERE: dict[str, tuple[str, str]] = {
 
 def bare(line: str) -> str:
     """Without its remark and its name."""
-    return " ".join(line.split("#")[0].split()).removeprefix("directrix ").split(" # ")[0]
+    return " ".join(line.split("#")[0].split()).removeprefix("directrix ")
 
 
 def named_only(words: str) -> bool:

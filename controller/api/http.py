@@ -61,8 +61,8 @@ STORE_STATUSES = {
 }
 PARTS = (
     *((API, part) for part in (machine, cycle, jog, programs, tables, records, ticks)),
-    *((API, part) for part in (diagnostics, session, users, notices, queue, usage, changer, probing, listen)),
-    (API, canned_cycles),
+    *((API, part) for part in (diagnostics, session, users, notices, queue, usage, changer, probing)),
+    *((API, part) for part in (canned_cycles, listen)),
     ("", metrics),
     ("", octoprint),
 )

@@ -284,8 +284,9 @@ class Wired:
         motors = tuple([counts / per for counts, per in zip(now, self._counts, strict=True)])
         share = self.touched.look(motors)
         if share is not None and self.stuck is None:
-            for drive, a, b in zip(self._drives, self._before, now, strict=True) if self._latched else ():
-                drive.strike(self.touched.closed, a + share * (b - a), now_s)
+            if self._latched:
+                for drive, a, b in zip(self._drives, self._before, now, strict=True):
+                    drive.strike(self.touched.closed, a + share * (b - a), now_s)
             self.show(self.touched.closed, now_s)
         self._before = now
 

@@ -56,9 +56,7 @@ class Job:
     # With which the run was begun: its lines set anew what they set since, from the first one on.
     fitted: dict[str, Any] | None = None  # None: not known
     before_sha256: str = ""  # of the offsets before the program changed them last
-    file_sha256: str = (
-        ""  # of its file alone: ``program_sha256`` is with what it calls, and without what is skipped
-    )
+    file_sha256: str = ""  # of its file alone; ``program_sha256`` is with what it calls, less what it skips
     block_delete: bool = False  # lines that begin with / were skipped
 
     @classmethod

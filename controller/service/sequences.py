@@ -159,7 +159,7 @@ def _arm(service: Service, job: Job) -> None:
         machine, job.fitted = service.machine, service.fitted
         if sisters := service.usage.sisters(service.tool_numbers):
             job.fitted = {**job.fitted, "sisters": sisters}
-            machine = replace(machine, sisters=tuple((int(tool), one) for tool, one in sisters.items()))
+            machine = setup_data.applied(machine, {"sisters": sisters})
         job.program = replace(job.program, machine=machine)
         if job.entry is not None:
             restart_preview.look_again(service, job)

@@ -65,7 +65,7 @@ def _pockets(machine: Machine) -> tuple[int, ...]:
 
 
 def _known(service: Service, tools: list[Any]) -> None:
-    known = {tool.number for tool in service.machine.tools}
+    known = service.tool_numbers
     for tool in tools:
         if type(tool) is not int or (tool not in known and tool != 0):
             allowed = ", ".join(f"T{number}" for number in sorted(known))

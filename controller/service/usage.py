@@ -328,8 +328,8 @@ def tool_life(usage: Usage, args: Values) -> Values:
     cut = None if args.get("cut_min") is None else number(args, "cut_min", 0.1, LONGEST_MIN)
     parts = None if args.get("parts") is None else int(number(args, "parts", 1, MAX_PARTS))
     way = None if args.get("cut_m") is None else number(args, "cut_m", 0.1, LONGEST_M)
-    sister = None if args.get("sister") is None else whole(args, "sister", MAX_TOOL)
-    if sister == 0 or sister == tool:
+    sister = whole(args, "sister", MAX_TOOL)
+    if sister in (0, tool):
         raise refused("no_sister", code="bad", tool=tool, value=sister)
     usage.set_life(tool, cut, parts, way, sister)
     return _kept(usage)

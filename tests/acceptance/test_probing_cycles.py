@@ -46,12 +46,17 @@ def test_an_edge_from_each_side(dx: int, dy: int, some: random.Random) -> None:
     assert told(done)[0][0] == pytest.approx(-(dx + dy) * half, abs=0.001)
 
 
-def test_a_corner_sets_the_offset(some: random.Random) -> None:
+def corner_sets_the_offset(some: random.Random, before: str = "", behind: str = "") -> None:
+    """Lines right before the call of the cycle and behind it change nothing of what it does."""
     x, y = some.uniform(-5, 5), some.uniform(-5, 5)
     part = block((x, y, -20.0), (x + 50, y + 50, 0.0))
-    start = f"G0 Z20\nG0 X{x - 12} Y{y - 12}\nG0 Z-10\n"
-    done = cycle(f"{start}o<probe_corner> call [1] [1] [22] [20] [2]\n(DEBUG, #5241 #5242)", part)
-    assert told(done)[-1] == pytest.approx([x + 8.0, y + 96.0], abs=0.001)
+    start = f"G0 Z20\nG0 X{x - 12} Y{y - 12}\nG0 Z-10\n{before}"
+    call = "o<probe_corner> call [1] [1] [22] [20] [2]\n(DEBUG, #5241 #5242)"
+    assert told(cycle(f"{start}{call}{behind}", part))[-1] == pytest.approx([x + 8.0, y + 96.0], abs=0.001)
+
+
+def test_a_corner_sets_the_offset(some: random.Random) -> None:
+    corner_sets_the_offset(some)
 
 
 def test_a_bore(some: random.Random) -> None:
@@ -155,8 +160,4 @@ def test_an_angle_by_name_turns_an_offset_that_nobody_has_set(dialect: str, some
 
 
 def test_a_corner_is_found_in_mm_where_the_program_counts_in_inches(some: random.Random) -> None:
-    x, y = some.uniform(-5, 5), some.uniform(-5, 5)
-    part = block((x, y, -20.0), (x + 50, y + 50, 0.0))
-    start = f"G0 Z20\nG0 X{x - 12} Y{y - 12}\nG0 Z-10\nG20 G91\n"
-    done = cycle(f"{start}o<probe_corner> call [1] [1] [22] [20] [2]\n(DEBUG, #5241 #5242)\nG21 G90", part)
-    assert told(done)[-1] == pytest.approx([x + 8.0, y + 96.0], abs=0.001)
+    corner_sets_the_offset(some, "G20 G91\n", "\nG21 G90")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Awaitable
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Query, Request
@@ -38,10 +39,7 @@ async def ask(request: Request, verb: str, **args: Any) -> models.Done:
 async def status(request: Request, last: Last = False) -> Answer:
     """What the machine is doing: mode, job with its exact time left, joints, what limits the feed."""
     panel = panel_of(request)
-    try:
-        now = await panel.watch.status()
-    except Refusal as refusal:
-        now = await _last_told(request, "status", last, refusal)
+    now = await _or_last_told(panel.watch.status(), request, "status", last)
     # As it is, not through the model: this is asked for a hundred times a second.
     return Answer({**now, "control": panel.control.holder or None})
 
@@ -49,19 +47,21 @@ async def status(request: Request, last: Last = False) -> Answer:
 @router.get("/facts", dependencies=[needs(Role.VIEW)], responses=documented(401, 403, 422, 503))
 async def facts(request: Request, last: Last = False) -> dict[str, Any]:
     """What does not change while the machine moves: axes, units, limits, tools, offsets, period."""
+    return await _or_last_told(panel_of(request).door.ask("facts"), request, "facts", last)
+
+
+async def _or_last_told(
+    asked: Awaitable[dict[str, Any]], request: Request, what: str, wanted: bool
+) -> dict[str, Any]:
+    """The answer, or what a service that is gone told last; one that is there and silent is refused."""
     try:
-        return await panel_of(request).door.ask("facts")
+        return await asked
     except Refusal as refusal:
-        return await _last_told(request, "facts", last, refusal)
-
-
-async def _last_told(request: Request, what: str, wanted: bool, refusal: Refusal) -> dict[str, Any]:
-    """By a service that is gone. Raises the refusal where it is there, but does not answer."""
-    if wanted and refusal.facts.code == "gone":
-        folder = panel_of(request).store.folder
-        if found := await asyncio.to_thread(control_socket.last_told, folder, what):
-            return found
-    raise refusal
+        if wanted and refusal.facts.code == "gone":
+            folder = panel_of(request).store.folder
+            if found := await asyncio.to_thread(control_socket.last_told, folder, what):
+                return found
+        raise
 
 
 @router.get("/drives", dependencies=[needs(Role.VIEW)], responses=LOOKS, response_model_exclude_unset=True)
