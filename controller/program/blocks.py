@@ -135,7 +135,8 @@ def stream(
         yield Remark(remark[0], given.state.modal, remark[1])
     made = _blocks(Upcoming(read), machine, given, common, refused)
     beside = compensation.beside(made, given.position, machine, name, refused)
-    yield from foreign.judged(beside, text, name, refused)
+    for together in foreign.judged(beside, text, name, refused):
+        yield from together
 
 
 def _blocks(

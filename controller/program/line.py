@@ -15,28 +15,29 @@ from controller.program.program import Block, Callers, Place, ProgramError
 # A common line as programs from CAM systems have them in millions: an N, G0 to G3, words in the usual order,
 # one M of spindle or coolant, a comment. Nothing in it can be refused as text, or says something. Nine digits
 # are below what any word may be. Only single characters repeat possessively: Python before 3.11.5 goes on
-# behind the begin of a group that it gave up (gh-106052), so that "G0X" would match as G0.
+# behind the begin of a group that it gave up (gh-106052), so that "G0X" would match as G0. What may be
+# missing is a choice of it or nothing: tried at half the time of a group that is repeated once or never.
 MAX_RUN = 60  # of them together: what lives long costs full collections of garbage
-_SHORT_NUMBER = r"[+-]?(?:[0-9]{1,9}+(?:\.[0-9]*+)?|\.[0-9]++)"
+_SHORT_NUMBER = r"[+-]?(?:[0-9]{1,9}+(?:\.[0-9]*+|)|\.[0-9]++)"
 LETTERS = "XYZABCIJKRFS"
 
 
 def _words(letters: str, others: str = "", behind: str = "") -> str:
     """Any of these in their order; where none of them comes, which one look tells, it is over."""
-    each = "".join(rf"(?:[{letter}{letter.lower()}]({_SHORT_NUMBER})[ \t]*+)?" for letter in letters)
-    return rf"(?:(?=[{letters}{letters.lower()}{others}]){each}{behind})?"
+    each = "".join(rf"(?:[{letter}{letter.lower()}]({_SHORT_NUMBER})[ \t]*+|)" for letter in letters)
+    return rf"(?:(?=[{letters}{letters.lower()}{others}]){each}{behind}|)"
 
 
 @cache
 def common(axes: str) -> re.Pattern[str]:
     """Of lines with words of these axes alone; the groups of others are there, and match nothing."""
-    turns = "".join(_words(letter) if letter in axes else "(?:(?!)())?" for letter in "ABC")
+    turns = "".join(_words(letter) if letter in axes else "(?:(?!)()|)" for letter in "ABC")
     return re.compile(
-        r"[ \t]*+(?:[Nn][0-9]++[ \t]*+)?(?:[Gg](0?[0-3])[ \t]*+)?"
+        r"[ \t]*+(?:[Nn][0-9]++[ \t]*+|)(?:[Gg](0?[0-3])[ \t]*+|)"
         + _words("XYZ")
-        + rf"(?:(?=[ABCabc]){turns})?"
+        + rf"(?:(?=[ABCabc]){turns}|)"
         + _words("IJKR")
-        + _words("FS", "Mm(;", r"(?:[Mm](0?[3-57-9])[ \t]*+)?(?:\([^(),;]*+\)[ \t]*+)?(?:;.*+)?"),
+        + _words("FS", "Mm(;", r"(?:[Mm](0?[3-57-9])[ \t]*+|)(?:\([^(),;]*+\)[ \t]*+|)(?:;.*+|)"),
         re.DOTALL,
     )
 

@@ -382,7 +382,7 @@ class Changing(NamedTuple):
     last: bool  # the change is over
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True, unsafe_hash=True)  # as lines
 class Action:
     """A machine function; ``modal`` is the state after it."""
 
