@@ -126,6 +126,8 @@ class CommonLines:
         """
         given, axes, count, find = self._given, self._axes, len(self._axes), self._common.fullmatch
         now, counts_points, rests = self._seen(), self._points_count, self.rests
+        values: list[float | None]
+        block: Block | None
         for number, raw in rows:
             found = find(raw)
             last = found.lastindex if found is not None else None
@@ -154,14 +156,13 @@ class CommonLines:
                 ready = self._after(now, motion, feed)
             if ready is None or not ready.is_usual or (counts_points and POINTLESS.search(raw) is not None):
                 return number, raw, found
-            unit, values = ready.unit, list[float | None]()
+            unit, values = ready.unit, []
             for at, per in axes:  # as _targets, with no call on the way
                 if (word := parts[at]) is None:
                     values.append(None)
                 else:
                     values.append(float(word) / per if per else float(word) * unit)
-            block: Block | None
-            if not ready.is_line or parts[CENTRE:FEED] != _NO_ARC:
+            if not ready.is_line or (last > CENTRE and parts[CENTRE:FEED] != _NO_ARC):
                 block = self._block(place, parts, tuple(values), ready)
             elif values.count(None) < count:
                 mm, degrees = ready.mm, ready.degrees
@@ -171,7 +172,8 @@ class CommonLines:
             if block is None:
                 return number, raw, found
             run.append(block)
-            given.state, now = ready.state, ready
+            if ready is not now:
+                given.state, now = ready.state, ready
             if len(run) == MAX_RUN:
                 break
         return None
