@@ -128,7 +128,7 @@ def stream(
     given = Given(machine, modal.begun(machine), Position(machine, start or homed(machine)))
     system = OF_FANUC if machine.dialect == "fanuc" else range(0)
     parameters = Parameters(given, machine.parameters, machine.kept, system)
-    limits = Limits(machine.call_levels, machine.program_passes)
+    limits = Limits(machine.call_levels, machine.program_passes, machine.without_point)
     common = CommonLines(machine, given)
     read = words.read(text, name, block_delete, parameters, limits, files, refused, common.take)
     if remark is not None:

@@ -20,6 +20,7 @@ from controller.program.program import Block, Callers, Place, ProgramError
 MAX_RUN = 60  # of them together: what lives long costs full collections of garbage
 _SHORT_NUMBER = r"[+-]?(?:[0-9]{1,9}+(?:\.[0-9]*+|)|\.[0-9]++)"
 LETTERS = "XYZABCIJKRFS"
+LENGTHS, ANGLES = "XYZIJKRQUVW", "ABC"
 
 
 def _words(letters: str, others: str = "", behind: str = "") -> str:
@@ -65,6 +66,18 @@ class Word(NamedTuple):
     point: bool
     column: int
     text: str  # as written, without spaces, in capitals
+
+
+def pointed(word: Word, rule: str, inches: bool, refusal: Callable[..., ProgramError]) -> Word:
+    """A length or an angle, without a decimal point counted by the ``rule`` of the machine file.
+
+    ``inches``: it is a length in inches. Raises ProgramError where there is no rule.
+    """
+    if word.point or word.value == 0.0 or rule == "unit":
+        return word
+    if rule == "thousandth":
+        return word._replace(value=word.value * 0.001 * (0.1 if inches else 1.0), point=True)
+    raise refusal(word, "word.no_point", whole=word.value, thousandth=word.value * 0.001)
 
 
 def simple(found: re.Match[str], largest: float) -> tuple[Word, ...] | None:
