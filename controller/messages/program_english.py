@@ -99,8 +99,8 @@ REFUSALS = {
     "plane",
     "beside.no_plane_of_machine": "under the {code} of line {line} tool-centre control and machine "
     "positions (G53) have no such plane",
-    "beside.short_lead_in": "under the {code} of line {line} the first move is {length:.4g} mm long in "
-    "the plane, and has to be longer than the cutter's radius, {radius:.6g} mm; begin farther away",
+    "beside.short_lead_in": "under the {code} of line {line} the first move is {length:.6g} mm long in "
+    "the plane, and must not be shorter than the cutter's radius, {radius:.6g} mm; begin farther away",
     "beside.arc_first": "under the {code} of line {line} the first move is an arc, which does not lead "
     "there; begin with a line",
     "beside.inside_an_arc": "under the {code} of line {line} it runs inside of an arc of radius "

@@ -103,8 +103,9 @@ REFUSALS = {
     "der Ebene",
     "beside.no_plane_of_machine": "unter dem {code} aus Zeile {line} haben Werkzeugspitzensteuerung und "
     "Maschinenpositionen (G53) keine solche Ebene",
-    "beside.short_lead_in": "unter dem {code} aus Zeile {line} ist die erste Bewegung {length:.4g} mm "
-    "lang in der Ebene und muss länger sein als der Fräserradius von {radius:.6g} mm; weiter weg beginnen",
+    "beside.short_lead_in": "unter dem {code} aus Zeile {line} ist die erste Bewegung {length:.6g} mm "
+    "lang in der Ebene und darf nicht kürzer sein als der Fräserradius von {radius:.6g} mm; weiter "
+    "weg beginnen",
     "beside.arc_first": "unter dem {code} aus Zeile {line} ist die erste Bewegung ein Bogen, der nicht "
     "dorthin führt; mit einer Geraden beginnen",
     "beside.inside_an_arc": "unter dem {code} aus Zeile {line} läuft sie innen in einem Bogen mit Radius "
