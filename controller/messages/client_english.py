@@ -25,6 +25,8 @@ REFUSALS = {
     "client.changer_empty": "empty",
     "client.changer_unknown": "not known",
     "client.changer_here": "in its pocket",
+    "client.changer_preparing": "T{tool} is being made ready, step {number} of {steps}: {name}",
+    "client.changer_ready": "T{tool} stands ready",
     "client.changer_gone": "not in it",
     "client.withdrawn": "The tool is out of its thread.",
     "client.retracted": "Retracted by {mm:g} mm.",

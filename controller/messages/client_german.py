@@ -25,6 +25,8 @@ REFUSALS = {
     "client.changer_empty": "leer",
     "client.changer_unknown": "nicht bekannt",
     "client.changer_here": "auf seinem Platz",
+    "client.changer_preparing": "T{tool} wird bereitgestellt, Schritt {number} von {steps}: {name}",
+    "client.changer_ready": "T{tool} steht bereit",
     "client.changer_gone": "nicht darauf",
     "client.withdrawn": "Das Werkzeug ist aus dem Gewinde.",
     "client.retracted": "Um {mm:g} mm zurückgezogen.",

@@ -447,7 +447,18 @@ class Setting:
 
 
 CutBlock = CutCone | CutRuled | CutNurbs
-Aside = Message | Setting  # parts no motions
+
+
+@dataclass(frozen=True, slots=True)
+class Select:
+    """T: the tool of the next M6, whose pocket a changer may prepare from here on."""
+
+    place: Place
+    modal: Modal
+    tool: int  # 0 = none
+
+
+Aside = Message | Setting | Select  # parts no motions
 Block = CutBlock | JointMotion | TipLine | Dwell | Await | Action | Remark | Aside
 
 

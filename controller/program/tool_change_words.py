@@ -84,7 +84,7 @@ def _step(place: Place, modal: Modal, step: ChangerStep, pocket: int, machine: M
         back = io.awaited.index(io.orient.input)
         made.append(Await(place, modal, back, Level.HIGH, io.orient.within_s))
     said = UNSAID
-    for name, on in _switched(step, pocket):
+    for name, on in step.outputs(pocket):
         said = said.switched(io.switched.index(name), on)
     if (
         step.input
@@ -99,9 +99,3 @@ def _step(place: Place, modal: Modal, step: ChangerStep, pocket: int, machine: M
 def _of(places: tuple[float, ...], pocket: int) -> float:
     """The only place, or that of the pocket."""
     return places[0] if len(places) == 1 else places[pocket - 1]
-
-
-def _switched(step: ChangerStep, pocket: int) -> list[tuple[str, bool]]:
-    """Outputs and whether each is on: a pocket's number before what begins the motion to it."""
-    number = [(name, bool(pocket >> bit & 1)) for bit, name in enumerate(step.pocket)]
-    return [*number, *((name, True) for name in step.on), *((name, False) for name in step.off)]
