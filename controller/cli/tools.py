@@ -12,13 +12,15 @@ from rich.table import Table
 
 from controller.cli import remote
 from controller.cli.client import Json, TakeOver, Url, asked
+from controller.cli.speech import speaking
 from controller.machine import tool_files
 from controller.machine.toml_table import ConfigError
-from controller.verify.console import Refused, show
+from controller.verify.console import Refused, say, show
 
 SENT = ("name", "radius_mm", "length_mm", "flute_mm", "corner_mm", "taper_deg")
 
 
+@speaking
 def tools(
     write: Annotated[Path | None, typer.Option("--export", help="Write it: FILE.tbl or FILE.json.")] = None,
     read: Annotated[
@@ -79,7 +81,7 @@ def _write(file: Path, rows: Mapping[int, Any]) -> None:
         raise Refused(
             f"--export {file}: cannot be written ({error.strerror}); choose another place."
         ) from error
-    show.print(f"{len(rows)} tools in {file}.", markup=False)
+    show.print(say("table.tools_in", count=len(rows), file=file), markup=False)
 
 
 def _format(file: Path, option: str) -> None:
@@ -94,8 +96,8 @@ def _numbers(rows: Mapping[int, Any]) -> str:
 
 def table(rows: Mapping[int, Any]) -> Table:
     made = Table()
-    for head in ("tool", "name", "radius", "corner", "flute", "length", "wear R", "wear L"):
-        made.add_column(head)
+    for head in ("tool", "name", "radius", "corner", "flute", "length", "wear_radius", "wear_length"):
+        made.add_column(say(f"table.{head}"))
     for number, row in rows.items():
         names = ("radius_mm", "corner_mm", "flute_mm", "length_mm", "wear_radius_mm", "wear_length_mm")
         made.add_row(f"T{number}", row["name"], *(f"{row[name]:.3f}" for name in names))
