@@ -25,7 +25,7 @@ const figure = ([name, value]) => {
   return html`${known(`probing.found.${what}`, what)} <b class="figures">${unit ? forms.u(value) : value}</b>${unit && ` ${unit === "deg" ? "°" : unit}`} `;
 };
 
-const Found = ({ one }) => html`<tr><td class="figures">${forms.moment(one.at_s)}</td><td>${one.program}</td>
+const Found = ({ one }) => html`<tr><td>${forms.moment(one.at_s)}</td><td>${one.program}</td>
   <td>${known(`probing.cycle.${one.cycle}`, one.cycle)}</td><td>${Object.entries(one.values).map(figure)}</td></tr>`;
 
 export function Probing() {
