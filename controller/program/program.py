@@ -387,7 +387,7 @@ class Changing(NamedTuple):
         return self.tool_out == self.tool_in
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True, unsafe_hash=True)  # as lines
 class Action:
     """A machine function; ``modal`` is the state after it."""
 
