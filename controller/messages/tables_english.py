@@ -105,6 +105,7 @@ REFUSALS = {
     "table.kind.message": "message",
     "table.kind.wait": "wait",
     "table.kind.setting": "setting",
+    "table.kind.prepare": "made ready",
     "table.fact.feed": "feed",
     "table.fact.clockwise": "clockwise",
     "table.fact.turns": "turns",

@@ -106,6 +106,7 @@ REFUSALS = {
     "table.kind.message": "Meldung",
     "table.kind.wait": "Warten",
     "table.kind.setting": "Einstellung",
+    "table.kind.prepare": "bereitgestellt",
     "table.fact.feed": "Vorschub",
     "table.fact.clockwise": "im Uhrzeigersinn",
     "table.fact.turns": "Umläufe",
