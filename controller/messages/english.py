@@ -510,6 +510,7 @@ REFUSALS = {
     "change_late": "{fails} Step {number} of {steps} of the tool change, {step}, does not end.",
     "change_worn": "T{number} is to come into the spindle, and it is worn ({cut:.1f} min and {way:.1f} m of "
     "cut, {parts} parts): give it a new edge and say so; Resume takes it as it is.",
+    "change_sister": "Stop, and a start from this line brings its sister T{sister}.",
     "prepare_late": "{fails} Step {number} of {steps} to make T{tool} ready, {step}, does not end; the cut "
     "goes on.",
     "prepare_late_do": "M6 waits for it: free what hangs, or stop the run and confirm where the tools are.",

@@ -381,6 +381,11 @@ class Changing(NamedTuple):
     step: int  # of all steps of the change the one that comes; their count: the change is over
     last: bool  # the change is over
 
+    @property
+    def moves_nothing(self) -> bool:
+        """M6 with the tool that is there: a stop for one whose life is over."""
+        return self.tool_out == self.tool_in
+
 
 @dataclass(slots=True, unsafe_hash=True)  # as lines
 class Action:

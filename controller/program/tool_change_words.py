@@ -44,15 +44,17 @@ def blocks(
     ``before``, ``after``: the modal state without coolant, with the one and the other tool.
     """
     changer = machine.changer
-    if changer is None or before.tool == after.tool:
+    if changer is None or before.tool == after.tool == 0:
         return [], number
+    place, still, made = ask.place(word), replace(after, spindle_rev_min=0.0, coolant=0), list[Block]()
+    if before.tool == after.tool:  # nothing moves, but where the tool's life is over the run is held here
+        return [_stop(place, still, Changing(number, before.tool, after.tool, 0, True))], number + 1
     for tool in (before.tool, after.tool):
         if tool and changer.pocket(tool) is None:
             known = ", ".join(f"T{one}" for one in changer.pockets if one) or "–"
             raise ask.refusal(word, "tool.no_pocket", tool=tool, known=known)
     if before.planar is not None:
         raise ask.refusal(word, "tool.change_beside")
-    place, still, made = ask.place(word), replace(after, spindle_rev_min=0.0, coolant=0), list[Block]()
     rows = steps_of(changer, before.tool, after.tool)
     for k, (step, pocket) in enumerate(rows):
         made.append(_stop(place, still, Changing(number + k, before.tool, after.tool, k, False)))

@@ -113,9 +113,8 @@ class Service:
         if self.machine.changer is None:
             return None
         store = ToolStore(state / tool_store.FILE)
-        worn = self.usage.worn
         add, machine = self.alarms.add, self.machine
-        made = ToolChanger(store, self._changer, self.engine, add, machine.period_s, worn, machine.io)
+        made = ToolChanger(store, self._changer, self.engine, add, machine.period_s, self._worn, machine.io)
         self.tool = _in_spindle(made)
         return made
 
@@ -529,6 +528,10 @@ class Service:
         if tool is not None and tool != self.tool:
             self._put_in(tool)
             self.journal.in_spindle(tool)
+
+    def _worn(self, tool: int) -> Said | None:
+        """What is told before a tool comes whose life is over; None of any other."""
+        return self.usage.said_worn("change_worn", tool, self.tool_numbers)
 
     def _see_changer(self, changer: ToolChanger) -> None:
         """As its store has it."""

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import sqlite3
 import threading
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from typing import Any, Protocol
 
 from controller.ipc.handoff import Snapshot
@@ -49,11 +49,11 @@ class ToolChanger:
         tick: Tick,
         tell: Callable[[str, Said], object],
         period_s: float,
-        worn: Callable[[int], Mapping[str, Any]],
+        worn: Callable[[int], Said | None],
         io: Io | None,
     ) -> None:
         """``changer``: as its pockets are now; ``tell``: name and words of an alarm; ``worn``: what is to be
-        said of a tool at the end of its life, nothing of any other."""
+        said of a tool at the end of its life, None of any other."""
         self.store = store
         self._changer, self._tick, self._tell, self._period_s = changer, tick, tell, period_s
         self._worn = worn
@@ -137,14 +137,14 @@ class ToolChanger:
         return not self._waits
 
     def _holds_worn(self, mark: Changing) -> bool:
-        """Before a tool comes that is worn nothing moves, until RESUME takes it as it is."""
-        if mark.step != 0 or mark.last or self._now is not None or self._worn_at == mark.number:
+        """Before a tool comes, or cuts on, that is worn nothing moves, until RESUME takes it as it is."""
+        if mark.step != 0 or self._now is not None or self._worn_at == mark.number:
             return False
         worn = self._worn(mark.tool_in)
-        if worn:
+        if worn is not None:
             self._worn_at, self._keeps = mark.number, True
-            self._tell("CHANGE_WORN", said("change_worn", **worn))
-        return bool(worn)
+            self._tell("CHANGE_WORN", worn)
+        return worn is not None
 
     def _mark(self, now: Snapshot) -> Changing | None:
         """The stop at which the tick holds."""
@@ -163,7 +163,7 @@ class ToolChanger:
 
     def _kept(self, mark: Changing) -> bool:
         """The step before is over, and this one is known to the disk. Otherwise the run is stopped."""
-        if self._now == mark:
+        if self._now == mark or (mark.moves_nothing and self._now is None):
             return True  # planned once more, as after another override: it stands where it stood
         why = self._refusal(mark)
         try:

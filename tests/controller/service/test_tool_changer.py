@@ -34,7 +34,7 @@ from controller.machine.toml_table import ConfigError
 from controller.machine.tool_store import Step, ToolStore, placed
 from controller.messages import text
 from controller.program import blocks
-from controller.program.program import ProgramError, Select
+from controller.program.program import Act, Action, Changing, ProgramError, Select
 from controller.runtime import checked
 from controller.runtime.stepped import SteppedMachine
 from controller.service.command_handlers import Desk
@@ -295,6 +295,23 @@ def test_simulated_a_pocket_that_is_prepared_comes(tmp_path: Path) -> None:
     assert stepped.run(path).result == "completed"
 
 
+def test_a_tool_whose_life_ended_in_the_spindle_is_held_at_its_next_m6(tmp_path: Path) -> None:
+    bench = ChangerBench(tmp_path)
+    bench.confirm()
+    bench.moves_between = True
+    bench.begin("T2 M6\nG0 X5\nT2 M6\nG0 X6\nT2 M6\nG0 X7")
+    while bench.stepped.joints[0] < 12.9 or bench.store.step is not None:
+        assert bench.go(2) == ""
+    bench.worn = {2}
+    assert bench.go(LONGEST) == "held" and bench.stepped.joints[0] == pytest.approx(13.0)
+    bench.resume()
+    assert bench.go(LONGEST) == "held" and bench.stepped.joints[0] == pytest.approx(14.0)
+    bench.worn.clear()
+    bench.resume()
+    assert bench.go(LONGEST) == "done" and bench.store.spindle == 2 and bench.store.step is None
+    assert [name for name, _ in bench.alarms] == ["CHANGE_WORN"] * 2
+
+
 def test_where_tools_are_must_be_confirmed_once(tmp_path: Path) -> None:
     bench = ChangerBench(tmp_path)
     joints = bench.stepped.joints
@@ -390,8 +407,10 @@ def test_a_tool_without_a_pocket_is_refused_with_its_line() -> None:
 
 
 def test_what_the_spindle_holds_already_is_not_changed() -> None:
-    made = blocks.read(b"T1 M6\n", machine(), "p.ngc").blocks
-    assert len(made) == 1
+    tool, stop, *rest = blocks.read(b"T1 M6\n", machine(), "p.ngc").blocks
+    assert isinstance(tool, Action) and isinstance(stop, Action) and not tool.changing
+    assert stop.changing == Changing(0, 1, 1, 0, True) and stop.changing.moves_nothing
+    assert [one.act for one in rest if isinstance(one, Action)] == [Act.COOLANT]
 
 
 def test_simulated_the_steps_are_no_stops_of_the_program() -> None:

@@ -16,7 +16,7 @@ from pathlib import Path
 from controller.machine import machine_file
 from controller.machine.model import Machine
 from controller.machine.tool_store import SPINDLE, ToolStore, placed
-from controller.messages import text
+from controller.messages import said, text
 from controller.motion.pieces import STANDSTILL
 from controller.plan.stretch import Chain, Pause
 from controller.runtime import checked, starts
@@ -181,6 +181,7 @@ ARM_MM = -16.0  # ... and of the arm
 TAKES_S = 0.04  # a valve, a magazine
 LOOK_TICKS = 2
 LONGEST = 3000  # ticks that a change may take, whatever fails
+WORN = {"cut": 60.0, "way": 12.5, "parts": 3}
 SWITCHES = ("drawbar_open", "drawbar_closed", "there", "ready")
 
 
@@ -335,7 +336,7 @@ class ChangerBench:
             self.stepped,  # type: ignore[arg-type]
             lambda name, what: self.alarms.append((name, text(what))),
             self.machine.period_s,
-            lambda tool: {"number": tool, "cut": 60.0, "way": 12.5, "parts": 3} if tool in self.worn else {},
+            lambda tool: said("change_worn", **WORN, number=tool) if tool in self.worn else None,
             self.machine.io,
         )
 
@@ -358,6 +359,7 @@ class ChangerBench:
     # -- one change
 
     _cuts = False  # before M6
+    moves_between = False  # the program has motions of its own between changes
 
     @property
     def cutting(self) -> bool:
@@ -390,7 +392,7 @@ class ChangerBench:
             assert now is not None
             moved = stepped.joints != before or self.magazine.changed != switched
             self.never_lost()
-            if moved and now.mode is Mode.RUNNING and not self.cutting:
+            if moved and now.mode is Mode.RUNNING and not (self.cutting or self.moves_between):
                 self.knows_what_moves()
             if self.magazine.changed != switched and self.cutting:
                 assert self.store.preparation is not None, "it switches what the disk does not know"
