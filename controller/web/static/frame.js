@@ -38,7 +38,7 @@ class Section extends Component {
   render({ view: { name, View }, shown }) {
     return html`<section class="view" data-view=${name} data-shown=${shown ? "1" : undefined} aria-label=${word(`view.${name}`)}>
       <h1 class="unseen">${word(`view.${name}`)}</h1>
-      <${View} />
+      ${View && html`<${View} />`}
     </section>`;
   }
 }

@@ -9,17 +9,11 @@ import { listen } from "./live.js";
 import { estop, hold, stop } from "./stops.js";
 import { changed, dx } from "./store.js";
 import { learn, word } from "./texts.js";
-import alarms from "./views/alarms.js";
-import drives from "./views/drives.js";
-import jog from "./views/jog.js";
-import programs from "./views/programs.js";
 import run from "./views/run.js";
-import runs from "./views/runs.js";
-import scene from "./views/scene.js";
-import scope from "./views/scope.js";
-import setup from "./views/setup.js";
 
-const VIEWS = [run, scene, programs, jog, setup, drives, scope, alarms, runs];
+// Run is there at once; the others come behind the first figures, or before them where one of them is asked for.
+const VIEWS = [run, ...["scene", "programs", "jog", "setup", "drives", "scope", "alarms", "runs"].map((name) => ({ name }))];
+const load = async (view) => Object.assign(view, (await import(`./views/${view.name}.js`)).default);
 
 // What whoever stands before the page's console, and its tests, may ask.
 window.dx = Object.assign(dx, { call, headers, ask, ask_for, say, stop, hold, estop, show, word, forms, take: control.take, give: control.give });
@@ -61,15 +55,21 @@ async function facts() {
 }
 dx.on("service", (told) => told.answers && facts());
 
-const wanted = () => VIEWS.find(({ name }) => name === location.hash.slice(1))?.name ?? VIEWS[0].name;
-window.addEventListener("hashchange", () => show(wanted()));
+const wanted = () => VIEWS.find(({ name }) => name === location.hash.slice(1)) ?? run;
+window.addEventListener("hashchange", () => show(wanted().name));
 
 async function begin() {
-  const [, session] = await Promise.all([learn(dx.language), call("GET", "session", null, true), facts()]);
+  const first = wanted();
+  const [, session] = await Promise.all([learn(dx.language), call("GET", "session", null, true), facts(), load(first)]);
   dx.user = session.ok ? session.body : null;
   document.body.replaceChildren();
   dx.draw = draw; // not before there are words
-  show(wanted());
+  show(first.name);
   listen();
+  await new Promise((go) => (dx.on("status", go), setTimeout(go, 1000))); // where there is no service none comes
+  await Promise.all(VIEWS.map(load));
+  dx.all_views = true;
+  if (!dx.shown(first.name)) dx.tell("view", dx.view); // to the one that has come meanwhile
+  dx.draw();
 }
 begin().catch(() => setTimeout(() => location.reload(), 1000)); // the panel went away meanwhile

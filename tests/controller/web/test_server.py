@@ -156,8 +156,10 @@ def modules(name: str, found: set[str]) -> set[str]:
 
 
 def test_the_page_is_small_until_the_machine_is_looked_at() -> None:
-    loaded = modules("main.js", set())
-    assert {"views/run.js", "vendor/uplot.js", "api.js"} <= loaded
+    first = modules("main.js", set())
+    assert {"views/run.js", "api.js"} <= first and not any("uplot" in name for name in first)
+    loaded = first.union(*(modules(name, set()) for name in files.names() if name.startswith("views/")))
+    assert {"views/setup.js", "vendor/uplot.js"} <= loaded
     assert not any("three" in name or name.startswith("scene/") for name in loaded)
     sizes = [len(files.file(name).packed) for name in loaded | set(FIRST)]
     assert sum(sizes) + len(gzip.compress(json.dumps(server.words("de")).encode())) < MAX_BYTES

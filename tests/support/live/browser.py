@@ -141,7 +141,7 @@ def opened(context: Any, site: Site, view: str = "run") -> Any:
     page.on("pageerror", lambda error: page.errors.append(str(error)))
     page.goto(f"{site.url}#{view}")
     page.wait_for_selector("section.view[data-shown] .card")
-    page.wait_for_function("() => !dx.stale")
+    page.wait_for_function("() => !dx.stale && dx.all_views")
     return page
 
 
