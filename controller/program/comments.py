@@ -3,8 +3,8 @@
 ``(MSG, text)``, ``(DEBUG, text)``, ``(PRINT, text)`` and ``(LOG, text)`` are shown at their place in the run;
 ``(ABORT, text)`` ends the program there, in the reader's language where the text is ``cycle.NAME value=...``
 and the catalogue has a sentence of that name. In all but MSG parameters such as ``#1`` and ``#<name>``
-stand for their values, with six decimals; behind ``%d``, ``%f`` or ``%.2f`` with none, four or so many, to the end of
-the comment (as LinuxCNC).
+stand for their values, with six decimals; behind ``%d``, ``%f`` or ``%.2f`` with none, four or so many, to
+the end of the comment (as LinuxCNC).
 """
 
 from __future__ import annotations
