@@ -190,7 +190,12 @@ class Planning:
         }
 
     def _task(self, program: Program) -> Task:
-        task = checked.task(program.text, program.name, program.machine)
+        machine = program.machine
+        if program.typed and machine.changer is not None:  # which knows its tool before the line says any
+            machine = replace(machine, in_spindle=program.in_spindle)
+        task = checked.task(program.text, program.name, machine)
+        if program.typed:  # from where the tool stands: a line may ask for that
+            task = replace(task, start=_start(program, self._end.snapshot()).joints)
         return replace(task, look=self._read)
 
     def _read(self, block: Block) -> None:

@@ -69,7 +69,7 @@ def key(program: bytes, machine: Machine, start: Joints) -> str:
         "format": FORMAT,
         "version": _version(),
         "program": hashlib.sha256(program).hexdigest(),
-        "machine": {**asdict(machine), "in_spindle": None},  # whatever a run before has left there
+        "machine": asdict(machine),
         "start": start,
     }
     text = json.dumps(facts, sort_keys=True, default=_plain)
