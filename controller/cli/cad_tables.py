@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,6 +12,7 @@ from rich.table import Table
 
 from controller.cad import picture, words
 from controller.machine.model import Tool
+from controller.values import dataclass
 from controller.verify.console import show, tell
 
 if TYPE_CHECKING:

@@ -14,7 +14,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, fields
 from enum import Enum
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
@@ -30,6 +30,7 @@ from controller.machine.kinematics import Kinematics
 from controller.machine.model import Machine
 from controller.motion.motions import Motion, SurfaceCut
 from controller.state.modes import MAX_AXES, Mode
+from controller.values import dataclass
 
 Array = NDArray[np.float64]
 

@@ -13,7 +13,7 @@ import json
 import os
 import tempfile
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, field
 from enum import Enum
 from importlib import metadata
 from pathlib import Path
@@ -27,6 +27,7 @@ from controller.plan.report.verdict import Verdict
 from controller.plan.stretch import Note
 from controller.plan.surfaces.placements import Recipe
 from controller.program.program import Place
+from controller.values import dataclass
 
 FORMAT = 5  # of the files
 KEPT = 500  # files; the oldest go
