@@ -44,6 +44,8 @@ class Port:
     def send(self, frame: bytes | bytearray | memoryview) -> bool:
         """Queue 16-byte frames, one or several, at the bus's present time; False when the queue is full."""
         bus, source, packet, good = self._bus, self._source, bytes(frame), True
+        if len(packet) == FRAME_BYTES:
+            return bus.submit(source, bus.now_s, _IDENTIFIER(packet)[0], packet)
         for at in range(0, len(packet), FRAME_BYTES):
             one = packet[at : at + FRAME_BYTES]
             good = bus.submit(source, bus.now_s, _IDENTIFIER(one)[0], one) and good
