@@ -239,7 +239,7 @@ class SteppedMachine:
     def _keeping(self, recordings: Path) -> Keeper:
         logs = {name: FrameLog() for name in self.rig.buses}
         for name, bus in self.rig.buses.items():
-            bus.watch_all(logs[name])
+            bus.log(logs[name].keep)
         return Keeper(self.machine, self.recorder, logs, recordings)
 
     def tick(self) -> None:
