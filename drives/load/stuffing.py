@@ -99,6 +99,8 @@ def counter() -> Counter:
     begun: dict[bytes, tuple[int, int, int]] = {}  # what a status- or controlword makes of it, for PDOs
 
     def bits_of(can_id: int, frame: bytes) -> int:
+        word: int
+        last_word: int
         begin = begun.get(frame[:BEGIN_AT])
         if begin is not None:
             run, check, bits = begin
@@ -107,7 +109,8 @@ def counter() -> Counter:
             check = check_16[check ^ word]
             bits += stuffed >> 3
             stuffed = step[(stuffed & 7) << 16 | last_word]
-            return bits + (stuffed >> 3) + end[(stuffed & 7) << CRC_BITS | check_16[check << 1 ^ last_word]]
+            check = check_16[check << 1 ^ last_word]
+            return bits + (stuffed >> 3) + end[(stuffed & 7) << CRC_BITS | check]
         return in_full(can_id, frame)
 
     def in_full(can_id: int, frame: bytes) -> int:

@@ -139,7 +139,7 @@ class CyclicPosition(Mode):
         aim = axis.target + self._offset
         wanted = aim if axis.low <= aim <= axis.high else max(axis.low, min(axis.high, aim))
         if axis.units.plain:
-            wanted = round(wanted)
+            wanted = float(round(wanted))
         period_s = axis.period_s
         distance = wanted - axis.servo.end
         speed = distance / period_s

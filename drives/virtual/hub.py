@@ -136,7 +136,7 @@ class Hub:
         self.syncs = SyncLog(1_000_000 if sync_log else 0)
         self.bus.watch(pdo.SYNC, self.syncs)
         if log is not None:
-            self.bus.log(log.keep)
+            self.bus.watch_all(log)
         self._faults = faults
         self._clients: dict[int, Client] = {}  # by file descriptor
         self._gateways: list[Gateway] = []
