@@ -121,6 +121,7 @@ SHOP: tuple[tuple[str, str, str], ...] = (
     ("", "mdi 'G10 L2 P1 X5'", "READY"),
     ("offsets --forget G54", "", "READY"),
     ("tools --export tool.tbl", "", "READY"),
+    ("tools --life 2 --minutes 60 --sister 3", "", "READY"),
     ("tokens add NAME --days 90", "tokens add cam --days 90", "READY"),
     ("probe", "", "READY"),
     ("probe --found", "", "READY"),

@@ -74,6 +74,11 @@ def lines(facts: dict[str, Any]) -> list[str]:
         told.append(f"{row['pocket']:4}: " + (f"T{row['tool']}, {say(where)}" if row["tool"] else "–"))
     if step := facts.get("step"):
         told.append(f"T{step['tool_out']} -> T{step['tool_in']}, {step['step'] + 1}: {step['name']}")
+    if beside := facts.get("preparing"):
+        what = {"tool": beside["tool"], "number": beside["step"] + 1, "steps": beside["steps"]}
+        told.append(say("changer_preparing", name=beside["name"], **what))
+    if ready := facts.get("ready"):
+        told.append(say("changer_ready", tool=ready))
     if doubt := facts.get("doubt"):
         told.append(str(doubt.get("sentence", "")))
     return told

@@ -1,4 +1,4 @@
-"""``[changer]``: how a machine changes its tools, as two sequences of named steps.
+"""``[changer]``: how a machine changes its tools, as sequences of named steps.
 
 ```toml
 [changer]
@@ -20,7 +20,17 @@ carries = true                     # from here on the tool is in its pocket
 
 [[changer.take]]
 ...
+
+[[changer.prepare]]                # where T brings the pocket to the spindle while the cut goes on: no moves
+name = "Pocket down"
+pocket = ["bit_1", "bit_2"]
+on = ["swing"]
+input = "pocket_down"
+within_s = 8
+fails = "The pocket does not swing down."
 ```
+What a preparation switches is nothing that puts a tool away, or that the machine takes one by: it goes on
+beside a cut, and must stand when M6 comes.
 """
 
 from __future__ import annotations
@@ -29,10 +39,11 @@ import math
 from collections.abc import Sequence
 
 from controller.machine.equipment import OUTPUTS
-from controller.machine.model import Axis, Changer, ChangerStep, Io, Machine
+from controller.machine.model import MAX_BESIDE, Axis, Changer, ChangerStep, Io, Machine
 from controller.machine.toml_table import Table, is_number
 
 SEQUENCES = ("put_away", "take")
+PREPARE = "prepare"
 LEVELS = ("rise", "fall", "on", "off")
 MAX_POCKETS = 999
 LONGEST_S = 600.0
@@ -42,7 +53,7 @@ def names_of(table: Table) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """The outputs and the inputs that the steps name, each once, before [io] is read."""
     outputs: dict[str, None] = {}
     inputs: dict[str, None] = {}
-    for sequence in SEQUENCES:
+    for sequence in (*SEQUENCES, PREPARE):
         for row in table.tables(sequence):
             for key in ("on", "off", "pocket"):
                 outputs |= dict.fromkeys(row.names(key))
@@ -64,8 +75,30 @@ def changer(table: Table, axes: Sequence[Axis], io: Io | None) -> Changer:
         names = [step.name for step in steps]
         if len(set(names)) < len(names):
             table.refuse(key, "has two steps of one name", "a name per step", "rename one")
+    prepare = tuple(_preparing(row, io, len(pockets)) for row in table.tables(PREPARE))
+    _apart(table, prepare, put_away, take)
     table.finish()
-    return Changer(pockets, put_away, take)
+    return Changer(pockets, put_away, take, prepare)
+
+
+def _apart(
+    table: Table,
+    prepare: Sequence[ChangerStep],
+    put_away: Sequence[ChangerStep],
+    take: Sequence[ChangerStep],
+) -> None:
+    """What is prepared stands until the tool is over: no step up to there switches any of it."""
+    if len(names := {name for step in prepare for name in step.switches}) > MAX_BESIDE:
+        allowed = f"{MAX_BESIDE} at most"
+        table.refuse(PREPARE, f"switches {len(names)} outputs", allowed, "leave some to another node")
+    over = next((k for k, step in enumerate(take) if step.carries), len(take))
+    taken = {name: step for step in (*put_away, *take[: over + 1]) for name in step.switches}
+    for step in prepare:
+        for name in step.switches:
+            if name in taken:
+                problem = f"{step.name} switches {name}, as the step {taken[name].name} of the change does"
+                allowed = "outputs that no step switches before the tool is in the spindle"
+                table.refuse(PREPARE, problem, allowed, "take it out of one of them")
 
 
 def _pockets(table: Table) -> tuple[int, ...]:
@@ -99,6 +132,26 @@ def _step(row: Table, axes: Sequence[Axis], io: Io | None, pockets: int) -> Chan
     return found
 
 
+def _preparing(row: Table, io: Io | None, pockets: int) -> ChangerStep:
+    """A step beside a cut: it moves no axis, and an input says that it is done."""
+    found = ChangerStep(
+        name=row.text("name"),
+        within_s=row.number("within_s", 0.1, LONGEST_S),
+        fails=row.text("fails"),
+        on=row.names("on"),
+        off=row.names("off"),
+        pocket=row.names("pocket"),
+        input=row.text("input"),
+        level=row.text("level", LEVELS, "rise"),
+    )
+    _reach(row, found, io, pockets)
+    if found.pocket and found.level in ("on", "off"):
+        problem = "the pocket that stood there before would pass for this one"
+        row.refuse("level", problem, '"rise" or "fall" where a step says the pocket', "write one of these")
+    row.finish()
+    return found
+
+
 def _moves(row: Table, unit: str, axes: Sequence[Axis], pockets: int) -> list[tuple[str, tuple[float, ...]]]:
     """``move_mm`` or ``move_deg``: by axis one position, or one of each pocket; within the travel."""
     key = f"move_{unit}"
@@ -126,8 +179,7 @@ def _moves(row: Table, unit: str, axes: Sequence[Axis], pockets: int) -> list[tu
 
 def _reach(row: Table, step: ChangerStep, io: Io | None, pockets: int) -> None:
     """A step does something, by bits that are there, and it is seen to be done."""
-    switches = (*step.on, *step.off, *step.pocket)
-    if not (step.move or step.orient or switches or step.input):
+    if not (step.move or step.orient or step.switches or step.input):
         row.refuse("name", "does nothing", "a move, an output, orient or an input", "say what it does")
     if step.orient and (io is None or io.orient is None):
         row.refuse("orient", "[io] has no orient", "orient in [io]", "name it there, or take it out")

@@ -19,6 +19,7 @@ ARRAYS = (
     "straightness",
     "changer.put_away",
     "changer.take",
+    "changer.prepare",
 )  # of tables, in double brackets
 NAMES = (
     "offsets",
@@ -82,6 +83,7 @@ _STEP = {  # moves first, then the spindle's angle, then outputs, then the input
     "level": "what it does then, or is; of a step that carries a change alone counts",
     "carries": "the tool is in its pocket (of `take`: in the spindle) when the step is done",
 }
+_BESIDE = ("name", "within_s", "fails", "on", "off", "pocket", "input", "level")  # of a step beside a cut
 _DEVICE = {
     "bus": "on which it is",
     "node": "its CANopen node id",
@@ -255,9 +257,11 @@ MEANINGS: Mapping[str, Mapping[str, str]] = {
         "pockets": "the tools of pocket 1, 2 ...; 0: the pocket is nobody's",
         "put_away": "the steps that bring the tool of the spindle into its pocket",
         "take": "the steps that bring a tool into the empty spindle",
+        "prepare": "the steps that bring its pocket to where it is taken; they run from T on, beside the cut",
     },
     "changer.put_away": _STEP,
     "changer.take": _STEP,
+    "changer.prepare": {key: _STEP[key] for key in _BESIDE},
     "probe": {
         "input": "of `[io]`, on = touched",
         "tool": "its number in the tool table, which has its ball and length",

@@ -365,6 +365,10 @@ class Io:
         return dict(self.outputs).get(name)
 
 
+MAX_BESIDE = 24  # outputs of a changer's preparation ...
+BESIDE = 1 << MAX_BESIDE  # ... which travel as two masks in one number: on + off * BESIDE
+
+
 @dataclass(frozen=True, slots=True)
 class ChangerStep:
     """One step of a tool changer: its moves, then its outputs, then the input that says it is done."""
@@ -382,6 +386,16 @@ class ChangerStep:
     level: str = "rise"  # or "fall", "on", "off"
     carries: bool = False  # the tool goes from the spindle into its pocket, or the other way
 
+    @property
+    def switches(self) -> tuple[str, ...]:
+        """Names of all outputs that it tells."""
+        return (*self.on, *self.off, *self.pocket)
+
+    def outputs(self, pocket: int) -> list[tuple[str, bool]]:
+        """Outputs and whether each is on: a pocket's number before what begins the motion to it."""
+        number = [(name, bool(pocket >> bit & 1)) for bit, name in enumerate(self.pocket)]
+        return [*number, *((name, True) for name in self.on), *((name, False) for name in self.off)]
+
 
 @dataclass(frozen=True, slots=True)
 class Changer:
@@ -390,6 +404,19 @@ class Changer:
     pockets: tuple[int, ...]  # of pocket 1, 2 ... the number of its tool; 0 = it is nobody's
     put_away: tuple[ChangerStep, ...]  # the tool of the spindle into its pocket
     take: tuple[ChangerStep, ...]  # a tool out of its pocket into the empty spindle
+    prepare: tuple[ChangerStep, ...] = ()  # its pocket to where it is taken, while the cut goes on
+
+    @property
+    def beside(self) -> tuple[str, ...]:
+        """The outputs that a preparation switches, each once."""
+        return tuple(dict.fromkeys(name for step in self.prepare for name in step.switches))
+
+    def told(self, step: ChangerStep, pocket: int) -> float:
+        """A step of the preparation as the tick is asked for it; 0.0: it switches nothing."""
+        bits = {name: 1 << i for i, name in enumerate(self.beside)}
+        rows = step.outputs(pocket)
+        on, off = (sum(bits[name] for name, is_on in rows if is_on is which) for which in (True, False))
+        return float(on + off * BESIDE)
 
     def pocket(self, tool: int) -> int | None:
         """The pocket of a tool, from 1; None where it has none."""

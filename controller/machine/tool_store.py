@@ -6,6 +6,7 @@ tool that it carries both places where it may be.
 
     place   where a tool is: in its pocket, in the spindle (pocket 0), or out of the machine (-1)
     change  the step under way; no row: no change is
+    preparation  likewise of the steps that bring a pocket to where its tool is taken, beside a cut
     log     the last steps, and what operators confirmed
 
 The service alone writes it. What it holds is read once, and again behind every transaction: whoever asks
@@ -36,6 +37,9 @@ CREATE TABLE IF NOT EXISTS known (id INTEGER PRIMARY KEY CHECK (id = 1), time_s 
 CREATE TABLE IF NOT EXISTS change (
     id INTEGER PRIMARY KEY CHECK (id = 1), tool_out INTEGER NOT NULL, tool_in INTEGER NOT NULL,
     step INTEGER NOT NULL, name TEXT NOT NULL, carries INTEGER NOT NULL, goes_to INTEGER NOT NULL);
+CREATE TABLE IF NOT EXISTS preparation (
+    id INTEGER PRIMARY KEY CHECK (id = 1), tool_out INTEGER NOT NULL, tool_in INTEGER NOT NULL,
+    step INTEGER NOT NULL, name TEXT NOT NULL);
 CREATE TABLE IF NOT EXISTS log (
     id INTEGER PRIMARY KEY AUTOINCREMENT, time_s REAL NOT NULL, what TEXT NOT NULL,
     tool_out INTEGER NOT NULL, tool_in INTEGER NOT NULL, step INTEGER NOT NULL, name TEXT NOT NULL);
@@ -59,6 +63,7 @@ class _Held(NamedTuple):
     places: Mapping[int, int]
     known: bool
     step: Step | None
+    preparation: Step | None
 
 
 class ToolStore:
@@ -107,8 +112,16 @@ class ToolStore:
         """That is under way, or was when all ended."""
         return self._held.step
 
+    @property
+    def preparation(self) -> Step | None:
+        """The same of a preparation beside a cut, which carries no tool."""
+        return self._held.preparation
+
     def log(self, last: int = 100) -> list[tuple[float, str, int, int, int, str]]:
-        """(time, "begun", "over" or "confirmed", tools out and in, step, name), the newest first."""
+        """(time, what, tools out and in, step, name), the newest first.
+
+        What: "begun", "over", "preparing", "prepared" or "confirmed".
+        """
         with self._lock:
             return list(
                 self._db.execute(
@@ -134,10 +147,24 @@ class ToolStore:
             if self.step is not None:
                 self._note("over", self.step)
 
+    def prepare(self, step: Step) -> None:
+        """The step of a preparation before is over, and this one may switch. Raises sqlite3.Error."""
+        with self._whole():
+            self._db.execute("INSERT OR REPLACE INTO preparation VALUES (1, ?, ?, ?, ?)", step[:4])
+            self._note("preparing", step)
+
+    def prepared(self) -> None:
+        """No step of a preparation is under way any more. Raises sqlite3.Error."""
+        with self._whole():
+            self._db.execute("DELETE FROM preparation")
+            if self.preparation is not None:
+                self._note("prepared", self.preparation)
+
     def confirm(self, places: Mapping[int, int]) -> None:
         """An operator has looked where every tool is. Raises sqlite3.Error."""
         with self._whole():
             self._db.execute("DELETE FROM change")
+            self._db.execute("DELETE FROM preparation")
             self._db.execute("DELETE FROM place")
             self._db.executemany("INSERT INTO place VALUES (?, ?)", places.items())
             self._db.execute("INSERT OR REPLACE INTO known VALUES (1, ?)", (time.time(),))
@@ -176,7 +203,10 @@ class ToolStore:
         row = self._db.execute(
             "SELECT tool_out, tool_in, step, name, carries, goes_to FROM change"
         ).fetchone()
-        return _Held(places, known, None if row is None else Step(*row))
+        beside = self._db.execute("SELECT tool_out, tool_in, step, name FROM preparation").fetchone()
+        return _Held(
+            places, known, None if row is None else Step(*row), None if beside is None else Step(*beside)
+        )
 
 
 def _in_spindle(places: Mapping[int, int]) -> int:

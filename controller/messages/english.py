@@ -510,6 +510,12 @@ REFUSALS = {
     "change_late": "{fails} Step {number} of {steps} of the tool change, {step}, does not end.",
     "change_worn": "T{number} is to come into the spindle, and it is worn ({cut:.1f} min and {way:.1f} m of "
     "cut, {parts} parts): give it a new edge and say so; Resume takes it as it is.",
+    "change_sister": "Stop, and a start from this line brings its sister T{sister}.",
+    "prepare_late": "{fails} Step {number} of {steps} to make T{tool} ready, {step}, does not end; the cut "
+    "goes on.",
+    "prepare_late_do": "M6 waits for it: free what hangs, or stop the run and confirm where the tools are.",
+    "prepare_interrupted": "T{tool} was being made ready when all ended, in the step {step}: its pocket may "
+    "stand anywhere on its way.",
     "change_late_do": "Resume waits once more; Stop ends the change, and then where the tools are is "
     "confirmed.",
     "changer_not_clear": "clear: confirm that you have looked, and that arm and magazine stand clear of the "

@@ -532,6 +532,13 @@ REFUSALS = {
     "change_late": "{fails} Schritt {number} von {steps} des Werkzeugwechsels, {step}, endet nicht.",
     "change_worn": "T{number} soll in die Spindel und ist verschlissen ({cut:.1f} min und {way:.1f} m im "
     "Schnitt, {parts} Teile): ihm eine neue Schneide geben und es melden; Fortsetzen nimmt es, wie es ist.",
+    "change_sister": "Stopp, und ein Start ab dieser Zeile bringt sein Schwesterwerkzeug T{sister}.",
+    "prepare_late": "{fails} Schritt {number} von {steps} zum Bereitstellen von T{tool}, {step}, endet "
+    "nicht; der Schnitt geht weiter.",
+    "prepare_late_do": "M6 wartet darauf: was klemmt, lösen, oder den Lauf stoppen und bestätigen, wo die "
+    "Werkzeuge sind.",
+    "prepare_interrupted": "T{tool} wurde bereitgestellt, als alles endete, im Schritt {step}: Sein Platz "
+    "kann überall auf dem Weg stehen.",
     "change_late_do": "Fortsetzen wartet noch einmal; Stopp beendet den Wechsel, dann wird bestätigt, wo die "
     "Werkzeuge sind.",
     "changer_not_clear": "clear: bestätigen, dass Sie nachgesehen haben und Arm und Magazin die "

@@ -58,7 +58,7 @@ REFUSALS = {
     "meaning.G23": "stored stroke limits off",
     "meaning.G25": "spindle speed watch off",
     "meaning.G50": "scaling off",
-    "meaning.G67": "modal macro off",
+    "meaning.G67.rs274": "modal macro off",
     "meaning.M10": "clamp on",
     "meaning.M11": "clamp off",
     "meaning.G5.3.fanuc": "surface finish",

@@ -58,7 +58,7 @@ REFUSALS = {
     "meaning.G23": "gespeicherte Verfahrgrenzen aus",
     "meaning.G25": "Drehzahlüberwachung der Spindel aus",
     "meaning.G50": "Skalieren aus",
-    "meaning.G67": "modales Makro aus",
+    "meaning.G67.rs274": "modales Makro aus",
     "meaning.M10": "Klemmung ein",
     "meaning.M11": "Klemmung aus",
     "meaning.G5.3.fanuc": "Oberflächengüte",

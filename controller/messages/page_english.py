@@ -414,6 +414,8 @@ PAGE: dict[str, str] = {
     "changer.here": "in its pocket",
     "changer.gone": "not in it",
     "changer.step": "Step",
+    "changer.preparing": "{0} is being made ready",
+    "changer.ready": "{0} stands ready",
     "changer.confirm": "Confirm where the tools are",
     "changer.spindle_ask": "Which tool is in the spindle? Its number; 0: it is empty.",
     "changer.away_ask": "Which tools are out of the machine? Their numbers; empty: none.",

@@ -418,6 +418,8 @@ PAGE: dict[str, str] = {
     "changer.here": "auf seinem Platz",
     "changer.gone": "nicht darauf",
     "changer.step": "Schritt",
+    "changer.preparing": "{0} wird bereitgestellt",
+    "changer.ready": "{0} steht bereit",
     "changer.confirm": "Bestätigen, wo die Werkzeuge sind",
     "changer.spindle_ask": "Welches Werkzeug ist in der Spindel? Seine Nummer; 0: sie ist leer.",
     "changer.away_ask": "Welche Werkzeuge sind außerhalb der Maschine? Ihre Nummern; leer: keines.",

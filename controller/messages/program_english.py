@@ -99,8 +99,8 @@ REFUSALS = {
     "plane",
     "beside.no_plane_of_machine": "under the {code} of line {line} tool-centre control and machine "
     "positions (G53) have no such plane",
-    "beside.short_lead_in": "under the {code} of line {line} the first move is {length:.4g} mm long in "
-    "the plane, and has to be longer than the cutter's radius, {radius:.6g} mm; begin farther away",
+    "beside.short_lead_in": "under the {code} of line {line} the first move is {length:.6g} mm long in "
+    "the plane, and must not be shorter than the cutter's radius, {radius:.6g} mm; begin farther away",
     "beside.arc_first": "under the {code} of line {line} the first move is an arc, which does not lead "
     "there; begin with a line",
     "beside.inside_an_arc": "under the {code} of line {line} it runs inside of an arc of radius "
@@ -197,6 +197,8 @@ REFUSALS = {
     "value.unset": "#<{name}> has no value yet: set it on an earlier line with #<{name}>=value",
     "value.vacant": "#{number} has no value yet, and on controls of this dialect that is not 0: set it on an "
     "earlier line with #{number}=value",
+    "value.nothing": "#0 is what never has a value: it is only compared, as IF [#1 EQ #0]; take another "
+    "parameter",
     "value.of_the_machine": "#{number} cannot be set: parameters {first} to {last} are positions, "
     "offsets and tools of the machine and can only be read; use another number, and G10, G92 and G28.1 to "
     "set offsets, tools and reference points",
@@ -231,6 +233,12 @@ REFUSALS = {
     "flow.too_deep": "{mark} calls deeper than {most} subs in each other (call_levels in [machine]): end "
     "the recursion, or raise it",
     "flow.m98_alone": "M98 calls no sub: write P and its number beside it, as M98 P1000",
+    "macro.alone": "{word} calls no macro: write P and its number beside it, as {word} P9010 X10.",
+    "macro.before": "{word} stands before {code}, whose line is its call: write it behind {code} if it is an "
+    "argument, else on a line of its own",
+    "macro.no_argument": "{letter} is no argument of {code}: those are the letters but G L N O P",
+    "macro.too_many_sets": "more than {most} sets of I J K: no parameter is left for {word}; give fewer",
+    "macro.modal_twice": "G66 of line {line} is still on: write G67 before the next one",
     "flow.called_by_o": "o{label} sub ends with endsub: it is called with o{label} call, not M98",
     "flow.no_number": "there is no O{label}: neither in this program, behind its M30, nor as a file of "
     "that name in the folder of programs; add it, or correct P",
@@ -238,7 +246,7 @@ REFUSALS = {
     "calls; end the program with M30",
     "flow.m99_in_o": "M99 ends subs that M98 calls; this one ends with endsub or return",
     "flow.runs_into": "{what} runs into {mark}, which begins a sub for M98: write {end} before it",
-    "flow.no_count": "{word} is no count: P and L of M98 are whole numbers from 0 up; correct it",
+    "flow.no_count": "{word} is no count: P and L of a call are whole numbers from 0 up; correct it",
     "flow.surplus": "{behind} stands behind {mark}: nothing else goes on a line with an O-word; write it "
     "on a line of its own",
     "flow.no_o_word": "{behind} behind o{label} is no O-word: sub endsub call return if elseif else "
@@ -619,8 +627,8 @@ REFUSALS = {
     "meaning.G26": "spindle speed watch",
     "meaning.G27": "reference point check",
     "meaning.G29": "return from the reference point",
-    "meaning.G65": "macro call",
-    "meaning.G66": "modal macro",
+    "meaning.G65.rs274": "macro call",
+    "meaning.G66.rs274": "modal macro",
     "meaning.G254": "dynamic work offset",
     "meaning.G12.fanuc": "circular pocket, clockwise",
     "meaning.G13.fanuc": "circular pocket, counter-clockwise",
@@ -664,8 +672,8 @@ REFUSALS = {
     "instead.G26": "leave it out",
     "instead.G27": "write G28",
     "instead.G29": "write G0 and the position",
-    "instead.G65": "write M98 and its number",
-    "instead.G66": "write M98 and its number on every line",
+    "instead.G65.rs274": "write O-words, as o<bore> call [10] [2], or take dialect fanuc in [machine]",
+    "instead.G66.rs274": "call the sub behind every line with O-words, or take dialect fanuc in [machine]",
     "instead.G254": "write G43.4, which follows the turned part",
     "instead.G12.fanuc": "write the arcs",
     "instead.G13.fanuc": "write the arcs",

@@ -103,8 +103,9 @@ REFUSALS = {
     "der Ebene",
     "beside.no_plane_of_machine": "unter dem {code} aus Zeile {line} haben Werkzeugspitzensteuerung und "
     "Maschinenpositionen (G53) keine solche Ebene",
-    "beside.short_lead_in": "unter dem {code} aus Zeile {line} ist die erste Bewegung {length:.4g} mm "
-    "lang in der Ebene und muss länger sein als der Fräserradius von {radius:.6g} mm; weiter weg beginnen",
+    "beside.short_lead_in": "unter dem {code} aus Zeile {line} ist die erste Bewegung {length:.6g} mm "
+    "lang in der Ebene und darf nicht kürzer sein als der Fräserradius von {radius:.6g} mm; weiter "
+    "weg beginnen",
     "beside.arc_first": "unter dem {code} aus Zeile {line} ist die erste Bewegung ein Bogen, der nicht "
     "dorthin führt; mit einer Geraden beginnen",
     "beside.inside_an_arc": "unter dem {code} aus Zeile {line} läuft sie innen in einem Bogen mit Radius "
@@ -204,6 +205,8 @@ REFUSALS = {
     "value.unset": "#<{name}> hat noch keinen Wert: ihn in einer früheren Zeile mit #<{name}>=wert setzen",
     "value.vacant": "#{number} hat noch keinen Wert, und an Steuerungen dieses Dialekts ist das nicht 0: ihn "
     "in einer früheren Zeile mit #{number}=wert setzen",
+    "value.nothing": "#0 hat nie einen Wert: es wird nur verglichen, etwa IF [#1 EQ #0]; einen anderen "
+    "Parameter nehmen",
     "value.of_the_machine": "#{number} kann nicht gesetzt werden: Parameter {first} bis {last} sind "
     "Positionen, Nullpunktverschiebungen und Werkzeuge der Maschine und nur zu lesen; eine andere Nummer "
     "verwenden, und G10, G92 und G28.1, um Nullpunkte, Werkzeuge und Referenzpunkte zu setzen",
@@ -241,6 +244,13 @@ REFUSALS = {
     "flow.too_deep": "{mark} ruft tiefer als {most} Unterprogramme ineinander (call_levels in "
     "[machine]): die Rekursion beenden, oder den Wert erhöhen",
     "flow.m98_alone": "M98 ruft kein Unterprogramm: P und seine Nummer daneben schreiben, etwa M98 P1000",
+    "macro.alone": "{word} ruft kein Makro: P und seine Nummer daneben schreiben, etwa {word} P9010 X10.",
+    "macro.before": "{word} steht vor {code}, dessen Zeile sein Aufruf ist: hinter {code} schreiben, falls "
+    "es ein Argument ist, sonst in eine eigene Zeile",
+    "macro.no_argument": "{letter} ist kein Argument von {code}: das sind die Buchstaben außer G L N O P",
+    "macro.too_many_sets": "mehr als {most} Sätze I J K: für {word} ist kein Parameter übrig; weniger "
+    "angeben",
+    "macro.modal_twice": "G66 aus Zeile {line} ist noch an: vor dem nächsten G67 schreiben",
     "flow.called_by_o": "o{label} sub endet mit endsub: es wird mit o{label} call gerufen, nicht mit M98",
     "flow.no_number": "es gibt kein O{label}: weder in diesem Programm, hinter seinem M30, noch als "
     "Datei dieses Namens im Ordner der Programme; ergänzen, oder P berichtigen",
@@ -249,7 +259,7 @@ REFUSALS = {
     "flow.m99_in_o": "M99 beendet Unterprogramme, die M98 ruft; dieses endet mit endsub oder return",
     "flow.runs_into": "{what} läuft in {mark}, womit ein Unterprogramm für M98 beginnt: {end} davor "
     "schreiben",
-    "flow.no_count": "{word} ist keine Anzahl: P und L von M98 sind ganze Zahlen ab 0; berichtigen",
+    "flow.no_count": "{word} ist keine Anzahl: P und L eines Aufrufs sind ganze Zahlen ab 0; berichtigen",
     "flow.surplus": "{behind} steht hinter {mark}: sonst steht nichts in einer Zeile mit einem O-Wort; "
     "es in eine eigene Zeile schreiben",
     "flow.no_o_word": "{behind} hinter o{label} ist kein O-Wort: das sind sub endsub call return if "
@@ -662,8 +672,8 @@ REFUSALS = {
     "meaning.G26": "Überwachung der Spindeldrehzahl",
     "meaning.G27": "Prüfen des Referenzpunkts",
     "meaning.G29": "Rückkehr vom Referenzpunkt",
-    "meaning.G65": "Makroaufruf",
-    "meaning.G66": "modaler Makroaufruf",
+    "meaning.G65.rs274": "Makroaufruf",
+    "meaning.G66.rs274": "modaler Makroaufruf",
     "meaning.G254": "mitgeführte Nullpunktverschiebung",
     "meaning.G12.fanuc": "Kreistasche im Uhrzeigersinn",
     "meaning.G13.fanuc": "Kreistasche gegen den Uhrzeigersinn",
@@ -707,8 +717,10 @@ REFUSALS = {
     "instead.G26": "weglassen",
     "instead.G27": "G28 schreiben",
     "instead.G29": "G0 und die Position schreiben",
-    "instead.G65": "M98 und seine Nummer schreiben",
-    "instead.G66": "M98 und seine Nummer in jede Zeile schreiben",
+    "instead.G65.rs274": "O-Wörter schreiben, etwa o<bohren> call [10] [2], oder dialect fanuc in "
+    "[machine] nehmen",
+    "instead.G66.rs274": "das Unterprogramm hinter jeder Zeile mit O-Wörtern rufen, oder dialect fanuc in "
+    "[machine] nehmen",
     "instead.G254": "G43.4 schreiben, das dem gedrehten Werkstück folgt",
     "instead.G12.fanuc": "die Bögen schreiben",
     "instead.G13.fanuc": "die Bögen schreiben",

@@ -128,14 +128,15 @@ def stream(
     given = Given(machine, modal.begun(machine), Position(machine, start or homed(machine)))
     system = OF_FANUC if machine.dialect == "fanuc" else range(0)
     parameters = Parameters(given, machine.parameters, machine.kept, system)
-    limits = Limits(machine.call_levels, machine.program_passes)
+    limits = Limits(machine.call_levels, machine.program_passes, machine.without_point)
     common = CommonLines(machine, given)
     read = words.read(text, name, block_delete, parameters, limits, files, refused, common.take)
     if remark is not None:
         yield Remark(remark[0], given.state.modal, remark[1])
     made = _blocks(Upcoming(read), machine, given, common, refused)
     beside = compensation.beside(made, given.position, machine, name, refused)
-    yield from foreign.judged(beside, text, name, refused)
+    for together in foreign.judged(beside, text, name, refused):
+        yield from together
 
 
 def _blocks(

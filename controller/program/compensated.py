@@ -133,7 +133,7 @@ class Cutter:
 
     def _lead_in(self, held: Held, block: JointLine | JointArc, start: complex, end: complex) -> Way:
         off, radius = self.planar.off_mm, abs(self.planar.off_mm)
-        if radius > 0.0 and abs(end - start) <= radius:
+        if radius > 0.0 and abs(end - start) < radius - ROUNDING:
             raise self._wrong(held, "beside.short_lead_in", length=abs(end - start), radius=radius)
         if not isinstance(block, JointArc):
             return ways.line(start, end, off)

@@ -41,7 +41,7 @@ def beside(
     machine: Machine,
     name: str,
     refused: list[ProgramError] | None = None,
-) -> Iterator[Block]:
+) -> Iterator[Sequence[Block]]:
     """The blocks of ``lines`` as they are cut; ``position`` takes them as they are programmed.
 
     Raises ProgramError; with ``refused`` it is noted there, and the contour left uncompensated.
@@ -51,20 +51,22 @@ def beside(
         blocks = line.blocks if isinstance(line, CommonRun) else line
         if isinstance(line, CommonRun) and path.rests and blocks[0].modal.planar is None:
             position.take_run(line)
-            yield from blocks
+            yield blocks
             continue
         for block in blocks:
             if block.modal.planar is None and path.rests:
                 position.take(block)
-                yield block
+                yield (block,)
                 continue
             try:
-                yield from path.take(block)
+                for made in path.take(block):
+                    yield (made,)
             except NotBesideError as error:
                 _refuse(error, name, refused)
                 path.give_up(block.modal.planar)
     try:
-        yield from path.finish()
+        for made in path.finish():
+            yield (made,)
     except NotBesideError as error:
         _refuse(error, name, refused)
 

@@ -21,6 +21,7 @@ from controller.program.program import ProgramError
 SHOWN = 40  # characters of a number in a sentence
 DEEPEST = 30  # nesting of brackets, so that no text can exhaust the stack
 NUMBERED = range(1, 6000)
+NOTHING = 0  # on controls as Fanuc's #0, which never has a value
 GAPS = " \t\0"  # \0 marks where a comment stood: it ends a number, a space does not
 SAME = 1e-4  # values that EQ takes for one, as LinuxCNC's interpreter
 MOST_BITS = 2.0**31  # of a value that is taken bit by bit
@@ -177,6 +178,8 @@ class Values:
         return self._in_range(start, self.value(start, "#")[0])
 
     def _in_range(self, start: int, value: float) -> int:
+        if value == NOTHING and self._parameters.of_fanuc:
+            return NOTHING
         if value != math.floor(value) or int(value) not in NUMBERED:
             raise self.refusal(
                 start, "value.no_parameter", value=value, first=NUMBERED.start, last=NUMBERED.stop - 1
@@ -239,8 +242,11 @@ class Values:
 
     def check_set(self, at: int) -> None:
         """Refuses what was read last where it counts that it is vacant; in a sum it is 0."""
-        if self._vacant >= 0:
-            raise self.refusal(at, "value.vacant", number=self._vacant)
+        self._check_set(at, self._vacant)
+
+    def _check_set(self, at: int, vacant: int) -> None:
+        if vacant >= 0:
+            raise self.refusal(at, "value.nothing" if vacant == NOTHING else "value.vacant", number=vacant)
 
     def _chain(self, level: int) -> float:
         """Operands joined by operators of ``level`` or above."""
@@ -257,13 +263,14 @@ class Values:
                 break
             if compared and of_fanuc:  # AND has bound the values between, not the comparisons
                 raise self.refusal(found.start(), "value.two_comparisons", what=found.group().upper())
-            compared, asked = binds == COMPARISON, found.group() in ("eq", "ne")
-            if asked:
-                self.check_set(found.start())
+            compared, left, self._vacant = binds == COMPARISON, self._vacant, -1
             self._at = found.end()
             right = self._chain(binds + 1)
-            if asked:
-                self.check_set(found.end())
+            if found.group() in ("eq", "ne") and NOTHING in (left, self._vacant):
+                value, right = float(left >= 0), float(self._vacant >= 0)
+            elif found.group() in ("eq", "ne"):
+                self._check_set(found.start(), left)
+                self._check_set(found.end(), self._vacant)
             self._vacant = -1
             value = self._sound(found.start(), found.group(), function, value, right)
         return value

@@ -14,12 +14,13 @@ from dataclasses import field
 
 from controller.machine.model import CALL_LEVELS, PROGRAM_PASSES
 from controller.messages import Key, said
-from controller.program import macros, marks
+from controller.program import macro_calls, macros, marks
 from controller.program.decoding import NEWLINE
 from controller.program.expressions import GAPS, Values
 from controller.program.line import Line, Where, Word
-from controller.program.marks import ALONE, BY_NUMBER, COMPUTED, Mark, Marks
-from controller.program.parameters import ARGUMENTS, Parameters
+from controller.program.macro_calls import Macro
+from controller.program.marks import ALONE, COMPUTED, Mark, Marks
+from controller.program.parameters import ARGUMENTS, Name, Parameters
 from controller.program.program import Caller, Callers, ProgramError
 from controller.values import dataclass
 
@@ -29,10 +30,11 @@ SPLIT = 10_000  # P of M98 in eight digits: how often, and which of four digits
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """What a program may do; the keys of [machine] in the machine file."""
+    """What a program may do, and how; the keys of [machine] in the machine file."""
 
     call_levels: int = CALL_LEVELS  # subs, one in the other
     passes: int = PROGRAM_PASSES  # rounds of loops and calls of one run, together
+    without_point: str = "unit"  # what arguments of macros without a decimal point count in
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +62,9 @@ class _Frame:
     sub: Mark | None = None
     callers: Callers = ()
     line: int = 0  # of the program that called a file in; 0: this is of the program itself
-    by_number: bool = False  # with M98
+    by_number: bool = False  # with M98, G65 or G66
+    values: dict[Name, float] | None = None  # a macro's own; None: it is no macro
+    is_modal: bool = False  # of a macro: with G66
     serial: int = 0  # counted over all calls
     rounds: int = 1  # L of M98
     restores: bool = False  # M73 was given
@@ -90,6 +94,8 @@ class Run:
         self._passes = self._step = self._last = 0
         self._due: Line | None = None  # what a sub that ended has restored
         self._begun = False  # a word or an O-word with a meaning has been met
+        self._modal: Macro | None = None  # called behind each line that moves
+        self._modal_calls = 0  # of those that run
         self._targets: dict[tuple[str, int, float], tuple[int, int]] = {}  # of jumps, by name, place and N
         self._acts: dict[str, Callable[[Mark], Line | None]] = {
             "sub": self._over,
@@ -147,11 +153,16 @@ class Run:
         line.where = Where(frame.line or line.number, self._step, frame.serial, frame.callers)
         if line.is_plain:
             yield line
+            self._behind(line)
+            return
+        if self._parameters.of_fanuc and (call := macro_calls.call_in(line)) is not None:
+            yield from self._macro(line, call)
             return
         frame.restores |= any(w.letter == "M" and w.value == RESTORES for w in line.words)
         turn = next((w for w in line.words if w.letter == "M" and w.value in (CALLS, RETURNS)), None)
         if turn is None:
             yield line
+            self._behind(line)
             return
         rest = tuple(
             w for w in line.words if w is not turn and not (w.letter in "PL" and turn.value == CALLS)
@@ -367,11 +378,16 @@ class Run:
             rounds, number = divmod(number, SPLIT)
         if rounds == 0:
             return
-        call = Mark(0, 0, line.number, str(number), BY_NUMBER, "", 0, False)
-        source, sub = self._numbered(line, word, str(number))
-        self._enter(call, source, sub)
-        self._frames[-1].by_number, self._frames[-1].rounds = True, rounds
+        self._enter_numbered(line, word, str(number), rounds)
         self._parameters.enter_sharing()
+
+    def _enter_numbered(self, line: Line, word: Word, label: str, rounds: int) -> _Frame:
+        source, sub = self._numbered(line, word, label)
+        called_with = f"{word.letter}{word.value:g}"
+        self._enter(Mark(0, 0, line.number, label, called_with, "", 0, False), source, sub)
+        frame = self._frames[-1]
+        frame.by_number, frame.rounds = True, rounds
+        return frame
 
     def _numbered(self, line: Line, word: Word, label: str) -> tuple[Source, Mark]:
         here = self._frames[-1].source
@@ -393,13 +409,58 @@ class Run:
         if not frame.by_number or frame.sub is None:
             raise line.refusal(word, "flow.m99_in_o")
         frame.rounds -= 1
-        self._parameters.leave_sharing()
+        if frame.values is None:
+            self._parameters.leave_sharing()
         if frame.rounds:
-            self._parameters.enter_sharing()
+            if frame.values is None:
+                self._parameters.enter_sharing()
             self._go(frame.sub)
             self._count(frame.sub)
             return
+        if frame.values is not None:
+            self._parameters.leave_macro()
+            self._modal_calls -= frame.is_modal
         self._leave(line.number)
+
+    # ---- macros
+
+    def _macro(self, line: Line, call: Word) -> Iterator[Line]:
+        """G65, G66 and G67, behind what stands before them."""
+        before, behind = macro_calls.parted(line, call)
+        kept = (*before, *behind) if call.value == macro_calls.NO_MORE else before
+        if kept or line.says:
+            yield line.with_words(kept)
+        if call.value == macro_calls.NO_MORE:
+            self._modal = None
+            return
+        letters = {word.letter: word for word in behind if word.letter in "PL"}
+        if "P" not in letters:
+            raise line.refusal(call, "macro.alone")
+        number, rounds = (_count_of(line, letters.get(letter)) for letter in "PL")
+        words = tuple(word for word in behind if word.letter not in "PL")
+        inches = self._parameters.value("_metric") == 0.0
+        values = macro_calls.arguments(line, call, words, self._limits.without_point, inches)
+        macro = Macro(str(number), rounds, values, line, call)
+        if call.value == macro_calls.NOW:
+            self._call_macro(line, macro, modal=False)
+        elif self._modal is not None:
+            raise line.refusal(call, "macro.modal_twice", line=self._modal.line.number)
+        else:
+            self._numbered(line, call, macro.label)  # which is refused here rather than at a move
+            self._modal = macro
+
+    def _behind(self, line: Line) -> None:
+        """The modal macro behind a line that moves, but in its own lines."""
+        if self._modal is not None and not self._modal_calls and macro_calls.moves(line):
+            self._call_macro(line, self._modal, modal=True)
+
+    def _call_macro(self, line: Line, macro: Macro, modal: bool) -> None:
+        if macro.rounds == 0:
+            return
+        frame = self._enter_numbered(line, macro.call, macro.label, macro.rounds)
+        frame.values, frame.is_modal = macro.values, modal
+        self._modal_calls += modal
+        self._parameters.enter_macro(macro.values)
 
     def _number_alone(self, mark: Mark) -> None:
         """The number of the program at its head; anywhere else a sub begins, which is only called."""

@@ -7,7 +7,7 @@ title of Siemens', which would be a comment here, tells enough: tools have their
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from functools import cache
 from itertools import islice
 from types import MappingProxyType
@@ -111,8 +111,8 @@ def _pattern(form: str) -> re.Pattern[str]:
 
 
 def judged(
-    read: Iterator[Block], text: Text, name: str, refused: list[ProgramError] | None
-) -> Iterator[Block]:
+    read: Iterator[Sequence[Block]], text: Text, name: str, refused: list[ProgramError] | None
+) -> Iterator[Sequence[Block]]:
     """The blocks of a text; where one is refused in a program of another control, that is the refusal."""
     other = None
     try:

@@ -15,28 +15,30 @@ from controller.values import dataclass
 # A common line as programs from CAM systems have them in millions: an N, G0 to G3, words in the usual order,
 # one M of spindle or coolant, a comment. Nothing in it can be refused as text, or says something. Nine digits
 # are below what any word may be. Only single characters repeat possessively: Python before 3.11.5 goes on
-# behind the begin of a group that it gave up (gh-106052), so that "G0X" would match as G0.
+# behind the begin of a group that it gave up (gh-106052), so that "G0X" would match as G0. What may be
+# missing is a choice of it or nothing: tried at half the time of a group that is repeated once or never.
 MAX_RUN = 60  # of them together: what lives long costs full collections of garbage
-_SHORT_NUMBER = r"[+-]?(?:[0-9]{1,9}+(?:\.[0-9]*+)?|\.[0-9]++)"
+_SHORT_NUMBER = r"[+-]?(?:[0-9]{1,9}+(?:\.[0-9]*+|)|\.[0-9]++)"
 LETTERS = "XYZABCIJKRFS"
+LENGTHS, ANGLES = "XYZIJKRQUVW", "ABC"
 
 
 def _words(letters: str, others: str = "", behind: str = "") -> str:
     """Any of these in their order; where none of them comes, which one look tells, it is over."""
-    each = "".join(rf"(?:[{letter}{letter.lower()}]({_SHORT_NUMBER})[ \t]*+)?" for letter in letters)
-    return rf"(?:(?=[{letters}{letters.lower()}{others}]){each}{behind})?"
+    each = "".join(rf"(?:[{letter}{letter.lower()}]({_SHORT_NUMBER})[ \t]*+|)" for letter in letters)
+    return rf"(?:(?=[{letters}{letters.lower()}{others}]){each}{behind}|)"
 
 
 @cache
 def common(axes: str) -> re.Pattern[str]:
     """Of lines with words of these axes alone; the groups of others are there, and match nothing."""
-    turns = "".join(_words(letter) if letter in axes else "(?:(?!)())?" for letter in "ABC")
+    turns = "".join(_words(letter) if letter in axes else "(?:(?!)()|)" for letter in "ABC")
     return re.compile(
-        r"[ \t]*+(?:[Nn][0-9]++[ \t]*+)?(?:[Gg](0?[0-3])[ \t]*+)?"
+        r"[ \t]*+(?:[Nn][0-9]++[ \t]*+|)(?:[Gg](0?[0-3])[ \t]*+|)"
         + _words("XYZ")
-        + rf"(?:(?=[ABCabc]){turns})?"
+        + rf"(?:(?=[ABCabc]){turns}|)"
         + _words("IJKR")
-        + _words("FS", "Mm(;", r"(?:[Mm](0?[3-57-9])[ \t]*+)?(?:\([^(),;]*+\)[ \t]*+)?(?:;.*+)?"),
+        + _words("FS", "Mm(;", r"(?:[Mm](0?[3-57-9])[ \t]*+|)(?:\([^(),;]*+\)[ \t]*+|)(?:;.*+|)"),
         re.DOTALL,
     )
 
@@ -64,6 +66,18 @@ class Word(NamedTuple):
     point: bool
     column: int
     text: str  # as written, without spaces, in capitals
+
+
+def pointed(word: Word, rule: str, inches: bool, refusal: Callable[..., ProgramError]) -> Word:
+    """A length or an angle, without a decimal point counted by the ``rule`` of the machine file.
+
+    ``inches``: it is a length in inches. Raises ProgramError where there is no rule.
+    """
+    if word.point or word.value == 0.0 or rule == "unit":
+        return word
+    if rule == "thousandth":
+        return word._replace(value=word.value * 0.001 * (0.1 if inches else 1.0), point=True)
+    raise refusal(word, "word.no_point", whole=word.value, thousandth=word.value * 0.001)
 
 
 def simple(found: re.Match[str], largest: float) -> tuple[Word, ...] | None:

@@ -1,8 +1,8 @@
 """A program with the files that it calls, as one text; and lines that block delete leaves out.
 
-``o<name> call`` and ``M98 P1000`` take subs from files of that name beside the program. What is
-checked, kept, recorded and gone on with must be all of it, so the files are put behind the
-program as soon as it is read, each behind a mark that no text holds:
+``o<name> call``, ``M98 P1000`` and ``G65 P1000`` take subs from files of that name beside the
+program. What is checked, kept, recorded and gone on with must be all of it, so the files are put
+behind the program as soon as it is read, each behind a mark that no text holds:
 
     program ... M30
     <FS>name<TAB>file
@@ -35,7 +35,7 @@ _WHOLE_SUB = re.compile(
     re.MULTILINE | re.DOTALL,
 )
 _IDLE = re.compile(rb"\([^)\r\n]*\)|;[^\r\n]*|%|[mM][ \t]*0*(?:2|30)\b")  # comments, and ends of programs
-_BY_NUMBER = re.compile(rb"[mM][ \t]*0*98[^;(\r\n]*?[pP][ \t]*([0-9]+)")
+_BY_NUMBER = re.compile(rb"(?:[mM][ \t]*0*98|[gG][ \t]*0*6[56])[^;(\r\n]*?[pP][ \t]*([0-9]+)")
 _SUB = re.compile(rb"[oO][ \t]*(?:<([^<>\r\n]*)>|([0-9]+))[ \t]*[sS][uU][bB]")
 _NUMBER = re.compile(rb"(?:^|[\r\n])[ \t]*[oO:][ \t]*([0-9]+)[ \t]*(?=[\r\n(;<]|$)")
 _DELETED = re.compile(rb"((?:^|[\r\n])[ \t]*)/")

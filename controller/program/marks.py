@@ -24,7 +24,7 @@ from controller.values import dataclass
 
 ENDS = {"endsub": "sub", "endif": "if", "endwhile": "while", "endrepeat": "repeat"}
 LOOPS = ("while", "do", "repeat")
-BY_NUMBER = "M98"  # a call that is no O-word
+BY_NUMBER = ("M98", "G65", "G66")  # calls that are no O-words
 ALONE = ""  # the keyword of a number that stands alone: a sub for M98
 COMPUTED = ""  # the label of a call whose number is an expression
 
@@ -44,12 +44,14 @@ _KEYWORD = re.compile(
     r"(?![a-z])"
 )
 _TITLE = re.compile(rf"[{GAPS}]*(<[^<>]*>)?[{GAPS}]*")  # as some controls name programs: O1234 <PART>
-_CALLS_BY_NUMBER = re.compile(r"[mM][ \t]*0*9[ \t]*[89](?![0-9])")
+_CALLS_BY_NUMBER = (r"[mM][ \t]*0*9[ \t]*[89](?![0-9])", r"[gG][ \t]*0*6[ \t]*[56](?![0-9])")
 
 
 # The same two in bytes, a pattern for each letter: one that begins with a letter is looked for at a run.
 _SIGNS = [re.compile(_O.pattern.replace("[oO:]", letter).encode()) for letter in "oO:"]
-_CALLS = [re.compile(_CALLS_BY_NUMBER.pattern.replace("[mM]", letter).encode()) for letter in "mM"]
+_CALLS = [
+    re.compile(form.replace(form[:4], letter).encode()) for form in _CALLS_BY_NUMBER for letter in form[1:3]
+]
 
 
 @dataclass(eq=False, slots=True)
@@ -74,8 +76,8 @@ class Mark:
 
     @property
     def written(self) -> str:
-        if self.keyword == BY_NUMBER:
-            return f"M98 P{self.label}"
+        if self.keyword in BY_NUMBER:
+            return f"{self.keyword} P{self.label}"
         if self.statement:
             return self.statement
         label = self.label if self.label.isdigit() else f"<{self.label}>"
@@ -101,7 +103,7 @@ class Marks:
     by_offset: dict[int, Mark]
     subs: dict[str, Mark]  # label -> sub
     numbered: dict[str, Mark]  # label -> number that stands alone
-    by_number: bool  # M98 or M99 may stand in the text
+    by_number: bool  # M98, M99, G65 or G66 may stand in the text
     end: int  # of the text: the closing %
 
     @property
@@ -119,7 +121,7 @@ def found(text: str, name: str, more: More | None = None) -> Marks:
     _paired(marks, name)
     subs = {mark.label: mark for mark in marks if mark.keyword == "sub"}
     numbered = {mark.label: mark for mark in marks if mark.keyword == ALONE}
-    by_number = _CALLS_BY_NUMBER.search(text) is not None
+    by_number = any(re.search(form, text) for form in _CALLS_BY_NUMBER)
     return Marks({mark.at: mark for mark in marks}, subs, numbered, by_number, end)
 
 

@@ -16,7 +16,19 @@ from controller.program import output_words, planar_words, tool_change_words
 from controller.program.codes import SURFACES, Ask
 from controller.program.origins import Origins
 from controller.program.position import Known
-from controller.program.program import Act, Action, Await, Block, Dwell, Level, Modal, Remark, Side, Tip
+from controller.program.program import (
+    Act,
+    Action,
+    Await,
+    Block,
+    Dwell,
+    Level,
+    Modal,
+    Remark,
+    Select,
+    Side,
+    Tip,
+)
 from controller.program.words import Word
 from controller.values import dataclass
 
@@ -271,6 +283,8 @@ class _Settings:
         if comes != number:
             told = said("note.sister", tool=number, sister=comes)
             self.made.append(Remark(self.ask.place(word), self.state.modal, told))
+        if self._machine.changer is not None and self._machine.changer.prepare:
+            self.made.append(Select(self.ask.place(word), self.state.modal, comes))
         self.state = self.state._replace(selected=comes)
 
     def _outputs(self) -> None:

@@ -1,8 +1,8 @@
 """The parameters of a program: numbered, named, and those that the control itself gives.
 
-#1 to #30 and names belong to the sub that runs (its arguments, then whatever it sets), all else to
-the whole program; names that begin with _ are global. A number that nobody has set is 0, a name
-that nobody has set has no value (both as LinuxCNC).
+#1 to #30 (on controls as Fanuc's to #33) and names belong to the sub that runs (its arguments, then
+whatever it sets), all else to the whole program; names that begin with _ are global. A number that
+nobody has set is 0, a name that nobody has set has no value (both as LinuxCNC).
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from typing import Protocol
 
 Name = int | str
 ARGUMENTS = range(1, 31)  # a sub's own
+OF_MACRO = range(1, 34)  # a macro's own, on controls as Fanuc's
 SAYS_DEBUG = 5599  # 0: what (DEBUG,) would say is not said
 OF_THE_MACHINE = range(5061, 5603)  # positions, offsets and tools: the control gives them
 VACANT = range(1000)  # there, until a program sets them: neither 0 nor a number
@@ -58,6 +59,7 @@ class Parameters:
         """
         self._system = system
         self._vacant = VACANT if system else range(0)
+        self._own = OF_MACRO if system else ARGUMENTS
         self._given = given or Nothing()
         self._global: dict[Name, float] = {**dict.fromkeys(RETURNED, 0.0), SAYS_DEBUG: 1.0, **dict(begun)}
         self._kept, self._fresh = kept, dict[int, float]()
@@ -141,9 +143,16 @@ class Parameters:
         own = self._locals.pop()
         self._locals[-1].update((key, value) for key, value in own.items() if isinstance(key, int))
 
+    def enter_macro(self, values: dict[Name, float]) -> None:
+        """A macro begins with these values of its own, and leaves in them what it has set."""
+        self._locals.append(values)
+
+    def leave_macro(self) -> None:
+        self._locals.pop()
+
     def _room(self, key: Name) -> dict[Name, float]:
         """Where a parameter is kept."""
-        local = key in ARGUMENTS if isinstance(key, int) else not key.startswith("_")
+        local = key in self._own if isinstance(key, int) else not key.startswith("_")
         return self._locals[-1] if local else self._global
 
     def _of_the_control(self, key: Name) -> float | None:

@@ -75,6 +75,7 @@ class _Ready:
         self.is_usual = (  # its lines can be common
             not (state.per_turn or state.cycle or state.begun or _for_surfaces(state))
             and self.modal.turned_rad == STILL
+            and self.motion in _SHORT
         )
         self.is_line = (  # those of axes alone are JointLines
             self.is_usual
@@ -125,6 +126,8 @@ class CommonLines:
         """
         given, axes, count, find = self._given, self._axes, len(self._axes), self._common.fullmatch
         now, counts_points, rests = self._seen(), self._points_count, self.rests
+        values: list[float | None]
+        block: Block | None
         for number, raw in rows:
             found = find(raw)
             last = found.lastindex if found is not None else None
@@ -149,30 +152,28 @@ class CommonLines:
                 ready = self._family.by_words.get((motion, feed))
             else:
                 ready = now if motion == now.motion else now.beside.get(motion)
-            if ready is not None and ready.is_line and parts[CENTRE:FEED] == _NO_ARC and not counts_points:
-                unit = ready.unit  # the same as below, with no call on the way
-                targets = tuple(
-                    [
-                        None
-                        if (word := parts[at]) is None
-                        else float(word) / per
-                        if per
-                        else float(word) * unit
-                        for at, per in axes
-                    ]
-                )
-                if targets.count(None) == count:
-                    return number, raw, found
-                run.append(
-                    JointLine(place, ready.modal, targets, ready.relative, False, ready.mm, ready.degrees)
-                )
-                given.state, now = ready.state, ready
+            if ready is None:
+                ready = self._after(now, motion, feed)
+            if ready is None or not ready.is_usual or (counts_points and POINTLESS.search(raw) is not None):
+                return number, raw, found
+            unit, values = ready.unit, []
+            for at, per in axes:  # as _targets, with no call on the way
+                if (word := parts[at]) is None:
+                    values.append(None)
+                else:
+                    values.append(float(word) / per if per else float(word) * unit)
+            if not ready.is_line or (last > CENTRE and parts[CENTRE:FEED] != _NO_ARC):
+                block = self._block(place, parts, tuple(values), ready)
+            elif values.count(None) < count:
+                mm, degrees = ready.mm, ready.degrees
+                block = JointLine(place, ready.modal, tuple(values), ready.relative, False, mm, degrees)
             else:
-                block = self._made(parts, place, raw)
-                if block is None:
-                    return number, raw, found
-                run.append(block)
-                now = self._ready
+                block = None
+            if block is None:
+                return number, raw, found
+            run.append(block)
+            if ready is not now:
+                given.state, now = ready.state, ready
             if len(run) == MAX_RUN:
                 break
         return None
@@ -184,37 +185,25 @@ class CommonLines:
             return None
         if not any_of(parts[AXES:RADIUS]) or any(parts[at] is not None for at in self._lacking):
             return None
-        return self._made(parts, _place(line, parts), line.text)
-
-    def _made(self, parts: Sequence[Part], place: Place, text: str) -> Block | None:
-        now = self._seen()
-        if not now.is_usual:
+        if self._points_count and (not line.text or POINTLESS.search(line.text) is not None):
             return None
-        if self._points_count and (not text or POINTLESS.search(text) is not None):
+        now, code = self._seen(), parts[MOTION]
+        ready = self._after(now, now.motion if code is None else _MOTIONS.get(code, ""), parts[FEED])
+        if ready is None or not ready.is_usual:
             return None
-        code, feed = parts[MOTION], parts[FEED]
-        motion = now.motion if code is None else _MOTIONS.get(code, "")
-        ready = now
-        if feed is not None or motion != now.motion:
-            known = self._family.by_words.get((motion, feed)) or self._after(now, motion, feed)
-            if known is None:
-                return None
-            ready = self._ready = known
-        unit = ready.unit
-        targets = tuple(
-            [
-                None if (word := parts[at]) is None else float(word) / per if per else float(word) * unit
-                for at, per in self._axes
-            ]
-        )
-        block: Block | None = None
-        if motion == "G0" or motion == "G1":
-            block = self._line(place, parts, targets, ready)
-        elif motion == "G2" or motion == "G3":
-            block = _arc(place, parts, targets, ready)
+        block = self._block(_place(line, parts), parts, self._targets(parts, ready.unit), ready)
         if block is not None:
             self._given.state = ready.state
         return block
+
+    def _targets(self, parts: Sequence[Part], unit: float) -> Targets:
+        words = [(parts[at], per) for at, per in self._axes]
+        return tuple(
+            [
+                None if word is None else float(word) / per if per else float(word) * unit
+                for word, per in words
+            ]
+        )
 
     # ---- states
 
@@ -267,6 +256,12 @@ class CommonLines:
         return state
 
     # ---- blocks
+
+    def _block(self, place: Place, parts: Sequence[Part], targets: Targets, ready: _Ready) -> Block | None:
+        """Of a line of words that belong together; None where it would be refused."""
+        if ready.motion in ("G2", "G3"):
+            return _arc(place, parts, targets, ready)
+        return self._line(place, parts, targets, ready)
 
     def _line(self, place: Place, parts: Sequence[Part], targets: Targets, ready: _Ready) -> Block | None:
         """G0 or G1; None where it would be refused."""
@@ -393,7 +388,10 @@ class Functions:
         if known is None:
             return None
         _, after, acts = known
-        return [Action(Place(number, found.start(part + 1)), act.modal, act.act) for part, act in acts], after
+        return [
+            Action(_new(Place, (number, found.start(part + 1), 0, (), "", 0)), act.modal, act.act)
+            for part, act in acts
+        ], after
 
     def read(self, line: Line, state: State) -> tuple[list[Block], State] | None:
         """The same of any line."""

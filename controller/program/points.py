@@ -12,11 +12,10 @@ from dataclasses import replace
 from controller.machine.model import Machine
 from controller.program.code_table import BY_DIALECT
 from controller.program.codes import CYCLES, SIDES, SURFACES, TILTS, TO_PLANE, Ask
+from controller.program.line import ANGLES, LENGTHS, pointed
 from controller.program.modal import INCHES, State
 from controller.program.words import Word
 
-LENGTHS = "XYZIJKRQUVW"
-ANGLES = "ABC"
 POINTLESS = re.compile(r"[XYZABCIJKRxyzabcijkr][ \t]*+[+-]?[0-9]++(?![.0-9])")
 
 
@@ -63,9 +62,6 @@ def _in_cycle(ask: Ask, state: State) -> bool:
 
 
 def _word(ask: Ask, word: Word, lengths: str, angles: str, inches: bool, machine: Machine) -> Word:
-    if word.point or word.value == 0.0 or word.letter not in lengths + angles:
+    if word.letter not in lengths + angles:
         return word
-    if machine.without_point == "thousandth":
-        tenth = 0.1 if inches and word.letter in lengths else 1.0
-        return word._replace(value=word.value * 0.001 * tenth, point=True)
-    raise ask.refusal(word, "word.no_point", whole=word.value, thousandth=word.value * 0.001)
+    return pointed(word, machine.without_point, inches and word.letter in lengths, ask.refusal)

@@ -382,8 +382,13 @@ class Changing(NamedTuple):
     step: int  # of all steps of the change the one that comes; their count: the change is over
     last: bool  # the change is over
 
+    @property
+    def moves_nothing(self) -> bool:
+        """M6 with the tool that is there: a stop for one whose life is over."""
+        return self.tool_out == self.tool_in
 
-@dataclass(frozen=True, slots=True)
+
+@dataclass(slots=True, unsafe_hash=True)  # as lines
 class Action:
     """A machine function; ``modal`` is the state after it."""
 
@@ -448,7 +453,18 @@ class Setting:
 
 
 CutBlock = CutCone | CutRuled | CutNurbs
-Aside = Message | Setting  # parts no motions
+
+
+@dataclass(frozen=True, slots=True)
+class Select:
+    """T: the tool of the next M6, whose pocket a changer may prepare from here on."""
+
+    place: Place
+    modal: Modal
+    tool: int  # 0 = none
+
+
+Aside = Message | Setting | Select  # parts no motions
 Block = CutBlock | JointMotion | TipLine | Dwell | Await | Action | Remark | Aside
 
 

@@ -44,15 +44,17 @@ def blocks(
     ``before``, ``after``: the modal state without coolant, with the one and the other tool.
     """
     changer = machine.changer
-    if changer is None or before.tool == after.tool:
+    if changer is None or before.tool == after.tool == 0:
         return [], number
+    place, still, made = ask.place(word), replace(after, spindle_rev_min=0.0, coolant=0), list[Block]()
+    if before.tool == after.tool:  # nothing moves, but where the tool's life is over the run is held here
+        return [_stop(place, still, Changing(number, before.tool, after.tool, 0, True))], number + 1
     for tool in (before.tool, after.tool):
         if tool and changer.pocket(tool) is None:
             known = ", ".join(f"T{one}" for one in changer.pockets if one) or "–"
             raise ask.refusal(word, "tool.no_pocket", tool=tool, known=known)
     if before.planar is not None:
         raise ask.refusal(word, "tool.change_beside")
-    place, still, made = ask.place(word), replace(after, spindle_rev_min=0.0, coolant=0), list[Block]()
     rows = steps_of(changer, before.tool, after.tool)
     for k, (step, pocket) in enumerate(rows):
         made.append(_stop(place, still, Changing(number + k, before.tool, after.tool, k, False)))
@@ -84,7 +86,7 @@ def _step(place: Place, modal: Modal, step: ChangerStep, pocket: int, machine: M
         back = io.awaited.index(io.orient.input)
         made.append(Await(place, modal, back, Level.HIGH, io.orient.within_s))
     said = UNSAID
-    for name, on in _switched(step, pocket):
+    for name, on in step.outputs(pocket):
         said = said.switched(io.switched.index(name), on)
     if (
         step.input
@@ -99,9 +101,3 @@ def _step(place: Place, modal: Modal, step: ChangerStep, pocket: int, machine: M
 def _of(places: tuple[float, ...], pocket: int) -> float:
     """The only place, or that of the pocket."""
     return places[0] if len(places) == 1 else places[pocket - 1]
-
-
-def _switched(step: ChangerStep, pocket: int) -> list[tuple[str, bool]]:
-    """Outputs and whether each is on: a pocket's number before what begins the motion to it."""
-    number = [(name, bool(pocket >> bit & 1)) for bit, name in enumerate(step.pocket)]
-    return [*number, *((name, True) for name in step.on), *((name, False) for name in step.off)]

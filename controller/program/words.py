@@ -15,7 +15,7 @@ from controller.messages import said
 from controller.program import foreign, macros, marks
 from controller.program.comments import aborted, message, without_comments
 from controller.program.decoding import Text
-from controller.program.expressions import ARITHMETIC, GAPS, Values
+from controller.program.expressions import ARITHMETIC, GAPS, NOTHING, Values
 from controller.program.flow import Limits, Run, Source
 from controller.program.line import COMMON, MAX_RUN, SIMPLE, CommonRun, Line, Other, Rows, Word, simple
 from controller.program.parameters import SAYS_DEBUG, Name, NoValue, Parameters
@@ -240,6 +240,8 @@ class _Words(Values):
             raise self.refusal(start, why.key, **why.values) from None
         if not self.take("="):
             raise self.refusal(start, "value.alone", written=written)
+        if key == NOTHING:
+            raise self.refusal(start, "value.nothing")
         value = self.value(start, f"{written}=")[0]
         value = self.joined(value, ARITHMETIC) if self._parameters.of_fanuc else value
         self.check_set(start)

@@ -49,10 +49,11 @@ RECORDED = {  # by a live run alone
     "spindle": Request.SPINDLE,
     "coolant": Request.COOLANT,
     "clamps": Request.CLAMPS,
+    "prepare": Request.PREPARE,
 }
 FILE, PROGRAM, MACHINE = "events.jsonl", "program.ngc", "machine.toml"  # of a record
 OVERRIDES = ("override", "rapid_override")
-BY_HAND = ("spindle_override", "spindle", "coolant", "clamps")  # nothing of them moves an axis
+BY_HAND = ("spindle_override", "spindle", "coolant", "clamps", "prepare")  # nothing of them moves an axis
 SWITCHES = ("single_block", "optional_stop")
 STAND, PLAN, RETRACT, RETURN, ASIDE = "stand", "plan", "retract", "return", "aside"
 WAIT, FAULT, OFF_PATH, PIECES, BEGIN = "wait", "fault", "off_path", "pieces", "begin"

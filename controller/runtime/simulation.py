@@ -50,7 +50,7 @@ def wires(machine: Machine) -> tuple[Wire, ...]:
 def _of_changer(changer: Changer | None, io: Io) -> list[Wire]:
     """Each switch of a tool changer follows the first output of the step that waits for it."""
     found: dict[int, Wire] = {}
-    for step in (*changer.put_away, *changer.take) if changer is not None else ():
+    for step in (*changer.prepare, *changer.put_away, *changer.take) if changer is not None else ():
         rows = [(name, True) for name in step.on] + [(name, False) for name in step.off]
         output = io.output(rows[0][0]) if rows else None
         switch = io.input(step.input) if step.input else None

@@ -332,6 +332,7 @@ class SteppedMachine:
                     continue
                 if not asked:
                     resumes += not self._between_steps()
+                    self._prepare()
                     self.request(Request.RESUME)
                     continue
             return self._ended(first, resumes, len(waiting), events, n)
@@ -404,6 +405,18 @@ class SteppedMachine:
         """Whether it is a stop of the tool changer, which no operator has to resume."""
         piece = self.cycle.follow.piece
         return piece is not None and piece.motion_id <= FIRST_MARK
+
+    def _prepare(self) -> None:
+        """Where a pocket is brought to the spindle beside the path: its simulated switches follow.
+
+        Of which pocket does not matter to them.
+        """
+        changer = self.machine.changer
+        if changer is None or not self._between_steps():
+            return
+        for step in changer.prepare:
+            if told := changer.told(step, 1):
+                self.request(Request.PREPARE, told)
 
     def _goes_on(self, waiting: Sequence[Event], asked: bool) -> bool:
         """Whether the operator will still end this hold; of a program stop, by the next word at all."""

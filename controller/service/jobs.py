@@ -72,6 +72,7 @@ class Job:
     nominal_s: float = 0.0  # of that run, before the place where the tool is
     last: Snapshot | None = None  # of the program's own motions
     messages: list[str] = field(default_factory=list)  # what the program said last
+    next_tool: int | None = None  # that T has just named, where a changer prepares
     found: list[dict[str, Any]] = field(default_factory=list)  # of that the results of probing cycles
     fitted: dict[str, Any] = field(default_factory=dict)  # with which it was started ...
     tools: tuple[Tool, ...] = ()  # ... and the tool table as it has made it since
@@ -98,6 +99,7 @@ class Job:
         self._passed = 0
         self.changes.clear()
         self._due.clear()
+        self.next_tool = None
         self._reached, self.messages, self.found = -1, [], []
         self.news = News(finished=False)
         self.state, self.said = "starting", None
@@ -197,6 +199,7 @@ class Job:
         while self._due and (ended or self._is_due(self._due[0], now)):
             said = self._due.popleft()
             changes += said.changes
+            self.next_tool = said.tool if said.tool is not None else self.next_tool
             if said.text:
                 self.messages = [*self.messages, said.text][-MAX_MESSAGES:]
                 self.found += filter(None, [found(said.text)])

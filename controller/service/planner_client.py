@@ -121,7 +121,7 @@ class Way:
 
 @dataclass(frozen=True, slots=True)
 class Said:
-    """What a program says, or sets for good.
+    """What a program says, sets for good, or names as the tool that comes next.
 
     Due when a motion begins, or when the pause of ``line`` before it holds.
     """
@@ -130,6 +130,7 @@ class Said:
     motion_id: int
     line: int | None = None
     changes: tuple[Change, ...] = ()
+    tool: int | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -31,7 +31,7 @@ from controller.plan.restart.program_position import ENTRY_ID, FORMER, LinePart,
 from controller.plan.restart.restart import Rest
 from controller.plan.retract import NotPossible
 from controller.plan.stretch import Chain, Pause, Stretch
-from controller.program.program import Act, Aside, Block, Changing, Message, ProgramError, Setting
+from controller.program.program import Act, Aside, Block, Changing, Message, ProgramError, Select
 from controller.runtime import checked, cores, starts
 from controller.runtime.checked import Task
 from controller.runtime.plan_end import PLAN_TURN_S, PlanEnd
@@ -276,7 +276,7 @@ class Planning:
         begun = spot.fraction if spot is not None and spot.motion_id >= 0 else 0.0
         for item in items:
             if inside:
-                self._heard = deque(one for one in self._heard if isinstance(one, Setting))
+                self._heard = deque(one for one in self._heard if not isinstance(one, Message))
                 inside = isinstance(item, Pause) or (item.first_id or 0) >= ENTRY_ID
             if isinstance(item, Chain):
                 number = number if item.first_id is None else item.first_id
@@ -308,6 +308,8 @@ class Planning:
             one = self._heard.popleft()
             if isinstance(one, Message):
                 self._said.append(Said(one.text, motion_id, line))
+            elif isinstance(one, Select):
+                self._said.append(Said("", motion_id, line, tool=one.tool))
             else:
                 due = motion_id + (one.place.order > first)
                 self._said.append(Said("", due, line, one.changes))

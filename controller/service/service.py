@@ -113,8 +113,8 @@ class Service:
         if self.machine.changer is None:
             return None
         store = ToolStore(state / tool_store.FILE)
-        worn = self.usage.worn
-        made = ToolChanger(store, self._changer, self.engine, self.alarms.add, self.machine.period_s, worn)
+        add, machine = self.alarms.add, self.machine
+        made = ToolChanger(store, self._changer, self.engine, add, machine.period_s, self._worn, machine.io)
         self.tool = _in_spindle(made)
         return made
 
@@ -377,7 +377,7 @@ class Service:
         finally:
             self.lock.release()
         if self.engine.tick_alive:
-            if self.changer is not None and self.running is not None:
+            if self.changer is not None and (self.running is not None or self.changer.beside.under_way):
                 self.changer.look(now)
                 self._see_changer(self.changer)
             self._feel_pulse(now)
@@ -484,6 +484,9 @@ class Service:
 
     def _set(self, job: Job, changes: list[Change], now: Snapshot) -> None:
         """What the program has set by now is so from now on, for whatever comes after it; found, too."""
+        if self.changer is not None and job.next_tool is not None:
+            self.changer.beside.name(job.next_tool)
+            job.next_tool = None
         if job.found:
             self.probed.add(job.program.name, job.found)
             if self.record is not None:
@@ -525,6 +528,10 @@ class Service:
         if tool is not None and tool != self.tool:
             self._put_in(tool)
             self.journal.in_spindle(tool)
+
+    def _worn(self, tool: int) -> Said | None:
+        """What is told before a tool comes whose life is over; None of any other."""
+        return self.usage.said_worn("change_worn", tool, self.tool_numbers)
 
     def _see_changer(self, changer: ToolChanger) -> None:
         """As its store has it."""

@@ -115,8 +115,9 @@ def tool_change(machine: Machine, number: int, usage: Usage | None = None) -> di
     name = f" ({tool.name})" if tool is not None and tool.name else ""
     key = "tool_change" if number else "tool_out"
     asks = said(key, number=number, name=name)
-    worn = usage.worn(number) if usage is not None else None
-    return {"number": number, **(several(asks, said("tool_worn", **worn)) if worn else asks)}
+    known = [one.number for one in machine.tools]
+    worn = usage.said_worn("tool_worn", number, known) if usage is not None else None
+    return {"number": number, **(asks if worn is None else several(asks, worn))}
 
 
 def _bits(names: tuple[tuple[str, int], ...], word: int) -> dict[str, bool]:

@@ -17,16 +17,17 @@ from __future__ import annotations
 
 import sqlite3
 import threading
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from typing import Any, Protocol
 
 from controller.ipc.handoff import Snapshot
-from controller.machine.model import Changer, ChangerStep
+from controller.machine.model import Changer, ChangerStep, Io
 from controller.machine.tool_store import AWAY, SPINDLE, Step, ToolStore
 from controller.messages import Said, said, several
 from controller.motion.pieces import FIRST_MARK
 from controller.program.program import Changing
 from controller.program.tool_change_words import steps_of
+from controller.service.tool_preparation import Preparation
 from controller.state.modes import Fault, Mode, Request
 
 SLOWER = 2.0  # a step without an input of its own may take so much longer than it says: at an override
@@ -48,13 +49,15 @@ class ToolChanger:
         tick: Tick,
         tell: Callable[[str, Said], object],
         period_s: float,
-        worn: Callable[[int], Mapping[str, Any]],
+        worn: Callable[[int], Said | None],
+        io: Io | None,
     ) -> None:
         """``changer``: as its pockets are now; ``tell``: name and words of an alarm; ``worn``: what is to be
-        said of a tool at the end of its life, nothing of any other."""
+        said of a tool at the end of its life, None of any other."""
         self.store = store
         self._changer, self._tick, self._tell, self._period_s = changer, tick, tell, period_s
         self._worn = worn
+        self.beside = Preparation(store, changer, io, tick, tell, period_s)
         self._worn_at: int | None = None  # the stop that has told of a worn tool
         self._lock = threading.Lock()  # of the one RESUME that is under way
         self._asked: int | None = None  # its number
@@ -64,6 +67,7 @@ class ToolChanger:
         self._told = False  # that the step does not come to its end
         self._seen_tick = 0
         self._ran = 0  # ticks that the step has run
+        self._waits = False  # a change for the pocket that is prepared
 
     # -- of a run
 
@@ -72,7 +76,8 @@ class ToolChanger:
         with self._lock:
             self._marks.clear()
             self._now, self._keeps, self._told, self._asked = None, False, False, None
-            self._worn_at = None
+            self._worn_at, self._waits = None, False
+            self.beside.end()
 
     def hear(self, marks: Iterable[Changing]) -> None:
         """Stops that the plan has read."""
@@ -81,14 +86,15 @@ class ToolChanger:
 
     def ended(self) -> None:
         """The run is over; a change that was under way is in doubt from now on."""
-        step, self._now = self._now, None
+        step, self._now, self._waits = self._now, None, False
+        self.beside.end()
         if step is not None and self.store.step is not None:
             self._tell("CHANGE_BROKEN", self.doubt or said("change_broken"))
 
     @property
     def under_way(self) -> bool:
         """Whether a run is in the middle of a change."""
-        return self._now is not None
+        return self._now is not None or self._waits
 
     def hold(self) -> None:
         """Also of a changer that stands between two steps."""
@@ -105,21 +111,40 @@ class ToolChanger:
     def look(self, now: Snapshot) -> None:
         """Keeps the journal at a stop of the changer, and lets the tick go on."""
         mark = self._mark(now)
+        self._look_beside(now, mark)
         if mark is None:
             self._watch(now)
-        elif not self._keeps and self._free(now) and not self._holds_worn(mark) and self._kept(mark):
+        elif not self._keeps and self._free(now) and self._may_begin(mark) and self._kept(mark):
             self._began(now)
             self._go_on(now)
 
+    def _may_begin(self, mark: Changing) -> bool:
+        return not self._holds_worn(mark) and self._stands(mark)
+
+    def _look_beside(self, now: Snapshot, mark: Changing | None) -> None:
+        """What T prepares while the run goes on; an operator's hold lets no step of it begin."""
+        goes_on = now.mode is Mode.RUNNING or (mark is not None and not self._keeps)
+        sure = self._now is None and self.store.known and self.store.step is None
+        why = self.beside.look(now, goes_on and sure)
+        if why is not None:
+            self._refuse(why, mark is not None)
+
+    def _stands(self, mark: Changing) -> bool:
+        """Whether the tool's pocket is where it is taken."""
+        if self._now is not None or mark.last or self._refusal(mark) is not None:
+            return True  # prepared before its first step, or refused in a moment
+        self._waits = not self.beside.stands(mark.tool_in)
+        return not self._waits
+
     def _holds_worn(self, mark: Changing) -> bool:
-        """Before a tool comes that is worn nothing moves, until RESUME takes it as it is."""
-        if mark.step != 0 or mark.last or self._now is not None or self._worn_at == mark.number:
+        """Before a tool comes, or cuts on, that is worn nothing moves, until RESUME takes it as it is."""
+        if mark.step != 0 or self._now is not None or self._worn_at == mark.number:
             return False
         worn = self._worn(mark.tool_in)
-        if worn:
+        if worn is not None:
             self._worn_at, self._keeps = mark.number, True
-            self._tell("CHANGE_WORN", said("change_worn", **worn))
-        return bool(worn)
+            self._tell("CHANGE_WORN", worn)
+        return worn is not None
 
     def _mark(self, now: Snapshot) -> Changing | None:
         """The stop at which the tick holds."""
@@ -138,7 +163,7 @@ class ToolChanger:
 
     def _kept(self, mark: Changing) -> bool:
         """The step before is over, and this one is known to the disk. Otherwise the run is stopped."""
-        if self._now == mark:
+        if self._now == mark or (mark.moves_nothing and self._now is None):
             return True  # planned once more, as after another override: it stands where it stood
         why = self._refusal(mark)
         try:
@@ -149,12 +174,19 @@ class ToolChanger:
         except sqlite3.Error as error:
             why = said("change_not_kept", why=str(error))
         if why is not None:
-            self._tell("CHANGE_REFUSED", why)
-            self._keeps = True
-            self._tick.request(Request.STOP)
+            self._refuse(why, True)
             return False
+        if mark.last:
+            self.beside.taken(mark.tool_in)
         self._now = None if mark.last else mark
         return True
+
+    def _refuse(self, why: Said, ends: bool) -> None:
+        """Told; a change that was to begin or go on ends with it."""
+        self._tell("CHANGE_REFUSED", why)
+        if ends:
+            self._keeps = True
+            self._tick.request(Request.STOP)
 
     def _refusal(self, mark: Changing) -> Said | None:
         """Why the change may not go on: it does not begin with its first step, or tools are elsewhere."""
@@ -220,7 +252,8 @@ class ToolChanger:
             return said("changer_unknown")
         step = self.store.step
         if step is None:
-            return None
+            beside = self.beside.doubt
+            return None if beside is None else several(beside, said("changer_confirm"))
         told = said("change_interrupted", out=step.tool_out, into=step.tool_in, step=step.name)
         return several(told, *self._whereabouts(), said("changer_confirm"))
 
@@ -268,6 +301,7 @@ class ToolChanger:
             if step is None
             else {**step._asdict(), "steps": self._count(mark) if mark is not None else None},
             "held": self._keeps and (mark is not None or self._worn_at is not None),
+            **self.beside.told(),
             "doubt": self.doubt,
         }
 

@@ -25,6 +25,7 @@ from controller import atomic_file
 from controller.ipc.control_socket import Values
 from controller.ipc.handoff import COLUMN, of_axes
 from controller.machine.model import Machine
+from controller.messages import Said, said, several
 from controller.service.refusals import number, refused, whole
 from controller.state.modes import Mode
 
@@ -168,6 +169,13 @@ class Usage:
         if use is None or not use.worn:
             return {}
         return {"number": tool, "cut": use.cut_s / 60.0, "way": use.cut_m, "parts": use.parts}
+
+    def said_worn(self, key: str, tool: int, known: Collection[int]) -> Said | None:
+        """That a tool is worn, and what a start from here brings in its place; None of any other."""
+        if not (told := self.worn(tool)):
+            return None
+        worn, sister = said(key, **told), self.sisters(known).get(str(tool))
+        return worn if sister is None else several(worn, said("change_sister", sister=sister))
 
     def sisters(self, known: Collection[int]) -> dict[str, int]:
         """Worn tools, each with what comes in its place: its sister, or that one's; ``known``: all tools."""

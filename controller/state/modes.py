@@ -100,6 +100,7 @@ class Request(IntEnum):
     SPINDLE = 19  # value: rev/min by hand, without a program; signed, 0 = off
     COOLANT = 20  # value: 0 off, 1 mist, 2 flood, 3 both; of a program until it says otherwise
     CLAMPS = 21  # value: bit mask of the axes whose clamps are open by hand
+    PREPARE = 22  # value: outputs of a tool changer's preparation, see ``Changer.told``
 
 
 # (mode, request) -> mode that follows at once. Overrides and switches are allowed in every
@@ -128,6 +129,8 @@ TRANSITIONS: dict[tuple[Mode, Request], Mode] = {
     (Mode.RUNNING, Request.COOLANT): Mode.RUNNING,
     (Mode.HOLD, Request.COOLANT): Mode.HOLD,
     (Mode.READY, Request.CLAMPS): Mode.READY,
+    (Mode.RUNNING, Request.PREPARE): Mode.RUNNING,
+    (Mode.HOLD, Request.PREPARE): Mode.HOLD,
 }
 
 # What is queued is void once one of these is taken, and with the tick's own way to READY. A stop of
@@ -176,8 +179,11 @@ def follows(mode: Mode, request: Request) -> Mode | None:
     return TRANSITIONS.get((mode, request))
 
 
-MOVES = (Request.START, Request.RESUME, Request.HOME, Request.ENABLE, Request.JOG, Request.SPINDLE)
-BY_HAND = frozenset({Request.SPINDLE, Request.COOLANT, Request.CLAMPS})
+MOVES = (
+    *(Request.START, Request.RESUME, Request.HOME, Request.ENABLE, Request.JOG, Request.SPINDLE),
+    Request.PREPARE,
+)
+BY_HAND = frozenset({Request.SPINDLE, Request.COOLANT, Request.CLAMPS, Request.PREPARE})  # of peripherals
 MAX_AXES = 5  # of a machine: for so many there is room in what is laid out once for all (live state, masks)
 ALL_AXES = (1 << MAX_AXES) - 1
 

@@ -29,7 +29,7 @@ from collections.abc import Sequence
 from typing import Protocol
 
 from controller.ipc.handoff import ANALOGUE, Awaited, Piece
-from controller.machine.model import Axis, Clamp, Io, Machine
+from controller.machine.model import BESIDE, Axis, Changer, Clamp, Io, Machine
 from controller.state.modes import Fault, Mode, Request
 from controller.tick.coupling import Coupling
 from controller.tick.mode import Modes
@@ -149,6 +149,7 @@ class Peripherals:
         self._sag_ticks = round(SPEED_LOST_S / period_s)
         self._flow_ticks = round(FLOW_S / period_s)
         self._switches, self._held = _switches(io)
+        self._beside = _beside(machine.changer, io)
         self._switched = self._lines = 0  # outputs of programs: as numbered there, and their bits of the node
         self._analogue = io.analogue_out if io is not None and self._node is not None else ()
         self._max_rev_min = machine.spindle.max_rev_min if spindle and machine.spindle else 0.0
@@ -190,7 +191,12 @@ class Peripherals:
             self._wait()
 
     def by_hand(self, request: Request, value: float, mode: Mode) -> bool:
-        """What an operator's hand wants of spindle, coolant or clamps; False for what is not there."""
+        """What an operator's hand wants of spindle, coolant or clamps; False for what is not there.
+
+        Or a changer that is prepared, of an output of its own.
+        """
+        if request is Request.PREPARE:
+            return self._prepare(value)
         new = mode is Mode.READY and not self._by_hand
         rev_min, coolant, is_open = (0.0, 0, 0) if new else self._wanted
         if request is Request.SPINDLE and abs(value) <= self._max_rev_min:
@@ -202,6 +208,19 @@ class Peripherals:
         else:
             return False
         self._wanted, self._by_hand = (rev_min, coolant, is_open), mode is Mode.READY
+        return True
+
+    def _prepare(self, value: float) -> bool:
+        """All outputs of a step beside the cut at once, or none."""
+        if not (0.0 < value < BESIDE * BESIDE) or value != int(value):
+            return False
+        off, on = divmod(int(value), BESIDE)
+        if (on | off) >> len(self._beside):
+            return False
+        switched = self._switched
+        for i, bit in enumerate(self._beside):
+            switched = switched | bit if on >> i & 1 else switched & ~bit if off >> i & 1 else switched
+        self._switch_to(switched)
         return True
 
     def switch(self, outputs: tuple[int, int, Sequence[tuple[int, float]]]) -> None:
@@ -477,6 +496,12 @@ def _switches(io: Io | None) -> tuple[tuple[int, ...], int]:
     lines = tuple(_mask(io.outputs, [name]) for name in io.switched)
     held = (*io.held, *io.changer_out)  # a changer that was stopped in the middle stays as it is
     return lines, sum(1 << i for i, name in enumerate(io.switched) if name in held)
+
+
+def _beside(changer: Changer | None, io: Io | None) -> tuple[int, ...]:
+    """Of what a changer prepares with, among the outputs of programs."""
+    names = changer.beside if changer is not None and io is not None else ()
+    return tuple(1 << io.switched.index(name) for name in names) if io is not None else ()
 
 
 def _clamps(machine: Machine, io: Io | None) -> tuple[Clamped, ...]:

@@ -51,6 +51,7 @@ from controller.program.program import (
     Program,
     ProgramError,
     Remark,
+    Select,
     Setting,
     TipLine,
 )
@@ -173,7 +174,7 @@ class Tracer:
         for block in blocks:
             if not isinstance(block, Aside):
                 yield block
-            elif isinstance(block, Setting):
+            elif isinstance(block, Setting | Select):
                 continue
             elif (words := (block.place.line, block.text)) not in self._said and len(self._said) < MAX_SAID:
                 self._said.add(words)

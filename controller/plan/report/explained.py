@@ -36,6 +36,7 @@ from controller.program.program import (
     Message,
     Modal,
     Remark,
+    Select,
     Setting,
     TipLine,
 )
@@ -148,6 +149,8 @@ class _Explainer:
             return {"kind": "wait", **what, "seconds": block.seconds}
         if isinstance(block, Setting):
             return {"kind": "setting", "sets": [change.key for change in block.changes]}
+        if isinstance(block, Select):
+            return {"kind": "prepare", "tool": block.tool}
         if isinstance(block, Action):
             return {"kind": _KINDS[block.act], **_function(block)}
         return {"kind": "surface", "feed": block.feed_mm_s * 60.0, "unit": "mm/min"}

@@ -15,7 +15,7 @@ import pytest
 from argon2 import PasswordHasher
 from fastapi.testclient import TestClient
 from rich.console import Console
-from support.fakes.fake_socket import PROBED
+from support.fakes.fake_socket import PROBED, tools_of
 from typer.testing import CliRunner, Result
 
 from controller.__main__ import app
@@ -28,6 +28,7 @@ from controller.api.users import new_token
 from controller.cli import client as verbs
 from controller.cli import client_lists, remote
 from controller.ipc.control_socket import LAST, packed
+from controller.machine import machine_file
 from controller.messages import plain
 from controller.state.modes import Fault, told
 
@@ -172,6 +173,24 @@ def test_the_probing_cycles_are_listed_with_their_values(panel: Panel, door: Not
     assert json.loads(done("probe", "--json"))["cycles"][0]["name"] == "top"
     ran = run("probe", "edge", "most")
     assert ran.exit_code == 1 and "as most=20" in ran.stderr and not door.verbs
+
+
+def test_the_life_of_a_tool_is_shown_set_and_renewed(panel: Panel, door: NotingDoor) -> None:
+    door.results["facts"] = {"tools": [tools_of(machine_file.load("trunnion"))[1]]}
+    use = {"number": 2, "cut_s": 90.0, "cut_m": 12.5, "parts": 3, "since_s": None, "most_cut_min": 60.0}
+    use |= {"most_cut_m": None, "most_parts": 40, "sister": 3, "worn": True}
+    for verb in ("usage", "tool_life", "tool_renewed"):
+        door.results[verb] = {"tools": [use], "counters": [], "items": []}
+    told = [[cell.strip() for cell in line.split("│")[1:-1]] for line in done("tools").splitlines()]
+    assert ["T2", "1.5 / 60", "12.5", "3 / 40", "T3", "worn"] in told
+    assert "verschlissen" in done("tools", "--language", "de")
+    done("tools", "--life", "2", "--parts", "0", "--sister", "12")
+    limits = {"tool": 2, "cut_min": 60.0, "cut_m": None, "parts": None, "sister": 12}
+    assert ("tool_life", limits) in door.asked
+    row = json.loads(done("tools", "--renewed", "2", "--json"))["tools"][0]
+    assert row["number"] == 2 and row["life"]["worn"] is True
+    assert ("tool_renewed", {"tool": 2}) in door.asked
+    assert run("tools", "--minutes", "5").exit_code == 2
 
 
 def test_what_cycles_have_found_is_listed_and_written_as_a_table(

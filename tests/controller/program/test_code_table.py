@@ -74,7 +74,7 @@ def test_what_the_table_says_of_a_code_comes_of_it(row: Code) -> None:
         assert refused.value.line == 1
         return
     moves = row.group == "motion" and row.name not in ("G0", "G1", "G80", "G52")
-    if moves or row.name in ("M72", "M98", "M99", "G68.4", "G53.1", "G53.3", "G53.6"):
+    if moves or row.name in ("M72", "M98", "M99", "G65", "G66", "G68.4", "G53.1", "G53.3", "G53.6"):
         with pytest.raises(ProgramError):  # it is known, and has nothing to work on here
             blocks.read(f"{row.name} X1. B1.\n".encode(), on, "p.ngc")
         return
@@ -119,7 +119,7 @@ def test_no_code_is_named_for_a_test_that_the_table_does_not_have() -> None:
 NOTED = {
     "fanuc": (
         *("G5 P10000", "G5.1 Q1 R5", "G5.1 Q2 X0. Y0. Z0.", "G5.3 P50", "G8 P1", "G9", "G10.9 X0.", "G11"),
-        *("G13.1", "G15", "G23", "G25", "G50", "G50.1 X0. Y0.", "G54.2 P0", "G54.4 P0", "G62", "G67"),
+        *("G13.1", "G15", "G23", "G25", "G50", "G50.1 X0. Y0.", "G54.2 P0", "G54.4 P0", "G62"),
         *(
             "G187 P3 E0.01",
             "G269",
@@ -138,7 +138,7 @@ NOTED = {
         ),
         "M298 L3",
     ),
-    "rs274": ("G103 P1", "G187 P2", "G255", "M51 P1", "G15", "G50"),
+    "rs274": ("G103 P1", "G187 P2", "G255", "M51 P1", "G15", "G50", "G67"),
 }
 REFUSED = {
     "rs274": (
@@ -172,7 +172,7 @@ REFUSED = {
         ),
         *("G48 X1. D1", "G51.1 X0.", "G60 X1.", "G63", "G100 T1 X0. Y0. Z50.", "G107 C20.", "G150 X0. Y0."),
         *("G253", "G268 X0. Y0. Z0. I0. J30. K0.", "M83", "M88", "M97 P100", "M198 P100"),
-        *("G65 P9010 A1. B2.", "G66 P9010 A1.", "G254", "G53.3 X1. Y1. Z1."),
+        *("G254", "G53.3 X1. Y1. Z1."),
     ),
 }
 

@@ -292,6 +292,14 @@ def test_a_sub_is_blamed_with_who_called_it() -> None:
 # ---- the fanuc dialect ---------------------------------------------------------------
 
 
+def test_a_lead_in_may_be_as_long_as_the_radius_and_no_shorter() -> None:
+    text = "G20 G0 X{} Y0 F4;G41.1 D.125;G1 X0;G1 Y.5;G40"  # inches, as LinuxCNC's useful-subroutines.ngc
+    assert ends(text.format("-.0625"))[1] == ends(text.format("-.1"))[1]
+    with pytest.raises(ProgramError, match="not be shorter than the cutter's radius") as error:
+        read(text.format("-.0624"))
+    assert error.value.line == 3
+
+
 def test_fanucs_lead_in_ends_beside_what_follows() -> None:
     found = ends("G21 G90 F100.;G0 X0. Y0.;G41 D1 G1 X10.;G3 I-10.;G40 G1 X0.", bench("fanuc"))
     assert found[1:] == [("line", (8.0, 0.0, None)), ("arc", (8.0, 0.0, None)), ("line", (0.0, 0.0, None))]

@@ -71,7 +71,6 @@ def test_a_jump_that_block_delete_leaves_out_is_none() -> None:
         ("X[#1]", "2:1", "#1 has no value yet"),
         ("#2=#1", "2:1", "#1 has no value yet"),
         ("IF [#1 EQ 0] GOTO 10\nN10 X1.", "2:8", "#1 has no value yet"),
-        ("#1=0\nIF [#1 NE #0] GOTO 10\nN10 X1.", "3:11", "#0 is no parameter"),
         ("M98 P7\nM30\nO7\nGOTO 10\nM99\nO8\nN10 X1.\nM99", "5:1", "leads to N10"),
     ],
 )

@@ -166,6 +166,14 @@ def test_what_the_program_says_is_told_at_its_place(job: Job) -> None:
     assert job.messages == ["start", "turn it", "go on", "end"]
 
 
+def test_the_tool_that_t_names_is_known_when_its_motion_begins(job: Job) -> None:
+    job.hear(News(messages=(Said("", 3, tool=4), Said("", 9, tool=5))))
+    job.say(snapshot(motion_id=2))
+    assert job.next_tool is None
+    job.say(snapshot(motion_id=3))
+    assert job.next_tool == 4 and job.messages == []
+
+
 def test_what_a_probing_cycle_has_found_is_a_result_once_it_is_said(job: Job) -> None:
     job.hear(
         News(messages=(Said("edge edge_mm=12.500000", 0), Said("go on", 0), Said("top height_mm=1.0", 9)))

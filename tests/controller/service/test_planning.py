@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from support.machines import changer_bench
 from support.machines.interrupted_runs import with_tool
 from support.machines.planning_bench import Bench
 from support.machines.stepped_runs import program
@@ -246,3 +247,11 @@ def test_what_a_program_says_is_told_with_the_motion_or_the_stop_that_it_stands_
         ("done", first + 3, 12),
     ]
     assert first == 0
+
+
+def test_t_is_told_with_the_motion_that_it_stands_before_where_a_changer_prepares(tmp_path: Path) -> None:
+    bench = Bench(tmp_path, changer_bench.machine(changer_bench.BESIDE))
+    bench.armed("G21\nG0 X1\nT2\nG1 X9 F600\nT3 G0 X2\nM30\n", in_spindle=1)
+    bench.until(Mode.READY)
+    said = [(one.tool, one.motion_id) for news in bench.news for one in news.messages]
+    assert said == [(2, 1), (3, 2)]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import math
 import random
 import signal
 import sqlite3
@@ -17,37 +18,49 @@ from typing import Any
 
 import pytest
 from support.fakes.fake_engine import served
-from support.machines.changer_bench import CHANGER, LONGEST, ChangerBench, change, machine
+from support.machines.changer_bench import (
+    BESIDE,
+    CHANGER,
+    LONGEST,
+    ChangerBench,
+    change,
+    machine,
+    nothing_moves,
+)
 
 from controller.ipc.control_socket import CommandRefused
 from controller.machine import machine_file
 from controller.machine.toml_table import ConfigError
 from controller.machine.tool_store import Step, ToolStore, placed
+from controller.messages import text
 from controller.program import blocks
-from controller.program.program import ProgramError
+from controller.program.program import Act, Action, Changing, ProgramError, Select
 from controller.runtime import checked
 from controller.runtime.stepped import SteppedMachine
 from controller.service.command_handlers import Desk
+from controller.state.modes import Fault, Mode, Request
 
 
-def _changes(folder: Path, seed: int, count: int) -> Counter[str]:
+def _changes(folder: Path, seed: int, count: int, changer: str) -> Counter[str]:
     print(f"seed {seed}")
-    bench, random_ = ChangerBench(folder), random.Random(seed)
+    bench, random_ = ChangerBench(folder, changer), random.Random(seed)
     bench.confirm()
     came = Counter(change(bench, random_) for _ in range(count))
     bench.store.close()
     return came
 
 
-def test_no_tool_is_lost_and_nothing_moves_on_a_guess(tmp_path: Path) -> None:
-    came = _changes(tmp_path, 18, 12)
+@pytest.mark.parametrize("changer", [CHANGER, BESIDE], ids=["in line", "beside the cut"])
+def test_no_tool_is_lost_and_nothing_moves_on_a_guess(tmp_path: Path, changer: str) -> None:
+    came = _changes(tmp_path, 18, 12, changer)
     assert came["sound: done"] and any(one.endswith("doubted") for one in came), came
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("changer", [CHANGER, BESIDE], ids=["in line", "beside the cut"])
 @pytest.mark.parametrize("seed", range(20))
-def test_a_thousand_changes(tmp_path: Path, seed: int) -> None:
-    came = _changes(tmp_path, seed, 50)
+def test_a_thousand_changes(tmp_path: Path, seed: int, changer: str) -> None:
+    came = _changes(tmp_path, seed, 50, changer)
     assert sum(came.values()) == 50 and not any(one == "sound: held" for one in came), came
 
 
@@ -102,6 +115,200 @@ def test_a_worn_tool_is_told_before_anything_moves_and_taken_by_resume(tmp_path:
     bench.worn.clear()  # it was renewed meanwhile
     bench.resume()
     assert bench.go(LONGEST) == "done" and bench.store.spindle == 2
+    assert [name for name, _ in bench.alarms] == ["CHANGE_WORN"] * 2
+
+
+# -- T beside a cut
+
+
+CUT = "T2\nG1 X40 F1200\nM6"  # two seconds of cut
+
+
+def cutting(tmp_path: Path, program: str = CUT) -> ChangerBench:
+    """A run that has come to its cut; T2 is named."""
+    bench = ChangerBench(tmp_path, BESIDE)
+    bench.confirm()
+    bench.begin(program)
+    bench.changer.beside.name(2)
+    return bench
+
+
+def until(bench: ChangerBench, step: str) -> None:
+    for _ in range(LONGEST):
+        if (now := bench.store.preparation) is not None and now.name == step:
+            return
+        bench.go(2)
+    raise AssertionError(step)
+
+
+def test_t_prepares_while_the_cut_goes_on_and_m6_takes_what_stands_ready(tmp_path: Path) -> None:
+    bench = cutting(tmp_path)
+    until(bench, "Pocket to the arm")
+    assert bench.changer.told()["preparing"] == {
+        "tool": 2,
+        "step": 1,
+        "steps": 2,
+        "name": "Pocket to the arm",
+    }
+    bench.go(40)
+    assert bench.cutting and bench.stepped.joints[0] < 39.0, "the cut is not over"
+    assert bench.changer.told()["ready"] == 2 and bench.magazine.arm == 2 and bench.store.preparation is None
+    assert bench.go(LONGEST) == "done" and bench.store.spindle == 2
+    assert bench.changer.told()["ready"] is None
+    assert [row[1] for row in bench.store.log()].count("preparing") == 2, "M6 has not done it again"
+
+
+def test_without_t_m6_prepares_at_its_first_stop(tmp_path: Path) -> None:
+    bench = ChangerBench(tmp_path, BESIDE)
+    bench.confirm()
+    bench.begin("T2 M6")
+    assert bench.go(LONGEST) == "done" and bench.store.spindle == 2
+    bench.begin("T3 M6")
+    assert bench.go(LONGEST) == "done" and bench.store.spindle == 3
+
+
+def test_another_t_begins_with_the_first_step_again(tmp_path: Path) -> None:
+    bench = cutting(tmp_path, CUT.replace("M6", "T3 M6"))
+    until(bench, "Pocket to the arm")
+    bench.changer.beside.name(3)
+    assert bench.go(LONGEST) == "done" and bench.store.spindle == 3
+    steps = [(row[3], row[4]) for row in reversed(bench.store.log()) if row[1] == "preparing"]
+    assert steps == [(2, 0), (2, 1), (3, 0), (3, 1)]
+
+
+@pytest.mark.parametrize("without_power", [False, True])
+def test_what_was_being_prepared_when_all_ended_is_in_doubt_until_somebody_has_looked(
+    tmp_path: Path, without_power: bool
+) -> None:
+    bench = cutting(tmp_path)
+    until(bench, "Pocket to the arm")
+    bench.die(without_power)
+    assert "T2 was being made ready" in text(bench.changer.doubt) and "Pocket to the arm" in text(
+        bench.changer.doubt
+    )
+    assert bench.changer.unsure == {}, "no tool was moved by it"
+    nothing_moves(bench)
+    bench.confirm()
+    assert bench.changer.doubt is None
+    bench.begin("T2 M6")
+    assert bench.go(LONGEST) == "done" and bench.store.spindle == 2
+
+
+def test_between_two_steps_and_behind_the_last_nothing_is_in_doubt(tmp_path: Path) -> None:
+    bench = cutting(tmp_path)
+    until(bench, "Pocket to the arm")
+    bench.go(40)
+    bench.die(True)
+    assert bench.changer.doubt is None and bench.changer.told()["ready"] is None
+
+
+def test_a_pocket_that_does_not_come_is_told_and_the_cut_goes_on_until_m6_waits(tmp_path: Path) -> None:
+    bench = cutting(tmp_path)
+    bench.magazine.hang("ready", False)
+    until(bench, "Pocket to the arm")
+    while not bench.alarms:
+        assert bench.go(2) == "" and bench.cutting
+    assert bench.alarms[0][0] == "CHANGE_PREPARE" and "The pocket does not come" in bench.alarms[0][1]
+    assert bench.go(LONGEST) == "" and bench.store.step is None and bench.changer.under_way
+    joints = bench.stepped.joints
+    bench.go(100)
+    assert bench.stepped.joints == joints
+    bench.magazine.repair()
+    assert bench.go(LONGEST) == "done" and bench.store.spindle == 2
+
+
+def test_a_run_that_is_stopped_meanwhile_leaves_it_in_doubt(tmp_path: Path) -> None:
+    bench = cutting(tmp_path)
+    bench.magazine.hang("ready", False)
+    until(bench, "Pocket to the arm")
+    while not bench.alarms:
+        bench.go(2)
+    bench.stop()
+    bench.go(4)
+    assert bench.changer.doubt is not None
+
+
+def test_in_an_operators_hold_no_step_begins(tmp_path: Path) -> None:
+    bench = cutting(tmp_path)
+    until(bench, "Arm back")
+    bench.stepped.request(Request.HOLD)
+    for _ in range(100):
+        bench.go(2)
+    assert bench.store.preparation is None and bench.magazine.arm == 0
+    bench.resume()
+    assert bench.go(LONGEST) == "done" and bench.store.spindle == 2
+
+
+def test_a_step_that_the_tick_refuses_begins_once_it_is_permitted(tmp_path: Path) -> None:
+    """As by a door that was opened in the same moment."""
+    bench = cutting(tmp_path)
+    bench.changer.beside.name(0)
+    bench.go(10)
+    bench.changer.beside.name(2)
+    now = bench.stepped.board.read()
+    assert now is not None and now.mode is Mode.RUNNING
+    bench.changer.look(now)
+    bench.stepped.cycle.modes.interlock = Fault.DOOR_OPEN
+    assert bench.store.preparation is not None
+    bench.go(4)
+    assert [row[1] for row in bench.store.log()].count("prepared") == 1
+    assert bench.go(LONGEST) == "done" and bench.store.spindle == 2
+
+
+@pytest.mark.parametrize("value", [0.0, -1.0, 0.5, 8.0, 2.0**48, 8.0 * 2**24, math.nan, math.inf])
+def test_the_tick_switches_nothing_that_is_not_prepared_with(value: float) -> None:
+    stepped = SteppedMachine(machine(BESIDE))
+    before = stepped.cycle.peripherals._switched
+    assert not stepped.cycle.peripherals.by_hand(Request.PREPARE, value, Mode.RUNNING)
+    assert stepped.cycle.peripherals._switched == before
+
+
+def test_t_is_heard_where_the_program_comes_to_it(tmp_path: Path) -> None:
+    for changer, named in ((BESIDE, [2]), (CHANGER, [])):
+        made = blocks.read(CUT.encode(), machine(changer), "p.ngc").blocks
+        assert [one.tool for one in made if isinstance(one, Select)] == named
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "says"),
+    [
+        ('name = "Arm back"\noff = ["swing"]', 'name = "Arm back"\non = ["drawbar"]', "as the step"),
+        ('name = "Arm back"\noff = ["swing"]', 'name = "Arm back"\nmove_mm = { Z = 0 }', "move_mm"),
+        ('off = ["swing"]\ninput = "ready"\nlevel = "off"', 'off = ["swing"]', "input"),
+        (
+            'on = ["swing"]\ninput = "ready"',
+            'on = ["swing"]\nlevel = "on"\ninput = "ready"',
+            "pocket that stood there",
+        ),
+    ],
+)
+def test_a_preparation_is_checked_as_it_is_read(old: str, new: str, says: str) -> None:
+    assert old in BESIDE
+    with pytest.raises(ConfigError, match=says):
+        machine_file.read(machine(BESIDE).text.replace(BESIDE, BESIDE.replace(old, new, 1)), "m.toml")
+
+
+def test_simulated_a_pocket_that_is_prepared_comes(tmp_path: Path) -> None:
+    stepped = SteppedMachine(machine(BESIDE))
+    stepped.come_up()
+    path = checked.path_of(checked.task(b"T2 M6\nT3\nG0 X5\nM6\nM30\n", "p.ngc", machine(BESIDE)))
+    assert stepped.run(path).result == "completed"
+
+
+def test_a_tool_whose_life_ended_in_the_spindle_is_held_at_its_next_m6(tmp_path: Path) -> None:
+    bench = ChangerBench(tmp_path)
+    bench.confirm()
+    bench.moves_between = True
+    bench.begin("T2 M6\nG0 X5\nT2 M6\nG0 X6\nT2 M6\nG0 X7")
+    while bench.stepped.joints[0] < 12.9 or bench.store.step is not None:
+        assert bench.go(2) == ""
+    bench.worn = {2}
+    assert bench.go(LONGEST) == "held" and bench.stepped.joints[0] == pytest.approx(13.0)
+    bench.resume()
+    assert bench.go(LONGEST) == "held" and bench.stepped.joints[0] == pytest.approx(14.0)
+    bench.worn.clear()
+    bench.resume()
+    assert bench.go(LONGEST) == "done" and bench.store.spindle == 2 and bench.store.step is None
     assert [name for name, _ in bench.alarms] == ["CHANGE_WORN"] * 2
 
 
@@ -200,8 +407,10 @@ def test_a_tool_without_a_pocket_is_refused_with_its_line() -> None:
 
 
 def test_what_the_spindle_holds_already_is_not_changed() -> None:
-    made = blocks.read(b"T1 M6\n", machine(), "p.ngc").blocks
-    assert len(made) == 1
+    tool, stop, *rest = blocks.read(b"T1 M6\n", machine(), "p.ngc").blocks
+    assert isinstance(tool, Action) and isinstance(stop, Action) and not tool.changing
+    assert stop.changing == Changing(0, 1, 1, 0, True) and stop.changing.moves_nothing
+    assert [one.act for one in rest if isinstance(one, Action)] == [Act.COOLANT]
 
 
 def test_simulated_the_steps_are_no_stops_of_the_program() -> None:

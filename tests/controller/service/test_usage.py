@@ -260,6 +260,14 @@ def test_a_worn_tool_is_an_alarm_while_it_cuts(service: Service) -> None:
     assert [one["name"] for one in service.alarms.list()] == ["TOOL_WORN"]
 
 
+def test_with_a_worn_tool_the_sister_is_told_that_a_start_from_there_brings(service: Service) -> None:
+    service.usage.set_life(2, None, 1, None, 1)
+    worn_again(service, 2)
+    for told in (status.tool_change(MACHINE, 2, service.usage), service._worn(2)):
+        assert told is not None and "brings its sister T1" in messages.text(told)
+    assert service._worn(1) is None
+
+
 def test_a_worn_tool_that_is_asked_for_is_told_as_such(service: Service) -> None:
     worn(service, 5)
     told = status.tool_change(MACHINE, 5, service.usage)

@@ -143,6 +143,8 @@ class AskedMachine:
             return value in range(4)
         if request is Request.CLAMPS:
             return value in CLAMPS
+        if request is Request.PREPARE:
+            return False  # there is no changer that prepares
         if request is Request.HOME:
             return value in range(1, ALL_AXES + 1)
         if request is Request.JOG and jog is not None:

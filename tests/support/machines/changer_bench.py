@@ -16,7 +16,8 @@ from pathlib import Path
 from controller.machine import machine_file
 from controller.machine.model import Machine
 from controller.machine.tool_store import SPINDLE, ToolStore, placed
-from controller.messages import text
+from controller.messages import said, text
+from controller.motion.pieces import STANDSTILL
 from controller.plan.stretch import Chain, Pause
 from controller.runtime import checked, starts
 from controller.runtime.starts import Start
@@ -123,18 +124,71 @@ level = "fall"
 within_s = 1
 fails = "The magazine still stands locked."
 """
+
+_TAKE = CHANGER.index("[[changer.take]]")
+# The same magazine puts tools away; a second arm brings the pocket of the next one beside the cut.
+BESIDE = (
+    CHANGER[:_TAKE]
+    .replace("turn = 4", "turn = 4, arm0 = 5, arm1 = 6, swing = 7")
+    .replace("there = 3", "there = 3, ready = 4")
+    + """[[changer.take]]
+name = "Drawbar open"
+on = ["drawbar"]
+input = "drawbar_open"
+level = "on"
+within_s = 1
+fails = "The drawbar is not open."
+[[changer.take]]
+name = "Over the arm"
+move_mm = { X = -16, Z = 255 }
+within_s = 20
+fails = "X does not come to the arm."
+[[changer.take]]
+name = "Grip"
+off = ["drawbar"]
+input = "drawbar_closed"
+within_s = 1
+fails = "The drawbar does not close."
+carries = true
+[[changer.take]]
+name = "Away"
+move_mm = { X = 0 }
+off = ["swing"]
+input = "ready"
+level = "fall"
+within_s = 1
+fails = "The arm does not swing back."
+
+[[changer.prepare]]
+name = "Arm back"
+off = ["swing"]
+input = "ready"
+level = "off"
+within_s = 1
+fails = "The arm is not back."
+[[changer.prepare]]
+name = "Pocket to the arm"
+pocket = ["arm0", "arm1"]
+on = ["swing"]
+input = "ready"
+within_s = 1
+fails = "The pocket does not come to the arm."
+"""
+)
 TOOLS = (1, 2, 3)
-PLACES_MM = (-10.0, -12.0, -14.0)  # X of the pockets
+PLACES_MM = (-10.0, -12.0, -14.0)  # X of the pockets ...
+ARM_MM = -16.0  # ... and of the arm
 TAKES_S = 0.04  # a valve, a magazine
 LOOK_TICKS = 2
 LONGEST = 3000  # ticks that a change may take, whatever fails
-SWITCHES = ("drawbar_open", "drawbar_closed", "there")
+WORN = {"cut": 60.0, "way": 12.5, "parts": 3}
+SWITCHES = ("drawbar_open", "drawbar_closed", "there", "ready")
 
 
-def machine() -> Machine:
+def machine(changer: str = CHANGER) -> Machine:
     shipped = machine_file.load("trunnion").text
     slow = re.sub(r"^period_s = [^\n]*", "period_s = 0.01", shipped, flags=re.M)
-    return machine_file.read(slow + CHANGER, "m.toml")
+    return machine_file.read(slow + changer, "m.toml")
 
 
 @dataclass
@@ -144,6 +198,7 @@ class Magazine:
     machine: Machine
     places: dict[int, int]  # tool: its pocket, 0 = the spindle
     at: int = 0  # the pocket that stands under the spindle, 0 = none
+    arm: int = 0  # the pocket that the arm holds out, 0 = none
     dropped: set[int] = field(default_factory=set)
     hangs: dict[str, bool] = field(default_factory=dict)  # switches, and what they show
     stuck: bool = False  # the drawbar's valve: nothing comes of what it is told
@@ -159,7 +214,7 @@ class Magazine:
     def around(self, node: IoNode, x_mm: object) -> None:
         """It stands around this node; ``x_mm()`` tells where the spindle is."""
         self._node, self._x_mm, self._before = node, x_mm, node.outputs
-        for name in SWITCHES:
+        for name in self.switches:
             node.unwire(self._in[name])
         node.watchers.append(self._told)
         self._show(node.now_s)
@@ -169,8 +224,8 @@ class Magazine:
         node, changed, self._before = self._node, word ^ self._before, word
         assert node is not None
         self.changed += 1
-        for name, what in (("turn", self._turn), ("drawbar", self._draw)):
-            if changed >> self._out[name] & 1:
+        for name, what in (("turn", self._turn), ("drawbar", self._draw), ("swing", self._swing)):
+            if name in self._out and changed >> self._out[name] & 1:
                 node.alarm(f"magazine {name}", now_s + TAKES_S, what)
 
     def _on(self, name: str) -> bool:
@@ -181,6 +236,21 @@ class Magazine:
         self.at = self._on("bit0") + 2 * self._on("bit1") if self._on("turn") else 0
         self._show(now_s)
 
+    def _swing(self, now_s: float) -> None:
+        self.arm = self._on("arm0") + 2 * self._on("arm1") if self._on("swing") else 0
+        self._show(now_s)
+
+    @property
+    def switches(self) -> list[str]:
+        return [name for name in SWITCHES if name in self._in]
+
+    def _under(self) -> int:
+        """The pocket over which the spindle stands."""
+        x_mm: float = self._x_mm()  # type: ignore[operator]
+        if self.arm and abs(x_mm - ARM_MM) < 0.01:
+            return self.arm
+        return self.at if self.at and abs(x_mm - PLACES_MM[self.at - 1]) < 0.01 else 0
+
     def _draw(self, now_s: float) -> None:
         if not self.stuck:
             self._drawn(self._on("drawbar"))
@@ -190,11 +260,11 @@ class Magazine:
         """By its valve to open it, by its spring to close it."""
         self.open = opens
         held = next((tool for tool, pocket in self.places.items() if pocket == SPINDLE), 0)
-        under = self.at and abs(self._x_mm() - PLACES_MM[self.at - 1]) < 0.01  # type: ignore[operator]
-        there = next((tool for tool, pocket in self.places.items() if pocket == self.at), 0) if under else 0
+        under = self._under()
+        there = next((tool for tool, pocket in self.places.items() if pocket == under), 0) if under else 0
         if self.open and held:
             if under and not there:
-                self.places[held] = self.at
+                self.places[held] = under
             else:
                 self.dropped.add(held)
         elif not self.open and not held and there:
@@ -208,7 +278,10 @@ class Magazine:
             ("drawbar_open", self.open),
             ("drawbar_closed", not self.open),
             ("there", self.at > 0),
+            ("ready", self.arm > 0),
         ):
+            if name not in self._in:
+                continue
             self._node.set_input(self._in[name], self.hangs.get(name, on), now_s)
 
     def hang(self, name: str, on: bool) -> None:
@@ -230,14 +303,14 @@ class Magazine:
         """The spring closes the drawbar on what is there; then the magazine goes back by its own."""
         if self.open:
             self._drawn(False)
-        self.at = 0
+        self.at = self.arm = 0
 
 
 class ChangerBench:
     """Changes tools, is killed and asked what it knows."""
 
-    def __init__(self, folder: Path) -> None:
-        self.machine = machine()
+    def __init__(self, folder: Path, changer: str = CHANGER) -> None:
+        self.machine = machine(changer)
         self.file = folder / "tools.db"
         self.magazine = Magazine(self.machine, {tool: tool for tool in TOOLS})
         self.alarms: list[tuple[str, str]] = []
@@ -263,7 +336,8 @@ class ChangerBench:
             self.stepped,  # type: ignore[arg-type]
             lambda name, what: self.alarms.append((name, text(what))),
             self.machine.period_s,
-            lambda tool: {"number": tool, "cut": 60.0, "way": 12.5, "parts": 3} if tool in self.worn else {},
+            lambda tool: said("change_worn", **WORN, number=tool) if tool in self.worn else None,
+            self.machine.io,
         )
 
     def die(self, without_power: bool) -> None:
@@ -284,6 +358,15 @@ class ChangerBench:
 
     # -- one change
 
+    _cuts = False  # before M6
+    moves_between = False  # the program has motions of its own between changes
+
+    @property
+    def cutting(self) -> bool:
+        """In the program's first motion, before M6: what switches is a preparation."""
+        now = self.stepped.board.read()
+        return self._cuts and now is not None and now.motion_id in (STANDSTILL, 0) and self.store.step is None
+
     def _heard(self, items: Iterable[Chain | Pause]) -> Iterator[Chain | Pause]:
         for item in items:
             if isinstance(item, Pause) and item.changing is not None:
@@ -296,6 +379,7 @@ class ChangerBench:
         task = checked.task(program.encode(), "MDI", self.machine)
         start = Start(stepped.joints, follow.queue_end_s, in_spindle=spindle, typed=True, unchecked=True)
         self.changer.arm()
+        self._cuts = "G1" in program
         stepped.begin(checked.Walk(self._heard(starts.path_from(task, None, start).items)))
 
     def go(self, ticks: int) -> str:
@@ -308,8 +392,10 @@ class ChangerBench:
             assert now is not None
             moved = stepped.joints != before or self.magazine.changed != switched
             self.never_lost()
-            if moved and now.mode is Mode.RUNNING:
+            if moved and now.mode is Mode.RUNNING and not (self.cutting or self.moves_between):
                 self.knows_what_moves()
+            if self.magazine.changed != switched and self.cutting:
+                assert self.store.preparation is not None, "it switches what the disk does not know"
             self.changer.look(now)
             if now.mode is Mode.READY:
                 self.changer.ended()
@@ -356,7 +442,9 @@ def change(bench: ChangerBench, random_: random.Random) -> str:
     """One change of whatever comes, and after it what an operator does; what became of it."""
     tool = random_.choice([one for one in (0, *TOOLS) if one != (bench.store.spindle or 0)])
     what = random_.choice(("sound", "fails", "fails", "killed", "killed", "without power"))
-    bench.begin(f"T{tool} M6")
+    beside = bool(bench.machine.changer and bench.machine.changer.prepare)
+    bench.begin(f"T{tool}\nG1 X{random_.randrange(1, 30)} F3000\nM6" if beside else f"T{tool} M6")
+    bench.changer.beside.name(tool)
     if what == "sound":
         came = bench.go(LONGEST)
     elif what == "fails":
@@ -401,4 +489,4 @@ def fails_somehow(bench: ChangerBench, random_: random.Random) -> None:
     if random_.random() < 0.2:
         bench.magazine.stuck = True
     else:
-        bench.magazine.hang(random_.choice(SWITCHES), random_.random() < 0.5)
+        bench.magazine.hang(random_.choice(bench.magazine.switches), random_.random() < 0.5)

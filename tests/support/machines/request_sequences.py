@@ -42,7 +42,7 @@ ASKED = (
     *(Request.OVERRIDE, Request.RAPID_OVERRIDE, Request.SINGLE_BLOCK, Request.OPTIONAL_STOP) * 2,
     *(Request.ENABLE, Request.DISABLE, Request.RESET, Request.HOME) * 2,
     *(Request.ESTOP, Request.PLAN_LOST),
-    *(Request.SPINDLE_OVERRIDE, Request.SPINDLE, Request.COOLANT, Request.CLAMPS),
+    *(Request.SPINDLE_OVERRIDE, Request.SPINDLE, Request.COOLANT, Request.CLAMPS, Request.PREPARE),
 )
 DIRECTIONS = (
     *((1.0, 0.0, 0.0, 0.0, 0.0), (0.0, -1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0, 0.0)),

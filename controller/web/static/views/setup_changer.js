@@ -43,7 +43,9 @@ export function Changer() {
   if (!found) return html`<p class="dim">${word("by_hand")}</p>`;
   return html`${found.doubt && html`<p id="changer-doubt" class="wrong">${sentence(found.doubt)}</p>`}
     <p>${word("spindle")}: <span id="changer-spindle">${named(found.spindle)}</span>
-      ${found.step && html` · ${word("step")} ${found.step.step + 1}: ${found.step.name}`}</p>
+      ${found.step && html` · ${word("step")} ${found.step.step + 1}: ${found.step.name}`}
+      ${found.preparing && html` · ${word("preparing", `T${found.preparing.tool}`)}: ${found.preparing.name}`}
+      ${found.ready && html` · ${word("ready", `T${found.ready}`)}`}</p>
     <div class="row"><${Act} id="changer-confirm" text=${word("confirm")} press=${() => confirm(found)} /></div>
     <${Table} word=${word} columns=${["pocket", "tool", "place", ""]} body="changer-pockets">${found.pockets.map((row) => html`<${Pocket} key=${row.pocket} row=${row} />`)}<//>`;
 }
