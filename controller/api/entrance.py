@@ -33,7 +33,7 @@ Factory = Callable[[float], asyncio.Protocol]
 class Came(NamedTuple):
     """Somebody at the door; see ``_turn``."""
 
-    rank: int  # 2: asks for a stop; 1: has sent the head of a request
+    rank: int  # 2: has asked for a stop; 1: has sent the head of another request
     at_s: float
     address: str
     socket: socket.socket
@@ -96,22 +96,21 @@ class Entrance:
 
     def _came(self, one: socket.socket, address: tuple[str, int]) -> Came:
         one.setblocking(False)
-        said = b""
-        with contextlib.suppress(OSError):
-            said = one.recv(PEEKED, socket.MSG_PEEK)
-        rank = 2 if ASKS_FOR_STOP.match(said) else int(b"\r\n\r\n" in said)
-        return Came(rank, self._loop.time(), address[0], one)
+        return Came(_rank(one), self._loop.time(), address[0], one)
 
     def _sort(self) -> None:
         """Who goes first stands last; close who is too much."""
         kept, counted = list[Came](), Counter[tuple[str, int]]()
         for one in sorted(self._waiting, key=_turn, reverse=True):
             counted[one.address, one.rank] += 1
-            if len(kept) < self._most // 2 and counted[one.address, one.rank] <= self._of_one[one.rank]:
+            fits = len(kept) < self._most // 2 and counted[one.address, one.rank] <= self._of_one[one.rank]
+            if fits:
                 kept.append(one)
+            elif (rank := _rank(one.socket)) > one.rank:  # it has spoken since it came: it is sorted anew
+                kept.append(one._replace(rank=rank))
             else:
                 one.socket.close()
-        self._waiting = kept[::-1]
+        self._waiting = sorted(kept, key=_turn)
 
     def _let_in(self) -> None:
         for one in [self._waiting.pop() for _ in range(min(AT_A_TIME, len(self._waiting)))]:
@@ -134,6 +133,14 @@ class Entrance:
             )
             return
         one.socket.close()
+
+
+def _rank(one: socket.socket) -> int:
+    """By what has come, which stays where it is: half of a head is none, whatever it begins with."""
+    said = b""
+    with contextlib.suppress(OSError):
+        said = one.recv(PEEKED, socket.MSG_PEEK)
+    return int(b"\r\n\r\n" in said) and (2 if ASKS_FOR_STOP.match(said) else 1)
 
 
 def _turn(one: Came) -> tuple[int, float]:

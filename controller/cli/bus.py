@@ -8,6 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
+from controller.cli.speech import speaking
 from controller.machine import machine_file
 from controller.machine.model import Machine
 from controller.machine.toml_table import ConfigError
@@ -28,6 +29,7 @@ Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and no
 
 
 @app.command("bus")
+@speaking
 def bus(
     file: MachineArgument = None,
     machine: MachineOption = "trunnion",

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
+from controller.cli.speech import speaking
 from controller.geometry.vectors import Frame, Vector, add, rotate
 from controller.machine import machine_file
 from controller.machine.model import Machine, Tool
@@ -64,7 +65,7 @@ MICRON_MM = 1e-3  # a written surface is at least so near to its face
 
 def register(app: typer.Typer) -> None:
     """``import`` is a word of Python's, so the function cannot have that name."""
-    app.command("import")(import_)
+    app.command("import")(speaking(import_))
 
 
 def import_(

@@ -5,15 +5,14 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rich.table import Table
-
 from controller.cad import picture, words
 from controller.machine.model import Tool
-from controller.verify.console import show, tell
+from controller.values import dataclass
+from controller.verify.console import say, show, tell
+from controller.verify.tables import headed
 
 if TYPE_CHECKING:
     import numpy as np
@@ -74,21 +73,9 @@ def faces(file: Path, part: Part, seen: Sequence[Seen], as_json: bool) -> None:
     if as_json:
         print(json.dumps({"ok": True, "file": str(file), "unit": part.unit, "faces": rows}))
         return
-    table = Table(title=f"{file.name}, its unit: {part.unit}; mm and degrees")
-    for head in (
-        "face",
-        "kind",
-        "cut as",
-        "middle",
-        "normal",
-        "length",
-        "ruling",
-        "off ruled",
-        "hollow r",
-        "twist",
-    ):
-        left = head in ("kind", "cut as")
-        table.add_column(head, justify="left" if left else "right", no_wrap=True)
+    shape = ("middle", "normal", "length", "ruling", "off_ruled", "hollow", "twist")
+    heads = ("face", "face_kind", "cut_as", *shape)
+    table = headed("table.faces", heads, ("face_kind", "cut_as"), file=file.name, unit=part.unit)
     for row in rows:
         table.add_row(*_cells(row))
     show.print(table)
@@ -130,7 +117,7 @@ def _short(mm: float) -> str:
 
 def _remark(number: int, *remarks: str | None) -> None:
     if told := "; ".join(filter(None, remarks)):
-        show.print(f"Face {number}: {told}.", markup=False)
+        show.print(say("table.of_face", number=number, told=told), markup=False)
 
 
 def written(
@@ -152,13 +139,12 @@ def written(
         facts = {"ok": True, "file": str(file), "program": str(target), "tool": tool.number, "faces": rows}
         print(json.dumps(facts))
         return
-    table = Table(title=f"{target.name}: distance of surface and CAD face, µm")
-    for head in ("face", "kind", "cut as", "written to face", "face to written"):
-        table.add_column(head, justify="left" if head in ("kind", "cut as") else "right", no_wrap=True)
+    heads = ("face", "face_kind", "cut_as", "to_face", "to_written")
+    table = headed("table.off_faces", heads, ("face_kind", "cut_as"), program=target.name)
     for row in rows:
         away = [f"{1e3 * row[key]:.4f}" for key in ("to_face_mm", "to_written_mm")]
         table.add_row(str(row["number"]), row["kind"], row["cut_as"], *away)
     show.print(table)
     for row in rows:
         _remark(row["number"], row["remark"])
-    tell.print(f"T{tool.number} ({tool.name}). Next: directrix check {target}", markup=False)
+    tell.print(say("table.imported", tool=tool.number, name=tool.name, program=target), markup=False)

@@ -12,6 +12,7 @@ from rich import box
 from rich.markup import escape
 from rich.table import Table
 
+from controller.verify.console import say
 from drives.commissioning.remote import Outcome
 from drives.commissioning.setup import Row
 from drives.commissioning.survey import Entry, Status
@@ -22,13 +23,13 @@ SHORT = {"pre-operational": "pre-op"}
 
 def outcomes(found: Sequence[Outcome]) -> Table:
     """What commissioning changed, object by object; a drive that was right has one row."""
-    table = _table("Commissioned", "drive", "node", "object", "was", "is", because=True)
+    table = _table("commissioned", "drive", "node", "object", "was", "is", "because")
     for outcome in found:
         for change in outcome.changes:
             at = change.index, change.sub
             was, now = _value(*at, change.was), _value(*at, change.now)
             table.add_row(outcome.name, str(outcome.node), place(*at), was, now, escape(change.why))
-        left = f"{outcome.already_so} objects were already so" + (", stored" if outcome.stored else "")
+        left = say("drive_table.so_and_stored" if outcome.stored else "drives.so", count=outcome.already_so)
         table.add_row(outcome.name, str(outcome.node), "", "", "", left)
     return table
 
@@ -36,18 +37,19 @@ def outcomes(found: Sequence[Outcome]) -> Table:
 def found(rows: Sequence[dict[str, Any]]) -> Table:
     """Who answers on the buses."""
     titles = "bus", "node", "drive", "profile", "vendor", "product", "revision", "serial"
-    table = _table("Nodes that answer", *titles)
+    table = _table("nodes", *titles)
     for row in rows:
         kind = row["device_type"]
         words = [_hex(row[key]) for key in ("vendor", "product", "revision", "serial")]
         profile = "-" if kind is None else str(kind & 0xFFFF)
-        table.add_row(row["bus"], str(row["node"]), escape(row["name"] or "unknown"), profile, *words)
+        name = escape(row["name"] or say("drive_table.unknown"))
+        table.add_row(row["bus"], str(row["node"]), name, profile, *words)
     return table
 
 
 def status(found: Sequence[Status]) -> Table:
     """How the drives are; below an error the last ones before it (1003h)."""
-    table = _table("Drives", "drive", "node", "NMT", "state", "mode", "position", "error 603Fh, 1001h")
+    table = _table("drives", "drive", "node", "nmt", "state", "mode", "position", "error")
     for one in found:
         position = "-" if one.position_counts is None else str(one.position_counts)
         history = " ".join(f"{word & 0xFFFF:04X}" for word in one.history)
@@ -62,7 +64,7 @@ def status(found: Sequence[Status]) -> Table:
 
 def dump(entries: Sequence[Entry]) -> Table:
     """Every object of a drive."""
-    table = _table("Objects", "object", "name", "access", "value", "hex", "default")
+    table = _table("objects", "object", "name", "access", "value", "hex", "default")
     for entry in entries:
         at = entry.index, entry.sub
         value = entry.refused or _value(*at, entry.value)
@@ -75,7 +77,7 @@ def dump(entries: Sequence[Entry]) -> Table:
 
 def differences(rows: Sequence[Row], file: str) -> Table:
     """What is other in a drive than in a file."""
-    table = _table("Differences", "object", "name", file, "drive")
+    table = _table("differences", "object", "name", "file", "drive", file=file)
     for row in rows:
         now = row.refused if row.now is None else _value(*row.place, row.now)
         table.add_row(place(*row.place), escape(row.name), escape(_value(*row.place, row.kept)), escape(now))
@@ -84,10 +86,10 @@ def differences(rows: Sequence[Row], file: str) -> Table:
 
 def restored(rows: Sequence[Row]) -> Table:
     """What was put back, and what the drive did not take."""
-    table = _table("Put back", "object", "name", "was", "file", "drive")
+    table = _table("put_back", "object", "name", "was", "file", "drive", file=say("drive_table.the_file"))
     for row in rows:
         was, kept = _value(*row.place, row.now), _value(*row.place, row.kept)
-        result = f"refused: {row.refused}" if row.refused else "so now"
+        result = say("drive_table.refused", why=row.refused) if row.refused else say("drive_table.so_now")
         table.add_row(place(*row.place), escape(row.name), escape(was), escape(kept), escape(result))
     return table
 
@@ -96,11 +98,14 @@ def place(index: int, sub: int) -> str:
     return f"{index:04X}h:{sub:02X}"
 
 
-def _table(title: str, *columns: str, because: bool = False) -> Table:
-    table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
+def _table(title: str, *columns: str, **values: object) -> Table:
+    """By the keys of its title and its columns, in which ``values`` stand."""
+    heading = say(f"drive_table.title.{title}")
+    table = Table(title=heading, title_justify="left", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
     table.pad_edge = False
-    for column in (*columns, "because") if because else columns:
-        table.add_column(column, overflow="fold", no_wrap=column in ("object", "node"))
+    for column in columns:
+        told = say(f"drive_table.{column}", **values)
+        table.add_column(told, overflow="fold", no_wrap=column in ("object", "node"))
     return table
 
 

@@ -12,6 +12,7 @@ import typer
 
 from controller.cli import drive_buses, drive_tables, kept_drives, simulated_drives, stop_drives
 from controller.cli.drive_buses import EXPECTED, Channel, Joined, Json, MachineFile, OnBus, OnlyNode, PeriodMs
+from controller.cli.speech import speaking
 from controller.ipc import control_socket
 from controller.machine import arrangement, drive_profiles, nodes
 from controller.machine.model import Machine
@@ -74,6 +75,7 @@ def _period_s(period_ms: float) -> float:
 
 
 @app.command()
+@speaking
 def commission(
     machine: MachineFile = "trunnion",
     bus: OnBus = "",
@@ -155,6 +157,7 @@ def _identity(node: Settings) -> lss.Identity | None:
 
 
 @app.command()
+@speaking
 def scan(
     machine: MachineFile = "trunnion", bus: OnBus = "", channel: Channel = "", as_json: Json = False
 ) -> None:
@@ -208,6 +211,7 @@ def _strangers(joined: Joined, found: Sequence[survey.Found]) -> Iterator[str]:
 
 
 @app.command()
+@speaking
 def status(
     machine: MachineFile = "trunnion",
     bus: OnBus = "",
@@ -229,6 +233,7 @@ def status(
 
 
 @app.command()
+@speaking
 def dump(
     drive: Annotated[str, typer.Argument(help="Name of the axis, 'spindle' or 'io'.")],
     machine: MachineFile = "trunnion",
@@ -252,7 +257,7 @@ def dump(
 # --- save, restore, compare, stop, simulate ------------------------------------------------
 
 app.command("save")(kept_drives.save)
-app.command("restore")(kept_drives.restore)
-app.command("compare")(kept_drives.compare)
+app.command("restore")(speaking(kept_drives.restore))
+app.command("compare")(speaking(kept_drives.compare))
 app.command("stop")(stop_drives.stop)
 app.command("simulate")(simulated_drives.simulate)

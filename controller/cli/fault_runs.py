@@ -6,17 +6,17 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rich.table import Table
-
 from controller.machine.model import Machine
 from controller.runtime.observer import Observer
 from controller.runtime.startup import SessionError
 from controller.runtime.stepped import SteppedMachine
 from controller.verify import console
-from controller.verify.console import Misunderstood, Refused
+from controller.verify.console import Misunderstood, Refused, say
 from drives.commission import CommissionError
 
 if TYPE_CHECKING:
+    from rich.table import Table
+
     from controller.runtime.fault_file import Injected, MachineScript
 
 Facts = dict[str, Any]
@@ -85,16 +85,15 @@ def show(faults: Mapping[str, Any]) -> None:
 
 
 def _table(faults: Mapping[str, Any]) -> Table:
-    shown = Table(title=f"Faults; ticks count from the {_ORIGIN_WORDS[faults['from']]}")
-    shown.add_column("tick", justify="right", no_wrap=True)
+    from rich.table import Table
+
+    shown = Table(title=say(f"table.faults_from.{faults['from']}"))
+    shown.add_column(say("table.tick"), justify="right", no_wrap=True)
     shown.add_column("s", justify="right", no_wrap=True)
-    shown.add_column("what", overflow="fold")
+    shown.add_column(say("table.what"), overflow="fold")
     for tick, time_s, what in sorted(_lines(faults), key=lambda line: line[0]):
         shown.add_row(f"{tick}", f"{time_s:.3f}", what)
     return shown
-
-
-_ORIGIN_WORDS = {"program": "program's start", "home": "beginning of homing"}
 
 
 def _lines(faults: Mapping[str, Any]) -> list[tuple[int, float, str]]:

@@ -12,11 +12,11 @@ from rich.table import Table
 
 from controller.cli import remote
 from controller.cli.client import Json, TakeOver, Url, asked
-from controller.verify.console import show
+from controller.cli.speech import speaking
+from controller.verify.console import say, show
 
-SOURCES = {"file": "machine file", "machine": "set here"}
 
-
+@speaking
 def offsets(
     forget: Annotated[
         str, typer.Option("--forget", help="Take the machine file's again: G54, G92, G28, T3, #500, all.")
@@ -39,21 +39,22 @@ def offsets(
 
 def table(found: Mapping[str, Any]) -> Table:
     made = Table()
-    for head in ("name", "X Y Z", "rotaries", "turned X Y Z", "from"):
-        made.add_column(head)
+    for head in ("name", "xyz", "rotaries", "turned", "source"):
+        made.add_column(say(f"table.{head}"))
+    sources = {source: say(f"table.source.{source}") for source in ("file", "machine")}
     for name, row in found["offsets"].items():
         if not row["unset"]:
             turned = _numbers(row["turned_deg"]) if any(row["turned_deg"]) else ""
-            made.add_row(name, _numbers(row["origin_mm"]), _rotary(row), turned, SOURCES[row["source"]])
+            made.add_row(name, _numbers(row["origin_mm"]), _rotary(row), turned, sources[row["source"]])
     shift = found["shift"]
     state = " (G92.2)" if shift["suspended"] else ""
-    made.add_row(f"G92{state}", _numbers(shift["origin_mm"]), _rotary(shift), "", SOURCES[shift["source"]])
+    made.add_row(f"G92{state}", _numbers(shift["origin_mm"]), _rotary(shift), "", sources[shift["source"]])
     for name, row in found["references"].items():
         rotary = {axis: value for axis, value in row.items() if axis in "ABC"}
         xyz = _numbers([row[axis] for axis in "XYZ"])
-        made.add_row(name, xyz, _rotary({"rotary_deg": rotary}), "", SOURCES[row["source"]])
+        made.add_row(name, xyz, _rotary({"rotary_deg": rotary}), "", sources[row["source"]])
     for name, value in found["parameters"].items():
-        made.add_row(name, f"{value:g}", "", "", SOURCES["machine"])
+        made.add_row(name, f"{value:g}", "", "", sources["machine"])
     return made
 
 

@@ -15,8 +15,9 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 from rich.table import Table
 
+from controller.cli.speech import speaking
 from controller.ipc import control_socket
-from controller.verify.console import Refused, refusals, show
+from controller.verify.console import Refused, refusals, say, show
 
 if TYPE_CHECKING:
     from controller.api.store import Store
@@ -66,13 +67,14 @@ def add_user(name: Name, role: Role = "set_up", state: State = None) -> None:
 
 
 @users.command("list")
+@speaking
 def list_users(state: State = None) -> None:
     """Users and their roles."""
     with refusals(False, expected):
-        table = Table("user", "role", box=None, pad_edge=False)
+        table = Table(say("table.user"), say("table.role"), box=None, pad_edge=False)
         for user in store_in(state or control_socket.state_folder()).users.all():
             table.add_row(user.name, user.role)
-        show.print(table if table.row_count else "There are no users; only this computer is answered.")
+        show.print(table if table.row_count else say("table.no_users"))
 
 
 @users.command("remove")
@@ -100,13 +102,15 @@ def add_token(name: Name, role: Role = "operate", days: Days = None, state: Stat
 
 
 @tokens.command("list")
+@speaking
 def list_tokens(state: State = None) -> None:
     """Tokens by name; not what they are."""
     with refusals(False, expected):
-        table = Table("token", "role", "made by", "until", box=None, pad_edge=False)
+        heads = (say(f"table.{head}") for head in ("token", "role", "made_by", "until"))
+        table = Table(*heads, box=None, pad_edge=False)
         for token in store_in(state or control_socket.state_folder()).users.tokens():
             table.add_row(token.name, token.role, token.made_by, _until(token.expires_s))
-        show.print(table if table.row_count else "There are no tokens.")
+        show.print(table if table.row_count else say("table.no_tokens"))
 
 
 @tokens.command("remove")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -14,6 +14,7 @@ import typer
 from rich.table import Table
 
 from controller import atomic_file
+from controller.cli.speech import speaking
 from controller.machine import machine_file
 from controller.machine.model import Tool
 from controller.machine.toml_table import ConfigError
@@ -25,9 +26,10 @@ from controller.post.text import Asked, post
 from controller.program import blocks, linked
 from controller.program.program import CutBlock
 from controller.runtime import checked
-from controller.verify import passes
+from controller.values import dataclass
+from controller.verify import passes, tables
 from controller.verify.audit import Watched
-from controller.verify.console import Refused, bar, refusals, show
+from controller.verify.console import Refused, bar, refusals, say, show
 from controller.verify.judge import Zone, judge
 from controller.verify.nominal import Nominal
 from controller.verify.sweep import Pass
@@ -46,7 +48,6 @@ LONGER_MM = 0.2  # of the cutter's end, for the comparison
 SAME_MM = 0.02  # a tip so near to the nearest is there, too
 FEWEST_ROWS = 4  # of a pass: a cubic needs four
 OURS = "rulings"
-NAMES = {OURS: "this program", "tip": "G43.4", "joints": "joints"}
 
 
 Ends = Mapping[int, tuple[Array, Array]]
@@ -105,7 +106,7 @@ def post_(
 
 def register(app: typer.Typer) -> None:
     """The module has the name of the command."""
-    app.command("post")(post_)
+    app.command("post")(speaking(post_))
 
 
 @dataclass(frozen=True, slots=True)
@@ -212,12 +213,11 @@ def _between(row: Sequence[Pass], start: Array, end: Array) -> Iterator[Pass]:
 
 def _table(program: Path, chord: float, exact: bool, rows: list[Row]) -> Table:
     how = "G61" if exact else f"G64 P{chord:g}"
-    table = Table(title=f"{program.name} beside lines within {chord:g} mm ({how}); deviations in µm")
-    for head in ("written as", "lines", "bytes", "time", "overcut", "undercut"):
-        table.add_column(head, justify="left" if head == "written as" else "right", no_wrap=True)
+    heads = ("written_as", "lines", "bytes", "time", "overcut_um", "undercut")
+    table = tables.headed("table.posted", heads, ("written_as",), program=program.name, chord=chord, how=how)
     for row in rows:
         table.add_row(
-            NAMES[row.form],
+            say(f"table.form.{row.form}"),
             str(row.lines),
             str(row.size),
             f"{row.duration_s:.2f} s",

@@ -15,6 +15,7 @@ from controller.cli.client import Json, TakeOver, Url, asked
 from controller.cli.speech import say, speaking
 from controller.machine import tool_files
 from controller.machine.toml_table import ConfigError
+from controller.verify import console
 from controller.verify.console import Refused, show
 
 SENT = ("name", "radius_mm", "length_mm", "flute_mm", "corner_mm", "taper_deg")
@@ -121,7 +122,7 @@ def _write(file: Path, rows: Mapping[int, Any]) -> None:
         raise Refused(
             f"--export {file}: cannot be written ({error.strerror}); choose another place."
         ) from error
-    show.print(f"{len(rows)} tools in {file}.", markup=False)
+    show.print(console.say("table.tools_in", count=len(rows), file=file), markup=False)
 
 
 def _format(file: Path, option: str) -> None:
@@ -136,8 +137,8 @@ def _numbers(rows: Mapping[int, Any]) -> str:
 
 def table(rows: Mapping[int, Any]) -> Table:
     made = Table()
-    for head in ("tool", "name", "radius", "corner", "flute", "length", "wear R", "wear L"):
-        made.add_column(head)
+    for head in ("tool", "name", "radius", "corner", "flute", "length", "wear_radius", "wear_length"):
+        made.add_column(console.say(f"table.{head}"))
     for number, row in rows.items():
         names = ("radius_mm", "corner_mm", "flute_mm", "length_mm", "wear_radius_mm", "wear_length_mm")
         made.add_row(f"T{number}", row["name"], *(f"{row[name]:.3f}" for name in names))

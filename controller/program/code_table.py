@@ -313,7 +313,7 @@ ROWS: tuple[Code, ...] = (
     *done(
         "call",
         FANUC,
-        ("G65", "PL", "calls macro P, L times, with the other words as its parameters (below)"),
+        ("G65", "PL", "calls macro P, L times, with the other words as its parameters (above)"),
         ("G66", "PL", "the same behind each line that moves"),
         ("G67", "", "ends G66"),
         dialect="fanuc",

@@ -30,7 +30,7 @@ from __future__ import annotations
 import math
 import random
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Protocol
 
@@ -40,6 +40,7 @@ from controller.machine.model import Joints, Machine, Sensor
 from controller.machine.toml_table import Table, parse, read_text
 from controller.runtime import simulated_part
 from controller.runtime.simulated_part import Part
+from controller.values import dataclass
 from drives.simulated.drive import SimulatedDrive
 
 NEAR_MM = 0.2  # nearer than that the direction of the contact is looked at

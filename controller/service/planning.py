@@ -14,7 +14,7 @@ from bisect import bisect_right
 from collections import deque
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -41,6 +41,7 @@ from controller.runtime.startup import SessionError
 from controller.service import entry_state
 from controller.service.folders import Folders
 from controller.service.planner_client import Answer, Awaited, News, Order, Program, Said, Turn, Way
+from controller.values import dataclass
 
 NEWS_S = 0.1
 MAX_OFFSETS = 99

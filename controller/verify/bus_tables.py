@@ -11,6 +11,7 @@ from rich.bar import Bar
 from rich.console import Group
 from rich.table import Table
 
+from controller.verify.console import say
 from drives.load import timeline
 from drives.load.budget import BusBudget
 from drives.load.bus_frames import Row
@@ -28,20 +29,21 @@ def _table(title: str | None, first: str, others: Sequence[str]) -> Table:
     table = Table(
         title=title, box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False, title_justify="left"
     )
-    table.add_column(first, no_wrap=True)
+    table.add_column(say(f"bus_table.{first}"), no_wrap=True)
     for head in others:
-        table.add_column(head, justify="right", no_wrap=True)
+        table.add_column(say(f"bus_table.{head}"), justify="right", no_wrap=True)
     return table
 
 
 def _tick(one: BusBudget) -> Table:
-    title = f"{one.bus}: {_rate(one)}, one tick of {one.period_us:g} us at its worst"
+    title = say("bus_table.tick", bus=one.bus, rate=_rate(one), period=one.period_us)
     table = _table(title, "frame", ("id", "bytes", "worst", "mean", "from"))
     slots = timeline.worst(one)
     names = [slot.row.what + _every(slot.row) for slot in slots]
     width = max(SHORTEST_BAR, COLUMNS - NUMBERS - max(map(len, names)))
     size = max(one.period_us, one.total_us)
-    table.add_column(f"to{size:>{width - 3}g}", width=width, no_wrap=True)
+    to = say("bus_table.to")
+    table.add_column(f"{to}{size:>{width - len(to) - 1}g}", width=width, no_wrap=True)
     for name, slot in zip(names, slots, strict=True):
         row = slot.row
         numbers = f"{row.worst_us:.0f}", f"{row.typical_us:.0f}", f"{slot.start_us:.0f}"
@@ -57,11 +59,13 @@ def _every(row: Row) -> str:
 
 def _seldom(one: BusBudget) -> Table:
     """The other frames, those of one kind in one row."""
-    table = _table(None, "now and then", ("id", "bytes", "worst", "mean", "every"))
+    table = _table(None, "seldom", ("id", "bytes", "worst", "mean", "every"))
     for what, rows in _alike((*one.background, *one.occasional)):
         ids = " .. ".join(dict.fromkeys(f"{row.can_id:03X}h" for row in (rows[0], rows[-1])))
         first = rows[0]
-        every = f"{1.0 / first.per_tick:g} ticks" if first.per_tick else "event"
+        every = say("bus_table.event")
+        if first.per_tick:
+            every = say("bus_table.ticks", count=1.0 / first.per_tick)
         worst, mean = max(row.worst_us for row in rows), max(row.typical_us for row in rows)
         table.add_row(what, ids, str(first.data_bytes), f"{worst:.0f}", f"{mean:.0f}", every)
     return table
@@ -83,32 +87,30 @@ def _alike(rows: Sequence[Row]) -> Iterator[tuple[str, list[Row]]]:
 def sentences(one: BusBudget, max_share: float) -> Iterator[str]:
     """The sums in words."""
     if not one.bit_rate:
-        yield "No bit timing: frames take no time on this virtual bus, so that everything fits."
+        yield say("bus_table.untimed")
         return
-    yield (
-        f"Fullest tick {one.total_us:.0f} us = {one.share:.1%} of the tick, allowed {max_share:.0%}; "
-        f"heartbeats {one.background_us:.0f} us a tick."
-    )
-    yield (
-        f"A typical tick takes {one.typical_us:.0f} us = {one.typical_us / one.period_us:.1%}, "
-        f"the longest over all payloads {one.longest_us:.0f} us."
-    )
+    sums = {"total": one.total_us, "share": one.share, "most": max_share, "background": one.background_us}
+    yield say("bus_table.fullest", **sums)
+    typical = {"typical": one.typical_us, "share": one.typical_us / one.period_us, "longest": one.longest_us}
+    yield say("bus_table.typical", **typical)
     if one.spare_us >= 0.0:
-        yield f"Setpoints are across after {one.last_us:.0f} us: a tick may send {one.spare_us:.0f} us late."
+        yield say("bus_table.spare", last=one.last_us, spare=one.spare_us)
     yield _at_once(one)
     every = one.sdo_every(max_share)
-    paced = f"one question every {every} ticks" if every and every > 1 else "one question every tick"
-    yield f"SDO while it runs: {paced if every else 'none'}."
+    if every and every > 1:
+        yield say("bus_table.sdo_every", ticks=every)
+    else:
+        yield say("bus_table.sdo_each" if every else "bus_table.sdo_none")
 
 
 def _at_once(one: BusBudget) -> str:
-    text = f"Everything in one tick, SDO and emergencies too: {one.crowded_us:.0f} us"
     room_us = one.period_us - one.total_us
     if room_us <= 0.0:
-        return f"{text}; never worked off."
+        return say("bus_table.crowded_for_ever", crowded=one.crowded_us)
     ticks = max(1, math.ceil((one.crowded_us - one.total_us) / room_us))
-    return f"{text}, worked off in {ticks} {'tick' if ticks == 1 else 'ticks'}."
+    key = "bus_table.crowded_once" if ticks == 1 else "bus_table.crowded"
+    return say(key, crowded=one.crowded_us, ticks=ticks)
 
 
 def _rate(one: BusBudget) -> str:
-    return f"{one.bit_rate // 1000} kbit/s" if one.bit_rate else "no bit timing"
+    return f"{one.bit_rate // 1000} kbit/s" if one.bit_rate else say("bus_table.no_timing")

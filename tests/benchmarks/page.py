@@ -3,6 +3,8 @@
 A machine as in a shop stands with its drives on; turns with and without the pages alternate in one
 run, so both meet the same computer. The lateness of every tick comes from the recorder. The browser
 runs at the lowest priority: in a shop it is another computer.
+
+And how long a page takes from its address to the first figure of the machine, with nothing kept from before.
 """
 
 from __future__ import annotations
@@ -29,6 +31,9 @@ from controller.ipc.control_socket import Client, control_path  # noqa: E402
 PAGES = 20
 SETTLE_S = 2.0  # after the pages came or went
 STATUSES_S = 20.0  # that each page is told
+FIRST_S = 1.0  # until the first figure
+OPENED = 10  # pages, one after another
+FIGURE = "() => /[0-9]/.test(document.querySelector('.dro td.big')?.textContent ?? '') && performance.now()"
 COUNT = "() => { window.heard = 0; dx.on('status', () => { window.heard += 1; }); }"
 
 
@@ -44,6 +49,16 @@ def come(pages: list[Any], shop: Shop) -> None:
 def go(pages: list[Any]) -> None:
     for page in pages:
         page.goto("about:blank")
+
+
+def first_figure_s(chromium: Any, shop: Shop) -> float:
+    """Seconds since the page began to load, by the browser's own clock."""
+    context = chromium.new_context()
+    page = context.new_page()
+    page.goto(shop.url, wait_until="commit")
+    found = page.wait_for_function(FIGURE).json_value()
+    context.close()
+    return float(found) / 1e3
 
 
 def turn(shop: Shop, door: Client, seconds: float) -> tuple[np.ndarray, int]:
@@ -62,6 +77,7 @@ def measure(rounds: int, seconds: float, period_s: float, nice: int, count: int)
         door = Client(control_path(shop.runtime))
         os.nice(nice)  # the browser inherits it, the machine does not
         with browser.browser() as chromium:
+            first_s = [first_figure_s(chromium, shop) for _ in range(OPENED if count > 1 else 1)]
             pages = [chromium.new_page() for _ in range(count)]
             for number in range(2 * rounds):
                 name = "pages" if number % 2 else "quiet"
@@ -78,6 +94,7 @@ def measure(rounds: int, seconds: float, period_s: float, nice: int, count: int)
         "us": {name: percentiles(np.concatenate(values)) for name, values in late.items()},
         "skips": skips,
         "statuses per s and page": float(np.mean(heard)),
+        "first figure": float(np.median(first_s)),
     }
 
 
@@ -89,10 +106,11 @@ def report(short: bool) -> Report:
     rounds, seconds, count = (1, 0.5, 1) if short else (3, 10.0, PAGES)
     found = measure(rounds, seconds, PERIOD_S, NICE, count)
     statuses = Figure("statuses to each page", found["statuses per s and page"], "1/s", STATUSES_S, "told")
+    first = Figure("first figure of a page", found["first figure"], "s", FIRST_S, "wanted")
     note = f"{count} pages; skips {found['skips']}"
     if statuses.value < ENOUGH * STATUSES_S:
         note += "; the pages were not told all: this computer has no time for so many, read it with care"
-    return Report((*told(found, "pages"), statuses), note=note)
+    return Report((*told(found, "pages"), statuses, first), note=note)
 
 
 if __name__ == "__main__":

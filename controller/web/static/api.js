@@ -44,12 +44,12 @@ function refused(said, quiet) {
   if (!quiet) say(sentence(facts) || `${said.status}`, "warn");
 }
 
-// Ask for a path again and again while a view is shown; fn gets the body of each answer, ``wrong`` the
-// sentence of one that is none. Gives what looks at once.
-export function every(view, seconds, path, fn, wrong = () => {}) {
+// Ask for a path again and again while one of the views is shown, and when programs or the job change; fn gets
+// the body of each answer, ``wrong`` the sentence of one that is none. Gives what looks at once.
+export function every(views, seconds, path, fn, wrong = () => {}) {
   let busy = false;
   const look = async () => {
-    if (!dx.shown(view) || busy || document.hidden) return;
+    if (!views.split(" ").some(dx.shown) || busy || document.hidden) return;
     busy = true;
     try {
       const said = await call("GET", typeof path === "function" ? path() : path, null, true);
@@ -60,7 +60,7 @@ export function every(view, seconds, path, fn, wrong = () => {}) {
       busy = false;
     }
   };
-  dx.on("view", (name) => name === view && look());
+  for (const topic of ["view", "programs", "job"]) dx.on(topic, look);
   setInterval(look, seconds * 1000);
   return look;
 }

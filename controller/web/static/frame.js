@@ -88,8 +88,8 @@ function Choices() {
     <button class="small" id="dx-language" type="button" title=${word(`language.${other}`)} aria-label=${word(`language.${other}`)} onclick=${() => speak(other)}>${other.toUpperCase()}</button>
     <button class="small" id="dx-theme" type="button" title=${word("frame.theme")} aria-label=${word("frame.theme")} onclick=${theme}>
       <${Icon} name="contrast" /></button>
-    ${dx.shown("run") && html`<button class="small" id="dx-large" type="button" title=${word("frame.large")} aria-label=${word("frame.large")} aria-pressed=${String(large())} onclick=${enlarge}>A+</button>`}
-    ${dx.shown("run") && html`<button class="small" id="dx-unit" type="button" title=${word("frame.unit")} aria-label=${`${word("frame.unit")}: ${forms.units()}`} onclick=${turn_unit}>${forms.units()}</button>`}
+    ${dx.shown("run") && html`<button class="small" id="dx-large" type="button" title=${word("frame.large")} aria-label=${word("frame.large")} aria-pressed=${String(dx.large)} onclick=${() => turn("large")}>A+</button>`}
+    ${dx.shown("run") && html`<button class="small" id="dx-unit" type="button" title=${word("frame.unit")} aria-label=${`${word("frame.unit")}: ${forms.units()}`} onclick=${() => turn("inch")}>${forms.units()}</button>`}
     ${dx.user?.csrf && html`<button class="small" id="dx-log-out" type="button" title=${out} aria-label=${out} onclick=${log_out}>
       <span class="user-name">${dx.user.name}</span><${Icon} name="leave" /></button>`}
   </div>`;
@@ -109,17 +109,10 @@ function theme() {
   dx.tell("theme", root.dataset.theme);
 }
 
-// Places and feed of Run for who stands two metres away; this browser keeps it.
-export const large = () => document.cookie.split("; ").includes("directrix_large=1");
-
-function enlarge() {
-  remember("large", large() ? "0" : "1");
-  dx.draw();
-}
-
-function turn_unit() {
-  dx.inch = !dx.inch;
-  keep("inch", dx.inch);
+// On or off; this browser keeps it.
+function turn(key) {
+  dx[key] = !dx[key];
+  keep(key, dx[key]);
   dx.draw();
 }
 

@@ -82,6 +82,10 @@ export const Choice = ({ label, name, values, chosen, choose }) =>
       <span>${text}</span></button>`)}
   </div>`;
 
+// One of some values, each with its text.
+export const Select = ({ options, text = (one) => one, value, choose, ...more }) =>
+  html`<select ...${more} value=${value} onchange=${(event) => choose(event.target.value)}>${options.map((one) => html`<option key=${one} value=${one} selected=${one === value}>${text(one)}</option>`)}</select>`;
+
 // Terms and what they are; rows whose value is not known are left out.
 export const Facts = ({ rows, ...more }) =>
   html`<dl ...${more} class=${`facts ${more.class ?? ""}`}>

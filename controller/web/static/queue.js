@@ -10,8 +10,7 @@ const word = (key, ...values) => text(`queue.${key}`, ...values);
 const MOST = 10000;
 const BUSY = ["loading", "starting", "running", "held", "stopping"];
 let told = { entries: [], next: null };
-const looks = ["programs", "run"].map((view) => every(view, 2, "queue", (body) => (told = body)));
-for (const topic of ["programs", "job"]) dx.on(topic, () => looks.forEach((look) => look()));
+every("programs run", 2, "queue", (body) => (told = body));
 
 async function change(method, path, body) {
   const said = await call(method, path, body);

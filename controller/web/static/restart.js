@@ -8,8 +8,7 @@ import { sentence, word } from "./texts.js";
 
 const ENDED = ["stopped", "fault", "interrupted"];
 let told = null;
-const looks = ["programs", "run"].map((view) => every(view, 3, "restart", (body) => (told = body)));
-dx.on("job", () => looks.forEach((look) => look()));
+every("programs run", 3, "restart", (body) => (told = body));
 
 // Nothing else is loaded, and it does not run.
 const waits = (job) => !job || (job.sha256 === told.sha256 && ENDED.includes(job.state));

@@ -13,7 +13,8 @@ export const dx = {
   user: null, // { name, role, csrf }
   holder: null, // of the control token: a name
   silent_s: 0, // for so long nothing was heard of the holder
-  inch: false, // lengths of Run and 3-D are shown in inches; programs, tables and steps keep their own unit
+  inch: kept("inch", false), // lengths of Run and 3-D are shown in inches; programs, tables and steps keep their own unit
+  large: kept("large", false), // places and feed of Run for who stands two metres away
   token: "", // "" = this page does not hold it
   view: "",
   folder: "", // of the programs that are listed; what is uploaded goes into it
@@ -45,7 +46,6 @@ dx.holds = () => dx.token !== "";
 dx.axis = (name) => (dx.facts.axes ?? []).find((axis) => axis.name === name) ?? {};
 dx.draw = () => {}; // main.js puts the drawing here
 
-dx.inch = kept("inch", false);
 let asked = false;
 
 // Draw soon: however much comes, a screen shows sixty pictures a second.

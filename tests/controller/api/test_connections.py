@@ -44,6 +44,20 @@ SLOW = b"POST /api/v1/session HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Length: 90\
 SENT = (b"", HALF, SLOW)
 HELLO = b"\x16\x03\x01\x02\x00\x01\x00"  # a handshake of TLS that announces more than comes
 FLOOD = 2000  # connections
+GOES_ON = """
+import collections, contextlib, socket, ssl, sys
+port, sent, tls = sys.argv[1:]
+wrap = ssl._create_unverified_context().wrap_socket if tls else lambda one: one
+kept, opened = collections.deque(maxlen=200), 0  # those that fall out are closed
+while True:
+    with contextlib.suppress(OSError):
+        one = wrap(socket.create_connection(("127.0.0.1", int(port)), timeout=5.0))
+        one.sendall(sent.encode())
+        kept.append(one)
+        opened += 1
+        if opened == 200:
+            print("begun", flush=True)
+"""
 PART = round(10.0 * SLOWEST_BYTES_S)  # of a body
 LIMITS = Limits(most=24, most_per_address=8, at_once=64, grace_s=0.05)
 
@@ -298,23 +312,14 @@ def secured(folder: Path) -> tuple[ssl.SSLContext, tuple[str, ...]]:
     return ssl.create_default_context(cafile=files[0]), ("--tls-certificate", files[0], "--tls-key", files[1])
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("with_tls", [False, True])
-def test_with_few_files_a_logged_in_stop_is_heard_through_two_thousand_half_open_connections(
-    with_tls: bool, tmp_path: Path, scene: Scene
-) -> None:
+@contextlib.contextmanager
+def panel_with_few_files(folder: Path, options: tuple[str, ...] = ()) -> Iterator[tuple[int, FakeDoor]]:
     """The command itself, as its unit starts it, with a limit of files that cannot be raised."""
-    tls, options = secured(tmp_path) if with_tls else (None, ())
-    sent = (b"", HELLO) if with_tls else SENT
-    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
-    if hard < FLOOD + 500:
-        pytest.skip(f"needs {FLOOD + 500} files for its own ends")
-    resource.setrlimit(resource.RLIMIT_NOFILE, (max(soft, FLOOD + 500), hard))
-    port, runtime, log = free_port(), tmp_path / "run", tmp_path / "panel.log"
+    port, runtime, log = free_port(), folder / "run", folder / "panel.log"
     runtime.mkdir()
-    door, flood = FakeDoor(), list[socket.socket]()
+    door = FakeDoor()
     door.mode = "RUNNING"
-    where = ("--state", str(tmp_path), "--runtime", str(runtime), "--port", str(port), *options)
+    where = ("--state", str(folder), "--runtime", str(runtime), "--port", str(port), *options)
     with contextlib.closing(Server(control_path(runtime), door.answer)), open(log, "wb") as told:
         panel = subprocess.Popen(
             [sys.executable, "-m", "controller", "panel", "--no-page", *where],
@@ -327,25 +332,62 @@ def test_with_few_files_a_logged_in_stop_is_heard_through_two_thousand_half_open
         try:
             until(lambda: answers(port, panel, log), "the panel")
             quiet_mb = resident_mb(panel.pid)
-            for _ in range(FLOOD):
-                one = socket.socket()
-                one.setblocking(False)
-                one.connect_ex(("127.0.0.1", port))
-                flood.append(one)
-            for kind, one in enumerate(flood):
-                with contextlib.suppress(OSError):
-                    one.send(sent[kind % len(sent)])
-            assert stop(port, scene.tokens["operate"], tls) == 200, "right behind them"
-            took_s = [stop_s(port, scene.tokens["operate"], door, tls) for _ in range(20)]
-            assert statistics.median(took_s) < 0.5, took_s
-            assert set(door.moved) == {"stop"} and len(door.moved) == 21
+            yield port, door
             assert resident_mb(panel.pid) < quiet_mb + 100.0
         finally:
             panel.kill()
             panel.wait(HANGS_S)
-            for one in flood:
-                one.close()
     assert "rror" not in log.read_text() and "Traceback" not in log.read_text()
+
+
+def assert_stops_are_heard(port: int, token: str, door: FakeDoor, tls: ssl.SSLContext | None) -> None:
+    assert stop(port, token, tls) == 200, "right behind them"
+    took_s = [stop_s(port, token, door, tls) for _ in range(20)]
+    assert statistics.median(took_s) < 0.5, took_s
+    assert set(door.moved) == {"stop"} and len(door.moved) == 21
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("with_tls", [False, True])
+def test_a_logged_in_stop_is_heard_through_two_thousand_half_open_connections(
+    with_tls: bool, tmp_path: Path, scene: Scene
+) -> None:
+    tls, options = secured(tmp_path) if with_tls else (None, ())
+    sent = (b"", HELLO) if with_tls else SENT
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    if hard < FLOOD + 500:
+        pytest.skip(f"needs {FLOOD + 500} files for its own ends")
+    resource.setrlimit(resource.RLIMIT_NOFILE, (max(soft, FLOOD + 500), hard))
+    flood = [socket.socket() for _ in range(FLOOD)]
+    with panel_with_few_files(tmp_path, options) as (port, door):
+        for one in flood:
+            one.setblocking(False)
+            one.connect_ex(("127.0.0.1", port))
+        for kind, one in enumerate(flood):
+            with contextlib.suppress(OSError):
+                one.send(sent[kind % len(sent)])
+        assert_stops_are_heard(port, scene.tokens["operate"], door, tls)
+        for one in flood:
+            one.close()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("with_tls", [False, True])
+def test_a_logged_in_stop_is_heard_while_half_requests_go_on_coming_from_its_own_address(
+    with_tls: bool, tmp_path: Path, scene: Scene
+) -> None:
+    """As fast as a process can open them; with TLS their handshakes are finished."""
+    tls, options = secured(tmp_path) if with_tls else (None, ())
+    with panel_with_few_files(tmp_path, options) as (port, door):
+        told = [str(port), HALF.decode(), "tls" * with_tls]
+        flood = subprocess.Popen([sys.executable, "-c", GOES_ON, *told], stdout=subprocess.PIPE)
+        try:
+            assert flood.stdout is not None and flood.stdout.readline() == b"begun\n"
+            assert_stops_are_heard(port, scene.tokens["operate"], door, tls)
+            assert flood.poll() is None
+        finally:
+            flood.kill()
+            flood.wait(HANGS_S)
 
 
 def answers(port: int, panel: subprocess.Popen[bytes], log: Path) -> bool:

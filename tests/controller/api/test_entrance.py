@@ -105,6 +105,43 @@ def test_a_stop_behind_a_crowd_comes_in_before_it(site: Site) -> None:
     assert ages == sorted(ages, reverse=True), "the newest first"
 
 
+def test_half_of_a_stop_is_none(site: Site) -> None:
+    site.come(STOP)
+    for _ in range(300):
+        site.come(STOP[:-4] + b"\r\nX-Some: h")
+
+    async def first_in() -> None:
+        async with site.open():
+            await until(lambda: len(site.inside) == 1 + OF_ONE // 4)
+            await until(lambda: site.inside[0].said != b"")
+
+    asyncio.run(first_in())
+    assert site.inside[0].said == STOP
+
+
+def test_who_has_spoken_since_he_came_is_not_closed_for_his_silence(
+    site: Site, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    looked, rank = set[socket.socket](), entrance._rank
+
+    def later(one: socket.socket) -> int:
+        silent = one not in looked
+        looked.add(one)
+        return 0 if silent else rank(one)
+
+    monkeypatch.setattr(entrance, "_rank", later)
+    site.come(STOP)
+    for _ in range(300):
+        site.come(HALF)
+
+    async def first_in() -> None:
+        async with site.open():
+            await until(lambda: bool(site.inside) and site.inside[0].said != b"")
+
+    asyncio.run(first_in())
+    assert site.inside[0].said == STOP
+
+
 def test_those_who_came_in_one_moment_of_a_coarse_clock_come_in(site: Site) -> None:
     for _ in range(20):
         site.come(HEAD)

@@ -21,18 +21,6 @@ pytestmark = pytest.mark.slow
 
 PLACE = (str(cut.LINE), str(cut.BLOCK), "25 %", "0.2500")
 TIMES = ("0:29", "0:50", "1:15")  # elapsed, left, in all
-SHOWN = r"""() => {
-  const texts = (where) => [...document.querySelectorAll(where)].map((one) => one.textContent);
-  return {
-    axes: texts(".dro tbody tr").map((row) => row.match(/[0-9]+\.[0-9]{3}/)?.[0]),
-    place: texts(".program-head .strong"),
-    times: texts(".times .time .strong").slice(0, 3),
-    share: Number(getComputedStyle(document.querySelector(".program-bar")).getPropertyValue("--share")),
-    line: texts(".listing .now").join(),
-    stale: Boolean(document.querySelector(".line.stale").offsetParent),
-    alarm: document.querySelector(".line.alarm").innerText,
-  };
-}"""
 
 
 class Shop:
@@ -81,7 +69,7 @@ def shown(page: Any, *, stale: bool) -> dict[str, Any]:
     """The page with all its figures: axes, place, times."""
     page.wait_for_function("([stale]) => window.dx?.status && dx.stale === stale", arg=[stale])
     page.wait_for_selector(".listing .now")
-    found: dict[str, Any] = page.evaluate(SHOWN)
+    found: dict[str, Any] = page.evaluate(browser.FIGURES_OF_RUN)
     assert len(found["axes"]) == 5 and all(found["axes"]), found
     assert tuple(found["place"]) == PLACE and tuple(found["times"]) == TIMES, found
     assert found["share"] == pytest.approx(25 / 75) and "N50 G51" in found["line"]

@@ -59,7 +59,7 @@ def test_without_control_it_is_said_who_has_it(page: Any, site: Site) -> None:
     page.wait_for_selector("body[data-control=free]")
     assert silent(told(page)) == []
     page.evaluate("dx.show('run')")
-    assert "Take control first" in page.get_attribute("[data-call='POST machine/disable']", "title")
+    page.wait_for_selector("[data-call='POST machine/disable'][title*='Take control first']")
     page.evaluate("dx.holder = 'anna'; dx.draw()")
     assert "anna holds control" in page.get_attribute("[data-call='POST cycle/start']", "title")
 

@@ -125,7 +125,7 @@ CHAINS = """([facts, status]) => {
   const one = new dxScene.constructor(facts);
   one.frame = "machine";
   one.turn(status.joints);
-  one.hold_tool(status.on_table);
+  one.set_tool(status.on_table);
   one.root.updateMatrixWorld(true);
   const point = (group, at) => group.localToWorld(one.tool.position.clone().set(...at)).toArray();
   const lines = one.axis_marks.map((mark) => {

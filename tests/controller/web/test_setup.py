@@ -237,3 +237,33 @@ def test_a_webhook_is_saved_not_shown_again_and_its_failure_is(setup: Any, site:
     assert "T0Psecret" not in setup.content()
     setup.click("#notices-off")
     setup.wait_for_selector("#notices-test[aria-disabled=true]")
+
+
+def test_what_is_typed_of_notices_stays_until_it_is_saved_and_is_alone_sent(setup: Any, site: Site) -> None:
+    part(setup, "notices")
+    for name, value in (("host", "mail.shop"), ("sender", "mill@shop.de"), ("to", "a@shop.de, b@shop.de")):
+        setup.fill(f"#notices [name={name}]", value)
+    setup.fill("#notices [name=port]", "")
+    setup.fill("#notices [name=port]", "465")
+    setup.fill("#notices [name=password]", "open the gate ")
+    setup.select_option("#notices [name=language]", "de")
+    setup.uncheck("#notices [name=program_end]")
+    number = setup.evaluate("dx.status.tick.number")
+    setup.wait_for_function("(n) => dx.status.tick.number > n + 60", arg=number)
+    assert setup.input_value("#notices [name=host]") == "mail.shop"
+    with setup.expect_request(lambda asked: asked.method == "PATCH") as asked:
+        setup.click("#notices-save")
+    assert asked.value.post_data_json == {
+        **{"host": "mail.shop", "sender": "mill@shop.de", "to": "a@shop.de, b@shop.de"},
+        **{"port": 465, "password": "open the gate"},
+        **{"language": "de", "program_end": False},
+    }
+    setup.wait_for_function("() => document.querySelector('#notices [name=password]').value === ''")
+    kept = setup.evaluate("dx.call('GET', 'notices')")["body"]
+    assert [kept[name] for name in ("host", "port", "language", "program_end")] == [
+        "mail.shop",
+        465,
+        "de",
+        False,
+    ]
+    setup.evaluate("dx.call('PATCH', 'notices', {host: '', port: 587, language: 'en', program_end: true})")

@@ -24,6 +24,18 @@ NAMES = ("chromium", "chromium-browser", "google-chrome")
 HANGS_S = 90.0  # no test is meant to come near
 REQUIRED = os.environ.get("DIRECTRIX_BROWSER") == "required"  # where one was installed, no test is skipped
 VIEWS = ("run", "scene", "programs", "jog", "setup", "drives", "scope", "alarms", "runs")  # in their order
+FIGURES_OF_RUN = r"""() => {
+  const texts = (where) => [...document.querySelectorAll(where)].map((one) => one.textContent);
+  return {
+    axes: texts(".dro tbody tr").map((row) => row.match(/[0-9]+\.[0-9]{3}/)?.[0]),
+    place: texts(".program-head .strong"),
+    times: texts(".times .time .strong").slice(0, 3),
+    share: Number(getComputedStyle(document.querySelector(".program-bar")).getPropertyValue("--share")),
+    line: texts(".listing .now").join(),
+    stale: Boolean(document.querySelector(".line.stale").offsetParent),
+    alarm: document.querySelector(".line.alarm").innerText,
+  };
+}"""
 OPTIONS = ("--no-sandbox", "--disable-dev-shm-usage", "--disable-gpu")
 
 

@@ -246,7 +246,8 @@ export class MachinePicture {
     this.take_tool(status.tool);
     if (this.shown_share !== null && !MOVES.includes(status.mode)) return; // what is planned is looked at
     if (this.shown_share !== null) this.scrub(null);
-    this.hold_tool(on_table);
+    this.set_tool(on_table);
+    if (on_table) this.leave(on_table.tip);
     if (this.path && job && job.name !== "MDI") this.path.progress(job, on_table?.tip);
     const turned = [...this.tables, ...this.heads].map(({ name }) => joints[name]?.actual);
     const key = JSON.stringify([on_table, turned, this.path?.at]);
@@ -278,15 +279,9 @@ export class MachinePicture {
     return pose;
   }
 
-  hold_tool(pose) {
+  set_tool(pose) {
     this.tool.visible = Boolean(pose);
     if (!pose) return;
-    this.set_tool(pose);
-    this.leave(pose.tip);
-  }
-
-  set_tool(pose) {
-    this.tool.visible = true;
     this.tool.position.set(...pose.tip);
     this.tool.quaternion.setFromUnitVectors(UP, vector(pose.axis).normalize());
   }

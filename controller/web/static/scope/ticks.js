@@ -167,18 +167,13 @@ export function press_single() {
   redraw({ armed, trigger: null, cursors: [null, null], after: state.data?.newest ?? null, running: armed && state.running });
 }
 
-export function zoom(factor, centre = 0.5) {
+// So many times as long about a place on the screen, and shifted by a share of it.
+export function zoom(factor, centre = 0.5, shift = 0) {
   if (!state.data) return;
   const [first, last] = ends();
   const span = Math.max(8, Math.round((last - first) * factor));
-  const from = Math.max(0, Math.round(first + (last - first) * centre - span * centre));
+  const from = Math.max(0, Math.round(first + (last - first) * (centre + shift) - span * centre));
   redraw({ running: false, armed: false, first: from, last: from + span }, true);
-}
-
-export function move(share) {
-  const [first, last] = ends();
-  const from = Math.max(0, first + Math.round((last - first) * share));
-  redraw({ running: false, armed: false, first: from, last: from + (last - first) }, true);
 }
 
 export function choose(source) {

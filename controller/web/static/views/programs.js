@@ -24,7 +24,6 @@ const path_of = (name) => `programs/${encodeURIComponent(name)}`;
 const told = { rows: [], wrong: "", wanted: "", chosen: "", one: null, around: [] };
 
 const look = every("programs", 1, "programs?brief=true", (body) => take(body.programs), (wrong) => (told.wrong = wrong));
-for (const topic of ["programs", "job"]) dx.on(topic, look);
 dx.on("kept", (name) => {
   told.chosen = name;
   enter(name.slice(0, Math.max(0, name.lastIndexOf("/"))));

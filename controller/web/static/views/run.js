@@ -2,7 +2,7 @@
 import { call, every } from "../api.js";
 import { html, useEffect, useRef, useState } from "../dom.js";
 import { forms } from "../forms.js";
-import { large, show } from "../frame.js";
+import { show } from "../frame.js";
 import { free } from "../control.js";
 import { Act, AxisName, Bar, Card, Chip, Figure, field } from "../parts.js";
 import { Listing } from "../listing.js";
@@ -17,7 +17,7 @@ const RAPIDS = [0, 25, 50, 100];
 const TOLD_MS = 300; // after an answer, until a status tells what it did
 
 function View() {
-  return html`<div class="run" data-large=${large() ? "1" : undefined}>
+  return html`<div class="run" data-large=${dx.large ? "1" : undefined}>
     <div class="column"><${Axes} /><${Program} /></div>
     <div class="column"><${Feed} /></div>
     <div class="column"><${Cycle} /><${Tool} /></div>
@@ -204,8 +204,7 @@ function Aside() {
 const RECENT = 3;
 const NO_VERDICT = { within: true };
 let stored = [];
-const look = every("run", 3, "programs?brief=true", (body) => (stored = body.programs));
-for (const topic of ["programs", "job"]) dx.on(topic, look);
+every("run", 3, "programs?brief=true", (body) => (stored = body.programs));
 
 const made = (job) => stored.find(({ name }) => name === job?.name)?.completed ?? "–";
 

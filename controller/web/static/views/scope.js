@@ -2,9 +2,9 @@
 import { html, useEffect } from "../dom.js";
 import { forms } from "../forms.js";
 import { show } from "../frame.js";
-import { Act, Card, Wrong } from "../parts.js";
+import { Act, Card, Select, Wrong } from "../parts.js";
 import { Plot, colour, figure, values_at } from "../scope/plot.js";
-import { choose, exported, look, move, period, press_run, press_single, redraw, shown, sources, state, still_at, zoom } from "../scope/ticks.js";
+import { choose, exported, look, period, press_run, press_single, redraw, shown, sources, state, still_at, zoom } from "../scope/ticks.js";
 import { dx, keep } from "../store.js";
 import { word as text } from "../texts.js";
 
@@ -32,7 +32,7 @@ function View() {
     <//>
     <${Card} title=${word("signals")} class="scope-side">
       <div class="stack" id="scope-signals">${state.names.map((name, i) => html`<${Signal} key=${name} name=${name} i=${i} />`)}</div>
-      <label><span>${word("add")}</span><${Signals} id="scope-add" value="" empty=${true} pick=${add} /></label>
+      <label><span>${word("add")}</span><${Select} id="scope-add" options=${["", ...Object.keys(state.units)]} text=${(name) => name && shown(name)} value="" choose=${add} /></label>
       <${Trigger} />
       <h2>${word("export")}</h2>
       <div class="row">${["csv", "npz"].map((kind) => html`<a class="act" id=${`scope-${kind}`} href=${exported(kind)} download="">
@@ -55,8 +55,8 @@ function Tools() {
     <${Act} id="scope-single" text=${word("single")} icon="one" ...${only} aria-pressed=${String(live && state.armed)} press=${press_single} />
     <span class="chip" id="scope-state" role="status">${stands()}</span>
     <${Source} />
-    <select id="scope-seconds" aria-label=${word("seconds")} onchange=${widen}>${WIDTHS_S.map((seconds) => html`<option key=${seconds} value=${String(seconds)} selected=${seconds === state.seconds}>${seconds} s</option>`)}</select>
-    ${press("left", "left", "left", () => move(-0.25))}${press("right", "right", "right", () => move(0.25))}
+    <${Select} id="scope-seconds" aria-label=${word("seconds")} options=${WIDTHS_S} text=${(seconds) => `${seconds} s`} value=${state.seconds} choose=${widen} />
+    ${press("left", "left", "left", () => zoom(1, 0.5, -0.25))}${press("right", "right", "right", () => zoom(1, 0.5, 0.25))}
     ${press("in", "zoom_in", "zoom_in", () => zoom(0.5))}${press("out", "zoom_out", "zoom_out", () => zoom(2))}
     ${press("none", "flag", "none", () => redraw({ cursors: [null, null], hand: 0 }))}
   </div>`;
@@ -64,8 +64,8 @@ function Tools() {
 
 const stands = () => word(state.armed ? (state.trigger === null ? "waiting" : "filling") : state.running && state.source === "now" ? "running" : "standing");
 
-function widen(event) {
-  state.seconds = Number(event.target.value);
+function widen(seconds) {
+  state.seconds = Number(seconds);
   if (state.source !== "now" || !state.running) still_at();
   anew();
 }
@@ -107,14 +107,6 @@ function Signal({ name, i }) {
   </div>`;
 }
 
-const Signals = ({ id, value, empty, pick }) => html`<select id=${id} value=${value} onchange=${(event) => {
-  pick(event.target.value);
-  if (empty) event.target.value = "";
-}}>
-  ${empty && html`<option value=""></option>`}
-  ${Object.keys(state.units).map((name) => html`<option key=${name} value=${name} selected=${name === value}>${shown(name)}</option>`)}
-</select>`;
-
 function Trigger() {
   const number = (key) => html`<label><span>${word(key)}</span>
     <input id=${`scope-${key}`} type="number" step="any" value=${state[key]} oninput=${(event) => (state[key] = event.target.value)} />
@@ -122,11 +114,10 @@ function Trigger() {
   return html`
     <h2>${word("trigger")}</h2>
     <label><span>${word("trigger_signal")}</span>
-      <${Signals} id="scope-trigger-signal" value=${state.trigger_signal} pick=${(name) => (state.trigger_signal = name)} /></label>
+      <${Select} id="scope-trigger-signal" options=${Object.keys(state.units)} text=${shown} value=${state.trigger_signal} choose=${(name) => (state.trigger_signal = name)} /></label>
     <div class="grid2">
       <label><span>${word("edge")}</span>
-        <select id="scope-edge" onchange=${(event) => (state.edge = event.target.value)}>${EDGES.map((edge) => html`<option key=${edge} value=${edge} selected=${edge === state.edge}>${word(edge)}</option>`)}</select>
-        </label>
+        <${Select} id="scope-edge" options=${EDGES} text=${word} value=${state.edge} choose=${(edge) => (state.edge = edge)} /></label>
       ${number("level")}${number("before")}
     </div>
     <label class="row">

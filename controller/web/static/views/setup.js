@@ -19,7 +19,7 @@ function View() {
   const Part = PARTS[at.part];
   const turn = (part) => {
     at.part = part;
-    dx.tell("setup", part);
+    dx.tell("view", "setup");
     dx.draw();
   };
   return html`<div class="looks setup">

@@ -2,7 +2,7 @@
 import { API, call, every } from "../api.js";
 import { html } from "../dom.js";
 import { forms } from "../forms.js";
-import { Act, ScrolledTable } from "../parts.js";
+import { Act, ScrolledTable, Select } from "../parts.js";
 import { dx } from "../store.js";
 import { known, word as text } from "../texts.js";
 import { number } from "./setup_tables.js";
@@ -11,14 +11,13 @@ const SHOWN = 20; // of what was found; the table has all
 const word = (key) => text(`probing.${key}`);
 const told = { cycles: [], offsets: [], found: [], chosen: { cycle: "edge", offset: "none" } };
 const take = (body) => Object.assign(told, body);
-dx.on("setup", every("setup", 60, "probing", take));
+every("setup", 60, "probing", take);
 every("setup", 2, "probing/found", take);
 
 function Value({ name, label = word(name), usual, choices, unit }) {
   const value = told.chosen[name] ?? usual;
-  const set = (event) => ((told.chosen[name] = event.target.value), dx.draw());
-  const option = (one) => html`<option key=${one} value=${one} selected=${one === value}>${known(`probing.${name}.${one}`, one)}</option>`;
-  return html`<label>${label}${unit && `, ${unit}`} ${choices ? html`<select name=${name} onchange=${set}>${choices.map(option)}</select>` : html`<input name=${name} inputmode="decimal" value=${value} oninput=${set} />`}</label>`;
+  const set = (typed) => ((told.chosen[name] = typed), dx.draw());
+  return html`<label>${label}${unit && `, ${unit}`} ${choices ? html`<${Select} name=${name} options=${choices} text=${(one) => known(`probing.${name}.${one}`, one)} value=${value} choose=${set} />` : html`<input name=${name} inputmode="decimal" value=${value} oninput=${(event) => set(event.target.value)} />`}</label>`;
 }
 
 const figure = ([name, value]) => {
@@ -26,7 +25,7 @@ const figure = ([name, value]) => {
   return html`${known(`probing.found.${what}`, what)} <b class="figures">${unit ? forms.u(value) : value}</b>${unit && ` ${unit === "deg" ? "°" : unit}`} `;
 };
 
-const Found = ({ one }) => html`<tr><td class="figures">${forms.moment(one.at_s)}</td><td>${one.program}</td>
+const Found = ({ one }) => html`<tr><td>${forms.moment(one.at_s)}</td><td>${one.program}</td>
   <td>${known(`probing.cycle.${one.cycle}`, one.cycle)}</td><td>${Object.entries(one.values).map(figure)}</td></tr>`;
 
 export function Probing() {

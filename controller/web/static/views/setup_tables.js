@@ -1,9 +1,9 @@
 // Work offsets and tools: tables whose fields stay as they were typed until they are saved or given up.
 import { call, every } from "../api.js";
 import { ask, ask_for, say } from "../dialog.js";
-import { Component, createRef, html } from "../dom.js";
+import { html, useState } from "../dom.js";
 import { forms } from "../forms.js";
-import { Act, AxisName, Table } from "../parts.js";
+import { Act, AxisName, Select, Table } from "../parts.js";
 import { dx } from "../store.js";
 import { word as text } from "../texts.js";
 
@@ -12,7 +12,6 @@ const told = { offsets: {}, tools: {}, wrong: {} };
 const look_at = (what) => every("setup", 2, what, (body) => (told[what] = body[what]), (wrong) => (told.wrong[what] = wrong));
 const looks = { offsets: look_at("offsets"), tools: look_at("tools") };
 const look = () => Object.values(looks).forEach((one) => one());
-dx.on("setup", look);
 export const wrong = () => Object.values(told.wrong).find(Boolean);
 
 export const figure = (v) => (typeof v === "number" ? String(Number(v.toFixed(6))) : "");
@@ -27,68 +26,34 @@ async function ask_number(sentence, start) {
   return Number.isFinite(value) ? value : (say(word("number"), "warn"), null);
 }
 
-// A field shows what is in force, until something else is typed; Escape gives that up.
-class Field extends Component {
-  input = createRef();
-
-  settle() {
-    const { current: input } = this.input;
-    const { name, value } = this.props;
-    const shown = typeof value === "string" ? value : figure(value);
-    const typed = !same(name, input.value, input.defaultValue);
-    if (!typed && input === document.activeElement) return; // a half typed figure may be worth as much as the old one
-    input.defaultValue = shown;
-    if (!typed || same(name, input.value, shown)) input.value = shown;
-    this.mark();
-  }
-
-  mark() {
-    const { current: input } = this.input;
-    input.toggleAttribute("data-typed", !same(this.props.name, input.value, input.defaultValue));
-  }
-
-  componentDidMount() {
-    this.input.current.defaultValue = this.input.current.value = typeof this.props.value === "string" ? this.props.value : figure(this.props.value);
-  }
-
-  componentDidUpdate() {
-    this.settle();
-  }
-
-  render({ name, label, class: classes, mode = "decimal" }) {
-    const key = (event) => {
-      if (event.key !== "Escape") return;
-      event.target.value = event.target.defaultValue;
-      this.mark();
-    };
-    return html`<input type="text" class=${classes} inputmode=${mode} aria-label=${label} data-field=${name} ref=${this.input} oninput=${() => this.mark()} onkeydown=${key} />`;
-  }
+async function read(what) {
+  const said = await call("GET", what);
+  if (said.ok) told[what] = said.body[what];
+  return said.ok;
 }
 
-// What a row is to be: what was typed in it, of the rest what is in force now. null: a figure is none.
-function wanted(row, values, value) {
-  const found = [...row.querySelectorAll("[data-field]")].map((input) => {
-    const { field: name } = input.dataset;
-    if (same(name, input.value, input.defaultValue)) return [name, value(values, name)];
-    return [name, name === "name" ? input.value : number(input.value)];
-  });
-  if (found.every(([, one]) => typeof one === "string" || Number.isFinite(one))) return Object.fromEntries(found);
-  say(word("number"), "warn");
-  return null;
-}
-
-// Saved is over what is in force at this moment, not over what this page saw last.
-async function save(event, what, name, value, body) {
-  const row = event.target.closest("[data-row]");
-  const now = await call("GET", what);
-  const values = now.ok && now.body[what][name];
-  const all = values && wanted(row, values, value);
-  if (!all) return;
-  const said = await call("PUT", `${what}/${name}`, body(all, values));
-  if (!said.ok) return look();
-  for (const input of row.querySelectorAll("[data-typed]")) input.defaultValue = input.value;
-  say(word("saved", what === "tools" ? `T${name}` : name));
-  look();
+// A row's fields show what is in force, each until something else is typed; Escape gives that up. Saved is what
+// was typed over what is in force at that moment, not over what this page saw last.
+function use_row(what, name, fields, value, body) {
+  const [typed, type] = useState({});
+  const now = (field) => value(told[what][name] ?? {}, field);
+  const shown = (field) => (typeof now(field) === "string" ? now(field) : figure(now(field)));
+  const differs = (field) => field in typed && !same(field, typed[field], shown(field));
+  const forget = (field) => type(({ [field]: _, ...others }) => others);
+  const input = (field, label, more) => html`<input type="text" inputmode="decimal" ...${more} aria-label=${label} data-field=${field} data-typed=${differs(field) || undefined} value=${typed[field] ?? shown(field)}
+    oninput=${({ target }) => type((others) => ({ ...others, [field]: target.value }))} onblur=${() => differs(field) || forget(field)} onkeydown=${({ key }) => key === "Escape" && forget(field)} />`;
+  async function save() {
+    const own = fields.filter(differs);
+    if (!(await read(what)) || !told[what][name]) return;
+    const wanted = (field) => (!own.includes(field) ? now(field) : field === "name" ? typed[field] : number(typed[field]));
+    const all = Object.fromEntries(fields.map((field) => [field, wanted(field)]));
+    if (Object.values(all).some(Number.isNaN)) return say(word("number"), "warn");
+    const said = await call("PUT", `${what}/${name}`, body(all, told[what][name]));
+    if (!(await read(what)) || !said.ok) return;
+    type({});
+    say(word("saved", what === "tools" ? `T${name}` : name));
+  }
+  return { input, save };
 }
 
 // ---- offsets
@@ -111,38 +76,32 @@ function tip({ tool: number_, on_table } = {}) {
 }
 
 export function Offsets() {
-  const pick = (event) => {
-    tool = Number(event.target.value);
-    dx.draw();
-  };
+  const pick = (number_) => ((tool = Number(number_)), dx.draw());
   return html`
     <div class="row">
       <span class="dim">${word("tip")}</span><span class="figures strong" id="setup-tip">${tip(dx.status ?? {})}</span>
       <label class="row dim"><span>${word("touch_by")}</span>
-        <select id="setup-tool" value=${String(tool)} onchange=${pick}>${tools().map(([n, one]) => html`<option key=${n} value=${n} selected=${Number(n) === tool}>T${n} ${one.name ?? ""}</option>`)}</select>
-      </label>
+        <${Select} id="setup-tool" options=${tools().map(([n]) => n)} text=${(n) => `T${n} ${told.tools[n].name ?? ""}`} value=${String(tool)} choose=${pick} /></label>
     </div>
     <table class="list">
       <thead><tr>
         <th scope="col">${word("offset")}</th>${AXES.map((axis) => html`<th scope="col">${axis} mm</th>`)}${AXES.map((axis) => html`<th scope="col" class="hide-narrow">${word("turned")} ${axis} °</th>`)}<td>
         </td></tr></thead>
-      <tbody id="setup-offsets">${Object.entries(told.offsets).map(([name, values]) => html`<${Offset} key=${name} name=${name} values=${values} />`)}</tbody>
+      <tbody id="setup-offsets">${Object.keys(told.offsets).map((name) => html`<${Offset} key=${name} name=${name} />`)}</tbody>
     </table>`;
 }
 
-function Offset({ name, values }) {
+function Offset({ name }) {
+  const { input, save } = use_row("offsets", name, [...AXES, ...AXES.map((axis) => `r${axis}`)], of_offset, offset_body);
   const at = (axis) => html`<td data-label=${`${axis} mm`}><div class="row">
-    <${Field} name=${axis} label=${`${name} ${axis}`} value=${of_offset(values, axis)} />
+    ${input(axis, `${name} ${axis}`)}
     <${Act} icon="target" modes="OFF READY" title=${word("touch", axis)} aria-label=${`${name}: ${word("touch", axis)}`} press=${() => touch(name, axis)} />
   </div></td>`;
   return html`<tr data-row=${name}>
-    <th scope="row"><${AxisName} name=${name} /><span class="dim" data-unset="" hidden=${!values.unset}> ${word("unset")}</span></th>
+    <th scope="row"><${AxisName} name=${name} /><span class="dim" data-unset="" hidden=${!told.offsets[name].unset}> ${word("unset")}</span></th>
     ${AXES.map(at)}
-    ${AXES.map((axis) => html`<td class="hide-narrow">
-      <${Field} name=${`r${axis}`} label=${`${name} ${word("turned")} ${axis}`} value=${of_offset(values, `r${axis}`)} /></td>`)}
-    <td>
-      <${Act} text=${word("save")} aria-label=${`${word("save")} ${name}`} modes="OFF READY FAULT" press=${(event) => save(event, "offsets", name, of_offset, offset_body)} />
-      </td>
+    ${AXES.map((axis) => html`<td class="hide-narrow">${input(`r${axis}`, `${name} ${word("turned")} ${axis}`)}</td>`)}
+    <td><${Act} text=${word("save")} aria-label=${`${word("save")} ${name}`} modes="OFF READY FAULT" press=${save} /></td>
   </tr>`;
 }
 
@@ -166,19 +125,22 @@ const tool_body = (all, values) => Object.fromEntries(Object.entries(all).filter
 
 export function Tools() {
   return html`
-    <${Table} word=${word} columns=${["tool", "name", ...FIELDS, ""]} body="setup-tools">${tools().map(([n, values]) => html`<${Tool} key=${n} n=${n} values=${values} />`)}<//>
+    <${Table} word=${word} columns=${["tool", "name", ...FIELDS, ""]} body="setup-tools">${tools().map(([n]) => html`<${Tool} key=${n} n=${n} />`)}<//>
     <div class="row"><${Act} id="setup-add" text=${word("add")} press=${add_tool} /></div>`;
 }
 
-const Tool = ({ n, values }) => html`<tr data-row=${n}>
-  <th scope="row"><${AxisName} name=${`T${n}`} /></th>
-  <td data-label=${word("name")}><${Field} name="name" label=${`T${n} ${word("name")}`} class="wide" mode="text" value=${of_tool(values, "name")} /></td>
-  ${FIELDS.map((name) => html`<td data-label=${word(name)}><${Field} name=${name} label=${`T${n} ${word(name)}`} value=${of_tool(values, name)} /></td>`)}
-  <td><div class="row">
-    <${Act} text=${word("save")} aria-label=${`${word("save")} T${n}`} press=${(event) => save(event, "tools", n, of_tool, tool_body)} />
-    ${n !== "1" && html`<${Act} text=${word("delete")} aria-label=${`${word("delete")} T${n}`} press=${() => remove_tool(n)} />`}
-  </div></td>
-</tr>`;
+function Tool({ n }) {
+  const { input, save } = use_row("tools", n, ["name", ...FIELDS], of_tool, tool_body);
+  return html`<tr data-row=${n}>
+    <th scope="row"><${AxisName} name=${`T${n}`} /></th>
+    <td data-label=${word("name")}>${input("name", `T${n} ${word("name")}`, { class: "wide", inputmode: "text" })}</td>
+    ${FIELDS.map((name) => html`<td data-label=${word(name)}>${input(name, `T${n} ${word(name)}`)}</td>`)}
+    <td><div class="row">
+      <${Act} text=${word("save")} aria-label=${`${word("save")} T${n}`} press=${save} />
+      ${n !== "1" && html`<${Act} text=${word("delete")} aria-label=${`${word("delete")} T${n}`} press=${() => remove_tool(n)} />`}
+    </div></td>
+  </tr>`;
+}
 
 async function remove_tool(n) {
   if (!(await ask(word("delete_ask", `T${n}`)))) return;
@@ -191,9 +153,8 @@ async function add_tool() {
   const n = await ask_number(word("add_ask"), String(Math.max(0, ...tools().map(([one]) => Number(one))) + 1));
   if (n === null) return;
   if (!Number.isInteger(n) || n < 1 || n > 99999) return say(word("tool_number"), "warn");
-  const now = await call("GET", "tools");
-  if (!now.ok) return;
-  if (now.body.tools[n]) return say(word("tool_there", n), "warn");
+  if (!(await read("tools"))) return;
+  if (told.tools[n]) return say(word("tool_there", n), "warn");
   await call("PUT", `tools/${n}`, { name: "", radius_mm: 3, length_mm: 0, flute_mm: 15 });
   look();
 }

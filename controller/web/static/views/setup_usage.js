@@ -3,15 +3,14 @@ import { call, every } from "../api.js";
 import { ask, ask_for, say } from "../dialog.js";
 import { html } from "../dom.js";
 import { forms } from "../forms.js";
-import { Act, AxisName, Chip, ScrolledTable, Wrong } from "../parts.js";
+import { Act, AxisName, Chip, ScrolledTable, Select, Wrong } from "../parts.js";
 import { dx } from "../store.js";
 import { known, word as text } from "../texts.js";
 import { number, tools } from "./setup_tables.js";
 
 const word = (key, ...values) => text(`usage.${key}`, ...values);
 const told = { tools: [], counters: [], items: [], counter: "motion", wrong: "" };
-const look = every("setup", 2, "usage", (body) => Object.assign(told, body), (wrong) => (told.wrong = wrong));
-dx.on("setup", look);
+every("setup", 2, "usage", (body) => Object.assign(told, body), (wrong) => (told.wrong = wrong));
 
 async function change(method, path, body) {
   const said = await call(method, `usage/${path}`, body);
@@ -76,13 +75,13 @@ async function add() {
 const unit_of = (counter) => told.counters.find(({ name }) => name === counter)?.unit;
 
 export function Usage() {
-  const pick = (event) => ((told.counter = event.target.value), dx.draw());
+  const pick = (counter) => ((told.counter = counter), dx.draw());
   return html`<${Wrong} text=${told.wrong} />
     <${ScrolledTable} word=${word} body="usage-tools" columns=${["tool", "cut", "way", "parts", "sister", "since hide-narrow", ""]}>${tools().map(([n, { name }]) => html`<${Tool} key=${n} n=${n} name=${name} use=${told.tools.find((one) => String(one.number) === n)} />`)}<//>
     <h2>${word("maintenance")}</h2>
     <div class="sums">${told.counters.map(({ name, value, unit }) => html`<div class="sum" key=${name} data-counter=${name}><span class="dim">${named(name)}</span>
       <span class="figures">${amount(value)} ${known(`usage.unit.${unit}`, unit)}</span></div>`)}</div>
     ${told.items.length > 0 && html`<${ScrolledTable} word=${word} body="usage-items" columns=${["item", "used", "last hide-narrow", ""]}>${told.items.map((one) => html`<${Item} key=${one.name} one=${one} />`)}<//>`}
-    <div class="row"><select aria-label=${word("counter")} value=${told.counter} onchange=${pick}>${told.counters.map(({ name }) => html`<option key=${name} value=${name} selected=${name === told.counter}>${named(name)}</option>`)}</select>
+    <div class="row"><${Select} aria-label=${word("counter")} options=${told.counters.map(({ name }) => name)} text=${named} value=${told.counter} choose=${pick} />
       <${Act} id="usage-add" text=${word("add")} needs="set_up" press=${add} /></div>`;
 }

@@ -3,7 +3,7 @@ import { call } from "../api.js";
 import { ask, ask_for, say } from "../dialog.js";
 import { html, useEffect } from "../dom.js";
 import { forms } from "../forms.js";
-import { Act, Chip, ScrolledTable, Wrong } from "../parts.js";
+import { Act, Chip, ScrolledTable, Select, Wrong } from "../parts.js";
 import { dx } from "../store.js";
 import { sentence, word as text } from "../texts.js";
 
@@ -50,8 +50,7 @@ const remove = async (path, name) => (await ask(word("remove_ask", name), "users
 const Remove = ({ path, name }) => html`<${Act} text=${word("remove")} aria-label=${`${word("remove")} ${name}`} kind="warn" ...${RULES} press=${() => remove(path, name)} />`;
 
 // The role that whoever is added next gets, or that somebody has.
-const Roles = ({ role, label, choose }) =>
-  html`<select aria-label=${label} value=${role} onchange=${(event) => choose(event.target.value)}>${ROLES.map((one) => html`<option key=${one} value=${one} selected=${one === role}>${word(`role.${one}`)}</option>`)}</select>`;
+const Roles = ({ role, label, choose }) => html`<${Select} aria-label=${label} options=${ROLES} text=${(one) => word(`role.${one}`)} value=${role} choose=${choose} />`;
 
 const Table = (props) => html`<${ScrolledTable} word=${word} ...${props} />`;
 
