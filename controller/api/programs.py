@@ -13,7 +13,6 @@ import os
 import sqlite3
 import time
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -23,6 +22,7 @@ from controller.api.database import Database, StoreError
 from controller.api.records import Clock, Facts
 from controller.messages import Key
 from controller.program import linked
+from controller.values import dataclass
 
 INCOMING = ".incoming"
 

@@ -9,11 +9,12 @@ import json
 import sqlite3
 import time
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
 
 from controller.api.database import Database, StoreError
 from controller.messages import Key, Said, plain
+from controller.values import dataclass
 
 Facts = Mapping[str, Any]
 Clock = Callable[[], float]

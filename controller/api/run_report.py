@@ -7,12 +7,13 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from html import escape
 from typing import Any
 
 from controller import messages
 from controller.api.records import Alarm, Run
+from controller.values import dataclass
 
 OF_RUN = ("duration_s", "planned_s", "cut_time_s", "ticks", "skips", "line")
 OF_CHECK = ("duration_s", "cut_length_mm", "blocks")

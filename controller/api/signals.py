@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import io
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
@@ -19,6 +18,7 @@ from numpy.typing import NDArray
 from controller.ipc.handoff import rows_of
 from controller.machine.model import Machine
 from controller.state.live_state import COLUMN, SIGNALS
+from controller.values import dataclass
 
 Array = NDArray[np.float64]
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from controller.cad import words
 from controller.cad.curve import Array, Nurbs
 from controller.cad.strip import Strip
 from controller.machine.model import Machine, Tool
+from controller.values import dataclass
 
 MEET_MM = 1e-3  # ends of rulings that are nearer are one
 TWISTED_RAD = 1e-5

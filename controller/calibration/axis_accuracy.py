@@ -17,7 +17,6 @@ from __future__ import annotations
 import csv
 import io
 from collections import defaultdict
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -27,6 +26,7 @@ from controller.calibration.refusal import Refusal
 from controller.calibration.touch_table import number
 from controller.machine import compensation
 from controller.machine.model import Axis
+from controller.values import dataclass
 
 Array = NDArray[np.float64]
 

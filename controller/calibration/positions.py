@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import itertools
 import math
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +19,7 @@ from controller.calibration.touch_table import Touches
 from controller.geometry.vectors import Vector, add, dot, norm, rotate, scale, unit
 from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Machine
+from controller.values import dataclass
 
 Array = NDArray[np.float64]
 

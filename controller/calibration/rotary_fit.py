@@ -17,7 +17,7 @@ Linear least squares with priors, repeated (Gauss-Newton); the covariance is tha
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -28,6 +28,7 @@ from controller.calibration.touch_table import Touches, positions
 from controller.geometry.vectors import Number, Vector, X, Y, Z, add, cross, dot, norm, scale, unit
 from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Axis, Machine
+from controller.values import dataclass
 
 Array = NDArray[np.float64]
 
@@ -127,7 +128,12 @@ class Spot:
     after: float
 
 
-def fit(touches: Touches, machine: Machine, sphere_radius_mm: float, known: Known = Known()) -> Fit:
+def fit(
+    touches: Touches,
+    machine: Machine,
+    sphere_radius_mm: float,
+    known: Known = Known(),  # noqa: B008 (frozen)
+) -> Fit:
     """Rotaries of a machine from touches on one sphere. Raises Refusal where they are too few."""
     rotaries = machine.rotary()
     spots = positions(touches, rotaries)

@@ -5,12 +5,12 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from controller.cad import picture, words
 from controller.machine.model import Tool
+from controller.values import dataclass
 from controller.verify.console import say, show, tell
 from controller.verify.tables import headed
 

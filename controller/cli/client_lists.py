@@ -68,7 +68,7 @@ def follow(machine: Machine, pause: Callable[[float], None] = time.sleep) -> Non
 
 
 def _live(machine: Machine, pause: Callable[[float], None]) -> None:
-    with Live(console=show, auto_refresh=False) as live:
+    with Live(console=show.console, auto_refresh=False) as live:
         while True:
             live.update(_seen(machine), refresh=True)
             pause(WATCH_S)

@@ -13,7 +13,6 @@ import tempfile
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -32,6 +31,7 @@ from controller.service import engine, main
 from controller.service.folders import Folders
 from controller.service.service import Service
 from controller.state.modes import Binding, Fault, binding_text
+from controller.values import dataclass
 from controller.verify.console import Refused, bar
 
 POLL_S = 0.5

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Annotated
 
 import typer
@@ -12,6 +12,7 @@ import typer
 from controller.machine import machine_file, nodes
 from controller.machine.model import Machine
 from controller.machine.toml_table import ConfigError
+from controller.values import dataclass
 from controller.verify.console import Refused
 from drives import bus as buses
 from drives import commission as commissioning

@@ -6,8 +6,6 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rich.table import Table
-
 from controller.machine.model import Machine
 from controller.runtime.observer import Observer
 from controller.runtime.startup import SessionError
@@ -17,6 +15,8 @@ from controller.verify.console import Misunderstood, Refused, say
 from drives.commission import CommissionError
 
 if TYPE_CHECKING:
+    from rich.table import Table
+
     from controller.runtime.fault_file import Injected, MachineScript
 
 Facts = dict[str, Any]
@@ -85,6 +85,8 @@ def show(faults: Mapping[str, Any]) -> None:
 
 
 def _table(faults: Mapping[str, Any]) -> Table:
+    from rich.table import Table
+
     shown = Table(title=say(f"table.faults_from.{faults['from']}"))
     shown.add_column(say("table.tick"), justify="right", no_wrap=True)
     shown.add_column("s", justify="right", no_wrap=True)

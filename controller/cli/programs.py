@@ -600,4 +600,4 @@ def paper(as_json: Json = False) -> None:
         if as_json:
             print(json.dumps({"ok": True, **comparison.to_dict()}))
         else:
-            paper_table.render(comparison, show)
+            paper_table.render(comparison, show.console)

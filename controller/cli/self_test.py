@@ -18,13 +18,14 @@ import subprocess
 import time
 from array import array
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 from controller.ipc import control_socket
 from controller.machine.model import Bus, Machine
 from controller.runtime import cores
+from controller.values import dataclass
 
 TICK_NAME = "directrix-tick"  # as `ps` shows it
 _ISOLATE = "isolcpus=3 nohz_full=3 rcu_nocbs=3 on the kernel's command line, with the number of one core"

@@ -15,6 +15,7 @@ import typer
 from controller.cli import machine_check
 from controller.ipc import control_socket
 from controller.machine import machine_file
+from controller.machine.model import Machine
 from controller.machine.toml_table import ConfigError
 from controller.runtime.startup import SessionError
 from controller.verify.console import Refused, refusals, tell
@@ -29,6 +30,12 @@ def serve(
     simulate: Annotated[
         bool, typer.Option("--simulate", help="Virtual buses with simulated drives.")
     ] = False,
+    part: Annotated[
+        Path | None,
+        typer.Option(
+            "--part", help="Simulated: what a probe can touch (.toml); default: a block with a bore."
+        ),
+    ] = None,
     state: Annotated[
         Path | None, typer.Option("--state", help="Folder of what is kept; default: systemd's or the user's.")
     ] = None,
@@ -60,15 +67,31 @@ def serve(
         made = replace(made, late=late or ("count" if simulate else made.late))
         for sentence in machine_check.warnings(made):
             tell.print(sentence, markup=False)
+        if part is not None:
+            _see_part(part, made, simulate)
         hand = None if pendant is None else read(pendant, tuple(axis.name for axis in made.axes))
         where = (state or control_socket.state_folder(), runtime or control_socket.runtime_folder())
         tell.print(f"{made.name}: {'simulated, ' if simulate else ''}socket in {where[1]}", markup=False)
         try:
-            main.run(made, *where, simulate, _notifier(), group, hand)
+            main.run(made, *where, simulate, _notifier(), group, hand, part)
         except OSError as error:
             raise Refused(f"{error.filename or where[0]}: {error.strerror or error}.") from error
         except control_socket.CommandRefused as error:
             raise Refused(error.sentence) from error
+
+
+def _see_part(part: Path, made: Machine, simulate: bool) -> None:
+    """Raises ConfigError, or Refused where nothing of it would be touched."""
+    from controller.runtime import simulated_bench
+    from controller.service import engine
+
+    virtual = engine.simulated(made)
+    if not simulate or simulated_bench.bus_of(virtual) is None:
+        raise Refused(
+            f"--part {part}: nothing can touch it; give --simulate, and a machine file with [probe] or "
+            "[setter] whose axes are on one bus."
+        )
+    simulated_bench.read(part, virtual)
 
 
 def _notifier() -> Callable[[str], None]:

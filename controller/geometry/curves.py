@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from bisect import bisect_right
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import field
 from itertools import pairwise
 from types import ModuleType
 from typing import Any, Protocol
@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from controller.geometry.vectors import ZERO, Number, Vector, add, dot, norm, scale, subtract
 from controller.messages import said, text
+from controller.values import dataclass
 
 Array = NDArray[np.float64]
 Points = tuple[Vector, ...]

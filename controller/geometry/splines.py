@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 from bisect import bisect_right
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from itertools import groupby, pairwise
 from types import ModuleType
 from typing import Any
@@ -26,6 +26,7 @@ from controller.geometry.curves import Arc, Bezier, Curve, Line, Points
 from controller.geometry.series import Jet
 from controller.geometry.vectors import ZERO, Number, Vector, add, scale, subtract
 from controller.messages import Said, said, text
+from controller.values import dataclass
 
 Weights = tuple[float, ...]
 Rows = tuple[tuple[float, ...], ...]

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import field
 from enum import Enum
 from functools import partial
 from types import ModuleType
@@ -23,6 +23,7 @@ from controller.geometry.curves import Arc, Curve
 from controller.geometry.rulings import difference
 from controller.geometry.splines import hull
 from controller.geometry.vectors import Number, Pose, Vector, add, cross, dot, norm, scale, subtract, unit
+from controller.values import dataclass
 
 Array = NDArray[np.float64]
 

@@ -9,11 +9,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from enum import Enum
 from typing import TypeVar
 
 from controller.geometry.vectors import ZERO, Frame, Vector
+from controller.values import dataclass
 from drives.profile import Override
 
 T = TypeVar("T")

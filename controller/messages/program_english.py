@@ -536,6 +536,8 @@ REFUSALS = {
     "thread.beside_others": "{code} stands beside {other}: a thread goes along {height} alone; write a "
     "line of its own for that",
     # --- text
+    "cycle.tool_off": "T{tool} is {off_mm} mm off its length in the table: it is another tool, or broken; "
+    "put the right one in, or measure this one",
     "text.abort": "the program ends itself here: {text!r}",
     "text.percent": "% marks the start and end of a program and stands alone on its line",
     "text.stray": "{found!r} cannot stand here: a line is made of words such as X12.5 (a letter and its "

@@ -574,6 +574,8 @@ REFUSALS = {
     "thread.beside_others": "{code} steht neben {other}: ein Gewinde geht nur längs {height}; dafür "
     "einen eigenen Satz schreiben",
     # --- text
+    "cycle.tool_off": "T{tool} liegt {off_mm} mm neben seiner Länge in der Tabelle: Es ist ein anderes "
+    "Werkzeug oder abgebrochen; das richtige einsetzen oder dieses vermessen",
     "text.abort": "hier beendet sich das Programm selbst: {text!r}",
     "text.percent": "% bezeichnet Anfang und Ende eines Programms und steht allein in seiner Zeile",
     "text.stray": "{found!r} kann hier nicht stehen: eine Zeile besteht aus Wörtern wie X12.5 (ein "

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -27,6 +27,7 @@ from controller.plan.path.path import Pause, Stretch
 from controller.plan.stops import table as stops
 from controller.plan.track import Track, Unit
 from controller.program.program import UNSAID, Act, Await, Level, Outputs, Probing
+from controller.values import dataclass
 
 FIRST_S = 2.5  # of motion in a window that must be ready soon ...
 WINDOW_S = 8.0  # ... and in others

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import NoReturn
 
 import numpy as np
@@ -33,6 +32,7 @@ from controller.program.program import (
     Place,
     Probing,
 )
+from controller.values import dataclass
 
 Array = npt.NDArray[np.float64]
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Machine
@@ -19,6 +19,7 @@ from controller.plan.feed import profile
 from controller.plan.restart.program_position import ENTRY_ID, FORMER, Spot, fraction_at, line_of, order_of
 from controller.plan.stretch import Chain, Pause, Stretch
 from controller.program.program import Probed, Probing, ProgramError
+from controller.values import dataclass
 
 STANDS = -1  # motion id of a pause ...
 

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from enum import Enum
 
 from controller.messages import Key, Said, said, text
+from controller.values import dataclass
 
 AXES = "@"  # in ``letters``: the axes of the machine
 

@@ -1,9 +1,10 @@
 """Comments of a line: blanked out, but for those that say something to the operator.
 
 ``(MSG, text)``, ``(DEBUG, text)``, ``(PRINT, text)`` and ``(LOG, text)`` are shown at their place in the run;
-``(ABORT, text)`` ends the program there. In all but MSG parameters such as ``#1`` and ``#<name>`` stand for
-their values, with six decimals; behind ``%d``, ``%f`` or ``%.2f`` with none, four or so many, to the end of
-the comment (as LinuxCNC).
+``(ABORT, text)`` ends the program there, in the reader's language where the text is ``cycle.NAME value=...``
+and the catalogue has a sentence of that name. In all but MSG parameters such as ``#1`` and ``#<name>``
+stand for their values, with six decimals; behind ``%d``, ``%f`` or ``%.2f`` with none, four or so many, to
+the end of the comment (as LinuxCNC).
 """
 
 from __future__ import annotations
@@ -11,12 +12,15 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator
 
-from controller.messages import said
+from controller.messages import DEFAULT, LANGUAGES, Said, said
 from controller.program.program import ProgramError
 
 _COMMENT = re.compile(r"[();]")
 _SAYS = re.compile(r"\([ \t]*(msg|debug|print|log|abort)[ \t]*,([^()]*)\)", re.IGNORECASE)
 _VALUE = re.compile(r"%d|%f|%\.([0-9])f|(##*(?:<[^<>]*>|[0-9]+))")
+_OF_CYCLE = re.compile(r"(cycle\.[a-z_]+)((?: [a-z_]+=[-+.0-9#]+)*)")
+_PLACE = re.compile(r"\{([a-z_]+)\}")
+_PAIR = re.compile(r"([a-z_]+)=(\S+)")
 _UNSET = "######"  # shown of what has no value
 LONGEST = 200  # characters of what is shown
 
@@ -52,6 +56,16 @@ def aborted(raw: str, values: Callable[[str], float]) -> tuple[int, str] | None:
     """Column and text of what ends the program on a line; None: nothing does."""
     found = next((found for found in _saying(raw) if found[1].lower() == "abort"), None)
     return None if found is None else (found.start() + 1, _short(_shown(found, values)))
+
+
+def ended(text: str) -> Said:
+    """Why a program ends itself by ABORT."""
+    found = _OF_CYCLE.fullmatch(text)
+    sentence = "" if found is None else LANGUAGES[DEFAULT].refusals.get(found[1], "")
+    values = {} if found is None else dict(_PAIR.findall(found[2]))
+    if found is None or not sentence or not values.keys() >= set(_PLACE.findall(sentence)):
+        return said("text.abort", text=text)
+    return said(found[1], **values)
 
 
 def _saying(raw: str) -> Iterator[re.Match[str]]:

@@ -6,7 +6,7 @@ State is replaced, never edited: a line that is refused leaves the old one as it
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from types import MappingProxyType
 from typing import NamedTuple
 
@@ -30,6 +30,7 @@ from controller.program.program import (
     Tip,
 )
 from controller.program.words import Word
+from controller.values import dataclass
 
 TIPS = MappingProxyType(
     {

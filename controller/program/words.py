@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator, Mapping
 
 from controller.messages import said
 from controller.program import foreign, macros, marks
-from controller.program.comments import aborted, message, without_comments
+from controller.program.comments import aborted, ended, message, without_comments
 from controller.program.decoding import Text
 from controller.program.expressions import ARITHMETIC, GAPS, NOTHING, Values
 from controller.program.flow import Limits, Run, Source
@@ -151,7 +151,7 @@ class _Scan:
                 return values.value(0, written)[0]
 
             if ends := aborted(raw, value):
-                raise ProgramError(line.name, line.number, ends[0], said("text.abort", text=ends[1]))
+                raise ProgramError(line.name, line.number, ends[0], ended(ends[1]))
             line.message = message(raw, value, self.parameters.value(SAYS_DEBUG) != 0.0)
         return line
 

@@ -2,6 +2,7 @@
 
 tick JOB                the real-time process of a machine (processes.py)
 hub PATH OPTIONS        a virtual bus with simulated drives (drives.simulated)
+bench JOB               the same of the axes, with a part that can be touched (simulated_bench.py)
 """
 
 from __future__ import annotations
@@ -24,6 +25,11 @@ def main(arguments: Sequence[str]) -> int:
         children.name_process("virtual-bus")
         serve(rest)
         return 0
+    if role == "bench":
+        from controller.runtime import processes, simulated_bench
+
+        children.name_process("virtual-bus")
+        return processes.run(role, simulated_bench.main, Path(rest[0]))
     children.name_process(f"directrix-{role}")
     from controller.runtime import processes
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 import contextlib
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from pathlib import Path
 from typing import Any
 
@@ -33,6 +33,7 @@ from controller.plan.surfaces import choices, cuts, placements, placing
 from controller.program import blocks
 from controller.program.position import homed
 from controller.program.program import Block, CutBlock, GougeRefused, ProgramError
+from controller.values import dataclass
 from controller.verify import wording
 from controller.verify.audit import Audit, FormRefused, Watched, audit
 from controller.workers import Spread, here

@@ -17,11 +17,11 @@ import socket
 import subprocess
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 from controller import one_thread
 from controller.machine.model import Machine
+from controller.values import dataclass
 
 SESSION = "controller.runtime"  # the module of most of them
 END_S = 5.0  # to stand down; then it is killed

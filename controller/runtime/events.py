@@ -22,7 +22,6 @@ from __future__ import annotations
 
 import json
 import math
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +29,7 @@ from controller.ipc.handoff import Jog
 from controller.runtime.starts import Start
 from controller.state.modes import Fault, Request
 from controller.tick.mode import MAX_OVERRIDE
+from controller.values import dataclass
 
 REQUESTS = {
     "hold": Request.HOLD,

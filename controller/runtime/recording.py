@@ -18,7 +18,7 @@ import os
 import shutil
 import time
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -27,6 +27,7 @@ import numpy.typing as npt
 from controller.ipc.handoff import ROW, Recorder, Snapshot, of_axes
 from controller.machine.model import Machine
 from controller.state.modes import FAULTS, Fault, Mode, sentence
+from controller.values import dataclass
 from drives import emergency_codes, pdo
 from drives.cia402 import State
 from drives.log import frame_log

@@ -11,7 +11,7 @@ from __future__ import annotations
 import contextlib
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import groupby
 from pathlib import Path
 from typing import Any
@@ -34,6 +34,7 @@ from controller.runtime.events import Line, Recorded
 from controller.runtime.stepped import PLAN_EVERY_S, Items, Run, SteppedMachine
 from controller.state.modes import MAX_AXES, Fault, Mode, Request
 from controller.tick.cycle import Again
+from controller.values import dataclass
 
 SETPOINTS = ("tick", *(f"setpoint_{i}" for i in range(MAX_AXES)))
 WHOLE, PART = "setpoints.npz", "setpoints.part"

@@ -28,7 +28,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -40,6 +39,7 @@ from controller.machine.toml_table import ConfigError, Table, parse, read_text
 from controller.plan.surfaces.cuts import surface_of
 from controller.program import blocks
 from controller.program.program import CutCone, CutNurbs, CutRuled, ProgramError, Side
+from controller.values import dataclass
 
 Distance = Callable[[Vector], float]
 

@@ -30,8 +30,9 @@ from __future__ import annotations
 import math
 import random
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
+from typing import Protocol
 
 from controller.geometry.vectors import Frame, Vector, X, Y, Z, add, dot, norm, rotate, scale, subtract, unit
 from controller.machine.kinematics import kinematics_of
@@ -39,8 +40,8 @@ from controller.machine.model import Joints, Machine, Sensor
 from controller.machine.toml_table import Table, parse, read_text
 from controller.runtime import simulated_part
 from controller.runtime.simulated_part import Part
+from controller.values import dataclass
 from drives.simulated.drive import SimulatedDrive
-from drives.simulated.io_node import IoNode
 
 NEAR_MM = 0.2  # nearer than that the direction of the contact is looked at
 EXACT_MM = 1e-8
@@ -105,6 +106,11 @@ def _tool(table: Table, setter: Sensor) -> tuple[Part, Nature]:
     """The middle of its end face, and what that may not go into: the setter, wider by the tool's radius."""
     length, radius = table.positive("length_mm"), table.positive("radius_mm")
     table.finish()
+    return on_setter(setter, length, radius)
+
+
+def on_setter(setter: Sensor, length: float, radius: float) -> tuple[Part, Nature]:
+    """A tool's end face, and what it may not go into."""
     wide = simulated_part.cylinder(setter.point, Z, setter.radius_mm + radius, SETTER_MM)
     return Part("setter", Frame(), (wide,), ()), Nature(length, 0.0)
 
@@ -256,6 +262,12 @@ class Touched:
         return self._probe.gives(math.sqrt(max(1.0 - along * along, 0.0)), along, angle) + self._scatter
 
 
+class Inputs(Protocol):
+    """What is needed of the node with the inputs."""
+
+    def set_input(self, number: int, on: bool, now_s: float, /) -> None: ...
+
+
 class Wired:
     """Drives and inputs that see what the probe touches; call ``watch`` when the motors have moved."""
 
@@ -264,7 +276,7 @@ class Wired:
         bench: Bench,
         machine: Machine,
         drives: Sequence[SimulatedDrive],
-        io: IoNode | None,
+        io: Inputs | None,
         sensor: Sensor | None,
     ) -> None:
         """``drives`` in the order of the axes; ``sensor``: the machine's probe, or its tool setter."""

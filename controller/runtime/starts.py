@@ -7,7 +7,7 @@ elsewhere when a rest of it is gone on with: then an entry leads to that rest.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from typing import Any
 
 from controller.geometry.vectors import ROUNDING
@@ -17,6 +17,7 @@ from controller.plan.restart.program_position import Spot
 from controller.plan.restart.restart import Rest
 from controller.runtime import checked
 from controller.runtime.checked import Task, Walk
+from controller.values import dataclass
 
 
 @dataclass(frozen=True, slots=True)

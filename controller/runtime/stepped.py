@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
@@ -48,6 +47,7 @@ from controller.state import stop_times
 from controller.state.modes import Fault, Mode, Request, sentence
 from controller.tick.cycle import Cycle
 from controller.tick.loop import Loop, SteppedClock
+from controller.values import dataclass
 from drives import commission, pdo
 from drives.arranged import Arranged
 from drives.log.frame_log import FrameLog
@@ -239,7 +239,7 @@ class SteppedMachine:
     def _keeping(self, recordings: Path) -> Keeper:
         logs = {name: FrameLog() for name in self.rig.buses}
         for name, bus in self.rig.buses.items():
-            bus.watch_all(logs[name])
+            bus.log(logs[name].keep)
         return Keeper(self.machine, self.recorder, logs, recordings)
 
     def tick(self) -> None:

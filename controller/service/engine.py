@@ -38,7 +38,7 @@ from controller.ipc.handoff import (
     send_request,
 )
 from controller.machine.model import Bus, Machine
-from controller.runtime import children, simulation
+from controller.runtime import children, simulated_bench, simulation
 from controller.runtime.children import Child, Job
 from controller.runtime.startup import SessionError
 from controller.service.folders import Folders
@@ -96,9 +96,18 @@ class Engine:
         self._number = 0  # of the last request
         self.asked: deque[Asked] = deque(maxlen=MAX_ASKED)  # in their order, for the record of a run
 
-    def start_hubs(self) -> None:
-        """Virtual buses with simulated drives, and hubs that share a serial adapter. Raises SessionError."""
-        self.machine = hubs_started(self.machine, self._folder, self._ending, self.hubs, self.sync_stamps_s)
+    def start_hubs(self, part: Path | None = None) -> None:
+        """Virtual buses with simulated drives, and hubs that share a serial adapter.
+
+        ``part``: a simulation file of what a probe can touch; None: the usual. Raises SessionError.
+        """
+        self.machine = hubs_started(
+            self.machine, self._folder, self._ending, self.hubs, self.sync_stamps_s, part
+        )
+
+    def tell_tool(self, number: int) -> None:
+        """Which is in the spindle of a simulated machine: it touches the setter, or as a probe the part."""
+        simulated_bench.tell_tool(self._folder, number)
 
     def start(self) -> None:
         """Tick and plan, after ending those that were there."""
@@ -248,6 +257,7 @@ def hubs_started(
     ending: contextlib.ExitStack,
     hubs: dict[str, Child],
     stamps_s: dict[str, Rows],
+    part: Path | None = None,
 ) -> Machine:
     """Start a hub with drives for each virtual bus; the machine with their paths as channels.
 
@@ -259,7 +269,7 @@ def hubs_started(
         if bus.interface == "virtual":
             log = folder / f"{bus.name}.sync.npy"
             bus = replace(bus, channel=str(folder / f"{bus.name}.hub"))
-            hub = _hub(bus, simulation.options(machine, bus.name), log, folder)
+            hub = _hub(bus, machine, log, folder, part)
             hubs[bus.name] = hub
             ending.callback(_end_hub, hub, bus.name, log, stamps_s)
             _wait_for_hub(hub, Path(bus.channel))
@@ -275,8 +285,15 @@ def hubs_started(
     return replace(machine, buses=tuple(buses))
 
 
-def _hub(bus: Bus, nodes: list[str], log: Path, folder: Path) -> Child:
-    options = [bus.channel, "--bit-rate", str(bus.bit_rate), "--sync-log", str(log), *nodes]
+def _hub(bus: Bus, machine: Machine, log: Path, folder: Path, part: Path | None) -> Child:
+    """With what can be touched, where that is by its axes; inputs beside it hear of that."""
+    options = [bus.channel, "--bit-rate", str(bus.bit_rate), "--sync-log", str(log)]
+    options += simulation.options(machine, bus.name)
+    touching = simulated_bench.bus_of(machine)
+    if touching == bus.name:
+        return children.start("bench", simulated_bench.Job(machine, options, folder, part), folder, ())
+    if touching is not None:
+        options += ["--heard", str(folder / simulated_bench.INPUTS)]
     return Child("hub", options, folder / f"{bus.name}.words")
 
 

@@ -20,7 +20,7 @@ import json
 import time
 from collections import deque
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -33,6 +33,7 @@ from controller.machine.model import REFERENCES, Joints, Machine
 from controller.messages import Key, Said, chain, said
 from controller.plan.restart.program_position import ENTRY_ID, FORMER, Spot
 from controller.state.modes import FAULTS, Mode, Reaction
+from controller.values import dataclass
 
 EVERY_S = 0.5  # between two entries of a run; with writing, never more than a second of cut is lost
 LAG_S = 0.05  # longer than drives lag behind and a tick may be late

@@ -31,8 +31,9 @@ def run(
     tell: Tell,
     group: str = "",
     hand: pendant.Settings | None = None,
+    part: Path | None = None,
 ) -> None:
-    """Until SIGTERM or SIGINT; ``hand``: a handwheel or gamepad.
+    """Until SIGTERM or SIGINT; ``hand``: a handwheel or gamepad; ``part``: as ``opened``.
 
     Raises SessionError, ConfigError, BusError, OSError where it cannot begin.
     """
@@ -46,7 +47,7 @@ def run(
     asked = children.Asked()
     control = control_socket.control_path(runtime)
     with (
-        opened(machine, Folders.within(state), runtime, group) as service,
+        opened(machine, Folders.within(state), runtime, group, part) as service,
         pendant.following(hand, control),
     ):
         tell("READY=1")
@@ -55,15 +56,19 @@ def run(
 
 
 @contextmanager
-def opened(machine: Machine, kept: Folders, runtime: Path, group: str = "") -> Iterator[Service]:
+def opened(
+    machine: Machine, kept: Folders, runtime: Path, group: str = "", part: Path | None = None
+) -> Iterator[Service]:
     """The service of a machine, powered up, with its door in ``runtime``; everything ends with the block.
+
+    ``part``: what the probe of a simulated one can touch, a simulation file; None: the usual.
 
     Somebody has to ``watch`` it. Raises what ``run`` does.
     """
     service = Service(machine, kept)
     last = whole_status.Kept(service).begin()
     try:
-        service.engine.start_hubs()
+        service.engine.start_hubs(part)
         with_door = Server(control_socket.control_path(runtime), Desk(service), group)
         try:
             control_socket.note_runtime(kept.state, runtime)

@@ -28,7 +28,7 @@ class LastFrames(FrameLog):
 
     def __call__(self, frame: bytes | bytearray, at_s: float) -> None:
         one = bytes(frame)
-        self._append((at_s, one))
+        self.keep((at_s, one))
         self.last[one[_ID]] = (at_s, one)
 
     def of(self, can_id: int) -> tuple[float, bytes] | None:

@@ -13,7 +13,7 @@ import threading
 import time
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import field
 from multiprocessing.connection import Connection
 from typing import Any
 
@@ -29,6 +29,7 @@ from controller.plan.restart.program_position import LinePart, Spot, part_at
 from controller.program.program import Changing
 from controller.service.refusals import by_now, refused
 from controller.state.modes import Mode
+from controller.values import dataclass
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,7 +14,7 @@ from bisect import bisect_right
 from collections import deque
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -41,6 +41,7 @@ from controller.runtime.startup import SessionError
 from controller.service import entry_state
 from controller.service.folders import Folders
 from controller.service.planner_client import Answer, Awaited, News, Order, Program, Said, Turn, Way
+from controller.values import dataclass
 
 NEWS_S = 0.1
 MAX_OFFSETS = 99
@@ -190,7 +191,12 @@ class Planning:
         }
 
     def _task(self, program: Program) -> Task:
-        task = checked.task(program.text, program.name, program.machine)
+        machine = program.machine
+        if program.typed and machine.changer is not None:  # which knows its tool before the line says any
+            machine = replace(machine, in_spindle=program.in_spindle)
+        task = checked.task(program.text, program.name, machine)
+        if program.typed:  # from where the tool stands: a line may ask for that
+            task = replace(task, start=_start(program, self._end.snapshot()).joints)
         return replace(task, look=self._read)
 
     def _read(self, block: Block) -> None:

@@ -144,6 +144,7 @@ class Service:
     def start_engine(self) -> None:
         """Tick and plan, from nothing. Called by the sequencer's thread alone. Raises CommandRefused."""
         self.commissioned = False
+        self.engine.tell_tool(self.tool)
         with self.lock:
             last = self.engine.snapshot()
             if last is not None:
@@ -551,6 +552,7 @@ class Service:
 
     def _put_in(self, tool: int) -> None:
         self.tool = tool
+        self.engine.tell_tool(tool)
         try:
             setup_data.put_in(self.state, tool)
         except OSError as error:

@@ -16,12 +16,12 @@ to the nearer side, which is all that is asked of it.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from controller.machine.model import Tool
+from controller.values import dataclass
 
 Array = NDArray[np.float64]
 

@@ -6,18 +6,41 @@ import contextlib
 import json
 from collections.abc import Callable, Iterator
 from contextvars import ContextVar
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, NoReturn
 
 import typer
-from rich.console import Console
 
 from controller import messages
 
 if TYPE_CHECKING:
+    from rich.console import Console
+
     from controller.program.program import ProgramError
 
-tell = Console(stderr=True, highlight=False, soft_wrap=True)  # sentences, progress
-show = Console(highlight=False)  # results
+
+class Late:
+    """A console that is there when something is said: who wants JSON does not wait for it."""
+
+    def __init__(self, **asked: bool) -> None:
+        self._asked = asked
+
+    @cached_property
+    def console(self) -> Console:
+        from rich.console import Console
+
+        return Console(highlight=False, **self._asked)  # type: ignore[arg-type]
+
+    def print(self, *said: object, **how: Any) -> None:
+        self.console.print(*said, **how)
+
+    @property
+    def is_terminal(self) -> bool:
+        return self.console.is_terminal
+
+
+tell = Late(stderr=True, soft_wrap=True)  # sentences, progress
+show = Late()  # results
 
 spoken: ContextVar[str] = ContextVar("spoken", default=messages.DEFAULT)  # in which language
 
@@ -50,7 +73,7 @@ def bar(title: str, quiet: bool) -> Iterator[Told]:
         TimeElapsedColumn(),
         TextColumn("{task.fields[live]}"),
     )
-    with Progress(*columns, console=tell, transient=True) as shown:
+    with Progress(*columns, console=tell.console, transient=True) as shown:
         task = shown.add_task(title, total=1.0, live="")
         yield lambda share, live="": shown.update(task, completed=min(share, 1.0), live=live)
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -22,6 +22,7 @@ from controller.geometry.surfaces import Surface, concave_radius
 from controller.geometry.vectors import Frame
 from controller.machine.model import Tool
 from controller.plan.surfaces.placing import Cutter, place
+from controller.values import dataclass
 from controller.verify import forms
 from controller.verify.looks import Look
 from controller.verify.nominal import Nominal, grid

@@ -17,7 +17,6 @@ are no gouge; they are told where they exceed the twist of the cut.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -26,6 +25,7 @@ from numpy.typing import NDArray
 from controller.geometry.arrays import distinct
 from controller.geometry.curves import ArcLength
 from controller.machine.model import Tool
+from controller.values import dataclass
 from controller.verify.bodies import Body, cutter, holder
 from controller.verify.envelope import deviation, nearest
 from controller.verify.nominal import Nominal, grid

@@ -20,7 +20,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -32,6 +32,7 @@ from controller.geometry.vectors import Pose, Vector, angle_between, dot, norm, 
 from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Machine
 from controller.motion.motions import SurfaceCut
+from controller.values import dataclass
 
 Array = NDArray[np.float64]
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +20,7 @@ from controller.plan.rotaries.branch import joints_along
 from controller.plan.stretch import Stretch
 from controller.plan.surfaces.cuts import tolerance_mm
 from controller.program.program import Block
+from controller.values import dataclass
 from controller.verify.bodies import cutter, holder
 from controller.verify.nominal import Nominal
 from controller.verify.sweep import FIT_MM, Pass, Poses, sampled

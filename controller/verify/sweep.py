@@ -8,13 +8,13 @@ with a bound on where their axes are; with the bounds whole runs need not be loo
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from controller.geometry.arrays import distinct
+from controller.values import dataclass
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
-from rich.table import Table
 
 from controller.ipc.handoff import COLUMN
 from controller.machine.model import Machine
@@ -20,6 +19,9 @@ from controller.plan.report.tally import Bound, Part, bounds
 from controller.plan.stretch import motion_named
 from controller.verify.console import say, word
 from controller.verify.rows import Rows as Blocks
+
+if TYPE_CHECKING:
+    from rich.table import Table
 
 Rows = Iterator[tuple[str, str]]
 
@@ -50,9 +52,16 @@ def blocks(rows: Blocks) -> Table:
     return table
 
 
+def _titled(title: str, **looks: bool) -> Table:
+    """Imported when a table is shown: who wants JSON does not wait for it."""
+    from rich.table import Table
+
+    return Table(title=title, **looks)  # type: ignore[arg-type]
+
+
 def headed(title: str, heads: Sequence[str], left: Collection[str] = (), **values: object) -> Table:
     """A table by the keys of its title and its columns; figures are on the right."""
-    table = Table(title=say(title, **values))
+    table = _titled(say(title, **values))
     for head in heads:
         table.add_column(say(f"table.{head}"), justify="left" if head in left else "right", no_wrap=True)
     return table
@@ -140,7 +149,7 @@ def joints(found: Survey) -> Table:
 
 def figures(title: str, values: Mapping[str, Any]) -> Table:
     """The figures of a run, as ``simulate`` and ``demo`` give them with --json."""
-    table = Table(title=say(title), show_header=False)
+    table = _titled(say(title), show_header=False)
     table.add_column(no_wrap=True)
     table.add_column(justify="right")
     for name, value in (*_run(values), *_errors(values), *_syncs(values)):

@@ -14,8 +14,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, fields
-from enum import Enum
+from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
@@ -28,8 +27,10 @@ from controller.geometry.vectors import Frame, Pose, Vector, angle_between, scal
 from controller.ipc.handoff import COLUMN, of_axes, rows_of
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Machine
+from controller.machine.plain import plain
 from controller.motion.motions import Motion, SurfaceCut
 from controller.state.modes import MAX_AXES, Mode
+from controller.values import dataclass
 
 Array = NDArray[np.float64]
 
@@ -126,14 +127,8 @@ def is_recording(path: str | Path) -> bool:
 
 
 def machine_json(machine: Machine) -> str:
-    """A machine as JSON: every field of the dataclass; enums by value, angles in radians."""
-
-    def plain(value: object) -> object:
-        if isinstance(value, Enum):
-            return value.value
-        raise TypeError(f"A machine holds a {type(value).__name__}, which JSON cannot.")
-
-    return json.dumps(asdict(machine), default=plain)
+    """A machine as JSON, as ``controller.machine.plain`` has it."""
+    return json.dumps(machine, default=plain)
 
 
 def from_rows(

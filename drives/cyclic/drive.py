@@ -97,8 +97,8 @@ class Drive(PowerStage):
         self._word_frame = pdo.frame(pdo.rpdo(profile.command_rpdo, node), bytes(2))
         self._word_due_s = NEVER_S
         self._repeats = 0
-        if self.feed_forward:
-            self._frame[4] = pdo.TARGET.size  # length
+        self.setpoint_bytes = pdo.TARGET.size if self.feed_forward else pdo.PDO_BYTES
+        self._frame[pdo.LENGTH_AT] = self.setpoint_bytes
         self.handlers[pdo.tpdo(profile.tpdo, node)] = self._feedback
         self.handlers[pdo.tpdo(settings.mode_tpdo, node)] = self._mode_display
         self.probe = TouchProbe(node, settings.probe_tpdo) if settings.probe_tpdo else None

@@ -159,9 +159,9 @@ class Group:
             for i, drive in turns:
                 refused = drive.refused
                 frame = drive.frame(setpoints[i], now_s)
-                line.bits += BITS[frame[pdo.LENGTH_AT]]
                 if drive.refused != refused or not (line.packs or line.send(frame)):
                     good = self._failed(i)
+            line.bits += line.setpoint_bits
             if line.packs and not line.send(line.packet):
                 good = self._failed(line.first)
         for line, node in self._talkers:

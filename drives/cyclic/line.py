@@ -79,6 +79,7 @@ class Line:
         whole = memoryview(self._buffer)
         # A view per length, so that a handler sees exactly the bytes that were sent.
         self._data = tuple(whole[pdo.DATA_AT : pdo.DATA_AT + n] for n in range(9))
+        self.setpoint_bits = sum(BITS[drive.setpoint_bytes] for drive in self.drives)
         self.packet = bytearray(pdo.FRAME_BYTES * len(self.drives))
         # Neighbours in one packet wake the hub once; a real CAN socket takes one frame at a time.
         self.packs = bool(self.drives) and bool(getattr(port, "packs", False))

@@ -1,7 +1,7 @@
 """The last seconds of everything on a bus, in bounded memory.
 
 Frames and their times, the oldest going first. It is a handler like any other: the stepped bus and
-the hub call it with every frame (``bus.watch_all(log)``), and a listening port is
+the hub call it with every frame (``bus.log(log.keep)``), and a listening port is
 drained into it. Nothing is written until somebody asks, with a fault for example.
 """
 
@@ -36,12 +36,12 @@ class FrameLog:
         # A deque of tuples: a quarter of the time that a ring of bytes takes per frame.
         most = max(1, round(seconds * FRAMES_PER_S) if capacity is None else capacity)
         self._kept: deque[tuple[float, bytes]] = deque(maxlen=most)
-        self._append = self._kept.append
+        self.keep = self._kept.append  # of time and frame as one; what ``bus.log`` takes
         self._one = bytearray(FRAME_BYTES)
 
     def __call__(self, frame: bytes, at_s: float) -> None:
         """Keep one frame."""
-        self._append((at_s, frame))
+        self.keep((at_s, frame))
 
     def __len__(self) -> int:
         return len(self._kept)

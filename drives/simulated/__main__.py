@@ -6,7 +6,10 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
+import contextlib
+import os
+import socket
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -22,10 +25,15 @@ from drives.simulated.serve import Server, on_interface, run
 from drives.virtual.fault_script import ScriptError
 from drives.virtual.hub import Hub
 
+MAX_WORDS = 64  # bytes of a packet that sets an input
 COUNTS_PER_REV = 4096.0  # of spindles given by node id
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
+Join = Callable[[Server, Sequence[SimulatedDrive | IoNode]], None]
+
+
+def main(arguments: Sequence[str] | None = None, join: Join | None = None) -> None:
+    """``join`` gets server and devices before they run."""
     parser = _parser()
     chosen = parser.parse_args(arguments)
     if (chosen.path is None) == (chosen.socketcan is None):
@@ -34,7 +42,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
         with options.equipped(
             _server(chosen), chosen.faults, chosen.log, chosen.socketcand, chosen.slcan, chosen.serial
         ) as server:
-            run(server, _devices(chosen), sync_log=chosen.sync_log)
+            devices = _devices(chosen)
+            if chosen.heard is not None and isinstance(server, Hub):
+                _hear(server, devices, chosen.heard)
+            if join is not None:
+                join(server, devices)
+            run(server, devices, sync_log=chosen.sync_log)
     except (OSError, ScriptError, InterfaceError) as error:
         parser.error(str(error))
 
@@ -55,6 +68,7 @@ def _parser() -> argparse.ArgumentParser:
         default=[],
         help="an input that follows an output, e.g. 2:3:0.1:1",
     )
+    parser.add_argument("--heard", metavar="PATH", help="datagram socket that sets inputs: 'INPUT 0|1'")
     parser.add_argument(
         "--bit-rate", type=int, help="bit/s; 0 = no bit timing; virtual bus: 1000000, CAN interface: 0"
     )
@@ -97,6 +111,37 @@ def _devices(chosen: argparse.Namespace) -> list[SimulatedDrive | IoNode]:
         settings = SpindleSettings("spindle", "", node, "", chosen.counts_per_rev)
         devices.append(build.spindle(settings, nature))
     return devices + [_inputs_and_outputs(node, nature, chosen) for node in chosen.io]
+
+
+def heard(hub: Hub, path: str) -> Callable[[Callable[[bytes], None]], None]:
+    """A datagram socket beside a hub; gives what takes the reader of its packets. Raises OSError."""
+    with contextlib.suppress(FileNotFoundError):
+        os.unlink(path)
+    own = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+    own.bind(path)
+    own.setblocking(False)
+
+    def read_by(reader: Callable[[bytes], None]) -> None:
+        def read() -> None:
+            with contextlib.suppress(OSError):
+                reader(own.recv(MAX_WORDS))
+
+        hub.listen(own.fileno(), read)
+
+    return read_by
+
+
+def _hear(hub: Hub, devices: Sequence[SimulatedDrive | IoNode], path: str) -> None:
+    """Inputs that something outside of this process sets."""
+    nodes = [device for device in devices if isinstance(device, IoNode)]
+
+    def set_input(words: bytes) -> None:
+        with contextlib.suppress(ValueError):
+            number, on = map(int, words.split())
+            for node in nodes:
+                node.set_input(number, bool(on), hub.bus.now_s)
+
+    heard(hub, path)(set_input)
 
 
 def _inputs_and_outputs(node: int, nature: Parameters, chosen: argparse.Namespace) -> IoNode:

@@ -77,7 +77,9 @@ class SimulatedDrive(Device):
         if counts:
             self._sync_s = now_s
             if axis.powered:
-                self.put_off(now_s + self._patience_s)
+                # The bus may still ask at the old time, and finds nothing due.
+                expires_s = self.watch_s = now_s + self._patience_s
+                self.due_s = expires_s if expires_s < self._alarm_s else self._alarm_s
                 axis.step(now_s)
         if self.nmt == OPERATIONAL:
             self._report(frame, now_s)

@@ -126,7 +126,9 @@ class CyclicPosition(Mode):
     def _take(self) -> None:
         units = self.axis.units
         limit = units.most_acceleration_at
-        self._profile = Profile(units.speed_at(0x607F) or ENDLESS, limit(0x60C5), limit(0x60C6))
+        self._profile = profile = Profile(units.speed_at(0x607F) or ENDLESS, limit(0x60C5), limit(0x60C6))
+        endless = profile.acceleration == profile.deceleration == math.inf
+        self._most_at_once = profile.speed if endless else -1.0  # a speed that comes at once
         self._offset = units.position_at(0x60B0)
         self.lead()
 
@@ -135,12 +137,18 @@ class CyclicPosition(Mode):
         if axis.dictionary.changes != self._seen:
             self._look()
         aim = axis.target + self._offset
-        wanted = axis.within(aim) if axis.units.plain else max(axis.low, min(axis.high, aim))
+        wanted = aim if axis.low <= aim <= axis.high else max(axis.low, min(axis.high, aim))
+        if axis.units.plain:
+            wanted = float(round(wanted))
         period_s = axis.period_s
         distance = wanted - axis.servo.end
         speed = distance / period_s
         own, self._before = (wanted - self._before) / period_s, wanted
-        reached = self._speed.after(speed, own, distance, self._profile)
+        most = self._most_at_once
+        if -most <= speed <= most:
+            reached = self._speed.now = speed
+        else:
+            reached = self._speed.after(speed, own, distance, self._profile)
         if reached != speed or wanted != aim or axis.clamped:
             axis.say_limit(reached != speed or wanted != aim)
         return wanted if reached == speed else axis.servo.end + reached * period_s

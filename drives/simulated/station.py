@@ -66,11 +66,6 @@ class Station:
         self.watch_s = at_s
         self._wake(at_s)
 
-    def put_off(self, at_s: float) -> None:
-        """Watch later than so far; the bus may still ask at the old time, and finds nothing due."""
-        self.watch_s = at_s
-        self.due_s = at_s if at_s < self._alarm_s else self._alarm_s
-
     def alarm(self, name: str, at_s: float, what: Alarm) -> None:
         """Call ``what`` at a time; a name has one alarm, the newest."""
         self._alarms[name] = (at_s, what)

@@ -140,6 +140,7 @@ class Hub:
         self._faults = faults
         self._clients: dict[int, Client] = {}  # by file descriptor
         self._gateways: list[Gateway] = []
+        self.watchers: list[Callable[[float], None]] = []  # of what the devices do: told the time
         self._server = _listening(path)
         self._readers: dict[int, Callable[[], None]] = {self._server.fileno(): self._accept}
         # The kernel stamps with CLOCK_REALTIME; the bus runs on CLOCK_MONOTONIC.
@@ -176,6 +177,8 @@ class Hub:
             if reader is not None:
                 reader()
         self.bus.advance(max(self.bus.now_s, time.monotonic()))
+        for watch in self.watchers:
+            watch(self.bus.now_s)
 
     def run(self, stop: Callable[[], bool]) -> None:
         """Serve until ``stop()`` says so (looked at ten times a second).

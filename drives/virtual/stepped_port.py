@@ -43,11 +43,10 @@ class Port:
 
     def send(self, frame: bytes | bytearray | memoryview) -> bool:
         """Queue 16-byte frames, one or several, at the bus's present time; False when the queue is full."""
-        bus, source, packet, good = self._bus, self._source, bytes(frame), True
-        for at in range(0, len(packet), FRAME_BYTES):
-            one = packet[at : at + FRAME_BYTES]
-            good = bus.submit(source, bus.now_s, _IDENTIFIER(one)[0], one) and good
-        return good
+        bus, packet = self._bus, bytes(frame)
+        if len(packet) == FRAME_BYTES:
+            return bus.submit(self._source, bus.now_s, _IDENTIFIER(packet)[0], packet)
+        return bus.submit_packet(self._source, bus.now_s, packet)
 
     def receive_into(self, buffer: bytearray | memoryview) -> bool:
         """The oldest received frame into ``buffer[:16]``; False when there is none."""

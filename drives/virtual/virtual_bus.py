@@ -19,15 +19,17 @@ begins, and takes devices off the bus.
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Callable, Sequence
 from enum import Enum
 from functools import partial
-from heapq import heapify, heappop, heappush
+from heapq import heapify, heappop, heappush, heappushpop
+from struct import Struct
 from typing import Protocol
 
 from drives import pdo
 from drives.load import stuffing
-from drives.pdo import ERROR_FLAG, EXTENDED_FLAG, REMOTE_FLAG
+from drives.pdo import ERROR_FLAG, EXTENDED_FLAG, FRAME_BYTES, REMOTE_FLAG
 from drives.virtual.confinement import Confinement
 from drives.virtual.error_counters import Controller, Level
 from drives.virtual.stepped_port import PORT_LIMIT, Agenda, Metronome, Port
@@ -65,8 +67,10 @@ QUEUE_LIMIT = 256  # frames one sender may have waiting; SocketCAN's txqueuelen 
 MUTED = 1 << 30
 
 Handler = Callable[[bytes, float], None]
+Log = Callable[[tuple[float, bytes]], object]
 Filters = Sequence[tuple[int, int]]
 Tamper = Callable[[float, int, bytes], Sequence[float]]
+_IDENTIFIERS = Struct("<I12x").iter_unpack
 _Ready = tuple[int, int, int, int, bytes]  # rank, sequence, source, id, frame
 _Pending = tuple[float, _Ready]  # from when on it may take part in the arbitration
 
@@ -131,15 +135,16 @@ class SteppedBus:
         self._bit_s = 1.0 / bit_rate if bit_rate else 0.0
         self._bits: stuffing.Counter = stuffing.worst_case if worst_stuffing else stuffing.counter()
         self._free_s = start_s  # when the wire is idle again
-        self._flying: tuple[int, int, bytes] | None = None  # on the wire: id, source, frame
+        self._flying: _Ready | None = None  # on the wire
         self._ready: list[_Ready] = []  # heap
-        self._pending: list[_Pending] = []  # heap
+        self._pending: deque[_Pending] = deque()  # by time
         self._sequence = 0
         self._waiting: list[int] = []  # frames by source
         self._routes: list[dict[int, tuple[Handler, ...]]] = []  # by source, by identifier
         self._nodes: dict[int, Node] = {}  # by source
         self._ports: dict[int, tuple[Handler, Filters | None]] = {}  # by source
         self._watches: list[tuple[int | None, Handler]] = []
+        self._logs: list[Log] = []
         self.errors = Confinement(self)
         self.controller = Controller()  # of all ports: they stand for one CAN interface
         self.faults: Faults | None = None
@@ -195,6 +200,10 @@ class SteppedBus:
         self._watches.append((None, handler))
         self.forget_routes()
 
+    def log(self, keep: Log) -> None:
+        """Have every frame that is heard at all kept with its time: as ``watch_all``, at half the cost."""
+        self._logs.append(keep)
+
     def source_of(self, node_id: int) -> int:
         """The source that the device with a CANopen node id sends as. Raises KeyError."""
         for source, node in self._nodes.items():
@@ -228,8 +237,34 @@ class SteppedBus:
         waiting[source] += 1
         self._sequence += 1
         order = can_id << BASE_AT if can_id < 0x800 else rank(can_id)
-        heappush(self._pending, (at_s, (order, self._sequence, source, can_id, frame)))
+        ready = order, self._sequence, source, can_id, frame
+        pending = self._pending
+        if pending and at_s < pending[-1][0]:
+            self._put(at_s, ready)
+        else:
+            pending.append((at_s, ready))
         return True
+
+    def _put(self, at_s: float, ready: _Ready) -> None:
+        """Among those that wait for their time; most are submitted in that order."""
+        pending = self._pending
+        pending.insert(sum(1 for other_s, _ in pending if other_s <= at_s), (at_s, ready))
+
+    def submit_packet(self, source: int, at_s: float, packet: bytes) -> bool:
+        """Put several frames up, one behind the other; False if the queue did not take all of them."""
+        waiting, pending, good, at = self._waiting, self._pending, True, 0
+        for (can_id,) in _IDENTIFIERS(packet):
+            frame = packet[at : at + FRAME_BYTES]
+            at += FRAME_BYTES
+            if self.tamper is not None or can_id >= 0x800 or (pending and at_s < pending[-1][0]):
+                good = self.submit(source, at_s, can_id, frame) and good
+            elif waiting[source] < QUEUE_LIMIT:
+                waiting[source] += 1
+                self._sequence += 1
+                pending.append((at_s, (can_id << BASE_AT, self._sequence, source, can_id, frame)))
+            else:
+                good = False
+        return good
 
     def _tampered(self, source: int, at_s: float, can_id: int, frame: bytes) -> bool:
         """Fault injection: the hook gives one delay per copy; none = lost, two = duplicated."""
@@ -238,7 +273,7 @@ class SteppedBus:
         for delay_s in self.tamper(at_s, can_id, frame):
             self._waiting[source] += 1
             self._sequence += 1
-            heappush(self._pending, (at_s + delay_s, (rank(can_id), self._sequence, source, can_id, frame)))
+            self._put(at_s + delay_s, (rank(can_id), self._sequence, source, can_id, frame))
         return True
 
     def submit_again(self, source: int, at_s: float, can_id: int, frame: bytes) -> int:
@@ -246,7 +281,7 @@ class SteppedBus:
         self._sequence += 1
         if self._waiting[source] < MUTED // 2:
             self._waiting[source] += 1
-            heappush(self._pending, (at_s, (rank(can_id), self._sequence, source, can_id, frame)))
+            self._put(at_s, (rank(can_id), self._sequence, source, can_id, frame))
         return self._sequence
 
     def is_full(self, source: int) -> bool:
@@ -286,15 +321,18 @@ class SteppedBus:
         submit ---> pending (by time) ---> ready (by arbitration) ---> wire ---> routes
         """
         pending, ready, waiting, bit_s = self._pending, self._ready, self._waiting, self._bit_s
-        bits_of, all_routes = self._bits, self._routes
+        bits_of, all_routes, errors, logs = self._bits, self._routes, self.errors, self._logs
         start_s, flying = self._free_s, self._flying
         while True:
             if flying is not None:
                 if start_s > until_s or start_s > self.due_s:
                     return
-                can_id, source, frame = flying
+                _, _, source, can_id, frame = flying
                 self._flying = None
                 self.now_s = start_s
+                if source != self._nowhere:
+                    for keep in logs:
+                        keep((start_s, frame))
                 routes = all_routes[source].get(can_id)
                 if routes is None:
                     routes = self._route(source, can_id)
@@ -309,12 +347,19 @@ class SteppedBus:
                     return
                 if first_s > start_s:
                     start_s = first_s
-            while pending and pending[0][0] <= start_s:
-                heappush(ready, heappop(pending)[1])
-            _, sequence, source, can_id, frame = heappop(ready)
+            if pending and pending[0][0] <= start_s:
+                flying = pending.popleft()[1]
+                while pending and pending[0][0] <= start_s:
+                    heappush(ready, flying)
+                    flying = pending.popleft()[1]
+                if ready:
+                    flying = heappushpop(ready, flying)
+            else:
+                flying = heappop(ready)
+            order, sequence, source, can_id, frame = flying
             waiting[source] -= 1
             taken_s = bits_of(can_id, frame) * bit_s if bit_s else 0.0
-            if self.faults is not None or self.errors.troubled:
+            if self.faults is not None or errors.troubled:
                 fate = self._judged(start_s, can_id, sequence, source, frame)
                 if fate is Fate.WITHHELD:
                     start_s, flying = self._free_s, None
@@ -325,10 +370,11 @@ class SteppedBus:
                     source = self._nowhere
                 else:
                     frame = fate
+                flying = order, sequence, source, can_id, frame
             self.busy_s += taken_s
             self.frames += 1
             self._free_s = start_s = start_s + taken_s
-            self._flying = flying = can_id, source, frame
+            self._flying = flying
 
     def _run_timers(self, now_s: float) -> None:
         self.now_s = now_s
@@ -360,9 +406,10 @@ class SteppedBus:
     def mute(self, source: int) -> None:
         """Nothing more of this source goes out; what it had waiting is gone."""
         self._waiting[source] = MUTED
-        self._pending[:] = [entry for entry in self._pending if entry[1][2] != source]
+        left = [entry for entry in self._pending if entry[1][2] != source]
+        self._pending.clear()
+        self._pending.extend(left)
         self._ready[:] = [entry for entry in self._ready if entry[2] != source]
-        heapify(self._pending)
         heapify(self._ready)
 
     def take_no_more(self, source: int) -> None:
@@ -386,6 +433,8 @@ class SteppedBus:
         logs = [handler for wanted, handler in self._watches if wanted is None] if ports else []
         for handler in ports + logs:
             handler(frame, at_s)
+        for keep in self._logs if ports else ():
+            keep((at_s, frame))
 
     def _route(self, source: int, can_id: int) -> tuple[Handler, ...]:
         """Who hears ``can_id`` when ``source`` sends it; error frames reach every port."""

@@ -67,6 +67,6 @@ def test_the_radius_of_a_tool_is_measured_from_both_sides(some: random.Random) -
 @pytest.mark.parametrize(("off", "ends"), [(0.08, False), (-4.0, True)])
 def test_a_tool_that_is_another_one_ends_the_program(off: float, ends: bool, some: random.Random) -> None:
     done = ran("tool_check", {"within": 0.1}, 60.0 + off, 3.0, some, "rs274")
-    assert (f"T7: {off:.1f}" in done.error and "another tool, or broken" in done.error) is ends, done.error
+    assert (f"T7 is {off:.1f}" in done.error and "another tool, or broken" in done.error) is ends, done.error
     assert told(done)[0] == pytest.approx([7.0, 60.0 + off, 60.0], abs=0.002)
     assert len(told(done)) == (1 if ends else 3)  # nothing behind it is carried out

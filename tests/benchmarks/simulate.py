@@ -26,7 +26,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 HERE = Path(__file__).parents[2]
-sys.path[:0] = [str(HERE), str(HERE / "tests")]
+sys.path[:0] = [str(HERE / "tests")]
+sys.path.append(str(HERE))  # behind PYTHONPATH: inside, the code is the other tree's
 
 from support.suite import figures  # noqa: E402
 from support.suite.figures import Figure, Report  # noqa: E402

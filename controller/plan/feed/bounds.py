@@ -8,8 +8,6 @@ the knot z' = 4/3 z / s, which ties the spline's outermost coefficient to its ne
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import numpy.typing as npt
 
@@ -20,6 +18,7 @@ from controller.plan.feed.limits import JUMP_SHARE
 from controller.plan.feed.mesh import Parts
 from controller.plan.feed.tool_limits import ToolRates
 from controller.plan.surfaces.rates import Derivatives
+from controller.values import dataclass
 
 Array = npt.NDArray[np.float64]
 

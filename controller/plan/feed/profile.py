@@ -11,7 +11,6 @@ feed alone counts (``cruise``); everything else is searched for (``search``).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -27,6 +26,7 @@ from controller.plan.feed.course import Course, least_passed, unhindered
 from controller.plan.feed.law import split, straight
 from controller.plan.feed.tool_limits import has_limits
 from controller.plan.stretch import Stretch
+from controller.values import dataclass
 
 Array = npt.NDArray[np.float64]
 Run = tuple[Stretch, ...]

@@ -8,8 +8,6 @@ and the search goes on from where it was.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import numpy.typing as npt
 
@@ -19,6 +17,7 @@ from controller.plan.feed.bounds import INNER, Bounds, Grid, Shares
 from controller.plan.feed.course import MARGIN, Course
 from controller.plan.feed.law import straight, through
 from controller.plan.surfaces.rates import Derivatives
+from controller.values import dataclass
 
 Array = npt.NDArray[np.float64]
 Law = tuple[Array, Array]  # times (n + 1,) and pieces (n, 6)

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
 from typing import Any
 
 from controller.geometry.curves import Arc
@@ -41,6 +40,7 @@ from controller.program.program import (
     Setting,
     TipLine,
 )
+from controller.values import dataclass
 
 _KINDS = {
     Act.SPINDLE: "spindle",

@@ -13,13 +13,13 @@ import json
 import os
 import tempfile
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
-from enum import Enum
+from dataclasses import field
 from importlib import metadata
 from pathlib import Path
 from typing import Any
 
 from controller.machine.model import Joints, Machine
+from controller.machine.plain import plain
 from controller.messages import Said, said
 from controller.motion.motions import Rotaries
 from controller.plan.report.passing import Mark
@@ -27,6 +27,7 @@ from controller.plan.report.verdict import Verdict
 from controller.plan.stretch import Note
 from controller.plan.surfaces.placements import Recipe
 from controller.program.program import Place
+from controller.values import dataclass
 
 FORMAT = 5  # of the files
 KEPT = 500  # files; the oldest go
@@ -69,10 +70,10 @@ def key(program: bytes, machine: Machine, start: Joints) -> str:
         "format": FORMAT,
         "version": _version(),
         "program": hashlib.sha256(program).hexdigest(),
-        "machine": {**asdict(machine), "in_spindle": None},  # whatever a run before has left there
+        "machine": plain(machine),
         "start": start,
     }
-    text = json.dumps(facts, sort_keys=True, default=_plain)
+    text = json.dumps(facts, sort_keys=True, default=plain)
     return hashlib.sha256(text.encode()).hexdigest()
 
 
@@ -81,12 +82,6 @@ def _version() -> str:
         return metadata.version("directrix")
     except metadata.PackageNotFoundError:  # run from a folder that was never installed
         return "0"
-
-
-def _plain(value: object) -> object:
-    if isinstance(value, Enum):
-        return value.value
-    raise TypeError(f"A machine holds a {type(value).__name__}, which JSON cannot.")
 
 
 def save(stored: Stored, name: str, where: Path) -> Path:

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from controller.geometry.vectors import Vector, add, scale
 from controller.machine.kinematics import Kinematics
@@ -31,6 +31,7 @@ from controller.plan.stretch import (
 from controller.plan.surfaces import audit
 from controller.plan.surfaces.approach import at_height
 from controller.program.program import UNSAID, Act, Modal, Place
+from controller.values import dataclass
 
 FAR_MM = 100.0  # along a tool axis that lies so flat that Z gains nothing
 FLAT = 0.1  # of Z per mm along the axis

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -51,6 +51,7 @@ from controller.program.program import (
     ProgramError,
     TipLine,
 )
+from controller.values import dataclass
 
 Array = npt.NDArray[np.float64]
 

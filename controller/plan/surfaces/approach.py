@@ -15,7 +15,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -33,6 +32,7 @@ from controller.plan.surfaces.cuts import Edge, beside, turn
 from controller.plan.surfaces.leads import Lead
 from controller.plan.surfaces.train import Leg, Meeting
 from controller.program.program import Place
+from controller.values import dataclass
 
 Array = npt.NDArray[np.float64]
 

@@ -11,7 +11,7 @@ computed point by point (``blends``), and the blend made shorter until it is wit
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from enum import Enum
 from functools import lru_cache
 from typing import NamedTuple
@@ -28,6 +28,7 @@ from controller.plan.surfaces.blends import End, Looked, Rounding, between, led_
 from controller.plan.surfaces.cuts import MAX_KNOWN, REMEMBERED, SAME_RAD, Cut, apart, edge, turned
 from controller.plan.surfaces.placements import name_of
 from controller.program.program import Modal
+from controller.values import dataclass
 
 Array = npt.NDArray[np.float64]
 

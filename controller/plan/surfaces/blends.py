@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -17,6 +17,7 @@ from controller.geometry.placement import Blend, Blended, Placed
 from controller.geometry.vectors import Vector, dot, subtract
 from controller.motion.motions import SurfaceCut
 from controller.plan.surfaces import deviation
+from controller.values import dataclass
 
 Array = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]

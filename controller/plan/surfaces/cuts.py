@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, Generic, TypeVar
 
@@ -34,6 +33,7 @@ from controller.plan.surfaces.placements import name_of
 from controller.plan.surfaces.placing import Cutter, Wanted, off_mm, place
 from controller.plan.surfaces.touching import touched
 from controller.program.program import CutBlock, CutCone, CutNurbs, CutRuled, GougeRefused, Modal
+from controller.values import dataclass
 
 FREE = (Strategy.OPTIMAL, Strategy.AUTO)  # leave the ruling: they take any twist
 

@@ -16,7 +16,7 @@ from __future__ import annotations
 import math
 from array import array
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import islice
 
 import numpy as np
@@ -34,6 +34,7 @@ from controller.plan.stretch import Stretch, Voice, joints_of, motion_named, rot
 from controller.plan.surfaces import audit, rates
 from controller.plan.surfaces.cuts import Cut, Edge, beside, gouge, tolerance_mm
 from controller.plan.surfaces.train import Leg
+from controller.values import dataclass
 
 Array = npt.NDArray[np.float64]
 

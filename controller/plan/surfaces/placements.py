@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from typing import Any
 
 from controller.geometry.placement import Placed
@@ -18,6 +18,7 @@ from controller.geometry.surfaces import Surface
 from controller.geometry.vectors import Vector
 from controller.motion.motions import SurfaceCut
 from controller.plan.stretch import Chain, Pause
+from controller.values import dataclass
 
 FORMAT = 2  # another one where the same numbers would mean another pose
 MOST = 20_000  # that are known at once

@@ -26,7 +26,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
@@ -39,6 +39,7 @@ from controller.geometry.surfaces import Surface, turned
 from controller.geometry.vectors import Vector
 from controller.machine.model import Tool
 from controller.plan.surfaces import deviation, placements
+from controller.values import dataclass
 
 Array = npt.NDArray[np.float64]
 

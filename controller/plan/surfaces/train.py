@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from enum import Enum
 from functools import cached_property
 from typing import NamedTuple
@@ -29,6 +28,7 @@ from controller.plan.stretch import Stretch, Voice
 from controller.plan.surfaces import audit, blending, passing, unwind
 from controller.plan.surfaces.cuts import SAME_RAD, Cut, apart, turn, turned, turned_axis
 from controller.program.program import ProgramError
+from controller.values import dataclass
 
 Array = npt.NDArray[np.float64]
 

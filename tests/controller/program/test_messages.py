@@ -5,9 +5,10 @@ from __future__ import annotations
 import pytest
 from support.machines.shipped_kinds import machine
 
+from controller import messages
 from controller.machine.kinematics import kinematics_of
 from controller.plan.path import path
-from controller.program import blocks
+from controller.program import blocks, comments
 from controller.program.program import CutRuled, Message, ProgramError
 
 POINTS = "X0. Y0. Z10.\n" + "\n".join(f"X{k}. Y0. Z10." for k in (3, 6, 9))
@@ -72,3 +73,20 @@ def test_a_program_that_ends_itself_is_refused_with_its_reason_where_it_does() -
     with pytest.raises(ProgramError, match=r"ends itself here: .depth 4\.0 is too much.") as refused:
         said(text.format(4))
     assert (refused.value.line, refused.value.column) == (3, 8)
+
+
+@pytest.mark.parametrize(
+    ("ends", "key"),
+    [
+        ("cycle.tool_off tool=7 off_mm=0.125", "cycle.tool_off"),
+        ("cycle.tool_off tool=7", "text.abort"),  # a value is missing
+        ("cycle.nothing tool=7", "text.abort"),
+        ("a text of its own", "text.abort"),
+    ],
+)
+def test_a_cycle_of_ours_ends_itself_in_the_readers_language(ends: str, key: str) -> None:
+    told = comments.ended(ends)
+    assert told["key"] == key
+    for language in messages.LANGUAGES:
+        shown = messages.text(told, language)
+        assert ("T7" in shown and "0.125" in shown) or ends in shown

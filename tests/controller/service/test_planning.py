@@ -16,9 +16,11 @@ from support.machines.stepped_runs import program
 from controller import messages
 from controller.ipc import control_socket
 from controller.ipc.handoff import COLUMN
+from controller.machine import machine_file
 from controller.messages import said
 from controller.plan.restart.program_position import Spot
 from controller.plan.stretch import Note
+from controller.program import linked
 from controller.program.program import Place
 from controller.service.planner_client import Answer, Order, Program
 from controller.state.modes import Fault, Mode, Request, sentence
@@ -255,3 +257,22 @@ def test_t_is_told_with_the_motion_that_it_stands_before_where_a_changer_prepare
     bench.until(Mode.READY)
     said = [(one.tool, one.motion_id) for news in bench.news for one in news.messages]
     assert said == [(2, 1), (3, 2)]
+
+
+@pytest.mark.parametrize(
+    ("line", "why"),
+    [
+        ("G0 X1", ""),
+        ("o<probe_top> call [20]", ""),  # asks what touches
+        ("o<probe_tool_length> call [30] [0] [0]", "does not stand above it"),
+    ],
+)
+def test_a_typed_line_is_checked_with_the_tool_of_the_changer_and_from_where_it_stands(
+    tmp_path: Path, line: str, why: str
+) -> None:
+    """Else it is checked with T1, from where the axes were homed."""
+    bench = Bench(tmp_path, machine_file.load("machining_centre"))
+    text = linked.linked(f"G21 G90 G54 G43 H99\n{line}\n".encode(), lambda _: None)
+    program = Program(text, "MDI", bench.machine, typed=True, in_spindle=99)
+    error = bench.order("check", program=program).error
+    assert (error is None) if not why else error is not None and why in messages.text(error[1]), error

@@ -45,6 +45,8 @@ class _KilledTick:
     def start(self) -> None:
         self.tick_alive = True
 
+    def tell_tool(self, number: int) -> None: ...
+
 
 def _snapshot(**values: object) -> Snapshot:
     return blank()._replace(**values)  # type: ignore[arg-type]

@@ -86,7 +86,7 @@ def test_two_buses_are_logged_in_the_order_of_time(tmp_path: Path) -> None:
 
 def test_a_stepped_bus_is_watched_whole_and_a_listening_port_is_drained() -> None:
     bus, log, heard = SteppedBus(), FrameLog(), FrameLog()
-    bus.watch_all(log)
+    bus.log(log.keep)
     one, two, listener = bus.port(), bus.port([(0x180, 0x780)]), bus.port()
     one.send(pdo.frame(0x201))
     two.send(pdo.frame(0x181))

@@ -210,7 +210,7 @@ def test_the_same_run_with_faults_is_the_same_to_the_bit() -> None:
         bench = Bench("XY")
         log = FrameLog()
         bus = bench.rig.buses["can"]
-        bus.watch_all(log)
+        bus.log(log.keep)
         script = "seed 5\nat 0 s: drop tpdo 1 for 1 s odds 0.2\nat 50 ms: corrupt sync x 3\n"
         FaultScript.read(script + "at 0.1 s: babble 7F for 5 ms").inject(bus, bus.now_s)
         for _ in range(200):

@@ -63,6 +63,8 @@ class FakeEngine:
 
     # -- as Engine
 
+    def tell_tool(self, number: int) -> None: ...
+
     @property
     def line(self) -> FakeEngine:
         return self
