@@ -133,7 +133,7 @@ def stream(
     read = words.read(text, name, block_delete, parameters, limits, files, refused, common.take)
     if remark is not None:
         yield Remark(remark[0], given.state.modal, remark[1])
-    made = _blocks(Upcoming(read), machine, given, common, refused)
+    made = _blocks(Upcoming(read), machine, given, common, parameters, refused)
     beside = compensation.beside(made, given.position, machine, name, refused)
     for together in foreign.judged(beside, text, name, refused):
         yield from together
@@ -144,6 +144,7 @@ def _blocks(
     machine: Machine,
     given: Given,
     common: CommonLines,
+    parameters: Parameters,
     refused: list[ProgramError] | None = None,
 ) -> Iterator[CommonRun | Sequence[Block]]:
     """Blocks of lines; ``given`` has the state and the position between two of them."""
@@ -179,7 +180,8 @@ def _blocks(
             common.rests = False
         given.state = functions.learnt(line, before, turn.state, turn.made)
         yield [*restored, *turn.made]
-        given.see_probed(turn.made, line)
+        if given.see_probed(turn.made, line):
+            parameters.forget_probed()
         if turn.ended:
             break
     if ahead.told:

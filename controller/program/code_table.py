@@ -83,7 +83,7 @@ NOT_DONE: tuple[Code, ...] = (
     *only("X0", ("G10.9", "X", MAZAK, "positions")),
     *(replace(row, group="overrides") for row in noted(LINUXCNC, ("M51", "P", "kept"))),
     # --- what is refused, and what to write instead
-    *refused(LINUXCNC, "G7 G8 G76 G44 G87", dialect="rs274"),
+    *refused(LINUXCNC, "G7 G8 G70 G71 G71.1 G71.2 G72 G72.1 G72.2 G76 G44 G87", dialect="rs274"),
     *refused(LINUXCNC, "G5.2", dialect="fanuc"),
     *refused(FANUC, "G53.3 G7 G12.1 G43.3 G45 G46 G47 G48 G51.1 G60 G63 G107 M198", dialect="fanuc"),
     *refused(LINUXCNC, "G17.1 G18.1 G19.1 G88 G96"),

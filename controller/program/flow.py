@@ -19,7 +19,7 @@ from controller.program.decoding import NEWLINE
 from controller.program.expressions import GAPS, Values
 from controller.program.line import Line, Where, Word
 from controller.program.macro_calls import Macro
-from controller.program.marks import ALONE, COMPUTED, Mark, Marks
+from controller.program.marks import ALONE, COMPUTED, STRUCTURES, Mark, Marks
 from controller.program.parameters import ARGUMENTS, Name, Parameters
 from controller.program.program import Caller, Callers, ProgramError
 from controller.values import dataclass
@@ -93,6 +93,7 @@ class Run:
         self._frames = [_Frame(source, 0, 1)]
         self._passes = self._step = self._last = 0
         self._due: Line | None = None  # what a sub that ended has restored
+        self._labels: dict[tuple[str, str, str], Mark] = {}  # structures that have run
         self._begun = False  # a word or an O-word with a meaning has been met
         self._modal: Macro | None = None  # called behind each line that moves
         self._modal_calls = 0  # of those that run
@@ -140,6 +141,8 @@ class Run:
             frame.at, frame.number = mark.after, number + 1
             if mark.deleted and self._block_delete:
                 return None
+            if mark.keyword in STRUCTURES and mark.parts[0] is mark:
+                self._check_label(frame, mark)
             return self._acts.get(mark.keyword, _nothing)(mark)
         end = NEWLINE.search(text, at)
         raw = text[at : end.start()] if end else text[at:]
@@ -181,6 +184,13 @@ class Run:
         self._last = number if len(self._frames) == 1 else self._last
 
     # ---- structures
+
+    def _check_label(self, frame: _Frame, mark: Mark) -> None:
+        """A label stands for one structure that runs, of a program and of each sub (as LinuxCNC)."""
+        sub = "" if frame.sub is None else frame.sub.label
+        other = self._labels.setdefault((frame.source.name, sub, mark.label), mark)
+        if other is not mark:
+            raise mark.label_used(frame.source.name, other)
 
     def _go(self, mark: Mark, behind: bool = True) -> None:
         frame = self._frames[-1]

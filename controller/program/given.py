@@ -47,12 +47,12 @@ class Given:
 
     # ---- probing
 
-    def see_probed(self, made: Sequence[Block], line: Line) -> None:
-        """Behind a probing move the reader goes on from where the axes really are. Raises ProgramError."""
+    def see_probed(self, made: Sequence[Block], line: Line) -> bool:
+        """Whether the line has probed; then reading goes on from where the axes are. Raises ProgramError."""
         last = made[-1] if made else None
         probe = last.probe if isinstance(last, JointLine | TipLine) else None
         if probe is None:
-            return
+            return False
         came, position = probe.came, self.position
         if came is not None:
             position.stand(came.at)
@@ -65,6 +65,7 @@ class Given:
                 code = next(word for word in line.words if word.letter == "G")
                 key = "probe.not_free" if probe.away else "probe.not_touched"
                 raise line.refusal(code, key, code=probe.code)
+        return True
 
     def _of_probing(self, key: int) -> float:
         letter = LETTERS[key - _PROBED.start]

@@ -24,13 +24,13 @@ from controller.values import dataclass
 
 ENDS = {"endsub": "sub", "endif": "if", "endwhile": "while", "endrepeat": "repeat"}
 LOOPS = ("while", "do", "repeat")
+STRUCTURES = ("if", *LOOPS)
 BY_NUMBER = ("M98", "G65", "G66")  # calls that are no O-words
 ALONE = ""  # the keyword of a number that stands alone: a sub for M98
 COMPUTED = ""  # the label of a call whose number is an expression
 
 _BARE = ("sub", "else", "endif", "do", "endwhile", "endrepeat", "break", "continue")  # take nothing
 _CONDITIONED = ("if", "elseif", "while", "repeat")  # take one value in brackets
-_ALONE_DELETED = ("call", "return", "break", "continue", "goto", "if goto", "if then")  # part of nothing
 
 _COMMENTS = r"(?:\([^()\r\n]*\)[ \t]*)*"
 _O = re.compile(r"[oO:](?<![A-Za-z].)")
@@ -88,8 +88,14 @@ class Mark:
         why = said(key, **{"mark": self.written, "label": self.label, **values})
         return ProgramError(name, self.number, self.column or self.text.find("o") + 1 or 1, why)
 
+    def label_used(self, name: str, other: Mark) -> ProgramError:
+        """What is told where ``other`` has the label already."""
+        return self.refusal(name, "flow.label_used", line=other.number, other=other.written)
+
     def surplus(self, name: str, behind: str) -> ProgramError:
         """What is told of text behind all that an O-word takes."""
+        if self.keyword == "else" and behind.strip(GAPS).startswith("if"):
+            return self.refusal(name, "flow.else_if")
         return self.refusal(name, "flow.surplus", behind=behind.strip(GAPS).upper()[:20])
 
 
@@ -228,8 +234,6 @@ class _Pairs:
     def __init__(self, name: str) -> None:
         self._name = name
         self.open: list[Mark] = []
-        self._used: dict[str, Mark] = {}  # labels of the sub, or of what is outside of subs
-        self._outside: dict[str, Mark] = {}
         self._subs: dict[str, Mark] = {}
 
     def take(self, mark: Mark) -> None:
@@ -237,11 +241,11 @@ class _Pairs:
             behind = mark.text[mark.rest :] if mark.keyword in _BARE else behind_bracket(mark.text, mark.rest)
             if behind.strip(GAPS):
                 raise mark.surplus(self._name, behind)
-        if mark.deleted and mark.keyword not in _ALONE_DELETED:
+        if mark.deleted and mark.keyword in ("sub", ALONE):
             raise mark.refusal(self._name, "flow.deleted")
         if mark.keyword in ("sub", ALONE):
             self._sub(mark)
-        elif mark.keyword in ("while", "do", "repeat", "if"):
+        elif mark.keyword in STRUCTURES:
             self._begins(mark)
         elif mark.keyword in ENDS:
             self._ends(mark, ENDS[mark.keyword])
@@ -257,24 +261,21 @@ class _Pairs:
             raise mark.refusal(
                 self._name, "flow.sub_in_sub", other=self.open[-1].written, line=self.open[-1].number
             )
-        self._unused(mark, self._subs)
+        if (other := self._subs.setdefault(mark.label, mark)) is not mark:
+            raise mark.label_used(self._name, other)
         mark.parts = [mark]
         if mark.keyword == "sub":
             self.open.append(mark)
-            self._outside, self._used = self._used, {}
 
     def _begins(self, mark: Mark) -> None:
         if mark.keyword == "while" and self.open and self._closes(mark, "do"):
             self._ends(mark, "do")
             return
-        self._unused(mark, self._used)
+        for other in self.open:
+            if other.label == mark.label and other.keyword != "sub":
+                raise mark.label_used(self._name, other)
         mark.parts = [mark]
         self.open.append(mark)
-
-    def _unused(self, mark: Mark, used: dict[str, Mark]) -> None:
-        if (other := used.get(mark.label)) is not None:
-            raise mark.refusal(self._name, "flow.label_used", line=other.number, other=other.written)
-        used[mark.label] = mark
 
     def _closes(self, mark: Mark, keyword: str) -> bool:
         return bool(self.open) and self.open[-1].keyword == keyword and self.open[-1].label == mark.label
@@ -286,6 +287,8 @@ class _Pairs:
             here = said("flow.open", other=inner.written, line=inner.number) if inner else Key("flow.nothing")
             raise mark.refusal(self._name, "flow.belongs_nowhere", keyword=keyword, here=here)
         opened = self.open[-1]
+        if mark.deleted != opened.deleted:
+            raise (mark if mark.deleted else opened).refusal(self._name, "flow.deleted")
         opened.parts.append(mark)
         mark.parts = opened.parts
         return opened
@@ -293,8 +296,6 @@ class _Pairs:
     def _ends(self, mark: Mark, keyword: str) -> None:
         self._part(mark, keyword)
         self.open.pop()
-        if keyword == "sub":
-            self._used = self._outside
 
     def _branch(self, mark: Mark) -> None:
         opened = self._part(mark, "if")
@@ -305,4 +306,6 @@ class _Pairs:
         loop = next((o for o in reversed(self.open) if o.keyword in LOOPS and o.label == mark.label), None)
         if loop is None:
             raise mark.refusal(self._name, "flow.no_loop")
+        if loop.deleted and not mark.deleted:
+            raise loop.refusal(self._name, "flow.deleted")
         mark.parts = loop.parts

@@ -16,6 +16,7 @@ OF_MACRO = range(1, 34)  # a macro's own, on controls as Fanuc's
 SAYS_DEBUG = 5599  # 0: what (DEBUG,) would say is not said
 OF_THE_MACHINE = range(5061, 5603)  # positions, offsets and tools: the control gives them
 VACANT = range(1000)  # there, until a program sets them: neither 0 nor a number
+OF_PROBING = range(5061, 5071)  # of the last probing move: what a program sets there holds until the next
 OF_SKIPS = range(5061, 5067)  # where the last probing move was: of both dialects
 OF_FANUC = range(1000, 5161)  # its system variables: alarms, clocks, modal codes, positions
 RETURNED = ("_value", "_value_returned")  # what the last sub gave back, and whether it did
@@ -101,8 +102,8 @@ class Parameters:
     def check_settable(self, key: Name) -> None:
         """Raises NoValue for what a program cannot set."""
         self._check_own(key)
-        if isinstance(key, int) and key in OF_THE_MACHINE and key != SAYS_DEBUG:
-            first, last = OF_THE_MACHINE.start, OF_THE_MACHINE.stop - 1
+        first, last = OF_THE_MACHINE.start if self.of_fanuc else OF_PROBING.stop, OF_THE_MACHINE.stop - 1
+        if isinstance(key, int) and first <= key <= last and key != SAYS_DEBUG:
             raise NoValue("value.of_the_machine", number=key, first=first, last=last)
         if key in RETURNED or (isinstance(key, str) and self._is_given(key)):
             raise NoValue("value.given", name=key)
@@ -120,6 +121,11 @@ class Parameters:
             self._room(key)[key] = value
             if isinstance(key, int) and self._is_kept(key):
                 self._fresh[key] = value
+
+    def forget_probed(self) -> None:
+        """Behind a probing move what it has found counts, and no longer what was set."""
+        for key in OF_PROBING:
+            self._global.pop(key, None)
 
     def fresh(self) -> dict[int, float]:
         """Those that later programs find and that were set since this was asked last."""

@@ -12,10 +12,10 @@ from controller.program.program import JointLine, ProgramError
 SUM = "o100 sub\nG0X#1\no101 if [#1 gt 0]\no100 call [#1 - 1]\no101 endif\nG0Y#1\no100 endsub\n"
 
 
-def moves(text: str) -> str:
+def moves(text: str, block_delete: bool = False) -> str:
     """The words of every move as it is carried out."""
     found = []
-    for block in blocks.stream(text.encode(), machine("fig4a", spindle=None), "part.ngc"):
+    for block in blocks.stream(text.encode(), machine("fig4a", spindle=None), "part.ngc", block_delete):
         if isinstance(block, JointLine):
             named = zip("XYZ", block.targets, strict=False)
             found.append("".join(f"{axis}{value:g}" for axis, value in named if value is not None))
@@ -86,7 +86,14 @@ def test_lines_are_carried_out_in_the_references_order(text: str, expected: str)
         ("o if [1]\no1 endif", "1:1", "no number"),
         ("o1 if 1\no1 endif", "1:7", "[ is missing"),
         ("o1 if [1] G0\no1 endif", "1:1", "G0 stands behind o1 if"),
-        ("/o1 if [1]\no1 endif", "1:2", "block delete"),
+        ("o1 if [1]\no1 else if [0]\no1 endif", "2:1", "write o1 elseif"),
+        ("o1 if [1]\no1 if [1]\no1 endif\no1 endif", "2:1", "used on line 1"),
+        ("o1 do\no1 while [0]\no1 while [0]\no1 endwhile", "3:1", "used on line 1"),
+        ("o1 sub\no2 if [#1]\no2 endif\no2 if [#1]\no2 endif\no1 endsub\no1 call", "4:1", "used on line 2"),
+        ("/o1 if [1]\no1 endif", "1:2", "write it before every O-word"),
+        ("o1 if [1]\n/o1 else\no1 endif", "2:2", "write it before every O-word"),
+        ("/o1 while [1]\no1 break\n/o1 endwhile", "1:2", "write it before every O-word"),
+        ("/o1 sub\n/o1 endsub", "1:2", "before sub and endsub, none"),
         ("G0X1 o1 call", "1:6", "stands alone on its line"),
         ("X1O", "1:3", "is it a zero"),
         ("M98\nM2", "1:1", "write P"),
@@ -103,6 +110,25 @@ def test_lines_are_carried_out_in_the_references_order(text: str, expected: str)
 def test_a_wrong_structure_is_refused_where_it_is_wrong(text: str, place: str, phrase: str) -> None:
     error = refusal(text)
     assert str(error).startswith(f"part.ngc:{place}: ") and phrase in error.sentence
+
+
+EITHER = "o1 if [#1]\no2 if [1]\nG0X1\no2 endif\no1 else\no2 if [1]\nG0X2\no2 endif\no1 endif\n"
+
+
+def test_structures_of_which_one_runs_may_have_one_label() -> None:
+    """As LinuxCNC, whose own measuring of tools is written so."""
+    assert moves(EITHER) == "X2"
+    assert moves("#1=1\n" + EITHER) == "X1"
+    assert (
+        moves("#31=0\n" + EITHER + "o9 sub\no1 if [0]\no2 if [0]\no2 endif\no1 endif\no9 endsub\no9 call")
+        == "X2"
+    )
+
+
+@pytest.mark.parametrize(("deleting", "expected"), [(False, "X1 X4"), (True, "X1 X2 X3 X4")])
+def test_a_whole_structure_may_be_left_out_by_block_delete(deleting: bool, expected: str) -> None:
+    text = "G0X1\n/o1 if [0]\nX2\n/o1 else\n/o2 repeat [0]\nX3\n/o2 endrepeat\n/o1 endif\nX4"
+    assert moves(text, deleting) == expected
 
 
 def test_a_loop_without_end_ends_with_a_sentence() -> None:

@@ -72,6 +72,17 @@ def test_the_reader_goes_on_from_where_the_axes_are() -> None:
     assert last.targets[2] == pytest.approx(4.0)
 
 
+def test_what_a_program_says_of_the_touch_holds_until_the_next_probing_move() -> None:
+    """As LinuxCNC: loops that probe until nothing touches begin with it."""
+    machine = probing_machine.machine()
+    text = HEAD + "#5070=7\n#5063=3\nG1 X#5070 Z#5063 F100.\nG38.3 Z-10. F50.\nG1 X#5070 Y#5063 F100.\n"
+    *_, before, _, behind = (
+        one for one in blocks.stream(text.encode(), machine, "probe.ngc") if isinstance(one, JointLine)
+    )
+    assert before.targets[0] == 7.0
+    assert behind.targets[:2] == pytest.approx((1.0, -10.0))
+
+
 def test_a_check_takes_the_end_of_the_line_for_the_touch() -> None:
     line = made("G38.2 Z-10. F50.\nG1 X[#5063] F100.\n")[-1]
     assert line.targets[0] == -10.0

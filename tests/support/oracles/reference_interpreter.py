@@ -36,13 +36,15 @@ def program() -> str | None:
     return os.environ.get("DIRECTRIX_RS274") or shutil.which("rs274")
 
 
-def machine(dialect: str = "rs274", **changes: Any) -> Machine:
-    """X Y Z A C with all work offsets at zero and no limit that matters; ``changes``: of its fields."""
+def machine(dialect: str = "rs274", kind: str = "fig4a", **changes: Any) -> Machine:
+    """X Y Z A C, or the axes of another ``kind``; all work offsets at zero; ``changes``: of its fields."""
     tools = tuple(
-        replace(tool, length_mm=length) for tool, length in zip(mill().tools, (10.0, 25.4), strict=False)
+        replace(tool, length_mm=length) for tool, length in zip(mill(kind).tools, (10.0, 25.4), strict=False)
     )
     nine = tuple(Frame() for _ in OFFSETS[:9])
-    return replace(mill(), offsets=nine, unset=(), tools=tools, dialect=dialect, **changes)
+    return replace(
+        mill(kind), **{"offsets": nine, "unset": (), "tools": tools, "dialect": dialect, **changes}
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +52,7 @@ class Move:
     """One canonical motion: kind and the axes at its end (mm, deg); of arcs the centre in the plane, too."""
 
     kind: str
-    axes: tuple[float, ...]  # X Y Z A C
+    axes: tuple[float, ...]  # of the machine, in its order
     feed: float | None = None
 
     def near(self, other: Move, within: float = ROUND) -> bool:
@@ -75,16 +77,25 @@ def ours(text: str, on: Machine) -> Reading:
     """The same by our reader."""
     read = blocks.stream(text.encode(), on, "p.ngc")
     made: list[Move] = []
+    here = (0.0,) * len(on.axes)
     try:
         for step in explained.steps(read, on, "p.ngc", homed(on)):
             if step.kind in ("rapid", "line", "arc"):
-                axes = tuple(
-                    math.nan if step.axes[name] is None else step.axes[name] or 0.0 for name in "XYZAC"
-                )
-                made.append(Move(step.kind, axes, step.facts.get("feed")))
+                axes = tuple(math.nan if q is None else q for q in step.axes.values())
+                made.append(Move(step.kind, axes, _a_minute(step, here, axes)))
+                here = axes
     except ProgramError as error:
         return Reading(_moving(made), str(error))
     return Reading(_moving(made), "")
+
+
+def _a_minute(step: explained.Step, here: tuple[float, ...], there: tuple[float, ...]) -> float | None:
+    """Feed; under G93 that of the line, and None of arcs and where X Y Z stand."""
+    feed = step.facts.get("feed")
+    if step.facts.get("unit") != "s":
+        return feed
+    way = math.dist(here[:3], there[:3])
+    return None if step.kind == "arc" or way < ROUND else way / feed * 60.0
 
 
 def reference(text: str, folder: Path, on: Machine) -> Reading:
@@ -94,16 +105,15 @@ def reference(text: str, folder: Path, on: Machine) -> Reading:
     (folder / "p.ngc").write_text(text)
     (folder / "p.var").write_text("5161 0.0\n5162 0.0\n5163 0.0\n5220 1\n")
     rows = [
-        f"T{t.number} P{t.number} D{t.radius_mm / 12.7:.8f} Z{t.length_mm / 25.4:.8f} ;\n"
-        for t in on.tools[:2]
+        f"T{t.number} P{t.number} D{t.radius_mm / 12.7:.8f} Z{t.length_mm / 25.4:.8f} ;\n" for t in on.tools
     ]
     (folder / "p.tbl").write_text("".join(rows))
     command = [found, "-v", "p.var", "-t", "p.tbl", "-g", "p.ngc"]
     apart = {**os.environ, "HOME": str(folder)}  # it keeps its tool table there, and two runs would share it
     told = subprocess.run(command, cwd=folder, env=apart, capture_output=True, text=True, timeout=60)
     out = told.stdout.splitlines()
-    refused = "" if any("PROGRAM_END" in line for line in out) else (told.stderr + told.stdout)[-300:]
-    return Reading(_moving(list(_Canon().moves(out))), refused)
+    refused = told.stderr.partition("executing")[2].strip()[-300:] if told.returncode else ""
+    return Reading(_moving(list(_Canon(on).moves(out))), refused)
 
 
 def _moving(moves: list[Move]) -> list[Move]:
@@ -119,7 +129,8 @@ def _moving(moves: list[Move]) -> list[Move]:
 class _Canon:
     """The state of canonical calls, as far as positions need it."""
 
-    def __init__(self) -> None:
+    def __init__(self, on: Machine) -> None:
+        self._rotaries = ["ABC".index(on.axes[i].name) for i in on.rotary()]
         self.unit, self.turn, self.feed = 1.0, 0.0, 0.0
         self.offset, self.shift, self.length = [0.0] * 6, [0.0] * 6, 0.0
         self.plane = "CANON_PLANE_XY"
@@ -175,10 +186,8 @@ class _Canon:
         c, s = math.cos(self.turn), math.sin(self.turn)
         x, y = x * c - y * s, x * s + y * c
         x, y, z = (p + o for p, o in zip((x, y, z), self.offset[:3], strict=True))
-        a, _, cc = (
-            p + s + o for p, s, o in zip(self.place[3:], self.shift[3:], self.offset[3:], strict=True)
-        )
-        return x, y, z + self.length, a, cc
+        turned = [p + s + o for p, s, o in zip(self.place[3:], self.shift[3:], self.offset[3:], strict=True)]
+        return x, y, z + self.length, *(turned[i] for i in self._rotaries)
 
 
 def _stands(before: tuple[float, ...], after: tuple[float, ...]) -> bool:
