@@ -186,7 +186,11 @@ ROWS: tuple[Code, ...] = (
     *done(
         "one-line",
         NIST,
-        ("G10", AXES + "LPR", "sets work offsets (L2, L20) and tools (L1, L10, L11), for good"),
+        (
+            "G10",
+            AXES + "LPR",
+            "sets work offsets (L2, L20) and tools (L1, L10, L11), for good; L0 does nothing",
+        ),
         (
             "G28",
             AXES + "UVW",

@@ -103,10 +103,12 @@ def _said(here: Here, now: Sequence[Known], words: Sequence[Known], word: Word) 
 def _g10(here: Here) -> State:
     word = here.ask.codes["one-line"][1]
     kind, number = here.ask.words.get("L"), here.ask.words.get("P")
+    fanuc = here.machine.dialect == "fanuc"
+    if kind is not None and len(here.ask.words) == 1 and here.ask.whole(kind) == 0 and not fanuc:
+        return here.state  # it reads the tool table anew: here what is set counts at once
     if kind is None or number is None:
         raise _not_set(here, word)
     what, n = here.ask.whole(kind), here.ask.whole(number)
-    fanuc = here.machine.dialect == "fanuc"
     if what == 120 and 1 <= n <= 9:
         return _set_from_active(here, n - 1)
     if what == 2 or (what == 20 and not fanuc):

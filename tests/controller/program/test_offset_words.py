@@ -51,6 +51,7 @@ def refused(text: str, dialect: str = "rs274") -> str:
         ("G0 X3 Y4\nG10 L20 P1 X1 Y1\nG0 X0 Y0", (2.0, 3.0, 0.0)),
         ("G0 X3 Y4\nG10 L20 P2 X1\nG55 G0 X0 Y0", (2.0, 0.0, 0.0)),
         ("G10 L2 P9 X7\nG59.3 G0 X1", (8.0, 0.0, 0.0)),
+        ("G10 L1 P1 Z20\nG10 L0\nG43 G0 Z1", (0.0, 0.0, 21.0)),  # what is set counts as it is
         ("G0 X3\nG92 X1\nG0 X5", (7.0, 0.0, 0.0)),
         ("G0 X3\nG92 X1\nG55 G0 X5", (7.0, 0.0, 0.0)),  # shifts every work offset
         ("G0 X3\nG92 X1\nG92.2\nG0 X5", (5.0, 0.0, 0.0)),
@@ -197,6 +198,8 @@ def test_the_path_goes_where_the_reader_says() -> None:
         ("G10 L3 P1 X1", "L3 sets nothing here"),
         ("G10 L2 P10 X1", "P10 sets nothing here"),
         ("G10 L20 P1 R5 X1", "R5 is not taken by G10 L20"),
+        ("G10 L0 P1", "L0 sets nothing here"),
+        ("G10 L0 X1", "G10 sets nothing here"),
         ("G10 L1 P9 Z5", "P9 names no tool"),
         ("G10 L1 P1 R0", "R0 leaves no tool"),
         ("G92", "G92 says no position"),
