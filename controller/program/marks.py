@@ -234,6 +234,7 @@ class _Pairs:
     def __init__(self, name: str) -> None:
         self._name = name
         self.open: list[Mark] = []
+        self._around: dict[str, Mark] = {}  # of these the structures, by label
         self._subs: dict[str, Mark] = {}
 
     def take(self, mark: Mark) -> None:
@@ -271,9 +272,8 @@ class _Pairs:
         if mark.keyword == "while" and self.open and self._closes(mark, "do"):
             self._ends(mark, "do")
             return
-        for other in self.open:
-            if other.label == mark.label and other.keyword != "sub":
-                raise mark.label_used(self._name, other)
+        if (other := self._around.setdefault(mark.label, mark)) is not mark:
+            raise mark.label_used(self._name, other)
         mark.parts = [mark]
         self.open.append(mark)
 
@@ -296,6 +296,8 @@ class _Pairs:
     def _ends(self, mark: Mark, keyword: str) -> None:
         self._part(mark, keyword)
         self.open.pop()
+        if keyword != "sub":
+            del self._around[mark.label]
 
     def _branch(self, mark: Mark) -> None:
         opened = self._part(mark, "if")
