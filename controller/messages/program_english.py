@@ -549,6 +549,8 @@ REFUSALS = {
     "two lines",
     "text.only_comments": "the file holds only blank lines and comments: a program needs at least one "
     "word; send the whole program",
+    "text.only_subs": "nothing runs in this file: it holds only subs, and no line calls one; start the "
+    "program that calls {label}",
     "text.empty": "the file holds nothing: a program needs at least one word; send the whole program",
     "text.control_character": "control character 0x{byte:02X} is not program text: a program is plain "
     "ASCII or UTF-8 text; save or send the file again as plain text",

@@ -588,6 +588,8 @@ REFUSALS = {
     "zwei Zeilen schreiben",
     "text.only_comments": "die Datei enthält nur Leerzeilen und Kommentare: ein Programm braucht "
     "wenigstens ein Wort; das ganze Programm senden",
+    "text.only_subs": "in dieser Datei läuft nichts: sie enthält nur Unterprogramme, und keine Zeile ruft "
+    "eines; das Programm starten, das {label} ruft",
     "text.empty": "die Datei ist leer: ein Programm braucht wenigstens ein Wort; das ganze Programm senden",
     "text.control_character": "Steuerzeichen 0x{byte:02X} ist kein Programmtext: ein Programm ist reiner "
     "ASCII- oder UTF-8-Text; die Datei noch einmal als reinen Text speichern oder senden",

@@ -65,6 +65,8 @@ def read(
         run = Run(source, scan.line, scan.parameters, limits or Limits(), files or {}, block_delete)
         yield from run.lines()
     if not scan.found:
+        if source is not None and source.marks.subs:
+            raise ProgramError(name, 1, 1, said("text.only_subs", label=next(iter(source.marks.subs))))
         raise ProgramError(name, 1, 1, said("text.only_comments" if whole.body else "text.empty"))
 
 

@@ -27,7 +27,7 @@ from controller.program.position import homed
 from controller.program.program import ProgramError
 
 ROUND = 3e-3  # rs274 prints four decimals, of inches where the program is in them
-_CALL = re.compile(r"N\S*\s+([A-Z0-9_]+)\((.*)\)$")
+_CALL = re.compile(r"N(?:\d+|\.+)\s*([A-Z][A-Z0-9_]*)\((.*)\)$")  # no gap behind numbers of six digits
 _PLACES = ("STRAIGHT_TRAVERSE", "STRAIGHT_FEED")
 
 
