@@ -34,6 +34,11 @@ APART = {
         (f"probe_cal_{form}" for form in ("round_boss", "round_pocket", "square_boss", "square_pocket")),
         ("0 elseif", ELSE_IF),
     ),
+    "mmount": ("move 5: ", "- Canned cycles begin under G98, not G99"),
+    "nestedcall": (
+        "CALLSUB behind og20sub is no O-word",
+        "structure of a whole text is known before a line runs",
+    ),
     "threading": ("no spindle here tells its angle", NO_ANGLE),
 }
 
