@@ -39,7 +39,7 @@ APART = {
         "CALLSUB behind og20sub is no O-word",
         "structure of a whole text is known before a line runs",
     ),
-    "threading": ("no spindle here tells its angle", NO_ANGLE),
+    "ncfiles/threading": ("no spindle here tells its angle", NO_ANGLE),
 }
 
 pytestmark = [
