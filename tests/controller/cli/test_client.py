@@ -471,7 +471,7 @@ def test_a_watch_in_a_terminal_shows_the_whole_view(
     panel: Panel, http: TestClient, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     screen = Console(force_terminal=True, width=80, file=StringIO(), _environ={})
-    monkeypatch.setattr(client_lists, "show", screen)
+    monkeypatch.setattr(client_lists.show, "console", screen)
     client_lists.follow(remote.Machine(http), Pauses())
     assert isinstance(screen.file, StringIO) and "READY" in screen.file.getvalue()
 

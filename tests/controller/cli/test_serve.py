@@ -42,7 +42,7 @@ def test_late_ticks_stop_a_machine_and_are_counted_on_a_desk(
 ) -> None:
     served: list[Machine] = []
     monkeypatch.setattr(main, "run", lambda machine, *_: served.append(machine))
-    serve.serve("trunnion", simulate, tmp_path, tmp_path, late=late)
+    serve.serve("trunnion", simulate, state=tmp_path, runtime=tmp_path, late=late)
     assert served[0].late == wanted
 
 
@@ -51,10 +51,10 @@ def test_another_period_is_the_machines_and_one_out_of_range_is_refused(
 ) -> None:
     served: list[Machine] = []
     monkeypatch.setattr(main, "run", lambda machine, *_: served.append(machine))
-    serve.serve("trunnion", True, tmp_path, tmp_path, period_ms=5.0)
+    serve.serve("trunnion", True, state=tmp_path, runtime=tmp_path, period_ms=5.0)
     assert served[0].period_s == 0.005
     with pytest.raises(typer.Exit):
-        serve.serve("trunnion", True, tmp_path, tmp_path, period_ms=50.0)
+        serve.serve("trunnion", True, state=tmp_path, runtime=tmp_path, period_ms=50.0)
     assert "period_s = 0.05: is out of range" in capsys.readouterr().err
 
 

@@ -30,9 +30,11 @@ def store(tmp_path: Path) -> Any:
 
 def told(store: ToolStore) -> dict[str, Any]:
     """As the service tells it of a store."""
-    changer = changer_bench.machine().changer
+    machine = changer_bench.machine()
+    changer = machine.changer
     assert changer is not None
-    return ToolChanger(store, lambda: changer, NoTick(), lambda *_: None, 0.002, lambda _: {}).told()
+    made = ToolChanger(store, lambda: changer, NoTick(), lambda *_: None, 0.002, lambda _: None, machine.io)
+    return made.told()
 
 
 def shown(page: Any, site: Site, store: ToolStore) -> Any:
