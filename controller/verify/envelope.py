@@ -146,7 +146,9 @@ def deviation(points: Array, normals: Array, sweep: Sweep, body: Body, reach_mm:
 
     Points with nothing cut within ``reach_mm`` above them are left, nan. At a sharp edge the
     line leaves the part after a hair's breadth of it and goes on in the air that was cut on the
-    other side; so overcut counts as no more than twice the depth of the point in the tool.
+    other side; so overcut counts as no more than twice the depth of the point in the tool. Below a
+    cutter that runs a hair above the lower edge the line meets it far off or nowhere; so undercut
+    counts as no more than twice the distance of the point to the tool.
     """
     found = nearest(points, sweep, body)
     t, own = np.zeros(len(points)), found.distance.copy()
@@ -166,7 +168,8 @@ def deviation(points: Array, normals: Array, sweep: Sweep, body: Body, reach_mm:
         value[open_], sample[open_], s[open_] = after.distance, after.sample, after.s
         t[open_] = np.where(t[open_] > reach_mm, np.nan, t[open_])
         open_ = open_[(np.abs(value[open_]) > CLOSE_MM) & ~np.isnan(t[open_])]
-    return Deviation(np.where(t < 0.0, np.maximum(t, STEEPEST * own), t), sample, s, own)
+    most = STEEPEST * own
+    return Deviation(np.clip(t, np.minimum(most, 0.0), np.maximum(most, 0.0)), sample, s, own)
 
 
 def _again(points: Array, step: Array, sample: Index, s: Array, sweep: Sweep, body: Body) -> Nearest:

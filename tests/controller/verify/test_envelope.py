@@ -184,6 +184,22 @@ def test_what_no_tool_comes_to_is_left() -> None:
     assert not np.isnan(t[reached]).any()
 
 
+@pytest.mark.parametrize("surface", [s for s, _ in UNTWISTED[:3]] + list(example_2()))
+@pytest.mark.parametrize("hair_mm", [6e-4, 3e-3])
+def test_a_cutter_that_runs_a_hair_too_high_leaves_no_more_at_the_lower_edge(
+    surface: Surface, hair_mm: float
+) -> None:
+    """A line along the normal of the edge then runs below the cutter, and meets it far off or nowhere."""
+    one = nominal(surface)
+    low = sweep(one).passes[0]
+    high = Sweep([replace(low, tips=low.tips + hair_mm * low.axes)], 30.0)
+    _, v, points, normals = places(one, 41, 9)
+    t = deviation(points, normals, high, cutter(one.tool, longest([one])), one.tool.radius_mm).t
+    assert not np.isnan(t).any()
+    assert t.max() <= 2.0 * hair_mm + 1e-9
+    assert (t[v == 1.0] > 0.0).all(), "what is left is told"
+
+
 def test_a_sweep_without_a_pose_is_infinitely_far() -> None:
     found = nearest(np.zeros((3, 3)), Sweep([], 10.0), cutter(Tool(1, "x", 1.0, 0.0, 5.0), 0.0))
     assert np.isinf(found.distance).all()
