@@ -37,6 +37,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 from controller.machine.equipment import OUTPUTS
 from controller.machine.model import MAX_BESIDE, Axis, Changer, ChangerStep, Io, Machine
@@ -114,17 +115,10 @@ def _pockets(table: Table) -> tuple[int, ...]:
 
 
 def _step(row: Table, axes: Sequence[Axis], io: Io | None, pockets: int) -> ChangerStep:
-    found = ChangerStep(
-        name=row.text("name"),
-        within_s=row.number("within_s", 0.1, LONGEST_S),
-        fails=row.text("fails"),
+    found = replace(
+        _switching(row, row.text("input") if row.has("input") else ""),
         move=(*_moves(row, "mm", axes, pockets), *_moves(row, "deg", axes, pockets)),
         orient=row.flag("orient", False),
-        on=row.names("on"),
-        off=row.names("off"),
-        pocket=row.names("pocket"),
-        input=row.text("input") if row.has("input") else "",
-        level=row.text("level", LEVELS, "rise"),
         carries=row.flag("carries", False),
     )
     _reach(row, found, io, pockets)
@@ -132,18 +126,23 @@ def _step(row: Table, axes: Sequence[Axis], io: Io | None, pockets: int) -> Chan
     return found
 
 
-def _preparing(row: Table, io: Io | None, pockets: int) -> ChangerStep:
-    """A step beside a cut: it moves no axis, and an input says that it is done."""
-    found = ChangerStep(
+def _switching(row: Table, input_: str) -> ChangerStep:
+    """What every step may do: it tells outputs, and an input says that it is done."""
+    return ChangerStep(
         name=row.text("name"),
         within_s=row.number("within_s", 0.1, LONGEST_S),
         fails=row.text("fails"),
         on=row.names("on"),
         off=row.names("off"),
         pocket=row.names("pocket"),
-        input=row.text("input"),
+        input=input_,
         level=row.text("level", LEVELS, "rise"),
     )
+
+
+def _preparing(row: Table, io: Io | None, pockets: int) -> ChangerStep:
+    """A step beside a cut: it moves no axis, and an input says that it is done."""
+    found = _switching(row, row.text("input"))
     _reach(row, found, io, pockets)
     if found.pocket and found.level in ("on", "off"):
         problem = "the pocket that stood there before would pass for this one"

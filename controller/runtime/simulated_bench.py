@@ -15,13 +15,13 @@ import contextlib
 import os
 import socket
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 from controller.machine.model import TOOL_AT_POWER_ON, Machine, Sensor
 from controller.machine.toml_table import parse
 from controller.runtime import simulated_probe
 from controller.runtime.simulated_probe import Bench, Inputs, Wired
+from controller.values import dataclass
 from drives.simulated import __main__ as simulated
 from drives.simulated.drive import SimulatedDrive
 from drives.simulated.io_node import IoNode

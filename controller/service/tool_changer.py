@@ -18,7 +18,7 @@ from __future__ import annotations
 import sqlite3
 import threading
 from collections.abc import Callable, Iterable
-from typing import Any, Protocol
+from typing import Any
 
 from controller.ipc.handoff import Snapshot
 from controller.machine.model import Changer, ChangerStep, Io
@@ -27,16 +27,10 @@ from controller.messages import Said, said, several
 from controller.motion.pieces import FIRST_MARK
 from controller.program.program import Changing
 from controller.program.tool_change_words import steps_of
-from controller.service.tool_preparation import Preparation
+from controller.service.tool_preparation import Preparation, Tick
 from controller.state.modes import Fault, Mode, Request
 
 SLOWER = 2.0  # a step without an input of its own may take so much longer than it says: at an override
-
-
-class Tick(Protocol):
-    """What is needed of the engine."""
-
-    def request(self, request: Request, value: float = 0.0, /) -> int: ...
 
 
 class ToolChanger:

@@ -1,7 +1,7 @@
 // Questions and notices: drawn by the page alone, so that they need nobody's answer to be shown or to go away.
 import { Component, createRef, html } from "./dom.js";
 import { Icon } from "./icons.js";
-import { changed, dx } from "./store.js";
+import { dx } from "./store.js";
 import { word } from "./texts.js";
 
 // true or false; with a ``field`` (attributes of an input) what was typed, or null.

@@ -66,7 +66,9 @@ async function begin() {
   dx.draw = draw; // not before there are words
   show(first.name);
   listen();
-  await new Promise((go) => (dx.on("status", go), setTimeout(go, 1000))); // where there is no service none comes
+  let off;
+  await new Promise((go) => ((off = dx.on("status", go)), setTimeout(go, 1000))); // where there is no service none comes
+  off();
   await Promise.all(VIEWS.map(load));
   dx.all_views = true;
   if (!dx.shown(first.name)) dx.tell("view", dx.view); // to the one that has come meanwhile

@@ -1,6 +1,5 @@
 // Maps of the cut surfaces: how far each is off, as rows of colour with the figures beside them.
 import { html } from "./dom.js";
-import { dx } from "./store.js";
 import { sentence, word as text } from "./texts.js";
 
 const word = (key, ...values) => text(`maps.${key}`, ...values);

@@ -125,32 +125,21 @@ within_s = 1
 fails = "The magazine still stands locked."
 """
 
-_TAKE = CHANGER.index("[[changer.take]]")
+_AWAY, *_TAKE = re.split(r"(?=\[\[changer\.take\]\])", CHANGER)
 # The same magazine puts tools away; a second arm brings the pocket of the next one beside the cut.
 BESIDE = (
-    CHANGER[:_TAKE]
-    .replace("turn = 4", "turn = 4, arm0 = 5, arm1 = 6, swing = 7")
-    .replace("there = 3", "there = 3, ready = 4")
+    _AWAY.replace("turn = 4", "turn = 4, arm0 = 5, arm1 = 6, swing = 7").replace(
+        "there = 3", "there = 3, ready = 4"
+    )
+    + _TAKE[1]  # drawbar open
     + """[[changer.take]]
-name = "Drawbar open"
-on = ["drawbar"]
-input = "drawbar_open"
-level = "on"
-within_s = 1
-fails = "The drawbar is not open."
-[[changer.take]]
 name = "Over the arm"
 move_mm = { X = -16, Z = 255 }
 within_s = 20
 fails = "X does not come to the arm."
-[[changer.take]]
-name = "Grip"
-off = ["drawbar"]
-input = "drawbar_closed"
-within_s = 1
-fails = "The drawbar does not close."
-carries = true
-[[changer.take]]
+"""
+    + _TAKE[4]  # grip
+    + """[[changer.take]]
 name = "Away"
 move_mm = { X = 0 }
 off = ["swing"]

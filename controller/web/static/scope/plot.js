@@ -1,6 +1,5 @@
 // The scope's screen: a lane for each signal over one axis of time, a trigger's mark and two cursors.
 import { Component, createRef, html } from "../dom.js";
-import { dx } from "../store.js";
 import uPlot from "../vendor/uplot.js";
 import { ends, lower, period, redraw, shown, state, zoom } from "./ticks.js";
 
@@ -12,7 +11,7 @@ const AROUND = 0.08; // of a lane, above and below its trace
 const theme = () => document.documentElement.dataset.theme;
 export const colour = (i) => COLOURS[theme()][i % 8];
 const css = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
-export const figure = (v) => (v === null || v === undefined ? "–" : String(Number(v.toPrecision(6))).replace("-", "−"));
+const figure = (v) => (v === null || v === undefined ? "–" : String(Number(v.toPrecision(6))).replace("-", "−"));
 
 // ---- the values
 

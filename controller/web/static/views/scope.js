@@ -3,7 +3,7 @@ import { html, useEffect } from "../dom.js";
 import { forms } from "../forms.js";
 import { show } from "../frame.js";
 import { Act, Card, Select, Wrong } from "../parts.js";
-import { Plot, colour, figure, values_at } from "../scope/plot.js";
+import { Plot, colour, values_at } from "../scope/plot.js";
 import { choose, exported, look, period, press_run, press_single, redraw, shown, sources, state, still_at, zoom } from "../scope/ticks.js";
 import { dx, keep } from "../store.js";
 import { word as text } from "../texts.js";
