@@ -29,9 +29,8 @@ Phase = tuple[float, float]  # seconds, and jerk along the path
 # is allowed between two of them is at most by ``mesh.ROUGH`` less, so it is 1.25 times the feed.
 SURELY = 1.5
 SLIGHT = 0.01  # of a joint's acceleration and jerk may go into the bends of the path: the ramps have the rest
-COUPLED = (
-    0.03  # of the jerk may go into turning a ramp's acceleration: ramps take less than a fiftieth longer
-)
+# ... and so much of the jerk into turning a ramp's acceleration: a ramp takes a hundredth longer.
+COUPLED = 0.03
 FEW = 9  # places at which a ramp is looked at, and the whole course before it is sampled
 REACH = 1.1  # times a ramp's first length: it is looked at as far
 

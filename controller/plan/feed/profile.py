@@ -5,7 +5,8 @@
     split_at_stops(stretches, ...)              where a row of stretches must stop anyway
 
 A straight move with constant limits has the classic closed form, and so has one that bends by next to
-nothing, and a course on which the feed alone counts (``cruise``); everything else is searched for (``search``).
+nothing, and a course on which the feed alone counts (``cruise``); everything else is searched for
+(``search``).
 """
 
 from __future__ import annotations
@@ -191,7 +192,7 @@ def _straight(course: Course, first: float, last: float) -> Profile | None:
     velocity = min(float(course.feed(places[:1], ends[:1])[0]), float((limits.velocity / rate).min()))
     acceleration, jerk = float((limits.acceleration / rate).min()), float((limits.jerk / rate).min())
     if len(places) > 1:
-        # From rest to rest over the length l v^2 is at most a l, 3 v a at most j l, and v^3 at most j l^2 / 4.
+        # From rest to rest over l: v^2 is at most a l, 3 v a at most j l, and v^3 at most j l^2 / 4.
         length = last - first
         bends = float((bend / limits.acceleration).max()) * acceleration * length
         twists = float(((bend + 0.25 * length * twist) / limits.jerk).max()) * jerk * length

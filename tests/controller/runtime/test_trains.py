@@ -52,9 +52,7 @@ def test_joined_surfaces_are_one_path_with_as_many_cuts() -> None:
     [
         pytest.param(0, 9, id="smooth"),
         pytest.param(3, 9, id="upright"),  # the rotary next to the work has no place of its own anywhere
-        pytest.param(
-            0, 3, id="pivots"
-        ),  # at each joint the tool stands and turns by some hundredths of a degree
+        pytest.param(0, 3, id="pivots"),  # at each joint, by some hundredths of a degree
     ],
 )
 def test_one_more_surface_costs_no_more_than_so_many_calls(corners: int, decimals: int) -> None:

@@ -219,7 +219,7 @@ def test_a_straight_chain_of_one_move_takes_the_closed_form() -> None:
 
 
 def test_what_bends_by_next_to_nothing_takes_a_closed_form_that_is_as_fast_as_the_search() -> None:
-    """The pivots of some hundredths of a degree, and the cuts of 4 mm between them, each from rest to rest."""
+    """Pivots of some hundredths of a degree, and the cuts of 4 mm between them, each from rest to rest."""
     machine = shipped()
     kinematics = kinematics_of(machine)
     (chain,) = (c for c in chains(train(4, 0.2, decimals=3), machine) if any(s.cutting for s in c.stretches))
