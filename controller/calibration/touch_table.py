@@ -16,6 +16,7 @@ import io
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import zip_longest
 
 import numpy as np
 from numpy.typing import NDArray
@@ -82,11 +83,8 @@ Line = tuple[int, dict[str, str]]
 def _counting(rows: list[Line], needed: Sequence[str], file: str) -> list[Line]:
     """Without those that touched nothing, and the fast ones of pairs. Raises Refusal."""
     touched = [one for one in rows if (one[1].get("touched") or "1").strip() != "0"]
-    return [
-        one
-        for one, behind in zip(touched, [*touched[1:], None], strict=True)
-        if behind is None or not _is_fast_one(one, behind, needed, file)
-    ]
+    pairs = zip_longest(touched, touched[1:])
+    return [one for one, behind in pairs if behind is None or not _is_fast_one(one, behind, needed, file)]
 
 
 def _is_fast_one(one: Line, behind: Line, needed: Sequence[str], file: str) -> bool:
