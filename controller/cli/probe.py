@@ -10,9 +10,9 @@ from typing import Annotated, Any
 import typer
 
 from controller.cli import remote
-from controller.cli.client import Json, TakeOver, Url, asked, carried_out, tell_done
+from controller.cli.client import Json, TakeOver, Url, asked, carried_out, named, tell_done
 from controller.cli.speech import say, speaking
-from controller.verify.console import Refused, refusals, show, word
+from controller.verify.console import refusals, show, word
 
 
 @speaking
@@ -44,7 +44,7 @@ def probe(
         elif cycle is None:
             _list(machine.get("probing"), as_json)
         else:
-            body = {"cycle": cycle, "values": dict(map(_value, values or [])), "offset": offset}
+            body = {"cycle": cycle, "values": named(values), "offset": offset}
             with machine.control(take_over):
                 tell_done(say("started"), carried_out(machine, "probing", body), as_json)
 
@@ -59,17 +59,6 @@ def _show_found(told: dict[str, Any], as_json: bool) -> None:
         at = datetime.fromtimestamp(one["at_s"]).strftime("%Y-%m-%d %H:%M:%S")
         values = " ".join(f"{name}={value:g}" for name, value in one["values"].items())
         show.print(f"{at} {one['program']} {one['cycle']} {values}", markup=False, soft_wrap=True)
-
-
-def _value(typed: str) -> tuple[str, str | float]:
-    """(name, value) of ``name=value``. Raises Refused."""
-    name, equals, value = typed.partition("=")
-    if not (name and equals and value):
-        raise Refused(say("probe_value", typed=typed))
-    try:
-        return name, float(value)
-    except ValueError:
-        return name, value
 
 
 def _list(told: dict[str, Any], as_json: bool) -> None:
