@@ -12,7 +12,7 @@ import typer
 from controller.cli import remote
 from controller.cli.client import Json, TakeOver, Url, asked, carried_out, named, tell_done
 from controller.cli.speech import say, speaking
-from controller.verify.console import refusals, show, word
+from controller.verify.console import show, word
 
 
 @speaking
@@ -26,20 +26,23 @@ def probe(
     table: Annotated[
         Path | None, typer.Option("--csv", help="Write what cycles have found into this file.")
     ] = None,
+    touches: Annotated[
+        Path | None, typer.Option("--touches", help="Write the last touches into this file, for calibrate.")
+    ] = None,
     take_over: TakeOver = False,
     url: Url = remote.URL,
     as_json: Json = False,
 ) -> None:
     """Run a probing cycle from where the probe stands, list the cycles, or what they have found."""
     with asked(url, as_json) as machine:
-        if table is not None:
-            text = machine.get("probing/found.csv")
-            with refusals(as_json, lambda: (OSError,)):
-                table.write_text(text, encoding="utf-8", newline="")
-            tell_done(
-                say("probed_csv", count=text.count("\n") - 1, path=table), {"file": str(table)}, as_json
-            )
-        elif found:
+        for file, key, path in ((table, "probed_csv", "found"), (touches, "touches_csv", "touches")):
+            if file is not None:
+                text = machine.get(f"probing/{path}.csv")
+                file.write_text(text, encoding="utf-8", newline="")
+                tell_done(say(key, count=text.count("\n") - 1, path=file), {"file": str(file)}, as_json)
+        if table is not None or touches is not None:
+            return
+        if found:
             _show_found(machine.get("probing/found"), as_json)
         elif cycle is None:
             _list(machine.get("probing"), as_json)

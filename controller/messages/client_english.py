@@ -18,6 +18,7 @@ REFUSALS = {
     "client.disabled": "Disabled.",
     "client.probed_nothing": "No cycle has found anything yet.",
     "client.probed_csv": "{count} values written to {path}.",
+    "client.touches_csv": "{count} touches written to {path}.",
     "client.no_pair": "{typed!r}: no value; write its name, = and the value, as most=20.",
     "client.changer_confirmed": "Where the tools are is confirmed.",
     "client.changer_pocket": "The pocket is given; confirm where the tools are.",

@@ -18,6 +18,7 @@ REFUSALS = {
     "client.disabled": "Ausgeschaltet.",
     "client.probed_nothing": "Noch kein Zyklus hat etwas gefunden.",
     "client.probed_csv": "{count} Werte nach {path} geschrieben.",
+    "client.touches_csv": "{count} Berührungen nach {path} geschrieben.",
     "client.no_pair": "{typed!r}: kein Wert; seinen Namen, = und den Wert, wie most=20.",
     "client.changer_confirmed": "Wo die Werkzeuge sind, ist bestätigt.",
     "client.changer_pocket": "Der Platz ist vergeben; bestätigen, wo die Werkzeuge sind.",

@@ -86,6 +86,10 @@ export const Choice = ({ label, name, values, chosen, choose }) =>
 export const Select = ({ options, text = (one) => one, value, choose, ...more }) =>
   html`<select ...${more} value=${value} onchange=${(event) => choose(event.target.value)}>${options.map((one) => html`<option key=${one} value=${one} selected=${one === value}>${text(one)}</option>`)}</select>`;
 
+// A value that is asked for: one of ``choices``, or typed.
+export const Typed = ({ label, unit, name, choices, text, value, set }) =>
+  html`<label>${label}${unit && `, ${unit}`} ${choices?.length ? html`<${Select} name=${name} options=${choices} text=${text} value=${value} choose=${set} />` : html`<input name=${name} inputmode=${choices ? undefined : "decimal"} value=${value} oninput=${(event) => set(event.target.value)} />`}</label>`;
+
 // Terms and what they are; rows whose value is not known are left out.
 export const Facts = ({ rows, ...more }) =>
   html`<dl ...${more} class=${`facts ${more.class ?? ""}`}>
