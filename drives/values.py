@@ -1,4 +1,4 @@
-"""Frozen dataclasses that are made quickly: a command imports two hundred of them before it begins.
+"""Dataclasses with slots that are made quickly: a command imports two hundred of them before it begins.
 
 Python compiles six functions for each from text, one by one, which is a quarter of the time from the start of
 ``directrix`` to its first work. Here only ``__init__`` is compiled; the others go by the names of the fields.
@@ -21,8 +21,10 @@ else:
         """``dataclasses.dataclass``, with the same arguments."""
 
         def made(cls):
-            quick = {"frozen", "slots"} <= asked.keys() <= {"frozen", "slots", "eq"} and _is_ordinary(cls)
-            return _value(cls, asked.get("eq", True)) if quick else dataclasses.dataclass(**asked)(cls)
+            quick = asked.get("slots") and asked.keys() <= {"frozen", "slots", "eq"} and _is_ordinary(cls)
+            if not quick:
+                return dataclasses.dataclass(**asked)(cls)
+            return _value(cls, asked.get("frozen", False), asked.get("eq", True))
 
         return made if cls is None else made(cls)
 
@@ -33,12 +35,12 @@ _OF_A_VALUE = ("__init__", "__setattr__", "__delattr__", "__getstate__", "__sets
 
 
 def _is_ordinary(cls: type) -> bool:
-    """A documented class that inherits nothing, and whose fields are arguments or are made by itself."""
+    """A documented class that inherits no fields, and whose own are arguments or are made by itself."""
     own = cls.__dict__
     kinds = own.get("__annotations__", {}).values()
     given = [value for value in own.values() if isinstance(value, dataclasses.Field)]
     return (
-        cls.__bases__ == (object,)
+        not any(hasattr(base, "__dataclass_fields__") for base in cls.__bases__)
         and bool(cls.__doc__)
         and not any(name in own for name in _OF_A_VALUE)
         and not any(word in str(kind) for kind in kinds for word in _NOT_FIELDS)
@@ -47,17 +49,21 @@ def _is_ordinary(cls: type) -> bool:
     )
 
 
-def _value(cls: Any, eq: bool) -> Any:
+def _value(cls: Any, frozen: bool, eq: bool) -> Any:
     own = cls.__dict__
     made: Any = dataclasses.dataclass(init=False, repr=False, eq=False, slots=True)(cls)
-    made.__dataclass_params__.frozen, made.__dataclass_params__.eq = True, eq  # for who inherits from it
+    made.__dataclass_params__.frozen, made.__dataclass_params__.eq = frozen, eq  # for who inherits from it
     fields = dataclasses.fields(made)
-    methods = [_init(made, fields), *_kept(made, [field.name for field in fields])]
+    methods = [_init(made, fields)]
+    if frozen:
+        methods += _kept(made, [field.name for field in fields])
     if "__repr__" not in own:
         methods.append(_repr([field.name for field in fields if field.repr]))
     if eq and "__eq__" not in own:
         methods.append(_eq([field.name for field in fields if field.compare]))
-    if eq and own.get("__hash__") is None:
+    if eq and not frozen:
+        made.__hash__ = own.get("__hash__")  # what may change has none
+    elif eq and own.get("__hash__") is None:
         methods.append(_hash([one.name for one in fields if (one.compare if one.hash is None else one.hash)]))
     for method in methods:
         method.__qualname__ = f"{made.__qualname__}.{method.__name__}"
@@ -66,7 +72,7 @@ def _value(cls: Any, eq: bool) -> Any:
 
 
 def _init(made: Any, fields: tuple[dataclasses.Field[Any], ...]) -> Any:
-    """What the slots are set by, for ``__setattr__`` is closed."""
+    """By what sets the slots, for ``__setattr__`` may be closed."""
     known: dict[str, Any] = {"made_here": object()}
     words, lines = ["self"], []
     for field in fields:
