@@ -21,14 +21,15 @@ else:
         """``dataclasses.dataclass``, with the same arguments."""
 
         def made(cls):
-            quick = asked.get("slots") and asked.keys() <= {"frozen", "slots", "eq"} and _is_ordinary(cls)
+            quick = asked.get("slots") and asked.keys() <= QUICKLY and _is_ordinary(cls)
             if not quick:
                 return dataclasses.dataclass(**asked)(cls)
-            return _value(cls, asked.get("frozen", False), asked.get("eq", True))
+            return _value(cls, **asked)
 
         return made if cls is None else made(cls)
 
 
+QUICKLY = {"frozen", "slots", "eq", "unsafe_hash"}
 _MISSING = dataclasses.MISSING
 _NOT_FIELDS = ("ClassVar", "InitVar", "KW_ONLY")
 _OF_A_VALUE = ("__init__", "__setattr__", "__delattr__", "__getstate__", "__setstate__")
@@ -49,9 +50,9 @@ def _is_ordinary(cls: type) -> bool:
     )
 
 
-def _value(cls: Any, frozen: bool, eq: bool) -> Any:
+def _value(cls: Any, *, slots: bool, frozen: bool = False, eq: bool = True, unsafe_hash: bool = False) -> Any:
     own = cls.__dict__
-    made: Any = dataclasses.dataclass(init=False, repr=False, eq=False, slots=True)(cls)
+    made: Any = dataclasses.dataclass(init=False, repr=False, eq=False, slots=slots)(cls)
     made.__dataclass_params__.frozen, made.__dataclass_params__.eq = frozen, eq  # for who inherits from it
     fields = dataclasses.fields(made)
     methods = [_init(made, fields)]
@@ -61,9 +62,9 @@ def _value(cls: Any, frozen: bool, eq: bool) -> Any:
         methods.append(_repr([field.name for field in fields if field.repr]))
     if eq and "__eq__" not in own:
         methods.append(_eq([field.name for field in fields if field.compare]))
-    if eq and not frozen:
+    if not unsafe_hash and eq and not frozen:
         made.__hash__ = own.get("__hash__")  # what may change has none
-    elif eq and own.get("__hash__") is None:
+    elif (unsafe_hash or eq) and own.get("__hash__") is None:
         methods.append(_hash([one.name for one in fields if (one.compare if one.hash is None else one.hash)]))
     for method in methods:
         method.__qualname__ = f"{made.__qualname__}.{method.__name__}"

@@ -183,16 +183,20 @@ def test_one_may_inherit_from_it() -> None:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("eq", [True, False])
-def test_what_may_change_is_what_dataclasses_makes_of_it(kind: Callable[[Decorator], Any], eq: bool) -> None:
+@pytest.mark.parametrize("asked", [{}, {"eq": False}, {"unsafe_hash": True}])
+def test_what_may_change_is_what_dataclasses_makes_of_it(
+    kind: Callable[[Decorator], Any], asked: dict[str, bool]
+) -> None:
     ours, theirs = (
-        kind(values.dataclass(slots=True, eq=eq)),
-        kind(dataclasses.dataclass(slots=True, eq=eq)),
+        kind(values.dataclass(slots=True, **asked)),
+        kind(dataclasses.dataclass(slots=True, **asked)),
     )
     arguments = [] if kind in (single, empty) else [4]
     for cls in (ours, theirs):
         one = cls(*arguments)
         assert (cls.__hash__ is None) is (theirs.__hash__ is None)
+        if "unsafe_hash" in asked:
+            assert hash(one) == hash(theirs(*arguments))
         assert repr(one) == repr(theirs(*arguments))
         assert (one == cls(*arguments)) is (theirs(*arguments) == theirs(*arguments))
         assert cls.__dataclass_params__.frozen is False
