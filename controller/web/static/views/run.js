@@ -4,14 +4,14 @@ import { html, useEffect, useRef, useState } from "../dom.js";
 import { forms } from "../forms.js";
 import { show } from "../frame.js";
 import { free } from "../control.js";
-import { Act, AxisName, Bar, Card, Chip, Figure, field } from "../parts.js";
+import { Act, AxisName, Bar, Card, Chip, Facts, Figure, field } from "../parts.js";
 import { Listing } from "../listing.js";
 import { SpindleOverride } from "../peripherals.js";
 import { Offer, StateThere, start_question } from "../restart.js";
 import { QueueNext } from "../queue.js";
 import { dx } from "../store.js";
 import { word } from "../texts.js";
-import { touch } from "./setup_tables.js";
+import { ToolPicture, touch } from "./setup_tables.js";
 
 const RAPIDS = [0, 25, 50, 100];
 const TOLD_MS = 300; // after an answer, until a status tells what it did
@@ -211,6 +211,18 @@ const made = (job) => stored.find(({ name }) => name === job?.name)?.completed ?
 const recent = () =>
   stored.filter(({ check }) => check.state === "passed" && (check.verdict ?? NO_VERDICT).within).sort((a, b) => b.uploaded_s - a.uploaded_s).slice(0, RECENT);
 
+// The tool that the program waits for: what it looks like, and its measures.
+const MEASURES = ["radius_mm", "length_mm", "flute_mm", "corner_mm"];
+function Wanted({ number }) {
+  const [tool, set] = useState(null);
+  useEffect(() => {
+    call("GET", "tools", null, true).then(({ body }) => set(body.tools?.[number] ?? null));
+  }, [number]);
+  if (!tool) return null;
+  return html`<div class="row wanted" id="run-wanted"><${ToolPicture} n=${number} tool=${tool} />
+    <${Facts} rows=${[[`T${number}`, tool.name], ...MEASURES.map((name) => [word(`setup.${name}`), forms.mm(tool[name])])]} /></div>`;
+}
+
 function Program() {
   const { job, in_block: at } = dx.status ?? {};
   return html`<${Card} class="run-program">
@@ -223,6 +235,7 @@ function Program() {
     </div>
     <${QueueNext} />
     ${job?.message && html`<${Figure} class="strong">${job.message}<//>`}
+    ${dx.status?.tool_change?.number > 0 && html`<${Wanted} key=${dx.status.tool_change.number} ...${dx.status.tool_change} />`}
     <${Bar} class="block-bar" share=${at?.fraction} title=${word("run.block")} />
     <${StateThere} />
     <${Listing} job=${job} />
