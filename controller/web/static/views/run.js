@@ -82,7 +82,7 @@ function Tool() {
 // ---- feed
 
 function Feed() {
-  const { feed_mm_min: feed, limited_by, spindle, coolant } = dx.status ?? {};
+  const { feed_mm_min: feed, limited_by, spindle, adaptive, coolant } = dx.status ?? {};
   const running = ["mist", "flood"].filter((kind) => coolant?.[kind]).map((kind) => word(`run.${kind}`));
   return html`<${Card} title=${word("run.feed", forms.units())} class="run-feed">
     <${Figure} tag="div" class="huge">${forms.feed(feed?.actual)}<//>
@@ -91,6 +91,8 @@ function Feed() {
       <dt>${word("run.limited")}</dt><${Figure} tag="dd" class="chip">${forms.bound(limited_by)}<//>
       ${dx.facts.spindle && html`<dt>${word("run.spindle")}</dt>
         <dd><${Figure} class="strong">${forms.int(spindle?.actual_rev_min)}<//><span class="dim"> / </span><${Figure}>${forms.int(spindle?.rev_min)}<//></dd>`}
+      ${dx.facts.spindle?.tells_load && html`<dt>${word("run.spindle_load")}</dt><${Figure} tag="dd" id="run-load">${forms.percent(typeof spindle?.load === "number" ? spindle.load / 100 : null)}<//>`}
+      ${dx.facts.spindle?.adaptive && html`<dt>${word("run.adaptive_share")}</dt><${Figure} tag="dd" id="run-adaptive">${adaptive?.on ? forms.percent(adaptive.share) : "–"}<//>`}
       ${dx.facts.outputs && html`<dt>${word("run.coolant")}</dt><${Figure} tag="dd">${running.join(", ") || "–"}<//>`}
     </dl>
     <div class="overrides"><${Override} /><${Rapid} /><${SpindleOverride} /></div>
@@ -148,7 +150,7 @@ function Cycle() {
       ${tall("start", "start", { kind: "go", ask: start_question(), modes: "READY", icon: "play", keys: "F4", given: dx.loaded(), why: "why.no_program" })}
       ${tall("resume", "resume", { kind: "go", modes: "HOLD", icon: "reset", keys: "F6" })}
       <${Aside} />
-      <div class="toggles"><${Toggle} key="single" name="single" path="single_block" /><${Toggle} key="optional" name="optional" path="optional_stop" /><${Skip} job=${job} /></div>
+      <div class="toggles"><${Toggle} key="single" name="single" path="single_block" /><${Toggle} key="optional" name="optional" path="optional_stop" /><${Skip} job=${job} />${dx.facts.spindle?.adaptive && html`<${Toggle} name="adaptive" path="adaptive_feed" />`}</div>
     </div>
     <div class="row times">${["elapsed", "left", "duration"].map(time)}
       <div class="time"><span class="dim">${word("run.parts")}</span><${Figure} class="strong" id="run-parts">${made(job)}<//></div></div>
