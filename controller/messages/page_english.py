@@ -153,7 +153,7 @@ PAGE: dict[str, str] = {
     "run.return": "Return",
     "run.single": "Single block",
     "run.optional": "Optional stop",
-    "run.adaptive": "Adaptive",
+    "run.adaptive": "Adaptive feed",
     "run.skip": "Block skip",
     "why.not_whole": "Load a whole program first: what begins with / is left out when it is loaded.",
     "run.elapsed": "elapsed",

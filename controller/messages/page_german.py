@@ -157,7 +157,7 @@ PAGE: dict[str, str] = {
     "run.return": "Zurück",
     "run.single": "Einzelsatz",
     "run.optional": "Wahlhalt",
-    "run.adaptive": "Adaptiv",
+    "run.adaptive": "Adaptiver Vorschub",
     "run.skip": "Ausblend\u00adsatz",
     "why.not_whole": "Erst ein ganzes Programm laden: Was mit / beginnt, entfällt beim Laden.",
     "run.elapsed": "vergangen",

@@ -148,6 +148,8 @@ REQUESTS = [
     ),
     (("override", "80"), "override", {"share": 0.8}),
     (("override", "25", "--rapid"), "rapid_override", {"share": 0.25}),
+    (("adaptive", "on"), "adaptive_feed", {"on": True}),
+    (("adaptive", "off"), "adaptive_feed", {"on": False}),
     (("retract", "20"), "retract", {"mm": 20.0}),
     (("return",), "return", {}),
     (("jog", "x", "-10"), "jog_step", {"frame": "joint", "axis": "X", "distance": -10.0}),
