@@ -44,6 +44,7 @@ FILES = {
         *("start", "hold", "resume", "stop", "estop", "retract", "return", "withdraw", "reset"),
         *("enable", "disable", "home", "mdi", "override", "adaptive", "jog"),
     ),
+    "by_hand": ("spindle", "coolant", "clamps"),
     "client_lists": ("status", "upload", "runs", "alarms"),
     "offsets": ("offsets",),
     "tools": ("tools",),

@@ -18,7 +18,7 @@ ARROWS: dict[str, set[str]] = {
     "atomic_file": set(),  # files replaced whole
     "faults": set(),  # what a fault is made of: words for all
     "geometry": {"messages"},
-    "machine": {"geometry", "atomic_file"},
+    "machine": {"geometry", "atomic_file", "messages"},
     "motion": {"geometry", "machine"},  # what both sides compute alike
     "messages": {"faults"},  # texts, a file per language
     "state": {"faults", "machine", "motion", "messages"},
@@ -37,7 +37,7 @@ ARROWS: dict[str, set[str]] = {
     "runtime": VALUES | {"workers", "ipc", "program", "plan", "tick", "verify", "one_thread"},
     # The process of `serve`: parent of tick and plan, and the far side of the control socket.
     "service": VALUES | {"atomic_file", "ipc", "program", "plan", "tick", "runtime"},
-    "api": VALUES | {"atomic_file", "ipc", "program", "plan", "verify"},
+    "api": VALUES | {"atomic_file", "ipc", "program", "plan", "verify", "calibration"},
     "web": {"api", "messages"},
     "cad": {"geometry", "machine", "messages", "program", "plan"},  # faces of a CAD file as a program
     "post": {"geometry", "machine", "motion", "program", "plan"},  # a planned path as lines

@@ -8,7 +8,7 @@ import logging
 from collections.abc import AsyncIterator, Awaitable, Callable
 from pathlib import Path
 
-from controller.api.checker import Checker, Drafts
+from controller.api.checker import LONGEST_MEASUREMENT_S, MEASURE_WORKER, Checker, Drafts, Errand
 from controller.api.database import StoreError
 from controller.api.events import Events
 from controller.api.go_on import GoOn
@@ -37,6 +37,7 @@ class Panel:
         self.store, self.checker = store, checker
         self.door = self.watch = Watch(door)
         self.drafts = Drafts(store)
+        self.measuring = Errand(MEASURE_WORKER, LONGEST_MEASUREMENT_S)
         self.gatherer = Gatherer(store.database, store.folder)
         self.latest = Latest(door)  # ticks for scopes
         self.users = Users(store.users)

@@ -171,45 +171,59 @@ def _bytes(file: Path) -> bytes:
         return b""
 
 
-# Programs that are being written are read by the machine's own reader, in a process of its own.
-#
-# Nothing is kept. One is read at a time, and none for long: whoever types asks again in a moment.
+# What takes seconds and is asked for now is done in a process of its own, one at a time, and none for long.
 
 DRAFT_WORKER = (sys.executable, "-m", "controller.cli.draft_worker")
 LONGEST_DRAFT_S = 20.0
-MAX_BYTES = 1_000_000
+MEASURE_WORKER = (sys.executable, "-m", "controller.cli.measure_worker")
+LONGEST_MEASUREMENT_S = 120.0
 
 
-class Drafts:
-    """Of one panel."""
+class Errand:
+    """A worker that is given a job as JSON, and answers by JSON."""
 
-    def __init__(self, store: Store, worker: tuple[str, ...] = DRAFT_WORKER) -> None:
-        self._store, self._worker, self._busy = store, worker, False
+    def __init__(self, worker: tuple[str, ...], longest_s: float) -> None:
+        self._worker, self.longest_s, self._busy = worker, longest_s, False
 
-    async def read(self, name: str, text: str) -> list[dict[str, Any]]:
-        """What is refused: line and column (1-based), and the sentence. Raises Refusal."""
+    async def run(self, job: dict[str, Any], busy: Refusal, failed: Refusal) -> dict[str, Any]:
+        """Raises ``busy`` while it has another one, ``failed`` where it gives no answer in time."""
         if self._busy:
-            raise Refusal.told(429, "many", "draft_busy", headers={"Retry-After": "1"})
+            raise busy
         self._busy = True
         try:
-            files = await asyncio.to_thread(self._store.programs.called_by, name, text.encode())
-            job = {"text": text, "name": name, "files": files, "state": str(self._store.folder)}
-            return await asyncio.wait_for(self._asked({**job, "parent": os.getpid()}), LONGEST_DRAFT_S)
+            return await asyncio.wait_for(self._asked({**job, "parent": os.getpid()}), self.longest_s)
         except (OSError, ValueError, TimeoutError):
-            raise Refusal.told(503, "unread", "draft_unread", name=name) from None
+            raise failed from None
         finally:
             self._busy = False
 
-    async def _asked(self, job: dict[str, Any]) -> list[dict[str, Any]]:
+    async def _asked(self, job: dict[str, Any]) -> dict[str, Any]:
         """Raises OSError and ValueError where the process gives no answer."""
         pipe, nothing = asyncio.subprocess.PIPE, asyncio.subprocess.DEVNULL
-        child = await asyncio.create_subprocess_exec(
-            *self._worker, stdin=pipe, stdout=pipe, stderr=nothing, limit=MAX_BYTES
-        )
+        child = await asyncio.create_subprocess_exec(*self._worker, stdin=pipe, stdout=pipe, stderr=nothing)
         try:
             answer, _ = await child.communicate(json.dumps(job).encode())
-            found: list[dict[str, Any]] = json.loads(answer)["refusals"]
+            found: dict[str, Any] = json.loads(answer)
             return found
         finally:
             if child.returncode is None:
                 child.kill()
+
+
+class Drafts:
+    """Programs that are being written are read by the machine's own reader. Nothing is kept."""
+
+    def __init__(self, store: Store, worker: tuple[str, ...] = DRAFT_WORKER) -> None:
+        self._store, self._errand = store, Errand(worker, LONGEST_DRAFT_S)
+
+    async def read(self, name: str, text: str) -> list[dict[str, Any]]:
+        """What is refused: line and column (1-based), and the sentence. Raises Refusal."""
+        failed = Refusal.told(503, "unread", "draft_unread", name=name)
+        try:
+            files = await asyncio.to_thread(self._store.programs.called_by, name, text.encode())
+        except OSError:
+            raise failed from None
+        job = {"text": text, "name": name, "files": files, "state": str(self._store.folder)}
+        busy = Refusal.told(429, "many", "draft_busy", headers={"Retry-After": "1"})
+        found: list[dict[str, Any]] = (await self._errand.run(job, busy, failed))["refusals"]
+        return found

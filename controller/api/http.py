@@ -29,6 +29,7 @@ from controller.api.app_state import Panel
 from controller.api.database import StoreError
 from controller.api.roles import Role
 from controller.api.routes import (
+    calibration,
     canned_cycles,
     changer,
     cycle,
@@ -48,11 +49,13 @@ from controller.api.routes import (
     users,
 )
 from controller.api.slashes import Slashes
+from controller.calibration.measurements import MEASUREMENTS
 from controller.messages import plain, said
 
 API = "/api/v1"
 MAX_BODY_BYTES = 100_000  # of everything but uploads, which count for themselves
-MAX_OF = {f"{API}/drafts": 2_200_000}  # a program of a million bytes, as JSON
+LARGE = ("drafts", "tools/import", *(f"calibration/{name}" for name in MEASUREMENTS))
+MAX_OF = {f"{API}/{path}": 2_200_000 for path in LARGE}  # a program of a million bytes, as JSON; tables
 UPLOADS = (f"{API}/programs", "/api/files/local")
 STORE_STATUSES = {
     **{"missing": 404, "slow": 408, "exists": 409, "running": 409, "size": 413, "many": 429},
@@ -62,7 +65,7 @@ STORE_STATUSES = {
 PARTS = (
     *((API, part) for part in (machine, cycle, jog, programs, tables, records, ticks)),
     *((API, part) for part in (diagnostics, session, users, notices, queue, usage, changer, probing)),
-    *((API, part) for part in (canned_cycles, listen)),
+    *((API, part) for part in (canned_cycles, calibration, listen)),
     ("", metrics),
     ("", octoprint),
 )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import IO, TYPE_CHECKING
 
 import numpy as np
 
@@ -23,7 +23,7 @@ def _figure() -> Figure:
     return Figure(figsize=(9.0, 6.0), dpi=110, facecolor="white", layout="constrained")
 
 
-def axis(runs: Runs, name: str, unit: str, path: Path) -> None:
+def axis(runs: Runs, name: str, unit: str, path: Path | IO[bytes]) -> None:
     """Means with two standard deviations about them, in both senses, over the targets."""
     figure = _figure()
     axes = figure.add_subplot(xlabel=f"{name} ({unit})", ylabel="µm" if unit == "mm" else "0.001°")
@@ -40,7 +40,7 @@ def axis(runs: Runs, name: str, unit: str, path: Path) -> None:
     figure.savefig(path, format="png")
 
 
-def circle(found: list[Circle], names: tuple[str, str], path: Path) -> None:
+def circle(found: list[Circle], names: tuple[str, str], path: Path | IO[bytes]) -> None:
     """Radial deviations of the last circle of each sense, enlarged, about the nominal circle."""
     figure = _figure()
     axes = figure.add_subplot(xlabel=names[0], ylabel=names[1], aspect="equal")
@@ -60,7 +60,7 @@ def circle(found: list[Circle], names: tuple[str, str], path: Path) -> None:
     figure.savefig(path, format="png")
 
 
-def tip(found: list[Stand], path: Path) -> None:
+def tip(found: list[Stand], path: Path | IO[bytes]) -> None:
     """Where the tip was less where it should stand, one below the other by line."""
     figure = _figure()
     panels = figure.subplots(len(found), 1, squeeze=False)[:, 0]

@@ -4,6 +4,9 @@ The CSV has a header. One column per axis of the machine by its name (mm; degree
 ``i j k`` the way of the ball in the machine frame, ``length_mm`` from the gauge line to the centre of the
 ball, ``radius_mm`` of the ball as it touches (pre-travel taken off). ``from_X`` ... is the sense (+1, -1) of
 the last motion of an axis before the touch, ``feature`` what was touched. Other columns are left alone.
+
+In the table of a machine's own touches, ``touched`` 0 is no touch, and of two that follow each other at one
+place (``feed_mm_min``: first fast, then slowly, as the cycles do) the slower one counts.
 """
 
 from __future__ import annotations
@@ -13,6 +16,7 @@ import io
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import zip_longest
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +26,7 @@ from controller.machine.model import Machine
 
 Array = NDArray[np.float64]
 MOST_TOUCHES = 100_000
+SAME_PLACE = 0.5  # mm or degrees between a fast touch and the slow one behind it
 MOVES = 0.02  # a component of the way below it is no motion of that axis
 
 
@@ -54,7 +59,7 @@ def read(text: str, machine: Machine, file: str) -> Touches:
     missing = [name for name in needed if name not in (reader.fieldnames or ())]
     if missing:
         raise Refusal("no_column", file=file, column=missing[0], needed=", ".join(needed))
-    rows = [(reader.line_num, row) for row in reader]
+    rows = _counting([(reader.line_num, row) for row in reader], needed, file)
     if not 0 < len(rows) <= MOST_TOUCHES:
         raise Refusal("how_many", file=file, count=len(rows), most=MOST_TOUCHES)
     values = np.array([[number(row, name, file, line) for name in needed] for line, row in rows])
@@ -70,6 +75,27 @@ def read(text: str, machine: Machine, file: str) -> Touches:
     )
     names = tuple((row.get("feature") or "").strip() for _, row in rows)
     return Touches(values[:, :axes] / shown, ways, values[:, -2], values[:, -1], senses, names)
+
+
+Line = tuple[int, dict[str, str]]
+
+
+def _counting(rows: list[Line], needed: Sequence[str], file: str) -> list[Line]:
+    """Without those that touched nothing, and the fast ones of pairs. Raises Refusal."""
+    touched = [one for one in rows if (one[1].get("touched") or "1").strip() != "0"]
+    pairs = zip_longest(touched, touched[1:])
+    return [one for one, behind in pairs if behind is None or not _is_fast_one(one, behind, needed, file)]
+
+
+def _is_fast_one(one: Line, behind: Line, needed: Sequence[str], file: str) -> bool:
+    """Whether the touch behind it is of the same place, and slower."""
+    if not (one[1].get("feed_mm_min") and behind[1].get("feed_mm_min")):
+        return False
+    fast, slow = (number(row, "feed_mm_min", file, line) for line, row in (one, behind))
+    near = (
+        abs(number(one[1], name, file, one[0]) - number(behind[1], name, file, behind[0])) for name in needed
+    )
+    return slow < fast and max(near) < SAME_PLACE
 
 
 def number(row: Mapping[str, str], name: str, file: str, line: int) -> float:

@@ -8,51 +8,28 @@ from __future__ import annotations
 
 import contextlib
 import json
-import math
 from collections.abc import Callable, Iterator
-from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
 from typing import Annotated, Any
 
-import numpy as np
 import typer
 from rich.table import Table
 
 from controller import messages
-from controller.calibration import (
-    DOFS,
-    MAX_DEG,
-    MAX_MM,
-    axis_accuracy,
-    circular_test,
-    features,
-    five_axis_test,
-    machine_edit,
-    part_fit,
-    pictures,
-    positions,
-    rotary_fit,
-    rotary_report,
-    touch_table,
-)
+from controller.calibration import DOFS, MAX_DEG, MAX_MM, machine_edit
+from controller.calibration.measurements import complete
 from controller.calibration.refusal import Refusal
-from controller.cli import remote
+from controller.cli import measurements, remote
 from controller.cli.client import Url
+from controller.cli.measurements import Asked
 from controller.cli.speech import speaking
-from controller.geometry.surfaces import Surface
-from controller.geometry.vectors import Vector, unit
+from controller.geometry.vectors import Vector
 from controller.machine import machine_file
-from controller.machine.kinematics import kinematics_of
-from controller.machine.model import OFFSETS, Machine
+from controller.machine.model import Machine
 from controller.machine.toml_table import ConfigError, read_text
-from controller.plan.surfaces.cuts import surface_of
-from controller.program import blocks, linked
-from controller.program.program import CutCone, CutNurbs, CutRuled
-from controller.runtime import checked
-from controller.verify import console, maps
-from controller.verify import trace as traces
-from controller.verify.audit import Watched
+from controller.program import linked
+from controller.verify import console
 from controller.verify.console import Refused, refusals, show, spoken
 
 app = typer.Typer(help="The machine's own geometry from what was measured.", no_args_is_help=True)
@@ -130,19 +107,24 @@ def rotaries(
     """Centres and directions of the rotaries from a sphere that was probed at many of their positions."""
     with refused(as_json):
         made = machine_file.load(machine)
-        touches = touch_table.read(read_text(measured), made, measured.name)
-        fit = rotary_fit.fit(touches, made, sphere_radius)
-        sphere = positions.Sphere(fit.sphere_mm, fit.radius_mm)
-        probe = positions.Probe(float(touches.length_mm[0]), float(touches.radius_mm[0]))
-        advice = positions.advise(fit.machine, sphere, probe, add, done=touches) if add else None
-        told = rotary_report.report(fit, made, advice)
-        rotary_report.refuse_large(told, max_mm, max_deg)
-        done = written(machine, lambda text: machine_edit.rotaries(text, fit.machine)) if write else None
+        values = {"sphere_radius": sphere_radius, "max_mm": max_mm, "max_deg": max_deg, "add": add}
+        found = measurements.rotaries(_of_table("rotaries", measured, made, values))
+        told = found.told
+        done = written(machine, found.edit) if write and found.edit else None
         if as_json:
             print(json.dumps({"ok": True, "machine": made.name, **told, "written": done}))
             return
         _show_rotaries(told)
         tell_written(done)
+
+
+def _of_table(
+    name: str, measured: Path, made: Machine, values: dict[str, Any], program: Path | None = None
+) -> Asked:
+    """A measurement of a table, and of a program where one is named. Raises Refusal, OSError."""
+    text = b"" if program is None else linked.linked(program.read_bytes(), linked.beside(program))
+    table = read_text(measured)
+    return Asked(made, complete(name, values), table, measured.name, None, bytes(text), str(program or ""))
 
 
 def _show_rotaries(told: dict[str, Any]) -> None:
@@ -199,22 +181,18 @@ def positions_to_probe(
     """Which positions of the rotaries to probe a sphere at, and what bounds they would leave."""
     with refused(as_json):
         made = machine_file.load(machine)
-        sphere = positions.Sphere(vector(centre, "--centre"), sphere_radius, unit(vector(stem, "--stem")))
-        advice = positions.advise(made, sphere, positions.Probe(length, ball_radius), count)
-        axes = [made.axes[i] for i in made.rotary()]
-        rows = [
-            {axis.name: q * axis.shown_per_unit for axis, q in zip(axes, place, strict=True)}
-            for place in advice.positions
-        ]
-        bounds = {
-            axis.name: {"um": 1e3 * mm, "deg": math.degrees(rad)}
-            for axis, (mm, rad) in zip(axes, advice.bounds, strict=True)
+        x, y, z = vector(centre, "--centre")
+        i, j, k = vector(stem, "--stem")
+        values = {
+            **{"centre_x": x, "centre_y": y, "centre_z": z, "stem_i": i, "stem_j": j, "stem_k": k},
+            **{"sphere_radius": sphere_radius, "length": length, "ball_radius": ball_radius, "count": count},
         }
+        told = measurements.to_probe(Asked(made, complete("positions", values))).told
         if as_json:
-            print(json.dumps({"ok": True, "positions_deg": rows, "bounds": bounds}))
+            print(json.dumps({"ok": True, **told}))
             return
-        show.print(_places(rows), markup=False)
-        for name, bound in bounds.items():
+        show.print(_places(told["positions_deg"]), markup=False)
+        for name, bound in told["bounds"].items():
             show.print(say("would_leave", axis=name, **bound), markup=False)
 
 
@@ -231,17 +209,13 @@ def axis_by_iso_230_2(
     """Accuracy and repeatability of an axis (ISO 230-2), and its pitch table."""
     with refused(as_json):
         made = machine_file.load(machine)
-        its = next((one for one in made.axes if one.name == axis), None)
-        if its is None:
-            raise Refusal("no_axis", axis=axis, names=" ".join(one.name for one in made.axes))
-        runs = axis_accuracy.read(read_text(measured), measured.name)
-        told = axis_accuracy.report(runs, its)
-        if plot:
-            pictures.axis(runs, axis, "deg" if its.is_rotary else "mm", plot)
-        table = axis_accuracy.table(runs, its)
-        done = written(machine, lambda text: machine_edit.pitch(text, its, table)) if write else None
+        found = measurements.axis(_of_table("axis", measured, made, {"axis": axis}))
+        told = found.told
+        if plot and found.draw:
+            found.draw(plot)
+        done = written(machine, found.edit) if write and found.edit else None
         if as_json:
-            print(json.dumps({"ok": True, **told, "table": table, "written": done}))
+            print(json.dumps({"ok": True, **told, "written": done}))
             return
         show.print(_figures(told, ("reversal", "repeatability", "systematic", "mean_deviation", "accuracy")))
         tell_written(done)
@@ -268,15 +242,11 @@ def circle_by_iso_230_4(
 ) -> None:
     """Circular test (ISO 230-4) of two axes from a recording with circles in both senses."""
     with refused(as_json):
-        trace = _trace(recorded, machine_file.load(machine))
-        if len(axes) != 2 or not set(axes) <= set(trace.axes) & set("XYZ"):
-            raise Refusal("no_plane", axes=axes)
-        pair = [trace.axes.index(name) for name in axes]
-        command, actual = trace.joint_command[:, pair], trace.joint_actual[:, pair]
-        found = list(circular_test.circles(command, actual, trace.line))
-        told = circular_test.report(found, (axes[0], axes[1]))
-        if plot:
-            pictures.circle(found, (axes[0], axes[1]), plot)
+        made = machine_file.load(machine)
+        found = measurements.circle(Asked(made, {"axes": axes}, recording=recorded))
+        told = found.told
+        if plot and found.draw:
+            found.draw(plot)
         if as_json:
             print(json.dumps({"ok": True, **told}))
             return
@@ -300,12 +270,10 @@ def tip_by_iso_10791_6(
     """Five-axis test with a sphere (ISO 10791-6): what the tip does that should stand while rotaries turn."""
     with refused(as_json):
         made = machine_file.load(machine)
-        trace = _trace(recorded, made)
-        rows = (trace.joint_command, trace.joint_actual, trace.line)
-        found = five_axis_test.stands(made, kinematics_of(made), length, *rows)
-        told = five_axis_test.report(found)
-        if plot:
-            pictures.tip(found, plot)
+        found = measurements.tip(Asked(made, complete("tip", {"length": length}), recording=recorded))
+        told = found.told
+        if plot and found.draw:
+            found.draw(plot)
         if as_json:
             print(json.dumps({"ok": True, **told}))
             return
@@ -313,16 +281,6 @@ def tip_by_iso_10791_6(
             x, y, z = row["range_um"]
             figures = {"x_um": x, "y_um": y, "z_um": z, "largest_um": row["largest_um"]}
             show.print(say("tip", line=row["line"], **figures), markup=False)
-
-
-def _trace(file: Path, made: Machine) -> traces.Trace:
-    """Raises Refused where it is none."""
-    try:
-        if traces.is_recording(file):
-            return traces.of_recording(file, made, kinematics_of(made))
-        return traces.load(file)
-    except ValueError as error:
-        raise Refused(str(error)) from error
 
 
 @app.command()
@@ -341,17 +299,15 @@ def part(
     """The work offset that fits touches on a part best: on surfaces of its program, planes, bores."""
     with refused(as_json):
         made = machine_file.load(machine)
-        if not set(free) <= set(DOFS) or len(set(free)) < len(free) or not free:
-            raise Refusal("no_dofs", free=free)
-        found, touches = _part(measured, program, offset, free, made)
-        told = part_fit.report(found, touches)
-        values = {"origin_mm": told["origin_mm"], "turned_deg": told["turned_deg"]}
-        done = written(machine, lambda text: machine_edit.offset(text, offset, values)) if write else None
+        values = {"offset": offset, "free": free}
+        found = measurements.part(_of_table("part", measured, made, values, program))
+        told = found.told
+        done = written(machine, found.edit) if write and found.edit else None
         if send:
             with remote.connected(url, remote.known_token()) as at, at.control():
-                at.put(f"offsets/{offset}", values)
+                at.put(f"offsets/{offset}", measurements.offset_of(told))
         if as_json:
-            print(json.dumps({"ok": True, "offset": offset, **told, "written": done, "sent": send}))
+            print(json.dumps({"ok": True, **told, "written": done, "sent": send}))
             return
         x, y, z = told["origin_mm"]
         a, b, c = told["turned_deg"]
@@ -375,11 +331,7 @@ def inspect(
     """By how much a wall deviates where it was touched, beside what its program should leave there."""
     with refused(as_json):
         made = machine_file.load(machine)
-        found, touches = _part(measured, program, offset, "", made)
-        told = part_fit.report(found, touches)
-        predicted = _predicted(program, made)
-        for row in told["touches"]:
-            row["predicted_um"] = _at(predicted.get(row["feature"]), row["u"], row["v"])
+        told = measurements.inspect(_of_table("inspect", measured, made, {"offset": offset}, program)).told
         if as_json:
             print(json.dumps({"ok": True, **told}))
             return
@@ -399,66 +351,14 @@ def points(
 ) -> None:
     """Where to probe a surface: places and normals out of the cutter's side, part frame, as CSV."""
     with refused(False):
-        surfaces, sides = _surfaces(program, machine_file.load(machine))
-        if line not in surfaces:
-            raise Refusal("no_line", line=line, lines=", ".join(map(str, surfaces)) or "-")
+        made = machine_file.load(machine)
+        text = bytes(linked.linked(program.read_bytes(), linked.beside(program)))
+        values = complete("points", {"line": line, "along": along, "across": across})
+        told = measurements.points(Asked(made, values, text=text, program=str(program))).told
         print("feature,u,v,X,Y,Z,I,J,K")
-        for u, v, place, normal in features.places(surfaces[line], along, across):
-            out = [sides[line] * c for c in normal]
-            print(f"line {line}," + ",".join(f"{c + 0.0:.6f}" for c in (u, v, *place, *out)))
-
-
-def _part(
-    measured: Path, program: Path | None, offset: str, free: str, made: Machine
-) -> tuple[part_fit.PartFit, touch_table.Touches]:
-    if offset not in OFFSETS:
-        raise Refusal("no_offset", offset=offset)
-    touches = touch_table.read(read_text(measured), made, measured.name)
-    surfaces = _surfaces(program, made)[0] if program else {}
-    names = {name: features.named(name, surfaces, measured.name) for name in dict.fromkeys(touches.features)}
-    start = made.offset(OFFSETS.index(offset)).frame
-    return part_fit.fit(touches, names, made, start, free), touches
-
-
-def _surfaces(program: Path, made: Machine) -> tuple[dict[int, Surface], dict[int, float]]:
-    """By line: the surfaces of a program in its part frame, and on which side of each the cutter is."""
-    found: dict[int, Surface] = {}
-    sides: dict[int, float] = {}
-    text = linked.linked(program.read_bytes(), linked.beside(program))
-    for block in blocks.stream(text, made, str(program)):
-        if isinstance(block, CutCone | CutRuled | CutNurbs):
-            found[block.place.line], sides[block.place.line] = surface_of(block), block.modal.side.value
-    return found, sides
-
-
-def _predicted(program: Path, made: Machine) -> dict[str, Any]:
-    """By ``line N`` the deviations (um) that the plan's own cut leaves, v by u on an even grid."""
-    text = linked.linked(program.read_bytes(), linked.beside(program))
-    task = checked.task(text, str(program), replace(made, gouge="warn"))
-    watched = Watched(checked.path_of(task, checked.chosen_for(task, lambda share: None)).items)
-    for _ in watched:
-        pass
-    own = maps.maps(
-        watched.stretches,
-        lambda: blocks.stream(task.text, task.machine, task.name, start=task.start),
-        task.machine,
-        task.kinematics,
-    )
-    return {f"line {row['line']}": row["map_um"] for row in own.get("surfaces", [])}
-
-
-def _at(rows: Any, u: float | None, v: float | None) -> float | None:
-    """A map at u and v, straight between its places; None where nothing is predicted."""
-    if rows is None or u is None or v is None:
-        return None
-    grid = np.array([[math.nan if value is None else value for value in row] for row in rows])
-    across, along = grid.shape
-    x, y = u * (along - 1), v * (across - 1)
-    i, j = min(int(x), along - 2), min(int(y), across - 2)
-    s, t = x - i, y - j
-    square = grid[j : j + 2, i : i + 2]
-    value = float(np.array([1 - t, t]) @ square @ np.array([1 - s, s]))
-    return None if math.isnan(value) else value
+        for row in told["points"]:
+            numbers = (row["u"], row["v"], *row["point_mm"], *row["normal"])
+            print(f"{told['feature']}," + ",".join(f"{c + 0.0:.6f}" for c in numbers))
 
 
 def _touches(rows: list[dict[str, Any]], with_plan: bool = False) -> Table:

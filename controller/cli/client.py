@@ -11,7 +11,7 @@ import contextlib
 import json
 import secrets
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import Annotated, Any, Literal
 
 import typer
@@ -63,6 +63,23 @@ def tell_done(sentence: str, facts: Any, as_json: bool) -> None:
         print(json.dumps({"ok": True, **(facts if isinstance(facts, dict) else {"result": facts})}))
     else:
         show.print(sentence, markup=False)
+
+
+def named(typed: Sequence[str] | None, words: Collection[str] = ()) -> dict[str, str | float]:
+    """Values by name of what is typed as ``name=value``: numbers where they are, but never of ``words``.
+
+    Raises Refused.
+    """
+    return dict(_pair(one, words) for one in typed or ())
+
+
+def _pair(typed: str, words: Collection[str]) -> tuple[str, str | float]:
+    name, equals, value = typed.partition("=")
+    if not (name and equals):
+        raise Refused(say("no_pair", typed=typed))
+    with contextlib.suppress(ValueError):
+        return name, value if name in words else float(value)
+    return name, value
 
 
 # --- what needs no control token
@@ -245,18 +262,22 @@ def mdi(
 
 
 def override(
-    percent: Annotated[float, typer.Argument(help="Of the feed, 0 to 200; of rapids, 0 to 100.")],
+    percent: Annotated[
+        float, typer.Argument(help="Of the feed, 0 to 200; of rapids, 0 to 100; of the spindle, 50 to 150.")
+    ],
     rapid: Annotated[bool, typer.Option("--rapid", help="Of rapid motions instead of the feed.")] = False,
+    spindle: Annotated[bool, typer.Option("--spindle", help="Of the spindle instead of the feed.")] = False,
     take_over: TakeOver = False,
     url: Url = remote.URL,
     as_json: Json = False,
 ) -> None:
-    """Scale the feed, or the speed of rapids."""
-    path, what = ("rapid", "rapid_override") if rapid else ("feed", "override")
+    """Scale the feed, the speed of rapids, or that of the spindle."""
+    if rapid and spindle:
+        raise typer.BadParameter(say("one_override"))
+    path = "rapid" if rapid else "spindle" if spindle else "feed"
     with asked(url, as_json) as machine, machine.control(take_over):
-        tell_done(
-            say(what, percent=percent), machine.put(f"overrides/{path}", {"share": percent / 100.0}), as_json
-        )
+        done = machine.put(f"overrides/{path}", {"share": percent / 100.0})
+        tell_done(say(f"{path}_override", percent=percent), done, as_json)
 
 
 def adaptive(

@@ -1,4 +1,4 @@
-"""``directrix offsets``: what is set at a machine beside its file."""
+"""``directrix offsets``: what is set at a machine beside its file; set it, or touch off."""
 
 from __future__ import annotations
 
@@ -10,14 +10,30 @@ from urllib.parse import quote
 import typer
 from rich.table import Table
 
-from controller.cli import remote
-from controller.cli.client import Json, TakeOver, Url, asked
+from controller.cli import remote, speech
+from controller.cli.client import Json, TakeOver, Url, asked, named
 from controller.cli.speech import speaking
-from controller.verify.console import say, show
+from controller.verify.console import Refused, say, show
+
+EVERY = Mapping[str, str | float]
 
 
 @speaking
 def offsets(
+    name: Annotated[str, typer.Argument(help="Of an offset that is to be set, as G54.")] = "",
+    origin: Annotated[str, typer.Option("--origin", help="X,Y,Z of it on the table, mm.")] = "",
+    turned: Annotated[
+        str, typer.Option("--turned", help="A,B,C: degrees about X, then Y, then Z of the table.")
+    ] = "",
+    rotary: Annotated[
+        list[str] | None, typer.Option("--rotary", help="By what words of a rotary are shifted, as C=15.")
+    ] = None,
+    touch: Annotated[
+        list[str] | None, typer.Option("--touch", help="What the tip reads here from now on, as Z=0.")
+    ] = None,
+    tool: Annotated[
+        int | None, typer.Option("--tool", help="With --touch: the tool; default: the one in the spindle.")
+    ] = None,
     forget: Annotated[
         str, typer.Option("--forget", help="Take the machine file's again: G54, G92, G28, T3, #500, all.")
     ] = "",
@@ -25,8 +41,21 @@ def offsets(
     url: Url = remote.URL,
     as_json: Json = False,
 ) -> None:
-    """Show offsets, shift, reference points and kept parameters, and where each comes from."""
+    """Show offsets, shift, reference points and kept parameters, and where each comes from; set an offset."""
+    if not name and (origin or turned or rotary or touch or tool):
+        raise typer.BadParameter(speech.say("offset_no_name"))
     with asked(url, as_json) as machine:
+        if name:
+            values = _values(machine, name, origin, turned, named(rotary))
+            reads = _letters("--touch", named(touch), "Z=0")
+            if not (values or reads):
+                raise Refused(speech.say("offset_nothing", name=name))
+            with machine.control(take_over):
+                if values:
+                    machine.put(f"offsets/{quote(name, safe='')}", values)
+                if reads:
+                    by = tool or machine.get("status").get("tool") or 1
+                    machine.post(f"offsets/{quote(name, safe='')}/touch_off", {**reads, "tool": by})
         if forget:
             with machine.control(take_over):
                 machine.delete(f"offsets/{quote(forget, safe='')}")
@@ -35,6 +64,38 @@ def offsets(
             print(json.dumps({"ok": True, **found}))
         else:
             show.print(table(found))
+
+
+def _values(machine: remote.Machine, name: str, origin: str, turned: str, rotary: EVERY) -> dict[str, Any]:
+    """What is set: what is not said stays as it is. Nothing where nothing is said. Raises Refused."""
+    if not (origin or turned or rotary):
+        return {}
+    now = machine.get("offsets")["offsets"].get(name, {})
+    values: dict[str, Any] = {key: now[key] for key in ("origin_mm", "turned_deg") if key in now}
+    if origin:
+        values["origin_mm"] = _three("--origin", origin)
+    if turned:
+        values["turned_deg"] = _three("--turned", turned)
+    return {**values, **({"rotary_deg": _letters("--rotary", rotary, "C=15")} if rotary else {})}
+
+
+def _three(option: str, typed: str) -> list[float]:
+    """Raises Refused."""
+    try:
+        x, y, z = (float(part) for part in typed.split(","))
+    except ValueError:
+        raise Refused(speech.say("three_numbers", option=option, found=typed)) from None
+    return [x, y, z]
+
+
+def _letters(option: str, typed: EVERY, example: str) -> dict[str, float]:
+    """Raises Refused."""
+    found = dict[str, float]()
+    for axis, value in typed.items():
+        if not isinstance(value, float):
+            raise Refused(speech.say("letters", option=option, found=f"{axis}={value}", example=example))
+        found[axis.upper()] = value
+    return found
 
 
 def table(found: Mapping[str, Any]) -> Table:

@@ -10,9 +10,9 @@ from typing import Annotated, Any
 import typer
 
 from controller.cli import remote
-from controller.cli.client import Json, TakeOver, Url, asked, carried_out, tell_done
+from controller.cli.client import Json, TakeOver, Url, asked, carried_out, named, tell_done
 from controller.cli.speech import say, speaking
-from controller.verify.console import Refused, refusals, show, word
+from controller.verify.console import show, word
 
 
 @speaking
@@ -26,25 +26,28 @@ def probe(
     table: Annotated[
         Path | None, typer.Option("--csv", help="Write what cycles have found into this file.")
     ] = None,
+    touches: Annotated[
+        Path | None, typer.Option("--touches", help="Write the last touches into this file, for calibrate.")
+    ] = None,
     take_over: TakeOver = False,
     url: Url = remote.URL,
     as_json: Json = False,
 ) -> None:
     """Run a probing cycle from where the probe stands, list the cycles, or what they have found."""
     with asked(url, as_json) as machine:
-        if table is not None:
-            text = machine.get("probing/found.csv")
-            with refusals(as_json, lambda: (OSError,)):
-                table.write_text(text, encoding="utf-8", newline="")
-            tell_done(
-                say("probed_csv", count=text.count("\n") - 1, path=table), {"file": str(table)}, as_json
-            )
-        elif found:
+        for file, key, path in ((table, "probed_csv", "found"), (touches, "touches_csv", "touches")):
+            if file is not None:
+                text = machine.get(f"probing/{path}.csv")
+                file.write_text(text, encoding="utf-8", newline="")
+                tell_done(say(key, count=text.count("\n") - 1, path=file), {"file": str(file)}, as_json)
+        if table is not None or touches is not None:
+            return
+        if found:
             _show_found(machine.get("probing/found"), as_json)
         elif cycle is None:
             _list(machine.get("probing"), as_json)
         else:
-            body = {"cycle": cycle, "values": dict(map(_value, values or [])), "offset": offset}
+            body = {"cycle": cycle, "values": named(values), "offset": offset}
             with machine.control(take_over):
                 tell_done(say("started"), carried_out(machine, "probing", body), as_json)
 
@@ -59,17 +62,6 @@ def _show_found(told: dict[str, Any], as_json: bool) -> None:
         at = datetime.fromtimestamp(one["at_s"]).strftime("%Y-%m-%d %H:%M:%S")
         values = " ".join(f"{name}={value:g}" for name, value in one["values"].items())
         show.print(f"{at} {one['program']} {one['cycle']} {values}", markup=False, soft_wrap=True)
-
-
-def _value(typed: str) -> tuple[str, str | float]:
-    """(name, value) of ``name=value``. Raises Refused."""
-    name, equals, value = typed.partition("=")
-    if not (name and equals and value):
-        raise Refused(say("probe_value", typed=typed))
-    try:
-        return name, float(value)
-    except ValueError:
-        return name, value
 
 
 def _list(told: dict[str, Any], as_json: bool) -> None:

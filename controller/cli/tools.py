@@ -1,4 +1,4 @@
-"""``directrix tools``: the tool table of a machine, in and out of files, its tools' pictures and life."""
+"""``directrix tools``: the tool table of a machine, in and out of files, data, pictures, life."""
 
 from __future__ import annotations
 
@@ -11,18 +11,27 @@ import typer
 from rich.table import Table
 
 from controller.cli import remote
-from controller.cli.client import Json, TakeOver, Url, asked
+from controller.cli.client import Json, TakeOver, Url, asked, named, tell_done
 from controller.cli.speech import say, speaking
 from controller.machine import tool_files
-from controller.machine.toml_table import ConfigError
+from controller.machine.tool_files import TableRefused
+from controller.messages import text
 from controller.verify import console
-from controller.verify.console import Refused, show
+from controller.verify.console import Refused, show, spoken
 
-SENT = ("name", "radius_mm", "length_mm", "flute_mm", "corner_mm", "taper_deg")
+SHOWN = ("radius_mm", "corner_mm", "flute_mm", "length_mm", "wear_radius_mm", "wear_length_mm")
+KEPT = ("name", "radius_mm", "length_mm", "flute_mm")  # what REST asks for of a tool that is changed
 
 
 @speaking
 def tools(
+    values: Annotated[
+        list[str] | None, typer.Argument(help="With --set, as radius_mm=3 wear_length_mm=-0.02.")
+    ] = None,
+    change: Annotated[
+        int | None, typer.Option("--set", help="Number of a tool that is made or changed, by its values.")
+    ] = None,
+    delete: Annotated[int | None, typer.Option("--delete", help="A tool, out of the table.")] = None,
     write: Annotated[Path | None, typer.Option("--export", help="Write it: FILE.tbl or FILE.json.")] = None,
     read: Annotated[
         Path | None, typer.Option("--import", help="Take its tools: FILE.tbl or FILE.json.")
@@ -50,30 +59,28 @@ def tools(
     url: Url = remote.URL,
     as_json: Json = False,
 ) -> None:
-    """Show the tool table; write it, take tools in: LinuxCNC's tool.tbl, or JSON with ISO 13399's names."""
+    """Show the tool table; change it; in and out of LinuxCNC's tool.tbl, or JSON with ISO 13399's names."""
     given = {"cut_min": minutes, "cut_m": metres, "parts": parts, "sister": sister}
     limits = {name: value for name, value in given.items() if value is not None}
     if limits and life is None:
         raise typer.BadParameter(say("tools_no_life"))
+    if values and change is None:
+        raise typer.BadParameter(say("tools_no_set", typed=" ".join(values)))
     with asked(url, as_json) as machine:
-        rows = {int(number): row for number, row in machine.get("tools")["tools"].items()}
-        if read is not None:
-            wanted = _read(read, rows, flute)
+        if change is not None or delete is not None or read is not None:
             with machine.control(take_over):
-                for row in wanted:
-                    values = {key: row[key] for key in SENT if key in row}
-                    machine.put(f"tools/{row['number']}", values)
-            rows = {int(number): row for number, row in machine.get("tools")["tools"].items()}
+                _change(machine, change, named(values, ("name",)), delete, read, flute)
         if life is not None:
             machine.put(f"usage/tools/{life}", {**_limits(_uses(machine).get(life, {})), **_set(limits)})
         if renewed is not None:
             machine.post(f"usage/tools/{renewed}/renewed")
+        rows = _rows(machine)
         if picture is not None:
             if picture not in rows:
-                raise Refused(f"--picture {picture}: there is no such tool; the table has {_numbers(rows)}.")
+                raise Refused(say("tool_missing", tool=picture, allowed=_numbers(rows)))
             print(tool_files.picture(rows[picture]), end="")
         elif write is not None:
-            _write(write, rows)
+            _write(write, rows, as_json)
         elif as_json:
             uses = _uses(machine)
             told = [{**row, "life": uses.get(number)} for number, row in rows.items()]
@@ -82,6 +89,38 @@ def tools(
             show.print(table(rows))
             if uses := _uses(machine):
                 show.print(lives(uses))
+
+
+def _rows(machine: remote.Machine) -> dict[int, dict[str, Any]]:
+    return {int(number): row for number, row in machine.get("tools")["tools"].items()}
+
+
+def _change(
+    machine: remote.Machine,
+    number: int | None,
+    values: Mapping[str, str | float],
+    delete: int | None,
+    file: Path | None,
+    flute: float | None,
+) -> None:
+    """What is not said of a tool that is there stays. Raises Refused."""
+    if number is not None:
+        before = _rows(machine).get(number, {})
+        kept = {key: before[key] for key in KEPT if key in before}
+        machine.put(f"tools/{number}", {**kept, **values})
+    if delete is not None:
+        machine.delete(f"tools/{delete}")
+    if file is not None:
+        sent = {"file": file.name, "text": _content(file), "flute_mm": flute}
+        machine.post("tools/import", sent)
+
+
+def _content(file: Path) -> str:
+    """Raises Refused; OSError where it cannot be read."""
+    try:
+        return file.read_text(encoding="utf-8")
+    except UnicodeDecodeError as error:
+        raise Refused(say("no_text", file=file)) from error
 
 
 def _uses(machine: remote.Machine) -> dict[int, dict[str, Any]]:
@@ -100,39 +139,18 @@ def _set(limits: Mapping[str, float]) -> dict[str, float | None]:
     return {name: value or None for name, value in limits.items()}
 
 
-def _read(file: Path, there: Mapping[int, Any], flute: float | None) -> list[dict[str, Any]]:
-    """Raises Refused."""
-    _format(file, "--import")
-    take = tool_files.read_json if file.suffix == ".json" else tool_files.read_table
+def _write(file: Path, rows: Mapping[int, Any], as_json: bool) -> None:
+    """Raises Refused; OSError where it cannot be written."""
     try:
-        return tool_files.completed(take(file.read_text(encoding="utf-8"), file.name), there, flute)
-    except (OSError, UnicodeDecodeError) as error:
-        raise Refused(f"--import {file}: cannot be read ({error}); give a text file.") from error
-    except ConfigError as error:
-        raise Refused(str(error)) from error
-
-
-def _write(file: Path, rows: Mapping[int, Any]) -> None:
-    """Raises Refused."""
-    _format(file, "--export")
-    make = tool_files.json_text if file.suffix == ".json" else tool_files.table_text
-    try:
-        file.write_text(make(rows.values()), encoding="utf-8")
-    except OSError as error:
-        raise Refused(
-            f"--export {file}: cannot be written ({error.strerror}); choose another place."
-        ) from error
-    show.print(console.say("table.tools_in", count=len(rows), file=file), markup=False)
-
-
-def _format(file: Path, option: str) -> None:
-    if file.suffix not in tool_files.FORMATS:
-        allowed = " or ".join(tool_files.FORMATS)
-        raise Refused(f"{option} {file}: its ending does not say what it is; allowed is {allowed}.")
+        made = tool_files.written(rows.values(), file.name)
+    except TableRefused as error:
+        raise Refused(text(error.said, spoken.get())) from error
+    file.write_text(made, encoding="utf-8")
+    tell_done(console.say("table.tools_in", count=len(rows), file=file), {"file": str(file)}, as_json)
 
 
 def _numbers(rows: Mapping[int, Any]) -> str:
-    return " ".join(f"T{number}" for number in rows) or "none"
+    return " ".join(f"T{number}" for number in rows) or "–"
 
 
 def table(rows: Mapping[int, Any]) -> Table:
@@ -140,8 +158,7 @@ def table(rows: Mapping[int, Any]) -> Table:
     for head in ("tool", "name", "radius", "corner", "flute", "length", "wear_radius", "wear_length"):
         made.add_column(console.say(f"table.{head}"))
     for number, row in rows.items():
-        names = ("radius_mm", "corner_mm", "flute_mm", "length_mm", "wear_radius_mm", "wear_length_mm")
-        made.add_row(f"T{number}", row["name"], *(f"{row[name]:.3f}" for name in names))
+        made.add_row(f"T{number}", row["name"], *(f"{row[name]:.3f}" for name in SHOWN))
     return made
 
 

@@ -252,7 +252,9 @@ def _lowest(value: Callable[[Array], Array], u: Array) -> tuple[float, float]:
     f = np.nan_to_num(value(u), nan=np.inf)
     padded = np.concatenate(([np.inf], f, [np.inf]))
     dips = np.flatnonzero((f <= padded[:-2]) & (f <= padded[2:]) & (f < np.inf))
-    dips = dips[np.argsort(f[dips], kind="stable")][:16]
+    low, high = float(f.min()), float(f.max())
+    flat = high - low <= SETTLED * abs(low)  # as the turn of an upright wall's normals, but for rounding
+    dips = dips[np.argsort(f[dips], kind="stable")][: 1 if flat else 16]
     if not len(dips):
         return math.nan, math.inf
     return min((_zoom(value, float(u[i])) for i in dips), key=lambda found: found[1])

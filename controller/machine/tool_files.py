@@ -19,14 +19,44 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 from xml.sax.saxutils import escape
 
-from controller.machine.toml_table import ConfigError
+from controller.messages import Said, said, text
 
 Row = Mapping[str, Any]
+FORMATS: Sequence[str] = (".tbl", ".json")
 _WORD = re.compile(r"([A-Z])\s*([-+]?(?:\d+\.?\d*|\.\d+))", re.IGNORECASE)
 _LINE = re.compile(rf"\s*(?:{_WORD.pattern}\s*)*", re.IGNORECASE)
 _OFFSETS = "XYABCUVW"  # of tools on lathes and of probes: none are known here
 ISO = {"DC": "radius_mm", "LF": "length_mm", "APMX": "flute_mm", "RE": "corner_mm", "TAPER": "taper_deg"}
 MAX_NAME = 60
+
+
+class TableRefused(Exception):
+    """A text that is no tool table; ``said``: the sentence."""
+
+    def __init__(self, key: str, **values: object) -> None:
+        self.said: Said = said(f"tool_file.{key}", **values)
+        super().__init__(text(self.said))
+
+
+def form_of(name: str) -> str:
+    """Which of FORMATS a file is, by the ending of its name. Raises TableRefused."""
+    form = next((one for one in FORMATS if name.endswith(one)), None)
+    if form is None:
+        raise TableRefused("ending", file=name, allowed=" ".join(FORMATS))
+    return form
+
+
+def written(rows: Iterable[Row], name: str) -> str:
+    """The table as a file of that name has it. Raises TableRefused."""
+    return json_text(rows) if form_of(name) == ".json" else table_text(rows)
+
+
+def taken(
+    content: str, name: str, there: Mapping[int, Row], flute_mm: float | None = None
+) -> list[dict[str, Any]]:
+    """The tools of a file, whole; ``there``: those of the table, by number. Raises TableRefused."""
+    read = read_json if form_of(name) == ".json" else read_table
+    return completed(read(content, name), there, flute_mm)
 
 
 def table_text(rows: Iterable[Row]) -> str:
@@ -38,9 +68,9 @@ def table_text(rows: Iterable[Row]) -> str:
     )
 
 
-def read_table(text: str, name: str) -> list[dict[str, Any]]:
-    """Number, name, radius and length of each tool. Raises ConfigError."""
-    found = [_tool(line, f"{name}:{n}") for n, line in enumerate(text.splitlines(), 1) if _is_row(line)]
+def read_table(content: str, name: str) -> list[dict[str, Any]]:
+    """Number, name, radius and length of each tool. Raises TableRefused."""
+    found = [_tool(line, f"{name}:{n}") for n, line in enumerate(content.splitlines(), 1) if _is_row(line)]
     return _unlike(found, name)
 
 
@@ -51,20 +81,16 @@ def _is_row(line: str) -> bool:
 def _tool(line: str, where: str) -> dict[str, Any]:
     words, _, remark = line.partition(";")
     if not _LINE.fullmatch(words):
-        raise ConfigError(
-            f"{where}: {words.strip()!r} is no row of a tool table; write T, P, D and Z with numbers."
-        )
+        raise TableRefused("no_row", where=where, found=words.strip())
     values = {letter.upper(): float(number) for letter, number in _WORD.findall(words)}
     for letter in _OFFSETS:
         if values.get(letter):
-            raise ConfigError(
-                f"{where}: {letter}{values[letter]:g} is an offset across the tool, none has one: remove it."
-            )
+            raise TableRefused("across", where=where, word=f"{letter}{values[letter]:g}")
     number, diameter = values.get("T", 0.0), values.get("D", 0.0)
     if not 1.0 <= number <= 99999.0 or number != math.floor(number):
-        raise ConfigError(f"{where}: has no number of a tool; write T1 to T99999 first.")
+        raise TableRefused("no_number", where=where)
     if diameter <= 0.0:
-        raise ConfigError(f"{where}: T{number:.0f} has no diameter; write D above 0.")
+        raise TableRefused("no_diameter", where=where, tool=int(number))
     return {
         "number": int(number),
         "name": remark.strip()[:MAX_NAME],
@@ -86,37 +112,38 @@ def _iso(row: Row) -> dict[str, Any]:
     return {**made, **{iso: round(values[ours], 9) for iso, ours in ISO.items()}}
 
 
-def read_json(text: str, name: str) -> list[dict[str, Any]]:
-    """Each tool as far as it is said. Raises ConfigError."""
+def read_json(content: str, name: str) -> list[dict[str, Any]]:
+    """Each tool as far as it is said. Raises TableRefused."""
     try:
-        rows = json.loads(text)["tools"]
+        rows = json.loads(content)["tools"]
     except (ValueError, KeyError, TypeError, RecursionError) as error:
-        raise ConfigError(f'{name}: is no JSON with a list "tools"; write one.') from error
+        raise TableRefused("no_json", file=name) from error
     if not isinstance(rows, list):
-        raise ConfigError(f'{name}: "tools" is no list; write one object per tool in it.')
-    return _unlike([_said(row, f"{name}: tool {n} of the list") for n, row in enumerate(rows, 1)], name)
+        raise TableRefused("no_list", file=name)
+    return _unlike([_said(row, name, n) for n, row in enumerate(rows, 1)], name)
 
 
-def _said(row: Any, where: str) -> dict[str, Any]:
+def _said(row: Any, file: str, n: int) -> dict[str, Any]:
+    """The nth of the list."""
     known = {"number", "description", *ISO}
-    if not isinstance(row, dict) or (unknown := set(row) - known):
-        found = (
-            f"{sorted(unknown)[0]!r} is none of its properties" if isinstance(row, dict) else "is no object"
-        )
-        raise ConfigError(f"{where}: {found}; allowed are {', '.join(sorted(known))}.")
+    place: dict[str, object] = {"file": file, "nth": n}
+    if not isinstance(row, dict):
+        raise TableRefused("no_object", **place, allowed=", ".join(sorted(known)))
+    if unknown := set(row) - known:
+        raise TableRefused("foreign", **place, name=sorted(unknown)[0], allowed=", ".join(sorted(known)))
     number = row.get("number")
     if type(number) is not int or not 1 <= number <= 99999:
-        raise ConfigError(f'{where}: "number" is {number!r}; it must be a whole number from 1 to 99999.')
+        raise TableRefused("not_whole", **place, found=repr(number))
     made: dict[str, Any] = {"number": number, "name": str(row.get("description", ""))[:MAX_NAME]}
     for iso, ours in ISO.items():
         value = row.get(iso)
         if value is None:
             continue
         if type(value) not in (int, float) or not math.isfinite(value):
-            raise ConfigError(f"{where}: {iso} is {value!r}; it must be a number.")
+            raise TableRefused("not_a_number", **place, name=iso, found=repr(value))
         made[ours] = value / 2.0 if iso == "DC" else float(value)
     if made.get("radius_mm", 0.0) <= 0.0:
-        raise ConfigError(f"{where}: has no DC, the cutting diameter; write it, above 0.")
+        raise TableRefused("no_dc", **place)
     return made
 
 
@@ -124,26 +151,25 @@ def _unlike(found: list[dict[str, Any]], name: str) -> list[dict[str, Any]]:
     numbers = [row["number"] for row in found]
     twice = next((n for n in numbers if numbers.count(n) > 1), None)
     if twice is not None:
-        raise ConfigError(f"{name}: T{twice} is there twice; leave one row.")
+        raise TableRefused("twice", file=name, tool=twice)
     if not found:
-        raise ConfigError(f"{name}: has no tool in it; write a row for each.")
+        raise TableRefused("empty", file=name)
     return found
 
 
 def completed(rows: Iterable[Row], there: Mapping[int, Row], flute_mm: float | None) -> list[dict[str, Any]]:
     """The rows with the length that cuts: their own, that of the tool of this number, or ``flute_mm``.
 
-    Raises ConfigError where none is known: a guess would let a shank into the part.
+    Wear is none: what a file says of a tool is as the tool is now.
+
+    Raises TableRefused where none is known: a guess would let a shank into the part.
     """
     made = []
     for row in rows:
         known = row.get("flute_mm") or there.get(row["number"], {}).get("flute_mm") or flute_mm
         if known is None:
-            raise ConfigError(
-                f"T{row['number']}: the file does not say the length that cuts, and the table has it not; "
-                "give --flute, or APMX in JSON."
-            )
-        made.append({**row, "flute_mm": known})
+            raise TableRefused("no_flute", tool=row["number"])
+        made.append({**row, "flute_mm": known, "wear_radius_mm": 0.0, "wear_length_mm": 0.0})
     return made
 
 
@@ -188,6 +214,3 @@ def _box(low: float, high: float, half: float, what: str) -> str:
     if high <= low:
         return ""
     return f'<path class="{what}" d="M{-half:.5g} {-low:.5g}H{half:.5g}V{-high:.5g}H{-half:.5g}Z"/>'
-
-
-FORMATS: Sequence[str] = (".tbl", ".json")

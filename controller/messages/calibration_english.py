@@ -45,6 +45,21 @@ REFUSALS = {
     "calibration.no_offset": "--offset {offset}: is no work offset; allowed are G54 to G59.3 and G54.1 P1 "
     "to P48; choose one of these.",
     "calibration.no_line": "--line {line}: cuts no surface; allowed are {lines}; choose one of these.",
+    "calibration.no_measurement": "{found!r}: there is no such measurement; allowed are {allowed}.",
+    "calibration.no_value": "values {name!r}: {measurement} has no such value; allowed are {allowed}.",
+    "calibration.value_choice": "values {name} {found!r}: allowed is {allowed}; give one.",
+    "calibration.value_number": "values {name} {found!r}: must be a number from {lowest:g} to {highest:g} "
+    "{unit}; correct it.",
+    "calibration.value_whole": "values {name} {found!r}: must be a whole number from {lowest:g} to "
+    "{highest:g}; correct it.",
+    "calibration.no_recording": "This is measured while the machine moves: give ticks, now or of a "
+    "recording.",
+    "calibration.bad_recording": "{why} Give a recording of the machine as it is.",
+    "calibration.no_table": "This is measured by a table: give one as CSV.",
+    "calibration.no_program": "This is about the surfaces of a program: give the name of one in the store.",
+    "calibration.busy": "Another measurement is being evaluated; ask again when it is done.",
+    "calibration.unread": "The measurement could not be evaluated within {seconds:g} s, or its process "
+    "ended; ask with less.",
     # --- what a command says
     "calibration.written": "{file} is written; as it was before it is {kept}.",
     "calibration.not_written": "Nothing is written; --write does it.",

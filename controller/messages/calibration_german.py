@@ -46,6 +46,21 @@ REFUSALS = {
     "calibration.no_offset": "--offset {offset}: ist keine Nullpunktverschiebung; erlaubt sind G54 bis "
     "G59.3 und G54.1 P1 bis P48; eine davon wählen.",
     "calibration.no_line": "--line {line}: schneidet keine Fläche; erlaubt sind {lines}; eine davon wählen.",
+    "calibration.no_measurement": "{found!r}: diese Messung gibt es nicht; erlaubt sind {allowed}.",
+    "calibration.no_value": "Werte {name!r}: {measurement} hat keinen solchen Wert; erlaubt sind {allowed}.",
+    "calibration.value_choice": "Werte {name} {found!r}: erlaubt ist {allowed}; etwas davon angeben.",
+    "calibration.value_number": "Werte {name} {found!r}: muss eine Zahl von {lowest:g} bis {highest:g} "
+    "{unit} sein; berichtigen.",
+    "calibration.value_whole": "Werte {name} {found!r}: muss eine ganze Zahl von {lowest:g} bis "
+    "{highest:g} sein; berichtigen.",
+    "calibration.no_recording": "Das wird gemessen, während die Maschine sich bewegt: ticks angeben, now "
+    "oder die einer Aufzeichnung.",
+    "calibration.bad_recording": "{why} Eine Aufzeichnung der Maschine angeben, wie sie ist.",
+    "calibration.no_table": "Das wird mit einer Tabelle gemessen: eine als CSV angeben.",
+    "calibration.no_program": "Das gilt den Flächen eines Programms: den Namen eines im Speicher angeben.",
+    "calibration.busy": "Eine andere Messung wird ausgewertet; danach noch einmal fragen.",
+    "calibration.unread": "Die Messung war in {seconds:g} s nicht auszuwerten, oder ihr Prozess endete; "
+    "mit weniger fragen.",
     # --- what a command says
     "calibration.written": "{file} ist geschrieben; wie sie vorher war, steht in {kept}.",
     "calibration.not_written": "Nichts ist geschrieben; mit --write geschieht es.",

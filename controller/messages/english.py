@@ -493,6 +493,7 @@ REFUSALS = {
     "probe_length": "values {name} {found!r}: must be {lowest:g} to {highest:g} {unit} and not 0; "
     "correct it.",
     "no_drawing": "{found!r}: no code of which there is a picture; there are {allowed}.",
+    "no_touches": "The probe has touched nothing yet; probe first.",
     "probe_offset": "offset {found!r}: no offset that a cycle sets; allowed are {allowed}.",
     "no_changer": "This machine has no tool changer: its tools are changed by hand; describe one in "
     "[changer].",

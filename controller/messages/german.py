@@ -511,6 +511,7 @@ REFUSALS = {
     "probe_length": "values {name} {found!r}: muss {lowest:g} bis {highest:g} {unit} und nicht 0 sein; "
     "ändern.",
     "no_drawing": "{found!r}: kein Code, von dem es ein Bild gibt; es gibt {allowed}.",
+    "no_touches": "Der Taster hat noch nichts berührt; zuerst antasten.",
     "probe_offset": "offset {found!r}: kein Nullpunkt, den ein Zyklus setzt; erlaubt sind {allowed}.",
     "no_changer": "Diese Maschine hat keinen Werkzeugwechsler: Ihre Werkzeuge werden von Hand gewechselt; "
     "einen in [changer] beschreiben.",

@@ -236,4 +236,23 @@ REFUSALS = {
     "off in 1 tick.",
     "bus_table.crowded_for_ever": "Everything in one tick, SDO and emergencies too: {crowded:.0f} us; "
     "never worked off.",
+    "tool_file.ending": "{file}: its ending does not say what it is; allowed are {allowed}; name it so.",
+    "tool_file.no_row": "{where}: {found!r} is no row of a tool table; write T, P, D and Z with numbers.",
+    "tool_file.across": "{where}: {word} is an offset across the tool, none has one: remove it.",
+    "tool_file.no_number": "{where}: has no number of a tool; write T1 to T99999 first.",
+    "tool_file.no_diameter": "{where}: T{tool} has no diameter; write D above 0.",
+    "tool_file.no_json": '{file}: is no JSON with a list "tools"; write one.',
+    "tool_file.no_list": '{file}: "tools" is no list; write one object per tool in it.',
+    "tool_file.no_object": "{file}: tool {nth} of the list is no object; allowed is one with {allowed}; "
+    "write it so.",
+    "tool_file.foreign": "{file}: tool {nth} of the list: {name!r} is none of its properties; allowed are "
+    "{allowed}; remove it.",
+    "tool_file.not_whole": '{file}: tool {nth} of the list: "number" is {found}; write a whole number '
+    "from 1 to 99999.",
+    "tool_file.not_a_number": "{file}: tool {nth} of the list: {name} is {found}; write a number.",
+    "tool_file.no_dc": "{file}: tool {nth} of the list has no DC, the cutting diameter; write it, above 0.",
+    "tool_file.twice": "{file}: T{tool} is there twice; leave one row.",
+    "tool_file.empty": "{file}: has no tool in it; write a row for each.",
+    "tool_file.no_flute": "T{tool}: the file does not say the length that cuts, and the table has it not; "
+    "give it for the whole file (--flute), or as APMX in JSON.",
 }

@@ -239,4 +239,25 @@ REFUSALS = {
     "in 1 Takt.",
     "bus_table.crowded_for_ever": "Alles in einem Takt, auch SDO und Notfälle: {crowded:.0f} us; nie "
     "abgearbeitet.",
+    "tool_file.ending": "{file}: seine Endung sagt nicht, was es ist; erlaubt sind {allowed}; so benennen.",
+    "tool_file.no_row": "{where}: {found!r} ist keine Zeile einer Werkzeugtabelle; T, P, D und Z mit "
+    "Zahlen schreiben.",
+    "tool_file.across": "{where}: {word} ist ein Versatz quer zum Werkzeug, den keines hat: ihn entfernen.",
+    "tool_file.no_number": "{where}: hat keine Nummer eines Werkzeugs; zuerst T1 bis T99999 schreiben.",
+    "tool_file.no_diameter": "{where}: T{tool} hat keinen Durchmesser; D über 0 schreiben.",
+    "tool_file.no_json": '{file}: ist kein JSON mit einer Liste "tools"; eine schreiben.',
+    "tool_file.no_list": '{file}: "tools" ist keine Liste; darin ein Objekt je Werkzeug schreiben.',
+    "tool_file.no_object": "{file}: Werkzeug {nth} der Liste ist kein Objekt; erlaubt ist eines mit "
+    "{allowed}; so schreiben.",
+    "tool_file.foreign": "{file}: Werkzeug {nth} der Liste: {name!r} ist keine seiner Eigenschaften; "
+    "erlaubt sind {allowed}; sie entfernen.",
+    "tool_file.not_whole": '{file}: Werkzeug {nth} der Liste: "number" ist {found}; eine ganze Zahl von '
+    "1 bis 99999 schreiben.",
+    "tool_file.not_a_number": "{file}: Werkzeug {nth} der Liste: {name} ist {found}; eine Zahl schreiben.",
+    "tool_file.no_dc": "{file}: Werkzeug {nth} der Liste hat kein DC, den Schneidendurchmesser; ihn "
+    "schreiben, über 0.",
+    "tool_file.twice": "{file}: T{tool} steht zweimal da; eine Zeile lassen.",
+    "tool_file.empty": "{file}: enthält kein Werkzeug; eine Zeile für jedes schreiben.",
+    "tool_file.no_flute": "T{tool}: die Datei sagt die Länge der Schneide nicht, und die Tabelle hat sie "
+    "nicht; sie für die ganze Datei angeben (--flute) oder in JSON als APMX.",
 }

@@ -50,12 +50,13 @@ TOUCHED, TOUCHING = 1, 3  # of the tick's ``probed`` and ``probing``
 
 
 class Touch(NamedTuple):
-    """A probing move that has come to its end: of a run the table that measuring starts from."""
+    """A probing move towards the part that has come to its end: measuring starts from a table of them."""
 
     line: int
     came: Probed
     direction: Vector  # unit, of the linear axes
     tool: int  # number
+    feed_mm_s: float
 
 
 class _Held(NamedTuple):
@@ -206,11 +207,15 @@ class Planner:
         way, pause = self._track.at(behind - 2), self._track.at(behind - 1)
         if way is None or pause is None:
             return
-        if isinstance(way.what, Stretch) and isinstance(pause.what, Pause):
-            places = [[q[i] for i in self._machine.linear()] for q in (way.what.start, way.what.end)]
-            length = math.dist(*places)
-            x, y, z = ((b - a) / length for a, b in zip(*places, strict=True))
-            self.touches.append(Touch(pause.line, came, (x, y, z), pause.what.modal.tool))
+        if not (isinstance(way.what, Stretch) and isinstance(pause.what, Pause)):
+            return
+        if (probe := pause.what.probe) is None or probe.away:
+            return
+        places = [[q[i] for i in self._machine.linear()] for q in (way.what.start, way.what.end)]
+        length = math.dist(*places)
+        x, y, z = ((b - a) / length for a, b in zip(*places, strict=True))
+        feed_mm_s = way.what.feed_mm_s or 0.0
+        self.touches.append(Touch(pause.line, came, (x, y, z), pause.what.modal.tool, feed_mm_s))
 
     def keepalive(self) -> None:
         """Tell the tick that the planner lives."""

@@ -24,6 +24,7 @@ from controller.ipc.handoff import Snapshot
 from controller.machine.changes import Change
 from controller.machine.model import STILL, Joints, Machine, Pair
 from controller.messages import Said as Sentence
+from controller.plan.planner import Touch
 from controller.plan.report.passing import Passed, place_of
 from controller.plan.restart.program_position import LinePart, Spot, part_at
 from controller.program.program import Changing
@@ -149,6 +150,7 @@ class News:
     marks: tuple[Changing, ...] = ()  # stops of a tool changer, read since
     turns: tuple[Turn, ...] = ()  # since the last news
     messages: tuple[Said, ...] = ()  # of the program, read since
+    touches: tuple[Touch, ...] = ()  # of probing moves that have ended since
 
 
 class Line:

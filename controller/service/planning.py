@@ -407,7 +407,8 @@ class Planning:
     def _tell(self, news: News) -> None:
         """What is new, and nothing twice."""
         fresh = self._end.planner.fresh
-        also = self._turns or fresh or self._changes or self._said or self._marks
+        touches = self._end.planner.touches
+        also = self._turns or fresh or self._changes or self._said or self._marks or touches
         if news == self._told and not also:
             return
         self._told = news
@@ -421,8 +422,10 @@ class Planning:
                 changes=self._changes,
                 messages=tuple(self._said),
                 marks=tuple(self._marks),
+                touches=tuple(touches),
             )
         )
+        touches.clear()
         self._marks.clear()
         self._changes = {}
         self._said.clear()

@@ -2,6 +2,8 @@
 
 A program tells a result as ``(LOG, bore x_mm=#1 y_mm=#2 diameter_mm=#3)``: a name, and values whose names end
 in their unit. So do the cycles that ship, and so may any cycle of one's own.
+
+Beside them the last touches themselves, as measuring takes them: a CSV in the state folder.
 """
 
 from __future__ import annotations
@@ -11,13 +13,17 @@ import json
 import re
 import threading
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from controller import atomic_file
+from controller.machine.model import Machine
+from controller.plan.planner import Touch
+from controller.runtime import touch_table
 
-FILE = "probed.json"
-KEPT = 500  # results
+FILE, TOUCHES = "probed.json", "touches.csv"
+KEPT, KEPT_TOUCHES = 500, 2000
 _VALUE = r"[a-z]\w*=-?\d+\.\d+"
 _RESULT = re.compile(rf"([a-z]\w*)((?: {_VALUE})+)", re.ASCII)
 
@@ -35,6 +41,11 @@ class Probed:
 
     def __init__(self, state: Path) -> None:
         self._file, self._lock = state / FILE, threading.Lock()
+        self._table = state / TOUCHES
+        self._touches: list[str] = []  # lines of the table behind its head, the newest last
+        self._head = ""
+        with contextlib.suppress(OSError, ValueError):
+            self._head, *self._touches = self._table.read_text(encoding="utf-8").splitlines()
         self._rows: list[dict[str, Any]] = []
         with contextlib.suppress(OSError, ValueError):  # what is not sound is begun anew: nothing moves by it
             kept = json.loads(self._file.read_text(encoding="utf-8"))
@@ -47,6 +58,17 @@ class Probed:
     def add(self, program: str, results: list[dict[str, Any]]) -> None:
         fresh = [{"at_s": time.time(), "program": program, **one} for one in results]
         self._rows = [*self._rows, *fresh][-KEPT:]
+
+    def touch(self, touches: Sequence[Touch], machine: Machine) -> None:
+        """One more touch or some; of a machine with other axes all are begun anew."""
+        head, *lines = touch_table.text(touches, machine).splitlines()
+        before = self._touches if head == self._head else []
+        self._head, self._touches = head, [*before, *lines][-KEPT_TOUCHES:]
+
+    def save_touches(self) -> None:
+        """As ``save``."""
+        with self._lock, contextlib.suppress(OSError):
+            atomic_file.write(self._table, "\n".join((self._head, *self._touches, "")))
 
     def save(self) -> None:
         """What the disk does not take is only told. Waits for the disk."""

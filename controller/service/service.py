@@ -295,6 +295,9 @@ class Service:
                 job.hear(news)
             if self.changer is not None:
                 self.changer.hear(news.marks)
+            if news.touches:
+                self.probed.touch(news.touches, self.machine)
+                self._records.submit(self.probed.save_touches)
             if self.record is not None and news.turns and not (job is not None and job.lost):
                 self.record.planned(news.turns, self.with_tools(job) if job is not None else self.fitted)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import csv
 import io
 from datetime import UTC, datetime
@@ -18,6 +19,7 @@ from controller.api.routes.machine import LOOKS, MOVES, ask
 from controller.program import probing_cycles
 
 router = APIRouter(tags=["probing"])
+TOUCHES = "touches.csv"  # in the state folder, written by the service
 Value = Annotated[float, Field(ge=-1000.0, le=1000.0)] | Annotated[str, Field(max_length=8)]
 
 
@@ -73,6 +75,21 @@ async def results_csv(request: Request) -> Response:
             name, _, unit = value.rpartition("_")
             rows.writerow((at, one.program, one.cycle, name or value, unit if name else "", number))
     return Response(made.getvalue(), media_type="text/csv")
+
+
+@router.get(
+    "/probing/touches.csv",
+    dependencies=[needs(Role.VIEW)],
+    response_class=Response,
+    responses={200: {"content": {"text/csv": {"schema": {"type": "string"}}}}, **documented(401, 403, 404)},
+)
+async def touches(request: Request) -> Response:
+    """The last touches of the probe, as calibration, set-up and inspection take them."""
+    file = panel_of(request).store.folder / TOUCHES
+    try:
+        return Response(await asyncio.to_thread(file.read_bytes), media_type="text/csv")
+    except OSError:
+        raise Refusal.told(404, "missing", "no_touches") from None
 
 
 @router.get(

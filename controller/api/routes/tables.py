@@ -5,14 +5,16 @@ from __future__ import annotations
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Path, Request, Response
+from pydantic import Field, ValidationError
 
 from controller.api import models, touch_off
 from controller.api.access import moves, needs, panel_of
-from controller.api.answers import Refusal, documented
+from controller.api.answers import Refusal, documented, of_form
 from controller.api.roles import Role
 from controller.api.routes.machine import LOOKS, MOVES, ask
 from controller.machine import tool_files
 from controller.machine.changes import turned_deg
+from controller.machine.tool_files import TableRefused
 
 router = APIRouter(tags=["offsets and tools"])
 NUMBERED = r"G54\.1 P([1-9]|[1-3][0-9]|4[0-8])"
@@ -49,6 +51,73 @@ async def forget(request: Request, name: SetName) -> models.Done:
 async def tools(request: Request) -> models.ToolList:
     """The tool table as it is in force."""
     return models.ToolList(tools=rows_by(await panel_of(request).door.ask("facts"), "tools", "number"))
+
+
+class ToolFile(models.Sent):
+    """A tool table of others."""
+
+    file: Annotated[str, Field(max_length=200, description="Its name, which ends in .tbl or .json.")]
+    text: Annotated[str, Field(max_length=2_000_000)]
+    flute_mm: Annotated[
+        float | None,
+        Field(gt=0.0, le=1000.0, description="Length that cuts, where neither file nor table says it."),
+    ] = None
+
+
+def _table(media: str) -> dict[int | str, dict[str, Any]]:
+    return {200: {"content": {media: {}}}, **LOOKS}
+
+
+@router.get(
+    "/tools.tbl",
+    dependencies=[needs(Role.VIEW)],
+    response_class=Response,
+    responses=_table("text/plain; charset=utf-8"),
+)
+async def tools_tbl(request: Request) -> Response:
+    """The tool table as LinuxCNC's tool.tbl, wear laid in."""
+    return Response(await _written(request, "tools.tbl"), media_type="text/plain")
+
+
+@router.get(
+    "/tools.json",
+    dependencies=[needs(Role.VIEW)],
+    response_class=Response,
+    responses=_table("application/json"),
+)
+async def tools_json(request: Request) -> Response:
+    """The tool table as JSON with the property names of ISO 13399, wear laid in."""
+    return Response(await _written(request, "tools.json"), media_type="application/json")
+
+
+async def _written(request: Request, name: str) -> str:
+    return tool_files.written((await tools(request)).tools.values(), name)
+
+
+@router.post("/tools/import", dependencies=[moves()], responses=MOVES)
+async def import_tools(request: Request, body: ToolFile) -> models.Done:
+    """Take the tools of a file into the table: LinuxCNC's tool.tbl, or JSON with ISO 13399's names.
+
+    Those of the same number are replaced, and their wear is none. A file that cannot be read as a whole
+    changes nothing; of one whose tool the machine refuses, those before it are in the table.
+    """
+    there = {int(number): row for number, row in (await tools(request)).tools.items()}
+    try:
+        rows = tool_files.taken(body.text, body.file, there, body.flute_mm)
+    except TableRefused as refused:
+        raise Refusal(422, "bad", refused.said) from refused
+    wanted = {row["number"]: _tool_values(row) for row in rows}
+    for number, values in wanted.items():
+        await ask(request, "set_tool", number=number, **values.model_dump(exclude_none=True))
+    return models.Done(request="import", result={"tools": list(wanted)})
+
+
+def _tool_values(row: dict[str, Any]) -> models.ToolValues:
+    """Raises Refusal."""
+    try:
+        return models.ToolValues(**{name: value for name, value in row.items() if name != "number"})
+    except ValidationError as error:
+        raise of_form({**one, "loc": (f"T{row['number']}", *one["loc"])} for one in error.errors()) from error
 
 
 @router.put("/tools/{number}", dependencies=[moves()], responses=MOVES)

@@ -41,7 +41,7 @@ Level = Annotated[float, Query(ge=-1e12, le=1e12, allow_inf_nan=False, descripti
 @router.get("/signals", dependencies=[needs(Role.VIEW)], responses=LOOKS)
 async def names(request: Request, source: Source = "now") -> models.SignalList:
     """The signals that there are, with their units, and which ticks."""
-    found = await _found(request, source)
+    found = await found_in(request, source)
     return models.SignalList(signals=signals.names(found.machine), **_span(found))
 
 
@@ -55,7 +55,7 @@ async def shown(
     most: Most = 1000,
 ) -> models.TickWindow:
     """Signals over some ticks, to be drawn."""
-    found, wanted = await _found(request, source), _wanted(names)
+    found, wanted = await found_in(request, source), _wanted(names)
     return await asyncio.to_thread(_window, found, wanted, first, last, most)
 
 
@@ -69,7 +69,7 @@ async def trigger(
     after: Tick = None,
 ) -> models.TriggerFacts:
     """The first tick after ``after`` at which a signal crosses a level, or changes; null: not yet."""
-    found = await _found(request, source)
+    found = await found_in(request, source)
     values = _values(found, name, slice(None))
     begin = 1 if after is None else max(1, found.between(after + 1, None).start)
     index = signals.crossing(values, level, edge, begin)
@@ -86,7 +86,7 @@ async def as_csv(
     request: Request, names: Names, source: Source = "now", first: Tick = None, last: Tick = None
 ) -> StreamingResponse:
     """Every tick as a line, all digits."""
-    found, wanted = await _found(request, source), _wanted(names)
+    found, wanted = await found_in(request, source), _wanted(names)
     for name in wanted:
         _values(found, name, slice(0, 0))
     lines = signals.csv(found, wanted, found.between(first, last))
@@ -103,7 +103,7 @@ async def as_npz(
     request: Request, names: Names, source: Source = "now", first: Tick = None, last: Tick = None
 ) -> Response:
     """Every tick as a file of NumPy: ``tick``, ``period_s``, ``units``, and an array per signal."""
-    found, wanted = await _found(request, source), _wanted(names)
+    found, wanted = await found_in(request, source), _wanted(names)
     for name in wanted:
         _values(found, name, slice(0, 0))
     data = await asyncio.to_thread(signals.npz, found, wanted, found.between(first, last))
@@ -114,7 +114,7 @@ def _named(file: str) -> dict[str, str]:
     return {"content-disposition": f'attachment; filename="{file}"'}
 
 
-async def _found(request: Request, source: str) -> Signals:
+async def found_in(request: Request, source: str) -> Signals:
     """The ticks of a source. Raises Refusal."""
     panel = panel_of(request)
     kind, _, which = source.partition(":")

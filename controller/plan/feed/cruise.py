@@ -29,6 +29,8 @@ Phase = tuple[float, float]  # seconds, and jerk along the path
 # is allowed between two of them is at most by ``mesh.ROUGH`` less, so it is 1.25 times the feed.
 SURELY = 1.5
 SLIGHT = 0.01  # of a joint's acceleration and jerk may go into the bends of the path: the ramps have the rest
+# ... and so much of the jerk into turning a ramp's acceleration: a ramp takes a hundredth longer.
+COUPLED = 0.03
 FEW = 9  # places at which a ramp is looked at, and the whole course before it is sampled
 REACH = 1.1  # times a ramp's first length: it is looked at as far
 
@@ -72,7 +74,7 @@ def _ramp(
         places = np.clip(at + sign * reach * np.linspace(0.0, 1.0, FEW), low, high)
         d = course.derivatives(places, np.full(FEW, k))
         found, coupled = _phases(limits, np.abs(d.first), np.abs(d.second), feed, taken)
-        if coupled > SLIGHT:
+        if coupled > COUPLED:
             return None
         length = 0.5 * feed * sum(t for t, _ in found)
         if length <= reach:

@@ -4,8 +4,9 @@
     plan(course, State(s, v, a), until)         from a state of motion (or rest) to rest at ``until``
     split_at_stops(stretches, ...)              where a row of stretches must stop anyway
 
-A straight move with constant limits has the classic closed form, and so has a course on which the
-feed alone counts (``cruise``); everything else is searched for (``search``).
+A straight move with constant limits has the classic closed form, and so has one that bends by next to
+nothing, and a course on which the feed alone counts (``cruise``); everything else is searched for
+(``search``).
 """
 
 from __future__ import annotations
@@ -36,6 +37,8 @@ WAITS_S = (0.02, 0.05, 0.1, 0.2, 0.4, 0.8)
 NOTHING = 1e-9  # of s: no way to go
 SAME = 1e-8  # of s: two places that are one
 SAME_SPEED = 1e-6  # unit of s per second
+PLACES = 9  # at which a way that bends is looked at ...
+SLIGHT = 0.01  # ... and the share of acceleration and jerk that its bends may take, to be taken for straight
 
 
 class State(NamedTuple):
@@ -173,19 +176,29 @@ def _after(course: Course, before: Profile, last: float) -> Profile | None:
 
 
 def _straight(course: Course, first: float, last: float) -> Profile | None:
-    """The closed form, where q' is constant over the whole way."""
+    """The closed form, where q' is constant over the whole way or changes by next to nothing on it.
+
+    So it is on a line, and on a pivot about a joint of some hundredths of a degree.
+    """
     ends = course.index(np.array([first, last - 1e-12 * last]))
     move = course.stretches[ends[0]].motion
     if has_limits(course) and course.stretches[ends[0]].feed_mm_s is not None:
         return None
     if ends[0] != ends[1] or not isinstance(move, JointMove) or len(course.stretches[ends[0]].feed_steps) > 1:
         return None
-    if not isinstance(move.curve, Line):
-        return None
-    rate = np.abs(course.derivatives(np.array([first]), ends[:1]).first[0]) + 1e-30
-    limits = course.limits[ends[0]]
-    velocity = min(float(course.feed(np.array([first]), ends[:1])[0]), float((limits.velocity / rate).min()))
+    places = np.linspace(first, last, 1 if isinstance(move.curve, Line) else PLACES)
+    d, limits = course.derivatives(places, np.full(len(places), ends[0])), course.limits[ends[0]]
+    rate, bend, twist = (np.abs(q).max(axis=0) + 1e-30 for q in (d.first, d.second, d.third))
+    velocity = min(float(course.feed(places[:1], ends[:1])[0]), float((limits.velocity / rate).min()))
     acceleration, jerk = float((limits.acceleration / rate).min()), float((limits.jerk / rate).min())
+    if len(places) > 1:
+        # From rest to rest over l: v^2 is at most a l, 3 v a at most j l, and v^3 at most j l^2 / 4.
+        length = last - first
+        bends = float((bend / limits.acceleration).max()) * acceleration * length
+        twists = float(((bend + 0.25 * length * twist) / limits.jerk).max()) * jerk * length
+        if max(bends, twists) > SLIGHT:
+            return None
+        acceleration, jerk = (1.0 - bends) * acceleration, (1.0 - twists) * jerk
     law = straight(last - first, velocity, acceleration, jerk)
     pieces = np.array(law.coefficients)
     pieces[:, 0] += first

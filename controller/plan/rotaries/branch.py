@@ -29,6 +29,7 @@ from controller.values import dataclass
 Array = npt.NDArray[np.float64]
 
 REMEMBERED = 64  # cuts that are followed once: they are asked for again and again
+OFTEN, STILL_RAD = 65, 1e-15  # places at which an axis may not be further than this from where it begins
 GATHERING = 0.02 * 0.5 ** np.arange(32.0)  # of u: where samples lie about a place beside the pole
 
 
@@ -141,9 +142,20 @@ def _solve(cut: SurfaceCut, kinematics: Kinematics, u: Array) -> Field:
     lost = np.isnan(pairs).all(axis=(0, 2))
     if lost.any():
         raise BranchLost(float(u[np.argmax(lost)]), kinematics.unreached)
-    for i in np.flatnonzero(np.isnan(pairs).any(axis=(0, 2))):
+    free = np.flatnonzero(np.isnan(pairs).any(axis=(0, 2)))
+    if len(free) > 1 and _stands_still(cut):  # at one place it is what it is at all
+        pairs[:, free] = _from_inside(cut, kinematics, float(u[free[0]]))[:, None]
+        return Field(u, np.array(axis), pairs)
+    for i in free:
         pairs[:, i] = _from_inside(cut, kinematics, float(u[i]))
     return Field(u, np.array(axis), pairs)
+
+
+@lru_cache(REMEMBERED)
+def _stands_still(cut: SurfaceCut) -> bool:
+    """Whether the tool's axis is the same all along, as on an upright wall: no curve meets it so often."""
+    axes = columns(cut.surface.axis(np.linspace(0.0, 1.0, OFTEN), np), OFTEN)
+    return float(np.abs(np.cross(axes, axes[0])).max()) <= STILL_RAD
 
 
 def _from_inside(cut: SurfaceCut, kinematics: Kinematics, u: float) -> Array:

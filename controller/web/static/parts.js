@@ -1,5 +1,5 @@
 // What views are made of: buttons that ask and say why they cannot, cards, chips, figures.
-import { call } from "./api.js";
+import { API, call } from "./api.js";
 import { free, take } from "./control.js";
 import { ask, say } from "./dialog.js";
 import { html } from "./dom.js";
@@ -86,6 +86,10 @@ export const Choice = ({ label, name, values, chosen, choose }) =>
 export const Select = ({ options, text = (one) => one, value, choose, ...more }) =>
   html`<select ...${more} value=${value} onchange=${(event) => choose(event.target.value)}>${options.map((one) => html`<option key=${one} value=${one} selected=${one === value}>${text(one)}</option>`)}</select>`;
 
+// A value that is asked for: one of ``choices``, or typed.
+export const Typed = ({ label, unit, name, choices, text, value, set }) =>
+  html`<label>${label}${unit && `, ${unit}`} ${choices?.length ? html`<${Select} name=${name} options=${choices} text=${text} value=${value} choose=${set} />` : html`<input name=${name} inputmode=${choices ? undefined : "decimal"} value=${value} oninput=${(event) => set(event.target.value)} />`}</label>`;
+
 // Terms and what they are; rows whose value is not known are left out.
 export const Facts = ({ rows, ...more }) =>
   html`<dl ...${more} class=${`facts ${more.class ?? ""}`}>
@@ -101,6 +105,18 @@ export const Table = ({ word, columns, body, children, ...more }) => html`<table
   })}</tr></thead><tbody id=${body}>${children}</tbody></table>`;
 export const ScrolledTable = (props) => html`<div class="scroll" tabindex="0"><${Table} ...${props} /></div>`;
 
-export const Link = ({ text, path, ...more }) => html`<a class="act" href=${`/api/v1/${path}`} download="" ...${more}>${text}</a>`;
+// A file of this computer's, as text: ``take(text, name)``. The same one may be chosen again.
+export function TextFile({ text, accept, take, ...rules }) {
+  const off = reason(rules);
+  const chosen = async ({ target }) => {
+    const [file] = target.files;
+    const content = file && (await file.text());
+    target.value = "";
+    if (file) take(content, file.name);
+  };
+  return html`<label class="act" aria-disabled=${off ? "true" : undefined} title=${off || undefined}><span>${text}</span><input type="file" accept=${accept} ...${field(rules)} onchange=${chosen} /></label>`;
+}
+
+export const Link = ({ text, path, ...more }) => html`<a class="act" href=${`${API}${path}`} download="" ...${more}>${text}</a>`;
 export const Wrong = ({ text, ...more }) => text && html`<p class="wrong" role="alert" ...${more}>${text}</p>`;
 export const AxisName = ({ name }) => html`<span class="axis-name">${name}</span>`;

@@ -52,3 +52,15 @@ def test_a_wrong_table_is_refused_where_it_is_wrong(lines, what):
         read(*lines)
     assert what in str(refused.value) and str(refused.value).startswith("own.csv")
     assert messages.text(refused.value.said, "de") != str(refused.value)
+
+
+def test_of_a_fast_and_a_slow_touch_the_slow_one_counts_and_none_is_no_touch() -> None:
+    head = "touched,X,Y,Z,A,C,i,j,k,feed_mm_min,length_mm,radius_mm"
+    rows = [
+        "1,10.004,0,0,0,0,1,0,0,300,77,3",
+        "1,10.001,0,0,0,0,1,0,0,30,77,3",
+        "0,20,0,0,0,0,0,0,-1,300,77,3",
+        "1,10.002,9,0,0,0,1,0,0,300,77,3",
+    ]
+    found = touch_table.read("\n".join([head, *rows]), machine_file.load("trunnion"), "own.csv")
+    assert [row[:2] for row in found.joints.tolist()] == [[10.001, 0.0], [10.002, 9.0]]

@@ -150,6 +150,12 @@ REQUESTS = [
     (("override", "25", "--rapid"), "rapid_override", {"share": 0.25}),
     (("adaptive", "on"), "adaptive_feed", {"on": True}),
     (("adaptive", "off"), "adaptive_feed", {"on": False}),
+    (("override", "90", "--spindle"), "spindle_override", {"share": 0.9}),
+    (("spindle", "-3000"), "spindle", {"rev_min": -3000.0}),
+    (("spindle", "0"), "spindle", {"rev_min": 0.0}),
+    (("coolant", "--flood"), "coolant", {"mist": False, "flood": True}),
+    (("clamps", "a"), "clamps", {"open": ["A"]}),
+    (("clamps",), "clamps", {"open": []}),
     (("retract", "20"), "retract", {"mm": 20.0}),
     (("return",), "return", {}),
     (("jog", "x", "-10"), "jog_step", {"frame": "joint", "axis": "X", "distance": -10.0}),
@@ -193,6 +199,77 @@ def test_the_life_of_a_tool_is_shown_set_and_renewed(panel: Panel, door: NotingD
     assert row["number"] == 2 and row["life"]["worn"] is True
     assert ("tool_renewed", {"tool": 2}) in door.asked
     assert run("tools", "--minutes", "5").exit_code == 2
+
+
+def test_a_tool_is_made_changed_and_taken_out(panel: Panel, door: NotingDoor) -> None:
+    row = tools_of(machine_file.load("trunnion"))[1]
+    door.results["facts"] = {"tools": [row]}
+    door.results["usage"] = {"tools": [], "counters": [], "items": []}
+    done("tools", "--set", "2", "wear_length_mm=-0.02")
+    kept = {key: row[key] for key in ("name", "radius_mm", "length_mm", "flute_mm")}
+    assert ("set_tool", {"number": 2, **kept, "wear_length_mm": -0.02}) in door.asked
+    done("tools", "--set", "9", "radius_mm=2.5", "length_mm=40", "flute_mm=12", "name=7")
+    made = {"number": 9, "name": "7", "radius_mm": 2.5, "length_mm": 40.0, "flute_mm": 12.0}
+    assert ("set_tool", made) in door.asked
+    done("tools", "--delete", "9")
+    assert ("set_tool", {"number": 9, "remove": True}) in door.asked
+    for words, why in ((("radius_mm=2",), "--set"), (("--set", "2", "radius_mm"), "as most=20")):
+        ran = run("tools", *words)
+        assert ran.exit_code and why in ran.stderr
+
+
+@pytest.mark.parametrize("ending", [".tbl", ".json"])
+def test_a_table_that_was_written_is_taken_in_with_its_wear_laid_in(
+    panel: Panel, door: NotingDoor, tmp_path: Path, ending: str
+) -> None:
+    row = {**tools_of(machine_file.load("trunnion"))[1], "length_mm": 50.0, "wear_length_mm": -0.05}
+    door.results["facts"] = {"tools": [row]}
+    door.results["usage"] = {"tools": [], "counters": [], "items": []}
+    file = tmp_path / f"own{ending}"
+    done("tools", "--export", str(file))
+    assert file.read_text() == panel_text(panel, ending)
+    done("tools", "--import", str(file))
+    (taken,) = [args for verb, args in door.asked if verb == "set_tool"]
+    assert taken["length_mm"] == pytest.approx(row["length_mm"] - 0.05) and taken["wear_length_mm"] == 0.0
+    file.write_text("T2 P2 D6\nfoo")
+    ran = run("tools", "--import", str(file), "--language", "de")
+    assert ran.exit_code == 1 and ("Zeile" if ending == ".tbl" else "JSON") in ran.stderr
+    assert len([verb for verb in door.verbs if verb == "set_tool"]) == 1
+
+
+def panel_text(panel: Panel, ending: str) -> str:
+    with remote.client("", {}) as http:
+        answer = http.get(f"/api/v1/tools{ending}")
+    assert answer.status_code == 200
+    return answer.text
+
+
+def test_an_offset_is_set_and_touched_off(panel: Panel, door: NotingDoor) -> None:
+    g55 = {"origin_mm": [1.0, 2.0, 3.0], "axes": None, "unset": False, "source": "machine"}
+    nowhere = {"origin_mm": [0.0] * 3, "rotary_deg": {}, "suspended": False, "source": "file"}
+    door.results["facts"] = {
+        "offsets": {"G55": g55},
+        "shift": nowhere,
+        "tools": [{"number": 3, "length_mm": 50.0}],
+    }
+    done("offsets", "G55", "--origin", "4,5,-6", "--rotary", "C=15")
+    wanted = {"origin_mm": [4.0, 5.0, -6.0], "turned_deg": [0.0, 0.0, 0.0], "rotary_deg": {"C": 15.0}}
+    assert ("set_offset", {"name": "G55", "values": wanted}) in door.asked
+    done("offsets", "G55", "--turned", "0,0,30")
+    turned = {"origin_mm": [1.0, 2.0, 3.0], "turned_deg": [0.0, 0.0, 30.0]}
+    assert ("set_offset", {"name": "G55", "values": turned}) in door.asked
+    door.status |= {"tool": 3, "on_table": {"tip": [10.0, 20.0, 30.0], "axis": [0, 0, 1], "length_mm": 50.0}}
+    done("offsets", "G55", "--touch", "z=2")
+    (touched,) = [args for verb, args in door.asked if verb == "set_offset"][2:]
+    assert touched["values"]["origin_mm"] == pytest.approx([1.0, 2.0, 28.0])
+    for words, why in (
+        (("--origin", "1,2,3"), "name it first"),
+        (("G55",), "nothing is said"),
+        (("G55", "--origin", "1,2"), "three numbers"),
+        (("G55", "--touch", "Z=low"), "write it as Z=0"),
+    ):
+        ran = run("offsets", *words)
+        assert ran.exit_code and why in " ".join(ran.stderr.replace("│", " ").split())
 
 
 def test_what_cycles_have_found_is_listed_and_written_as_a_table(

@@ -10,7 +10,6 @@ import pytest
 
 from controller.machine import machine_file, tool_files
 from controller.machine.setup_data import tools_of, with_tool
-from controller.machine.toml_table import ConfigError
 
 ROWS = tools_of(machine_file.load("trunnion"))
 
@@ -66,7 +65,7 @@ def test_remarks_blank_lines_and_lower_case_are_read() -> None:
     ],
 )
 def test_what_is_no_table_is_refused(text: str, phrase: str) -> None:
-    with pytest.raises(ConfigError) as error:
+    with pytest.raises(tool_files.TableRefused) as error:
         tool_files.read_table(text, "tool.tbl")
     assert phrase in str(error.value)
 
@@ -84,7 +83,7 @@ def test_what_is_no_table_is_refused(text: str, phrase: str) -> None:
     ],
 )
 def test_what_is_no_such_json_is_refused(text: str, phrase: str) -> None:
-    with pytest.raises(ConfigError) as error:
+    with pytest.raises(tool_files.TableRefused) as error:
         tool_files.read_json(text, "tools.json")
     assert phrase in str(error.value)
 
@@ -92,7 +91,7 @@ def test_what_is_no_such_json_is_refused(text: str, phrase: str) -> None:
 def test_the_length_that_cuts_is_never_guessed() -> None:
     rows = tool_files.read_table("T1 D6\nT77 D6", "tool.tbl")
     there = {one["number"]: one for one in ROWS}
-    with pytest.raises(ConfigError, match="T77: the file does not say"):
+    with pytest.raises(tool_files.TableRefused, match="T77: the file does not say"):
         tool_files.completed(rows, there, None)
     first, other = tool_files.completed(rows, there, 12.0)
     assert (first["flute_mm"], other["flute_mm"]) == (there[1]["flute_mm"], 12.0)

@@ -70,12 +70,12 @@ def test_tool_feed_and_what_limits_it_are_shown(page: Any, site: Site) -> None:
         axis={"I": 0.6, "J": 0.0, "K": -0.8},
         feed_mm_min={"programmed": 1200.0, "actual": 433.0},
         limited_by="Y velocity",
-        spindle={"rev_min": 9000.0, "actual_rev_min": 8990.0, "at_speed": True},
+        spindle={"rev_min": 9000.0, "actual_rev_min": 8990.0, "at_speed": True, "load": 54.4},
         coolant={"mist": True, "flood": True},
     )
     until_shown(page, ".run-feed .huge", "433")
     facts = page.locator(".run-feed dd").evaluate_all("(all) => all.map((one) => one.innerText)")
-    assert facts == ["1200", "Y velocity", "8990 / 9000", "mist, flood"]
+    assert facts == ["1200", "Y velocity", "8990 / 9000", "54 %", "mist, flood"]
     tool = page.locator(".run-tool .pair").evaluate_all(
         "(all) => all.map((one) => [...one.children].map((e) => e.innerText).join(' '))"
     )

@@ -206,8 +206,8 @@ def test_where_another_holds_control_nothing_of_it_can_be_pressed(setup: Any, si
     for name in ("homing", "offsets", "tools"):
         part(setup, name)
         setup.wait_for_function(
-            "(part) => [...document.querySelectorAll(part + ' button')]"
-            ".every((one) => one.ariaDisabled === 'true')",
+            "(part) => [...document.querySelectorAll(part + ' :is(button:not([data-picture]), input)')]"
+            ".every((one) => one.ariaDisabled === 'true' || one.disabled || one.type === 'text')",
             arg=f".part[data-part={name}]",
         )
 
@@ -267,3 +267,38 @@ def test_what_is_typed_of_notices_stays_until_it_is_saved_and_is_alone_sent(setu
         False,
     ]
     setup.evaluate("dx.call('PATCH', 'notices', {host: '', port: 587, language: 'en', program_end: true})")
+
+
+def test_a_tool_is_shown_as_it_looks_and_its_wear_is_typed(setup: Any, site: Site) -> None:
+    part(setup, "tools")
+    drawn = "() => document.querySelector('figure img.tool-picture')?.naturalWidth > 0"
+    setup.wait_for_function(drawn)
+    setup.fill("#setup-tools tr[data-row='1'] [data-field=wear_length_mm]", "-0,02")
+    setup.click("#setup-tools tr[data-row='1'] td:last-child button")
+    asked = until(
+        lambda: [args for _, _, args in site.asked("set_tool") if args.get("wear_length_mm")], "wear"
+    )
+    assert asked[-1]["wear_length_mm"] == -0.02 and "wear_radius_mm" not in asked[-1]
+    links = setup.eval_on_selector_all("[data-part=tools] a[download]", "all => all.map((a) => a.pathname)")
+    assert links == ["/api/v1/tools.tbl", "/api/v1/tools.json"]
+
+
+def test_a_table_of_tools_is_taken_in_and_what_is_missing_of_it_is_asked_for(setup: Any, site: Site) -> None:
+    part(setup, "tools")
+    table = {"name": "tool.tbl", "mimeType": "text/plain", "buffer": b"T77 P77 D6 Z50 ;mill\n"}
+    setup.set_input_files("[data-part=tools] input[type=file]", files=[table])
+    setup.fill(".dx-ask input", "12,5")
+    browser.yes(setup)
+    setup.wait_for_selector("#setup-tools tr[data-row='77']")
+    (taken,) = [args for _, _, args in site.asked("set_tool") if args["number"] == 77]
+    assert (taken["radius_mm"], taken["flute_mm"], taken["name"]) == (3.0, 12.5, "mill")
+    bad = {**table, "buffer": b"T77 foo"}
+    setup.set_input_files("[data-part=tools] input[type=file]", files=[bad])
+    setup.wait_for_selector("#dx-said:has-text('no row of a tool table')")
+
+
+def test_the_tool_that_a_program_waits_for_is_shown_where_it_is_awaited(page: Any, site: Site) -> None:
+    asks = {"number": 1, "key": "tool_change", "values": {"number": 1, "name": " (end mill 6 mm)"}}
+    site.tell(mode="HOLD", tool_change=asks)
+    page.wait_for_function("() => document.querySelector('#run-wanted img')?.naturalWidth > 0")
+    assert "end mill 6 mm" in page.inner_text("#run-wanted")

@@ -12,18 +12,22 @@ INNER_MM = 20.0
 HEIGHT_MM = 10.0
 
 
-def program(count: int, turned_rad: float = 0.0, corners: int = 0, length_mm: float = 4.0) -> str:
+def program(
+    count: int, turned_rad: float = 0.0, corners: int = 0, length_mm: float = 4.0, decimals: int = 9
+) -> str:
     """A program of ``count`` joined G52 surfaces, each ``length_mm`` long, cut on the inside with P1.
 
     ``turned_rad`` turns all of it about Z. With ``corners`` the wall is one of chords, cut on the outside,
-    where every so many of them meet in a corner.
+    where every so many of them meet in a corner. Written in few ``decimals`` they meet at small angles.
     """
     surfaces = _chords(count, length_mm, corners) if corners else _smooth(count, length_mm)
     c, s = math.cos(turned_rad), math.sin(turned_rad)
     turn = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
     lines = ["G21 G90 G54 G61", "T2 M6", "S12000 M3", "G42 P1" if corners else "G41 P1"]
     for k, points in enumerate(surfaces):
-        rows = [" ".join(f"{a}{v:.9f}" for a, v in zip("XYZ", p, strict=True)) for p in points @ turn]
+        rows = [
+            " ".join(f"{a}{v:.{decimals}f}" for a, v in zip("XYZ", p, strict=True)) for p in points @ turn
+        ]
         lines += [f"G52 {rows[0]}" + ("" if k else " F1000."), *rows[1:]]
     return "\n".join([*lines, "G40", "M5", "M30", ""])
 

@@ -4,14 +4,14 @@ import { html, useEffect, useRef, useState } from "../dom.js";
 import { forms } from "../forms.js";
 import { show } from "../frame.js";
 import { free } from "../control.js";
-import { Act, AxisName, Bar, Card, Chip, Figure, field } from "../parts.js";
+import { Act, AxisName, Bar, Card, Chip, Facts, Figure, field } from "../parts.js";
 import { Listing } from "../listing.js";
 import { SpindleOverride } from "../peripherals.js";
 import { Offer, StateThere, start_question } from "../restart.js";
 import { QueueNext } from "../queue.js";
 import { dx } from "../store.js";
 import { word } from "../texts.js";
-import { touch } from "./setup_tables.js";
+import { ToolPicture, touch } from "./setup_tables.js";
 
 const RAPIDS = [0, 25, 50, 100];
 const TOLD_MS = 300; // after an answer, until a status tells what it did
@@ -92,10 +92,12 @@ function Feed() {
       ${dx.facts.spindle && html`<dt>${word("run.spindle")}</dt>
         <dd><${Figure} class="strong">${forms.int(spindle?.actual_rev_min)}<//><span class="dim"> / </span><${Figure}>${forms.int(spindle?.rev_min)}<//></dd>`}
       ${dx.facts.spindle?.tells_load && html`<dt>${word("run.spindle_load")}</dt><${Figure} tag="dd" id="run-load">${forms.percent(typeof spindle?.load === "number" ? spindle.load / 100 : null)}<//>`}
-      ${dx.facts.spindle?.adaptive && html`<dt>${word("run.adaptive_share")}</dt><${Figure} tag="dd" id="run-adaptive">${adaptive?.on ? forms.percent(adaptive.share) : "–"}<//>`}
       ${dx.facts.outputs && html`<dt>${word("run.coolant")}</dt><${Figure} tag="dd">${running.join(", ") || "–"}<//>`}
     </dl>
-    <div class="overrides"><${Override} /><${Rapid} /><${SpindleOverride} /></div>
+    <div class="overrides"><${Override} /><${Rapid} /><${SpindleOverride} />
+      ${dx.facts.spindle?.adaptive && html`<div class="override"><${Toggle} name="adaptive" path="adaptive_feed" />
+        <${Figure} class="override-figure" id="run-adaptive">${adaptive?.on ? forms.percent(adaptive.share) : "–"}<//></div>`}
+    </div>
   <//>`;
 }
 
@@ -150,7 +152,7 @@ function Cycle() {
       ${tall("start", "start", { kind: "go", ask: start_question(), modes: "READY", icon: "play", keys: "F4", given: dx.loaded(), why: "why.no_program" })}
       ${tall("resume", "resume", { kind: "go", modes: "HOLD", icon: "reset", keys: "F6" })}
       <${Aside} />
-      <div class="toggles"><${Toggle} key="single" name="single" path="single_block" /><${Toggle} key="optional" name="optional" path="optional_stop" /><${Skip} job=${job} />${dx.facts.spindle?.adaptive && html`<${Toggle} name="adaptive" path="adaptive_feed" />`}</div>
+      <div class="toggles"><${Toggle} key="single" name="single" path="single_block" /><${Toggle} key="optional" name="optional" path="optional_stop" /><${Skip} job=${job} /></div>
     </div>
     <div class="row times">${["elapsed", "left", "duration"].map(time)}
       <div class="time"><span class="dim">${word("run.parts")}</span><${Figure} class="strong" id="run-parts">${made(job)}<//></div></div>
@@ -213,6 +215,18 @@ const made = (job) => stored.find(({ name }) => name === job?.name)?.completed ?
 const recent = () =>
   stored.filter(({ check }) => check.state === "passed" && (check.verdict ?? NO_VERDICT).within).sort((a, b) => b.uploaded_s - a.uploaded_s).slice(0, RECENT);
 
+// The tool that the program waits for: what it looks like, and its measures.
+const MEASURES = ["radius_mm", "length_mm", "flute_mm", "corner_mm"];
+function Wanted({ number }) {
+  const [tool, set] = useState(null);
+  useEffect(() => {
+    call("GET", "tools", null, true).then(({ body }) => set(body.tools?.[number] ?? null));
+  }, [number]);
+  if (!tool) return null;
+  return html`<div class="row wanted" id="run-wanted"><${ToolPicture} n=${number} tool=${tool} />
+    <${Facts} rows=${[[`T${number}`, tool.name], ...MEASURES.map((name) => [word(`setup.${name}`), forms.mm(tool[name])])]} /></div>`;
+}
+
 function Program() {
   const { job, in_block: at } = dx.status ?? {};
   return html`<${Card} class="run-program">
@@ -225,6 +239,7 @@ function Program() {
     </div>
     <${QueueNext} />
     ${job?.message && html`<${Figure} class="strong">${job.message}<//>`}
+    ${dx.status?.tool_change?.number > 0 && html`<${Wanted} key=${dx.status.tool_change.number} ...${dx.status.tool_change} />`}
     <${Bar} class="block-bar" share=${at?.fraction} title=${word("run.block")} />
     <${StateThere} />
     <${Listing} job=${job} />

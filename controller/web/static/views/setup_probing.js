@@ -2,7 +2,7 @@
 import { API, call, every } from "../api.js";
 import { html } from "../dom.js";
 import { forms } from "../forms.js";
-import { Act, ScrolledTable, Select } from "../parts.js";
+import { Act, ScrolledTable, Typed } from "../parts.js";
 import { dx } from "../store.js";
 import { known, word as text } from "../texts.js";
 import { number } from "./setup_tables.js";
@@ -14,11 +14,8 @@ const take = (body) => Object.assign(told, body);
 every("setup", 60, "probing", take);
 every("setup", 2, "probing/found", take);
 
-function Value({ name, label = word(name), usual, choices, unit }) {
-  const value = told.chosen[name] ?? usual;
-  const set = (typed) => ((told.chosen[name] = typed), dx.draw());
-  return html`<label>${label}${unit && `, ${unit}`} ${choices ? html`<${Select} name=${name} options=${choices} text=${(one) => known(`probing.${name}.${one}`, one)} value=${value} choose=${set} />` : html`<input name=${name} inputmode="decimal" value=${value} oninput=${(event) => set(event.target.value)} />`}</label>`;
-}
+const Value = ({ name, label = word(name), usual, ...more }) =>
+  html`<${Typed} name=${name} label=${label} value=${told.chosen[name] ?? usual} set=${(typed) => ((told.chosen[name] = typed), dx.draw())} text=${(one) => known(`probing.${name}.${one}`, one)} ...${more} />`;
 
 const figure = ([name, value]) => {
   const [, what, unit] = name.match(/^(.*)_(mm|deg)$/) ?? [null, name, ""];

@@ -1,11 +1,11 @@
 // Work offsets and tools: tables whose fields stay as they were typed until they are saved or given up.
-import { call, every } from "../api.js";
+import { API, call, every } from "../api.js";
 import { ask, ask_for, say } from "../dialog.js";
 import { html, useState } from "../dom.js";
 import { forms } from "../forms.js";
-import { Act, AxisName, Select, Table } from "../parts.js";
+import { Act, AxisName, Link, Select, Table, TextFile } from "../parts.js";
 import { dx } from "../store.js";
-import { word as text } from "../texts.js";
+import { sentence, word as text } from "../texts.js";
 
 const word = (key, ...values) => text(`setup.${key}`, ...values);
 const told = { offsets: {}, tools: {}, wrong: {} };
@@ -116,23 +116,41 @@ export async function touch(name, axis, by = tool) {
 
 // ---- tools
 
-const FIELDS = ["radius_mm", "length_mm", "flute_mm", "corner_mm", "taper_deg"];
+const FIELDS = ["radius_mm", "length_mm", "flute_mm", "corner_mm", "taper_deg", "wear_radius_mm", "wear_length_mm"];
+let pictured = ""; // number of the tool whose profile is shown; "" = of the one in the spindle
 export const tools = () => Object.entries(told.tools).sort((a, b) => Number(a[0]) - Number(b[0]));
 const of_tool = (values, field) => (field === "taper_deg" ? ((values.taper_rad ?? 0) * 180) / Math.PI : (values[field] ?? (field === "name" ? "" : 0)));
+const KEPT = ["name", "radius_mm", "length_mm", "flute_mm"];
 // What stays is left out where it may be: turned to degrees and back it would be another taper by a hair.
-const stays = (field, one, values) => ["corner_mm", "taper_deg"].includes(field) && one === of_tool(values, field);
+const stays = (field, one, values) => !KEPT.includes(field) && one === of_tool(values, field);
 const tool_body = (all, values) => Object.fromEntries(Object.entries(all).filter(([field, one]) => !stays(field, one, values)));
 
 export function Tools() {
+  const n = [pictured, String(spindle), tools()[0]?.[0]].find((one) => told.tools[one]);
   return html`
     <${Table} word=${word} columns=${["tool", "name", ...FIELDS, ""]} body="setup-tools">${tools().map(([n]) => html`<${Tool} key=${n} n=${n} />`)}<//>
-    <div class="row"><${Act} id="setup-add" text=${word("add")} press=${add_tool} /></div>`;
+    <div class="row"><${Act} id="setup-add" text=${word("add")} press=${add_tool} />
+      <${TextFile} text=${word("import")} accept=".tbl,.json" needs="control" modes="OFF READY FAULT" take=${import_tools} />
+      <${Link} text="tool.tbl" path="tools.tbl" /><${Link} text="tools.json" path="tools.json" /></div>
+    ${n && html`<figure><figcaption>T${n} ${told.tools[n].name}</figcaption><${ToolPicture} n=${n} tool=${told.tools[n]} /></figure>`}`;
+}
+
+// Its profile, to scale; drawn anew where the tool has changed.
+export const ToolPicture = ({ n, tool }) => html`<img class="tool-picture" src=${`${API}tools/${n}/picture?${encodeURIComponent(JSON.stringify(tool))}`} alt=${`T${n} ${word("picture")}`} />`;
+
+async function import_tools(content, file, flute_mm = null) {
+  const said = await call("POST", "tools/import", { file, text: content, flute_mm }, true);
+  look();
+  if (said.ok) return say(word("imported", said.body.result.tools.map((n) => `T${n}`).join(" ")));
+  if (said.body.error?.key !== "tool_file.no_flute") return say(sentence(said.body.error), "warn");
+  const given = await ask_number(`${sentence(said.body.error)} ${word("flute_ask")}`, "");
+  if (given !== null) await import_tools(content, file, given);
 }
 
 function Tool({ n }) {
   const { input, save } = use_row("tools", n, ["name", ...FIELDS], of_tool, tool_body);
   return html`<tr data-row=${n}>
-    <th scope="row"><${AxisName} name=${`T${n}`} /></th>
+    <th scope="row"><${Act} needs="" data-picture=${n} class="axis-set" title=${word("picture")} aria-label=${`T${n}: ${word("picture")}`} press=${() => ((pictured = n), dx.draw())}><${AxisName} name=${`T${n}`} /><//></th>
     <td data-label=${word("name")}>${input("name", `T${n} ${word("name")}`, { class: "wide", inputmode: "text" })}</td>
     ${FIELDS.map((name) => html`<td data-label=${word(name)}>${input(name, `T${n} ${word(name)}`)}</td>`)}
     <td><div class="row">

@@ -15,6 +15,7 @@ from support.machines.slow_machines import drawn
 from support.machines.stepped_runs import T2, largest, program, shipped
 from support.parts.nurbs_text import Written, nurbs
 from support.parts.random_surfaces import compound, text
+from support.parts.surface_trains import program as train
 
 from controller.ipc.handoff import Law
 from controller.machine.kinematics import kinematics_of
@@ -215,6 +216,25 @@ def test_a_straight_chain_of_one_move_takes_the_closed_form() -> None:
     machine = shipped()
     chain = chains("G0 X100. Y50.\nM30\n", machine)[0]
     assert len(laws_of(chain.stretches, machine)[0].coefficients) <= 7
+
+
+def test_what_bends_by_next_to_nothing_takes_a_closed_form_that_is_as_fast_as_the_search() -> None:
+    """Pivots of some hundredths of a degree, and the cuts of 4 mm between them, each from rest to rest."""
+    machine = shipped()
+    kinematics = kinematics_of(machine)
+    (chain,) = (c for c in chains(train(4, 0.2, decimals=3), machine) if any(s.cutting for s in c.stretches))
+    looked = {"pivot": 0, "cut": 0}
+    for run in profile.split_at_stops(chain.stretches, machine, kinematics):
+        if len(run) > 1 or run[0].name not in looked:
+            continue
+        course = Course(run, machine, kinematics)
+        planned = profile.plan(course)
+        assert planned is not None and len(planned.pieces) <= 7, run[0].name
+        assert max(used(course, planned)) <= 1.0, run[0].name
+        searched = profile._searched(course, profile.REST, course.length)
+        assert searched is not None and planned.duration_s <= 1.01 * searched.duration_s, run[0].name
+        looked[run[0].name] += 1
+    assert looked == {"pivot": 3, "cut": 2}
 
 
 # --- from states of motion

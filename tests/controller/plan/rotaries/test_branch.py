@@ -38,7 +38,15 @@ def wall(upper_y: float, upper: tuple[float, float] = (-4.0, 34.0)) -> RuledSurf
     return RuledSurface(Bezier(top), Bezier(tuple((10.0 * k, 0.0, 0.0) for k in range(4))))
 
 
-@pytest.mark.parametrize("surface", [example_1(), *example_2(), *example_2(37.0), wall(0.01), wall(0.0)])
+def upright() -> RuledSurface:
+    low = ((0.0, 0.0, 0.0), (10.0, 4.0, 0.0), (20.0, -3.0, 0.5), (30.0, 1.0, 0.0))
+    return RuledSurface(Bezier(tuple((x, y, z + 10.0) for x, y, z in low)), Bezier(low))
+
+
+SURFACES = [example_1(), *example_2(), *example_2(37.0), wall(0.01), wall(0.0), upright()]
+
+
+@pytest.mark.parametrize("surface", SURFACES)
 def test_the_tick_going_in_small_steps_finds_the_same_joints(surface: Surface) -> None:
     motion = cut(surface)
     along = stretch(motion, (0.3, 0.4))
