@@ -75,7 +75,7 @@ def test_tool_feed_and_what_limits_it_are_shown(page: Any, site: Site) -> None:
     )
     until_shown(page, ".run-feed .huge", "433")
     facts = page.locator(".run-feed dd").evaluate_all("(all) => all.map((one) => one.innerText)")
-    assert facts == ["1200", "Y velocity", "8990 / 9000", "54 %", "mist, flood"]
+    assert facts == ["1200", "Y velocity", "8990 / 9000, 54 %", "mist, flood"]
     tool = page.locator(".run-tool .pair").evaluate_all(
         "(all) => all.map((one) => [...one.children].map((e) => e.innerText).join(' '))"
     )
