@@ -124,7 +124,7 @@ PAGE: dict[str, str] = {
     "run.programmed": "programmed",
     "run.limited": "limited by",
     "run.spindle": "spindle 1/min",
-    "run.spindle_load": ", load",
+    "run.spindle_load": "spindle, load",
     "run.coolant": "coolant",
     "run.mist": "mist",
     "run.flood": "flood",

@@ -128,7 +128,7 @@ PAGE: dict[str, str] = {
     "run.programmed": "programmiert",
     "run.limited": "begrenzt durch",
     "run.spindle": "Spindel 1/min",
-    "run.spindle_load": ", Last",
+    "run.spindle_load": "Spindel, Last",
     "run.coolant": "Kühlung",
     "run.mist": "Nebel",
     "run.flood": "Flut",

@@ -91,7 +91,7 @@ function Feed() {
     <dl class="facts">
       <dt>${word("run.programmed")}</dt><${Figure} tag="dd">${forms.feed(feed?.programmed)}<//>
       <dt>${word("run.limited")}</dt><${Figure} tag="dd" class="chip">${forms.bound(limited_by)}<//>
-      ${dx.facts.spindle && html`<dt>${word("run.spindle")}${loaded && word("run.spindle_load")}</dt>
+      ${dx.facts.spindle && html`<dt>${word(loaded ? "run.spindle_load" : "run.spindle")}</dt>
         <dd><${Figure} class="strong">${forms.int(spindle?.actual_rev_min)}<//><span class="dim"> / </span><${Figure}>${forms.int(spindle?.rev_min)}<//>${loaded && html`<span class="dim">, </span><${Figure} class="strong" id="run-load">${forms.percent(share)}<//>`}</dd>`}
       ${dx.facts.outputs && html`<dt>${word("run.coolant")}</dt><${Figure} tag="dd">${running.join(", ") || "–"}<//>`}
     </dl>
@@ -126,9 +126,9 @@ function Override() {
     <span class="dim">${word("run.feed_override")}</span>
     ${step(-10)}<${Figure} class="override-figure">${forms.percent(now)}<//>${step(10)}
     <${Act} text="100 %" call="PUT overrides/feed" body=${{ share: 1 }} title=${word("run.reset_override")} />
-    <input class="slider" type="range" id="run-override" min="0" max="200" step="5" aria-label=${word("run.feed_override")} ref=${slider} ...${field({})}
+    <div class="slider-row"><input class="slider" type="range" id="run-override" min="0" max="200" step="5" aria-label=${word("run.feed_override")} ref=${slider} ...${field({})}
       oninput=${() => (override.dragging = true)} onchange=${(event) => ask_override(event.target.valueAsNumber)} />
-    ${dx.facts.spindle?.adaptive && html`<${Adaptive} />`}
+      ${dx.facts.spindle?.adaptive && html`<${Adaptive} />`}</div>
   </div>`;
 }
 
