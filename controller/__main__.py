@@ -49,6 +49,7 @@ FILES = {
     "offsets": ("offsets",),
     "tools": ("tools",),
     "changer": ("changer",),
+    "maintenance": ("maintenance",),
     "probe": ("probe",),
     "drives": ("drives",),
     "dnc": ("dnc",),
