@@ -49,6 +49,7 @@ FILES = {
     "offsets": ("offsets",),
     "tools": ("tools",),
     "changer": ("changer",),
+    "maintenance": ("maintenance",),
     "probe": ("probe",),
     "drives": ("drives",),
     "dnc": ("dnc",),
@@ -171,6 +172,7 @@ def main() -> None:
         sys.exit(internal_error.end(error, as_json))
     if code == ENDED_CODE:
         print(json.dumps({"ok": False, "error": ENDED}) if as_json else ENDED, file=_spoken(as_json))
+    gc.freeze()  # what is left goes with the process: Python looks through all of it before
     sys.exit(code)
 
 

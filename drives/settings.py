@@ -8,9 +8,9 @@ commissioning and the simulated drives may share them.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 from drives.profile import GENERIC, Override, Profile
+from drives.values import dataclass
 
 INT32_MIN = -(2**31)
 INT32_MAX = 2**31 - 1

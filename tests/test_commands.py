@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import importlib.util
 import os
 import re
 import subprocess
 import sys
 from importlib import metadata
+from pathlib import Path
+from typing import Any
 
 import pytest
 import typer
 from typer.testing import CliRunner
 
 from controller.__main__ import COMMANDS, FILES, app
+from controller.cli import declarations
 
 HEAVY = ("scipy", "numpy", "can", "canopen", "matplotlib", "fastapi", "sqlite3", "controller.plan")
 LOADED = """
@@ -126,6 +130,24 @@ def test_the_help_of_a_command_is_what_it_would_be_with_all_that_it_works_with(f
     ]
     assert told[0].stdout == told[1].stdout and "Usage" in told[0].stdout, told[1].stderr
     assert [one.stderr for one in told] == ["", ""]
+
+
+def test_what_is_kept_of_a_file_for_its_help_is_of_the_file_as_it_is(
+    tmp_path: Path, monkeypatch: Any
+) -> None:
+    monkeypatch.setattr(sys, "dont_write_bytecode", False)
+    file = tmp_path / "verb.py"
+    docs = []
+    for text in ("Once.", "Later, and longer."):
+        file.write_text(f'def verb() -> None:\n    """{text}"""\n    raise KeyError\n')
+        for damaged in (False, True, False):
+            kept = Path(importlib.util.cache_from_source(str(file), optimization="declared"))
+            if damaged:
+                kept.write_bytes(kept.read_bytes()[:-9])
+            found: dict[str, Any] = {}
+            exec(declarations._Loader("verb", str(file)).get_code("verb"), found)
+            docs.append(found["verb"].__doc__)
+    assert docs == ["Once."] * 3 + ["Later, and longer."] * 3
 
 
 def test_help_that_is_the_value_of_an_option_is_none() -> None:

@@ -61,7 +61,10 @@ ARROWS: dict[str, set[str]] = {
 }
 
 # Parts of drives that are values and tables, for all.
-OF_DRIVES = {"settings", "arranged", "profile", "scale", "pdo", "cia402", "emergency_codes", "sheet_text"}
+OF_DRIVES = {
+    *("settings", "arranged", "profile", "scale", "pdo", "cia402", "emergency_codes", "sheet_text"),
+    "values",  # how dataclasses are made
+}
 
 # Room of a folder -> rooms of it that it may import; files beside the rooms may import all.
 ROOMS: dict[str, dict[str, set[str]]] = {
@@ -91,6 +94,7 @@ ROOMS: dict[str, dict[str, set[str]]] = {
 
 # Who may import which part of drives ("*" = all).
 TO_DRIVES: dict[str, set[str]] = {
+    "values": {"values"},
     "messages": {"emergency_codes"},  # the words of CiA's tables
     "machine": {"settings", "profile", "arranged"},
     "state": {"settings", "arranged"},  # what the stops take

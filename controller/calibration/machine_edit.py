@@ -53,6 +53,13 @@ def offset(text: str, name: str, values: Mapping[str, Sequence[float]]) -> str:
     return tomlkit.dumps(document)
 
 
+def thermal(text: str, shift: Sequence[float]) -> str:
+    """A machine file with where the tool is too far by now, X Y Z (mm)."""
+    document = tomlkit.parse(text)
+    document.setdefault("thermal", tomlkit.table())["shift_mm"] = _numbers(shift, LENGTH_DIGITS)
+    return tomlkit.dumps(document)
+
+
 def write(file: Path, text: str, stamp: str) -> Path:
     """Replaces a machine file by a text; the path of the old one, as it was. ``stamp``: date and time.
 

@@ -72,6 +72,7 @@ MEASUREMENTS: Mapping[str, Measurement] = {
     "axis": Measurement("laser", {"axis": Choice()}, writes=True),
     "circle": Measurement("ticks", {"axes": Choice(PLANES, "XY")}),
     "tip": Measurement("ticks", {"length": Amount(0.0, 2000.0, _MM, 0.0)}),
+    "thermal": Measurement("touches", {"offset": _OFFSET}, writes=True),
     "part": Measurement("touches", {"offset": _OFFSET, "free": Choice((), DOFS)}, True, "maybe"),
     "inspect": Measurement("touches", {"offset": _OFFSET}, False, "yes"),
     "points": Measurement(

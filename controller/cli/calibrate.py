@@ -285,6 +285,30 @@ def tip_by_iso_10791_6(
 
 @app.command()
 @speaking
+def thermal(
+    measured: Measured,
+    offset: OffsetName = "G54",
+    machine: MachineFile = "trunnion",
+    write: Write = False,
+    as_json: Json = False,
+) -> None:
+    """By how much the machine has moved since a reference was where its work offset says."""
+    with refused(as_json):
+        made = machine_file.load(machine)
+        found = measurements.thermal(_of_table("thermal", measured, made, {"offset": offset}))
+        told = found.told
+        done = written(machine, found.edit) if write and found.edit else None
+        if as_json:
+            print(json.dumps({"ok": True, **told, "written": done}))
+            return
+        x, y, z = told["shift_mm"]
+        show.print(say("thermal", x=x, y=y, z=z, rms=told["after_um"]["rms"]), markup=False)
+        show.print(_touches(told["touches"]))
+        tell_written(done)
+
+
+@app.command()
+@speaking
 def part(
     measured: Measured,
     program: Program = None,

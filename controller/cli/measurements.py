@@ -156,6 +156,22 @@ def part(asked: Asked) -> Found:
     return Found(told, lambda text: machine_edit.offset(text, offset, values))
 
 
+def thermal(asked: Asked) -> Found:
+    """By how much the machine has moved since a reference was where its offset says. Raises Refusal.
+
+    What is told of X Y Z is where the tool is too far: a reference that seems to lie lower is touched with a
+    tool that stands higher than it was told.
+    """
+    found, touches = _part(asked, "XYZ")
+    before = asked.machine.offset(OFFSETS.index(asked.values["offset"])).frame.origin
+    known = asked.machine.thermal_shift_mm
+    shift = [k - (a - b) for k, a, b in zip(known, found.frame.origin, before, strict=True)]
+    told = part_fit.report(found, touches)
+    kept = {name: told[name] for name in ("scatter_um", "bounds", "before_um", "after_um", "touches")}
+    facts = {"shift_before_mm": list(known), "shift_mm": shift, **kept}
+    return Found(facts, partial(machine_edit.thermal, shift=shift))
+
+
 def offset_of(told: Values) -> dict[str, list[float]]:
     """The work offset that a part was found with."""
     return {"origin_mm": told["origin_mm"], "turned_deg": told["turned_deg"]}
@@ -240,6 +256,7 @@ EVALUATE: Mapping[str, Callable[[Asked], Found]] = {
     "axis": axis,
     "circle": circle,
     "tip": tip,
+    "thermal": thermal,
     "part": part,
     "inspect": inspect,
     "points": points,

@@ -90,6 +90,8 @@ REFUSALS = {
     "{c:.5f} degrees about X, Y, Z.",
     "calibration.part_fits": "The touches deviated by {before:.1f} um rms, and do so by {after:.1f} um rms "
     "in this offset.",
+    "calibration.thermal": "The tool is too far by X {x:.4f} Y {y:.4f} Z {z:.4f} mm; the touches deviate "
+    "by {rms:.1f} um rms then.",
     "calibration.inspected": "Deviations {least:.1f} to {most:.1f} um, {rms:.1f} um rms; above 0 there is "
     "too much material.",
     "calibration.head_touch": "touch",

@@ -92,6 +92,8 @@ REFUSALS = {
     "{c:.5f} Grad um X, Y, Z.",
     "calibration.part_fits": "Die Antastungen wichen um {before:.1f} um rms ab, mit dieser Verschiebung um "
     "{after:.1f} um rms.",
+    "calibration.thermal": "Das Werkzeug ist um X {x:.4f} Y {y:.4f} Z {z:.4f} mm zu weit; die Berührungen "
+    "weichen dann um {rms:.1f} um eff. ab.",
     "calibration.inspected": "Abweichungen {least:.1f} bis {most:.1f} um, {rms:.1f} um rms; über 0 ist zu "
     "viel Material da.",
     "calibration.head_touch": "Antastung",

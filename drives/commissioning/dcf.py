@@ -10,13 +10,13 @@ import configparser
 import io
 import time
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 
 from canopen.objectdictionary import ObjectDictionary, ODVariable, eds
 
 from drives.commissioning import sheet
 from drives.commissioning.sheet import INTEGERS, SheetError
+from drives.values import dataclass
 
 Value = int | float | str | bytes
 Place = tuple[int, int]  # index, sub-index

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 
 from drives.commissioning.sheet import Sheet
 from drives.commissioning.wanted import Settings
 from drives.settings import IoSettings, NodeSettings
+from drives.values import dataclass
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import struct
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
 
 from canopen import ObjectDictionaryError
@@ -17,6 +17,7 @@ from drives.commissioning import sheet
 from drives.commissioning.network import CommissionError, Network, Node
 from drives.commissioning.values import told
 from drives.commissioning.wanted import Setting, Step
+from drives.values import dataclass
 
 NMT_START, NMT_PRE_OPERATIONAL = 0x01, 0x80
 BOOT_TRIES, BOOT_TRY_S = 20, 0.1  # a drive may be starting up when we look for it

@@ -10,13 +10,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 
 from drives.commissioning import dcf
 from drives.commissioning.dcf import Kept, Place, Value
 from drives.commissioning.network import CommissionError
 from drives.commissioning.remote import Drive
 from drives.commissioning.wanted import OFF, RPDO, TPDO
+from drives.values import dataclass
 
 ENABLED_MASK, ENABLED = 0x6F, 0x27  # statusword of operation enabled
 DOMAIN = 0x0F

@@ -26,7 +26,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 
 from drives.arranged import Arranged
 from drives.commissioning.network import CommissionError
@@ -35,6 +34,7 @@ from drives.commissioning.remote import Drive, RefusedError
 from drives.commissioning.units import Units
 from drives.commissioning.wanted import Setting
 from drives.settings import NodeSettings, SpindleSettings
+from drives.values import dataclass
 
 QUICK_STOP, FAULT_REACTION = 0x605A, 0x605E  # option codes
 SLOW, QUICK = (1, 5), (2, 6)  # their ramps: by 6084h, by 6085h

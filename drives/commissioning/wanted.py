@@ -8,7 +8,6 @@ settings of their own.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
 
 from drives import pdo
 from drives.commissioning.sheet import NO_REMOTE, Sheet
@@ -22,6 +21,7 @@ from drives.settings import (
     NodeSettings,
     SpindleSettings,
 )
+from drives.values import dataclass
 
 Settings = NodeSettings | SpindleSettings | IoSettings
 

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 from drives.load import bus_frames
@@ -26,6 +26,7 @@ from drives.load.bus_frames import Kind, Row
 from drives.load.stuffing import worst_bits
 from drives.profile import Profile
 from drives.settings import BusSettings, IoSettings, MasterSettings, NodeSettings, SpindleSettings
+from drives.values import dataclass
 
 __all__ = ["MAX_SHARE", "BusBudget", "Row", "advice", "of", "worst_bits"]
 

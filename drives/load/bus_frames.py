@@ -8,7 +8,6 @@ counted here is what ``drives.cyclic.group`` and the nodes send once they are co
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from enum import Enum
 from typing import Any
 
@@ -24,6 +23,7 @@ from drives.settings import (
     NodeSettings,
     SpindleSettings,
 )
+from drives.values import dataclass
 
 CONTROLLER = "controller"
 

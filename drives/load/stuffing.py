@@ -43,7 +43,7 @@ EXTENDED_HEAD_BITS = 20  # more of them: SRR, IDE moved, 18 of the identifier, r
 EXTENDED_MASK, STANDARD_MASK = 0x1FFF_FFFF, 0x7FF
 MAX_HEADS = 4096  # heads kept; a bus in operation has some dozens
 BEGIN_AT = DATA_AT + 2  # the end of a head with the first word of the data
-_TWO_WORDS = Struct(">2H").unpack_from
+_BEGIN_AND_TWO_WORDS = Struct(f">{BEGIN_AT}s2H").unpack_from
 
 Table = NDArray[Any]  # (8 runs, 2^15 check sums): stuff bits from here to the end of the frame
 Counter = Callable[[int, bytes], int]
@@ -101,10 +101,10 @@ def counter() -> Counter:
     def bits_of(can_id: int, frame: bytes) -> int:
         word: int
         last_word: int
-        begin = begun.get(frame[:BEGIN_AT])
+        head, word, last_word = _BEGIN_AND_TWO_WORDS(frame)
+        begin = begun.get(head)
         if begin is not None:
             run, check, bits = begin
-            word, last_word = _TWO_WORDS(frame, BEGIN_AT)
             stuffed = step[run | word]
             check = check_16[check ^ word]
             bits += stuffed >> 3

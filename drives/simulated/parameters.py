@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from enum import Enum
 
 from drives.simulated.plant import PlantParameters
 from drives.simulated.servo import DAMPING, NATURAL_FREQUENCY_HZ
 from drives.simulated.spindle_motor import MotorParameters
+from drives.values import dataclass
 
 USUALLY_GUESSED = 2  # periods
 STRONGEST_COUNTS_S2 = 2e9  # five times the quick stop of the simulated drive's data sheet

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import partial
 
 from drives.pdo import DATA_AT, FRAME
@@ -18,6 +17,7 @@ from drives.simulated.aborts import Abort, Code
 from drives.simulated.data_sheet import WRITABLE, key
 from drives.simulated.dictionary import Dictionary
 from drives.simulated.identifiers import BIT_30, IDENTIFIER, INVALID
+from drives.values import dataclass
 
 COUNT = 4  # RPDOs and TPDOs each, at most
 RPDO_AT, RPDO_MAP_AT = 0x1400, 0x1600

@@ -8,11 +8,12 @@ decided by the bus' clock, by counts and by a seed: the same run has the same fa
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import field
 from random import Random
 
 from drives import pdo
 from drives.pdo import DATA_AT
+from drives.values import dataclass
 from drives.virtual.fault_kinds import Action, Injection, ScriptError
 from drives.virtual.fault_nodes import Nodes
 from drives.virtual.virtual_bus import Fate, SteppedBus

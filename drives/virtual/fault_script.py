@@ -40,9 +40,9 @@ times are seconds of the bus' clock since the script was injected at its origin.
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from drives.values import dataclass
 from drives.virtual.fault_grammar import parse
 from drives.virtual.fault_kinds import MASTER, Action, Injection, ScriptError, When
 

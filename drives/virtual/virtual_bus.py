@@ -322,13 +322,15 @@ class SteppedBus:
         """
         pending, ready, waiting, bit_s = self._pending, self._ready, self._waiting, self._bit_s
         bits_of, all_routes, errors, logs = self._bits, self._routes, self.errors, self._logs
-        start_s, flying = self._free_s, self._flying
+        # Nobody whom a frame reaches asks what is on the wire: that is put down at the end.
+        free_s, flying, busy_s, frames = self._free_s, self._flying, self.busy_s, self.frames
+        start_s = free_s
         while True:
             if flying is not None:
                 if start_s > until_s or start_s > self.due_s:
-                    return
+                    break
                 _, _, source, can_id, frame = flying
-                self._flying = None
+                flying = None
                 self.now_s = start_s
                 if source != self._nowhere:
                     for keep in logs:
@@ -340,11 +342,11 @@ class SteppedBus:
                     handler(frame, start_s)
             if not ready:
                 if not pending:
-                    return
+                    break
                 first_s = pending[0][0]
                 # A handler may have brought the next timer nearer.
                 if first_s > until_s or first_s > self.due_s:
-                    return
+                    break
                 if first_s > start_s:
                     start_s = first_s
             if pending and pending[0][0] <= start_s:
@@ -356,13 +358,13 @@ class SteppedBus:
                     flying = heappushpop(ready, flying)
             else:
                 flying = heappop(ready)
-            order, sequence, source, can_id, frame = flying
+            _, sequence, source, can_id, frame = flying
             waiting[source] -= 1
             taken_s = bits_of(can_id, frame) * bit_s if bit_s else 0.0
             if self.faults is not None or errors.troubled:
                 fate = self._judged(start_s, can_id, sequence, source, frame)
                 if fate is Fate.WITHHELD:
-                    start_s, flying = self._free_s, None
+                    start_s, flying = free_s, None
                     continue
                 if fate is Fate.SPOILT:
                     taken_s += self._error_s
@@ -370,11 +372,11 @@ class SteppedBus:
                     source = self._nowhere
                 else:
                     frame = fate
-                flying = order, sequence, source, can_id, frame
-            self.busy_s += taken_s
-            self.frames += 1
-            self._free_s = start_s = start_s + taken_s
-            self._flying = flying
+                flying = flying[0], sequence, source, can_id, frame
+            busy_s += taken_s
+            frames += 1
+            free_s = start_s = start_s + taken_s
+        self._free_s, self._flying, self.busy_s, self.frames = free_s, flying, busy_s, frames
 
     def _run_timers(self, now_s: float) -> None:
         self.now_s = now_s

@@ -11,13 +11,11 @@ import numpy as np
 import pytest
 from support.machines.stepped_runs import SHIPPED, Cut, cut, largest, shipped
 from support.machines.traced_programs import trace
+from support.oracles.allowed_speed import allowed_mm_s
 from support.parts import blu_compounds
 from support.parts.random_surfaces import Pair
 
 from controller.machine.model import Limits, Machine, Tool
-from controller.plan.feed.course import Course
-from controller.plan.feed.limits import JointLimits
-from controller.plan.path.path import Stretch
 from controller.program.program import ProgramError
 
 FEED = 2000.0  # mm/min
@@ -34,22 +32,6 @@ def course_mm(done: Cut, cuts: list[int]) -> np.ndarray:
         way[here] = begins + s[here]
         begins += done.stretches[k].motion.end
     return way
-
-
-def allowed(before: Stretch, after: Stretch, done: Cut) -> float:
-    """The least speed that the joints' limits allow beside a joint, as the surfaces are, mm/s."""
-    machine, kinematics = done.machine, done.kinematics
-    limits = JointLimits.of(machine)
-    found = []
-    for stretch, at_end in ((before, True), (after, False)):
-        bare = replace(
-            stretch.motion, surface=getattr(stretch.motion.surface, "base", stretch.motion.surface)
-        )
-        s = np.linspace(0.001, min(BESIDE_MM, bare.end - 0.001), 41)
-        course = Course((replace(stretch, motion=bare),), machine, kinematics)
-        speeds = limits.path_speed(course.derivatives(bare.end - s if at_end else s))
-        found.append(float(speeds.min()))
-    return min(found)
 
 
 def scene(seed: int) -> tuple[list[Pair], str, Machine]:
@@ -95,7 +77,8 @@ def run_one(seed: int) -> int:
         if angle >= TOLERANCE_DEG:
             continue
         assert b == a + 1, (seed, "something stands between two cuts that only rounding parts")
-        if allowed(done.stretches[a], done.stretches[b], done) < feed:
+        before, after = done.stretches[a], done.stretches[b]
+        if min(allowed_mm_s(before, done, BESIDE_MM, True), allowed_mm_s(after, done, BESIDE_MM)) < feed:
             continue
         near = speed[(way[1:] > begins - 0.1) & (way[:-1] < begins + 0.1)]
         assert len(near) and not np.isnan(near).any()
@@ -134,7 +117,8 @@ def test_a_joint_of_two_short_cuts_is_passed_at_four_fifths_of_the_feed_at_least
     text, feed = blu_compounds.text(surfaces, 3760.0, "G41", "T1 M6"), 3760.0 / 60.0
     done = cut(text, machine)
     before, after = (k for k, stretch in done.stretches.items() if stretch.cutting)
-    assert allowed(done.stretches[before], done.stretches[after], done) > feed
+    assert allowed_mm_s(done.stretches[before], done, BESIDE_MM, True) > feed
+    assert allowed_mm_s(done.stretches[after], done, BESIDE_MM) > feed
     way, joint = course_mm(done, [before, after]), done.stretches[before].motion.end
     speed = np.diff(way) / machine.period_s
     near = speed[(way[1:] > joint - 0.5) & (way[:-1] < joint + 0.5)]

@@ -6,19 +6,24 @@ its speed is the difference of two such places over a period.
 
 from __future__ import annotations
 
+import random
+
 import numpy as np
 import pytest
-from support.machines.stepped_runs import Cut, cut, shipped
+from support.machines.stepped_runs import SHIPPED, Cut, cut, shipped
+from support.oracles.allowed_speed import allowed_mm_s
 from support.oracles.trace_limits import assert_in_limits
 from support.parts.random_surfaces import compound, text
 
 from controller.machine import machine_file
 from controller.motion.motions import SurfaceCut
 from controller.plan.path.path import Stretch
+from controller.program.program import ProgramError
 from controller.runtime.events import Event
 from controller.state.modes import Request
 
 NEWTON = 30
+BESIDE_MM = 8.0  # of an end: limits that are lower further away leave room to reach the feed
 
 
 def places(stretch: Stretch, tips: np.ndarray) -> np.ndarray:
@@ -92,6 +97,28 @@ def test_random_surfaces_on_other_machines_begin_and_end_at_their_feed(machine: 
     done = cut(text(compound(seed, 1), 600.0, "G42 P1 R0.5"), shipped(machine))
     assert_at_feed(done)
     assert_in_limits(done, (machine, seed))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("batch", range(4))
+def test_unseen_surfaces_begin_and_end_at_any_feed_that_the_limits_allow(batch: int) -> None:
+    judged = 0
+    for seed in range(98_000 + 5 * batch, 98_005 + 5 * batch):
+        rng = random.Random(seed)
+        feed, side, name = 10.0 ** rng.uniform(2.0, 3.5), rng.choice(("G41", "G42")), rng.choice(SHIPPED)
+        try:
+            done = cut(text(compound(seed, 1), feed, f"{side} P{rng.choice((1, 2))} R0.5"), shipped(name))
+        except ProgramError:
+            continue  # a surface that is refused; others will do
+        ((i, stretch),) = cuts(done)
+        found = speeds(done, stretch, i) / stretch.feed_mm_s
+        for at_end, ends in ((False, found[:3]), (True, found[-3:])):
+            if allowed_mm_s(stretch, done, BESIDE_MM, at_end) > stretch.feed_mm_s:
+                assert ends == pytest.approx(np.ones(3), rel=0.01), (seed, name, feed, at_end)
+                judged += 1
+        assert found.max() <= 1.0005
+        assert_in_limits(done, (seed, name, feed))
+    assert judged >= 4
 
 
 def test_a_lead_is_as_long_as_its_own_bend_needs_at_the_feed() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import abc
 import copy
 import dataclasses
 import pickle
@@ -80,7 +81,29 @@ def left_to_dataclasses(decorator: Decorator) -> Any:
     return decorator(Left)
 
 
-KINDS = (ordinary, single, empty, own_words, left_to_dataclasses)
+class Shape(abc.ABC):
+    """What has no fields, and leaves something to be done."""
+
+    @abc.abstractmethod
+    def area(self) -> int: ...
+
+    def __eq__(self, other: object) -> bool:
+        return False
+
+
+def built_on_another(decorator: Decorator) -> Any:
+    class Square(Shape):
+        """With what its base asks for."""
+
+        a: int
+
+        def area(self) -> int:
+            return self.a**2
+
+    return decorator(Square)
+
+
+KINDS = (ordinary, single, empty, own_words, left_to_dataclasses, built_on_another)
 
 
 def _both(kind: Callable[[Decorator], Any]) -> tuple[Any, Any]:
@@ -159,18 +182,34 @@ def test_one_may_inherit_from_it() -> None:
         More(2).a = 3
 
 
-def test_what_may_change_is_left_to_dataclasses() -> None:
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("asked", [{}, {"eq": False}, {"unsafe_hash": True}])
+def test_what_may_change_is_what_dataclasses_makes_of_it(
+    kind: Callable[[Decorator], Any], asked: dict[str, bool]
+) -> None:
+    ours, theirs = (
+        kind(values.dataclass(slots=True, **asked)),
+        kind(dataclasses.dataclass(slots=True, **asked)),
+    )
+    arguments = [] if kind in (single, empty) else [4]
+    for cls in (ours, theirs):
+        one = cls(*arguments)
+        assert (cls.__hash__ is None) is (theirs.__hash__ is None)
+        if "unsafe_hash" in asked:
+            assert hash(one) == hash(theirs(*arguments))
+        assert repr(one) == repr(theirs(*arguments))
+        assert (one == cls(*arguments)) is (theirs(*arguments) == theirs(*arguments))
+        assert cls.__dataclass_params__.frozen is False
+        if kind is not empty:
+            one.a = 5
+            assert one.a == 5 and (copy.copy(one).a, dataclasses.asdict(one)["a"]) == (5, 5)
+
+
+def test_what_has_no_slots_is_left_to_dataclasses() -> None:
     @values.dataclass
     class Open:
         a: int = 1
 
-    @values.dataclass(slots=True)
-    class Slotted:
-        """With slots."""
-
-        a: int = 1
-
-    for cls in (Open, Slotted):
-        one = cls()
-        one.a = 5
-        assert one == cls(5)
+    one = Open()
+    one.a = 5
+    assert one == Open(5)

@@ -125,6 +125,32 @@ def test_an_offset_is_found_from_touches_on_the_programs_surfaces_and_written(tm
     assert run(*words, "--offset", "G60").exit_code == 1
 
 
+def test_a_machine_that_became_warm_is_told_by_how_much_and_the_shift_is_written(tmp_path):
+    """The tool stands 8 um higher than it is told: a face is met where it seems 8 um lower."""
+    machine, csv, file = machine_file.load("trunnion"), tmp_path / "warm.csv", tmp_path / "own.toml"
+    faces = [("1,0,0", (10.0, y, -3.0)) for y in (-9.0, 8.0)] + [
+        ("0,1,0", (x, 0.0, -3.0)) for x in (1.0, 9.0)
+    ]
+    faces += [("0,0,1", (x, y, 0.0)) for x, y in ((1.0, 1.0), (9.0, -8.0), (2.0, -7.0))]
+    places = []
+    for way, point in faces:
+        normal = [float(c) for c in way.split(",")]
+        height = sum(a * b for a, b in zip(normal, point, strict=True))
+        places.append((f"plane {way.replace(',', ' ')} {height:g}", point, normal))
+    seems = moved(machine.offset(0).frame, (-0.02, 0.01, -0.008), (0.0, 0.0, 0.0))
+    touches = touched(machine, seems, places, random.Random(1))
+    head, *lines = table_of(touches, machine).splitlines()
+    named = [f"{line},{name}" for line, name in zip(lines, touches.features, strict=True)]
+    csv.write_text("\n".join([f"{head},feature", *named]))
+    file.write_text((machine_file.SHIPPED / "trunnion.toml").read_text())
+    words = ["thermal", csv, "--machine", file]
+    facts = json.loads(run(*words, "--write", "--json").stdout)
+    assert facts["shift_mm"] == pytest.approx([0.02, -0.01, 0.008], abs=1e-6)
+    assert machine_file.load(file).thermal_shift_mm == pytest.approx((0.02, -0.01, 0.008), abs=1e-6)
+    again = json.loads(run(*words, "--json").stdout)
+    assert again["shift_mm"] == pytest.approx([0.04, -0.02, 0.016], abs=1e-6), "what is known is added to"
+
+
 def test_a_wall_is_inspected_beside_what_the_plan_leaves_there(tmp_path):
     program, csv, file, _ = part_scene(tmp_path, off_mm=0.01)
     assert run("part", csv, "--program", program, "--machine", file, "--write").exit_code == 0

@@ -201,6 +201,31 @@ def test_the_life_of_a_tool_is_shown_set_and_renewed(panel: Panel, door: NotingD
     assert run("tools", "--minutes", "5").exit_code == 2
 
 
+def test_the_touches_of_the_probe_are_written_as_a_table(panel: Panel, tmp_path: Path) -> None:
+    ran = run("probe", "--touches", str(tmp_path / "t.csv"))
+    assert ran.exit_code == 1 and "probe first" in ran.stderr
+    kept = "line,touched,X,Y,Z\n5,1,8.0,96.0,212.699\n"
+    (panel.store.folder / "touches.csv").write_text(kept)
+    assert "1 touches written" in done("probe", "--touches", str(tmp_path / "t.csv"))
+    assert (tmp_path / "t.csv").read_text() == kept
+
+
+def test_jobs_of_maintenance_are_listed_made_and_done(panel: Panel, door: NotingDoor) -> None:
+    job = {"name": "grease", "counter": "X", "every": 5.0, "used": 6.5, "unit": "m", "done_s": None}
+    told = {"tools": [], "counters": [{"name": "X", "value": 12.0, "unit": "m"}]}
+    told |= {"items": [{**job, "done_by": "", "due": True}]}
+    for verb in ("usage", "maintenance", "maintained"):
+        door.results[verb] = told
+    assert "due" in done("maintenance") and "fällig" in done("maintenance", "--language", "de")
+    done("maintenance", "grease", "--counter", "X", "--every", "5")
+    assert ("maintenance", {"name": "grease", "counter": "X", "every": 5.0}) in door.asked
+    done("maintenance", "grease", "--every", "0")
+    assert ("maintenance", {"name": "grease", "counter": "", "every": None}) in door.asked
+    items = json.loads(done("maintenance", "grease", "--done", "--json"))["items"]
+    assert items[0]["due"] is True and "maintained" in door.verbs
+    assert run("maintenance", "--done").exit_code == 2
+
+
 def test_a_tool_is_made_changed_and_taken_out(panel: Panel, door: NotingDoor) -> None:
     row = tools_of(machine_file.load("trunnion"))[1]
     door.results["facts"] = {"tools": [row]}

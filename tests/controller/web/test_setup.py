@@ -302,3 +302,25 @@ def test_the_tool_that_a_program_waits_for_is_shown_where_it_is_awaited(page: An
     site.tell(mode="HOLD", tool_change=asks)
     page.wait_for_function("() => document.querySelector('#run-wanted img')?.naturalWidth > 0")
     assert "end mill 6 mm" in page.inner_text("#run-wanted")
+
+
+def test_an_offset_that_was_set_here_can_be_as_the_machine_file_says_again(setup: Any, site: Site) -> None:
+    part(setup, "offsets")
+    setup.evaluate("dx.call('PUT', 'offsets/G54', {origin_mm: [1, 0, 0], turned_deg: [0, 0, 0]})")
+    setup.click("[data-forget=G54]")
+    setup.wait_for_selector(".dx-ask >> text=G54 is to be as the machine file says again?")
+    browser.yes(setup)
+    assert until(lambda: site.asked("forget"), "the offset")[-1][2] == {"name": "G54"}
+    setup.evaluate("dx.call('PUT', 'offsets/G54', {origin_mm: [0, 0, 0], turned_deg: [0, 0, 0]})")
+
+
+def test_a_tool_in_a_thread_is_withdrawn_or_said_to_be_out(page: Any, site: Site) -> None:
+    facts = {"depth": 5.0, "pitch": 1.0, "line": 4}
+    site.tell(mode="READY", notices=[{"name": "IN_THREAD", "key": "in_thread", "values": facts}])
+    for button, sent in (
+        ("withdraw", {"mm": None, "is_out": False}),
+        ("is_out", {"mm": None, "is_out": True}),
+    ):
+        page.click(f"#run-{button}")
+        browser.yes(page)
+        assert until(lambda: [a for _, _, a in site.asked("withdraw") if a == sent], "out of it")  # noqa: B023

@@ -136,7 +136,7 @@ class FakeDoor:
         elif verb == "unload":
             self.job = None
         elif verb == "set_offset":
-            self.offsets[args["name"]] = args["values"]
+            self.offsets[args["name"]] = {**args["values"], "unset": False, "source": "machine"}
         elif verb == "forget":
             self.offsets.pop(args["name"], None)
         elif verb == "set_tool":

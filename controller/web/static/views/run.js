@@ -156,7 +156,7 @@ function Cycle() {
     <div class="cycle">
       ${tall("start", "start", { kind: "go", ask: start_question(), modes: "READY", icon: "play", keys: "F4", given: dx.loaded(), why: "why.no_program" })}
       ${tall("resume", "resume", { kind: "go", modes: "HOLD", icon: "reset", keys: "F6" })}
-      <${Aside} />
+      <${Aside} /><${InThread} />
       <div class="toggles"><${Toggle} key="single" name="single" path="single_block" /><${Toggle} key="optional" name="optional" path="optional_stop" /><${Skip} job=${job} /></div>
     </div>
     <div class="row times">${["elapsed", "left", "duration"].map(time)}
@@ -205,6 +205,13 @@ function Aside() {
     <${Act} id="run-retract" text=${word("run.retract")} ...${rules} press=${() => call("POST", "cycle/retract", { mm: Number(value) })} />
     <${Act} text=${word("run.return")} call="POST cycle/return" modes="HOLD" given=${Boolean(aside)} why="why.on_path" />
   </div>`;
+}
+
+// A tool that a fault, a stop or a loss of power has left in its thread is turned out of it before all else.
+function InThread() {
+  if (!dx.status?.notices?.some(({ name }) => name === "IN_THREAD")) return null;
+  const out = (key, body) => html`<${Act} id=${`run-${key}`} text=${word(`run.${key}`)} call="POST cycle/withdraw" body=${body} ask=${word(`run.${key}_ask`)} modes="OFF READY HOLD" kind="warn" />`;
+  return html`<div class="aside">${out("withdraw", {})}${out("is_out", { is_out: true })}</div>`;
 }
 
 // ---- the program

@@ -1,0 +1,55 @@
+"""``directrix maintenance``: what is to be done at a machine every so often, and what was done."""
+
+from __future__ import annotations
+
+import json
+from typing import Annotated, Any
+
+import typer
+from rich.table import Table
+
+from controller.cli import remote
+from controller.cli.client import Json, Url, asked
+from controller.cli.speech import say, speaking
+from controller.verify.console import show, word
+
+
+@speaking
+def maintenance(
+    name: Annotated[str, typer.Argument(help="Of a job; without one, all are listed.")] = "",
+    every: Annotated[
+        float | None,
+        typer.Option("--every", help="How often, in the counter's unit; 0: no more."),
+    ] = None,
+    counter: Annotated[str, typer.Option("--counter", help="An axis, motion or spindle.")] = "",
+    done: Annotated[bool, typer.Option("--done", help="It was done just now.")] = False,
+    url: Url = remote.URL,
+    as_json: Json = False,
+) -> None:
+    """List jobs of maintenance with their counters, make or change one, or say that it was done."""
+    if not name and (every is not None or counter or done):
+        raise typer.BadParameter(say("maintenance_no_name"))
+    with asked(url, as_json) as machine:
+        if every is not None:
+            machine.put("usage/maintenance", {"name": name, "counter": counter, "every": every or None})
+        if done:
+            machine.post("usage/maintenance/done", {"name": name})
+        told = machine.get("usage")
+        if as_json:
+            print(json.dumps({"ok": True, "items": told["items"], "counters": told["counters"]}))
+        else:
+            show.print(table(told))
+
+
+def table(told: dict[str, Any]) -> Table:
+    made = Table()
+    for head in ("job", "counter", "used", "every", "due"):
+        made.add_column(say(f"maintenance_{head}"))
+    for one in told["items"]:
+        unit = word(f"usage.unit.{one['unit']}", one["unit"])
+        used, every = f"{one['used']:.4g}", f"{one['every']:g} {unit}"
+        made.add_row(one["name"], one["counter"], used, every, say("maintenance_due") if one["due"] else "")
+    for one in told["counters"]:
+        unit = word(f"usage.unit.{one['unit']}", one["unit"])
+        made.add_row("", one["name"], f"{one['value']:.4g} {unit}", "", "")
+    return made
