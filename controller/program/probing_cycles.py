@@ -7,7 +7,8 @@ Page, REST and command line ask for a cycle by name; what runs is the program th
     o<probe_bore> call [20] [2]
 
 The work offset that is to be set is the active one meanwhile, so what is told is in its coordinates, as they
-were; one that nobody has set yet cannot be, and G54 is. Cycles on the tool setter set the tool, no offset.
+were; one that nobody has set yet cannot be, and G54 is. Cycles on the tool setter, and of the probe itself,
+set the tool, no offset.
 """
 
 from __future__ import annotations
@@ -31,12 +32,16 @@ SETTABLE = (NONE, *OFFSETS[:9])  # which offset a cycle may set: G10 P1 to P9
 
 
 class Length(NamedTuple):
-    """A value with its bounds and what it is where nothing is said; 0 only where it is the lowest."""
+    """A value with its bounds and what it is where nothing is said; 0 only where it is lowest, or usual."""
 
     lowest: float
     highest: float
     usual: float
     unit: str = "mm"
+
+    @property
+    def may_be_0(self) -> bool:
+        return 0.0 in (self.lowest, self.usual)
 
 
 LENGTHS = {
@@ -48,6 +53,8 @@ LENGTHS = {
     "beside_y": Length(-500.0, 500.0, 20.0),
     "turning": Length(0.0, 5000.0, 0.0, "1/min"),
     "within": Length(0.001, 10.0, 0.1),
+    "diameter": Length(1.0, 500.0, 25.0),
+    "height": Length(-1000.0, 1000.0, 0.0),
 }
 CYCLES: dict[str, tuple[str, ...]] = {  # the values of each in the order of its program's
     "top": ("most",),
@@ -62,10 +69,15 @@ CYCLES: dict[str, tuple[str, ...]] = {  # the values of each in the order of its
     "tool_length": ("most", "turning", "keep"),
     "tool_radius": ("half", "down", "most", "turning", "keep"),
     "tool_check": ("most", "turning", "within"),
+    "ring": ("diameter", "most", "keep"),
+    "sphere": ("diameter", "most", "keep"),
+    "gauge": ("height", "most", "keep"),
 }
 
 
-ON_SETTER = ("tool_length", "tool_radius", "tool_check")  # of the tool in the spindle; they set no offset
+ON_SETTER = ("tool_length", "tool_radius", "tool_check")  # of the tool in the spindle
+OF_PROBE = ("ring", "sphere", "gauge")  # of the probe's own ball and length
+SET_NONE = (*ON_SETTER, *OF_PROBE)  # they set no offset
 
 
 class CycleRefused(Exception):
@@ -79,7 +91,7 @@ class CycleRefused(Exception):
 def listed() -> list[dict[str, Any]]:
     """Every cycle with its values: what each may be, and is where it is not said."""
     return [
-        {"name": name, "values": [_facts(value) for value in values], "sets": name not in ON_SETTER}
+        {"name": name, "values": [_facts(value) for value in values], "sets": name not in SET_NONE}
         for name, values in CYCLES.items()
     ]
 
@@ -104,11 +116,11 @@ def program(
         raise _refused("probe_cycle", found=cycle, allowed=CYCLES)
     if foreign := sorted(set(values) - set(wanted)):
         raise _refused("probe_value", name=foreign[0], cycle=cycle, allowed=wanted)
-    settable = SETTABLE[:1] if cycle in ON_SETTER else SETTABLE
+    settable = SETTABLE[:1] if cycle in SET_NONE else SETTABLE
     if offset not in settable:
         raise _refused("probe_offset", found=offset, allowed=settable)
     numbers = [number for name in wanted for number in _numbers(name, values.get(name))]
-    if cycle not in ON_SETTER:
+    if cycle not in SET_NONE:
         numbers.append(SETTABLE.index(str(offset)))
     active = OFFSETS[0] if offset in (NONE, *unset) else offset
     call = " ".join(f"[{Decimal(f'{number:.12g}'):f}]" for number in numbers)
@@ -136,11 +148,11 @@ def _numbers(name: str, value: object) -> tuple[float, ...]:
     if (
         isinstance(value, int | float)
         and not isinstance(value, bool)
-        and (value != 0.0 or length.lowest == 0.0)
+        and (value != 0.0 or length.may_be_0)
         and length.lowest <= value <= length.highest
     ):
         return (float(value),)
-    key = "probe_length" if length.lowest < 0.0 else "probe_number"
+    key = "probe_number" if length.lowest > 0.0 or length.may_be_0 else "probe_length"
     raise _refused(key, name=name, found=value, **length._asdict())
 
 

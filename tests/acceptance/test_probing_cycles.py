@@ -161,3 +161,45 @@ def test_an_angle_by_name_turns_an_offset_that_nobody_has_set(dialect: str, some
 
 def test_a_corner_is_found_in_mm_where_the_program_counts_in_inches(some: random.Random) -> None:
     corner_sets_the_offset(some, "G20 G91\n", "\nG21 G90")
+
+
+def probe_of(name: str, values: dict[str, object], start: str, part: str) -> list[list[float]]:
+    """A cycle of the probe itself; at the end its length and diameter as the tool table has them then."""
+    lines, _ = linked.parts(probing_cycles.program(name, values, "none"))
+    whole = f"{HEAD}{start}{bytes(lines).decode()}G43 H99\n(DEBUG, #5403 #5410)".encode()
+    return told(cycle_of(linked.linked(whole + b"\nG0 Z60.\nM30\n", lambda _: None), part, "rs274"))
+
+
+PRETRAVEL = "[probe]\npretravel_mm = 0.012\n"
+
+
+def test_a_ring_tells_the_ball_as_it_touches_in_every_direction(some: random.Random) -> None:
+    x, y = some.uniform(-1, 1), some.uniform(-1, 1)
+    ring = PRETRAVEL + block((-40, -40, -60.0), (40, 40, 0.0)) + cylinder(x, y, 30.0, 12.5, "hole")
+    values = {"diameter": 25.0, "most": 12, "keep": "yes"}
+    *_, found, table = probe_of("ring", values, "G0 X0 Y0\nG0 Z-10\n", ring)
+    radius, was, *by_direction = found
+    assert radius == pytest.approx(was - 0.012, abs=0.001) and len(by_direction) == 8
+    assert by_direction == pytest.approx([was - 0.012] * 8, abs=0.002)
+    assert table[1] == pytest.approx(2.0 * radius, abs=1e-5)
+
+
+def test_a_sphere_tells_the_ball_and_where_it_is(some: random.Random) -> None:
+    x, y, z = (some.uniform(-1, 1) for _ in range(3))
+    ball = f'{PRETRAVEL}[[solid]]\nkind = "sphere"\ncentre_mm = [{x}, {y}, {z}]\nradius_mm = 12.7\n'
+    values = {"diameter": 25.4, "most": 40, "keep": "yes"}
+    *_, found, table = probe_of("sphere", values, "G0 X0 Y0\nG0 Z35\n", ball)
+    assert found[:2] == pytest.approx([x, y], abs=0.002)
+    assert found[2] == pytest.approx(z, abs=0.002)
+    assert found[3] == pytest.approx(found[4] - 0.012, abs=0.001)
+    assert table[1] == pytest.approx(2.0 * found[3], abs=1e-5)
+
+
+def test_a_face_of_known_height_tells_the_length_of_the_probe(some: random.Random) -> None:
+    """It lies 0.05 mm higher than a probe of the length of the table finds it."""
+    height = round(some.uniform(-5.0, 5.0), 6)
+    face = block((-20.0, -20.0, -20.0), (20.0, 20.0, height))
+    values = {"height": height + 0.05, "most": 40, "keep": "yes"}
+    *_, found, table = probe_of("gauge", values, "G0 X0 Y0\nG0 Z20\n", face)
+    assert found[0] == pytest.approx(found[1] - 0.05, abs=0.001)
+    assert table[0] == pytest.approx(found[0], abs=1e-5)

@@ -8,7 +8,7 @@ import pytest
 from support.live import browser
 from support.live.browser import Site, until
 
-from controller.program.probing_cycles import CYCLES, ON_SETTER
+from controller.program.probing_cycles import CYCLES, SET_NONE
 
 pytestmark = pytest.mark.slow
 
@@ -39,7 +39,7 @@ def test_every_cycle_has_its_picture_and_its_values(probing: Any) -> None:
         probing.wait_for_selector(f"img.probing-picture[src$='/probing/{cycle}.svg']")
         probing.wait_for_function(drawn)
         fields = probing.eval_on_selector_all(".probing [name]", "all => all.map((one) => one.name)")
-        assert fields == ["cycle", *values, *([] if cycle in ON_SETTER else ["offset"])]
+        assert fields == ["cycle", *values, *([] if cycle in SET_NONE else ["offset"])]
         seen.add(probing.get_attribute("img.probing-picture", "alt"))
     assert len(seen) == len(CYCLES)
 
