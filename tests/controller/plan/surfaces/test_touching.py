@@ -81,7 +81,7 @@ def test_what_only_passes_through_the_pole_or_stays_off_is_left_as_it_is(surface
 
 
 def test_where_the_direction_beside_a_touch_turns_is_told_to_the_last_digit() -> None:
-    """Two passages by the pole, at 0.25 +- 4.5e-4: one is taken out, the other's half turn takes 1e-7 of u."""
+    """Two passages by the pole, at 0.25 +- 4.5e-4: one is taken out, at the other C turns within 1e-7."""
     found = cut(wall(0.25, (3, 2), off_mm=1e-6))
     ((root,), away) = found.touches[0].roots, math.sqrt(1e-6 / 5.0)
     assert abs(root - 0.25) == pytest.approx(away, rel=1e-4)
