@@ -32,7 +32,7 @@ class Setpoints(ABC):
         elif plant is not None:
             self.servo = Plant(nature.position_counts, plant)
         self.period_s = 0.0
-        self.target: float = nature.position_counts
+        self.target: int | float = nature.position_counts  # whole, but where a mode works it out
         self.low: float = -math.inf
         self.high: float = math.inf
         self.limit = self.clamped = 0  # statusword bit 11, for the target and for the demand

@@ -110,7 +110,7 @@ def inside(marks: str, words: list[str]) -> None:
     except SystemExit as ended:
         ends("trace")
         Path(marks).write_text(json.dumps(parts_s))
-        getattr(command_line, "leave", sys.exit)(int(ended.code or 0))  # another tree may have none
+        sys.exit(int(ended.code or 0))
 
 
 def _ends_before(
