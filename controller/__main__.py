@@ -42,7 +42,7 @@ FILES = {
     "panel": ("panel",),
     "client": (
         *("start", "hold", "resume", "stop", "estop", "retract", "return", "withdraw", "reset"),
-        *("enable", "disable", "home", "mdi", "override", "jog"),
+        *("enable", "disable", "home", "mdi", "override", "adaptive", "jog"),
     ),
     "by_hand": ("spindle", "coolant", "clamps"),
     "client_lists": ("status", "upload", "runs", "alarms"),

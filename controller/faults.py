@@ -60,6 +60,8 @@ class Fault(IntEnum):
     PROBE_HIT = 44
     PROBE_STUCK = 45
     PROBE_LATCH = 47
+    SPINDLE_OVERLOADED = 48
+    LOAD_UNKNOWN = 49
 
 
 class Reaction(IntEnum):

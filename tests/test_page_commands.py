@@ -142,6 +142,7 @@ BRACKET = "T2 M6\nG43 H2\nS1000 M3\nG0 X0 Y0 Z50\nG1 X20 F3\nX0\nM30\n"
 
 # What needs another machine, another kernel or CAD is run by the tests that have it, in these words.
 ELSEWHERE: dict[str, tuple[str, str]] = {
+    "adaptive on": ("controller/cli/test_client.py", '("adaptive", "on")'),
     "calibrate rotaries TOUCHES.csv --sphere-radius R": ("controller/cli/test_calibrate.py", '"rotaries"'),
     "check DIR --cluster tcp://HOST:8786": ("controller/cli/test_check_folder.py", '"--cluster"'),
     "demo --panel": ("acceptance/test_a_busy_computer.py", '"demo"'),

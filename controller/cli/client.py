@@ -12,7 +12,7 @@ import json
 import secrets
 import time
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import typer
 
@@ -280,6 +280,18 @@ def override(
         tell_done(say(f"{path}_override", percent=percent), done, as_json)
 
 
+def adaptive(
+    switch: Annotated[Literal["on", "off"], typer.Argument(help="Off: only where the program says M52 P1.")],
+    take_over: TakeOver = False,
+    url: Url = remote.URL,
+    as_json: Json = False,
+) -> None:
+    """Let the load of the spindle lead the feed of every cut."""
+    with asked(url, as_json) as machine, machine.control(take_over):
+        done = machine.put("cycle/adaptive_feed", {"on": switch == "on"})
+        tell_done(say(f"adaptive_{switch}"), done, as_json)
+
+
 # --- jog
 
 
@@ -372,6 +384,7 @@ def register(app: typer.Typer) -> None:
         home,
         mdi,
         override,
+        adaptive,
     ):
         app.command(verb.__name__.rstrip("_"), rich_help_panel=PANEL)(speaking(verb))
     # A distance such as -10 is no option.

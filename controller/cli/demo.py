@@ -191,7 +191,8 @@ def live_line(now: Mapping[str, Any]) -> str:
     if now["waiting"]:
         return f"line {line}: waiting for {_awaited(now['spindle'])}"
     feed = now["feed_mm_min"]
-    share = 1.0 if now["own_feed"] else now["override"]
+    adaptive = now["adaptive"]["share"] if now["adaptive"]["on"] else 1.0
+    share = 1.0 if now["own_feed"] else now["override"] * adaptive
     wanted = "rapid" if feed["programmed"] is None else f"F {feed['programmed'] * share:.0f}"
     limit = f", limited by {now['limited_by']}" if now["limited_by"] not in (None, FEED) else ""
     return f"line {line}: {wanted}, actual {feed['actual']:.0f} mm/min{limit}"

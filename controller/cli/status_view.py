@@ -81,7 +81,7 @@ def _headline(status: Status) -> Text:
         told.append(f"  {say('no_tick')}", "bold red")
     if status.get("not_homed"):
         told.append(f"  {say('not_homed')}", "yellow")
-    for name in ("single_block", "optional_stop"):
+    for name in ("single_block", "optional_stop", "adaptive_feed"):
         if status.get(name):
             told.append(f"  {say(name)}", "cyan")
     for what in _waits(status):
@@ -139,6 +139,10 @@ def _feed(status: Status) -> Text:
     if spindle.get("on") or spindle.get("actual_rev_min") or spindle.get("rev_min"):
         turns = number(spindle.get("actual_rev_min", spindle.get("rev_min")), 0)
         told.append(f"   {say('spindle', rev_min=turns)}")
+    adaptive = status.get("adaptive") or {}
+    if adaptive.get("on"):
+        led = {"share": percent(adaptive.get("share")), "load": number(spindle.get("load"), 0)}
+        told.append(f"   {say('adaptive', **led)}")
     return told
 
 

@@ -46,6 +46,7 @@ from controller.motion.pieces import (
     dwell,
 )
 from controller.state.live_state import (
+    ADAPTIVE_FEED,
     ANALOGUE,
     COLUMN,
     LAYOUT,
@@ -82,6 +83,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 __all__ = [
+    "ADAPTIVE_FEED",
     "ANALOGUE",
     "COLUMN",
     "DEAD_MAN_S",

@@ -13,6 +13,7 @@ from pathlib import Path
 from controller.geometry.vectors import Z, norm, scale
 from controller.machine import drive_profiles
 from controller.machine.model import (
+    AdaptiveFeed,
     AnalogueOut,
     Axis,
     Bus,
@@ -78,6 +79,7 @@ def spindle(table: Table, buses: Sequence[Bus], profile: FindProfile, folder: Pa
         overrides=drive_profiles.overrides(table),
     )
     found = replace(found, position=_position(table, found))
+    found = replace(found, adaptive=_adaptive(table, found))
     _fits(table, found)
     table.finish()
     return found
@@ -109,6 +111,35 @@ def _position(table: Table, of: Spindle) -> SpindlePosition | None:
         )
     if found.tpdo == drive_profiles.load(of.profile).tpdo:
         entry.refuse("tpdo", "carries statusword and speed already", "another number of 1 to 4", "change it")
+    return found
+
+
+def _adaptive(table: Table, of: Spindle) -> AdaptiveFeed | None:
+    """``adaptive = { load_percent, ... }``: the load that the drive tells leads the feed under M52 P1."""
+    if not table.has("adaptive"):
+        return None
+    if of.position is None or not of.position.load:
+        problem = "the spindle's drive does not tell its load, which is to lead the feed"
+        do = "write load = true into position, or take adaptive out"
+        table.refuse("adaptive", problem, "position = { load = true } beside it", do)
+    entry = table.table("adaptive", f"{table.name} adaptive")
+    target = entry.number("load_percent", 5.0, 150.0) / 100.0
+    fall_s = entry.number("fall_s", 0.1, 10.0, default=0.3)
+    found = AdaptiveFeed(
+        target=target,
+        min_share=entry.number("min_share", 0.05, 1.0, default=0.2),
+        max_share=entry.number("max_share", 1.0, 1.5, default=1.0),
+        fall_s=fall_s,
+        rise_s=entry.number("rise_s", 0.1, 100.0, default=3.0),
+        overload=entry.number("overload_percent", 10.0, 400.0) / 100.0,
+        overload_s=entry.number("overload_s", 0.0, 10.0, default=0.5),
+    )
+    entry.finish()
+    if found.rise_s < found.fall_s:
+        entry.refuse("rise_s", "is shorter than fall_s", f"{fall_s:g} or more", "let it rise slower")
+    if found.overload <= found.target:
+        allowed = f"more than load_percent, {100.0 * target:g}"
+        entry.refuse("overload_percent", "is no more than the load that is aimed at", allowed, "raise it")
     return found
 
 

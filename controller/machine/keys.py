@@ -214,6 +214,7 @@ MEANINGS: Mapping[str, Mapping[str, str]] = {
         "spin_up_s": "not at speed, or standing, by then: held, with a fault",
         "acceleration_rev_s2": "at which it is led to its speed in mode 9",
         "position": "its angle at every SYNC: G33, G33.1, G84 and G74 follow it",
+        "adaptive": "its load leads the feed under M52 P1; left out: M52 P1 is refused",
         **_UNITS,
     },
     "spindle.position": {
@@ -225,6 +226,15 @@ MEANINGS: Mapping[str, Mapping[str, str]] = {
         "gain_per_s": "of the loop that leads the spindle along a thread",
         "acceleration_rev_s2": "at most along a thread, in both directions; left out: as above",
         "most_lag_rev": "behind the thread by more: held, with a fault",
+    },
+    "spindle.adaptive": {
+        "load_percent": "of the rated torque (6076h) that the feed is to keep",
+        "min_share": "of F, below which the feed is not lowered",
+        "max_share": "of F; above 1 a light cut is made faster than F says, within the limits of the axes",
+        "fall_s": "time constant of a share that falls",
+        "rise_s": "of one that rises, not shorter",
+        "overload_percent": "of the rated torque: so high for `overload_s` is a dull or broken cutter: held",
+        "overload_s": "see `overload_percent`",
     },
     "io": {
         **_DEVICE,

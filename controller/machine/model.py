@@ -269,6 +269,19 @@ class SpindlePosition:
 
 
 @dataclass(frozen=True, slots=True)
+class AdaptiveFeed:
+    """The load of the spindle leads the feed; loads are shares of its rated torque. See ``tick.adaptive``."""
+
+    target: float = 0.6
+    min_share: float = 0.2  # of F, as slow as the tool bears
+    max_share: float = 1.0  # above 1: faster than F where the cut is light
+    fall_s: float = 0.3  # time constants of the share
+    rise_s: float = 3.0
+    overload: float = 1.2  # a load that is not borne ...
+    overload_s: float = 0.5  # ... for longer: held, with a fault
+
+
+@dataclass(frozen=True, slots=True)
 class Spindle:
     """The spindle as programs need it, and its drive where the controller has one (``node`` > 0)."""
 
@@ -286,6 +299,7 @@ class Spindle:
     unsupervised: bool = False  # as of an axis
     overrides: tuple[Override, ...] = ()
     position: SpindlePosition | None = None  # None: nothing is tied to its angle
+    adaptive: AdaptiveFeed | None = None  # None: M52 P1 is refused
 
     @property
     def is_driven(self) -> bool:

@@ -242,6 +242,16 @@ FAULTS: dict[Fault, Words] = {
         "A dull tap, chips in the hole, a speed or an acceleration above what the drive can do.",
         "The tool stands in the thread, in step with the spindle. Resume, or stop and withdraw it.",
     ),
+    Fault.SPINDLE_OVERLOADED: Words(
+        "The load of the spindle was at overload_percent or above it for too long.",
+        "A dull or broken cutter, a cut that is too heavy, or chips that jam.",
+        "Look at the cutter and the cut: retract, change the tool where it is worn; return, then resume.",
+    ),
+    Fault.LOAD_UNKNOWN: Words(
+        "The spindle's drive does not tell its load any more: adaptive feed has gone to min_share.",
+        "Frames of the drive that are missing, or a drive that was set up anew.",
+        "Nothing has stopped. Check bus and drive; M52 P0, or the switch, ends adaptive feed.",
+    ),
     Fault.SPINDLE_LOST: Words(
         "The spindle's drive is silent, in error or not enabled.",
         "Overload, no supply, or a loose cable.",
@@ -453,6 +463,7 @@ REFUSALS = {
     "not_whole": "{name} {value!r}: must be a whole number from 0; correct it.",
     "not_switch": "{name} {value!r}: must be true or false; correct it.",
     "no_spindle": "The controller drives no spindle on this machine; switch it at the machine.",
+    "no_adaptive": "Adaptive feed is not set up on this machine; write adaptive in [spindle] of its file.",
     "no_output": "{name}: the machine file has no such output; add it under [io] outputs.",
     "no_clamp": "{axis}: no axis with a clamp; allowed are {allowed}.",
     "jog_share": "The jog speed is {share:g}; it is a share from -1 to 1 and not 0.",

@@ -255,6 +255,16 @@ FAULTS: dict[Fault, Words] = {
         "Ein stumpfer Bohrer, Späne im Loch, eine Drehzahl oder Beschleunigung über der möglichen.",
         "Das Werkzeug steht im Gewinde, im Gleichlauf mit der Spindel. Fortsetzen oder herausdrehen.",
     ),
+    Fault.SPINDLE_OVERLOADED: Words(
+        "Die Last der Spindel lag zu lange bei overload_percent oder darüber.",
+        "Ein stumpfer oder gebrochener Fräser, ein zu schwerer Schnitt oder ein Spänestau.",
+        "Fräser und Schnitt ansehen: zurückziehen, ein stumpfes Werkzeug wechseln; zurück, dann fortsetzen.",
+    ),
+    Fault.LOAD_UNKNOWN: Words(
+        "Der Spindelantrieb meldet seine Last nicht mehr: Adaptiver Vorschub ist auf min_share gegangen.",
+        "Telegramme des Antriebs fehlen, oder er wurde neu eingerichtet.",
+        "Nichts wurde angehalten. Bus und Antrieb prüfen; M52 P0 oder der Schalter beendet ihn.",
+    ),
     Fault.SPINDLE_LOST: Words(
         "Der Spindelantrieb schweigt, hat einen Fehler oder ist nicht freigegeben.",
         "Überlast, keine Versorgung, oder ein loses Kabel.",
@@ -468,6 +478,8 @@ REFUSALS = {
     "not_whole": "{name} {value!r}: muss eine ganze Zahl ab 0 sein; berichtigen.",
     "not_switch": "{name} {value!r}: muss true oder false sein; berichtigen.",
     "no_spindle": "Die Steuerung treibt an dieser Maschine keine Spindel an; sie an der Maschine schalten.",
+    "no_adaptive": "Adaptiver Vorschub ist an dieser Maschine nicht eingerichtet; adaptive in [spindle] "
+    "ihrer Datei eintragen.",
     "no_output": "{name}: einen solchen Ausgang hat die Maschinendatei nicht; unter [io] outputs eintragen.",
     "no_clamp": "{axis}: keine Achse mit Klemmung; möglich sind {allowed}.",
     "jog_share": "Die Geschwindigkeit ist {share:g}; sie ist ein Anteil von -1 bis 1 und nicht 0.",

@@ -470,8 +470,8 @@ REFUSALS = {
     "output.unknown": "{word} names nothing: {table} in [io] of the machine file has {known}; use one of "
     "these",
     # --- override
-    "override.adaptive": "M52 lets an input lead the feed (adaptive feed), and no machine file has one: "
-    "the feed is planned ahead by the limits of the axes; write M52 P0, or leave it out",
+    "override.adaptive": "M52 lets the load of the spindle lead the feed, and the machine file has no "
+    "adaptive in [spindle]; write it there where the drive tells its load, or M52 P0",
     "override.on_or_off": "{word} is neither on nor off: {code} takes P1 or P0; write one of these",
     "override.no_feed_stop": "M53 has nothing to work on: the machine file has no {input} among inputs "
     "in [io]; name it there, or leave M53 out",

@@ -503,9 +503,8 @@ REFUSALS = {
     "output.unknown": "{word} nennt nichts: {table} in [io] der Maschinendatei hat {known}; eines davon "
     "verwenden",
     # --- override
-    "override.adaptive": "M52 lässt einen Eingang den Vorschub führen (adaptiver Vorschub), und keine "
-    "Maschinendatei hat einen: der Vorschub wird nach den Grenzen der Achsen vorausgeplant; M52 P0 "
-    "schreiben, oder weglassen",
+    "override.adaptive": "M52 lässt die Last der Spindel den Vorschub führen, und die Maschinendatei hat "
+    "kein adaptive in [spindle]; dort eintragen, wenn der Antrieb seine Last meldet, oder M52 P0 schreiben",
     "override.on_or_off": "{word} ist weder ein noch aus: {code} nimmt P1 oder P0; eines davon schreiben",
     "override.no_feed_stop": "M53 hat nichts zu überwachen: die Maschinendatei hat kein {input} unter "
     "den Eingängen in [io]; dort eintragen, oder M53 weglassen",

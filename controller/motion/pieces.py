@@ -133,6 +133,7 @@ class Piece(NamedTuple):
     binds: tuple[tuple[float, int], ...] = ()  # (time within the piece, code from then on): see state.Binding
     own_feed: bool = False  # the override of feeds does not count in it (M49, M50 P0)
     heeds_stop: bool = True  # the input feed_stop does (M53)
+    adaptive: bool = False  # as that override counts, the load of the spindle does, too (M52 P1)
     senses: Sensing | None = None  # where it sets
     guarded: bool = False  # a probe in the spindle must not touch
 

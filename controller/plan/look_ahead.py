@@ -48,11 +48,18 @@ class Orders(NamedTuple):
     override: float = 1.0
     rapid_override: float = 1.0
     single_block: bool = False
+    adaptive: float = 1.0  # what the load of the spindle leaves of feeds under M52 P1 ...
+    everywhere: float = 1.0  # ... and without
 
     @property
-    def scales(self) -> tuple[float, float]:
-        """Factors on feeds and rapids; what an override of 0 is for is not planned at all."""
-        return self.override or 1.0, self.rapid_override or 1.0
+    def shares(self) -> tuple[float, float, float, float]:
+        """As ``Stretch.scale`` takes them."""
+        return self.override, self.rapid_override, self.adaptive, self.everywhere
+
+    @property
+    def scales(self) -> tuple[float, float, float, float]:
+        """The same; what an override of 0 is for is not planned at all."""
+        return self.override or 1.0, self.rapid_override or 1.0, self.adaptive, self.everywhere
 
 
 class Place(NamedTuple):
@@ -89,6 +96,8 @@ class Sent:
             (orders.override != self.orders.override and _has_feed(self.course))
             or (orders.rapid_override != self.orders.rapid_override and _has_rapid(self.course))
             or (orders.single_block != self.orders.single_block and single)
+            or (orders.adaptive != self.orders.adaptive and _is_led(self.course, True))
+            or (orders.everywhere != self.orders.everywhere and _is_led(self.course, False))
         )
 
     def is_blocked(self, orders: Orders) -> bool:
@@ -235,7 +244,7 @@ class Windows:
 
     def _takes_s(self, stretch: Stretch, from_s: float, orders: Orders) -> tuple[float, float]:
         """Seconds from ``from_s`` to the end, and the longest that braking takes on the way."""
-        if stretch.scale(orders.override, orders.rapid_override) <= 0.0:
+        if stretch.scale(*orders.shares) <= 0.0:
             return 0.0, 0.0  # it is not to move at all
         return pace.takes_s(Course([stretch], self._machine, self._kinematics, *orders.scales), from_s)
 
@@ -299,9 +308,10 @@ class Windows:
                     law.duration_s,
                     cutting=stretch.cutting,
                     rapid=rapid,
-                    override=stretch.scale(orders.override, orders.rapid_override),
+                    override=stretch.scale(*orders.shares),
                     own_feed=not stretch.overrides.feed,
                     heeds_stop=stretch.overrides.stop,
+                    adaptive=stretch.overrides.adaptive,
                     binds=binds,
                     outputs=stretch.outputs,
                     guarded=stretch.guarded,
@@ -388,13 +398,19 @@ def _has_feed(course: Course) -> bool:
     return any(one.feed_mm_s is not None and one.overrides.feed for one in course.stretches)
 
 
+def _is_led(course: Course, asked: bool) -> bool:
+    """Whether adaptive feed counts somewhere in it: where the program has ``asked`` for it, or where not."""
+    feeds = (one.overrides for one in course.stretches if one.feed_mm_s is not None)
+    return any(has.feed and has.adaptive is asked for has in feeds)
+
+
 def _has_rapid(course: Course) -> bool:
     return any(stretch.feed_mm_s is None for stretch in course.stretches)
 
 
 def _stands(stretches: Sequence[Stretch], orders: Orders) -> bool:
     """Whether one of them is at an override of nothing."""
-    return any(one.scale(orders.override, orders.rapid_override) <= 0.0 for one in stretches)
+    return any(one.scale(*orders.shares) <= 0.0 for one in stretches)
 
 
 def _braking(sent: Sent, plan_s: float, v: float) -> float:

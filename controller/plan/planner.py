@@ -11,7 +11,7 @@ end of the window is not meant to be reached: from its seam on the next window r
                     seam
 ```
 So the queue always ends at rest, and an interrupted planner leaves nothing half said.
-What the operator changes (overrides, single block) is planned from a place a little
+What the operator changes (overrides, single block), and adaptive feed, is planned from a place a little
 ahead of the commit point on, out of the motion that is there. After a stop the tick
 stands with an empty queue and another ``epoch``, and the path is planned from there.
 
@@ -179,7 +179,9 @@ class Planner:
         if now.epoch != self._epoch:
             self._restart(now)
         self._forget(now)
-        orders = Orders(now.override, min(now.rapid_override, 1.0), now.single_block)
+        share = now.adaptive_share
+        everywhere = share if now.adaptive_feed else 1.0
+        orders = Orders(now.override, min(now.rapid_override, 1.0), now.single_block, share, everywhere)
         began_s = self._clock() if self._clock else 0.0
         tries = now.plan_time_s >= self._wait_s
         sent = (tries and self._replan(now, orders)) or self._further(now, orders, tries)

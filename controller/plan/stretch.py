@@ -79,11 +79,18 @@ class Stretch:
     overrides: Overrides = ENABLED
     guarded: bool = False  # a probe in the spindle must not touch
 
-    def scale(self, override: float, rapid_override: float) -> float:
-        """The share of its speed that the operator has set, of the two that he sets."""
+    def scale(
+        self, override: float, rapid_override: float, adaptive: float = 1.0, everywhere: float = 1.0
+    ) -> float:
+        """The share of its speed that the operator has set, of the two that he sets.
+
+        ``adaptive``: what the load of the spindle leaves of it under M52 P1, ``everywhere``: without.
+        """
         if self.feed_mm_s is None:
             return rapid_override
-        return override if self.overrides.feed else 1.0
+        if not self.overrides.feed:
+            return 1.0
+        return override * (adaptive if self.overrides.adaptive else everywhere)
 
     def feed_at(self, s: Array) -> Array:
         """Programmed speed in the unit of s per second at the places ``s`` (N,); inf on rapids.

@@ -339,7 +339,7 @@ ROWS: tuple[Code, ...] = (
         ("M48", "", "the operator's override of feeds counts"),
         ("M49", "", "it does not: feeds are as F says"),
         ("M50", "P", "it counts (P1) or not (P0)"),
-        ("M52", "P", "adaptive feed off (P0); on it is refused, as no input leads the feed"),
+        ("M52", "P", "the load of the spindle leads the feed (P1) or not (P0)"),
         ("M53", "P", "the input feed_stop stops motion (P1) or not (P0)"),
     ),
     *done("coolant", NIST, ("M7", "", "mist"), ("M8", "", "flood"), ("M9", "", "both off")),

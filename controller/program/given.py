@@ -304,7 +304,7 @@ _NAMED: MappingProxyType[str, Callable[[Given], float]] = MappingProxyType(
         "_lathe_radius_mode": lambda g: 0.0,
         "_feed_override": lambda g: float(g.state.modal.overrides.feed),
         "_speed_override": lambda g: 1.0,
-        "_adaptive_feed": lambda g: 0.0,
+        "_adaptive_feed": lambda g: float(g.state.modal.overrides.adaptive),
         "_feed_hold": lambda g: float(g.state.modal.overrides.stop),
         "_remap_level": lambda g: 0.0,
         "_task": lambda g: 1.0,

@@ -522,8 +522,10 @@ def overrides_after(ask: Ask, modal: Modal, machine: Machine) -> Modal:
     on = _is_on(ask, code)
     if code == "M50":
         return replace(modal, overrides=modal.overrides._replace(feed=on))
-    if code == "M52" and on:
-        raise ask.refusal(word, "override.adaptive")
+    if code == "M52":
+        if on and (machine.spindle is None or machine.spindle.adaptive is None):
+            raise ask.refusal(word, "override.adaptive")
+        return replace(modal, overrides=modal.overrides._replace(adaptive=on))
     if code == "M53":
         _check_input(ask, machine, on)
         return replace(modal, overrides=modal.overrides._replace(stop=on))

@@ -143,6 +143,7 @@ class Overrides(NamedTuple):
 
     feed: bool = True  # his override of feeds
     stop: bool = True  # the input feed_stop
+    adaptive: bool = False  # the load of the spindle leads the feed, where his override counts
 
 
 ENABLED = Overrides()

@@ -11,6 +11,7 @@ such a file, too, with more kinds of lines, so that every setpoint comes again:
     wait                from this tick on motion waited for spindle, coolant or clamps (1), or no more (0)
     thread              from this tick on the spindle led the axes so far (mm) beyond the law of their thread,
                         and whether it had settled
+    adaptive            from this tick on the load of the spindle left so much (share) of the feed
     fault               in this tick drives or devices had the fault ``value``
     off_path            from this tick on the setpoints are where the drives were, and are not made again
 
@@ -39,6 +40,7 @@ REQUESTS = {
     "rapid_override": Request.RAPID_OVERRIDE,
     "single_block": Request.SINGLE_BLOCK,
     "optional_stop": Request.OPTIONAL_STOP,
+    "adaptive_feed": Request.ADAPTIVE_FEED,
 }
 RECORDED = {  # by a live run alone
     "estop": Request.ESTOP,
@@ -54,10 +56,10 @@ RECORDED = {  # by a live run alone
 FILE, PROGRAM, MACHINE = "events.jsonl", "program.ngc", "machine.toml"  # of a record
 OVERRIDES = ("override", "rapid_override")
 BY_HAND = ("spindle_override", "spindle", "coolant", "clamps", "prepare")  # nothing of them moves an axis
-SWITCHES = ("single_block", "optional_stop")
+SWITCHES = ("single_block", "optional_stop", "adaptive_feed")
 STAND, PLAN, RETRACT, RETURN, ASIDE = "stand", "plan", "retract", "return", "aside"
 WAIT, FAULT, OFF_PATH, PIECES, BEGIN = "wait", "fault", "off_path", "pieces", "begin"
-THREAD = "thread"
+THREAD, ADAPTIVE = "thread", "adaptive"
 TURNS = (PLAN, RETRACT, RETURN)
 _RANKS = {STAND: 0, PLAN: 1, RETRACT: 1, RETURN: 1, PIECES: 3}  # within a tick; all others between
 _KEYS = frozenset({"tick", "request", "value"})
@@ -165,7 +167,7 @@ def _line(where: str, line: str, keys: frozenset[str]) -> Line | Begin:
         return _begin(where, data.get("value"))
     if request == ASIDE:
         raise EventError(f"{where}: {_LED_ASIDE}")
-    if request in (STAND, PIECES, WAIT, FAULT, OFF_PATH, THREAD, *TURNS):
+    if request in (STAND, PIECES, WAIT, FAULT, OFF_PATH, THREAD, ADAPTIVE, *TURNS):
         return _happened(where, data)
     return _asked(where, data)
 

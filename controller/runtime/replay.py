@@ -124,7 +124,7 @@ class _Repetition:
         self._planner.go_on_from(max(now.accepted, now.rejected))
         self._fitted = bench.machine
         self._waits, self._fault = False, Fault.NONE
-        self._thread = (0.0, False)
+        self._thread, self._share = (0.0, False), 1.0
 
     def _send(self, message: PieceMessage) -> bool:
         if message.is_keepalive:
@@ -179,7 +179,7 @@ class _Repetition:
             self._make(line)
             recorded |= line.at is not None
         if recorded:
-            self._bench.cycle.again = Again(self._waits, self._fault, self._thread)
+            self._bench.cycle.again = Again(self._waits, self._fault, self._thread, self._share)
 
     def _make(self, line: Line) -> None:
         bench = self._bench
@@ -194,6 +194,8 @@ class _Repetition:
             self._waits = bool(line.value)
         elif line.kind == events.THREAD:
             self._thread = float(line.value[0]), bool(line.value[1])
+        elif line.kind == events.ADAPTIVE:
+            self._share = float(line.value)
         elif line.kind == events.FAULT:
             self._fault = Fault[line.value]
         elif line.kind in events.TURNS:

@@ -38,7 +38,8 @@ from controller.geometry.vectors import Frame, Vector, X, Y, Z, add, dot, norm, 
 from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Joints, Machine, Sensor
 from controller.machine.toml_table import Table, parse, read_text
-from controller.runtime import simulated_part
+from controller.runtime import simulated_cut, simulated_part
+from controller.runtime.simulated_cut import Cut
 from controller.runtime.simulated_part import Part
 from controller.values import dataclass
 from drives.simulated.drive import SimulatedDrive
@@ -85,6 +86,7 @@ class Bench:
     machine: Machine  # as it truly is
     lost: tuple[Lost, ...]
     setter: Bench | None = None  # the tool setter and the tool that touches it
+    cut: Cut | None = None  # what loads the spindle
 
 
 def load(path: Path, machine: Machine) -> Bench:
@@ -97,9 +99,10 @@ def read(top: Table, machine: Machine, folder: Path) -> Bench:
     true, lost = _hidden(top, machine)
     tool = _tool(top.table("tool", "[tool]"), machine.setter) if machine.setter and top.has("tool") else None
     part = simulated_part.read(top, machine, folder)
+    cut = simulated_cut.read(top, part.frame)
     top.finish()
     setter = None if tool is None else Bench(*tool, true, lost)
-    return Bench(part, probe, true, lost, setter)
+    return Bench(part, probe, true, lost, setter, cut)
 
 
 def _tool(table: Table, setter: Sensor) -> tuple[Part, Nature]:

@@ -142,10 +142,12 @@ class SteppedMachine:
 
         ``motor``: how the spindle lags and slips.
         ``recordings``: folder for what is kept of a fault; None = nothing is kept.
-        ``bench``: what its probe can touch.
+        ``bench``: what its probe can touch, and its spindle cut.
         """
         self.machine = machine
         self.kinematics = kinematics_of(machine)
+        if motor is None and bench is not None and bench.cut is not None:
+            motor = MotorParameters()
         self.rig = _rig(machine, stiffness, lost_sync, motor)
         self.touch = None if bench is None else self._probed(bench)
         self._ticks_in_sdo = False
@@ -188,12 +190,16 @@ class SteppedMachine:
 
     def _probed(self, bench: Bench) -> Wired:
         """A probe that touches what is on the bench."""
+        from controller.runtime.simulated_cut import Cutting
         from controller.runtime.simulated_probe import Wired
 
         drives = [self.rig.drives[axis.name] for axis in self.machine.axes]
         io = next(iter(self.rig.io.values()), None)
         touch = Wired(bench, self.machine, drives, io, self.machine.probe)
         self.rig.watchers.append(touch.watch)
+        if bench.cut is not None and self.rig.spindle is not None:
+            cutting = Cutting(bench.cut, self.machine, drives, self.rig.spindle)
+            self.rig.watchers.append(cutting.watch)
         if bench.setter is not None:
             self.rig.watchers.append(Wired(bench.setter, self.machine, drives, io, self.machine.setter).watch)
         return touch

@@ -66,6 +66,7 @@ class Desk:
             "estop": self._estop,
             "single_block": lambda args: self._switch(Request.SINGLE_BLOCK, args),
             "optional_stop": lambda args: self._switch(Request.OPTIONAL_STOP, args),
+            "adaptive_feed": self._adaptive_feed,
             "override": lambda args: self._override(Request.OVERRIDE, args),
             "rapid_override": lambda args: self._override(Request.RAPID_OVERRIDE, args),
             "spindle_override": self._spindle_override,
@@ -209,6 +210,13 @@ class Desk:
     def _switch(self, request: Request, args: Values) -> Answer:
         on = switch(args, "on")
         return self._ask(request, float(on), on=on)
+
+    def _adaptive_feed(self, args: Values) -> Answer:
+        """Raises CommandRefused where the machine file has no law for it."""
+        spindle = self._service.machine.spindle
+        if spindle is None or spindle.adaptive is None:
+            raise refused("no_adaptive", code="bad")
+        return self._switch(Request.ADAPTIVE_FEED, args)
 
     def _override(self, request: Request, args: Values) -> Answer:
         share = number(args, "share", 0.0, MAX_OVERRIDE)

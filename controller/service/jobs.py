@@ -136,8 +136,7 @@ class Job:
         elif self._seen_s is not None and now.motion_id < ENTRY_ID:  # not on a way aside
             way = self.ways.get(now.motion_id)
             rapid = way is not None and way.feed_mm_s is None
-            feed = 1.0 if now.own_feed else now.override
-            share = min(now.rapid_override, 1.0) if rapid else feed
+            share = min(now.rapid_override, 1.0) if rapid else now.feed_share
             self.nominal_s += (now.plan_time_s - self._seen_s) * share
         self._seen_s = now.plan_time_s
 
@@ -357,8 +356,8 @@ def homed_position(machine: Machine) -> Joints:
 
 
 def mdi(text: str, machine: Machine) -> Job:
-    """A line of program typed by hand."""
-    data = text.encode()
+    """A line of program typed by hand, with the shipped cycles that it calls behind it."""
+    data = bytes(linked.linked(text.encode(), lambda _: None))
     return Job(Program(data, MDI, machine, typed=True), hashlib.sha256(data).hexdigest())
 
 

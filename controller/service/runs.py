@@ -34,6 +34,7 @@ import numpy.typing as npt
 
 from controller import atomic_file
 from controller.ipc.handoff import (
+    ADAPTIVE_FEED,
     COLUMN,
     OFF_PATH,
     OPTIONAL_STOP,
@@ -64,7 +65,11 @@ LAG_TICKS = 2  # from a setpoint to the feedback that can have followed it
 Rows = npt.NDArray[np.float64]
 
 _TAKEN = [COLUMN[name] for name in SETPOINTS]
-_SWITCHES = {SINGLE_BLOCK: "single_block", OPTIONAL_STOP: "optional_stop"}
+_SWITCHES = {
+    SINGLE_BLOCK: "single_block",
+    OPTIONAL_STOP: "optional_stop",
+    ADAPTIVE_FEED: "adaptive_feed",
+}
 _NAMES = {request: name for name, request in {**events.REQUESTS, **events.RECORDED}.items()}
 # They come again by themselves, for it is the tick that finds them in what it has been given.
 _OWN_FAULTS = (Fault.NONE, Fault.BRANCH_LOST, Fault.TRAVEL, Fault.VELOCITY, Fault.ACCELERATION)
@@ -89,6 +94,7 @@ class RunRecord:
         self._events = RunEvents()
         self._flags, self._fault = 0, Fault.NONE  # as the last row had them
         self._led = np.zeros((1, 2))  # likewise: how far the spindle led the axes, and that it had settled
+        self._share = 1.0  # likewise: what the load of the spindle left of the feed
         self._refused: set[int] = set()  # numbers of requests
         self._started_s = time.time()
         self._ticks = 0  # that sent a SYNC
@@ -216,6 +222,11 @@ class RunRecord:
         sent = rows[rows[:, COLUMN["sync_sent"]] != 0.0]
         self._find_flags(sent)
         self._find_threads(sent)
+        shares = rows[:, COLUMN["adaptive_share"]]
+        for i in _changes(shares, self._share):
+            self._share = float(shares[i])
+            line = events.line_of(events.ADAPTIVE, self._share)
+            self._events.add(int(rows[i, COLUMN["tick"]]), line)
 
     def _find_flags(self, sent: Rows) -> None:
         """Where motion begins to wait, or waits no more, and where the axes are off their path."""

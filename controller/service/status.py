@@ -260,7 +260,12 @@ def facts(machine: Machine, fitted: Mapping[str, Any]) -> dict[str, Any]:
             {"name": bus.name, "interface": bus.interface, "channel": bus.channel, "bit_rate": bus.bit_rate}
             for bus in machine.buses
         ],
-        "spindle": {"max_rev_min": machine.spindle.max_rev_min, "driven": machine.spindle.is_driven}
+        "spindle": {
+            "max_rev_min": machine.spindle.max_rev_min,
+            "driven": machine.spindle.is_driven,
+            "tells_load": machine.spindle.position is not None and machine.spindle.position.load,
+            "adaptive": machine.spindle.adaptive is not None,
+        }
         if machine.spindle
         else None,
         "inputs": [name for name, _ in machine.io.inputs] if machine.io else [],

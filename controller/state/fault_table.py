@@ -81,6 +81,8 @@ _ROWS = (
     _row(Fault.DOOR_OPEN, True, Reaction.HOLD, Recovery.RESUME),
     _row(Fault.SPINDLE_NOT_AT_SPEED, True, Reaction.HOLD, Recovery.RESUME, wait=Wait.ANSWER),
     _row(Fault.SPINDLE_LAGS, True, Reaction.HOLD, Recovery.RESUME, wait=Wait.ANSWER),
+    _row(Fault.SPINDLE_OVERLOADED, True, Reaction.HOLD, Recovery.RESUME, wait=Wait.ANSWER),
+    _row(Fault.LOAD_UNKNOWN, True, Reaction.WARN, Recovery.NOTHING),
     _row(Fault.SPINDLE_LOST, True, Reaction.PATH_STOP, Recovery.RESET, wait=Wait.CONSUMER),
     _row(Fault.CLAMP, True, Reaction.PATH_STOP, Recovery.RESET, wait=Wait.ANSWER),
     _row(Fault.COOLANT_LOST, True, Reaction.END_OF_BLOCK, Recovery.RESUME),

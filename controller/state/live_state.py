@@ -56,6 +56,7 @@ SINGLE_BLOCK, OPTIONAL_STOP = 1, 2
 STOOD = 4  # stood still in this tick, after a long gap
 WAITED = 8  # motion waited for spindle, coolant or clamps
 SETTLED = 32  # the spindle stands where its thread does, or there is none
+ADAPTIVE_FEED = 64
 OFF_PATH = 16  # the setpoints are where the drives were
 
 
@@ -120,7 +121,7 @@ class Snapshot(NamedTuple):
     )
     switches: int = _value(
         "cycle",
-        "1 single block, 2 optional stop, 4 stood, 8 waited, 16 off path, 32 settled",
+        "1 single block, 2 optional stop, 4 stood, 8 waited, 16 off path, 32 settled, 64 adaptive feed",
         column="switches",
     )
     taken: int = _value("cycle", "number of the last request taken in this tick, 0 = none", column="request")
@@ -140,6 +141,20 @@ class Snapshot(NamedTuple):
         "spindle_turns",
         status="spindle.turns rev",
         signal="spindle_turns rev",
+    )
+    spindle_load: float = _value(
+        "coupling.load",
+        "of the rated torque, where it is told",
+        column="spindle_load",
+        status="spindle.load % 100",
+        signal="spindle_load % 100",
+    )
+    adaptive_share: float = _value(
+        "adaptive.share",
+        "of the feed, that the load of the spindle leaves where ``adaptive_on``, 1 = all",
+        column="adaptive_share",
+        status="adaptive.share",
+        signal="adaptive_share % 100",
     )
     # From here on no recording has them.
     fault_axis: int = _value("modes", "index of its axis, -1 = none")
@@ -161,6 +176,12 @@ class Snapshot(NamedTuple):
     rejected: int = _value("cycle", "sequence of the last message refused")
     single_block: bool = _value("modes", "stop after every block", status="single_block")
     optional_stop: bool = _value("modes", "M1 stops", status="optional_stop")
+    adaptive_feed: bool = _value(
+        "modes", "the load of the spindle leads the feed without M52 P1, too", status="adaptive_feed"
+    )
+    adaptive_on: bool = _value(
+        "adaptive.on", "it leads that of the motion under the clock", status="adaptive.on"
+    )
     spindle_rev_min: float = _value(
         "peripherals.rev_min", "as told now, signed", "1/min", status="spindle.rev_min 1/min"
     )
@@ -172,9 +193,6 @@ class Snapshot(NamedTuple):
     )
     spindle_override: float = _value("modes", "of S, 1 = 100 %", status="spindle.override")
     spindle_at_speed: bool = _value("peripherals.at_speed", "it turns as told", status="spindle.at_speed")
-    spindle_load: float = _value(
-        "coupling.load", "of the rated torque, where it is told", status="spindle.load % 100"
-    )
     thread_rev: float = _value(
         "coupling.depth_rev",
         "turns that the tool is in a thread, 0 = in none",
@@ -202,6 +220,12 @@ class Snapshot(NamedTuple):
     probed: int = _value("probing.came", "what came of the last: 1 touched, 2 not")
     touch: tuple[float, ...] = _value("probing", "where the axes were then", "mm, rad", many=EACH_AXIS)
     answers: tuple[int, ...] = _value("answers.ring", "to the last requests, see ``came_of``", many=ANSWERS)
+
+    @property
+    def feed_share(self) -> float:
+        """Of the programmed feed of the motion under the clock, that override and adaptive feed leave."""
+        adaptive = self.adaptive_share if self.adaptive_on else 1.0
+        return 1.0 if self.own_feed else self.override * adaptive
 
     def came_of(self, number: int) -> tuple[Outcome, Fault]:
         """What came of the request of that number, and the interlock that forbade it; see ``Outcome``."""

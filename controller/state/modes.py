@@ -101,6 +101,7 @@ class Request(IntEnum):
     COOLANT = 20  # value: 0 off, 1 mist, 2 flood, 3 both; of a program until it says otherwise
     CLAMPS = 21  # value: bit mask of the axes whose clamps are open by hand
     PREPARE = 22  # value: outputs of a tool changer's preparation, see ``Changer.told``
+    ADAPTIVE_FEED = 23  # value: 1 = adaptive feed also without M52 P1, 0 = as the program says
 
 
 # (mode, request) -> mode that follows at once. Overrides and switches are allowed in every
@@ -165,6 +166,7 @@ ALWAYS = frozenset(
         Request.ESTOP,
         Request.SINGLE_BLOCK,
         Request.OPTIONAL_STOP,
+        Request.ADAPTIVE_FEED,
         Request.JOG_STOP,
         Request.ARRANGED,
         Request.PLAN_LOST,

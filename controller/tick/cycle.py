@@ -11,6 +11,7 @@ from collections.abc import Callable
 from typing import Final, NamedTuple
 
 from controller.ipc.handoff import (
+    ADAPTIVE_FEED,
     OFF_PATH,
     OPTIONAL_STOP,
     PLANNER_SILENCE_S,
@@ -30,6 +31,7 @@ from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Joints, Machine
 from controller.state import stop_times
 from controller.state.modes import ALWAYS, BY_HAND, DROPS, Fault, Mode, Request, bars
+from controller.tick.adaptive import Adaptive
 from controller.tick.check import Check
 from controller.tick.coupling import Coupling
 from controller.tick.drives import Drives
@@ -52,6 +54,7 @@ class Again(NamedTuple):
     waits: bool = False  # motion waited for spindle, coolant or clamps
     fault: Fault = Fault.NONE  # that came up
     thread: tuple[float, bool] = (0.0, False)  # how far the axes were led beyond it, and that it has settled
+    share: float = 1.0  # of the feed, by the load of the spindle
 
 
 class Cycle:
@@ -75,6 +78,7 @@ class Cycle:
         self.coupling = Coupling(machine, group.spindle, group.drives)
         self.follow = Follow(machine, kinematics_of(machine), self.coupling)
         self.peripherals = Peripherals(machine, group.spindle, group.io, self.coupling)
+        self.adaptive = Adaptive(machine, group.spindle)
         self.jogging = Jogging(machine, self.modes, self.follow)
         self._masks = range(1, machine.every_axis + 1)  # of axes
         self._homing_asked = 0  # axes (bit mask) whose clamps must open before they home
@@ -102,6 +106,7 @@ class Cycle:
             answers=self.answers,
             probing=self.probing,
             coupling=self.coupling,
+            adaptive=self.adaptive,
         )
         self._silence_ticks = round(PLANNER_SILENCE_S / machine.period_s)
         self._silent = 0  # ticks that were run since the plan was last heard
@@ -151,6 +156,7 @@ class Cycle:
     def _switches(self) -> int:
         modes, stood = self.modes, self._stood or self._stood_before
         asked = SINGLE_BLOCK * modes.single_block + OPTIONAL_STOP * modes.optional_stop
+        asked += ADAPTIVE_FEED * modes.adaptive_feed
         settled = SETTLED * self.coupling.settled
         return asked + STOOD * stood + WAITED * self._waits + OFF_PATH * (not modes.on_path) + settled
 
@@ -311,6 +317,8 @@ class Cycle:
             own = self.follow.own_feed  # M49 takes all overrides
             share = 1.0 if own else self.modes.spindle_override
             self.peripherals.watch(now_s, self.modes, self._encoder.actual, standing, ticks, share)
+        if self.adaptive.present:
+            self._adapt(ticks)
         if self.probing.present:
             self.probing.watch()
         if self.sync.is_unheard and self.modes.on_path:
@@ -320,6 +328,14 @@ class Cycle:
         if self.jogging.active:
             self.jogging.watch(ticks, self._planner_gone())
         return self.modes.progress(ticks, standing)
+
+    def _adapt(self, ticks: int) -> None:
+        """How much of its feed the cut is left."""
+        if self.again is None:
+            turns = self.peripherals.rev_min != 0.0 and self.peripherals.at_speed
+            self.adaptive.watch(self.modes, self.follow, turns, ticks)
+        else:
+            self.adaptive.take(self.modes, self.follow, self.again.share)
 
     def _drop(self) -> None:
         self.follow.clear()

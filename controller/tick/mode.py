@@ -16,6 +16,7 @@ from drives.cyclic.drive import DriveFault
 
 MAX_OVERRIDE = 2.0
 SPINDLE_OVERRIDES = (0.5, 1.5)  # below it is no override but a stop, which is another button
+SWITCHES = (Request.SINGLE_BLOCK, Request.OPTIONAL_STOP, Request.ADAPTIVE_FEED)
 WARNING = 1 << 7  # of the statusword (CiA 402)
 
 # A drive that has tripped, lost its torque or started anew is silent or drops out first.
@@ -94,6 +95,7 @@ class Modes:
         self.spindle_override = 1.0
         self.single_block = False
         self.optional_stop = False
+        self.adaptive_feed = False
         self.homed = self.absolute = absolute
         self.untrusted = 0  # axes that a fault has cost their position; no start before they are homed
         self.warning = Fault.NONE  # the last fault that stopped nothing
@@ -177,7 +179,7 @@ class Modes:
             return self._set_override(request, value)
         if request is Request.SPINDLE_OVERRIDE:
             return self._set_spindle_override(value)
-        if request in (Request.SINGLE_BLOCK, Request.OPTIONAL_STOP):
+        if request in SWITCHES:
             return self._switch(request, value)
         if request is Request.ESTOP:
             self.fail(Fault.EMERGENCY_STOP, -1)
@@ -190,10 +192,13 @@ class Modes:
     def _switch(self, request: Request, value: float) -> bool:
         if value not in (0.0, 1.0):
             return False
+        on = value == 1.0
         if request is Request.SINGLE_BLOCK:
-            self.single_block = value == 1.0
+            self.single_block = on
+        elif request is Request.OPTIONAL_STOP:
+            self.optional_stop = on
         else:
-            self.optional_stop = value == 1.0
+            self.adaptive_feed = on
         return True
 
     def _set_override(self, request: Request, value: float) -> bool:

@@ -125,6 +125,12 @@ async def optional_stop(request: Request, body: models.Switch) -> models.Done:
     return await ask(request, "optional_stop", on=body.on)
 
 
+@router.put("/cycle/adaptive_feed", dependencies=[moves()], responses=MOVES)
+async def adaptive_feed(request: Request, body: models.Switch) -> models.Done:
+    """Whether the load of the spindle leads the feed of every cut, or only where the program says M52 P1."""
+    return await ask(request, "adaptive_feed", on=body.on)
+
+
 @router.post("/cycle/retract", dependencies=[moves()], responses=MOVES)
 async def retract(request: Request, body: models.Retract) -> models.Done:
     """In a hold, or ready: move back along the tool axis, to look, to change the insert, or after a fault.

@@ -55,7 +55,10 @@ class Jump:
 
 
 class Course:
-    """A row of stretches between two rests; the overrides scale feeds and rapids (1.0 = 100 %)."""
+    """A row of stretches between two rests; the overrides scale feeds and rapids (1.0 = 100 %).
+
+    ``adaptive`` and ``everywhere``: as of ``Stretch.scale``.
+    """
 
     def __init__(
         self,
@@ -64,10 +67,13 @@ class Course:
         kinematics: Kinematics,
         override: float = 1.0,
         rapid_override: float = 1.0,
+        adaptive: float = 1.0,
+        everywhere: float = 1.0,
     ) -> None:
         self.stretches = tuple(stretches)
         self.machine, self.kinematics = machine, kinematics
-        self.override, self.rapid_override = override, rapid_override
+        self.rapid_override = rapid_override
+        self._scales = override, rapid_override, adaptive, everywhere
         self.starts: Array = np.concatenate([[0.0], np.cumsum([s.motion.end for s in self.stretches])])
         self._junctions: dict[int, float] = {}
         self._jumps: dict[int, Jump] = {}
@@ -116,7 +122,7 @@ class Course:
         for k in distinct(index):
             here, stretch = index == k, self.stretches[k]
             local = np.clip(s[here] - self.starts[k], 0.0, stretch.motion.end)
-            found[here] = stretch.feed_at(local) * stretch.scale(self.override, self.rapid_override)
+            found[here] = stretch.feed_at(local) * stretch.scale(*self._scales)
         return found
 
     @cached_property

@@ -107,12 +107,27 @@ def touched(cut: SurfaceCut, kinematics: Kinematics) -> SurfaceCut:
 
 def _turning(touch: Touch) -> list[float]:
     """Where the direction that is left turns quickly: what tells it comes near to nothing there."""
+
+    def left(u: Array) -> Array:
+        a, b, _, _ = touch.seen(u, np)
+        return np.asarray(np.hypot(a, b) + 0.0 * u)
+
     u = np.linspace(touch.low, touch.high, SAMPLES)
-    a, b, _, _ = touch.seen(u, np)
-    size = np.hypot(a, b) + 0.0 * u
+    size = left(u)
     padded = np.concatenate(([np.inf], size, [np.inf]))
     low = (size <= padded[:-2]) & (size < padded[2:]) & (size < QUICK * size.max())
-    return [float(one) for one in u[low]]
+    return [_zoomed(left, float(one), touch.low, touch.high)[0] for one in u[low]]
+
+
+def _zoomed(off: Callable[[Array], Array], at: float, low: float, high: float) -> tuple[float, float]:
+    """(u, value) of the dip about one of ``SAMPLES`` places over low .. high."""
+    least, half = float(off(np.array([at]))[0]), (high - low) / (SAMPLES - 1)
+    while half > FINEST and least > 0.0:  # which it is where an end of a block is on the pole
+        grid = np.clip(at + half * _CLOSER, low, high)
+        values = off(grid)
+        k, half = int(np.argmin(values)), 0.1 * half
+        at, least = float(grid[k]), float(values[k])
+    return at, least
 
 
 # ---- the axis and its polynomials -----------------------------------------------------
@@ -144,12 +159,7 @@ def _dips(axis: Axis) -> list[tuple[float, float]]:
         return []
     found = []
     for i in dips:
-        at, least, half = float(u[i]), float(value[i + 1]), 1.0 / (SAMPLES - 1)
-        while half > FINEST and least > 0.0:  # which it is where an end of a block is on the pole
-            grid = np.clip(at + half * _CLOSER, 0.0, 1.0)
-            sines = off(grid)
-            k, half = int(np.argmin(sines)), 0.1 * half
-            at, least = float(grid[k]), float(sines[k])
+        at, least = _zoomed(off, float(u[i]), 0.0, 1.0)
         if least <= BESIDE_RAD:
             found.append((at, least))
     return found

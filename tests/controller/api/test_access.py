@@ -32,6 +32,7 @@ BODIES: dict[str, Any] = {
     "/overrides/rapid": {"share": 0.5},
     "/cycle/single_block": {"on": True},
     "/cycle/optional_stop": {"on": True},
+    "/cycle/adaptive_feed": {"on": True},
     "/cycle/retract": {"mm": 1.0},
     "/jog": {"frame": "joint", "axis": "X", "speed": 0.1},
     "/jog/step": {"frame": "joint", "axis": "X", "distance": 0.1},

@@ -148,6 +148,8 @@ REQUESTS = [
     ),
     (("override", "80"), "override", {"share": 0.8}),
     (("override", "25", "--rapid"), "rapid_override", {"share": 0.25}),
+    (("adaptive", "on"), "adaptive_feed", {"on": True}),
+    (("adaptive", "off"), "adaptive_feed", {"on": False}),
     (("override", "90", "--spindle"), "spindle_override", {"share": 0.9}),
     (("spindle", "-3000"), "spindle", {"rev_min": -3000.0}),
     (("spindle", "0"), "spindle", {"rev_min": 0.0}),

@@ -53,6 +53,14 @@ def test_mode_positions_feed_limit_progress_and_time_left_are_shown() -> None:
     assert "75 %" in told and "1:01 done, 0:31 left" in told and "control: page" in told
 
 
+def test_load_and_share_of_adaptive_feed_are_shown_where_it_counts() -> None:
+    led = {"spindle": {"rev_min": 8000.0, "load": 61.6}, "adaptive": {"on": True, "share": 0.71}}
+    assert "load 62 %, adaptive feed 71 %" in shown({**RUNNING, **led, "adaptive_feed": True}, width=160)
+    assert "adaptive feed" in shown({**RUNNING, "adaptive_feed": True})
+    led["adaptive"] = {"on": False, "share": 0.71}
+    assert "adaptive feed" not in shown({**RUNNING, **led})
+
+
 def test_it_fits_a_terminal_of_eighty_columns() -> None:
     assert max(len(line) for line in shown(RUNNING).splitlines()) <= 80
 

@@ -11,7 +11,7 @@ from support.machines.spindle_machine import IO, SPINDLE, mill, text
 
 from controller.machine import machine_file
 from controller.machine.machine_file import ConfigError
-from controller.machine.model import Clamp
+from controller.machine.model import AdaptiveFeed, Clamp
 from controller.state import stop_times
 from drives.settings import IoSettings
 
@@ -80,6 +80,35 @@ def test_a_mistake_is_told_with_its_table_and_key(old: str, new: str, told: str)
     assert old in whole
     said = refusal(whole.replace(old, new, 1))
     assert re.match(r"m\.toml:\d+: \[", said) and told in said, said
+
+
+TELLS = "counts_per_rev = 4096\nposition = { load = true }"
+LAW = "adaptive = { load_percent = 60.0, overload_percent = 120.0 }"
+
+
+def test_adaptive_feed_has_its_law_in_shares() -> None:
+    assert mill().spindle.adaptive is None  # type: ignore[union-attr]
+    spindle = mill(SPINDLE.replace("counts_per_rev = 4096", f"{TELLS}\n{LAW}")).spindle
+    assert spindle is not None and spindle.adaptive == AdaptiveFeed(0.6, 0.2, 1.0, 0.3, 3.0, 1.2, 0.5)
+
+
+@pytest.mark.parametrize(
+    ("told", "law", "why"),
+    (
+        ("counts_per_rev = 4096", LAW, "does not tell its load"),
+        ("counts_per_rev = 4096\nposition = {}", LAW, "does not tell its load"),
+        ("counts_per_rev = 4096", LAW, "allowed: position = { load = true } beside it; write load = true"),
+        (TELLS, LAW.replace("60.0", "4.0"), "load_percent = 4.0: is out of range"),
+        (TELLS, LAW.replace("120.0", "60.0"), "overload_percent = 60.0: is no more than the load"),
+        (TELLS, LAW.replace(" }", ", fall_s = 2.0, rise_s = 1.0 }"), "rise_s = 1.0: is shorter than fall_s"),
+        (TELLS, LAW.replace(" }", ", max_share = 2.0 }"), "max_share = 2.0: is out of range"),
+        (TELLS, LAW.replace(" }", ", min_share = 0.0 }"), "min_share = 0.0: is out of range"),
+        (TELLS, LAW.replace("load_percent", "load_per_cent"), "did you mean"),
+    ),
+)
+def test_a_law_that_cannot_be_kept_is_told_with_its_key(told: str, law: str, why: str) -> None:
+    said = refusal(text(SPINDLE.replace("counts_per_rev = 4096", f"{told}\n{law}")))
+    assert why in said and re.match(r"m\.toml:\d+: \[spindle\]", said), said
 
 
 def test_a_clamp_without_an_io_table_is_refused() -> None:

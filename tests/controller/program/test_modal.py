@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 from support.machines.traced_programs import mill
 
-from controller.machine.model import Io, Machine
+from controller.machine.model import AdaptiveFeed, Io, Machine, Spindle
 from controller.program import blocks
 from controller.program.program import JointLine, Overrides, ProgramError, Remark
 
@@ -47,7 +47,7 @@ def after(*lines: str, on: Machine | None = None) -> Overrides:
     ],
 )
 def test_they_switch_and_are_given_back(lines: tuple[str, ...], feed: bool, stop: bool) -> None:
-    assert after(*lines) == (feed, stop)
+    assert after(*lines) == (feed, stop, False)
 
 
 @pytest.mark.parametrize("name", ["_feed_override", "_feed_hold"])
@@ -65,8 +65,10 @@ def test_a_program_can_ask_for_them(name: str) -> None:
         ("M49 M51 P1", "are both overrides codes"),
         ("M50 P2", "P2 is neither on nor off"),
         ("M51 P-1", "P-1 is neither on nor off"),
-        ("M52", "M52 lets an input lead the feed"),
-        ("M52 P1", "M52 lets an input lead the feed"),
+        ("M52", "no adaptive in [spindle]"),
+        ("M52 P1", "no adaptive in [spindle]"),
+        ("M52 P2", "P2 is neither on nor off"),
+        ("M52 M48", "are both overrides codes"),
         ("M49 P1", "no code on this line takes P1"),
     ],
 )
@@ -76,10 +78,40 @@ def test_what_cannot_be_switched_is_refused(line: str, why: str) -> None:
     assert why in error.value.sentence
 
 
+def with_law(law: AdaptiveFeed | None = AdaptiveFeed()) -> Machine:  # noqa: B008 (frozen)
+    return replace(machine(), spindle=Spindle(12000.0, adaptive=law))
+
+
+@pytest.mark.parametrize(
+    ("lines", "on"),
+    [
+        ((), False),
+        (("M52",), True),
+        (("M52 P1",), True),
+        (("M52 P1", "M52 P0"), False),
+        (("M52 P1", "M49"), True),
+        (("M52 P1", "M70", "M52 P0", "M72"), True),
+        (("M70", "M52 P1", "M72"), False),
+        (("o1 sub", "M73", "M52 P1", "o1 endsub", "o1 call"), False),
+    ],
+)
+def test_m52_is_modal_where_the_machine_has_a_law_for_it(lines: tuple[str, ...], on: bool) -> None:
+    assert after("S1000 M3", *lines, on=with_law()).adaptive is on
+    if on:
+        with pytest.raises(ProgramError, match="no adaptive in"):
+            after("S1000 M3", *lines, on=with_law(None))
+
+
+def test_a_program_can_ask_for_m52() -> None:
+    text = b"S1000 M3\nG1 X#<_adaptive_feed> F100\nM52 P1\nG1 X#<_adaptive_feed>\n"
+    lines = [one for one in blocks.read(text, with_law(), "p.ngc").blocks if isinstance(one, JointLine)]
+    assert [line.targets[0] for line in lines] == [0.0, 1.0]
+
+
 def test_m53_names_the_input_that_the_machine_file_lacks() -> None:
     with pytest.raises(ProgramError, match=r"no feed_stop among inputs in \[io\]"):
         after("M53 P1", on=mill())
-    assert after("M53 P0", on=mill()) == (True, False)
+    assert after("M53 P0", on=mill()) == (True, False, False)
 
 
 def test_m51_says_that_the_operator_keeps_it() -> None:

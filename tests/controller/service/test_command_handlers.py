@@ -21,6 +21,7 @@ from controller.ipc.control_socket import CommandRefused
 from controller.ipc.handoff import Snapshot
 from controller.machine import setup_data
 from controller.machine.kinematics import kinematics_of
+from controller.machine.model import AdaptiveFeed, Spindle
 from controller.messages import said
 from controller.plan.restart.program_position import FORMER, Spot
 from controller.service import acknowledged, jobs, journal, whole_status
@@ -849,3 +850,14 @@ def test_a_tool_that_was_turned_out_by_hand_is_said_to_be_out(desk: Desk, servic
     assert service.thread.found is None
     with pytest.raises(CommandRefused, match="no thread"):
         done(desk, "withdraw")
+
+
+def test_adaptive_feed_is_switched_where_the_machine_file_has_a_law_for_it(
+    desk: Desk, service: Service, engine: FakeEngine
+) -> None:
+    with pytest.raises(CommandRefused, match=r"write adaptive in \[spindle\]") as why:
+        done(desk, "adaptive_feed", on=True)
+    assert why.value.code == "bad"
+    service.machine = replace(service.machine, spindle=Spindle(9000.0, node=9, adaptive=AdaptiveFeed()))
+    assert done(desk, "adaptive_feed", on=True)["on"] is True
+    assert engine.requests == [Request.ADAPTIVE_FEED]

@@ -37,6 +37,7 @@ def running(ticks: int) -> np.ndarray:
     rows[:, COLUMN["tick"]] = range(ticks)
     rows[:, COLUMN["mode"]], rows[:, COLUMN["sync_sent"]] = Mode.RUNNING, 1.0
     rows[:, COLUMN["override"]] = rows[:, COLUMN["rapid_override"]] = 1.0
+    rows[:, COLUMN["adaptive_share"]] = 1.0
     return rows
 
 

@@ -38,6 +38,8 @@ OTHERWISE = {
     "spindle_turns": "coupling.turns",
     "spindle_load": "coupling.load",
     "thread_rev": "coupling.depth_rev",
+    "adaptive_share": "adaptive.share",
+    "adaptive_on": "adaptive.on",
     "thread_pitch_mm": "coupling.pitch_mm",
     "jogging": "jogging.active",
     "probing": "probing.phase",
@@ -55,11 +57,11 @@ COLUMNS = [
 
 
 FLAGS = [field.name for field in FIELDS if field.type is bool]
-assert len(FLAGS) <= 1 << 4, "four turns tell no more apart"
+assert len(FLAGS) <= 1 << 5, "five turns tell no more apart"
 
 
 def unlike(n: int, field: Field, turn: int, axes: int = MAX_AXES) -> Any:
-    """A value of its type that no other one has; of flags, no two are alike in all of four turns."""
+    """A value of its type that no other one has; of flags, no two are alike in all of five turns."""
     if field.type is bool:
         return bool(FLAGS.index(field.name) >> turn & 1)
     if issubclass(field.type, Enum):
@@ -69,7 +71,7 @@ def unlike(n: int, field: Field, turn: int, axes: int = MAX_AXES) -> Any:
 
 
 @pytest.mark.parametrize("axes", [3, 4, MAX_AXES])
-@pytest.mark.parametrize("turn", range(4))
+@pytest.mark.parametrize("turn", range(5))
 def test_every_value_goes_from_its_owner_through_memory_to_its_own_name(turn: int, axes: int) -> None:
     values = {field.name: unlike(n, field, turn, axes) for n, field in enumerate(FIELDS)}
     parts: dict[str, SimpleNamespace] = {name: SimpleNamespace() for name in PARTS}

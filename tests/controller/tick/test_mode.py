@@ -24,7 +24,7 @@ from controller.state.modes import (
     refusal,
 )
 from controller.state.stop_times import ENABLE_S
-from controller.tick.mode import DRIVE_FAULTS, PHASES, Modes, Phase
+from controller.tick.mode import DRIVE_FAULTS, PHASES, SWITCHES, Modes, Phase
 from drives.cia402 import State, Wanted
 from drives.cyclic.drive import DriveFault
 
@@ -55,7 +55,7 @@ FAULTED = {  # the fault that may be shown in a mode, beside none
     Mode.RUNNING: Fault.COOLANT_LOST,
     Mode.FAULT: Fault.PLANNER_GONE,
 }
-VALUED = (Request.OVERRIDE, Request.RAPID_OVERRIDE, Request.SINGLE_BLOCK, Request.OPTIONAL_STOP)
+VALUED = (Request.OVERRIDE, Request.RAPID_OVERRIDE, *SWITCHES)
 INTERLOCKS = (Fault.NONE, Fault.DOOR_OPEN, Fault.ESTOP_INPUT)
 
 

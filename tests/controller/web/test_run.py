@@ -70,12 +70,12 @@ def test_tool_feed_and_what_limits_it_are_shown(page: Any, site: Site) -> None:
         axis={"I": 0.6, "J": 0.0, "K": -0.8},
         feed_mm_min={"programmed": 1200.0, "actual": 433.0},
         limited_by="Y velocity",
-        spindle={"rev_min": 9000.0, "actual_rev_min": 8990.0, "at_speed": True},
+        spindle={"rev_min": 9000.0, "actual_rev_min": 8990.0, "at_speed": True, "load": 54.4},
         coolant={"mist": True, "flood": True},
     )
     until_shown(page, ".run-feed .huge", "433")
     facts = page.locator(".run-feed dd").evaluate_all("(all) => all.map((one) => one.innerText)")
-    assert facts == ["1200", "Y velocity", "8990 / 9000", "mist, flood"]
+    assert facts == ["1200", "Y velocity", "8990 / 9000, 54 %", "mist, flood"]
     tool = page.locator(".run-tool .pair").evaluate_all(
         "(all) => all.map((one) => [...one.children].map((e) => e.innerText).join(' '))"
     )
@@ -300,3 +300,19 @@ def test_spindle_coolant_and_clamps_are_told_by_hand(page: Any, site: Site) -> N
     page.click("[data-hand='clamp A']")
     until(lambda: site.asked("clamps"), "the clamp")
     assert site.asked("clamps")[-1][2] == {"open": ["A"]}
+
+
+def test_load_and_share_stand_beside_the_feed_and_the_switch_is_there(page: Any, site: Site) -> None:
+    spindle = {"rev_min": 8000.0, "actual_rev_min": 7985.0, "load": 62.4}
+    site.tell(spindle=spindle, adaptive={"on": True, "share": 0.71}, adaptive_feed=True)
+    until_shown(page, "#run-load", "62 %")
+    until_shown(page, "#run-adaptive", "71 %")
+    page.wait_for_selector("[data-toggle='PUT cycle/adaptive_feed'][aria-pressed=true]")
+    site.tell(spindle=spindle, adaptive={"on": False, "share": 0.71})
+    until_shown(page, "#run-adaptive", "–")
+
+
+def test_the_switch_of_adaptive_feed_asks_the_machine(page: Any, site: Site) -> None:
+    page.click("[data-toggle='PUT cycle/adaptive_feed']")
+    page.wait_for_selector("[data-toggle='PUT cycle/adaptive_feed'][aria-pressed=true]")
+    assert [args for _, _, args in site.asked("adaptive_feed")] == [{"on": True}]

@@ -29,6 +29,7 @@ TABLE: dict[str, tuple[set[str], str | None]] = {
     "stop": ({"RUNNING", "HOLD", "READY"}, "READY"),
     "single_block": (set(), None),  # nothing named: in all modes
     "optional_stop": (set(), None),
+    "adaptive_feed": (set(), None),
     "override": (set(), None),
     "rapid_override": (set(), None),
     "spindle_override": (set(), None),

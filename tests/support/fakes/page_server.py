@@ -53,7 +53,7 @@ class MovingDoor(FakeDoor):
         self._where = dict.fromkeys(AXES, 0.0)
         self._jog: tuple[str, float, float, float] | None = None  # axis, speed, last look, until
         self._overrides = {"override": 1.0, "rapid_override": 1.0}
-        self._switches = {"single_block": False, "optional_stop": False}
+        self._switches = {"single_block": False, "optional_stop": False, "adaptive_feed": False}
         self._aside = False
 
     def answer(self, verb: str, args: dict[str, Any]) -> dict[str, Any]:
@@ -140,7 +140,8 @@ class MovingDoor(FakeDoor):
 
     def facts(self) -> dict[str, Any]:
         """The shipped machine's, with what it has not: a spindle, coolant, drives that are not all alike."""
-        more = {"spindle": {"max_rev_min": 24000.0, "driven": True}, "outputs": ["mist", "coolant", "a_open"]}
+        spindle = {"max_rev_min": 24000.0, "driven": True, "tells_load": True, "adaptive": True}
+        more = {"spindle": spindle, "outputs": ["mist", "coolant", "a_open"]}
         told = status.facts(MACHINE, more)
         for axis in told["axes"]:
             axis["absolute"] = axis["name"] == "Z"

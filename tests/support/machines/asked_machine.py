@@ -133,7 +133,7 @@ class AskedMachine:
     def _is_sound(self, request: Request, value: float, jog: Jog | None, mode: Mode) -> bool:
         if request in (Request.OVERRIDE, Request.RAPID_OVERRIDE):
             return 0.0 <= value <= 2.0
-        if request in (Request.SINGLE_BLOCK, Request.OPTIONAL_STOP):
+        if request in (Request.SINGLE_BLOCK, Request.OPTIONAL_STOP, Request.ADAPTIVE_FEED):
             return value in (0.0, 1.0)
         if request is Request.SPINDLE_OVERRIDE:
             return 0.5 <= value <= 1.5

@@ -17,6 +17,7 @@ from controller.machine.model import Machine
 from controller.plan.path.path import Chain, Pause
 from controller.plan.planner import Planner
 from controller.plan.restart.program_position import Spot
+from controller.runtime import simulated_probe
 from controller.runtime.stepped import SteppedMachine
 from controller.service import journal
 from controller.service.journal import Entry, Journal
@@ -37,11 +38,12 @@ class Bench:
         folder: Path,
         machine: Machine | None = None,
         lateness: Callable[[int], float] | None = None,
+        around: simulated_probe.Bench | None = None,
     ) -> None:
-        """``lateness`` as the stepped clock takes it."""
+        """``lateness`` as the stepped clock takes it; ``around``: what the spindle cuts."""
         self.machine = setup_data.applied(machine or shipped(), FITTED)
         self._folder, self.before_message = folder, lambda: None
-        self.stepped = SteppedMachine(self.machine, lateness=lateness)
+        self.stepped = SteppedMachine(self.machine, lateness=lateness, bench=around)
         self.stepped.come_up()
         self.stepped._plan = self._turn  # type: ignore[method-assign]
         self.alone, self.planner = False, self.stepped.planner

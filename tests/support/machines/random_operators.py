@@ -58,6 +58,8 @@ def _share(rng: random.Random) -> float:
 
 def _let_go() -> list[tuple[Request, float]]:
     switches = [
-        (Request[name], 0.0) for name in ("SINGLE_BLOCK", "OPTIONAL_STOP") if name in Request.__members__
+        (Request[name], 0.0)
+        for name in ("SINGLE_BLOCK", "OPTIONAL_STOP", "ADAPTIVE_FEED")
+        if name in Request.__members__
     ]
     return [(Request.OVERRIDE, 1.0), (Request.RAPID_OVERRIDE, 1.0), *switches, (Request.RESUME, 0.0)]

@@ -42,7 +42,14 @@ ASKED = (
     *(Request.OVERRIDE, Request.RAPID_OVERRIDE, Request.SINGLE_BLOCK, Request.OPTIONAL_STOP) * 2,
     *(Request.ENABLE, Request.DISABLE, Request.RESET, Request.HOME) * 2,
     *(Request.ESTOP, Request.PLAN_LOST),
-    *(Request.SPINDLE_OVERRIDE, Request.SPINDLE, Request.COOLANT, Request.CLAMPS, Request.PREPARE),
+    *(
+        Request.ADAPTIVE_FEED,
+        Request.SPINDLE_OVERRIDE,
+        Request.SPINDLE,
+        Request.COOLANT,
+        Request.CLAMPS,
+        Request.PREPARE,
+    ),
 )
 DIRECTIONS = (
     *((1.0, 0.0, 0.0, 0.0, 0.0), (0.0, -1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0, 0.0)),
@@ -141,6 +148,7 @@ class Site(AskedMachine):
             (Request.RAPID_OVERRIDE, 1.0),
             (Request.SINGLE_BLOCK, 0.0),
             (Request.OPTIONAL_STOP, 0.0),
+            (Request.ADAPTIVE_FEED, 0.0),
         ):
             self.ask(request, value)
 

@@ -83,14 +83,16 @@ function Tool() {
 
 function Feed() {
   const { feed_mm_min: feed, limited_by, spindle, coolant } = dx.status ?? {};
+  const loaded = Boolean(dx.facts.spindle?.tells_load);
+  const share = typeof spindle?.load === "number" ? spindle.load / 100 : null;
   const running = ["mist", "flood"].filter((kind) => coolant?.[kind]).map((kind) => word(`run.${kind}`));
   return html`<${Card} title=${word("run.feed", forms.units())} class="run-feed">
     <${Figure} tag="div" class="huge">${forms.feed(feed?.actual)}<//>
     <dl class="facts">
       <dt>${word("run.programmed")}</dt><${Figure} tag="dd">${forms.feed(feed?.programmed)}<//>
       <dt>${word("run.limited")}</dt><${Figure} tag="dd" class="chip">${forms.bound(limited_by)}<//>
-      ${dx.facts.spindle && html`<dt>${word("run.spindle")}</dt>
-        <dd><${Figure} class="strong">${forms.int(spindle?.actual_rev_min)}<//><span class="dim"> / </span><${Figure}>${forms.int(spindle?.rev_min)}<//></dd>`}
+      ${dx.facts.spindle && html`<dt>${word(loaded ? "run.spindle_load" : "run.spindle")}</dt>
+        <dd><${Figure} class="strong">${forms.int(spindle?.actual_rev_min)}<//><span class="dim"> / </span><${Figure}>${forms.int(spindle?.rev_min)}<//>${loaded && html`<span class="dim">, </span><${Figure} class="strong" id="run-load">${forms.percent(share)}<//>`}</dd>`}
       ${dx.facts.outputs && html`<dt>${word("run.coolant")}</dt><${Figure} tag="dd">${running.join(", ") || "–"}<//>`}
     </dl>
     <div class="overrides"><${Override} /><${Rapid} /><${SpindleOverride} /></div>
@@ -124,9 +126,16 @@ function Override() {
     <span class="dim">${word("run.feed_override")}</span>
     ${step(-10)}<${Figure} class="override-figure">${forms.percent(now)}<//>${step(10)}
     <${Act} text="100 %" call="PUT overrides/feed" body=${{ share: 1 }} title=${word("run.reset_override")} />
-    <input class="slider" type="range" id="run-override" min="0" max="200" step="5" aria-label=${word("run.feed_override")} ref=${slider} ...${field({})}
+    <div class="slider-row"><input class="slider" type="range" id="run-override" min="0" max="200" step="5" aria-label=${word("run.feed_override")} ref=${slider} ...${field({})}
       oninput=${() => (override.dragging = true)} onchange=${(event) => ask_override(event.target.valueAsNumber)} />
+      ${dx.facts.spindle?.adaptive && html`<${Adaptive} />`}</div>
   </div>`;
+}
+
+// The switch, and where it counts the share that the load of the spindle leaves.
+function Adaptive() {
+  const { on, share } = dx.status?.adaptive ?? {};
+  return html`<${Toggle} name="adaptive" path="adaptive_feed"> <${Figure} id="run-adaptive">${on ? forms.percent(share) : "–"}<//><//>`;
 }
 
 const Rapid = () => html`<div class="override">
@@ -161,9 +170,9 @@ function Cycle() {
   <//>`;
 }
 
-const Toggle = ({ name, path }) => {
+const Toggle = ({ name, path, children }) => {
   const on = Boolean(dx.status?.[path]);
-  return html`<${Act} text=${word(`run.${name}`)} class="toggle" data-toggle=${`PUT cycle/${path}`} aria-pressed=${String(on)} press=${() => call("PUT", `cycle/${path}`, { on: !on })} />`;
+  return html`<${Act} class="toggle" data-toggle=${`PUT cycle/${path}`} aria-pressed=${String(on)} press=${() => call("PUT", `cycle/${path}`, { on: !on })}>${word(`run.${name}`)}${children}<//>`;
 };
 
 // Lines that begin with /, left out or not: the program is loaded anew so, from its beginning.

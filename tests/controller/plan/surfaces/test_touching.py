@@ -80,6 +80,14 @@ def test_what_only_passes_through_the_pole_or_stays_off_is_left_as_it_is(surface
     assert touched(motion, kinematics_of(machine())) is motion
 
 
+def test_where_the_direction_beside_a_touch_turns_is_told_to_the_last_digit() -> None:
+    """Two passages by the pole, at 0.25 +- 4.5e-4: one is taken out, at the other C turns within 1e-7."""
+    found = cut(wall(0.25, (3, 2), off_mm=1e-6))
+    ((root,), away) = found.touches[0].roots, math.sqrt(1e-6 / 5.0)
+    assert abs(root - 0.25) == pytest.approx(away, rel=1e-4)
+    assert found.beside_pole == (pytest.approx(0.5 - root, abs=1e-9),)
+
+
 def test_a_contact_missed_by_more_than_rounding_is_a_wall_that_passes_by() -> None:
     motion = cut(wall(0.3, (2, 2), off_mm=1e-6))
     assert motion.touches == () and motion.beside_pole == pytest.approx([0.3], abs=1e-3)
