@@ -20,17 +20,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from struct import Struct
+from typing import Final
 
 FRAME = Struct("<IB3x8s")
-FRAME_BYTES = 16
-LENGTH_AT, DATA_AT = 4, 8
+FRAME_BYTES: Final = 16
+LENGTH_AT: Final = 4
+DATA_AT: Final = 8
 HEADER = Struct("<IB")
-COMMAND = Struct("<Hi")
+COMMAND: Final = Struct("<Hi")
 FEEDBACK = Struct("<Hi")
-PDO_BYTES = 6
+PDO_BYTES: Final = 6
 TARGET = Struct("<ii")
 CONTROLWORD = Struct("<H")
-MODE_BYTES = 1  # mode of operation display 6061h i8
+MODE_BYTES: Final = 1  # mode of operation display 6061h i8
 TURNED = Struct("<i")  # a spindle's position i32 ...
 TURNED_AND_LOAD = Struct("<ih")  # ... with its torque 6077h i16, in thousandths of the rated one
 LATCH = Struct("<Hi")  # touch probe: status 60B9h u16, position at the rising edge 60BAh i32
@@ -38,7 +40,7 @@ EMERGENCY = Struct("<HB5s")  # error code, error register 1001h, five bytes of t
 
 # CiA 301, pre-defined connection set.
 NMT = 0x000
-SYNC = 0x080
+SYNC: Final = 0x080
 EMCY = 0x080
 TPDO1 = 0x180
 RPDO1 = 0x200
@@ -48,14 +50,14 @@ LSS_ANSWER = 0x7E4  # CiA 305
 GROUP_MASK = 0x780  # the function code: identifier without the node
 NEXT_PDO = 0x100  # from PDO n of a node to its PDO n + 1
 
-EXTENDED_FLAG = 0x8000_0000
-REMOTE_FLAG = 0x4000_0000
-ERROR_FLAG = 0x2000_0000
+EXTENDED_FLAG: Final = 0x8000_0000
+REMOTE_FLAG: Final = 0x4000_0000
+ERROR_FLAG: Final = 0x2000_0000
 
-NMT_BOOT_UP = 0
-NMT_STOPPED = 4
-NMT_OPERATIONAL = 5
-NMT_PRE_OPERATIONAL = 127
+NMT_BOOT_UP: Final = 0
+NMT_STOPPED: Final = 4
+NMT_OPERATIONAL: Final = 5
+NMT_PRE_OPERATIONAL: Final = 127
 
 # (identifier, mask) pairs: what the tick wants to hear, and nothing else. Setpoints are its own:
 # one that it hears is a stranger's.

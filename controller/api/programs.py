@@ -106,11 +106,11 @@ class Programs:
         return Path(called[file])
 
     def called_by(self, name: str, text: bytes) -> dict[str, str]:
-        """The same of a text that would have that name. Raises OSError."""
+        """The same of a text that would have that name, shipped cycles among them. Raises OSError."""
         there = {one.name: self.path(one.sha256) for one in self.list() if one.name != name}
         beside, top = (_in(folder, there) for folder in (names.folder_of(name), ""))
         _, files = linked.parts(linked.linked(text, lambda label: beside(label) or top(label)))
-        return {name: str(there[name]) for name, _ in files.values()}
+        return {name: str(there.get(name, linked.SHIPPED / name)) for name, _ in files.values()}
 
     def opened(self, name: str) -> tuple[Program, BinaryIO]:
         """A program and its content, which stays readable though the program is replaced meanwhile.

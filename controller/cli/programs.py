@@ -325,7 +325,9 @@ def simulate(
         Literal["program", "home"], typer.Option("--faults-from", help="What its times count from.")
     ] = "program",
     plot: Annotated[Path | None, typer.Option("--plot", help="Draw the cut (.png).")] = None,
-    part: Annotated[Path | None, typer.Option("--part", help="What a probe can touch (.toml).")] = None,
+    part: Annotated[
+        Path | None, typer.Option("--part", help="What a probe can touch, and the spindle cuts (.toml).")
+    ] = None,
     touches: Annotated[Path | None, typer.Option("--touches", help="Where it has touched (.csv).")] = None,
     store: Store = None,
     unchecked: Unchecked = False,

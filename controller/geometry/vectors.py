@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from types import ModuleType
-from typing import Any, NamedTuple
+from typing import Any, Final, NamedTuple
 
 # A float, an array of samples, or a series. Python has no type for "whatever has
 # + - * /", so the formulas that serve all three say so with this name.
@@ -22,7 +22,7 @@ Y: Vector = (0.0, 1.0, 0.0)
 Z: Vector = (0.0, 0.0, 1.0)
 ZERO: Vector = (0.0, 0.0, 0.0)
 
-ROUNDING = 1e-9  # mm, rad or s: two computations of one thing come out nearer than this
+ROUNDING: Final = 1e-9  # mm, rad or s: two computations of one thing come out nearer than this
 
 
 def add(a: Vector, b: Vector) -> Vector:

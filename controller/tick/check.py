@@ -7,6 +7,7 @@ caught before the wire, and the answer is a value.
 from __future__ import annotations
 
 import math
+from typing import Final
 
 from controller.machine.model import Joints, Machine
 from controller.state.modes import Fault
@@ -14,7 +15,7 @@ from controller.state.modes import Fault
 TOLERANCE = 1.001  # of velocity and acceleration
 TRAVEL_SLACK = 1e-6  # mm or rad
 
-_FINE = (Fault.NONE, -1)
+_FINE: Final = (Fault.NONE, -1)
 
 
 class Check:

@@ -8,7 +8,7 @@ raises on what may happen on a machine.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from controller.ipc.handoff import (
     ADAPTIVE_FEED,
@@ -44,8 +44,8 @@ from controller.tick.probing import Probing
 from controller.tick.status_publisher import Telling
 from controller.tick.sync_watch import SyncWatch
 
-MAX_REQUESTS = 8  # taken in one tick
-FOLLOWING = (Mode.RUNNING, Mode.HOLD, Mode.STOPPING)  # the path, with its outputs
+MAX_REQUESTS: Final = 8  # taken in one tick
+FOLLOWING: Final = (Mode.RUNNING, Mode.HOLD, Mode.STOPPING)  # the path, with its outputs
 
 
 class Again(NamedTuple):

@@ -339,11 +339,11 @@ class Follow:
         self.coupling.stood()
 
     def _save(self) -> None:
-        clock = (self._origin_s, self._ticks)
         self._saved = (
             self.joints,
             self._before,
-            *clock,
+            self._origin_s,
+            self._ticks,
             self.rate,
             self._now,
             self._brake.save(),

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import cache
-from typing import Any
+from typing import Any, Final
 
 from controller.machine.model import Joints, Machine
 from controller.tick.deviations import Deviations
 
-INT32 = 1 << 31
+INT32: Final = 1 << 31
 
 
 class Encoder:

@@ -6,7 +6,7 @@ What they hold is declared in ``live_state``; here is what no other part of the 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, Final
 
 from controller.ipc.handoff import ROW, STANDSTILL, Recorder, SnapshotBoard
 from controller.machine.model import Machine
@@ -18,7 +18,7 @@ from controller.tick.jog import Jogging
 from controller.tick.joints import Encoder
 from controller.tick.mode import Modes
 
-_COLUMNS = len(ROW)
+_COLUMNS: Final = len(ROW)
 
 
 class Telling:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from typing import Final
 
 from controller.geometry.vectors import ROUNDING
 from controller.machine.model import Machine
@@ -22,7 +23,7 @@ NEAREST_SHARE = 0.75  # of the period: no two SYNCs are closer
 LOST_ECHOES = 3  # of the kernel's SYNC, in a row
 # SYNCs in a row that did not come: drives that hold their last setpoint have stopped meanwhile, and
 # to go on at full feed would be a step for them. Fewer are a dip that a servo smooths.
-LONG_GAP = 4
+LONG_GAP: Final = 4
 BLAMED_TICKS = 3  # the silence may have begun after the buses were drained
 
 

@@ -9,6 +9,8 @@ setpoint, which the caller must have started at `position`. In interpolated posi
 
 from __future__ import annotations
 
+from typing import Final
+
 from drives import cia402, pdo
 from drives.cia402 import State, Wanted
 from drives.cyclic.drive_fault import DriveFault
@@ -36,17 +38,17 @@ TWICE_IN_A_ROW = 3
 REPEATS = 1
 
 # Looked up every tick, and an enum's members are slow to look up.
-_OPERATION_ENABLED = State.OPERATION_ENABLED
-_ENABLED = Wanted.ENABLED
-_HOMING = cia402.HOMING
-_FOLLOWS = cia402.FOLLOWS_COMMAND
+_OPERATION_ENABLED: Final = State.OPERATION_ENABLED
+_ENABLED: Final = Wanted.ENABLED
+_HOMING: Final = cia402.HOMING
+_FOLLOWS: Final = cia402.FOLLOWS_COMMAND
 # One that follows and comes to a limit of its own (607Fh, 60C5h) takes bit 12 back until it has caught
 # up: after a lost setpoint at full speed. How far it is off then is the following error's matter.
-_FOLLOWS_SLOWLY = cia402.FOLLOWS_COMMAND | cia402.INTERNAL_LIMIT
-_unpack_feedback = pdo.FEEDBACK.unpack
-_pack_command_into = pdo.COMMAND.pack_into
-_pack_target_into = pdo.TARGET.pack_into
-_pack_controlword_into = pdo.CONTROLWORD.pack_into
+_FOLLOWS_SLOWLY: Final = cia402.FOLLOWS_COMMAND | cia402.INTERNAL_LIMIT
+_unpack_feedback: Final = pdo.FEEDBACK.unpack
+_pack_command_into: Final = pdo.COMMAND.pack_into
+_pack_target_into: Final = pdo.TARGET.pack_into
+_pack_controlword_into: Final = pdo.CONTROLWORD.pack_into
 
 
 class Drive(PowerStage):

@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from typing import Final
 
 from drives import pdo
 from drives.cia402 import Wanted
@@ -33,8 +34,8 @@ from drives.settings import MasterSettings
 
 __all__ = ["MAX_FRAMES", "DriveFault", "Group"]
 
-_NONE = DriveFault.NONE
-_FINE = (_NONE, -1)
+_NONE: Final = DriveFault.NONE
+_FINE: Final = (_NONE, -1)
 
 
 class Group:

@@ -6,6 +6,7 @@ Nothing here locks, logs, raises, or allocates anything that stays.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Final
 
 from drives import pdo
 from drives.cyclic.drive import Drive
@@ -17,19 +18,19 @@ from drives.ports.port import Port
 
 # Frames taken from one bus in one tick. At 1 Mbit/s 36 of the shortest fit into 2 ms; a
 # babbling node must not hold the tick, and what is left comes with the next.
-MAX_FRAMES = 128
+MAX_FRAMES: Final = 128
 
 # Error frames (linux/can/error.h): classes, and byte 1 of a controller problem. Its warnings
 # pass, and so do single errors on the wire, which the controllers repair by sending again.
-_CLASSES = pdo.ERROR_FLAG - 1
+_CLASSES: Final = pdo.ERROR_FLAG - 1
 _CONTROLLER, _BUS_OFF, _RESTARTED = 0x004, 0x040, 0x100
 _RX_OVERFLOW, _SEVERE = 0x01, 0x02 | 0x10 | 0x20  # TX overflow, error passive
 
 # By data bytes, with the stuffing of the worst payload: as ``drives.load.stuffing.worst_bits`` counts.
-BITS = tuple(55 + 10 * n for n in range(9))
+BITS: Final = tuple(55 + 10 * n for n in range(9))
 
-_NONE = DriveFault.NONE
-_HEADER = pdo.HEADER.unpack_from
+_NONE: Final = DriveFault.NONE
+_HEADER: Final = pdo.HEADER.unpack_from
 
 
 class Line:

@@ -8,6 +8,8 @@ path, turning a spindle) is added by the classes built on this one.
 
 from __future__ import annotations
 
+from typing import Final
+
 from drives import cia402, pdo
 from drives.cia402 import State, Wanted
 from drives.cyclic import drive_fault
@@ -20,9 +22,9 @@ STALE_FEEDBACKS = 3
 LOST_IN_A_ROW = 2  # one lost TPDO is counted, the second in a row is a fault
 
 # Looked up every tick, and an enum's members are slow to look up.
-_OPERATION_ENABLED = State.OPERATION_ENABLED
-_ENABLED = Wanted.ENABLED
-_NONE = DriveFault.NONE
+_OPERATION_ENABLED: Final = State.OPERATION_ENABLED
+_ENABLED: Final = Wanted.ENABLED
+_NONE: Final = DriveFault.NONE
 POWERED = (State.OPERATION_ENABLED, State.QUICK_STOP_ACTIVE, State.FAULT_REACTION_ACTIVE)
 
 

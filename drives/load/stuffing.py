@@ -27,14 +27,14 @@ from array import array
 from collections.abc import Callable, Iterable, Iterator
 from functools import cache, lru_cache
 from struct import Struct
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from drives.pdo import DATA_AT, ERROR_FLAG, EXTENDED_FLAG, LENGTH_AT, PDO_BYTES, REMOTE_FLAG
 
-CRC_BITS = 15
+CRC_BITS: Final = 15
 CRC_POLYNOMIAL = 0x4599  # x^15 + x^14 + x^10 + x^8 + x^7 + x^4 + x^3 + 1
 CRC_MASK = (1 << 15) - 1
 UNSTUFFED_BITS = 13  # from the CRC delimiter to the end of the interframe space
@@ -43,7 +43,7 @@ EXTENDED_HEAD_BITS = 20  # more of them: SRR, IDE moved, 18 of the identifier, r
 EXTENDED_MASK, STANDARD_MASK = 0x1FFF_FFFF, 0x7FF
 MAX_HEADS = 4096  # heads kept; a bus in operation has some dozens
 BEGIN_AT = DATA_AT + 2  # the end of a head with the first word of the data
-_BEGIN_AND_TWO_WORDS = Struct(f">{BEGIN_AT}s2H").unpack_from
+_BEGIN_AND_TWO_WORDS: Final = Struct(f">{BEGIN_AT}s2H").unpack_from
 
 Table = NDArray[Any]  # (8 runs, 2^15 check sums): stuff bits from here to the end of the frame
 Counter = Callable[[int, bytes], int]

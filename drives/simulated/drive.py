@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from pathlib import Path
 from struct import Struct
+from typing import Final
 
 from drives.pdo import COMMAND, DATA_AT, PDO_BYTES
 from drives.settings import INT32_MAX, INT32_MIN
@@ -25,7 +26,7 @@ from drives.simulated.pdo_map import Pdo
 from drives.simulated.station import OPERATIONAL
 from drives.virtual.virtual_bus import Handler
 
-FEEDBACK = Struct("<IB3xHi2x")
+FEEDBACK: Final = Struct("<IB3xHi2x")
 LATEST_PERIODS = 2.5  # drives with an interpolation time-out act this long after the last SYNC
 QUIET_PERIODS = 4.0  # without SYNC after which the others live on by their own clock
 MAX_CATCH_UP = 500  # periods made up for after a long silence; by then every ramp has ended

@@ -208,8 +208,9 @@ class ProcessData:
 
     def watch(self, pdo: Pdo, now_s: float) -> None:
         """The deadline of an RPDO (its event timer) starts with the first one that comes."""
-        running = pdo.can_id in self._came_s
-        self._came_s[pdo.can_id] = now_s
+        came_s, can_id = self._came_s, pdo.can_id
+        running = can_id in came_s
+        came_s[can_id] = now_s
         if running and not self._emergencies.active:
             return
         self._emergencies.gone(LATE, now_s)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
+from typing import Final
 
 from drives.simulated.plant import Plant
 from drives.simulated.servo import Servo
@@ -11,8 +12,8 @@ from drives.simulated.spindle_motor import SpindleMotor
 from drives.simulated.station import Station
 from drives.simulated.units import Units
 
-LIMIT = 1 << 11  # statusword
-NO_LIMIT = 0xFFFF_FFFF  # 6065h: no check; 607Fh and 6080h: no limit
+LIMIT: Final = 1 << 11  # statusword
+NO_LIMIT: Final = 0xFFFF_FFFF  # 6065h: no check; 607Fh and 6080h: no limit
 SPEED_LIMITS = (0x607F, 0x6080)
 NO_TARGET_YET = -(10**9)  # of a drive that waits for its first one
 

@@ -7,7 +7,7 @@ from collections import deque
 from collections.abc import Callable
 from heapq import heappop, heappush
 from struct import Struct
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from drives import pdo
 from drives.pdo import FRAME_BYTES
@@ -15,10 +15,10 @@ from drives.pdo import FRAME_BYTES
 if TYPE_CHECKING:
     from drives.virtual.virtual_bus import Filters, Handler, Link, SteppedBus
 
-PORT_LIMIT = 1024  # received frames kept for a port that does not read; the oldest go first
+PORT_LIMIT: Final = 1024  # received frames kept for a port that does not read; the oldest go first
 
 SYNC_FRAME = bytes(pdo.frame(pdo.SYNC))
-_IDENTIFIER = Struct("<I").unpack_from
+_IDENTIFIER: Final = Struct("<I").unpack_from
 
 
 class Port:

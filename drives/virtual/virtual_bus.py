@@ -25,7 +25,7 @@ from enum import Enum
 from functools import partial
 from heapq import heapify, heappop, heappush, heappushpop
 from struct import Struct
-from typing import Protocol
+from typing import Final, Protocol
 
 from drives import pdo
 from drives.load import stuffing
@@ -43,7 +43,7 @@ from drives.virtual.stepped_port import PORT_LIMIT, Agenda, Metronome, Port
 # data frame, then the standard remote frame, then the extended frames. Linux's flags in front of an
 # identifier would put every extended and every remote frame behind all others.
 
-BASE_AT = 21  # the shift of an 11-bit identifier, which is all that a standard data frame needs
+BASE_AT: Final = 21  # the shift of an 11-bit identifier, which is all that a standard data frame needs
 SUBSTITUTE, EXTENSION = 1 << 20, 1 << 19  # RTR or SRR, IDE
 STANDARD_MASK, EXTENSION_MASK = 0x7FF, 0x3FFFF
 LAST = 1 << 32  # behind everything: an error frame is a word to ports, and no frame on a wire
@@ -62,15 +62,15 @@ def rank(can_id: int) -> int:
 __all__ = ["PORT_LIMIT", "QUEUE_LIMIT", "Fate", "Filters", "Handler", "Link", "Node", "Port", "SteppedBus"]
 
 ERROR_FRAME_BITS = 23  # error flags of all (12 at most), delimiter 8, intermission 3
-QUEUE_LIMIT = 256  # frames one sender may have waiting; SocketCAN's txqueuelen plays this part
+QUEUE_LIMIT: Final = 256  # frames one sender may have waiting; SocketCAN's txqueuelen plays this part
 # Who may not send has so many frames "waiting": the queue's limit, looked at anyway, refuses more.
-MUTED = 1 << 30
+MUTED: Final = 1 << 30
 
 Handler = Callable[[bytes, float], None]
 Log = Callable[[tuple[float, bytes]], object]
 Filters = Sequence[tuple[int, int]]
 Tamper = Callable[[float, int, bytes], Sequence[float]]
-_IDENTIFIERS = Struct("<I12x").iter_unpack
+_IDENTIFIERS: Final = Struct("<I12x").iter_unpack
 _Ready = tuple[int, int, int, int, bytes]  # rank, sequence, source, id, frame
 _Pending = tuple[float, _Ready]  # from when on it may take part in the arbitration
 

@@ -88,6 +88,23 @@ def test_a_wrong_program_is_refused_with_its_line(store: Store) -> None:
     assert (state, result["line"]) == ("refused", 2) and "X" in text(result)
 
 
+def test_a_program_that_calls_a_cycle_that_ships_is_checked_and_the_next_one_too(store: Store) -> None:
+    """No file of the store has the cycle: it comes along."""
+    setup_data.note(store.folder, machine_file.load("machining_centre"))
+    head = b"T99 M6\nG21 G90 G54 G43 H99\nG0 X0 Y0 Z30\n"
+    calls = kept(store, "bore.ngc", head + b"o<probe_bore> call [20] [0]\nM30\n")
+    behind = kept(store, "behind.ngc", b"G21\nG0 X1\nM30\n")
+    assert set(store.programs.called(calls)) >= {"probe_bore.ngc", "probe_touch.ngc"}
+    assert store.programs.text_of(calls, "probe_bore.ngc").read_bytes().startswith(b"; Centre")
+    checker = Checker(store)
+    try:
+        for program in (calls, behind):
+            checker.ask(program)
+            assert awaited(checker, program, "passed", "refused", "failed").state == "passed"
+    finally:
+        checker.close()
+
+
 def test_a_mistake_in_a_called_file_is_told_with_its_name(store: Store) -> None:
     kept(store, "5.ngc", b"o5 sub\nG1 X1O\no5 endsub\n")
     program = kept(store, "calls", b"G21\nG0 X1\no5 call\nM2\n")

@@ -236,3 +236,10 @@ def test_a_probing_cycle_that_cannot_be_is_refused(args: dict[str, Any], says: s
     with pytest.raises(CommandRefused, match=says) as error:
         jobs.probing(args, shipped(), 0)
     assert error.value.code == "bad"
+
+
+def test_a_line_by_hand_may_call_the_cycles_that_ship() -> None:
+    made = jobs.mdi("o<probe_bore> call [20] [0]", shipped())
+    assert b"o<probe_pocket> sub" in made.program.text and made.to_dict(snapshot())["text"] == (
+        "o<probe_bore> call [20] [0]"
+    )

@@ -86,6 +86,7 @@ PARTS = {
         "tools",
         "changer",
         "probing",
+        "calibration",
         "file",
         "drives",
         "users",

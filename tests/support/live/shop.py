@@ -36,10 +36,12 @@ Values = dict[str, Any]
 class Shop:
     """The processes, and a client that holds the control token."""
 
-    def __init__(self, folder: Path, period_s: float, commands: tuple[str, ...]) -> None:
+    def __init__(
+        self, folder: Path, period_s: float, commands: tuple[str, ...], machine: str = "trunnion"
+    ) -> None:
         self.folder, self.state, self.runtime = folder, folder / "state", folder / "run"
         self.machine_file = folder / "machine.toml"
-        self.machine_file.write_text(_machine(period_s))
+        self.machine_file.write_text(_machine(machine, period_s))
         self.tools_put_in = 0
         self.port = free_port()
         self.processes = {name: self._begin(name) for name in commands}
@@ -169,19 +171,22 @@ class Shop:
 
 @contextlib.contextmanager
 def opened(
-    folder: Path, period_s: float = PERIOD_S, commands: tuple[str, ...] = ("serve", "panel")
+    folder: Path,
+    period_s: float = PERIOD_S,
+    commands: tuple[str, ...] = ("serve", "panel"),
+    machine: str = "trunnion",
 ) -> Iterator[Shop]:
     """A shop until the block ends; ``folder`` is empty. A ``demo`` has its own machine and period."""
-    shop = Shop(folder, period_s, commands)
+    shop = Shop(folder, period_s, commands, machine)
     try:
         yield shop
     finally:
         shop.end()
 
 
-def _machine(period_s: float) -> str:
-    """The shipped trunnion at another period."""
-    text = (SHIPPED / "trunnion.toml").read_text(encoding="utf-8")
+def _machine(name: str, period_s: float) -> str:
+    """A shipped machine at another period."""
+    text = (SHIPPED / f"{name}.toml").read_text(encoding="utf-8")
     changed = text.replace("period_s = 0.002", f"period_s = {period_s}")
     assert changed != text or period_s == 0.002
     return changed

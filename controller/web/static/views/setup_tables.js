@@ -3,7 +3,7 @@ import { API, call, every } from "../api.js";
 import { ask, ask_for, say } from "../dialog.js";
 import { html, useState } from "../dom.js";
 import { forms } from "../forms.js";
-import { Act, AxisName, Link, Select, Table, TextFile } from "../parts.js";
+import { Act, AxisName, Link, ScrolledTable, Select, TextFile } from "../parts.js";
 import { dx } from "../store.js";
 import { sentence, word as text } from "../texts.js";
 
@@ -135,7 +135,7 @@ const tool_body = (all, values) => Object.fromEntries(Object.entries(all).filter
 export function Tools() {
   const n = [pictured, String(spindle), tools()[0]?.[0]].find((one) => told.tools[one]);
   return html`
-    <${Table} word=${word} columns=${["tool", "name", ...FIELDS, ""]} body="setup-tools">${tools().map(([n]) => html`<${Tool} key=${n} n=${n} />`)}<//>
+    <${ScrolledTable} word=${word} columns=${["tool", "name", ...FIELDS, ""]} body="setup-tools">${tools().map(([n]) => html`<${Tool} key=${n} n=${n} />`)}<//>
     <div class="row"><${Act} id="setup-add" text=${word("add")} press=${add_tool} />
       <${TextFile} text=${word("import")} accept=".tbl,.json" needs="control" modes="OFF READY FAULT" take=${import_tools} />
       <${Link} text="tool.tbl" path="tools.tbl" /><${Link} text="tools.json" path="tools.json" /></div>

@@ -1,0 +1,75 @@
+"""The simulated cut by itself: the torque of the text-book, where the tip is, and what its file may say."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import pytest
+
+from controller.geometry.vectors import Frame
+from controller.machine.toml_table import ConfigError, Table, parse
+from controller.runtime import simulated_cut
+from controller.runtime.simulated_cut import Cut, Stock
+
+CUT = "[cut]\nforce_n_mm2 = 1800.0\nrated_nm = 12.0\nlength_mm = 100.0\n"
+STOCK = "[[stock]]\nlow_mm = [0.0, -5.0, -5.0]\nhigh_mm = [20.0, 5.0, 5.0]\nsection_mm2 = {}\n"
+
+
+def top(text: str) -> Table:
+    return parse(text, "part.toml")
+
+
+def cut(frame: Frame = Frame()) -> Cut:  # noqa: B008 (frozen)
+    found = simulated_cut.read(top(CUT + STOCK.format(15.0) + STOCK.format(3.0)), frame)
+    assert found is not None
+    return found
+
+
+def test_the_power_at_the_spindle_is_that_of_the_chip() -> None:
+    """P = k_c Q: 1800 N/mm2 x 15 mm2 x 10 mm/s = 270 W, at 50 rev/s."""
+    assert 2.0 * math.pi * 50.0 * cut().torque_nm((10.0, 0.0, 0.0), 10.0, 50.0) == pytest.approx(270.0)
+
+
+@pytest.mark.parametrize(
+    ("feed", "turns", "share"), [(20.0, 50.0, 2.0), (10.0, 100.0, 0.5), (10.0, -50.0, 1.0)]
+)
+def test_it_grows_with_the_feed_a_turn(feed: float, turns: float, share: float) -> None:
+    at = (10.0, 0.0, 0.0)
+    assert cut().torque_nm(at, feed, turns) == pytest.approx(share * cut().torque_nm(at, 10.0, 50.0))
+
+
+def test_there_is_none_outside_of_the_stock_and_of_a_spindle_that_stands() -> None:
+    assert cut().torque_nm((21.0, 0.0, 0.0), 10.0, 50.0) == 0.0
+    assert cut().torque_nm((10.0, 0.0, 0.0), 10.0, 0.0) == 0.0
+
+
+def test_the_stock_lies_where_the_part_does() -> None:
+    moved = cut(Frame((100.0, 0.0, 0.0)))
+    assert moved.torque_nm((10.0, 0.0, 0.0), 10.0, 50.0) == 0.0
+    assert moved.torque_nm((110.0, 0.0, 0.0), 10.0, 50.0) > 0.0
+
+
+def test_the_first_box_counts() -> None:
+    other = replace(cut(), stock=(Stock((0.0, -5.0, -5.0), (5.0, 5.0, 5.0), 1.0), *cut().stock))
+    assert 15.0 * other.torque_nm((2.0, 0.0, 0.0), 10.0, 50.0) == pytest.approx(
+        other.torque_nm((10.0, 0.0, 0.0), 10.0, 50.0)
+    )
+
+
+def test_a_file_without_it_cuts_nothing() -> None:
+    assert simulated_cut.read(top('name = "part"\n'), Frame()) is None
+
+
+@pytest.mark.parametrize(
+    ("text", "why"),
+    [
+        (CUT.replace("rated_nm = 12.0\n", ""), "rated_nm: is missing"),
+        (CUT.replace("1800.0", "-1.0"), "is not above zero"),
+        (CUT + "more = 1\n", "this key is not known"),
+        (CUT + STOCK.format(-1.0), "is not above zero"),
+    ],
+)
+def test_a_mistake_is_told(text: str, why: str) -> None:
+    with pytest.raises(ConfigError, match=why):
+        simulated_cut.read(top(text), Frame())
