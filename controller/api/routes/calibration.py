@@ -26,7 +26,6 @@ from controller.api.routes.ticks import found_in
 from controller.calibration import measurements
 from controller.calibration.refusal import Refusal as Unmeasured
 from controller.ipc.handoff import ROW
-from controller.messages import said
 
 router = APIRouter(prefix="/calibration", tags=["calibration"])
 MAX_TABLE = 1_900_000  # characters
@@ -80,8 +79,8 @@ async def evaluate(request: Request, name: Annotated[str, Path(max_length=20)], 
     _there(kind, body)
     job = {"measurement": name, "values": body.values, "table": body.table, "file": "table"}
     job |= {"state": str(panel.store.folder), **await asyncio.to_thread(_program, panel, body.program)}
-    busy = Refusal(429, "many", said("calibration.busy"), headers={"Retry-After": "1"})
-    failed = Refusal(503, "unread", said("calibration.unread", seconds=panel.measuring.longest_s))
+    busy = Refusal.told(429, "many", "calibration.busy", headers={"Retry-After": "1"})
+    failed = Refusal.told(503, "unread", "calibration.unread", seconds=panel.measuring.longest_s)
     async with _recording(request, body.ticks if kind.takes == "ticks" else None) as file:
         answer = await panel.measuring.run({**job, "recording": file}, busy, failed)
     if refused := answer.get("refused"):
@@ -97,7 +96,7 @@ def _there(kind: measurements.Measurement, body: Measured) -> None:
         "no_program": kind.program == "yes" and not body.program,
     }
     if missing := next((key for key, lacks in needed.items() if lacks), None):
-        raise Refusal(422, "form", said(f"calibration.{missing}"))
+        raise Refusal.told(422, "form", f"calibration.{missing}")
 
 
 def _program(panel: Panel, name: str) -> Mapping[str, Any]:

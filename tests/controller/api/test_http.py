@@ -85,7 +85,7 @@ def test_a_probing_cycle_is_listed_drawn_and_run_by_requests(tmp_path: Path) -> 
             for cycle in told["cycles"]:
                 drawn = await client.get(f"/api/v1/probing/{cycle['name']}.svg")
                 assert drawn.status_code == 200 and drawn.headers["content-type"] == "image/svg+xml"
-                assert letters_of(cycle) == set(re.findall(r">([a-z])</text>", drawn.text))
+                assert letters_of(cycle) == set(re.findall(r">([A-Za-z])</text>", drawn.text))
             assert (await client.get("/api/v1/probing/touch.svg")).status_code == 404
             await take_control(client)
             scene.door.mode = "READY"

@@ -9,7 +9,7 @@ import pytest
 from controller.api import machine_table
 from controller.machine import machine_file
 
-INLINE = ("homing", "inputs", "outputs", "orient", "move_mm", "move_deg", "position")
+INLINE = ("homing", "inputs", "outputs", "orient", "move_mm", "move_deg", "position", "adaptive")
 
 
 def values_in(told: dict[str, object]) -> int:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import sys
 from pathlib import Path
-from typing import NoReturn
+from typing import BinaryIO, NoReturn
 
 import numpy as np
 import pytest
@@ -54,11 +54,11 @@ def test_a_trace_is_written_whole_or_not_at_all(monkeypatch: pytest.MonkeyPatch,
     before = tmp_path / "run.npz"
     before.write_bytes(b"of before")
 
-    def half(file: object, **_: object) -> NoReturn:
-        file.write(b"half")  # type: ignore[attr-defined]
+    def half(file: BinaryIO, *_: object, **__: object) -> NoReturn:
+        file.write(b"half")
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(np, "savez_compressed", half)
+    monkeypatch.setattr(np.lib.format, "write_array", half)
     made = trace.from_rows(np.zeros((3, len(ROW))), task.machine, task.kinematics, {}, first_tick=0)
     with pytest.raises(KeyboardInterrupt):
         made.save(before)
