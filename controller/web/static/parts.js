@@ -114,7 +114,8 @@ export function TextFile({ text, accept, take, ...rules }) {
     target.value = "";
     if (file) take(content, file.name);
   };
-  return html`<label class="act" aria-disabled=${off ? "true" : undefined} title=${off || undefined}><span>${text}</span><input type="file" accept=${accept} ...${field(rules)} onchange=${chosen} /></label>`;
+  const why = () => off && say(off); // the label's; that of the field: see main.js
+  return html`<label class="act" aria-disabled=${off ? "true" : undefined} title=${off || undefined} onclick=${why}><span>${text}</span><input type="file" accept=${accept} ...${field(rules)} onchange=${chosen} /></label>`;
 }
 
 export const Link = ({ text, path, ...more }) => html`<a class="act" href=${`${API}${path}`} download="" ...${more}>${text}</a>`;

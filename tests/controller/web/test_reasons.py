@@ -12,7 +12,10 @@ from controller.state.modes import Mode
 
 pytestmark = pytest.mark.slow
 
-PARTS = ("homing", "offsets", "tools", "file", "drives", "users", "notices", "usage")
+PARTS = (
+    *("homing", "offsets", "tools", "changer", "probing", "calibration"),
+    *("file", "drives", "users", "notices", "usage"),
+)
 # Of every control that is off: its name, the reason as pointer and screen reader have it, what a press says.
 OFF = """() => [...document.querySelectorAll("[aria-disabled=true], :disabled")]
   .filter((one) => one.checkVisibility() && one.tagName !== "OPTION")
