@@ -67,13 +67,13 @@ def cut(machine: Machine, program: Path, checks: Path, unchecked: bool, quiet: b
     """
     in_memory = MEMORY.is_dir() and "TMPDIR" not in os.environ
     made = tempfile.TemporaryDirectory(prefix="directrix-", dir=MEMORY if in_memory else None)
-    with _ended_as_by_ctrl_c(), made as text:
+    with CtrlC() as ctrl_c, made as text:
         folder = Path(text)
         if (tool := TOOLS.get(program.name)) is not None:
             setup_data.put_in(folder, tool)
         kept = Folders(folder, checks, recording.folder())
         with served(engine.simulated(machine), kept, folder / "run") as (service, client), _sentences():
-            operator = Operator(client)
+            operator = Operator(client, ctrl_c.look)
             with bar("checking", quiet) as progress:
                 show = lambda now: progress((now["job"] or {}).get("checking") or 0.0)  # noqa: E731
                 operator.done("load", show, path=str(program), name=program.name, unchecked=unchecked)
@@ -99,14 +99,32 @@ def served(machine: Machine, kept: Folders, runtime: Path) -> Iterator[tuple[Ser
             watch.join()
 
 
-@contextlib.contextmanager
-def _ended_as_by_ctrl_c() -> Iterator[None]:
-    """Also by SIGTERM: what was made is to be cleared away."""
-    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, before)
+class CtrlC:
+    """Ctrl-C, and SIGTERM as if it were: what was made is to be cleared away.
+
+    KeyboardInterrupt as usual; but Python drops what comes up while an object ends or a callback of the
+    import machinery runs, so ``look`` raises it again.
+    """
+
+    def __init__(self) -> None:
+        self._pressed = False
+
+    def __enter__(self) -> CtrlC:
+        self._before = [(one, signal.signal(one, self._hear)) for one in (signal.SIGINT, signal.SIGTERM)]
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        for number, before in self._before:
+            signal.signal(number, before)
+
+    def look(self) -> None:
+        """Raises KeyboardInterrupt where it was pressed."""
+        if self._pressed:
+            raise KeyboardInterrupt
+
+    def _hear(self, *_: object) -> None:
+        self._pressed = True
+        raise KeyboardInterrupt
 
 
 @contextlib.contextmanager
@@ -121,8 +139,9 @@ def _sentences() -> Iterator[None]:
 class Operator:
     """One who asks at the door, and looks."""
 
-    def __init__(self, client: Client) -> None:
-        self._client = client
+    def __init__(self, client: Client, end: Callable[[], None] = lambda: None) -> None:
+        """``end``: raises where nobody waits for it any more."""
+        self._client, self._end = client, end
         self._rows: list[Rows] = []
         self._tick = -1  # of the last row
 
@@ -131,7 +150,7 @@ class Operator:
         answer = self._client.ask(verb, **args)
         while answer.get("done") is False:
             time.sleep(POLL_S)
-            now = self._client.ask("status")
+            now = self._status()
             look(now)
             sequence = now["sequence"] or {}
             if sequence.get("state") == "failed":
@@ -140,9 +159,9 @@ class Operator:
 
     def run(self, look: Callable[[Values], None]) -> tuple[Rows, Values]:
         """Cycle start to the program's end: rows of every tick, and the last status."""
-        self._tick = self._client.ask("status")["tick"]["number"]
+        self._tick = self._status()["tick"]["number"]
         self.done("start", unrecorded=True)  # though there is no room for it
-        while (now := self._client.ask("status"))["job"]["state"] in UNDER_WAY:
+        while (now := self._status())["job"]["state"] in UNDER_WAY:
             look(now)
             if now["tick"]["number"] - self._tick >= ROWS:
                 self._take_rows()
@@ -151,12 +170,16 @@ class Operator:
         self._take_rows()
         return np.concatenate(self._rows), now
 
+    def _status(self) -> Values:
+        self._end()
+        return self._client.ask("status")
+
     def _recorded(self, now: Values) -> Values:
         """A fault's recording is written when the machine stands; the drives' way there belongs to it."""
         give_up_s = time.monotonic() + RECORDED_S
         while (shown := now["fault"]) and not shown["recording"] and time.monotonic() < give_up_s:
             time.sleep(POLL_S)
-            now = self._client.ask("status")
+            now = self._status()
         return now
 
     def _take_rows(self) -> None:
