@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from datetime import datetime
 from pathlib import Path
 from typing import Annotated, Any
@@ -22,7 +22,7 @@ from controller.calibration.measurements import complete
 from controller.calibration.refusal import Refusal
 from controller.cli import measurements, remote
 from controller.cli.client import Url
-from controller.cli.measurements import Asked
+from controller.cli.measurements import Asked, Found
 from controller.cli.speech import speaking
 from controller.geometry.vectors import Vector
 from controller.machine import machine_file
@@ -69,13 +69,21 @@ def refused(as_json: bool) -> Iterator[None]:
             raise Refused(messages.text(error.said, spoken.get()), **error.said) from error
 
 
-def written(machine: str, edit: Callable[[str], str]) -> dict[str, str]:
-    """A machine file with an edit; of the new one and of the old one the paths."""
+def written(machine: str, found: Found) -> dict[str, str] | None:
+    """A machine file with what was found; paths of the new one and of the old one, None without an edit."""
+    if found.edit is None:
+        return None
     file = Path(machine)
     if not file.is_file():
         raise Refusal("shipped", machine=machine)
-    kept = machine_edit.write(file, edit(read_text(file)), f"{datetime.now():%Y%m%d-%H%M%S}")
+    kept = machine_edit.write(file, found.edit(read_text(file)), f"{datetime.now():%Y%m%d-%H%M%S}")
     return {"file": str(file), "kept": str(kept)}
+
+
+def drawn(found: Found, plot: Path | None) -> None:
+    """Its picture, where one is asked for."""
+    if plot and found.draw:
+        found.draw(plot)
 
 
 def tell_written(told: dict[str, str] | None) -> None:
@@ -110,7 +118,7 @@ def rotaries(
         values = {"sphere_radius": sphere_radius, "max_mm": max_mm, "max_deg": max_deg, "add": add}
         found = measurements.rotaries(_of_table("rotaries", measured, made, values))
         told = found.told
-        done = written(machine, found.edit) if write and found.edit else None
+        done = written(machine, found) if write else None
         if as_json:
             print(json.dumps({"ok": True, "machine": made.name, **told, "written": done}))
             return
@@ -211,9 +219,8 @@ def axis_by_iso_230_2(
         made = machine_file.load(machine)
         found = measurements.axis(_of_table("axis", measured, made, {"axis": axis}))
         told = found.told
-        if plot and found.draw:
-            found.draw(plot)
-        done = written(machine, found.edit) if write and found.edit else None
+        drawn(found, plot)
+        done = written(machine, found) if write else None
         if as_json:
             print(json.dumps({"ok": True, **told, "written": done}))
             return
@@ -245,8 +252,7 @@ def circle_by_iso_230_4(
         made = machine_file.load(machine)
         found = measurements.circle(Asked(made, {"axes": axes}, recording=recorded))
         told = found.told
-        if plot and found.draw:
-            found.draw(plot)
+        drawn(found, plot)
         if as_json:
             print(json.dumps({"ok": True, **told}))
             return
@@ -272,8 +278,7 @@ def tip_by_iso_10791_6(
         made = machine_file.load(machine)
         found = measurements.tip(Asked(made, complete("tip", {"length": length}), recording=recorded))
         told = found.told
-        if plot and found.draw:
-            found.draw(plot)
+        drawn(found, plot)
         if as_json:
             print(json.dumps({"ok": True, **told}))
             return
@@ -297,7 +302,7 @@ def thermal(
         made = machine_file.load(machine)
         found = measurements.thermal(_of_table("thermal", measured, made, {"offset": offset}))
         told = found.told
-        done = written(machine, found.edit) if write and found.edit else None
+        done = written(machine, found) if write else None
         if as_json:
             print(json.dumps({"ok": True, **told, "written": done}))
             return
@@ -326,7 +331,7 @@ def part(
         values = {"offset": offset, "free": free}
         found = measurements.part(_of_table("part", measured, made, values, program))
         told = found.told
-        done = written(machine, found.edit) if write and found.edit else None
+        done = written(machine, found) if write else None
         if send:
             with remote.connected(url, remote.known_token()) as at, at.control():
                 at.put(f"offsets/{offset}", measurements.offset_of(told))

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import contextlib
 import os
-import signal
 import tempfile
 import threading
 import time
@@ -26,7 +25,7 @@ from controller.ipc.handoff import COLUMN
 from controller.ipc.packed_rows import unpacked
 from controller.machine import setup_data
 from controller.machine.model import Machine
-from controller.runtime import recording
+from controller.runtime import children, recording
 from controller.service import engine, main
 from controller.service.folders import Folders
 from controller.service.service import Service
@@ -67,7 +66,7 @@ def cut(machine: Machine, program: Path, checks: Path, unchecked: bool, quiet: b
     """
     in_memory = MEMORY.is_dir() and "TMPDIR" not in os.environ
     made = tempfile.TemporaryDirectory(prefix="directrix-", dir=MEMORY if in_memory else None)
-    with CtrlC() as ctrl_c, made as text:
+    with children.CtrlC() as ctrl_c, made as text:
         folder = Path(text)
         if (tool := TOOLS.get(program.name)) is not None:
             setup_data.put_in(folder, tool)
@@ -97,34 +96,6 @@ def served(machine: Machine, kept: Folders, runtime: Path) -> Iterator[tuple[Ser
             client.close()
             over.set()
             watch.join()
-
-
-class CtrlC:
-    """Ctrl-C, and SIGTERM as if it were: what was made is to be cleared away.
-
-    KeyboardInterrupt as usual; but Python drops what comes up while an object ends or a callback of the
-    import machinery runs, so ``look`` raises it again.
-    """
-
-    def __init__(self) -> None:
-        self._pressed = False
-
-    def __enter__(self) -> CtrlC:
-        self._before = [(one, signal.signal(one, self._hear)) for one in (signal.SIGINT, signal.SIGTERM)]
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        for number, before in self._before:
-            signal.signal(number, before)
-
-    def look(self) -> None:
-        """Raises KeyboardInterrupt where it was pressed."""
-        if self._pressed:
-            raise KeyboardInterrupt
-
-    def _hear(self, *_: object) -> None:
-        self._pressed = True
-        raise KeyboardInterrupt
 
 
 @contextlib.contextmanager

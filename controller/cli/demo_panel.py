@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import json
-import signal
 import socket
 import subprocess
 import sys
@@ -15,6 +14,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from controller.machine import machine_file
+from controller.runtime import children
 from controller.verify.console import Refused, show, tell
 
 PROGRAMS = ("example1_ready", "example2_ready")
@@ -33,14 +33,14 @@ def run(folder: Path, port: int, period_ms: float, as_json: bool) -> None:
             ("serve", "--simulate", "--period-ms", f"{period_ms:g}", *where),
             ("panel", "--port", str(port), *where),
         )
-        with _started(commands) as processes:
+        with children.CtrlC() as ctrl_c, _started(commands) as processes:
             url = f"http://127.0.0.1:{port}/"
-            _await_page(url, processes)
+            _await_page(url, processes, ctrl_c)
             if as_json:
                 print(json.dumps({"ok": True, "url": url}), flush=True)
             else:
                 show.print(f"Open {url} in a browser. Take control, home, load a program; Ctrl-C ends it.")
-            _await_end(processes)
+            _await_end(processes, ctrl_c)
 
 
 def _free(port: int) -> None:
@@ -70,7 +70,6 @@ def _stock(folder: Path) -> None:
 def _started(commands: tuple[tuple[str, ...], ...]) -> Iterator[list[Process]]:
     """Both as children; the panel ends first, as it began last."""
     processes: list[Process] = []
-    before = signal.signal(signal.SIGTERM, _interrupt)
     try:
         for command in commands:
             processes.append(subprocess.Popen([sys.executable, "-m", "controller", *command]))
@@ -78,7 +77,6 @@ def _started(commands: tuple[tuple[str, ...], ...]) -> Iterator[list[Process]]:
     except KeyboardInterrupt:
         tell.print("Ending.")
     finally:
-        signal.signal(signal.SIGTERM, before)
         for process in reversed(processes):
             process.terminate()
         for process in processes:
@@ -87,23 +85,21 @@ def _started(commands: tuple[tuple[str, ...], ...]) -> Iterator[list[Process]]:
             process.kill()
 
 
-def _interrupt(*_: object) -> None:
-    raise KeyboardInterrupt
-
-
-def _await_page(url: str, processes: list[Process]) -> None:
+def _await_page(url: str, processes: list[Process], ctrl_c: children.CtrlC) -> None:
     give_up_s = time.monotonic() + ANSWERS_S
     while True:
         with contextlib.suppress(OSError), urllib.request.urlopen(url, timeout=ANSWERS_S):
             return
+        ctrl_c.look()
         _all_there(processes)
         if time.monotonic() > give_up_s:
             raise Refused(f"{url} does not answer; see what the panel said above.")
         time.sleep(0.1)
 
 
-def _await_end(processes: list[Process]) -> None:
+def _await_end(processes: list[Process], ctrl_c: children.CtrlC) -> None:
     while True:
+        ctrl_c.look()
         _all_there(processes)
         time.sleep(0.5)
 

@@ -5,7 +5,8 @@
     -> {"found": {"told": {...}, "machine_file": text or null, "picture": PNG as base64 or null}}
     -> {"refused": {"key": "...", "values": {...}}}
 
-The machine is the one of the service, as it is fitted; what is written into is the text of its own file.
+Values are as ``calibration.measurements.complete`` gives them. The machine is the one of the service, as it
+is fitted; what is written into is the text of its own file.
 """
 
 from __future__ import annotations
@@ -18,7 +19,6 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from controller.calibration.measurements import complete
 from controller.calibration.refusal import Refusal
 from controller.cli import measurements
 from controller.cli.measurements import Asked
@@ -52,7 +52,7 @@ def evaluated(job: Mapping[str, Any]) -> dict[str, Any]:
         files = {file: Path(at) for file, at in job["files"].items()}
         text = bytes(linked.linked(Path(job["program"]).read_bytes(), linked.among(files)))
     recording = Path(job["recording"]) if job["recording"] else None
-    given = (complete(name, job["values"]), job["table"], job["file"], recording, text, job["name"])
+    given = (job["values"], job["table"], job["file"], recording, text, job["name"])
     found = measurements.EVALUATE[name](Asked(setup_data.machine(state), *given))
     edited = found.edit(setup_data.noted(state).text) if found.edit is not None else None
     return {"told": found.told, "machine_file": edited, "picture": _picture(found)}

@@ -122,6 +122,34 @@ class Asked:
         self.yes = True
 
 
+class CtrlC:
+    """Ctrl-C, and SIGTERM as if it were: what was made is to be cleared away.
+
+    KeyboardInterrupt as usual; but Python drops what comes up while an object ends or a callback of the
+    import machinery runs, so ``look`` raises it again.
+    """
+
+    def __init__(self) -> None:
+        self._pressed = False
+
+    def __enter__(self) -> CtrlC:
+        self._before = [(one, signal.signal(one, self._hear)) for one in (signal.SIGINT, signal.SIGTERM)]
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        for number, before in self._before:
+            signal.signal(number, before)
+
+    def look(self) -> None:
+        """Raises KeyboardInterrupt where it was pressed."""
+        if self._pressed:
+            raise KeyboardInterrupt
+
+    def _hear(self, *_: object) -> None:
+        self._pressed = True
+        raise KeyboardInterrupt
+
+
 def end_with(parent: int) -> None:
     """Called in the process: SIGTERM for us when ``parent`` is gone."""
     ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM, 0, 0, 0)

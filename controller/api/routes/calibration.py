@@ -73,11 +73,11 @@ async def evaluate(request: Request, name: Annotated[str, Path(max_length=20)], 
     except Unmeasured as error:
         raise Refusal(404, "missing", error.said) from error
     try:
-        measurements.complete(name, body.values)
+        values = measurements.complete(name, body.values)
     except Unmeasured as error:
         raise Refusal(422, "bad", error.said) from error
     _there(kind, body)
-    job = {"measurement": name, "values": body.values, "table": body.table, "file": "table"}
+    job = {"measurement": name, "values": values, "table": body.table, "file": "table"}
     job |= {"state": str(panel.store.folder), **await asyncio.to_thread(_program, panel, body.program)}
     busy = Refusal.told(429, "many", "calibration.busy", headers={"Retry-After": "1"})
     failed = Refusal.told(503, "unread", "calibration.unread", seconds=panel.measuring.longest_s)

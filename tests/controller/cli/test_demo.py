@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -29,23 +28,6 @@ def test_it_needs_nothing_of_the_panels_packages() -> None:
     told = "import sys, controller.cli.demo; print(*sys.modules)"
     done = subprocess.run([sys.executable, "-c", told], capture_output=True, text=True, check=True)
     assert not HEAVY & set(done.stdout.split())
-
-
-@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
-def test_ctrl_c_is_not_lost_where_python_drops_what_comes_up() -> None:
-    class Pressed:
-        def __del__(self) -> None:
-            signal.raise_signal(signal.SIGINT)
-
-    before = signal.getsignal(signal.SIGINT)
-    with demo.CtrlC() as ctrl_c:
-        ctrl_c.look()
-        Pressed()
-        with pytest.raises(KeyboardInterrupt):
-            ctrl_c.look()
-    assert signal.getsignal(signal.SIGINT) is before
-    with demo.CtrlC(), pytest.raises(KeyboardInterrupt):
-        signal.raise_signal(signal.SIGTERM)
 
 
 def by_path_clock(rows: np.ndarray, machine: Machine) -> dict[int, tuple[float, ...]]:
