@@ -64,6 +64,13 @@ def pytest_sessionstart() -> None:
         raise pytest.UsageError(f"{newer} was changed after it was compiled: see hatch_build.py")
 
 
+# A worker of xdist has 5 s to end, then it is sent SIGINT: what a suite leaves behind is looked through before.
+@pytest.hookimpl(trylast=True)
+def pytest_sessionfinish() -> None:
+    gc.collect()
+    gc.freeze()
+
+
 # After the marks have been looked at.
 @pytest.hookimpl(trylast=True)
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
