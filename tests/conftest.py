@@ -64,7 +64,7 @@ def pytest_sessionstart() -> None:
         raise pytest.UsageError(f"{newer} was changed after it was compiled: see hatch_build.py")
 
 
-# A worker of xdist that takes more than 5 s to end is sent SIGINT, so what a suite leaves is collected before.
+# A worker of xdist that takes more than 5 s to end is sent SIGINT, so what is left is collected before.
 @pytest.hookimpl(trylast=True)
 def pytest_sessionfinish() -> None:
     gc.collect()
