@@ -12,7 +12,8 @@ import time
 from pathlib import Path
 
 import pytest
-from support.live.shop import HANGS_S, free_port
+from support.live.ports import free_port
+from support.live.shop import HANGS_S
 from test_pages import COMMANDS, ROOT
 
 EXAMPLE, SECOND = "config/programs/example1_ready.ngc", "config/programs/example2_ready.ngc"

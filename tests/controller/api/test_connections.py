@@ -25,7 +25,8 @@ from typing import Any
 import pytest
 from support.fakes.fake_socket import FakeDoor
 from support.fakes.panels import Scene
-from support.live.browser import ROOT, free_port
+from support.live.browser import ROOT
+from support.live.ports import free_port
 
 from controller.api.connections import (
     BODY_S,

@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import contextlib
 import os
-import socket
 import subprocess
 import sys
 import time
@@ -23,6 +22,7 @@ from pathlib import Path
 from typing import Any
 
 import httpx
+from support.live.ports import free_port
 
 from controller.machine.machine_file import SHIPPED
 
@@ -203,8 +203,3 @@ def _machine(name: str, period_s: float) -> str:
     changed = text.replace("period_s = 0.002", f"period_s = {period_s}")
     assert changed != text or period_s == 0.002
     return changed
-
-
-def free_port() -> int:
-    with socket.create_server(("127.0.0.1", 0)) as free:
-        return int(free.getsockname()[1])
