@@ -226,6 +226,7 @@ def test_a_command_of_a_desk_does_what_it_says(words: str, tmp_path: Path) -> No
 
 @pytest.mark.slow
 @pytest.mark.live
+@pytest.mark.calm
 def test_the_commands_of_a_shop_do_what_they_say_one_after_another(tmp_path: Path) -> None:
     port = free_port()
     more = {"XDG_RUNTIME_DIR": str(tmp_path), "DIRECTRIX_URL": f"http://127.0.0.1:{port}"}

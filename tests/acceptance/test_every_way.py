@@ -19,7 +19,7 @@ from support.live.shop import ROOT, Shop
 
 from controller.runtime.simulated_bench import STOCK
 
-pytestmark = [pytest.mark.slow, pytest.mark.live]
+pytestmark = [pytest.mark.slow, pytest.mark.live, pytest.mark.calm]
 ABOVE_THE_BORE = "G21 G90 G54 G43 H99\nG0 X0 Y0\nG0 Z30\nG1 Z-8 F2000\n"
 ON_THE_BENCH = (0.35, -0.2)  # where the bore is, of the place where G54 thinks it
 NARROW = STOCK.replace("radius_mm = 12.0", "radius_mm = 4.0")  # a ball of 3 is soon at its wall

@@ -17,7 +17,7 @@ from support.live.ports import free_port
 
 ENDS_S = 90.0  # no test is meant to come near
 
-pytestmark = [pytest.mark.slow, pytest.mark.live]
+pytestmark = [pytest.mark.slow, pytest.mark.live, pytest.mark.calm]
 
 
 def test_one_command_opens_a_machine_with_its_page_and_programs_and_ends_both(tmp_path: Path) -> None:
