@@ -19,7 +19,7 @@ from typing import Annotated, Any, TextIO
 import typer
 from typer.core import TyperGroup
 
-from controller import compiled, one_thread
+from controller import __version__, compiled, one_thread
 from controller.cli import declarations
 
 # File of controller/cli: the commands that it adds, as --help lists them. It has a function of that
@@ -133,10 +133,8 @@ USAGE: Any = typer.BadParameter.__mro__[1]  # click's UsageError, wherever this 
 
 def _version(asked: bool) -> None:
     if asked:
-        from importlib.metadata import version
-
         made = "compiled" if compiled.is_compiled() else "not compiled"
-        print(f"directrix {version('directrix')}, {made}")
+        print(f"directrix {__version__}, {made}")
         raise typer.Exit
 
 

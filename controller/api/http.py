@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import AsyncIterator, Iterator
-from importlib import metadata
 from typing import Any
 
 from fastapi import FastAPI, Request
@@ -22,6 +21,7 @@ from starlette.requests import ClientDisconnect, HTTPConnection
 from starlette.routing import compile_path
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from controller import __version__
 from controller.api import metrics, octoprint
 from controller.api.access import COOKIE, needs, panel_of
 from controller.api.answers import DESCRIPTIONS, Answer, Refusal, language_of, of_form, spoken
@@ -88,7 +88,7 @@ def make_app(panel: Panel) -> FastAPI:
 
     app = FastAPI(
         title="Directrix",
-        version=_version(),
+        version=__version__,
         lifespan=life,
         docs_url=None,  # they would load their scripts from other computers
         redoc_url=None,
@@ -105,13 +105,6 @@ def make_app(panel: Panel) -> FastAPI:
     app.add_middleware(Slashes)
     app.add_middleware(Bounds)
     return app
-
-
-def _version() -> str:
-    try:
-        return metadata.version("directrix")
-    except metadata.PackageNotFoundError:  # run from a folder that was never installed
-        return "0"
 
 
 def _describe(app: FastAPI) -> None:
