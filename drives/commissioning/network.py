@@ -1,28 +1,34 @@
-"""A bus as commissioning sees it: one of our ports, without a thread and without a clock of its own.
+"""canopen's network over one of our ports, without a thread and without a clock of its own.
 
-Whoever sends a request lives through the time until the answer by ``pump`` (waiting on the
-descriptor, or advancing the stepped bus). So there is no receiving thread and no other clock than
-the pump's.
+canopen is used for data sheets, SDO and NMT only. Whoever sends a request lives
+through the time until the answer by ``pump`` (waiting on the descriptor, or advancing
+the stepped bus). So there is no receiving thread and no other clock than the pump's.
 """
 
 from __future__ import annotations
 
+import logging
 import select
 import time
 from collections.abc import Callable
-from functools import partial
 from typing import Protocol
 
+import canopen
+
 from drives import pdo
-from drives.commissioning.sdo import ABORT, Client
+from drives.commissioning import sheet
 
 SDO_REQUEST, SDO_ANSWER_BEFORE = 0x600, 0x80
+ABORT = 0x80
 # CiA 301, 7.2.4.3: what begins a download or an upload, by the command of its answer, which names the object
 # again. Segments name none.
 COMMAND_MASK, ANSWERED_BY = 0xE0, {0x20: 0x60, 0x40: 0x40}
 NO_OBJECT = bytes(3)  # in some drives' aborts
 SEND_TRIES = 20
 BOOT_UP = b"\0"  # on the heartbeat's identifier (CiA 301, 7.2.8.3.3)
+
+# Everything it would log here is raised as well, with a better sentence.
+logging.getLogger("canopen.sdo.client").setLevel(logging.CRITICAL)
 
 Pump = Callable[[], float]  # lets a little time pass, gives the present one (s)
 Hearer = Callable[[int, bytes], None]  # called with identifier and data of everything that arrives
@@ -85,24 +91,35 @@ def stepped_pump(stepped: Stepped, step_s: float = 0.0002) -> Pump:
     return pump
 
 
-class Network:
+class Network(canopen.Network):
     """One bus as commissioning sees it."""
 
     def __init__(self, port: Port, pump: Pump, patience_s: float = 1.0) -> None:
+        super().__init__()
         self._port = port
         self._pump = pump
         self._buffer = bytearray(pdo.FRAME_BYTES)
         self._awaited = -1  # identifier of the answer that is waited for
         self._asked = b""  # the request, if its answer shows that it is one to it
-        self._answer = b""  # the last one that was waited for
+        self._joined: dict[sheet.Sheet, canopen.RemoteNode] = {}
         self.patience_s = patience_s
         self.nmt_states: dict[int, int] = {}  # by node, as its newest heartbeat says
         self.booted: set[int] = set()  # nodes whose boot-up message has been heard
         self.hearer: Hearer | None = None  # hears along
 
-    def client(self, node: int) -> Client:
-        """SDO with one node."""
-        return Client(partial(self.ask, node))
+    def join(self, settings: Node) -> canopen.RemoteNode:
+        """The node as canopen sees it with the data sheet of its settings. Raises CommissionError."""
+        try:
+            about = sheet.of(settings)
+        except sheet.SheetError as error:
+            raise CommissionError(f"drive {settings.name} (node {settings.node}): {error}") from error
+        node = self._joined.get(about)
+        if node is None:
+            node = self._joined[about] = canopen.RemoteNode(settings.node, about.dictionary)
+            node.sdo.RESPONSE_TIMEOUT = 0  # the answer is there before canopen looks for it
+        if self.nodes.get(settings.node) is not node:
+            self[settings.node] = node
+        return node
 
     def post(self, can_id: int, data: bytes = b"") -> None:
         """Send and do not wait. Raises CommissionError."""
@@ -113,27 +130,17 @@ class Network:
             self._pump()  # its queue may be short, and full
         raise CommissionError("the bus does not take frames; see that it is up and that somebody is on it")
 
-    def send_message(self, can_id: int, data: bytes) -> None:
-        """Send, with what has arrived so far handed over."""
-        self.receive()
-        self.post(can_id, data)
-
-    def ask(self, node: int, request: bytes) -> bytes:
-        """An SDO request and its answer; b"" where none has come when the patience ends, and to an abort."""
-        self._answer = b""
-        if request[0] == ABORT:
-            self.send_message(SDO_REQUEST + node, request)
-            return b""
-        # From here on: what was asked before may be answered just now.
-        self._awaited = SDO_REQUEST + node - SDO_ANSWER_BEFORE
-        self._asked = request if request[0] & COMMAND_MASK in ANSWERED_BY else b""
+    def send_message(self, can_id: int, data: bytes, remote: bool = False) -> None:
+        """Send; an SDO request returns when its answer has come or the patience has ended."""
+        asks = SDO_REQUEST < can_id < SDO_REQUEST + 0x80 and data[0] != ABORT
+        if asks:  # from here on: what was asked before may be answered just now
+            self._awaited = can_id - SDO_ANSWER_BEFORE
+            self._asked = bytes(data) if data[0] & COMMAND_MASK in ANSWERED_BY else b""
         # Heartbeats fill an unread queue in seconds, and a full one would lose the answer.
-        self.send_message(SDO_REQUEST + node, request)
-        self.wait(self._is_answered)
-        return self._answer
-
-    def _is_answered(self) -> bool:
-        return self._awaited < 0
+        self.receive()
+        self.post(can_id | pdo.REMOTE_FLAG if remote else can_id, data)
+        if asks:
+            self.wait(lambda: self._awaited < 0)
 
     def wait(self, done: Callable[[], bool], patience_s: float | None = None) -> bool:
         """Let time pass until ``done()``; False when the patience ends first."""
@@ -154,13 +161,14 @@ class Network:
             if can_id == self._awaited:
                 if not self._fits(data):
                     continue  # an answer to what was asked before, and too late for that
-                self._awaited, self._answer = -1, bytes(data)
+                self._awaited = -1
             elif can_id & pdo.GROUP_MASK == pdo.HEARTBEAT and data:
                 self.nmt_states[can_id & 0x7F] = data[0] & 0x7F
                 if data == BOOT_UP:
                     self.booted.add(can_id & 0x7F)
             if self.hearer is not None:
                 self.hearer(can_id, data)
+            self.notify(can_id, bytearray(data), 0.0)
 
     def _fits(self, answer: bytes) -> bool:
         """Whether it can be the answer to the last request."""

@@ -9,10 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from drives.commissioning.dictionary import Dictionary, Group, Variable
+from canopen.objectdictionary import ObjectDictionary, ODRecord, ODVariable
+from canopen.objectdictionary.datatypes import SIGNED_TYPES
+
 from drives.profile import Override
 
-# Attribute of an entry, by the field of the override.
+# Attribute of an entry as canopen has it, by the field of the override.
 WHAT = {
     "low": "min",
     "high": "max",
@@ -25,14 +27,14 @@ TOLD = {"data_type": "type"}  # as the tables call it
 IDENTITY, HEAD = 0x1018, {1: "vendor_number", 2: "product_number", 3: "revision_number"}
 
 
-def apply(dictionary: Dictionary, wanted: Sequence[Override], sheet: str) -> tuple[str, ...]:
+def apply(dictionary: ObjectDictionary, wanted: Sequence[Override], sheet: str) -> tuple[str, ...]:
     """Change the dictionary; a sentence for everything that the sheet says otherwise."""
     return tuple(sentence for one in wanted for sentence in _applied(dictionary, one, sheet))
 
 
-def _applied(dictionary: Dictionary, one: Override, sheet: str) -> Iterator[str]:
+def _applied(dictionary: ObjectDictionary, one: Override, sheet: str) -> Iterator[str]:
     where = f"object {one.index:04X}h:{one.sub:02X}"
-    found = dictionary.find(one.index, one.sub)
+    found = _find(dictionary, one)
     if found is None:
         found = _added(dictionary, one, where)
         if found is None:
@@ -54,21 +56,35 @@ def _applied(dictionary: Dictionary, one: Override, sheet: str) -> Iterator[str]
         setattr(dictionary.device_information, HEAD[one.sub], one.default)  # the head of a sheet says it, too
 
 
-def _whole(found: Variable) -> tuple[int, int]:
+def _whole(found: ODVariable) -> tuple[int, int]:
     """What its type holds, where the sheet names no limit."""
-    bits = 8 * found.size or 8
-    return (-(1 << bits - 1), (1 << bits - 1) - 1) if found.is_signed else (0, (1 << bits) - 1)
+    bits = len(found)
+    signed = found.data_type in SIGNED_TYPES
+    return (-(1 << bits - 1), (1 << bits - 1) - 1) if signed else (0, (1 << bits) - 1)
 
 
-def _added(dictionary: Dictionary, one: Override, where: str) -> Variable | None:
+def _find(dictionary: ObjectDictionary, one: Override) -> ODVariable | None:
+    """Exactly this entry; canopen makes up members of arrays."""
+    found = dictionary.indices.get(one.index)
+    if isinstance(found, ODVariable):
+        return found if one.sub == 0 else None
+    return None if found is None else found.subindices.get(one.sub)
+
+
+def _added(dictionary: ObjectDictionary, one: Override, where: str) -> ODVariable | None:
     """An entry that the sheet lacks; None where it cannot be: without a type, or below a single object."""
     parent = dictionary.indices.get(one.index)
-    if one.data_type is None or isinstance(parent, Variable):
+    if one.data_type is None or isinstance(parent, ODVariable):
         return None
-    made = Variable(where, one.index, one.sub, data_type=one.data_type)
+    made = ODVariable(where, one.index, one.sub)
+    made.data_type = one.data_type
     if parent is None and one.sub:
-        dictionary.indices[one.index] = Group(f"object {one.index:04X}h", one.index, False)
-    dictionary.add(made)
+        parent = ODRecord(f"object {one.index:04X}h", one.index)
+        dictionary.add_object(parent)
+    if parent is None:
+        dictionary.add_object(made)
+    else:
+        parent.add_member(made)
     return made
 
 

@@ -12,8 +12,9 @@ from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
 
+from canopen.objectdictionary import ODVariable
+
 from drives.commissioning import identity, wanted
-from drives.commissioning.dictionary import Variable
 from drives.commissioning.sheet import INTEGERS, Sheet
 from drives.commissioning.values import shown_at
 from drives.commissioning.wanted import RPDO, Pdo, Setting, Settings
@@ -314,7 +315,7 @@ def _may_be_missing(setting: Setting, settings: Settings) -> bool:
     return not isinstance(settings, IoSettings) and setting.index in settings.profile.optional
 
 
-def range_of(found: Variable) -> tuple[int | None, int | None]:
+def range_of(found: ODVariable) -> tuple[int | None, int | None]:
     """What the type holds, narrowed by the limits; zeros, or turned round, were not meant."""
     if found.data_type not in INTEGERS:
         return None, None

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import contextlib
+import struct
 from collections.abc import Sequence
 from dataclasses import field
+from typing import Any
+
+from canopen import ObjectDictionaryError
+from canopen.sdo.exceptions import SdoAbortedError, SdoCommunicationError
 
 from drives import pdo
 from drives.arranged import Arranged
 from drives.commissioning import sheet
-from drives.commissioning.dictionary import DOMAIN, MisfitError, Value, Variable
 from drives.commissioning.network import CommissionError, Network, Node
-from drives.commissioning.sdo import AbortedError, SilentError
 from drives.commissioning.values import told
 from drives.commissioning.wanted import Setting, Step
 from drives.values import dataclass
@@ -20,6 +23,8 @@ NMT_START, NMT_PRE_OPERATIONAL = 0x01, 0x80
 BOOT_TRIES, BOOT_TRY_S = 20, 0.1  # a drive may be starting up when we look for it
 SAVE = 0x6576_6173  # "save", 1010h
 MISSING = (0x0602_0000, 0x0609_0011)  # abort codes: no such object, no such sub-index
+# What canopen raises where an answer is not of the type that the data sheet gives the object.
+MISFITS = (ObjectDictionaryError, struct.error, ValueError, TypeError, AttributeError, KeyError)
 STORE_S = 5.0  # a drive may be silent while it writes its memory
 
 
@@ -61,11 +66,8 @@ class Drive:
     def __init__(self, network: Network, settings: Node) -> None:
         self._network = network
         self.settings = settings
-        self._client = network.client(settings.node)
-        try:
-            self.sheet = sheet.of(settings)
-        except sheet.SheetError as error:
-            raise CommissionError(f"{self.title}: {error}") from error
+        self._node = network.join(settings)
+        self.sheet = sheet.of(settings)
         self.outcome = Outcome(settings.name, settings.node)
 
     @property
@@ -105,16 +107,16 @@ class Drive:
                 " which must be read; a drive without it cannot be used here"
             )
         try:
-            return int(self._upload(index, sub))
-        except AbortedError as error:
+            return int(self._variable(index, sub).raw)
+        except SdoAbortedError as error:
             kind = MissingObjectError if error.code in MISSING else RefusedError
             raise kind(
                 f"{self.title}: reading object {index:04X}h:{sub:02X} was refused: {error};"
                 " check that drive and data sheet belong together"
             ) from error
-        except SilentError as error:
+        except SdoCommunicationError as error:
             raise CommissionError(self._silent(index, sub)) from error
-        except (MisfitError, ValueError) as error:
+        except MISFITS as error:
             raise CommissionError(self._misfit(index, sub, error)) from error
 
     def find(self, index: int, sub: int = 0) -> int | None:
@@ -144,13 +146,13 @@ class Drive:
         if not self.sheet.writable(*setting.place):
             return before, f"{setting.where} is read only and reads {told(*setting.place, before)}"
         try:
-            self._put(*setting.place, setting.value)
-        except AbortedError as error:
+            self._variable(*setting.place).raw = setting.value
+        except SdoAbortedError as error:
             reads = told(*setting.place, before)
             return before, f"{setting.where} refuses {wanted} ({error}), reads {reads}"
-        except SilentError as error:
+        except SdoCommunicationError as error:
             raise CommissionError(self._silent(*setting.place)) from error
-        except MisfitError as error:
+        except MISFITS as error:
             raise CommissionError(self._misfit(*setting.place, error)) from error
         found = self.read(*setting.place)
         if found != before:
@@ -236,11 +238,11 @@ class Drive:
         found = self.sheet.find(setting.index, setting.sub)
         return found is not None and found.readable
 
-    def put(self, index: int, sub: int, value: Value) -> None:
+    def put(self, index: int, sub: int, value: int | float | str | bytes) -> None:
         """Download as the data sheet types it, and no more. Raises CommissionError."""
         try:
             self._send(index, sub, value)
-        except AbortedError as error:
+        except SdoAbortedError as error:
             what = told(index, sub, value) if isinstance(value, int) else str(value)
             raise RefusedError(
                 f"{self.title}: object {index:04X}h:{sub:02X} refuses {what}: {error}"
@@ -249,19 +251,19 @@ class Drive:
     def _download(self, setting: Setting) -> None:
         try:
             self._send(setting.index, setting.sub, setting.value)
-        except AbortedError as error:
+        except SdoAbortedError as error:
             raise RefusedError(
                 f"{self.title}: {setting.where} refuses {told(*setting.place, setting.value)}: {error};"
                 f" {setting.why}; choose a value the drive supports"
             ) from error
 
-    def _send(self, index: int, sub: int, value: Value) -> None:
-        """Raises AbortedError, and CommissionError for all else."""
+    def _send(self, index: int, sub: int, value: int | float | str | bytes) -> None:
+        """Raises SdoAbortedError, and CommissionError for all else."""
         try:
-            self._put(index, sub, value)
-        except SilentError as error:
+            self._variable(index, sub).raw = value
+        except SdoCommunicationError as error:
             raise CommissionError(self._silent(index, sub)) from error
-        except MisfitError as error:
+        except MISFITS as error:
             raise CommissionError(self._misfit(index, sub, error)) from error
 
     def _misfit(self, index: int, sub: int, error: Exception) -> str:
@@ -277,31 +279,19 @@ class Drive:
             f" {self._network.patience_s:g} s; check power, wiring, bit rate and node id"
         )
 
-    def _upload(self, index: int, sub: int) -> Value:
-        """Raises AbortedError, SilentError, MisfitError."""
-        entry = self._entry(index, sub)
-        return entry.decoded(self._client.upload(index, sub, entry.size))
+    def _variable(self, index: int, sub: int) -> Any:
+        entry = self._node.sdo[index]
+        return entry[sub] if hasattr(entry, "__getitem__") else entry
 
-    def _put(self, index: int, sub: int, value: Value) -> None:
-        """Raises AbortedError, SilentError, MisfitError."""
-        entry = self._entry(index, sub)
-        self._client.download(index, sub, entry.encoded(value), entry.data_type == DOMAIN)
-
-    def _entry(self, index: int, sub: int) -> Variable:
-        found = self.sheet.find(index, sub)
-        if found is None:
-            raise MisfitError("it has no such object")
-        return found
-
-    def raw(self, index: int, sub: int) -> Value:
+    def raw(self, index: int, sub: int) -> int | float | str | bytes:
         """Any object as the data sheet types it. Raises CommissionError."""
         try:
-            value = self._upload(index, sub)
-        except AbortedError as error:
+            value: int | float | str | bytes = self._variable(index, sub).raw
+        except SdoAbortedError as error:
             raise CommissionError(str(error)) from error
-        except SilentError as error:
+        except SdoCommunicationError as error:
             raise CommissionError(self._silent(index, sub)) from error
-        except MisfitError as error:
+        except MISFITS as error:
             raise CommissionError(self._misfit(index, sub, error)) from error
         return value
 

@@ -12,8 +12,7 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 
 from drives.commissioning import dcf
-from drives.commissioning.dcf import Kept, Place
-from drives.commissioning.dictionary import Value, variables
+from drives.commissioning.dcf import Kept, Place, Value
 from drives.commissioning.network import CommissionError
 from drives.commissioning.remote import Drive
 from drives.commissioning.wanted import OFF, RPDO, TPDO
@@ -83,7 +82,7 @@ def read(drive: Drive) -> tuple[dict[Place, Value], list[Row]]:
     drive.read(0x1000)
     values: dict[Place, Value] = {}
     failed: list[Row] = []
-    for entry in variables(drive.sheet.dictionary):
+    for entry in dcf.variables(drive.sheet.dictionary):
         if left_out(entry.index, entry.subindex, entry.access_type, entry.data_type or 0):
             continue
         try:
@@ -96,7 +95,7 @@ def read(drive: Drive) -> tuple[dict[Place, Value], list[Row]]:
 def beside(drive: Drive) -> dict[str, int]:
     """How many objects that can be written are not kept, by reason."""
     counts: dict[str, int] = {}
-    for entry in variables(drive.sheet.dictionary):
+    for entry in dcf.variables(drive.sheet.dictionary):
         why = left_out(entry.index, entry.subindex, entry.access_type, entry.data_type or 0)
         if why and entry.writable:
             counts[why] = counts.get(why, 0) + 1

@@ -1,4 +1,4 @@
-"""A drive's data sheet (EDS or DCF, CiA 306-1), mended where it cannot be read.
+"""A drive's data sheet (EDS or DCF, CiA 306-1) as canopen reads it, mended where it cannot.
 
 Makers' files have empty numbers (``VendorNumber=``), sections that appear twice, entries
 without a data type, another spelling of ``sub``, umlauts in Latin-1. What such a line wanted
@@ -7,28 +7,26 @@ to say is unknown, so it is left out; what remains must be readable, or the shee
 
 from __future__ import annotations
 
+import configparser
 import contextlib
+import io
 import pickle
+import re
 from collections.abc import Iterator
 from functools import lru_cache
 from pathlib import Path
 from typing import Protocol
 
+import canopen
+from canopen.objectdictionary import ObjectDictionary, ODVariable
+
 from drives import sheet_text
-from drives.commissioning import dictionary as dictionaries
 from drives.commissioning import overrides
-from drives.commissioning.dictionary import (
-    DOMAIN_OBJECT,
-    DUMMIES,
-    RATES,
-    SECTION,
-    VARIABLE,
-    Dictionary,
-    Variable,
-)
 from drives.profile import Override
 
-# As the dictionary reads them; CiA 306-1 does not care for case.
+SECTION = re.compile(r"([0-9A-Fa-f]{4})(?:sub([0-9A-Fa-f]+))?", re.IGNORECASE)
+VARIABLE, DOMAIN = 0x7, 0x2
+# As canopen wants them written; CiA 306-1 does not care for case.
 KEYS = {
     name.lower(): name
     for name in (
@@ -48,10 +46,11 @@ KEYS = {
         "VendorNumber",
         "ProductNumber",
         "RevisionNumber",
-        *(f"BaudRate_{rate}" for rate in RATES),
+        *(f"BaudRate_{rate}" for rate in (10, 20, 50, 125, 250, 500, 800, 1000)),
     )
 }
 UNSIGNED8 = "0x0005"
+DUMMIES = tuple(f"Dummy{i:04d}" for i in range(1, 8))
 MANY = 254  # most sub-indices of an object
 NO_REMOTE = 0x4000_0000  # COB-ID bit 30: no remote frames for this TPDO
 
@@ -76,14 +75,19 @@ class SheetError(Exception):
 class Sheet:
     """What a data sheet says about objects."""
 
-    def __init__(self, name: str, dictionary: Dictionary, overridden: tuple[str, ...] = ()) -> None:
+    def __init__(
+        self, name: str, dictionary: canopen.ObjectDictionary, overridden: tuple[str, ...] = ()
+    ) -> None:
         self.name = name
         self.dictionary = dictionary
         self.overridden = overridden  # a sentence for everything that the drive is believed instead
 
-    def find(self, index: int, sub: int = 0) -> Variable | None:
-        """The entry, exactly this one."""
-        return self.dictionary.find(index, sub)
+    def find(self, index: int, sub: int = 0) -> ODVariable | None:
+        """The entry; exactly this one, while canopen makes up members of arrays."""
+        found = self.dictionary.indices.get(index)
+        if isinstance(found, ODVariable):
+            return found if sub == 0 else None
+        return None if found is None else found.subindices.get(sub)
 
     def has(self, index: int, sub: int = 0) -> bool:
         return self.find(index, sub) is not None
@@ -118,7 +122,7 @@ class Sheet:
     def subs(self, index: int) -> list[int]:
         """The sub-indices of an object but 0."""
         found = self.dictionary.indices.get(index)
-        return [] if found is None or isinstance(found, Variable) else sorted(set(found.subindices) - {0})
+        return [] if found is None or isinstance(found, ODVariable) else sorted(set(found.subindices) - {0})
 
 
 class Named(Protocol):
@@ -150,7 +154,7 @@ def load(path: str, node: int, known: tuple[Override, ...] = ()) -> Sheet:
 
 def own(path: str, node: int, known: tuple[Override, ...] = ()) -> Sheet:
     """As ``load``, and nobody else's: it may be changed. Raises SheetError."""
-    return overridden(_of_node(_mended(path), Path(path).name, node), known)
+    return overridden(_read(_mended(path), Path(path).name, node), known)
 
 
 def overridden(sheet: Sheet, known: tuple[Override, ...]) -> Sheet:
@@ -160,32 +164,48 @@ def overridden(sheet: Sheet, known: tuple[Override, ...]) -> Sheet:
 
 
 @lru_cache(maxsize=16)
-def _mended(path: str) -> bytes:
-    """The dictionary of a file, see ``_packed``; once for all drives that have this sheet."""
+def _mended(path: str) -> str:
+    """The text of a file; once for all drives that have this sheet."""
     try:
         text = Path(path).read_bytes().decode("latin-1")
     except OSError as error:
         raise SheetError(
             f"its data sheet {path} cannot be read: {error.strerror}; give the path of the maker's EDS file"
         ) from error
-    return _packed(text, Path(path).name)
+    with _refusals(Path(path).name):
+        return cleaned(text)
 
 
 def read(text: str, name: str, node: int = 1) -> Sheet:
     """The data sheet of a text. Raises SheetError."""
-    return _of_node(_packed(text, name), name, node)
-
-
-def _packed(text: str, name: str) -> bytes:
-    """The dictionary for node 0, packed: each drive gets one of its own, which it may change."""
     with _refusals(name):
-        return pickle.dumps(dictionaries.read(cleaned(text)), pickle.HIGHEST_PROTOCOL)
+        mended = cleaned(text)
+    return _read(mended, name, node)
 
 
-def _of_node(packed: bytes, name: str, node: int) -> Sheet:
-    dictionary: Dictionary = pickle.loads(packed)
-    dictionary.of_node(node)
+def _read(mended: str, name: str, node: int) -> Sheet:
+    with _refusals(name):
+        dictionary: ObjectDictionary = pickle.loads(_imported(mended))
+    for entry in dictionary.indices.values():
+        for variable in [entry] if isinstance(entry, ODVariable) else entry.subindices.values():
+            _count_from(node, variable)
     return Sheet(name, dictionary)
+
+
+@lru_cache(maxsize=16)
+def _imported(mended: str) -> bytes:
+    """The dictionary for node 0, once for all drives of a sheet; packed, for each may change its own."""
+    source = io.StringIO(mended)
+    source.name = "sheet.eds"  # canopen looks at the suffix
+    return pickle.dumps(canopen.import_od(source, 0))
+
+
+def _count_from(node: int, variable: ODVariable) -> None:
+    """What is relative to the node id ("$NODEID+0x200") in an entry that was read for node 0."""
+    for written, read in (("default_raw", "default"), ("value_raw", "value")):
+        text, number = getattr(variable, written, ""), getattr(variable, read)
+        if isinstance(number, int) and "$NODEID" in text.upper().replace(" ", ""):
+            setattr(variable, read, number + node)
 
 
 @contextlib.contextmanager
@@ -193,15 +213,15 @@ def _refusals(name: str) -> Iterator[None]:
     """Whatever a parser says of a file that is none of its kind, in one sentence."""
     try:
         yield
-    except (ValueError, KeyError, TypeError) as error:
+    except (configparser.Error, canopen.ObjectDictionaryError, ValueError, KeyError, TypeError) as error:
         reason = " ".join(str(error).split())
         raise SheetError(
             f"the data sheet {name} cannot be read as EDS or DCF (CiA 306-1): {reason}; get it from the maker"
         ) from error
 
 
-def cleaned(text: str) -> sheet_text.Sections:
-    """The sections without what cannot be read. Raises ValueError."""
+def cleaned(text: str) -> str:
+    """The text without what canopen cannot read. Raises ValueError."""
     kept: sheet_text.Sections = {}
     for section, values in sheet_text.sections(text).items():
         said = {KEYS.get(key.lower(), key): value for key, value in values.items() if value}
@@ -209,11 +229,11 @@ def cleaned(text: str) -> sheet_text.Sections:
     kept.setdefault("DeviceInfo", {})
     if not any(SECTION.fullmatch(section) for section in kept):
         raise ValueError("it has no objects")
-    return kept
+    return sheet_text.written(kept)
 
 
 def _keep(kept: sheet_text.Sections, section: str, values: dict[str, str]) -> None:
-    """One section, with keys spelt as above; nothing of a section that says too little."""
+    """One section, as canopen wants it; nothing of a section that says too little."""
     match = SECTION.fullmatch(section)
     if match is not None:
         _keep_object(kept, match.group(1).upper(), match.group(2), values)
@@ -246,7 +266,7 @@ def _keep_object(kept: sheet_text.Sections, index: str, sub: str | None, values:
     kind = values.get("ObjectType", "0x7")
     if not _is_number(kind) or (sub is not None and index not in kept):
         return
-    single = sub is not None or int(kind, 0) in (VARIABLE, DOMAIN_OBJECT)
+    single = sub is not None or int(kind, 0) in (VARIABLE, DOMAIN)
     if single and not _is_number(values.get("DataType", "")):
         return
     count = values.pop("CompactSubObj", "")

@@ -46,7 +46,7 @@ def test_an_answer_is_not_lost_to_a_queue_that_heartbeats_have_filled_meanwhile(
     network.hearer = lambda can_id, data: heard.append(can_id)
     for _ in range(3 * QUEUE):
         port.arrive(bytes(pdo.frame(pdo.HEARTBEAT + 1, b"\x05")))
-    network.ask(1, b"\x40\x61\x60\0\0\0\0\0")
+    network.send_message(0x601, b"\x40\x61\x60\0\0\0\0\0")
     assert heard[-1] == 0x581
 
 
@@ -65,11 +65,17 @@ def test_a_late_answer_to_an_earlier_request_is_not_taken_for_one_to_this(late: 
     network = Network(port, lambda: float(next(times)))
     if before:
         port.arrive(bytes(pdo.frame(0x581, late)))
-    assert network.ask(1, b"\x40\x61\x60\0\0\0\0\0") == b"\x4f\x61\x60\0\x08\0\0\0"
+    found: list[bytes] = []
+    network.subscribe(0x581, lambda _can_id, data, _at: found.append(bytes(data)))
+    network.send_message(0x601, b"\x40\x61\x60\0\0\0\0\0")
+    assert found == [b"\x4f\x61\x60\0\x08\0\0\0"]
 
 
 @pytest.mark.parametrize("names", [b"\x61\x60\0", b"\0\0\0"])
 def test_an_abort_is_an_answer_also_from_a_drive_that_names_no_object_in_it(names: bytes) -> None:
     port, times = ShortPort([b"\x80" + names + b"\0\0\2\6"]), iter(range(100))
     network = Network(port, lambda: float(next(times)))
-    assert network.ask(1, b"\x40\x61\x60\0\0\0\0\0")[0] == 0x80
+    found: list[bytes] = []
+    network.subscribe(0x581, lambda _can_id, data, _at: found.append(bytes(data)))
+    network.send_message(0x601, b"\x40\x61\x60\0\0\0\0\0")
+    assert found[0][0] == 0x80

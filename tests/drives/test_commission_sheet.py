@@ -1,4 +1,4 @@
-"""Data sheets as makers write them: what cannot be read is mended, nothing is made up."""
+"""Data sheets as makers write them: what canopen cannot read is mended, nothing is made up."""
 
 from __future__ import annotations
 
