@@ -19,8 +19,9 @@ from typing import Annotated, Any, TextIO
 import typer
 from typer.core import TyperGroup
 
-from controller import __version__, compiled, one_thread
+from controller import compiled, one_thread
 from controller.cli import declarations
+from controller.version import VERSION
 
 # File of controller/cli: the commands that it adds, as --help lists them. It has a function of that
 # name, or a Typer called ``app`` or like the command; or ``register(app)`` where there is more to say.
@@ -134,7 +135,7 @@ USAGE: Any = typer.BadParameter.__mro__[1]  # click's UsageError, wherever this 
 def _version(asked: bool) -> None:
     if asked:
         made = "compiled" if compiled.is_compiled() else "not compiled"
-        print(f"directrix {__version__}, {made}")
+        print(f"directrix {VERSION}, {made}")
         raise typer.Exit
 
 

@@ -21,7 +21,6 @@ from starlette.requests import ClientDisconnect, HTTPConnection
 from starlette.routing import compile_path
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from controller import __version__
 from controller.api import metrics, octoprint
 from controller.api.access import COOKIE, needs, panel_of
 from controller.api.answers import DESCRIPTIONS, Answer, Refusal, language_of, of_form, spoken
@@ -51,6 +50,7 @@ from controller.api.routes import (
 from controller.api.slashes import Slashes
 from controller.calibration.measurements import MEASUREMENTS
 from controller.messages import plain, said
+from controller.version import VERSION
 
 API = "/api/v1"
 MAX_BODY_BYTES = 100_000  # of everything but uploads, which count for themselves
@@ -88,7 +88,7 @@ def make_app(panel: Panel) -> FastAPI:
 
     app = FastAPI(
         title="Directrix",
-        version=__version__,
+        version=VERSION,
         lifespan=life,
         docs_url=None,  # they would load their scripts from other computers
         redoc_url=None,

@@ -11,8 +11,8 @@ import traceback
 from datetime import UTC, datetime
 from pathlib import Path
 
-from controller import __version__
 from controller.ipc import internal_error
+from controller.version import VERSION
 
 EXIT_CODE = 70  # EX_SOFTWARE of sysexits.h
 
@@ -40,7 +40,7 @@ def end(error: BaseException, as_json: bool) -> int:
 
 def _kept(text: str) -> Path | None:
     """A file of what is needed to find it, for this user alone; None where there is no room."""
-    of = f"directrix {__version__}, Python {platform.python_version()}"
+    of = f"directrix {VERSION}, Python {platform.python_version()}"
     now = datetime.now(UTC).isoformat(timespec="seconds")
     head = f"{of}, {platform.platform()}\n{now}\n{' '.join(sys.argv)}\n\n"
     try:

@@ -17,7 +17,6 @@ from dataclasses import field
 from pathlib import Path
 from typing import Any
 
-from controller import __version__
 from controller.machine.model import Joints, Machine
 from controller.machine.plain import plain
 from controller.messages import Said, said
@@ -28,6 +27,7 @@ from controller.plan.stretch import Note
 from controller.plan.surfaces.placements import Recipe
 from controller.program.program import Place
 from controller.values import dataclass
+from controller.version import VERSION
 
 FORMAT = 5  # of the files
 KEPT = 500  # files; the oldest go
@@ -68,7 +68,7 @@ def key(program: bytes, machine: Machine, start: Joints) -> str:
     """The name of a check: a hash of program, machine (tools and offsets included), start and version."""
     facts = {
         "format": FORMAT,
-        "version": __version__,
+        "version": VERSION,
         "program": hashlib.sha256(program).hexdigest(),
         "machine": plain(machine),
         "start": start,
