@@ -289,7 +289,7 @@ class End:
         way = np.linspace(0.0, min(ramp, lead.motion.end), POSES)
         s = lead.motion.end - way if self.at_start else way
         allowed = rates.derivatives(lead, s, self.kinematics).even_speed(*rates.limits(machine).T)
-        return min(1.0, float(allowed.min()) / speed, (lead.motion.end / ramp) ** (2.0 / 3.0))
+        return min(1.0, float(allowed.min()) / speed, math.pow(lead.motion.end / ramp, 2.0 / 3.0))
 
     def straight_off(self, off_mm: float, feed_mm_s: float) -> Stretch | None:
         """A line off the ruling with the tool axis held: the machine rests at that ruling."""
