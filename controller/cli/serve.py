@@ -33,7 +33,7 @@ def serve(
     part: Annotated[
         Path | None,
         typer.Option(
-            "--part", help="Simulated: what a probe can touch (.toml); default: a block with a bore."
+            "--part", help="Simulated: what can be touched and cut (.toml); default: a block with a bore."
         ),
     ] = None,
     state: Annotated[
@@ -81,17 +81,19 @@ def serve(
 
 
 def _see_part(part: Path, made: Machine, simulate: bool) -> None:
-    """Raises ConfigError, or Refused where nothing of it would be touched."""
+    """Raises ConfigError, or Refused where nothing of it would be touched or cut."""
     from controller.runtime import simulated_bench
     from controller.service import engine
 
     virtual = engine.simulated(made)
-    if not simulate or simulated_bench.bus_of(virtual) is None:
+    if not simulate or simulated_bench.bus_of(virtual, part=True) is None:
         raise Refused(
-            f"--part {part}: nothing can touch it; give --simulate, and a machine file with [probe] or "
-            "[setter] whose axes are on one bus."
+            f"--part {part}: nothing can touch or cut it; give --simulate, and a machine file with [probe], "
+            "[setter] or a driven [spindle], whose axes are on one bus."
         )
-    simulated_bench.read(part, virtual)
+    bench = simulated_bench.read(part, virtual)
+    if bench.cut is not None and not simulated_bench.turns(virtual):
+        raise Refused(f"{part}: [cut] loads nothing: the machine file has no [spindle] with a drive.")
 
 
 def _notifier() -> Callable[[str], None]:

@@ -81,14 +81,18 @@ def tools(
             print(tool_files.picture(rows[picture]), end="")
         elif write is not None:
             _write(write, rows, as_json)
-        elif as_json:
-            uses = _uses(machine)
-            told = [{**row, "life": uses.get(number)} for number, row in rows.items()]
-            print(json.dumps({"ok": True, "tools": told}))
         else:
-            show.print(table(rows))
-            if uses := _uses(machine):
-                show.print(lives(uses))
+            _tell(rows, _uses(machine), as_json)
+
+
+def _tell(rows: Mapping[int, dict[str, Any]], uses: Mapping[int, dict[str, Any]], as_json: bool) -> None:
+    if as_json:
+        told = [{**row, "life": uses.get(number)} for number, row in rows.items()]
+        print(json.dumps({"ok": True, "tools": told}))
+        return
+    show.print(table(rows))
+    if uses:
+        show.print(lives(uses))
 
 
 def _rows(machine: remote.Machine) -> dict[int, dict[str, Any]]:

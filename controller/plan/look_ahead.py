@@ -166,13 +166,14 @@ class Windows:
             return Sent(place.unit, start_s, start_s, None, after, orders, (mark,))
         begin = State(place.s, 0.0, 0.0)
         seconds = FIRST_S if soon else WINDOW_S
-        reaches = [self._reach(track, place, orders, share * seconds, 0) for share in SHORTENED]
-        if self._forbidden(reaches[0], orders):
-            return None
-        for reach in [*reaches, _first_of(reaches[-1])]:
-            made = self._window(reach, place, begin, None, start_s, orders)
-            if made is not None:
+        for share in SHORTENED:
+            reach = self._reach(track, place, orders, share * seconds, 0)
+            if share == SHORTENED[0] and self._forbidden(reach, orders):
+                return None
+            if (made := self._window(reach, place, begin, None, start_s, orders)) is not None:
                 return made
+        if (made := self._window(_first_of(reach), place, begin, None, start_s, orders)) is not None:
+            return made
         raise NoLaw(f"Line {unit.line}: no way was found to move from rest within the limits.", unit.line)
 
     def from_motion(

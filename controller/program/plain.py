@@ -110,7 +110,7 @@ class CommonLines:
         names = {axis.name for axis in machine.axes}
         self._lacking = tuple(PARTS[letter] for letter in "XYZABC" if letter not in names)
         self._common = common("".join(sorted(names)))
-        self._linear, self._pair = machine.linear(), machine.pair
+        self._linear, self._rotary = machine.linear(), machine.pair(range(len(machine.axes)), None)
         self._turning = [PARTS[machine.axes[i].name] for i in machine.rotary()]
         self._points_count = points.count(machine)
         self._given = given
@@ -285,8 +285,8 @@ class CommonLines:
         if has_vector and (axis is None or relative):
             return None
         x, y, z = [targets[i] for i in self._linear]
-        turns = self._pair(targets, None)
-        return TipLine(place, modal, (x, y, z), turns, axis, relative, mm, degrees, time)
+        a, b = [None if i is None else targets[i] for i in self._rotary]
+        return TipLine(place, modal, (x, y, z), (a, b), axis, relative, mm, degrees, time)
 
     def _turns(self, parts: Sequence[Part]) -> bool:
         """Whether a rotary has a word."""

@@ -80,6 +80,7 @@ class Position:
         "_linear",
         "_machine",
         "_pending",
+        "_place",
         "_rotaries",
         "_rotary",
         "_tips",
@@ -93,11 +94,14 @@ class Position:
         self._xyz: list[Known] = [start[i] for i in self._linear]  # axes, or the tip in the table frame
         self._rotaries: list[Known] = [*machine.pair(start, 0.0)]
         self._tips, self._length_mm = False, 0.0
-        self._pending: list[JointMotion] = []  # absolute, not gone yet: most are never asked for
+        # Not gone yet, for most are never asked for: a line that alone says where all axes are, absolute
+        # moves behind it.
+        self._place: TipLine | None = None
+        self._pending: list[JointMotion] = []
 
     def stand(self, joints: Joints) -> None:
         """There it stands (mm, rad), as the machine has told."""
-        self._pending, self._tips = [], False
+        self._place, self._pending, self._tips = None, [], False
         self._xyz, self._rotaries = [joints[i] for i in self._linear], [*self._machine.pair(joints, 0.0)]
 
     def take(self, block: Block) -> None:
@@ -107,11 +111,13 @@ class Position:
         elif isinstance(block, JointMotion):
             self._go()
             self._joint_move(block)
+        elif isinstance(block, TipLine) and self._is_place(block):
+            self._place, self._pending = block, []
         elif isinstance(block, TipLine):
             self._go()
             self._tip_line(block)
         elif isinstance(block, CutCone | CutRuled | CutNurbs):
-            self._pending.clear()
+            self._place, self._pending = None, []
             self._xyz, self._rotaries = [None] * 3, self._lost()
 
     def take_run(self, run: CommonRun) -> None:
@@ -123,7 +129,8 @@ class Position:
         if isinstance(first, JointMotion) and _is_position(first):
             self._put_off(cast(Sequence[JointMotion], motions))
             return
-        for block in motions:
+        last = motions[-1]
+        for block in (last,) if isinstance(last, TipLine) and self._is_place(last) else motions:
             self.take(block)
 
     def _put_off(self, motions: Sequence[JointMotion]) -> None:
@@ -133,9 +140,17 @@ class Position:
             self._go()
         self._pending.extend(motions)
 
+    def _is_place(self, line: TipLine) -> bool:
+        """Whether its words alone say where all axes are then."""
+        turns = line.rotaries[: len(self._rotary)]
+        return not line.relative and line.axis is None and None not in line.tip and None not in turns
+
     def _go(self) -> None:
         """Go where all pending lines lead, which are of one frame: the last word of each axis counts."""
-        pending, self._pending = self._pending, []
+        place, pending = self._place, self._pending
+        self._place, self._pending = None, []
+        if place is not None:
+            self._tip_line(place)
         if not pending:
             return
         last = pending[-1]

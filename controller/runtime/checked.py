@@ -43,6 +43,7 @@ PLACED, CHOSEN, PLANNED = 0.1, 0.2, 0.6
 CUTS = re.compile(
     rb"[gG][ \t]*0*(?:5[12]|6\.2)"
 )  # what may cut a surface: a long program of lines is not read twice
+MOST_KEPT = 1000  # motions of a path that is not laid once more for its run: it bounds the memory
 PLACING_S = 0.4  # that a search for one surface takes, about
 
 
@@ -177,9 +178,11 @@ def walk_of(asked: Task, kept: Stored | None, unchecked: bool, progress: Progres
     if kept is None and not unchecked:
         with _gouges_placed(asked):
             whole = path_of(asked, chosen_for(asked, _between(progress, 0.0, PLANNED)))
-            watched = _walked(whole)
+            watched = Watched(whole.items)
+            items = _fixed(watched)
             notes = whole.notes + _audited(asked, watched, _between(progress, PLANNED, 1.0)).notes
-        return _noted(path_of(asked, whole.choices), notes)
+        again = path_of(asked, whole.choices) if items is None else Walk(items, choices=whole.choices)
+        return _noted(again, notes)
     if kept is not None:
         placements.learn(kept.placements)
     return _noted(path_of(asked, kept.choices if kept else None), kept.notes if kept else ())
@@ -191,6 +194,17 @@ def _walked(walk: Walk) -> Watched:
     for _ in watched:
         pass
     return watched
+
+
+def _fixed(watched: Watched) -> list[Chain | Pause] | None:
+    """A path gone through, as it can be gone again; None where it is long, or its run decides on it."""
+    kept, fixed = list[Chain | Pause](), True
+    for item in watched:
+        probes = isinstance(item, Pause) and item.probe is not None
+        fixed = fixed and not probes and len(watched.stretches) <= MOST_KEPT
+        if fixed:
+            kept.append(item)
+    return kept if fixed else None
 
 
 @contextlib.contextmanager

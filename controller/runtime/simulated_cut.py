@@ -1,10 +1,10 @@
 """A cut that loads the simulated spindle: the torque of the chip, where the tool is in the stock.
 
-    M = k_c A v_f / (2 pi n)      k_c: specific cutting force, A: section of the chip across the feed,
-                                  v_f: speed of the tip in the part, n: speed of the spindle
+    P = k_c A v_f       k_c: specific cutting force, A: section of the chip across the feed,
+    M = P / (2 pi n)    v_f: speed of the tip in the part, n: speed of the spindle
 
-as text-books have the power P = k_c A v_f of milling (k_c the same at every chip thickness). Of a
-simulation file, beside what a probe can touch:
+as text-books have the power of milling (k_c the same at every chip thickness). Of a simulation file, beside
+what a probe can touch:
 
 ```toml
 [cut]
@@ -22,7 +22,7 @@ section_mm2 = 15.0       # A: width times depth of cut
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 from controller.geometry.vectors import Frame, Vector, norm, subtract
@@ -30,12 +30,11 @@ from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Machine
 from controller.machine.toml_table import Table
 from controller.values import dataclass
-from drives.simulated.spindle_motor import SpindleMotor
 
 if TYPE_CHECKING:
     from drives.simulated.drive import SimulatedDrive
 
-TURNS_REV_S = 0.5  # slower than this it does not cut
+AHEAD_S = 1e-3  # so far the motors' speeds are followed to find that of the tip
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,13 +59,11 @@ class Cut:
     length_mm: float
     stock: tuple[Stock, ...]
 
-    def torque_nm(self, tip: Vector, speed_mm_s: float, rev_s: float) -> float:
-        """At a tip in the table's frame; 0 outside of the stock, and of a spindle that stands."""
+    def power_w(self, tip: Vector, speed_mm_s: float) -> float:
+        """At a tip in the table's frame; 0 outside of the stock."""
         place = self.frame.from_parent(tip)
         found = next((one.section_mm2 for one in self.stock if one.has(place)), 0.0)
-        if abs(rev_s) < TURNS_REV_S:
-            return 0.0
-        return self.force_n_mm2 * found * speed_mm_s * 1e-3 / (2.0 * math.pi * abs(rev_s))
+        return self.force_n_mm2 * found * speed_mm_s * 1e-3
 
 
 def read(top: Table, frame: Frame) -> Cut | None:
@@ -88,27 +85,20 @@ class Cutting:
     """The tool in the stock; call ``watch`` when the motors have moved."""
 
     def __init__(
-        self, cut: Cut, machine: Machine, drives: Sequence[SimulatedDrive], spindle: SimulatedDrive
+        self, cut: Cut, machine: Machine, drives: Sequence[SimulatedDrive], feel: Callable[[float], None]
     ) -> None:
-        """``drives`` in the order of the axes."""
-        self._cut, self._drives, self._spindle = cut, drives, spindle
+        """``drives`` in the order of the axes. ``feel`` takes rated torques times rev/s."""
+        self._cut, self._drives, self._feel = cut, drives, feel
         self._kinematics = kinematics_of(machine)
         self._counts = tuple(axis.counts_per_unit for axis in machine.axes)
-        assert machine.spindle is not None
-        self._per_rev = abs(machine.spindle.counts_per_rev)
-        self._at: tuple[Vector, float] | None = None  # tip and time, when the motors were looked at last
-        self.torque_nm = 0.0
 
-    def watch(self, now_s: float) -> None:
-        joints = [drive.motor_counts / per for drive, per in zip(self._drives, self._counts, strict=True)]
-        tip = self._kinematics.forward(joints, self._cut.length_mm).tip
-        before, self._at = self._at, (tip, now_s)
-        if before is None or now_s <= before[1]:
-            return
-        speed = float(norm(subtract(tip, before[0]))) / (now_s - before[1])
-        rev_s = self._spindle.motor_counts_s / self._per_rev
-        self.torque_nm = self._cut.torque_nm(tip, speed, rev_s)
-        motor = self._spindle.axis.servo
-        if isinstance(motor, SpindleMotor):
-            rated = 1000.0 * self._spindle.axis.parameters.torque_counts_s2
-            motor.cutting = rated * self.torque_nm / self._cut.rated_nm
+    def watch(self, _now_s: float) -> None:
+        tip = self._tip(0.0)
+        speed = float(norm(subtract(self._tip(AHEAD_S), tip))) / AHEAD_S
+        self._feel(self._cut.power_w(tip, speed) / (2.0 * math.pi * self._cut.rated_nm))
+
+    def _tip(self, ahead_s: float) -> Vector:
+        """Where it comes to as fast as the motors turn now."""
+        counts = (drive.motor_counts + ahead_s * drive.motor_counts_s for drive in self._drives)
+        joints = [count / per for count, per in zip(counts, self._counts, strict=True)]
+        return self._kinematics.forward(joints, self._cut.length_mm).tip

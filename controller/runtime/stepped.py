@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
@@ -197,9 +198,9 @@ class SteppedMachine:
         io = next(iter(self.rig.io.values()), None)
         touch = Wired(bench, self.machine, drives, io, self.machine.probe)
         self.rig.watchers.append(touch.watch)
-        if bench.cut is not None and self.rig.spindle is not None:
-            cutting = Cutting(bench.cut, self.machine, drives, self.rig.spindle)
-            self.rig.watchers.append(cutting.watch)
+        if bench.cut is not None and self.rig.spindle is not None and self.machine.spindle is not None:
+            feel = partial(self.rig.spindle.feel, counts_per_rev=abs(self.machine.spindle.counts_per_rev))
+            self.rig.watchers.append(Cutting(bench.cut, self.machine, drives, feel).watch)
         if bench.setter is not None:
             self.rig.watchers.append(Wired(bench.setter, self.machine, drives, io, self.machine.setter).watch)
         return touch

@@ -99,7 +99,7 @@ class Engine:
     def start_hubs(self, part: Path | None = None) -> None:
         """Virtual buses with simulated drives, and hubs that share a serial adapter.
 
-        ``part``: a simulation file of what a probe can touch; None: the usual. Raises SessionError.
+        ``part``: a simulation file of what can be touched and cut; None: the usual. Raises SessionError.
         """
         self.machine = hubs_started(
             self.machine, self._folder, self._ending, self.hubs, self.sync_stamps_s, part
@@ -286,14 +286,16 @@ def hubs_started(
 
 
 def _hub(bus: Bus, machine: Machine, log: Path, folder: Path, part: Path | None) -> Child:
-    """With what can be touched, where that is by its axes; inputs beside it hear of that."""
+    """With what can be touched or cut, where that is by its axes; other buses hear of that."""
     options = [bus.channel, "--bit-rate", str(bus.bit_rate), "--sync-log", str(log)]
     options += simulation.options(machine, bus.name)
-    touching = simulated_bench.bus_of(machine)
+    touching = simulated_bench.bus_of(machine, part is not None)
+    if part is not None:
+        options.append("--slips")
     if touching == bus.name:
         return children.start("bench", simulated_bench.Job(machine, options, folder, part), folder, ())
     if touching is not None:
-        options += ["--heard", str(folder / simulated_bench.INPUTS)]
+        options += ["--heard", str(simulated_bench.heard(folder, bus.name))]
     return Child("hub", options, folder / f"{bus.name}.words")
 
 

@@ -54,6 +54,12 @@ def nearest(points: Array, sweep: Sweep, body: Body) -> Nearest:
     return _exact(points, Nearest(value, sample, sweep.s[sample]), sweep, body)
 
 
+def at_least(points: Array, sweep: Sweep, body: Body) -> Array:
+    """Bounds (N,) that the distances of ``points`` (N, 3) are not below, by runs of samples alone."""
+    off = sweep.runs.distance(points) - sweep.runs.slack
+    return np.asarray(off.min(axis=1, initial=np.inf) - body.widest_mm - ROUNDING_MM)
+
+
 def _best_sample(points: Array, sweep: Sweep, body: Body) -> tuple[Array, Index]:
     runs = sweep.runs
     off = runs.distance(points) - body.widest_mm  # of the middle pose, from below

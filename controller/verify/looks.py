@@ -27,7 +27,7 @@ from controller.geometry.curves import ArcLength
 from controller.machine.model import Tool
 from controller.values import dataclass
 from controller.verify.bodies import Body, cutter, holder
-from controller.verify.envelope import deviation, nearest
+from controller.verify.envelope import PATCH, at_least, deviation, nearest
 from controller.verify.nominal import Nominal, grid
 from controller.verify.sweep import Pass, Sweep
 
@@ -54,13 +54,16 @@ class By:
     name: str
     tool: Tool
 
-    def distance(self, points: Array) -> Array:
-        """Signed distance of points (N, 3) to the body, negative inside."""
-        return nearest(points, self.sweep, self.body).distance
+    def distance(self, points: Array, below: Array) -> Array:
+        """Signed distance of points (N, 3) to the body, negative inside; inf where not ``below`` (N,)."""
+        found = np.full(len(points), np.inf)
+        near = np.flatnonzero(at_least(points, self.sweep, self.body) < below)
+        found[near] = nearest(points[near], self.sweep, self.body).distance
+        return found
 
     def depth(self, points: Array) -> Array:
         """How deep they get into it."""
-        return np.asarray(np.maximum(0.0, -self.distance(points)))
+        return np.asarray(np.maximum(0.0, -nearest(points, self.sweep, self.body).distance))
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -236,14 +239,14 @@ class Look:
         self, by: By, cuts_of: Callable[[int], Sequence[Look]], most_mm: float | None
     ) -> Iterator[Hurt]:
         """What another motion takes beyond the own cut; ``cuts_of`` gives those of its line."""
-        distance = by.distance(self.points)
+        distance = by.distance(self.points, np.maximum(self.left, -self.own - self._harmless_mm))
         self.left = np.minimum(self.left, distance)
         depth = np.maximum(0.0, -distance)
         more = depth > self.own + self._harmless_mm
         if not more.any():
             return
         cuts = cuts_of(by.line)
-        near = more & self._beside(by, cuts)
+        near = self._beside(by, cuts, more)
         both = (self, *cuts)
         twist = max(one.twist_mm for one in both)
         most = max(twist, *(one.onward_mm for one in both)) if near.any() else 0.0
@@ -257,15 +260,15 @@ class Look:
         elif ended.any():
             yield Hurt("end", ended, by, twist)
 
-    def _beside(self, by: By, cuts: Sequence[Look]) -> Flags:
-        """Points (N,) within a radius of where the cuts of a motion's line end, or go if it is a cut."""
-        from scipy.spatial import cKDTree  # takes as long to import as a small program to look at
+    def _beside(self, by: By, cuts: Sequence[Look], of: Flags) -> Flags:
+        """Points (N,) within a radius of where the cuts of a motion's line end, or go if it is a cut.
 
-        beside = np.zeros(len(self.points), dtype=bool)
+        Only those ``of`` which it matters.
+        """
+        beside, points = np.zeros(len(self.points), dtype=bool), self.points[of]
         for one in cuts:
             rulings = np.isin(one.u, (0.0, 1.0)) if by.name != "cut" else np.ones(len(one.u), dtype=bool)
-            away, _ = cKDTree(one.points[rulings]).query(self.points)
-            beside |= away <= by.tool.radius_mm
+            beside[of] |= _close(points, one.points[rulings], by.tool.radius_mm)
         return beside
 
     def _holders(self) -> Iterator[Hurt]:
@@ -328,6 +331,18 @@ class Look:
                 break
             half = 0.5 * half
         return u, v, most
+
+
+def _close(points: Array, others: Array, within_mm: float) -> Flags:
+    """Which of ``points`` (N, 3) have one of ``others`` (M, 3) within so much."""
+    low, high = points.min(axis=0) - within_mm, points.max(axis=0) + within_mm
+    x, y, z = others[((others >= low) & (others <= high)).all(axis=1)].T
+    parts = []
+    for k in range(0, len(points), PATCH):
+        a, b, c = (column[:, None] for column in points[k : k + PATCH].T)
+        square = (a - x) ** 2 + (b - y) ** 2 + (c - z) ** 2
+        parts.append(np.sqrt(square.min(axis=1, initial=np.inf)) <= within_mm)
+    return np.concatenate(parts)
 
 
 def _counts(nominal: Nominal, spacing_mm: float) -> tuple[int, int]:

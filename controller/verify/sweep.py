@@ -49,6 +49,11 @@ def sampled(
     """
     s = np.linspace(0.0, end, FEWEST)
     tips, axes = poses(s)
+    closest = float(_step(np.hstack([tips, tips + height_mm * axes])).min())
+    if closest >= 2.0 * step_mm:  # all of them are to be halved, and so are the halves
+        while closest >= 2.0 * step_mm and 2 * len(s) < MOST:
+            s, closest = _halved(s), 0.5 * closest
+        tips, axes = poses(s)
     while len(s) < MOST:
         ends = np.hstack([tips, tips + height_mm * axes])
         wide = _step(ends) > step_mm
@@ -63,6 +68,13 @@ def sampled(
         tips = np.insert(tips, split + 1, between[0][split], axis=0)
         axes = np.insert(axes, split + 1, between[1][split], axis=0)
     return s, tips, axes
+
+
+def _halved(s: Array) -> Array:
+    """The places with one half way between each and the next."""
+    found = np.empty(2 * len(s) - 1)
+    found[::2], found[1::2] = s, 0.5 * (s[:-1] + s[1:])
+    return found
 
 
 def _step(ends: Array) -> Array:

@@ -22,10 +22,12 @@ from drives.simulated.drive import SimulatedDrive
 from drives.simulated.io_node import IoNode
 from drives.simulated.parameters import LostSync, Parameters
 from drives.simulated.serve import Server, on_interface, run
+from drives.simulated.spindle_motor import MotorParameters
 from drives.virtual.fault_script import ScriptError
 from drives.virtual.hub import Hub
 
 MAX_WORDS = 64  # bytes of a packet that sets an input
+LOAD = b"load"
 COUNTS_PER_REV = 4096.0  # of spindles given by node id
 
 
@@ -44,7 +46,7 @@ def main(arguments: Sequence[str] | None = None, join: Join | None = None) -> No
         ) as server:
             devices = _devices(chosen)
             if chosen.heard is not None and isinstance(server, Hub):
-                _hear(server, devices, chosen.heard)
+                _hear(server, devices, chosen)
             if join is not None:
                 join(server, devices)
             run(server, devices, sync_log=chosen.sync_log)
@@ -59,6 +61,9 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--nodes", type=int, nargs="*", default=[1, 2, 3, 4, 5], help="ids of axis drives")
     parser.add_argument("--spindle", type=int, nargs="*", default=[], help="ids of spindle drives")
     parser.add_argument("--counts-per-rev", type=float, default=COUNTS_PER_REV, help="of the spindles")
+    parser.add_argument(
+        "--slips", action="store_true", help="spindles have inertia and slip, and feel a load"
+    )
     parser.add_argument("--io", type=int, nargs="*", default=[], help="ids of CiA 401 nodes")
     parser.add_argument("--inputs", type=int, default=0, help="word of their inputs at the start")
     parser.add_argument(
@@ -68,7 +73,9 @@ def _parser() -> argparse.ArgumentParser:
         default=[],
         help="an input that follows an output, e.g. 2:3:0.1:1",
     )
-    parser.add_argument("--heard", metavar="PATH", help="datagram socket that sets inputs: 'INPUT 0|1'")
+    parser.add_argument(
+        "--heard", metavar="PATH", help="datagram socket: 'INPUT 0|1', 'load TORQUES*REV/S' of spindles"
+    )
     parser.add_argument(
         "--bit-rate", type=int, help="bit/s; 0 = no bit timing; virtual bus: 1000000, CAN interface: 0"
     )
@@ -109,7 +116,8 @@ def _devices(chosen: argparse.Namespace) -> list[SimulatedDrive | IoNode]:
         devices.append(SimulatedDrive(node, own, chosen.eds))
     for node in chosen.spindle:
         settings = SpindleSettings("spindle", "", node, "", chosen.counts_per_rev)
-        devices.append(build.spindle(settings, nature))
+        motor = MotorParameters() if chosen.slips else None
+        devices.append(build.spindle(settings, replace(nature, motor=motor)))
     return devices + [_inputs_and_outputs(node, nature, chosen) for node in chosen.io]
 
 
@@ -131,17 +139,20 @@ def heard(hub: Hub, path: str) -> Callable[[Callable[[bytes], None]], None]:
     return read_by
 
 
-def _hear(hub: Hub, devices: Sequence[SimulatedDrive | IoNode], path: str) -> None:
-    """Inputs that something outside of this process sets."""
-    nodes = [device for device in devices if isinstance(device, IoNode)]
+def _hear(hub: Hub, devices: Sequence[SimulatedDrive | IoNode], chosen: argparse.Namespace) -> None:
+    """Inputs that something outside of this process sets, and what its cut takes of the spindles."""
 
-    def set_input(words: bytes) -> None:
+    def take(words: bytes) -> None:
         with contextlib.suppress(ValueError):
-            number, on = map(int, words.split())
-            for node in nodes:
-                node.set_input(number, bool(on), hub.bus.now_s)
+            name, value = words.split()
+            for device in devices:
+                if isinstance(device, IoNode):
+                    if name != LOAD:
+                        device.set_input(int(name), value == b"1", hub.bus.now_s)
+                elif name == LOAD and device.node in chosen.spindle:
+                    device.feel(float(value), chosen.counts_per_rev)
 
-    heard(hub, path)(set_input)
+    heard(hub, chosen.heard)(take)
 
 
 def _inputs_and_outputs(node: int, nature: Parameters, chosen: argparse.Namespace) -> IoNode:

@@ -23,6 +23,7 @@ from drives.simulated.inputs import NEGATIVE_LIMIT, POSITIVE_LIMIT, STO
 from drives.simulated.machine402 import POWERED
 from drives.simulated.parameters import Parameters
 from drives.simulated.pdo_map import Pdo
+from drives.simulated.spindle_motor import SpindleMotor
 from drives.simulated.station import OPERATIONAL
 from drives.virtual.virtual_bus import Handler
 
@@ -267,6 +268,11 @@ class SimulatedDrive(Device):
     @property
     def motor_counts_s(self) -> float:
         return self.axis.servo.velocity
+
+    def feel(self, power_rev_s: float, counts_per_rev: float) -> None:
+        """A cut loads the motor, where it is a spindle's that feels it: see ``SpindleMotor.feel``."""
+        if isinstance(motor := self.axis.servo, SpindleMotor):
+            motor.feel(power_rev_s, 1000.0 * self.axis.parameters.torque_counts_s2, counts_per_rev)
 
     @property
     def origin_counts(self) -> float:

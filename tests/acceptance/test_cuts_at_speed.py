@@ -137,6 +137,13 @@ def test_a_cut_does_not_rest_at_its_end_for_some_micrometres_within_its_toleranc
     assert_in_limits(done, "end")
 
 
+def test_a_cut_does_not_slow_down_at_its_end_for_a_rotary_that_could_turn_on() -> None:
+    """Where B comes to stand at once it reaches 13 um deeper, turning on 30 um, of 315 um that are left."""
+    done = cut(text(compound(97_000, 1), 1287.0, "G42 P1 R0.5"), shipped("fig4b"))
+    assert_at_feed(done)
+    assert_in_limits(done, "rotary")
+
+
 def test_under_an_override_the_cut_begins_at_its_share_of_the_feed() -> None:
     source = (
         machine_file.shipped_program("example1_ready")

@@ -43,11 +43,7 @@ class JointLimits:
 
     def path_speed(self, d: Derivatives) -> Array:
         """Largest speed along the path that the velocity limits and, at a = 0, the others allow (N,)."""
-        tiny = 1e-30
-        by_velocity = self.velocity / (np.abs(d.first) + tiny)
-        by_acceleration = np.sqrt(self.acceleration / (np.abs(d.second) + tiny))
-        by_jerk = np.cbrt(self.jerk / (np.abs(d.third) + tiny))
-        return np.asarray(np.minimum(np.minimum(by_velocity, by_acceleration), by_jerk).min(axis=1))
+        return d.even_speed(self.velocity, self.acceleration, self.jerk)
 
     def braking_s(self, rates: Array) -> Array:
         """Seconds in which each joint alone comes to rest from its ``rates`` (N, axes), either way.

@@ -99,7 +99,7 @@ class _Bounds(NamedTuple):
     landing: Array  # the largest jerk at the step's end
 
 
-class _Lanes:
+class Lanes:
     """What is known of every start so far, (N,)."""
 
     def __init__(self, count: int) -> None:
@@ -109,23 +109,23 @@ class _Lanes:
         self.short = np.zeros(count, dtype=bool)
         self.rows: list[tuple[Indices, Array]] = []
 
-    def landed(self, lane: Indices, count: Indices, jerk: Array) -> None:
-        self.begun[lane], self.landing[lane], self.landing_jerk[lane] = len(self.rows), count, jerk
+    def landed(self, lane: Indices, begun: Indices | int, count: Indices, jerk: Array) -> None:
+        self.begun[lane], self.landing[lane], self.landing_jerk[lane] = begun, count, jerk
 
-    def stick(self, lane: Indices, needed: Array, lift: Array) -> None:
+    def stick(self, lane: Indices, steps: Indices | int, needed: Array, lift: Array) -> None:
         """Note where searches are stuck for the first time."""
         new = self.stuck.steps[lane] == 0
         self.stuck.needed[lane[new]], self.stuck.lift[lane[new]] = needed[new], lift[new]
-        self.stuck.steps[lane[new]] = len(self.rows)
+        self.stuck.steps[lane[new]] = steps if isinstance(steps, int) else steps[new]
 
     def found(self) -> Found:
         """All stops in one array: the steps that were searched, then the landing."""
-        good = self.begun > 0
-        steps = self.begun + np.where(good, self.landing, 0)
-        k = np.arange(int(steps.max(initial=1)))[:, None]
-        jerks = np.where((k >= self.begun) & (k < steps), self.landing_jerk, 0.0)
-        for i, (lane, j) in enumerate(self.rows[: len(k)]):
-            jerks[i, lane] = np.where(good[lane], j, 0.0)
+        good, steps = self.begun > 0, self.begun + self.landing
+        searched = np.zeros((int(steps.max(initial=1)), len(steps)))
+        for i, (lane, j) in enumerate(self.rows[: len(searched)]):
+            searched[i, lane] = j
+        k = np.arange(len(searched))[:, None]
+        jerks = np.where(k < self.begun, searched, np.where(k < steps, self.landing_jerk, 0.0))
         return Found(jerks, steps, self.stuck, self.short & ~good)
 
 
@@ -142,7 +142,7 @@ def search(
     A landing of no more than ``sure`` steps is not looked at again; a longer one goes step by
     step within all bounds, which takes longer to find.
     """
-    lanes = _Lanes(len(start[0]))
+    lanes = Lanes(len(start[0]))
     lane = np.arange(len(start[0]))
     s, v, a = start
     here = way.at(s)
@@ -160,20 +160,26 @@ def search(
         landing = landing.of_at_most(sure)
         j = np.where(landing.lands, landing.first, j)
         stuck = (bounds.low - bounds.most > CONTRADICTION * still) & ~landing.lands
-        needed = a + h * np.where(landing.late, landing.first, bounds.low)
-        told = stuck | landing.late
-        lanes.stick(lane[told], needed[told], np.maximum(bounds.most, MIN_LIFT * still)[told])
+        told = np.flatnonzero(stuck | landing.late)
+        if len(told):
+            needed = a + h * np.where(landing.late, landing.first, bounds.low)
+            lift = np.maximum(bounds.most, MIN_LIFT * still)
+            lanes.stick(lane[told], len(lanes.rows), needed[told], lift[told])
         lanes.rows.append((lane, j))
-        lanes.landed(lane[landing.lands], landing.steps[landing.lands], landing.rest[landing.lands])
+        lands = np.flatnonzero(landing.lands)
+        lanes.landed(lane[lands], len(lanes.rows), landing.steps[lands], landing.rest[lands])
         off = s1 > way.end
         lanes.short[lane[off]] = True
         s, v, a = s + h * (v + h * (a / 2 + h * j / 6)), v + h * (a + h * j / 2), a + h * j
         lost = landing.missed | (v > AHEAD_OF_PLAN * there[1][SPEED])
-        keep = ~(landing.lands | off | stuck | lost)
-        s, v, a, lane = s[keep], v[keep], a[keep], lane[keep]
-        here = (there[0][:, keep], there[1][:, keep])
-        shares = Shares(*(x[keep] for x in shares))
-        ramps = ramps.of(keep) if ramps else None
+        ends = landing.lands | off | stuck | lost
+        here = there
+        if ends.any():
+            keep = np.flatnonzero(~ends)
+            s, v, a, lane = s[keep], v[keep], a[keep], lane[keep]
+            here = (there[0].take(keep, axis=1), there[1].take(keep, axis=1))
+            shares = Shares(*(x[keep] for x in shares))
+            ramps = ramps.of(keep) if ramps else None
     return lanes.found()
 
 
@@ -205,12 +211,15 @@ def _bounds(
     slope[2], value[2] = h * (e[0] + e[1] * (v1 * h)), e[1] * (v1 * v1) + e[0] * a
     bound[0], bound[1] = shares.jerk * here[1][JERK], shares.jerk * there[1][JERK]
     bound[2] = way.acceleration * (shares.acceleration * there[1][ACCELERATION])
-    slope[np.abs(slope) < NO_SLOPE] = NO_SLOPE
-    middle, half = -value / slope, bound / np.abs(slope)
-    low, high = (middle - half).max(axis=1), (middle + half).min(axis=1)
+    size = np.abs(slope)
+    if size.min(initial=1.0) < NO_SLOPE:
+        slope[size < NO_SLOPE] = NO_SLOPE
+        size = np.abs(slope)
+    middle, half = value / slope, bound / size  # the former with its sign turned
+    low, high = 0.0 - (middle + half).min(axis=1), (half - middle).min(axis=1)  # 0.0 -: no zero below 0
     least, most = np.maximum(low[0], low[1]), np.minimum(high[0], high[1])
     if (none := least > most).any():
-        best = _compromise((middle - half)[:2, :, none], (middle + half)[:2, :, none], slope[:2, :, none])
+        best = _compromise((-middle - half)[:2, :, none], (half - middle)[:2, :, none], slope[:2, :, none])
         most[none] = best
     return _Bounds(least, most, np.maximum(least, low[2]), np.minimum(most, high[2]), high[1])
 
@@ -241,24 +250,28 @@ class _Landing(NamedTuple):
 def _landing(
     way: Way, bounds: _Bounds, there: tuple[Array, Array], state: Motion, h: float, shares: Shares
 ) -> _Landing:
-    """The quickest landing with one jerk; ``state`` is the place behind this step, v and a before it.
-
-    With x = v + a h / 2:  rest = 2 x / (h^2 n (n + 1)),  first = -a / h - n rest, and n is the
-    least for which rest is no more than the joints allow.
-    """
+    """The quickest landing with one jerk; ``state`` is the place behind this step, v and a before it."""
     _, v, a = state
     up = np.minimum(bounds.landing, _landing_jerk(way, state, h, there[1][JERK] * shares.jerk))
-    up = np.maximum(up * shares.lift, 1e-9)
     x = v + 0.5 * h * a
-    n = np.ceil(0.5 * (np.sqrt(1.0 + 8.0 * np.maximum(x, 0.0) / (up * h * h)) - 1.0) - 1e-9)
-    n = _between(n, 1.0, MAX_STEPS)
-    rest = 2.0 * x / (h * h * n * (n + 1.0))
-    first = -a / h - n * rest
+    first, rest, n = landing_of(x, a, h, np.maximum(up * shares.lift, 1e-9))
     ahead = x > 0.0
     lands = ahead & (first >= bounds.low) & (first <= bounds.high + 1e-9)
     lands[lands] = _fits(there, v[lands], a[lands], first[lands], rest[lands], h, shares.jerk, lands)
     late = ahead & (first > bounds.high) & (a < 0.0) & ~lands
-    return _Landing(first, rest, n.astype(np.intp), lands, late, ~ahead)
+    return _Landing(first, rest, n, lands, late, ~ahead)
+
+
+def landing_of(x: Array, a: Array, h: float, up: Array | float) -> tuple[Array, Array, Indices]:
+    """Jerk of this step, of those behind it, and how many these are; ``up`` is what the joints allow.
+
+    With x = v + a h / 2:  rest = 2 x / (h^2 n (n + 1)),  first = -a / h - n rest, and n is the
+    least for which rest is no more than ``up``.
+    """
+    n = np.ceil(0.5 * (np.sqrt(1.0 + 8.0 * np.maximum(x, 0.0) / (up * h * h)) - 1.0) - 1e-9)
+    n = _between(n, 1.0, MAX_STEPS)
+    rest = 2.0 * x / (h * h * n * (n + 1.0))
+    return -a / h - n * rest, rest, n.astype(np.intp)
 
 
 def _landing_jerk(way: Way, state: Motion, h: float, room: Array) -> Array:

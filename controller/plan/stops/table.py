@@ -3,7 +3,7 @@
     table = stops(course, profile, first_s, last_s, step_s)
 
 The tick must be able to stop without the planner and without thinking. So for every few
-milliseconds of a plan a stop is found (``stop_search``), checked (``stop_check``), and
+milliseconds of a plan a stop is found (``search``), checked (``check``), and
 handed over with the plan. Where the first search fails others follow: with other shares of the
 limits, and with ramps up to where a search was stuck. Of the stops that pass the
 shortest is taken.
@@ -15,6 +15,7 @@ its rest as hard as it can, and a stop would end behind that rest.
 from __future__ import annotations
 
 import math
+from array import array
 
 import numpy as np
 import numpy.typing as npt
@@ -23,8 +24,10 @@ from controller.geometry.arrays import distinct
 from controller.ipc.handoff import StopTable
 from controller.plan.feed.course import Course
 from controller.plan.feed.profile import Profile
+from controller.plan.stops import straight
+from controller.plan.stops.check import STANDSTILL, check
 from controller.plan.stops.search import MAX_STEPS, Found, Indices, Motion, Ramps, Shares, Stuck, search
-from controller.plan.stops.way import ACCELERATION, JERK, RAPID, Way
+from controller.plan.stops.way import Way
 
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
@@ -78,7 +81,7 @@ def stops(course: Course, profile: Profile, first_s: float, last_s: float, step_
             seeker.brake_as_before()
             seeker.brake_early(profile, times)
             seeker.brake_with_the_plan(profile, times)
-            return StopTable.of(first_s, step_s, h, seeker.rows())
+            return StopTable(first_s, step_s, h, *seeker.rows())
         horizon *= 3.0
 
 
@@ -106,7 +109,8 @@ class _Seeker:
         moving = np.flatnonzero(self._start[1] > STANDSTILL)
         if not len(moving):
             return True
-        found, good, beyond = self._tried(moving, np.tile(np.array(FIRST)[:, None], len(moving)))
+        found = self._first(moving)
+        good, beyond = self._judged(moving, found)
         if found.short.any():
             return False
         # A stop that only ends too far ends farther still with less.
@@ -115,6 +119,12 @@ class _Seeker:
         if failed.any():
             self._again(moving[failed], found.stuck.of(failed))
         return True
+
+    def _first(self, lanes: Indices) -> Found:
+        begin = (self._start[0][lanes], self._start[1][lanes], self._start[2][lanes])
+        if (even := self._way.straight) is not None:
+            return straight.search(self._way, even, begin, self._h, FIRST)
+        return search(self._way, begin, self._h, Shares(*np.tile(np.array(FIRST)[:, None], len(lanes))))
 
     def brake_as_before(self) -> None:
         """As from the start before, at the same even speed: it may still end before a junction ahead.
@@ -191,16 +201,17 @@ class _Seeker:
                 steps[column] = 0
         self._judged(lanes, _as_found(jerks, steps))
 
-    def rows(self) -> list[list[float]]:
-        """The jerks of each stop."""
+    def rows(self) -> tuple[array[int], array[float]]:
+        """The jerks of all stops, one stop after the other, and where each begins, as of a ``StopTable``."""
         still = (self._start[1] <= STANDSTILL) & (np.abs(self._start[2]) <= STANDSTILL)
-        found: list[list[float]] = [[0.0] if at_rest else [] for at_rest in still]
+        steps = np.where(still, 1, self._steps)
+        first = np.concatenate([[0], np.cumsum(steps)])
+        found = np.zeros(first[-1])
         for k, jerks in enumerate(self._from):
             lanes = np.flatnonzero((self._place[0] == k) & (self._steps > 0) & ~still)
-            columns = jerks[:, self._place[1, lanes]].T.tolist()
-            for lane, column, steps in zip(lanes, columns, self._steps[lanes], strict=True):
-                found[lane] = column[:steps]
-        return found
+            lane, step = np.nonzero(np.arange(len(jerks)) < steps[lanes, None])
+            found[first[lanes[lane]] + step] = jerks[step, self._place[1, lanes[lane]]]
+        return array("i", first.astype(np.intc).tobytes()), array("d", found.tobytes())
 
     def _row(self, lane: int) -> list[float]:
         which, column = self._place[:, lane]
@@ -260,11 +271,14 @@ class _Seeker:
 
     def _keep(self, lanes: Indices, found: Found, good: Flags) -> None:
         self._from.append(found.jerks)
-        for column in np.flatnonzero(good):
-            lane, steps = lanes[column], found.steps[column]
-            if self._steps[lane] == 0 or steps < self._steps[lane]:
-                self._steps[lane] = steps
-                self._place[:, lane] = len(self._from) - 1, column
+        columns = np.flatnonzero(good)
+        columns = columns[np.lexsort((found.steps[columns], lanes[columns]))]
+        shortest = np.diff(lanes[columns], prepend=-1) > 0  # a lane may have been searched more than once
+        columns = columns[shortest]
+        lane, steps = lanes[columns], found.steps[columns]
+        better = (self._steps[lane] == 0) | (steps < self._steps[lane])
+        self._steps[lane[better]] = steps[better]
+        self._place[0, lane[better]], self._place[1, lane[better]] = len(self._from) - 1, columns[better]
 
 
 def _braking_from(profile: Profile, longest_s: float, speed: float) -> float:
@@ -302,71 +316,3 @@ def _more_ramps(ramps: Ramps, stuck: Stuck) -> Ramps:
     )
     before = (np.tile(old, (1, many)) for old in ramps)
     return Ramps(*(np.concatenate([old, x[None]]) for old, x in zip(before, new, strict=True)))
-
-
-# The check of stops: every joint at both ends and inside of every step, by the machine's limits.
-
-# Accepted at most. A plan runs at up to 1.0, 1.0005 and 1.012, and a stop begins there.
-MAX_VELOCITY, MAX_ACCELERATION, MAX_JERK = 1.0003, 1.0009, 1.0148
-MIN_LOOKS, MAX_LOOKS = 4, 8  # parts of a step at whose ends it is looked at; of a step of many ticks more
-STANDSTILL = 1e-9  # speed (unit of s per second) below which nothing needs to stop
-
-
-def check(way: Way, start: Motion, h: float, found: Found) -> tuple[Flags, Array]:
-    """Whether each stop (N,) was found and keeps the limits, and where it ends (N,)."""
-    j = found.jerks
-    s, v, a = nodes(start, h, j)
-    step, rapid = np.arange(len(s))[:, None], way.at(start[0])[1][RAPID]
-    good = found.steps > 0
-    used = (step <= found.steps) & good
-    lane = np.nonzero(used)[1]
-    into, out = np.concatenate([j[:1], j])[used], np.concatenate([j, 0.0 * j[:1]])[used]
-    good[lane[~_within(way, (s[used], v[used], a[used]), (into, out), rapid[lane], s[-1][lane])]] = False
-    for share in _inner(h, way.period_s):
-        used = (step[:-1] < found.steps) & good
-        lane = np.nonzero(used)[1]
-        inside = _after(s[:-1][used], v[:-1][used], a[:-1][used], j[used], share * h)
-        good[lane[~_within(way, inside, (j[used],), rapid[lane], s[-1][lane])]] = False
-    return good, s[-1]
-
-
-def _inner(h: float, period_s: float) -> Array:
-    """Shares of a step of ``h`` at which it is looked at inside.
-
-    A joint's jerk is bent there like a parabola: with its ends and middle alone, one rose 0.35 % above them.
-    """
-    looks = min(max(round(h / period_s) + 1, MIN_LOOKS), MAX_LOOKS)
-    return np.arange(1, looks) / looks
-
-
-def nodes(start: Motion, h: float, jerks: Array) -> Motion:
-    """s, v, a at the ends of all steps, each (K + 1, N)."""
-    s, v, a = start
-    a = np.concatenate([a[None], a + h * np.cumsum(jerks, axis=0)])
-    v = np.concatenate([v[None], v + np.cumsum(h * (a[:-1] + 0.5 * h * jerks), axis=0)])
-    steps = h * (v[:-1] + h * (0.5 * a[:-1] + h / 6.0 * jerks))
-    return np.concatenate([s[None], s + np.cumsum(steps, axis=0)]), v, a
-
-
-def _after(s: Array, v: Array, a: Array, j: Array, x: float) -> Motion:
-    return s + x * (v + x * (a / 2.0 + x * j / 6.0)), v + x * (a + x * j / 2.0), a + x * j
-
-
-def _within(way: Way, motion: Motion, jerks: tuple[Array, ...], rapid: Array, ends: Array) -> Flags:
-    """Whether each of many states (N,) is within every joint's limits, with each of ``jerks`` (N,).
-
-    A stop that begins at feed (``rapid`` 1.0) may end in a rapid with the limits of a feed.
-    """
-    s, v, a = motion
-    q, about = way.at(s, ends)
-    room = about * np.maximum(rapid / about[RAPID], 1.0)
-    d = q.reshape(3, len(q) // 3, -1)
-    rest = v * (d[2] * (v * v) + 3.0 * a * d[1])
-    fine = v >= -STANDSTILL
-    for j in jerks:
-        fine &= np.abs(rest + d[0] * j).max(axis=0) <= MAX_JERK * room[JERK]
-    acceleration = (np.abs(d[1] * (v * v) + d[0] * a) / way.acceleration).max(axis=0)
-    velocity = (np.abs(d[0] * v) / way.velocity).max(axis=0)
-    return np.asarray(
-        fine & (acceleration <= MAX_ACCELERATION * room[ACCELERATION]) & (velocity <= MAX_VELOCITY)
-    )

@@ -7,6 +7,10 @@ not, more are put in. All joints are in shares of their jerk limit.
 
 from __future__ import annotations
 
+import math
+from functools import cached_property
+from typing import NamedTuple
+
 import numpy as np
 import numpy.typing as npt
 
@@ -16,6 +20,7 @@ from controller.plan.feed.limits import JUMP_SHARE
 from controller.plan.feed.profile import Profile
 
 Array = npt.NDArray[np.float64]
+Flags = npt.NDArray[np.bool_]
 
 NODE_STEP_S = 1e-3  # of the plan, between two nodes
 MIN_STEP = 1e-9  # between two nodes, in the unit of s
@@ -24,6 +29,17 @@ SPLIT_ERROR = 1e-3  # of a limit, by which a straight line between nodes may be 
 SPLIT_ROUNDS = 3
 TINY = 1e-30
 JERK, ACCELERATION, RAPID, STILL, SPEED = range(5)  # rows of what holds about a place
+
+
+class Straight(NamedTuple):
+    """A way with constant rates: q' of the joints that move and their acceleration limits, (axes, 1) each."""
+
+    rates: Array
+    acceleration: Array
+    jerk_room: float
+    acceleration_room: float
+    rapid: float
+    still: float
 
 
 class Way:
@@ -54,6 +70,8 @@ class Way:
         self._about = np.vstack([_lower(np.vstack([rooms, still])), fastest])
         self._about_before = np.vstack([_lower(np.vstack([before, still])), fastest])
         self._ahead = np.maximum(ahead[:-1], ahead[1:])
+        self._most = self._shares(derived)
+        self._widths: dict[int, Array] = {}
 
     @property
     def end(self) -> float:
@@ -67,27 +85,65 @@ class Way:
         that is known to end at ``ends`` (N,) leaves no room for the jump of a junction behind that.
         """
         i = self._cell(s)
-        found = self._slope.take(i, axis=1)
+        both, about = self._lines.take(i, axis=1), self._about.take(i, axis=1)
+        found = both[: len(both) // 2]
         found *= s - self.s[i]
-        found += self._value.take(i, axis=1)
-        about = self._about.take(i, axis=1)
+        found += both[len(both) // 2 :]
         if ends is not None:
             about = np.where(ends < self._ahead[i], self._about_before.take(i, axis=1), about)
         return found, about
 
+    def most(self, s: Array, h: float) -> tuple[Array, Flags]:
+        """The largest of all joints anywhere in steps of ``h`` that end at the places ``s`` (K + 1, N).
+
+        Of their first three derivatives as shares of what jerk may be used there; of the first two
+        likewise of the acceleration; of the first of the velocity: (6, K, N). And whether it is known
+        (K, N): a step may be longer than steps of the plan are, or end behind the way.
+        """
+        width = 2 + math.ceil(h / NODE_STEP_S)  # a stop is slower than the plan
+        if width not in self._widths:
+            self._widths[width] = _running(self._most, width)
+        i = self._cell(s)
+        known = (i[1:] - i[:-1] < width) & (s[:-1] >= self.s[0]) & (s[1:] <= self.s[-1])
+        return self._widths[width].take(i[:-1], axis=1), known
+
+    def _shares(self, derived: Array) -> Array:
+        """The rows of ``most`` in each cell (6, cells)."""
+        size = np.abs(derived).reshape(len(derived), 3, -1)
+        jerk = size.max(axis=2).T
+        acceleration = (size[:, :2] / self.acceleration.T).max(axis=2).T
+        nodes = np.vstack([jerk, acceleration, (size[:, 0] / self.velocity.T).max(axis=1)])
+        cells = np.maximum(nodes[:, :-1], nodes[:, 1:])
+        cells[:3] /= self._about[JERK]
+        cells[3:5] /= self._about[ACCELERATION]
+        return np.asarray(cells)
+
     def still(self, s: Array) -> Array:
         """Largest jerk along the path that the joints allow at no speed, (N,)."""
-        return np.asarray(self._about[STILL, self._cell(s)])
+        return np.asarray(self._about[STILL].take(self._cell(s)))
+
+    def speed(self, s: Array) -> Array:
+        """The plan's about there."""
+        return np.asarray(self._about[SPEED].take(self._cell(s)))
+
+    @cached_property
+    def straight(self) -> Straight | None:
+        """What holds everywhere, where nothing changes but the speed of the plan."""
+        still, rates = self._about[:SPEED], self._lines[len(self._lines) // 2 :, 0]
+        axes = len(self.acceleration)
+        if rates[axes:].any() or self._lines[: len(rates)].any() or np.ptp(still, axis=1).any():
+            return None
+        moves = rates[:axes] != 0.0
+        return Straight(rates[:axes][moves, None], self.acceleration[moves], *still[:, 0].tolist())
 
     def _cell(self, s: Array) -> npt.NDArray[np.intp]:
-        found = np.searchsorted(self.s, s, side="right") - 1
-        return np.asarray(np.minimum(np.maximum(found, 0), len(self.s) - 2))
+        return np.asarray(np.searchsorted(self.s[1:-1], s, side="right"))
 
     def _fill(self, places: Array, derived: Array) -> None:
         slope = np.diff(derived, axis=0) / np.diff(places)[:, None]
         slope[np.diff(places) <= 2.0 * MIN_STEP] = 0.0  # the jump at a junction
         self.s = places
-        self._value, self._slope = np.ascontiguousarray(derived[:-1].T), np.ascontiguousarray(slope.T)
+        self._lines = np.vstack([slope.T, derived[:-1].T])
 
     def _refined(self, course: Course, places: Array, s: Array, v: Array) -> tuple[Array, Array]:
         """More places where a straight line between two is not good enough at the plan's speed."""
@@ -126,6 +182,16 @@ def _rising(s: Array, v: Array) -> tuple[Array, Array]:
     """The samples of a plan without those that do not advance."""
     keep = np.concatenate([[True], np.diff(np.maximum.accumulate(s)) > 4.0 * MIN_STEP])
     return s[keep], v[keep]
+
+
+def _running(cells: Array, width: int) -> Array:
+    """Of each cell the largest of it and those behind it, ``width`` in all; (rows, cells)."""
+    found, done = cells.copy(), 1
+    while done < width:
+        more = min(done, width - done)
+        found[:, :-more] = np.maximum(found[:, :-more], found[:, more:])
+        done += more
+    return found
 
 
 def _lower(nodes: Array) -> Array:

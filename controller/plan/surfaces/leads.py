@@ -15,9 +15,9 @@ from __future__ import annotations
 
 import math
 from array import array
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
-from itertools import islice
+from operator import itemgetter
 
 import numpy as np
 import numpy.typing as npt
@@ -53,6 +53,7 @@ SLENDER = 1.5  # length of a lead over how far off it leads: it bends no more th
 SHAPES = (
     (1.0, SLENDER, 0.0),
     (1.0, SLENDER, 0.2),
+    (1.0, SLENDER, 0.45),
     (1.0, SLENDER, 0.0),
     (1.0, 0.75, 0.0),
     (1.0, 0.75, 0.2),
@@ -60,7 +61,8 @@ SHAPES = (
     (0.5, 1.0, 0.2),
     (0.25, 1.0, 0.2),
 )
-AT_FEED = 2
+AT_FEED = 3
+KEPT = 0.98  # of the feed at the ruling, as ``End.kept`` estimates it
 ROOM = 1.2  # times the way in which the feed is reached: the lead bends meanwhile
 LONGEST = 5.0  # times ``lead_mm``, however long a machine needs to its feed
 FADING, FADING_RAD = 1.0, math.radians(10.0)  # by so much of itself, and so far, a bend may turn the way
@@ -93,7 +95,7 @@ def lay(legs: Sequence[Leg], at_start: bool, machine: Machine, kinematics: Kinem
     if machine.lead_mm <= 0.0:
         return end.standing(())
     free = Room.of(legs, at_start, machine, kinematics)
-    found = free.best(end.joined(machine))
+    found = free.best(end.joined(machine), lambda lead: end.kept(lead, machine))
     if found is not None:
         return end.led(found)
     off = end.straight_off(_off_mm(leg, machine), leg.cut.block.feed_mm_s)
@@ -278,6 +280,17 @@ class End:
             steps, own_s = ((0.0, own), (at, feed_mm_s)), (0.0, at)
         return replace(lead, feed_mm_s=steps[0][1], feed_steps=steps, turning=(own_s,))
 
+    def kept(self, lead: Stretch, machine: Machine) -> float:
+        """About what share of its feed the contact has at the ruling with this lead.
+
+        The lead may be too short for it, or itself slower where rotaries are to come to stand soon.
+        """
+        (speed, _, _), ramp = self._along(machine), self._ramp(machine)
+        way = np.linspace(0.0, min(ramp, lead.motion.end), POSES)
+        s = lead.motion.end - way if self.at_start else way
+        allowed = rates.derivatives(lead, s, self.kinematics).even_speed(*rates.limits(machine).T)
+        return min(1.0, float(allowed.min()) / speed, math.pow(lead.motion.end / ramp, 2.0 / 3.0))
+
     def straight_off(self, off_mm: float, feed_mm_s: float) -> Stretch | None:
         """A line off the ruling with the tool axis held: the machine rests at that ruling."""
         rotaries = self._rotaries
@@ -358,22 +371,24 @@ class Room:
         """Whether it stays in travel and hardly reaches deeper than the cut."""
         return self._reached_in_travel(one) <= self.more_mm
 
-    def best(self, leads: Iterator[Stretch]) -> Stretch | None:
-        """The first that hardly reaches deeper than the cut, else the first that does so within bounds.
+    def best(self, leads: Iterator[Stretch], kept: Callable[[Stretch], float]) -> Stretch | None:
+        """The first that keeps the feed and hardly reaches deeper than the cut, else one within bounds.
 
-        Those at the feed come before all others.
+        Where none keeps it: the one that keeps most of it, again first of those that hardly reach deeper.
         """
-        for count in (AT_FEED, None):
-            tried = list[tuple[float, Stretch]]()
-            for one in islice(leads, count):
-                reached = self._reached_in_travel(one)
-                if reached <= self.more_mm:
-                    return one
-                tried.append((reached, one))
-            for reached, one in tried:
-                if reached <= self.most_mm:
-                    return one
-        return None
+        tried = list[tuple[float, float, Stretch]]()
+        for one in leads:
+            reached = self._reached_in_travel(one)
+            if reached > self.most_mm:
+                continue
+            share = min(kept(one), KEPT)
+            if reached <= self.more_mm and share >= KEPT:
+                return one
+            tried.append((share, reached, one))
+        hardly = [found for found in tried if found[1] <= self.more_mm]
+        at_feed = [found for found in tried if found[0] >= KEPT]
+        found = max(at_feed or hardly or tried, key=itemgetter(0), default=None)
+        return None if found is None else found[2]
 
     def reached(self, lead: Stretch) -> float:
         """How much deeper (mm) a lead gets into the surfaces than the cut does beside it."""

@@ -72,6 +72,14 @@ class Derivatives:
         cubic = self.third * (v**3)[:, None] + 3.0 * self.second * (v * a)[:, None]
         return cubic + self.first * j[:, None]
 
+    def even_speed(self, velocity: Array, acceleration: Array, jerk: Array) -> Array:
+        """Largest speed along the path (N,) within limits (axes,) of the joints, where it does not change."""
+        tiny = 1e-30
+        by_velocity = velocity / (np.abs(self.first) + tiny)
+        by_acceleration = np.sqrt(acceleration / (np.abs(self.second) + tiny))
+        by_jerk = np.cbrt(jerk / (np.abs(self.third) + tiny))
+        return np.asarray(np.minimum(np.minimum(by_velocity, by_acceleration), by_jerk).min(axis=1))
+
     def beyond(self, way: Array) -> Derivatives:
         """By Taylor's series at places that lie ``way`` (N,), in mm, further along."""
         x = way[:, None]

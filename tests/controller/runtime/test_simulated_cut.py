@@ -1,8 +1,7 @@
-"""The simulated cut by itself: the torque of the text-book, where the tip is, and what its file may say."""
+"""The simulated cut by itself: the power of the text-book, where the tip is, and what its file may say."""
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 
 import pytest
@@ -11,6 +10,7 @@ from controller.geometry.vectors import Frame
 from controller.machine.toml_table import ConfigError, Table, parse
 from controller.runtime import simulated_cut
 from controller.runtime.simulated_cut import Cut, Stock
+from drives.simulated.spindle_motor import MotorParameters, SpindleMotor
 
 CUT = "[cut]\nforce_n_mm2 = 1800.0\nrated_nm = 12.0\nlength_mm = 100.0\n"
 STOCK = "[[stock]]\nlow_mm = [0.0, -5.0, -5.0]\nhigh_mm = [20.0, 5.0, 5.0]\nsection_mm2 = {}\n"
@@ -26,35 +26,33 @@ def cut(frame: Frame = Frame()) -> Cut:  # noqa: B008 (frozen)
     return found
 
 
-def test_the_power_at_the_spindle_is_that_of_the_chip() -> None:
-    """P = k_c Q: 1800 N/mm2 x 15 mm2 x 10 mm/s = 270 W, at 50 rev/s."""
-    assert 2.0 * math.pi * 50.0 * cut().torque_nm((10.0, 0.0, 0.0), 10.0, 50.0) == pytest.approx(270.0)
+def test_the_power_is_that_of_the_chip() -> None:
+    """P = k_c Q: 1800 N/mm2 x 15 mm2 x 10 mm/s = 270 W."""
+    assert cut().power_w((10.0, 0.0, 0.0), 10.0) == pytest.approx(270.0)
+    assert cut().power_w((10.0, 0.0, 0.0), 20.0) == pytest.approx(540.0)
 
 
-@pytest.mark.parametrize(
-    ("feed", "turns", "share"), [(20.0, 50.0, 2.0), (10.0, 100.0, 0.5), (10.0, -50.0, 1.0)]
-)
-def test_it_grows_with_the_feed_a_turn(feed: float, turns: float, share: float) -> None:
-    at = (10.0, 0.0, 0.0)
-    assert cut().torque_nm(at, feed, turns) == pytest.approx(share * cut().torque_nm(at, 10.0, 50.0))
+def test_there_is_none_outside_of_the_stock() -> None:
+    assert cut().power_w((21.0, 0.0, 0.0), 10.0) == 0.0
 
 
-def test_there_is_none_outside_of_the_stock_and_of_a_spindle_that_stands() -> None:
-    assert cut().torque_nm((21.0, 0.0, 0.0), 10.0, 50.0) == 0.0
-    assert cut().torque_nm((10.0, 0.0, 0.0), 10.0, 0.0) == 0.0
+@pytest.mark.parametrize(("turns", "share"), [(50.0, 1.0), (100.0, 0.5), (-50.0, 1.0), (0.0, 0.0)])
+def test_the_slower_the_spindle_the_more_torque_takes_the_same_power(turns: float, share: float) -> None:
+    motor = SpindleMotor(0.0, MotorParameters())
+    motor.velocity = 4096.0 * turns
+    motor.feel(25.0, 1e6, 4096.0)
+    assert motor.cutting == pytest.approx(0.5e6 * share)
 
 
 def test_the_stock_lies_where_the_part_does() -> None:
     moved = cut(Frame((100.0, 0.0, 0.0)))
-    assert moved.torque_nm((10.0, 0.0, 0.0), 10.0, 50.0) == 0.0
-    assert moved.torque_nm((110.0, 0.0, 0.0), 10.0, 50.0) > 0.0
+    assert moved.power_w((10.0, 0.0, 0.0), 10.0) == 0.0
+    assert moved.power_w((110.0, 0.0, 0.0), 10.0) > 0.0
 
 
 def test_the_first_box_counts() -> None:
     other = replace(cut(), stock=(Stock((0.0, -5.0, -5.0), (5.0, 5.0, 5.0), 1.0), *cut().stock))
-    assert 15.0 * other.torque_nm((2.0, 0.0, 0.0), 10.0, 50.0) == pytest.approx(
-        other.torque_nm((10.0, 0.0, 0.0), 10.0, 50.0)
-    )
+    assert 15.0 * other.power_w((2.0, 0.0, 0.0), 10.0) == pytest.approx(other.power_w((10.0, 0.0, 0.0), 10.0))
 
 
 def test_a_file_without_it_cuts_nothing() -> None:

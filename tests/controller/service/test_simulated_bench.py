@@ -14,6 +14,7 @@ from controller.machine import machine_file
 from controller.runtime import simulated_bench
 from controller.runtime.simulated_bench import Touching
 from controller.service import engine
+from controller.tick.adaptive import BAND
 from drives.simulated.drive import SimulatedDrive
 
 CENTRE = engine.simulated(machine_file.load("machining_centre"))
@@ -39,7 +40,7 @@ def touching() -> tuple[Touching, list[Any], _Inputs]:
     drives: list[Any] = [_Drive() for _ in CENTRE.axes]
     inputs = _Inputs()
     bench = simulated_bench.read(None, CENTRE)
-    return Touching(bench, CENTRE, drives, inputs), drives, inputs
+    return Touching(bench, CENTRE, drives, inputs, lambda _: None), drives, inputs
 
 
 def stand(made: Touching, drives: list[SimulatedDrive], at_s: float, *joints: float) -> None:
@@ -128,3 +129,44 @@ def test_probing_works_at_a_simulated_service_as_it_comes(centre: Serving) -> No
     assert bore["x_mm"] == pytest.approx(0.35, abs=0.01) and bore["y_mm"] == pytest.approx(-0.2, abs=0.01)
     typed(centre, "G0 G43 H99 Z60", "T2 M6", "G53 G0 X-80 Y-40", "G53 G0 Z130")
     assert probed(centre, "tool_length", most=30.0, keep="no")["length_mm"] == pytest.approx(55.0, abs=0.01)
+
+
+TARGET = 60.0  # %, of the shipped machine's law
+LOADED = """
+[[solid]]
+kind = "block"
+low_mm = [-400.0, -400.0, -400.0]
+high_mm = [400.0, 400.0, 0.0]
+
+[cut]
+force_n_mm2 = 1800.0
+rated_nm = 1.0
+length_mm = 70.0
+
+[[stock]]
+low_mm = [-400.0, -400.0, -400.0]
+high_mm = [400.0, 400.0, 400.0]
+section_mm2 = 12.0
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.live
+def test_the_load_of_a_simulated_service_leads_the_feed(tmp_path: Path) -> None:
+    """The spindle's drive is on another bus than the axes, so in another process."""
+    (tmp_path / "part.toml").write_text(LOADED)
+    part = ("--part", str(tmp_path / "part.toml"))
+    with serving(tmp_path, "--machine", "machining_centre", "--period-ms", "10", *part) as running:
+        running.up()
+        running.ask("changer_confirm", spindle=1, away=[], clear=True)
+        running.home()
+        running.done("adaptive_feed", on=True)
+        running.ask("mdi", text="M3 S3000 F600 G91 G1 X60")
+        led = running.until(lambda now: now["adaptive"]["on"] and now["adaptive"]["share"] < 0.95, "it acts")
+        assert led["spindle"]["load"] > TARGET
+        settled = running.until(
+            lambda now: abs(now["spindle"]["load"] / TARGET - 1.0) < BAND, "at its target"
+        )
+        assert 0.5 < settled["adaptive"]["share"] < 0.95
+        running.until(lambda now: now["mode"] == "READY", "the end")
+        running.until(lambda now: abs(now["spindle"]["load"]) < 10.0, "nothing is cut")

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 from support.machines.stepped_runs import Cut
 
+from controller.geometry.placement import Blended
 from controller.motion.motions import SurfaceCut
 from controller.plan.feed.course import Course
 from controller.plan.feed.limits import JointLimits
@@ -17,7 +18,8 @@ def allowed_mm_s(stretch: Stretch, done: Cut, beside_mm: float, at_end: bool = F
     """The least speed that the limits allow within ``beside_mm`` of the begin or the end of a cut, mm/s."""
     motion = stretch.motion
     assert isinstance(motion, SurfaceCut)
-    bare = replace(motion, surface=getattr(motion.surface, "base", motion.surface))
+    surface = motion.surface
+    bare = replace(motion, surface=replace(surface, blends=()) if isinstance(surface, Blended) else surface)
     s = np.linspace(0.001, min(beside_mm, bare.end - 0.001), 41)
     course = Course((replace(stretch, motion=bare),), done.machine, done.kinematics)
     rates = course.derivatives(bare.end - s if at_end else s)
