@@ -1,7 +1,7 @@
 """A spindle's motor with its load: inertia, slip and a speed controller that lags.
 
     speed   v' = (v* (1 - slip) - v) / lag      within the torque over the inertia
-    cut     a load takes ``load`` of the torque away while it turns
+    cut     takes torque away while it turns
 
 All in counts and seconds. In a velocity mode the drive hands in a demand that is the integral of the
 speed it was told; a motor that slips never closes the gap to it, so the demand is laid anew where the
@@ -14,6 +14,8 @@ import math
 from dataclasses import dataclass
 
 from drives.simulated.servo import STEP_S, Servo
+
+LEAST_REV_S = 0.5  # slower than this it does not cut
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,6 +36,11 @@ class SpindleMotor(Servo):
         super().__init__(position)
         self._lag, self._slip = nature.lag_s, nature.slip
         self.cutting = 0.0  # counts/s^2 that the cut takes away; somebody at the bench sets it
+
+    def feel(self, power_rev_s: float, rated_counts_s2: float, counts_per_rev: float) -> None:
+        """A chip that takes power, in rated torques times rev/s: the slower it turns, the more torque."""
+        rev_s = abs(self.velocity) / counts_per_rev
+        self.cutting = rated_counts_s2 * power_rev_s / rev_s if rev_s > LEAST_REV_S else 0.0
 
     def step(self, next_end: float) -> None:
         """One period at the demand's speed, in the short steps of the controller."""
