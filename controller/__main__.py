@@ -21,6 +21,7 @@ from typer.core import TyperGroup
 
 from controller import compiled, one_thread
 from controller.cli import declarations
+from controller.version import VERSION
 
 # File of controller/cli: the commands that it adds, as --help lists them. It has a function of that
 # name, or a Typer called ``app`` or like the command; or ``register(app)`` where there is more to say.
@@ -133,10 +134,8 @@ USAGE: Any = typer.BadParameter.__mro__[1]  # click's UsageError, wherever this 
 
 def _version(asked: bool) -> None:
     if asked:
-        from importlib.metadata import version
-
         made = "compiled" if compiled.is_compiled() else "not compiled"
-        print(f"directrix {version('directrix')}, {made}")
+        print(f"directrix {VERSION}, {made}")
         raise typer.Exit
 
 

@@ -64,6 +64,13 @@ def pytest_sessionstart() -> None:
         raise pytest.UsageError(f"{newer} was changed after it was compiled: see hatch_build.py")
 
 
+# A worker of xdist that takes more than 5 s to end is sent SIGINT, so what is left is collected before.
+@pytest.hookimpl(trylast=True)
+def pytest_sessionfinish() -> None:
+    gc.collect()
+    gc.freeze()
+
+
 # After the marks have been looked at.
 @pytest.hookimpl(trylast=True)
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:

@@ -12,7 +12,7 @@ ROOT = Path(__file__).resolve().parent.parent
 
 # Room of controller -> rooms of controller that it may import; a file beside the rooms is a room of its own,
 # and every room may import itself.
-FOR_ALL = {"values"}  # how dataclasses are made
+FOR_ALL = {"values", "version"}  # how dataclasses are made, and of which Directrix
 VALUES = {"faults", "geometry", "machine", "motion", "state", "messages"}
 ARROWS: dict[str, set[str]] = {
     "atomic_file": set(),  # files replaced whole
@@ -26,6 +26,7 @@ ARROWS: dict[str, set[str]] = {
     "compiled": set(),  # which source runs
     "one_thread": set(),  # numpy's libraries, before they are loaded
     "values": set(),
+    "version": set(),
     "workers": {"messages", "one_thread"},  # work that is spread over processes
     "program": {"geometry", "machine", "messages"},
     "plan": {"geometry", "machine", "motion", "state", "messages", "ipc", "program"},

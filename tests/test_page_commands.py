@@ -12,7 +12,8 @@ import time
 from pathlib import Path
 
 import pytest
-from support.live.shop import HANGS_S, free_port
+from support.live.ports import free_port
+from support.live.shop import HANGS_S
 from test_pages import COMMANDS, ROOT
 
 EXAMPLE, SECOND = "config/programs/example1_ready.ngc", "config/programs/example2_ready.ngc"
@@ -225,6 +226,7 @@ def test_a_command_of_a_desk_does_what_it_says(words: str, tmp_path: Path) -> No
 
 @pytest.mark.slow
 @pytest.mark.live
+@pytest.mark.calm
 def test_the_commands_of_a_shop_do_what_they_say_one_after_another(tmp_path: Path) -> None:
     port = free_port()
     more = {"XDG_RUNTIME_DIR": str(tmp_path), "DIRECTRIX_URL": f"http://127.0.0.1:{port}"}

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import AsyncIterator, Iterator
-from importlib import metadata
 from typing import Any
 
 from fastapi import FastAPI, Request
@@ -51,6 +50,7 @@ from controller.api.routes import (
 from controller.api.slashes import Slashes
 from controller.calibration.measurements import MEASUREMENTS
 from controller.messages import plain, said
+from controller.version import VERSION
 
 API = "/api/v1"
 MAX_BODY_BYTES = 100_000  # of everything but uploads, which count for themselves
@@ -88,7 +88,7 @@ def make_app(panel: Panel) -> FastAPI:
 
     app = FastAPI(
         title="Directrix",
-        version=_version(),
+        version=VERSION,
         lifespan=life,
         docs_url=None,  # they would load their scripts from other computers
         redoc_url=None,
@@ -105,13 +105,6 @@ def make_app(panel: Panel) -> FastAPI:
     app.add_middleware(Slashes)
     app.add_middleware(Bounds)
     return app
-
-
-def _version() -> str:
-    try:
-        return metadata.version("directrix")
-    except metadata.PackageNotFoundError:  # run from a folder that was never installed
-        return "0"
 
 
 def _describe(app: FastAPI) -> None:

@@ -9,10 +9,10 @@ import sys
 import tempfile
 import traceback
 from datetime import UTC, datetime
-from importlib import metadata
 from pathlib import Path
 
 from controller.ipc import internal_error
+from controller.version import VERSION
 
 EXIT_CODE = 70  # EX_SOFTWARE of sysexits.h
 
@@ -40,7 +40,7 @@ def end(error: BaseException, as_json: bool) -> int:
 
 def _kept(text: str) -> Path | None:
     """A file of what is needed to find it, for this user alone; None where there is no room."""
-    of = f"directrix {metadata.version('directrix')}, Python {platform.python_version()}"
+    of = f"directrix {VERSION}, Python {platform.python_version()}"
     now = datetime.now(UTC).isoformat(timespec="seconds")
     head = f"{of}, {platform.platform()}\n{now}\n{' '.join(sys.argv)}\n\n"
     try:

@@ -355,6 +355,7 @@ def simulate(
         touched = _touched(part, task.machine)
         bench = SteppedMachine(task.machine, recordings=recording.folder(), bench=touched)
         under = fault_runs.FaultRun(bench, script, faults_from)
+        memory.collect_rarely()  # machine and path stay to the end
         run, took_s = _run(bench, under, walk, task, requests, record, kept, as_json)
         figures = {
             **_figures(task, "refused" if bench.planner.error else run.result, run.fault, unchecked),

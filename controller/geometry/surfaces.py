@@ -404,14 +404,15 @@ def concave_radius(surface: Surface, side_sign: float) -> tuple[float, float]:
     """
 
     def bend(u: Array) -> Array:
-        ruling = _column(surface.ruling(u, np), u)
-        length = norm(ruling, np)
-        axis, normal = scale(ruling, 1.0 / length), surface.normal(u, np)
-        tangent = _column(surface.lower.derivative(u, 1, np), u)
-        along = dot(tangent, axis)
-        across = subtract(tangent, scale(axis, along))
-        turn = dot(surface.ruling_curve.derivative(u, 1, np), normal) / length
+        # Beside an end where C1 stands still C1' may be 0: no normal there.
         with np.errstate(invalid="ignore", divide="ignore"):
+            ruling = _column(surface.ruling(u, np), u)
+            length = norm(ruling, np)
+            axis, normal = scale(ruling, 1.0 / length), surface.normal(u, np)
+            tangent = _column(surface.lower.derivative(u, 1, np), u)
+            along = dot(tangent, axis)
+            across = subtract(tangent, scale(axis, along))
+            turn = dot(surface.ruling_curve.derivative(u, 1, np), normal) / length
             hollow = dot(surface.lower.derivative(u, 2, np), normal) - 2.0 * along * turn
             return np.asarray(-side_sign * hollow / dot(across, across))
 

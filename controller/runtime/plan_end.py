@@ -28,6 +28,7 @@ from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Machine
 from controller.plan.path.path import Chain, Pause
 from controller.plan.planner import Planner
+from controller.program.program import ProgramError
 from controller.runtime import children
 from controller.runtime.startup import Came, SessionError, StartUp, arrangement, came_to
 from controller.state.modes import Mode, Request
@@ -43,6 +44,9 @@ SWITCH_S = 0.001  # the keepalive gets its turn so soon while a chain is planned
 STOPPED = "Homing was stopped before it was done; ask for it again."
 TELL_S = 2.0  # the tick takes requests with every turn
 COME_UP_S = 150.0  # longer than the tick itself waits for a drive to home
+
+# What has a sentence for the operator; all else is a mistake of ours.
+EXPECTED = (ProgramError, SessionError, commission.CommissionError, bus.BusError)
 
 
 class PlanEnd:

@@ -20,13 +20,11 @@ from controller.ipc import internal_error
 from controller.ipc.handoff import PieceInbox, Recorder, RequestInbox, SnapshotBoard
 from controller.machine import machine_file
 from controller.machine.model import Machine
-from controller.program.program import ProgramError
 from controller.runtime import children, cores, cyclic
 from controller.runtime.children import Job
-from controller.runtime.startup import SessionError
 from controller.tick import loop
 from controller.tick.cycle import Cycle
-from drives import bus, commission, pdo
+from drives import bus, pdo
 
 # A busy computer has been seen to hold a process back for 20 ms and more; beyond this the
 # heartbeats judge. On a real bus two lost feedbacks in a row are a fault.
@@ -41,14 +39,17 @@ PRIVILEGES = {
     "own core": "a core of its own",
 }
 
-EXPECTED = (ProgramError, SessionError, commission.CommissionError, bus.BusError)
+Expected = tuple[type[Exception], ...]
 
 
-def run(role: str, main: Callable[[Any], None], job_file: Path) -> int:
-    """Carries out a job; the exit code. Whatever ends it too early is one sentence beside the job."""
+def run(role: str, main: Callable[[Any], None], job_file: Path, expected: Expected = (bus.BusError,)) -> int:
+    """Carries out a job; the exit code. Whatever ends it too early is one sentence beside the job.
+
+    ``expected``: what has a sentence for the operator; all else is a mistake of ours.
+    """
     try:
         main(pickle.loads(job_file.read_bytes()))
-    except EXPECTED as error:
+    except expected as error:
         children.words_of(job_file).write_text(str(error))
     except Exception as error:  # the top of a process: its parent tells the operator
         children.words_of(job_file).write_text(own_error(role, error))

@@ -50,7 +50,7 @@ class Acknowledged:
     def __init__(self, machine: Machine, engine: Callable[[], HasTick]) -> None:
         self._machine, self._engine = machine, engine
         self._open: list[_Asked] = []
-        self._changed = threading.Condition()
+        self._changed, self._over = threading.Condition(), False
         threading.Thread(target=self._look, name="answers", daemon=True).start()
 
     def of(self, number: int, request: Request, told: Values, instead: Values | None = None) -> Answer:
@@ -66,10 +66,16 @@ class Acknowledged:
             return asked.promise
         return asked.promise.result()
 
+    def close(self) -> None:
+        """Look for nothing any more."""
+        with self._changed:
+            self._over = True
+            self._changed.notify()
+
     def _look(self) -> None:
-        while True:
+        while not self._over:
             with self._changed:
-                self._changed.wait_for(lambda: self._open)
+                self._changed.wait_for(lambda: self._open or self._over)
                 waiting = tuple(self._open)
             still = [asked for asked in waiting if not self._answered(asked)]
             with self._changed:

@@ -114,6 +114,11 @@ class Desk:
             self._presses.end(str(args.get("press", "")))
         return act(args)
 
+    def close(self) -> None:
+        """Nobody asks any more; what waits for a disk is done first."""
+        self._answers.close()
+        self._errands.shutdown(wait=True)
+
     # -- looking
 
     def _drives(self, _: Values) -> Values:

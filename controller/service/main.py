@@ -69,13 +69,15 @@ def opened(
     last = whole_status.Kept(service).begin()
     try:
         service.engine.start_hubs(part)
-        with_door = Server(control_socket.control_path(runtime), Desk(service), group)
+        desk = Desk(service)
+        with_door = Server(control_socket.control_path(runtime), desk, group)
         try:
             control_socket.note_runtime(kept.state, runtime)
             service.power_up()
             yield service
         finally:
             with_door.close()
+            desk.close()
     finally:
         service.close()
         last.close()

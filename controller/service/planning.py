@@ -34,8 +34,8 @@ from controller.plan.stretch import Chain, Pause, Stretch
 from controller.program.program import Act, Aside, Block, Changing, Message, ProgramError, Select
 from controller.runtime import checked, cores, starts
 from controller.runtime.checked import Task
-from controller.runtime.plan_end import PLAN_TURN_S, PlanEnd
-from controller.runtime.processes import EXPECTED, own_error
+from controller.runtime.plan_end import EXPECTED, PLAN_TURN_S, PlanEnd
+from controller.runtime.processes import own_error
 from controller.runtime.starts import Start
 from controller.runtime.startup import SessionError
 from controller.service import entry_state
@@ -77,7 +77,7 @@ class GivenUp(Exception):
 
 
 def main(job: PlanJob) -> None:
-    """The plan's process, until its parent ends it. Raises what ``EXPECTED`` lists."""
+    """The plan's process, until its parent ends it. Raises what ``plan_end.EXPECTED`` lists."""
     cores.leave()
     end = PlanEnd(job.machine, job.pieces, job.requests, job.snapshot_path, job.kept.arranged)
     Planning(end, job.kept.checks, connections.Connection(job.orders), job.machine).run()
@@ -120,7 +120,7 @@ class Planning:
         }
 
     def run(self) -> None:
-        """Until the parent is gone. Raises what ``EXPECTED`` lists."""
+        """Until the parent is gone. Raises what ``plan_end.EXPECTED`` lists."""
         while True:
             while self._asked.poll(1e3 * PLAN_TURN_S):
                 try:

@@ -19,7 +19,7 @@ TEXT = machine_file.shipped_program(NAME).read_bytes()
 PART = b"G21 G90 G54\nG0 X40.\nG1 X-40. Y10. F400\nG1 X30. Y-10. F400\nG0 X0 Y0\nM30\n"
 ACTIVE = ("RUNNING", "HOLD", "STOPPING")
 
-pytestmark = [pytest.mark.slow, pytest.mark.live]
+pytestmark = [pytest.mark.slow, pytest.mark.live, pytest.mark.calm]
 
 
 def test_a_program_is_brought_checked_run_held_and_finished_by_rest_and_simulate_does_it_again(

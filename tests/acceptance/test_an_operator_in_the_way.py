@@ -187,12 +187,14 @@ def test_overrides_of_nothing_stand_and_go_on(seed: int) -> None:
 
 
 @pytest.mark.slow
-def test_quick_changes_of_the_override_are_all_survived() -> None:
-    rng = random.Random(3)
+@pytest.mark.parametrize("begin", [0.0, 0.3, 0.6, 0.9])
+def test_quick_changes_of_the_override_are_all_survived(begin: float) -> None:
+    """From a share of the cut on, one every 9 ticks."""
+    rng = random.Random(f"{begin}")
     first, last = cutting_span()
-    ticks = range(first, last, 9)
-    events = [Event(t, Request.OVERRIDE, rng.uniform(0.1, 2.0)) for t in list(ticks)[:80]]
-    run_with([*events, Event(events[-1].tick + 9, Request.OVERRIDE, 1.0)], "80 quick overrides")
+    at = first + round(begin * (last - first))
+    events = [Event(t, Request.OVERRIDE, rng.uniform(0.1, 2.0)) for t in range(at, last, 9)[:25]]
+    run_with([*events, Event(events[-1].tick + 9, Request.OVERRIDE, 1.0)], f"quick overrides from {begin} on")
 
 
 @pytest.mark.slow

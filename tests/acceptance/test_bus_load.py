@@ -108,20 +108,25 @@ def test_a_machine_whose_tick_is_refused_does_not_even_come_up(monkeypatch: pyte
 
 
 @pytest.mark.slow
-def test_a_bus_as_full_as_the_budget_allows_never_overruns_in_100_000_ticks() -> None:
-    """Six drives at 2 ms are 71.8 % of the tick, four at 1 ms (97.5 %) are refused for one heartbeat."""
-    wire = bare_ticks(6, 0.002, 100_001)
+@pytest.mark.parametrize("seed", range(20))
+def test_a_bus_as_full_as_the_budget_allows_never_overruns_in_200_000_ticks(seed: int) -> None:
+    """Six drives at 2 ms are 71.8 % of the tick, four at 1 ms (97.5 %) are refused for one heartbeat.
+
+    The seed says when each drive's heartbeats come.
+    """
+    wire = bare_ticks(6, 0.002, 10_001, seed)
     assert wire.budget.fits()
-    assert len(wire.syncs_s) >= 100_000
+    assert len(wire.syncs_s) >= 10_000
     assert wire.overruns() == 0
 
 
 @pytest.mark.slow
-def test_a_cutting_machine_never_overruns_its_bus_in_100_000_ticks() -> None:
+@pytest.mark.parametrize("feed", [f"{feed}." for feed in range(300, 3301, 300)])
+def test_a_cutting_machine_never_overruns_its_bus_in_100_000_ticks(feed: str) -> None:
     stepped = SteppedMachine(shipped("trunnion"))
     stepped.come_up()
     (planned,) = budgets(stepped.machine)
     wire = Wire(stepped.rig.buses[planned.bus], planned)
-    while len(wire.syncs_s) < 100_000:
-        assert cut(program("example2_ready.ngc"), stepped=stepped).run.result == "completed"
+    while len(wire.syncs_s) < 10_000:
+        assert cut(program("example2_ready.ngc", feed), stepped=stepped).run.result == "completed"
     assert wire.overruns() == 0 and wire.uncounted() == set()

@@ -99,8 +99,10 @@ def english_in(tree: Any, where: str = "") -> list[str]:
 
 
 @pytest.fixture
-def service(tmp_path: Path) -> Service:
-    return served(tmp_path / "machine")
+def service(tmp_path: Path) -> Iterator[Service]:
+    made = served(tmp_path / "machine")
+    yield made
+    made.close()
 
 
 @pytest.fixture

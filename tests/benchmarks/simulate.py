@@ -20,14 +20,11 @@ import os
 import subprocess
 import sys
 import tempfile
-import time
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 HERE = Path(__file__).parents[2]
 sys.path[:0] = [str(HERE / "tests")]
-sys.path.append(str(HERE))  # behind PYTHONPATH: inside, the code is the other tree's
 
 from support.suite import figures  # noqa: E402
 from support.suite.figures import Figure, Report  # noqa: E402
@@ -35,7 +32,7 @@ from support.suite.figures import Figure, Report  # noqa: E402
 NAMES = ("example1", "example2", "example1_ready", "example2_ready")
 EXAMPLES = tuple(HERE / "config" / "programs" / f"{name}.ngc" for name in NAMES)
 WANTED = 10.0
-INSIDE = "--inside"
+WATCHED = HERE / "tests" / "support" / "suite" / "simulate_parts.py"
 
 
 class Run(NamedTuple):
@@ -53,14 +50,14 @@ class Run(NamedTuple):
 
 
 def measured(program: Path, tree: Path) -> Run:
-    """One run of the command, by this file inside of another process."""
+    """One run of the command in a process that is told apart into its parts."""
     with tempfile.TemporaryDirectory() as folder:
         marks = Path(folder, "marks.json")
         words = ("simulate", str(program), "--gouge", "warn", "--json")
         kept = ("--trace", f"{folder}/t.npz", "--store", folder)
         with open(f"{folder}/report.json", "w+") as report:
             process = subprocess.Popen(
-                (sys.executable, __file__, INSIDE, str(marks), *words, *kept),
+                (sys.executable, str(WATCHED), str(marks), *words, *kept),
                 stdout=report,
                 cwd=tree,
                 env=_environment(tree, folder),
@@ -84,49 +81,6 @@ def measured(program: Path, tree: Path) -> Run:
 def _environment(tree: Path, folder: str) -> dict[str, str]:
     kept = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
     return {**kept, "PYTHONPATH": str(tree), "XDG_STATE_HOME": folder}
-
-
-def inside(marks: str, words: list[str]) -> None:
-    """The command itself; processor seconds of its parts go into the file ``marks``."""
-    from controller import __main__ as command_line
-    from controller.cli import programs
-    from controller.runtime.stepped import SteppedMachine
-
-    parts_s: dict[str, float] = {}
-    before_s = 0.0
-
-    def ends(part: str) -> None:
-        nonlocal before_s
-        now_s = time.process_time()
-        parts_s[part] = parts_s.get(part, 0.0) + now_s - before_s
-        before_s = now_s
-
-    _ends_before(programs, "_machine", lambda: ends("start"))
-    _ends_before(SteppedMachine, "__init__", lambda: ends("plan"))
-    _ends_before(SteppedMachine, "run", lambda: ends("come up"), lambda: ends("ticks"))
-    sys.argv[1:] = words
-    try:
-        command_line.main()
-    except SystemExit as ended:
-        ends("trace")
-        Path(marks).write_text(json.dumps(parts_s))
-        sys.exit(int(ended.code or 0))
-
-
-def _ends_before(
-    owner: Any, name: str, began: Callable[[], None], done: Callable[[], None] | None = None
-) -> None:
-    """Has ``began`` called before a function of ``owner`` and ``done`` after it."""
-    inner = getattr(owner, name)
-
-    def watched(*arguments: Any, **named: Any) -> Any:
-        began()
-        result = inner(*arguments, **named)
-        if done is not None:
-            done()
-        return result
-
-    setattr(owner, name, watched)
 
 
 def best(programs: list[Path], trees: list[Path], runs: int) -> list[Run]:
@@ -168,7 +122,4 @@ def report(short: bool) -> Report:
 
 
 if __name__ == "__main__":
-    if INSIDE in sys.argv[1:2]:
-        inside(sys.argv[2], sys.argv[3:])
-    else:
-        figures.main(report)
+    figures.main(report)

@@ -17,6 +17,7 @@ import pytest
 from support.drives.gateway_guests import (
     TIMEOUT_S,
     Served,
+    by_hub,
     heard,
     heard_at_once,
     let_in,
@@ -203,7 +204,7 @@ def test_a_serial_adapter_is_shared_by_a_hub(served: Served, tmp_path: Path) -> 
             assert same(heard(native, 1), MESSAGES[2:])
             far = served.hub.bus
             opened = far.errors.of(served.terminal._source)
-            far.agenda.add(0.0, lambda now_s: far.errors.switch_off(opened, now_s))
+            by_hub(served.hub, lambda: far.errors.switch_off(opened, far.now_s))
             (error,) = heard(two, 1)
             assert error.is_error_frame
             assert error.arbitration_id == 0x40

@@ -14,7 +14,6 @@ import os
 import tempfile
 from collections.abc import Mapping
 from dataclasses import field
-from importlib import metadata
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +27,7 @@ from controller.plan.stretch import Note
 from controller.plan.surfaces.placements import Recipe
 from controller.program.program import Place
 from controller.values import dataclass
+from controller.version import VERSION
 
 FORMAT = 5  # of the files
 KEPT = 500  # files; the oldest go
@@ -68,20 +68,13 @@ def key(program: bytes, machine: Machine, start: Joints) -> str:
     """The name of a check: a hash of program, machine (tools and offsets included), start and version."""
     facts = {
         "format": FORMAT,
-        "version": _version(),
+        "version": VERSION,
         "program": hashlib.sha256(program).hexdigest(),
         "machine": plain(machine),
         "start": start,
     }
     text = json.dumps(facts, sort_keys=True, default=plain)
     return hashlib.sha256(text.encode()).hexdigest()
-
-
-def _version() -> str:
-    try:
-        return metadata.version("directrix")
-    except metadata.PackageNotFoundError:  # run from a folder that was never installed
-        return "0"
 
 
 def save(stored: Stored, name: str, where: Path) -> Path:

@@ -15,9 +15,9 @@ from __future__ import annotations
 
 import math
 from array import array
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
-from itertools import islice
+from operator import itemgetter
 
 import numpy as np
 import numpy.typing as npt
@@ -43,9 +43,9 @@ POSES = 33  # of a lead that are looked at
 OVERCUT_MM = 1e-3  # by which a lead may reach deeper into the surface than the cut itself does ...
 SPARE_MM = 1e-3  # of the form tolerance, for what is not looked at
 CLEAR_MM, MORE = 2e-4, 0.1  # ... and one that joins it; or such a share more, within the form tolerance
-# Where none does: as much again as the cut, or this, but no more than so much of what is left of that
-# tolerance. A micron does the part less harm than a cut that rests, or slows down, at its ruling.
-AGAIN_MM, OF_REST = 1e-3, 0.5
+# Where none does: as much again as the cut, or so much of what is left of that tolerance, but no more than
+# half of it. Some microns within it harm a part less than a cut that rests, or slows down, at its ruling.
+AGAIN, OF_REST = 0.1, 0.5
 SLENDER = 1.5  # length of a lead over how far off it leads: it bends no more than an arc of that radius
 # What is tried in turn: share of ``lead_mm``, how slender, over what part the rotaries come to stand; the
 # first ``AT_FEED`` are as long as the feed needs. Past the end of a twisted surface the flank goes on to
@@ -62,7 +62,7 @@ SHAPES = (
     (0.25, 1.0, 0.2),
 )
 AT_FEED = 3
-KEPT = 0.999  # of the feed: what an ``even_speed`` on the way to it must allow
+KEPT = 0.98  # of the feed at the ruling, as ``End.kept`` estimates it
 ROOM = 1.2  # times the way in which the feed is reached: the lead bends meanwhile
 LONGEST = 5.0  # times ``lead_mm``, however long a machine needs to its feed
 FADING, FADING_RAD = 1.0, math.radians(10.0)  # by so much of itself, and so far, a bend may turn the way
@@ -95,7 +95,7 @@ def lay(legs: Sequence[Leg], at_start: bool, machine: Machine, kinematics: Kinem
     if machine.lead_mm <= 0.0:
         return end.standing(())
     free = Room.of(legs, at_start, machine, kinematics)
-    found = free.best(end.joined(machine), lambda lead: end.keeps(lead, machine))
+    found = free.best(end.joined(machine), lambda lead: end.kept(lead, machine))
     if found is not None:
         return end.led(found)
     off = end.straight_off(_off_mm(leg, machine), leg.cut.block.feed_mm_s)
@@ -280,16 +280,16 @@ class End:
             steps, own_s = ((0.0, own), (at, feed_mm_s)), (0.0, at)
         return replace(lead, feed_mm_s=steps[0][1], feed_steps=steps, turning=(own_s,))
 
-    def keeps(self, lead: Stretch, machine: Machine) -> bool:
-        """Whether it lets the contact have its feed at the ruling: where the lead itself must not be slower.
+    def kept(self, lead: Stretch, machine: Machine) -> float:
+        """About what share of its feed the contact has at the ruling with this lead.
 
-        Rotaries that are to come to stand soon may ask for less than the cut does.
+        The lead may be too short for it, or itself slower where rotaries are to come to stand soon.
         """
-        speed, _, _ = self._along(machine)
-        way = np.linspace(0.0, min(self._ramp(machine), lead.motion.end), POSES)
+        (speed, _, _), ramp = self._along(machine), self._ramp(machine)
+        way = np.linspace(0.0, min(ramp, lead.motion.end), POSES)
         s = lead.motion.end - way if self.at_start else way
         allowed = rates.derivatives(lead, s, self.kinematics).even_speed(*rates.limits(machine).T)
-        return bool(allowed.min() >= KEPT * speed)
+        return min(1.0, float(allowed.min()) / speed, math.pow(lead.motion.end / ramp, 2.0 / 3.0))
 
     def straight_off(self, off_mm: float, feed_mm_s: float) -> Stretch | None:
         """A line off the ruling with the tool axis held: the machine rests at that ruling."""
@@ -363,7 +363,7 @@ class Room:
         tolerance = tolerance_mm(cut.block.modal, cut.tool, machine)
         if tolerance is not None and allowed < tolerance:
             left = tolerance - SPARE_MM - allowed
-            more, most = min(more, left), min(max(allowed, AGAIN_MM), OF_REST * left)
+            more, most = min(more, left), min(max(allowed, AGAIN * left), OF_REST * left)
         more = max(CLEAR_MM, more)
         return Room(cut, points, allowed, more, max(more, most), machine, kinematics)
 
@@ -371,30 +371,25 @@ class Room:
         """Whether it stays in travel and hardly reaches deeper than the cut."""
         return self._reached_in_travel(one) <= self.more_mm
 
-    def best(self, leads: Iterator[Stretch], keeps: Callable[[Stretch], bool]) -> Stretch | None:
-        """The first that hardly reaches deeper than the cut, else the first that does so within bounds.
+    def best(self, leads: Iterator[Stretch], kept: Callable[[Stretch], float]) -> Stretch | None:
+        """The first that keeps the feed and hardly reaches deeper than the cut, else the least deep of those.
 
-        Those that keep the feed at the ruling come before all others, then those that are long enough for it.
+        Where none keeps the feed: the one that keeps most of it, first of those that hardly reach deeper.
         """
-        tried = list[tuple[float, Stretch]]()
-        for one in islice(leads, AT_FEED):
+        tried = list[tuple[float, float, Stretch]]()
+        for one in leads:
             reached = self._reached_in_travel(one)
-            if reached <= self.more_mm and keeps(one):
+            if reached > self.most_mm:
+                continue
+            share = min(kept(one), KEPT)
+            if reached <= self.more_mm and share >= KEPT:
                 return one
-            tried.append((reached, one))
-        for reached, one in tried:
-            if reached <= self.most_mm and keeps(one):
-                return one
-        rest = ((self._reached_in_travel(one), one) for one in leads)
-        return self._within(tried) or self._within(rest)
-
-    def _within(self, leads: Iterable[tuple[float, Stretch]]) -> Stretch | None:
-        tried = list[tuple[float, Stretch]]()
-        for reached, one in leads:
-            if reached <= self.more_mm:
-                return one
-            tried.append((reached, one))
-        return next((one for reached, one in tried if reached <= self.most_mm), None)
+            tried.append((share, reached, one))
+        at_feed = [found for found in tried if found[0] >= KEPT]
+        if at_feed:
+            return min(at_feed, key=itemgetter(1))[2]
+        hardly = [found for found in tried if found[1] <= self.more_mm]
+        return max(hardly or tried, key=itemgetter(0))[2] if tried else None
 
     def reached(self, lead: Stretch) -> float:
         """How much deeper (mm) a lead gets into the surfaces than the cut does beside it."""

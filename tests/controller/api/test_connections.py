@@ -17,6 +17,7 @@ import subprocess
 import sys
 import threading
 import time
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -24,7 +25,8 @@ from typing import Any
 import pytest
 from support.fakes.fake_socket import FakeDoor
 from support.fakes.panels import Scene
-from support.live.browser import ROOT, free_port
+from support.live.browser import ROOT
+from support.live.ports import free_port
 
 from controller.api.connections import (
     BODY_S,
@@ -75,12 +77,31 @@ class Clock:
         self.loop.call_soon_threadsafe(lambda: None)  # it may sleep by the old time
 
 
+class Counting(Connections):
+    """It knows how much it has read from whom."""
+
+    def __init__(self, limits: Limits) -> None:
+        super().__init__(limits)
+        self.read = Counter[int]()  # bytes, by the port of the other end
+
+    def protocol(self, **wiring: Any) -> asyncio.Protocol:
+        one: Any = super().protocol(**wiring)
+        take = one.data_received
+
+        def counted(data: bytes) -> None:
+            take(data)
+            self.read[one.transport.get_extra_info("peername")[1]] += len(data)
+
+        one.data_received = counted
+        return one  # type: ignore[no-any-return]
+
+
 class Site:
     """A server in a thread, and its clock."""
 
     def __init__(self, app: Any, limits: Limits = LIMITS) -> None:
-        self.clock = Clock()
-        self.server = Connections(limits).server(app, port=0, log_level="warning")
+        self.clock, self.connections = Clock(), Counting(limits)
+        self.server = self.connections.server(app, port=0, log_level="warning")
         self.thread = threading.Thread(target=self.clock.loop.run_until_complete, args=(self.server.serve(),))
         self.thread.start()
         until(lambda: self.server.started, "the server")
@@ -93,6 +114,10 @@ class Site:
 
     def open_ones(self) -> int:
         return len(self.server.server_state.connections)
+
+    def has_read(self, one: socket.socket, count: int) -> None:
+        """Wait for it."""
+        until(lambda: self.connections.read[one.getsockname()[1]] >= count, f"{count} bytes to be read")
 
     def end(self) -> None:
         self.server.should_exit = True
@@ -171,9 +196,10 @@ def test_a_sender_that_falls_silent_is_told_so_and_one_that_said_nothing_is_not(
 ) -> None:
     token = f"Authorization: Bearer {scene.tokens['operate']}\r\nX-Some"
     silent, idle = site.connected(), site.connected()
-    silent.sendall(HALF.replace(b"cycle/stop", b"control").replace(b"X-Some: h", token.encode()) + rest)
+    sent = HALF.replace(b"cycle/stop", b"control").replace(b"X-Some: h", token.encode()) + rest
+    silent.sendall(sent)
     until(lambda: site.open_ones() == 2, "both")
-    time.sleep(0.2)  # for the other end to read
+    site.has_read(silent, len(sent))
     site.clock.forward(BODY_S + 1.0)
     said = said_at_the_end(silent)
     assert said.startswith(b"HTTP/1.1 408 ") and b"Connection: close" in said
@@ -224,13 +250,13 @@ def test_a_body_that_does_not_come_is_ended_and_one_that_comes_slowly_is_taken(
     body = b'{"take_over": true}'.ljust(9 * PART)
     for one in (stalled, dripping, slow):
         one.sendall(head)
-    until(lambda: site.open_ones() == 3, "all")
-    time.sleep(0.2)
+    for one in (stalled, dripping, slow):
+        site.has_read(one, len(head))
     for k in range(9):  # each part earns 10 s, and comes after 8
         slow.sendall(body[PART * k : PART * (k + 1)])
         with contextlib.suppress(ConnectionError):
             dripping.sendall(b"x")
-        time.sleep(0.1)  # for the other end to read
+        site.has_read(slow, len(head) + PART * (k + 1))
         site.clock.forward(0.1 if k == 8 else BODY_S / 5.0)
     until(lambda: closed(dripping) and closed(stalled), "the ends")
     answer = b""

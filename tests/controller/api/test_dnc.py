@@ -127,7 +127,7 @@ def test_a_second_program_that_is_not_whole_is_told_and_the_first_is_kept(pty: P
     else:
         second[20] ^= 4
     data = dnc_format.punched(program(3_000), True) + bytes(second)
-    came = all_received(pty, settings(pty, silence_s=0.5), lambda: pty.write(data))
+    came = all_received(pty, settings(pty, silence_s=2.0), lambda: pty.write(data))
     assert [one.text for one in came.tapes] == [program(3_000)]
     assert came.problem.startswith("Behind O4711 another program began, of which nothing was kept: ")
     assert ("silent" if harm == "cut" else "wrong parity") in came.problem
@@ -142,7 +142,7 @@ def test_a_trailer_is_no_second_program(pty: Pty, trailer: bytes) -> None:
 def test_a_sender_that_is_gone_after_its_program_has_sent_it(pty: Pty) -> None:
     def send() -> None:
         pty.write(dnc_format.punched(program(500), True))
-        time.sleep(0.2)
+        pty.drained()
         pty.cut()
 
     assert received(pty, settings(pty), send).text == program(500)
@@ -172,7 +172,7 @@ def test_a_line_that_falls_silent_ends_the_transfer(pty: Pty) -> None:
 def test_a_line_that_is_cut_ends_the_transfer(pty: Pty) -> None:
     def send() -> None:
         pty.write(dnc_format.punched(program(5_000), True)[:3_000])
-        time.sleep(0.1)
+        pty.drained()
         pty.cut()
 
     with pytest.raises(TapeError, match="the line failed"):

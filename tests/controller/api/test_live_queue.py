@@ -9,7 +9,7 @@ import pytest
 from support.live import shop
 from support.live.shop import Shop
 
-pytestmark = [pytest.mark.slow, pytest.mark.live]
+pytestmark = [pytest.mark.slow, pytest.mark.live, pytest.mark.calm]
 
 TEXT = "G21 G90 G54\nG1 X{0} F3000\nG1 X0\nM30\n"
 

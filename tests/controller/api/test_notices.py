@@ -21,7 +21,7 @@ import trustme
 from aiosmtpd.controller import Controller
 from aiosmtpd.smtp import AuthResult, Envelope
 from support.fakes.panels import Scene, sentence
-from support.live.browser import free_port
+from support.live.ports import free_port
 
 from controller import messages
 from controller.api import backup, notices
@@ -196,7 +196,7 @@ MAIL = {"sender": "mill@example.org", "to": "a@example.org, b@example.org"}
 def mail_server(handler: Letters, **how: Any) -> Iterator[dict[str, Any]]:
     """Where it is, as settings."""
     port = free_port()
-    server = Controller(handler, hostname="127.0.0.1", port=port, **how)
+    server = Controller(handler, hostname="127.0.0.1", port=port, ready_timeout=TIMEOUT_S, **how)
     server.start()
     try:
         yield {"host": "127.0.0.1", "port": port, **MAIL}

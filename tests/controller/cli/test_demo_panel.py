@@ -13,14 +13,15 @@ from pathlib import Path
 
 import pytest
 from support.live import browser
+from support.live.ports import free_port
 
 ENDS_S = 90.0  # no test is meant to come near
 
-pytestmark = [pytest.mark.slow, pytest.mark.live]
+pytestmark = [pytest.mark.slow, pytest.mark.live, pytest.mark.calm]
 
 
 def test_one_command_opens_a_machine_with_its_page_and_programs_and_ends_both(tmp_path: Path) -> None:
-    port = browser.free_port()
+    port = free_port()
     command = (sys.executable, "-m", "controller", "demo", "--panel", "--port", str(port), "--json")
     demo = subprocess.Popen(
         (*command, "--out", str(tmp_path)),

@@ -3,6 +3,7 @@
 import math
 import pickle
 import random
+import warnings
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from support.parts.paper_surfaces import equation_7, example_1, example_2
 
 from controller.geometry import series as jets
 from controller.geometry.curves import Bezier, Line, Polynomial
+from controller.geometry.splines import BSpline
 from controller.geometry.surfaces import (
     Cone,
     Defect,
@@ -248,6 +250,17 @@ def test_the_concave_radius_of_a_cone_is_that_of_its_section_across_the_ruling()
 def test_a_flat_wall_is_nowhere_concave():
     wall = RuledSurface(bezier(*HIGH), bezier(*STRAIGHT))
     assert concave_radius(wall, 1.0)[0] == math.inf and concave_radius(wall, -1.0)[0] == math.inf
+
+
+def test_where_c1_stands_still_it_has_no_normal_and_none_is_divided_by():
+    """Hostile program 913414: beside its begin C1' is exactly 0, and numpy said so on the terminal."""
+    stands, runs, end = (-0.93, -1.48, 0.0), (6.35, -1.66, 0.0), (6.08, -6.0, 0.0)
+    weights = (1.61, 1.0, 1.69, 1.0, 1.67)
+    lower = BSpline.of(4, (0, 0, 0, 0, 0.25, 1, 1, 1, 1), (stands, stands, stands, runs, end), weights)
+    upper = bezier((-0.9, -1.5, 12.0), (2.0, -0.1, 12.0), (4.0, -1.6, 12.0), (6.1, -6.0, 12.0))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert concave_radius(RuledSurface(upper, lower), 1.0)[0] >= 0.0
 
 
 def test_the_concave_radius_agrees_with_a_section_cut_through_the_surface():

@@ -10,7 +10,7 @@ from support.machines.stepped_runs import program
 
 from controller import messages
 
-pytestmark = [pytest.mark.slow, pytest.mark.live]
+pytestmark = [pytest.mark.slow, pytest.mark.live, pytest.mark.calm]
 
 TEXT = program("example2_ready.ngc", "1000.")
 SAME = 1e-6  # mm or degrees

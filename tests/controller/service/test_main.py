@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from support.live.served_machine import Serving, calm, serving
 
-pytestmark = [pytest.mark.slow, pytest.mark.live]
+pytestmark = [pytest.mark.slow, pytest.mark.live, pytest.mark.calm]
 
 SHORT = "G21 G90 G54 G0 X20.\nG1 X10. F3000\nM30\n"
 NOT_ASKED = ("begin", "stand", "plan", "pieces")  # by an operator

@@ -17,7 +17,15 @@ from controller.service.service import Service
 from controller.state.modes import Fault, Mode
 
 
-class _Fault:
+class _Ends:
+    """As an engine does."""
+
+    def end_run(self) -> None: ...
+
+    def end(self) -> None: ...
+
+
+class _Fault(_Ends):
     """An engine whose machine was in a fault when it was looked at, and is ready by now."""
 
     def __init__(self) -> None:
@@ -29,7 +37,7 @@ class _Fault:
         return self.shown
 
 
-class _KilledTick:
+class _KilledTick(_Ends):
     """An engine whose tick has just been killed; the next one lives, and its bus cannot be heard."""
 
     def __init__(self) -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from support.live.served_machine import Serving, Values, calm, serving
 
-pytestmark = [pytest.mark.slow, pytest.mark.live]
+pytestmark = [pytest.mark.slow, pytest.mark.live, pytest.mark.calm]
 
 WAITS = """G21 G90 G54
 G1 X40. F2000

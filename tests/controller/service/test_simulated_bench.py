@@ -120,6 +120,7 @@ def probed(centre: Serving, cycle: str, **values: Any) -> dict[str, float]:
 
 @pytest.mark.slow
 @pytest.mark.live
+@pytest.mark.calm
 def test_probing_works_at_a_simulated_service_as_it_comes(centre: Serving) -> None:
     typed(centre, "G0 G43 H99 Z60", "G0 G43 H99 X30 Y20", "G0 G43 H99 Z12")
     assert probed(centre, "top", most=20.0)["height_mm"] == pytest.approx(0.1, abs=0.01)

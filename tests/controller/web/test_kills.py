@@ -13,6 +13,7 @@ from typing import Any
 import pytest
 from support.fakes import cutting_service as cut
 from support.live import browser
+from support.live.ports import free_port
 
 from controller.ipc.control_socket import LAST
 from controller.machine import machine_file
@@ -31,7 +32,7 @@ class Shop:
         self.start_service()
         browser.until((folder / "state" / LAST).exists, "what the service keeps")
         where = ("--state", str(folder / "state"), "--runtime", str(folder))
-        port = browser.free_port()
+        port = free_port()
         self.panel = browser.Site(folder, ("-m", "controller", "panel", "--port", str(port), *where), port)
 
     def start_service(self) -> None:

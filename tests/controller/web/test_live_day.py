@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 from support.live import browser, live_page, shop
 
-pytestmark = [pytest.mark.slow, pytest.mark.live]
+pytestmark = [pytest.mark.slow, pytest.mark.live, pytest.mark.calm]
 
 NAME = "cone.ngc"
 # Example 1 of the paper, quicker, with one word that no reader takes.

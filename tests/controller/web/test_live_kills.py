@@ -13,7 +13,7 @@ from support.live import browser, live_page, shop
 from controller.ipc.control_socket import Client, control_path
 from controller.machine import machine_file
 
-pytestmark = [pytest.mark.slow, pytest.mark.live]
+pytestmark = [pytest.mark.slow, pytest.mark.live, pytest.mark.calm]
 
 NAME = "example2_ready.ngc"
 AS_TOLD = """() => {

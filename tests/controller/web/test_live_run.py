@@ -14,7 +14,7 @@ from support.live import browser, live_page, replayed_runs, shop
 
 from controller.machine import machine_file
 
-pytestmark = [pytest.mark.slow, pytest.mark.live]
+pytestmark = [pytest.mark.slow, pytest.mark.live, pytest.mark.calm]
 
 NAME = "example2_ready.ngc"
 WRONG = b"G21 G90\nG1 X10 F100\nG1 X1..5\nM30\n"

@@ -16,6 +16,7 @@ import canopen
 import numpy as np
 import pytest
 from support.drives import hub_process
+from support.drives.gateway_guests import by_hub
 from support.drives.stepped_drives import EDS, nodes
 
 from drives import bus, commission, pdo
@@ -226,7 +227,7 @@ def test_the_masters_bus_off_leaves_the_other_clients_alone(tmp_path: Path) -> N
         buffer = bytearray(16)
         here.wait(lambda: other.receive_into(buffer))
         hub_bus = here.hub.bus
-        hub_bus.agenda.add(0.0, lambda now_s: hub_bus.errors.switch_off(hub_bus.masters, now_s))
+        by_hub(here.hub, lambda: hub_bus.errors.switch_off(hub_bus.masters, hub_bus.now_s))
         here.wait(lambda: master.receive_into(buffer))
         assert pdo.unpack(buffer)[0] == pdo.ERROR_FLAG | 0x40
         master.send(pdo.frame(0x201))
@@ -271,7 +272,7 @@ def test_a_client_that_is_bus_off_joins_again_when_its_port_asks_for_it(tmp_path
         buffer = bytearray(16)
         here.wait(lambda: other.receive_into(buffer))
         hub_bus = here.hub.bus
-        hub_bus.agenda.add(0.0, lambda now_s: hub_bus.errors.switch_off(hub_bus.masters, now_s))
+        by_hub(here.hub, lambda: hub_bus.errors.switch_off(hub_bus.masters, hub_bus.now_s))
         heard: list[int] = []
 
         def hears(can_id: int) -> bool:

@@ -71,6 +71,22 @@ def until(done: Callable[[], bool]) -> None:
         time.sleep(0.001)
 
 
+def by_hub(hub: Hub, act: Callable[[], object]) -> None:
+    """Have the hub's own thread do something to its bus, which no other may touch, between two turns.
+
+    When it is done everybody has been given what came before it.
+    """
+    done = threading.Event()
+
+    def once(_now_s: float) -> None:
+        hub.watchers.remove(once)
+        act()
+        done.set()
+
+    hub.watchers.append(once)
+    assert done.wait(TIMEOUT_S)
+
+
 def heard(listener: can.BusABC, count: int) -> list[can.Message]:
     got: list[can.Message] = []
     until_s = time.monotonic() + TIMEOUT_S

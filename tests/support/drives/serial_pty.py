@@ -7,6 +7,7 @@ import errno
 import os
 import select
 import threading
+import time
 import tty
 
 
@@ -38,6 +39,11 @@ class Pty:
             if error.errno != errno.EIO:
                 raise
             return b""
+
+    def drained(self) -> None:
+        """Wait until our end's reader has taken all of it."""
+        while not self.ended.is_set() and select.select([self._ours], [], [], 0.0)[0]:
+            time.sleep(0.001)
 
     def cut(self) -> None:
         if self.machine >= 0:

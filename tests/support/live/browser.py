@@ -8,7 +8,6 @@ import json
 import os
 import shutil
 import signal
-import socket
 import subprocess
 import sys
 import time
@@ -18,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from support.live.ports import free_port
 
 ROOT = Path(__file__).resolve().parents[3]
 NAMES = ("chromium", "chromium-browser", "google-chrome")
@@ -37,12 +37,6 @@ FIGURES_OF_RUN = r"""() => {
   };
 }"""
 OPTIONS = ("--no-sandbox", "--disable-dev-shm-usage", "--disable-gpu")
-
-
-def free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
 
 
 def needed(module: str, reason: str) -> Any:

@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import contextlib
 import os
-import socket
 import subprocess
 import sys
 import time
@@ -23,6 +22,7 @@ from pathlib import Path
 from typing import Any
 
 import httpx
+from support.live.ports import free_port
 
 from controller.machine.machine_file import SHIPPED
 
@@ -37,11 +37,20 @@ class Shop:
     """The processes, and a client that holds the control token."""
 
     def __init__(
-        self, folder: Path, period_s: float, commands: tuple[str, ...], machine: str = "trunnion"
+        self,
+        folder: Path,
+        period_s: float,
+        commands: tuple[str, ...],
+        machine: str = "trunnion",
+        part: str = "",
     ) -> None:
         self.folder, self.state, self.runtime = folder, folder / "state", folder / "run"
         self.machine_file = folder / "machine.toml"
         self.machine_file.write_text(_machine(machine, period_s))
+        self.part: tuple[str, ...] = ()
+        if part:
+            (folder / "part.toml").write_text(part)
+            self.part = ("--part", str(folder / "part.toml"))
         self.tools_put_in = 0
         self.port = free_port()
         self.processes = {name: self._begin(name) for name in commands}
@@ -52,7 +61,7 @@ class Shop:
         port = ("--port", str(self.port))
         where = ("--state", str(self.state), "--runtime", str(self.runtime))
         words = {
-            "serve": ("--simulate", "--machine", str(self.machine_file), *where),
+            "serve": ("--simulate", "--machine", str(self.machine_file), *self.part, *where),
             "panel": (*port, *where),
             "demo": ("--panel", "--out", str(self.state), *port),
         }
@@ -175,9 +184,13 @@ def opened(
     period_s: float = PERIOD_S,
     commands: tuple[str, ...] = ("serve", "panel"),
     machine: str = "trunnion",
+    part: str = "",
 ) -> Iterator[Shop]:
-    """A shop until the block ends; ``folder`` is empty. A ``demo`` has its own machine and period."""
-    shop = Shop(folder, period_s, commands, machine)
+    """A shop until the block ends; ``folder`` is empty. A ``demo`` has its own machine and period.
+
+    ``part``: a simulation file's text, of what a probe can touch; without one the usual block.
+    """
+    shop = Shop(folder, period_s, commands, machine, part)
     try:
         yield shop
     finally:
@@ -190,8 +203,3 @@ def _machine(name: str, period_s: float) -> str:
     changed = text.replace("period_s = 0.002", f"period_s = {period_s}")
     assert changed != text or period_s == 0.002
     return changed
-
-
-def free_port() -> int:
-    with socket.create_server(("127.0.0.1", 0)) as free:
-        return int(free.getsockname()[1])

@@ -19,6 +19,7 @@ from support.machines.traced_programs import (
     trace,
 )
 from support.parts.random_surfaces import compound, text
+from support.parts.vertical_rulings import random_ruled
 
 from controller.geometry.vectors import Vector, norm, subtract
 from controller.machine import machine_file
@@ -26,6 +27,7 @@ from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Machine
 from controller.plan.feed import profile
 from controller.plan.feed.course import Course
+from controller.plan.feed.limits import JointLimits
 from controller.plan.path.path import Chain, Path, Stretch, joints_along
 from controller.plan.surfaces.leads import MAX_TILT_RAD, MAX_TURN_RAD, SLENDER
 from controller.program.program import ProgramError
@@ -112,6 +114,16 @@ def test_beside_a_pole_neither_axis_nor_rotary_turns_far_on_a_lead() -> None:
         assert turned <= 1.1 * MAX_TURN_RAD
         axes = [kinematics_of(built).forward(q, 0.0).axis for q in (lead.start, lead.end)]
         assert norm(subtract(*axes)) <= 1.1 * MAX_TILT_RAD
+
+
+def test_where_no_lead_keeps_the_feed_the_one_that_keeps_most_of_it_is_laid() -> None:
+    """A wall beyond its form tolerance: one that turns on reaches 6.8 um deeper, and 6.4 um may be."""
+    built = shipped("fig4d")
+    traced = trace(random_ruled(98_011).source, built, tuple(axis.homing.position for axis in built.axes))
+    (off,) = named(traced, "lead out")
+    course = Course((off,), built, kinematics_of(built))
+    allowed = JointLimits.of(built).path_speed(course.derivatives(np.linspace(0.0, off.motion.end, 65)))
+    assert allowed.min() > 0.7 * off.feed_mm_s, "0.47 of it where the rotary comes to stand at once"
 
 
 # ---- feeds -------------------------------------------------------------------------

@@ -1,0 +1,3 @@
+"""Which Directrix this is; pyproject.toml takes it from here."""
+
+VERSION = "0.1.0"
