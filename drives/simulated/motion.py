@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import dataclass
 
 from drives.simulated.servo import Servo
-from drives.values import dataclass
 
 Demand = Callable[[], float]
 

@@ -13,9 +13,9 @@ All in counts and seconds; accelerations stand for torques over inertia.
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 from drives.simulated.servo import Servo
-from drives.values import dataclass
 
 
 @dataclass(frozen=True, slots=True)

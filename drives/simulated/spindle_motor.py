@@ -11,9 +11,9 @@ motor is, period by period: only its speed counts.
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 from drives.simulated.servo import STEP_S, Servo
-from drives.values import dataclass
 
 LEAST_REV_S = 0.5  # slower than this it does not cut
 
