@@ -32,7 +32,9 @@ FORM_MM = 0.05  # tolerance of the shipped machines
 MEASURED = Errors(backlash_mm=5e-4, pitch_mm=5e-4, scale=2e-6)
 
 
-@pytest.mark.parametrize("turned_deg", [1e-7, 3e-5, 2e-3])
+@pytest.mark.parametrize(
+    "turned_deg", [1e-7, *(pytest.param(turned, marks=pytest.mark.slow) for turned in (3e-5, 2e-3))]
+)
 def test_a_part_that_lies_turned_by_a_hair_is_cut_within_the_limits(turned_deg):
     """A rotary then turns half round within a hair of the begin: its rate there is taken there."""
     machine = shipped("trunnion")
