@@ -62,7 +62,8 @@ SHAPES = (
     (0.25, 1.0, 0.2),
 )
 AT_FEED = 3
-KEPT = 0.98  # of the feed at the ruling, as ``End.kept`` estimates it
+KEPT = 0.98  # of the feed at the ruling, as ``End.kept`` estimates it ...
+NEARLY = 0.9  # ... or this of the most that any keeps
 ROOM = 1.2  # times the way in which the feed is reached: the lead bends meanwhile
 LONGEST = 5.0  # times ``lead_mm``, however long a machine needs to its feed
 FADING, FADING_RAD = 1.0, math.radians(10.0)  # by so much of itself, and so far, a bend may turn the way
@@ -372,9 +373,9 @@ class Room:
         return self._reached_in_travel(one) <= self.more_mm
 
     def best(self, leads: Iterator[Stretch], kept: Callable[[Stretch], float]) -> Stretch | None:
-        """The first that keeps the feed and hardly reaches deeper than the cut, else the least deep of those.
+        """The first that keeps the feed and hardly reaches deeper than the cut.
 
-        Where none keeps the feed: the one that keeps most of it, first of those that hardly reach deeper.
+        Where there is none: within bounds the least deep of those that keep it, or nearly the most of it.
         """
         tried = list[tuple[float, float, Stretch]]()
         for one in leads:
@@ -385,11 +386,9 @@ class Room:
             if reached <= self.more_mm and share >= KEPT:
                 return one
             tried.append((share, reached, one))
-        at_feed = [found for found in tried if found[0] >= KEPT]
-        if at_feed:
-            return min(at_feed, key=itemgetter(1))[2]
-        hardly = [found for found in tried if found[1] <= self.more_mm]
-        return max(hardly or tried, key=itemgetter(0))[2] if tried else None
+        most = max((share for share, _, _ in tried), default=0.0)
+        enough = most if most >= KEPT else NEARLY * most
+        return min((one for one in tried if one[0] >= enough), key=itemgetter(1))[2] if tried else None
 
     def reached(self, lead: Stretch) -> float:
         """How much deeper (mm) a lead gets into the surfaces than the cut does beside it."""
