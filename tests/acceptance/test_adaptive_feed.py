@@ -189,6 +189,7 @@ def test_after_an_overload_it_goes_on_where_it_stood() -> None:
     assert Mode.HOLD in {now.mode for now in cutter.seen} and run.result == "completed"
 
 
+@pytest.mark.slow
 def test_a_drive_that_tells_no_load_any_more_leaves_the_least_feed_and_a_warning() -> None:
     cutter = Cutter(rows=((4.0, 60.0, LIGHT),))
     lost = MachineScript.read("on can1: at 0 s: drop 28A for 5 s", cutter.machine)
@@ -206,6 +207,7 @@ def test_a_machine_without_it_refuses_m52_in_the_check() -> None:
         checked.walk_of(checked.task(TEXT.format("M52 P1").encode(), "p.ngc", mill()), None, False)
 
 
+@pytest.mark.slow
 def test_a_record_comes_again_bit_for_bit_whatever_the_spindle_feels(tmp_path: Path) -> None:
     """The repetition has no stock at all: how much of the feed was left comes out of the record."""
     made = machine()

@@ -13,6 +13,7 @@ import pytest
 from support.machines.stepped_runs import SHIPPED, Cut, cut, shipped
 from support.oracles.allowed_speed import allowed_mm_s
 from support.oracles.trace_limits import assert_in_limits
+from support.parts import random_nurbs
 from support.parts.random_surfaces import compound, text
 
 from controller.machine import machine_file
@@ -142,6 +143,14 @@ def test_a_cut_does_not_slow_down_at_its_end_for_a_rotary_that_could_turn_on() -
     done = cut(text(compound(97_000, 1), 1287.0, "G42 P1 R0.5"), shipped("fig4b"))
     assert_at_feed(done)
     assert_in_limits(done, "rotary")
+
+
+def test_a_cut_does_not_slow_down_at_its_end_for_two_micrometres_within_its_tolerance() -> None:
+    """A rotary lets the contact run at 9.6 mm/s at the ruling itself; it came down to 5.3."""
+    done = cut(random_nurbs.text(*random_nurbs.blade(98_036), 876.0, "G41 R0.5"), shipped("fig4b"))
+    i, stretch = cuts(done)[-1]
+    assert speeds(done, stretch, i)[-3:].min() > 9.6
+    assert_in_limits(done, "blade")
 
 
 def test_under_an_override_the_cut_begins_at_its_share_of_the_feed() -> None:

@@ -32,7 +32,9 @@ FORM_MM = 0.05  # tolerance of the shipped machines
 MEASURED = Errors(backlash_mm=5e-4, pitch_mm=5e-4, scale=2e-6)
 
 
-@pytest.mark.parametrize("turned_deg", [1e-7, 3e-5, 2e-3])
+@pytest.mark.parametrize(
+    "turned_deg", [1e-7, *(pytest.param(turned, marks=pytest.mark.slow) for turned in (3e-5, 2e-3))]
+)
 def test_a_part_that_lies_turned_by_a_hair_is_cut_within_the_limits(turned_deg):
     """A rotary then turns half round within a hair of the begin: its rate there is taken there."""
     machine = shipped("trunnion")
@@ -82,18 +84,15 @@ def verdict(tmp_path, plan: str, real: str) -> dict:
     return json.loads(judged.stdout)["verdict"]
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", range(20))
-def test_example_2_is_cut_within_tolerance_on_the_calibrated_machine_and_not_before(tmp_path, seed):
-    before, after, real = calibrated("trunnion", seed)
-    assert verdict(tmp_path, before, real)["largest_mm"] > FORM_MM
-    assert verdict(tmp_path, after, real)["largest_mm"] < FORM_MM
+OTHERS = ("fig4b", "table_head", "head_head", "oblique45", "xyzac_linuxcnc")
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", ["fig4b", "table_head", "head_head", "oblique45", "xyzac_linuxcnc"])
-def test_it_is_so_on_machines_of_other_kinds(tmp_path, kind):
-    before, after, real = calibrated(kind, 1)
+@pytest.mark.parametrize(
+    ("kind", "seed"), [*(("trunnion", seed) for seed in range(20)), *((kind, 1) for kind in OTHERS)]
+)
+def test_example_2_is_cut_within_tolerance_on_the_calibrated_machine_and_not_before(tmp_path, kind, seed):
+    before, after, real = calibrated(kind, seed)
     assert verdict(tmp_path, before, real)["largest_mm"] > FORM_MM
     assert verdict(tmp_path, after, real)["largest_mm"] < FORM_MM
 

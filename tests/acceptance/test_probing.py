@@ -84,7 +84,14 @@ def touches(name: str, some: random.Random, count: int) -> tuple[str, list[tuple
     return "\n".join([*lines, "M30\n"]), axes
 
 
-@pytest.mark.parametrize("name", ["trunnion", "table_head", "head_head", "oblique45"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "trunnion",
+        "oblique45",
+        *(pytest.param(name, marks=pytest.mark.slow) for name in ("table_head", "head_head")),
+    ],
+)
 def test_a_touch_is_told_within_a_micrometre_in_any_direction_and_rotary_position(name: str) -> None:
     some = random.Random(f"{SEED} {name}")
     made = probing_machine.machine(name)

@@ -31,7 +31,7 @@ def tapped(rev_min: float, pitch: float, depth: float = 12.0, code: str = "G33.1
 
 
 @pytest.mark.parametrize("pitch", [0.5, 1.25])
-@pytest.mark.parametrize("rev_min", [100.0, 800.0, 3000.0])
+@pytest.mark.parametrize("rev_min", [pytest.param(100.0, marks=pytest.mark.slow), 800.0, 3000.0])
 @pytest.mark.parametrize("motor", [None, LAGGING], ids=["stiff", "lagging"])
 def test_depth_and_pitch_are_right_at_every_speed(
     rev_min: float, pitch: float, motor: MotorParameters | None

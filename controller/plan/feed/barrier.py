@@ -19,6 +19,8 @@ Newton's matrix has five diagonals, and a step costs time proportional to the in
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 import numpy.typing as npt
 
@@ -70,11 +72,20 @@ class Limits:
     last: float  # c[m + 1] = last * c[m]
 
 
+class Left(NamedTuple):
+    """What coefficients leave of each limit, without its excess, and z where jerk is looked at."""
+
+    rows: Array
+    cap: Array
+    z: Array
+
+
 @dataclass(slots=True)
 class Point:
     """An iterate: coefficients, excesses and prices of all limits, rows of intervals and of the cap."""
 
     c: Array
+    left: Left
     excess: Array
     price: Array
     cap_excess: Array
@@ -123,21 +134,20 @@ class _Solver:
         c[-1] = self.l.last * c[-2]
         return c
 
-    def room(self, c: Array) -> tuple[Array, Array]:
-        """What is left of each limit, without its excess."""
-        found = -self.forms.of(c)
+    def left(self, c: Array) -> Left:
+        found, z = -self.forms.of(c), self.l.at.of(c)
         found[: self.rows] += 1.0
-        found[self.rows :] += self.l.most / np.sqrt(self.l.at.of(c))
-        return found, 1.0 - c[self.capped] / self.cap
+        found[self.rows :] += self.l.most / np.sqrt(z)
+        return Left(found, 1.0 - c[self.capped] / self.cap, z)
 
     def start(self, c: Array, before: Point | None) -> Point:
         c = self.closed(c.copy())
-        room, cap_room = self.room(c)
+        left = self.left(c)
         self.unit = float((self.l.width / np.sqrt(self.l.time.of(c))).sum())
         self.mu = (0.5 if before is None else 0.02) / self.count
-        excess, price = self.centred(room, before.price if before else None, PRICE)
-        cap_excess, cap_price = self.centred(cap_room, before.cap_price if before else None, self.cap_most)
-        return Point(c, excess, price, cap_excess, cap_price)
+        excess, price = self.centred(left.rows, before.price if before else None, PRICE)
+        cap_excess, cap_price = self.centred(left.cap, before.cap_price if before else None, self.cap_most)
+        return Point(c, left, excess, price, cap_excess, cap_price)
 
     def centred(self, room: Array, price: Array | None, most: Array | float) -> tuple[Array, Array]:
         """Excess and price of limits: small where there is room, what it takes where there is none."""
@@ -167,9 +177,8 @@ class _Solver:
 
     def step(self, p: Point) -> tuple[float, float]:
         """One Newton step; the share of it that was taken, and the largest relative change of z."""
-        room, cap_room = self.room(p.c)
-        slack, cap_slack = room + p.excess, cap_room + p.cap_excess
-        low, mid, high = self.gradients(p.c)
+        slack, cap_slack = p.left.rows + p.excess, p.left.cap + p.cap_excess
+        low, mid, high = self.gradients(p.left.z)
         weight, push = _weights(slack, p.excess, p.price, PRICE, self.mu)
         cap_weight, cap_push = _weights(cap_slack, p.cap_excess, p.cap_price, self.cap_most, self.mu)
         band, right = self.time(p)
@@ -186,11 +195,11 @@ class _Solver:
             p, dc, (slack, weight, push, forward), (cap_slack, cap_weight, cap_push, cap_forward)
         )
 
-    def gradients(self, c: Array) -> tuple[Array, Array, Array]:
+    def gradients(self, z: Array) -> tuple[Array, Array, Array]:
         """Of what is left of each limit, with respect to the three coefficients."""
         low, mid, high = -self.forms.low, -self.forms.mid, -self.forms.high
         at = self.l.at
-        tangent = -0.5 * self.l.most * at.of(c) ** -1.5
+        tangent = -0.5 * self.l.most * z**-1.5
         for value, form in ((low, at.low), (mid, at.mid), (high, at.high)):
             value[self.rows :] += tangent * form
         return low, mid, high
@@ -258,11 +267,11 @@ class _Solver:
         p.c = self.closed(p.c + primal * dc)
         p.excess, p.cap_excess = p.excess + primal * moves[0][0], p.cap_excess + primal * moves[1][0]
         p.price, p.cap_price = p.price + dual * moves[0][1], p.cap_price + dual * moves[1][1]
-        room, cap_room = self.room(p.c)
-        p.cap_excess = np.maximum(p.cap_excess, 1e-12 - cap_room)
-        p.excess = np.maximum(p.excess, 1e-12 - room)
-        p.gap = float(((room + p.excess) * p.price + p.excess * (PRICE - p.price)).sum())
-        held = (cap_room + p.cap_excess) * p.cap_price + p.cap_excess * (self.cap_most - p.cap_price)
+        p.left = self.left(p.c)
+        p.cap_excess = np.maximum(p.cap_excess, 1e-12 - p.left.cap)
+        p.excess = np.maximum(p.excess, 1e-12 - p.left.rows)
+        p.gap = float(((p.left.rows + p.excess) * p.price + p.excess * (PRICE - p.price)).sum())
+        held = (p.left.cap + p.cap_excess) * p.cap_price + p.cap_excess * (self.cap_most - p.cap_price)
         p.gap += float(held.sum())
         return min(primal, dual), primal * float(np.abs(dc / p.c).max())
 

@@ -93,8 +93,12 @@ class Course:
         ``index`` names the stretches (N,): at a boundary both sides can be asked for.
         """
         index = self.index(s) if index is None else index
+        groups = self._alike(index)
+        if len(groups) == 1 == len(groups[0]):
+            stretch, start = self.stretches[groups[0][0]], self.starts[groups[0][0]]
+            return derivatives(stretch, np.clip(s - start, 0.0, stretch.motion.end), self.kinematics)
         found = [np.empty((len(s), len(self.machine.axes))) for _ in range(3)]
-        for members in self._alike(index):
+        for members in groups:
             here = np.isin(index, members)
             of = np.searchsorted(members, index[here])
             stretches = [self.stretches[k] for k in members]

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from controller.plan.stops.search import Found, Motion
+from controller.plan.stops.search import Found, Indices, Motion
 from controller.plan.stops.way import ACCELERATION, JERK, RAPID, Way
 
 Array = npt.NDArray[np.float64]
@@ -18,6 +18,7 @@ Flags = npt.NDArray[np.bool_]
 # Accepted at most. A plan runs at up to 1.0, 1.0005 and 1.012, and a stop begins there.
 MAX_VELOCITY, MAX_ACCELERATION, MAX_JERK = 1.0003, 1.0009, 1.0148
 SURELY = 1.0 - 1e-9  # of those, what is within without a closer look: rounding is less
+AT_ONCE = 512  # stops: what is known of them fits into a cache
 MIN_LOOKS, MAX_LOOKS = 4, 8  # parts of a step at whose ends it is looked at; of a step of many ticks more
 STANDSTILL = 1e-9  # speed (unit of s per second) below which nothing needs to stop
 
@@ -25,23 +26,28 @@ STANDSTILL = 1e-9  # speed (unit of s per second) below which nothing needs to s
 def check(way: Way, start: Motion, h: float, found: Found) -> tuple[Flags, Array]:
     """Whether each stop (N,) was found and keeps the limits, and where it ends (N,); inf: none was found."""
     good, ends = found.steps > 0, np.full(len(found.steps), np.inf)
-    lanes = np.flatnonzero(good)
-    j, steps = found.jerks.take(lanes, axis=1), found.steps[lanes]
+    there = np.flatnonzero(good)
+    for k in range(0, len(there), AT_ONCE):
+        lanes = there[k : k + AT_ONCE]
+        good[lanes], ends[lanes] = _checked(way, start, h, found, lanes)
+    return good, ends
+
+
+def _checked(way: Way, start: Motion, h: float, found: Found, lanes: Indices) -> tuple[Flags, Array]:
+    """Of some stops that were found."""
+    steps, fine = found.steps[lanes], np.ones(len(lanes), dtype=bool)
+    j = found.jerks[: steps.max()].take(lanes, axis=1)
     s, v, a = nodes((start[0][lanes], start[1][lanes], start[2][lanes]), h, j)
-    ends[lanes] = s[-1]
     used = np.arange(len(j))[:, None] < steps
     step, lane = np.nonzero(used & ~_surely_within(way, (s, v, a), j, h))
     if not len(step):
-        return good, ends
-    rapid, fine = way.at(start[0][lanes])[1][RAPID], np.ones(len(lanes), dtype=bool)
-    for share in _looks(h, way.period_s):
-        at = (step + (share == 1.0), lane)  # at a step's end what comes of it, whatever it was rounded to
-        motion, jerk = (s[at], v[at], a[at]), j[step, lane]
-        if 0.0 < share < 1.0:
-            motion = _after(*motion, jerk, share * h)
-        fine[lane[~_within(way, motion, jerk, rapid[lane], s[-1][lane])]] = False
-    good[lanes[~fine]] = False
-    return good, ends
+        return fine, s[-1]
+    rapid, at, n = way.at(s[0])[1][RAPID], (step, lane), len(looks := _looks(h, way.period_s))
+    inside = _after(s[at], v[at], a[at], j[at], h * looks[:, None])
+    motion = (inside[0].ravel(), inside[1].ravel(), inside[2].ravel())
+    lane = np.tile(lane, n)
+    fine[lane[~_within(way, motion, np.tile(j[at], n), rapid[lane], s[-1][lane])]] = False
+    return fine, s[-1]
 
 
 def _looks(h: float, period_s: float) -> Array:
@@ -62,7 +68,7 @@ def nodes(start: Motion, h: float, jerks: Array) -> Motion:
     return np.concatenate([s[None], s + np.cumsum(steps, axis=0)]), v, a
 
 
-def _after(s: Array, v: Array, a: Array, j: Array, x: float) -> Motion:
+def _after(s: Array, v: Array, a: Array, j: Array, x: Array) -> Motion:
     return s + x * (v + x * (a / 2.0 + x * j / 6.0)), v + x * (a + x * j / 2.0), a + x * j
 
 

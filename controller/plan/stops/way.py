@@ -64,13 +64,14 @@ class Way:
         places, derived = self._refined(course, places, s, v)
         self._fill(places, derived)
         rooms, before, ahead = _rooms(course, places, s, v)
-        still = 1.0 / (np.abs(derived[:, : len(limits.jerk)]).max(axis=1) + TINY)
+        size = np.ascontiguousarray(np.abs(derived).T).reshape(3, len(limits.jerk), -1)
+        still = 1.0 / (size[0].max(axis=0) + TINY)
         speed = np.interp(places, s, v)
         fastest = np.maximum(speed[:-1], speed[1:])
         self._about = np.vstack([_lower(np.vstack([rooms, still])), fastest])
         self._about_before = np.vstack([_lower(np.vstack([before, still])), fastest])
         self._ahead = np.maximum(ahead[:-1], ahead[1:])
-        self._most = self._shares(derived)
+        self._most = self._shares(size)
         self._widths: dict[int, Array] = {}
 
     @property
@@ -107,12 +108,10 @@ class Way:
         known = (i[1:] - i[:-1] < width) & (s[:-1] >= self.s[0]) & (s[1:] <= self.s[-1])
         return self._widths[width].take(i[:-1], axis=1), known
 
-    def _shares(self, derived: Array) -> Array:
-        """The rows of ``most`` in each cell (6, cells)."""
-        size = np.abs(derived).reshape(len(derived), 3, -1)
-        jerk = size.max(axis=2).T
-        acceleration = (size[:, :2] / self.acceleration.T).max(axis=2).T
-        nodes = np.vstack([jerk, acceleration, (size[:, 0] / self.velocity.T).max(axis=1)])
+    def _shares(self, size: Array) -> Array:
+        """The rows of ``most`` in each cell (6, cells), by the sizes of derivatives (3, axes, nodes)."""
+        acceleration = (size[:2] / self.acceleration).max(axis=1)
+        nodes = np.vstack([size.max(axis=1), acceleration, (size[0] / self.velocity).max(axis=0)])
         cells = np.maximum(nodes[:, :-1], nodes[:, 1:])
         cells[:3] /= self._about[JERK]
         cells[3:5] /= self._about[ACCELERATION]

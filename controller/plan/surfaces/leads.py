@@ -43,9 +43,9 @@ POSES = 33  # of a lead that are looked at
 OVERCUT_MM = 1e-3  # by which a lead may reach deeper into the surface than the cut itself does ...
 SPARE_MM = 1e-3  # of the form tolerance, for what is not looked at
 CLEAR_MM, MORE = 2e-4, 0.1  # ... and one that joins it; or such a share more, within the form tolerance
-# Where none does: as much again as the cut, or this, but no more than so much of what is left of that
-# tolerance. A micron does the part less harm than a cut that rests, or slows down, at its ruling.
-AGAIN_MM, OF_REST = 1e-3, 0.5
+# Where none does: as much again as the cut, or so much of what is left of that tolerance, but no more than
+# half of it. Some microns within it harm a part less than a cut that rests, or slows down, at its ruling.
+AGAIN, OF_REST = 0.1, 0.5
 SLENDER = 1.5  # length of a lead over how far off it leads: it bends no more than an arc of that radius
 # What is tried in turn: share of ``lead_mm``, how slender, over what part the rotaries come to stand; the
 # first ``AT_FEED`` are as long as the feed needs. Past the end of a twisted surface the flank goes on to
@@ -62,7 +62,8 @@ SHAPES = (
     (0.25, 1.0, 0.2),
 )
 AT_FEED = 3
-KEPT = 0.98  # of the feed at the ruling, as ``End.kept`` estimates it
+KEPT = 0.98  # of the feed at the ruling, as ``End.kept`` estimates it ...
+NEARLY = 0.9  # ... or this of the most that any keeps
 ROOM = 1.2  # times the way in which the feed is reached: the lead bends meanwhile
 LONGEST = 5.0  # times ``lead_mm``, however long a machine needs to its feed
 FADING, FADING_RAD = 1.0, math.radians(10.0)  # by so much of itself, and so far, a bend may turn the way
@@ -363,7 +364,7 @@ class Room:
         tolerance = tolerance_mm(cut.block.modal, cut.tool, machine)
         if tolerance is not None and allowed < tolerance:
             left = tolerance - SPARE_MM - allowed
-            more, most = min(more, left), min(max(allowed, AGAIN_MM), OF_REST * left)
+            more, most = min(more, left), min(max(allowed, AGAIN * left), OF_REST * left)
         more = max(CLEAR_MM, more)
         return Room(cut, points, allowed, more, max(more, most), machine, kinematics)
 
@@ -372,9 +373,9 @@ class Room:
         return self._reached_in_travel(one) <= self.more_mm
 
     def best(self, leads: Iterator[Stretch], kept: Callable[[Stretch], float]) -> Stretch | None:
-        """The first that keeps the feed and hardly reaches deeper than the cut, else one within bounds.
+        """The first that keeps the feed and hardly reaches deeper than the cut.
 
-        Where none keeps it: the one that keeps most of it, again first of those that hardly reach deeper.
+        Where there is none: within bounds the least deep of those that keep it, or nearly the most of it.
         """
         tried = list[tuple[float, float, Stretch]]()
         for one in leads:
@@ -385,10 +386,9 @@ class Room:
             if reached <= self.more_mm and share >= KEPT:
                 return one
             tried.append((share, reached, one))
-        hardly = [found for found in tried if found[1] <= self.more_mm]
-        at_feed = [found for found in tried if found[0] >= KEPT]
-        found = max(at_feed or hardly or tried, key=itemgetter(0), default=None)
-        return None if found is None else found[2]
+        most = max((share for share, _, _ in tried), default=0.0)
+        enough = most if most >= KEPT else NEARLY * most
+        return min((one for one in tried if one[0] >= enough), key=itemgetter(1))[2] if tried else None
 
     def reached(self, lead: Stretch) -> float:
         """How much deeper (mm) a lead gets into the surfaces than the cut does beside it."""

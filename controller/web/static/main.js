@@ -74,4 +74,5 @@ async function begin() {
   if (!dx.shown(first.name)) dx.tell("view", dx.view); // to the one that has come meanwhile
   dx.draw();
 }
-begin().catch(() => setTimeout(() => location.reload(), 1000)); // the panel went away meanwhile
+const anew = () => setTimeout(() => fetch("/").then(() => location.reload(), anew), 1000);
+begin().catch(anew); // the panel went away meanwhile: loaded before it is back, the browser's own error would stand here

@@ -92,10 +92,11 @@ def test_a_long_line_takes_time_in_proportion(line: str) -> None:
     gc.collect()
     gc.disable()  # what other tests left is nothing of this line's
     try:
-        short, long = (min(seconds(count) for _ in range(2)) for count in (5_000, 80_000))
+        most = 0.25 + 64.0 * min(seconds(2_500) for _ in range(2))
+        within = any(seconds(40_000) < most for _ in range(2))
     finally:
         gc.enable()
-    assert long < 0.25 + 64.0 * short
+    assert within
 
 
 def test_lines_come_as_they_stand_however_the_text_is_parted(monkeypatch: pytest.MonkeyPatch) -> None:

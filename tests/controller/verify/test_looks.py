@@ -13,9 +13,12 @@ from support.parts.random_surfaces import compound
 from controller.geometry.curves import ArcLength, Bezier
 from controller.geometry.placement import Placed
 from controller.geometry.surfaces import RuledSurface
+from controller.verify import looks
+from controller.verify.bodies import cutter
+from controller.verify.envelope import nearest
 from controller.verify.gouges import Findings, gouges
 from controller.verify.nominal import Nominal
-from controller.verify.sweep import Pass
+from controller.verify.sweep import Pass, Sweep
 
 
 def found(one: Nominal, *passes: Pass, most_mm: float | None = None) -> Findings:
@@ -104,3 +107,23 @@ def test_a_run_on_that_leaves_the_surface_alone_is_not_told() -> None:
 def test_the_overcut_of_every_surface_is_told_with_its_place() -> None:
     (overcut,) = found(nominal(example_2()[0])).overcuts
     assert overcut.line == 1 and overcut.mm == pytest.approx(0.183, abs=2e-3) and overcut.v == 0.0
+
+
+def test_points_close_to_others_are_those_that_any_of_them_is_within_reach_of() -> None:
+    rng = np.random.default_rng(7)
+    points, others = rng.uniform(-5.0, 5.0, (300, 3)), rng.uniform(-4.0, 9.0, (200, 3))
+    away = np.linalg.norm(points[:, None] - others[None], axis=2).min(axis=1)
+    for within in (0.1, 1.0, 3.0):
+        assert (looks._close(points, others, within) == (away <= within)).all()
+    assert not looks._close(points, others[:0], 1.0).any()
+
+
+def test_what_is_asked_for_below_a_bound_is_exact_there_and_infinite_elsewhere() -> None:
+    one = placed(3)
+    own, rng = along(one), np.random.default_rng(7)
+    by = looks.By(Sweep([own], 40.0), cutter(one.tool, 40.0), 1, "cut", one.tool)
+    points = own.tips[rng.integers(len(own.tips), size=400)] + rng.normal(0.0, 6.0, (400, 3))
+    exact, below = nearest(points, by.sweep, by.body).distance, rng.normal(0.0, 5.0, 400)
+    found = by.distance(points, below)
+    assert (found[exact < below] == exact[exact < below]).all() and (exact < below).sum() > 50
+    assert np.isin(found, [*exact, np.inf]).all() and np.isinf(found).sum() > 50

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
-from support.live.browser import VIEWS, Site, until
+from support.live.browser import HANGS_S, VIEWS, Site, until
 
 pytestmark = pytest.mark.slow
 
@@ -86,6 +86,23 @@ def test_figures_are_greyed_while_the_panel_is_away_and_the_page_comes_back(page
     page.wait_for_function("() => !dx.stale && document.querySelector('.dro')")
     assert not page.is_visible(".line.stale")
     page.wait_for_selector("body[data-control=free]")  # a panel that was started anew knows of nobody
+
+
+def test_a_panel_that_goes_away_while_its_page_is_loaded_is_waited_for(chromium: Any, site: Site) -> None:
+    def goes(route: Any) -> None:
+        site.end()
+        route.abort()
+
+    page = chromium.new_page()
+    page.set_default_timeout(HANGS_S * 1000)
+    page.route("**/views/runs.js", goes, times=1)  # the last of all
+    with page.expect_event("requestfailed", lambda asked: asked.url == site.url):
+        page.goto(site.url)
+    page.wait_for_timeout(200)
+    assert page.is_visible("#dx-stop"), "it is the page, and not what the browser says of it"
+    site.start()
+    page.wait_for_function("() => window.dx?.all_views && !dx.stale")
+    page.close()
 
 
 def test_figures_are_old_within_a_second_by_the_pages_own_clock(page: Any, site: Site) -> None:

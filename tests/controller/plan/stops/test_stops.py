@@ -24,7 +24,9 @@ from controller.plan.feed.course import Course
 from controller.plan.feed.limits import JointLimits
 from controller.plan.feed.profile import Profile
 from controller.plan.path.path import Chain, joints_along
+from controller.plan.stops import check
 from controller.plan.stops.table import stops
+from controller.plan.stops.way import Way
 from controller.plan.stretch import straight
 from controller.program.program import Place, ProgramError
 
@@ -381,3 +383,36 @@ def test_a_start_at_the_very_end_of_the_plan_is_at_rest_though_its_speed_is_roun
         table = stops(course, plan, 0.0, plan.duration_s, plan.duration_s / 64.0)
         assert len(table) == 65 and list(table.jerks[table.first[64] : table.first[65]]) == [0.0]
     assert below > 20
+
+
+# --- the same by other ways
+
+
+def tables(source: str, machine: Machine) -> list[StopTable]:
+    return [case.table for case in planned(source, machine)]
+
+
+@pytest.mark.parametrize("heavy", [False, True], ids=["shipped", "slow"])
+def test_on_straight_ways_the_stops_are_those_that_a_search_step_by_step_finds(
+    monkeypatch: pytest.MonkeyPatch, heavy: bool
+) -> None:
+    machine = slow(shipped()) if heavy else shipped()
+    source = "G0 X30. Y-20. Z-5.\nG1 X80. Y31. F4000.\nG1 C90.\nG0 X0. Y0. A20.\n"
+    found = tables(source, machine)
+    monkeypatch.setattr(Way, "straight", None)
+    assert found == tables(source, machine)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_bound_on_whole_steps_lets_pass_what_a_look_at_their_places_does(
+    monkeypatch: pytest.MonkeyPatch, seed: int
+) -> None:
+    machine = slow(shipped()) if seed == 2 else shipped()
+    source = text(compound(seed), 1000.0 + 4000.0 * seed)
+    found = tables(source, machine)
+
+    def nothing(way: object, motion: object, jerks: np.ndarray, h: float) -> np.ndarray:
+        return np.zeros(jerks.shape, dtype=bool)
+
+    monkeypatch.setattr(check, "_surely_within", nothing)
+    assert found == tables(source, machine)
