@@ -85,8 +85,9 @@ def stepped_pump(stepped: Stepped, step_s: float = 0.0002) -> Pump:
     """Advance the stepped bus; nobody else may advance it meanwhile (no tick runs yet)."""
 
     def pump() -> float:
-        stepped.advance(stepped.now_s + step_s)
-        return stepped.now_s
+        now_s = stepped.now_s + step_s
+        stepped.advance(now_s)
+        return now_s
 
     return pump
 

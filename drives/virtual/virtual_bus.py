@@ -320,7 +320,13 @@ class SteppedBus:
 
         submit ---> pending (by time) ---> ready (by arbitration) ---> wire ---> routes
         """
-        pending, ready, waiting, bit_s = self._pending, self._ready, self._waiting, self._bit_s
+        pending, ready = self._pending, self._ready
+        if self._flying is not None:
+            if self._free_s > until_s:
+                return
+        elif not ready and (not pending or pending[0][0] > until_s):
+            return
+        waiting, bit_s = self._waiting, self._bit_s
         bits_of, all_routes, errors, logs = self._bits, self._routes, self.errors, self._logs
         # Nobody whom a frame reaches asks what is on the wire: that is put down at the end.
         free_s, flying, busy_s, frames = self._free_s, self._flying, self.busy_s, self.frames

@@ -66,7 +66,7 @@ def test_any_change_of_program_machine_tools_offsets_or_start_asks_for_a_new_che
 
 def test_another_version_asks_for_a_new_check(monkeypatch):
     before = stored.key(b"", machine(), HOME)
-    monkeypatch.setattr(stored.metadata, "version", lambda _: "9.9")
+    monkeypatch.setattr(stored, "VERSION", "9.9")
     assert stored.key(b"", machine(), HOME) != before
 
 
