@@ -185,27 +185,34 @@ def read(text: str, name: str, node: int = 1) -> Sheet:
 
 def _read(mended: str, name: str, node: int) -> Sheet:
     with _refusals(name):
-        dictionary: ObjectDictionary = pickle.loads(_imported(mended))
-    for entry in dictionary.indices.values():
-        for variable in [entry] if isinstance(entry, ODVariable) else entry.subindices.values():
-            _count_from(node, variable)
+        packed: tuple[ObjectDictionary, list[tuple[ODVariable, str]]] = pickle.loads(_imported(mended))
+    dictionary, relative = packed
+    for variable, what in relative:
+        setattr(variable, what, getattr(variable, what) + node)
     return Sheet(name, dictionary)
 
 
 @lru_cache(maxsize=16)
 def _imported(mended: str) -> bytes:
-    """The dictionary for node 0, once for all drives of a sheet; packed, for each may change its own."""
+    """The dictionary for node 0, and what of it is relative to the node id, once for all drives of a sheet.
+
+    Packed, for each may change its own.
+    """
     source = io.StringIO(mended)
     source.name = "sheet.eds"  # canopen looks at the suffix
-    return pickle.dumps(canopen.import_od(source, 0))
+    dictionary = canopen.import_od(source, 0)
+    entries = dictionary.indices.values()
+    groups = ([entry] if isinstance(entry, ODVariable) else entry.subindices.values() for entry in entries)
+    relative = [(variable, what) for group in groups for variable in group for what in _relative(variable)]
+    return pickle.dumps((dictionary, relative), pickle.HIGHEST_PROTOCOL)
 
 
-def _count_from(node: int, variable: ODVariable) -> None:
-    """What is relative to the node id ("$NODEID+0x200") in an entry that was read for node 0."""
+def _relative(variable: ODVariable) -> Iterator[str]:
+    """Attributes that are relative to the node id ("$NODEID+0x200") in an entry that was read for node 0."""
     for written, read in (("default_raw", "default"), ("value_raw", "value")):
-        text, number = getattr(variable, written, ""), getattr(variable, read)
-        if isinstance(number, int) and "$NODEID" in text.upper().replace(" ", ""):
-            setattr(variable, read, number + node)
+        text = getattr(variable, written, "")
+        if isinstance(getattr(variable, read), int) and "$NODEID" in text.upper().replace(" ", ""):
+            yield read
 
 
 @contextlib.contextmanager

@@ -106,13 +106,22 @@ def joined(before: Cut, after: Cut, allowed: Tolerance, kinematics: Kinematics) 
     second = replace(after, motion=found.after, start=edge(found.after, 0.0))
     most = max(min(reach, SHARE * cut.motion.end) for cut in (before, after))
     shortened = found.reach_mm < most
-    return Joint(first, second, abs(angle), _crease(before, after), gap, found.reach_mm, deviates, shortened)
+    return Joint(
+        first,
+        second,
+        abs(angle),
+        _crease(before.motion, after.motion),
+        gap,
+        found.reach_mm,
+        deviates,
+        shortened,
+    )
 
 
-def _crease(before: Cut, after: Cut) -> float:
+def _crease(before: SurfaceCut, after: SurfaceCut) -> float:
     """Angle (rad) of the normals at the upper end of the ruling: just below it, a cone may have a tip."""
     normals = []
-    for motion, u in ((before.motion, 1.0), (after.motion, 0.0)):
+    for motion, u in ((before, 1.0), (after, 0.0)):
         surface = placed(motion)
         tangent, turn = surface.rates(u, math)
         normals.append(unit(cross(add(tangent, scale(turn, NEARLY_UPPER)), surface.ruling(u))))
@@ -206,8 +215,9 @@ def _shortened(
 def _sought(
     one: End, other: End, reach_mm: float, allowed: Tolerance, kinematics: Kinematics
 ) -> _Choice | None:
+    creased = _crease(one.motion, other.motion) > allowed.rad
     for axis_too in (True, False):
-        search = _Search(one, other, reach_mm, allowed, kinematics, axis_too)
+        search = _Search(one, other, reach_mm, allowed, kinematics, axis_too, creased)
         best = search.longest(Rounding.of(ROUNDINGS[0]))
         for rounding in map(Rounding.of, ROUNDINGS[1:]):
             if best is not None and min(best.reaches_mm) < reach_mm:
@@ -227,6 +237,7 @@ class _Search:
     allowed: Tolerance
     kinematics: Kinematics
     axis_too: bool
+    creased: bool
 
     @property
     def most_mm(self) -> float:
@@ -265,7 +276,7 @@ class _Search:
         blends = between(one, other, reaches, rounding)
         if not _is_clear(one.motion, other.motion, blends, self.axis_too, self.allowed.rad, self.kinematics):
             return math.inf
-        looked = Looked.at(one.motion, other.motion, blends, reaches)
+        looked = Looked.at(one.motion, other.motion, blends, reaches, self.creased)
         return looked.added(*led_over(one, other, reaches, rounding, self.axis_too))
 
 

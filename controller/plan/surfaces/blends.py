@@ -28,7 +28,7 @@ _ALONG, _ACROSS = np.linspace(0.0, 1.0, 17), np.linspace(0.0, 1.0, 5)
 _SIDE = np.linspace(0.0, 1.0, 41)
 EVEN = 0.97  # blends whose reaches differ by less are alike
 LEAST_RATIO = 0.02  # of the shorter reach to the longer one
-_FURTHER = np.linspace(0.0, 1.0, 13)[1:] ** 2
+_FURTHER, _FURTHER_AT_CREASE = (np.linspace(0.0, 1.0, count)[1:] ** 2 for count in (13, 97))
 
 
 class Rounding(NamedTuple):
@@ -198,9 +198,17 @@ class Looked:
     seen: tuple[deviation.Deviation, deviation.Deviation]
 
     @staticmethod
-    def at(before: SurfaceCut, after: SurfaceCut, blends: tuple[Blend, Blend], reaches_mm: Reaches) -> Looked:
+    def at(
+        before: SurfaceCut,
+        after: SurfaceCut,
+        blends: tuple[Blend, Blend],
+        reaches_mm: Reaches,
+        creased: bool = False,
+    ) -> Looked:
+        """``creased``: what the tool's turn there reaches ends abruptly somewhere beside the joint."""
         flanks = placed(before), placed(after)
-        sides = [_beside(*one) for one in zip(flanks, blends, reaches_mm, strict=True)]
+        spread = _FURTHER_AT_CREASE if creased else _FURTHER
+        sides = [_beside(*one, spread) for one in zip(flanks, blends, reaches_mm, strict=True)]
         points = np.concatenate(sides, axis=1)
         first = np.arange(points.shape[1]) < sides[0].shape[1]
         seen = deviation.of(flanks[0], points), deviation.of(flanks[1], points)
@@ -228,12 +236,12 @@ def _left(flank: Placed, seen: deviation.Deviation, points: Array) -> Array:
     return np.asarray(deviation.of(flank, np.tile(points, 2), starts).left.reshape(2, -1).min(axis=0))
 
 
-def _beside(flank: Placed, blend: Blend, reach_mm: float) -> Array:
+def _beside(flank: Placed, blend: Blend, reach_mm: float, spread: Array) -> Array:
     """Points (3, N) of a surface at the joint, as far as its blend reaches, and a radius further.
 
     A twisted surface is touched as far as that beside the ruling at which the cutter stands.
     """
-    further = BESIDE + _FURTHER * abs(flank.offset_mm) / reach_mm
+    further = BESIDE + spread * abs(flank.offset_mm) / reach_mm
     away = np.minimum(np.concatenate((BESIDE * _ALONG, further)) / blend.per_u, 1.0)
     u, v = (one.ravel() for one in np.meshgrid(away if blend.at_start else 1.0 - away, _ACROSS))
     return deviation.points(flank, u, v)

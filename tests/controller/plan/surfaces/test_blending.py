@@ -227,6 +227,7 @@ def test_a_blend_adds_less_than_the_tolerance_by_brute_force(seed: int) -> None:
     [
         (3016, 5.0, "G41"),
         (3058, 5.0, "G42"),
+        (98_228, 8.0, "G41"),  # the deepest within 0.2 mm, two millimetres beside the joint
         *(
             pytest.param(seed, radius, side, marks=pytest.mark.slow)
             for seed in (4006, 4014, 4052, 4090, 5100, 5172)
