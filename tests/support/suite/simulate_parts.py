@@ -63,4 +63,4 @@ except SystemExit as ended:
     ends("trace")
     with open(MARKS, "w") as file:
         json.dump(PARTS_S, file)
-    sys.exit(ended.code)
+    command_line.leave(ended.code)
