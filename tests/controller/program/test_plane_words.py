@@ -296,6 +296,8 @@ def test_explain_and_parameters_tell_of_the_plane() -> None:
         ("fanuc", "G68.2 P2 Q1 X1\nG0 X1", 2, "only Q1 of it stands before this line"),
         ("fanuc", "G68.2 P2 Q1 X1\nX1", 2, "G68.2 P2 from line 1 on is not whole"),
         ("fanuc", "G1 F9\nG68.2 P2 Q1 X1\nG1 X1", 3, "is not whole"),
+        ("rs274", "G68.2 P2 Q1 X1\nM70\nG1 X1", 3, "is not whole"),
+        ("rs274", "G68.2 P2 Q1 X1\nM71\n(nothing)\nG1 X1", 4, "is not whole"),
         ("fanuc", "G68.2 P2 Q1 X1\nG68.2 P3 Q2 K1", 2, "G68.2 P2 from line 1 on is not whole"),
         ("fanuc", "G68.2 P2 Q1 X1\nG68.2 P2 Q1 X2", 2, "Q1 stands here for the second time"),
         ("fanuc", "G68.2 P2 Q4 X1", 1, "has no line Q4"),
