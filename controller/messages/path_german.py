@@ -176,10 +176,13 @@ REFUSALS = {
     "join.concave": "{where} in einer Innenecke von {degrees:.4f} Grad; ein Fräser mit Radius {radius:.3f} "
     "mm würde {overcut:.6f} mm in eine der beiden Flächen schneiden; {allowed}; die Ecke mit einer Fläche "
     "von größerem Radius ausrunden, auf der anderen Seite fräsen oder mehr erlauben (joint_tolerance_mm "
-    "und _deg in [machine], oder G64 P Q)",
+    "in [machine], oder G64 P)",
     "join.parts_meet": "die beiden Teile dieses Satzes treffen sich bei u = {u:.4f}",
     "join.blocks_meet": "dieser Satz trifft den in Zeile {line}",
-    "join.pivots": "Schwenkt um {degrees:.4f} Grad{tilts} um die gemeinsame Erzeugende mit {name}{reaches}.",
+    "join.pivots": "Schwenkt um {degrees:.4f} Grad{tilts} um die gemeinsame Erzeugende mit {name}{reaches}"
+    "{hollow}.",
+    "join.hollow": "; es ist eine Innenecke, die in jede der beiden Flächen bis zu {um:.3f} um zu tief "
+    "einschneidet",
     "join.tilts": " und neigt sich um {tilt:.4f} Grad, wie der Fräser angestellt ist,",
     "join.reaches": "; auf dem Weg reicht der Fräser {depth:.4f} mm in die Flächen",
     "limit.velocity": "Geschwindigkeit",
