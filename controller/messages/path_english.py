@@ -154,11 +154,12 @@ REFUSALS = {
     "join.tolerance": "the joint tolerance is {mm:g} mm and {degrees:g} degrees",
     "join.blended": "Joins {name} within the joint tolerance: normals {degrees:.4f} degrees, gap {gap:.6f} "
     "mm; the blend over {reach:.2f} mm on either side deviates by {um:.3f} um at most.{slowed}",
-    "join.slowed": " Within {mm:g} mm the contact slows down to about {feed:.0f} mm/min there ({axis} "
-    "{limit}); let the surfaces run on alike, or allow more (G64 P, joint_tolerance_mm).",
-    "join.slowed_at_crease": " Along the ruling the normals differ by up to {along:.3f} degrees: within "
-    "{mm:g} mm the contact slows down to about {feed:.0f} mm/min there ({axis} {limit}); let the surfaces "
-    "run on alike, or allow more (G64 P, joint_tolerance_mm).",
+    "join.slowed": "{crease} Within {mm:g} mm the contact slows down to about {feed:.0f} mm/min there "
+    "({axis} {limit}); let the surfaces run on alike, or allow more (G64 P, joint_tolerance_mm).",
+    "join.slowed_between_short_cuts": "{crease} These cuts are too short for a longer one: the contact slows "
+    "down to about {feed:.0f} mm/min there ({axis} {limit}); let the surfaces run on alike, or make one of "
+    "them.",
+    "join.crease": " Along the ruling the normals differ by up to {along:.3f} degrees.",
     "join.turns_back": "Departs from {name} and approaches again: it turns straight back.",
     "join.concave": "{where} in a concave corner of {degrees:.4f} degrees; a cutter of radius {radius:.3f} "
     "mm would cut {overcut:.6f} mm into one of the two; {allowed}; blend the corner with a surface of a "

@@ -165,12 +165,13 @@ REFUSALS = {
     "join.blended": "Schließt an {name} an, innerhalb der Toleranz am Übergang: Normalen {degrees:.4f} "
     "Grad, Lücke {gap:.6f} mm; die Überblendung über {reach:.2f} mm auf jeder Seite weicht um höchstens "
     "{um:.3f} um ab.{slowed}",
-    "join.slowed": " Innerhalb von {mm:g} mm wird der Berührpunkt dort auf etwa {feed:.0f} mm/min "
+    "join.slowed": "{crease} Innerhalb von {mm:g} mm wird der Berührpunkt dort auf etwa {feed:.0f} mm/min "
     "langsamer ({axis}: {limit}); die Flächen ähnlicher weiterführen oder mehr erlauben (G64 P, "
     "joint_tolerance_mm).",
-    "join.slowed_at_crease": " Längs der Erzeugenden unterscheiden sich die Normalen um bis zu {along:.3f} "
-    "Grad: innerhalb von {mm:g} mm wird der Berührpunkt dort auf etwa {feed:.0f} mm/min langsamer ({axis}: "
-    "{limit}); die Flächen ähnlicher weiterführen oder mehr erlauben (G64 P, joint_tolerance_mm).",
+    "join.slowed_between_short_cuts": "{crease} Für eine längere sind diese Schnitte zu kurz: der "
+    "Berührpunkt wird dort auf etwa {feed:.0f} mm/min langsamer ({axis}: {limit}); die Flächen ähnlicher "
+    "weiterführen oder eine daraus machen.",
+    "join.crease": " Längs der Erzeugenden unterscheiden sich die Normalen um bis zu {along:.3f} Grad.",
     "join.turns_back": "Fährt von {name} weg und neu an: hier geht es geradewegs zurück.",
     "join.concave": "{where} in einer Innenecke von {degrees:.4f} Grad; ein Fräser mit Radius {radius:.3f} "
     "mm würde {overcut:.6f} mm in eine der beiden Flächen schneiden; {allowed}; die Ecke mit einer Fläche "

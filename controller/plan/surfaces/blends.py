@@ -214,13 +214,17 @@ class Looked:
         seen = deviation.of(flanks[0], points), deviation.of(flanks[1], points)
         return Looked(points, (first, ~first), flanks, seen)
 
-    def added(self, before: SurfaceCut, after: SurfaceCut) -> float:
-        """The most (mm) that is cut deeper, or left, or that the cutter's end leaves the lower edge."""
+    def added(self, before: SurfaceCut, after: SurfaceCut, gap_mm: float = 0.0) -> float:
+        """The most (mm) that is cut deeper, or left, or that the cutter's end leaves the lower edge.
+
+        What either cut costs the other one's surface as it is counts only where the gap between them does it.
+        """
         flanks = placed(before), placed(after)
         now = [_left(*one, self.points) for one in zip(flanks, self.seen, strict=True)]
         left = np.minimum(*now)
-        own = np.where(self.own[0], self.seen[0].left, self.seen[1].left)
-        deeper = np.minimum(self.seen[0].left, self.seen[1].left) - left
+        first, second = (seen.left for seen in self.seen)
+        own, other = np.where(self.own[0], (first, second), (second, first))
+        deeper = np.minimum(own, other + gap_mm) - left
         worst = max(float(deeper.max()), float((left - own).max()))
         for plain, blended, seen, mine in zip(self.flanks, flanks, self.seen, self.own, strict=True):
             worst = max(worst, _off_edge(plain, blended, seen.at_u[mine]))

@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Axis, Machine
+from controller.motion.motions import SurfaceCut
 from controller.plan.rotaries.branch import BranchLost, field, joints_on
 from controller.plan.stretch import Stretch
 from controller.plan.surfaces import rates
@@ -21,7 +22,9 @@ Array = npt.NDArray[np.float64]
 Pair = tuple[Cut, Cut]
 
 PASSED = 0.8  # of the feed: what is passed faster is left as it is
+TOLD = 0.98  # of what the surfaces themselves allow, or of the feed
 SEEN_S = 0.02  # lost at a kink: a longer stay of the contact leaves a mark
+CLEAR = 0.05  # sine of the angle to the pole, at places that are looked at
 LOOKED = np.linspace(0.0, 1.0, 17)
 KINDS = ("velocity", "acceleration", "jerk")
 
@@ -29,22 +32,39 @@ KINDS = ("velocity", "acceleration", "jerk")
 class Slowest(NamedTuple):
     """What the contact slows down to (mm/s), and which limit of which axis binds there."""
 
+    share: float  # that this is of the feed, or of what the surfaces as they are allow there
     mm_s: float
     axis: str
     limit: str  # one of ``KINDS``
 
 
-def slowest(pair: Pair, reach_mm: float, machine: Machine, kinematics: Kinematics) -> Slowest | None:
-    """Within ``reach_mm`` of the joint of two cuts that join smoothly; None where that is at the feed."""
-    found = _beside(pair, reach_mm, kinematics)
-    if not found:
+def slowest(
+    pair: Pair, bare: Pair, reach_mm: float, machine: Machine, kinematics: Kinematics
+) -> Slowest | None:
+    """Within ``reach_mm`` of the joint of two cuts that are blended, ``bare`` without that.
+
+    None where the blend costs nothing: at the feed, or as fast as the surfaces themselves allow.
+    """
+    rows = _allowed(pair, reach_mm, machine, kinematics)
+    feed = pair[1].block.feed_mm_s
+    if not len(rows) or rows.min() >= TOLD * feed:
         return None
-    rows = np.array([_speeds(d, machine.axes) for d in found])  # (2, 3, N, 5)
-    _, kind, _, axis = np.unravel_index(int(rows.argmin()), rows.shape)
-    least = float(rows.min())
-    if least >= pair[1].block.feed_mm_s:
+    speeds, most = rows.min(axis=(1, 3)), np.array(feed)
+    own = _allowed(bare, reach_mm, machine, kinematics)
+    if len(own):
+        most = np.minimum(feed, own.min(axis=(1, 3)))
+    share = speeds / most
+    side, place = np.unravel_index(int(share.argmin()), share.shape)
+    if share[side, place] >= TOLD:
         return None
-    return Slowest(least, machine.axes[axis].name, KINDS[kind])
+    here = rows[side, :, place]
+    kind, axis = np.unravel_index(int(here.argmin()), here.shape)
+    return Slowest(float(share.min()), float(here.min()), machine.axes[axis].name, KINDS[kind])
+
+
+def _allowed(pair: Pair, reach_mm: float, machine: Machine, kinematics: Kinematics) -> Array:
+    """As ``_speeds`` before and behind the joint, (2, 3, N, axes); empty where nothing can be followed."""
+    return np.array([_speeds(d, machine.axes) for d in _beside(pair, reach_mm, kinematics)])
 
 
 def leaves_a_mark(pair: Pair, machine: Machine, kinematics: Kinematics) -> bool:
@@ -66,15 +86,22 @@ def leaves_a_mark(pair: Pair, machine: Machine, kinematics: Kinematics) -> bool:
 
 def _beside(pair: Pair, reach_mm: float, kinematics: Kinematics) -> list[Derivatives]:
     """The joints' derivatives before and behind the joint; nothing where the rotaries cannot follow."""
+    ends = [cut.motion.end for cut in pair]
+    places = [np.maximum(ends[0] - reach_mm * LOOKED, 0.0), np.minimum(reach_mm * LOOKED, ends[1])]
+    clear = (_is_clear(cut.motion, s, kinematics) for cut, s in zip(pair, places, strict=True))
+    if not kinematics.is_bounded and all(clear):
+        return [rates.on_branch(cut.motion, s, 0, kinematics) for cut, s in zip(pair, places, strict=True)]
     try:
-        before, after = _followed(pair, kinematics)
+        followed = list(_followed(pair, kinematics))
     except BranchLost:
         return []
-    places = before.motion.end - reach_mm * LOOKED, reach_mm * LOOKED
-    return [
-        rates.derivatives(one, np.clip(s, 0.0, one.motion.end), kinematics)
-        for one, s in zip((before, after), places, strict=True)
-    ]
+    return [rates.derivatives(one, s, kinematics) for one, s in zip(followed, places, strict=True)]
+
+
+def _is_clear(motion: SurfaceCut, s: Array, kinematics: Kinematics) -> bool:
+    """Whether no branch changes its name there: either one will do then."""
+    axis = motion.surface.axis(motion.arc.u_along(s), np)
+    return bool(np.min(kinematics.off_pole(motion.part.turn(axis), np)) > CLEAR)
 
 
 def _followed(pair: Pair, kinematics: Kinematics) -> Iterator[Stretch]:

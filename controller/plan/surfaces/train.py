@@ -88,10 +88,9 @@ def _met(before: Cut, after: Cut, machine: Machine, kinematics: Kinematics, voic
     allowed = blending.tolerance(before, after, machine)
     joint = None
     if not agree or _to_be_blended(before, after, allowed, machine, kinematics):
-        joint = blending.joined(before, after, allowed, kinematics)
+        joint = blending.joined(before, after, allowed, machine, kinematics)
     if joint is not None:
-        told = _blended(joint, _slowed(joint, allowed, machine, kinematics))
-        return Met(Meeting.JOIN, told, joint.before, joint.after)
+        return Met(Meeting.JOIN, _blended(joint, allowed), joint.before, joint.after)
     if agree:
         return Met(Meeting.JOIN, said("join.agrees"), before, after)
     if shared:
@@ -116,30 +115,27 @@ def _to_be_blended(
     return found is blending.Difference.ROUNDING
 
 
-def _blended(joint: blending.Joint, slowed: Said | str) -> Said:
+def _blended(joint: blending.Joint, allowed: blending.Tolerance) -> Said:
     return said(
         "join.blended",
         degrees=math.degrees(joint.angle_rad),
         gap=joint.gap_mm,
         reach=joint.reach_mm,
         um=1000.0 * joint.deviates_mm,
-        slowed=slowed,
+        slowed=_slowed(joint, allowed),
     )
 
 
-def _slowed(
-    joint: blending.Joint, allowed: blending.Tolerance, machine: Machine, kinematics: Kinematics
-) -> Said | str:
-    """What a blend that the tolerance keeps short costs: a sentence, or nothing."""
-    if not joint.shortened:
-        return ""
-    told = passing.slowest((joint.before, joint.after), joint.reach_mm, machine, kinematics)
+def _slowed(joint: blending.Joint, allowed: blending.Tolerance) -> Said | str:
+    """What a blend costs that the tolerance or the length of the cuts keeps short: a sentence, or nothing."""
+    told = joint.slowed
     if told is None:
         return ""
     along = math.degrees(joint.crease_rad)
-    binds = {"axis": told.axis, "limit": Key(f"limit.{told.limit}")}
-    key = "join.slowed_at_crease" if along > CREASE_DEG else "join.slowed"
-    return said(key, along=along, mm=allowed.mm, feed=60.0 * told.mm_s, **binds)
+    binds = {"feed": 60.0 * told.mm_s, "axis": told.axis, "limit": Key(f"limit.{told.limit}")}
+    crease = said("join.crease", along=along) if along > CREASE_DEG else ""
+    key = "join.slowed" if joint.shortened else "join.slowed_between_short_cuts"
+    return said(key, crease=crease, mm=allowed.mm, **binds)
 
 
 def _told(allowed: blending.Tolerance) -> Said:

@@ -16,7 +16,7 @@ from typer.testing import CliRunner
 
 from controller import messages
 from controller.__main__ import app
-from controller.geometry.surfaces import Defect, DefectKind
+from controller.geometry.defects import Defect, DefectKind
 from controller.messages import LANGUAGES, Said, notes_english, path_english, said, text
 from controller.plan.surfaces import cuts
 from controller.program import code_table
