@@ -20,7 +20,11 @@ REFUSALS = {
     "stored.not_kept": "{folder}: the check could not be stored ({why}); a start checks again.",
     # --- what a check notes
     "note.says": "Says here: {text}",
-    "note.exact": "G64 is run as G61 where it has no P: the path is followed exactly and not blended.",
+    "note.exact": "G64 without P blends only corners of lines that are rounding (within {mm:g} mm or "
+    "{degrees:g} degrees, joint_tolerance_mm and _deg in [machine]); everything else is exact.",
+    "note.runs_on": "Lines run through from here on where their corners are rounding (within {mm:g} mm or "
+    "{degrees:g} degrees, joint_tolerance_mm and _deg in [machine]), and are left by {mm:g} mm at most; "
+    "other corners are exact. G61 keeps all exact, G64 P allows more.",
     "note.swivel": "Stops at the pole between two blocks and turns the rotary axis under the standing tool.",
     "note.spindle_off": "Feeds with a spindle that was never started: no M3 or M4 with S stands before "
     "this line.",

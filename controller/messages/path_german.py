@@ -20,7 +20,11 @@ REFUSALS = {
     "stored.not_kept": "{folder}: die Prüfung ließ sich nicht speichern ({why}); ein Start prüft neu.",
     # --- what a check notes
     "note.says": "Meldet hier: {text}",
-    "note.exact": "G64 ohne P läuft wie G61: die Bahn wird genau gefahren und nicht verrundet.",
+    "note.exact": "G64 ohne P verrundet nur Ecken von Geraden, die Rundung sind (innerhalb von {mm:g} mm "
+    "oder {degrees:g} Grad, joint_tolerance_mm und _deg in [machine]); alles andere wird genau gefahren.",
+    "note.runs_on": "Geraden laufen ab hier durch, wo ihre Ecken Rundung sind (innerhalb von {mm:g} mm oder "
+    "{degrees:g} Grad, joint_tolerance_mm und _deg in [machine]), und werden um höchstens {mm:g} mm "
+    "verlassen; andere Ecken sind genau. G61 fährt alle genau, G64 P erlaubt mehr.",
     "note.swivel": "Hält am Pol zwischen zwei Sätzen und dreht die Rundachse unter dem stehenden Werkzeug.",
     "note.spindle_off": "Vorschub mit stehender Spindel: vor dieser Zeile steht kein M3 oder M4 mit S.",
     "note.stops_for": "Hält, bis {tool} in der Spindel ist.",

@@ -23,6 +23,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from controller.geometry import arc_length
 from controller.geometry.arrays import distinct
 from controller.geometry.curves import ArcLength
 from controller.machine.model import Tool
@@ -145,7 +146,7 @@ class Look:
 
     @cached_property
     def _arc(self) -> ArcLength:
-        return ArcLength.of(self.nominal.surface.lower)
+        return arc_length.of(self.nominal.surface.lower)
 
     def _in_place(self, far: Flags, sweep: Sweep) -> Array:
         """Depth (N,) of points under the part of their own cut that is near their own u; 0 elsewhere."""

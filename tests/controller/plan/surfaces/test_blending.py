@@ -382,7 +382,7 @@ def test_g61_is_exact_and_g64_has_its_own_tolerances() -> None:
     assert len(joints_between(trace("G61\nG64\n" + walls(0.1), built))) == 1, "the machine's"
     assert len(named(trace("G64 P0.01 Q0.05\n" + walls(0.1), built), "pivot")) == 1
     wide = trace("G64 P0.02 Q2\n" + walls(1.0), built)
-    assert len(joints_between(wide)) == 1 and "G64 is run as G61" not in sentences(wide)
+    assert len(joints_between(wide)) == 1 and "G64 without P blends" not in sentences(wide)
     (um,) = re.findall(r"deviates by ([0-9.]+) um", sentences(wide))
     assert float(um) <= 20.0
     (short,) = re.findall(
