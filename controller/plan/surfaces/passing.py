@@ -63,8 +63,12 @@ def slowest(
 
 
 def _allowed(pair: Pair, reach_mm: float, machine: Machine, kinematics: Kinematics) -> Array:
-    """As ``_speeds`` before and behind the joint, (2, 3, N, axes); empty where nothing can be followed."""
-    return np.array([_speeds(d, machine.axes) for d in _beside(pair, reach_mm, kinematics)])
+    """As ``_speeds`` before and behind the joint, (2, 3, N, axes); empty where nothing can be followed.
+
+    On the pole itself, where there are no derivatives, nothing is said.
+    """
+    rows = [_speeds(d, machine.axes) for d in _beside(pair, reach_mm, kinematics)]
+    return np.nan_to_num(np.array(rows), nan=math.inf, posinf=math.inf)
 
 
 def leaves_a_mark(pair: Pair, machine: Machine, kinematics: Kinematics) -> bool:

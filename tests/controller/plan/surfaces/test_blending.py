@@ -509,6 +509,16 @@ def test_upright_rulings_at_a_joint_are_left_upright() -> None:
     assert_whole(traced, built)
 
 
+def test_a_joint_on_the_pole_tells_no_feed_that_is_none() -> None:
+    """Walls that come to the vertical and leave it otherwise: there the rotary turns under a standing tool."""
+    seed = 99_501
+    surfaces = [(upper.copy(), lower) for upper, lower in blu_compounds.like_the_papers(seed)]
+    for (upper, lower), (next_upper, next_lower) in itertools.pairwise(surfaces):
+        upper[2:, :2], next_upper[:2, :2] = lower[2:, :2], next_lower[:2, :2]
+    traced = trace(program(surfaces, "G41"), with_cutter(8.0))
+    assert "Joins" in sentences(traced) and "nan" not in sentences(traced)
+
+
 SHORT_BETWEEN_LONG = """G64 P0.003
 G42 P1 R5.
 G52 X-5.013 Y2.412 Z8.387 F1690.
