@@ -163,6 +163,8 @@ REFUSALS = {
     "join.slowed_between_short_cuts": "{crease} These cuts are too short for a longer one: the contact slows "
     "down to about {feed:.0f} mm/min there ({axis} {limit}); let the surfaces run on alike, or make one of "
     "them.",
+    "join.slowed_at_pole": " Beside the pole the tool axis is not led over: the contact slows down to about "
+    "{feed:.0f} mm/min there ({axis} {limit}); let the surfaces turn on alike, or tilt the work.",
     "join.crease": " Along the ruling the normals differ by up to {along:.3f} degrees.",
     "join.turns_back": "Departs from {name} and approaches again: it turns straight back.",
     "join.concave": "{where} in a concave corner of {degrees:.4f} degrees; a cutter of radius {radius:.3f} "

@@ -175,6 +175,9 @@ REFUSALS = {
     "join.slowed_between_short_cuts": "{crease} Für eine längere sind diese Schnitte zu kurz: der "
     "Berührpunkt wird dort auf etwa {feed:.0f} mm/min langsamer ({axis}: {limit}); die Flächen ähnlicher "
     "weiterführen oder eine daraus machen.",
+    "join.slowed_at_pole": " Neben dem Pol wird die Werkzeugachse nicht übergeleitet: der Berührpunkt wird "
+    "dort auf etwa {feed:.0f} mm/min langsamer ({axis}: {limit}); die Flächen ähnlicher weiterdrehen oder "
+    "das Werkstück neigen.",
     "join.crease": " Längs der Erzeugenden unterscheiden sich die Normalen um bis zu {along:.3f} Grad.",
     "join.turns_back": "Fährt von {name} weg und neu an: hier geht es geradewegs zurück.",
     "join.concave": "{where} in einer Innenecke von {degrees:.4f} Grad; ein Fräser mit Radius {radius:.3f} "

@@ -134,6 +134,8 @@ def _slowed(joint: blending.Joint, allowed: blending.Tolerance) -> Said | str:
     along = math.degrees(joint.crease_rad)
     binds = {"feed": 60.0 * told.mm_s, "axis": told.axis, "limit": Key(f"limit.{told.limit}")}
     crease = said("join.crease", along=along) if along > CREASE_DEG else ""
+    if not joint.axis_too:
+        return said("join.slowed_at_pole", **binds)
     key = "join.slowed" if joint.shortened else "join.slowed_between_short_cuts"
     return said(key, crease=crease, mm=allowed.mm, **binds)
 

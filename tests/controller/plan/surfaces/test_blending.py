@@ -510,13 +510,17 @@ def test_upright_rulings_at_a_joint_are_left_upright() -> None:
 
 
 def test_a_joint_on_the_pole_tells_no_feed_that_is_none() -> None:
-    """Walls that come to the vertical and leave it otherwise: there the rotary turns under a standing tool."""
+    """Walls that come to the vertical and leave it otherwise: the rotary turns under a standing tool."""
     seed = 99_501
     surfaces = [(upper.copy(), lower) for upper, lower in blu_compounds.like_the_papers(seed)]
     for (upper, lower), (next_upper, next_lower) in itertools.pairwise(surfaces):
         upper[2:, :2], next_upper[:2, :2] = lower[2:, :2], next_lower[:2, :2]
     traced = trace(program(surfaces, "G41"), with_cutter(8.0))
-    assert "Joins" in sentences(traced) and "nan" not in sentences(traced)
+    told = re.findall(
+        r"Beside the pole .* slows down to about (\w+) mm/min there \((\w+) (\w+)\)", sentences(traced)
+    )
+    assert [one[1:] for one in told] == [("C", "jerk")] * 2, "its rate jumps there"
+    assert all(0.0 < float(f) < 0.1 * FEED for f, _, _ in told)
 
 
 SHORT_BETWEEN_LONG = """G64 P0.003
