@@ -46,6 +46,7 @@ from controller.tick.sync_watch import SyncWatch
 
 MAX_REQUESTS: Final = 8  # taken in one tick
 FOLLOWING: Final = (Mode.RUNNING, Mode.HOLD, Mode.STOPPING)  # the path, with its outputs
+MOVING: Final = (Mode.RUNNING, Mode.STOPPING, Mode.JOG)
 
 
 class Again(NamedTuple):
@@ -173,6 +174,11 @@ class Cycle:
         asked += ADAPTIVE_FEED * modes.adaptive_feed
         settled = SETTLED * self.coupling.settled
         return asked + STOOD * stood + WAITED * self._waits + OFF_PATH * (not modes.on_path) + settled
+
+    @property
+    def at_rest(self) -> bool:
+        """Nothing of ours moves, and nothing is about to."""
+        return self.modes.mode not in MOVING and self.follow.at_rest
 
     # -- its steps
 
