@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from controller.geometry import series as jets
 from controller.geometry.arrays import columns, distinct
-from controller.geometry.vectors import Number
+from controller.geometry.vectors import Number, Vector
 from controller.machine.kinematics import Kinematics
 from controller.motion.motions import ROW, ToolLine, ToolSpline
 from controller.plan.rotaries.tool_axes import GreatCircles, follow
@@ -21,6 +21,7 @@ Index = npt.NDArray[np.intp]
 # Exact derivatives of the rotaries are 0/0 at a pole and lose digits beside it; this
 # share of a line inside they are those of the limit. Away from it they are taken at the ends themselves.
 POLE_MARGIN = 1e-4
+WITHIN_REACH = 0.2  # sine of the angle to where both branches are one
 LITTLE_RAD = 0.1  # a line turns the axis, and each rotary, by: so clear of the pole no branch is in doubt
 
 
@@ -66,14 +67,25 @@ def derivatives_of_line(line: ToolLine, s: Array, kinematics: Kinematics) -> tup
 def kind(line: ToolLine, kinematics: Kinematics) -> object:
     """What lines have in common whose derivatives can be taken together; None: they cannot.
 
-    Of a line that turns little and clear of the pole the branch is told by its ends alone.
+    Of a line that turns little, clear of the pole and of the end of reach, the branch is told by its ends.
     """
     if line.even:
         return True, line.length_mm
     turned = max(abs(a - b) for a, b in zip(line.start_rotaries, line.end_rotaries, strict=True))
     if max(turned, line.angle_rad) > LITTLE_RAD or any(_margins(line, kinematics)):
         return None
+    if kinematics.is_bounded:
+        ends = zip(line.axis, _end_axis(line), strict=True)
+        x, y, z = (np.array(pair) for pair in ends)
+        if np.min(kinematics.off_limit((x, y, z))) < WITHIN_REACH:
+            return None
     return False, line.length_mm
+
+
+def _end_axis(line: ToolLine) -> Vector:
+    c, w = math.cos(line.angle_rad), math.sin(line.angle_rad)
+    x, y, z = (c * a + w * b for a, b in zip(line.axis, line.across, strict=True))
+    return x, y, z
 
 
 def derivatives_of_lines(
@@ -103,10 +115,8 @@ def _each(lines: Sequence[ToolLine], name: str, of: Index) -> list[Array]:
 
 def _margins(line: ToolLine, kinematics: Kinematics) -> tuple[float, float]:
     """How far inside its start and its end, as shares of a line, its derivatives are taken."""
-    c, w = math.cos(line.angle_rad), math.sin(line.angle_rad)
-    x, y, z = (c * a + w * b for a, b in zip(line.axis, line.across, strict=True))
     first, last = (
-        0.0 if kinematics.is_clear_of_pole(axis) else POLE_MARGIN for axis in (line.axis, (x, y, z))
+        0.0 if kinematics.is_clear_of_pole(axis) else POLE_MARGIN for axis in (line.axis, _end_axis(line))
     )
     return first, last
 
