@@ -19,11 +19,11 @@ import numpy.typing as npt
 from controller.ipc.handoff import (
     COLUMN,
     Outcome,
+    OwnBoard,
     PieceInbox,
     PieceOutbox,
     Recorder,
     RequestInbox,
-    SnapshotBoard,
     piece_pair,
     request_pair,
     send_arrangement,
@@ -170,7 +170,7 @@ class SteppedMachine:
         ports = {bus.name: self.rig.port(pdo.TICK_FILTERS, bus.name) for bus in machine.buses}
         self._group = cyclic.group(machine, ports)
         self._plan_end, tick_end = piece_pair()
-        self.board, self.recorder = SnapshotBoard(axes=len(machine.axes)), Recorder()
+        self.board, self.recorder = OwnBoard(len(machine.axes)), Recorder()
         self.clock = SteppedClock([self._advance], lateness)
         self.cycle = Cycle(
             machine,
