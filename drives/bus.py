@@ -13,6 +13,7 @@ Opening raises BusError with a sentence. What comes after that is in port.py.
 
 from __future__ import annotations
 
+import socket
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 from urllib.parse import parse_qsl
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
     import can
 
 __all__ = [
+    "HUBS",
     "AdapterSocket",
     "Buffer",
     "BusError",
@@ -37,9 +39,12 @@ __all__ = [
     "Port",
     "SlcanPort",
     "cyclic_sync_request",
+    "joined",
     "kernel_filters",
     "open",
 ]
+
+HUBS = ("virtual", "shared")  # interfaces
 
 
 class AdapterSocket:
@@ -113,11 +118,12 @@ def open(
 ) -> FrameSocket | SlcanPort | AdapterSocket:
     """A port on the bus that ``settings`` name; ``filters`` are (identifier, mask) pairs.
 
-    The kernel or the adapter applies the filters; the hub and slcan do not filter, and the
+    The kernel, the hub or the adapter applies the filters; slcan does not filter, and the
     tick looks identifiers up anyway. A pair (0, 0) lets everything through. Raises BusError.
     """
-    if settings.interface in ("virtual", "shared"):
-        return _open_virtual(settings)
+    if settings.interface in HUBS:
+        wishes = hub_protocol.wishes(filters)
+        return HubSocket(joined(settings, wishes), settings.name, settings.channel, wishes)
     if settings.interface == "socketcan":
         return open_socket(settings, filters)
     if settings.interface == "slcan":
@@ -125,9 +131,10 @@ def open(
     return _open_adapter(settings, filters)
 
 
-def _open_virtual(settings: BusSettings) -> HubSocket:
+def joined(settings: BusSettings, first: bytes) -> socket.socket:
+    """A bus of a hub, with what its client says first (``hub_protocol``). Raises BusError."""
     try:
-        return HubSocket(hub_protocol.connect(settings.channel), settings.name, settings.channel)
+        return hub_protocol.connect(settings.channel, first)
     except OSError as error:
         raise BusError(
             f"bus {settings.name}: no virtual bus at {settings.channel}: {error.strerror};"

@@ -67,10 +67,11 @@ TICK_FILTERS: Sequence[tuple[int, int]] = (
     (EMCY, GROUP_MASK),  # holds SYNC too, which shares the function code with node 0
     (HEARTBEAT, GROUP_MASK),
 )
-# ... and what the slow side's own descriptor wants: SDO answers, boot-up, emergencies.
+# ... and what the slow side's own descriptor wants: SDO answers, boot-up, emergencies. It is not read all
+# the time, so without SYNC: an emergency is of a node, which has some bit of its seven.
 SERVICE_FILTERS: Sequence[tuple[int, int]] = (
     (SDO_ANSWER, GROUP_MASK),
-    (EMCY, GROUP_MASK),
+    *((EMCY | 1 << bit, GROUP_MASK | 1 << bit) for bit in range(7)),
     (HEARTBEAT, GROUP_MASK),
     (LSS_ANSWER, 0x7FF),
 )

@@ -19,7 +19,7 @@ from controller.cli import bench
 
 FOLDER = Path(__file__).parent / "benchmarks"
 NAMES = sorted(file.stem for file in FOLDER.glob("*.py"))
-IN_REAL_TIME = ("sync", "request", "panel", "page", "scene", "memory")
+IN_REAL_TIME = ("sync", "request", "panel", "page", "scene", "memory", "idle")
 WHOLE = ("accuracy", "page", "panel", "placements", "scene")  # without parts
 
 
@@ -59,7 +59,7 @@ def test_every_benchmark_off_the_wall_clock_does(name: str) -> None:
 @pytest.mark.live
 @pytest.mark.parametrize("name", IN_REAL_TIME)
 def test_every_benchmark_in_real_time_does(name: str) -> None:
-    if name in ("page", "scene") and shutil.which("chromium") is None:
+    if name in ("page", "scene", "idle") and shutil.which("chromium") is None:
         pytest.skip("there is no browser")
     judge(name)
 

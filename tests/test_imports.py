@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import ast
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
 import pytest
@@ -124,6 +124,11 @@ ONLY_IN: dict[str, set[str]] = {
 # The tick calculates on plain floats and never waits for a lock (DESIGN sections 2, 3, 5).
 NOT_IN_TICK = {"numpy", "logging", "threading", "asyncio", "concurrent", "multiprocessing", "queue"}
 
+# What runs in the tick's process, builds of machines that it finds by their folder among it. What these load
+# with themselves has no numpy: its libraries would be 80 of the 114 MB that the process locks. Formulas that
+# also serve samples load it where they are given some.
+TICKS_PROCESS = ("controller/runtime/processes.py", "controller/tick/", "controller/machine/kinematics/")
+
 
 def sources() -> list[Path]:
     return sorted(p for folder in ("controller", "drives") for p in (ROOT / folder).rglob("*.py"))
@@ -135,8 +140,13 @@ def imports(source: str, path: str) -> Iterator[tuple[int, str]]:
     ``from a import b`` gives ``a.b``: whether b is a module or a name in one, the part
     that it belongs to is the same. Relative imports are made absolute.
     """
+    yield from named(ast.walk(ast.parse(source, path)), path)
+
+
+def named(nodes: Iterable[ast.AST], path: str) -> Iterator[tuple[int, str]]:
+    """Of those of these nodes that import something."""
     package = list(Path(path).with_suffix("").parts[:-1])
-    for node in ast.walk(ast.parse(source, path)):
+    for node in nodes:
         if isinstance(node, ast.Import):
             yield from ((node.lineno, alias.name) for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
@@ -144,9 +154,9 @@ def imports(source: str, path: str) -> Iterator[tuple[int, str]]:
             base = ".".join([*up, *([node.module] if node.module else [])])
             yield from ((node.lineno, f"{base}.{alias.name}") for alias in node.names)
         elif isinstance(node, ast.Call) and _is_import_call(node.func):
-            named = node.args[0] if node.args else None
-            if isinstance(named, ast.Constant) and isinstance(named.value, str):
-                yield node.lineno, named.value
+            name = node.args[0] if node.args else None
+            if isinstance(name, ast.Constant) and isinstance(name.value, str):
+                yield node.lineno, name.value
 
 
 def _is_import_call(function: ast.expr) -> bool:
@@ -206,6 +216,78 @@ def _room(name: str, path: str) -> str:
 def test_no_file_imports_along_an_arrow_that_is_not_drawn() -> None:
     wrong = [w for p in sources() for w in wrong_imports(p.read_text(), p.relative_to(ROOT).as_posix())]
     assert not wrong, "\n".join(wrong)
+
+
+def loads(source: str, path: str) -> Iterator[str]:
+    """Dotted names of what a module loads when it is loaded: not for types alone, not inside functions."""
+    yield from (name for _, name in named(_at_once(ast.parse(source, path)), path))
+
+
+def _at_once(node: ast.AST) -> Iterator[ast.AST]:
+    yield node
+    for_types = isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING"
+    for part in node.orelse if for_types else ast.iter_child_nodes(node):
+        if not isinstance(part, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda):
+            yield from _at_once(part)
+
+
+def numpy_by(roots: Iterable[str], source_of: Callable[[str], str]) -> list[str]:
+    """The way from a root to a file that loads numpy, for each such file: names of files."""
+    ways = {root: (root,) for root in roots}
+    found, waiting = [], list(ways)
+    while waiting:
+        file = waiting.pop()
+        for name in loads(source_of(file), file):
+            if name.split(".")[0] == "numpy":
+                found.append(" -> ".join(ways[file]))
+            for to in _files(name):
+                if to not in ways:
+                    ways[to] = (*ways[file], to)
+                    waiting.append(to)
+    return found
+
+
+def _files(name: str) -> Iterator[str]:
+    """The module of a dotted name, or the one that it is a name in, and the packages about it."""
+    parts = name.split(".")
+    for n in range(1, len(parts) + 1):
+        place = ROOT.joinpath(*parts[:n])
+        for file in (place.with_suffix(".py"), place / "__init__.py"):
+            if parts[0] in ("controller", "drives") and file.is_file():
+                yield file.relative_to(ROOT).as_posix()
+
+
+def of_the_ticks_process() -> list[str]:
+    files = (file.relative_to(ROOT).as_posix() for file in sources())
+    return [file for file in files if file.startswith(TICKS_PROCESS)]
+
+
+def test_nothing_that_the_ticks_process_loads_loads_numpy() -> None:
+    roots = of_the_ticks_process()
+    assert len(roots) > 20
+    assert numpy_by(roots, lambda file: (ROOT / file).read_text()) == []
+
+
+NEEDS_NUMPY = [
+    ("controller/geometry/curves.py", "import numpy as np", True),
+    ("controller/geometry/curves.py", "from numpy.typing import NDArray", True),
+    ("controller/geometry/curves.py", "class Even:\n    import numpy as np", True),
+    ("controller/geometry/curves.py", "from controller.geometry import arrays", True),
+    ("controller/geometry/curves.py", "if not TYPE_CHECKING:\n    import numpy", True),
+    ("controller/geometry/curves.py", "if TYPE_CHECKING:\n    import numpy", False),
+    ("controller/geometry/curves.py", "if TYPE_CHECKING:\n    pass\nelse:\n    import numpy", True),
+    ("controller/geometry/curves.py", "def along(u):\n    import numpy as np", False),
+]
+
+
+@pytest.mark.parametrize(("file", "planted", "is_loaded"), NEEDS_NUMPY)
+def test_numpy_planted_below_the_tick_is_found(file: str, planted: str, is_loaded: bool) -> None:
+    def source_of(asked: str) -> str:
+        return planted if asked == file else (ROOT / asked).read_text()
+
+    found = numpy_by(["controller/tick/follow.py"], source_of)
+    assert bool(found) is is_loaded
+    assert all("follow.py -> " in way and file in way for way in found)
 
 
 def test_every_part_of_the_controller_has_its_place_in_the_drawing() -> None:

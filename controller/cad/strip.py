@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 
 from controller.cad.curve import NoFit, Nurbs, fit
 from controller.cad.outline import NOT_RULINGS, Outline, Side, Trimmed, TurnedPlane
-from controller.geometry.surfaces import RuledSurface, concave_radius, defect
+from controller.geometry.defects import concave_radius, defect
+from controller.geometry.surfaces import RuledSurface
 from controller.geometry.vectors import Vector
 from controller.messages import text
 from controller.plan.surfaces.cuts import describe

@@ -13,7 +13,7 @@ from rich.table import Table
 
 from controller.cli import workers
 from controller.cli.speech import speaking
-from controller.geometry.surfaces import DefectKind, defect
+from controller.geometry.defects import DefectKind, defect
 from controller.machine import machine_file
 from controller.machine.model import Machine
 from controller.machine.toml_table import ConfigError

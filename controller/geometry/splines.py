@@ -19,11 +19,7 @@ from itertools import groupby, pairwise
 from types import ModuleType
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
-from controller.geometry.curves import Arc, Bezier, Curve, Line, Points
-from controller.geometry.series import Jet
+from controller.geometry.curves import Bezier, Curve, Points
 from controller.geometry.vectors import ZERO, Number, Vector, add, scale, subtract
 from controller.messages import Said, said, text
 from controller.values import dataclass
@@ -166,8 +162,10 @@ class BSpline:
             i = bisect_right(breaks, u, 1, len(breaks) - 1) - 1
             a, b = breaks[i], breaks[i + 1]
             return i, (u - a) / (b - a), (b - u) / (b - a)
+        import numpy as np
+
         table = np.array(breaks)
-        index = np.searchsorted(table[1:-1], u.c[0] if isinstance(u, Jet) else u, side="right")
+        index = np.searchsorted(table[1:-1], u.c[0] if hasattr(u, "c") else u, side="right")
         a, b = table[index], table[index + 1]
         return index, (u - a) / (b - a), (b - u) / (b - a)
 
@@ -176,6 +174,8 @@ class BSpline:
         rows, span = self._rows[order], place[0]
         if isinstance(span, int):
             return rows[span]
+        import numpy as np
+
         return tuple(tuple(np.moveaxis(p, -1, 0)) for p in np.moveaxis(np.array(rows)[span], -2, 0))
 
 
@@ -329,33 +329,3 @@ class _Row:
         self.points[k - p + 1 : k - times] = [point for point, _ in made]
         self.weights[k - p + 1 : k - times] = [weight for _, weight in made]
         knots.insert(k + 1, knot)
-
-
-# What holds a curve: points whose convex hull it never leaves.
-#
-# Most walls are seen to be sound by that alone, without a sample of them.
-
-Array = NDArray[np.float64]
-
-
-def hull(curve: Curve, order: int = 0) -> Array | None:
-    """Points (N, 3) in whose convex hull the curve, or its first derivative, stays; None: not known."""
-    points: list[Vector] = []
-    if isinstance(curve, Bezier):
-        points = list(curve.points if order == 0 else curve.hodograph)
-    elif isinstance(curve, Line):
-        points = [curve.start, curve.end] if order == 0 else [curve.derivative(0.0)]
-    elif isinstance(curve, Arc):
-        points = _of_arc(curve, order)
-    elif isinstance(curve, BSpline) and order == 0:  # weights are positive
-        points = [point for span in curve.spans for point in span]
-    found = np.array(points, dtype=float)
-    return found if len(points) and bool(np.isfinite(found).all()) else None
-
-
-def _of_arc(arc: Arc, order: int) -> list[Vector]:
-    """The corners of a square about the circle, at both ends of its rise."""
-    a, b = scale(arc.first, arc.sweep_rad**order), scale(arc.second, arc.sweep_rad**order)
-    bases = [arc.rise] if order else [arc.centre, add(arc.centre, arc.rise)]
-    signs = [(p, q) for p in (-1.0, 1.0) for q in (-1.0, 1.0)]
-    return [add(base, add(scale(a, p), scale(b, q))) for base in bases for p, q in signs]

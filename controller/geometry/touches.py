@@ -19,8 +19,6 @@ from collections.abc import Sequence
 from types import ModuleType
 from typing import NamedTuple
 
-import numpy as np
-
 from controller.geometry.vectors import Number
 
 
@@ -73,6 +71,8 @@ def seen_at(touches: Sequence[Touch], u: float) -> Seen | None:
 
 def seen_along(touches: Sequence[Touch], u: Number, plain: Seen, m: ModuleType) -> Seen:
     """As ``seen_at`` for samples or series ``u``; ``plain`` elsewhere, its ``rho`` 1."""
+    import numpy as np
+
     at = np.asarray(u.c[0] if hasattr(u, "c") else u)
     for touch in touches:
         within = (touch.low <= at) & (at <= touch.high)
@@ -90,6 +90,8 @@ def _broadcast(seen: Seen, u: Number) -> Seen:
 
 def _where(within: Number, x: Number, y: Number, u: Number) -> Number:
     """``x`` where ``within``, else ``y``, as what ``u`` is: samples or a series of samples."""
+    import numpy as np
+
     if not hasattr(u, "c"):
         return np.where(within, x, y) + 0.0 * u
     a, b = (v.c if hasattr(v, "c") else _still(v, u.c) for v in (x, y))
@@ -98,6 +100,8 @@ def _where(within: Number, x: Number, y: Number, u: Number) -> Number:
 
 def _still(number: Number, like: Number) -> Number:
     """The Taylor coefficients of what does not change."""
+    import numpy as np
+
     still = np.zeros(np.shape(like))
     still[0] = number
     return still

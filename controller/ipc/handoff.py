@@ -276,9 +276,13 @@ class SnapshotBoard:
 
     def write(self, values: Flat) -> None:
         """Publish one snapshot: its flat values, see ``live_state.gather``."""
+        self.fill(values)
         self._count += 1
-        LAYOUT.pack_into(self._memory, _COUNTER_BYTES + (self._count & 1) * _SLOT, *values)
         self._counter[0] = self._count
+
+    def fill(self, values: Flat) -> None:
+        """The buffer that is not shown, and not yet to be."""
+        LAYOUT.pack_into(self._memory, _COUNTER_BYTES + (~self._count & 1) * _SLOT, *values)
 
     def read(self) -> Snapshot | None:
         """The newest snapshot; None before the first."""
@@ -337,9 +341,13 @@ class Recorder:
 
     def write(self, *values: float) -> None:
         """Append one row: the values in the order of ``ROW``, with which a tick's values begin."""
-        _ROW.pack_into(self._memory, _COUNTER_BYTES + self._written % self.rows * _ROW.size, *values)
+        self.fill(*values)
         self._written += 1
         self._counter[0] = self._written
+
+    def fill(self, *values: float) -> None:
+        """The next row, without appending it yet."""
+        _ROW.pack_into(self._memory, _COUNTER_BYTES + self._written % self.rows * _ROW.size, *values)
 
     def drain(self) -> NDArray[np.float64]:
         """Rows written since the last call, shape (N, len(ROW)); counts in ``lost`` what was too old.

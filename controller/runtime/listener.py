@@ -1,8 +1,8 @@
 """Hears every frame of the buses of a live machine, and keeps the last seconds of them.
 
 A port of its own on each bus and a thread of the parent's process: the tick has no time
-for it, and it must outlive the tick. Frames carry the kernel's time stamp, so that a
-thread that is woken late still writes when they came.
+for it, and it must outlive the tick. Frames carry the kernel's time stamp, or that of the virtual
+bus, so that a thread that is woken late still writes when they came.
 """
 
 from __future__ import annotations
@@ -15,14 +15,15 @@ import threading
 import time
 from collections.abc import Callable, Sequence
 
-from drives import bus, pdo
+from drives import bus
 from drives.log.frame_log import FrameLog
 from drives.settings import BusSettings
+from drives.virtual.hub_protocol import MOST_FRAMES, TIMED, TIMES_FRAME
 
 EVERYTHING = ((0, 0),)  # identifier, mask
 SO_TIMESTAMPNS = 35
 STAMP = struct.Struct("qq")
-PACKET_BYTES = 64 * pdo.FRAME_BYTES
+PACKET_BYTES = MOST_FRAMES * TIMED.size
 LOOK_MS = 50
 GATHER_S = 0.010  # frames come in bursts; to be woken for each would cost the machine's processes time
 
@@ -33,9 +34,17 @@ class Listener:
     def __init__(self, buses: Sequence[BusSettings], make: Callable[[], FrameLog] = FrameLog) -> None:
         """``make`` makes what keeps the frames of one bus. Raises BusError."""
         self.logs = {one.name: make() for one in buses}
-        self._ports = [(bus.open(one, EVERYTHING), self.logs[one.name]) for one in buses]
-        self._heard = {}
-        for port, log in self._ports:
+        self._heard: dict[int, tuple[socket.socket, FrameLog]] = {}  # sockets that tell the times
+        self._ports = []
+        for one in buses:
+            log = self.logs[one.name]
+            if one.interface in bus.HUBS:
+                own = bus.joined(one, TIMES_FRAME)
+                own.setblocking(False)
+                self._heard[own.fileno()] = own, log
+                continue
+            port = bus.open(one, EVERYTHING)
+            self._ports.append((port, log))
             if isinstance(port, bus.FrameSocket):
                 self._heard[port.fileno()] = (_stamped(port.fileno()), log)
         self._ending = False
@@ -74,7 +83,7 @@ def _stamped(fileno: int) -> socket.socket:
 
 
 def _drain(own: socket.socket, log: FrameLog) -> bool:
-    """Keeps what has come; False when nothing will come any more."""
+    """Keeps what has come, one frame or what the hub has gathered; False when nothing will come any more."""
     while True:
         try:
             packet, notes, _, _ = own.recvmsg(PACKET_BYTES, 64)
@@ -84,10 +93,14 @@ def _drain(own: socket.socket, log: FrameLog) -> bool:
             return False
         if not packet:
             return False
+        if len(packet) % TIMED.size == 0:
+            offset_s = time.time() - time.monotonic()
+            for left_s, frame in TIMED.iter_unpack(packet):
+                log(frame, left_s + offset_s)
+            continue
         at_s = time.time()
         for _, kind, data in notes:
             if kind == SO_TIMESTAMPNS:
                 seconds, nanoseconds = STAMP.unpack(data)
                 at_s = seconds + nanoseconds * 1e-9
-        for start in range(0, len(packet) - pdo.FRAME_BYTES + 1, pdo.FRAME_BYTES):
-            log(packet[start : start + pdo.FRAME_BYTES], at_s)
+        log(packet, at_s)

@@ -164,7 +164,7 @@ class Touching:
         return Bench(part, nature, bench.machine, bench.lost), machine.setter
 
     def watch(self, now_s: float) -> None:
-        if now_s - self._looked_s < self._machine.period_s:
+        if now_s - self._looked_s < 0.5 * self._machine.period_s:  # the motors take one step in each
             return
         self._looked_s = now_s
         if self._wired is not None:

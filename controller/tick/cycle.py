@@ -1,7 +1,7 @@
 """One tick of the machine. ``Cycle.run`` is its table of contents; read it first.
 
-Before the deadline the loop calls ``receive``: drive feedback is drained while there is
-time, so that SYNC leaves at the deadline itself. Nothing here sleeps, locks, logs or
+Before the deadline the loop calls ``rehearse`` and ``receive``: caches are filled and drive feedback is
+drained while there is time, so that SYNC leaves at the deadline itself. Nothing here sleeps, locks, logs or
 raises on what may happen on a machine.
 """
 
@@ -55,6 +55,7 @@ _STOP: Final = Step.STOP
 _END: Final = Step.END
 _SET: Final = Step.SET
 FOLLOWING: Final = (Mode.RUNNING, Mode.HOLD, Mode.STOPPING)  # the path, with its outputs
+MOVING: Final = (Mode.RUNNING, Mode.STOPPING, Mode.JOG)
 
 
 class Again(NamedTuple):
@@ -139,6 +140,20 @@ class Cycle:
         self.group.receive(now_s)
         self._encoder.decode(self.group.positions)
 
+    def rehearse(self, now_s: float) -> None:
+        """Before the deadline: what ``run`` is about to call and to read, for the caches alone.
+
+        Nothing that anybody sees changes, and nothing of the next tick depends on it.
+        """
+        self.group.fault(now_s)
+        follow = self.follow
+        follow.rehearse()
+        last, before = follow.last
+        self._check.judge(follow.joints, last, before)
+        self._encoder.rehearse(follow.joints)
+        self._switches()
+        self._telling.rehearse()
+
     def run(self, now_s: float, lateness_s: float, missed: int = 0) -> bool:
         """One tick: ``lateness_s`` after its deadline, ``missed`` deadlines after the last one.
 
@@ -168,6 +183,11 @@ class Cycle:
         asked += ADAPTIVE_FEED * modes.adaptive_feed
         settled = SETTLED * self.coupling.settled
         return asked + STOOD * stood + WAITED * self._waits + OFF_PATH * (not modes.on_path) + settled
+
+    @property
+    def at_rest(self) -> bool:
+        """Nothing of ours moves, and nothing is about to."""
+        return self.modes.mode not in MOVING and self.follow.at_rest
 
     # -- its steps
 

@@ -295,6 +295,19 @@ class Follow:
         self.feed = 0.0
         return _MOVED
 
+    def rehearse(self) -> None:
+        """Evaluates the plan where the clock is, for the caches alone: nothing of it changes."""
+        if not self._queue:
+            return
+        entry, tau = self._queue[self._now], self.tau
+        s, _, _ = entry.at(tau)
+        if entry.motion is not None:
+            entry.motion.joints(s, self._rotaries(self.joints), self._kinematics)
+        entry.line_at(s)
+        entry.binding_at(tau)
+        self._brake.save()
+        self.coupling.save()
+
     def move_to(self, joints: Joints) -> None:
         """One tick by hand, beside the plan: the clock stands, and the queue stays."""
         self._save()

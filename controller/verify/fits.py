@@ -15,10 +15,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from controller.geometry import arc_length
 from controller.geometry.arrays import columns
-from controller.geometry.curves import ArcLength
+from controller.geometry.defects import concave_radius
 from controller.geometry.placement import Strategy
-from controller.geometry.surfaces import Surface, concave_radius
+from controller.geometry.surfaces import Surface
 from controller.geometry.vectors import Frame
 from controller.machine.model import Tool
 from controller.plan.surfaces.placing import Cutter, place
@@ -83,7 +84,7 @@ def off_mm(asked: Asked, tool: Tool, strategy: Strategy) -> float:
 
 
 def _sweep(nominal: Nominal, cutter: Cutter) -> Sweep:
-    arc = ArcLength.of(nominal.surface.lower)
+    arc = arc_length.of(nominal.surface.lower)
 
     def poses(s: Array) -> tuple[Array, Array]:
         tip, axis = nominal.surface.pose(arc.u_along(s), cutter.offset_mm, np)

@@ -26,7 +26,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.geometry.curves import ArcLength, Bezier, Polynomial
+from controller.geometry import arc_length
+from controller.geometry.curves import Bezier, Polynomial
 from controller.geometry.surfaces import Cone, RuledSurface, Surface
 from controller.geometry.vectors import Pose, Vector, angle_between, dot, norm, subtract
 from controller.machine.kinematics import kinematics_of
@@ -190,7 +191,7 @@ class _Bench:
         surface = eq7()
         self.kinematics = kinematics_of(machine)
         self.rotary = machine.rotary()
-        self.cut = SurfaceCut(surface, ArcLength.of(surface.lower), 0.0, 0.0, machine.offsets[0])
+        self.cut = SurfaceCut(surface, arc_length.of(surface.lower), 0.0, 0.0, machine.offsets[0])
 
     # -- where the samples lie: arc length of C1 (mm) at each
     def even(self, period_s: float) -> Array:
@@ -203,7 +204,7 @@ class _Bench:
         parameters, u = [0.0], 0.0
         while (u := u + FEED_MM_S * period_s / norm(self.cut.surface.lower.derivative(u))) <= 1.0:
             parameters.append(u)
-        return np.asarray(self.cut.arc.s_at(np.array(parameters)))
+        return np.asarray(arc_length.s_at(self.cut.arc, np.array(parameters)))
 
     # -- what the tool does between them
     def jointed(self, samples_mm: Array, period_s: float) -> _Run:
@@ -230,12 +231,12 @@ class _Bench:
     def chords(self) -> _Run:
         """Eq. 6: contact and axis linear in u along each chord, at the feed along the chord."""
         u: Array = np.arange(CHORDS + 1) / CHORDS
-        ends = self._due(self.cut.arc.s_at(u))
+        ends = self._due(arc_length.s_at(self.cut.arc, u))
         tip = x, y, z = _linear(ends.tip, CHORD_STEPS)
         gone_mm = np.cumsum(
             norm((np.diff(x, prepend=x[0]), np.diff(y, prepend=y[0]), np.diff(z, prepend=z[0])), np)
         )
-        due_mm = np.asarray(self.cut.arc.s_at(_fill(u, CHORD_STEPS)))
+        due_mm = np.asarray(arc_length.s_at(self.cut.arc, _fill(u, CHORD_STEPS)))
         return _Run(Pose(tip, _linear(ends.axis, CHORD_STEPS)), due_mm, gone_mm / FEED_MM_S, CHORD_STEPS)
 
     def _timed(self, pose: Pose, samples_mm: Array, period_s: float) -> _Run:
@@ -290,7 +291,7 @@ class _Bench:
         """Arc length at ``u``, straight on where ``u`` lies a trace outside of the curve."""
         inside = np.clip(u, 0.0, 1.0)
         speed = norm(self.cut.surface.lower.derivative(inside, 1, np), np)
-        return np.asarray(self.cut.arc.s_at(inside) + (u - inside) * speed)
+        return np.asarray(arc_length.s_at(self.cut.arc, inside) + (u - inside) * speed)
 
     def _xyz(self, pose: Pose) -> Vector:
         """Eq. 11: the linear joints of poses of the part frame, all on one branch."""
@@ -348,7 +349,7 @@ def _parts() -> tuple[Part, ...]:
 def _part(
     name: str, surfaces: tuple[Surface, ...], word: str, feed_mm_min: float, reported_s: float, note: str
 ) -> Part:
-    lengths = tuple(ArcLength.of(surface.lower).length_mm for surface in surfaces)
+    lengths = tuple(arc_length.of(surface.lower).length_mm for surface in surfaces)
     cut_time_s = sum(lengths) / (feed_mm_min / 60.0)
     setpoints = math.ceil(cut_time_s / SETPOINT_PERIOD_S)
     return Part(name, word, lengths, feed_mm_min, cut_time_s, setpoints, reported_s, note)

@@ -20,7 +20,7 @@ RECEIVE_BYTES = 1 << 20
 
 LOST_FRAMES_BYTE = hub_protocol.LOST_FRAMES >> 24  # tells that frame from every other
 
-HUB_PACKET_BYTES = 256 * pdo.FRAME_BYTES
+HUB_PACKET_BYTES = hub_protocol.MOST_FRAMES * pdo.FRAME_BYTES
 
 
 class BusError(Exception):
@@ -121,8 +121,10 @@ class HubSocket(FrameSocket):
 
     packs = True
 
-    def __init__(self, sock: socket.socket, name: str, place: str = "") -> None:
-        """``place``: the hub's socket in the file system, where `restart` joins the next one."""
+    def __init__(self, sock: socket.socket, name: str, place: str = "", wishes: bytes = b"") -> None:
+        """``place``: the hub's socket in the file system, where `restart` joins the next one and says
+        its ``wishes`` again.
+        """
         super().__init__(sock, name)
         self._packet = bytearray(HUB_PACKET_BYTES)
         self._view = memoryview(self._packet)
@@ -131,6 +133,7 @@ class HubSocket(FrameSocket):
         self._cyclic_sync = False
         self._lost = 0
         self._place = place  # not the peer's name: a hub binds elsewhere and moves its socket
+        self._wishes = wishes
         self.gone = False
 
     @property
@@ -173,7 +176,7 @@ class HubSocket(FrameSocket):
             self.send(hub_protocol.RESTART_FRAME)
             return
         try:
-            joined = hub_protocol.connect(self._place)
+            joined = hub_protocol.connect(self._place, self._wishes)
         except OSError:
             return  # the next reset may find one
         self._socket.close()

@@ -1,12 +1,20 @@
 """The virtual bus for other processes: a UNIX SEQPACKET server around a ``SteppedBus``.
 
-A packet to the hub holds one or more 16-byte frames, a packet from it exactly one.
+What its packets hold is in ``hub_protocol``.
 A frame counts as handed to the bus when the kernel took it from its sender (the
 socket's time stamp), so a hub that wakes late delays deliveries but does not move
 frames on the modelled wire, just as a CAN adapter takes a frame whatever its driver
 does. A frame for which its client's queue has no room is refused by an error frame, as the
 tick wants it; a client that calls itself patient is not read until there is room again.
 SYNC is stamped where it leaves the wire; the stamps are saved at the end.
+
+Being woken costs this computer more than what is done then. Where SYNC comes in a rhythm and nobody else
+speaks, the hub is awake once per period, in its middle: what has come by then is taken as of when it was
+sent, and feedback is there before the tick looks for it.
+
+    SYNC, setpoints                              SYNC, setpoints
+    |------------- wire: SYNC, TPDOs, RPDOs ---->|
+                            | awake, TPDOs out   | the tick reads
 """
 
 from __future__ import annotations
@@ -26,9 +34,10 @@ from numpy.typing import NDArray
 
 from drives import pdo
 from drives.pdo import FRAME_BYTES
+from drives.virtual import hub_protocol
 from drives.virtual.error_counters import overflow_frame
 from drives.virtual.fault_script import FaultScript
-from drives.virtual.hub_protocol import CYCLIC_SYNC, PATIENT, RESTART, lost_frame
+from drives.virtual.hub_protocol import FILTERED, GATHER_S, MOST_FRAMES, TIMED, lost_frame
 from drives.virtual.intake import Intake
 from drives.virtual.virtual_bus import SteppedBus
 
@@ -41,6 +50,8 @@ TIMEOUT_S = 100e-6
 # A busy computer may hold the process of the drives back for so long, and they must not take what they
 # did not read for silence. Steps of the system's clock do little harm: see Hub._stamp.
 TRUSTED_S = 2.0
+SLOWEST_S = 0.02  # rhythm of SYNC for which a client may wait
+ALERT_S = 0.02  # after somebody besides the sender of SYNC has spoken, everybody is served at once
 
 
 class SyncLog:
@@ -81,21 +92,41 @@ class Client:
 
     def __init__(self, joined: socket.socket) -> None:
         self.socket = joined
+        self.descriptor = joined.fileno()
         self.lost = 0  # frames its full receive queue refused
         self.source = -1
+        self.filters: list[tuple[int, int]] = []
+        self.many = self.timed = False  # what a packet to it holds
+        self.gathers_until_s = 0.0
         self.patient = False
         self.intake: Intake | None = None
         self.held: tuple[bytes, float] | None = None  # what did not fit of its last packet, and its time
         self._told = 0  # of the lost ones, by a frame of their own
+        self._heard: list[bytes] = []  # and not sent to it yet
 
-    def put(self, frame: bytes, _at_s: float) -> None:
+    def put(self, frame: bytes, at_s: float) -> None:
+        self._heard.append(TIMED.pack(at_s, frame) if self.timed else frame)
+
+    def flush(self, now_s: float) -> None:
+        """Send it what it has heard."""
+        heard = self._heard
+        if not heard or now_s < self.gathers_until_s:
+            return
+        if self.timed:
+            self.gathers_until_s = now_s + GATHER_S
+        most = MOST_FRAMES if self.many or self.timed else 1
+        for start in range(0, len(heard), most):
+            self._send(heard[start : start + most])
+        heard.clear()
+
+    def _send(self, frames: list[bytes]) -> None:
         try:
-            if self._told != self.lost:
+            if self._told != self.lost and not self.timed:
                 self.socket.send(lost_frame(self.lost))
                 self._told = self.lost
-            self.socket.send(frame)
+            self.socket.send(b"".join(frames))
         except BlockingIOError:
-            self.lost += 1
+            self.lost += len(frames)
         except OSError:
             pass  # gone; the read side notices
 
@@ -143,6 +174,9 @@ class Hub:
         self.watchers: list[Callable[[float], None]] = []  # of what the devices do: told the time
         self._server = _listening(path)
         self._readers: dict[int, Callable[[], None]] = {self._server.fileno(): self._accept}
+        self._master: Client | None = None  # who sends SYNC, and when it last did
+        self._sync_s, self._gap_s, self._period_s = 0.0, math.inf, math.inf
+        self._alert_until_s = 0.0
         # The kernel stamps with CLOCK_REALTIME; the bus runs on CLOCK_MONOTONIC.
         self._offset_s = time.time() - time.monotonic()
 
@@ -168,17 +202,38 @@ class Hub:
 
     def turn(self, until_s: float) -> None:
         """Wait for a frame or the next event, then let the bus catch up with the clock."""
-        event_s = self.bus.next_event_s() + TIMEOUT_S
-        wait_s = max(0.0, min(event_s, until_s) - time.monotonic())
+        now_s = time.monotonic()
+        looks_s = self._looks_s(now_s)
+        looked_for = list(self._readers)
+        if looks_s and self._master is not None and self._master.descriptor in looked_for:
+            looked_for.remove(self._master.descriptor)
+        event_s = looks_s or self.bus.next_event_s() + TIMEOUT_S
         # select and not epoll: its time-out is in microseconds, epoll's in milliseconds.
-        readable, _, _ = select.select(list(self._readers), [], [], wait_s)
+        readable, _, _ = select.select(looked_for, [], [], max(0.0, min(event_s, until_s) - now_s))
+        if looks_s and self._master is not None:
+            if readable:
+                self._alert_until_s = now_s + ALERT_S
+            readable.append(self._master.descriptor)
         for one in readable:
             reader = self._readers.get(one)  # one reader may have closed another's descriptor
             if reader is not None:
                 reader()
         self.bus.advance(max(self.bus.now_s, time.monotonic()))
+        for client in self._clients.values():
+            client.flush(self.bus.now_s)
         for watch in self.watchers:
             watch(self.bus.now_s)
+
+    def _looks_s(self, now_s: float) -> float:
+        """When the next look at what the sender of SYNC has sent is early enough; 0 = look at once."""
+        master, period_s = self._master, self._period_s
+        late_s = now_s - self._sync_s
+        if master is None or period_s > SLOWEST_S or late_s >= 1.5 * period_s or now_s < self._alert_until_s:
+            return 0.0
+        alone = all(client.many or client.timed for client in self._clients.values()) and not self._gateways
+        if not alone or not self.bus.is_only_for(master.source):
+            return 0.0
+        return self._sync_s + (0.5 if late_s < 0.5 * period_s else 1.5) * period_s
 
     def run(self, stop: Callable[[], bool]) -> None:
         """Serve until ``stop()`` says so (looked at ten times a second).
@@ -198,6 +253,7 @@ class Hub:
         for gateway in self._gateways:
             gateway.close()
         for client in self._clients.values():
+            client.flush(math.inf)
             client.socket.close()
         self._clients.clear()
         self._server.close()
@@ -212,8 +268,8 @@ class Hub:
         joined.setsockopt(socket.SOL_SOCKET, SO_TIMESTAMPNS, 1)
         client = Client(joined)
         client.source = self.bus.connect(client.put)
-        self._clients[joined.fileno()] = client
-        client.intake = Intake(self, joined.fileno(), lambda: self._read(client))
+        self._clients[client.descriptor] = client
+        client.intake = Intake(self, client.descriptor, lambda: self._read(client))
 
     def _read(self, client: Client) -> bool:
         """Everything a client has sent, up to its last packet; False if it has to wait with some of it."""
@@ -240,18 +296,42 @@ class Hub:
         for start in range(0, len(packet) - FRAME_BYTES + 1, FRAME_BYTES):
             frame = packet[start : start + FRAME_BYTES]
             can_id = int.from_bytes(frame[:4], "little")
-            if can_id == CYCLIC_SYNC:
-                self.bus.cyclic_sync(client.source, int.from_bytes(frame[8:12], "little") * 1e-6)
-            elif can_id == RESTART:
-                self._restart(client)
-            elif can_id == PATIENT:
-                client.patient = True
-            elif frame[4] <= 8 and not self.bus.submit(client.source, at_s, can_id, frame):
+            if can_id & pdo.ERROR_FLAG and self._order(client, can_id, frame):
+                continue
+            if can_id == pdo.SYNC:
+                self._keep_time(client, at_s)
+            if frame[4] <= 8 and not self.bus.submit(client.source, at_s, can_id, frame):
                 if client.patient and self.bus.is_full(client.source):
                     client.held = (packet[start:], at_s)
                     return False
                 self._refuse(client, at_s)
         return True
+
+    def _order(self, client: Client, can_id: int, frame: bytes) -> bool:
+        """What a control frame asks for; False where it is none."""
+        if can_id == hub_protocol.CYCLIC_SYNC:
+            self.bus.cyclic_sync(client.source, int.from_bytes(frame[8:12], "little") * 1e-6)
+        elif can_id == hub_protocol.RESTART:
+            self._restart(client)
+        elif can_id == hub_protocol.PATIENT:
+            client.patient = True
+        elif can_id == hub_protocol.MANY:
+            client.many = True
+        elif can_id == hub_protocol.TIMES:
+            client.flush(math.inf)
+            client.timed = True
+        elif can_id == hub_protocol.FILTER:
+            client.filters.append(FILTERED.unpack_from(frame, pdo.DATA_AT))
+            self.bus.listen_only_to(client.source, client.filters)
+        else:
+            return False
+        return True
+
+    def _keep_time(self, client: Client, at_s: float) -> None:
+        """The rhythm of SYNC: the shorter of the last two gaps, for after a late one comes one in time."""
+        gap_s = at_s - self._sync_s if client is self._master else math.inf
+        self._period_s, self._gap_s = min(gap_s, self._gap_s), gap_s
+        self._master, self._sync_s = client, at_s
 
     def _refuse(self, client: Client, at_s: float) -> None:
         """The client believes its frame to be sent: an error frame tells what ENOBUFS would have told."""
@@ -277,7 +357,9 @@ class Hub:
         return max(self.bus.now_s, min(sent_s, now_s) if trusted else now_s)
 
     def _drop(self, client: Client) -> None:
-        self._clients.pop(client.socket.fileno(), None)
+        self._clients.pop(client.descriptor, None)
+        if client is self._master:
+            self._master = None
         if client.intake is not None:
             client.intake.close()
         self.bus.disconnect(client.source)

@@ -34,8 +34,7 @@ class HubBus(can.BusABC):
         if fd or isinstance(options.get("timing"), can.BitTimingFd):
             raise can.CanInitializationError(NO_FD)
         try:
-            self._socket = connect(channel)
-            self._socket.send(PATIENT_FRAME)
+            self._socket = connect(channel, PATIENT_FRAME)
         except OSError as error:
             raise can.CanInitializationError(
                 f"there is no virtual bus at {channel} ({error.strerror}); start 'directrix drives simulate'"

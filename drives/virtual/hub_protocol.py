@@ -1,12 +1,16 @@
 """How a process joins the virtual bus of another: the hub's socket and its control frames.
 
-A client's packet holds one or more 16-byte frames; control frames use error classes
-that no CAN controller reports, so that nothing else on a bus can look like one.
+A client's packet holds one or more 16-byte frames, a packet to it exactly one, unless it has said that
+it takes more: ``MANY`` frames, or for a log records of ``TIMED``, gathered for ``GATHER_S``. Control
+frames use error classes that no CAN controller reports, so that nothing else on a bus can look like one.
 """
 
 from __future__ import annotations
 
 import socket
+from collections.abc import Sequence
+from struct import Struct
+from typing import Final
 
 from drives.pdo import ERROR_FLAG, FRAME
 
@@ -14,21 +18,37 @@ CYCLIC_SYNC = ERROR_FLAG | 1  # to the hub: data u32 = period in us, 0 = stop
 RESTART = ERROR_FLAG | 2  # to the hub: the client's CAN controller is to leave bus-off
 PATIENT = ERROR_FLAG | 3  # to the hub: leave unread what does not fit into the client's queue, and it waits
 LOST_FRAMES = ERROR_FLAG | 0x1000_0000  # from the hub: data u32 = frames the client's queue refused
+MANY = ERROR_FLAG | 0x1000_0001  # to the hub: packets of several frames
+FILTER = ERROR_FLAG | 0x1000_0002  # to the hub: data u32 identifier, u32 mask; one of them must agree
+TIMES = ERROR_FLAG | 0x1000_0003  # to the hub: packets of ``TIMED``
 
 RESTART_FRAME = FRAME.pack(RESTART, 0, b"")
 PATIENT_FRAME = FRAME.pack(PATIENT, 0, b"")
+TIMES_FRAME = FRAME.pack(TIMES, 0, b"")
+
+MOST_FRAMES: Final = 256  # of a packet from the hub
+TIMED: Final = Struct("<d16s")  # when it left the wire (CLOCK_MONOTONIC, s), and the frame
+FILTERED: Final = Struct("<II")
+GATHER_S = 0.05  # a log need not be woken more often
 
 NO_FD = "CAN FD frames are not carried: this bus is classic CAN; send frames of 8 bytes at most"
 
 
-def connect(path: str) -> socket.socket:
-    """Join the hub at ``path``: a SEQPACKET socket whose packets are 16-byte frames.
+def wishes(filters: Sequence[tuple[int, int]]) -> bytes:
+    """What a port says first: several frames a packet, and only those that it wants to hear."""
+    pairs = [FRAME.pack(FILTER, 8, FILTERED.pack(*pair)) for pair in filters]
+    return b"".join((FRAME.pack(MANY, 0, b""), *pairs))
+
+
+def connect(path: str, first: bytes) -> socket.socket:
+    """Join the hub at ``path`` with ``first`` (frames) as the first packet: a SEQPACKET socket.
 
     Raises OSError when there is no hub.
     """
     joined = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     try:
         joined.connect(path)
+        joined.send(first)
     except OSError:
         joined.close()
         raise

@@ -192,6 +192,11 @@ class SteppedBus:
             self._sync_source = -1
         self.forget_routes()
 
+    def listen_only_to(self, source: int, filters: Filters) -> None:
+        """Another ``filters`` for a connection."""
+        self._ports[source] = (self._ports[source][0], filters)
+        self.forget_routes()
+
     def watch(self, can_id: int, handler: Handler) -> None:
         """Have ``handler`` called with every frame of one identifier, whoever sent it."""
         self._watches.append((can_id, handler))
@@ -289,6 +294,12 @@ class SteppedBus:
     def is_full(self, source: int) -> bool:
         """Whether a frame more of this source has to wait until one of its others has gone out."""
         return QUEUE_LIMIT <= self._waiting[source] < MUTED // 2
+
+    def is_only_for(self, source: int) -> bool:
+        """Whether nobody but this source has a frame on the wire, or one that waits for it."""
+        flying = self._flying
+        waiting = len(self._ready) + len(self._pending)
+        return (flying is None or flying[2] == source) and waiting == self._waiting[source]
 
     def wake(self, at_s: float) -> None:
         """Run the timers at ``at_s`` at the latest; a time gone by means now."""

@@ -16,6 +16,7 @@ from support.oracles.trace_limits import assert_in_limits
 from support.parts import random_nurbs
 from support.parts.random_surfaces import compound, text
 
+from controller.geometry import arc_length
 from controller.machine import machine_file
 from controller.motion.motions import SurfaceCut
 from controller.plan.path.path import Stretch
@@ -44,7 +45,7 @@ def places(stretch: Stretch, tips: np.ndarray) -> np.ndarray:
         rate = (tip(inner + 1e-5) - tip(inner - 1e-5)) / 2e-5
         step = ((tips - tip(u)) * rate).sum(axis=1) / (rate * rate).sum(axis=1)
         u = np.clip(u + step, 0.0, 1.0)
-    return np.asarray(motion.arc.s_at(u))
+    return np.asarray(arc_length.s_at(motion.arc, u))
 
 
 def speeds(done: Cut, stretch: Stretch, motion_id: int) -> np.ndarray:

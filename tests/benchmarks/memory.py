@@ -70,7 +70,7 @@ def report(short: bool) -> Report:
         used = {pid: cpu_s(pid) - before[pid] for pid in every}
         memory = {pid: megabytes(pid, "smaps_rollup", "Pss:") for pid in every}
         locked = megabytes(tick, "status", "VmLck:")
-        names = {pid: _called(pid, every) for pid in every}
+        names = {pid: called(pid, every) for pid in every}
     found = [Figure(f"memory, {names[pid]}", memory[pid], "MB", bare, "python, numpy") for pid in every]
     found += [
         Figure(f"processor, {names[pid]}", 100.0 * used[pid] / lasted_s, "% of a core") for pid in every
@@ -84,7 +84,7 @@ def report(short: bool) -> Report:
     return Report(tuple(found), parts, "the memory")
 
 
-def _called(pid: int, every: list[int]) -> str:
+def called(pid: int, every: list[int]) -> str:
     """Its name, with a number where there are several."""
     same = [one for one in every if name(one) == name(pid)]
     return name(pid) if len(same) == 1 else f"{name(pid)} {same.index(pid) + 1}"

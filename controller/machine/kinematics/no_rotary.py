@@ -6,8 +6,6 @@ import math
 from collections.abc import Sequence
 from types import ModuleType
 
-import numpy as np
-
 from controller.geometry.touches import Seen
 from controller.geometry.vectors import Number, Pose, Vector, Z
 from controller.machine.kinematics.protocol import Kinematics
@@ -35,11 +33,12 @@ class NoRotary(Kinematics):
         x, y, z = (v.c[0] if hasattr(v, "c") else v for v in axis)
         leans = (x * x + y * y > LEANS * LEANS) | (z < 0.0)
         if m is math:
-            still: Number = math.nan if leans else 0.0
-        elif m is np:
-            still = np.where(leans, math.nan, 0.0)
-        else:
-            still = axis[0] * 0.0 + np.where(leans, math.nan, 0.0)
+            return [(math.nan, math.nan) if leans else STILL] * 2
+        import numpy as np
+
+        still: Number = np.where(leans, math.nan, 0.0)
+        if m is not np:
+            still = axis[0] * 0.0 + still
         return [(still, still)] * 2
 
     def linear(

@@ -11,8 +11,6 @@ import math
 from collections.abc import Sequence
 from types import ModuleType
 
-import numpy as np
-
 from controller.geometry.touches import Seen
 from controller.geometry.vectors import Number, Pose, Vector, Z, add, cross, dot, norm, unit
 from controller.machine.kinematics.protocol import Kinematics
@@ -52,8 +50,11 @@ class OneRotary(Kinematics):
         out = self._misses(axis, height)
         if m is math:
             zero = math.nan if out else zero
-        elif np.any(out):
-            zero = zero + np.where(out, math.nan, 0.0)
+        else:
+            import numpy as np
+
+            if np.any(out):
+                zero = zero + np.where(out, math.nan, 0.0)
         if not self._tilts:
             return [(zero + keep[0], zero)] * 2
         angle = m.atan2(dot(w, cross(axis, Z)), axis[2] - height * self._height) + zero

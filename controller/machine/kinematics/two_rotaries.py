@@ -20,8 +20,6 @@ import math
 from collections.abc import Sequence
 from types import ModuleType
 
-import numpy as np
-
 from controller.geometry.touches import Seen
 from controller.geometry.vectors import (
     ZERO,
@@ -29,6 +27,8 @@ from controller.geometry.vectors import (
     Number,
     Pose,
     Vector,
+    X,
+    Y,
     Z,
     add,
     angle_between,
@@ -80,9 +80,9 @@ class TwoRotaries(Kinematics):
 
     @staticmethod
     def _check_linear(machine: Machine) -> None:
-        for index, direction in zip(machine.linear(), np.eye(3), strict=True):
+        for index, direction in zip(machine.linear(), (X, Y, Z), strict=True):
             axis = machine.axes[index]
-            if norm(subtract(unit(axis.direction), tuple(direction))) > 1e-12:
+            if norm(subtract(unit(axis.direction), direction)) > 1e-12:
                 raise ValueError(f"Machine {machine.name}: axis {axis.name} must point along +{axis.name}.")
 
     def _prepare(self, w2: Vector, w1: Vector, name: str) -> None:
@@ -170,6 +170,8 @@ class TwoRotaries(Kinematics):
 
         0 at the limit of reach and beyond; 1 on machines that reach every axis.
         """
+        import numpy as np
+
         a, b, h = self._across_work(axis)
         square = a * a + b * b
         left, side = self._left_at(h, np)
@@ -207,6 +209,8 @@ class TwoRotaries(Kinematics):
         above, below = self._left
         if m is math:
             return (above, 1.0) if h >= 0.0 else (below, -1.0)
+        import numpy as np
+
         sign = np.where(np.asarray(_value(h)) >= 0.0, 1.0, -1.0)
         return np.where(sign > 0.0, above, below), sign
 
@@ -220,6 +224,8 @@ class TwoRotaries(Kinematics):
         if m is math:
             missed, soft8 = (above, above8) if side > 0.0 else (below, below8)
         else:
+            import numpy as np
+
             missed, soft8 = np.where(side > 0.0, above, below), np.where(side > 0.0, above8, below8)
         off = rho * rho * square
         cube = off * off * off
@@ -240,6 +246,8 @@ class TwoRotaries(Kinematics):
                 return a, b, c, g, g, False
             a, b, _ = self._across_work(inside or ZERO)
             return a, b, 0.0, 1.0, g, math.hypot(a, b) <= STILL
+        import numpy as np
+
         pole = np.asarray(_value(square) < tiny)
         if not pole.any():
             g = _roots(square - c * c) if m is np else m.sqrt(square - c * c)
@@ -276,8 +284,8 @@ class TwoRotaries(Kinematics):
             if m is math:
                 if lost:  # a pole out of reach, as straight down under an oblique head, has no place at all
                     q2 = t1 if math.isnan(t1) else kept
-            elif np.any(lost):
-                out = np.isnan(_value(t1))
+            elif lost.any():
+                out = _value(t1) != _value(t1)  # nan
                 q2 = _kept(_kept(q2, lost & ~out, kept), lost & out, math.nan)
             pairs.append((q2, q1) if self._work_first else (q1, q2))
         return pairs
@@ -337,11 +345,15 @@ def _root(square: float) -> float:
 
 
 def _roots(square: Number) -> Number:
+    import numpy as np
+
     return np.sqrt(np.where(square > -SPILL, np.maximum(square, 0.0), np.nan))
 
 
 def _kept(angle: Number, lost: Number, kept: Number) -> Number:
     """``kept``, standing still, where the angle is undetermined."""
+    import numpy as np
+
     if not hasattr(angle, "c"):
         return np.where(lost, kept, angle)
     still = np.zeros(np.shape(angle.c))
@@ -360,6 +372,8 @@ def _leave_pole(
 
     |h| is h ahead and -h behind: ``inside`` tells, and the sign stays with G'.
     """
+    import numpy as np
+
     ahead = [np.concatenate((x.c[1:], np.zeros_like(x.c[:1]))) for x in series]
     lost = pole & (np.max(np.abs(ahead[0][:3]) + np.abs(ahead[1][:3]), axis=0) <= STILL)
     side = np.where(ahead[0][0] * inside[0] + ahead[1][0] * inside[1] < 0.0, -1.0, 1.0) if known else 1.0

@@ -13,6 +13,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
+from controller.geometry import arc_length
 from controller.geometry.arrays import distinct
 from controller.geometry.curves import Arc, Even
 from controller.motion.motions import JointMove, SurfaceCut
@@ -111,7 +112,7 @@ def _even(stretch: Stretch, start: float, low: float, high: float) -> Array:
     even = np.linspace(low, high, count + 1)
     if not isinstance(motion, SurfaceCut) or not motion.beside_pole:
         return even
-    near = start + motion.arc.s_at(beside_pole(motion))
+    near = start + arc_length.s_at(motion.arc, beside_pole(motion))
     return distinct(np.concatenate((even, near[(near > low) & (near < high)])))
 
 

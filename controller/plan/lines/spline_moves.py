@@ -8,7 +8,8 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
-from controller.geometry.curves import ArcLength, Curve, Even
+from controller.geometry import arc_length
+from controller.geometry.curves import Curve, Even
 from controller.geometry.splines import BSpline, simplest
 from controller.geometry.vectors import ROUNDING, Vector, add, norm, subtract
 from controller.machine.kinematics import Kinematics
@@ -34,7 +35,7 @@ def stretches(
     whole = spline(block, controls(block, machine, kinematics, now))
     whole = whole.refined(_slow(whole))
     try:
-        arcs = [ArcLength.of(span) for span in _spans(whole)]
+        arcs = [arc_length.of(span) for span in _spans(whole)]
     except ValueError:
         voice.refuse(block.place, said("curve.to_and_fro"))
     length = sum(arc.length_mm for arc in arcs)

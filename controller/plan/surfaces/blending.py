@@ -5,7 +5,8 @@ differ by hundredths of a degree. There the cutter would have to pivot, or would
 one of the two. Instead both cuts are corrected next to the joint (``placement.Blend``) by half of what
 their poses, and the first two derivatives of these over the length of the contact, differ by: they
 come to the same pose at the same rates. What this leaves on the surfaces, or takes off them, is
-computed point by point (``blends``), and the blend made shorter until it is within the tolerance.
+computed point by point (``blends``), and the blend made shorter until it is within the tolerance, or
+longer where the limits of the joints would slow the contact down on it.
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ from controller.geometry.vectors import add, angle_between, cross, dot, norm, sc
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Machine
 from controller.motion.motions import SurfaceCut
+from controller.plan.surfaces import passing
 from controller.plan.surfaces.blends import End, Looked, Rounding, between, led_over, placed
 from controller.plan.surfaces.cuts import MAX_KNOWN, REMEMBERED, SAME_RAD, Cut, apart, edge, turned
 from controller.plan.surfaces.placements import name_of
@@ -32,8 +34,9 @@ from controller.values import dataclass
 
 Array = npt.NDArray[np.float64]
 
-USEFUL_S = 0.1  # a blend takes so long at the feed, on either side; longer ones ask less of no joint
+USEFUL_S = 0.1  # a blend takes so long at the feed, on either side, unless it is passed more slowly then
 USEFUL_MM = (1.0, 10.0)
+LONGER = 2.0  # times: the next one that is tried where the joints are too slow for a blend
 SHARE = 0.49  # of a cut: both its ends may be blended
 SHORTEST_MM = 0.02
 TRIES = 10
@@ -66,7 +69,9 @@ class Joint(NamedTuple):
     gap_mm: float
     reach_mm: float  # of the longer of both blends
     deviates_mm: float
+    slowed: passing.Slowest | None
     shortened: bool  # by the tolerance
+    axis_too: bool  # or, beside a pole, the tip alone
 
 
 def tolerance(before: Cut, after: Cut, machine: Machine) -> Tolerance:
@@ -83,7 +88,9 @@ def allowed_by(modal: Modal, machine: Machine) -> Tolerance:
     return Tolerance(modal.blend_mm or machine.joint_tolerance_mm, math.radians(degrees))
 
 
-def joined(before: Cut, after: Cut, allowed: Tolerance, kinematics: Kinematics) -> Joint | None:
+def joined(
+    before: Cut, after: Cut, allowed: Tolerance, machine: Machine, kinematics: Kinematics
+) -> Joint | None:
     """The two cuts run through, if they meet within the tolerance and a blend keeps it."""
     end, start = before.end, after.start
     angle, gap = turned(end, start), apart(end.contact, start.contact)
@@ -93,29 +100,82 @@ def joined(before: Cut, after: Cut, allowed: Tolerance, kinematics: Kinematics) 
         return None
     step = subtract(start.contact, end.contact)
     upper = add(step, scale(subtract(start.ruling, end.ruling), longest))
-    left = allowed.mm - max(abs(dot(step, end.out)), abs(dot(upper, end.out)))
-    if after.side * angle < 0.0:  # a hollow: each of the two is cut by the other one's flank
-        left -= after.tool.radius_mm * (1.0 - math.cos(angle))
-    reach = min(max(USEFUL_S * after.block.feed_mm_s, USEFUL_MM[0]), USEFUL_MM[1])
-    within = Tolerance(USED * left, allowed.rad)
-    found = _shortened(before.motion, after.motion, reach, within, kinematics)
+    hollow = 0.0
+    if after.side * angle < 0.0:  # each of the two is cut by the other one's flank
+        hollow = after.tool.radius_mm * (1.0 - math.cos(angle))
+    across = max(abs(dot(step, end.out)), abs(dot(upper, end.out)))
+    within = Tolerance(USED * (allowed.mm - hollow), allowed.rad)
+    found = _Fastest(before, after, within, across, machine, kinematics).found
     if found is None:
         return None
-    deviates = allowed.mm - left + found.deviates_mm
-    first = replace(before, motion=found.before, end=edge(found.before, 1.0))
-    second = replace(after, motion=found.after, start=edge(found.after, 0.0))
-    most = max(min(reach, SHARE * cut.motion.end) for cut in (before, after))
-    shortened = found.reach_mm < most
     return Joint(
-        first,
-        second,
+        *_cuts(before, after, found.pair),
         abs(angle),
         _crease(before.motion, after.motion),
-        gap,
-        found.reach_mm,
-        deviates,
-        shortened,
+        max(gap, tilt * longest),
+        found.pair.reach_mm,
+        hollow + found.pair.deviates_mm,
+        found.slowed,
+        found.shortened,
+        found.pair.axis_too,
     )
+
+
+class _Passed(NamedTuple):
+    """A blend, what the contact slows down to on it, and whether the tolerance keeps it from being longer."""
+
+    pair: _Pair
+    slowed: passing.Slowest | None
+    shortened: bool
+
+    @property
+    def share(self) -> float:
+        return self.slowed.share if self.slowed else 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class _Fastest:
+    """The blend of two cuts that is passed fastest within a tolerance.
+
+    One of the useful length, as a rule. On one that reaches further a turn of the tool has more time, and
+    deviates by more: so long ones are tried where the limits of the joints ask for it.
+    """
+
+    before: Cut
+    after: Cut
+    allowed: Tolerance
+    gap_mm: float
+    machine: Machine
+    kinematics: Kinematics
+
+    @property
+    def found(self) -> _Passed | None:
+        feed, best = self.after.block.feed_mm_s, None
+        reach, most = min(max(USEFUL_S * feed, USEFUL_MM[0]), USEFUL_MM[1]), self._reach(math.inf)
+        while (one := self._passed(reach)) is not None:
+            if best is None or one.share > best.share:
+                best = one
+            if one.slowed is None or one.shortened or reach >= most or not one.pair.axis_too:
+                break
+            reach = min(LONGER * reach, most)
+        return best
+
+    def _passed(self, reach_mm: float) -> _Passed | None:
+        motions = self.before.motion, self.after.motion
+        pair = _shortened(*motions, reach_mm, self.allowed, self.gap_mm, self.kinematics)
+        if pair is None:
+            return None
+        bare, blended = (self.before, self.after), _cuts(self.before, self.after, pair)
+        slowed = passing.slowest(blended, bare, pair.reach_mm, self.machine, self.kinematics)
+        return _Passed(pair, slowed, pair.reach_mm < self._reach(reach_mm))
+
+    def _reach(self, reach_mm: float) -> float:
+        return max(min(reach_mm, SHARE * cut.motion.end) for cut in (self.before, self.after))
+
+
+def _cuts(before: Cut, after: Cut, pair: _Pair) -> tuple[Cut, Cut]:
+    first = replace(before, motion=pair.before, end=edge(pair.before, 1.0))
+    return first, replace(after, motion=pair.after, start=edge(pair.after, 0.0))
 
 
 def _crease(before: SurfaceCut, after: SurfaceCut) -> float:
@@ -165,6 +225,7 @@ class _Pair:
     after: SurfaceCut
     reach_mm: float
     deviates_mm: float
+    axis_too: bool
 
 
 class _Choice(NamedTuple):
@@ -189,6 +250,7 @@ def _shortened(
     after: SurfaceCut,
     reach_mm: float,
     allowed: Tolerance,
+    gap_mm: float,
     kinematics: Kinematics,
 ) -> _Pair | None:
     """The longest blend of the two, up to ``reach_mm``, that adds no more than is ``allowed``.
@@ -199,25 +261,25 @@ def _shortened(
         ends = End.of(before, False), End.of(after, True)
     if allowed.mm <= 0.0 or not all(end.sound for end in ends):
         return None
-    rest = (before.offset_mm, before.part, after.part, reach_mm, allowed, kinematics.work_frame())
+    rest = (before.offset_mm, before.part, after.part, reach_mm, allowed, gap_mm, kinematics.work_frame())
     name = name_of(before.surface, after.surface, after.offset_mm, *rest)
     if name not in _chosen:
         if len(_chosen) >= MAX_KNOWN:
             _chosen.clear()
-        _chosen[name] = _sought(*ends, reach_mm, allowed, kinematics)
+        _chosen[name] = _sought(*ends, reach_mm, allowed, gap_mm, kinematics)
     choice = _chosen[name]
     if choice is None:
         return None
     pair = led_over(*ends, choice.reaches_mm, choice.rounding, choice.axis_too)
-    return _Pair(*pair, choice.reach_mm, choice.deviates_mm)
+    return _Pair(*pair, choice.reach_mm, choice.deviates_mm, choice.axis_too)
 
 
 def _sought(
-    one: End, other: End, reach_mm: float, allowed: Tolerance, kinematics: Kinematics
+    one: End, other: End, reach_mm: float, allowed: Tolerance, gap_mm: float, kinematics: Kinematics
 ) -> _Choice | None:
     creased = _crease(one.motion, other.motion) > allowed.rad
     for axis_too in (True, False):
-        search = _Search(one, other, reach_mm, allowed, kinematics, axis_too, creased)
+        search = _Search(one, other, reach_mm, allowed, gap_mm, kinematics, axis_too, creased)
         best = search.longest(Rounding.of(ROUNDINGS[0]))
         for rounding in map(Rounding.of, ROUNDINGS[1:]):
             if best is not None and min(best.reaches_mm) < reach_mm:
@@ -235,6 +297,7 @@ class _Search:
     other: End
     wanted_mm: float
     allowed: Tolerance
+    gap_mm: float  # between both surfaces, across them
     kinematics: Kinematics
     axis_too: bool
     creased: bool
@@ -277,7 +340,7 @@ class _Search:
         if not _is_clear(one.motion, other.motion, blends, self.axis_too, self.allowed.rad, self.kinematics):
             return math.inf
         looked = Looked.at(one.motion, other.motion, blends, reaches, self.creased)
-        return looked.added(*led_over(one, other, reaches, rounding, self.axis_too))
+        return looked.added(*led_over(one, other, reaches, rounding, self.axis_too), self.gap_mm)
 
 
 def _is_clear(

@@ -11,18 +11,12 @@ from collections.abc import Callable, Iterator
 from functools import lru_cache
 from typing import Any, Generic, TypeVar
 
+from controller.geometry import arc_length
 from controller.geometry.curves import ArcLength, Bezier, NoLength
+from controller.geometry.defects import Defect, DefectKind, concave_radius, defect
 from controller.geometry.placement import Placed, Strategy, Turn
 from controller.geometry.rulings import smooth_parts
-from controller.geometry.surfaces import (
-    Cone,
-    Defect,
-    DefectKind,
-    RuledSurface,
-    Surface,
-    concave_radius,
-    defect,
-)
+from controller.geometry.surfaces import Cone, RuledSurface, Surface
 from controller.geometry.vectors import Number, Vector, add, cross, dot, norm, rotate, scale, subtract, unit
 from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Machine, Tool
@@ -61,7 +55,7 @@ class _Known(Generic[T]):
 
 _defect = _Known(defect)
 _concave_radius = _Known(concave_radius)
-_arc: Callable[[Any], ArcLength] = lru_cache(REMEMBERED)(ArcLength.of)
+_arc: Callable[[Any], ArcLength] = lru_cache(REMEMBERED)(arc_length.of)
 
 
 @dataclass(frozen=True, slots=True)
@@ -339,7 +333,7 @@ def turn(before: Cut, after: Cut) -> SurfaceCut | None:
     first, second = before.motion.surface, after.motion.surface
     poses = first.pose(1.0, before.motion.offset_mm), second.pose(0.0, after.motion.offset_mm)
     way = Turn(first.contact(1.0), unit(first.ruling(1.0)), *poses, turned(end, start))
-    return SurfaceCut(way, ArcLength.of(way.lower), 0.0, after.motion.length_mm, after.motion.part)
+    return SurfaceCut(way, arc_length.of(way.lower), 0.0, after.motion.length_mm, after.motion.part)
 
 
 def apart(a: Vector, b: Vector) -> float:

@@ -33,9 +33,10 @@ import numpy as np
 import numpy.typing as npt
 
 from controller.geometry.arrays import distinct
+from controller.geometry.defects import turned
 from controller.geometry.placement import ENDS, Placed, Strategy
 from controller.geometry.splines import BSpline
-from controller.geometry.surfaces import Surface, turned
+from controller.geometry.surfaces import Surface
 from controller.geometry.vectors import Vector
 from controller.machine.model import Tool
 from controller.plan.surfaces import deviation, placements

@@ -142,14 +142,22 @@ def _inside(cut: SurfaceCut, kinematics: Kinematics) -> tuple[float, float]:
 
 
 def _derivatives_of_cut(stretch: Stretch, cut: SurfaceCut, s: Array, kinematics: Kinematics) -> Derivatives:
-    inside = np.clip(s, *_inside(cut, kinematics))
-    u, branch = cut.arc.u_along(inside), one_branch(stretch, cut, kinematics)
+    branch = one_branch(stretch, cut, kinematics)
     if branch is not None:
-        return _derived(cut, cut.surface, u, kinematics, lambda pairs: pairs[branch]).beyond(s - inside)
+        return on_branch(cut, s, branch, kinematics)
+    inside = np.clip(s, *_inside(cut, kinematics))
+    u = cut.arc.u_along(inside)
     first, second = kinematics.spread([*joints_along(stretch, inside, kinematics).T])[3:]
     shown = first, second  # where a free rotary stands, X and Y are the part's turned by it
     own = partial(_matching, shown=shown)
     return _derived(cut, cut.surface, u, kinematics, own, shown).beyond(s - inside)
+
+
+def on_branch(cut: SurfaceCut, s: Array, branch: int, kinematics: Kinematics) -> Derivatives:
+    """As ``derivatives`` of a cut that is on one of ``kinematics.branches`` wherever it is asked for."""
+    inside = np.clip(s, *_inside(cut, kinematics))
+    u = cut.arc.u_along(inside)
+    return _derived(cut, cut.surface, u, kinematics, lambda pairs: pairs[branch]).beyond(s - inside)
 
 
 def _derived(

@@ -8,10 +8,12 @@ import numpy as np
 import pytest
 from scipy.interpolate import BSpline as Reference
 
+from controller.geometry import arc_length
 from controller.geometry import series as jets
-from controller.geometry.curves import Arc, ArcLength, Bezier, Curve, Line, Polynomial
+from controller.geometry.curves import Arc, Bezier, Curve, Line, Polynomial
+from controller.geometry.defects import hull
 from controller.geometry.rulings import difference, smooth_parts
-from controller.geometry.splines import BadSpline, BSpline, hull
+from controller.geometry.splines import BadSpline, BSpline
 from controller.geometry.vectors import norm, subtract
 
 ROOT = math.sqrt(0.5)
@@ -110,7 +112,7 @@ def test_a_spline_without_inner_knots_and_weights_is_its_bezier():
 def test_a_rational_quadratic_is_a_circle_and_its_length_the_arc():
     u = np.linspace(0.0, 1.0, 33)
     assert np.allclose(norm(QUARTER.at(u, np), np), 5.0, rtol=0.0, atol=1e-14)
-    assert ArcLength.of(QUARTER).length_mm == pytest.approx(2.5 * math.pi, abs=1e-12)
+    assert arc_length.of(QUARTER).length_mm == pytest.approx(2.5 * math.pi, abs=1e-12)
 
 
 def test_a_part_of_a_curve_is_that_curve_there():
@@ -123,9 +125,9 @@ def test_a_part_of_a_curve_is_that_curve_there():
 
 def test_equal_steps_of_length_run_evenly_over_all_knots():
     curve, *_ = made(5, 4, 12)
-    arc = ArcLength.of(curve)
+    arc = arc_length.of(curve)
     s = np.linspace(0.0, arc.length_mm, 3001)
-    assert np.max(np.abs(arc.s_at(arc.u_along(s)) - s)) <= 1e-11 * arc.length_mm
+    assert np.max(np.abs(arc_length.s_at(arc, arc.u_along(s)) - s)) <= 1e-11 * arc.length_mm
     assert set(curve.breaks) <= set(arc.knots_u)
 
 

@@ -11,17 +11,9 @@ from support.parts.paper_surfaces import equation_7, example_1, example_2
 
 from controller.geometry import series as jets
 from controller.geometry.curves import Bezier, Line, Polynomial
+from controller.geometry.defects import Defect, DefectKind, concave_radius, defect, turned
 from controller.geometry.splines import BSpline
-from controller.geometry.surfaces import (
-    Cone,
-    Defect,
-    DefectKind,
-    RuledSurface,
-    Surface,
-    concave_radius,
-    defect,
-    turned,
-)
+from controller.geometry.surfaces import Cone, RuledSurface, Surface
 from controller.geometry.vectors import add, angle_between, cross, dot, norm, scale, subtract, unit
 
 SURFACES: dict[str, Surface] = {

@@ -9,8 +9,8 @@ import pytest
 from support.machines.shipped_kinds import ROTARIES, R, W, machine, random_machine, rotary_travel
 from support.parts.paper_surfaces import example_1, example_2, turned
 
+from controller.geometry import arc_length
 from controller.geometry import series as jets
-from controller.geometry.curves import ArcLength
 from controller.geometry.surfaces import Cone
 from controller.geometry.vectors import (
     Frame,
@@ -248,7 +248,7 @@ def test_a_pole_out_of_reach_is_as_lost_as_any_other_axis():
 
 
 def cut(surface, radius=3.0, part=PART):
-    return SurfaceCut(surface, ArcLength.of(surface.lower), radius, 0.0, part)
+    return SurfaceCut(surface, arc_length.of(surface.lower), radius, 0.0, part)
 
 
 @pytest.mark.parametrize("turn", [0.0, 37.0])

@@ -8,8 +8,10 @@ from __future__ import annotations
 
 import os
 import random
+import re
 import signal
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -37,6 +39,7 @@ from drives.cia402 import State
 
 SEED = int(os.environ.get("DIRECTRIX_TEST_SEED", random.SystemRandom().randrange(10**6)))
 ON_PATH_MM = 1e-6
+LOCKED, LOCKED_MB = re.compile(r"^VmLck:\s+(\d+) kB$", re.MULTILINE), 60
 DRY = "G21 G90 G54 G0 X5.\nM30\n"
 
 
@@ -60,6 +63,11 @@ def test_a_cut_in_real_time_completes_on_the_path_in_two_processes_and_a_hub() -
         start = running.ready()
         rows, last = run(running, look)
         end = now_of(running)
+        process = Path(f"/proc/{running.tick.pid}")
+        libraries, status = (process / "maps").read_text(), (process / "status").read_text()
+    # Also after a cut: nothing that it was sent has brought numpy with it.
+    assert "numpy" not in libraries and LOCKED.findall(status)
+    assert all(int(kb) < LOCKED_MB * 1024 for kb in LOCKED.findall(status))
     assert (last.mode, last.fault) == (Mode.READY, Fault.NONE)
     assert seen == {"names": ["directrix-plan", "directrix-tick", "virtual-bus"], "threads": 1}
     assert off_path(rows, traced(text, machine, start.joints), machine).max() <= ON_PATH_MM

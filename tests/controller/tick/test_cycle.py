@@ -478,3 +478,38 @@ def test_the_loop_gives_up_on_an_echo_after_a_period_and_a_half() -> None:
     for end in (near, far):
         end.close()
     bench.close()
+
+
+@pytest.mark.parametrize(
+    "eased, period_s, spins_at_rest",
+    [(True, 0.002, False), (True, 0.001, True), (False, 0.002, True)],
+    ids=["simulated drives", "at a period in which a late wake-up would cost SYNCs", "drives on a real bus"],
+)
+def test_only_at_rest_and_before_simulated_drives_the_deadline_is_slept_up_to(
+    eased: bool, period_s: float, spins_at_rest: bool
+) -> None:
+    bench = Bench(machine(period_s=period_s))
+    bench.loop = Loop(bench.cycle, bench.clock, eased=eased)
+    early_s: list[float] = []
+    wake = bench.clock.wake
+
+    def woken(deadline_s: float, before_s: float) -> None:
+        early_s.append(before_s)
+        wake(deadline_s, before_s)
+
+    bench.clock.wake = woken  # type: ignore[method-assign]
+    bench.enable()
+    piece, move = straight(HERE, THERE, lambda n: s_curve(n, *QUICK))
+    bench.send([piece, dwell(0.0, end=True)], {0: move}, stops=stops(1900.0, 48000.0))
+    bench.tick(2)
+    assert (early_s[-1] > 0.0) is spins_at_rest
+    bench.ask(Request.START)
+    bench.tick(2)
+    assert early_s[-1] > 0.0, "on the path SYNC is spun for"
+    bench.tick(100)
+    bench.ask(Request.HOLD)
+    bench.tick(2)
+    assert early_s[-1] > 0.0, "it is not at rest yet"
+    bench.tick(round(2.0 / period_s))
+    assert bench.snapshot.mode is Mode.HOLD and (early_s[-1] > 0.0) is spins_at_rest
+    bench.close()

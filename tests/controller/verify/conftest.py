@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from support.machines.shipped_kinds import machine
 
-from controller.geometry.curves import ArcLength, Line
+from controller.geometry import arc_length
+from controller.geometry.curves import Line
 from controller.ipc.handoff import COLUMN, ROW
 from controller.machine.kinematics import Kinematics, kinematics_of
 from controller.machine.model import Machine
@@ -43,7 +44,7 @@ def ruled_run() -> Run:
 def make_run(surfaces: tuple, offset_mm: float, feed_mm_s: float, kind: str = "fig4a") -> Run:
     built = machine(kind)
     kinematics = kinematics_of(built)
-    cuts = [SurfaceCut(s, ArcLength.of(s.lower), offset_mm, 40.0, built.offsets[0]) for s in surfaces]
+    cuts = [SurfaceCut(s, arc_length.of(s.lower), offset_mm, 40.0, built.offsets[0]) for s in surfaces]
     joints, near = [], (0.0, 0.0)
     for cut in cuts:
         count = round(cut.end / feed_mm_s / built.period_s)

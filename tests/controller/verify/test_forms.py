@@ -10,7 +10,8 @@ from support.oracles.swept_cylinder import by_brute_force, deepest, nominal, pla
 from support.parts.paper_surfaces import example_2
 from support.parts.random_surfaces import compound
 
-from controller.geometry.curves import ArcLength, Bezier, Line
+from controller.geometry import arc_length
+from controller.geometry.curves import Bezier, Line
 from controller.geometry.surfaces import RuledSurface, Surface
 from controller.messages import text
 from controller.plan.report.verdict import Verdict
@@ -35,7 +36,7 @@ def along(one: Nominal, off_mm: float = 0.0) -> Pass:
     """The paper's way over length, so much further off the surface."""
     own = single(one)
     normals = one.normals(own.s, np.ones(len(own.s)))
-    s = np.asarray(ArcLength.of(one.surface.lower).s_at(own.s))
+    s = np.asarray(arc_length.s_at(arc_length.of(one.surface.lower), own.s))
     return replace(own, s=s, tips=own.tips + off_mm * normals)
 
 

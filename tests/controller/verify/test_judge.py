@@ -12,7 +12,8 @@ from support.oracles.swept_cylinder import nominal, single
 from support.parts.paper_surfaces import example_1, example_2
 from support.parts.random_surfaces import compound
 
-from controller.geometry.curves import ArcLength, Bezier
+from controller.geometry import arc_length
+from controller.geometry.curves import Bezier
 from controller.geometry.surfaces import RuledSurface
 from controller.verify import judge as judging
 from controller.verify import looks
@@ -126,7 +127,7 @@ def hollow() -> Nominal:
 def along_it(one: Nominal) -> Pass:
     """The paper's way, its places by length as motions have it."""
     own = single(one, 0.2)
-    return replace(own, s=np.asarray(ArcLength.of(one.surface.lower).s_at(own.s)))
+    return replace(own, s=np.asarray(arc_length.s_at(arc_length.of(one.surface.lower), own.s)))
 
 
 # ---- the nominal surface -------------------------------------------------------------

@@ -10,7 +10,8 @@ from support.oracles.swept_cylinder import nominal, single
 from support.parts.paper_surfaces import example_2
 from support.parts.random_surfaces import compound
 
-from controller.geometry.curves import ArcLength, Bezier
+from controller.geometry import arc_length
+from controller.geometry.curves import Bezier
 from controller.geometry.placement import Placed
 from controller.geometry.surfaces import RuledSurface
 from controller.verify import looks
@@ -28,7 +29,7 @@ def found(one: Nominal, *passes: Pass, most_mm: float | None = None) -> Findings
 def along(one: Nominal) -> Pass:
     """The paper's way over length, as motions have it."""
     own = single(one)
-    return replace(own, s=np.asarray(ArcLength.of(one.surface.lower).s_at(own.s)))
+    return replace(own, s=np.asarray(arc_length.s_at(arc_length.of(one.surface.lower), own.s)))
 
 
 def beside(one: Nominal, u: tuple[float, float], deeper_mm: float) -> Pass:

@@ -22,6 +22,7 @@ def test_a_port_whose_hub_has_ended_joins_the_next_one_when_it_is_asked_to(tmp_p
     server = hub(path)
     port = bus.open(BusSettings("can0", "virtual", str(path), 1_000_000))
     joined, _ = server.accept()
+    wishes = joined.recv(256)
     joined.send(sync)
     assert port.receive_into(buffer) and not port.gone
     joined.close()
@@ -33,6 +34,7 @@ def test_a_port_whose_hub_has_ended_joins_the_next_one_when_it_is_asked_to(tmp_p
     server = hub(path)
     port.restart()
     joined, _ = server.accept()
+    assert wishes and joined.recv(256) == wishes, "the next hub has to know them, too"
     assert not port.gone and port.send(sync) and joined.recv(16) == sync
     joined.send(sync)
     assert port.receive_into(buffer) and bytes(buffer) == sync

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import math
 import signal
 import socket
 import subprocess
@@ -24,9 +25,11 @@ from drives.gateways import options
 from drives.log import candump
 from drives.log.frame_log import FrameLog
 from drives.settings import BusSettings, MasterSettings
+from drives.virtual import hub_protocol
 from drives.virtual.fault_script import FaultScript, ScriptError
 from drives.virtual.hub import Hub
 from drives.virtual.hub_bus import HubBus
+from drives.virtual.hub_protocol import TIMED
 
 FRAME_S = 0.001  # more than any takes
 
@@ -323,3 +326,85 @@ def test_a_client_is_told_when_its_frames_did_not_fit_into_the_queue(tmp_path: P
         can_id, data = pdo.unpack(buffer)
         assert (can_id, data[1]) == (pdo.ERROR_FLAG | 0x04, 0x02)
         master.close()
+
+
+def test_a_port_hears_what_its_filters_let_through_and_nothing_else(tmp_path: Path) -> None:
+    with InThread(tmp_path) as here:
+        settings = BusSettings("can", "virtual", here.path, 1_000_000)
+        talker, service = here.port(), bus.open(settings, pdo.SERVICE_FILTERS)
+        here.wait(lambda: [client.many for client in here.hub._clients.values()] == [True, True])
+        frames = [pdo.frame(can_id) for can_id in (0x080, 0x181, 0x201, 0x0C0, 0x581, 0x703)]
+        assert talker.send(b"".join(frames))
+        buffer, heard = bytearray(16), []
+
+        def all_heard() -> bool:
+            while service.receive_into(buffer):
+                heard.append(pdo.unpack(buffer)[0])
+            return heard[-1:] == [0x703]
+
+        here.wait(all_heard)
+        assert heard == [0x0C0, 0x581, 0x703]
+        talker.close()
+        service.close()
+
+
+def test_who_takes_several_frames_gets_them_in_one_packet_and_a_log_gets_their_times(tmp_path: Path) -> None:
+    hub = Hub(str(tmp_path / "can"))
+    talker, many, log = (
+        hub_protocol.connect(hub.path, first)
+        for first in (hub_protocol.wishes(()), hub_protocol.wishes(()), hub_protocol.TIMES_FRAME)
+    )
+    frames = [bytes(pdo.frame(0x181 + n)) for n in range(3)]
+    while len(hub._clients) < 3 or not all(one.many or one.timed for one in hub._clients.values()):
+        hub.turn(time.monotonic())
+    talker.send(b"".join(frames))
+    while hub.bus.frames < 3 or hub.bus.next_event_s() < math.inf:
+        hub.turn(time.monotonic())
+    hub.close()
+    got = b""
+    while packet := many.recv(256):
+        got += packet
+    assert got == b"".join(frames)
+    records = [one for packet in iter(lambda: log.recv(256), b"") for one in TIMED.iter_unpack(packet)]
+    assert [frame for _, frame in records] == frames
+    gaps = np.diff([at_s for at_s, _ in records])
+    assert gaps == pytest.approx(hub.bus.frame_s(0x182, frames[1]), abs=5e-6), "the wire's times"
+    for own in (talker, many, log):
+        own.close()
+
+
+@pytest.mark.parametrize(
+    "now_s, looks_s, why",
+    [
+        (10.0001, 10.001, "the setpoints behind SYNC can wait until feedback is due"),
+        (10.0015, 10.003, "and so can the next SYNC"),
+        (10.0031, 0.0, "a SYNC that is late is taken when it comes"),
+    ],
+)
+def test_in_a_rhythm_the_sender_of_sync_is_looked_at_once_a_period(
+    tmp_path: Path, now_s: float, looks_s: float, why: str
+) -> None:
+    hub = Hub(str(tmp_path / "can"))
+    port, other = (bus.open(BusSettings("can", "virtual", hub.path, 1_000_000)) for _ in range(2))
+    while [client.many for client in hub._clients.values()] != [True, True]:
+        hub.turn(time.monotonic())
+    master, _ = hub._clients.values()
+    assert hub._looks_s(10.0) == 0.0, "there is no rhythm yet"
+    hub._alert_until_s = 0.0
+    for at_s in (9.996, 9.998, 10.0):
+        hub._keep_time(master, at_s)
+    assert hub._looks_s(now_s) == pytest.approx(looks_s), why
+    hub._alert_until_s = now_s + 1.0
+    assert hub._looks_s(now_s) == 0.0, "somebody else speaks"
+    hub._alert_until_s = 0.0
+    hub.bus.submit(hub.bus.connect(lambda frame, at_s: None), hub.bus.now_s, 0x181, bytes(pdo.frame(0x181)))
+    assert hub._looks_s(now_s) == 0.0, "a device's frame is on its way"
+    guest = HubBus(hub.path)
+    while len(hub._clients) < 3 or hub.bus.frames < 1:
+        hub.turn(time.monotonic())
+    hub._alert_until_s = 0.0
+    assert hub._looks_s(now_s) == 0.0, "a guest wants each frame when it comes"
+    guest.shutdown()
+    hub.close()
+    port.close()
+    other.close()

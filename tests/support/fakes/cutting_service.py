@@ -13,7 +13,8 @@ from pathlib import Path
 
 from support.fakes.fake_engine import engine_of, heard, served
 
-from controller.geometry.curves import ArcLength, Line
+from controller.geometry import arc_length
+from controller.geometry.curves import Line
 from controller.geometry.vectors import ZERO
 from controller.ipc.control_socket import control_path
 from controller.machine import machine_file
@@ -41,7 +42,7 @@ def cut(service: Service) -> None:
         desk(verb, args)
         while service.sequencer.busy:
             time.sleep(LOOK_S)
-    arc, lines = ArcLength.of(Line(ZERO, (END_MM, 0.0, 0.0))), (LinePart(0.0, LINE, 0.0, 1 / END_MM),)
+    arc, lines = arc_length.of(Line(ZERO, (END_MM, 0.0, 0.0))), (LinePart(0.0, LINE, 0.0, 1 / END_MM),)
     way = Way(JOINTS, 10.0, 0.0, None, "cut", end_s=END_MM, arc=arc, lines=lines)
     heard(service, finished=False, ways={BLOCK: way})
     assert service.running is not None

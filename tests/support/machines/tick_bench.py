@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from support.machines.shipped_kinds import machine as make_machine
 from support.parts.paper_surfaces import example_2
 
-from controller.geometry.curves import ArcLength, Line
+from controller.geometry import arc_length
+from controller.geometry.curves import Line
 from controller.geometry.vectors import Frame
 from controller.ipc.handoff import (
     COLUMN,
@@ -317,7 +318,7 @@ def rapid_law(length: float) -> Law:
 def ruled_cut(machine: Machine, number: int = 0, feed: float = 1000.0 / 60.0) -> tuple[Piece, SurfaceCut]:
     """A surface of Example 2 with the ready-to-run cutter (left, r = 1.5), gently started and ended."""
     surface = example_2()[number]
-    cut = SurfaceCut(surface, ArcLength.of(surface.lower), -1.5, 0.0, machine.offsets[0])
+    cut = SurfaceCut(surface, arc_length.of(surface.lower), -1.5, 0.0, machine.offsets[0])
     law = s_curve(cut.end, feed, 50.0, 400.0)
     return Piece(number + 10, 5, law, law.duration_s, cutting=True), cut
 

@@ -17,7 +17,8 @@ from support.machines.traced_programs import mill, named, trace
 from support.parts import blu_compounds
 from support.parts.random_surfaces import compound
 
-from controller.geometry.curves import Arc, ArcLength, Bezier, Line
+from controller.geometry import arc_length
+from controller.geometry.curves import Arc, Bezier, Line
 from controller.geometry.surfaces import RuledSurface, Surface
 from controller.geometry.vectors import Frame
 from controller.machine.kinematics import Kinematics, kinematics_of
@@ -37,7 +38,7 @@ def cut_of(
     surface: Surface, built: Machine, kinematics: Kinematics, offset: float, length: float
 ) -> Stretch | None:
     """The surface as a stretch on the first branch that reaches both of its ends."""
-    arc = ArcLength.of(surface.lower)
+    arc = arc_length.of(surface.lower)
     motion = SurfaceCut(surface, arc, offset, length, Frame((30.0, -20.0, 60.0)))
     axis = surface.axis(0.0)
     pair = kinematics.branches(axis)[0]

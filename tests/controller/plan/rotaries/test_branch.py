@@ -10,7 +10,8 @@ from support.machines.shipped_kinds import machine
 from support.machines.traced_programs import assert_whole, mill, trace
 from support.parts.paper_surfaces import example_1, example_2
 
-from controller.geometry.curves import ArcLength, Bezier
+from controller.geometry import arc_length
+from controller.geometry.curves import Bezier
 from controller.geometry.surfaces import Cone, RuledSurface, Surface
 from controller.geometry.vectors import Frame
 from controller.machine.kinematics import kinematics_of
@@ -23,7 +24,7 @@ KINEMATICS = kinematics_of(machine())
 
 
 def cut(surface: Surface, offset_mm: float = 3.0) -> SurfaceCut:
-    return SurfaceCut(surface, ArcLength.of(surface.lower), offset_mm, 0.0, Frame((8.0, 96.0, 120.0)))
+    return SurfaceCut(surface, arc_length.of(surface.lower), offset_mm, 0.0, Frame((8.0, 96.0, 120.0)))
 
 
 def stretch(motion: SurfaceCut, near: tuple[float, float]) -> Stretch:

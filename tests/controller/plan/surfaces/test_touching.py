@@ -11,7 +11,8 @@ from support.machines.shipped_kinds import machine
 from support.parts.paper_surfaces import example_1, example_2
 from support.parts.vertical_rulings import leaning, powers, straight
 
-from controller.geometry.curves import ArcLength, Bezier
+from controller.geometry import arc_length
+from controller.geometry.curves import Bezier
 from controller.geometry.placement import Placed
 from controller.geometry.splines import BSpline
 from controller.geometry.surfaces import RuledSurface, Surface
@@ -39,7 +40,7 @@ def wall(
 
 
 def cut(surface: Surface, kind: str = "fig4a", part: Frame = PART) -> SurfaceCut:
-    motion = SurfaceCut(surface, ArcLength.of(surface.lower), 3.0, 0.0, part)
+    motion = SurfaceCut(surface, arc_length.of(surface.lower), 3.0, 0.0, part)
     return touched(motion, kinematics_of(machine(kind)))
 
 
@@ -76,7 +77,7 @@ def test_a_zero_of_the_first_order_beside_a_touch_is_taken_out_too() -> None:
     "surface", [example_1(), *example_2(), *example_2(37.0), wall(0.5, (1, 1)), wall(0.5, (2, 1))]
 )
 def test_what_only_passes_through_the_pole_or_stays_off_is_left_as_it_is(surface: Surface) -> None:
-    motion = SurfaceCut(surface, ArcLength.of(surface.lower), 3.0, 0.0, PART)
+    motion = SurfaceCut(surface, arc_length.of(surface.lower), 3.0, 0.0, PART)
     assert touched(motion, kinematics_of(machine())) is motion
 
 
@@ -102,7 +103,7 @@ def test_what_passes_by_the_pole_within_a_hair_turns_no_quicker_than_what_passes
     kinematics = kinematics_of(machine())
     through, by = (stretch(cut(wall(0.5, orders, off_mm=off)), kinematics) for off in (0.0, off_mm))
     assert len(by.motion.touches) == 1 and by.motion.touches[0].roots == pytest.approx([0.5], abs=1e-6)
-    middle = by.motion.arc.s_at(0.5)
+    middle = arc_length.s_at(by.motion.arc, 0.5)
     s = middle + np.concatenate([sign * np.logspace(-8, 0.5, 60) for sign in (-1.0, 1.0)])
     rows, wanted = (joints_along(along, np.sort(s), kinematics) for along in (by, through))
     apart = np.remainder(rows - wanted + math.pi, 2.0 * math.pi)[:, 3:] - math.pi
@@ -131,7 +132,7 @@ def test_tick_and_plan_go_through_a_touch_alike_smoothly_and_along_the_ruling(
     kinematics, surface = kinematics_of(machine(kind)), wall(place, orders, turned_deg=20.0)
     motion = cut(surface, kind, part)
     along = stretch(motion, kinematics)
-    middle = motion.arc.s_at(place)
+    middle = arc_length.s_at(motion.arc, place)
     near_touch = middle + np.concatenate([sign * np.logspace(-9, 0, 30) for sign in (-1.0, 1.0)])
     s = np.unique(
         np.clip(np.concatenate([np.linspace(0.0, motion.end, 201), near_touch, [middle]]), 0.0, motion.end)
@@ -156,7 +157,7 @@ def test_the_derivatives_at_a_touch_are_those_of_the_joints(orders: tuple[int, i
     """Against a polynomial through the joints: fitted over half a millimetre it knows nothing of poles."""
     kinematics = kinematics_of(machine())
     along = stretch(cut(wall(place, orders, turned_deg=20.0)), kinematics)
-    middle = along.motion.arc.s_at(place)
+    middle = arc_length.s_at(along.motion.arc, place)
     s = np.linspace(max(0.0, middle - 0.25), min(along.motion.end, middle + 0.25), 81)
     fit = [np.polynomial.Chebyshev.fit(s, column, 8) for column in joints_along(along, s, kinematics).T]
     at = np.array([*s[10:70:10], middle, middle + 1e-7, middle - 1e-5])

@@ -1,0 +1,116 @@
+"""What plan sends is unpacked and evaluated in a process that has no numpy, to the same last bit."""
+
+from __future__ import annotations
+
+import inspect
+import pickle
+import subprocess
+import sys
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+from support.machines.interrupted_runs import TIPS
+from support.machines.stepped_runs import T2, cut, program, shipped
+from support.machines.tapping import Tapper
+from support.parts.nurbs_text import blade, nurbs
+
+from controller.ipc import handoff
+from controller.ipc.handoff import PieceMessage
+from controller.machine.kinematics import kinematics_of
+from controller.machine.model import Machine
+
+CURVE = "G21 G90 G54 G61 G17\nG0 X0 Y0 Z40\nG5 X20 Y8 I8 J12 P-6 Q6 F1500\nM30\n"
+ROUNDED = TIPS.replace("S8000 M3", "")
+TAP = "G21 G90 G54 G40\nS800 M3\nG0 X5. Y-50.\nG0 Z40.\nG33.1 Z30. K1.\nG0 Z60.\nM30\n"
+
+
+def evaluated(machine: Machine, messages: list[PieceMessage]) -> list[Any]:
+    kinematics, found = kinematics_of(machine), []
+    for message in messages:
+        for motion in message.motions.values():
+            near = (0.0, 0.0)
+            for k in range(25):
+                joints = motion.joints(motion.end * k / 24, near, kinematics)
+                near = kinematics.rotaries(joints) if joints is not None else near
+                found.append((joints, near))
+        for law in (piece.law for piece in message.pieces):
+            found += [law.at(law.duration_s * k / 24) for k in range(25)]
+        found += [(table.end_s, list(table.jerks)) for table in message.stops]
+    return found
+
+
+CHILD = f"""
+from __future__ import annotations
+import pickle, sys
+sys.modules["numpy"] = None  # whoever asks for it fails
+from controller.machine.kinematics import kinematics_of
+from controller.runtime import processes
+
+{inspect.getsource(evaluated)}
+sys.stdout.buffer.write(pickle.dumps(evaluated(*pickle.load(sys.stdin.buffer))))
+"""
+
+
+@pytest.fixture
+def sent(monkeypatch: pytest.MonkeyPatch) -> list[PieceMessage]:
+    """Every message that goes to the tick."""
+    messages: list[PieceMessage] = []
+    packets = handoff.encode
+
+    def noted(message: PieceMessage) -> list[bytes]:
+        if not message.is_keepalive:
+            messages.append(message)
+        return packets(message)
+
+    monkeypatch.setattr(handoff, "encode", noted)
+    return messages
+
+
+def surfaces(name: str) -> Machine:
+    machine = shipped(name)
+    cut(program("example2_ready", "2000."), machine)
+    return machine
+
+
+def a_blade() -> Machine:
+    upper, lower = blade()
+    cut(T2.format(side="G42", cuts=nurbs(upper, lower, " F1000.")), shipped())
+    return shipped()
+
+
+def lines(text: str, name: str = "trunnion") -> Machine:
+    machine = shipped(name, spindle=None)
+    cut(text, machine)
+    return machine
+
+
+def tapping() -> Machine:
+    tapper = Tapper()
+    assert tapper.run(TAP).result == "completed"
+    return tapper.machine
+
+
+RUNS: dict[str, tuple[Callable[[], Machine], str]] = {
+    "surfaces, two tables": (lambda: surfaces("trunnion"), "SurfaceCut"),
+    "surfaces, table and head": (lambda: surfaces("table_head"), "SurfaceCut"),
+    "surfaces, oblique": (lambda: surfaces("oblique45"), "SurfaceCut"),
+    "blade": (a_blade, "SurfaceCut"),
+    "five-axis lines, rounded": (lambda: lines(ROUNDED), "ToolSpline"),
+    "five-axis lines, exact": (lambda: lines(ROUNDED.replace("G64 P0.02 Q0.1", "G61")), "ToolLine"),
+    "curve": (lambda: lines(CURVE), "JointMove"),
+    "curve, three axes": (lambda: lines(CURVE, "three_axes"), "JointMove"),
+    "thread": (tapping, "ThreadMove"),
+}
+
+
+@pytest.mark.parametrize("name", RUNS)
+def test_what_the_plan_sends_needs_no_numpy(name: str, sent: list[PieceMessage]) -> None:
+    run, kind = RUNS[name]
+    machine = run()
+    kinds = {type(motion).__name__ for message in sent for motion in message.motions.values()}
+    assert kind in kinds
+    told = pickle.dumps((machine, sent))
+    done = subprocess.run([sys.executable, "-c", CHILD], input=told, capture_output=True, timeout=120)
+    assert done.returncode == 0, done.stderr.decode()
+    assert pickle.loads(done.stdout) == evaluated(machine, sent)
