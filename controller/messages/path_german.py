@@ -175,15 +175,21 @@ REFUSALS = {
     "join.slowed_between_short_cuts": "{crease} Für eine längere sind diese Schnitte zu kurz: der "
     "Berührpunkt wird dort auf etwa {feed:.0f} mm/min langsamer ({axis}: {limit}); die Flächen ähnlicher "
     "weiterführen oder eine daraus machen.",
+    "join.slowed_at_pole": " Neben dem Pol wird die Werkzeugachse nicht übergeleitet: der Berührpunkt wird "
+    "dort auf etwa {feed:.0f} mm/min langsamer ({axis}: {limit}); die Flächen ähnlicher weiterdrehen oder "
+    "das Werkstück neigen.",
     "join.crease": " Längs der Erzeugenden unterscheiden sich die Normalen um bis zu {along:.3f} Grad.",
     "join.turns_back": "Fährt von {name} weg und neu an: hier geht es geradewegs zurück.",
     "join.concave": "{where} in einer Innenecke von {degrees:.4f} Grad; ein Fräser mit Radius {radius:.3f} "
     "mm würde {overcut:.6f} mm in eine der beiden Flächen schneiden; {allowed}; die Ecke mit einer Fläche "
     "von größerem Radius ausrunden, auf der anderen Seite fräsen oder mehr erlauben (joint_tolerance_mm "
-    "und _deg in [machine], oder G64 P Q)",
+    "in [machine], oder G64 P)",
     "join.parts_meet": "die beiden Teile dieses Satzes treffen sich bei u = {u:.4f}",
     "join.blocks_meet": "dieser Satz trifft den in Zeile {line}",
-    "join.pivots": "Schwenkt um {degrees:.4f} Grad{tilts} um die gemeinsame Erzeugende mit {name}{reaches}.",
+    "join.pivots": "Schwenkt um {degrees:.4f} Grad{tilts} um die gemeinsame Erzeugende mit {name}{reaches}"
+    "{hollow}.",
+    "join.hollow": "; es ist eine Innenecke, die in jede der beiden Flächen bis zu {um:.3f} um zu tief "
+    "einschneidet",
     "join.tilts": " und neigt sich um {tilt:.4f} Grad, wie der Fräser angestellt ist,",
     "join.reaches": "; auf dem Weg reicht der Fräser {depth:.4f} mm in die Flächen",
     "limit.velocity": "Geschwindigkeit",
