@@ -11,6 +11,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from controller.geometry.arrays import within
 from controller.plan.feed import tool_limits
 from controller.plan.feed.barrier import PRICE, SOFT, Form, Limits
 from controller.plan.feed.course import MARGIN, SPREAD, Course, Index
@@ -199,8 +200,9 @@ class Bounds:
         self._jump[0, i + 1] = grid.starts.first[i + 1] - grid.ends.first[i]
         self._jump[1, i + 1] = grid.starts.second[i + 1] - grid.ends.second[i]
         self._jump_room[i + 1] = (JUMP_SHARE * self.jerk[i] * T - rate / T) / SPREAD
-        near = np.abs(grid.s - grid.s[i + 1]) <= NEAR_TICKS * T * v
-        which = near[1:] | near[:-1]
+        here = within(grid.s, float(grid.s[i + 1]), NEAR_TICKS * T * v)
+        near = np.abs(grid.s[here] - grid.s[i + 1]) <= NEAR_TICKS * T * v
+        which = here.start + np.flatnonzero(near[1:] | near[:-1])
         self.acceleration[which] *= 1.0 - np.minimum(rate / (T * self.acceleration[i]), JUMP_SHARE)
         self.jerk[which] *= 1.0 - np.minimum(used, JUMP_SHARE)
 
