@@ -104,6 +104,7 @@ __all__ = [
     "Jog",
     "Law",
     "Outcome",
+    "OwnBoard",
     "Piece",
     "PieceInbox",
     "PieceMessage",
@@ -275,9 +276,13 @@ class SnapshotBoard:
 
     def write(self, values: Flat) -> None:
         """Publish one snapshot: its flat values, see ``live_state.gather``."""
+        self.fill(values)
         self._count += 1
-        LAYOUT.pack_into(self._memory, _COUNTER_BYTES + (self._count & 1) * _SLOT, *values)
         self._counter[0] = self._count
+
+    def fill(self, values: Flat) -> None:
+        """The buffer that is not shown, and not yet to be."""
+        LAYOUT.pack_into(self._memory, _COUNTER_BYTES + (~self._count & 1) * _SLOT, *values)
 
     def read(self) -> Snapshot | None:
         """The newest snapshot; None before the first."""
@@ -288,6 +293,20 @@ class SnapshotBoard:
             values = LAYOUT.unpack_from(self._memory, _COUNTER_BYTES + (count & 1) * _SLOT)
             if self._counter[0] == count:
                 return self._snapshot_of(values)
+
+
+class OwnBoard(SnapshotBoard):
+    """That of a process that reads its own snapshots (stepped clock): the values stay as they are."""
+
+    def __init__(self, axes: int = MAX_AXES) -> None:
+        super().__init__(axes=axes)
+        self._newest: Flat | None = None
+
+    def write(self, values: Flat) -> None:
+        self._newest = values
+
+    def read(self) -> Snapshot | None:
+        return None if self._newest is None else self._snapshot_of(self._newest)
 
 
 # ---- flight recorder: one row of float64 per tick
@@ -322,9 +341,13 @@ class Recorder:
 
     def write(self, *values: float) -> None:
         """Append one row: the values in the order of ``ROW``, with which a tick's values begin."""
-        _ROW.pack_into(self._memory, _COUNTER_BYTES + self._written % self.rows * _ROW.size, *values)
+        self.fill(*values)
         self._written += 1
         self._counter[0] = self._written
+
+    def fill(self, *values: float) -> None:
+        """The next row, without appending it yet."""
+        _ROW.pack_into(self._memory, _COUNTER_BYTES + self._written % self.rows * _ROW.size, *values)
 
     def drain(self) -> NDArray[np.float64]:
         """Rows written since the last call, shape (N, len(ROW)); counts in ``lost`` what was too old.

@@ -20,7 +20,11 @@ REFUSALS = {
     "stored.not_kept": "{folder}: the check could not be stored ({why}); a start checks again.",
     # --- what a check notes
     "note.says": "Says here: {text}",
-    "note.exact": "G64 is run as G61 where it has no P: the path is followed exactly and not blended.",
+    "note.exact": "G64 without P blends only corners of lines that are rounding (within {mm:g} mm or "
+    "{degrees:g} degrees, joint_tolerance_mm and _deg in [machine]); everything else is exact.",
+    "note.runs_on": "Lines run through from here on where their corners are rounding (within {mm:g} mm or "
+    "{degrees:g} degrees, joint_tolerance_mm and _deg in [machine]), and are left by {mm:g} mm at most; "
+    "other corners are exact. G61 keeps all exact, G64 P allows more.",
     "note.swivel": "Stops at the pole between two blocks and turns the rotary axis under the standing tool.",
     "note.spindle_off": "Feeds with a spindle that was never started: no M3 or M4 with S stands before "
     "this line.",
@@ -159,15 +163,18 @@ REFUSALS = {
     "join.slowed_between_short_cuts": "{crease} These cuts are too short for a longer one: the contact slows "
     "down to about {feed:.0f} mm/min there ({axis} {limit}); let the surfaces run on alike, or make one of "
     "them.",
+    "join.slowed_at_pole": " Beside the pole the tool axis is not led over: the contact slows down to about "
+    "{feed:.0f} mm/min there ({axis} {limit}); let the surfaces turn on alike, or tilt the work.",
     "join.crease": " Along the ruling the normals differ by up to {along:.3f} degrees.",
     "join.turns_back": "Departs from {name} and approaches again: it turns straight back.",
     "join.concave": "{where} in a concave corner of {degrees:.4f} degrees; a cutter of radius {radius:.3f} "
     "mm would cut {overcut:.6f} mm into one of the two; {allowed}; blend the corner with a surface of a "
-    "larger radius, cut on the other side, or allow more (joint_tolerance_mm and _deg in [machine], or G64 "
-    "P Q)",
+    "larger radius, cut on the other side, or allow more (joint_tolerance_mm in [machine], or G64 P)",
     "join.parts_meet": "the two parts of this block meet at u = {u:.4f}",
     "join.blocks_meet": "this block meets the one of line {line}",
-    "join.pivots": "Pivots by {degrees:.4f} degrees{tilts} about the ruling it shares with {name}{reaches}.",
+    "join.pivots": "Pivots by {degrees:.4f} degrees{tilts} about the ruling it shares with {name}{reaches}"
+    "{hollow}.",
+    "join.hollow": "; it is a concave corner, which costs either surface up to {um:.3f} um of overcut",
     "join.tilts": " and tilts by {tilt:.4f} degrees, as the cutter is placed,",
     "join.reaches": "; on its way the cutter reaches {depth:.4f} mm into them",
     "limit.velocity": "velocity",

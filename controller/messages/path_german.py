@@ -20,7 +20,11 @@ REFUSALS = {
     "stored.not_kept": "{folder}: die Prüfung ließ sich nicht speichern ({why}); ein Start prüft neu.",
     # --- what a check notes
     "note.says": "Meldet hier: {text}",
-    "note.exact": "G64 ohne P läuft wie G61: die Bahn wird genau gefahren und nicht verrundet.",
+    "note.exact": "G64 ohne P verrundet nur Ecken von Geraden, die Rundung sind (innerhalb von {mm:g} mm "
+    "oder {degrees:g} Grad, joint_tolerance_mm und _deg in [machine]); alles andere wird genau gefahren.",
+    "note.runs_on": "Geraden laufen ab hier durch, wo ihre Ecken Rundung sind (innerhalb von {mm:g} mm oder "
+    "{degrees:g} Grad, joint_tolerance_mm und _deg in [machine]), und werden um höchstens {mm:g} mm "
+    "verlassen; andere Ecken sind genau. G61 fährt alle genau, G64 P erlaubt mehr.",
     "note.swivel": "Hält am Pol zwischen zwei Sätzen und dreht die Rundachse unter dem stehenden Werkzeug.",
     "note.spindle_off": "Vorschub mit stehender Spindel: vor dieser Zeile steht kein M3 oder M4 mit S.",
     "note.stops_for": "Hält, bis {tool} in der Spindel ist.",
@@ -171,15 +175,21 @@ REFUSALS = {
     "join.slowed_between_short_cuts": "{crease} Für eine längere sind diese Schnitte zu kurz: der "
     "Berührpunkt wird dort auf etwa {feed:.0f} mm/min langsamer ({axis}: {limit}); die Flächen ähnlicher "
     "weiterführen oder eine daraus machen.",
+    "join.slowed_at_pole": " Neben dem Pol wird die Werkzeugachse nicht übergeleitet: der Berührpunkt wird "
+    "dort auf etwa {feed:.0f} mm/min langsamer ({axis}: {limit}); die Flächen ähnlicher weiterdrehen oder "
+    "das Werkstück neigen.",
     "join.crease": " Längs der Erzeugenden unterscheiden sich die Normalen um bis zu {along:.3f} Grad.",
     "join.turns_back": "Fährt von {name} weg und neu an: hier geht es geradewegs zurück.",
     "join.concave": "{where} in einer Innenecke von {degrees:.4f} Grad; ein Fräser mit Radius {radius:.3f} "
     "mm würde {overcut:.6f} mm in eine der beiden Flächen schneiden; {allowed}; die Ecke mit einer Fläche "
     "von größerem Radius ausrunden, auf der anderen Seite fräsen oder mehr erlauben (joint_tolerance_mm "
-    "und _deg in [machine], oder G64 P Q)",
+    "in [machine], oder G64 P)",
     "join.parts_meet": "die beiden Teile dieses Satzes treffen sich bei u = {u:.4f}",
     "join.blocks_meet": "dieser Satz trifft den in Zeile {line}",
-    "join.pivots": "Schwenkt um {degrees:.4f} Grad{tilts} um die gemeinsame Erzeugende mit {name}{reaches}.",
+    "join.pivots": "Schwenkt um {degrees:.4f} Grad{tilts} um die gemeinsame Erzeugende mit {name}{reaches}"
+    "{hollow}.",
+    "join.hollow": "; es ist eine Innenecke, die in jede der beiden Flächen bis zu {um:.3f} um zu tief "
+    "einschneidet",
     "join.tilts": " und neigt sich um {tilt:.4f} Grad, wie der Fräser angestellt ist,",
     "join.reaches": "; auf dem Weg reicht der Fräser {depth:.4f} mm in die Flächen",
     "limit.velocity": "Geschwindigkeit",

@@ -158,8 +158,8 @@ class Modal:
     side: Side
     length_mm: float  # tool length that G43 adds to Z of joint moves, 0 under G49
     exact: bool  # G61; False = G64
-    # G64 P and Q, how far the path may be left; 0.0 where the word is missing, so that
-    # G64 alone gives nothing away and runs as G61.
+    # G64 P and Q, how far the path may be left; 0.0 where the word is missing: the machine's tolerance
+    # of joints.
     blend_mm: float
     blend_deg: float
     feed_mm_s: float | None  # modal F as lengths read it
@@ -168,8 +168,8 @@ class Modal:
     tip: Tip = Tip.OFF
     placement: int = 0  # P of G40, G41, G42: 1 single .. 4 auto (``Strategy``); 0 as tool or machine has it
     allowance_mm: float = 0.0  # Q of the same: what stays on G51, G52 and G6.2
-    # G61 was written: surfaces, too, meet exactly. At power-on lines do, while surfaces meet within
-    # the machine's tolerance of joints.
+    # G61 was written: surfaces and lines meet exactly. At power-on they do within the machine's
+    # tolerance of joints.
     exact_joints: bool = False
     tolerance_mm: float | None = None  # R of the same: of their form; None as tool or machine has it
     # The frame of the program's positions where it is not the machine's work offset as it stands:

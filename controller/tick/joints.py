@@ -35,6 +35,10 @@ class Encoder:
         self.setpoints = counts
         return True
 
+    def rehearse(self, joints: Joints) -> None:
+        """Rounds for the caches alone: nothing changes."""
+        self._rounded(joints, self._counts_per_unit)
+
     def to_units(self, i: int, counts: int) -> float:
         """Counts of one axis in mm or rad."""
         return counts * self._units_per_count[i]

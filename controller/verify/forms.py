@@ -35,6 +35,7 @@ def verdict(look: Look) -> Verdict | None:
     if nominal.tolerance_mm is None:
         return None
     over, under = (_worst(look, sign, nominal.tolerance_mm) for sign in (-1.0, 1.0))
+    over = max(over, _in_corners(look))
     _, u, v = max(over, under)
     _, by = look.cut_by(u, v)
     made = Verdict(
@@ -71,6 +72,21 @@ def _worst(look: Look, sign: float, tolerance_mm: float) -> tuple[float, float, 
         if k >= FEWEST and best[0] - before[0] < SETTLED_MM:
             break
     return best
+
+
+def _in_corners(look: Look) -> tuple[float, float, float]:
+    """The deepest overcut (mm) beside a pivot, its u and v: too narrow for the points of the grid.
+
+    In a concave corner the cutter stands deepest in either surface as far from the joint as its tip turns.
+    """
+    sweep = look.sweep
+    turns = [np.linalg.norm(one.tips[-1] - one.tips[0]) for one in sweep.passes if one.name == "pivot"]
+    away = np.array(turns) / look.nominal.size[0]
+    away = away[away < 1.0]
+    if not len(away):
+        return 0.0, 0.0, 0.0
+    u, v = (m.ravel() for m in np.meshgrid(np.append(away, 1.0 - away), np.linspace(0.0, 1.0, POINTS)))
+    return _measured(look, u, v, np.zeros(len(u)), -1.0)
 
 
 def _zoomed(look: Look, u: Array, v: Array, half: Array, sign: float) -> tuple[Array, Array, Array]:

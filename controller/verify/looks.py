@@ -11,7 +11,8 @@ taken for what it is, the twist:
 
 ``onward_mm`` is what going straight on from the very ends would take, computed for the poses as
 they are and as they turn. Within a radius of the last ruling (of the surface, for another cut) twist and that
-are no gouge; they are told where they exceed the twist of the cut.
+are no gouge, nor what the joint tolerance lets cuts take off each other in a concave corner; they are told
+where they exceed the twist of the cut.
 """
 
 from __future__ import annotations
@@ -35,6 +36,7 @@ from controller.verify.sweep import Pass, Sweep
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
+AT_JOINTS = ("cut", "pivot")  # motions that a concave corner within the joint tolerance is cut by
 MIN_MM = 1e-3  # depths below are no gouge
 SPACING_MM = 0.5  # of the grid, about; with a thin cutter half of its radius
 ALONG, ACROSS = (9, 129), (5, 33)  # fewest and most points of the grid
@@ -192,10 +194,13 @@ class Look:
     def _top_mm(self) -> float:
         return self._cutter.top_mm
 
+    @property
+    def sweep(self) -> Sweep:
+        """All that its own tool does near this surface."""
+        return self._sweeps.get(self.nominal.tool) or Sweep([], 0.0)
+
     def _passes(self, keep: Callable[[Pass], bool]) -> Sweep:
-        sweep = self._sweeps.get(self.nominal.tool)
-        if sweep is None:
-            return Sweep([], 0.0)
+        sweep = self.sweep
         return sweep.only(i for i, one in enumerate(sweep.passes) if keep(one))
 
     def _is_own(self, one: Pass) -> bool:
@@ -251,6 +256,8 @@ class Look:
         both = (self, *cuts)
         twist = max(one.twist_mm for one in both)
         most = max(twist, *(one.onward_mm for one in both)) if near.any() else 0.0
+        if by.name in AT_JOINTS:
+            most = max(most, min(one.nominal.joint_tolerance_mm for one in both))
         gouged = np.where(more & (~near | (depth > most + self._harmless_mm)), depth, 0.0)
         if gouged.any():
             yield Hurt("other motion", gouged, by)

@@ -31,6 +31,7 @@ class Nominal:
     motion: int = -1  # which stretch of the path cuts it
     allowance_mm: float = 0.0  # what is to stay on it
     tolerance_mm: float | None = None  # of its form; None: none is asked for
+    joint_tolerance_mm: float = 0.0  # what a neighbour may take off it, where they meet in a corner
 
     def points(self, u: Array, v: Array) -> Array:
         """S(u, v) in the table frame, (N, 3) mm, for u and v (N,)."""

@@ -18,6 +18,7 @@ from controller.machine.model import Machine, Tool
 from controller.motion.motions import SurfaceCut
 from controller.plan.rotaries.branch import joints_along
 from controller.plan.stretch import Stretch
+from controller.plan.surfaces.blending import allowed_by
 from controller.plan.surfaces.cuts import tolerance_mm
 from controller.program.program import Block
 from controller.values import dataclass
@@ -41,18 +42,19 @@ class Fitted:
 
     orders: tuple[int, ...]  # rising; the tool holds from there on
     tools: tuple[Tool, ...]
-    forms: tuple[tuple[float, float | None], ...]  # with it: allowance and form tolerance, mm
+    forms: tuple[tuple[float, float | None, float], ...]  # allowance, tolerances of form and joints, mm
 
     @classmethod
     def of(cls, blocks: Iterable[Block], machine: Machine) -> Fitted:
         """Of a program's blocks; T1 is in the spindle before them. Lines come in their order."""
         first = machine.tool(1) or machine.tools[0].worn
-        orders, tools, forms = [0], [first], [(0.0, machine.tolerance_mm)]
+        orders, tools, forms = [0], [first], [(0.0, machine.tolerance_mm, machine.joint_tolerance_mm)]
         for block in blocks:
             tool = block.modal.tool_in(machine)
             if tool is None:
                 continue
-            form = block.modal.allowance_mm, tolerance_mm(block.modal, tool, machine)
+            joint_mm = allowed_by(block.modal, machine).mm
+            form = block.modal.allowance_mm, tolerance_mm(block.modal, tool, machine), joint_mm
             if (tool, form) != (tools[-1], forms[-1]):
                 orders.append(block.place.order)
                 tools.append(tool)
@@ -62,8 +64,8 @@ class Fitted:
     def at(self, order: int) -> Tool:
         return self.tools[self._index(order)]
 
-    def form(self, order: int) -> tuple[float, float | None]:
-        """Allowance and form tolerance (mm; None: none) of a surface there."""
+    def form(self, order: int) -> tuple[float, float | None, float]:
+        """Allowance, form tolerance (None: none) and joint tolerance of a surface there, mm."""
         return self.forms[self._index(order)]
 
     def _index(self, order: int) -> int:

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 from support.machines import random_operators
-from support.machines.stepped_runs import Cut, cut, shipped
+from support.machines.stepped_runs import SHIPPED, Cut, cut, shipped
 from support.oracles import tool_paths
 from support.oracles.trace_limits import assert_in_limits
 from support.parts import cam_programs
@@ -106,6 +106,29 @@ def test_rows_with_links_and_noise_stay_within_p(vectors: bool, link: str, p: fl
     feed = np.median(found.feed_mm_s) * 60.0
     print(f"off {found.off_mm:.5f}, missed {found.missed_mm:.5f}, median feed {feed:.0f}")
     assert found.off_mm <= p + ROUNDING and found.missed_mm <= p + ROUNDING
+
+
+@pytest.mark.parametrize("vectors", [False, True])
+@pytest.mark.parametrize("decimals", [3, 4])
+def test_dense_lines_that_no_path_word_stands_before_run_within_the_machines_tolerance(
+    vectors: bool, decimals: int
+) -> None:
+    made = cam_programs.bowl(2, 6.0, 1.0, step_mm=0.02)
+    source, cloud = cam_programs.text(made, 1000.0, vectors, "", decimals=decimals)
+    found = follow(source, cloud)
+    assert found.off_mm <= found.done.machine.joint_tolerance_mm + ROUNDING
+    assert np.median(found.feed_mm_s) > 0.5 * 1000.0 / 60.0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", SHIPPED)
+@pytest.mark.parametrize("seed", range(2))
+def test_dense_lines_of_a_rough_part_keep_limits_and_tolerance_on_every_machine(name: str, seed: int) -> None:
+    step = (0.004, 0.03)[seed]
+    made = cam_programs.bowl(2, 200.0 * step, 20.0 * step, step_mm=step).noisy(0.001, seed)
+    source, cloud = cam_programs.text(made, 2000.0, True, "", decimals=3)
+    found = follow(source, cloud, shipped(name))
+    assert found.off_mm <= found.done.machine.joint_tolerance_mm + ROUNDING
 
 
 @pytest.mark.slow

@@ -30,6 +30,7 @@ P_MM = 0.01
 LINES = {
     "lines of 0.1 mm, G64 P0.01": (0.1, f"G21 G90 G64 P{P_MM}"),
     "lines of 0.02 mm, G64 P0.01": (0.02, f"G21 G90 G64 P{P_MM}"),
+    "lines of 0.02 mm, no path word": (0.02, "G21 G90"),
     "lines of 0.02 mm, G61": (0.02, "G21 G90 G61"),
 }
 EVERY = 20  # of the motions is held against the lines

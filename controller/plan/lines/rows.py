@@ -1,10 +1,11 @@
-"""Rows of lines and arcs under G64 P as smooth splines: from blocks to chains, some thousand lines at a time.
+"""Rows of lines and arcs as smooth splines: from blocks to chains, some thousand lines at a time.
 
     lines -> corners: tip (table frame) and rotaries, more where the great circle asks for it
           -> ``fit`` -> spans -> motions of ``SPANS`` spans each
 
-A row is at rest at both ends and wherever ``fit`` finds no blend, where the tip stands while
-the axis turns by more than ``STANDING_DEG``, and where a rotary must turn at the pole.
+A row is what stands under one G64 P, or lines whose corners are not meant (``meant``), within the machine's
+tolerance of joints. It is at rest at both ends and wherever ``fit`` finds no blend, where the tip stands
+while the axis turns by more than ``STANDING_DEG``, and where a rotary must turn at the pole.
 """
 
 from __future__ import annotations
@@ -66,6 +67,11 @@ def _key(modal: Modal) -> tuple[object, ...]:
     return *where, modal.length_mm, modal.blend_mm, modal.blend_deg, modal.outputs, modal.overrides
 
 
+def alike(a: Modal, b: Modal) -> bool:
+    """Whether lines under both may stand in one row."""
+    return a is b or _key(a) == _key(b)
+
+
 class LineRow:
     """Collects the blocks of one row; ``chains`` gives what can be given of it."""
 
@@ -74,6 +80,7 @@ class LineRow:
     ) -> None:
         self._machine, self._kinematics, self._voice = machine, kinematics, voice
         self._modal = block.modal
+        self._tip_mm = block.modal.blend_mm or machine.joint_tolerance_mm
         self._tips = block.modal.tip is not Tip.OFF
         self._vectors = block.modal.tip is Tip.VECTORS
         degrees = block.modal.blend_deg or BLEND_DEG
@@ -105,7 +112,7 @@ class LineRow:
         return self._stand
 
     def takes(self, block: Feed) -> bool:
-        return block.modal is self._modal or _key(block.modal) == _key(self._modal)
+        return alike(block.modal, self._modal)
 
     def add(self, block: Feed) -> None:
         self._blocks.append(block)
@@ -196,7 +203,7 @@ class LineRow:
             spin = self._kinematics.work if self._tips else None
             share = 1.0 - CIRCLE_SHARE if self._tips else 1.0
             chords = 0.0 if self._tips else CHORD_SHARE
-            tolerance = Tolerance((1.0 - chords) * self._modal.blend_mm, share * self._axis_rad, spin)
+            tolerance = Tolerance((1.0 - chords) * self._tip_mm, share * self._axis_rad, spin)
             self._row = Row(tolerance, line.between(0, 0))
         self._row.extend(line)
         self._s = float(line.s[-1])

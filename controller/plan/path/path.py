@@ -20,7 +20,7 @@ from controller.machine.kinematics import Kinematics
 from controller.machine.model import Joints, Machine
 from controller.messages import Said, said
 from controller.motion.motions import JointMove, Rotaries, SurfaceCut, ToolLine
-from controller.plan.lines import lines, moves, rows, spline_moves
+from controller.plan.lines import lines, meant, moves, rows, spline_moves
 from controller.plan.lines.corners import Feed
 from controller.plan.lines.lines import Stand
 from controller.plan.lines.rows import LineRow
@@ -129,7 +129,8 @@ class Tracer:
         self._items: list[Chain | Pause] = []  # not given away yet
         self._ahead = Ahead(iter(()))
         self.notes: list[Note] = []
-        self._row: LineRow | None = None  # of lines and arcs under G64 P
+        self._row: LineRow | None = None  # of lines and arcs under G64 P, or of lines that run on
+        self._waiting = meant.Waiting(machine, kinematics)
         self._stand: Stand | None = None  # of the tool after the last block of G43.4 or G43.5
         self._run: list[Stretch] = []  # feed moves that still run through
         self._blends_noted = False
@@ -146,16 +147,22 @@ class Tracer:
     def _sound_items(self, blocks: Iterable[Block]) -> Iterator[Chain | Pause]:
         try:
             yield from self._items_of(blocks)
-        except ProgramError:
+        except ProgramError as error:
+            first = error
+            try:
+                self._lay_waiting(True)
+            except ProgramError as before:
+                first = before
             self._leave()
             self._rest()
             yield from self._made()
-            raise
+            raise first from None
 
     def _items_of(self, blocks: Iterable[Block]) -> Iterator[Chain | Pause]:
         self._ahead = Ahead(self._heard(blocks))
         for is_cut, group in itertools.groupby(self._ahead, lambda b: isinstance(b, CutBlock)):
             if is_cut:
+                self._lay_waiting(True)
                 self._surfaces(block for block in group if isinstance(block, CutBlock))
                 yield from self._made()
                 continue
@@ -165,6 +172,7 @@ class Tracer:
                     yield from self._made()
                 if isinstance(block, JointLine | TipLine) and block.probe and block.probe.came:
                     self.now = block.probe.came.rest
+        self._lay_waiting(True)
         self._end_row()
         self._rest()
         yield from self._made()
@@ -189,6 +197,10 @@ class Tracer:
         if isinstance(block, Remark):
             self._note(block.place, block.said)
             return
+        if meant.may_run_on(block, self._machine):
+            self._wait(block)
+            return
+        self._lay_waiting(True)
         if isinstance(block, JointLine | TipLine) and block.probe is not None:
             self._end_row()
             self._probe(block, block.probe)
@@ -204,11 +216,15 @@ class Tracer:
         elif isinstance(block, Action):
             modal = block.modal if block.outputs is None else replace(block.modal, outputs=block.outputs)
             self._pause(Pause(block.place, modal, act=block.act, changing=block.changing))
-        elif isinstance(block, TipLine):
+        elif isinstance(block, TipLine | JointMotion):
             self._note_blend(block)
+            self._alone(block)
+
+    def _alone(self, block: TipLine | JointMotion) -> None:
+        """G0 to G5.2 as it stands there."""
+        if isinstance(block, TipLine):
             self._tool(block)
-        elif isinstance(block, JointMotion):
-            self._note_blend(block)
+        else:
             self._exact(block)
 
     def _exact(self, block: JointMotion) -> None:
@@ -228,10 +244,7 @@ class Tracer:
         """A line between two pauses: armed at rest, and at rest until it is known what came of it."""
         self._pause(Pause(block.place, block.modal, act=Act.PROBE, probe=probe))
         made = len(self._items)
-        if isinstance(block, TipLine):
-            self._tool(block)
-        else:
-            self._exact(block)
+        self._alone(block)
         self._rest()
         ways = [one for one in self._items[made:] if isinstance(one, Chain)]
         if not ways:
@@ -270,6 +283,36 @@ class Tracer:
                 self._rest()
         self._stand = replace(stand, joints=self.now)
 
+    def _wait(self, block: meant.Line) -> None:
+        """A line of which is not known yet whether it is run on from."""
+        self._note_blend(block)
+        if not self._waiting.takes(block):
+            self._lay_waiting(True)
+        if self._waiting.modal is None:
+            self._end_row()
+        if self._waiting.add(block):
+            self._lay_waiting(False)
+
+    def _lay_waiting(self, final: bool) -> None:
+        """The lines that wait, exact or as rows; not ``final``: those of which it is known."""
+        modal = self._waiting.modal
+        if modal is None:
+            return
+        try:
+            for run in self._waiting.runs(self._standing(modal.length_mm), final):
+                if run.blended:
+                    self._note_corners(run.blocks[0].place, "note.runs_on")
+                for block in run.blocks:
+                    if run.blended:
+                        self._blended(block)
+                    else:
+                        self._alone(block)
+                if not run.goes_on:
+                    self._end_row()
+        except ProgramError:
+            self._waiting.forget()
+            raise
+
     def _blended(self, block: Feed) -> None:
         """A line or an arc that joins the row under G64 P, or begins one."""
         if self._row is not None and not self._row.takes(block):
@@ -296,10 +339,8 @@ class Tracer:
 
     def _ended(self, row: LineRow, only: Feed | None, chains: Sequence[Chain]) -> None:
         """A row that ends at rest; one that is but a single block, ``only``, stays exact."""
-        if isinstance(only, TipLine):
-            self._tool(only)
-        elif only is not None:
-            self._exact(only)
+        if only is not None:
+            self._alone(only)
         else:
             self._rest()
             self._items += chains
@@ -456,9 +497,15 @@ class Tracer:
         self.notes.append(Note(place, told))
 
     def _note_blend(self, block: Feed | JointCurve) -> None:
-        if not block.modal.exact and block.feed_mm_s is not None and not self._blends_noted:
+        if not block.modal.exact and block.feed_mm_s is not None:
+            self._note_corners(block.place, "note.exact")
+
+    def _note_corners(self, place: Place, key: str) -> None:
+        """Which corners of lines are not exact, once."""
+        if not self._blends_noted:
             self._blends_noted = True
-            self._note(block.place, said("note.exact"))
+            mm, degrees = self._machine.joint_tolerance_mm, self._machine.joint_tolerance_deg
+            self._note(place, said(key, mm=mm, degrees=degrees))
 
     def _pause(self, pause: Pause) -> None:
         self._rest()

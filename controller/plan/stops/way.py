@@ -210,9 +210,9 @@ def _rooms(course: Course, places: Array, s: Array, v: Array) -> tuple[Array, Ar
     room = np.tile(np.array(rapid)[course.index(places)], (3, 1))
     before, ahead = room.copy(), np.full(len(places), -np.inf)
     inner = course.starts[1:-1]
-    for k in np.flatnonzero((inner >= s[0]) & (inner <= s[-1])):
+    for k in np.flatnonzero((inner >= s[0]) & (inner <= s[-1])).tolist():
         speed = float(np.interp(inner[k], s, v))
-        taken = JUMP_SHARE * min(1.0, speed / max(course.junctions[k], TINY))
+        taken = JUMP_SHARE * min(1.0, speed / max(course.junction(k), TINY))
         near = np.abs(places - inner[k]) <= NEAR_TICKS * speed * period
         behind = near & (places >= inner[k])
         ahead[near & ~behind] = inner[k]

@@ -71,6 +71,7 @@ class Joint(NamedTuple):
     deviates_mm: float
     slowed: passing.Slowest | None
     shortened: bool  # by the tolerance
+    axis_too: bool  # or, beside a pole, the tip alone
 
 
 def tolerance(before: Cut, after: Cut, machine: Machine) -> Tolerance:
@@ -116,6 +117,7 @@ def joined(
         hollow + found.pair.deviates_mm,
         found.slowed,
         found.shortened,
+        found.pair.axis_too,
     )
 
 
@@ -153,7 +155,7 @@ class _Fastest:
         while (one := self._passed(reach)) is not None:
             if best is None or one.share > best.share:
                 best = one
-            if one.slowed is None or one.shortened or reach >= most:
+            if one.slowed is None or one.shortened or reach >= most or not one.pair.axis_too:
                 break
             reach = min(LONGER * reach, most)
         return best
@@ -223,6 +225,7 @@ class _Pair:
     after: SurfaceCut
     reach_mm: float
     deviates_mm: float
+    axis_too: bool
 
 
 class _Choice(NamedTuple):
@@ -268,7 +271,7 @@ def _shortened(
     if choice is None:
         return None
     pair = led_over(*ends, choice.reaches_mm, choice.rounding, choice.axis_too)
-    return _Pair(*pair, choice.reach_mm, choice.deviates_mm)
+    return _Pair(*pair, choice.reach_mm, choice.deviates_mm, choice.axis_too)
 
 
 def _sought(

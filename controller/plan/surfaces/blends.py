@@ -12,9 +12,10 @@ import numpy.typing as npt
 from numpy.polynomial import Polynomial
 
 from controller.geometry import series
+from controller.geometry.arrays import rows
 from controller.geometry.curves import Curve
 from controller.geometry.placement import Blend, Blended, Placed
-from controller.geometry.vectors import Vector, dot, subtract
+from controller.geometry.vectors import Vector, add, dot, rotate, subtract, unit
 from controller.motion.motions import SurfaceCut
 from controller.plan.surfaces import deviation
 from controller.values import dataclass
@@ -28,7 +29,10 @@ _ALONG, _ACROSS = np.linspace(0.0, 1.0, 17), np.linspace(0.0, 1.0, 5)
 _SIDE = np.linspace(0.0, 1.0, 41)
 EVEN = 0.97  # blends whose reaches differ by less are alike
 LEAST_RATIO = 0.02  # of the shorter reach to the longer one
-_FURTHER, _FURTHER_AT_CREASE = (np.linspace(0.0, 1.0, count)[1:] ** 2 for count in (13, 97))
+_FURTHER, _FURTHER_IN_CORNER, _FURTHER_AT_CREASE = (
+    np.linspace(0.0, 1.0, count)[1:] ** 2 for count in (13, 41, 97)
+)
+_IN_CORNER = np.linspace(0.0, 2.0, 9)  # times the angle and the radius: at 1 a flat surface is cut deepest
 
 
 class Rounding(NamedTuple):
@@ -186,6 +190,30 @@ def with_blend(motion: SurfaceCut, blend: Blend) -> SurfaceCut:
 
 
 # ---- what it costs -------------------------------------------------------------------
+
+
+@lru_cache(256)  # a check comes to every joint twice
+def overcut(before: SurfaceCut, after: SurfaceCut, angle_rad: float) -> float:
+    """How deep (mm) each of two cuts gets into the other one's surface, for the normals turn by an angle.
+
+    Beside the joint, as far as the cutter's radius, and beyond what would be taken there if the other one
+    ran on without a corner: on a twisted surface that is more than its own cut takes.
+    """
+    flanks, deepest = (placed(before), placed(after)), 0.0
+    edge, ruling = flanks[0].contact(1.0), unit(flanks[0].ruling(1.0))
+    for own, other, motion, at_end in ((*flanks, before, True), (*flanks[::-1], after, False)):
+        radius = abs(motion.offset_mm)
+        s = np.minimum(radius * np.concatenate((_IN_CORNER * abs(angle_rad), _FURTHER_IN_CORNER)), motion.end)
+        at = motion.arc.u_along(motion.end - s if at_end else s)
+        points = deviation.points(own, *(one.ravel() for one in np.meshgrid(at, _ACROSS)))
+        x, y, z = points
+        from_edge = subtract((x, y, z), edge)
+        run_on = add(edge, rotate(ruling, angle_rad if at_end else -angle_rad, from_edge))
+        smooth = np.minimum(
+            deviation.of(own, points).left, deviation.of(other, rows(run_on, points.shape[1:])).left
+        )
+        deepest = max(deepest, float((smooth - deviation.of(other, points).left).max()))
+    return deepest
 
 
 @dataclass(frozen=True, slots=True)

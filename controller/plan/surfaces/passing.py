@@ -45,14 +45,19 @@ def slowest(
 
     None where the blend costs nothing: at the feed, or as fast as the surfaces themselves allow.
     """
-    rows = _allowed(pair, reach_mm, machine, kinematics)
-    feed = pair[1].block.feed_mm_s
-    if not len(rows) or rows.min() >= TOLD * feed:
+    found = _beside(pair, reach_mm, kinematics)
+    if not found:
+        return None
+    feed, rows = pair[1].block.feed_mm_s, _allowed(found, machine)
+    at_kink = _over_kink(found, machine)
+    if at_kink.mm_s < min(TOLD * feed, float(rows.min())):
+        return at_kink._replace(share=at_kink.mm_s / feed)
+    if rows.min() >= TOLD * feed:
         return None
     speeds, most = rows.min(axis=(1, 3)), np.array(feed)
-    own = _allowed(bare, reach_mm, machine, kinematics)
-    if len(own):
-        most = np.minimum(feed, own.min(axis=(1, 3)))
+    own = _beside(bare, reach_mm, kinematics)
+    if own:
+        most = np.minimum(feed, _allowed(own, machine).min(axis=(1, 3)))
     share = speeds / most
     side, place = np.unravel_index(int(share.argmin()), share.shape)
     if share[side, place] >= TOLD:
@@ -62,9 +67,27 @@ def slowest(
     return Slowest(float(share.min()), float(here.min()), machine.axes[axis].name, KINDS[kind])
 
 
-def _allowed(pair: Pair, reach_mm: float, machine: Machine, kinematics: Kinematics) -> Array:
-    """As ``_speeds`` before and behind the joint, (2, 3, N, axes); empty where nothing can be followed."""
-    return np.array([_speeds(d, machine.axes) for d in _beside(pair, reach_mm, kinematics)])
+def _allowed(found: list[Derivatives], machine: Machine) -> Array:
+    """As ``_speeds`` before and behind the joint, (2, 3, N, axes).
+
+    On the pole itself, where there are no derivatives, nothing is said.
+    """
+    rows = [_speeds(d, machine.axes) for d in found]
+    return np.nan_to_num(np.array(rows), nan=math.inf, posinf=math.inf)
+
+
+def _over_kink(found: list[Derivatives], machine: Machine) -> Slowest:
+    """Where the joints' rates jump, as they may on the pole: the step of each has to fit into one tick."""
+    most = _steps(machine)
+    jump = np.nan_to_num(np.abs(found[1].first[0] - found[0].first[0])) + 1e-30
+    kind, axis = np.unravel_index(int((most / jump).argmin()), most.shape)
+    return Slowest(1.0, float((most / jump).min()), machine.axes[axis].name, KINDS[1 + kind])
+
+
+def _steps(machine: Machine) -> Array:
+    """By how much the rate of each joint may change within a tick, by acceleration and jerk: (2, axes)."""
+    period, limits = machine.period_s, [axis.limits for axis in machine.axes]
+    return np.array([[one.acceleration * period for one in limits], [one.jerk * period**2 for one in limits]])
 
 
 def leaves_a_mark(pair: Pair, machine: Machine, kinematics: Kinematics) -> bool:
@@ -77,10 +100,9 @@ def leaves_a_mark(pair: Pair, machine: Machine, kinematics: Kinematics) -> bool:
     if not found:
         return False
     a, b = (d.first[0] for d in found)
-    limits, period, feed = [axis.limits for axis in machine.axes], machine.period_s, pair[1].block.feed_mm_s
-    step = [min(one.acceleration * period, one.jerk * period**2) for one in limits]
+    limits, feed = [axis.limits for axis in machine.axes], pair[1].block.feed_mm_s
     jerk = min(one.jerk / max(abs(p), abs(q), 1e-9) for one, p, q in zip(limits, a, b, strict=True))
-    slowed = bool((np.abs(b - a) * feed * PASSED > step).any())
+    slowed = bool((np.abs(b - a) * feed * PASSED > _steps(machine)).any())
     return slowed and 2.0 * math.sqrt(feed / jerk) > SEEN_S
 
 

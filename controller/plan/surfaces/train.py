@@ -25,7 +25,7 @@ from controller.plan.rotaries.branch import BranchLost, Field, field, joints_on
 from controller.plan.rotaries.turns import SAME_ROTARY_RAD, wrapped
 from controller.plan.rotaries.winding import Way
 from controller.plan.stretch import Stretch, Voice
-from controller.plan.surfaces import audit, blending, passing, unwind
+from controller.plan.surfaces import audit, blending, blends, passing, unwind
 from controller.plan.surfaces.cuts import SAME_RAD, Cut, apart, turn, turned, turned_axis
 from controller.program.program import ProgramError
 from controller.values import dataclass
@@ -134,6 +134,8 @@ def _slowed(joint: blending.Joint, allowed: blending.Tolerance) -> Said | str:
     along = math.degrees(joint.crease_rad)
     binds = {"feed": 60.0 * told.mm_s, "axis": told.axis, "limit": Key(f"limit.{told.limit}")}
     crease = said("join.crease", along=along) if along > CREASE_DEG else ""
+    if not joint.axis_too:
+        return said("join.slowed_at_pole", **binds)
     key = "join.slowed" if joint.shortened else "join.slowed_between_short_cuts"
     return said(key, crease=crease, mm=allowed.mm, **binds)
 
@@ -146,20 +148,27 @@ def _corner(before: Cut, after: Cut, allowed: blending.Tolerance, voice: Voice) 
     """Ends meet on one ruling, the normals differ.
 
     With the cutter on the right a turn to the left leads it round the outside of the
-    edge (convex), a turn to the right into a corner; on the left, the other way about.
+    edge (convex), a turn to the right into a corner; on the left, the other way about. In a corner the
+    cutter turns back to its next place, and gets into both surfaces: as far as the joint tolerance lets it.
     """
     angle = turned(before.end, after.start)
     radius, degrees = after.tool.radius_mm, math.degrees(abs(angle))
     if abs(angle) > TURNED_BACK_RAD:
         return Meeting.APART, said("join.turns_back")
-    overcut = radius * (1.0 - math.cos(angle))
-    if after.side * angle < 0.0 and overcut > FLAT_MM:
-        figures = {"degrees": degrees, "radius": radius, "overcut": overcut}
-        where = _where(before, after)
-        voice.refuse(after.block.place, said("join.concave", where=where, allowed=_told(allowed), **figures))
+    hollow: Said | str = ""
+    if after.side * angle < 0.0:
+        least = radius * (1.0 - math.cos(angle))
+        overcut = max(least, blends.overcut(before.motion, after.motion, angle))
+        if least > FLAT_MM and (allowed is blending.EXACT or overcut > allowed.mm):
+            figures = {"degrees": degrees, "radius": radius, "overcut": overcut}
+            where = _where(before, after)
+            told = said("join.concave", where=where, allowed=_told(allowed), **figures)
+            voice.refuse(after.block.place, told)
+        hollow = said("join.hollow", um=1000.0 * overcut) if overcut > FLAT_MM else ""
     tilt = math.degrees(apart(turned_axis(before.end, angle), after.start.axis))
     tilts = said("join.tilts", tilt=tilt) if tilt > 1e-6 else ""
-    return Meeting.PIVOT, said("join.pivots", degrees=degrees, tilts=tilts, reaches=_reached(before, after))
+    reaches = _reached(before, after)
+    return Meeting.PIVOT, said("join.pivots", degrees=degrees, tilts=tilts, reaches=reaches, hollow=hollow)
 
 
 def _reached(before: Cut, after: Cut) -> Said | str:

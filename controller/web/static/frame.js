@@ -63,7 +63,7 @@ function Program() {
   return html`<div class="program">
     <div class="program-line">
       <${Figure} class="program-name">${forms.text(job?.name)}<//>
-      <${Figure} class="dim">${job?.state ? word(`state.${job.state}`) : ""}<//>
+      <${Figure} class="program-state dim">${job?.state ? word(`state.${job.state}`) : ""}<//>
       <span class="program-left dim"><span>${word("frame.left")} </span><${Figure} class="strong">${forms.time(job?.left_s)}<//></span>
     </div>
     <${Bar} class="program-bar" share=${job?.fraction} />

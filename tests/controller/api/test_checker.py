@@ -118,8 +118,8 @@ def test_what_a_check_notes_is_told_in_the_readers_language(store: Store) -> Non
     job = {"name": "a", "program": store.programs.path(program.sha256), "lines": 3, "state": store.folder}
     (note,) = check_worker.check(job, lambda _: None)[1]["notes"]
     (english,), (german,) = (told([note], language) for language in ("en", "de"))
-    assert english["line"] == 2 and english["sentence"].startswith("G64 is run as G61")
-    assert german["sentence"].startswith("G64 ohne P läuft wie G61")
+    assert english["line"] == 2 and english["sentence"].startswith("G64 without P blends")
+    assert german["sentence"].startswith("G64 ohne P verrundet nur")
 
 
 def test_a_check_belongs_to_the_tools_and_offsets_it_was_made_with(store: Store) -> None:

@@ -150,7 +150,7 @@ def test_what_a_path_is_refused_for_is_said_in_german_too(program: str, german: 
 
 
 @pytest.mark.parametrize(
-    ("language", "words"), [("en", "G64 is run as G61"), ("de", "G64 ohne P läuft wie G61")]
+    ("language", "words"), [("en", "G64 without P blends"), ("de", "G64 ohne P verrundet nur")]
 )
 @pytest.mark.parametrize("verb", ["check", "simulate"])
 def test_notes_are_told_in_the_language_that_is_asked_for(

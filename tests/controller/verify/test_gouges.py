@@ -57,6 +57,34 @@ def test_a_check_refuses_and_tells_as_a_start_does(tmp_path: Path) -> None:
     assert found is not None and found.notes == kept.notes, "a start by the stored check tells it, too"
 
 
+def corner(degrees: float, head: str = "G64\n") -> str:
+    """Two upright walls that meet in a concave corner of so much."""
+    way = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
+    second = [(30.0 + 10.0 * k * way[0], 10.0 * k * way[1]) for k in range(4)]
+    return HEAD + head + "G41\n" + wall([(10.0 * k, 0.0) for k in range(4)]) + wall(second)
+
+
+@pytest.mark.parametrize("degrees", [1.0, 2.0, 3.0])
+def test_the_overcut_of_a_concave_corner_within_the_joint_tolerance_is_no_gouge(
+    degrees: float, tmp_path: Path
+) -> None:
+    """Told, and judged by the form tolerance, though it is a tenth of a millimetre wide."""
+    um = 3000.0 * (1.0 - math.cos(math.radians(degrees)))
+    machine = trunnion(tolerance_mm=0.05)
+    found = checked.check(checked.task(corner(degrees).encode(), "part.ngc", machine), tmp_path)[1]
+    assert not [note.sentence for note in found.notes if note.sentence.startswith("Gouge")]
+    assert any(f"up to {um:.3f} um of overcut" in note.sentence for note in found.notes)
+    worst = max(one.overcut_mm for one in found.verdicts)
+    assert 1000.0 * worst == pytest.approx(um, rel=0.01)
+    tight = trunnion(tolerance_mm=0.9e-3 * um)
+    assert "exceeds its form tolerance" in refused(corner(degrees), tight).sentence
+
+
+def test_beyond_the_joint_tolerance_it_is_refused_as_before() -> None:
+    assert "concave corner of 3.5000 degrees" in refused(corner(3.5), trunnion()).sentence
+    assert "concave corner of 1.0000 degrees" in refused(corner(1.0, "G61\n"), trunnion()).sentence
+
+
 def ruled(upper: list[tuple[float, float, float]], lower: list[tuple[float, float, float]]) -> str:
     rows = [f"X{x:.6f} Y{y:.6f} Z{z:.6f}" for x, y, z in (*upper, *lower)]
     return "\n".join([f"G52 {rows[0]} F1000.", *rows[1:], ""])

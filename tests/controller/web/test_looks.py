@@ -11,6 +11,8 @@ import pytest
 from support.live import browser
 from support.live.browser import Site
 
+from controller.machine import machine_file
+from controller.service import status
 from controller.state.modes import Fault, told
 
 pytestmark = pytest.mark.slow
@@ -62,6 +64,14 @@ OVERLAPS = """() => {
   }
   return bad;
 }"""
+# What reaches out of its part of the header, over whatever stands beside it.
+CROWDED = """() => [...document.querySelectorAll("header > *")].flatMap((part) => {
+  const end = part.getBoundingClientRect().right + 1;
+  const over = [...part.querySelectorAll("*")].filter((one) => one.getBoundingClientRect().right > end);
+  return over.map((one) => `${one.className} ${one.textContent}`);
+})"""
+WIDTHS = """() => [".program-name", ".program-left .strong"].map(
+  (one) => document.querySelector(one).getBoundingClientRect().width)"""
 # A glove on a machine's screen, a thumb on a phone.
 SMALL = """() => {
   const all = document.querySelectorAll("header button, nav button, section[data-shown] button:not(.plain)");
@@ -78,6 +88,7 @@ AGED = """() => {
   watcher.observe(document.body, { attributes: true, attributeFilter: ["data-stale"] });
 }"""
 MAX_LOOKS = 20
+LEAST_NAME_PX = 80  # of a program's name: a beginning that tells it from others
 
 PARTS = {
     "setup": (
@@ -182,6 +193,23 @@ def test_nothing_is_clipped_either_while_a_program_runs(
         page.wait_for_selector(".program-title")
         found = findings(page, f"{size}-{theme}-{language}", tmp_path)
     assert not found, "\n".join(found)
+
+
+@pytest.mark.parametrize("language", ("en", "de"))
+@pytest.mark.parametrize("size", SIZES)
+def test_a_hold_that_asks_for_a_tool_leaves_the_rest_of_the_header_readable(
+    size: str, language: str, chromium: Any, site: Site, tmp_path: Path
+) -> None:
+    job = {"name": "housing_left_2.ngc", "state": "held", "left_s": 3905.0, "fraction": 0.2}
+    site.tell(mode="HOLD", job=job, tool_change=status.tool_change(machine_file.load("trunnion"), 4))
+    with looked_at(chromium, site, size, "dark", language) as page:
+        page.wait_for_selector(".mode-more:not(:empty)")
+        page.screenshot(path=str(tmp_path / f"{size}-{language}.png"))
+        crowded = page.evaluate(CROWDED)
+        name_px, left_px = page.evaluate(WIDTHS)
+    site.tell()
+    assert not crowded, "\n".join(crowded)
+    assert name_px >= LEAST_NAME_PX and left_px > 0
 
 
 def serious(said: dict[str, Any]) -> list[str]:

@@ -203,14 +203,14 @@ def test_a_choice_from_outside_is_taken() -> None:
 
 
 def test_exact_lines_run_through_slight_corners_and_stop_at_others() -> None:
-    text = "G55 G43.4 G0 X0 Y0 Z0 A10 C0\nG1 X1 A10.1 F600\nX2 Y0.002 A10.2\nX3 Y1\n"
+    text = "G55 G61 G43.4 G0 X0 Y0 Z0 A10 C0\nG1 X1 A10.1 F600\nX2 Y0.002 A10.2\nX3 Y1\n"
     chains = [item for item in trace(text).items if isinstance(item, Chain)]
     assert [len(chain.stretches) for chain in chains] == [1, 2, 1]
 
 
 def test_an_endless_row_of_exact_lines_comes_in_parts() -> None:
     rows = "".join(f"X{0.2 * k:.4f} A{10 + 0.02 * k:.4f}\n" for k in range(1, 200))
-    traced = trace("G55 G43.4 G0 X0 Y0 Z0 A10 C0\nG1 F600\n" + rows)
+    traced = trace("G55 G61 G43.4 G0 X0 Y0 Z0 A10 C0\nG1 F600\n" + rows)
     chains = [item for item in traced.items if isinstance(item, Chain)][1:]
     assert sum(len(chain.stretches) for chain in chains) == 199
     assert [chain.runs_on for chain in chains] == [True] * (len(chains) - 1) + [False]

@@ -199,7 +199,7 @@ def test_without_p_and_under_g61_lines_stay_exact() -> None:
     for code in ("G61", "G64"):
         traced = trace(START.replace("G64 P0.02", code) + "X10\nY10\n", MILL)
         assert [type(s.motion) for s in stretches(traced)] == [JointMove, ToolLine, ToolLine]
-        assert ("G64 is run as G61" in sentences(traced)) == (code == "G64")
+        assert ("G64 without P blends" in sentences(traced)) == (code == "G64")
 
 
 def test_one_line_alone_stays_exact_under_p() -> None:
@@ -233,7 +233,7 @@ def test_lines_and_arcs_of_joints_are_blended_in_machine_positions() -> None:
     sides.append(off_bow(machine, np.array([25.0, 10.0]), 5.0, (0.0, math.pi)))
     assert np.min(sides, axis=0).max() <= 0.05
     assert np.linalg.norm(machine - np.array([25.0, 15.0]), axis=1).min() <= 0.05, "the whole arc is gone"
-    assert "G64 is run as G61" not in sentences(traced)
+    assert "G64 without P blends" not in sentences(traced)
     assert [row.motion.line_at(s) for s in (1.0, 12.0, 24.0, 35.0, row.motion.end)] == [3, 4, 5, 6, 7]  # type: ignore[union-attr]
 
 

@@ -289,9 +289,9 @@ def test_actions_and_dwells_come_at_rest_in_their_order() -> None:
     assert kinds == ["chain", 0.5, "chain", Act.END]
 
 
-def test_g64_is_run_as_g61_and_noted_once() -> None:
+def test_g64_without_p_is_noted_once() -> None:
     traced = trace("G64\nG1 X10. F600.\nX20. Y5.\n")
-    assert sentences(traced).count("G64 is run as G61") == 1
+    assert sentences(traced).count("G64 without P blends") == 1
 
 
 # ---- refusals ----------------------------------------------------------------------

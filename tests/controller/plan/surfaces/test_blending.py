@@ -17,6 +17,7 @@ from support.parts import blu_compounds
 from support.parts.random_surfaces import Pair
 
 from controller.geometry.placement import Blended
+from controller.geometry.vectors import Frame
 from controller.machine import machine_file
 from controller.machine.kinematics import Kinematics, kinematics_of
 from controller.machine.model import Machine, Tool
@@ -158,9 +159,12 @@ def test_series_samples_and_floats_of_a_blended_cut_are_one(seed: int) -> None:
 # ---- within the tolerance ------------------------------------------------------------
 
 
-def poses(stretch: Stretch, s: np.ndarray, kinematics: Kinematics) -> tuple[np.ndarray, np.ndarray]:
+def poses(
+    stretch: Stretch, s: np.ndarray, kinematics: Kinematics, part: Frame | None = None
+) -> tuple[np.ndarray, np.ndarray]:
+    """Tips and axes in the part frame, of a motion that has none in ``part``."""
     tip, axis = kinematics.forward(tuple(joints_along(stretch, s, kinematics).T), 0.0, np)
-    part = stretch.motion.part
+    part = part or stretch.motion.part
     tip, axis = part.from_parent(tip), part.turn_back(axis)
     return tuple(np.stack([np.broadcast_to(c, s.shape) for c in v], axis=1) for v in (tip, axis))
 
@@ -281,13 +285,95 @@ def test_a_corner_within_the_tolerance_is_blended_on_either_side(degrees: float,
 def test_a_corner_beyond_it_is_a_pivot_or_a_refusal_that_tells_both(degrees: float) -> None:
     built = mill(tools=(Tool(1, "end mill", 8.0, 0.0, 15.0),), lead_mm=9.0)
     assert len(named(trace(walls(degrees), built), "pivot")) == 1
-    if degrees < 0.3:  # the overcut of which is not worth a refusal
-        assert len(named(trace(walls(degrees, "G41"), built), "pivot")) == 1
-        return
-    with pytest.raises(ProgramError, match=f"concave corner of {degrees:.4f} degrees") as refused:
-        trace(walls(degrees, "G41"), built)
-    assert f"{8.0 * (1.0 - math.cos(math.radians(degrees))):.6f} mm into" in str(refused.value)
-    assert "the joint tolerance is 0.005 mm and 0.2 degrees" in str(refused.value)
+    overcut = 8.0 * (1.0 - math.cos(math.radians(degrees)))
+    for head in ("", "G61\n", "G64 P0.001\n"):
+        allowed = {"": 0.005, "G61\n": 1e-4, "G64 P0.001\n": 0.001}[head]
+        if overcut <= allowed:
+            traced = trace(head + walls(degrees, "G41"), built)
+            assert len(named(traced, "pivot")) == 1
+            told = re.findall(
+                r"concave corner, which costs either surface up to ([0-9.]+) um", sentences(traced)
+            )
+            assert told == ([f"{1000.0 * overcut:.3f}"] if overcut > 1e-4 else [])
+            continue
+        with pytest.raises(ProgramError, match=f"concave corner of {degrees:.4f} degrees") as refused:
+            trace(head + walls(degrees, "G41"), built)
+        assert f"{overcut:.6f} mm into" in str(refused.value)
+        if head.startswith("G64"):
+            assert "the joint tolerance is 0.001 mm and 0.2 degrees" in str(refused.value)
+
+
+def turned_about(axis: np.ndarray, angle_rad: float, rows: np.ndarray) -> np.ndarray:
+    """Vectors (..., 3) turned by the right hand about a unit vector."""
+    along = (rows @ axis)[..., None] * axis
+    return along + math.cos(angle_rad) * (rows - along) + math.sin(angle_rad) * np.cross(axis, rows)
+
+
+def hollow(seed: int, upper_deg: float, lower_deg: float) -> tuple[list[Pair], str]:
+    """Two twisted surfaces, turned into each other at the joint by so much above and below, and the side."""
+    before, after = blu_compounds.general(seed, 6)[:2]
+    made = [before, tuple(points.copy() for points in after)]
+    ruling = before[0][3] - before[1][3]
+    axis = ruling / np.linalg.norm(ruling)
+    for before_points, points, degrees in zip(before, made[1], (upper_deg, lower_deg), strict=True):
+        way = before_points[3] - before_points[2]
+        way *= np.linalg.norm(points[1] - points[0]) / np.linalg.norm(way)
+        points[1] = points[0] + turned_about(axis, -math.radians(degrees), way)
+    return made, "G42"
+
+
+@pytest.mark.parametrize(("seed", "radius"), [(11, 3.0), (14, 8.0), (17, 1.5)])
+@pytest.mark.parametrize("degrees", [(0.6, 0.6), (1.2, 0.5)])
+def test_the_overcut_of_a_concave_corner_is_that_of_an_envelope(
+    seed: int, radius: float, degrees: tuple[float, float]
+) -> None:
+    """Of both cuts and the turn between, against the surface's own and the other one if that ran on."""
+    pairs, side = hollow(seed, *degrees)
+    built = with_cutter(radius)
+    traced = trace(program(pairs, side), built)
+    assert len(named(traced, "pivot")) == 1, sentences(traced)
+    (um,) = re.findall(r"concave corner, which costs either surface up to ([0-9.]+) um", sentences(traced))
+    kinematics, s = kinematics_of(built), np.linspace(0.0, 1.0, 2501)
+    way = [one for item in traced.items if isinstance(item, Chain) for one in item.stretches]
+    way = [one for one in way if one.name in ("cut", "pivot")]
+    part = way[0].motion.part
+    tips, axes = (
+        np.concatenate(c)
+        for c in zip(*(poses(c, s * c.motion.end, kinematics, part) for c in way), strict=True)
+    )
+    worst, edge = 0.0, pairs[0][1][3]
+    ruling = (pairs[0][0][3] - edge) / np.linalg.norm(pairs[0][0][3] - edge)
+    for i, pair in enumerate(pairs):
+        near = np.linspace(0.0, 0.5 * radius, 101) / named(traced, "cut")[i].motion.end
+        lines = points_beside(pair, 1.0, near if i else 1.0 - near)
+        other_tips, other_axes = by_hand_poses(pairs[1 - i], radius, s)
+        back = math.radians(degrees[1]) * (-1.0 if i else 1.0)
+        run_on = edge + turned_about(ruling, back, other_tips - edge), turned_about(ruling, back, other_axes)
+        smooth = [entered(*lines, *one, radius) for one in (by_hand_poses(pair, radius, s), run_on)]
+        worst = max(worst, float((np.minimum(*smooth) - entered(*lines, tips, axes, radius)).max()))
+    assert 1e-4 < worst <= built.joint_tolerance_mm
+    assert float(um) == pytest.approx(1000.0 * worst, rel=0.05, abs=0.02)
+
+
+@pytest.mark.parametrize("hollow_mm", [12.0, 16.0, 60.0])
+def test_a_concave_corner_in_a_hollow_costs_more(hollow_mm: float) -> None:
+    """Of two cylinders: from the one's centre to the cutter on the other one, by the law of cosines."""
+    radius, a = 8.0, math.radians(0.8)
+    away = math.sqrt(radius**2 + hollow_mm**2 - 2.0 * radius * hollow_mm * math.cos(a))
+    overcut = away + radius - hollow_mm
+    assert overcut > 1.1 * radius * (1.0 - math.cos(a))
+    arc = "G51 X{:.9f} Y{:.9f} Z0. I{:.9f} J{:.9f} K0. H10. R{:.9f} D40. F100.\n".format
+    first = arc(
+        hollow_mm * math.cos(math.radians(40.0)),
+        -hollow_mm * math.sin(math.radians(40.0)),
+        0.0,
+        0.0,
+        hollow_mm,
+    )
+    centre = hollow_mm * (1.0 - math.cos(a)), -hollow_mm * math.sin(a)
+    traced = trace("G41\n" + first + arc(hollow_mm, 0.0, *centre, hollow_mm), with_cutter(radius))
+    (um,) = re.findall(r"concave corner, which costs either surface up to ([0-9.]+) um", sentences(traced))
+    assert float(um) == pytest.approx(1000.0 * overcut, rel=0.03)
 
 
 def test_g61_is_exact_and_g64_has_its_own_tolerances() -> None:
@@ -296,7 +382,7 @@ def test_g61_is_exact_and_g64_has_its_own_tolerances() -> None:
     assert len(joints_between(trace("G61\nG64\n" + walls(0.1), built))) == 1, "the machine's"
     assert len(named(trace("G64 P0.01 Q0.05\n" + walls(0.1), built), "pivot")) == 1
     wide = trace("G64 P0.02 Q2\n" + walls(1.0), built)
-    assert len(joints_between(wide)) == 1 and "G64 is run as G61" not in sentences(wide)
+    assert len(joints_between(wide)) == 1 and "G64 without P blends" not in sentences(wide)
     (um,) = re.findall(r"deviates by ([0-9.]+) um", sentences(wide))
     assert float(um) <= 20.0
     (short,) = re.findall(
@@ -421,6 +507,20 @@ def test_upright_rulings_at_a_joint_are_left_upright() -> None:
             axis = stretch.motion.pose(s).axis
             assert math.hypot(axis[0], axis[1]) < 1e-12
     assert_whole(traced, built)
+
+
+def test_a_joint_on_the_pole_tells_no_feed_that_is_none() -> None:
+    """Walls that come to the vertical and leave it otherwise: the rotary turns under a standing tool."""
+    seed = 99_501
+    surfaces = [(upper.copy(), lower) for upper, lower in blu_compounds.like_the_papers(seed)]
+    for (upper, lower), (next_upper, next_lower) in itertools.pairwise(surfaces):
+        upper[2:, :2], next_upper[:2, :2] = lower[2:, :2], next_lower[:2, :2]
+    traced = trace(program(surfaces, "G41"), with_cutter(8.0))
+    told = re.findall(
+        r"Beside the pole .* slows down to about (\w+) mm/min there \((\w+) (\w+)\)", sentences(traced)
+    )
+    assert [one[1:] for one in told] == [("C", "jerk")] * 2, "its rate jumps there"
+    assert all(0.0 < float(f) < 0.1 * FEED for f, _, _ in told)
 
 
 SHORT_BETWEEN_LONG = """G64 P0.003

@@ -1,0 +1,194 @@
+"""Lines without G64 P: which of their corners are meant, and which are but the rounding of a CAM system.
+
+What the machine file lets surfaces be apart where they meet counts for lines, too: where two of them meet
+within ``joint_tolerance_deg``, or the corner lies within ``joint_tolerance_mm`` of the way past it, they run
+through as under G64 with P that tolerance. The axis has G64's own. Every other corner is exact.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from typing import NamedTuple, TypeGuard
+
+import numpy as np
+import numpy.typing as npt
+
+from controller.geometry.arrays import columns
+from controller.geometry.vectors import Vector
+from controller.machine.kinematics import Kinematics
+from controller.machine.model import Joints, Machine
+from controller.motion.motions import Rotaries
+from controller.plan.lines import lines, moves, rows
+from controller.plan.lines.corners import Feed
+from controller.plan.lines.lines import Stand
+from controller.plan.stretch import STANDS_MM, rotaries_of, xyz_of
+from controller.program.program import Block, JointLine, Modal, Tip, TipLine
+
+Array = npt.NDArray[np.float64]
+Bools = npt.NDArray[np.bool_]
+Line = JointLine | TipLine
+
+FIRST = 2  # lines after which the corners are looked at, and twice as many each time that none is meant
+EVEN = 1e-9  # of a line's way and turn: two that go on alike run through exactly
+
+
+class Run(NamedTuple):
+    """Lines between two corners that are meant."""
+
+    blocks: list[Feed]
+    blended: bool  # they are one row; otherwise each is exact
+    goes_on: bool  # the next line is a part of the same row
+
+
+class _At(NamedTuple):
+    """Where a line begins, as far as corners ask: tip and axis in the table frame, rotaries, joints."""
+
+    tip: Vector
+    axis: Vector
+    rotaries: Rotaries
+    joints: Joints
+
+
+def may_run_on(block: Block, machine: Machine) -> TypeGuard[Line]:
+    """Whether a block is a feed line whose corners no word has said anything of."""
+    if not isinstance(block, JointLine | TipLine) or block.feed_mm_s is None or block.probe is not None:
+        return False
+    if isinstance(block, JointLine) and (block.machine_frame or block.thread is not None):
+        return False
+    modal = block.modal
+    return not modal.exact_joints and modal.blend_mm == 0.0 and machine.joint_tolerance_mm > 0.0
+
+
+class Waiting:
+    """Collects lines until it is known which of their corners are meant."""
+
+    def __init__(self, machine: Machine, kinematics: Kinematics) -> None:
+        self._machine, self._kinematics = machine, kinematics
+        self.forget()
+
+    def forget(self) -> None:
+        """None of them is wanted any more."""
+        self._blocks: list[Line] = []
+        self._look = FIRST
+        self._at: _At | None = None  # where they begin, if they go on with the row before them
+
+    @property
+    def modal(self) -> Modal | None:
+        """The state that all of them share; None: there are none."""
+        return self._blocks[0].modal if self._blocks else None
+
+    def takes(self, block: Line) -> bool:
+        if not self._blocks:
+            return True
+        first = self._blocks[0]
+        return type(block) is type(first) and rows.alike(block.modal, first.modal)
+
+    def add(self, block: Line) -> bool:
+        """Whether it is time to look at the corners."""
+        self._blocks.append(block)
+        return len(self._blocks) >= self._look
+
+    def runs(self, here: Stand, final: bool) -> list[Run]:
+        """What is certain by now, ``final``: all of it; the path has come to ``here``, or is in their row."""
+        blocks, in_row = self._blocks, self._at is not None
+        places, ats = self._places(blocks, self._at or _At(here.tip, here.axis, here.rotaries, here.joints))
+        runs_on, bends = self._corners(places)
+        firsts = [0, *(np.flatnonzero(~runs_on) + 1).tolist(), len(blocks)]
+        found: list[Run] = []
+        for low, high in itertools.pairwise(firsts):
+            ends = high < len(blocks) or final
+            if not ends and len(blocks) < rows.WINDOW:
+                break
+            blended = in_row or bool(bends[low : high - 1].any())
+            in_row = blended and not ends
+            # Whether the last one is run on from is not known yet.
+            found.append(Run(list[Feed](blocks[low : high if ends else high - 1]), blended, in_row))
+        taken = sum(len(run.blocks) for run in found)
+        if taken or final:
+            self._at = ats[taken] if in_row else None
+        self._blocks = blocks[taken:]
+        self._look = rows.WINDOW if in_row else min(max(2 * len(self._blocks), FIRST), rows.WINDOW)
+        return found
+
+    # ---- corners -----------------------------------------------------------------------
+
+    def _corners(self, places: Array) -> tuple[Bools, Bools]:
+        """Of each corner between two lines, (n - 1,): whether it is run through, whether it is one at all.
+
+        The corner is seen beside the straight way (tip and axis together) from the line's beginning
+        to the end of the next, each in shares of its tolerance.
+        """
+        machine = self._machine
+        tip = places[:, :3]
+        way = np.diff(tip, axis=0)
+        length = np.sqrt((way * way).sum(axis=1))
+        moved = (length[:-1] > STANDS_MM) & (length[1:] > STANDS_MM)
+        cross = np.cross(way[:-1], way[1:])
+        sine, cosine = np.sqrt((cross * cross).sum(axis=1)), (way[:-1] * way[1:]).sum(axis=1)
+        angle = np.arctan2(sine, cosine)
+        share = length[:-1] / np.maximum(length[:-1] + length[1:], STANDS_MM)
+        axis_rad = math.radians(rows.BLEND_DEG)
+        scale = np.array([1.0 / machine.joint_tolerance_mm] * 3 + [1.0 / axis_rad] * (places.shape[1] - 3))
+        a, b, c = (part * scale for part in (places[:-2], places[1:-1], places[2:]))
+        # The axis turns on as it did, tips seen by their angle alone ...
+        turned = (b - a - share[:, None] * (c - a))[:, 3:]
+        slight = moved & (angle <= math.radians(machine.joint_tolerance_deg))
+        slight &= (turned * turned).sum(axis=1) <= 1.0
+        # ... or all of it is near the way past the corner.
+        past = c - a
+        along = ((b - a) * past).sum(axis=1) / np.maximum((past * past).sum(axis=1), 1e-300)
+        off = b - a - np.clip(along, 0.0, 1.0)[:, None] * past
+        near = (off * off).sum(axis=1) <= 1.0
+        same = moved & (angle <= moves.TANGENT_RAD) & ((turned * turned).sum(axis=1) <= EVEN)
+        return slight | near, ~same
+
+    # ---- places ------------------------------------------------------------------------
+
+    def _places(self, blocks: list[Line], begin: _At) -> tuple[Array, list[_At]]:
+        """Tip and axis (or X Y Z and rotaries of the machine) where the lines meet, (n + 1, 6 or 5)."""
+        if isinstance(blocks[0], TipLine):
+            return self._of_tips([b for b in blocks if isinstance(b, TipLine)], begin)
+        machine, kinematics, ats = self._machine, self._kinematics, [begin]
+        for block in blocks:
+            if isinstance(block, JointLine):
+                ats.append(begin._replace(joints=moves.target(block, machine, kinematics, ats[-1].joints)))
+        rows_of = [(*xyz_of(at.joints, kinematics), *rotaries_of(at.joints, kinematics)) for at in ats]
+        return np.array(rows_of), ats
+
+    def _of_tips(self, blocks: list[TipLine], begin: _At) -> tuple[Array, list[_At]]:
+        part = blocks[0].modal.frame(self._machine)
+        here, tips, ats = part.from_parent(begin.tip), [], [begin]
+        for block in blocks:
+            here = lines.tip_of(block, here)
+            tips.append(here)
+        frame = np.array([part.x, part.y, part.z])
+        table = np.concatenate(([begin.tip], np.array(part.origin) + np.array(tips) @ frame))
+        turned = [begin.rotaries]
+        if blocks[0].modal.tip is Tip.VECTORS:
+            axes = _vectors(blocks, begin, frame)
+            turned *= len(axes)  # none that corners ask for
+        else:
+            for block in blocks:
+                turned.append(lines.rotaries_to(block, turned[-1]))
+            axes = self._axes(np.array(turned))
+        ats += [
+            _At(tuple(tip), tuple(axis), pair, begin.joints)
+            for tip, axis, pair in zip(table[1:].tolist(), axes[1:].tolist(), turned[1:], strict=True)
+        ]
+        return np.hstack([table, axes]), ats
+
+    def _axes(self, turned: Array) -> Array:
+        """Tool axes (N, 3) of rotaries (N, 2)."""
+        none = np.zeros(len(turned))
+        joints = self._kinematics.arrange((none, none, none, turned[:, 0], turned[:, 1]))
+        return columns(self._kinematics.forward(joints, 0.0, np).axis, len(turned))
+
+
+def _vectors(blocks: list[TipLine], begin: _At, frame: Array) -> Array:
+    """Tool vectors in the table frame, (n + 1, 3); a line without one keeps that before it."""
+    given = np.array([False, *(block.axis is not None for block in blocks)])
+    found = np.array([block.axis or (0.0, 0.0, 1.0) for block in blocks]) @ frame
+    found /= np.sqrt((found * found).sum(axis=1))[:, None]
+    found = np.concatenate(([begin.axis], found))
+    return np.asarray(found[np.maximum.accumulate(np.where(given, np.arange(len(given)), 0))])
