@@ -104,6 +104,7 @@ __all__ = [
     "Jog",
     "Law",
     "Outcome",
+    "OwnBoard",
     "Piece",
     "PieceInbox",
     "PieceMessage",
@@ -292,6 +293,20 @@ class SnapshotBoard:
             values = LAYOUT.unpack_from(self._memory, _COUNTER_BYTES + (count & 1) * _SLOT)
             if self._counter[0] == count:
                 return self._snapshot_of(values)
+
+
+class OwnBoard(SnapshotBoard):
+    """That of a process that reads its own snapshots (stepped clock): the values stay as they are."""
+
+    def __init__(self, axes: int = MAX_AXES) -> None:
+        super().__init__(axes=axes)
+        self._newest: Flat | None = None
+
+    def write(self, values: Flat) -> None:
+        self._newest = values
+
+    def read(self) -> Snapshot | None:
+        return None if self._newest is None else self._snapshot_of(self._newest)
 
 
 # ---- flight recorder: one row of float64 per tick

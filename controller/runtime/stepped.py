@@ -11,7 +11,7 @@ import itertools
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Final, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -19,11 +19,11 @@ import numpy.typing as npt
 from controller.ipc.handoff import (
     COLUMN,
     Outcome,
+    OwnBoard,
     PieceInbox,
     PieceOutbox,
     Recorder,
     RequestInbox,
-    SnapshotBoard,
     piece_pair,
     request_pair,
     send_arrangement,
@@ -65,6 +65,10 @@ IDLE_TICKS = 100  # at rest with nothing to do, while the planner has had many t
 DRAIN_EVERY = 4096  # ticks between two looks at the recorder
 STANDING_WORDS = (Request.HOLD, Request.RESUME, Request.STOP)
 LONGEST_WAIT = 30_000  # ticks for enabling or homing
+# Looked up every tick, and an enum's members are slow to look up.
+_RUNNING: Final = Mode.RUNNING
+_HOLD: Final = Mode.HOLD
+_FAULT: Final = Mode.FAULT
 
 Rows = npt.NDArray[np.float64]
 
@@ -166,7 +170,7 @@ class SteppedMachine:
         ports = {bus.name: self.rig.port(pdo.TICK_FILTERS, bus.name) for bus in machine.buses}
         self._group = cyclic.group(machine, ports)
         self._plan_end, tick_end = piece_pair()
-        self.board, self.recorder = SnapshotBoard(axes=len(machine.axes)), Recorder()
+        self.board, self.recorder = OwnBoard(len(machine.axes)), Recorder()
         self.clock = SteppedClock([self._advance], lateness)
         self.cycle = Cycle(
             machine,
@@ -251,7 +255,7 @@ class SteppedMachine:
 
     def tick(self) -> None:
         self._loop.tick()
-        if self._keeper is not None and (self.cycle.modes.mode is Mode.FAULT or self._keeper.saved):
+        if self._keeper is not None and (self.cycle.modes.mode is _FAULT or self._keeper.saved):
             self._kept()
         if self._observer is not None:
             self._observer.look()
@@ -392,7 +396,7 @@ class SteppedMachine:
     def stands(self, waiting: Sequence[Event]) -> bool:
         """Whether nothing moves any more, or will before a request comes."""
         modes, follow = self.cycle.modes, self.cycle.follow
-        if modes.mode is not Mode.RUNNING:
+        if modes.mode is not _RUNNING:
             # READY comes a tick after the standstill.
             return follow.at_rest and not follow.stopping and modes.mode is not Mode.STOPPING
         if not follow.at_rest or follow.stopping or self.cycle.peripherals.waiting:
@@ -405,7 +409,7 @@ class SteppedMachine:
 
     def _at_program_stop(self, events: Sequence[Event], n: int) -> bool:
         """At M0 the plan itself is at rest: a resume that is assumed costs no time."""
-        held = self.cycle.modes.mode is Mode.HOLD and not self.cycle.follow.stopping
+        held = self.cycle.modes.mode is _HOLD and not self.cycle.follow.stopping
         return held and not self._was_asked(events, n)
 
     def _between_steps(self) -> bool:

@@ -45,6 +45,15 @@ from controller.tick.status_publisher import Telling
 from controller.tick.sync_watch import SyncWatch
 
 MAX_REQUESTS: Final = 8  # taken in one tick
+# Looked up every tick, and an enum's members are slow to look up.
+_RUNNING: Final = Mode.RUNNING
+_HOLD: Final = Mode.HOLD
+_ENDING: Final = Phase.ENDING
+_NONE: Final = Fault.NONE
+_LOST: Final = Step.LOST
+_STOP: Final = Step.STOP
+_END: Final = Step.END
+_SET: Final = Step.SET
 FOLLOWING: Final = (Mode.RUNNING, Mode.HOLD, Mode.STOPPING)  # the path, with its outputs
 MOVING: Final = (Mode.RUNNING, Mode.STOPPING, Mode.JOG)
 
@@ -320,8 +329,8 @@ class Cycle:
     def _look_for_the_plan(self, standing: bool) -> None:
         """What is queued ends at rest: only there a plan that is gone is a fault."""
         mode = self.modes.mode
-        gone = mode is Mode.RUNNING and self._planner_gone()
-        lost = self.modes.plan_lost and mode in (Mode.RUNNING, Mode.HOLD)
+        gone = mode is _RUNNING and self._planner_gone()
+        lost = self.modes.plan_lost and mode in (_RUNNING, _HOLD)
         if (gone or lost) and standing and not (self.follow.pending or self.follow.stopping):
             self.modes.fail(Fault.PLANNER_GONE, -1)
 
@@ -373,7 +382,7 @@ class Cycle:
             self._jog()
             return
         modes, follow = self.modes, self.follow
-        follow.heed(modes.optional_stop, modes.single_block or modes.phase is Phase.ENDING)
+        follow.heed(modes.optional_stop, modes.single_block or modes.phase is _ENDING)
         self._waits = modes.running and self._must_wait()
         self.coupling.again = None if self.again is None else self.again.thread
         running = modes.running and not self._waits
@@ -382,13 +391,13 @@ class Cycle:
             self.peripherals.switch(follow.piece.outputs)
         fault, axis = self._judge(step, self._check)
         self.peripherals.lead_spindle()
-        if fault is not Fault.NONE:
+        if fault is not _NONE:
             self._refuse(fault, axis, step)
-        elif step is Step.STOP and modes.running:
+        elif step is _STOP and modes.running:
             modes.path_stops()
-        elif step is Step.END and modes.running:
+        elif step is _END and modes.running:
             modes.path_ends()
-        elif step is Step.SET and follow.told is not None:
+        elif step is _SET and follow.told is not None:
             self.peripherals.tell(follow.told)
             if follow.told.senses is not None:
                 self.probing.tell(follow.told.senses)
@@ -421,11 +430,11 @@ class Cycle:
 
     def _judge(self, step: Step, check: Check) -> tuple[Fault, int]:
         """Checks the step and encodes it; a setpoint that fails stays the last good one."""
-        if step is Step.LOST:
+        if step is _LOST:
             return Fault.BRANCH_LOST, -1
         last, before = self.follow.last
         fault, axis = check.judge(self.follow.joints, last, before)
-        if fault is Fault.NONE and not self._encoder.encode(self.follow.joints):
+        if fault is _NONE and not self._encoder.encode(self.follow.joints):
             return Fault.TRAVEL, -1
         return fault, axis
 

@@ -15,6 +15,7 @@ Where no stop begins, the plan is followed: to the next one, or to the queue's e
 from __future__ import annotations
 
 from enum import IntEnum
+from typing import Final
 
 from controller.geometry.vectors import ROUNDING
 from controller.ipc.handoff import Piece, PieceMessage
@@ -36,6 +37,9 @@ class Step(IntEnum):
     END = 2  # reached the end of the program
     LOST = 3  # the rotaries cannot reach the next tool axis; nothing has changed
     SET = 4  # spindle, coolant or clamps are to be as ``told`` says before motion goes on
+
+
+_MOVED: Final = Step.MOVED  # looked up every tick, and an enum's members are slow to look up
 
 
 class Follow:
@@ -289,7 +293,7 @@ class Follow:
         joints = self.coupling.stay(self.joints, self._kinematics) if self.coupling.active else self.joints
         self._take(joints, 1.0 if go else 0.0)
         self.feed = 0.0
-        return Step.MOVED
+        return _MOVED
 
     def rehearse(self) -> None:
         """Evaluates the plan where the clock is, for the caches alone: nothing of it changes."""
@@ -417,7 +421,7 @@ class Follow:
         A mark is passed only when motion is ``wanted``: a machine that is not started yet, or
         is held, finds it when it goes on.
         """
-        queue, result = self._queue, Step.MOVED
+        queue, result = self._queue, _MOVED
         while self._now < len(queue):
             entry = queue[self._now]
             if self.tau < entry.end_s - ROUNDING:
@@ -428,7 +432,7 @@ class Follow:
                 if not wanted:
                     break
                 result = self._pass_mark(entry)
-            if result is not Step.MOVED or self._now == len(queue) - 1:
+            if result is not _MOVED or self._now == len(queue) - 1:
                 break
             self._now += 1
         self._describe()

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from enum import IntEnum
+from typing import Final
 
 from controller.state.modes import ALWAYS, FAULTS, TRANSITIONS, Fault, Mode, Reaction, Request, bars
 from controller.state.stop_times import ENABLE_S, HOMING_S
@@ -53,6 +54,18 @@ PHASES = {
     Phase.HALTING: Mode.JOG,
     Phase.QUICK_STOPPED: Mode.FAULT,
 }
+
+
+# Looked up every tick, and an enum's members are slow to look up.
+_OFF: Final = Mode.OFF
+_READY: Final = Mode.READY
+_RUNNING: Final = Mode.RUNNING
+_HOMING: Final = Mode.HOMING
+_STOPPING: Final = Mode.STOPPING
+_FAULT: Final = Mode.FAULT
+_ENABLING: Final = Phase.ENABLING
+_QUICK_STOPPED: Final = Phase.QUICK_STOPPED
+_NO_DRIVE_FAULT: Final = DriveFault.NONE
 
 
 class Modes:
@@ -109,7 +122,7 @@ class Modes:
     @property
     def running(self) -> bool:
         """Whether the path clock should run."""
-        return self.mode is Mode.RUNNING
+        return self.mode is _RUNNING
 
     @property
     def takes_pieces(self) -> bool:
@@ -118,7 +131,8 @@ class Modes:
     @property
     def on_path(self) -> bool:
         """Whether the commanded joints are the plan's; otherwise they follow the actual position."""
-        return self.mode not in (Mode.OFF, Mode.HOMING) and self.phase is not Phase.QUICK_STOPPED
+        mode = self.mode
+        return mode is not _OFF and mode is not _HOMING and self.phase is not _QUICK_STOPPED
 
     def _enter(self, mode: Mode, phase: Phase = Phase.STEADY) -> None:
         self.mode, self.phase = mode, phase
@@ -334,7 +348,7 @@ class Modes:
     def watch(self, now_s: float) -> None:
         """Takes the group's fault over."""
         fault, axis = self._group.fault(now_s)
-        if fault is not DriveFault.NONE:
+        if fault is not _NO_DRIVE_FAULT:
             known = DRIVE_FAULTS[fault]
             if self.mode is not Mode.FAULT or FAULTS[known].reaction > self.reaction:
                 self.fail(known, axis)
@@ -371,18 +385,18 @@ class Modes:
     def progress(self, ticks: int, standing: bool) -> bool:
         """What follows by itself: enabled, homed, stopped. True where what is queued is void with it."""
         before = self.mode
-        if self.phase is Phase.ENABLING:
+        if self.phase is _ENABLING:
             self._watch_enabling(ticks)
-        elif self.mode is Mode.HOMING:
+        elif before is _HOMING:
             self._watch_homing(ticks)
-        elif self.mode is Mode.STOPPING and standing:
-            self._enter(Mode.READY)
-        elif self.mode is Mode.FAULT:
+        elif before is _STOPPING and standing:
+            self._enter(_READY)
+        elif before is _FAULT:
             self._watch_stop(ticks, standing)
-        elif self.mode is Mode.READY and self.fault is not Fault.NONE:
+        elif before is _READY and self.fault is not Fault.NONE:
             self.warning = self.fault  # the program ended before its block's end could be held
             self._go_on(0.0)
-        return self.mode is Mode.READY and before is not Mode.READY
+        return self.mode is _READY and before is not _READY
 
     def _watch_stop(self, ticks: int, standing: bool) -> None:
         """The way to standstill after a fault: quick stop for the rest, for what takes too long, then off."""

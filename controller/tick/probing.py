@@ -22,7 +22,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from enum import IntEnum
-from typing import Protocol
+from typing import Final, Protocol
 
 from controller.machine.model import Joints, Machine
 from controller.motion.pieces import Sensing
@@ -47,6 +47,9 @@ class Phase(IntEnum):
     ARMED = 2
     TOUCHED = 3
     ENDING = 4
+
+
+HOLDING: Final = (Phase.ARMING, Phase.TOUCHED)  # motion stands
 
 
 class Latch(Protocol):
@@ -97,7 +100,7 @@ class Probing:
     @property
     def holds(self) -> bool:
         """Whether motion must stand."""
-        return self.phase in (Phase.ARMING, Phase.TOUCHED)
+        return self.phase in HOLDING
 
     # -- what the program says
 

@@ -19,6 +19,7 @@ from controller.tick.joints import Encoder
 from controller.tick.mode import Modes
 
 _COLUMNS: Final = len(ROW)
+_FOLLOWING_ERROR: Final = Fault.FOLLOWING_ERROR  # an enum's members are slow to look up
 
 
 class Telling:
@@ -82,7 +83,7 @@ class Telling:
     def _off(self) -> float:
         """How far the axis is from its command that stopped for that reason."""
         i = self._modes.fault_axis
-        if self._modes.fault is not Fault.FOLLOWING_ERROR or i < 0:
+        if self._modes.fault is not _FOLLOWING_ERROR or i < 0:
             return 0.0
         return float(self._encoder.to_units(i, self._group.drives[i].following_error.actual))
 

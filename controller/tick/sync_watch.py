@@ -24,6 +24,7 @@ LOST_ECHOES = 3  # of the kernel's SYNC, in a row
 # SYNCs in a row that did not come: drives that hold their last setpoint have stopped meanwhile, and
 # to go on at full feed would be a step for them. Fewer are a dip that a servo smooths.
 LONG_GAP: Final = 4
+_RUNNING: Final = Mode.RUNNING  # an enum's members are slow to look up
 BLAMED_TICKS = 3  # the silence may have begun after the buses were drained
 
 
@@ -92,7 +93,7 @@ class SyncWatch:
         if lateness_s > self.late_max_s:
             self.late_max_s = lateness_s
         self.skips += skips
-        if self._modes.mode is not Mode.RUNNING:
+        if self._modes.mode is not _RUNNING:
             self._skip_level = 0.0  # what came late at rest does no harm, now or later
             return
         drained = self._skip_level - self._skip_limit * self._period_s * ticks

@@ -81,8 +81,8 @@ def wall_pump(fileno: int, slice_s: float = 0.01) -> Pump:
     return pump
 
 
-def stepped_pump(stepped: Stepped, step_s: float = 0.0002) -> Pump:
-    """Advance the stepped bus; nobody else may advance it meanwhile (no tick runs yet)."""
+def stepped_pump(stepped: Stepped, step_s: float = 0.001) -> Pump:
+    """Advance the stepped bus by about what an answer takes; nobody else may meanwhile: no tick runs yet."""
 
     def pump() -> float:
         now_s = stepped.now_s + step_s

@@ -297,10 +297,10 @@ class Drive:
 
     def set_mode(self, mode: int) -> None:
         """Mode of operation, 6060h, and wait until 6061h shows it. Raises CommissionError."""
-        if self.read(0x6061) == mode:
+        was = self.read(0x6061)
+        if was == mode:
             self.outcome.already_so += 1
             return
-        was = self.read(0x6061)
         why = f"mode {mode} is needed"
         self._download(Setting(0x6060, 0, mode, why))
         if not self._network.wait(lambda: self.read(0x6061) == mode):

@@ -133,6 +133,8 @@ class SimulatedDrive(Device):
 
     def _alive(self, now_s: float) -> None:
         """The axis has become powered or moves by itself: from now on periods pass, SYNC or not."""
+        if self.axis.powered and self.watch_s == math.inf:
+            self.watch_from(max(self._sync_s + self._patience_s, now_s + self.axis.period_s))
         if self._missed(now_s) - self._guessed > MAX_CATCH_UP or not self.waiting("period"):
             self._guessed = max(self._guessed, self._missed(now_s))
         if self.axis.needs_periods and not self.waiting("period"):
@@ -284,7 +286,9 @@ class SimulatedDrive(Device):
         axis = self.axis
         expires_s = self._sync_s + self._patience_s
         self.watch_s = max(expires_s, now_s + axis.period_s)
-        if now_s >= expires_s and axis.powered:
+        if not axis.powered:
+            self.watch_s = math.inf  # nothing can stay away that would be missed; see ``_alive``
+        elif now_s >= expires_s:
             self._live(now_s)
             if self.parameters.times_out:
                 axis.time_out(now_s)

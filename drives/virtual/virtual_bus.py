@@ -72,6 +72,7 @@ Filters = Sequence[tuple[int, int]]
 Tamper = Callable[[float, int, bytes], Sequence[float]]
 _IDENTIFIERS: Final = Struct("<I12x").iter_unpack
 _Ready = tuple[int, int, int, int, bytes]  # rank, sequence, source, id, frame
+_NOT_YET: Final = (b"", 0.0)  # carried
 _Pending = tuple[float, _Ready]  # from when on it may take part in the arbitration
 
 
@@ -134,6 +135,7 @@ class SteppedBus:
         self.tamper: Tamper | None = None
         self._bit_s = 1.0 / bit_rate if bit_rate else 0.0
         self._bits: stuffing.Counter = stuffing.worst_case if worst_stuffing else stuffing.counter()
+        self._carried: dict[int, tuple[bytes, float]] = {}  # by identifier: the last frame, and its seconds
         self._free_s = start_s  # when the wire is idle again
         self._flying: _Ready | None = None  # on the wire
         self._ready: list[_Ready] = []  # heap
@@ -252,8 +254,12 @@ class SteppedBus:
 
     def _put(self, at_s: float, ready: _Ready) -> None:
         """Among those that wait for their time; most are submitted in that order."""
-        pending = self._pending
-        pending.insert(sum(1 for other_s, _ in pending if other_s <= at_s), (at_s, ready))
+        pending, place = self._pending, 0
+        for other_s, _ in pending:
+            if other_s > at_s:
+                break
+            place += 1
+        pending.insert(place, (at_s, ready))
 
     def submit_packet(self, source: int, at_s: float, packet: bytes) -> bool:
         """Put several frames up, one behind the other; False if the queue did not take all of them."""
@@ -337,16 +343,17 @@ class SteppedBus:
                 return
         elif not ready and (not pending or pending[0][0] > until_s):
             return
-        waiting, bit_s = self._waiting, self._bit_s
-        bits_of, all_routes, errors, logs = self._bits, self._routes, self.errors, self._logs
+        waiting, carried, bits_of, bit_s = self._waiting, self._carried, self._bits, self._bit_s
+        all_routes, errors, logs = self._routes, self.errors, self._logs
         # Nobody whom a frame reaches asks what is on the wire: that is put down at the end.
         free_s, flying, busy_s, frames = self._free_s, self._flying, self.busy_s, self.frames
         start_s = free_s
+        if flying is not None:
+            _, sequence, source, can_id, frame = flying
         while True:
             if flying is not None:
                 if start_s > until_s or start_s > self.due_s:
                     break
-                _, _, source, can_id, frame = flying
                 flying = None
                 self.now_s = start_s
                 if source != self._nowhere:
@@ -377,7 +384,10 @@ class SteppedBus:
                 flying = heappop(ready)
             _, sequence, source, can_id, frame = flying
             waiting[source] -= 1
-            taken_s = bits_of(can_id, frame) * bit_s if bit_s else 0.0
+            before, taken_s = carried.get(can_id, _NOT_YET)
+            if frame != before:  # an axis at rest says the same with every SYNC
+                taken_s = bits_of(can_id, frame) * bit_s if bit_s else 0.0
+                carried[can_id] = frame, taken_s
             if self.faults is not None or errors.troubled:
                 fate = self._judged(start_s, can_id, sequence, source, frame)
                 if fate is Fate.WITHHELD:
