@@ -18,12 +18,18 @@ import threading
 from types import ModuleType
 from typing import Annotated, Any, NoReturn, TextIO
 
-import typer
-from typer.core import TyperGroup
+_COLLECTS = gc.isenabled()
+gc.disable()  # what is imported stays: thirty looks through it find nothing
 
-from controller import compiled, one_thread
-from controller.cli import declarations
-from controller.version import VERSION
+import typer  # noqa: E402
+from typer.core import TyperGroup  # noqa: E402
+
+from controller import compiled, one_thread  # noqa: E402
+from controller.cli import declarations  # noqa: E402
+from controller.version import VERSION  # noqa: E402
+
+if _COLLECTS:
+    gc.enable()
 
 # File of controller/cli: the commands that it adds, as --help lists them. It has a function of that
 # name, or a Typer called ``app`` or like the command; or ``register(app)`` where there is more to say.
