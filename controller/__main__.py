@@ -86,21 +86,19 @@ class Commands(TyperGroup):
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
         if cmd_name in COMMANDS and self.commands[cmd_name] is None:
-            self.commands.update(_loaded(COMMANDS[cmd_name]))
+            self.commands.update(_loaded(COMMANDS[cmd_name], cmd_name))
         return self.commands.get(cmd_name)
 
 
-def _loaded(file: str) -> dict[str, Any]:
-    """The commands of one file, by name."""
-    name = f"controller.cli.{file}"
+def _loaded(file: str, command: str) -> dict[str, Any]:
+    """A command of one file by its name, with others where the file registers them together."""
     with declarations.only() if declarations.asked_for() else contextlib.nullcontext():
-        module = _imported(name)
+        module = _imported(f"controller.cli.{file}")
     holder = typer.Typer()
     if hasattr(module, "register"):
         module.register(holder)
     else:
-        for name in FILES[file]:
-            _add(holder, name, module)
+        _add(holder, command, module)
     if declarations.are_listed():
         _bare(holder)
     return dict(typer.main.get_group(holder).commands)
