@@ -19,11 +19,12 @@ from controller.geometry.vectors import ROUNDING
 from controller.ipc.handoff import STILL, Awaited, Law, Piece, StopTable, dwell
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Machine
+from controller.motion.motions import ToolLine
 from controller.motion.pieces import Sensing
 from controller.plan.feed import binding, pace, profile
-from controller.plan.feed.course import REMEMBERED, Course
+from controller.plan.feed.course import FEW, REMEMBERED, Course
 from controller.plan.feed.profile import Profile, State
-from controller.plan.path.path import Pause, Stretch
+from controller.plan.path.path import Chain, Pause, Stretch
 from controller.plan.stops import table as stops
 from controller.plan.track import Track, Unit
 from controller.program.program import UNSAID, Act, Await, Level, Outputs, Probing
@@ -145,6 +146,7 @@ class Windows:
         self._machine, self._kinematics = machine, kinematics
         self._period_s = machine.period_s
         self._takes = lru_cache(REMEMBERED)(self._takes_s)
+        self._row: tuple[Chain, Orders, list[tuple[float, float]]] | None = None  # that was looked at last
 
     # --- what others ask for
 
@@ -220,7 +222,7 @@ class Windows:
         number, s, start = place.unit, place.s, 0.0
         while (unit := track.at(number)) is not None and isinstance(unit.what, Stretch):
             units.append(unit)
-            takes_s, braking_s = self._takes(unit.what, s, orders)
+            takes_s, braking_s = self._unit_takes_s(unit, unit.what, s, orders)
             takes.append(takes_s)
             seconds = pace.window_s(seconds, braking_s)
             inner = [end for end in unit.lines_end if end > s + ROUNDING] if orders.single_block else []
@@ -242,6 +244,21 @@ class Windows:
         until = max(float(until), s + least)
         last = int(np.searchsorted(ends, until))
         return _Reach(units[: last + 1], until, rests=False, marked=False)
+
+    def _unit_takes_s(self, unit: Unit, stretch: Stretch, s: float, orders: Orders) -> tuple[float, float]:
+        """As ``_takes_s``; of a line in a row of lines with all the others of its chain."""
+        chain = unit.chain
+        if (
+            chain is None
+            or s > 0.0
+            or not isinstance(stretch.motion, ToolLine)
+            or len(chain.stretches) <= FEW
+        ):
+            return self._takes(stretch, s, orders)
+        if self._row is None or self._row[0] is not chain or self._row[1] != orders:
+            course = Course(chain.stretches, self._machine, self._kinematics, *orders.scales)
+            self._row = chain, orders, pace.each_takes_s(course)
+        return self._row[2][unit.index] if stretch.scale(*orders.shares) > 0.0 else (0.0, 0.0)
 
     def _takes_s(self, stretch: Stretch, from_s: float, orders: Orders) -> tuple[float, float]:
         """Seconds from ``from_s`` to the end, and the longest that braking takes on the way."""

@@ -167,23 +167,26 @@ class Track:
             yield replace(before, last=self._ends)
 
     def _numbered(self, items: Iterable[Chain | Pause]) -> Iterator[tuple[Unit, bool]]:
-        """Units with whether they are joined to the one before without a rest by the path's own word."""
-        count, joined = 0, False
+        """Units with whether they are joined to the one before without a rest."""
+        count = 0
+        before: Stretch | None = None  # that runs on into the next chain by the path's own word
         for item in items:
             if isinstance(item, Pause):
                 yield Unit(item, _id_of(item)), False
-                joined = False
+                before = None
                 continue
             count = count if item.first_id is None else item.first_id
+            row = item.stretches if before is None else (before, *item.stretches)
+            joined = [before is not None, *[True] * (len(item.stretches) - 1)]
+            begins = len(item.stretches) - len(row)
+            for run in profile.split_at_stops(row, self._machine, self._kinematics, 1.0)[:-1]:
+                begins += len(run)
+                joined[begins] = False
             for k, stretch in enumerate(item.stretches):
                 begin = 0.0 if k else item.from_s
-                yield Unit(stretch, count, begin=begin, chain=item, index=k), joined
-                count, joined = count + 1, True
-            joined = item.runs_on
+                yield Unit(stretch, count, begin=begin, chain=item, index=k), joined[k]
+                count += 1
+            before = item.stretches[-1] if item.runs_on else None
 
     def _before(self, unit: Unit, after: Unit, joined: bool) -> Unit:
-        rests = not joined
-        if isinstance(unit.what, Stretch) and isinstance(after.what, Stretch) and joined:
-            pair = (unit.what, after.what)
-            rests = len(profile.split_at_stops(pair, self._machine, self._kinematics, 1.0)) > 1
-        return replace(unit, rests=rests, block_end=unit.last_order != after.order, last=False)
+        return replace(unit, rests=not joined, block_end=unit.last_order != after.order, last=False)

@@ -254,8 +254,12 @@ class SteppedBus:
 
     def _put(self, at_s: float, ready: _Ready) -> None:
         """Among those that wait for their time; most are submitted in that order."""
-        pending = self._pending
-        pending.insert(sum(1 for other_s, _ in pending if other_s <= at_s), (at_s, ready))
+        pending, place = self._pending, 0
+        for other_s, _ in pending:
+            if other_s > at_s:
+                break
+            place += 1
+        pending.insert(place, (at_s, ready))
 
     def submit_packet(self, source: int, at_s: float, packet: bytes) -> bool:
         """Put several frames up, one behind the other; False if the queue did not take all of them."""

@@ -11,6 +11,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from controller.geometry.arrays import within
 from controller.plan.feed import tool_limits
 from controller.plan.feed.barrier import PRICE, SOFT, Form, Limits
 from controller.plan.feed.course import MARGIN, SPREAD, Course, Index
@@ -26,6 +27,7 @@ INNER = (0.25, 0.5, 0.75)  # shares of an interval where a law is checked beside
 GAUSS = (0.5 - 0.5 / 3.0**0.5, 0.5 + 0.5 / 3.0**0.5)  # shares of an interval at which time is weighed
 NEAR_TICKS = 3.0  # a jump that is spread over ticks leaves less of the limits so long
 SMOOTH = 1e-3  # of a limit: a jump that uses no more is none
+FASTER = 1.5  # than about expected: no faster is a junction passed that follows another within ticks
 DEAR = 5.0  # price above a lowered feed, in times of what may be gained there
 
 
@@ -140,8 +142,10 @@ class Shares:
 class Bounds:
     """Limits of a grid, for one set of shares after another."""
 
-    def __init__(self, grid: Grid) -> None:
+    def __init__(self, grid: Grid, about: Array | None = None) -> None:
+        """``about``: the speed that is expected at the knots, (n + 1,); left out: any."""
         self.grid, self.spline = grid, Spline.of(grid)
+        self._about = np.full(len(grid.s), np.inf) if about is None else FASTER * about
         course, n = grid.course, len(grid.part)
         middle = 0.5 * (grid.s[1:] + grid.s[:-1])
         self.velocity, self.acceleration, self.jerk = (
@@ -156,8 +160,15 @@ class Bounds:
             self.speed = np.minimum(self.speed, MARGIN * np.array(limits))
         self._jump = np.zeros((2, *self.velocity.shape))  # of q' and q'' at the start of each interval
         self._jump_room = np.ones(self.velocity.shape)  # what the jump of acceleration there may be
-        for i in np.flatnonzero(np.diff(grid.index)):
-            self._at_junction(int(i))
+        full = self.acceleration, self.jerk
+        self.acceleration, self.jerk = full[0].copy(), full[1].copy()
+        inner = np.flatnonzero(np.diff(grid.index))
+        gaps = np.diff(grid.s[inner + 1], prepend=-np.inf, append=np.inf)
+        for i, gap in zip(inner.tolist(), np.minimum(gaps[1:], gaps[:-1]).tolist(), strict=True):
+            self._at_junction(i, gap, full)
+        # Jumps that follow each other within ticks do not add up: each has a tick of its own.
+        self.acceleration = np.maximum(self.acceleration, (1.0 - JUMP_SHARE) * full[0])
+        self.jerk = np.maximum(self.jerk, (1.0 - JUMP_SHARE) * full[1])
         self._forms()
 
     def _feeds(self) -> Array:
@@ -166,24 +177,35 @@ class Bounds:
         places = (s[:-1], 0.5 * (s[:-1] + s[1:]), s[1:])
         return np.asarray(np.min([parts.feed(at, part) for at in places], axis=0))
 
-    def _at_junction(self, i: int) -> None:
-        """The speed between intervals ``i`` and ``i`` + 1, and what a jump there leaves of the limits."""
+    def _at_junction(self, i: int, gap: float, full: tuple[Array, Array]) -> None:
+        """The speed between intervals ``i`` and ``i`` + 1, and what a jump there leaves of the limits.
+
+        Where the next junction is but a ``gap`` away that is passed within ticks, as on short lines, the
+        speed that the junction allows is often far from what is reached, and what a jump at it would
+        take from the lines around is not taken at all.
+        """
         grid, T = self.grid, self.grid.course.machine.period_s
         k = int(grid.index[i])
         low, jump = grid.course.junction(k), grid.course.jump(k)
-        self.speed[1, i] = self.speed[0, i + 1] = low
         v = min(low, float(min(self.feed[i], self.feed[i + 1])))
+        acceleration, jerk = self.acceleration[i], self.jerk[i]
+        if gap < NEAR_TICKS * T * v:
+            acceleration, jerk = (most[i] for most in full)
+            low = min(low, float(self._about[i + 1]))
+            v = min(v, low)
+        self.speed[1, i] = self.speed[0, i + 1] = low
         rate, curve = jump.rate * v, jump.curve * v * v
-        used = (rate / T + SPREAD * curve) / (T * self.jerk[i])
+        used = (rate / T + SPREAD * curve) / (T * jerk)
         if used.max() < SMOOTH:
             return
         # Signed, so that what the rate and the curve do can cancel out.
         self._jump[0, i + 1] = grid.starts.first[i + 1] - grid.ends.first[i]
         self._jump[1, i + 1] = grid.starts.second[i + 1] - grid.ends.second[i]
-        self._jump_room[i + 1] = (JUMP_SHARE * self.jerk[i] * T - rate / T) / SPREAD
-        near = np.abs(grid.s - grid.s[i + 1]) <= NEAR_TICKS * T * v
-        which = near[1:] | near[:-1]
-        self.acceleration[which] *= 1.0 - np.minimum(rate / (T * self.acceleration[i]), JUMP_SHARE)
+        self._jump_room[i + 1] = (JUMP_SHARE * jerk * T - rate / T) / SPREAD
+        here = within(grid.s, float(grid.s[i + 1]), NEAR_TICKS * T * v)
+        near = np.abs(grid.s[here] - grid.s[i + 1]) <= NEAR_TICKS * T * v
+        which = here.start + np.flatnonzero(near[1:] | near[:-1])
+        self.acceleration[which] *= 1.0 - np.minimum(rate / (T * acceleration), JUMP_SHARE)
         self.jerk[which] *= 1.0 - np.minimum(used, JUMP_SHARE)
 
     def _forms(self) -> None:

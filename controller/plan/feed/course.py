@@ -19,7 +19,7 @@ import numpy.typing as npt
 from controller.geometry.arrays import distinct
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Machine
-from controller.motion.motions import ThreadMove, ToolSpline
+from controller.motion.motions import ThreadMove, ToolLine, ToolSpline
 from controller.plan.feed.limits import JUMP_SHARE, JointLimits
 from controller.plan.stretch import Stretch
 from controller.plan.surfaces.rates import Derivatives, derivatives, kind, together
@@ -39,6 +39,7 @@ CHANGES = 3.0  # times j T^2: so fast, a speed changes by an eighteenth of itsel
 REMEMBERED = 256  # stretches: more than a window has
 THREAD_SHARE = 0.6  # of the axes' limits, along a thread; what is left follows the spindle
 THREAD_RAMP_S = 0.06  # in which the spindle's acceleration may change by all of it
+FEW = 2  # stretches, of which each is looked at alone
 APART = 1e-3  # unit of s: of marks closer than that only the boundaries of stretches count
 
 # A jump of acceleration, sampled, is spread over three ticks by the quadratic B-spline,
@@ -77,6 +78,8 @@ class Course:
         self.starts: Array = np.concatenate([[0.0], np.cumsum([s.motion.end for s in self.stretches])])
         self._junctions: dict[int, float] = {}
         self._jumps: dict[int, Jump] = {}
+        self._kinds: dict[int, object] = {}
+        self._ends: dict[int, Derivatives] = {}
 
     @property
     def length(self) -> float:
@@ -115,18 +118,27 @@ class Course:
         """The stretches that are asked for, those together whose derivatives can be taken together."""
         groups: dict[object, list[int]] = {}
         for k in distinct(index).tolist():
-            what = kind(self.stretches[k], self.kinematics)
+            what = self._kind(k)
             groups.setdefault(k if what is None else (what,), []).append(k)
         return list(groups.values())
 
     def feed(self, s: Array, index: Index | None = None) -> Array:
         """Programmed feed times override at each place (N,), in the unit of s per second; inf on rapids."""
         index = self.index(s) if index is None else index
-        found = np.empty(len(s))
-        for k in distinct(index):
+        found = self._even_feeds[index]
+        for k in distinct(index[np.isnan(found)]):
             here, stretch = index == k, self.stretches[k]
             local = np.clip(s[here] - self.starts[k], 0.0, stretch.motion.end)
             found[here] = stretch.feed_at(local) * stretch.scale(*self._scales)
+        return found
+
+    @cached_property
+    def _even_feeds(self) -> Array:
+        """Of each stretch the feed that ``feed`` tells anywhere on it; nan where it is not one."""
+        found = np.full(len(self.stretches), math.nan)
+        for k, stretch in enumerate(self.stretches):
+            if isinstance(stretch.motion, ToolLine) and not stretch.feed_steps and not stretch.turning:
+                found[k] = stretch.feed_at(np.zeros(1))[0] * stretch.scale(*self._scales)
         return found
 
     @cached_property
@@ -195,10 +207,36 @@ class Course:
             self._junctions[k] = float(min(both.min(), (RATE_SHARE / (rate + 1e-30)).min()))
         return self._junctions[k]
 
+    def at_ends(self, k: int) -> Derivatives:
+        """At the beginning and the end of stretch ``k``; of lines, of which there are many, all at once."""
+        if k not in self._ends:
+            in_row = isinstance(self.stretches[k].motion, ToolLine) and len(self.stretches) > FEW
+            if in_row and self._kind(k) is not None:
+                self._ends |= self._line_ends(k)
+            else:
+                self._ends[k] = _at_ends(self.stretches[k], self.kinematics)
+        return self._ends[k]
+
+    def _line_ends(self, k: int) -> dict[int, Derivatives]:
+        """Of all lines of the same kind as ``k``."""
+        alike = [n for n in range(len(self.stretches)) if self._kind(n) == self._kind(k)]
+        lines = [self.stretches[n] for n in alike]
+        ends = np.array([[0.0, line.motion.end] for line in lines]).ravel()
+        d = together(lines, ends, np.repeat(np.arange(len(lines)), 2), self.kinematics)
+        return {
+            n: Derivatives(*(order[2 * i : 2 * i + 2] for order in (d.first, d.second, d.third)))
+            for i, n in enumerate(alike)
+        }
+
+    def _kind(self, k: int) -> object:
+        if k not in self._kinds:
+            self._kinds[k] = kind(self.stretches[k], self.kinematics)
+        return self._kinds[k]
+
     def jump(self, k: int) -> Jump:
         """What jumps between stretch ``k`` and the next."""
         if k not in self._jumps:
-            left, right = (_at_ends(one, self.kinematics) for one in self.stretches[k : k + 2])
+            left, right = self.at_ends(k), self.at_ends(k + 1)
             self._jumps[k] = Jump(
                 np.abs(right.first[0] - left.first[1]), np.abs(right.second[0] - left.second[1])
             )
@@ -232,7 +270,7 @@ def least_passed(course: Course, k: int) -> float:
     """
     jerks = []
     for side, end in ((k, 1), (k + 1, 0)):
-        rate = np.abs(_at_ends(course.stretches[side], course.kinematics).first[end]) + 1e-30
+        rate = np.abs(course.at_ends(side).first[end]) + 1e-30
         jerks.append(float((course.limits[side].jerk / rate).min()))
     return CHANGES * min(jerks) * course.machine.period_s**2
 
@@ -247,7 +285,7 @@ def unhindered(course: Course, k: int) -> float:
     lengths = np.diff(course.starts)[k : k + 2]
     found = float(course.feed(at, sides).min())
     for i, side in enumerate(sides):
-        limit, d, end = course.limits[side], _at_ends(course.stretches[side], course.kinematics), 1 - i
+        limit, d, end = course.limits[side], course.at_ends(side), 1 - i
         here = Derivatives(*(q[end : end + 1] for q in (d.first, d.second, d.third)))
         acceleration = float((limit.acceleration / (np.abs(here.first) + 1e-30)).min())
         jerk = float(limit.path_jerk(here)[0])

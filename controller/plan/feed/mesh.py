@@ -16,7 +16,7 @@ import numpy.typing as npt
 from controller.geometry import arc_length
 from controller.geometry.arrays import distinct
 from controller.geometry.curves import Arc, Even
-from controller.motion.motions import JointMove, SurfaceCut
+from controller.motion.motions import JointMove, SurfaceCut, ToolLine
 from controller.plan.feed import tool_limits
 from controller.plan.feed.course import Course, Index
 from controller.plan.feed.limits import JointLimits, ramp_length
@@ -30,6 +30,8 @@ Array = npt.NDArray[np.float64]
 SPACING = 0.1  # of samples on anything but lines and arcs, mm
 SAMPLES = (60, 4000)  # on one stretch, at least and at most
 NEAR_ENDS = 24  # samples on a ramp
+SHORT_MM = 0.25  # lines no longer than this have ...
+SHORT_SAMPLES, SHORT_NEAR_ENDS = 4, 2  # ... so many samples, and on a ramp so many
 ROUGH = 1.2  # neighbouring samples may differ by this factor in what they allow ...
 FINEST_S = 5e-4  # ... unless they are this close in time
 HEADROOM = 1.15  # the limits allow so much more than the feed: it holds the speed alone
@@ -106,6 +108,8 @@ def _even(stretch: Stretch, start: float, low: float, high: float) -> Array:
     if isinstance(motion, JointMove) and not isinstance(motion.curve, Even):
         turn = motion.curve.sweep_rad if isinstance(motion.curve, Arc) else 0.0
         count = 5 + math.ceil(16.0 * abs(turn) * (high - low) / motion.end)
+    elif _is_short(stretch):
+        count = SHORT_SAMPLES
     else:
         share = (high - low) / motion.end
         count = 2 + int(min(max((high - low) / SPACING, SAMPLES[0] * share), SAMPLES[1]))
@@ -114,6 +118,11 @@ def _even(stretch: Stretch, start: float, low: float, high: float) -> Array:
         return even
     near = start + arc_length.s_at(motion.arc, beside_pole(motion))
     return distinct(np.concatenate((even, near[(near > low) & (near < high)])))
+
+
+def _is_short(stretch: Stretch) -> bool:
+    """Whether it is one of the many lines of a row: its ends say nearly all of it."""
+    return isinstance(stretch.motion, ToolLine) and stretch.motion.end <= SHORT_MM
 
 
 def _sampled(parts: Parts, s: Array, part: Index) -> Samples:
@@ -148,7 +157,8 @@ def _columns(found: Samples) -> tuple[Array, Index, Array, Array, Array, Array]:
 
 def _near_ends(parts: Parts, found: Samples) -> Samples:
     """Samples that gather as t^3 at both ends of every part, where a law may begin or end at rest."""
-    cubes = (np.arange(1, NEAR_ENDS + 1) / NEAR_ENDS) ** 3
+    cubes, few = ((np.arange(1, n + 1) / n) ** 3 for n in (NEAR_ENDS, SHORT_NEAR_ENDS))
+    short = [_is_short(parts.course.stretches[k]) for k in parts.index.tolist()]
     places, part = [], []
     firsts = np.searchsorted(found.part, np.arange(len(parts.index) + 1))
     outer = np.append(np.append(True, np.diff(parts.index) != 0), True)
@@ -158,8 +168,9 @@ def _near_ends(parts: Parts, found: Samples) -> Samples:
         for at, sign, end in ((firsts[n], 1.0, low), (firsts[n + 1] - 1, -1.0, high)):
             speed = min(found.allowed[at], found.feed[at])
             reach = min(2.0 * ramp_length(float(speed), float(found.jerk[at])), 0.49 * (high - low))
-            places.append(end + sign * reach * cubes)
-            part.append(np.full(NEAR_ENDS, n))
+            gathered = few if short[n] and parts.ends[0] < end < parts.ends[-1] else cubes
+            places.append(end + sign * reach * gathered)
+            part.append(np.full(len(gathered), n))
     return _with(parts, found, np.concatenate(places), np.concatenate(part))
 
 

@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
-import numpy as np
+import math
 
-from controller.plan.feed.course import Course
+import numpy as np
+import numpy.typing as npt
+
+from controller.plan.feed.course import Course, Index
 from controller.plan.feed.limits import JointLimits
 from controller.plan.feed.profile import Profile
 
-PLACES = 17  # at which a stretch is looked at
+Array = npt.NDArray[np.float64]
+
+PLACES = 17  # at which a stretch is looked at ...
+SHORT_PLACES = 4  # ... and each of a row of short ones
 BRAKINGS, LONGEST_S = 3.0, 24.0  # of a window: no less than so many times what braking takes, up to this
 TAIL_S = 1.5  # at a window's end, where it would brake: replaced by the next window ...
 TAIL_BRAKINGS = 1.25  # ... no less than so many times what braking takes there ...
@@ -28,14 +34,51 @@ def takes_s(course: Course, from_s: float) -> tuple[float, float]:
     """
     places = np.linspace(from_s, course.length, PLACES)
     places = 0.5 * (places[1:] + places[:-1])
-    d, limits = course.derivatives(places), course.limits[0]
+    speed, braking_s = _taken(course, places, np.zeros(len(places), dtype=np.intp))
+    return float(np.sum((course.length - from_s) / len(places) / speed)), float(braking_s.max())
+
+
+def each_takes_s(course: Course) -> list[tuple[float, float]]:
+    """The same of each stretch of a row of short ones, which runs no faster than its corners let it.
+
+    So short lines are often run far below the feed: there is no way to gain speed between two corners.
+    """
+    lengths = np.diff(course.starts)
+    shares = (np.arange(SHORT_PLACES) + 0.5) / SHORT_PLACES
+    index = np.repeat(np.arange(len(lengths)), SHORT_PLACES)
+    places = (course.starts[:-1, None] + lengths[:, None] * shares).ravel()
+    speed, braking_s = (row.reshape(-1, SHORT_PLACES) for row in _taken(course, places, index))
+    passed = _passed(course)
+    between = np.maximum(passed[1:], passed[:-1])
+    seconds = np.maximum((lengths[:, None] / SHORT_PLACES / speed).sum(axis=1), lengths / between)
+    return list(zip(seconds.tolist(), braking_s.max(axis=1).tolist(), strict=True))
+
+
+def _taken(course: Course, places: Array, index: Index) -> tuple[Array, Array]:
+    """Speed, and seconds in which it is braked, at places of the stretches ``index``."""
+    d = course.derivatives(places, index)
+    limits = JointLimits(
+        *(course.limit(places, which, index) for which in ("velocity", "acceleration", "jerk"))
+    )
     rates = np.abs(d.first)
     with np.errstate(divide="ignore"):
         most = (limits.velocity / rates).min(axis=1)
-    speed = np.minimum(course.feed(places), most)
+    speed = np.minimum(course.feed(places, index), most)
     reached = np.minimum(speed, limits.path_speed(d))[:, None] * rates
-    seconds = float(np.sum((course.length - from_s) / len(places) / speed))
-    return seconds, float(limits.braking_s(reached).max())
+    return speed, limits.braking_s(reached).max(axis=1)
+
+
+def _passed(course: Course) -> Array:
+    """About the speed at each boundary of a row from rest, (n + 1,), as corners and jerk let it grow."""
+    found = [0.0]
+    for k, length in enumerate(np.diff(course.starts).tolist()):
+        limits, v = course.limits[k], found[-1]
+        rate = np.abs(course.at_ends(k).first).max(axis=0) + 1e-30
+        acceleration, jerk = float((limits.acceleration / rate).min()), float((limits.jerk / rate).min())
+        a = min(acceleration, math.sqrt(2.0 * jerk * v))
+        v = max(math.sqrt(v * v + 2.0 * a * length), math.cbrt(4.5 * jerk * length * length))
+        found.append(min(v, course.junction(k)) if k + 1 < len(course.stretches) else v)
+    return np.array(found)
 
 
 def seam_s(course: Course, found: Profile) -> float:

@@ -164,7 +164,8 @@ class Search:
         s, part = mesh.knots(self.samples, speed, step_s)
         if len(s) > MAX_KNOTS:
             s, part = mesh.knots(self.samples, speed, step_s * len(s) / MAX_KNOTS)
-        return Bounds(Grid.of(self.parts, s, part, self.from_rest))
+        about = np.interp(s, self.samples.s, speed)
+        return Bounds(Grid.of(self.parts, s, part, self.from_rest), about)
 
     def _coefficients(self, bounds: Bounds, speed: Array) -> Array:
         """Coefficients of about ``speed`` at the samples."""

@@ -19,6 +19,7 @@ from controller.machine.model import Joints, Machine
 from controller.messages import Key, said
 from controller.motion.motions import DEG_PER_MM, Rotaries, ToolLine
 from controller.plan.rotaries.tool_axes import AxisLost, Followed, GreatCircles, follow
+from controller.plan.rotaries.tool_paths import LITTLE_RAD
 from controller.plan.rotaries.turns import SAME_ROTARY_RAD
 from controller.plan.stretch import STANDS_MM, Stretch, Voice, joints_of, rotaries_of, straight
 from controller.program.block_look_ahead import AHEAD_LINES
@@ -27,6 +28,7 @@ from controller.values import dataclass
 
 Array = npt.NDArray[np.float64]
 
+LITTLE_COSINE = math.cos(LITTLE_RAD)
 SAME_AXIS = 1e-15  # 1 - cosine of the angle between two axes
 GREAT = "great_circle"
 
@@ -132,11 +134,24 @@ def great_circle(
         return None
     try:
         circles = circle(stand.axis, axis)
+        if _leads_there(stand, axis, rotaries, kinematics):
+            return circles
         found = follow(circles, stand.rotaries, kinematics)
     except AxisLost:
         return None
     ends = np.abs(found.rotaries[[0, -1]] - np.array([stand.rotaries, rotaries])).max()
     return circles if ends < SAME_ROTARY_RAD else None
+
+
+def _leads_there(stand: Stand, axis: Vector, rotaries: Rotaries, kinematics: Kinematics) -> bool:
+    """Whether a short turn surely leads to ``rotaries``: clear of poles and of the end of reach.
+
+    The other branch is half a turn away there.
+    """
+    turned = max(abs(a - b) for a, b in zip(rotaries, stand.rotaries, strict=True))
+    if kinematics.is_bounded or turned > LITTLE_RAD or dot(stand.axis, axis) < LITTLE_COSINE:
+        return False
+    return kinematics.is_clear_of_pole(stand.axis) and kinematics.is_clear_of_pole(axis)
 
 
 def even_line(

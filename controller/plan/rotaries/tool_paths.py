@@ -3,22 +3,26 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
 
 from controller.geometry import series as jets
 from controller.geometry.arrays import columns, distinct
-from controller.geometry.vectors import Number
+from controller.geometry.vectors import Number, Vector
 from controller.machine.kinematics import Kinematics
 from controller.motion.motions import ROW, ToolLine, ToolSpline
 from controller.plan.rotaries.tool_axes import GreatCircles, follow
 
 Array = npt.NDArray[np.float64]
+Index = npt.NDArray[np.intp]
 
 # Exact derivatives of the rotaries are 0/0 at a pole and lose digits beside it; this
 # share of a line inside they are those of the limit. Away from it they are taken at the ends themselves.
 POLE_MARGIN = 1e-4
+WITHIN_REACH = 0.2  # sine of the angle to where both branches are one
+LITTLE_RAD = 0.1  # a line turns the axis, and each rotary, by: so clear of the pole no branch is in doubt
 
 
 def joints_along_line(line: ToolLine, s: Array, kinematics: Kinematics) -> Array:
@@ -60,12 +64,59 @@ def derivatives_of_line(line: ToolLine, s: Array, kinematics: Kinematics) -> tup
     return _orders((tip[0], tip[1], tip[2], first, second), True, line.length_mm, kinematics, s)
 
 
-def _margins(line: ToolLine, kinematics: Kinematics) -> tuple[float, float]:
-    """How far inside its start and its end, as shares of a line, its derivatives are taken."""
+def kind(line: ToolLine, kinematics: Kinematics) -> object:
+    """What lines have in common whose derivatives can be taken together; None: they cannot.
+
+    Of a line that turns little, clear of the pole and of the end of reach, the branch is told by its ends.
+    """
+    if line.even:
+        return True, line.length_mm
+    turned = max(abs(a - b) for a, b in zip(line.start_rotaries, line.end_rotaries, strict=True))
+    if max(turned, line.angle_rad) > LITTLE_RAD or any(_margins(line, kinematics)):
+        return None
+    if kinematics.is_bounded:
+        ends = zip(line.axis, _end_axis(line), strict=True)
+        x, y, z = (np.array(pair) for pair in ends)
+        if np.min(kinematics.off_limit((x, y, z))) < WITHIN_REACH:
+            return None
+    return False, line.length_mm
+
+
+def _end_axis(line: ToolLine) -> Vector:
     c, w = math.cos(line.angle_rad), math.sin(line.angle_rad)
     x, y, z = (c * a + w * b for a, b in zip(line.axis, line.across, strict=True))
+    return x, y, z
+
+
+def derivatives_of_lines(
+    lines: Sequence[ToolLine], s: Array, of: Index, kinematics: Kinematics
+) -> tuple[Array, Array, Array]:
+    """As ``derivatives_of_line`` for lines of one kind: ``s`` (N,) in the lines ``of`` (N,)."""
+    ends = np.array([line.end for line in lines])[of]
+    share = s / ends
+    x = jets.Jet(np.stack([share, 1.0 / ends, 0.0 * s, 0.0 * s]))
+    tip = [t + x * w for t, w in zip(_each(lines, "tip", of), _each(lines, "way", of), strict=True)]
+    pairs = tuple(zip(_each(lines, "start_rotaries", of), _each(lines, "end_rotaries", of), strict=True))
+    first, second = (a + x * (b - a) for a, b in pairs)
+    if not lines[0].even:
+        shown = np.stack([a + share * (b - a) for a, b in pairs], axis=1)
+        angle = np.array([line.angle_rad for line in lines])[of]
+        c, w = jets.cos(x * angle), jets.sin(x * angle)
+        axis, across = _each(lines, "axis", of), _each(lines, "across", of)
+        ax, ay, az = (c * a + w * b for a, b in zip(axis, across, strict=True))
+        first, second = _nearest(kinematics.branches((ax, ay, az), jets), shown)
+    return _orders((tip[0], tip[1], tip[2], first, second), True, lines[0].length_mm, kinematics, s)
+
+
+def _each(lines: Sequence[ToolLine], name: str, of: Index) -> list[Array]:
+    """The components of a vector of each line, at the samples of the lines ``of``."""
+    return list(np.array([getattr(line, name) for line in lines]).T[:, of])
+
+
+def _margins(line: ToolLine, kinematics: Kinematics) -> tuple[float, float]:
+    """How far inside its start and its end, as shares of a line, its derivatives are taken."""
     first, last = (
-        0.0 if kinematics.is_clear_of_pole(axis) else POLE_MARGIN for axis in (line.axis, (x, y, z))
+        0.0 if kinematics.is_clear_of_pole(axis) else POLE_MARGIN for axis in (line.axis, _end_axis(line))
     )
     return first, last
 
@@ -78,7 +129,12 @@ def _rotary_jets(line: ToolLine, share: Array, x: jets.Jet, kinematics: Kinemati
     shown = _rotaries(line, share, kinematics)
     c, w = jets.cos(x * line.angle_rad), jets.sin(x * line.angle_rad)
     ax, ay, az = (c * a + w * b for a, b in zip(line.axis, line.across, strict=True))
-    one, other = kinematics.branches((ax, ay, az), jets)
+    return _nearest(kinematics.branches((ax, ay, az), jets), shown)
+
+
+def _nearest(pairs: Sequence[tuple[Number, Number]], shown: Array) -> tuple[Number, Number]:
+    """Of both branches at each place the one next to the rotaries ``shown`` (N, 2)."""
+    one, other = pairs
     away = [sum(1.0 - np.cos(q.c[0] - shown[:, i]) for i, q in enumerate(pair)) for pair in (one, other)]
     near = np.asarray(away[0] <= away[1])
     first, second = (jets.Jet(np.where(near, p.c, q.c)) for p, q in zip(one, other, strict=True))

@@ -229,6 +229,8 @@ def _gathered(curves: Sequence[Curve], of: Index) -> Curve:
 def kind(stretch: Stretch, kinematics: Kinematics) -> object:
     """What stretches have in common whose derivatives can be taken together; None: they cannot."""
     cut = stretch.motion
+    if isinstance(cut, ToolLine):
+        return tool_paths.kind(cut, kinematics)
     if not isinstance(cut, SurfaceCut) or cut.touches or cut.beside_pole:
         return None
     surface = cut.surface
@@ -253,7 +255,10 @@ def _placement(surface: Surface) -> object:
 
 
 def together(stretches: Sequence[Stretch], s: Array, of: Index, kinematics: Kinematics) -> Derivatives:
-    """As ``derivatives`` for cuts of one kind: ``s`` (N,) in the stretches ``of`` (N,)."""
+    """As ``derivatives`` for stretches of one kind: ``s`` (N,) in the stretches ``of`` (N,)."""
+    lines = [one.motion for one in stretches if isinstance(one.motion, ToolLine)]
+    if lines:
+        return Derivatives(*tool_paths.derivatives_of_lines(lines, s, of, kinematics))
     cuts = [one.motion for one in stretches if isinstance(one.motion, SurfaceCut)]
     spans = np.array([_inside(cut, kinematics) for cut in cuts])[of]
     inside, u = np.clip(s, spans[:, 0], spans[:, 1]), np.empty(len(s))
