@@ -344,7 +344,7 @@ class SteppedBus:
         elif not ready and (not pending or pending[0][0] > until_s):
             return
         waiting, carried, bits_of, bit_s = self._waiting, self._carried, self._bits, self._bit_s
-        all_routes, errors, logs = self._routes, self.errors, self._logs
+        all_routes, errors, logs, nowhere = self._routes, self.errors, self._logs, self._nowhere
         # Nobody whom a frame reaches asks what is on the wire: that is put down at the end.
         free_s, flying, busy_s, frames = self._free_s, self._flying, self.busy_s, self.frames
         start_s = free_s
@@ -356,7 +356,7 @@ class SteppedBus:
                     break
                 flying = None
                 self.now_s = start_s
-                if source != self._nowhere:
+                if source != nowhere:
                     for keep in logs:
                         keep((start_s, frame))
                 routes = all_routes[source].get(can_id)
@@ -396,7 +396,7 @@ class SteppedBus:
                 if fate is Fate.SPOILT:
                     taken_s += self._error_s
                 if isinstance(fate, Fate):
-                    source = self._nowhere
+                    source = nowhere
                 else:
                     frame = fate
                 flying = flying[0], sequence, source, can_id, frame
