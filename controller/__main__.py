@@ -18,12 +18,18 @@ import threading
 from types import ModuleType
 from typing import Annotated, Any, NoReturn, TextIO
 
-import typer
-from typer.core import TyperGroup
+_COLLECTS = gc.isenabled()
+gc.disable()  # what is imported stays: thirty looks through it find nothing
 
-from controller import compiled, one_thread
-from controller.cli import declarations
-from controller.version import VERSION
+import typer  # noqa: E402
+from typer.core import TyperGroup  # noqa: E402
+
+from controller import compiled, one_thread  # noqa: E402
+from controller.cli import declarations  # noqa: E402
+from controller.version import VERSION  # noqa: E402
+
+if _COLLECTS:
+    gc.enable()
 
 # File of controller/cli: the commands that it adds, as --help lists them. It has a function of that
 # name, or a Typer called ``app`` or like the command; or ``register(app)`` where there is more to say.
@@ -80,21 +86,19 @@ class Commands(TyperGroup):
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
         if cmd_name in COMMANDS and self.commands[cmd_name] is None:
-            self.commands.update(_loaded(COMMANDS[cmd_name]))
+            self.commands.update(_loaded(COMMANDS[cmd_name], cmd_name))
         return self.commands.get(cmd_name)
 
 
-def _loaded(file: str) -> dict[str, Any]:
-    """The commands of one file, by name."""
-    name = f"controller.cli.{file}"
+def _loaded(file: str, command: str) -> dict[str, Any]:
+    """A command of one file by its name, with others where the file registers them together."""
     with declarations.only() if declarations.asked_for() else contextlib.nullcontext():
-        module = _imported(name)
+        module = _imported(f"controller.cli.{file}")
     holder = typer.Typer()
     if hasattr(module, "register"):
         module.register(holder)
     else:
-        for name in FILES[file]:
-            _add(holder, name, module)
+        _add(holder, command, module)
     if declarations.are_listed():
         _bare(holder)
     return dict(typer.main.get_group(holder).commands)

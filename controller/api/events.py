@@ -1,6 +1,6 @@
 """Events for pages and scripts: what changes is told to every listener, as JSON texts.
 
-    {"event": "status", "data": {...}}    20 times a second, as GET /api/v1/status
+    {"event": "status", "data": {...}}    20 times a second, as GET /api/v1/status; 5 where no axis moves
     {"event": "job", "data": {...}}       another program, or another state of it; null = none
     {"event": "alarm", "data": {...}}     a fault is there; null = it was reset
     {"event": "alarms", "data": {...}}    the list of alarms changed: the newest number
@@ -16,9 +16,10 @@ from __future__ import annotations
 
 import asyncio
 import json
+import time
 from collections import deque
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -28,9 +29,12 @@ from controller.api.service_client import Watch
 from controller.api.store import Store
 
 INTERVAL_S = 0.05
-STORE_EVERY = 20  # statuses between two looks at the list of alarms
+REST_S = 0.2  # from one status to the next of a machine at rest, of which nobody has asked anything
+SPOKEN_S = 1.0  # after a request something is about to move
+STORE_EVERY_S = 1.0  # from one look at the list of alarms to the next
 MAX_WAITING = 500
 MAX_LISTENERS = 100
+RESTS = ("OFF", "READY")  # modes in which no axis moves before somebody asks for it
 TOPICS = ("status", "job", "alarm", "alarms", "control", "programs", "service")
 
 
@@ -89,6 +93,7 @@ class Events:
             listener.tell(topic, _text(topic, data, language))
         self._listeners.append(listener)
         self._wanted.set()
+        self._watch.asked.set()
         try:
             yield listener
         finally:
@@ -104,29 +109,36 @@ class Events:
 
     async def run(self) -> None:
         """Never ends."""
-        turn = 0
+        alarms_s = 0.0  # when they were looked at
         while True:
             if not self._listeners:
                 self._wanted.clear()
                 self._told.clear()
                 await self._wanted.wait()
-            await self._look()
-            if turn % STORE_EVERY == 0:
+            self._watch.asked.clear()
+            rests = await self._look()
+            if time.monotonic() - alarms_s >= STORE_EVERY_S:
+                alarms_s = time.monotonic()
                 await self._look_at_alarms()
-            turn += 1
             await asyncio.sleep(INTERVAL_S)
+            if rests and self._watch.silent_s > SPOKEN_S:
+                with suppress(TimeoutError):
+                    await asyncio.wait_for(self._watch.asked.wait(), REST_S - INTERVAL_S)
 
-    async def _look(self) -> None:
+    async def _look(self) -> bool:
+        """Whether the machine is at rest."""
         try:
             status = await self._watch.status()
         except Refusal as refusal:
             self._changed("service", {"answers": False, **refusal.said})
-            return
+            return False
         self._changed("service", {"answers": True})
         self.tell("status", status)
         self._changed("alarm", status.get("fault"))
         job = status.get("job") or {}
         self._changed("job", {key: job.get(key) for key in ("name", "sha256", "state")} if job else None)
+        under_way = (status.get("sequence") or {}).get("state") == "running"
+        return bool(status.get("at_rest")) and status.get("mode") in RESTS and not under_way
 
     async def _look_at_alarms(self) -> None:
         newest = await asyncio.to_thread(self._store.alarms.list, 1)

@@ -118,6 +118,7 @@ class Watch:
         self._door = door
         self._asking = asyncio.Lock()
         self._last: dict[str, Any] = {}
+        self.asked = asyncio.Event()  # set by whatever may change the machine, and by who wants to know it
         self._asked_s = self._answered_s = self._fresh_to_s = -1e9  # monotonic
 
     async def ask(self, verb: str, **args: Any) -> dict[str, Any]:
@@ -127,6 +128,12 @@ class Watch:
         finally:
             if verb not in TELLS:
                 self._answered_s = time.monotonic()
+                self.asked.set()
+
+    @property
+    def silent_s(self) -> float:
+        """Since something was asked that may change the machine."""
+        return time.monotonic() - self._answered_s
 
     async def status(self) -> dict[str, Any]:
         """At most ``FRESH_S`` old, and asked for after the last answer. Raises Refusal."""

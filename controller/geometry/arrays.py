@@ -36,3 +36,9 @@ def distinct(values: NDArray[Any]) -> NDArray[Any]:
     new = np.ones(len(ordered), dtype=np.bool_)
     np.not_equal(ordered[1:], ordered[:-1], out=new[1:])
     return ordered[new]
+
+
+def within(places: Array, at: float, reach: float) -> slice:
+    """Of ascending places those no further than ``reach`` from ``at``, and maybe one more on either side."""
+    first, last = np.searchsorted(places, (at - reach, at + reach))
+    return slice(max(int(first) - 1, 0), int(last) + 1)

@@ -263,7 +263,14 @@ def own_error(error: BaseException) -> CommandRefused:
 
 
 def packed(told: Values) -> bytes:
-    return json.dumps(_plain(told), allow_nan=False, separators=(",", ":")).encode()
+    try:
+        return _text(told)
+    except (TypeError, ValueError):  # seldom, and to look for it first would cost more than to write
+        return _text(_plain(told))
+
+
+def _text(told: Values) -> bytes:
+    return json.dumps(told, allow_nan=False, separators=(",", ":")).encode()
 
 
 def _plain(value: Any) -> Any:

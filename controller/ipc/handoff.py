@@ -339,15 +339,15 @@ class Recorder:
         self._read = 0
         self.lost = 0  # rows overwritten before this reader saw them
 
-    def write(self, *values: float) -> None:
+    def write(self, row: Sequence[float]) -> None:
         """Append one row: the values in the order of ``ROW``, with which a tick's values begin."""
-        self.fill(*values)
+        self.fill(row)
         self._written += 1
         self._counter[0] = self._written
 
-    def fill(self, *values: float) -> None:
+    def fill(self, row: Sequence[float]) -> None:
         """The next row, without appending it yet."""
-        _ROW.pack_into(self._memory, _COUNTER_BYTES + self._written % self.rows * _ROW.size, *values)
+        _ROW.pack_into(self._memory, _COUNTER_BYTES + self._written % self.rows * _ROW.size, *row)
 
     def drain(self) -> NDArray[np.float64]:
         """Rows written since the last call, shape (N, len(ROW)); counts in ``lost`` what was too old.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -92,6 +93,7 @@ def all_settings(machine: Machine) -> tuple[NodeSettings | SpindleSettings | IoS
     return (*node_settings(machine), *(() if spindle is None else (spindle,)), *io_settings(machine))
 
 
+@lru_cache(maxsize=64)  # asked with every status, and a path is resolved on the disk
 def eds_of(profile: str, named: str = "") -> Path:
     """The electronic data sheet that a machine file names, else the one that comes with the profile.
 

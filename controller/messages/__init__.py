@@ -191,12 +191,20 @@ def _filled(said: Mapping[str, Any], texts: Mapping[str, str], around: Mapping[s
         return f"{key} {figures}"
 
 
+_LEAVES = (str, int, float, type(None))  # of a tree: most of it
+
+
 def told(tree: Any, language: str = DEFAULT) -> Any:
     """JSON values with the ``sentence`` of every text in them, beside its key and values."""
+    if isinstance(tree, _LEAVES):
+        return tree
     if isinstance(tree, Mapping):
         own = {"sentence": text(tree, language) or None} if _is_said(tree) else {}
-        kept = {name: one if own and name == "values" else told(one, language) for name, one in tree.items()}
+        kept = {
+            name: one if isinstance(one, _LEAVES) or (own and name == "values") else told(one, language)
+            for name, one in tree.items()
+        }
         return {**kept, **own}
     if isinstance(tree, list | tuple):
-        return [told(one, language) if isinstance(one, Mapping | list | tuple) else one for one in tree]
+        return [one if isinstance(one, _LEAVES) else told(one, language) for one in tree]
     return tree

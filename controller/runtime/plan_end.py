@@ -36,7 +36,8 @@ from drives import bus, commission, pdo
 from drives.arranged import Arranged
 
 PLAN_TURN_S = 0.010
-KEEPALIVE_S = 0.025
+KEEPALIVE_S = 0.1
+REST_TURN_S = 0.05  # where all is sent and nothing moves; an order is heard at once
 # Where we may: before the rest of this computer but the tick; nearer to the kernel's own threads (0), which
 # bring the frames of serial and USB adapters: at -10 they wait 10 ms for a core that they share with a plan.
 NICE = -5

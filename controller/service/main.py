@@ -19,6 +19,7 @@ from controller.service.socket_server import Server
 
 Tell = Callable[[str], None]  # systemd's notify protocol
 
+REST_LOOKS = 3.0  # periods of a look while nothing moves and nothing is recorded
 FEED_S = 0.5  # between two signs of life; each needs a tick that has gone on
 STATUS_S = 2.0
 
@@ -105,7 +106,8 @@ def watch(
         if now_s - told_s >= STATUS_S and (words := _words(service)) != told:
             tell(f"STATUS={words}")
             told, told_s = words, now_s
-        time.sleep(look_s)
+        rests = service.running is None and now is not None and now.at_rest
+        time.sleep(REST_LOOKS * look_s if rests else look_s)
 
 
 def _words(service: Service) -> str:

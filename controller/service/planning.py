@@ -34,13 +34,14 @@ from controller.plan.stretch import Chain, Pause, Stretch
 from controller.program.program import Act, Aside, Block, Changing, Message, ProgramError, Select
 from controller.runtime import checked, cores, starts
 from controller.runtime.checked import Task
-from controller.runtime.plan_end import EXPECTED, PLAN_TURN_S, PlanEnd
+from controller.runtime.plan_end import EXPECTED, PLAN_TURN_S, REST_TURN_S, PlanEnd
 from controller.runtime.processes import own_error
 from controller.runtime.starts import Start
 from controller.runtime.startup import SessionError
 from controller.service import entry_state
 from controller.service.folders import Folders
 from controller.service.planner_client import Answer, Awaited, News, Order, Program, Said, Turn, Way
+from controller.state.modes import Mode
 from controller.values import dataclass
 
 NEWS_S = 0.1
@@ -121,15 +122,17 @@ class Planning:
 
     def run(self) -> None:
         """Until the parent is gone. Raises what ``plan_end.EXPECTED`` lists."""
+        rests = False
         while True:
-            while self._asked.poll(1e3 * PLAN_TURN_S):
+            while self._asked.poll(1e3 * (REST_TURN_S if rests else PLAN_TURN_S)):
                 try:
                     order: Order = self._parent.recv()
                 except EOFError:
                     return
                 self.carry_out(order)
+                rests = False
             if not self._end.alone:
-                self.turn()
+                rests = self.turn()
 
     # -- orders
 
@@ -364,8 +367,8 @@ class Planning:
 
     # -- the planner's turns
 
-    def turn(self) -> None:
-        """The planner acts on the newest snapshot, and what is new is told."""
+    def turn(self) -> bool:
+        """The planner acts on the newest snapshot, and what is new is told; True: there is nothing to do."""
         now, planner = self._end.snapshot(), self._end.planner
         before, turn = planner.marks, Turn(now.tick, planner.lead_s)
         self._end.before_message = lambda: self._tell_turn(turn)
@@ -376,6 +379,7 @@ class Planning:
         if self._awaited is not None:
             self._see_taken(self._awaited, now)
         self._tell(self._news(now))
+        return planner.finished and self._awaited is None and now.mode in (Mode.OFF, Mode.READY)
 
     def _see_taken(self, awaited: Awaited, now: Snapshot) -> None:
         error, why = self._end.planner.error, awaited.in_vain(now)

@@ -56,6 +56,7 @@ from drives.bus import BusError
 
 JOURNAL = "journal.json"
 POLL_S = 0.02
+ROWS_S = 0.2  # from one look at the tick's rows to the next, where no run is recorded
 WAIT_S = 0.004
 FIRST_TICK_S = 30.0
 SYNC_S = 0.05  # a loss of power costs so much of a record, and what the disk itself takes
@@ -105,6 +106,7 @@ class Service:
         self.troubles = Troubles(self.machine, self.alarms, self._records)
         self.pulse, self.last_second = Pulse(), LastSecond()
         self._tick_died = self._plan_died = False
+        self._rows_s = 0.0  # when the tick's rows were looked at
 
     # -- beginning and end
 
@@ -377,7 +379,8 @@ class Service:
             if now is None:
                 return None
             self._look_at_processes(now)
-            self._look_at_rows(now)
+            if self.running is not None or time.monotonic() - self._rows_s >= ROWS_S:
+                self._look_at_rows(now)
         finally:
             self.lock.release()
         if self.engine.tick_alive:
@@ -442,6 +445,7 @@ class Service:
 
     def _look_at_rows(self, now: Snapshot) -> None:
         recorder = self.engine.recorder
+        self._rows_s = time.monotonic()
         if recorder is None:
             return
         with self.lock:

@@ -141,11 +141,13 @@ class Loop:
         """Before the deadline: a rehearsal, where it will be over in time, and what came in on the buses."""
         cycle, now_s = self._cycle, self._clock.now_s
         began_s = now_s()
-        rehearses = deadline_s - began_s > self._longest_s
-        if rehearses:
-            cycle.rehearse(began_s)
+        if deadline_s - began_s <= self._longest_s:
+            cycle.receive(began_s)
+            self._longest_s *= FORGETS
+            return
+        cycle.rehearse(began_s)
         cycle.receive(now_s())
-        took_s = min(now_s() - began_s, self._early_s) if rehearses else 0.0
+        took_s = min(now_s() - began_s, self._early_s)
         self._longest_s = max(took_s, FORGETS * self._longest_s)
 
     def _echo_tick(self) -> bool:

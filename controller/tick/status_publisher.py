@@ -63,14 +63,14 @@ class Telling:
         self._count_bits()
         values = self._gather(*self._parts)
         self._snapshot.write(values)
-        self._recorder.write(*values[:_COLUMNS])
+        self._recorder.write(values[:_COLUMNS])
 
     def rehearse(self) -> None:
         """Writes snapshot and row where nobody reads yet, for the caches alone: ``record`` writes over it."""
         self._look()
         values = self._gather(*self._parts)
         self._snapshot.fill(values)
-        self._recorder.fill(*values[:_COLUMNS])
+        self._recorder.fill(values[:_COLUMNS])
 
     def _look(self) -> None:
         piece, states, malformed = self._follow.piece, self.drive_states, self.malformed

@@ -7,12 +7,14 @@ tolerance, the worst of them alone.
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from controller.geometry.placement import AT_LOWER, Placed
+from controller.machine.model import JOINT_TOLERANCE_DEG
 from controller.plan.report.verdict import Verdict
 from controller.verify.judge import Judged
 from controller.verify.looks import Look
@@ -78,10 +80,12 @@ def _in_corners(look: Look) -> tuple[float, float, float]:
     """The deepest overcut (mm) beside a pivot, its u and v: too narrow for the points of the grid.
 
     In a concave corner the cutter stands deepest in either surface as far from the joint as its tip turns.
+    A turn that rounding of the program makes costs nothing.
     """
     sweep = look.sweep
     turns = [np.linalg.norm(one.tips[-1] - one.tips[0]) for one in sweep.passes if one.name == "pivot"]
-    away = np.array(turns) / look.nominal.size[0]
+    rounding = math.radians(JOINT_TOLERANCE_DEG) * look.nominal.tool.radius_mm
+    away = np.array([turn for turn in turns if turn > rounding]) / look.nominal.size[0]
     away = away[away < 1.0]
     if not len(away):
         return 0.0, 0.0, 0.0

@@ -136,15 +136,18 @@ class CyclicPosition(Mode):
         axis = self.axis
         if axis.dictionary.changes != self._seen:
             self._look()
-        aim = axis.target + self._offset
+        aim, before, most = axis.target + self._offset, self._before, self._most_at_once
+        stays = aim == before == axis.servo.end and axis.low <= aim <= axis.high
+        if stays and most > 0.0 and not axis.clamped:
+            self._speed.now = 0.0  # what follows comes to that
+            return before
         wanted = aim if axis.low <= aim <= axis.high else max(axis.low, min(axis.high, aim))
         if axis.units.plain:
             wanted = float(round(wanted))
         period_s = axis.period_s
         distance = wanted - axis.servo.end
         speed = distance / period_s
-        own, self._before = (wanted - self._before) / period_s, wanted
-        most = self._most_at_once
+        own, self._before = (wanted - before) / period_s, wanted
         if -most <= speed <= most:
             reached = self._speed.now = speed
         else:

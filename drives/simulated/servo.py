@@ -47,6 +47,7 @@ class Servo:
         "_a21",
         "_a22",
         "_bend_s2",
+        "_calm",
         "_fastest",
         "_jammed",
         "_lag_s",
@@ -75,6 +76,7 @@ class Servo:
         self._share = 1.0  # of the torque that is there
         self._jammed = False
         self._bend_s2 = self._lead_s = 1.0
+        self._a12 = self._a22 = 0.0
         self._reckon()
 
     def tune(self, period_s: float, frequency_hz: float, damping: float, feed_forward: float) -> None:
@@ -115,6 +117,9 @@ class Servo:
     def _reckon(self) -> None:
         """How far the law may lean, in counts, before it asks for more torque than there is."""
         self._reach = -1.0 if self._jammed else self.strongest * self._bend_s2
+        # Counts/s that the law takes out where the demand stands, within what there is; they only decay.
+        held_s = self._lead_s + abs(self._a12) + self._lead_s * abs(self._a22)
+        self._calm = min(self._reach / held_s, self._fastest) if self._reach > 0.0 else -1.0
         self._near = BRAKING_SHARE * self.strongest * self._lead_s**2  # where the law can still be braked
 
     @property
@@ -125,6 +130,13 @@ class Servo:
     def step(self, next_end: float) -> None:
         """Follow the running period's demand to its end; the next one leads to ``next_end``."""
         start, end = self.start, self.end
+        if start == end == self.position and -self._calm <= self.velocity <= self._calm and not self.lead:
+            # An axis at rest: as below, to the last bit, with nothing to do but for its own velocity.
+            self.position = end + self._a12 * self.velocity
+            self.velocity *= self._a22
+            self.limited = False
+            self.end = next_end
+            return
         speed = (end - start) * self._per_s
         behind = self._lag_s * speed - self.lead
         offset = self.position - start + behind

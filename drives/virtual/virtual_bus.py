@@ -254,8 +254,12 @@ class SteppedBus:
 
     def _put(self, at_s: float, ready: _Ready) -> None:
         """Among those that wait for their time; most are submitted in that order."""
-        pending = self._pending
-        pending.insert(sum(1 for other_s, _ in pending if other_s <= at_s), (at_s, ready))
+        pending, place = self._pending, 0
+        for other_s, _ in pending:
+            if other_s > at_s:
+                break
+            place += 1
+        pending.insert(place, (at_s, ready))
 
     def submit_packet(self, source: int, at_s: float, packet: bytes) -> bool:
         """Put several frames up, one behind the other; False if the queue did not take all of them."""
@@ -340,7 +344,7 @@ class SteppedBus:
         elif not ready and (not pending or pending[0][0] > until_s):
             return
         waiting, carried, bits_of, bit_s = self._waiting, self._carried, self._bits, self._bit_s
-        all_routes, errors, logs = self._routes, self.errors, self._logs
+        all_routes, errors, logs, nowhere = self._routes, self.errors, self._logs, self._nowhere
         # Nobody whom a frame reaches asks what is on the wire: that is put down at the end.
         free_s, flying, busy_s, frames = self._free_s, self._flying, self.busy_s, self.frames
         start_s = free_s
@@ -352,7 +356,7 @@ class SteppedBus:
                     break
                 flying = None
                 self.now_s = start_s
-                if source != self._nowhere:
+                if source != nowhere:
                     for keep in logs:
                         keep((start_s, frame))
                 routes = all_routes[source].get(can_id)
@@ -392,7 +396,7 @@ class SteppedBus:
                 if fate is Fate.SPOILT:
                     taken_s += self._error_s
                 if isinstance(fate, Fate):
-                    source = self._nowhere
+                    source = nowhere
                 else:
                     frame = fate
                 flying = flying[0], sequence, source, can_id, frame

@@ -1,6 +1,6 @@
 """What 20 open pages cost the tick: its lateness with the pages in a browser, and without.
 
-A machine as in a shop stands with its drives on; turns with and without the pages alternate in one
+A machine as in a shop moves slowly; turns with and without the pages alternate in one
 run, so both meet the same computer. The lateness of every tick comes from the recorder. The browser
 runs at the lowest priority: in a shop it is another computer.
 
@@ -74,6 +74,7 @@ def measure(rounds: int, seconds: float, period_s: float, nice: int, count: int)
     skips, heard = dict.fromkeys(late, 0), []
     with tempfile.TemporaryDirectory() as folder, opened(Path(folder), period_s) as shop:
         shop.ready()
+        shop.move_slowly()
         door = Client(control_path(shop.runtime))
         os.nice(nice)  # the browser inherits it, the machine does not
         with browser.browser() as chromium:

@@ -1,6 +1,6 @@
 """What looking on costs the tick: its lateness with 20 event listeners and 100 status requests per second.
 
-A machine as in a shop (``serve --simulate`` and ``panel``) stands with its drives on; turns with and
+A machine as in a shop (``serve --simulate`` and ``panel``) moves slowly; turns with and
 without the load alternate in one run, so both meet the same computer. The lateness of every tick
 comes from the recorder. The listeners' own process runs at the lowest priority: in a shop it is
 another computer.
@@ -141,6 +141,7 @@ def measure(rounds: int, seconds: float, period_s: float, nice: int) -> dict[str
     on, off, told = context.Event(), context.Event(), context.Queue()
     with tempfile.TemporaryDirectory() as folder, opened(Path(folder), period_s) as shop:
         shop.ready()
+        shop.move_slowly()
         door = Client(control_path(shop.runtime))
         child = context.Process(target=play, args=(shop.url, nice, on, off, told), daemon=True)
         child.start()

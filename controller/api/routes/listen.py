@@ -22,7 +22,9 @@ TRY_LATER = 1013
 
 @router.websocket("/events", dependencies=[needs(Role.VIEW)])
 async def events(websocket: WebSocket, topics: str = ",".join(TOPICS), language: str = "") -> None:
-    """Status 20 times a second, alarms, jobs; ``topics``: names with commas between, default all.
+    """Status 20 times a second (5 where no axis moves), alarms, jobs.
+
+    ``topics``: names with commas between, default all.
 
     ``language``: for browsers, which cannot set the header.
     """

@@ -11,6 +11,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from controller.geometry.arrays import within
 from controller.plan.feed import tool_limits
 from controller.plan.feed.barrier import PRICE, SOFT, Form, Limits
 from controller.plan.feed.course import MARGIN, SPREAD, Course, Index
@@ -164,7 +165,7 @@ class Bounds:
         inner = np.flatnonzero(np.diff(grid.index))
         gaps = np.diff(grid.s[inner + 1], prepend=-np.inf, append=np.inf)
         for i, gap in zip(inner.tolist(), np.minimum(gaps[1:], gaps[:-1]).tolist(), strict=True):
-            self._at_junction(i, gap)
+            self._at_junction(i, gap, full)
         # Jumps that follow each other within ticks do not add up: each has a tick of its own.
         self.acceleration = np.maximum(self.acceleration, (1.0 - JUMP_SHARE) * full[0])
         self.jerk = np.maximum(self.jerk, (1.0 - JUMP_SHARE) * full[1])
@@ -176,7 +177,7 @@ class Bounds:
         places = (s[:-1], 0.5 * (s[:-1] + s[1:]), s[1:])
         return np.asarray(np.min([parts.feed(at, part) for at in places], axis=0))
 
-    def _at_junction(self, i: int, gap: float) -> None:
+    def _at_junction(self, i: int, gap: float, full: tuple[Array, Array]) -> None:
         """The speed between intervals ``i`` and ``i`` + 1, and what a jump there leaves of the limits.
 
         Where the next junction is but a ``gap`` away that is passed within ticks, as on short lines, the
@@ -187,21 +188,24 @@ class Bounds:
         k = int(grid.index[i])
         low, jump = grid.course.junction(k), grid.course.jump(k)
         v = min(low, float(min(self.feed[i], self.feed[i + 1])))
+        acceleration, jerk = self.acceleration[i], self.jerk[i]
         if gap < NEAR_TICKS * T * v:
+            acceleration, jerk = (most[i] for most in full)
             low = min(low, float(self._about[i + 1]))
             v = min(v, low)
         self.speed[1, i] = self.speed[0, i + 1] = low
         rate, curve = jump.rate * v, jump.curve * v * v
-        used = (rate / T + SPREAD * curve) / (T * self.jerk[i])
+        used = (rate / T + SPREAD * curve) / (T * jerk)
         if used.max() < SMOOTH:
             return
         # Signed, so that what the rate and the curve do can cancel out.
         self._jump[0, i + 1] = grid.starts.first[i + 1] - grid.ends.first[i]
         self._jump[1, i + 1] = grid.starts.second[i + 1] - grid.ends.second[i]
-        self._jump_room[i + 1] = (JUMP_SHARE * self.jerk[i] * T - rate / T) / SPREAD
-        near = np.abs(grid.s - grid.s[i + 1]) <= NEAR_TICKS * T * v
-        which = near[1:] | near[:-1]
-        self.acceleration[which] *= 1.0 - np.minimum(rate / (T * self.acceleration[i]), JUMP_SHARE)
+        self._jump_room[i + 1] = (JUMP_SHARE * jerk * T - rate / T) / SPREAD
+        here = within(grid.s, float(grid.s[i + 1]), NEAR_TICKS * T * v)
+        near = np.abs(grid.s[here] - grid.s[i + 1]) <= NEAR_TICKS * T * v
+        which = here.start + np.flatnonzero(near[1:] | near[:-1])
+        self.acceleration[which] *= 1.0 - np.minimum(rate / (T * acceleration), JUMP_SHARE)
         self.jerk[which] *= 1.0 - np.minimum(used, JUMP_SHARE)
 
     def _forms(self) -> None:

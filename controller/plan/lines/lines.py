@@ -51,20 +51,20 @@ class Stand:
 
 def tip_of(block: TipLine, here: Vector) -> Vector:
     """Where a block sends the tip that is ``here``, both in the part frame."""
+    x, y, z = block.tip
+    a, b, c = here
     if block.relative:
-        x, y, z = (p + (word or 0.0) for p, word in zip(here, block.tip, strict=True))
-    else:
-        x, y, z = (p if word is None else word for p, word in zip(here, block.tip, strict=True))
-    return x, y, z
+        return a + (x or 0.0), b + (y or 0.0), c + (z or 0.0)
+    return a if x is None else x, b if y is None else y, c if z is None else z
 
 
 def rotaries_to(block: TipLine, now: Rotaries) -> Rotaries:
     """Where a block under G43.4 sends the rotaries."""
+    a, b = block.rotaries
+    first, second = now
     if block.relative:
-        a, b = (q + (word or 0.0) for q, word in zip(now, block.rotaries, strict=True))
-    else:
-        a, b = (q if word is None else word for q, word in zip(now, block.rotaries, strict=True))
-    return a, b
+        return first + (a or 0.0), second + (b or 0.0)
+    return first if a is None else a, second if b is None else b
 
 
 def exact(

@@ -52,12 +52,13 @@ class _At(NamedTuple):
 
 def may_run_on(block: Block, machine: Machine) -> TypeGuard[Line]:
     """Whether a block is a feed line whose corners no word has said anything of."""
-    if not isinstance(block, JointLine | TipLine) or block.feed_mm_s is None or block.probe is not None:
+    if not isinstance(block, (JointLine, TipLine)):
+        return False
+    if block.modal.exact_joints or block.modal.blend_mm > 0.0 or machine.joint_tolerance_mm == 0.0:
         return False
     if isinstance(block, JointLine) and (block.machine_frame or block.thread is not None):
         return False
-    modal = block.modal
-    return not modal.exact_joints and modal.blend_mm == 0.0 and machine.joint_tolerance_mm > 0.0
+    return block.feed_mm_s is not None and block.probe is None
 
 
 class Waiting:
@@ -72,6 +73,9 @@ class Waiting:
         self._blocks: list[Line] = []
         self._look = FIRST
         self._at: _At | None = None  # where they begin, if they go on with the row before them
+
+    def __bool__(self) -> bool:
+        return bool(self._blocks)
 
     @property
     def modal(self) -> Modal | None:
@@ -139,9 +143,11 @@ class Waiting:
         past = c - a
         along = ((b - a) * past).sum(axis=1) / np.maximum((past * past).sum(axis=1), 1e-300)
         off = b - a - np.clip(along, 0.0, 1.0)[:, None] * past
-        near = (off * off).sum(axis=1) <= 1.0
-        same = moved & (angle <= moves.TANGENT_RAD) & ((turned * turned).sum(axis=1) <= EVEN)
-        return slight | near, ~same
+        away = (off * off).sum(axis=1)
+        even = moved & (angle <= moves.TANGENT_RAD) & ((turned * turned).sum(axis=1) <= EVEN)
+        stands = (length[:-1] <= STANDS_MM) & (length[1:] <= STANDS_MM)
+        even |= stands & (along > 0.0) & (along < 1.0) & (away <= EVEN)
+        return slight | (away <= 1.0), ~even
 
     # ---- places ------------------------------------------------------------------------
 

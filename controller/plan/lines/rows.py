@@ -13,6 +13,7 @@ from __future__ import annotations
 import itertools
 import math
 from array import array
+from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Iterator
 
 import numpy as np
@@ -285,9 +286,10 @@ class LineRow:
         return Chain(tuple(stretches), runs_on=not spans.rests)
 
     def _stretch(self, knots: Array, c: Array) -> Stretch:
-        first = max(0, int(np.searchsorted(self._lines_s, knots[0] + LEAST, side="right")) - 1)
-        last = int(np.searchsorted(self._lines_s, knots[-1] - LEAST, side="left"))
-        here, starts = self._lines[first:last], [s - float(knots[0]) for s in self._lines_s[first:last]]
+        first = max(0, bisect_right(self._lines_s, float(knots[0]) + LEAST) - 1)
+        last = bisect_left(self._lines_s, float(knots[-1]) - LEAST)
+        here, begin = self._lines[first:last], float(knots[0])
+        starts = [s - begin for s in self._lines_s[first:last]]
         motion = ToolSpline(
             array("d", (knots - knots[0]).tobytes()),
             array("d", np.ascontiguousarray(c).tobytes()),

@@ -200,7 +200,8 @@ class Tracer:
         if meant.may_run_on(block, self._machine):
             self._wait(block)
             return
-        self._lay_waiting(True)
+        if self._waiting:
+            self._lay_waiting(True)
         if isinstance(block, JointLine | TipLine) and block.probe is not None:
             self._end_row()
             self._probe(block, block.probe)

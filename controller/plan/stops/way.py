@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from controller.geometry.arrays import distinct
+from controller.geometry.arrays import distinct, within
 from controller.plan.feed.course import Course
 from controller.plan.feed.limits import JUMP_SHARE
 from controller.plan.feed.profile import Profile
@@ -213,11 +213,13 @@ def _rooms(course: Course, places: Array, s: Array, v: Array) -> tuple[Array, Ar
     for k in np.flatnonzero((inner >= s[0]) & (inner <= s[-1])).tolist():
         speed = float(np.interp(inner[k], s, v))
         taken = JUMP_SHARE * min(1.0, speed / max(course.junction(k), TINY))
-        near = np.abs(places - inner[k]) <= NEAR_TICKS * speed * period
-        behind = near & (places >= inner[k])
-        ahead[near & ~behind] = inner[k]
+        reach = NEAR_TICKS * speed * period
+        here = within(places, inner[k], reach)
+        near = np.abs(places[here] - inner[k]) <= reach
+        behind = near & (places[here] >= inner[k])
+        ahead[here][near & ~behind] = inner[k]
         acceleration = taken * min(1.0, float((limits.jerk * period / limits.acceleration).max()))
-        for rows, where in ((room, near), (before, behind)):
+        for rows, where in ((room[:, here], near), (before[:, here], behind)):
             rows[0, where] *= 1.0 - taken
             rows[1, where] *= 1.0 - acceleration
     return room, before, ahead

@@ -156,8 +156,8 @@ def _corner(before: Cut, after: Cut, allowed: blending.Tolerance, voice: Voice) 
     if abs(angle) > TURNED_BACK_RAD:
         return Meeting.APART, said("join.turns_back")
     hollow: Said | str = ""
-    if after.side * angle < 0.0:
-        least = radius * (1.0 - math.cos(angle))
+    least = radius * (1.0 - math.cos(angle)) if after.side * angle < 0.0 else 0.0
+    if least > FLAT_MM or (least and allowed is not blending.EXACT):
         overcut = max(least, blends.overcut(before.motion, after.motion, angle))
         if least > FLAT_MM and (allowed is blending.EXACT or overcut > allowed.mm):
             figures = {"degrees": degrees, "radius": radius, "overcut": overcut}

@@ -4,7 +4,7 @@ import { forms } from "./forms.js";
 import { changed, dx } from "./store.js";
 import { sentence, word } from "./texts.js";
 
-const STALE_MS = 700; // statuses come every 50 ms
+const STALE_MS = 700; // statuses come every 50 ms, or 200 at rest
 const SILENT_MS = 3000; // a socket that says nothing for so long is opened anew
 const AGAIN_MS = 400;
 let lastStatus = -Infinity;

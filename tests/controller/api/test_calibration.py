@@ -109,7 +109,7 @@ def test_a_circle_is_measured_in_the_ticks_that_were(scene: Scene) -> None:
         for axis in (0, 1):
             row[COLUMN[f"joint_command_{axis}"]] = command[axis]
             row[COLUMN[f"actual_{axis}"]] = actual[axis]
-        scene.door.recorder.write(*row)
+        scene.door.recorder.write(row)
     told = found(scene, "circle", values={"axes": "XY"}, ticks="now")["told"]
     assert told["radius_mm"] == pytest.approx(10.0, abs=1e-3) and told["H_um"] == pytest.approx(6.0, abs=0.5)
 

@@ -17,6 +17,7 @@ from support.fakes.panels import Scene
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
+from controller.api import events
 from controller.api.events import INTERVAL_S, MAX_WAITING, Listener
 from controller.api.routes import listen
 
@@ -170,5 +171,28 @@ def test_one_who_does_not_read_misses_statuses_first_and_is_let_go_when_too_much
         for i in range(MAX_WAITING + 1):
             slow.tell("job", f"job {i}")
         assert slow.lost
+
+    asyncio.run(story())
+
+
+def test_a_machine_at_rest_is_told_less_often_until_somebody_asks_something_of_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(events, "REST_S", 1e6)  # for ever, so that no time is measured
+    monkeypatch.setattr(events, "SPOKEN_S", 0.0)
+
+    async def story() -> None:
+        scene = Scene(tmp_path)
+        scene.door.at_rest = True
+        async with listening(scene, "status") as heard:
+            assert (await next_of(heard, "status"))["mode"] == "OFF"
+            with pytest.raises(TimeoutError):
+                await asyncio.wait_for(heard.recv(), 10.0 * INTERVAL_S)
+            await scene.panel.door.ask("enable")
+            assert (await next_of(heard, "status"))["mode"] == "READY"
+            scene.door.at_rest = False
+            await scene.panel.door.ask("jog_stop")
+            for _ in range(5):
+                assert not (await next_of(heard, "status"))["at_rest"]
 
     asyncio.run(story())

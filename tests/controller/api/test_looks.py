@@ -44,7 +44,7 @@ def write(scene: Scene, first: int, last: int) -> None:
         row[COLUMN["tick"]] = number
         row[COLUMN["joint_command_0"]] = row[COLUMN["actual_0"]] = 0.01 * number
         row[COLUMN["joint_command_2"]] = 5.0 * (number >= 700)
-        scene.door.recorder.write(*row)
+        scene.door.recorder.write(row)
 
 
 def test_a_scope_shows_what_the_ticks_were_and_what_came_since(tmp_path: Path) -> None:

@@ -207,7 +207,7 @@ def test_a_reader_never_meets_a_counter_that_is_only_half_written() -> None:
         for tick in itertools.count():
             board.write(values)
             row[0] = float(tick)
-            recorder.write(*row)
+            recorder.write(row)
     try:
         last = -1
         for _ in range(10_000):
@@ -224,12 +224,12 @@ def test_a_reader_never_meets_a_counter_that_is_only_half_written() -> None:
 def test_the_recorder_gives_each_row_once_and_counts_what_was_too_late() -> None:
     recorder = Recorder(rows=64)
     for n in range(10):
-        recorder.write(*(float(n) for _ in ROW))
+        recorder.write([float(n)] * len(ROW))
     rows = recorder.drain()
     assert rows.shape == (10, len(ROW)) and list(rows[:, COLUMN["tick"]]) == list(range(10))
     assert recorder.drain().shape == (0, len(ROW))
     for n in range(200):
-        recorder.write(*(float(n) for _ in ROW))
+        recorder.write([float(n)] * len(ROW))
     rows = recorder.drain()
     assert rows[-1, 0] == 199 and len(rows) == 48 and recorder.lost == 152
 
@@ -237,7 +237,7 @@ def test_the_recorder_gives_each_row_once_and_counts_what_was_too_late() -> None
 def test_the_newest_rows_can_be_had_again_after_they_were_drained() -> None:
     recorder = Recorder(rows=64)
     for n in range(100):
-        recorder.write(*(float(n) for _ in ROW))
+        recorder.write([float(n)] * len(ROW))
     recorder.drain()
     assert list(recorder.last(5)[:, 0]) == [95, 96, 97, 98, 99]
     assert len(recorder.last(1000)) == 48 and recorder.lost == 52

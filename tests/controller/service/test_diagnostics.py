@@ -28,7 +28,7 @@ def write(found: Recorder, *numbers: int) -> None:
     for number in numbers:
         row = [0.0] * len(ROW)
         row[COLUMN["tick"]] = number
-        found.write(*row)
+        found.write(row)
 
 
 def told(found: Recorder | None, **args: object) -> list[int]:
@@ -51,7 +51,7 @@ def test_no_answer_is_larger_than_the_door_takes() -> None:
     found = Recorder(rows=4096)
     rng = np.random.default_rng(1)
     for i in range(1000):
-        found.write(float(i), *rng.random(len(ROW) - 1))
+        found.write((float(i), *rng.random(len(ROW) - 1)))
     assert len(diagnostics.rows(found, {"most": 10_000})["rows"]) < 200_000
 
 

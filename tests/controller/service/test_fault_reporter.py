@@ -63,7 +63,7 @@ class Site:
         self.now = self.now._replace(**changes)
         for _ in range(ticks):
             self.now = self.now._replace(tick=self.now.tick + 1)
-            self.recorder.write(*_row(self.now))
+            self.recorder.write(_row(self.now))
         self.troubles.look(self.now)
 
     def written(self) -> None:

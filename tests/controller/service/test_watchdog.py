@@ -26,7 +26,7 @@ class Watched:
     def look(self) -> Any:
         tick = self._ticks.pop(0)
         self.yes = not self._ticks
-        return SimpleNamespace(tick=tick) if tick >= 0 else None
+        return SimpleNamespace(tick=tick, at_rest=True) if tick >= 0 else None
 
     def fault_at(self, _: object) -> None:
         return None

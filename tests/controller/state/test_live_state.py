@@ -81,7 +81,7 @@ def test_every_value_goes_from_its_owner_through_memory_to_its_own_name(turn: in
     board, recorder = SnapshotBoard(axes=axes), Recorder(rows=4)
     flat = live_state.gather(axes)(*(parts[name] for name in PARTS))
     board.write(flat)
-    recorder.write(*flat[: len(ROW)])
+    recorder.write(flat[: len(ROW)])
     found = board.read()
     assert found is not None and found._asdict() == values
     assert live_state.flat(found) == flat

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import random
 
 import pytest
 
@@ -60,3 +61,22 @@ def test_equal_lags_bend_a_path_by_micrometres_only() -> None:
 def test_a_damping_of_one_or_more_is_refused() -> None:
     with pytest.raises(ValueError, match="damping"):
         Servo().tune(0.002, 60.0, 1.0, 0.0)
+
+
+@pytest.mark.parametrize(("strongest", "fastest"), [(math.inf, math.inf), (4e5, 3e4), (5e4, 3e3)])
+def test_an_axis_at_rest_is_the_law_to_the_last_bit(strongest: float, fastest: float) -> None:
+    quick, whole = Servo(), Servo()
+    for servo in (quick, whole):
+        servo.tune(0.002, 60.0, math.sqrt(0.5), 0.0)
+        servo.limit(strongest, fastest)
+    whole._calm = -1.0  # never taken to be at rest
+    rng, target, rests = random.Random(4), 0.0, 0
+    for n in range(20_000):
+        if n % 400 < 40:
+            target += round(rng.uniform(-30.0, 30.0))
+        rests += quick.start == quick.end == quick.position and quick.velocity != 0.0
+        quick.step(target)
+        whole.step(target)
+        found = quick.position, quick.velocity, quick.start, quick.end, quick.limited
+        assert found == (whole.position, whole.velocity, whole.start, whole.end, whole.limited)
+    assert rests > 1000

@@ -72,7 +72,7 @@ class FakeDoor:
     """Takes every verb of the local protocol, and notes what it took."""
 
     def __init__(self) -> None:
-        self.mode = "OFF"
+        self.mode, self.at_rest = "OFF", False
         self.asked: list[tuple[str, dict[str, Any]]] = []
         self.there = True
         self.results: dict[str, dict[str, Any]] = {}  # of verbs that answer more than nothing
@@ -150,6 +150,7 @@ class FakeDoor:
         return {
             "time_s": 1.0,
             "mode": self.mode,
+            "at_rest": self.at_rest,
             "fault": fault if self.mode == "FAULT" else None,
             "job": self.job,
             "joints": {axis: dict(joint) for axis in AXES},

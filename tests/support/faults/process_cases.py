@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 import signal
+import time
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import NamedTuple
@@ -58,9 +59,9 @@ def tick_killed(scene: ProcessScene, mode: str) -> list[Cell]:
     assert scene.tick is not None
     os.kill(scene.tick.pid, signal.SIGKILL)
     scene.tick.process.wait()
-    struck_s = max(at for at, frame in scene.log.frames() if pdo.unpack(frame)[0] == pdo.SYNC)
     promised_s = _promise(scene, F.CONTROLLER_GONE)
-    scene.look_until(struck_s + promised_s + SETTLED_S)
+    scene.look_until(time.time() + promised_s + SETTLED_S)
+    struck_s = max(at for at, frame in scene.log.frames() if pdo.unpack(frame)[0] == pdo.SYNC)
     stood_s = scene.stood_after_s(struck_s)
     problems = _stood(stood_s, promised_s) + _smooth(scene)
     states = [cia402.state(scene.client.read(node, 0x6041) & 0xFFFF) for node in scene.nodes]

@@ -146,6 +146,13 @@ class Shop:
         self.run_record()
         self.tools_put_in += 1
 
+    def move_slowly(self) -> None:
+        """For longer than anything that is measured meanwhile: at rest less is told."""
+        self.upload("slow.ngc", b"G21 G90\nG1 X200 F60\nM30\n")
+        self.do("POST", "/job", json={"program": "slow.ngc"})
+        self.do("POST", "/cycle/start")
+        self.until(lambda now: now["mode"] == "RUNNING", "RUNNING")
+
     def upload(self, name: str, text: bytes) -> Values:
         """Stored, and its check has ended."""
         self.do("POST", "/programs", files={"file": (name, text)})

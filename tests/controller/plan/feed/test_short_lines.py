@@ -11,7 +11,7 @@ from support.parts import cam_lines, cam_programs
 from controller.machine.kinematics import kinematics_of
 from controller.motion.motions import ToolLine
 from controller.plan.feed import profile
-from controller.plan.feed.course import Course
+from controller.plan.feed.course import Array, Course, Index
 from controller.plan.look_ahead import WINDOW_S, Orders, Place, Windows
 from controller.plan.surfaces import rates
 from controller.plan.track import Track
@@ -79,3 +79,28 @@ def test_a_window_of_short_lines_is_as_long_as_any_other() -> None:
         units.append(len(sent.stretches))
     assert longest < 2.0 * WINDOW_S
     assert max(units) > 100
+
+
+def places_asked(count: int, monkeypatch: pytest.MonkeyPatch) -> int:
+    """At so many places derivatives are taken to plan so many exact lines."""
+    machine, asked, derivatives = shipped(), 0, Course.derivatives
+
+    def counted(self: Course, s: Array, index: Index | None = None) -> rates.Derivatives:
+        nonlocal asked
+        asked += len(s)
+        return derivatives(self, s, index)
+
+    track = Track(chains(exact_lines(count), machine), machine, kinematics_of(machine))
+    windows, place = Windows(machine, kinematics_of(machine)), Place(0, 0.0)
+    with monkeypatch.context() as patched:
+        patched.setattr(Course, "derivatives", counted)
+        while (sent := windows.from_rest(track, place, 0.0, Orders())) is not None:
+            place = sent.after
+            track.forget(place.unit)
+    return asked
+
+
+def test_what_an_exact_line_costs_does_not_grow_with_the_program(monkeypatch: pytest.MonkeyPatch) -> None:
+    few, many = (places_asked(count, monkeypatch) for count in (400, 1600))
+    assert many < 6.0 * few  # and not sixteen times as many
+    assert many < 120 * 1600
