@@ -143,9 +143,11 @@ class Waiting:
         past = c - a
         along = ((b - a) * past).sum(axis=1) / np.maximum((past * past).sum(axis=1), 1e-300)
         off = b - a - np.clip(along, 0.0, 1.0)[:, None] * past
-        near = (off * off).sum(axis=1) <= 1.0
-        same = moved & (angle <= moves.TANGENT_RAD) & ((turned * turned).sum(axis=1) <= EVEN)
-        return slight | near, ~same
+        away = (off * off).sum(axis=1)
+        even = moved & (angle <= moves.TANGENT_RAD) & ((turned * turned).sum(axis=1) <= EVEN)
+        stands = (length[:-1] <= STANDS_MM) & (length[1:] <= STANDS_MM)
+        even |= stands & (along > 0.0) & (along < 1.0) & (away <= EVEN)
+        return slight | (away <= 1.0), ~even
 
     # ---- places ------------------------------------------------------------------------
 

@@ -124,6 +124,19 @@ def test_lines_that_go_on_in_one_direction_stay_lines() -> None:
     assert kinds(trace(text, MILL)) == [JointMove] * 4 + [ToolLine] * 3
 
 
+def test_rotaries_that_go_on_alike_under_standing_axes_stay_lines() -> None:
+    traced = trace("G55\nG0 X0 Y0 Z0 A0 C0\nG1 A10 C5 F600\nA20 C10\nA30 C15\n", MILL)
+    assert kinds(traced) == [JointMove] * 4
+    assert [len(item.stretches) for item in traced.items if isinstance(item, Chain)] == [1, 3]
+
+
+def test_many_small_turns_of_a_standing_tip_are_a_row() -> None:
+    turns = "".join(f"A{10 + 0.05 * k + 0.002 * (k % 3):.3f}\n" for k in range(1, 60))
+    traced = trace("G55 G43.4 G0 X0 Y0 Z0 A10 C0\nG1 F600\n" + turns, MILL)
+    assert_whole(traced, MILL)
+    assert kinds(traced).count(ToolSpline) == 1 and kinds(traced).count(ToolLine) <= 1
+
+
 @pytest.mark.parametrize(
     "text",
     [
