@@ -157,11 +157,12 @@ class Line:
     """The service's end: orders out, answers and news in.
 
     One thread listens. Another sends: a program of many megabytes goes as slowly as the plan reads it,
-    and whoever gives it up meanwhile must neither wait for that nor come in between.
+    and whoever gives it up meanwhile must neither wait for that nor come in between. The one that listens
+    lets go of the socket, once the other has ended: its number is somebody else's by then.
     """
 
     def __init__(self, own: socket.socket, hear: Callable[[News], None]) -> None:
-        self._connection = Connection(own.detach())
+        self._socket, self._connection = own, Connection(own.fileno())
         self._hear = hear
         self._lock = threading.Lock()
         self._last = 0
@@ -196,9 +197,9 @@ class Line:
             self._sender.submit(self._connection.send, Order(0, "give up"))
 
     def close(self) -> None:
-        self._sender.shutdown(wait=False)
-        with contextlib.suppress(OSError):
-            self._connection.close()
+        """Nothing goes out or comes in any more; whoever waits for either is woken."""
+        with self._lock, contextlib.suppress(OSError):
+            self._socket.shutdown(socket.SHUT_RDWR)
 
     def _listen(self) -> None:
         """To the end of the plan. An error of ours is its end, too: another one follows it."""
@@ -207,6 +208,10 @@ class Line:
                 self._answered(said) if isinstance(said, Answer) else self._hear(said)
         finally:
             self.close()
+            self._sender.shutdown()
+            with self._lock:
+                self._socket.detach()
+                self._connection.close()
             for answer in list(self._waiting.values()):
                 answer.set_exception(refused("no_plan", code="gone"))
             self._waiting.clear()

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import socket
+import sys
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from multiprocessing.connection import Connection
@@ -14,6 +16,7 @@ from controller.ipc.control_socket import CommandRefused
 from controller.service.planner_client import Answer, Line, News, Program
 
 WAIT_S = 20.0
+ENDS = 300
 LARGE = 8 << 20  # bytes: more than any pipe holds
 
 
@@ -73,3 +76,24 @@ def test_an_error_of_ours_over_news_leaves_nobody_waiting_and_ends_the_plan(ends
     with pytest.raises(EOFError):
         ends.plan.recv()
     ends.line._listener.join(WAIT_S)
+
+
+def test_a_plan_that_ends_while_its_line_is_closed_takes_no_descriptor_of_anybody_else() -> None:
+    """Two threads that close one descriptor each close another one's: whoever has its number by then."""
+    interval_s = sys.getswitchinterval()
+    sys.setswitchinterval(1e-6)
+    try:
+        with ThreadPoolExecutor(1) as plans:
+            for _ in range(ENDS):
+                own, its = socket.socketpair()
+                line = Line(own, lambda _: None)
+                ended = plans.submit(its.close)
+                line.close()
+                opened = os.pipe()
+                line._listener.join(WAIT_S)
+                assert not line._listener.is_alive(), "it waits at a descriptor that was closed under it"
+                ended.result(WAIT_S)
+                for one in opened:
+                    os.close(one)  # raises where it is not ours any more
+    finally:
+        sys.setswitchinterval(interval_s)
