@@ -30,9 +30,6 @@ from enum import Enum
 from itertools import pairwise
 from types import ModuleType
 
-import numpy as np
-
-from controller.geometry.arrays import distinct
 from controller.geometry.curves import Curve, Line
 from controller.geometry.surfaces import Surface, end_tangent
 from controller.geometry.vectors import (
@@ -161,7 +158,7 @@ class Placed(Surface):
         if m is math:
             if u <= 0.0 or u >= 1.0:
                 return self._end_rates(u, tangent, turn)
-        elif m is np:
+        elif not hasattr(u, "c"):  # samples, no series
             return self._rates_with_ends(u, tangent, turn)
         return tangent, turn
 
@@ -183,6 +180,10 @@ class Placed(Surface):
 
     def _rates_with_ends(self, u: Number, tangent: Vector, turn: Vector) -> tuple[Vector, Vector]:
         """As ``_end_rates`` for samples; only those at the ends are touched."""
+        import numpy as np
+
+        from controller.geometry.arrays import distinct
+
         at = np.asarray(u, dtype=float)
         ends = np.flatnonzero((at <= 0.0) | (at >= 1.0))
         if not len(ends) or at.ndim == 0:
@@ -213,9 +214,16 @@ class Blend:
     def onto(self, pose: Pose, u: Number, m: ModuleType) -> Pose:
         """``pose`` at ``u`` (floats, arrays or series) with the blend added."""
         x = self.per_u * u if self.at_start else self.per_u * (1.0 - u)
-        within: Number = x < 1.0 if m is math else np.asarray(x.c[0] if hasattr(x, "c") else x) < 1.0
-        if not (within if m is math else within.any()):
-            return pose
+        if m is math:
+            within: Number = x < 1.0
+            if not within:
+                return pose
+        else:
+            import numpy as np
+
+            within = np.asarray(x.c[0] if hasattr(x, "c") else x) < 1.0
+            if not within.any():
+                return pose
         w = (1.0 - x) * (1.0 - x)
         w = w * w * within
         tip, axis = add(pose.tip, _added(self.tip, x, w)), pose.axis

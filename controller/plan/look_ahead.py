@@ -331,7 +331,7 @@ class Windows:
                     heeds_stop=stretch.overrides.stop,
                     adaptive=stretch.overrides.adaptive,
                     binds=binds,
-                    outputs=stretch.outputs,
+                    outputs=_plain(stretch.outputs),
                     guarded=stretch.guarded,
                 )
             )
@@ -388,7 +388,7 @@ class Windows:
             sets=sets,
             spindle_rev_min=pause.modal.spindle_rev_min,
             coolant=pause.modal.coolant,
-            outputs=_switched(pause) if sets else UNSAID,
+            outputs=_plain(_switched(pause) if sets else UNSAID),
             open_clamps=pause.open_clamps,
             awaits=self._awaited(pause.awaits) if pause.awaits is not None else None,
             senses=self._sensing(pause, pause.probe) if pause.probe is not None else None,
@@ -402,6 +402,11 @@ def _switched(pause: Pause) -> Outputs:
     if pause.awaits is not None:
         return pause.awaits.outputs
     return pause.modal.outputs if pause.act is Act.OUTPUT else UNSAID
+
+
+def _plain(outputs: Outputs) -> tuple[int, int, tuple[tuple[int, float], ...]]:
+    """As a piece has them: the tick does not load the class of a program."""
+    return outputs.on, outputs.off, outputs.levels
 
 
 def _first_of(reach: _Reach) -> _Reach:

@@ -16,6 +16,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from controller.geometry import placement, surfaces
 from controller.ipc import internal_error
 from controller.ipc.handoff import PieceInbox, Recorder, RequestInbox, SnapshotBoard
 from controller.machine import machine_file
@@ -38,6 +39,9 @@ PRIVILEGES = {
     "awake": "processors that are kept awake",
     "own core": "a core of its own",
 }
+
+# What messages of pieces are made of is loaded at once: taking one would load it within a tick.
+OF_MESSAGES = (surfaces, placement)
 
 Expected = tuple[type[Exception], ...]
 

@@ -133,6 +133,9 @@ class _Passed(NamedTuple):
         return self.slowed.share if self.slowed else 1.0
 
 
+_passed_at: dict[tuple[str, Machine], passing.Slowest | None] = {}  # as ``_chosen``
+
+
 @dataclass(frozen=True, slots=True)
 class _Fastest:
     """The blend of two cuts that is passed fastest within a tolerance.
@@ -165,9 +168,26 @@ class _Fastest:
         pair = _shortened(*motions, reach_mm, self.allowed, self.gap_mm, self.kinematics)
         if pair is None:
             return None
-        bare, blended = (self.before, self.after), _cuts(self.before, self.after, pair)
-        slowed = passing.slowest(blended, bare, pair.reach_mm, self.machine, self.kinematics)
-        return _Passed(pair, slowed, pair.reach_mm < self._reach(reach_mm))
+        return _Passed(pair, self._slowed(pair, reach_mm), pair.reach_mm < self._reach(reach_mm))
+
+    def _slowed(self, pair: _Pair, reach_mm: float) -> passing.Slowest | None:
+        bare, a, b = (self.before, self.after), self.before.motion, self.after.motion
+        rest = (
+            b.offset_mm,
+            b.length_mm,
+            a.part,
+            b.part,
+            self.after.block.feed_mm_s,
+            self.allowed,
+            self.gap_mm,
+        )
+        key = name_of(a.surface, b.surface, *rest, reach_mm), self.machine
+        if key not in _passed_at:
+            if len(_passed_at) >= MAX_KNOWN:
+                _passed_at.clear()
+            blended = _cuts(*bare, pair)
+            _passed_at[key] = passing.slowest(blended, bare, pair.reach_mm, self.machine, self.kinematics)
+        return _passed_at[key]
 
     def _reach(self, reach_mm: float) -> float:
         return max(min(reach_mm, SHARE * cut.motion.end) for cut in (self.before, self.after))

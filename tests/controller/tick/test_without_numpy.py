@@ -1,4 +1,4 @@
-"""What plan sends is unpacked and evaluated in a process that has no numpy, to the same last bit."""
+"""What plan sends is unpacked and evaluated without numpy, to the same last bit; nothing is loaded for it."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from support.parts.nurbs_text import blade, nurbs
 
 from controller.ipc import handoff
 from controller.ipc.handoff import PieceMessage
+from controller.machine import machine_file
 from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Machine
 
@@ -44,11 +45,15 @@ CHILD = f"""
 from __future__ import annotations
 import pickle, sys
 sys.modules["numpy"] = None  # whoever asks for it fails
-from controller.machine.kinematics import kinematics_of
+from controller.machine.kinematics import builds, kinematics_of
 from controller.runtime import processes
 
 {inspect.getsource(evaluated)}
-sys.stdout.buffer.write(pickle.dumps(evaluated(*pickle.load(sys.stdin.buffer))))
+builds()  # which the tick looks for when it is made
+told, loaded = sys.stdin.buffer.read(), set(sys.modules)
+found = evaluated(*pickle.loads(told))
+assert set(sys.modules) == loaded, sorted(set(sys.modules) - loaded)  # a tick would have had to wait for it
+sys.stdout.buffer.write(pickle.dumps(found))
 """
 
 
@@ -67,10 +72,18 @@ def sent(monkeypatch: pytest.MonkeyPatch) -> list[PieceMessage]:
     return messages
 
 
-def surfaces(name: str) -> Machine:
+def surfaces(name: str, text: str = "example2_ready") -> Machine:
     machine = shipped(name)
-    cut(program("example2_ready", "2000."), machine)
+    cut(program(text, "2000."), machine)
     return machine
+
+
+def placed(name: str, side: str) -> Machine:
+    """Example 2 as it is shipped, with the cutter placed: its two cuts are led over into one another."""
+    text = machine_file.shipped_program("example2_ready").read_text()
+    assert "G41 P4" in text
+    cut(text.replace("G41 P4", side), shipped(name))
+    return shipped(name)
 
 
 def a_blade() -> Machine:
@@ -95,6 +108,9 @@ RUNS: dict[str, tuple[Callable[[], Machine], str]] = {
     "surfaces, two tables": (lambda: surfaces("trunnion"), "SurfaceCut"),
     "surfaces, table and head": (lambda: surfaces("table_head"), "SurfaceCut"),
     "surfaces, oblique": (lambda: surfaces("oblique45"), "SurfaceCut"),
+    "surfaces, placed": (lambda: placed("trunnion", "G41 P4"), "SurfaceCut"),
+    "surfaces, placed at two points": (lambda: placed("head_head", "G41 P2"), "SurfaceCut"),
+    "cone": (lambda: surfaces("trunnion", "example1_ready"), "SurfaceCut"),
     "blade": (a_blade, "SurfaceCut"),
     "five-axis lines, rounded": (lambda: lines(ROUNDED), "ToolSpline"),
     "five-axis lines, exact": (lambda: lines(ROUNDED.replace("G64 P0.02 Q0.1", "G61")), "ToolLine"),
