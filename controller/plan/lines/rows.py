@@ -347,6 +347,8 @@ def audit_line(stretch: Stretch, machine: Machine, kinematics: Kinematics, voice
         joints = motion.joints(at, near, kinematics) or stretch.end
         near = rotaries_of(joints, kinematics)
         rows.append(joints)
+    if audit.surely_inside(machine, rows):
+        return
     excess = audit.outside(machine, s, np.array(rows))
     if excess is not None:
         voice.refuse(stretch.place, audit.describe(machine.axes[excess.axis], excess))

@@ -14,6 +14,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
+from controller.geometry.arrays import cross
 from controller.geometry.vectors import Vector
 from controller.machine.kinematics import Kinematics
 from controller.motion.motions import Rotaries
@@ -48,12 +49,12 @@ class GreatCircles:
     def of(axes: Array) -> GreatCircles:
         """Between the rows of unit vectors ``axes`` (N + 1, 3), the short way round."""
         a, b = axes[:-1], axes[1:]
-        side = np.cross(a, b)
+        side = cross(a, b)
         sine = np.sqrt((side * side).sum(axis=1))
         angle = np.arctan2(sine, (a * b).sum(axis=1))
         if len(angle) and angle.max() > TURNED_OVER_RAD:
             raise AxisLost(int(angle.argmax()), "reach.turned_over")
-        across = np.cross(side, a) / np.maximum(sine, 1e-300)[:, None]
+        across = cross(side, a) / np.maximum(sine, 1e-300)[:, None]
         return GreatCircles(a, across, angle)
 
     def at(self, line: Index, share: Array) -> tuple[Array, Array]:

@@ -68,6 +68,19 @@ def outside(machine: Machine, x: Array, joints: Array, rotary: bool = True) -> E
     return worst if worst.by > ROUNDING else None
 
 
+def surely_inside(machine: Machine, rows: Sequence[Joints]) -> bool:
+    """Whether samples are so far inside of the travel that ``outside`` finds nothing, on floats.
+
+    A parabola through three of them reaches beyond the outmost by less than they are apart.
+    """
+    for axis, values in zip(machine.axes, zip(*rows, strict=True), strict=True):
+        low, high = min(values), max(values)
+        apart = high - low
+        if low - apart < axis.travel_min or high + apart > axis.travel_max:
+            return False
+    return True
+
+
 def outside_at(machine: Machine, joints: Joints) -> Excess | None:
     """As ``outside`` for one position, on floats."""
     for n, (axis, q) in enumerate(zip(machine.axes, joints, strict=True)):

@@ -56,3 +56,17 @@ def test_depth_counts_only_what_lies_above_the_end_of_the_cutter() -> None:
     tips, axes = np.zeros((3, 1)), np.array([[0.0], [0.0], [1.0]])
     assert audit.depth(points, tips, axes, 3.0) == pytest.approx(1.0)
     assert audit.depth(points, tips, axes, 1.5) == 0.0
+
+
+def test_what_is_surely_inside_is_never_outside() -> None:
+    built, rng, sure = mill(), np.random.default_rng(5), 0
+    low = np.array([axis.travel_min for axis in built.axes])
+    high = np.array([axis.travel_max for axis in built.axes])
+    for _ in range(2000):
+        count = int(rng.integers(2, 6))
+        middle = low + (high - low) * rng.uniform(-0.02, 1.02, len(low))
+        joints = middle + (high - low) * rng.choice([1e-3, 0.03, 0.3]) * rng.uniform(-1, 1, (count, len(low)))
+        if audit.surely_inside(built, [tuple(row) for row in joints.tolist()]):
+            sure += 1
+            assert audit.outside(built, np.linspace(0.0, 1.0, count), joints) is None
+    assert sure > 200
