@@ -131,7 +131,7 @@ def assert_rest_is_cut(rows: np.ndarray, wanted: dict[int, path.Stretch], spot: 
     assert (np.diff(ids)[~stood] >= 0).all() and (np.diff(s)[onward] >= -1e-9).all()
     for number, stretch in wanted.items():
         begun = number > spot.motion_id or (number == spot.motion_id and spot.s < stretch.motion.end - 1e-3)
-        if spot.motion_id < 0:  # only its line is known: a pause, behind a rapid that is not gone through in part
+        if spot.motion_id < 0:  # a pause, behind a rapid that is not gone through in part
             begun = stretch.place.line >= spot.line
         if stretch.feed_mm_s is None or not begun:
             continue
