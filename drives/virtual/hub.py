@@ -55,7 +55,6 @@ TIMEOUT_S = 100e-6
 TRUSTED_S = 2.0
 STILL_S = 0.2  # nothing new for so long: nothing moves
 STILL_LOOK_S = 0.01
-MOST_SAID = 4096  # identifiers of which the last frame is known
 SLOWEST_S = 0.02  # rhythm of SYNC for which a client may wait
 ALERT_S = 0.02  # after somebody besides the sender of SYNC has spoken, everybody is served at once
 
@@ -183,9 +182,6 @@ class Hub:
         self._master: Client | None = None  # who sends SYNC, and when it last did
         self._sync_s, self._gap_s, self._period_s = 0.0, math.inf, math.inf
         self._alert_until_s = 0.0
-        self._said: dict[bytes, bytes] = {}  # the last frame of an identifier
-        self._new_s = self.bus.now_s  # when a frame was not the same as the last one
-        self.bus.watch_all(self._compare)
         # The kernel stamps with CLOCK_REALTIME; the bus runs on CLOCK_MONOTONIC.
         self._offset_s = time.time() - time.monotonic()
 
@@ -242,18 +238,9 @@ class Hub:
         alone = all(client.many or client.timed for client in self._clients.values()) and not self._gateways
         if not alone or not self.bus.is_only_for(master.source):
             return 0.0
-        if now_s - self._new_s > STILL_S:
+        if now_s - self.bus.new_s > STILL_S:
             return self._sync_s + max(1.5 * period_s, STILL_LOOK_S)
         return self._sync_s + (0.5 if late_s < 0.5 * period_s else 1.5) * period_s
-
-    def _compare(self, frame: bytes, at_s: float) -> None:
-        """Whether this has been said just like that before."""
-        head = frame[:4]
-        if self._said.get(head) != frame:
-            if len(self._said) > MOST_SAID:
-                self._said.clear()
-            self._said[head] = frame
-            self._new_s = at_s
 
     def run(self, stop: Callable[[], bool]) -> None:
         """Serve until ``stop()`` says so (looked at ten times a second).

@@ -73,6 +73,7 @@ Tamper = Callable[[float, int, bytes], Sequence[float]]
 _IDENTIFIERS: Final = Struct("<I12x").iter_unpack
 _Ready = tuple[int, int, int, int, bytes]  # rank, sequence, source, id, frame
 _NOT_YET: Final = (b"", 0.0)  # carried
+MOST_CARRIED = 4096  # identifiers of which the last frame is known
 _Pending = tuple[float, _Ready]  # from when on it may take part in the arbitration
 
 
@@ -136,6 +137,7 @@ class SteppedBus:
         self._bit_s = 1.0 / bit_rate if bit_rate else 0.0
         self._bits: stuffing.Counter = stuffing.worst_case if worst_stuffing else stuffing.counter()
         self._carried: dict[int, tuple[bytes, float]] = {}  # by identifier: the last frame, and its seconds
+        self.new_s = start_s  # when a frame began that was not the same as the last one of its identifier
         self._free_s = start_s  # when the wire is idle again
         self._flying: _Ready | None = None  # on the wire
         self._ready: list[_Ready] = []  # heap
@@ -343,8 +345,8 @@ class SteppedBus:
                 return
         elif not ready and (not pending or pending[0][0] > until_s):
             return
-        waiting, carried, bits_of, bit_s = self._waiting, self._carried, self._bits, self._bit_s
-        all_routes, errors, logs, nowhere = self._routes, self.errors, self._logs, self._nowhere
+        waiting, carried, all_routes = self._waiting, self._carried, self._routes
+        errors, logs, nowhere = self.errors, self._logs, self._nowhere
         # Nobody whom a frame reaches asks what is on the wire: that is put down at the end.
         free_s, flying, busy_s, frames = self._free_s, self._flying, self.busy_s, self.frames
         start_s = free_s
@@ -386,8 +388,7 @@ class SteppedBus:
             waiting[source] -= 1
             before, taken_s = carried.get(can_id, _NOT_YET)
             if frame != before:  # an axis at rest says the same with every SYNC
-                taken_s = bits_of(can_id, frame) * bit_s if bit_s else 0.0
-                carried[can_id] = frame, taken_s
+                taken_s = self._new(can_id, frame, start_s)
             if self.faults is not None or errors.troubled:
                 fate = self._judged(start_s, can_id, sequence, source, frame)
                 if fate is Fate.WITHHELD:
@@ -404,6 +405,15 @@ class SteppedBus:
             frames += 1
             free_s = start_s = start_s + taken_s
         self._free_s, self._flying, self.busy_s, self.frames = free_s, flying, busy_s, frames
+
+    def _new(self, can_id: int, frame: bytes, start_s: float) -> float:
+        """The seconds that a frame takes which is not the same as the last one of its identifier."""
+        taken_s = self._bits(can_id, frame) * self._bit_s if self._bit_s else 0.0
+        if len(self._carried) > MOST_CARRIED:
+            self._carried.clear()
+        self._carried[can_id] = frame, taken_s
+        self.new_s = start_s
+        return taken_s
 
     def _run_timers(self, now_s: float) -> None:
         self.now_s = now_s

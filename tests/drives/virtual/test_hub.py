@@ -393,9 +393,9 @@ def test_in_a_rhythm_the_sender_of_sync_is_looked_at_once_a_period(
     hub._alert_until_s = 0.0
     for at_s in (9.996, 9.998, 10.0):
         hub._keep_time(master, at_s)
-    hub._new_s = 10.0
+    hub.bus.new_s = 10.0
     assert hub._looks_s(now_s) == pytest.approx(looks_s), why
-    hub._new_s = now_s - 1.0
+    hub.bus.new_s = now_s - 1.0
     assert hub._looks_s(now_s) == pytest.approx(10.01 if looks_s else 0.0), "nothing new for a second"
     hub._alert_until_s = now_s + 1.0
     assert hub._looks_s(now_s) == 0.0, "somebody else speaks"
@@ -411,22 +411,6 @@ def test_in_a_rhythm_the_sender_of_sync_is_looked_at_once_a_period(
     hub.close()
     port.close()
     other.close()
-
-
-def test_what_is_said_just_as_before_is_nothing_new(tmp_path: Path) -> None:
-    hub = Hub(str(tmp_path / "can"))
-    new_s = []
-    for at_s, can_id, data in [
-        (1.0, 0x181, b"\1"),
-        (2.0, 0x182, b"\1"),
-        (3.0, 0x181, b"\1"),
-        (4.0, 0x181, b"\2"),
-        (5.0, 0x182, b"\1"),
-    ]:
-        hub._compare(bytes(pdo.frame(can_id, data)), at_s)
-        new_s.append(hub._new_s)
-    assert new_s == [1.0, 2.0, 2.0, 4.0, 4.0]
-    hub.close()
 
 
 def test_a_hub_that_was_held_back_takes_what_there_was_room_for_when_it_was_sent(tmp_path: Path) -> None:

@@ -10,7 +10,7 @@ from drives import pdo
 from drives.log.frame_log import FrameLog
 from drives.simulated import SimulatedDrive
 from drives.virtual.fault_script import FaultScript
-from drives.virtual.virtual_bus import PORT_LIMIT, QUEUE_LIMIT, Port, SteppedBus
+from drives.virtual.virtual_bus import MOST_CARRIED, PORT_LIMIT, QUEUE_LIMIT, Port, SteppedBus
 
 BIT_S = 1e-6
 
@@ -53,6 +53,33 @@ def test_a_period_that_overloads_the_bus_fills_the_queue_until_send_refuses() ->
         refused += sum(not sender.send(pdo.frame(0x201 + n, bytes(8))) for n in range(10))
     assert refused > 0
     assert bus.busy_s > 0.99 * bus.now_s - 0.001
+
+
+def test_what_is_said_just_as_before_is_nothing_new() -> None:
+    bus = SteppedBus(start_s=0.0)
+    source = bus.connect(lambda frame, at_s: None)
+    new_s = []
+    for at_s, can_id, data in [
+        (1.0, 0x181, b"\1"),
+        (2.0, 0x182, b"\1"),
+        (3.0, 0x181, b"\1"),
+        (4.0, 0x181, b"\2"),
+        (5.0, 0x182, b"\1"),
+    ]:
+        assert bus.submit(source, at_s, can_id, bytes(pdo.frame(can_id, data)))
+        bus.advance(at_s + 0.5)
+        new_s.append(bus.new_s)
+    assert new_s == [1.0, 2.0, 2.0, 4.0, 4.0]
+
+
+def test_a_babbler_of_ever_new_identifiers_takes_no_memory_for_ever() -> None:
+    bus = SteppedBus(bit_rate=0)
+    source = bus.connect(lambda frame, at_s: None)
+    for can_id in range(1, 2 * MOST_CARRIED):
+        assert bus.submit(source, bus.now_s, can_id, bytes(pdo.frame(can_id)))
+        bus.advance(bus.now_s)
+    assert bus.frames == 2 * MOST_CARRIED - 1
+    assert len(bus._carried) <= MOST_CARRIED + 1
 
 
 def test_without_bit_timing_everything_arrives_at_once() -> None:
