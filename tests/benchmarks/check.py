@@ -30,6 +30,7 @@ from controller.runtime import checked  # noqa: E402
 
 ROOT = Path(__file__).parents[2]
 PLACEMENTS = ("P1", "P2", "P3", "P4 R0.05")
+WANTED_MS = 60.0  # of P1
 SIMULATED = 8
 START_S = 0.6  # of a worker
 
@@ -99,7 +100,10 @@ def report(short: bool) -> Report:
         for placement in PLACEMENTS[:2] if short else PLACEMENTS:
             cost_ms = 1e3 * timed.check(text(count, placement), folder / "store") / count
             of_p1_ms = of_p1_ms or cost_ms
-            found.append(Figure(f"a surface, {placement}", cost_ms, "ms of CPU", of_p1_ms, "P1"))
+            wanted_ms = WANTED_MS if placement == "P1" else None
+            found.append(
+                Figure(f"a surface, {placement}", cost_ms, "ms of CPU", of_p1_ms, "P1", at_most=wanted_ms)
+            )
         whole_s = sum(one.value for one in found) * 1e-3 * count
         programs = folder / "programs"
         programs.mkdir()
@@ -107,7 +111,7 @@ def report(short: bool) -> Report:
             (programs / f"part{k}.ngc").write_text(text(4, PLACEMENTS[k % 2], 0.1 * k))
         one_s, two_s = folder_s(programs, 1), folder_s(programs, 2)
         took_s = [_alone_s(job) for job in check_folder.jobs(programs)]
-    found.append(Figure("a folder on two workers", two_s, "s", one_s, "one worker"))
+    found.append(Figure("a folder on two workers", two_s, "s", one_s, "one worker", at_most_times=0.6))
     for workers in (2, SIMULATED):
         found.append(
             Figure(
