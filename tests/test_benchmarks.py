@@ -91,12 +91,13 @@ def test_a_benchmark_that_fails_is_told_and_ends_with_1(
 def test_the_figures_are_put_into_a_page_and_drawn(tmp_path: Path) -> None:
     page = tmp_path / "page.md"
     page.write_text(f"before\n{bench.BEGIN}\nold\n{bench.END}\nbehind\n")
-    words = ["bench", "accuracy", "--short", "--readme", str(page), "--plot", str(tmp_path / "plots")]
+    words = ["bench", "start", "--short", "--readme", str(page), "--plot", str(tmp_path / "plots")]
     assert CliRunner().invoke(app, words).exit_code == 0
     text = page.read_text()
     assert text.startswith(f"before\n{bench.BEGIN}\n`directrix bench --short`") and "old" not in text
-    assert text.endswith(f"{bench.END}\nbehind\n") and "| `accuracy`: 10 ms: axis |" in text
-    assert (tmp_path / "plots" / "accuracy.png").read_bytes().startswith(b"\x89PNG")
+    assert text.endswith(f"| at most 0.2 |\n{bench.END}\nbehind\n") and "| `start`: status |" in text
+    assert "--version" not in text, "nothing is promised of it"
+    assert (tmp_path / "plots" / "start.png").read_bytes().startswith(b"\x89PNG")
     page.write_text("no marks")
     refused = CliRunner().invoke(app, [*words, "--json"])
     assert refused.exit_code == 1 and "no one place" in json.loads(refused.stdout)["error"]
