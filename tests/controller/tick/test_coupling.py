@@ -148,6 +148,8 @@ def test_a_spindle_that_is_behind_is_hurried_and_takes_the_axes_along(behind: fl
     assert at == pytest.approx(thread.s - behind * PITCH_MM)
     assert coupling.place(thread.move, thread.s) == at
     assert (coupling.rev_s - SPEED / PITCH_MM) * behind > 0.0
+    assert coupling.depth_rev == pytest.approx(thread.s / PITCH_MM - behind)
+    assert coupling.reply.slip * behind > 0.0  # it turns slower, or faster, than it is told
 
 
 @pytest.mark.parametrize("side", [-1.0, 1.0])
@@ -267,12 +269,46 @@ def test_one_whose_angle_is_not_heard_is_deaf_and_goes_on_as_it_did() -> None:
     coupling = thread.coupling
     coupling._rate = 0.5
     lag, thread.spindle.unheard = coupling.lag_rev, DEAF_SYNCS
+    slip = coupling.reply.slip
     thread.run(2)
     assert coupling.lag_rev == pytest.approx(lag + 2 * 0.5 * T) and not coupling.deaf
+    thread.spindle.unheard = 2  # late by one SYNC teaches nothing either
+    thread.run(1)
+    assert coupling.reply.slip == slip
+    thread.spindle.unheard = DEAF_SYNCS
     thread.spindle.unheard += 1
     assert coupling.deaf
     coupling.end()
     assert not coupling.deaf
+
+
+def test_the_axes_go_where_the_spindle_will_be_when_they_are_there() -> None:
+    thread = Thread((0.0, 0.0, 0.01))
+    move = move_of()
+    move.give_mm_s = move.give_mm_s2 = 1e9
+    coupling = thread.coupling
+    coupling.lag_rev, coupling._rate = 0.1, 0.5
+    coupling._led(move, 0.0, 0.0, False)
+    assert coupling.off_mm == pytest.approx((0.1 + 0.5 * (LATE * T + 0.01)) * PITCH_MM)
+
+
+def test_axes_that_have_stood_meanwhile_begin_from_rest_and_leave_a_thread_with_nothing_off() -> None:
+    coupling = tied(0.0, 0.0)
+    coupling._step_mm = 0.01
+    coupling.stood()
+    coupling._approach(0.0, 0.001, 0.02)
+    assert coupling.off_mm == 0.0
+    coupling = Thread().coupling
+    coupling.off_mm, coupling._settled = 0.0005, SETTLED_TICKS
+    coupling._led(move_of(), 0.0, 0.0, True)
+    assert coupling.off_mm == 0.0005  # so little moves no axis
+    coupling.releasing = True
+    coupling.look()
+    assert not coupling.settled
+    for _ in range(5):
+        coupling._led(move_of(), 0.0, 0.0, True)
+    coupling.look()
+    assert coupling.off_mm == 0.0 and coupling.settled
 
 
 # ---- a step that is taken back, and a run that is made again
