@@ -19,7 +19,7 @@ from controller.cli import bench
 
 FOLDER = Path(__file__).parent / "benchmarks"
 NAMES = sorted(file.stem for file in FOLDER.glob("*.py"))
-IN_REAL_TIME = ("sync", "request", "panel", "page", "scene", "memory", "idle")
+IN_REAL_TIME = ("sync", "live", "endurance", "request", "panel", "page", "scene", "memory", "idle")
 WHOLE = ("accuracy", "page", "panel", "placements", "scene")  # without parts
 
 
@@ -30,7 +30,7 @@ def told(name: str) -> dict:
 
 
 def judge(name: str) -> None:
-    if name == "sync" and shutil.which("cyclictest") is None:
+    if name in ("sync", "live", "endurance") and shutil.which("cyclictest") is None:
         pytest.skip("cyclictest is not installed (Debian: rt-tests)")
     found = told(name)
     assert found["figures"] and any(one["ratio"] is not None for one in found["figures"])
