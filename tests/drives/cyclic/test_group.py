@@ -182,6 +182,7 @@ ERROR_FRAMES = [
     (0x004, 0x40, DriveFault.NONE, "error active again"),
     (0x008, 0x00, DriveFault.NONE, "one violation on the wire: sent again by the controller"),
     (0x002, 0x05, DriveFault.NONE, "lost arbitration"),
+    (0x008, 0x21, DriveFault.NONE, "a violation: this byte is the controller's only in a frame of its class"),
 ]
 
 
@@ -246,6 +247,28 @@ def test_a_reset_asks_the_port_of_a_bus_that_is_off_to_join_again():
     port.incoming.append(error_frame(0x100))  # its word that it has done so
     group.receive(2 * T)
     assert group.fault(2 * T) == (DriveFault.NONE, -1)
+    port.incoming.append(error_frame(0x100))  # nobody has asked for this one
+    group.receive(3 * T)
+    assert group.fault(3 * T) == (DriveFault.BUS_OFF, 0)
+
+
+def test_a_reset_joins_a_hub_again_that_has_ended():
+    port = ListPort()
+    group = running(port)
+    port.gone = True
+    group.want(Wanted.RESET)
+    assert port.restarts == 1
+
+
+def test_error_frames_are_counted_and_a_port_need_not_take_packets():
+    port = ListPort()
+    del port.packs
+    (line,) = running(port).lines
+    assert (line.errors, line.syncs, line.off, line.packs, line.bus) == (0, 0, False, False, "can0")
+    for count in (1, 2):
+        port.incoming.append(error_frame(0x008))
+        line.drain(T)
+        assert line.errors == count
 
 
 def test_frames_lost_in_the_receive_queue_are_named():
@@ -433,6 +456,7 @@ def test_the_bits_of_every_frame_sent_and_heard_are_counted_on_its_bus(packs):
     group.command((0, 0, 0), 0.0)
     kinds = {can_id for can_id, _ in ports["can1"].outgoing}
     assert kinds == {0x80, 0x202, 0x302, 0x203, 0x20A, 0x214, 0x314, 0x77F, pdo.REMOTE_FLAG | 0x703}
+    assert [line.bits for line in crowded(ports).lines] == [0, 0]
     for line in group.lines:
         sent = ports[line.bus].outgoing
         remote = pdo.REMOTE_FLAG
