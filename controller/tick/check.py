@@ -42,11 +42,9 @@ class Check:
             return _FINE
         for i, low, high, velocity, acceleration in self._rows:
             q0, q1 = new[i], last[i]
-            if not low <= q0 <= high:
-                # An axis switched on outside of its travel may stand there and come back.
-                inward = q1 <= q0 <= high if q1 < low else low <= q0 <= q1
-                if q0 != q1 and not inward:
-                    return Fault.TRAVEL, i
+            # An axis switched on outside of its travel may stand there and come back.
+            if not low <= q0 <= high and not min(low, q1) <= q0 <= max(high, q1):
+                return Fault.TRAVEL, i
             step = q0 - q1
             if not -velocity <= step <= velocity:
                 return Fault.VELOCITY, i
