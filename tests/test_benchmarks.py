@@ -4,13 +4,18 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import shutil
 import subprocess
 import sys
+import time
 from pathlib import Path
 
+import numpy as np
 import pytest
-from support.suite import figures
+from support.live import five_buses
+from support.suite import cyclictest, figures
+from support.suite.cyclictest import Absence
 from support.suite.figures import Figure, Report
 from typer.testing import CliRunner
 
@@ -62,6 +67,26 @@ def test_every_benchmark_in_real_time_does(name: str) -> None:
     if name in ("page", "scene", "idle") and shutil.which("chromium") is None:
         pytest.skip("there is no browser")
     judge(name)
+
+
+def test_a_skipped_sync_counts_as_two_and_only_an_absence_that_reaches_into_it_excuses_it() -> None:
+    times_s = 0.5e-3 * np.array([0.0, 1.0, 3.0, 4.0, 5.26, 6.0, 7.2])
+    assert five_buses.outside(times_s) == pytest.approx(4 / 7)  # two that make up for a late one, too
+    assert five_buses.judged(times_s, ()) == [3.0, 0.0, 4.0]
+    assert five_buses.judged(times_s, [Absence(1, 0.9e-3, 1.1e-3)]) == [3.0, 2.0, 2.0]
+    assert five_buses.judged(times_s, [Absence(1, 1.6e-3, 1.9e-3)]) == [3.0, 0.0, 4.0]
+    assert five_buses.judged(times_s, [Absence(1, -1.0, 9.0)]) == [3.0, 4.0, 0.0]
+
+
+@pytest.mark.skipif(shutil.which("cyclictest") is None or os.geteuid(), reason="no cyclictest, or not for us")
+def test_cyclictest_tells_when_it_was_woken_late_by_the_clock_of_syncs() -> None:
+    began_s = time.monotonic()
+    with cyclictest.Watch(1e-3, 1e-6) as watch:  # nobody is woken within a microsecond
+        time.sleep(0.5)
+    assert watch.woken and watch.absences
+    for one in watch.absences:
+        assert began_s < one.begin_s < one.end_s < time.monotonic()
+    assert watch.longest_s(began_s, time.monotonic()) >= 1e-6 and not watch.longest_s(0.0, began_s)
 
 
 def test_parts_that_do_not_add_up_are_refused(tmp_path: Path) -> None:

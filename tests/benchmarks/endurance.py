@@ -5,7 +5,7 @@ Beside it ``cyclictest`` keeps a thread on each core, above the tick and everyth
 is woken once a period and notes when that was more than T/4 late: there nothing of ours was in its way, so
 the computer was not there (its kernel was busy, or the host of a virtual computer ran something else).
 
-An interval is the computer's where such an absence of the tick's core reaches into it; a fault is the
+An interval is the computer's where such an absence of a core of the tick's reaches into it; a fault is the
 computer's where in the second before it some core was away for longer than a drive bears without SYNC
 (``drives.simulated``: four periods). All others are ours. Rests between programs are measured, too.
 """
@@ -18,17 +18,15 @@ import time
 from pathlib import Path
 from typing import NamedTuple
 
-import numpy as np
-
 sys.path[:0] = [str(Path(__file__).parent), str(Path(__file__).parents[2]), str(Path(__file__).parents[1])]
 
-from live import BESIDE, tick_core  # noqa: E402
+from live import BESIDE  # noqa: E402
 from memory import tree  # noqa: E402
 from support.live import five_buses  # noqa: E402
-from support.live.five_buses import OUTSIDE, PERIOD_S, Rows, Stamps  # noqa: E402
+from support.live.five_buses import OUTSIDE, PERIOD_S, Stamps  # noqa: E402
 from support.live.shop import Shop, Values  # noqa: E402
 from support.suite import cyclictest, figures  # noqa: E402
-from support.suite.cyclictest import Absence, Watch  # noqa: E402
+from support.suite.cyclictest import Watch  # noqa: E402
 from support.suite.figures import Figure, Report  # noqa: E402
 
 from drives.simulated.drive import QUIET_PERIODS  # noqa: E402
@@ -47,11 +45,12 @@ class Fault(NamedTuple):
 
 def looked_at(shop: Shop, until_s: float, stop: bool) -> Values:
     """Asks as a page does until the program has ended, or that time has come."""
-    while True:
-        now = shop.status()
-        if now["fault"] or now["job"]["state"] not in UNDER_WAY or (stop and time.monotonic() > until_s):
-            return now
-        time.sleep(0.05)
+
+    def over(now: Values) -> bool:
+        ended = now["fault"] or now["job"]["state"] not in UNDER_WAY
+        return bool(ended or (stop and time.monotonic() > until_s))
+
+    return shop.until(over, "the program's end")
 
 
 def cut(shop: Shop, seconds: float) -> tuple[int, list[Fault]]:
@@ -70,34 +69,18 @@ def cut(shop: Shop, seconds: float) -> tuple[int, list[Fault]]:
     return done, faults
 
 
-def away(times_s: Rows, absences: list[Absence]) -> np.ndarray:
-    """Of each interval between SYNCs: whether an absence reaches into it."""
-    found = np.zeros(len(times_s) - 1, dtype=bool)
-    for one in absences:
-        first, last = np.searchsorted(times_s, (one.begin_s, one.end_s))
-        found[max(0, first - 1) : last] = True
-    return found
-
-
-def judged(times_s: Rows, absences: list[Absence]) -> tuple[float, float, float]:
-    """Numbers of SYNCs of a bus: within 1 +- 1/4 T, outside for the computer's sake, outside for ours."""
-    off, count = five_buses.periods(times_s)
-    outside, excused = off > OUTSIDE, away(times_s, absences)
-    return tuple(float(np.sum(count[one])) for one in (~outside, outside & excused, outside & ~excused))
-
-
 def report(short: bool) -> Report:
     cyclictest.needed()
     with tempfile.TemporaryDirectory() as folder, five_buses.opened(Path(folder)) as shop:
-        stamps = Stamps(five_buses.hub_paths(tree(shop.processes["serve"].pid)))
+        processes = tree(shop.processes["serve"].pid)
+        stamps, cores = Stamps(five_buses.hub_paths(processes)), five_buses.tick_cores(processes)
         skips, began_s = shop.status()["tick"]["skips"], time.monotonic()
         with Watch(PERIOD_S, OUTSIDE * PERIOD_S) as watch:
             done, faults = cut(shop, SHORT_S if short else SECONDS)
         ended_s, skips = time.monotonic(), shop.status()["tick"]["skips"] - skips
         found = [one[(one > began_s) & (one < ended_s)] for one in stamps.close()]
-    core = tick_core()
-    absences = [one for one in watch.absences if one.core == core]
-    counts = max((judged(one, absences) for one in found), key=lambda bus: bus[1] + bus[2])
+    absences = [one for one in watch.absences if one.core in cores]
+    counts = max((five_buses.judged(one, absences) for one in found), key=lambda bus: bus[1] + bus[2])
     all_of = sum(counts)
     excused = [watch.longest_s(one.at_s - BEFORE_S, one.at_s) > QUIET_PERIODS * PERIOD_S for one in faults]
     late = 100.0 * len(absences) / max(1, watch.woken)

@@ -28,10 +28,10 @@ import numpy as np
 sys.path[:0] = [str(Path(__file__).parent), str(Path(__file__).parents[2]), str(Path(__file__).parents[1])]
 
 from memory import tree  # noqa: E402
-from panel import NICE, play  # noqa: E402
+from panel import PER_S, play  # noqa: E402
 from support.live import five_buses  # noqa: E402
 from support.live.five_buses import PERIOD_S, Rows, Stamps  # noqa: E402
-from support.live.shop import ROOT, Shop  # noqa: E402
+from support.live.shop import HANGS_S, ROOT, Shop  # noqa: E402
 from support.suite import cyclictest, figures  # noqa: E402
 from support.suite.figures import Figure, Report  # noqa: E402
 
@@ -40,6 +40,8 @@ from controller.runtime import cores  # noqa: E402
 BESIDE, PRIORITY = "cyclictest", 80
 MOST = 1.3  # times cyclictest's share
 SETTLE_S = 1.0  # after a change of the load
+AS_OTHERS = 0  # niceness: beside planners on every core a nicer one would ask nothing
+IN_THE_CUT = 0.15  # of the program: behind the approach
 STATES = ("idle", "loaded")
 CHECKS = """
 import sys
@@ -89,15 +91,18 @@ def planning(wanted: bool) -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def looked_at(shop: Shop) -> Iterator[None]:
-    """Listeners and requests at the panel (``panel``)."""
+def looked_at(shop: Shop, answers_per_s: list[float]) -> Iterator[None]:
+    """Listeners and requests at the panel (``panel``); how many of them were answered."""
     context = multiprocessing.get_context("spawn")
     on, off, told = context.Event(), context.Event(), context.Queue()
-    child = context.Process(target=play, args=(shop.url, NICE, on, off, told), daemon=True)
+    child = context.Process(target=play, args=(shop.url, AS_OTHERS, on, off, told), daemon=True)
     child.start()
     on.set()
     try:
         yield
+        off.set()
+        _, answers, lasted_s = told.get(timeout=HANGS_S)
+        answers_per_s.append(answers / lasted_s)
     finally:
         child.terminate()
         child.join()
@@ -111,13 +116,14 @@ def watched(shop: Shop, seconds: float) -> Turn:
     return Turn(found, now["tick"]["skips"] - before["tick"]["skips"], int(bool(now["fault"])))
 
 
-def machine_turns(seconds: float) -> dict[str, Turn]:
+def machine_turns(seconds: float, in_the_cut: float, answers_per_s: list[float]) -> dict[str, Turn]:
+    """``in_the_cut``: share of the program from which it is measured."""
     with tempfile.TemporaryDirectory() as folder, five_buses.opened(Path(folder)) as shop:
         time.sleep(SETTLE_S)
         found = {"idle": watched(shop, seconds)}
-        with looked_at(shop), planning(True):
+        with looked_at(shop, answers_per_s), planning(True):
             five_buses.begin(shop)
-            shop.until(lambda now: now["mode"] == "RUNNING" or now["fault"], "RUNNING")
+            shop.until(lambda now: (now["job"]["fraction"] or 0.0) > in_the_cut or now["fault"], "the cut")
             found["loaded"] = watched(shop, seconds)
     return found
 
@@ -146,16 +152,18 @@ def of_wakes(latencies_s: Rows) -> Rows:
 
 def report(short: bool) -> Report:
     cyclictest.needed()
-    rounds, seconds = (1, 1.0) if short else (4, 10.0)
+    rounds, seconds, in_the_cut = (1, 1.0, 0.0) if short else (4, 10.0, IN_THE_CUT)
     theirs: dict[str, list[Rows]] = {state: [] for state in STATES}
     ours: dict[str, list[Turn]] = {state: [] for state in STATES}
+    answers_per_s: list[float] = []
     for _ in range(rounds):
         for state in STATES:
             with planning(state == "loaded"):
                 theirs[state].append(cyclictest.turn(seconds, PERIOD_S, PRIORITY, tick_core()))
-        for state, turn in machine_turns(seconds).items():
+        for state, turn in machine_turns(seconds, in_the_cut, answers_per_s).items():
             ours[state].append(turn)
     found = [figure for state in STATES for figure in beside(state, ours[state], theirs[state])]
+    found.append(Figure("loaded: answers of the panel", float(np.mean(answers_per_s)), "1/s", PER_S, "asked"))
     off = np.concatenate([five_buses.periods(one)[0] for turn in ours["loaded"] for one in turn.stamps_s])
     counts = {
         "within 1/16 of the period": float(np.sum(off <= 1 / 16)),

@@ -7,15 +7,17 @@ SYNC is stamped by the kernel when the tick hands it to a bus, and told by the b
 from __future__ import annotations
 
 import contextlib
+import os
 import socket
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 from support.live import shop
 from support.live.shop import ROOT, Shop
+from support.suite.cyclictest import Absence
 
 from controller.machine import setup_data
 from drives import pdo
@@ -47,6 +49,13 @@ def begin(running: Shop) -> None:
     """Example 2, from its start."""
     running.do("POST", "/job", json={"program": PART})
     running.do("POST", "/cycle/start")
+
+
+def tick_cores(pids: list[int]) -> set[int]:
+    """Cores on which the tick among these processes may run."""
+    name = "directrix-tick"
+    tick = next(pid for pid in pids if Path(f"/proc/{pid}/comm").read_text().strip() == name)
+    return os.sched_getaffinity(tick)
 
 
 def hub_paths(pids: list[int]) -> list[str]:
@@ -102,3 +111,19 @@ def outside(times_s: Rows, period_s: float = PERIOD_S) -> float:
     """Share of the SYNCs that came outside of 1 +- 1/4 periods after the one before."""
     off, count = periods(times_s, period_s)
     return float(np.sum(count[off > OUTSIDE]) / np.sum(count))
+
+
+def away(times_s: Rows, absences: Sequence[Absence]) -> npt.NDArray[np.bool_]:
+    """Of each interval between SYNCs: whether an absence reaches into it."""
+    found = np.zeros(len(times_s) - 1, dtype=bool)
+    for one in absences:
+        first, last = np.searchsorted(times_s, (one.begin_s, one.end_s))
+        found[max(0, first - 1) : last] = True
+    return found
+
+
+def judged(times_s: Rows, absences: Sequence[Absence]) -> list[float]:
+    """Numbers of SYNCs of a bus: within 1 +- 1/4 T, outside for the computer's sake, outside for ours."""
+    off, count = periods(times_s)
+    outside, excused = off > OUTSIDE, away(times_s, absences)
+    return [float(np.sum(count[one])) for one in (~outside, outside & excused, outside & ~excused)]

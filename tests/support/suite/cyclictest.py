@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import os
 import re
 import shutil
 import signal
 import subprocess
+import time
+from pathlib import Path
 from types import TracebackType
 from typing import NamedTuple
 
@@ -17,6 +20,7 @@ SPIKE = re.compile(rb"^T:\s*(\d+) Spike:\s*(\d+): TS:\s*(\d+)\s*$", re.M)
 CYCLES = re.compile(rb"^T:\s*\d+ .*\bC:\s*(\d+)", re.M)
 FROM_THE_KERNEL = 99  # priority above which only the kernel is
 MOST_SPIKES = 2_000_000
+POLL_S = 0.01
 WARM_UP = 50  # wake-ups of each turn that do not count
 
 Rows = npt.NDArray[np.float64]
@@ -64,7 +68,13 @@ class Watch:
         self.woken = 0  # times, each of the threads
 
     def __enter__(self) -> Watch:
-        self._process = subprocess.Popen(self._command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
+        """Returns when its threads are there. Raises SystemExit where it is not permitted."""
+        pipe = subprocess.PIPE
+        self._process = process = subprocess.Popen(self._command, stdout=pipe, stderr=subprocess.DEVNULL)
+        while len(list(Path(f"/proc/{process.pid}/task").glob("*"))) <= len(os.sched_getaffinity(0)):
+            if process.poll() is not None:
+                raise SystemExit("cyclictest gets no real-time priority here")
+            time.sleep(POLL_S)
         return self
 
     def __exit__(
