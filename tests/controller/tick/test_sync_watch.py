@@ -80,6 +80,10 @@ def test_a_bus_that_takes_none_for_its_time_is_unheard_and_heard_again_with_the_
     assert watched.watch.is_unheard
     watched.group.sync_seen = True
     assert watched.send((most + 1) * T) and not watched.watch.is_unheard
+    watched.group.sync_seen = False
+    for i in range(most + 2, 2 * most + 2):
+        watched.send(i * T)
+    assert not watched.watch.is_unheard  # as long as at first
 
 
 def test_skips_and_lateness_are_counted_whatever_they_mean() -> None:
@@ -99,6 +103,15 @@ def test_more_than_a_second_s_worth_of_skips_at_once_is_a_fault_while_the_path_r
     for _ in range(round(LIMIT)):
         assert watched.skip()[0] is Fault.NONE
     assert watched.skip() == (Fault.TOO_MANY_SKIPS, -1)
+
+
+def test_a_long_time_without_skips_is_no_credit() -> None:
+    watched = Watched()
+    for _ in range(500):
+        watched.watch.count(True, 1, 0.0, False)
+    for _ in range(round(LIMIT)):
+        assert watched.skip()[0] is Fault.NONE
+    assert watched.skip()[0] is Fault.TOO_MANY_SKIPS
 
 
 @pytest.mark.parametrize(("ticks", "fault"), [(102, Fault.NONE), (60, Fault.TOO_MANY_SKIPS)])
@@ -135,6 +148,9 @@ def test_of_the_kernel_s_sync_the_echoes_say_what_came() -> None:
         assert watch.is_after_a_gap(1) is long
     watch.count(True, 1, 0.0, False)
     assert watch.skips == LONG_GAP
+    group.syncs_seen = 1
+    watch.count(True, 3, 0.0, False)
+    assert watch.skips == LONG_GAP + 2
     group.syncs_seen = 0
     for _ in range(2):
         for _ in range(LOST_ECHOES - 1):

@@ -525,3 +525,24 @@ def test_each_drive_is_measured_once_in_so_many_syncs_and_not_all_in_one():
         tick(group, port, i * T)
         ticks.append(len(measured) - before)
     assert sorted(measured) == ["A", "C", "X", "Y", "Z"] and max(ticks) == 2
+
+
+def test_a_bus_that_is_off_keeps_no_setpoint_from_the_drives_of_another():
+    ports = {"can0": ListPort(), "can1": ListPort()}
+    group = five(ports, buses=("can0", "can1", "can0", "can1", "can0"))
+    ports["can0"].incoming.append(error_frame(0x040))
+    group.receive(0.0)
+    assert not group.command((1, 2, 3, 4, 5), 0.0)
+    assert [i for i, _ in ports["can0"].outgoing] == [0x77F]
+    assert [i for i, _ in ports["can1"].outgoing] == [0x202, 0x204, 0x77F]
+
+
+def test_our_heartbeat_is_due_with_its_period_and_before_a_frame_was_sent_nothing_is_wrong():
+    port = ListPort()
+    group = five(port)
+    group.want(Wanted.QUICK_STOP)
+    assert group.fault(0.0) == (DriveFault.NONE, -1)
+    for now_s in (0.0, group.master.heartbeat_s):
+        port.outgoing.clear()
+        group.command((0,) * 5, now_s)
+        assert port.outgoing[-1] == (0x77F, b"\x05")
