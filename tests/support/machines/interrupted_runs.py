@@ -64,11 +64,11 @@ class Items:
 
 
 def source(text: str, machine: Machine, dry_run_mm: float = 0.0, start: Joints | None = None) -> Source:
-    """The program from ``start``, None: from the homed position, with the choices of a check."""
+    """The program from ``start``, with the choices of a check; None: from the homed position, as checked."""
     kinematics, read = kinematics_of(machine), blocks.read(text.encode(), machine, "part.ngc").blocks
-    start = start or tuple([axis.homing.position for axis in machine.axes])
-    chosen = choices.choices(read, machine, kinematics, start, "part.ngc")
-    return Source(read, "part.ngc", machine, kinematics, start, chosen, dry_run_mm)
+    homed = tuple([axis.homing.position for axis in machine.axes])
+    chosen = choices.choices(read, machine, kinematics, homed, "part.ngc")
+    return Source(read, "part.ngc", machine, kinematics, start or homed, chosen, dry_run_mm)
 
 
 def stretches(text: str, machine: Machine, start: Joints | None = None) -> dict[int, path.Stretch]:
