@@ -49,11 +49,12 @@ from controller.state.modes import Fault, Mode
 from drives import bus, pdo
 
 RUN_S = 10.0  # then the operator stops it
-END_S = 90.0  # then it hangs
+END_S = 240.0  # then it hangs, however busy the computer is
 POLL_S = 0.5  # between two looks at the rows
 RECORD_S = 30.0  # for the record of a run to be written
 STANDS_S, STANDS_ROWS = 0.3, 20  # of standstill at the end
 STANDS_COUNTS = 50.0
+GOING = ("RUNNING", "HOLD", "JOG", "STOPPING", "READY")
 UNDER_WAY = ("loading", "starting", "running", "held", "stopping")
 ROLES = {"virtual-bus": "hub", "directrix-tick": "tick", "directrix-plan": "plan"}
 NMT = {"stop": 2, "preop": 128, "reset_communication": 130}
@@ -229,8 +230,8 @@ class Watched:
             if not struck and passed_s >= due_s:
                 struck = True
                 self.strike(of.script.partition(": ")[2])
-            elif now["mode"] == "FAULT":
-                pass
+            elif now["mode"] not in GOING:
+                pass  # it has a fault, or comes up again
             elif passed_s > RUN_S:
                 self.ask("POST", "/cycle/stop")
             elif now["mode"] == "HOLD" and now["at_rest"]:
