@@ -278,6 +278,9 @@ class Watched:
         if what == "kill":
             self._kill(name)
             return
+        if what == "stop":
+            self._stop(name, 1e-3 * float(more[1]))
+            return
         axis = next(one for one in self.machine.axes if one.name == name)
         facts = {one["name"]: one["channel"] for one in self.shop.do("GET", "/facts")["buses"]}
         (settings,) = (s for s in machine_file.bus_settings(self.machine) if s.name == axis.bus)
@@ -298,6 +301,13 @@ class Watched:
             self.shop.take_control()
         elif (pid := self.pids().get(name)) is not None:
             os.kill(pid, signal.SIGKILL)
+
+    def _stop(self, name: str, seconds: float) -> None:
+        """For so long it is not there, as on a computer that has other work."""
+        if (pid := self.pids().get(name)) is not None:
+            os.kill(pid, signal.SIGSTOP)
+            time.sleep(seconds)
+            os.kill(pid, signal.SIGCONT)
 
     def pids(self) -> dict[str, int]:
         """Of every process, by what it does; hubs are numbered."""

@@ -31,9 +31,11 @@ PERIODS_S = (0.0005, 0.001, 0.002, 0.003, 0.005)
 LIVE_PERIODS_S = (0.005, 0.01)  # that a busy computer keeps, too
 
 KILL_RUNS = 40  # at the beginning: only a process that lives on tells whether its memory grows
-# What befalls a live machine: a process is killed, a drive finds an error, or a stranger commands it.
+# What befalls a live machine: a process is killed, the computer is not there for a moment, a drive finds an
+# error, or a stranger commands it.
 KILLED = ("kill plan", "kill panel", "kill tick", "kill serve")
 STRUCK = (
+    *(f"stop tick for {ms} ms" for ms in (30, 60, 100)),
     *(f"emcy {{axis}} {code}" for code in ("1000", "4310", "6320", "7305", "FF01")),
     *(f"nmt {{axis}} {word}" for word in ("stop", "preop", "reset_communication")),
 )
