@@ -4,13 +4,18 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import shutil
 import subprocess
 import sys
+import time
 from pathlib import Path
 
+import numpy as np
 import pytest
-from support.suite import figures
+from support.live import five_buses
+from support.suite import cyclictest, figures
+from support.suite.cyclictest import Absence
 from support.suite.figures import Figure, Report
 from typer.testing import CliRunner
 
@@ -19,7 +24,7 @@ from controller.cli import bench
 
 FOLDER = Path(__file__).parent / "benchmarks"
 NAMES = sorted(file.stem for file in FOLDER.glob("*.py"))
-IN_REAL_TIME = ("sync", "request", "panel", "page", "scene", "memory", "idle")
+IN_REAL_TIME = ("sync", "live", "endurance", "request", "panel", "page", "scene", "memory", "idle")
 WHOLE = ("accuracy", "page", "panel", "placements", "scene")  # without parts
 
 
@@ -30,7 +35,7 @@ def told(name: str) -> dict:
 
 
 def judge(name: str) -> None:
-    if name == "sync" and shutil.which("cyclictest") is None:
+    if name in ("sync", "live", "endurance") and shutil.which("cyclictest") is None:
         pytest.skip("cyclictest is not installed (Debian: rt-tests)")
     found = told(name)
     assert found["figures"] and any(one["ratio"] is not None for one in found["figures"])
@@ -64,6 +69,26 @@ def test_every_benchmark_in_real_time_does(name: str) -> None:
     judge(name)
 
 
+def test_a_skipped_sync_counts_as_two_and_only_an_absence_that_reaches_into_it_excuses_it() -> None:
+    times_s = 0.5e-3 * np.array([0.0, 1.0, 3.0, 4.0, 5.26, 6.0, 7.2])
+    assert five_buses.outside(times_s) == pytest.approx(4 / 7)  # two that make up for a late one, too
+    assert five_buses.judged(times_s, ()) == [3.0, 0.0, 4.0]
+    assert five_buses.judged(times_s, [Absence(1, 0.9e-3, 1.1e-3)]) == [3.0, 2.0, 2.0]
+    assert five_buses.judged(times_s, [Absence(1, 1.6e-3, 1.9e-3)]) == [3.0, 0.0, 4.0]
+    assert five_buses.judged(times_s, [Absence(1, -1.0, 9.0)]) == [3.0, 4.0, 0.0]
+
+
+@pytest.mark.skipif(shutil.which("cyclictest") is None or os.geteuid(), reason="no cyclictest, or not for us")
+def test_cyclictest_tells_when_it_was_woken_late_by_the_clock_of_syncs() -> None:
+    began_s = time.monotonic()
+    with cyclictest.Watch(1e-3, 1e-6) as watch:  # nobody is woken within a microsecond
+        time.sleep(0.5)
+    assert watch.woken and watch.absences
+    for one in watch.absences:
+        assert began_s < one.begin_s < one.end_s < time.monotonic()
+    assert watch.longest_s(began_s, time.monotonic()) >= 1e-6 and not watch.longest_s(0.0, began_s)
+
+
 def test_parts_that_do_not_add_up_are_refused(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match=r"add up to 0\.9"):
         Report((), {"a": 0.5, "b": 0.4}, "it")
@@ -91,12 +116,13 @@ def test_a_benchmark_that_fails_is_told_and_ends_with_1(
 def test_the_figures_are_put_into_a_page_and_drawn(tmp_path: Path) -> None:
     page = tmp_path / "page.md"
     page.write_text(f"before\n{bench.BEGIN}\nold\n{bench.END}\nbehind\n")
-    words = ["bench", "accuracy", "--short", "--readme", str(page), "--plot", str(tmp_path / "plots")]
+    words = ["bench", "start", "--short", "--readme", str(page), "--plot", str(tmp_path / "plots")]
     assert CliRunner().invoke(app, words).exit_code == 0
     text = page.read_text()
     assert text.startswith(f"before\n{bench.BEGIN}\n`directrix bench --short`") and "old" not in text
-    assert text.endswith(f"{bench.END}\nbehind\n") and "| `accuracy`: 10 ms: axis |" in text
-    assert (tmp_path / "plots" / "accuracy.png").read_bytes().startswith(b"\x89PNG")
+    assert text.endswith(f"| at most 0.2 |\n{bench.END}\nbehind\n") and "| `start`: status |" in text
+    assert "--version" not in text, "nothing is promised of it"
+    assert (tmp_path / "plots" / "start.png").read_bytes().startswith(b"\x89PNG")
     page.write_text("no marks")
     refused = CliRunner().invoke(app, [*words, "--json"])
     assert refused.exit_code == 1 and "no one place" in json.loads(refused.stdout)["error"]

@@ -28,12 +28,15 @@ Names = Annotated[list[str] | None, typer.Argument(metavar="[NAME]...", help="Wh
 Short = Annotated[bool, typer.Option("--short", help="So little that it only shows that all of it works.")]
 Plot = Annotated[Path | None, typer.Option("--plot", metavar="DIR", help="A picture of each (.png).")]
 Into = Annotated[
-    Path | None, typer.Option("--readme", metavar="FILE", help="Put the figures between the marks of a page.")
+    Path | None,
+    typer.Option("--readme", metavar="FILE", help="Put what has a promise between the marks of a page."),
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
 
 BEGIN, END = "<!-- figures -->", "<!-- end of figures -->"
 SAME = 1e-6  # that parts may miss the whole by
+
+BOUNDS = ("at_most", "at_least", "at_most_times")  # what may be promised of a figure
 
 Report = Mapping[str, Any]
 
@@ -103,21 +106,27 @@ def _table(name: str, report: Report) -> Table:
     table.add_column(_say("value"), justify="right")
     table.add_column(_say("beside"))
     table.add_column(_say("ratio"), justify="right")
+    table.add_column(_say("promised"))
     for one in report.get("figures", ()):
         table.add_row(*map(Text, (one["name"], *_cells(one))))
     for part, share in report.get("parts", {}).items():
         table.add_row(
-            Text(f"  {part}"), f"{100.0 * share:.1f} %", Text(_say("of", whole=report["whole"])), ""
+            Text(f"  {part}"), f"{100.0 * share:.1f} %", Text(_say("of", whole=report["whole"])), "", ""
         )
     return table
 
 
-def _cells(one: Mapping[str, Any]) -> tuple[str, str, str]:
+def _cells(one: Mapping[str, Any]) -> tuple[str, str, str, str]:
     value = f"{one['value']:.4g} {one['unit']}".strip()
-    if one["reference"] is None:
-        return value, "", ""
+    beside = "" if one["reference"] is None else f"{one['beside']} {one['reference']:.4g}"
     ratio = "" if one["ratio"] is None else f"{one['ratio']:.3g}"
-    return value, f"{one['beside']} {one['reference']:.4g}", ratio
+    return value, beside, ratio, _promise(one)
+
+
+def _promise(one: Mapping[str, Any]) -> str:
+    """What is promised of a figure; empty where nothing is."""
+    said = [_say(bound, limit=f"{one[bound]:g}") for bound in BOUNDS if one[bound] is not None]
+    return ", ".join(said)
 
 
 def _marked(readme: Path) -> None:
@@ -128,11 +137,12 @@ def _marked(readme: Path) -> None:
 
 
 def _page(found: Mapping[str, Report], short: bool) -> str:
-    """The figures as a table in Markdown, with what they were measured on."""
-    rows = ["| what | value | beside it in the same run | ratio |", "|---|---|---|---|"]
+    """The figures of which something is promised as a table in Markdown, with what they were measured on."""
+    rows = ["| what | value | beside it in the same run | ratio | promised |", "|---|---|---|---|---|"]
     for name, report in found.items():
         for one in report.get("figures", ()):
-            rows.append(f"| `{name}`: {' | '.join((one['name'], *_cells(one)))} |")
+            if _promise(one):
+                rows.append(f"| `{name}`: {' | '.join((one['name'], *_cells(one)))} |")
     day = datetime.now(UTC).date().isoformat()
     words = f"`directrix bench{' --short' if short else ''}` of {day} on {_processor()}."
     return "\n".join([textwrap.fill(words, 118), "", *rows, ""])

@@ -32,8 +32,11 @@ def speaking(verb: Callable[..., None]) -> Callable[..., None]:
 
     @functools.wraps(verb)
     def with_language(*args: Any, language: str = messages.DEFAULT, **more: Any) -> None:
-        spoken.set(messages.chosen(language))
-        verb(*args, **more)
+        before = spoken.set(messages.chosen(language))
+        try:
+            verb(*args, **more)
+        finally:
+            spoken.reset(before)
 
     own, kind = inspect.signature(verb, eval_str=True), inspect.Parameter.KEYWORD_ONLY
     last = inspect.Parameter("language", kind, default=messages.DEFAULT, annotation=Language)

@@ -49,6 +49,10 @@ REFUSALS = {
     "bench.value": "value",
     "bench.beside": "beside it",
     "bench.ratio": "ratio",
+    "bench.promised": "promised",
+    "bench.at_most": "at most {limit}",
+    "bench.at_least": "at least {limit}",
+    "bench.at_most_times": "at most {limit} times",
     "bench.of": "of {whole}",
     "bench.drawn": "Pictures: {folder}",
     # --- soak

@@ -52,6 +52,10 @@ REFUSALS = {
     "bench.value": "Wert",
     "bench.beside": "daneben",
     "bench.ratio": "Verhältnis",
+    "bench.promised": "zugesagt",
+    "bench.at_most": "höchstens {limit}",
+    "bench.at_least": "mindestens {limit}",
+    "bench.at_most_times": "höchstens {limit}-mal",
     "bench.of": "von {whole}",
     "bench.drawn": "Bilder: {folder}",
     # --- soak

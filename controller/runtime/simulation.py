@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from controller.machine import nodes
 from controller.machine.equipment import SENSORS
 from controller.machine.model import Changer, Io, Machine
+from drives.simulated import build
 from drives.simulated.io_node import IoNode
 
 QUICK_S = 0.3  # what a simulated step of a tool changer takes at most
@@ -75,6 +77,8 @@ def options(machine: Machine, bus: str) -> list[str]:
     axes = [axis for axis in machine.axes if axis.bus == bus]
     told = ["--nodes", *(str(axis.node) for axis in axes)]
     places = {a.node: round(a.homing.position * a.counts_per_unit) for a in axes if a.homing.absolute}
+    motors = ((node.node, *build.needs(node)) for node in nodes.node_settings(machine) if node.bus == bus)
+    told += ["--motor", *(f"{node}={speed}:{acceleration}" for node, speed, acceleration in motors)]
     told += ["--absolute", *(f"{node}={counts}" for node, counts in places.items())]
     spindle, io = machine.spindle, machine.io
     if spindle is not None and spindle.is_driven and spindle.bus == bus:

@@ -184,9 +184,6 @@ class PowerStage(Supervised):
             return self._emcy_fault
         if self._state_lost and self._left is _NONE:
             return self._lost_as
-        silent = self._watched and now_s - self.heartbeat_at_s > consumer_s
-        if self._left is _NONE and not self._feedback_lost and not silent:
-            return _NONE  # asked for with every tick, and hardly ever anything else
         return self.out_of_sight(now_s, consumer_s)
 
     def out_of_sight(self, now_s: float, consumer_s: float) -> DriveFault:

@@ -91,6 +91,13 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--absolute", metavar="NODE=COUNTS", nargs="*", default=[], help="drives that know where they are"
     )
+    parser.add_argument(
+        "--motor",
+        metavar="NODE=COUNTS/S:COUNTS/S^2",
+        nargs="*",
+        default=[],
+        help="what the axis asks of it, e.g. 1=4e8:4e9; default: a motor for some 20 000 counts per mm",
+    )
     parser.add_argument("--eds", type=Path, default=EDS, help="data sheet the drives answer by")
     options.add_options(parser)
     parser.add_argument("--sync-log", metavar="FILE.npy", help="times of SYNC on the bus, written at the end")
@@ -110,8 +117,12 @@ def _devices(chosen: argparse.Namespace) -> list[SimulatedDrive | IoNode]:
     nature = Parameters(lost_sync=LostSync(chosen.lost_sync))
     devices: list[SimulatedDrive | IoNode] = []
     places = {int(node): int(counts) for node, counts in (item.split("=") for item in chosen.absolute)}
+    needs = {
+        int(node): map(float, both.split(":")) for node, both in (one.split("=") for one in chosen.motor)
+    }
     for node in chosen.nodes:
-        own = replace(nature, stiffness=soft.get(node, 1.0), absolute_encoder=node in places)
+        own = build.sized(nature, *needs.get(node, (0.0, 0.0)))
+        own = replace(own, stiffness=soft.get(node, 1.0), absolute_encoder=node in places)
         own = replace(own, position_counts=places.get(node, 0))
         devices.append(SimulatedDrive(node, own, chosen.eds))
     for node in chosen.spindle:

@@ -33,11 +33,16 @@ def drive(settings: NodeSettings, parameters: Parameters) -> SimulatedDrive:
     size = settings.counts_per_si
     known = (0.0, size) if settings.rotary else (size, 0.0)
     parameters = replace(parameters, counts_per_metre=known[0], counts_per_radian=known[1])
-    needed = max(settings.acceleration_counts_s2, settings.quick_stop_counts_s2 / QUICK_STOP_SHARE)
-    nature = sized(parameters, settings.velocity_counts_s, needed)
+    nature = sized(parameters, *needs(settings))
     made = SimulatedDrive(settings.node, nature, Path(settings.eds) if settings.eds else EDS)
     made.dictionary.believe(settings.overrides)
     return families.restrict(made, settings.profile)
+
+
+def needs(settings: NodeSettings) -> tuple[float, float]:
+    """Counts/s and counts/s^2 that the axis asks of its motor; 0 = not known."""
+    quick_stop = settings.quick_stop_counts_s2 / QUICK_STOP_SHARE
+    return settings.velocity_counts_s, max(settings.acceleration_counts_s2, quick_stop)
 
 
 def sized(parameters: Parameters, velocity_counts_s: float, acceleration_counts_s2: float) -> Parameters:

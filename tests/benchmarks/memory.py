@@ -78,7 +78,7 @@ def report(short: bool) -> Report:
     found += [
         Figure("memory, all", sum(memory.values()), "MB", bare, "python, numpy"),
         Figure("processor, all", 100.0 * sum(used.values()) / lasted_s, "% of a core"),
-        Figure("locked by the tick", locked, "MB"),
+        Figure("locked by the tick", locked, "MB", at_most=60.0),
     ]
     parts = figures.shares({names[pid]: memory[pid] for pid in every})
     return Report(tuple(found), parts, "the memory")

@@ -7,7 +7,7 @@ words of the command line), ``plan`` (machine file, program, bus budget, path an
 (commissioning and homing), ``ticks`` (stepped: planner, tick, bus, drives), ``trace`` (figures and files),
 ``end`` (of the process).
 
-Wanted are ten times of every shipped program, on a computer that does nothing else; what is slower is said.
+Wanted are ten times of every shipped program, on a computer that does nothing else.
 The best of the runs counts, which come in turn so that a busy computer is unfair to none. With DIRECTRIX_TREE
 the same is done with the code in another folder, run for run. The first run of each tree makes its
 bytecode and does not count.
@@ -43,10 +43,6 @@ class Run(NamedTuple):
     cpu_s: float
     motion_s: float
     parts_s: dict[str, float]
-
-    @property
-    def times_faster(self) -> float:
-        return self.motion_s / self.cpu_s
 
 
 def measured(program: Path, tree: Path) -> Run:
@@ -112,13 +108,12 @@ def report(short: bool) -> Report:
             "s of CPU",
             one.motion_s,
             "the motion",
+            at_most_times=1.0 / WANTED,
         )
         for one in found
     ]
     parts = {part: sum(one.parts_s[part] for one in ours) for part in ours[0].parts_s}
-    slow = [one.program for one in ours if one.times_faster < WANTED]
-    note = f"less than {WANTED:.0f} times faster than the motion: {', '.join(slow)}" if slow else ""
-    return Report(tuple(told), figures.shares(parts), "the command", note)
+    return Report(tuple(told), figures.shares(parts), "the command")
 
 
 if __name__ == "__main__":

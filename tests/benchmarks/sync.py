@@ -11,9 +11,7 @@ from __future__ import annotations
 import contextlib
 import multiprocessing
 import os
-import re
 import select
-import shutil
 import socket
 import struct
 import subprocess
@@ -28,7 +26,7 @@ import numpy as np
 sys.path[:0] = [str(Path(__file__).parents[2]), str(Path(__file__).parents[1])]
 
 from support.machines.shipped_kinds import machine as make_machine  # noqa: E402
-from support.suite import figures  # noqa: E402
+from support.suite import cyclictest, figures  # noqa: E402
 from support.suite.figures import Figure, Report  # noqa: E402
 
 from controller.ipc.handoff import (  # noqa: E402
@@ -53,23 +51,9 @@ from drives.settings import MasterSettings, NodeSettings  # noqa: E402
 
 SO_TIMESTAMPNS = 35
 STAMP = struct.Struct("qq")
-SAMPLE = re.compile(rb"^\s*\d+:\s*\d+:\s*(-?\d+)\s*$", re.M)
 REPORT = (0x1237).to_bytes(2, "little") + bytes(4)  # operation enabled, at zero
 BESIDE = "cyclictest"
 PRIORITY = 80
-WARM_UP = 50  # ticks of each turn that do not count, for both
-
-
-def run_cyclictest(seconds: float, period_s: float, priority: int) -> np.ndarray:
-    """Latencies (s) of one turn of cyclictest, sample by sample."""
-    # -v prints every sample; -q would keep it silent
-    command = ["cyclictest", "-m", "-N", "-v", "-t1", f"-i{round(period_s * 1e6)}"]
-    command += [f"-l{round(seconds / period_s)}", f"-p{priority}"]
-    found = subprocess.run(command, capture_output=True, check=False)
-    samples = np.array([int(value) for value in SAMPLE.findall(found.stdout)], dtype=float) * 1e-9
-    if len(samples) == 0:
-        raise SystemExit(f"cyclictest gave no samples: {found.stderr.decode(errors='replace')[:300]}")
-    return samples[WARM_UP:]
 
 
 def tick_process(
@@ -99,7 +83,7 @@ def tick_process(
     granted = loop.prepare(priority)
     ends_s = time.monotonic() + seconds
     loop.Loop(cycle, clock).run(lambda: time.monotonic() < ends_s)
-    rows = recorder.drain()[WARM_UP:]
+    rows = recorder.drain()[cyclictest.WARM_UP :]
     out.send((rows[:, COLUMN["lateness_s"]], cycle.sync.skips, dict(granted)))
 
 
@@ -137,7 +121,7 @@ def run_loop(
     child.join()
     near.close()
     far.close()
-    return lateness, stamps[WARM_UP:], skips, granted
+    return lateness, stamps[cyclictest.WARM_UP :], skips, granted
 
 
 @contextlib.contextmanager
@@ -160,7 +144,7 @@ def beside(
     ours, theirs, woken, late, skips = [], [], [], [], 0
     with load(loaded):
         for _ in range(rounds):
-            samples = run_cyclictest(seconds, period_s, PRIORITY)
+            samples = cyclictest.turn(seconds, period_s, PRIORITY)
             woken.append(samples)
             theirs.append(np.abs(np.diff(samples)))
             lateness, stamps, skipped, _ = run_loop(seconds, period_s, PRIORITY)
@@ -181,8 +165,7 @@ def beside(
 
 
 def report(short: bool) -> Report:
-    if shutil.which("cyclictest") is None:
-        raise SystemExit("cyclictest is missing: apt-get install rt-tests")
+    cyclictest.needed()
     found: list[Figure] = []
     for loaded in (False, True):
         for period_s in (2e-3,) if short else (2e-3, 1e-3, 0.5e-3):

@@ -15,7 +15,8 @@ import math
 import socket
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -239,7 +240,7 @@ def report(short: bool) -> Report:
         shares = watches.shares()
     paced = rehearsed[:, 0]
     found = [
-        *figures.percentiles("paced tick", paced, together, "us", 1e6, "back to back"),
+        *_promised(figures.percentiles("paced tick", paced, together, "us", 1e6, "back to back")),
         *figures.percentiles(
             "paced tick without rehearsal", without[:, 0], together, "us", 1e6, "back to back"
         ),
@@ -247,6 +248,12 @@ def report(short: bool) -> Report:
         Figure("paced tick, share of the period", float(np.mean(paced)) / PERIOD_S, ""),
     ]
     return Report(tuple(found), shares, "a paced tick")
+
+
+def _promised(found: Sequence[Figure]) -> list[Figure]:
+    """Median and 99 % with what is promised of them, and the others."""
+    median, near_all, *others = found
+    return [replace(median, at_most=80.0), replace(near_all, at_most=160.0), *others]
 
 
 if __name__ == "__main__":

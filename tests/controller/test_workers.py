@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import os
 import signal
+import threading
 import time
 from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 
 import pytest
+from support.live import dask_cluster
+from support.live.dask_cluster import Cluster
 
+from controller import workers as workers_module
 from controller.workers import Workers, WorkersLost, here
 
 HANGS_S = 60.0  # no test is meant to come near
@@ -130,3 +134,52 @@ def _lives(pid: int) -> bool:
         return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
     except OSError:
         return False
+
+
+def ends_its_cluster(who: int, mark: Path, x: int) -> int:
+    """The question 5 kills a process of its cluster once: the worker that answers it, or another one."""
+    if x == 5 and not mark.exists():
+        mark.touch()
+        os.kill(who or os.getpid(), signal.SIGKILL)
+    return x
+
+
+@pytest.fixture
+def cluster(tmp_path: Path) -> Iterator[Cluster]:
+    pytest.importorskip("distributed")
+    with dask_cluster.opened(tmp_path, 1) as cluster:
+        yield cluster
+
+
+@pytest.mark.slow
+def test_a_cluster_that_loses_its_last_worker_goes_on_with_the_next(cluster: Cluster, tmp_path: Path) -> None:
+    mark = tmp_path / "died"
+    begins = threading.Thread(target=lambda: (cluster.workers[0].wait(HANGS_S), cluster.begin_worker()))
+    begins.start()
+    with Workers(cluster=cluster.address) as workers:
+        found = list(workers.each(partial(ends_its_cluster, 0, mark), range(30), 0.0))
+    begins.join()
+    assert mark.exists() and found == list(range(30))
+
+
+@pytest.mark.slow
+def test_a_cluster_without_workers_any_more_is_one_sentence(
+    cluster: Cluster, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(workers_module, "WORKER_BACK_S", 0.5)
+    with Workers(cluster=cluster.address) as workers, pytest.raises(WorkersLost, match="has no workers"):
+        list(workers.each(partial(ends_its_cluster, 0, tmp_path / "died"), range(30), 0.0))
+
+
+@pytest.mark.slow
+def test_a_cluster_without_its_scheduler_any_more_is_one_sentence(
+    cluster: Cluster, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(workers_module, "CONNECT_TIMEOUT_S", 1.0)
+    ends = partial(ends_its_cluster, cluster.scheduler.pid, tmp_path / "died")
+    with (
+        Workers(cluster=cluster.address) as workers,
+        pytest.raises(WorkersLost, match="no Dask scheduler answers there"),
+    ):
+        list(workers.each(ends, range(30), 0.0))
+    assert "Traceback" not in capfd.readouterr().err

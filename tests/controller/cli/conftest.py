@@ -8,19 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from controller.verify.console import spoken
-
 
 @pytest.fixture
 def runtime() -> Iterator[Path]:
     """A folder that is not there yet; its path is short, as that of a socket must be."""
     with tempfile.TemporaryDirectory(prefix="directrix-") as folder:
         yield Path(folder) / "run"
-
-
-@pytest.fixture(autouse=True)
-def english() -> Iterator[None]:
-    """A command with --language leaves that to whatever runs next in this process: here, nothing."""
-    before = spoken.set("en")
-    yield
-    spoken.reset(before)

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import json
 import os
-import signal
 import subprocess
 import sys
-import time
 from collections.abc import Iterator
 from html.parser import HTMLParser
 from pathlib import Path
 
 import pytest
+from support.live import dask_cluster
+from support.live.dask_cluster import Cluster
 from support.parts import surface_trains
 from typer.testing import CliRunner
 
@@ -135,61 +135,38 @@ def test_the_surfaces_of_one_program_are_the_same_on_two_workers(verb: str, tmp_
 
 
 @pytest.fixture
-def cluster(tmp_path: Path) -> Iterator[tuple[str, list[subprocess.Popen]]]:
-    """A scheduler, and two workers that their own command keeps alive."""
+def cluster(tmp_path: Path) -> Iterator[Cluster]:
     pytest.importorskip("distributed")
-    where = tmp_path / "scheduler.json"
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
-    dask = [sys.executable, "-m", "dask"]
-    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, "env": environment, "cwd": tmp_path}
-    own = ["--host", "127.0.0.1", "--port", "0", "--no-dashboard", "--scheduler-file", str(where)]
-    started = [subprocess.Popen([*dask, "scheduler", *own], **quiet)]  # type: ignore[call-overload]
-    try:
-        address = _when(lambda: json.loads(where.read_text())["address"])
-        worker = [*dask, "worker", address, "--nthreads", "1", "--no-dashboard", "--no-nanny"]
-        started += [subprocess.Popen(worker, **quiet) for _ in range(2)]  # type: ignore[call-overload]
-        from distributed import Client
-
-        with Client(address, timeout=30) as client:
-            client.wait_for_workers(2, timeout=60)
-        yield address, started[1:]
-    finally:
-        for process in started:
-            process.kill()
-            process.wait()
-
-
-def _when(read):
-    until_s = time.monotonic() + 60.0
-    while True:
-        try:
-            return read()
-        except (OSError, ValueError, KeyError):
-            if time.monotonic() > until_s:
-                raise
-            time.sleep(0.05)
+    with dask_cluster.opened(tmp_path, 2) as cluster:
+        yield cluster
 
 
 @pytest.mark.slow
 def test_a_cluster_gives_the_same_while_one_of_its_workers_is_killed(
-    folder: Path, alone: tuple, tmp_path: Path, cluster: tuple[str, list[subprocess.Popen]]
+    folder: Path, alone: tuple, tmp_path: Path, cluster: Cluster
 ) -> None:
-    address, workers = cluster
     kept = ["--store", str(tmp_path / "store"), "--report", str(tmp_path / "report.html")]
     asked = subprocess.Popen(
-        [sys.executable, "-m", "controller", "check", str(folder), *kept, "--cluster", address, "--json"],
+        [
+            sys.executable,
+            "-m",
+            "controller",
+            "check",
+            str(folder),
+            *kept,
+            "--cluster",
+            cluster.address,
+            "--json",
+        ],
         stdout=subprocess.PIPE,
         env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
     )
-    _when(lambda: next((tmp_path / "store").iterdir(), None) or _missing())  # some are done, some are not
-    workers[0].send_signal(signal.SIGKILL)
+    store = tmp_path / "store"
+    dask_cluster.until(lambda: store.is_dir() and any(store.iterdir()))  # some are done, some are not
+    cluster.workers[0].kill()
     out, _ = asked.communicate(timeout=120)
-    stored = {file.name: file.read_bytes() for file in (tmp_path / "store").glob("*.json")}
+    stored = {file.name: file.read_bytes() for file in store.glob("*.json")}
     assert (asked.returncode, json.loads(out), (tmp_path / "report.html").read_bytes(), stored) == alone
-
-
-def _missing() -> None:
-    raise OSError
 
 
 def test_a_cluster_that_is_not_there_is_one_sentence(folder: Path) -> None:

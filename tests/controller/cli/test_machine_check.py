@@ -105,8 +105,8 @@ def test_every_shipped_machine_passes(name: str) -> None:
 def test_a_resolution_whose_rounding_looks_like_jerk_is_warned(language: str, jerk: str) -> None:
     machine = machine_file.load("trunnion")
     assert not any(machine_check.warnings(machine_file.load(name)) for name in machine_file.shipped())
-    spoken.set(language)
+    before = spoken.set(language)
     found = machine_check.warnings(machine_file.with_period(machine, 0.0005))
-    spoken.set("en")
+    spoken.reset(before)
     assert [text[0] for text in found] == ["X", "Y", "Z", "A", "C"]
     assert f"{jerk} 160000 mm/s3" in found[0]

@@ -465,3 +465,27 @@ def test_a_setpoint_that_fails_its_check_is_not_sent() -> None:
     assert (bench.snapshot.fault, bench.snapshot.fault_axis) == (Fault.VELOCITY, 0)
     assert bench.snapshot.joints == at and bench.group.wanted is Wanted.QUICK_STOP
     bench.close()
+
+
+def test_an_order_that_is_not_asked_for_again_is_over_two_ticks_before_the_dead_man_s_time() -> None:
+    """The last tick that waits, and the one in which a drive uses what it was told, are within it, too."""
+    bench = ready()
+    jog(bench)
+    ticks = 0
+    while bench.cycle.modes.phase is Phase.STEADY:
+        bench.tick()
+        ticks += 1
+    assert ticks == math.floor(DEAD_MAN_S / bench.machine.period_s) - 1
+    bench.close()
+
+
+@pytest.mark.parametrize("homed", [ALL_AXES, ALL_AXES & ~1])
+def test_an_axis_that_is_homed_has_its_travel_in_a_jog_and_one_that_is_not_has_none(homed: int) -> None:
+    bench = ready(homed)
+    jog(bench)
+    bench.tick()
+    end = bench.machine.axes[0].travel_max
+    at, beyond = ((q, 0.0, 0.0, 0.0, 0.0) for q in (end, end + 1e-4))
+    wanted = (Fault.TRAVEL, 0) if homed & 1 else (Fault.NONE, -1)
+    assert bench.cycle.jogging.check.judge(beyond, at, at) == wanted
+    bench.close()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from itertools import product
 
@@ -24,7 +25,7 @@ from controller.state.modes import (
     refusal,
 )
 from controller.state.stop_times import ENABLE_S
-from controller.tick.mode import DRIVE_FAULTS, PHASES, SWITCHES, Modes, Phase
+from controller.tick.mode import DRIVE_FAULTS, MAX_OVERRIDE, PHASES, SWITCHES, Modes, Phase
 from drives.cia402 import State, Wanted
 from drives.cyclic.drive import DriveFault
 
@@ -417,3 +418,96 @@ def test_homing_that_takes_long_with_torque_is_no_fault() -> None:
         drive.state = State.OPERATION_ENABLED
     modes.progress(round(ENABLE_S / 0.002) + 1, standing=True)
     assert (modes.mode, modes.fault) == (Mode.HOMING, Fault.NONE)
+
+
+def test_a_machine_that_has_just_begun_is_off_and_nothing_of_it_is_chosen() -> None:
+    modes = Modes(FakeGroup([0] * 5), 0.002, absolute=0x08)
+    assert (modes.mode, modes.phase, modes.fault, modes.fault_axis) == (
+        Mode.OFF,
+        Phase.STEADY,
+        Fault.NONE,
+        -1,
+    )
+    assert (modes.reaction, modes.warning, modes.interlock) == (Reaction.NONE, Fault.NONE, Fault.NONE)
+    assert (modes.override, modes.rapid_override, modes.spindle_override) == (1.0, 1.0, 1.0)
+    chosen = modes.single_block, modes.optional_stop, modes.adaptive_feed, modes.plan_lost
+    assert chosen == (False,) * 4
+    assert (modes.homed, modes.untrusted) == (0x08, 0)
+
+
+def test_an_emergency_stop_is_of_no_axis_and_a_resume_shows_none() -> None:
+    modes, _ = modes_in(Mode.RUNNING)
+    modes.request(Request.ESTOP, 0.0, standing=False)
+    assert (modes.fault, modes.fault_axis) == (Fault.EMERGENCY_STOP, -1)
+    modes, _ = modes_in(Mode.HOLD)
+    modes.fail(Fault.DOOR_OPEN, 2)
+    modes.request(Request.RESUME, 0.0, standing=True)
+    assert (modes.mode, modes.fault, modes.fault_axis) == (Mode.RUNNING, Fault.NONE, -1)
+
+
+def test_the_largest_and_the_least_override_are_taken_and_the_next_number_is_not() -> None:
+    for request in (Request.OVERRIDE, Request.RAPID_OVERRIDE):
+        modes, _ = modes_in(Mode.RUNNING)
+        for value in (0.0, MAX_OVERRIDE):
+            assert modes.request(request, value, standing=False)
+            assert not modes.request(request, math.nextafter(value, math.copysign(9.0, value - 1.0)), False)
+            assert value == (modes.override if request is Request.OVERRIDE else modes.rapid_override)
+
+
+def test_the_time_for_enabling_is_over_with_the_tick_after_it() -> None:
+    modes, group = modes_in(Mode.OFF)
+    modes.request(Request.ENABLE, 0.0, standing=True)
+    group.drives[0].following = True
+    for _ in range(round(ENABLE_S / 0.002)):
+        modes.progress(1, standing=True)
+        assert modes.fault is Fault.NONE
+    modes.progress(1, standing=True)
+    assert (modes.fault, modes.fault_axis) == (Fault.ENABLE_TIMEOUT, 1)
+
+
+def test_a_reset_gives_encoders_that_know_where_they_are_their_zero_back_and_no_other_axis() -> None:
+    modes = Modes(FakeGroup([0] * 5), 0.002, absolute=0x08)
+    modes.mode, modes.homed = Mode.RUNNING, 0x1F
+    modes.fail(Fault.NODE_RESET, 1)
+    modes.fail(Fault.NODE_RESET, 3)
+    assert (modes.homed, modes.untrusted) == (0x15, 0x0A)
+    modes.request(Request.RESET, 0.0, standing=True)
+    assert (modes.homed, modes.untrusted) == (0x1D, 0x02)
+
+
+def test_a_softer_reason_does_not_take_the_place_of_a_hold() -> None:
+    modes, _ = modes_in(Mode.RUNNING)
+    modes.fail(Fault.DOOR_OPEN, -1)
+    modes.fail(Fault.COOLANT_LOST, -1)
+    assert (modes.mode, modes.fault, modes.reaction) == (Mode.HOLD, Fault.DOOR_OPEN, Reaction.HOLD)
+
+
+@pytest.mark.parametrize(("axis", "shown"), [(2, Fault.TORQUE_OFF), (1, Fault.FEEDBACK_LOST)])
+def test_a_cause_takes_the_place_of_its_effect_on_the_same_axis_only(axis: int, shown: Fault) -> None:
+    modes, _ = modes_in(Mode.RUNNING)
+    modes.fail(Fault.FEEDBACK_LOST, 2)
+    modes.fail(Fault.TORQUE_OFF, axis)
+    assert (modes.fault, modes.fault_axis) == (shown, 2)
+
+
+@pytest.mark.parametrize("axes", [3, 4, 5])
+def test_each_drive_s_warning_is_seen_within_as_many_ticks_as_there_are_drives(axes: int) -> None:
+    for warns in range(axes):
+        group = FakeGroup([0] * axes)
+        modes = Modes(group, 0.002)
+        group.drives[warns].statusword = 1 << 7
+        for _ in range(axes):
+            modes.watch(0.0)
+        assert modes.warning is Fault.DRIVE_WARNING
+
+
+def test_what_has_been_homed_is_trusted_and_other_axes_are_what_they_were() -> None:
+    modes, group = modes_in(Mode.OFF)
+    modes.homed, modes.untrusted = 0x01, 0x06
+    other = group.drives[0]
+    other.homing = lambda start: pytest.fail("the homing of an axis that was not asked for")  # type: ignore[method-assign]
+    modes.request(Request.HOME, 4.0, standing=True)
+    group.drives[2].homing_done = True
+    modes.progress(1, standing=True)
+    assert (modes.mode, modes.phase, group.wanted) == (Mode.HOMING, Phase.SWITCHING_OFF, Wanted.OFF)
+    assert (modes.homed, modes.untrusted) == (0x05, 0x02)

@@ -1,14 +1,16 @@
 """One drive against a device model of a dozen lines: frames in, one frame out."""
 
+import math
 from dataclasses import replace
 
 import pytest
 
 from drives import cia402, pdo
 from drives.cia402 import State, Wanted
-from drives.cyclic.drive import Drive, DriveFault
+from drives.cyclic.drive import STALE_STATUSWORDS, STOOD_FEEDBACKS, Drive, DriveFault
+from drives.cyclic.power_stage import STALE_FEEDBACKS
 from drives.profile import GENERIC, CyclicMode
-from drives.settings import NodeSettings
+from drives.settings import INT32_MAX, INT32_MIN, FollowingWindow, NodeSettings
 
 SOD, RTSO, SO, OE, QSA, FAULT = 0x0250, 0x0231, 0x0233, 0x0237, 0x0217, 0x0218
 FOLLOWS = cia402.FOLLOWS_COMMAND
@@ -42,6 +44,82 @@ def test_a_drive_that_never_spoke_is_told_disable_voltage():
     drive.want(Wanted.ENABLED)
     assert sent(drive) == (0x00, 0)
     assert drive.state is State.UNKNOWN
+
+
+def test_before_anything_is_heard_a_drive_claims_nothing():
+    drive = new_drive()
+    assert (drive.state, drive.wanted, drive.statusword) == (State.UNKNOWN, Wanted.OFF, 0)
+    assert (drive.fresh, drive.following, drive.homing_done, drive.homing_error) == (False,) * 4
+    assert (drive.lost, drive.refused, drive.malformed, drive.emcy_code, drive.nmt_state) == (0, 0, 0, 0, -1)
+    assert drive.position_at_s == drive.heartbeat_at_s == -math.inf
+    assert drive.in_position and drive.probe is None
+
+
+@pytest.mark.parametrize("every", [1, 2, 3])
+def test_a_quick_stop_of_a_drive_never_enabled_is_judged_from_nothing(every):
+    drive = Drive(NodeSettings("X", "can0", 1, "a.eds", feedback_every=every))
+    drive.want(Wanted.QUICK_STOP)
+    for sync in range(1, 2 * every + 1):
+        assert drive.fault(0.0, CONSUMER_S) is DriveFault.NONE
+        drive.expect()
+        drive.settle()
+        assert drive.lost == sync // every
+    assert drive.fault(0.0, CONSUMER_S) is DriveFault.FEEDBACK_LOST
+
+
+def test_a_quick_stop_forgets_nothing_of_what_was_wrong():
+    drive = enabled()
+    tell(drive, QSA)
+    drive.want(Wanted.QUICK_STOP)
+    assert drive.fault(0.0, CONSUMER_S) is DriveFault.STATE_LOST
+
+
+def test_what_a_drive_tells_of_every_second_sync_may_be_older_than_the_wish_to_enable_it():
+    drive = Drive(NodeSettings("X", "can0", 1, "a.eds", feedback_every=2))
+    drive.want(Wanted.ENABLED)
+    for _ in range(STALE_FEEDBACKS):
+        assert not drive.following
+        drive.expect()
+        tell(drive, OE | FOLLOWS)
+        drive.settle()
+    tell(drive, OE | FOLLOWS)
+    assert drive.following
+
+
+def test_a_silent_drive_that_never_left_its_boot_up_is_stopped_and_one_never_heard_is_lost():
+    for heartbeats, fault in ((b"\0", DriveFault.NODE_STOPPED), (b"", DriveFault.FEEDBACK_LOST)):
+        drive = new_drive()
+        for state in heartbeats:
+            drive.receive(0x701, memoryview(bytes([state])), 0.0)
+        drive.want(Wanted.ENABLED)
+        for _ in range(2):
+            drive.expect()
+            drive.settle()
+        assert drive.fault(0.0, CONSUMER_S) is fault
+
+
+def test_a_heartbeat_is_overdue_after_its_time_and_not_with_it():
+    drive = enabled()
+    drive.receive(0x701, memoryview(b"\x05"), 1.0)
+    for now_s, fault in ((1.25, DriveFault.NONE), (math.nextafter(1.25, 2.0), DriveFault.HEARTBEAT_LOST)):
+        assert drive.fault(now_s, 0.25) is drive.out_of_sight(now_s, 0.25) is fault
+
+
+@pytest.mark.parametrize("side", [-1, 1])
+def test_only_what_is_beyond_the_part_at_rest_is_a_following_error(side):
+    window = FollowingWindow(rest_counts=100.0, ticks=1)
+    drive = Drive(NodeSettings("X", "can0", 1, "a.eds", following=window))
+    drive.want(Wanted.ENABLED)
+    tell(drive, OE | FOLLOWS, 1000)
+    drive.settle()
+    for off, fault in ((0, DriveFault.NONE), (100, DriveFault.NONE), (101, DriveFault.FOLLOWING_ERROR)):
+        for _ in range(2):  # the setpoint is latched, and reached
+            sent(drive, 1000)
+            drive.expect()
+        tell(drive, OE | FOLLOWS, 1000 + side * off)
+        drive.settle()
+        assert drive.fault(0.0, CONSUMER_S) is fault
+        assert drive.following_error.actual == (-side * off if fault is not DriveFault.NONE else 0)
 
 
 def test_enabling_takes_one_step_per_statusword_and_none_by_itself():
@@ -222,8 +300,9 @@ def test_a_skipped_sync_owes_no_feedback():
 
 def test_a_feedback_of_wrong_length_is_counted_and_not_used():
     drive = enabled(1000)
-    drive.receive(0x181, memoryview(bytes(4)), 1.0)
-    assert drive.malformed == 1
+    for count in (1, 2):
+        drive.receive(0x181, memoryview(bytes(4)), 1.0)
+        assert drive.malformed == count
     assert drive.position == 1000
     assert drive.position_at_s == 0.0
 
@@ -270,8 +349,9 @@ def test_the_first_of_several_emergencies_is_the_cause_and_stays_until_all_are_g
 @pytest.mark.parametrize("length", range(9))
 def test_an_emergency_of_any_length_is_no_exception(length):
     drive = enabled()
-    drive.receive(0x081, memoryview(b"\xff" * length), 3.0)
-    assert drive.malformed == (length < 2)
+    for count in (1, 2):
+        drive.receive(0x081, memoryview(b"\xff" * length), 3.0)
+        assert drive.malformed == (count if length < 2 else 0)
 
 
 def test_heartbeats_are_watched_from_the_first_one_on():
@@ -340,8 +420,11 @@ def test_nothing_is_judged_while_nothing_is_wanted():
 def test_a_setpoint_outside_of_int32_is_not_sent():
     drive = enabled()
     assert sent(drive, 5)[1] == 5
-    assert sent(drive, 2**31)[1] == 5
-    assert drive.refused == 1
+    for count, beyond in enumerate((INT32_MAX + 1, INT32_MIN - 1), 1):
+        assert sent(drive, beyond)[1] == 5
+        assert drive.refused == count
+    for end in (INT32_MAX, INT32_MIN):
+        assert sent(drive, end)[1] == end
 
 
 def test_homing_sets_the_start_bit_in_operation_only_and_sends_the_actual_position():
@@ -374,6 +457,54 @@ def test_an_old_attained_bit_is_not_taken_for_this_homing():
     assert drive.following
 
 
+def homing(position: int = 0) -> Drive:
+    """Its start bit is out, and an earlier homing's "attained" has gone."""
+    window = FollowingWindow(in_position_counts=2)
+    drive = Drive(NodeSettings("X", "can0", 1, "a.eds", following=window))
+    drive.want(Wanted.ENABLED)
+    drive.homing(True)
+    tell(drive, OE, position)
+    sent(drive)
+    tell(drive, OE, position)
+    return drive
+
+
+ATTAINED = OE | cia402.HOMING_ATTAINED | cia402.TARGET_REACHED
+
+
+def test_attained_counts_where_the_motor_has_stood_for_some_feedbacks():
+    drive = homing(1000)
+    for position in (1600, 1603, 1606, 1609, 1612):  # a count more than standing each
+        tell(drive, ATTAINED, position)
+        assert not drive.homing_done
+    for position, done in ((1614, False), (1612, False), (1612, True)):
+        tell(drive, ATTAINED, position)
+        assert drive.homing_done is done
+
+
+def test_a_motor_that_has_not_moved_at_all_must_have_stood_as_long():
+    drive = homing()
+    found = []
+    for _ in range(STOOD_FEEDBACKS - 1):  # the one that told the begin was the first
+        tell(drive, ATTAINED, 0)
+        found.append(drive.homing_done)
+    assert found == [False] * (STOOD_FEEDBACKS - 2) + [True]
+
+
+def test_what_is_told_before_the_start_bit_has_gone_out_is_no_begin_of_homing():
+    drive = new_drive()
+    drive.want(Wanted.ENABLED)
+    drive.homing(True)
+    for _ in range(STALE_STATUSWORDS):
+        tell(drive, OE)
+    for _ in range(STALE_STATUSWORDS):
+        sent(drive)
+        tell(drive, ATTAINED)
+        assert not drive.homing_done
+    tell(drive, ATTAINED)  # so many later it cannot be of an earlier homing
+    assert drive.homing_done
+
+
 def test_a_homing_error_ends_homing_without_done():
     drive = enabled()
     drive.homing(True)
@@ -388,6 +519,9 @@ def test_a_homing_drive_that_a_stranger_puts_into_another_mode_is_lost():
     drive = enabled()
     drive.homing(True)
     tell_mode = drive.handlers[pdo.tpdo(drive.settings.mode_tpdo, 1)]
+    for count in (1, 2):
+        tell_mode(memoryview(b"\x06\x00"), 0.0)
+        assert drive.malformed == count
     tell_mode(memoryview(b"\x06"), 0.0)
     assert drive.fault(0.0, CONSUMER_S) is DriveFault.NONE
     tell_mode(memoryview(b"\x01"), 0.0)
@@ -472,6 +606,13 @@ def test_with_feed_forward_the_controlword_goes_alone_when_it_changes_again_and_
             words.append((i, data[0]))
     assert words[:5] == [(0, 0x06), (1, 0x06), (3, 0x07), (4, 0x0F), (5, 0x0F)]
     assert [i for i, _ in words[5:]] == pytest.approx([30, 55], abs=2)
+
+
+def test_with_feed_forward_the_first_controlword_goes_out_though_it_is_the_one_of_a_start():
+    drive = Drive(NodeSettings("X", "can0", 1, "a.eds", feed_forward=True))
+    assert pdo.unpack(drive.event_frame(0.0, 0.25)) == (0x301, bytes(2))
+    assert drive.event_frame(math.nextafter(0.25, 0.0), 0.25) is None
+    assert drive.event_frame(0.25, 0.25) is not None
 
 
 def test_a_reset_with_feed_forward_makes_one_edge_per_request():

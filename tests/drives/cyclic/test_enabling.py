@@ -94,3 +94,46 @@ def test_without_groups_all_are_told_in_the_same_tick():
     enabling.want(Wanted.ENABLED)
     assert not enabling.waits
     assert [drive.wanted for drive in drives] == [Wanted.ENABLED] * 2
+
+
+def in_order(names):
+    drives = [Drive(NodeSettings(name, "can0", i, "", enable_group=i)) for i, name in enumerate(names, 1)]
+    return Enabling(drives), drives
+
+
+def tell(drive, statusword):
+    drive.receive(0x180 + drive.settings.node, memoryview(statusword.to_bytes(2, "little") + bytes(4)), 0.0)
+
+
+@pytest.mark.parametrize(
+    ("homes", "statusword", "done"),
+    [
+        (False, 0x1237, True),  # it follows
+        (False, 0x0237, False),  # in operation, and not yet following
+        (True, 0x0237, True),  # in homing mode there is nothing to follow
+        (True, 0x0233, False),  # switched on only
+    ],
+)
+def test_a_drive_is_enabled_when_it_follows_or_in_homing_when_it_is_in_operation(homes, statusword, done):
+    enabling, drives = in_order("XY")
+    assert enabling.waits is False
+    if homes:
+        drives[0].leave_cyclic()
+    enabling.want(Wanted.ENABLED)
+    tell(drives[0], statusword)
+    enabling.progress(0.0)
+    assert drives[1].wanted is (Wanted.ENABLED if done else Wanted.OFF)
+    assert enabling.waits is not done
+
+
+def test_each_group_may_take_its_time_to_switch_off_from_its_own_turn_on():
+    enabling, drives = in_order("XYZ")
+    for drive in drives:
+        drive.want(Wanted.ENABLED)
+        tell(drive, 0x1237)
+    enabling.want(Wanted.OFF)
+    wanted = []
+    for at_s in (0.0, MAX_WAIT_S, MAX_WAIT_S + 0.1, 2 * MAX_WAIT_S, 2 * MAX_WAIT_S + 0.2):
+        enabling.progress(at_s)
+        wanted.append([drive.wanted for drive in drives].count(Wanted.OFF))
+    assert wanted == [1, 1, 2, 2, 3]

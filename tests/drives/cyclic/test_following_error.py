@@ -12,7 +12,7 @@ from drives import pdo
 from drives.cia402 import Wanted
 from drives.cyclic.drive import Drive
 from drives.cyclic.drive_fault import DriveFault
-from drives.cyclic.following_error import MEASURE_EVERY, FollowingError
+from drives.cyclic.following_error import AT_SPEED, FORGETS, LEARN_S, MEASURE_EVERY, OUTLIVES, FollowingError
 from drives.settings import FollowingWindow
 
 SPEED = 40_000_000.0  # counts/s: 200 mm/s at 200 000 counts a mm
@@ -287,3 +287,96 @@ def test_what_a_stalled_bus_brings_later_and_later_is_no_second_node() -> None:
             drive.receive(0x181, memoryview(pdo.FEEDBACK.pack(0x1237, position)), 0.0)
         drive.settle()
         assert drive.fault(0.0, 1.0) is DriveFault.NONE
+
+
+# ---- the window by itself: 100 counts at rest, and 10 SYNCs of the speed
+
+LARGEST = 1_000_000.0  # counts/s
+LEARNS = round(LEARN_S / T / MEASURE_EVERY)
+
+
+def alone(**changes: object) -> FollowingError:
+    given = {"rest_counts": 100.0, "speed_s": 10 * T, "ticks": 3, "velocity_counts_s": LARGEST} | changes
+    return FollowingError(FollowingWindow(**given), T)  # type: ignore[arg-type]
+
+
+def window_of(error: FollowingError, moved: int) -> float:
+    error.beyond(0, moved)
+    return error.window
+
+
+def test_of_a_drive_that_has_not_moved_nothing_is_known() -> None:
+    error = alone()
+    assert (error.actual, error.window, error.lag_s) == (0, 0.0, 0.0)
+
+
+def test_so_many_feedbacks_in_a_row_beyond_the_window_are_an_error_and_one_within_ends_the_row() -> None:
+    for ends in (lambda error: error.beyond(100, 0), lambda error: error.measure(100, 0)):
+        error = alone()
+        assert [error.beyond(101, 0) for _ in range(2)] == [False, False]
+        ends(error)
+        assert [error.beyond(-101, 0) for _ in range(3)] == [False, False, True]
+        assert error.actual == -101
+
+
+@pytest.mark.parametrize("moved", [-10, -1, 0, 1, 10])
+def test_the_window_widens_with_the_speed_whichever_way_it_goes(moved: int) -> None:
+    assert window_of(alone(), moved) == pytest.approx(100.0 + 10.0 * abs(moved))
+    error = alone()
+    error.measure(0, moved)
+    assert window_of(error, 0) == pytest.approx(100.0 + 10.0 * abs(moved))
+
+
+def test_the_speed_that_counts_dies_away_with_three_times_the_window_s_own_time() -> None:
+    error = alone()
+    assert window_of(error, 10) == pytest.approx(200.0)
+    assert window_of(error, 5) == pytest.approx(200.0)  # the largest of late
+    for n in (1, 2, 3):
+        error.measure(0, 0)
+        late = math.exp(-n * MEASURE_EVERY * T / (OUTLIVES * 10 * T))
+        assert window_of(error, 0) == pytest.approx(100.0 + 100.0 * late)
+
+
+def test_the_lag_is_the_best_line_through_what_was_measured_and_the_newest_counts_most() -> None:
+    error = alone()
+    for way in (1, -1):
+        error.measure(way * 20, way * 10)
+        assert error.lag_s == pytest.approx(2 * T)
+    error = alone()
+    error.measure(20, 10)
+    error.measure(0, 0)  # at rest there is nothing to measure
+    error.measure(-60, -20)
+    assert error.lag_s == pytest.approx(T * (FORGETS * 200 + 1200) / (FORGETS * 100 + 400))
+
+
+@pytest.mark.parametrize("way", [-1, 1])
+def test_a_second_at_speed_tightens_the_default_to_twice_the_lag_seen_and_enabling_forgets_it(
+    way: int,
+) -> None:
+    error = alone(tightens=True)
+    error.beyond(10_000, 100)
+    error.measure(10_000, 100)  # what is beyond is no measure of a healthy lag
+    error.beyond(0, 0)
+    for _ in range(2):
+        for _ in range(LEARNS - 1):
+            error.measure(way * 300, way * 100)
+        assert window_of(error, 100) == pytest.approx(1100.0)
+        error.measure(way * 100, way * 100)  # the largest lag counts
+        assert window_of(error, 100) == pytest.approx(100.0 + 2 * 300.0)
+        error.forget()
+        assert window_of(error, 100) == pytest.approx(1100.0)
+
+
+def test_it_is_never_tightened_below_two_syncs_of_the_speed() -> None:
+    error = alone(tightens=True)
+    for _ in range(LEARNS):
+        error.measure(-1, 100)
+    assert window_of(error, 100) == pytest.approx(300.0)
+
+
+def test_slow_motion_and_an_axis_without_a_known_speed_tighten_nothing() -> None:
+    slow = round(AT_SPEED * LARGEST * T)
+    for error, moved in ((alone(tightens=True), slow), (alone(tightens=True, velocity_counts_s=0.0), 100)):
+        for _ in range(2 * LEARNS):
+            error.measure(0, moved)
+        assert window_of(error, moved) == pytest.approx(100.0 + 10.0 * moved)

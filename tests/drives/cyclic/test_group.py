@@ -2,15 +2,19 @@
 
 import gc
 import tracemalloc
+from dataclasses import replace
 
 import pytest
 
 from drives import pdo
 from drives.cia402 import Wanted
 from drives.cyclic.drive import Drive, DriveFault
+from drives.cyclic.following_error import MEASURE_EVERY
 from drives.cyclic.group import MAX_FRAMES, Group
 from drives.cyclic.io_node import IoNode
 from drives.cyclic.spindle import SpindleDrive
+from drives.load.stuffing import worst_bits
+from drives.profile import GENERIC, Supervision
 from drives.settings import IoSettings, MasterSettings, NodeSettings, SpindleSettings
 
 OE_FOLLOWS = 0x1237
@@ -178,6 +182,7 @@ ERROR_FRAMES = [
     (0x004, 0x40, DriveFault.NONE, "error active again"),
     (0x008, 0x00, DriveFault.NONE, "one violation on the wire: sent again by the controller"),
     (0x002, 0x05, DriveFault.NONE, "lost arbitration"),
+    (0x008, 0x21, DriveFault.NONE, "a violation: this byte is the controller's only in a frame of its class"),
 ]
 
 
@@ -242,6 +247,28 @@ def test_a_reset_asks_the_port_of_a_bus_that_is_off_to_join_again():
     port.incoming.append(error_frame(0x100))  # its word that it has done so
     group.receive(2 * T)
     assert group.fault(2 * T) == (DriveFault.NONE, -1)
+    port.incoming.append(error_frame(0x100))  # nobody has asked for this one
+    group.receive(3 * T)
+    assert group.fault(3 * T) == (DriveFault.BUS_OFF, 0)
+
+
+def test_a_reset_joins_a_hub_again_that_has_ended():
+    port = ListPort()
+    group = running(port)
+    port.gone = True
+    group.want(Wanted.RESET)
+    assert port.restarts == 1
+
+
+def test_error_frames_are_counted_and_a_port_need_not_take_packets():
+    port = ListPort()
+    del port.packs
+    (line,) = running(port).lines
+    assert (line.errors, line.syncs, line.off, line.packs, line.bus) == (0, 0, False, False, "can0")
+    for count in (1, 2):
+        port.incoming.append(error_frame(0x008))
+        line.drain(T)
+        assert line.errors == count
 
 
 def test_frames_lost_in_the_receive_queue_are_named():
@@ -372,3 +399,129 @@ def test_a_tick_keeps_no_memory():
         s.size_diff for s in after.filter_traces(ours).compare_to(before.filter_traces(ours), "filename")
     )
     assert grown < 2000  # the last numbers, not five hundred ticks of them
+
+
+def test_before_anything_is_heard_or_wanted_nothing_is_told_and_nothing_wrong():
+    port = ListPort()
+    group = five(port)
+    assert (group.positions, group.wanted, group.sync_seen, group.syncs_seen) == (
+        [0] * 5,
+        Wanted.OFF,
+        False,
+        0,
+    )
+    port.incoming.append(pdo.frame(0x80))
+    group.receive(0.0)
+    assert group.fault(0.0) == (DriveFault.NONE, -1)
+
+
+def test_what_is_wrong_with_a_bus_stays_until_reset_or_enabled_anew_and_counts_while_drives_are_to_work():
+    port = ListPort()
+    group = running(port)
+    port.incoming.append(pdo.frame(0x80))
+    group.receive(T)
+    wrong, fine = (DriveFault.SYNC_FOREIGN, 0), (DriveFault.NONE, -1)
+    for wanted, found in (
+        (Wanted.ENABLED, wrong),
+        (Wanted.QUICK_STOP, wrong),
+        (Wanted.OFF, fine),
+        (Wanted.QUICK_STOP, wrong),
+        (Wanted.ENABLED, fine),
+    ):
+        group.want(wanted)
+        assert group.fault(T) == found
+
+
+def crowded(ports):
+    """Two buses with all that talks: guarded, with feed-forward, a spindle, analogue outputs."""
+    guards = replace(GENERIC, supervision=Supervision.GUARDING)
+    return Group(
+        [
+            Drive(NodeSettings("X", "can0", 1, "")),
+            Drive(NodeSettings("Y", "can1", 2, "", feed_forward=True)),
+            Drive(NodeSettings("Z", "can1", 3, "", profile=guards)),
+        ],
+        ports,
+        MasterSettings(period_s=T),
+        SpindleDrive(SpindleSettings("S", "can1", 10, "", 4000.0)),
+        [IoNode(IoSettings("panel", "can1", 20, "", analogue=(0, 5)))],
+    )
+
+
+@pytest.mark.parametrize("packs", [False, True])
+def test_the_bits_of_every_frame_sent_and_heard_are_counted_on_its_bus(packs):
+    ports = {name: ListPort(packs) for name in ("can0", "can1")}
+    group = crowded(ports)
+    group.sync(0.0)
+    group.command((0, 0, 0), 0.0)
+    kinds = {can_id for can_id, _ in ports["can1"].outgoing}
+    assert kinds == {0x80, 0x202, 0x302, 0x203, 0x20A, 0x214, 0x314, 0x77F, pdo.REMOTE_FLAG | 0x703}
+    assert [line.bits for line in crowded(ports).lines] == [0, 0]
+    for line in group.lines:
+        sent = ports[line.bus].outgoing
+        remote = pdo.REMOTE_FLAG
+        assert line.bits == sum(worst_bits(0 if can_id & remote else len(data)) for can_id, data in sent)
+    before = group.lines[0].bits
+    ports["can0"].incoming = [pdo.frame(0x701, b"\x05"), pdo.frame(0x123, bytes(8))]
+    group.receive(T)
+    assert group.lines[0].bits - before == worst_bits(1) + worst_bits(8)
+
+
+@pytest.mark.parametrize("packs", [False, True])
+@pytest.mark.parametrize(("bus", "first"), [("can0", 0), ("can1", 1)])
+def test_a_bus_that_takes_no_frame_is_named_by_its_first_drive(bus, first, packs):
+    ports = {name: ListPort(packs) for name in ("can0", "can1")}
+    group = crowded(ports)
+    group.want(Wanted.ENABLED)
+    ports[bus].refuse = True
+    assert group.sync(0.0) is False
+    assert group.fault(0.0) == (DriveFault.SEND_FAILED, first)
+
+
+@pytest.mark.parametrize("taken", [0x201, 0x20A, 0x77F, pdo.REMOTE_FLAG | 0x703, None])
+def test_each_frame_that_does_not_go_out_is_told(taken):
+    ports = {"can0": ListPort(), "can1": ListPort()}
+    group = crowded(ports)
+    group.want(Wanted.ENABLED)
+    for line in group.lines:
+        line.send = lambda frame, send=line.send: pdo.unpack(frame)[0] != taken and send(frame)
+    assert group.command((0, 0, 0), 0.0) is (taken is None)
+    first = {None: (DriveFault.NONE, -1), 0x201: (DriveFault.SEND_FAILED, 0)}
+    assert group.fault(0.0) == first.get(taken, (DriveFault.SEND_FAILED, 1))
+
+
+def test_a_bus_that_is_off_makes_a_tick_incomplete():
+    port = ListPort()
+    group = running(port)
+    port.incoming.append(error_frame(0x040))
+    group.receive(T)
+    assert group.sync(T) is False and group.command((1, 2, 3, 4, 5), T) is False
+
+
+def test_what_is_wrong_with_one_drive_can_be_asked_for_whatever_else_is_wrong():
+    port = ListPort()
+    group = running(port)
+    for node in (2, 4):
+        port.incoming.append(pdo.frame(0x700 + node, b"\x05"))
+    group.receive(0.0)
+    now_s = group.master.consumer_s + T
+    port.incoming.append(pdo.frame(0x704, b"\x05"))
+    group.receive(now_s)
+    for asked in (group.fault_of, group.out_of_sight):
+        found = [asked(i, now_s) for i in range(5)]
+        assert found == [DriveFault.HEARTBEAT_LOST if i == 1 else DriveFault.NONE for i in range(5)]
+        assert asked(1, T) is DriveFault.NONE
+
+
+def test_each_drive_is_measured_once_in_so_many_syncs_and_not_all_in_one():
+    port = ListPort()
+    group = running(port)
+    measured = []
+    for drive in group.drives:
+        drive.measure = lambda name=drive.settings.name: measured.append(name)
+    ticks = []
+    for i in range(MEASURE_EVERY):
+        before = len(measured)
+        tick(group, port, i * T)
+        ticks.append(len(measured) - before)
+    assert sorted(measured) == ["A", "C", "X", "Y", "Z"] and max(ticks) == 2

@@ -1,5 +1,8 @@
 """Inputs and outputs (CiA 401): frame by frame, and against the simulated node."""
 
+import math
+from struct import Struct
+
 import pytest
 from support.drives.group_bench import GroupBench, T, inputs_and_outputs, nodes
 
@@ -41,8 +44,9 @@ def test_inputs_are_one_word_with_the_first_byte_lowest():
 
 def test_inputs_of_wrong_length_are_counted_and_not_used():
     node = living()
-    hear(node, 0x194, b"\x00\x00", 1.1)
-    assert (node.inputs, node.malformed) == (0x81, 1)
+    for count in (1, 2):
+        hear(node, 0x194, b"\x00\x00", 1.1)
+        assert (node.inputs, node.malformed) == (0x81, count)
 
 
 def test_inputs_are_fresh_from_the_first_frame_until_they_grow_old():
@@ -102,6 +106,51 @@ def test_outputs_go_out_on_change_once_more_and_with_the_heartbeat():
     told = [i for i, frame in enumerate(frames) if frame]
     assert told[:2] == [0, 1]
     assert told[2:] == pytest.approx([26, 51], abs=2)
+
+
+def test_a_node_that_was_told_nothing_sends_its_first_word_once_and_then_with_the_heartbeat():
+    node = new_node()
+    assert (node.inputs, node.inputs_at_s, node.outputs, node.analogue) == (0, -math.inf, 0, None)
+    told = [node.event_frame(i * 0.125, 0.5) is not None for i in range(9)]
+    assert told == [i % 4 == 0 for i in range(9)]
+
+
+def test_outputs_are_one_word_with_the_first_byte_lowest():
+    node = new_node(outputs=2)
+    node.write(0x181)
+    assert sent(node, 0.0) == (0x214, b"\x81\x01")
+
+
+def test_a_node_whose_inputs_were_never_heard_is_not_fresh_and_not_lost():
+    node = new_node()
+    hear(node, 0x714, b"\x05", 1.0)
+    node.judge(True)
+    assert not node.fresh(1.0, CONSUMER_S)
+    assert node.fault(1.0, CONSUMER_S) is DriveFault.NONE
+
+
+@pytest.mark.parametrize("begin", [(0, 0, 0), (100, -3, 7)])
+def test_analogue_outputs_go_out_all_in_one_frame_on_change_once_more_and_with_the_heartbeat(begin):
+    """CiA 401: 6411h, an i16 a channel, by RPDO 2."""
+    node = new_node(analogue=begin)
+    told = []
+
+    def run(ticks):
+        for _ in range(ticks):
+            frame = node.analogue.event_frame(len(told) * 0.125, 0.5)
+            told.append(None if frame is None else pdo.unpack(frame))
+
+    def words(*counts):
+        return (0x314, Struct("<3h").pack(*counts))
+
+    run(6)
+    node.write_analogue(2, 500)
+    node.write_analogue(3, -32768)
+    run(2)
+    node.write_analogue(2, 500)  # nothing new
+    run(5)
+    first, then = words(*begin), words(begin[0], 500, -32768)
+    assert told == [first, first, None, None, None, first, then, then, None, None, None, then, None]
 
 
 def bench_with_io():

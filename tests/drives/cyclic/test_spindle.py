@@ -1,6 +1,7 @@
 """A spindle's drive: frame by frame, and against the simulated one."""
 
 import itertools
+import math
 from dataclasses import replace
 
 import pytest
@@ -212,3 +213,73 @@ def test_a_spindle_in_revolutions_per_minute_is_told_and_read_in_them():
         drive._feedback(memoryview(pdo.FEEDBACK.pack(0x0637, 1190)), now_s)
     assert frame is not None and pdo.COMMAND.unpack_from(frame, 8)[1] == 1200
     assert drive.rev_min == pytest.approx(1190.0)
+
+
+def alone(lost_after=2, **kind):
+    return SpindleDrive(SpindleSettings("S", "can0", 10, "a.eds", COUNTS, **kind), lost_after)
+
+
+def test_before_anything_is_heard_a_spindle_claims_nothing_and_says_its_word_once():
+    drive = alone()
+    assert (drive.speed, drive.rev_min, drive.turns, drive.load, drive.unheard) == (0, 0, 0, 0, 0)
+    assert drive.speed_at_s == -math.inf and not drive.standing and not drive.at_speed
+    told = [drive.event_frame(i * 0.125, 0.5) is not None for i in range(9)]
+    assert told == [i % 4 == 0 for i in range(9)]
+
+
+def test_how_often_feedback_may_be_missing_is_the_settings_word():
+    drive = alone(lost_after=1, feedback_every=1)
+    drive.want(Wanted.ENABLED)
+    drive.expect()
+    drive.settle()
+    assert drive.fault(0.0, 0.2) is DriveFault.FEEDBACK_LOST
+
+
+def test_a_speed_asked_for_before_it_is_enabled_is_there_then():
+    drive = alone(mode=3)
+    drive.want_speed(600.0)
+    drive.want(Wanted.ENABLED)
+    tell(drive, 0)
+    assert sent(drive, 0.0) == (0x0F, 40_000)
+
+
+def test_a_path_leads_it_without_a_ramp_of_its_own_until_a_speed_is_asked_for():
+    drive = enabled(acceleration_rev_s2=50.0)
+    sent(drive, 0.0)
+    for i, rev_s in enumerate((10.0, -10.0), 1):
+        drive.lead(rev_s)
+        assert sent(drive, i * T) == (0x0F, 4000 * rev_s)
+    drive.want_speed(0.0)
+    assert sent(drive, 3 * T) == (0x0F, -40_000 + 400)
+
+
+def test_off_it_is_told_its_actual_speed_and_nothing_when_it_stands():
+    drive = alone()
+    for speed, led in ((5000, 5000), (-5000, -5000), (400, 0), (-400, 0), (401, 401)):
+        tell(drive, speed, 0x250)
+        assert drive.standing is (led == 0)
+        assert pdo.COMMAND.unpack(pdo.unpack(drive.event_frame(0.0, 0.0))[1]) == (0, led)
+
+
+def test_its_turns_go_on_where_its_counts_wrap_and_the_load_is_the_share_of_the_rated_torque():
+    drive = alone(position_tpdo=2, position_per_rev=4096.0)
+
+    def hear(data):
+        drive.expect()
+        drive.expect()
+        assert drive.receive(0x28A, memoryview(data), 0.0)
+        return drive.turns, drive.load, drive.unheard
+
+    assert hear(pdo.TURNED.pack(2**31 - 96)) == (0.0, 0.0, 0)  # the first one heard is where it begins
+    assert hear(pdo.TURNED_AND_LOAD.pack(-(2**31) + 4000, 250)) == (1.0, 0.25, 0)
+    assert hear(pdo.TURNED_AND_LOAD.pack(-(2**31) + 6048, -1500)) == (1.5, -1.5, 0)
+    assert hear(pdo.TURNED.pack(2**31 - 96 - 4096)) == (-1.0, 0.0, 0)
+    for count in (1, 2):
+        assert hear(bytes(5)) == (-1.0, 0.0, 2 * count) and drive.malformed == count
+
+
+def test_a_spindle_s_feedback_of_wrong_length_is_counted_and_not_used():
+    drive = enabled()
+    for count in (1, 2):
+        drive.receive(0x18A, memoryview(bytes(4)), 1.0)
+        assert (drive.malformed, drive.speed_at_s) == (count, 0.0)

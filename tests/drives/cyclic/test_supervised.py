@@ -81,3 +81,35 @@ def test_a_sign_of_life_of_wrong_length_is_counted_and_not_believed():
 
 def test_frames_of_others_are_not_taken():
     assert not Supervised(3).receive(0x704, memoryview(b"\x05"), 1.0)
+
+
+def emergency(node, data):
+    assert node.receive(0x083, memoryview(data), 0.0)
+    return node.emcy_code
+
+
+def test_an_error_is_over_only_with_an_empty_register():
+    """CiA 301, 7.2.7.1: 0000h with an empty register (1001h) resets; without, other errors are left."""
+    node = Supervised(3)
+    assert emergency(node, b"\x10\x23\x02") == 0x2310
+    assert emergency(node, b"\0\0\x02") == 0x2310
+    assert emergency(node, b"\0\0\0") == 0
+    assert emergency(node, b"\x10\x23") == 0x2310
+    assert emergency(node, b"\0\0") == 0  # of one too short for a register there is none
+
+
+def test_after_a_toggle_bit_of_1_one_of_0_must_come():
+    node = guarded()
+    answer(node, 0x85, 1.0)
+    answer(node, 0x85, 1.1)
+    assert node.heartbeat_at_s == 1.0
+    answer(node, 0x05, 1.2)
+    answer(node, 0x05, 1.3)
+    assert node.heartbeat_at_s == 1.2
+
+
+def test_silence_is_longer_than_its_time_and_not_just_as_long():
+    node = Supervised(3)
+    answer(node, 0x05, 1.0)
+    assert not node.silent(1.25, 0.25)
+    assert node.silent(1.2500001, 0.25)

@@ -1,5 +1,7 @@
 """A touch, latched by the drive itself and told by an event-driven TPDO."""
 
+import math
+
 import pytest
 from support.drives.group_bench import GroupBench, nodes
 
@@ -72,9 +74,10 @@ def test_a_drive_without_probe_has_none():
 def test_a_latch_of_wrong_length_is_counted_and_not_used():
     probe = TouchProbe(1, 2)
     (handler,) = probe.handlers.values()
-    handler(memoryview(b"\x03\x00\x10"), 1.0)
-    assert probe.malformed == 1
-    assert not probe.touched
+    for count in (1, 2):
+        handler(memoryview(b"\x03\x00\x10"), 1.0)
+        assert probe.malformed == count
+    assert (probe.armed, probe.touched, probe.position, probe.at_s) == (False, False, 0, -math.inf)
 
 
 def test_what_was_stored_before_arming_can_be_forgotten():

@@ -15,13 +15,20 @@ SAME = 1e-9  # that the parts may miss the whole by
 
 @dataclass(frozen=True)
 class Figure:
-    """``value`` in ``unit`` beside ``reference``, what that is in ``beside``; None: there was none here."""
+    """``value`` in ``unit`` beside ``reference``, what that is in ``beside``; None: there was none here.
+
+    What is promised of it, if anything: ``at_most`` or ``at_least`` in ``unit``, or ``at_most_times`` the
+    reference. The promise is for a computer that does nothing else; a page gets these figures.
+    """
 
     name: str
     value: float
     unit: str
     reference: float | None = None
     beside: str = ""
+    at_most: float | None = None
+    at_least: float | None = None
+    at_most_times: float | None = None
 
     @property
     def ratio(self) -> float | None:

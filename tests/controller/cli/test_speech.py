@@ -1,0 +1,21 @@
+"""A command speaks as it is told, and leaves nothing of that to the next one of the same process."""
+
+from __future__ import annotations
+
+import pytest
+from typer.testing import CliRunner
+
+from controller import messages
+from controller.__main__ import app
+from controller.verify.console import spoken
+
+
+@pytest.mark.parametrize(("program", "code"), [("G90", 0), ("G99", 1)])
+def test_the_language_of_a_command_ends_with_it(
+    program: str, code: int, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    file = tmp_path_factory.mktemp("part") / "part.ngc"
+    file.write_text(f"{program}\n")
+    done = CliRunner().invoke(app, ["explain", str(file), "--language", "de"])
+    assert done.exit_code == code and ("erlaubt" in done.output) is (code == 1)
+    assert spoken.get() == messages.DEFAULT

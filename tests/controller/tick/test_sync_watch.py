@@ -1,0 +1,160 @@
+"""Which SYNC still leaves, and from when on those that did not are a fault: on a clock of our own."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from support.machines.shipped_kinds import machine
+from support.machines.tick_bench import FakeGroup
+
+from controller.state import stop_times
+from controller.state.modes import Fault, Mode
+from controller.tick.mode import Modes
+from controller.tick.sync_watch import (
+    BLAMED_TICKS,
+    LATE_SHARE,
+    LONG_GAP,
+    LOST_ECHOES,
+    NEAREST_SHARE,
+    SyncWatch,
+)
+from drives.cyclic.drive import DriveFault
+
+T = 0.002
+LIMIT = 5.0  # skips a second
+
+
+class Watched:
+    def __init__(self, mode: Mode = Mode.RUNNING, **changes: object) -> None:
+        built = machine(**({"skip_limit_per_s": LIMIT, "late": "stop"} | changes))
+        self.group = FakeGroup([0] * 5)
+        self.modes = Modes(self.group, T)
+        self.modes.mode = mode
+        self.now_s = 0.0
+        self.watch = SyncWatch(built, self.group, self.modes, lambda: self.now_s)
+        self.deaf_s = stop_times.deaf_s(built)
+
+    def send(self, now_s: float, lateness_s: float = 0.0, tick: int = 1) -> bool:
+        self.now_s = now_s
+        return self.watch.send(tick, now_s, lateness_s)
+
+    def skip(self, kept_back: bool = False) -> tuple[Fault, int]:
+        self.watch.count(False, 1, 0.0, kept_back)
+        return self.modes.fault, self.modes.fault_axis
+
+
+def test_before_the_first_tick_nothing_was_late_and_nothing_left_out() -> None:
+    watch = Watched().watch
+    assert (watch.skips, watch.late_max_s, watch.lateness_s) == (0, 0.0, 0.0)
+    assert not watch.by_kernel and not watch.is_unheard
+    assert not watch.is_after_a_gap(LONG_GAP) and watch.is_after_a_gap(LONG_GAP + 1)
+
+
+def test_a_sync_leaves_up_to_a_quarter_of_the_period_late_and_never_close_to_the_last_one() -> None:
+    watched = Watched()
+    assert not watched.send(0.0, LATE_SHARE * T)
+    assert watched.send(0.0, 0.999 * LATE_SHARE * T)
+    assert not watched.send(0.999 * NEAREST_SHARE * T)
+    assert watched.send(NEAREST_SHARE * T)
+    assert watched.group.syncs == [0.0, NEAREST_SHARE * T]
+
+
+def test_a_gap_is_long_when_so_many_ticks_in_a_row_have_sent_none() -> None:
+    watched = Watched()
+    watched.send(1.0, tick=100)
+    assert not watched.watch.is_after_a_gap(100 + LONG_GAP)
+    assert watched.watch.is_after_a_gap(101 + LONG_GAP)
+    watched.watch.pass_over()
+    assert not watched.watch.is_after_a_gap(101 + LONG_GAP)
+    assert watched.watch.is_after_a_gap(102 + LONG_GAP)
+
+
+def test_a_bus_that_takes_none_for_its_time_is_unheard_and_heard_again_with_the_next() -> None:
+    watched = Watched()
+    watched.group.sync_seen = False
+    most = round(stop_times.LOST_BUS_S / T)
+    for i in range(most):
+        assert not watched.send(i * T) and not watched.watch.is_unheard
+    watched.send(most * T)
+    assert watched.watch.is_unheard
+    watched.group.sync_seen = True
+    assert watched.send((most + 1) * T) and not watched.watch.is_unheard
+
+
+def test_skips_and_lateness_are_counted_whatever_they_mean() -> None:
+    watch = Watched(Mode.READY).watch
+    for sent, ticks, late_s, skips, most_s in (
+        (True, 1, 0.001, 0, 0.001),
+        (False, 1, 0.003, 1, 0.003),
+        (True, 4, 0.002, 4, 0.003),
+        (False, 3, 0.0, 7, 0.003),
+    ):
+        watch.count(sent, ticks, late_s, False)
+        assert (watch.skips, watch.lateness_s, watch.late_max_s) == (skips, late_s, most_s)
+
+
+def test_more_than_a_second_s_worth_of_skips_at_once_is_a_fault_while_the_path_runs() -> None:
+    watched = Watched()
+    for _ in range(round(LIMIT)):
+        assert watched.skip()[0] is Fault.NONE
+    assert watched.skip() == (Fault.TOO_MANY_SKIPS, -1)
+
+
+@pytest.mark.parametrize(("ticks", "fault"), [(102, Fault.NONE), (60, Fault.TOO_MANY_SKIPS)])
+def test_what_is_skipped_evenly_may_go_on_for_ever_up_to_the_limit(ticks: int, fault: Fault) -> None:
+    watched = Watched()  # five a second are one in a hundred ticks
+    for _ in range(20):
+        watched.skip()
+        for _ in range(ticks - 1):
+            watched.watch.count(True, 1, 0.0, False)
+    assert watched.modes.fault is fault
+
+
+def test_what_we_have_kept_back_ourselves_or_came_late_at_rest_does_no_harm_now_or_later() -> None:
+    watched = Watched()
+    for _ in range(50):
+        assert watched.skip(kept_back=True)[0] is Fault.NONE
+    watched.modes.mode = Mode.HOLD
+    for _ in range(50):
+        assert watched.skip()[0] is Fault.NONE
+    watched.modes.mode = Mode.RUNNING
+    for _ in range(round(LIMIT)):
+        assert watched.skip()[0] is Fault.NONE
+    watched = Watched(late="count")
+    for _ in range(50):
+        assert watched.skip()[0] is Fault.NONE
+
+
+def test_of_the_kernel_s_sync_the_echoes_say_what_came() -> None:
+    watched = Watched(Mode.READY, sync="kernel")
+    watch, group = watched.watch, watched.group
+    assert watch.by_kernel and watched.send(0.0, 1.0)  # however late the tick: it was not we who sent it
+    for seen, long in ((LONG_GAP, False), (LONG_GAP + 1, True)):
+        group.syncs_seen = seen
+        assert watch.is_after_a_gap(1) is long
+    watch.count(True, 1, 0.0, False)
+    assert watch.skips == LONG_GAP
+    group.syncs_seen = 0
+    for _ in range(2):
+        for _ in range(LOST_ECHOES - 1):
+            watch.count(False, 1, 0.0, False)
+            assert watched.modes.fault is Fault.NONE
+        watch.count(True, 1, 0.0, False)  # in a row is meant
+    for _ in range(LOST_ECHOES):
+        watch.count(False, 1, 0.0, False)
+    assert (watched.modes.fault, watched.modes.fault_axis) == (Fault.SYNC_LOST, -1)
+
+
+@pytest.mark.parametrize("after", range(BLAMED_TICKS + 1))
+@pytest.mark.parametrize("longer", [False, True])
+def test_what_drives_tell_just_after_we_were_silent_too_long_is_told_of_us(after: int, longer: bool) -> None:
+    watched = Watched()
+    missed = math.floor(watched.deaf_s / T) + longer
+    for tick in range(after + 1):
+        if tick == after:
+            watched.group.failure = DriveFault.HEARTBEAT_LOST, 2
+        watched.watch.look_for_our_silence(0.0, missed if tick == 0 else 0)
+    blamed = longer and after < BLAMED_TICKS
+    assert watched.modes.fault is (Fault.TOO_MANY_SKIPS if blamed else Fault.NONE)
+    assert watched.modes.fault_axis == -1
