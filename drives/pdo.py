@@ -27,6 +27,7 @@ FRAME_BYTES: Final = 16
 LENGTH_AT: Final = 4
 DATA_AT: Final = 8
 HEADER = Struct("<IB")
+HEADERS = Struct("<IB11x").iter_unpack  # of the frames of a packet
 COMMAND: Final = Struct("<Hi")
 FEEDBACK = Struct("<Hi")
 PDO_BYTES: Final = 6

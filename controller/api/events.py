@@ -120,10 +120,11 @@ class Events:
             if time.monotonic() - alarms_s >= STORE_EVERY_S:
                 alarms_s = time.monotonic()
                 await self._look_at_alarms()
-            await asyncio.sleep(INTERVAL_S)
+            looked_s = time.monotonic()
             if rests and self._watch.silent_s > SPOKEN_S:
                 with suppress(TimeoutError):
-                    await asyncio.wait_for(self._watch.asked.wait(), REST_S - INTERVAL_S)
+                    await asyncio.wait_for(self._watch.asked.wait(), REST_S)
+            await asyncio.sleep(max(0.0, looked_s + INTERVAL_S - time.monotonic()))
 
     async def _look(self) -> bool:
         """Whether the machine is at rest."""

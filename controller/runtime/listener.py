@@ -25,6 +25,7 @@ SO_TIMESTAMPNS = 35
 STAMP = struct.Struct("qq")
 PACKET_BYTES = MOST_FRAMES * TIMED.size
 LOOK_MS = 50
+GATHERED_MS = 200  # where hubs alone are heard, which gather frames themselves
 GATHER_S = 0.010  # frames come in bursts; to be woken for each would cost the machine's processes time
 
 
@@ -65,13 +66,14 @@ class Listener:
         for fileno in self._heard:
             poll.register(fileno, select.POLLIN)
         while not self._ending:
-            for fileno, event in poll.poll(LOOK_MS):
+            for fileno, event in poll.poll(LOOK_MS if self._ports else GATHERED_MS):
                 if not _drain(*self._heard[fileno]) or event & ~select.POLLIN:
                     poll.unregister(fileno)  # the hub is gone; it would wake us for ever
             for port, log in self._ports:
                 if not isinstance(port, bus.FrameSocket):
                     log.drain(port, time.time())  # an adapter: its packets are its own affair
-            time.sleep(GATHER_S)
+            if self._ports:
+                time.sleep(GATHER_S)
 
 
 def _stamped(fileno: int) -> socket.socket:
@@ -95,8 +97,7 @@ def _drain(own: socket.socket, log: FrameLog) -> bool:
             return False
         if len(packet) % TIMED.size == 0:
             offset_s = time.time() - time.monotonic()
-            for left_s, frame in TIMED.iter_unpack(packet):
-                log(frame, left_s + offset_s)
+            log.extend([(left_s + offset_s, frame) for left_s, frame in TIMED.iter_unpack(packet)])
             continue
         at_s = time.time()
         for _, kind, data in notes:

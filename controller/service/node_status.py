@@ -31,6 +31,10 @@ class LastFrames(FrameLog):
         self.keep((at_s, one))
         self.last[one[_ID]] = (at_s, one)
 
+    def extend(self, heard: Sequence[tuple[float, bytes]]) -> None:
+        super().extend(heard)
+        self.last |= {one[1][_ID]: one for one in heard}
+
     def of(self, can_id: int) -> tuple[float, bytes] | None:
         """When the last frame of an identifier came (s, this computer's clock), and its data."""
         found = self.last.get(can_id.to_bytes(4, "little"))

@@ -59,6 +59,7 @@ POLL_S = 0.02
 ROWS_S = 0.2  # from one look at the tick's rows to the next, where no run is recorded
 WAIT_S = 0.004
 FIRST_TICK_S = 30.0
+USAGE_S = 0.5  # without a record, between two looks whether counters are to be saved
 SYNC_S = 0.05  # a loss of power costs so much of a record, and what the disk itself takes
 
 
@@ -95,6 +96,7 @@ class Service:
         self.fitting = threading.Lock()  # of what is fitted and what begins with it; taken before ``lock``
         self._records = ThreadPoolExecutor(1, "records")  # writes what runs leave behind
         self._over = threading.Event()
+        self._recording = threading.Event()  # a record has begun, or all is over
         threading.Thread(target=self._sync_records, name="sync", daemon=True).start()
         self.journal = Journal(state / JOURNAL)
         entry, _ = journal.read(state / JOURNAL)
@@ -176,6 +178,7 @@ class Service:
         self.engine.end_run()
         self.sequencer.wait()
         self._over.set()
+        self._recording.set()
         self._end_job(jobs.INTERRUPTED, said("service_ended"))
         self._records.shutdown(wait=True)
         self._save_usage(at_once=True)
@@ -318,6 +321,7 @@ class Service:
             while asked and now is not None and now.has_taken(asked[0].number):
                 asked.popleft()  # before this run
             self.record, self.unrecorded = RunRecord(self.state, self.machine, job.told()), None
+            self._recording.set()
             self._tell_of_record(self.record)
 
     def _tell_of_record(self, record: RunRecord) -> None:
@@ -358,10 +362,14 @@ class Service:
 
     def _sync_records(self) -> None:
         """Nobody waits for the disk but this thread."""
-        while not self._over.wait(SYNC_S):
-            if (record := self.record) is not None:
+        while not self._over.is_set():
+            if self.record is None:
+                self._recording.wait(USAGE_S)
+                self._recording.clear()
+            elif not self._over.wait(SYNC_S) and (record := self.record) is not None:
                 record.sync()
-            self._save_usage()
+            if not self._over.is_set():
+                self._save_usage()
 
     def _save_usage(self, at_once: bool = False) -> None:
         """Counters that cannot be kept are kept later."""

@@ -34,9 +34,12 @@ class Check:
             )
             for i, axis in enumerate(machine.axes)
         )
+        self._stands: Joints | None = None  # and it was found that they may
 
     def judge(self, new: Joints, last: Joints, before: Joints) -> tuple[Fault, int]:
         """(fault, axis index): what is wrong with ``new``, or (NONE, -1). NaN is wrong, too."""
+        if new is last is before is self._stands:
+            return _FINE
         for i, low, high, velocity, acceleration in self._rows:
             q0, q1 = new[i], last[i]
             # An axis switched on outside of its travel may stand there and come back.
@@ -48,4 +51,5 @@ class Check:
             bend = step - q1 + before[i]
             if not -acceleration <= bend <= acceleration:
                 return Fault.ACCELERATION, i
+        self._stands = new if new is last is before else None
         return _FINE

@@ -23,16 +23,20 @@ class Encoder:
         axes = len(machine.axes)
         self._rounded = _of_each("round(a[{0}] * b[{0}])", axes)
         self._products = _of_each("a[{0}] * b[{0}]", axes)
+        self._encoded: Joints | None = None  # where setpoints depend on joints alone
         self.setpoints: Sequence[int] = (0,) * axes
         self.actual: Sequence[float] = (0.0,) * axes
 
     def encode(self, joints: Joints) -> bool:
         """Rounds to counts; False (and nothing changed) if one does not fit into an int32."""
+        if joints is self._encoded:
+            return True
         told = joints if self._deviations is None else self._deviations.told(joints)
         counts = self._rounded(told, self._counts_per_unit)
         if min(counts) < -INT32 or max(counts) >= INT32:
             return False
         self.setpoints = counts
+        self._encoded = joints if self._deviations is None else None
         return True
 
     def rehearse(self, joints: Joints) -> None:

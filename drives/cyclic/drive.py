@@ -141,7 +141,8 @@ class Drive(PowerStage):
     def _miss(self) -> None:
         super()._miss()
         self._twice, self._twice_now = 0, False
-        self._late = min(self._late + 1, self._lost_after)
+        if self._late < self._lost_after:
+            self._late += 1
 
     def expect(self) -> None:
         self._awaiting = True

@@ -5,7 +5,7 @@ Nothing here locks, logs, raises, or allocates anything that stays.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Final
 
 from drives import pdo
@@ -31,6 +31,7 @@ BITS: Final = tuple(55 + 10 * n for n in range(9))
 
 _NONE: Final = DriveFault.NONE
 _HEADER: Final = pdo.HEADER.unpack_from
+_HEADERS: Final = pdo.HEADERS
 
 
 class Line:
@@ -72,6 +73,9 @@ class Line:
         self._echoes = echoes
         self._overflows = port.overflows
         self._receive_into = port.receive_into
+        # Of a port that has several frames in one packet: they need not be fetched one by one.
+        self._receive_packet: Callable[[int], memoryview | None] | None
+        self._receive_packet = getattr(port, "receive_packet", None)
         self._handlers: dict[int, Handler] = {}
         for node in (*self.drives, *others):
             self._handlers.update(node.handlers)
@@ -92,9 +96,21 @@ class Line:
     def drain(self, now_s: float) -> None:
         """Takes what came in and, where SYNC is ours, settles whether the feedback owed has come."""
         self.syncs = 0
+        if self._receive_packet is None:
+            self._drain_frames(now_s)
+        else:
+            self._drain_packets(self._receive_packet, now_s)
+        overflows = self.port.overflows
+        if overflows != self._overflows:
+            self._overflows = overflows
+            self._fail(DriveFault.RX_OVERFLOW)
+        if not self._echoes:
+            for drive in self.owing:
+                drive.settle()
+
+    def _drain_frames(self, now_s: float) -> None:
         receive_into, handlers = self._receive_into, self._handlers
-        buffer, data, off = self._buffer, self._data, self.off
-        bits = 0
+        buffer, data, bits = self._buffer, self._data, 0
         for _ in range(MAX_FRAMES):
             if not receive_into(buffer):
                 break
@@ -103,24 +119,43 @@ class Line:
                 length = 8
             bits += BITS[length]
             handler = handlers.get(can_id)
-            if handler is not None:
-                handler(data[length], now_s)
-                if off:  # whoever hears is on the bus again
-                    self.off = off = False
-            elif can_id == pdo.SYNC:
-                self._heard_sync()
-            elif can_id & pdo.ERROR_FLAG:
-                self._heard_error(can_id & _CLASSES)
-            elif can_id in self._own:
-                self._fail(DriveFault.FOREIGN_FRAMES)
+            if handler is None:
+                self._heard(can_id, data[length])
+                continue
+            handler(data[length], now_s)
+            self.off = False  # whoever hears is on the bus again
         self.bits += bits
-        overflows = self.port.overflows
-        if overflows != self._overflows:
-            self._overflows = overflows
-            self._fail(DriveFault.RX_OVERFLOW)
-        if not self._echoes:
-            for drive in self.owing:
-                drive.settle()
+
+    def _drain_packets(self, receive: Callable[[int], memoryview | None], now_s: float) -> None:
+        handlers, bits, left = self._handlers, 0, MAX_FRAMES
+        while left:
+            packet = receive(left)
+            if packet is None:
+                break
+            at = pdo.DATA_AT
+            for can_id, length in _HEADERS(packet):
+                if length > 8:
+                    length = 8
+                bits += BITS[length]
+                data = packet[at : at + length]
+                at += pdo.FRAME_BYTES
+                left -= 1
+                handler = handlers.get(can_id)
+                if handler is None:
+                    self._heard(can_id, data)
+                    continue
+                handler(data, now_s)
+                self.off = False  # whoever hears is on the bus again
+        self.bits += bits
+
+    def _heard(self, can_id: int, data: memoryview) -> None:
+        """A frame of no node of ours."""
+        if can_id == pdo.SYNC:
+            self._heard_sync()
+        elif can_id & pdo.ERROR_FLAG:
+            self._heard_error(can_id & _CLASSES, data)
+        elif can_id in self._own:
+            self._fail(DriveFault.FOREIGN_FRAMES)
 
     def _heard_sync(self) -> None:
         self.syncs += 1
@@ -133,10 +168,10 @@ class Line:
             drive.settle()
             drive.expect()
 
-    def _heard_error(self, classes: int) -> None:
+    def _heard_error(self, classes: int, data: memoryview) -> None:
         """An error frame of our CAN controller."""
         self.errors += 1
-        detail = self._buffer[pdo.DATA_AT + 1]
+        detail = data[1] if len(data) > 1 else 0
         if classes & _BUS_OFF:
             # Frames queued now would all come out at once at the restart, SYNCs among them.
             self.off = True

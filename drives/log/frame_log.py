@@ -10,7 +10,7 @@ from __future__ import annotations
 import os
 import time
 from collections import deque
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from heapq import merge
 from typing import Protocol
 
@@ -42,6 +42,10 @@ class FrameLog:
     def __call__(self, frame: bytes, at_s: float) -> None:
         """Keep one frame."""
         self.keep((at_s, frame))
+
+    def extend(self, heard: Sequence[tuple[float, bytes]]) -> None:
+        """Keep several, each with its time, in their order."""
+        self._kept.extend(heard)
 
     def __len__(self) -> int:
         return len(self._kept)

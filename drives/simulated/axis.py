@@ -27,6 +27,7 @@ from drives.simulated.parameters import LostSync
 from drives.simulated.published import publish
 from drives.simulated.records import Records
 from drives.simulated.sensors import Sensors
+from drives.simulated.servo import Servo
 from drives.simulated.setpoints import LIMIT, NO_LIMIT, NO_TARGET_YET, Setpoints
 from drives.simulated.station import Station
 from drives.simulated.stops import Stops
@@ -134,6 +135,13 @@ class Axis(Setpoints):
         if self.sensors.watches:
             for look in self.sensors.watches:
                 look(now_s)
+
+    @property
+    def remembers_nothing(self) -> bool:
+        """Its next period depends on what it shows: no sensor looks, and no demand goes on by itself."""
+        plain = type(self.servo) is Servo and not self.sensors.watches
+        demand = self.generator is None or (self.follows and isinstance(self._law, CyclicPosition))
+        return plain and demand and self._lagging_s is None
 
     @property
     def needs_periods(self) -> bool:

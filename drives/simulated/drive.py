@@ -3,7 +3,9 @@
 The way of SYNC is the hot one: with five drives at 2 ms and ten times real time it
 may cost 12 us per drive. So nothing is scheduled or looked up there that can be
 kept ready, and supervision of SYNC itself costs one comparison. Whatever is not the
-controller's own mapping goes by ``ProcessData``.
+controller's own mapping goes by ``ProcessData``. A drive whose last period has left
+everything as it was, and that is told the same again, does the same: it answers what
+it answered, and nothing need be worked out for that.
 """
 
 from __future__ import annotations
@@ -43,6 +45,9 @@ class SimulatedDrive(Device):
         self._sync_s = 0.0
         self._guessed = 0  # periods already made up for since the last SYNC
         self._received: bytes | None = None  # the newest standard RPDO, latched by SYNC
+        self._told: bytes | None = None  # the one that the last SYNC latched
+        self._rests: tuple[object, ...] | None = None  # the state that it has left as it was
+        self._said = b""  # the answer to it
         self._fast_in: list[Pdo] = []
         self._deadline: Pdo | None = None  # of the standard RPDO, if it has one
         self._fast_out = 0  # identifier of the standard TPDO, if it is as the controller maps it
@@ -56,12 +61,17 @@ class SimulatedDrive(Device):
 
     def _on_sync(self, frame: bytes, now_s: float) -> None:
         """One period ends: latch the setpoint, move the motor, report where it is."""
-        axis = self.axis
+        axis, received, before = self.axis, self._received, None
         gap_s = now_s - self._sync_s
         counts = True  # as a period
         if not self._soonest_s <= gap_s < self._latest_s:
             counts = self._irregular(gap_s, now_s)
-        received = self._received
+        elif received is not None and received == self._told and not self._latched:
+            before = self._state()
+            if before == self._rests:
+                self._repeat(now_s)
+                return
+        self._told = received
         if received is not None:
             self._received = None
             word, target = COMMAND.unpack_from(received, DATA_AT)
@@ -77,14 +87,50 @@ class SimulatedDrive(Device):
         if self._latched:
             self.process.take_latched(now_s)
         if counts:
-            self._sync_s = now_s
+            self._count(now_s)
             if axis.powered:
-                # The bus may still ask at the old time, and finds nothing due.
-                expires_s = self.watch_s = now_s + self._patience_s
-                self.due_s = expires_s if expires_s < self._alarm_s else self._alarm_s
                 axis.step(now_s)
         if self.nmt == OPERATIONAL:
             self._report(frame, now_s)
+        repeats = before is not None and self._may_repeat() and before == self._state()
+        self._rests = before if repeats else None
+
+    def _count(self, now_s: float) -> None:
+        """A period has passed."""
+        self._sync_s = now_s
+        if self.axis.powered:
+            # The bus may still ask at the old time, and finds nothing due.
+            expires_s = self.watch_s = now_s + self._patience_s
+            self.due_s = expires_s if expires_s < self._alarm_s else self._alarm_s
+
+    def _state(self) -> tuple[object, ...]:
+        """All that the answer to a SYNC, and what it does to the drive, depend on, besides the setpoint."""
+        axis = self.axis
+        return (
+            self.nmt,
+            axis.statusword,
+            axis.controlword,
+            axis.unsettled,
+            axis.generator,
+            axis.target,
+            *axis.servo.state,
+            axis.sensors.watches,
+            axis.dictionary.changes,
+        )
+
+    def _may_repeat(self) -> bool:
+        """Whether ``_state`` is all: no TPDO but the fast one, and a demand that remembers nothing."""
+        own = bool(self._fast_out) and not self._slow_out and self.nmt == OPERATIONAL
+        return own and self.axis.remembers_nothing
+
+    def _repeat(self, now_s: float) -> None:
+        """What the last SYNC has done and left as it was."""
+        self._received = None
+        if self.axis.generator is not None:
+            self.now_s = now_s
+        self._count(now_s)
+        if self.link is not None:
+            self.link.send(now_s + self._tpdo_delay_s, self._fast_out, self._said)
 
     def _report(self, frame: bytes, now_s: float) -> None:
         """The TPDOs of this SYNC: what was true at the SYNC, sent a little later."""
@@ -94,9 +140,8 @@ class SimulatedDrive(Device):
             position = round(axis.servo.position)
             if not INT32_MIN <= position <= INT32_MAX:
                 position = axis.actual()
-            self.link.send(
-                at_s, self._fast_out, FEEDBACK.pack(self._fast_out, PDO_BYTES, axis.statusword, position)
-            )
+            self._said = FEEDBACK.pack(self._fast_out, PDO_BYTES, axis.statusword, position)
+            self.link.send(at_s, self._fast_out, self._said)
         if self._slow_out:
             self.process.after_sync(frame[DATA_AT] if frame[4] else 0, at_s, now_s)
 
@@ -176,6 +221,7 @@ class SimulatedDrive(Device):
         self._deadline = next((r for r in self._fast_in if r.event_s > 0.0), None)
         self.process.configure(rpdos, tpdos, fast[0] if fast else None, slow_in)
         others = [t for t in tpdos if t not in fast]
+        self._rests = None
         self._slow_out = not plain or any(t.looks_at_sync or t.may_change_by_itself for t in others)
 
     def _may_store(self) -> bool:

@@ -123,6 +123,11 @@ class Servo:
         self._near = BRAKING_SHARE * self.strongest * self._lead_s**2  # where the law can still be braked
 
     @property
+    def state(self) -> tuple[float, ...]:
+        """What the next period depends on, of this law: other motors remember more."""
+        return (self.position, self.velocity, self.start, self.end, self.lead, self.limited, self._calm)
+
+    @property
     def strongest(self) -> float:
         """Acceleration that the motor can give now, counts/s^2."""
         return self._strongest * self._share

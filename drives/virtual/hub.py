@@ -16,8 +16,8 @@ sent, and feedback is there before the tick looks for it.
     |------------- wire: SYNC, TPDOs, RPDOs ---->|
                             | awake, TPDOs out   | the tick reads
 
-Where nothing is said that was not said before, it is awake after ``STILL_LOOK_S`` only: the machine stands,
-and what its drives have to say then may come so late.
+Where nothing is said that was not said before, and nothing else waits, it is awake after ``STILL_LOOK_S``
+only: the machine stands, and what its drives have to say then may come so late.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ from drives.virtual.error_counters import overflow_frame
 from drives.virtual.fault_script import FaultScript
 from drives.virtual.hub_protocol import FILTERED, GATHER_S, MOST_FRAMES, TIMED, lost_frame
 from drives.virtual.intake import Intake
-from drives.virtual.virtual_bus import SteppedBus
+from drives.virtual.virtual_bus import STANDARD_MASK, SteppedBus
 
 SO_TIMESTAMPNS = 35
 TIME_STAMP = struct.Struct("qq")
@@ -236,10 +236,12 @@ class Hub:
         if master is None or period_s > SLOWEST_S or late_s >= 1.5 * period_s or now_s < self._alert_until_s:
             return 0.0
         alone = all(client.many or client.timed for client in self._clients.values()) and not self._gateways
-        if not alone or not self.bus.is_only_for(master.source):
+        if not alone:
             return 0.0
-        if now_s - self.bus.new_s > STILL_S:
-            return self._sync_s + max(1.5 * period_s, STILL_LOOK_S)
+        if now_s - self.bus.new_s > STILL_S and self.bus.repeats:
+            return self._sync_s + max(1.5, round(STILL_LOOK_S / period_s) - 0.5) * period_s
+        if not self.bus.is_only_for(master.source):
+            return 0.0
         return self._sync_s + (0.5 if late_s < 0.5 * period_s else 1.5) * period_s
 
     def run(self, stop: Callable[[], bool]) -> None:
@@ -300,6 +302,9 @@ class Hub:
 
     def _submit(self, client: Client, packet: bytes, at_s: float) -> bool:
         """Hand a packet on; False if the rest of it is held until a queue has room."""
+        if self._are_setpoints(client, packet):
+            self.bus.submit_packet(client.source, at_s, packet)
+            return True
         for start in range(0, len(packet) - FRAME_BYTES + 1, FRAME_BYTES):
             frame = packet[start : start + FRAME_BYTES]
             can_id = int.from_bytes(frame[:4], "little")
@@ -316,6 +321,15 @@ class Hub:
             if not self.bus.submit(client.source, at_s, can_id, frame):
                 self._refuse(client, at_s)
         return True
+
+    def _are_setpoints(self, client: Client, packet: bytes) -> bool:
+        """Whether these are several plain frames for which there is room: nobody need look at each."""
+        if len(packet) <= FRAME_BYTES or len(packet) % FRAME_BYTES:
+            return False
+        for can_id, length in pdo.HEADERS(packet):
+            if not pdo.SYNC < can_id <= STANDARD_MASK or length > 8:
+                return False
+        return self.bus.has_room(client.source, len(packet) // FRAME_BYTES)
 
     def _order(self, client: Client, can_id: int, frame: bytes) -> bool:
         """What a control frame asks for; False where it is none."""
@@ -358,13 +372,14 @@ class Hub:
 
         So a step of the system's clock since the last look at the offset moves it by one turn at most.
         """
-        now_s = time.monotonic()
-        sent_s = now_s
+        now_s = at_s = time.monotonic()
         for _, _, data in notes:
             seconds, nanoseconds = TIME_STAMP.unpack(data)
-            sent_s = seconds + nanoseconds * 1e-9 - self._offset_s
-        trusted = math.isclose(sent_s, now_s, abs_tol=TRUSTED_S)
-        return max(self.bus.now_s, min(sent_s, now_s) if trusted else now_s)
+            at_s = seconds + nanoseconds * 1e-9 - self._offset_s
+        if not now_s - TRUSTED_S <= at_s <= now_s:
+            at_s = now_s
+        lived_s = self.bus.now_s
+        return at_s if at_s > lived_s else lived_s
 
     def _drop(self, client: Client) -> None:
         self._clients.pop(client.descriptor, None)

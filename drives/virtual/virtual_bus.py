@@ -301,6 +301,16 @@ class SteppedBus:
         """Whether a frame more of this source has to wait until one of its others has gone out."""
         return QUEUE_LIMIT <= self._waiting[source] < MUTED // 2
 
+    def has_room(self, source: int, frames: int) -> bool:
+        """Whether so many frames more of this source can wait."""
+        return self._waiting[source] + frames <= QUEUE_LIMIT
+
+    @property
+    def repeats(self) -> bool:
+        """Whether every frame that waits has been said before: it is the same as its identifier's last."""
+        carried, waiting = self._carried, [*self._ready, *(ready for _, ready in self._pending)]
+        return all(frame == carried.get(can_id, _NOT_YET)[0] for _, _, _, can_id, frame in waiting)
+
     def is_only_for(self, source: int) -> bool:
         """Whether nobody but this source has a frame on the wire, or one that waits for it."""
         flying = self._flying
