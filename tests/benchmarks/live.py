@@ -110,7 +110,8 @@ def looked_at(shop: Shop, answers_per_s: list[float]) -> Iterator[None]:
 def watched(shop: Shop, seconds: float) -> Turn:
     stamps = Stamps(five_buses.hub_paths(tree(shop.processes["serve"].pid)))
     time.sleep(seconds)
-    return Turn(stamps.close(), int(bool(shop.status()["fault"])))
+    found = stamps.close()
+    return Turn(found, int(bool(shop.until(lambda _: True, "an answer")["fault"])))
 
 
 def machine_turns(seconds: float, in_the_cut: float, answers_per_s: list[float]) -> dict[str, Turn]:
