@@ -489,3 +489,16 @@ def test_an_axis_that_is_homed_has_its_travel_in_a_jog_and_one_that_is_not_has_n
     wanted = (Fault.TRAVEL, 0) if homed & 1 else (Fault.NONE, -1)
     assert bench.cycle.jogging.check.judge(beyond, at, at) == wanted
     bench.close()
+
+
+@pytest.mark.parametrize("axis", range(5))
+def test_each_axis_goes_at_its_largest_speed_and_at_a_share_of_it_when_not_homed(axis: int) -> None:
+    bench = ready(homed=ALL_AXES)
+    jogging = bench.cycle.jogging
+    line = tuple(0.5 if i == axis else 0.0 for i in range(5))
+    largest = bench.machine.axes[axis].limits.velocity * bench.machine.period_s
+    for homed, share in ((ALL_AXES, 1.0), (ALL_AXES & ~(1 << axis), UNHOMED_SHARE)):
+        bench.cycle.modes.homed = homed
+        assert 0.5 * jogging._speed_of(Jog(line, 1e9, math.inf)) == pytest.approx(share * largest)
+    assert jogging._speed_of(Jog(line, 0.01, math.inf)) == pytest.approx(0.01 * bench.machine.period_s)
+    bench.close()
