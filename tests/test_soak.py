@@ -7,13 +7,16 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
-from support.soak import soak, stepped
+from support.soak import judged, scenarios, soak, stepped
+from support.soak.memory import MOST_MB_H, TELLS_S, growth_of
 from support.soak.scenarios import PARTS, Scenario, drawn
 from support.soak.stepped import Came
 from typer.testing import CliRunner
 
 from controller.__main__ import app
+from controller.ipc.handoff import COLUMN, ROW, STOOD
 from controller.tick.cycle import Cycle
 
 SEED = 4711
@@ -64,6 +67,50 @@ def test_a_joint_that_is_set_too_far_is_seen_and_kept_with_its_tick(
     assert one.program == (folder / "program.ngc").read_text()
 
 
+def test_a_jump_behind_a_gap_is_seen_and_the_gap_itself_is_none(tmp_path: Path) -> None:
+    """Drives that stood in a gap begin anew from there: that is no jump, and a jump is one."""
+    machine = scenarios.live_machine(SEED)
+    rows = np.zeros((200, len(ROW)))
+    rows[:, COLUMN["tick"]], rows[:, COLUMN["sync_sent"]] = np.arange(200), 1.0
+    x = rows[:, COLUMN["joint_command_0"]]  # at half its speed; then it stands, and is told to go no further
+    x[:100] = 0.5 * machine.axes[0].limits.velocity * machine.period_s * np.arange(100)
+    x[100:] = x[98]
+    rows[100, COLUMN["sync_sent"]], rows[100, COLUMN["switches"]] = 0.0, STOOD
+    assert [tick for tick, _ in judged.limits(machine, rows[100:])] == []
+    assert [tick for tick, _ in judged.limits(machine, rows[5:])] == []
+    x[150:] += 0.2
+    assert {tick for tick, _ in judged.limits(machine, rows[5:])} <= {150, 151, 152}
+    assert judged.limits(machine, rows[5:])
+
+
+@pytest.mark.parametrize(("mb_h", "is_flat"), [(0.0, True), (1.0, True), (8.0, False)])
+def test_a_leak_is_seen_in_an_hour_among_steps_and_noise(mb_h: float, is_flat: bool) -> None:
+    rng = np.random.default_rng(7)
+    at_s = np.arange(0.0, 3600.0, 20.0)
+    taken = 60.0 + mb_h * at_s / 3600.0 + rng.normal(0.0, 0.5, len(at_s)) + 3.0 * (at_s > 900.0)
+    taken[rng.integers(len(at_s), size=8)] += 20.0  # a run that lay in it
+    grown = growth_of(list(zip(at_s.tolist(), taken.tolist(), strict=True)))
+    assert grown.is_flat is is_flat, grown
+    assert growth_of([(0.0, 10.0), (TELLS_S / 2.0, 10.0 + MOST_MB_H)]).is_flat  # too short to tell
+
+
+def test_what_befalls_a_live_machine_is_drawn_and_kills_come_first() -> None:
+    machine = scenarios.live_machine(SEED)
+    drawn_ = [scenarios.live(SEED, n, machine) for n in range(200)]
+    assert drawn_[7] == scenarios.live(SEED, 7, machine)
+    words = [" ".join(one.script.split()[2:3]) for one in drawn_]
+    assert {"emcy", "nmt", "stop"} <= set(words[scenarios.KILL_RUNS :]) and "kill" in words
+    assert "kill" not in words[scenarios.KILL_RUNS :]
+
+
+@pytest.mark.slow
+@pytest.mark.live
+def test_runs_on_the_real_clock_hold(tmp_path: Path) -> None:
+    """One with nothing, and one in which the tick is stopped for a moment: made again from their records."""
+    found = soak.on_real_clock(SEED, 1e4, tmp_path, 0, 2)
+    assert found.runs == 2 and found.ticks > 100 and found.kept == []
+
+
 def broken(of: Scenario, _folder: Path) -> Came:
     return Came("raised", "it broke" if of.number == 1 else "", 3, 10)
 
@@ -71,8 +118,8 @@ def broken(of: Scenario, _folder: Path) -> Came:
 def test_the_sum_counts_what_came_and_where_it_is_kept(tmp_path: Path) -> None:
     found = soak.soak(SEED, 60.0, tmp_path, 0, 3, run=broken)
     assert found.runs == 3 and found.ticks == 30 and found.results == {"raised": 3}
-    assert found.kept == [str(tmp_path / f"{SEED}-1")] and found.is_flat
-    assert not replace(found, settled_mb=100.0, memory_mb=200.0).is_flat
+    assert found.kept == [str(tmp_path / f"{SEED}-1")] and not found.grown
+    assert replace(found, settled_mb=100.0, memory_mb=200.0).grown == {"soak": (100.0, 200.0)}
 
 
 def test_the_command_tells_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

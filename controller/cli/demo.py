@@ -86,7 +86,7 @@ def cut(machine: Machine, program: Path, checks: Path, unchecked: bool, quiet: b
 def served(machine: Machine, kept: Folders, runtime: Path) -> Iterator[tuple[Service, Client]]:
     """A machine that is looked after by a thread of its own, and a connection to its door."""
     over = threading.Event()
-    with main.opened(machine, kept, runtime) as service:
+    with main.opened(machine, kept, runtime, stamped=True) as service:
         watch = threading.Thread(target=main.watch, args=(service, over.is_set), kwargs=CALM, name="watch")
         client = Client(control_socket.control_path(runtime))
         watch.start()

@@ -7,7 +7,7 @@ import json
 import random
 import sys
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import typer
 
@@ -19,6 +19,13 @@ Hours = Annotated[float, typer.Option("--hours", min=0.0, help="How long.")]
 Seed = Annotated[int | None, typer.Option("--seed", help="Of all that is drawn; default: another each time.")]
 First = Annotated[int, typer.Option("--first", min=0, help="Number of the run to begin with.")]
 Runs = Annotated[int | None, typer.Option("--runs", min=1, help="At most so many.")]
+Clock = Annotated[
+    Literal["stepped", "real"],
+    typer.Option(
+        "--clock",
+        help="stepped: simulated time, as fast as it goes; real: a service with its panel, as in a shop.",
+    ),
+]
 Out = Annotated[Path, typer.Option("--out", help="Folder of what does not hold.")]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
 
@@ -27,12 +34,13 @@ Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and no
 def soak(
     hours: Hours = 1.0,
     seed: Seed = None,
+    clock: Clock = "stepped",
     first: First = 0,
     runs: Runs = None,
     out: Out = Path("soak"),
     as_json: Json = False,
 ) -> None:
-    """Run what is drawn at random, on the stepped clock as fast as it can, and judge every tick of it.
+    """Run what is drawn at random, and judge every tick of it.
 
     What does not hold is kept as a folder with seed, tick and record: `directrix replay FOLDER` makes the run
     again, and so does --seed N --first K --runs 1. Exit code 1 where something did not hold, or memory grew.
@@ -51,14 +59,15 @@ def soak(
                 if came.wrong and not as_json:
                     tell.print(f"{so_far.kept[-1]}: {came.wrong}", markup=False)
 
-            found = module.soak(drawn, 3600.0 * hours, out, first, runs, told)
+            soaked = module.soak if clock == "stepped" else module.on_real_clock
+            found = soaked(drawn, 3600.0 * hours, out, first, runs, told)
         results = ", ".join(f"{count} {name}" for name, count in sorted(found.results.items()))
         figures = dict(seed=drawn, runs=found.runs, ticks=found.ticks, wrong=len(found.kept), results=results)
-        grown = dict(settled=found.settled_mb, now=found.memory_mb)
         if found.kept:
             raise Refused(_say("wrong", **figures, folder=found.kept[0]), **found.to_dict())
-        if not found.is_flat:
-            raise Refused(_say("grown", **figures, **grown), **found.to_dict())
+        if grown := found.grown:
+            named = ", ".join(f"{name} {one:.1f} > {two:.1f} MB" for name, (one, two) in grown.items())
+            raise Refused(_say("grown", **figures, grown=named), **found.to_dict())
         if as_json:
             print(json.dumps({"ok": True, **found.to_dict()}))
         else:

@@ -60,8 +60,7 @@ REFUSALS = {
     "soak.held": "Seed {seed}: {runs} runs ({results}), {ticks} ticks, and all of it held.",
     "soak.wrong": "Seed {seed}: {runs} runs ({results}), {ticks} ticks; {wrong} did not hold, the first is "
     "kept in {folder}: see soak.json there, and make it again with `directrix replay {folder}`.",
-    "soak.grown": "Seed {seed}: {runs} runs ({results}) held, but memory grew from {settled:.0f} to "
-    "{now:.0f} MB.",
+    "soak.grown": "Seed {seed}: {runs} runs ({results}) held, but memory grew: {grown}.",
     # --- recordings
     "records.unreadable": "{path}: cannot be read as a recording ({why}); give a trace of simulate, or the "
     "folder of a fault or of a run.",

@@ -63,8 +63,7 @@ REFUSALS = {
     "soak.held": "Startzahl {seed}: {runs} Läufe ({results}), {ticks} Takte, und alles hielt.",
     "soak.wrong": "Startzahl {seed}: {runs} Läufe ({results}), {ticks} Takte; {wrong} hielten nicht, der "
     "erste liegt in {folder}: soak.json darin lesen, und mit `directrix replay {folder}` wiederholen.",
-    "soak.grown": "Startzahl {seed}: {runs} Läufe ({results}) hielten, aber der Speicher wuchs von "
-    "{settled:.0f} auf {now:.0f} MB.",
+    "soak.grown": "Startzahl {seed}: {runs} Läufe ({results}) hielten, aber Speicher wuchs: {grown}.",
     # --- Aufzeichnungen
     "records.unreadable": "{path}: ist nicht als Aufzeichnung zu lesen ({why}); eine Spur von simulate "
     "angeben, oder den Ordner einer Störung oder eines Laufs.",

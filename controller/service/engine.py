@@ -86,7 +86,9 @@ class Engine:
         """``folder``: of its own, for sockets and shared memory; ``kept``: what outlives it."""
         self.machine = machine  # with the paths of the hubs as channels, once they run
         self.hubs: dict[str, Child] = {}
-        self.sync_stamps_s: dict[str, Rows] = {}  # when SYNC left a virtual bus; there at the end
+        self.sync_stamps_s: dict[
+            str, Rows
+        ] = {}  # when SYNC left a virtual bus; there at the end, if asked for
         self._folder, self._kept, self._hear = folder, kept, hear
         self._run: _Run | None = None
         self._starts = 0
@@ -96,14 +98,14 @@ class Engine:
         self._number = 0  # of the last request
         self.asked: deque[Asked] = deque(maxlen=MAX_ASKED)  # in their order, for the record of a run
 
-    def start_hubs(self, part: Path | None = None) -> None:
+    def start_hubs(self, part: Path | None = None, stamped: bool = False) -> None:
         """Virtual buses with simulated drives, and hubs that share a serial adapter.
 
-        ``part``: a simulation file of what can be touched and cut; None: the usual. Raises SessionError.
+        ``part``: a simulation file of what can be touched and cut; None: the usual. ``stamped``: for
+        ``sync_stamps_s``, which take memory as long as it goes. Raises SessionError.
         """
-        self.machine = hubs_started(
-            self.machine, self._folder, self._ending, self.hubs, self.sync_stamps_s, part
-        )
+        stamps_s = self.sync_stamps_s if stamped else None
+        self.machine = hubs_started(self.machine, self._folder, self._ending, self.hubs, stamps_s, part)
 
     def tell_tool(self, number: int) -> None:
         """Which is in the spindle of a simulated machine: it touches the setter, or as a probe the part."""
@@ -256,22 +258,22 @@ def hubs_started(
     folder: Path,
     ending: contextlib.ExitStack,
     hubs: dict[str, Child],
-    stamps_s: dict[str, Rows],
+    stamps_s: dict[str, Rows] | None,
     part: Path | None = None,
 ) -> Machine:
     """Start a hub with drives for each virtual bus; the machine with their paths as channels.
 
-    They end with ``ending``; then ``stamps_s`` has when SYNC left the wire, by virtual bus.
-    Raises SessionError.
+    They end with ``ending``; then ``stamps_s`` has when SYNC left the wire, by virtual bus; None: nobody
+    asks. Raises SessionError.
     """
     buses = []
     for bus in machine.buses:
         if bus.interface == "virtual":
             log = folder / f"{bus.name}.sync.npy"
             bus = replace(bus, channel=str(folder / f"{bus.name}.hub"))
-            hub = _hub(bus, machine, log, folder, part)
+            hub = _hub(bus, machine, log if stamps_s is not None else None, folder, part)
             hubs[bus.name] = hub
-            ending.callback(_end_hub, hub, bus.name, log, stamps_s)
+            ending.callback(_end_hub, hub, bus.name, log, {} if stamps_s is None else stamps_s)
             _wait_for_hub(hub, Path(bus.channel))
         elif bus.interface == "slcan":
             # A serial port has one owner, and three of our processes want it: a hub shares it.
@@ -285,9 +287,10 @@ def hubs_started(
     return replace(machine, buses=tuple(buses))
 
 
-def _hub(bus: Bus, machine: Machine, log: Path, folder: Path, part: Path | None) -> Child:
+def _hub(bus: Bus, machine: Machine, log: Path | None, folder: Path, part: Path | None) -> Child:
     """With what can be touched or cut, where that is by its axes; other buses hear of that."""
-    options = [bus.channel, "--bit-rate", str(bus.bit_rate), "--sync-log", str(log)]
+    options = [bus.channel, "--bit-rate", str(bus.bit_rate)]
+    options += [] if log is None else ["--sync-log", str(log)]
     options += simulation.options(machine, bus.name)
     touching = simulated_bench.bus_of(machine, part is not None)
     if part is not None:

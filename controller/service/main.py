@@ -58,18 +58,24 @@ def run(
 
 @contextmanager
 def opened(
-    machine: Machine, kept: Folders, runtime: Path, group: str = "", part: Path | None = None
+    machine: Machine,
+    kept: Folders,
+    runtime: Path,
+    group: str = "",
+    part: Path | None = None,
+    stamped: bool = False,
 ) -> Iterator[Service]:
     """The service of a machine, powered up, with its door in ``runtime``; everything ends with the block.
 
     ``part``: what the probe of a simulated one can touch, a simulation file; None: the usual.
+    ``stamped``: as the engine's hubs.
 
     Somebody has to ``watch`` it. Raises what ``run`` does.
     """
     service = Service(machine, kept)
     last = whole_status.Kept(service).begin()
     try:
-        service.engine.start_hubs(part)
+        service.engine.start_hubs(part, stamped)
         desk = Desk(service)
         with_door = Server(control_socket.control_path(runtime), desk, group)
         try:

@@ -36,6 +36,7 @@ from controller import atomic_file
 from controller.ipc.handoff import (
     ADAPTIVE_FEED,
     COLUMN,
+    EXPIRED,
     OFF_PATH,
     OPTIONAL_STOP,
     PLAN_IDS,
@@ -56,7 +57,7 @@ from controller.service.engine import Asked
 from controller.service.journal import sha256
 from controller.service.planner_client import Program, Turn
 from controller.service.run_file import PART, RunEvents, RunFile
-from controller.state.modes import Fault, Mode
+from controller.state.modes import Fault, Mode, Request
 
 FOLDER, RUN, BEGUN = "runs", "run.json", "begun.json"
 KEPT = 200
@@ -215,6 +216,8 @@ class RunRecord:
         switches, faults = rows[:, COLUMN["switches"]].astype(np.int64), rows[:, COLUMN["fault"]]
         for row in rows[switches & STOOD != 0]:
             self._events.add(int(row[COLUMN["tick"]]), events.line_of(events.STAND))
+        for row in rows[switches & EXPIRED != 0]:  # by ticks that were missed, too: those are in no record
+            self._events.add(int(row[COLUMN["tick"]]), events.line_of(_NAMES[Request.JOG_STOP]))
         for i in _changes(faults, float(self._fault)):
             self._fault = Fault(int(faults[i]))
             if self._fault not in _OWN_FAULTS:

@@ -57,6 +57,7 @@ STOOD = 4  # stood still in this tick, after a long gap
 WAITED = 8  # motion waited for spindle, coolant or clamps
 SETTLED = 32  # the spindle stands where its thread does, or there is none
 ADAPTIVE_FEED = 64
+EXPIRED = 128  # in this tick a jog was ended that nobody asked for any more
 OFF_PATH = 16  # the setpoints are where the drives were
 
 
@@ -121,7 +122,8 @@ class Snapshot(NamedTuple):
     )
     switches: int = _value(
         "cycle",
-        "1 single block, 2 optional stop, 4 stood, 8 waited, 16 off path, 32 settled, 64 adaptive feed",
+        "1 single block, 2 optional stop, 4 stood, 8 waited, 16 off path, 32 settled, 64 adaptive feed, "
+        "128 jog expired",
         column="switches",
     )
     taken: int = _value("cycle", "number of the last request taken in this tick, 0 = none", column="request")

@@ -32,7 +32,8 @@ class Jogging:
     """One order at a time.
 
     Read ``active`` (something is under way), ``axes`` (that move, bit mask), ``check`` (for their joints),
-    ``away`` (the axes are off the place of the hold: no RESUME).
+    ``away`` (the axes are off the place of the hold: no RESUME), ``expired`` (it was ended in this tick, for
+    nobody asks any more).
     """
 
     def __init__(self, machine: Machine, modes: Modes, follow: Follow) -> None:
@@ -46,7 +47,7 @@ class Jogging:
         self._ramp = Ramp(1.0, 1.0, 0.0)
         self._speed = 0.0  # per tick
         self.axes = 0
-        self.active = self.away = False
+        self.active = self.away = self.expired = False
         self.check = Check(machine)
 
     # -- orders
@@ -114,10 +115,13 @@ class Jogging:
 
     def watch(self, ticks: int, silent: bool) -> None:
         """Who asks must live: ``silent`` says that the plan does not."""
+        modes = self._modes
         self._age += ticks
         endless = math.isinf(self._order.length) or self._next is not None
-        if self._age > self._most_age if endless else silent:
-            self._modes.end_jog()
+        over = self._age > self._most_age if endless else silent
+        self.expired = over and modes.mode is Mode.JOG and modes.phase is not Phase.HALTING
+        if self.expired:
+            modes.end_jog()
 
     def forget_hold(self) -> None:
         """The program is gone, or goes on from here."""

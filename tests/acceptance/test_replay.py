@@ -104,6 +104,29 @@ def test_a_jog_out_of_a_hold_and_its_return(bench: RecordedBench) -> None:
     assert_comes_again(bench.ended())
 
 
+@pytest.mark.parametrize("late_s", [0.06, 0.0009])
+def test_a_key_that_nobody_presses_any_more_where_ticks_come_late(tmp_path: Path, late_s: float) -> None:
+    """Ticks that were missed count for the one who asks, too: the jog ends sooner by them."""
+    late = set[int]()
+
+    def lateness(n: int) -> float:
+        return late_s if n in late else 0.0
+
+    bench = RecordedBench(tmp_path, None, lateness)
+    bench.started(TEXT)
+    bench.held(5)
+    for _ in range(3):
+        bench.jog(ASIDE._replace(length=math.inf))
+    first = bench.stepped.clock.waits + 2
+    late |= {first} if late_s > 0.01 else set(range(first, first + 60, 3))
+    bench.jog(ASIDE._replace(length=math.inf))
+    bench.until(Mode.HOLD)
+    bench.led("return")
+    bench.request(Request.RESUME)
+    bench.until(Mode.READY)
+    assert_comes_again(bench.ended())
+
+
 def test_a_key_held_down_while_the_tool_is_aside(bench: RecordedBench) -> None:
     bench.started(TEXT)
     bench.held(5)

@@ -48,7 +48,7 @@ class Shop:
     ) -> None:
         self.folder, self.state, self.runtime = folder, folder / "state", folder / "run"
         self.machine_file = folder / "machine.toml"
-        self.machine_file.write_text(_machine(machine, period_s))
+        self.machine_file.write_text(machine if "\n" in machine else _machine(machine, period_s))
         self.part: tuple[str, ...] = ()
         if part:
             (folder / "part.toml").write_text(part)
@@ -197,6 +197,7 @@ def opened(
 ) -> Iterator[Shop]:
     """A shop until the block ends; ``folder`` is empty. A ``demo`` has its own machine and period.
 
+    ``machine``: a shipped one, which gets that period, or the text of a machine file.
     ``part``: a simulation file's text, of what a probe can touch; without one the usual block.
     """
     shop = Shop(folder, period_s, commands, machine, part)

@@ -11,7 +11,7 @@ from support.machines.stepped_runs import Cut, largest, off_the_path, program, s
 
 from controller.ipc.handoff import COLUMN, STOOD
 from controller.machine.kinematics import Kinematics, kinematics_of
-from controller.machine.model import Machine, Tool
+from controller.machine.model import Joints, Machine, Tool
 from controller.plan.path import path
 from controller.plan.path.path import Chain, Pause
 from controller.plan.restart import restart
@@ -63,17 +63,17 @@ class Items:
     items: Iterable[Chain | Pause]
 
 
-def source(text: str, machine: Machine, dry_run_mm: float = 0.0) -> Source:
-    """The program from the homed position, with the choices of a check."""
+def source(text: str, machine: Machine, dry_run_mm: float = 0.0, start: Joints | None = None) -> Source:
+    """The program from ``start``, with the choices of a check; None: from the homed position, as checked."""
     kinematics, read = kinematics_of(machine), blocks.read(text.encode(), machine, "part.ngc").blocks
-    start = tuple([axis.homing.position for axis in machine.axes])
-    chosen = choices.choices(read, machine, kinematics, start, "part.ngc")
-    return Source(read, "part.ngc", machine, kinematics, start, chosen, dry_run_mm)
+    homed = tuple([axis.homing.position for axis in machine.axes])
+    chosen = choices.choices(read, machine, kinematics, homed, "part.ngc")
+    return Source(read, "part.ngc", machine, kinematics, start or homed, chosen, dry_run_mm)
 
 
-def stretches(text: str, machine: Machine) -> dict[int, path.Stretch]:
-    """All motions of the whole program, by motion id."""
-    asked = source(text, machine)
+def stretches(text: str, machine: Machine, start: Joints | None = None) -> dict[int, path.Stretch]:
+    """All motions of the whole program, by motion id; ``start``: where it begins, None: homed."""
+    asked = source(text, machine, start=start)
     tracer = path.Tracer(asked.name, machine, asked.kinematics, asked.start, asked.chosen or {})
     chains = [item for item in tracer.items(asked.blocks) if isinstance(item, Chain)]
     return dict(enumerate(stretch for chain in chains for stretch in chain.stretches))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import random
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,9 +24,21 @@ from support.parts import (
 from controller.machine import machine_file
 from controller.machine.model import Machine
 from controller.runtime.bus_load import overload
+from controller.state.modes import MAX_AXES
 
 FAULTY = 0.35  # share of the runs in which something goes wrong
 PERIODS_S = (0.0005, 0.001, 0.002, 0.003, 0.005)
+LIVE_PERIODS_S = (0.005, 0.01)  # that a busy computer keeps, too
+
+KILL_RUNS = 40  # at the beginning: only a process that lives on tells whether its memory grows
+# What befalls a live machine: a process is killed, the computer is not there for a moment, a drive finds an
+# error, or a stranger commands it.
+KILLED = ("kill plan", "kill panel", "kill tick", "kill serve")
+STRUCK = (
+    *(f"stop tick for {ms} ms" for ms in (30, 60, 100)),
+    *(f"emcy {{axis}} {code}" for code in ("1000", "4310", "6320", "7305", "FF01")),
+    *(f"nmt {{axis}} {word}" for word in ("stop", "preop", "reset_communication")),
+)
 
 
 @dataclass(frozen=True)
@@ -38,7 +50,7 @@ class Scenario:
     machine: Machine
     kind: str  # of the part
     program: str
-    script: str  # of faults, from the run's start; "" = nothing goes wrong
+    script: str  # of faults, from the run's start; "" = nothing goes wrong. Live: what is done, and when
     operator: str
 
     @property
@@ -56,11 +68,34 @@ def drawn(seed: int, number: int) -> Scenario:
     return Scenario(seed, number, machine, kind, PARTS[kind](rng, machine), script, f"{seed} {number}")
 
 
-def _machine(rng: random.Random) -> Machine:
+def live_machine(seed: int) -> Machine:
+    """The one that a soak on the real clock runs on from its beginning to its end; it can run all parts."""
+    names = [name for name in fault_scripts.MACHINES if len(machine_file.load(name).axes) == MAX_AXES]
+    return _machine(random.Random(f"live soak {seed}"), names, LIVE_PERIODS_S)
+
+
+def live(seed: int, number: int, machine: Machine) -> Scenario:
+    """As ``drawn``, on a machine that is there."""
+    rng = random.Random(f"live soak {seed} {number}")
+    kind = rng.choice(sorted(PARTS))
+    text, script = PARTS[kind](rng, machine), ""
+    if rng.random() < FAULTY:
+        words = rng.choice(
+            (*(KILLED if number < KILL_RUNS else ()), *(one for one in STRUCK for _ in range(2)))
+        )
+        script = f"{rng.uniform(0.2, 6.0):.3f} s: {words.format(axis=rng.choice(machine.axes).name)}"
+    return Scenario(seed, number, machine, kind, text, script, f"live {seed} {number}")
+
+
+def _machine(
+    rng: random.Random,
+    names: Sequence[str] = fault_scripts.MACHINES,
+    periods_s: Sequence[float] = PERIODS_S,
+) -> Machine:
     """A shipped one that warns of gouges, at a period that its buses carry."""
-    text = machine_file.load(rng.choice(fault_scripts.MACHINES)).text
+    text = machine_file.load(rng.choice(names)).text
     made = machine_file.read(re.sub(r'(?m)^gouge = "refuse"', 'gouge = "warn"', text), "machine.toml")
-    fitting = [one for one in PERIODS_S if not overload(machine_file.with_period(made, one))]
+    fitting = [one for one in periods_s if not overload(machine_file.with_period(made, one))]
     return machine_file.with_period(made, rng.choice(fitting)) if fitting else made
 
 

@@ -18,8 +18,9 @@ from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
-from support.soak import stepped
-from support.soak.scenarios import Scenario, drawn
+from support.soak import live, scenarios, stepped
+from support.soak.memory import Growth, anonymous_mb
+from support.soak.scenarios import Scenario
 from support.soak.stepped import Came
 
 SETTLED_S = 60.0  # then memory is what it is
@@ -37,16 +38,23 @@ class Sum:
     kept: list[str] = field(default_factory=list)  # folders of what did not hold
     settled_mb: float = 0.0  # memory of the process after ``SETTLED_S``
     memory_mb: float = 0.0  # at the end
+    processes: dict[str, Growth] = field(default_factory=dict)  # of a machine on the real clock
 
     @property
-    def is_flat(self) -> bool:
-        return not self.settled_mb or self.memory_mb <= GROWN * self.settled_mb
+    def grown(self) -> dict[str, tuple[float, float]]:
+        """Memory (MB) when it had settled and at the end, of each process that has grown."""
+        own = {} if self.memory_mb <= GROWN * self.settled_mb else {"soak": (self.settled_mb, self.memory_mb)}
+        others = {name: (g.first_mb, g.last_mb) for name, g in self.processes.items() if not g.is_flat}
+        return (own if self.settled_mb else {}) | others
 
     def to_dict(self) -> dict[str, object]:
-        return {**asdict(self), "results": dict(self.results), "is_flat": self.is_flat}
+        processes = {name: growth._asdict() for name, growth in self.processes.items()}
+        more = {"results": dict(self.results), "processes": processes, "is_flat": not self.grown}
+        return {**asdict(self), **more}
 
 
 Told = Callable[[Scenario, Came, Sum], None]
+Draw = Callable[[int, int], Scenario]  # of seed and number
 
 
 def soak(
@@ -57,11 +65,12 @@ def soak(
     count: int | None = None,
     told: Told = lambda *_: None,
     run: Callable[[Scenario, Path], Came] = stepped.run,
+    draw: Draw = scenarios.drawn,
 ) -> Sum:
     """Runs until the seconds are over, or ``count`` are done; ``told`` gets each as it is done."""
     began_s, found = time.monotonic(), Sum(seed)
     while time.monotonic() - began_s < seconds and found.runs != count:
-        one = drawn(seed, first + found.runs)
+        one = draw(seed, first + found.runs)
         with tempfile.TemporaryDirectory(prefix="directrix-soak-") as folder:
             came = run(one, Path(folder))
             found.runs += 1
@@ -71,10 +80,32 @@ def soak(
                 found.kept.append(str(_keep(one, came, out)))
         gc.unfreeze()  # replay, as a command, has frozen what was there; it thinks that its process ends
         gc.collect()
-        found.memory_mb = _memory_mb()
+        found.memory_mb = anonymous_mb() or 0.0
         if not found.settled_mb and time.monotonic() - began_s > SETTLED_S:
             found.settled_mb = found.memory_mb
         told(one, came, found)
+    return found
+
+
+def on_real_clock(
+    seed: int,
+    seconds: float,
+    out: Path,
+    first: int = 0,
+    count: int | None = None,
+    told: Told = lambda *_: None,
+) -> Sum:
+    """Likewise, on one machine that runs in real time, as in a shop."""
+    with (
+        tempfile.TemporaryDirectory(prefix="directrix-soak-") as folder,
+        live.opened(seed, Path(folder)) as on,
+    ):
+        found = soak(
+            *(seed, seconds, out, first, count, told),
+            lambda of, _: live.run(on, of),
+            lambda seed, number: scenarios.live(seed, number, on.machine),
+        )
+        found.processes = on.memory.growth()
     return found
 
 
@@ -93,8 +124,3 @@ def _keep(one: Scenario, came: Came, out: Path) -> Path:
     facts |= {"result": came.result, "tick": came.tick, "wrong": came.wrong, "asked": came.told}
     (folder / "soak.json").write_text(json.dumps(facts, indent=1) + "\n")
     return folder
-
-
-def _memory_mb() -> float:
-    rows = Path("/proc/self/status").read_text(encoding="ascii").splitlines()
-    return next(int(row.split()[1]) / 1024.0 for row in rows if row.startswith("RssAnon"))

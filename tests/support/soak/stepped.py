@@ -13,7 +13,6 @@ What must hold, whatever is asked and whatever goes wrong:
 
 from __future__ import annotations
 
-import json
 import random
 import traceback
 from dataclasses import dataclass
@@ -22,16 +21,11 @@ from typing import Any
 
 import numpy as np
 from support.faults.invariants import wrongs
-from support.machines.interrupted_runs import distance, stretches
 from support.machines.recording_bench import RecordedBench
-from support.machines.stepped_runs import shares
-from support.oracles.trace_limits import BOUNDS, KINDS
+from support.soak import judged
 from support.soak.scenarios import Scenario
-from typer.testing import CliRunner
 
-from controller.__main__ import app
-from controller.ipc.handoff import COLUMN, Jog, of_axes
-from controller.plan.restart.program_position import ENTRY_ID
+from controller.ipc.handoff import COLUMN, Jog
 from controller.runtime.fault_file import MachineScript
 from controller.runtime.startup import SessionError
 from controller.service.planner_client import Answer, Order, Program
@@ -41,9 +35,6 @@ from controller.state.modes import Fault, Mode, Request
 RUN_S = 10.0  # of the machine: then the operator stops it
 END_S = 40.0  # then it hangs
 STILL_S = 0.5  # after a fault, looked at
-SAME_MM = 1e-6
-EVERY = 23  # of the rows whose place on the path is computed
-ROUNDED = 0.5 + 1e-4  # counts
 UP = Jog((0.0, 0.0, 1.0, 0.0, 0.0), 20.0, 3.0)
 GOING = (Mode.RUNNING, Mode.HOLD, Mode.JOG, Mode.STOPPING)
 
@@ -189,7 +180,7 @@ def run(of: Scenario, folder: Path) -> Came:
         record = bench.ended(result)
         rows = np.concatenate(bench.rows)
         bench.rows.append(bench.stepped.go(round(STILL_S / of.machine.period_s)))
-        found = list(_found(of, bench, rows, first)) + _again(record)
+        found = list(_found(of, bench, rows, first)) + judged.again(record)
         tick = int(found[0][0]) if found else 0
         told = (*bench.told, f"fault: {fault.name}")
         return Came(result, "; ".join(text for _, text in found), tick, len(rows), told, record)
@@ -206,12 +197,9 @@ def _result(bench: Operator) -> str:
     return "stopped" if stopped else "completed"
 
 
-Wrong = tuple[int, str]
-
-
-def _found(of: Scenario, bench: Operator, rows: np.ndarray, first: int) -> list[Wrong]:
+def _found(of: Scenario, bench: Operator, rows: np.ndarray, first: int) -> list[judged.Wrong]:
     """What did not hold, in the order of ticks."""
-    found: list[Wrong] = []
+    found: list[judged.Wrong] = []
     gaps = np.flatnonzero(np.diff(rows[:, COLUMN["tick"]]) != 1.0)
     if len(gaps):
         found.append((int(rows[gaps[0], COLUMN["tick"]]), "a tick is missing in the recorder's rows"))
@@ -225,51 +213,8 @@ def _found(of: Scenario, bench: Operator, rows: np.ndarray, first: int) -> list[
         )
     if not of.script and (silent := np.flatnonzero(sound[:, COLUMN["sync_sent"]] == 0.0)).size:
         found.append((int(sound[silent[0], COLUMN["tick"]]), "a tick sent no SYNC, and nothing was late"))
-    found += _limits(of, sound) + _counts(of, sound) + _path(of, bench, sound)
+    found += judged.limits(of.machine, sound) + judged.counts(of.machine, sound)
+    found += judged.path(of.program, bench.machine, sound)
     if of.script:
         found += [(first + int(one.split()[1].rstrip(":")), one) for one in wrongs(bench.observer.sight)]
     return sorted(found)
-
-
-def _limits(of: Scenario, rows: np.ndarray) -> list[Wrong]:
-    sent = rows[rows[:, COLUMN["sync_sent"]] != 0.0]
-    joints = sent[:, of_axes("joint_command", len(of.machine.axes))]
-    found = []
-    for kind, share in enumerate(shares(joints, of.machine)):
-        over = np.argwhere(share > BOUNDS[kind])
-        if len(over):
-            k, axis = over[0]
-            row = sent[k + kind + 1]
-            name, most = of.machine.axes[axis].name, float(share[:, axis].max())
-            text = f"{name} takes {most:.4f} of its {KINDS[kind]} (line {int(row[COLUMN['line']])})"
-            found.append((int(row[COLUMN["tick"]]), text))
-    return found
-
-
-def _counts(of: Scenario, rows: np.ndarray) -> list[Wrong]:
-    axes = len(of.machine.axes)
-    per_unit = np.array([axis.counts_per_unit for axis in of.machine.axes])
-    off = np.abs(rows[:, of_axes("setpoint", axes)] - rows[:, of_axes("joint_command", axes)] * per_unit)
-    bad = np.flatnonzero((off > ROUNDED).any(axis=1) & (rows[:, COLUMN["mode"]] == Mode.RUNNING))
-    if not len(bad):
-        return []
-    return [
-        (int(rows[bad[0], COLUMN["tick"]]), f"a setpoint is {off[bad[0]].max():.2f} counts from its joint")
-    ]
-
-
-def _path(of: Scenario, bench: Operator, rows: np.ndarray) -> list[Wrong]:
-    ids = rows[:, COLUMN["motion_id"]]
-    mine = rows[(ids >= 0) & (ids < ENTRY_ID) & (rows[:, COLUMN["mode"]] == Mode.RUNNING)][::EVERY]
-    wanted = stretches(of.program, bench.machine)
-    off_mm = distance(mine, wanted, bench.stepped.kinematics)
-    return [] if off_mm < SAME_MM else [(0, f"the joints are {off_mm:.7f} off the program's motions")]
-
-
-def _again(record: Path) -> list[Wrong]:
-    """``directrix replay`` of it."""
-    done = CliRunner().invoke(app, ["replay", str(record), "--json"])
-    if done.exit_code == 0:
-        return []
-    told = json.loads(done.stdout) if done.stdout.startswith("{") else {"error": repr(done.exception)}
-    return [(int(told.get("tick", 0)), f"replay: {told['error']}")]

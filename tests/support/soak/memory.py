@@ -1,0 +1,65 @@
+"""Memory of the processes of a machine that runs on: sampled after each run, and whether it grows.
+
+A process takes what it takes when it does a thing for the first time (modules, caches up to their bound),
+and a run more or less that lies in it moves its memory up and down by megabytes. A leak is what goes on:
+the median of all slopes between two samples (Theil, Sen) is moved by neither.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+SETTLES_S = 60.0  # of a process' life: then memory is what it is
+TELLS_S = 1200.0  # looked at for so long a slope tells
+MOST_MB_H = 4.0
+
+
+class Growth(NamedTuple):
+    """Of one process: anonymous memory (MB) of its first and last sample, and how it grew between them."""
+
+    seen_s: float
+    first_mb: float
+    last_mb: float
+    mb_h: float
+
+    @property
+    def is_flat(self) -> bool:
+        return self.seen_s < TELLS_S or self.mb_h <= MOST_MB_H
+
+
+class Memory:
+    """``look`` after each run; ``growth`` of each process that was seen more than once, by role and pid."""
+
+    def __init__(self) -> None:
+        self._samples: dict[tuple[str, int], list[tuple[float, float]]] = {}
+        self._begun_s: dict[tuple[str, int], float] = {}
+
+    def look(self, pids: dict[str, int], now_s: float) -> None:
+        """``pids`` by role, as they are now."""
+        for one in pids.items():
+            begun_s = self._begun_s.setdefault(one, now_s)
+            if now_s - begun_s >= SETTLES_S and (taken := anonymous_mb(one[1])) is not None:
+                self._samples.setdefault(one, []).append((now_s, taken))
+
+    def growth(self) -> dict[str, Growth]:
+        return {f"{role} {pid}": growth_of(found) for (role, pid), found in self._samples.items()}
+
+
+def growth_of(samples: list[tuple[float, float]]) -> Growth:
+    """``samples``: (s, MB), one at least."""
+    at_s, taken_mb = np.array(samples).T
+    i, j = np.triu_indices(len(at_s), 1)
+    mb_h = 3600.0 * float(np.median((taken_mb[j] - taken_mb[i]) / (at_s[j] - at_s[i]))) if len(i) else 0.0
+    return Growth(float(at_s[-1] - at_s[0]), float(taken_mb[0]), float(taken_mb[-1]), mb_h)
+
+
+def anonymous_mb(pid: int | str = "self") -> float | None:
+    """What is a process' own; None where there is none any more."""
+    try:
+        rows = Path(f"/proc/{pid}/status").read_text(encoding="ascii").splitlines()
+    except OSError:
+        return None
+    return next((int(row.split()[1]) / 1024.0 for row in rows if row.startswith("RssAnon")), None)
