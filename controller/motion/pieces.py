@@ -191,7 +191,8 @@ class PieceMessage:
     """Everything from ``replace_from_s`` on, to a standstill. No pieces and no motions: a keepalive.
 
     ``epoch`` is the tick's count of queues given up, as the planner last saw it: a message made for
-    another queue is refused.
+    another queue is refused. ``alone``: nothing of the queue stays, not even the marks that are still to come
+    where the clock stands. So a way off the path, or back to it, begins: those marks are of the program.
     """
 
     sequence: int  # counts up from 1
@@ -200,6 +201,7 @@ class PieceMessage:
     pieces: tuple[Piece, ...] = ()
     stops: tuple[StopTable, ...] = ()
     epoch: int = 0
+    alone: bool = False
 
     @property
     def is_keepalive(self) -> bool:

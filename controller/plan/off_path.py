@@ -13,7 +13,7 @@ import numpy as np
 
 from controller.ipc.handoff import Snapshot
 from controller.machine.kinematics import Kinematics
-from controller.machine.model import Machine
+from controller.machine.model import Joints, Machine
 from controller.messages import said
 from controller.plan import retract as aside
 from controller.plan.look_ahead import Place
@@ -36,7 +36,8 @@ class Detour:
         self._machine, self._kinematics = machine, kinematics
         self.aside: Aside | None = None
         self._left: Left | None = None  # the path, and where it goes on
-        self._stood: tuple[Aside, Left] | None = None  # what would be left, of the last look at a hold
+        self._stood: tuple[Aside, Left] | None = None  # what would be left, of the last look at a hold ...
+        self._stood_at: tuple[Joints, float, int] | None = None  # ... there; pauses stand in one place
         self._next_id = FIRST_ID
 
     def forget(self) -> None:
@@ -46,7 +47,7 @@ class Detour:
     @property
     def marks(self) -> tuple[object, ...]:
         """Changes with whatever a turn has noted for later ones."""
-        stood = None if self._stood is None else self._stood[0].held
+        stood = None if self._stood is None else self._stood_at
         return stood, None if self.aside is None else self.aside.marks
 
     def retract(self, now: Snapshot, left: Left | None, spot: Spot | None, by_mm: float) -> Track:
@@ -94,7 +95,8 @@ class Detour:
                 self.aside.off = True
         elif now.mode is not Mode.HOLD or not now.at_rest or now.stopping:
             self._stood = None
-        elif self._stood is None or self._stood[0].held != now.joints:
+        elif self._stood is None or self._stood_at != (now.joints, now.plan_time_s, now.line):
+            self._stood_at = now.joints, now.plan_time_s, now.line
             self._stood = _leaving(now, *ask(), 0.0)
 
     def follow(self, now: Snapshot, arrived: bool) -> Left | None:

@@ -405,6 +405,7 @@ class Planner:
             tuple(piece for sent in added for piece in sent.pieces),
             tuple(sent.stops for sent in added if sent.stops is not None),
             self._epoch,
+            alone=self.aside is not None and not held.sent,
         )
         self._held = held
         self._send(message)
@@ -425,8 +426,10 @@ def place_at(track: Track, queue: Sequence[Sent], after: Place, epoch: int, now:
         return None if number is None else Place(number, now.s)
     for sent in queue:
         unit = track.at(sent.first)
-        pauses = unit is not None and isinstance(unit.what, Pause) and unit.line == now.line
         past_s = now.plan_time_s - sent.end_s
-        if past_s < -ROUNDING or (pauses and past_s < ROUNDING):
+        pauses = unit is not None and isinstance(unit.what, Pause) and past_s < ROUNDING
+        if pauses and number is not None and sent.first > number:
+            return Place(sent.first, 0.0)  # still to come: the clock is in a motion before it
+        if past_s < -ROUNDING or (pauses and unit is not None and unit.line == now.line):
             return sent.place_at(now.plan_time_s)
     return after if track.at(after.unit) is not None else None

@@ -161,6 +161,8 @@ class Follow:
             self._truncate(start)
         elif not self._goes and not self.pending:  # a run's clock does not depend on the runs before it
             self._origin_s, self._ticks = self.tau, 0
+        if message.alone:
+            self._empty()
         self._queue += entries
         self.queue_end_s = entries[-1].end_s
         self._motions.update(message.motions)

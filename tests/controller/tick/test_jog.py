@@ -375,6 +375,31 @@ def test_a_plan_for_the_place_that_was_jogged_to_may_be_gone_on_with() -> None:
     bench.close()
 
 
+def test_a_way_back_from_a_jog_is_gone_before_any_mark_that_waits_where_the_program_is_held() -> None:
+    bench = ready()
+    onward, move = straight(HOME, THERE, lambda n: s_curve(n, 170.0, 1900.0, 48000.0))
+    bench.ask(Request.SINGLE_BLOCK, 1.0)
+    mark = dwell(0.0)._replace(block_end=True)
+    bench.send([mark, mark, onward], {0: move})
+    bench.tick()
+    bench.ask(Request.START)
+    bench.until(Mode.HOLD)
+    jog(bench, (0.0, 0.0, -1.0, 0.0, 0.0), length=3.0)
+    bench.tick()
+    settle(bench, Mode.HOLD)
+    bench.tick(3)
+    back, move = straight(bench.cycle.follow.joints, HOME, lambda n: s_curve(n, 30.0, 1000.0, 40000.0), 1)
+    bench.send([back, dwell(0.0, stop=True)], {1: move}, at_s=bench.cycle.follow.tau, alone=True)
+    bench.tick()
+    assert bench.snapshot.accepted == bench.sequence and not bench.snapshot.away
+    bench.ask(Request.RESUME)
+    bench.tick(2)
+    bench.until(Mode.HOLD)
+    assert bench.snapshot.joints == pytest.approx(HOME) and bench.snapshot.fault is Fault.NONE
+    assert_within_limits(bench)
+    bench.close()
+
+
 def test_a_stop_off_the_place_of_the_hold_drops_the_program() -> None:
     bench = held()
     jog(bench, length=3.0)

@@ -219,15 +219,15 @@ class Bench:
         at_s: float | None = None,
         stops: Stops | None = None,
         epoch: int | None = None,
+        alone: bool = False,
     ) -> None:
         """A message for the queue's end, or for ``at_s``; with ``stops`` out of its first piece."""
         self.sequence += 1
         follow = self.cycle.follow
         start = follow.queue_end_s if at_s is None else at_s
         tables = () if stops is None else (stops(pieces[0], start, self.machine.period_s),)
-        message = PieceMessage(
-            self.sequence, start, motions, tuple(pieces), tables, follow.epoch if epoch is None else epoch
-        )
+        made_for = follow.epoch if epoch is None else epoch
+        message = PieceMessage(self.sequence, start, motions, tuple(pieces), tables, made_for, alone)
         assert self.outbox.send(message)
 
     def tick(self, count: int = 1) -> None:
