@@ -79,6 +79,11 @@ class Stretch:
     overrides: Overrides = ENABLED
     guarded: bool = False  # a probe in the spindle must not touch
 
+    @property
+    def is_exact_row(self) -> bool:
+        """Many lines with all their corners: what else runs through them, laws and stops, has to know of."""
+        return self.exact and isinstance(self.motion, ToolSpline)
+
     def scale(
         self, override: float, rapid_override: float, adaptive: float = 1.0, everywhere: float = 1.0
     ) -> float:
