@@ -82,6 +82,7 @@ class RowMotions:
             steps if len(steps) > 1 else (),
             _turning(starts, [stands for _, stands in begun.feeds]),
             tuple(block.place.order for block in here) if here[0].place.step else (),
+            is_exact_row=exact,
         )
         self.audit(lambda s: here[motion.index_at(s)].place, places, joints)
         return found

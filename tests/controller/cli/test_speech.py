@@ -10,7 +10,7 @@ from controller.__main__ import app
 from controller.verify.console import spoken
 
 
-@pytest.mark.parametrize(("program", "code"), [("G90", 0), ("G99", 1)])
+@pytest.mark.parametrize(("program", "code"), [("G90", 0), ("G1 X1 F100 Q9", 1)])
 def test_the_language_of_a_command_ends_with_it(
     program: str, code: int, tmp_path_factory: pytest.TempPathFactory
 ) -> None:
