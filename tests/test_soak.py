@@ -130,7 +130,8 @@ def test_the_command_tells_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
     assert done.exit_code == 0 and told["runs"] == 1 and told["kept"] == [], done.output
     from support.soak import soak as module
 
-    monkeypatch.setattr(module.soak, "__defaults__", (*module.soak.__defaults__[:-1], broken))
+    *others, _, draw = module.soak.__defaults__
+    monkeypatch.setattr(module.soak, "__defaults__", (*others, broken, draw))
     wrong = CliRunner().invoke(app, [*words[:4], "1", "--runs", "1", "--language", "de"])
     assert wrong.exit_code == 1 and "hielten nicht" in wrong.output and f"soak/{SEED}-1" in wrong.output
 
