@@ -104,6 +104,18 @@ def test_the_clock_is_a_count_of_syncs_and_no_sum_of_periods() -> None:
         assert follow.tau == n * T
 
 
+def test_a_runs_clock_counts_from_its_own_beginning() -> None:
+    """To the last bit: the same run is the same whatever ran before it."""
+    follow = loaded(plan(5 * T))
+    steps(follow, 5)
+    steps(follow, 2, go=False)
+    begin = follow.tau
+    assert follow.accept(message(follow, [dwell(1.0)]))
+    for n in range(1, 200):
+        follow.step(True)
+        assert follow.tau == begin + n * T
+
+
 def test_a_run_that_was_started_before_its_plan_begins_at_the_first_sync_behind_it() -> None:
     follow = follower()
     steps(follow, 5)
@@ -263,6 +275,10 @@ def test_an_override_of_nothing_stops_what_it_is_for(rapid: bool) -> None:
         assert follow.goes(True, 0.0, 1.0) is rapid
         assert follow.goes(True, 1.0, 0.0) is not rapid
         follow.step(True)
+
+
+def test_without_anything_planned_it_goes_as_it_is_to() -> None:
+    assert follower().goes(True, 0.0, 0.0) and not follower().goes(False, 1.0, 1.0)
 
 
 def test_a_dwell_and_a_feed_of_its_own_heed_no_override() -> None:
