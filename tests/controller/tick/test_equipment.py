@@ -1,4 +1,4 @@
-"""Spindle, coolant, clamps and outputs by themselves: what they are told in which mode, what is found of them.
+"""Spindle, coolant, clamps and outputs by themselves: what they are told in which mode, what is found there.
 
 In whole programs: ``test_peripherals.py`` and ``test_outputs.py``.
 """
