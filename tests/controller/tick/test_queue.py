@@ -7,7 +7,7 @@ from numpy.polynomial import Polynomial
 
 from controller.geometry.curves import Line
 from controller.ipc.handoff import Law, Piece, PieceMessage, StopTable, dwell
-from controller.motion.motions import JointMove, Motion, ThreadMove
+from controller.motion.motions import JointMove, Motion, ThreadMove, ToolSpline
 from controller.tick.queue import Brake, Entry, Stops, entries_of
 
 T = 0.002
@@ -99,6 +99,19 @@ def test_what_binds_holds_from_its_time_to_the_next() -> None:
     entry = Entry(piece, move_of(), 4.0)
     assert [entry.binding_at(4.0 + t) for t in (0.0, 0.2, 0.25, 0.4, 0.5, 0.9)] == [3, 3, 11, 11, 1, 1]
     assert entry_of(even(0.0, 10.0, 1.0)).binding_at(0.5) == 0
+
+
+class Lines(ToolSpline):
+    """Of a line each millimetre."""
+
+    def line_at(self, s: float) -> int:
+        return 100 + int(s)
+
+
+def test_a_spline_tells_the_line_under_the_clock_and_another_motion_its_pieces() -> None:
+    spline = Entry(piece_of(even(0.0, 10.0, 1.0)), object.__new__(Lines), 0.0)
+    assert [spline.line_at(s) for s in (0.0, 7.5)] == [100, 107]
+    assert entry_of(even(0.0, 10.0, 1.0)).line_at(7.5) == 1
 
 
 # ---- a message
