@@ -293,8 +293,7 @@ def test_an_error_in_the_last_ticks_does_not_end_them() -> None:
         raise ZeroDivisionError
 
     bench.cycle._requests.take = broken  # type: ignore[assignment]
-    bench.cycle.peripherals.coolant_off = broken  # type: ignore[method-assign]
-    bench.cycle.publish = broken  # type: ignore[method-assign]
+    bench.group.command = broken  # type: ignore[assignment]
     before = len(bench.group.syncs)
     assert bench.loop.run(lambda: True) is Fault.INTERNAL
     assert len(bench.group.syncs) - before >= LAST_TICKS_S / T and bench.group.sync_stopped

@@ -12,6 +12,7 @@ from typing import Any
 import pytest
 from support.machines.shipped_kinds import machine as make_machine
 
+from controller import compiled
 from controller.ipc.handoff import Awaited, Piece, dwell
 from controller.machine.model import BESIDE, Clamp, Io, Machine, Spindle
 from controller.state.modes import Fault, Mode, Request
@@ -25,6 +26,8 @@ from controller.tick.peripherals import (
     Clamped,
     Peripherals,
 )
+
+pytestmark = pytest.mark.skipif(compiled.is_compiled(), reason="the mode and the tie are compiled")
 
 T = 0.002
 INPUTS = ("estop", "door", "tool_clamped", "power", "coolant_flow", "x_closed", "a_closed", "there")
@@ -216,6 +219,43 @@ def test_at_a_fault_all_stays_until_the_axes_stand_or_are_given_up() -> None:
         bench.watch(60, standing=standing)
         assert bench.node.outputs == (VACUUM if off else full), "but for what is held"
         assert bench.spindle.told == (0.0 if off else 800.0)
+
+
+def test_by_hand_a_program_that_is_over_leaves_nothing_and_one_that_runs_what_it_said() -> None:
+    """In READY the hand begins anew; in a run it changes the coolant alone."""
+    bench = Bench()
+    bench.run(spindle_rev_min=800.0, coolant=2)
+    assert bench.all.by_hand(Request.COOLANT, 1.0, Mode.RUNNING)
+    bench.watch()
+    assert (bench.spindle.told, bench.node.outputs) == (800.0, MIST)
+    for clamps in (0, X, A, X | A):
+        assert bench.all.by_hand(Request.CLAMPS, float(clamps), Mode.HOLD)
+    for clamps in (1 << 1, A | 1 << 4, 1 << 5, -1):
+        assert not bench.all.by_hand(Request.CLAMPS, float(clamps), Mode.HOLD), "there is none"
+    bench.modes.mode = Mode.READY
+    assert bench.all.by_hand(Request.COOLANT, 1.0, Mode.READY)
+    bench.watch()
+    assert (bench.spindle.told, bench.node.outputs) == (0.0, MIST)
+    assert bench.all.by_hand(Request.SPINDLE, -500.0, Mode.READY)
+    bench.watch()
+    assert (bench.spindle.told, bench.node.outputs) == (-500.0, MIST), "one after the other"
+    bench.modes.mode = Mode.RUNNING
+    bench.watch()
+    assert (bench.spindle.told, bench.node.outputs) == (0.0, 0), "a program begins with nothing"
+
+
+@pytest.mark.parametrize("stuck", [False, True])
+def test_motion_waits_for_a_clamp_that_is_told_to_open_and_for_one_that_is_told_to_close(stuck: bool) -> None:
+    for was, wanted in ((0, A), (A, 0)):
+        bench = Bench()
+        bench.run(open_clamps=was)
+        bench.watch(60)
+        assert not bench.all.waiting
+        bench.node.stuck = stuck
+        bench.run(open_clamps=wanted)
+        bench.watch(30)
+        assert bench.all.waiting is stuck
+        assert not bench.modes.failed
 
 
 # ---- what is waited for
