@@ -72,14 +72,15 @@ ROOMS: dict[str, dict[str, set[str]]] = {
     "controller/program": {"contour": set()},  # lines and arcs in a plane, as numbers
     "controller/plan": {
         "banded": set(),  # linear systems
+        "junctions": set(),  # where rates jump
         "stretch": set(),  # what a path is made of
         "rotaries": {"stretch"},
         "surfaces": {"stretch", "rotaries"},
-        "lines": {"stretch", "rotaries", "surfaces", "banded"},
+        "lines": {"stretch", "rotaries", "surfaces", "banded", "junctions"},
         "path": {"stretch", "rotaries", "surfaces", "lines"},
         "restart": {"stretch", "rotaries", "surfaces", "path"},
-        "feed": {"stretch", "rotaries", "surfaces", "banded"},
-        "stops": {"feed"},
+        "feed": {"stretch", "rotaries", "surfaces", "banded", "junctions"},
+        "stops": {"feed", "junctions"},
     },
     "drives": {
         "load": OF_DRIVES,

@@ -9,14 +9,18 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from support.machines import interrupted_runs, stepped_runs
+from support.parts import surface_trains
 from support.soak import judged, scenarios, soak, stepped
-from support.soak.memory import MOST_MB_H, TELLS_S, growth_of
+from support.soak.memory import MOST_MB_H, TELLS_S, Growth, give_back, growth_of
 from support.soak.scenarios import PARTS, Scenario, drawn
 from support.soak.stepped import Came
 from typer.testing import CliRunner
 
 from controller.__main__ import app
 from controller.ipc.handoff import COLUMN, ROW, STOOD
+from controller.machine import setup_data
+from controller.machine.model import Machine
 from controller.tick.cycle import Cycle
 
 SEED = 4711
@@ -119,7 +123,8 @@ def test_the_sum_counts_what_came_and_where_it_is_kept(tmp_path: Path) -> None:
     found = soak.soak(SEED, 60.0, tmp_path, 0, 3, run=broken)
     assert found.runs == 3 and found.ticks == 30 and found.results == {"raised": 3}
     assert found.kept == [str(tmp_path / f"{SEED}-1")] and not found.grown
-    assert replace(found, settled_mb=100.0, memory_mb=200.0).grown == {"soak": (100.0, 200.0)}
+    leaks = Growth(3600.0, 100.0, 108.0, 8.0)
+    assert replace(found, processes={"soak 1": leaks}).grown == {"soak 1": (100.0, 108.0)}
 
 
 def test_the_command_tells_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -130,7 +135,8 @@ def test_the_command_tells_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
     assert done.exit_code == 0 and told["runs"] == 1 and told["kept"] == [], done.output
     from support.soak import soak as module
 
-    monkeypatch.setattr(module.soak, "__defaults__", (*module.soak.__defaults__[:-1], broken))
+    *others, _, draw = module.soak.__defaults__
+    monkeypatch.setattr(module.soak, "__defaults__", (*others, broken, draw))
     wrong = CliRunner().invoke(app, [*words[:4], "1", "--runs", "1", "--language", "de"])
     assert wrong.exit_code == 1 and "hielten nicht" in wrong.output and f"soak/{SEED}-1" in wrong.output
 
@@ -153,3 +159,17 @@ def test_runs_leave_nothing_behind_in_memory(tmp_path: Path) -> None:
     soak.soak(SEED, 600.0, tmp_path, FAULTY, 1, told)
     soak.soak(SEED, 600.0, tmp_path, FAULTY, 1, told)
     assert counts[2] - counts[1] < 1000, counts
+
+
+def test_nothing_but_a_bounded_cache_keeps_a_machine_of_a_run(tmp_path: Path) -> None:
+    """Other machines each time, with joints of surfaces led over into each other, which are remembered."""
+    text = surface_trains.program(3, decimals=3).replace("G61", "G64 P0.01")
+    counts = list[int]()
+    for number in range(3):
+        made = stepped_runs.shipped("trunnion")
+        other = setup_data.applied(made, {"offsets": {"G55": [float(number), 0.0, 0.0]}})
+        assert interrupted_runs.stretches(text, other)
+        del made, other
+        give_back()
+        counts.append(sum(type(one) is Machine for one in gc.get_objects()))
+    assert counts[2] == counts[0], counts

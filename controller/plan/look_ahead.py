@@ -24,6 +24,7 @@ from controller.motion.pieces import Sensing
 from controller.plan.feed import binding, pace, profile
 from controller.plan.feed.course import FEW, REMEMBERED, Course
 from controller.plan.feed.profile import Profile, State
+from controller.plan.feed.ticked import is_row
 from controller.plan.path.path import Chain, Pause, Stretch
 from controller.plan.stops import table as stops
 from controller.plan.track import Track, Unit
@@ -264,7 +265,8 @@ class Windows:
         """Seconds from ``from_s`` to the end, and the longest that braking takes on the way."""
         if stretch.scale(*orders.shares) <= 0.0:
             return 0.0, 0.0  # it is not to move at all
-        return pace.takes_s(Course([stretch], self._machine, self._kinematics, *orders.scales), from_s)
+        course = Course([stretch], self._machine, self._kinematics, *orders.scales)
+        return pace.row_takes_s(course, from_s) if is_row(course) else pace.takes_s(course, from_s)
 
     def _forbidden(self, reach: _Reach, orders: Orders) -> bool:
         return _stands([u.what for u in reach.units if isinstance(u.what, Stretch)], orders)

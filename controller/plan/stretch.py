@@ -78,6 +78,8 @@ class Stretch:
     outputs: Outputs = UNSAID  # that are switched where it begins
     overrides: Overrides = ENABLED
     guarded: bool = False  # a probe in the spindle must not touch
+    # A spline of many lines with all their corners (``lines.exact_rows``): its law and its stops know them.
+    is_exact_row: bool = False
 
     def scale(
         self, override: float, rapid_override: float, adaptive: float = 1.0, everywhere: float = 1.0

@@ -26,6 +26,7 @@ from controller.ipc.handoff import Law
 from controller.plan.feed import tool_limits
 from controller.plan.feed.course import Course
 from controller.plan.feed.law import along
+from controller.plan.feed.ticked import Ticked
 from controller.plan.surfaces.rates import Derivatives
 from controller.state.modes import Binding, axis_binding
 from controller.values import dataclass
@@ -37,6 +38,7 @@ Marks = tuple[tuple[float, int], ...]  # (time within a piece, code from then on
 
 BOUND = 0.97  # of what the planner may use of a limit: from here on it binds
 AT_FEED = 0.995
+IN_ROWS = 0.9  # of what the corners of short exact lines allow: their law comes no nearer to each of them
 SHOWN_S = 0.025
 PER_WINDOW = 4  # samples for the display
 NUMBER_OF_CODES = axis_binding(4, 2) + 1
@@ -129,7 +131,9 @@ def _by_tool(course: Course, motion: Motion, found: Codes) -> Codes:
 
 
 def _corners(course: Course, motion: Motion) -> npt.NDArray[np.intp]:
-    """The moments before and behind each junction that is passed as fast as it allows."""
+    """The moments before and behind each junction that is passed as fast as it allows, or among many such."""
+    if isinstance(course.seen, Ticked):
+        return np.flatnonzero(motion.v >= IN_ROWS * course.seen.allowed_at(motion.s))
     s, places = motion.s, course.starts[1:-1]
     after = np.searchsorted(s, places)
     inside = (after > 0) & (after < len(s))

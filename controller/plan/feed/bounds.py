@@ -8,16 +8,18 @@ the knot z' = 4/3 z / s, which ties the spline's outermost coefficient to its ne
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import numpy.typing as npt
 
 from controller.geometry.arrays import within
 from controller.plan.feed import tool_limits
 from controller.plan.feed.barrier import PRICE, SOFT, Form, Limits
-from controller.plan.feed.course import MARGIN, SPREAD, Course, Index
-from controller.plan.feed.limits import JUMP_SHARE
+from controller.plan.feed.course import Course, Index
 from controller.plan.feed.mesh import Parts
 from controller.plan.feed.tool_limits import ToolRates
+from controller.plan.junctions import JUMP_SHARE, MARGIN, SPREAD
 from controller.plan.surfaces.rates import Derivatives
 from controller.values import dataclass
 
@@ -65,6 +67,10 @@ class Grid:
                 tool_limits.rates(parts.course, s[:-1] + x * width, parts.index[part]) for x in shares
             )
         return Grid(parts, s, part, from_rest, _part(d, slice(0, n)), _part(d, after), inner, tool)
+
+    def under(self, parts: Parts) -> Grid:
+        """The same knots on a course that only allows more or less."""
+        return replace(self, parts=parts)
 
     @property
     def course(self) -> Course:
@@ -147,9 +153,8 @@ class Bounds:
         self.grid, self.spline = grid, Spline.of(grid)
         self._about = np.full(len(grid.s), np.inf) if about is None else FASTER * about
         course, n = grid.course, len(grid.part)
-        middle = 0.5 * (grid.s[1:] + grid.s[:-1])
         self.velocity, self.acceleration, self.jerk = (
-            course.limit(middle, which, grid.index) for which in ("velocity", "acceleration", "jerk")
+            course.least_limit(grid.s, which, grid.index) for which in ("velocity", "acceleration", "jerk")
         )
         self.feed = self._feeds()
         rates = (np.abs(d.first) + 1e-30 for d in (grid.starts, grid.ends))

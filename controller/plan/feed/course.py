@@ -20,7 +20,9 @@ from controller.geometry.arrays import distinct
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Machine
 from controller.motion.motions import ThreadMove, ToolLine, ToolSpline
-from controller.plan.feed.limits import JUMP_SHARE, JointLimits
+from controller.plan import junctions
+from controller.plan.feed.limits import JointLimits
+from controller.plan.junctions import MARGIN
 from controller.plan.stretch import Stretch
 from controller.plan.surfaces.rates import Derivatives, derivatives, kind, together
 from controller.values import dataclass
@@ -28,23 +30,11 @@ from controller.values import dataclass
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.intp]
 
-MARGIN = 0.998  # of each limit, for what differences on nodes do not see
-
-# Of the share of jerk that a junction may use, what the jump of rates may: the rest is
-# for the jump of acceleration that comes with it.
-RATE_SHARE = 0.7
-
-CHANGES = 3.0  # times j T^2: so fast, a speed changes by an eighteenth of itself in the tick of a jump
-
 REMEMBERED = 256  # stretches: more than a window has
 THREAD_SHARE = 0.6  # of the axes' limits, along a thread; what is left follows the spindle
 THREAD_RAMP_S = 0.06  # in which the spindle's acceleration may change by all of it
 FEW = 2  # stretches, of which each is looked at alone
 APART = 1e-3  # unit of s: of marks closer than that only the boundaries of stretches count
-
-# A jump of acceleration, sampled, is spread over three ticks by the quadratic B-spline,
-# whose largest value is 3/4 per period.
-SPREAD = 0.75
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,6 +70,7 @@ class Course:
         self._jumps: dict[int, Jump] = {}
         self._kinds: dict[int, object] = {}
         self._ends: dict[int, Derivatives] = {}
+        self.seen: object = None  # what is remembered of its exact rows, see ``ticked``
 
     @property
     def length(self) -> float:
@@ -184,6 +175,10 @@ class Course:
         index = self.index(s) if index is None else index
         return np.array([getattr(limit, which) for limit in self.limits])[index]
 
+    def least_limit(self, s: Array, which: str, index: Index) -> Array:
+        """The least of it between neighbours of the places ``s`` (n + 1,), (n, axes)."""
+        return self.limit(0.5 * (s[1:] + s[:-1]), which, index)
+
     # --- boundaries
 
     @property
@@ -192,19 +187,12 @@ class Course:
         return tuple(self.junction(k) for k in range(len(self.stretches) - 1))
 
     def junction(self, k: int) -> float:
-        """Speed at which the boundary between stretch ``k`` and the next may be passed.
-
-        A jump of q' is a step of velocity: in samples dq'v/T of acceleration and dq'v/T^2 of
-        jerk. A jump of q'' is a step of acceleration: 3/4 dq''v^2/T of jerk.
-        """
+        """Speed at which the boundary between stretch ``k`` and the next may be passed."""
         if k not in self._junctions:
-            jump, T = self.jump(k), self.machine.period_s
-            limits = self.limits[k]
-            step = np.minimum(limits.acceleration * T, limits.jerk * T * T) * JUMP_SHARE
-            rate = jump.rate / step
-            curve = SPREAD * jump.curve / (JUMP_SHARE * limits.jerk * T)
-            both = 2.0 / (rate + np.sqrt(rate * rate + 4.0 * curve) + 1e-30)  # rate v + curve v^2 = 1
-            self._junctions[k] = float(min(both.min(), (RATE_SHARE / (rate + 1e-30)).min()))
+            jump, limits = self.jump(k), self.limits[k]
+            period_s = self.machine.period_s
+            found = junctions.passed(jump.rate, jump.curve, limits.acceleration, limits.jerk, period_s)
+            self._junctions[k] = float(found)
         return self._junctions[k]
 
     def at_ends(self, k: int) -> Derivatives:
@@ -263,16 +251,11 @@ def _at_ends(stretch: Stretch, kinematics: Kinematics) -> Derivatives:
 
 
 def least_passed(course: Course, k: int) -> float:
-    """What the boundary behind stretch ``k`` is passed at, or it is a stop.
-
-    A jump of rates is spread over a tick, in which the speed changes by j T^2 / 6: where that is much
-    beside the speed, no bound on the speed at the boundary itself keeps the jerk of that tick.
-    """
-    jerks = []
-    for side, end in ((k, 1), (k + 1, 0)):
-        rate = np.abs(course.at_ends(side).first[end]) + 1e-30
-        jerks.append(float((course.limits[side].jerk / rate).min()))
-    return CHANGES * min(jerks) * course.machine.period_s**2
+    """What the boundary behind stretch ``k`` is passed at, or it is a stop."""
+    return min(
+        float(junctions.least(np.abs(course.at_ends(side).first[end]), limit.jerk, course.machine.period_s))
+        for side, end, limit in ((k, 1, course.limits[k]), (k + 1, 0, course.limits[k + 1]))
+    )
 
 
 def unhindered(course: Course, k: int) -> float:
@@ -287,8 +270,7 @@ def unhindered(course: Course, k: int) -> float:
     for i, side in enumerate(sides):
         limit, d, end = course.limits[side], course.at_ends(side), 1 - i
         here = Derivatives(*(q[end : end + 1] for q in (d.first, d.second, d.third)))
-        acceleration = float((limit.acceleration / (np.abs(here.first) + 1e-30)).min())
-        jerk = float(limit.path_jerk(here)[0])
-        reached = min(math.sqrt(2.0 * acceleration * lengths[i]), math.cbrt(4.5 * jerk * lengths[i] ** 2))
+        rates = np.abs(here.first[0])
+        reached = float(junctions.reached(rates, lengths[i], limit.acceleration, limit.jerk))
         found = min(found, reached, float(limit.path_speed(here)[0]))
     return found

@@ -19,10 +19,6 @@ from controller.values import dataclass
 
 Array = npt.NDArray[np.float64]
 
-# A jump of the joints' rates is spread over one tick. It may use this share of each
-# limit, the motion law around it the rest.
-JUMP_SHARE = 0.8
-
 
 @dataclass(frozen=True, slots=True)
 class JointLimits:

@@ -7,13 +7,18 @@ import math
 import numpy as np
 import numpy.typing as npt
 
+from controller.motion.motions import ToolSpline
+from controller.plan import junctions
 from controller.plan.feed.course import Course, Index
 from controller.plan.feed.limits import JointLimits
 from controller.plan.feed.profile import Profile
+from controller.plan.rotaries import tool_paths
+from controller.plan.surfaces.rates import Derivatives
 
 Array = npt.NDArray[np.float64]
 
 PLACES = 17  # at which a stretch is looked at ...
+NEAR = 8  # lines before and behind a place of an exact row, whose corners count there
 SHORT_PLACES = 4  # ... and each of a row of short ones
 BRAKINGS, LONGEST_S = 3.0, 24.0  # of a window: no less than so many times what braking takes, up to this
 TAIL_S = 1.5  # at a window's end, where it would brake: replaced by the next window ...
@@ -36,6 +41,30 @@ def takes_s(course: Course, from_s: float) -> tuple[float, float]:
     places = 0.5 * (places[1:] + places[:-1])
     speed, braking_s = _taken(course, places, np.zeros(len(places), dtype=np.intp))
     return float(np.sum((course.length - from_s) / len(places) / speed)), float(braking_s.max())
+
+
+def row_takes_s(course: Course, from_s: float) -> tuple[float, float]:
+    """The same of an exact row: about as fast as the worst of the corners near a place lets it run."""
+    motion, limits = course.stretches[0].motion, course.limits[0]
+    assert isinstance(motion, ToolSpline)
+    knots, cubics = np.frombuffer(motion.knots), np.frombuffer(motion.spans).reshape(-1, 5, 4)
+    size = np.diff(knots)
+    begin, end = (
+        Derivatives(
+            *tool_paths.derivatives_of_spans(cubics, h[:, None], True, motion.length_mm, course.kinematics)
+        )
+        for h in (np.zeros(len(size)), size)
+    )
+    jump, curve = (np.abs(q[1:] - p[:-1]) for p, q in ((end.first, begin.first), (end.second, begin.second)))
+    passed = junctions.passed(jump, curve, limits.acceleration, limits.jerk, course.machine.period_s)
+    near = np.pad(passed, NEAR + 1, constant_values=np.inf)
+    slowest = np.lib.stride_tricks.sliding_window_view(near, 2 * NEAR + 2).min(axis=1)[: len(size)]
+    with np.errstate(divide="ignore"):
+        most = (limits.velocity / np.abs(begin.first)).min(axis=1)
+    speed = np.minimum(np.minimum(course.feed(knots[:-1] + 0.5 * size), most), slowest)
+    braking_s = limits.braking_s(speed[:, None] * begin.first).max()
+    left = np.clip(knots[1:] - from_s, 0.0, size)
+    return float((left / speed).sum()), float(braking_s)
 
 
 def each_takes_s(course: Course) -> list[tuple[float, float]]:

@@ -22,17 +22,17 @@ from controller.ipc.handoff import Law
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Machine
 from controller.motion.motions import JointMove
-from controller.plan.feed import cruise, search
+from controller.plan.feed import cruise, row_law, search, ticked
 from controller.plan.feed.course import Course, least_passed, unhindered
 from controller.plan.feed.law import split, straight
 from controller.plan.feed.tool_limits import has_limits
+from controller.plan.junctions import STOP_SHARE
 from controller.plan.stretch import Stretch
 from controller.values import dataclass
 
 Array = npt.NDArray[np.float64]
 Run = tuple[Stretch, ...]
 
-STOP_SHARE = 0.03  # a junction that must be passed slower than this share of what it could be is a stop
 WAITS_S = (0.02, 0.05, 0.1, 0.2, 0.4, 0.8)
 NOTHING = 1e-9  # of s: no way to go
 SAME = 1e-8  # of s: two places that are one
@@ -144,12 +144,20 @@ def plan(
     last = course.length if until is None else until
     if _is_there(begin, last):
         return None
+    if ticked.is_row(course):
+        return _of_row(course, begin, last)
     if begin.v == 0.0 and begin.a == 0.0 and (even := _straight(course, begin.s, last)):
         return even
     if (law := cruise.law(course, *begin, last)) is not None:
         return Profile(*law)
     found = _searched(course, begin, last)
     return _after(course, guess, last) if found is None and guess is not None else found
+
+
+def _of_row(course: Course, begin: State, last: float) -> Profile | None:
+    law = row_law.law(course, *begin, last)
+    found = Profile(*law) if law is not None else None
+    return found if found is not None and found.joins else None
 
 
 def _is_there(state: State, last: float) -> bool:
@@ -212,11 +220,13 @@ def split_at_stops(
     override: float = 1.0,
     rapid_override: float = 1.0,
 ) -> list[Run]:
-    """Cut at junctions so sharp that passing them is no faster than stopping."""
+    """Cut at junctions so sharp that passing them is no faster than stopping, and where exact rows end."""
     course = Course(stretches, machine, kinematics, override, rapid_override)
     found: list[list[Stretch]] = [[stretches[0]]]
     for k, after in enumerate(stretches[1:]):
-        if course.junction(k) < max(STOP_SHARE * unhindered(course, k), least_passed(course, k)):
+        if stretches[k].is_exact_row is not after.is_exact_row or course.junction(k) < max(
+            STOP_SHARE * unhindered(course, k), least_passed(course, k)
+        ):
             found.append([after])
         else:
             found[-1].append(after)

@@ -14,8 +14,9 @@ import numpy.typing as npt
 from controller.geometry.arrays import distinct
 from controller.plan.feed import barrier, mesh
 from controller.plan.feed.bounds import INNER, Bounds, Grid, Shares
-from controller.plan.feed.course import MARGIN, Course
+from controller.plan.feed.course import Course, Index
 from controller.plan.feed.law import straight, through
+from controller.plan.junctions import MARGIN
 from controller.plan.surfaces.rates import Derivatives
 from controller.values import dataclass
 
@@ -161,11 +162,14 @@ class Search:
         return min(max(swing / PER_SWING, mesh.FINEST_S), least)
 
     def _bounds(self, speed: Array, step_s: float) -> Bounds:
-        s, part = mesh.knots(self.samples, speed, step_s)
+        s, part = self._knots(speed, step_s)
         if len(s) > MAX_KNOTS:
-            s, part = mesh.knots(self.samples, speed, step_s * len(s) / MAX_KNOTS)
+            s, part = self._knots(speed, step_s * len(s) / MAX_KNOTS)
         about = np.interp(s, self.samples.s, speed)
         return Bounds(Grid.of(self.parts, s, part, self.from_rest), about)
+
+    def _knots(self, speed: Array, step_s: float) -> tuple[Array, Index]:
+        return mesh.knots(self.samples, speed, step_s)
 
     def _coefficients(self, bounds: Bounds, speed: Array) -> Array:
         """Coefficients of about ``speed`` at the samples."""

@@ -18,6 +18,7 @@ from controller.machine.kinematics import Kinematics
 from controller.machine.model import Joints, Machine
 from controller.messages import Key, said
 from controller.motion.motions import DEG_PER_MM, Rotaries, ToolLine
+from controller.plan.junctions import JUMP_SHARE, STOP_SHARE
 from controller.plan.rotaries.tool_axes import AxisLost, Followed, GreatCircles, follow
 from controller.plan.rotaries.tool_paths import LITTLE_RAD
 from controller.plan.rotaries.turns import SAME_ROTARY_RAD
@@ -176,7 +177,7 @@ def great_line(stand: Stand, tip: Vector, circles: GreatCircles, last: Rotaries)
         size = math.degrees(angle)
     if size < ROUNDING:
         return None
-    axis, across = _vector(circles.axis[0]), _vector(circles.across[0])
+    axis, across = vector(circles.axis[0]), vector(circles.across[0])
     return ToolLine(stand.tip, way, axis, across, angle, first, last, False, stand.length_mm, size)
 
 
@@ -281,7 +282,7 @@ def _row_ahead(
 
 def _ways(axes: Array, near: Rotaries, kinematics: Kinematics) -> list[Followed]:
     """The row on both branches, in the turns nearest ``near``; what cannot be followed is looked at later."""
-    pairs = kinematics.branches(_vector(axes[0]), math, None, near)
+    pairs = kinematics.branches(vector(axes[0]), math, None, near)
     starts = [pair for pair in pairs if not any(map(math.isnan, pair))]
     found = []
     for start in starts:
@@ -338,15 +339,19 @@ def _pair(row: Array) -> Rotaries:
     return float(row[0]), float(row[1])
 
 
-def _vector(row: Array) -> Vector:
+def vector(row: Array) -> Vector:
     return float(row[0]), float(row[1]), float(row[2])
+
+
+def vectors(blocks: Sequence[TipLine], frame: Array) -> Array:
+    """Their tool vectors in the table frame (n, 3), of unit length; Z of the part where none is given."""
+    found = np.array([block.axis or (0.0, 0.0, 1.0) for block in blocks]) @ frame
+    return np.asarray(found / np.sqrt((found * found).sum(axis=1))[:, None])
 
 
 # ---- running through ---------------------------------------------------------------
 
 SLIGHT = 1e-4  # share of a line over which its rates at an end are measured
-STOP_SHARE = 0.03  # of the feed: a junction that must be slower is a stop
-JUMP_SHARE = 0.8  # of each limit that the jump of the rates may use in one tick, as ``limits`` has it
 
 
 def runs_through(before: Stretch, after: Stretch, machine: Machine, kinematics: Kinematics) -> bool:
@@ -357,12 +362,15 @@ def runs_through(before: Stretch, after: Stretch, machine: Machine, kinematics: 
         return False
     rates = [_rates(s, at_end, kinematics) for s, at_end in ((before, True), (after, False))]
     speeds = [s.feed_mm_s / s.motion.tip_rate for s in (before, after)]  # type: ignore[union-attr,operator]
-    period = machine.period_s
-    for axis, p, q in zip(machine.axes, *rates, strict=True):
-        step = min(axis.limits.acceleration * period, axis.limits.jerk * period**2)
-        if abs(q - p) * min(speeds) * STOP_SHARE > JUMP_SHARE * step:
-            return False
-    return True
+    jump = np.abs(np.subtract(rates[1], rates[0]))[None]
+    return bool(slight(jump, np.array([min(speeds)]), machine)[0])
+
+
+def slight(jump: Array, speed: Array, machine: Machine) -> npt.NDArray[np.bool_]:
+    """Of jumps of the joints' rates (N, axes): whether they may be passed at a share of ``speed`` (N,)."""
+    T, limits = machine.period_s, [axis.limits for axis in machine.axes]
+    step = np.array([min(limit.acceleration * T, limit.jerk * T**2) for limit in limits])
+    return np.asarray((jump * (speed * STOP_SHARE)[:, None] <= JUMP_SHARE * step).all(axis=1))
 
 
 def _rates(stretch: Stretch, at_end: bool, kinematics: Kinematics) -> list[float]:

@@ -194,7 +194,5 @@ class Waiting:
 def _vectors(blocks: list[TipLine], begin: _At, frame: Array) -> Array:
     """Tool vectors in the table frame, (n + 1, 3); a line without one keeps that before it."""
     given = np.array([False, *(block.axis is not None for block in blocks)])
-    found = np.array([block.axis or (0.0, 0.0, 1.0) for block in blocks]) @ frame
-    found /= np.sqrt((found * found).sum(axis=1))[:, None]
-    found = np.concatenate(([begin.axis], found))
+    found = np.concatenate(([begin.axis], lines.vectors(blocks, frame)))
     return np.asarray(found[np.maximum.accumulate(np.where(given, np.arange(len(given)), 0))])

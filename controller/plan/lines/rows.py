@@ -10,28 +10,25 @@ while the axis turns by more than ``STANDING_DEG``, and where a rotary must turn
 
 from __future__ import annotations
 
-import itertools
 import math
-from array import array
 from bisect import bisect_left, bisect_right
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 import numpy as np
 import numpy.typing as npt
 
-from controller.geometry.vectors import ROUNDING, Vector
+from controller.geometry.vectors import Vector
 from controller.machine.kinematics import Kinematics
-from controller.machine.model import Joints, Machine
-from controller.motion.motions import DEG_PER_MM, ToolLine, ToolSpline
+from controller.machine.model import Machine
+from controller.motion.motions import DEG_PER_MM, ToolLine
 from controller.plan.lines import lines, moves
 from controller.plan.lines.corners import CHORD_SHARE, CIRCLE_SHARE, CornerMaker, Corners, Feed
 from controller.plan.lines.lines import Stand
+from controller.plan.lines.row_motions import Begun, RowMotions, feed_of, turning_feed
 from controller.plan.lines.spline_fit import Polyline, Row, Spans, Tolerance
-from controller.plan.rotaries import tool_paths
 from controller.plan.rotaries.tool_axes import GreatCircles
 from controller.plan.rotaries.turns import SAME_ROTARY_RAD
 from controller.plan.stretch import (
-    MIN_TIP_RATE,
     STANDS_MM,
     Chain,
     Stretch,
@@ -41,7 +38,7 @@ from controller.plan.stretch import (
     straight,
 )
 from controller.plan.surfaces import audit
-from controller.program.program import JointArc, JointLine, Modal, Place, Tip, TipLine
+from controller.program.program import JointLine, Modal, Tip, TipLine
 
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.intp]
@@ -50,7 +47,6 @@ WINDOW = 2000  # lines that are fitted together
 SPANS = 128  # of one motion at most
 BLEND_DEG = 0.05  # G64 P without Q: the axis may leave its way by so much (17 um at 20 mm of flute)
 STANDING_DEG = 1.0  # turns of a standing tip that a row runs through
-TRAVEL_SAMPLES = 4  # of each span
 AUDIT_DEG = 2.0  # turn of an exact line per sample of its audit
 LEAST = 1e-9  # corners nearer than this in s are one
 
@@ -87,6 +83,7 @@ class LineRow:
         degrees = block.modal.blend_deg or BLEND_DEG
         self._axis_rad = math.radians(degrees)
         self._maker = CornerMaker(block.modal, self._axis_rad, machine, kinematics, voice)
+        self._motions = RowMotions(machine, kinematics, voice)
         self._stand = stand
         self.joints = stand.joints  # where the stretches given away end
         self._blocks: list[Feed] = []
@@ -224,7 +221,7 @@ class LineRow:
         ):
             self._lines_s.append(at)
             self._lines.append(blocks[line])
-            self._feeds.append(_feed(blocks[line], size, length, math.degrees(turn)))
+            self._feeds.append(feed_of(blocks[line], size, length, math.degrees(turn)))
 
     def _taken(self, final: bool) -> Iterator[Chain]:
         """What ``fit`` can give away by now."""
@@ -245,13 +242,13 @@ class LineRow:
         kinematics = self._kinematics
         if not isinstance(block, TipLine):
             start, end = (joints_of(_three(v), (float(v[3]), float(v[4])), kinematics) for v in (a, b))
-            feeds = (block.feed_mm_s, kinematics, _turning_feed(block))
+            feeds = (block.feed_mm_s, kinematics, turning_feed(block))
             stretch = straight("line", block.place, start, end, *feeds)
             if stretch is not None:
                 if block.time_s is not None:
                     stretch = moves.timed(stretch, block.time_s)
                 ends = np.array([0.0, stretch.motion.end]), np.array([start, end])
-                self._audit(lambda _: block.place, *ends)
+                self._motions.audit(lambda _: block.place, *ends)
                 self.joints = stretch.end
                 yield Chain((stretch,))
             return
@@ -288,52 +285,11 @@ class LineRow:
     def _stretch(self, knots: Array, c: Array) -> Stretch:
         first = max(0, bisect_right(self._lines_s, float(knots[0]) + LEAST) - 1)
         last = bisect_left(self._lines_s, float(knots[-1]) - LEAST)
-        here, begin = self._lines[first:last], float(knots[0])
-        starts = [s - begin for s in self._lines_s[first:last]]
-        motion = ToolSpline(
-            array("d", (knots - knots[0]).tobytes()),
-            array("d", np.ascontiguousarray(c).tobytes()),
-            self._tips,
-            self._modal.length_mm if self._tips else 0.0,
-            array("l", [block.place.line for block in here]),
-            array("d", starts),
-        )
-        steps = _feed_steps(starts, [feed for feed, _ in self._feeds[first:last]])
-        stands = [stands for _, stands in self._feeds[first:last]]
-        places = np.concatenate(
-            [np.linspace(a, b, TRAVEL_SAMPLES, endpoint=False) for a, b in _pairs(motion)]
-        )
-        places = np.append(places, motion.end)
-        joints = tool_paths.joints_along_spline(motion, places, self._kinematics)
-        start, end = _joints(joints[0]), _joints(joints[-1])
-        found = Stretch(
-            motion,
-            here[0].place,
-            steps[0][1],
-            False,
-            start,
-            end,
-            False,
-            "line",
-            steps if len(steps) > 1 else (),
-            _turning(starts, stands),
-            tuple(block.place.order for block in here) if here[0].place.step else (),
-        )
-        self._audit(lambda s: here[motion.index_at(s)].place, places, joints)
+        begun = Begun(self._lines[first:last], self._lines_s[first:last], self._feeds[first:last])
+        length_mm = self._modal.length_mm if self._tips else 0.0
+        found = self._motions.stretch(knots, c, begun, self._tips, length_mm)
         del self._lines[: last - 1], self._lines_s[: last - 1], self._feeds[: last - 1]
         return found
-
-    def _audit(self, place_at: Callable[[float], Place], s: Array, joints: Array) -> None:
-        """Travel of all joints."""
-        low = np.array([axis.travel_min for axis in self._machine.axes]) - ROUNDING
-        high = np.array([axis.travel_max for axis in self._machine.axes]) + ROUNDING
-        out = ((joints < low) | (joints > high)).any(axis=1)
-        if out.any():  # the first line that leaves it, not the worst
-            s, joints = s[: out.argmax() + 1], joints[: out.argmax() + 1]
-        excess = audit.outside(self._machine, s, joints)
-        if excess is not None:
-            place = place_at(float(s[excess.sample]))
-            self._voice.refuse(place, audit.describe(self._machine.axes[excess.axis], excess))
 
 
 def audit_line(stretch: Stretch, machine: Machine, kinematics: Kinematics, voice: Voice) -> None:
@@ -352,45 +308,6 @@ def audit_line(stretch: Stretch, machine: Machine, kinematics: Kinematics, voice
     excess = audit.outside(machine, s, np.array(rows))
     if excess is not None:
         voice.refuse(stretch.place, audit.describe(machine.axes[excess.axis], excess))
-
-
-def _pairs(motion: ToolSpline) -> Iterator[tuple[float, float]]:
-    return zip(motion.knots[:-1], motion.knots[1:], strict=True)
-
-
-def _feed(block: Feed, size: float, tip_mm: float, turned_deg: float) -> tuple[float, bool]:
-    """The feed of a line of ``size`` in s, and whether it is that of s (the tip stands) or of the tip."""
-    stands = tip_mm < STANDS_MM and turned_deg > 0.0
-    if block.time_s is not None:
-        return (size if stands else max(tip_mm, MIN_TIP_RATE * size)) / block.time_s, stands
-    if stands:
-        return (_turning_feed(block) or 0.0) * size / turned_deg, True
-    return block.feed_mm_s or 0.0, False
-
-
-def _turning_feed(block: Feed) -> float | None:
-    """Degrees per second where only the axis turns: of an arc whose radius is none, its F."""
-    return block.feed_mm_s if isinstance(block, JointArc) else block.feed_deg_s
-
-
-def _turning(starts: list[float], stands: list[bool]) -> tuple[tuple[float, float], ...]:
-    """From s to s where the tip stands."""
-    changes = [0, *(k for k in range(1, len(stands)) if stands[k] != stands[k - 1]), len(stands)]
-    bounds = [-math.inf, *starts[1:], math.inf]
-    return tuple((bounds[i], bounds[k]) for i, k in itertools.pairwise(changes) if stands[i])
-
-
-def _feed_steps(starts: list[float], feeds: list[float]) -> tuple[tuple[float, float], ...]:
-    """(s, feed) where it changes."""
-    steps = [(max(starts[0], 0.0), feeds[0])]
-    for s, feed in zip(starts[1:], feeds[1:], strict=True):
-        if feed != steps[-1][1]:
-            steps.append((s, feed))
-    return tuple(steps)
-
-
-def _joints(row: Array) -> Joints:
-    return tuple(map(float, row))
 
 
 def _three(row: Array) -> Vector:

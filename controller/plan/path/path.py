@@ -20,7 +20,7 @@ from controller.machine.kinematics import Kinematics
 from controller.machine.model import Joints, Machine
 from controller.messages import Said, said
 from controller.motion.motions import JointMove, Rotaries, SurfaceCut, ToolLine
-from controller.plan.lines import lines, meant, moves, rows, spline_moves
+from controller.plan.lines import exact_rows, lines, meant, moves, rows, spline_moves
 from controller.plan.lines.corners import Feed
 from controller.plan.lines.lines import Stand
 from controller.plan.lines.rows import LineRow
@@ -131,6 +131,7 @@ class Tracer:
         self.notes: list[Note] = []
         self._row: LineRow | None = None  # of lines and arcs under G64 P, or of lines that run on
         self._waiting = meant.Waiting(machine, kinematics)
+        self._exact_lines = exact_rows.ExactLines(machine, kinematics, self._voice)
         self._stand: Stand | None = None  # of the tool after the last block of G43.4 or G43.5
         self._run: list[Stretch] = []  # feed moves that still run through
         self._blends_noted = False
@@ -150,7 +151,7 @@ class Tracer:
         except ProgramError as error:
             first = error
             try:
-                self._lay_waiting(True)
+                self._lay_all()
             except ProgramError as before:
                 first = before
             self._leave()
@@ -162,7 +163,7 @@ class Tracer:
         self._ahead = Ahead(self._heard(blocks))
         for is_cut, group in itertools.groupby(self._ahead, lambda b: isinstance(b, CutBlock)):
             if is_cut:
-                self._lay_waiting(True)
+                self._lay_all()
                 self._surfaces(block for block in group if isinstance(block, CutBlock))
                 yield from self._made()
                 continue
@@ -172,7 +173,7 @@ class Tracer:
                     yield from self._made()
                 if isinstance(block, JointLine | TipLine) and block.probe and block.probe.came:
                     self.now = block.probe.came.rest
-        self._lay_waiting(True)
+        self._lay_all()
         self._end_row()
         self._rest()
         yield from self._made()
@@ -198,10 +199,14 @@ class Tracer:
             self._note(block.place, block.said)
             return
         if meant.may_run_on(block, self._machine):
+            self._lay_exact_lines(True)
             self._wait(block)
             return
-        if self._waiting:
-            self._lay_waiting(True)
+        self._lay_waiting(True)
+        if self._exact_lines.takes(block) and not rows.blends(block):
+            self._collect(block)
+            return
+        self._lay_exact_lines(True)
         if isinstance(block, JointLine | TipLine) and block.probe is not None:
             self._end_row()
             self._probe(block, block.probe)
@@ -313,6 +318,35 @@ class Tracer:
         except ProgramError:
             self._waiting.forget()
             raise
+
+    def _collect(self, block: TipLine) -> None:
+        """An exact line of which is not known yet whether it stands in a row of short ones."""
+        self._note_blend(block)
+        if not self._exact_lines.goes_with(block):
+            self._lay_exact_lines(True)
+        if not self._exact_lines:
+            self._end_row()
+        if self._exact_lines.add(block):
+            self._lay_exact_lines(False)
+
+    def _lay_exact_lines(self, final: bool) -> None:
+        """The exact lines that wait, alone or as rows; not ``final``: those of which it is known."""
+        if not self._exact_lines:
+            return
+        length_mm = self._exact_lines.length_mm
+        for part in self._exact_lines.parts(lambda: self._standing(length_mm), final):
+            if isinstance(part, exact_rows.Laid):
+                self._rest()
+                self._items += part.chains
+                self.now, self._stand = part.stand.joints, part.stand
+            else:
+                for block in part:
+                    self._alone(block)
+
+    def _lay_all(self) -> None:
+        """All lines that wait; those of one kind only do."""
+        self._lay_waiting(True)
+        self._lay_exact_lines(True)
 
     def _blended(self, block: Feed) -> None:
         """A line or an arc that joins the row under G64 P, or begins one."""

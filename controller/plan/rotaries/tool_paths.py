@@ -14,6 +14,7 @@ from controller.geometry.vectors import Number, Vector
 from controller.machine.kinematics import Kinematics
 from controller.motion.motions import ROW, ToolLine, ToolSpline
 from controller.plan.rotaries.tool_axes import GreatCircles, follow
+from controller.plan.rotaries.turns import TURN
 
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.intp]
@@ -108,6 +109,25 @@ def derivatives_of_lines(
     return _orders((tip[0], tip[1], tip[2], first, second), True, lines[0].length_mm, kinematics, s)
 
 
+def rates_of_circles(circles: GreatCircles, share: float, shown: Array, kinematics: Kinematics) -> Array:
+    """What both rotaries turn per share of each line (N, 2), at one ``share`` of all, next to ``shown``."""
+    none = np.zeros(len(shown))
+    x = jets.Jet(np.stack([none + share, none + 1.0, none, none]))
+    c, w = jets.cos(x * circles.angle), jets.sin(x * circles.angle)
+    ax, ay, az = (c * a + w * b for a, b in zip(circles.axis.T, circles.across.T, strict=True))
+    turned = _nearest(kinematics.branches((ax, ay, az), jets), shown)
+    return np.stack([_coefficient(q, 1, none) for q in turned], axis=1)
+
+
+def rotaries_on_circles(circles: GreatCircles, share: float, shown: Array, kinematics: Kinematics) -> Array:
+    """Both rotaries at one ``share`` of every line (N, 2), on branch and turn next to ``shown``."""
+    ax, ay, az = circles.at(np.arange(len(shown)), np.full(len(shown), share))[0].T
+    pairs = [np.stack(pair, axis=1) for pair in kinematics.branches((ax, ay, az), np)]
+    pairs = [pair + TURN * np.round((shown - pair) / TURN) for pair in pairs]
+    one, other = (np.abs(pair - shown).max(axis=1)[:, None] for pair in pairs)
+    return np.asarray(np.where(one <= other, *pairs))
+
+
 def _each(lines: Sequence[ToolLine], name: str, of: Index) -> list[Array]:
     """The components of a vector of each line, at the samples of the lines ``of``."""
     return list(np.array([getattr(line, name) for line in lines]).T[:, of])
@@ -161,7 +181,13 @@ def joints_along_spline(spline: ToolSpline, s: Array, kinematics: Kinematics) ->
 
 def derivatives_of_spline(spline: ToolSpline, s: Array, kinematics: Kinematics) -> tuple[Array, Array, Array]:
     """q', q'', q''' (N, axes) of the joints over s; at a knot those behind it."""
-    c, h = _spans(spline, s)
+    return derivatives_of_spans(*_spans(spline, s), spline.tips, spline.length_mm, kinematics)
+
+
+def derivatives_of_spans(
+    c: Array, h: Array, tips: bool, length_mm: float, kinematics: Kinematics
+) -> tuple[Array, Array, Array]:
+    """The same in cubics ``c`` (N, 5, 4), each at its own ``h`` (N, 1)."""
     series = np.stack(
         [
             c[..., 0] + h * (c[..., 1] + h * (c[..., 2] + h * c[..., 3])),
@@ -171,7 +197,7 @@ def derivatives_of_spline(spline: ToolSpline, s: Array, kinematics: Kinematics) 
         ]
     )
     x, y, z, a, b = (jets.Jet(series[..., i]) for i in range(5))
-    return _orders((x, y, z, a, b), spline.tips, spline.length_mm, kinematics, s)
+    return _orders((x, y, z, a, b), tips, length_mm, kinematics, h[:, 0])
 
 
 def _orders(

@@ -42,7 +42,7 @@ def _checked(way: Way, start: Motion, h: float, found: Found, lanes: Indices) ->
     step, lane = np.nonzero(used & ~_surely_within(way, (s, v, a), j, h))
     if not len(step):
         return fine, s[-1]
-    rapid, at, n = way.at(s[0])[1][RAPID], (step, lane), len(looks := _looks(h, way.period_s))
+    rapid, at, n = way.at(s[0], v[0])[1][RAPID], (step, lane), len(looks := _looks(h, way.period_s))
     inside = _after(s[at], v[at], a[at], j[at], h * looks[:, None])
     motion = (inside[0].ravel(), inside[1].ravel(), inside[2].ravel())
     lane = np.tile(lane, n)
@@ -97,7 +97,7 @@ def _within(way: Way, motion: Motion, j: Array, rapid: Array, ends: Array) -> Fl
     A stop that begins at feed (``rapid`` 1.0) may end in a rapid with the limits of a feed.
     """
     s, v, a = motion
-    q, about = way.at(s, ends)
+    q, about = way.at(s, v, ends)
     room = about * np.maximum(rapid / about[RAPID], 1.0)
     d = q.reshape(3, len(q) // 3, -1)
     jerk = np.abs(v * (d[2] * (v * v) + 3.0 * a * d[1]) + d[0] * j).max(axis=0)

@@ -145,10 +145,10 @@ def search(
     lanes = Lanes(len(start[0]))
     lane = np.arange(len(start[0]))
     s, v, a = start
-    here = way.at(s)
+    here = way.at(s, v)
     while len(lane) and len(lanes.rows) < MAX_STEPS:
         s1 = s + h * (v + 0.5 * h * a)
-        there = way.at(s1)
+        there = way.at(s1, v + h * a)
         bounds = _bounds(way, here, there, (v, a), h, shares)
         if ramps:
             bounds = _above(bounds, (ramps.least(len(lanes.rows) + 1, h) - a) / h)

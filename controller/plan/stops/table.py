@@ -22,10 +22,12 @@ import numpy.typing as npt
 
 from controller.geometry.arrays import distinct
 from controller.ipc.handoff import StopTable
+from controller.plan.feed import ticked
 from controller.plan.feed.course import Course
 from controller.plan.feed.profile import Profile
 from controller.plan.stops import straight
 from controller.plan.stops.check import STANDSTILL, check
+from controller.plan.stops.row_way import RowWay
 from controller.plan.stops.search import MAX_STEPS, Found, Indices, Motion, Ramps, Shares, Stuck, search
 from controller.plan.stops.way import Way
 
@@ -74,9 +76,10 @@ def stops(course: Course, profile: Profile, first_s: float, last_s: float, step_
     times: Array = first_s + step_s * np.arange(int((last_s - first_s) / step_s + 1e-6) + 1.0)
     start = profile.along(times)[:3]
     h, horizon = _jerk_step(course, start), HORIZON_S
+    kind = RowWay if ticked.is_row(course) else Way
     while True:
         until = min(profile.duration_s, last_s + horizon)
-        seeker = _Seeker(Way(course, profile, first_s, until), start, h, profile.end_s)
+        seeker = _Seeker(kind(course, profile, first_s, until), start, h, profile.end_s)
         if seeker.seek(profile.duration_s - times) or until >= profile.duration_s:
             seeker.brake_as_before()
             seeker.brake_early(profile, times)
@@ -116,7 +119,7 @@ class _Seeker:
         # A stop that only ends too far ends farther still with less.
         speeding = self._start[2][moving] >= 0.0
         failed = ~good & (~beyond | speeding) & (self._urgent(moving, left_s) | speeding)
-        if failed.any():
+        if failed.any() and not self._way.is_rough:
             self._again(moving[failed], found.stuck.of(failed))
         return True
 

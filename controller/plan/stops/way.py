@@ -16,8 +16,9 @@ import numpy.typing as npt
 
 from controller.geometry.arrays import distinct, within
 from controller.plan.feed.course import Course
-from controller.plan.feed.limits import JUMP_SHARE
+from controller.plan.feed.limits import JointLimits
 from controller.plan.feed.profile import Profile
+from controller.plan.junctions import JUMP_SHARE
 
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
@@ -49,12 +50,11 @@ class Way:
     joint's jerk limit.
     """
 
+    is_rough = False  # where one start has no stop the next has, and it is not worth while to seek for long
+
     def __init__(self, course: Course, profile: Profile, first_s: float, last_s: float) -> None:
         limits = course.stop_limits
-        self.period_s = course.machine.period_s
-        self._jerk = limits.jerk
-        self.acceleration = (limits.acceleration / limits.jerk)[:, None]
-        self.velocity = (limits.velocity / limits.jerk)[:, None]
+        self._take(limits, course.machine.period_s)
         times = np.linspace(first_s, last_s, max(int((last_s - first_s) / NODE_STEP_S), 4) + 1)
         s, v = _rising(*profile.along(times)[:2])
         marks = course.marks[(course.marks > s[0]) & (course.marks < s[-1])]
@@ -68,31 +68,43 @@ class Way:
         still = 1.0 / (size[0].max(axis=0) + TINY)
         speed = np.interp(places, s, v)
         fastest = np.maximum(speed[:-1], speed[1:])
-        self._about = np.vstack([_lower(np.vstack([rooms, still])), fastest])
-        self._about_before = np.vstack([_lower(np.vstack([before, still])), fastest])
+        self._about = np.vstack([lower(np.vstack([rooms, still])), fastest])
+        self._about_before = np.vstack([lower(np.vstack([before, still])), fastest])
         self._ahead = np.maximum(ahead[:-1], ahead[1:])
         self._most = self._shares(size)
         self._widths: dict[int, Array] = {}
+
+    def _take(self, limits: JointLimits, period_s: float) -> None:
+        self.period_s = period_s
+        self._jerk = limits.jerk
+        self.acceleration = (limits.acceleration / limits.jerk)[:, None]
+        self.velocity = (limits.velocity / limits.jerk)[:, None]
 
     @property
     def end(self) -> float:
         return float(self.s[-1])
 
-    def at(self, s: Array, ends: Array | None = None) -> tuple[Array, Array]:
+    def at(self, s: Array, v: Array, ends: Array | None = None) -> tuple[Array, Array]:
         """q', q'', q''' of the joints over their jerk limits (3 axes, N), and what holds about there (5, N).
 
         The latter are the shares of jerk and of acceleration that may be used, what of both
-        is the share of rapids, the largest jerk at no speed, and the speed of the plan. A motion
-        that is known to end at ``ends`` (N,) leaves no room for the jump of a junction behind that.
+        is the share of rapids, the largest jerk at no speed, and the speed of the plan. What ``v`` (N,) they
+        are passed at does not count here. A motion that is known to end at ``ends`` (N,) leaves no room for
+        the jump of a junction behind that.
         """
+        found, about = self._found(s, self._about)
+        if ends is not None:
+            i = self._cell(s)
+            about = np.where(ends < self._ahead[i], self._about_before.take(i, axis=1), about)
+        return found, about
+
+    def _found(self, s: Array, about: Array) -> tuple[Array, Array]:
         i = self._cell(s)
-        both, about = self._lines.take(i, axis=1), self._about.take(i, axis=1)
+        both = self._lines.take(i, axis=1)
         found = both[: len(both) // 2]
         found *= s - self.s[i]
         found += both[len(both) // 2 :]
-        if ends is not None:
-            about = np.where(ends < self._ahead[i], self._about_before.take(i, axis=1), about)
-        return found, about
+        return found, about.take(i, axis=1)
 
     def most(self, s: Array, h: float) -> tuple[Array, Flags]:
         """The largest of all joints anywhere in steps of ``h`` that end at the places ``s`` (K + 1, N).
@@ -193,7 +205,7 @@ def _running(cells: Array, width: int) -> Array:
     return found
 
 
-def _lower(nodes: Array) -> Array:
+def lower(nodes: Array) -> Array:
     """Of each cell the lower of its two ends' values, (rows, nodes) to (rows, nodes - 1)."""
     return np.minimum(nodes[:, :-1], nodes[:, 1:])
 

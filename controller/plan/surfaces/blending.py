@@ -133,7 +133,10 @@ class _Passed(NamedTuple):
         return self.slowed.share if self.slowed else 1.0
 
 
-_passed_at: dict[tuple[str, Machine], passing.Slowest | None] = {}  # as ``_chosen``
+@lru_cache(2)
+def _passed_on(_: Machine) -> dict[str, passing.Slowest | None]:
+    """As ``_chosen``, of the machines of the last programs: another tool table makes another machine."""
+    return {}
 
 
 @dataclass(frozen=True, slots=True)
@@ -181,13 +184,13 @@ class _Fastest:
             self.allowed,
             self.gap_mm,
         )
-        key = name_of(a.surface, b.surface, *rest, reach_mm), self.machine
-        if key not in _passed_at:
-            if len(_passed_at) >= MAX_KNOWN:
-                _passed_at.clear()
+        name, found = name_of(a.surface, b.surface, *rest, reach_mm), _passed_on(self.machine)
+        if name not in found:
+            if len(found) >= MAX_KNOWN:
+                found.clear()
             blended = _cuts(*bare, pair)
-            _passed_at[key] = passing.slowest(blended, bare, pair.reach_mm, self.machine, self.kinematics)
-        return _passed_at[key]
+            found[name] = passing.slowest(blended, bare, pair.reach_mm, self.machine, self.kinematics)
+        return found[name]
 
     def _reach(self, reach_mm: float) -> float:
         return max(min(reach_mm, SHARE * cut.motion.end) for cut in (self.before, self.after))

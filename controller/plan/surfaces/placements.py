@@ -8,6 +8,7 @@ reads the program again takes it from here. Nothing is lost where it is not: the
 from __future__ import annotations
 
 import hashlib
+import pickle
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict
 from typing import Any
@@ -21,7 +22,7 @@ from controller.plan.stretch import Chain, Pause
 from controller.values import dataclass
 
 FORMAT = 2  # another one where the same numbers would mean another pose
-MOST = 20_000  # that are known at once
+MOST = 20_000  # that are known at once, of 4 kB each at most
 NAME = 32  # letters
 Pair = tuple[float, float]
 
@@ -92,19 +93,24 @@ def name_of(surface: Surface, *asked: object) -> str:
     return hashlib.sha256(text.encode()).hexdigest()[:NAME]
 
 
-_known: dict[str, Recipe] = {}
+_known: dict[str, bytes] = {}  # pickled: a process that runs for weeks has met many a part
 
 
 def learn(found: Mapping[str, Recipe]) -> None:
-    """What a check has found, by name."""
-    if len(_known) + len(found) > MOST:
-        _known.clear()
-    _known.update(found)
+    """What a check has found, by name; those that were learnt first are forgotten."""
+    for name, recipe in found.items():
+        _known.pop(name, None)
+        _known[name] = pickle.dumps(recipe, pickle.HIGHEST_PROTOCOL)
+    over = len(_known) - max(MOST, len(found))
+    for name in list(_known)[:over] if over > 0 else ():
+        _known.pop(name, None)
 
 
 def known(name: str) -> Recipe | None:
     """What was found under that name, if it has been learnt."""
-    return _known.get(name)
+    kept = _known.get(name)
+    found: Recipe | None = None if kept is None else pickle.loads(kept)
+    return found
 
 
 class Noted:

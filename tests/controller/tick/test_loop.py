@@ -22,7 +22,7 @@ granted = loop.prepare()
 files = [os.path.realpath(f"/proc/self/fd/{n}") for n in os.listdir("/proc/self/fd")]
 print(json.dumps({
     "granted": granted, "files": files, "scheduler": os.sched_getscheduler(0), "collects": gc.isenabled(),
-    "status": open("/proc/self/status").read(),
+    "status": open("/proc/self/status").read(), "slack_ns": int(open("/proc/self/timerslack_ns").read()),
 }))
 """
 
@@ -39,6 +39,7 @@ def test_what_it_says_it_was_given_is_what_it_has(prepared: dict[str, Any]) -> N
     assert locked is not None
     assert granted["locked"] is (int(locked.group(1)) > 0)
     assert granted["fifo"] is (prepared["scheduler"] & ~os.SCHED_RESET_ON_FORK == os.SCHED_FIFO)
+    assert granted["slack"] is (prepared["slack_ns"] <= 1), "0: of a real-time process it is none"
     assert granted["awake"] is ("/dev/cpu_dma_latency" in prepared["files"])
     assert not prepared["collects"]
 

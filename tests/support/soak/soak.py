@@ -8,8 +8,8 @@ A folder is the record of the run, so that ``directrix replay FOLDER`` makes it 
 
 from __future__ import annotations
 
-import gc
 import json
+import os
 import shutil
 import tempfile
 import time
@@ -19,12 +19,9 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
 from support.soak import live, scenarios, stepped
-from support.soak.memory import Growth, anonymous_mb
+from support.soak.memory import Growth, Memory, give_back
 from support.soak.scenarios import Scenario
 from support.soak.stepped import Came
-
-SETTLED_S = 60.0  # then memory is what it is
-GROWN = 1.25  # times that, and something is kept that should not be
 
 
 @dataclass
@@ -36,16 +33,12 @@ class Sum:
     ticks: int = 0
     results: Counter[str] = field(default_factory=Counter)
     kept: list[str] = field(default_factory=list)  # folders of what did not hold
-    settled_mb: float = 0.0  # memory of the process after ``SETTLED_S``
-    memory_mb: float = 0.0  # at the end
-    processes: dict[str, Growth] = field(default_factory=dict)  # of a machine on the real clock
+    processes: dict[str, Growth] = field(default_factory=dict)  # our own, and of a machine on the real clock
 
     @property
     def grown(self) -> dict[str, tuple[float, float]]:
         """Memory (MB) when it had settled and at the end, of each process that has grown."""
-        own = {} if self.memory_mb <= GROWN * self.settled_mb else {"soak": (self.settled_mb, self.memory_mb)}
-        others = {name: (g.first_mb, g.last_mb) for name, g in self.processes.items() if not g.is_flat}
-        return (own if self.settled_mb else {}) | others
+        return {name: (g.first_mb, g.last_mb) for name, g in self.processes.items() if not g.is_flat}
 
     def to_dict(self) -> dict[str, object]:
         processes = {name: growth._asdict() for name, growth in self.processes.items()}
@@ -68,7 +61,7 @@ def soak(
     draw: Draw = scenarios.drawn,
 ) -> Sum:
     """Runs until the seconds are over, or ``count`` are done; ``told`` gets each as it is done."""
-    began_s, found = time.monotonic(), Sum(seed)
+    began_s, found, own = time.monotonic(), Sum(seed), Memory()
     while time.monotonic() - began_s < seconds and found.runs != count:
         one = draw(seed, first + found.runs)
         with tempfile.TemporaryDirectory(prefix="directrix-soak-") as folder:
@@ -78,12 +71,10 @@ def soak(
             found.results[came.result] += 1
             if came.wrong:
                 found.kept.append(str(_keep(one, came, out)))
-        gc.unfreeze()  # replay, as a command, has frozen what was there; it thinks that its process ends
-        gc.collect()
-        found.memory_mb = anonymous_mb() or 0.0
-        if not found.settled_mb and time.monotonic() - began_s > SETTLED_S:
-            found.settled_mb = found.memory_mb
+        give_back()
+        own.look({"soak": os.getpid()}, time.monotonic())
         told(one, came, found)
+    found.processes = own.growth()
     return found
 
 
@@ -105,7 +96,7 @@ def on_real_clock(
             lambda of, _: live.run(on, of),
             lambda seed, number: scenarios.live(seed, number, on.machine),
         )
-        found.processes = on.memory.growth()
+        found.processes |= on.memory.growth()
     return found
 
 

@@ -1,4 +1,7 @@
-"""Exact lines much shorter than what a jump takes around it: no slower than with a rest at each corner."""
+"""Exact lines much shorter than what a jump takes around it: no slower than with a rest at each corner.
+
+As lines of their own: what is different of rows of them is in ``lines/test_exact_rows``.
+"""
 
 from __future__ import annotations
 
@@ -9,9 +12,10 @@ from support.machines.stepped_runs import SHIPPED, largest, shipped
 from support.parts import cam_lines, cam_programs
 
 from controller.machine.kinematics import kinematics_of
-from controller.motion.motions import ToolLine
+from controller.motion.motions import ToolLine, ToolSpline
 from controller.plan.feed import profile
 from controller.plan.feed.course import Array, Course, Index
+from controller.plan.lines import exact_rows
 from controller.plan.look_ahead import WINDOW_S, Orders, Place, Windows
 from controller.plan.surfaces import rates
 from controller.plan.track import Track
@@ -23,10 +27,15 @@ NAMES = [
 AT_LEAST = 20  # lines that are looked at
 
 
+@pytest.fixture
+def alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(exact_rows, "LEAST", 10**9)
+
+
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize(("step_mm", "decimals"), [(0.02, 4), (0.02, 3), (0.1, 4)])
 def test_running_through_short_lines_is_quicker_than_a_rest_at_each_of_their_corners(
-    name: str, step_mm: float, decimals: int
+    name: str, step_mm: float, decimals: int, alone: None
 ) -> None:
     machine = shipped(name)
     made = cam_programs.bowl(1, 25.0 * step_mm, step_mm=step_mm)
@@ -51,7 +60,7 @@ def exact_lines(count: int) -> str:
 
 
 @pytest.mark.parametrize(("name", "vectors"), [("trunnion", False), *((name, True) for name in SHIPPED)])
-def test_derivatives_of_lines_together_are_those_of_each(name: str, vectors: bool) -> None:
+def test_derivatives_of_lines_together_are_those_of_each(name: str, vectors: bool, alone: None) -> None:
     machine = shipped(name, tool_lines="great_circle" if vectors else "joints")
     kinematics = kinematics_of(machine)
     source, _ = cam_programs.text(cam_programs.bowl(1, 2.0), 2000.0, vectors, "G61")
@@ -76,7 +85,8 @@ def test_a_window_of_short_lines_is_as_long_as_any_other() -> None:
     units = []
     while (sent := windows.from_rest(track, place, 0.0, Orders())) is not None and len(units) < 6:
         place, longest = sent.after, max(longest, sent.end_s)
-        units.append(len(sent.stretches))
+        rows = (one.motion for one in sent.stretches.values() if isinstance(one.motion, ToolSpline))
+        units.append(sum(len(row.lines) for row in rows))
     assert longest < 2.0 * WINDOW_S
     assert max(units) > 100
 

@@ -209,7 +209,7 @@ def test_exact_lines_run_through_slight_corners_and_stop_at_others() -> None:
 
 
 def test_an_endless_row_of_exact_lines_comes_in_parts() -> None:
-    rows = "".join(f"X{0.2 * k:.4f} A{10 + 0.02 * k:.4f}\n" for k in range(1, 200))
+    rows = "".join(f"X{0.3 * k:.4f} A{10 + 0.03 * k:.4f}\n" for k in range(1, 200))
     traced = trace("G55 G61 G43.4 G0 X0 Y0 Z0 A10 C0\nG1 F600\n" + rows)
     chains = [item for item in traced.items if isinstance(item, Chain)][1:]
     assert sum(len(chain.stretches) for chain in chains) == 199

@@ -93,6 +93,18 @@ def test_what_is_known_is_not_searched_again(monkeypatch):
     assert again == found and again.pose(0.4, 1.5) == found.pose(0.4, 1.5)
 
 
+def test_the_first_that_were_learnt_are_forgotten_and_no_program_loses_one_of_its_own(monkeypatch):
+    recipe = Recipe.of(corrected())
+    monkeypatch.setattr(placements, "_known", {})
+    monkeypatch.setattr(placements, "MOST", 3)
+    for name in "abacd":
+        placements.learn({name: replace(recipe, taper_rad=float(ord(name)))})
+    assert [placements.known(name) is not None for name in "abcd"] == [True, False, True, True]
+    assert placements.known("c") == replace(recipe, taper_rad=float(ord("c")))
+    placements.learn(dict.fromkeys("efghi", recipe))
+    assert all(placements.known(name) == recipe for name in "efghi") and placements.known("d") is None
+
+
 @pytest.mark.parametrize("strategy", [2, pytest.param(3, marks=pytest.mark.slow)])
 def test_a_check_keeps_what_was_found_and_a_start_takes_it_from_there(tmp_path, monkeypatch, strategy):
     task = checked.task(small(strategy, "800.").encode(), "small.ngc", shipped())

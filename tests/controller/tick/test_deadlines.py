@@ -1,0 +1,308 @@
+"""The loop by itself: deadlines on their grid, what is done before one, the kernel's echo, how it ends."""
+
+from __future__ import annotations
+
+import itertools
+import socket
+
+import pytest
+from support.machines.shipped_kinds import machine
+from support.machines.tick_bench import Bench, s_curve, stops, straight
+
+from controller.ipc.handoff import dwell
+from controller.state.modes import Fault, Mode, Request
+from controller.tick.loop import LAST_TICKS_S, SPIN_S, STAND_DOWN_S, Loop, WallClock
+from drives.cia402 import State, Wanted
+
+T = 0.002
+HERE = (0.0, 0.0, 0.0, 0.0, 0.0)
+THERE = (100.0, 60.0, -80.0, 1.0, 2.0)
+
+
+class Group:
+    """Of a bus on which the kernel sends SYNC."""
+
+    sync_seen = False
+
+
+class Stage:
+    """A cycle and a clock in one, in which only what the test says takes time."""
+
+    def __init__(self, period_s: float = T, begins_s: float = 7.0, sync: str = "tick") -> None:
+        self.machine = machine(period_s=period_s, sync=sync)
+        self.group = Group()
+        self.at_rest = True
+        self.time_s = begins_s
+        self.early_s = 250e-6  # before the deadline it wakes
+        self.rehearsal_s = self.drain_s = 0.0
+        self.late_s = 0.0  # the next spin ends so much too late
+        self.waits: list[tuple[float, float]] = []  # deadline, and how long before it was to be woken
+        self.called: list[str] = []
+        self.runs: list[tuple[float, float, int]] = []  # time, lateness, deadlines missed
+        self.echo_after = 1 << 30  # calls of receive
+
+    def now_s(self) -> float:
+        return self.time_s
+
+    def wake(self, deadline_s: float, early_s: float) -> None:
+        self.waits.append((deadline_s, early_s))
+        self.called.clear()
+        self.time_s = max(self.time_s, deadline_s - self.early_s)
+
+    def spin(self, deadline_s: float) -> float:
+        self.time_s = max(self.time_s, deadline_s) + self.late_s
+        self.late_s = 0.0
+        return self.time_s
+
+    def rehearse(self, now_s: float) -> None:
+        self.called.append("rehearse")
+        self.time_s += self.rehearsal_s
+
+    def receive(self, now_s: float) -> None:
+        assert now_s == self.time_s
+        self.called.append("receive")
+        self.time_s += self.drain_s
+        self.echo_after -= 1
+        self.group.sync_seen = self.echo_after <= 0
+
+    def run(self, now_s: float, lateness_s: float, missed: int = 0) -> bool:
+        self.runs.append((now_s, lateness_s, missed))
+        return True
+
+
+def staged(stage: Stage, filenos: tuple[int, ...] = (), **more: bool) -> Loop:
+    return Loop(stage, stage, filenos, **more)  # type: ignore[arg-type]
+
+
+# ---- deadlines
+
+
+def test_deadlines_are_whole_periods_from_the_start_and_none_is_left_out() -> None:
+    stage = Stage()
+    loop = staged(stage)
+    for n in range(1, 500):
+        assert loop.tick()
+        assert stage.waits[-1][0] == 7.0 + n * T
+        assert stage.runs[-1] == (7.0 + n * T, 0.0, 0)
+
+
+@pytest.mark.parametrize(("period_s", "early_s"), [(0.004, SPIN_S), (0.002, SPIN_S), (0.001, 0.2e-3)])
+def test_it_is_woken_before_the_deadline_by_no_more_than_a_fifth_of_the_period(
+    period_s: float, early_s: float
+) -> None:
+    stage = Stage(period_s)
+    staged(stage).tick()
+    assert stage.waits[-1][1] == pytest.approx(early_s)
+
+
+@pytest.mark.parametrize("at_rest", [False, True])
+def test_unless_drives_are_said_to_be_simulated_each_deadline_is_spun_for(at_rest: bool) -> None:
+    stage = Stage()
+    stage.at_rest = at_rest
+    staged(stage).tick()
+    assert stage.waits[-1][1] == SPIN_S
+    staged(stage, eased=True).tick()
+    assert stage.waits[-1][1] == (0.0 if at_rest else SPIN_S)
+
+
+@pytest.mark.parametrize(("late", "missed"), [(0.3, 0), (0.9, 0), (1.3, 1), (4.6, 4)])
+def test_a_late_tick_shifts_no_deadline_behind_it(late: float, missed: int) -> None:
+    """How late it is counts from the last deadline that is over; those before it were missed."""
+    stage = Stage(begins_s=0.0)
+    loop = staged(stage)
+    for _ in range(9):
+        loop.tick()
+    stage.late_s = late * T
+    loop.tick()
+    now_s, lateness_s, gone = stage.runs[-1]
+    assert gone == missed and now_s == pytest.approx((10 + late) * T)
+    assert lateness_s == pytest.approx((late - missed) * T)
+    loop.tick()
+    assert stage.runs[-1] == (pytest.approx((11 + missed) * T), pytest.approx(0.0, abs=1e-12), 0)
+
+
+# ---- before a deadline
+
+
+def test_a_rehearsal_is_left_out_where_it_would_not_be_over_in_time() -> None:
+    """It is known by the longest of late, with the drain behind it."""
+    stage = Stage()
+    loop = staged(stage)
+    stage.rehearsal_s, stage.drain_s = 60e-6, 40e-6
+    loop.tick()
+    assert stage.called == ["rehearse", "receive"]
+    stage.early_s = 95e-6
+    loop.tick()
+    assert stage.called == ["receive"]
+    stage.early_s = 105e-6
+    loop.tick()
+    assert stage.called == ["rehearse", "receive"]
+
+
+def test_after_a_rehearsal_that_was_long_once_it_is_tried_again_a_little_earlier_each_tick() -> None:
+    stage = Stage()
+    loop = staged(stage)
+    stage.rehearsal_s = 200e-6
+    loop.tick()
+    stage.rehearsal_s, stage.early_s = 20e-6, 100e-6
+    n = 0
+    while n < 1000 and (n == 0 or "rehearse" not in stage.called):
+        loop.tick()
+        n += 1
+    assert 600 < n < 800, "a thousandth of it is forgotten in each tick: half of it in 693"
+    loop.tick()
+    assert "rehearse" in stage.called
+
+
+def test_one_rehearsal_beyond_all_measure_is_remembered_as_the_longest_there_is_time_for() -> None:
+    stage = Stage()
+    loop = staged(stage)
+    stage.rehearsal_s = 1.0
+    loop.tick()
+    stage.rehearsal_s = 20e-6
+    for early_s, rehearses in ((SPIN_S - 10e-6, False), (SPIN_S + 10e-6, True)):
+        stage.early_s = early_s
+        loop.tick()
+        assert ("rehearse" in stage.called) is rehearses
+
+
+# ---- the kernel's SYNC
+
+
+def ends() -> tuple[socket.socket, socket.socket]:
+    return socket.socketpair()
+
+
+def test_with_the_kernels_sync_a_tick_runs_at_the_echo_and_waits_for_no_deadline() -> None:
+    near, far = ends()
+    far.send(b"x")
+    stage = Stage(sync="kernel")
+    stage.drain_s, stage.echo_after = 0.1 * T, 3
+    staged(stage, (near.fileno(),)).tick()
+    assert stage.runs == [(pytest.approx(7.0 + 0.3 * T), 0.0, 0)] and not stage.waits
+    near.close()
+    far.close()
+
+
+@pytest.mark.parametrize(("sync", "watched"), [("tick", True), ("kernel", False)])
+def test_without_the_kernel_or_a_bus_to_hear_it_on_the_deadline_counts(sync: str, watched: bool) -> None:
+    near, far = ends()
+    stage = Stage(sync=sync)
+    staged(stage, (near.fileno(),) if watched else ()).tick()
+    assert stage.waits
+    near.close()
+    far.close()
+
+
+def test_an_echo_that_does_not_come_is_given_up_after_a_period_and_a_half() -> None:
+    near, far = ends()
+    far.send(b"x")  # readable, so that the poll itself never waits
+    stage = Stage(sync="kernel")
+    stage.drain_s = 0.1 * T
+    staged(stage, (near.fileno(),)).tick()
+    assert len(stage.called) in (15, 16) and len(stage.runs) == 1
+    near.close()
+    far.close()
+
+
+def test_an_echo_is_waited_for_by_what_can_be_read_of_the_first_bus_alone() -> None:
+    """Each of these sockets may be written to, and from the second may be read: neither wakes the tick."""
+    near, far = ends()
+    second, other = ends()
+    other.send(b"x")
+    stage = Stage(sync="kernel")
+    loop = Loop(stage, WallClock(), (near.fileno(), second.fileno()))  # type: ignore[arg-type]
+    stage.receive = lambda now_s: stage.called.append("receive")  # type: ignore[method-assign]
+    loop.tick()
+    assert 1 <= len(stage.called) <= 5
+    for end in (near, far, second, other):
+        end.close()
+
+
+# ---- the end
+
+
+def moving() -> Bench:
+    bench = Bench(machine(period_s=T))
+    bench.enable()
+    piece, move = straight(HERE, THERE, lambda n: s_curve(n, 170.0, 1900.0, 48000.0))
+    bench.send([piece, dwell(0.0, end=True)], {0: move}, stops=stops(1900.0, 48000.0))
+    bench.tick()
+    bench.ask(Request.START)
+    bench.tick(100)
+    assert not bench.snapshot.at_rest
+    return bench
+
+
+def test_asked_to_end_in_a_cut_it_comes_to_rest_on_the_path_and_then_the_drives_are_switched_off() -> None:
+    bench = moving()
+    enabled_at_rest: list[bool] = []
+    want = bench.group.want
+
+    def wanted(what: Wanted) -> None:
+        enabled_at_rest.append(bench.cycle.follow.at_rest)
+        want(what)
+
+    bench.group.want = wanted  # type: ignore[method-assign]
+    before = bench.cycle.tick
+    bench.loop.stand_down()
+    assert enabled_at_rest and all(enabled_at_rest)
+    assert not any(drive.state is State.OPERATION_ENABLED for drive in bench.group.drives)
+    assert bench.snapshot.fault is Fault.NONE and 0.0 < bench.snapshot.joints[0] < 100.0
+    share = [joint / there for joint, there in zip(bench.snapshot.joints, THERE, strict=True)]
+    assert max(share) - min(share) < 1e-12, "on the line"
+    assert bench.cycle.tick - before < 2 * STAND_DOWN_S / T, "no longer than it took"
+    bench.close()
+
+
+def test_drives_that_do_not_switch_off_are_waited_for_no_longer_than_a_second() -> None:
+    bench = moving()
+    bench.until(Mode.READY)
+    bench.until_rest()
+    for drive in bench.group.drives:
+        drive.want = lambda wanted: None  # type: ignore[method-assign]
+    before = len(bench.group.syncs)
+    bench.loop.stand_down()
+    assert len(bench.group.syncs) - before == STAND_DOWN_S / T
+    bench.close()
+
+
+def test_after_an_error_of_our_own_the_drives_are_told_to_stop_sync_by_sync_for_half_a_second() -> None:
+    bench = moving()
+
+    def broken() -> None:
+        raise ZeroDivisionError
+
+    bench.cycle._requests.take = broken  # type: ignore[assignment]
+    before = len(bench.group.syncs)
+    assert bench.loop.run(lambda: True) is Fault.INTERNAL
+    assert (bench.snapshot.fault, bench.snapshot.fault_axis) == (Fault.INTERNAL, -1)
+    assert bench.group.wanted is Wanted.QUICK_STOP and bench.group.sync_stopped
+    syncs = bench.group.syncs[before - 1 :]
+    assert len(syncs) - 2 == LAST_TICKS_S / T, "but for the tick that failed"
+    gaps = [b - a for a, b in itertools.pairwise(syncs)]
+    assert max(gaps) == pytest.approx(T) and min(gaps) == pytest.approx(T)
+    assert bench.group.commands[-1][1] == tuple(bench.group.positions), "where they are"
+    bench.close()
+
+
+def test_an_error_in_the_last_ticks_does_not_end_them() -> None:
+    bench = moving()
+
+    def broken(*_: object) -> None:
+        raise ZeroDivisionError
+
+    bench.cycle._requests.take = broken  # type: ignore[assignment]
+    bench.group.command = broken  # type: ignore[assignment]
+    before = len(bench.group.syncs)
+    assert bench.loop.run(lambda: True) is Fault.INTERNAL
+    assert len(bench.group.syncs) - before >= LAST_TICKS_S / T and bench.group.sync_stopped
+    bench.close()
+
+
+def test_a_loop_that_is_told_to_end_has_no_error() -> None:
+    bench = Bench()
+    left = iter(range(5))
+    assert bench.loop.run(lambda: next(left, None) is not None) is Fault.NONE
+    assert bench.loop.error is None and bench.cycle.tick == 4
+    bench.close()
