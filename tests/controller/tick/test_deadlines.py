@@ -11,7 +11,7 @@ from support.machines.tick_bench import Bench, s_curve, stops, straight
 
 from controller.ipc.handoff import dwell
 from controller.state.modes import Fault, Mode, Request
-from controller.tick.loop import LAST_TICKS_S, SPIN_S, STAND_DOWN_S, Loop, WallClock
+from controller.tick.loop import LAST_TICKS_S, SPIN_S, STAND_DOWN_S, Loop, SteppedClock, WallClock
 from drives.cia402 import State, Wanted
 
 T = 0.002
@@ -119,6 +119,22 @@ def test_a_late_tick_shifts_no_deadline_behind_it(late: float, missed: int) -> N
     assert lateness_s == pytest.approx((late - missed) * T)
     loop.tick()
     assert stage.runs[-1] == (pytest.approx((11 + missed) * T), pytest.approx(0.0, abs=1e-12), 0)
+
+
+def test_a_stepped_clock_begins_at_nothing_steps_its_world_and_is_never_set_back() -> None:
+    seen: list[float] = []
+    waits: list[int] = []
+
+    def lateness(n: int) -> float:
+        waits.append(n)
+        return 0.7 if n == 1 else 0.0
+
+    clock = SteppedClock([seen.append], lateness)
+    assert clock.now_s() == 0.0
+    for deadline_s in (0.5, 1.0, 1.5, 2.0):
+        clock.wake(deadline_s, 0.1)
+        assert clock.spin(deadline_s) == clock.now_s() == seen[-1]
+    assert waits == [0, 1, 2, 3] and seen == [0.5, 1.7, 1.7, 2.0]
 
 
 # ---- before a deadline
@@ -277,6 +293,7 @@ def test_after_an_error_of_our_own_the_drives_are_told_to_stop_sync_by_sync_for_
     before = len(bench.group.syncs)
     assert bench.loop.run(lambda: True) is Fault.INTERNAL
     assert (bench.snapshot.fault, bench.snapshot.fault_axis) == (Fault.INTERNAL, -1)
+    assert isinstance(bench.loop.error, ZeroDivisionError), "kept for whoever asks"
     assert bench.group.wanted is Wanted.QUICK_STOP and bench.group.sync_stopped
     syncs = bench.group.syncs[before - 1 :]
     assert len(syncs) - 2 == LAST_TICKS_S / T, "but for the tick that failed"

@@ -231,6 +231,13 @@ def test_a_dwell_behind_a_piece_that_was_cut_stands_where_it_was_cut() -> None:
     assert follow.joints[0] == pytest.approx(SPEED * 0.1)
 
 
+def test_where_the_clock_is_any_motion_must_begin_at_the_joints() -> None:
+    follow = loaded(plan(1.0))
+    piece = piece_of(even(0.0, 1.0), 1)
+    assert not follow.accept(message(follow, [piece], {1: along_x(5.0, 500.0)}, at_s=0.0))
+    assert follow.accept(message(follow, [piece], {1: along_x(0.0, 500.0)}, at_s=0.0))
+
+
 def test_a_boundary_within_a_motion_is_checked_and_what_is_appended_ahead_is_not() -> None:
     follow = loaded(plan(0.1, 0.5))
     assert not follow.accept(message(follow, [piece_of(even(4.001, 1.0))], at_s=0.1))
