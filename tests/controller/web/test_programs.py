@@ -151,7 +151,7 @@ def test_an_upload_shows_how_far_it_is(page: Any, site: Site) -> None:
     page.evaluate(DROP, ["long.ngc", "G1 X1 F100\n" * 2_000_000])
     page.wait_for_selector("tr[data-program='long.ngc']")
     told = [(text, share) for text, share in page.evaluate("shares") if text]
-    assert told[-1] == ("100 %", 1)
+    assert told[-1][0] == "100 %"  # the row may be gone before the browser tells of the last bytes
     assert all(text == f"{round(share * 100)} %" for text, share in told)
     page.evaluate("dx.call('DELETE', 'programs/long.ngc')")
 
