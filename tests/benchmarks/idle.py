@@ -65,7 +65,7 @@ def report(short: bool) -> Report:
         for name, share in shares.items()
     ]
     rows += [
-        Figure(f"{state}: all", sum(shares.values()), "% of a core", WANTED, "wanted")
+        Figure(f"{state}: all", sum(shares.values()), "% of a core", WANTED, "wanted", at_most=WANTED)
         for state, shares in found.items()
     ]
     return Report(tuple(rows), figures.shares(found["on"]), "the machine with its drives on")

@@ -33,6 +33,11 @@ LINES = {
     "lines of 0.02 mm, no path word": (0.02, "G21 G90"),
     "lines of 0.02 mm, G61": (0.02, "G21 G90 G61"),
 }
+LEAST_LINES_S = {
+    "lines of 0.02 mm, G64 P0.01": 15_000.0,
+    "lines of 0.02 mm, no path word": 5_000.0,
+    "lines of 0.02 mm, G61": 5_000.0,
+}
 EVERY = 20  # of the motions is held against the lines
 DENSE = 40  # places per millimetre there
 
@@ -150,7 +155,9 @@ def apart(file: Path) -> dict[str, float]:
 
 def told(name: str, count: int, what: str, found: dict[str, float]) -> list[Figure]:
     return [
-        Figure(f"{name}: planned", count / found["cpu_s"], f"{what}/s of CPU"),
+        Figure(
+            f"{name}: planned", count / found["cpu_s"], f"{what}/s of CPU", at_least=LEAST_LINES_S.get(name)
+        ),
         Figure(f"{name}: planning", found["cpu_s"], "s of CPU", found["motion_s"], "the motion"),
         Figure(f"{name}: first message", found["first_s"], "s"),
         Figure(f"{name}: memory", found["peak_mb"], "MB"),
