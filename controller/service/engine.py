@@ -86,9 +86,7 @@ class Engine:
         """``folder``: of its own, for sockets and shared memory; ``kept``: what outlives it."""
         self.machine = machine  # with the paths of the hubs as channels, once they run
         self.hubs: dict[str, Child] = {}
-        self.sync_stamps_s: dict[
-            str, Rows
-        ] = {}  # when SYNC left a virtual bus; there at the end, if asked for
+        self.sync_stamps_s: dict[str, Rows] = {}  # when SYNC left a virtual bus; at the end, if asked for
         self._folder, self._kept, self._hear = folder, kept, hear
         self._run: _Run | None = None
         self._starts = 0
