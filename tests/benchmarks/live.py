@@ -164,12 +164,7 @@ def report(short: bool) -> Report:
     found = [figure for state in STATES for figure in beside(state, ours[state], theirs[state])]
     found.append(Figure("loaded: answers of the panel", float(np.mean(answers_per_s)), "1/s", PER_S, "asked"))
     off = np.concatenate([five_buses.periods(one)[0] for turn in ours["loaded"] for one in turn.stamps_s])
-    counts = {
-        "within 1/16 of the period": float(np.sum(off <= 1 / 16)),
-        "within 1/4": float(np.sum((off > 1 / 16) & (off <= 1 / 4))),
-        "outside": float(np.sum(off > 1 / 4)),
-    }
-    return Report(tuple(found), figures.shares(counts), "the intervals of five buses, loaded")
+    return Report(tuple(found), figures.by_lateness(off), "the intervals of five buses, loaded")
 
 
 if __name__ == "__main__":

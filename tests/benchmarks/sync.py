@@ -171,13 +171,8 @@ def report(short: bool) -> Report:
         for period_s in (2e-3,) if short else (2e-3, 1e-3, 0.5e-3):
             some, off, skips = beside(loaded, period_s, 0.5 if short else 5.0, 1 if short else 3)
             found += some
-    counts = {
-        "within 1/16 of the period": float(np.sum(off <= 1 / 16)),
-        "within 1/4": float(np.sum((off > 1 / 16) & (off <= 1 / 4))),
-        "outside": float(np.sum(off > 1 / 4)),
-    }
     whole = f"SYNCs at {1e3 * period_s:g} ms, loaded ({skips} ticks sent none)"
-    return Report(tuple(found), figures.shares(counts), whole)
+    return Report(tuple(found), figures.by_lateness(off), whole)
 
 
 if __name__ == "__main__":

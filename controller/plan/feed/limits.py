@@ -51,10 +51,6 @@ class JointLimits:
         by_acceleration = speed / self.acceleration + self.acceleration / self.jerk
         return np.where(speed * self.jerk > self.acceleration**2, by_acceleration, by_jerk)
 
-    def path_jerk(self, d: Derivatives) -> Array:
-        """Jerk along a straight start from rest that every joint's jerk limit allows (N,)."""
-        return np.asarray((self.jerk / (np.abs(d.first) + 1e-30)).min(axis=1))
-
 
 def ramp_length(speed: float, jerk: float) -> float:
     """Length of a start from rest to ``speed`` with jerk +j then -j: v t / 2 with t = 2 sqrt(v / j)."""

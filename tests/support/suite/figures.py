@@ -64,6 +64,17 @@ def shares(amounts: Mapping[str, float]) -> dict[str, float]:
     return {name: amount / whole for name, amount in amounts.items()}
 
 
+def by_lateness(off: Any) -> dict[str, float]:
+    """Shares of intervals that are ``off`` (in periods, absolute) by so much."""
+    return shares(
+        {
+            "within 1/16 of the period": float((off <= 1 / 16).sum()),
+            "within 1/4": float(((off > 1 / 16) & (off <= 1 / 4)).sum()),
+            "outside": float((off > 1 / 4).sum()),
+        }
+    )
+
+
 def percentiles(name: str, ours: Any, theirs: Any, unit: str, scale: float, beside: str) -> list[Figure]:
     """Median, 99 % and 99.9 % of two samples."""
     import numpy as np
