@@ -6,6 +6,8 @@ enough. Only the steps that this does not show to be within are looked at place 
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import numpy.typing as npt
 
@@ -18,7 +20,7 @@ Flags = npt.NDArray[np.bool_]
 # Accepted at most. A plan runs at up to 1.0, 1.0005 and 1.012, and a stop begins there.
 MAX_VELOCITY, MAX_ACCELERATION, MAX_JERK = 1.0003, 1.0009, 1.0148
 SURELY = 1.0 - 1e-9  # of those, what is within without a closer look: rounding is less
-AT_ONCE = 512  # stops: what is known of them fits into a cache
+AT_ONCE = 128  # stops: what is known of them fits into a cache
 MIN_LOOKS, MAX_LOOKS = 4, 8  # parts of a step at whose ends it is looked at; of a step of many ticks more
 STANDSTILL = 1e-9  # speed (unit of s per second) below which nothing needs to stop
 
@@ -27,6 +29,7 @@ def check(way: Way, start: Motion, h: float, found: Found) -> tuple[Flags, Array
     """Whether each stop (N,) was found and keeps the limits, and where it ends (N,); inf: none was found."""
     good, ends = found.steps > 0, np.full(len(found.steps), np.inf)
     there = np.flatnonzero(good)
+    there = there[np.argsort(found.steps[there], kind="stable")]  # one long stop makes all beside it long
     for k in range(0, len(there), AT_ONCE):
         lanes = there[k : k + AT_ONCE]
         good[lanes], ends[lanes] = _checked(way, start, h, found, lanes)
@@ -62,10 +65,17 @@ def _looks(h: float, period_s: float) -> Array:
 def nodes(start: Motion, h: float, jerks: Array) -> Motion:
     """s, v, a at the ends of all steps, each (K + 1, N)."""
     s, v, a = start
-    a = np.concatenate([a[None], a + h * np.cumsum(jerks, axis=0)])
-    v = np.concatenate([v[None], v + np.cumsum(h * (a[:-1] + 0.5 * h * jerks), axis=0)])
+    a = np.concatenate([a[None], a + h * _sums(jerks)])
+    v = np.concatenate([v[None], v + _sums(h * (a[:-1] + 0.5 * h * jerks))])
     steps = h * (v[:-1] + h * (0.5 * a[:-1] + h / 6.0 * jerks))
-    return np.concatenate([s[None], s + np.cumsum(steps, axis=0)]), v, a
+    return np.concatenate([s[None], s + _sums(steps)]), v, a
+
+
+def _sums(rows: Array) -> Array:
+    """As cumsum along the first axis, which goes down one column after the other and out of the cache."""
+    for before, row in itertools.pairwise(found := rows.copy()):
+        row += before
+    return found
 
 
 def _after(s: Array, v: Array, a: Array, j: Array, x: Array) -> Motion:

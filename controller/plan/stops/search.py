@@ -120,13 +120,15 @@ class Lanes:
 
     def found(self) -> Found:
         """All stops in one array: the steps that were searched, then the landing."""
-        good, steps = self.begun > 0, self.begun + self.landing
-        searched = np.zeros((int(steps.max(initial=1)), len(steps)))
-        for i, (lane, j) in enumerate(self.rows[: len(searched)]):
-            searched[i, lane] = j
-        k = np.arange(len(searched))[:, None]
-        jerks = np.where(k < self.begun, searched, np.where(k < steps, self.landing_jerk, 0.0))
-        return Found(jerks, steps, self.stuck, self.short & ~good)
+        steps = self.begun + self.landing
+        jerks = np.zeros((int(steps.max(initial=1)), len(steps)))
+        for i, (lane, j) in enumerate(self.rows[: len(jerks)]):
+            on = self.begun[lane] > i
+            jerks[i, lane[on]] = j[on]
+        lane = np.repeat(np.arange(len(steps)), self.landing)
+        first = self.begun - np.cumsum(self.landing) + self.landing  # a landing's step, less those before it
+        jerks[first[lane] + np.arange(len(lane)), lane] = self.landing_jerk[lane]
+        return Found(jerks, steps, self.stuck, self.short & (self.begun == 0))
 
 
 def search(

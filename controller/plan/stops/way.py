@@ -154,7 +154,7 @@ class Way:
         slope = np.diff(derived, axis=0) / np.diff(places)[:, None]
         slope[np.diff(places) <= 2.0 * MIN_STEP] = 0.0  # the jump at a junction
         self.s = places
-        self._lines = np.vstack([slope.T, derived[:-1].T])
+        self._lines = np.ascontiguousarray(np.hstack([slope, derived[:-1]]).T)  # else each take copies all
 
     def _refined(self, course: Course, places: Array, s: Array, v: Array) -> tuple[Array, Array]:
         """More places where a straight line between two is not good enough at the plan's speed."""
