@@ -57,7 +57,8 @@ class Limits:
     """What the spline must keep; all limits are scaled to 1 where they are linear.
 
     ``straight`` (R, m) and ``jerk`` (K, m) are one-sided: straight(c) <= 1, jerk(c) <= ``most`` z^(-1/2)
-    with z = ``at``(c), (K, m). ``cap`` (m + 2,) bounds the coefficients themselves; inf = no bound.
+    with z = ``at``(c) and ``most`` (P, m): the rows of jerk belong to places of each interval, as many to
+    the first as to each other one. ``cap`` (m + 2,) bounds the coefficients themselves; inf = no bound.
     """
 
     time: Form  # z at places of each interval, (P, m): time is the sum of width z^(-1/2)
@@ -102,7 +103,7 @@ def solve(limits: Limits, c: Array, before: Point | None = None, gap: float = GA
 
 def inside(limits: Limits, c: Array) -> Array:
     """Coefficients of a law from rest, scaled evenly to where every limit leaves room."""
-    jerk = limits.jerk.of(c) * np.sqrt(limits.at.of(c)) / limits.most
+    jerk = _by_place(limits.jerk.of(c), limits.most) * np.sqrt(limits.at.of(c)) / limits.most
     most = max(
         float(limits.straight.of(c).max()),
         float(jerk.max()) ** (2.0 / 3.0),
@@ -137,7 +138,8 @@ class _Solver:
     def left(self, c: Array) -> Left:
         found, z = -self.forms.of(c), self.l.at.of(c)
         found[: self.rows] += 1.0
-        found[self.rows :] += self.l.most / np.sqrt(z)
+        by_place = _by_place(found[self.rows :], z)
+        by_place += self.l.most / np.sqrt(z)
         return Left(found, 1.0 - c[self.capped] / self.cap, z)
 
     def start(self, c: Array, before: Point | None) -> Point:
@@ -177,22 +179,22 @@ class _Solver:
 
     def step(self, p: Point) -> tuple[float, float]:
         """One Newton step; the share of it that was taken, and the largest relative change of z."""
-        slack, cap_slack = p.left.rows + p.excess, p.left.cap + p.cap_excess
+        rows = _Pull.of(p.left.rows + p.excess, p.excess, p.price, PRICE, self.mu)
+        cap = _Pull.of(p.left.cap + p.cap_excess, p.cap_excess, p.cap_price, self.cap_most, self.mu)
         low, mid, high = self.gradients(p.left.z)
-        weight, push = _weights(slack, p.excess, p.price, PRICE, self.mu)
-        cap_weight, cap_push = _weights(cap_slack, p.cap_excess, p.cap_price, self.cap_most, self.mu)
         band, right = self.time(p)
-        _add(band, right, weight, p.price + push, low, mid, high)
-        band[2, self.capped] += cap_weight / self.cap**2
-        right[self.capped] -= (p.cap_price + cap_push) / self.cap
+        _add(band, right, rows.weight, p.price + rows.push, low, mid, high)
+        band[2, self.capped] += cap.weight / self.cap**2
+        right[self.capped] -= (p.cap_price + cap.push) / self.cap
         # z is positive: a barrier of its own keeps steps from running into the wall.
         band[2] += FLOOR * self.mu / p.c**2
         right += FLOOR * self.mu / p.c
         dc = self.newton(band, right)
-        forward = low * dc[:-2] + mid * dc[1:-1] + high * dc[2:]
-        cap_forward = -dc[self.capped] / self.cap
         return self.move(
-            p, dc, (slack, weight, push, forward), (cap_slack, cap_weight, cap_push, cap_forward)
+            p,
+            dc,
+            rows.moved(low * dc[:-2] + mid * dc[1:-1] + high * dc[2:], p.excess, p.price, self.mu),
+            cap.moved(-dc[self.capped] / self.cap, p.cap_excess, p.cap_price, self.mu),
         )
 
     def gradients(self, z: Array) -> tuple[Array, Array, Array]:
@@ -201,7 +203,8 @@ class _Solver:
         at = self.l.at
         tangent = -0.5 * self.l.most * z**-1.5
         for value, form in ((low, at.low), (mid, at.mid), (high, at.high)):
-            value[self.rows :] += tangent * form
+            by_place = _by_place(value[self.rows :], z)
+            by_place += tangent * form
         return low, mid, high
 
     def time(self, p: Point) -> tuple[Array, Array]:
@@ -243,30 +246,15 @@ class _Solver:
         dc[-1] = last * dc[-2]
         return np.asarray(dc)
 
-    def move(
-        self, p: Point, dc: Array, rows: tuple[Array, ...], cap: tuple[Array, ...]
-    ) -> tuple[float, float]:
-        moves = []
-        primal, dual = max(float((-dc / p.c).max()), float((dc / p.c).max()) / MAX_GROWTH), 0.0
-        for (slack, weight, push, forward), excess, price, most in (
-            (rows, p.excess, p.price, PRICE),
-            (cap, p.cap_excess, p.cap_price, self.cap_most),
-        ):
-            dprice = push - weight * forward
-            dslack = self.mu / price - slack - slack / price * dprice
-            dexcess = (self.mu + excess * dprice) / (most - price) - excess
-            primal = max(primal, (-dslack / slack).max(initial=0.0), (-dexcess / excess).max(initial=0.0))
-            dual = max(
-                dual,
-                (-dprice / price).max(initial=0.0),
-                (dprice / (most - price)).max(initial=0.0),
-            )
-            moves.append((dexcess, dprice))
+    def move(self, p: Point, dc: Array, rows: _Moves, cap: _Moves) -> tuple[float, float]:
+        change = dc / p.c
+        primal = max(float(-change.min()), float(change.max()) / MAX_GROWTH, *rows.walls, *cap.walls)
+        dual = max(0.0, *rows.price_walls, *cap.price_walls)
         primal = min(1.0, TO_WALL / max(primal, 1e-12))
         dual = min(1.0, TO_WALL / max(dual, 1e-12))
         p.c = self.closed(p.c + primal * dc)
-        p.excess, p.cap_excess = p.excess + primal * moves[0][0], p.cap_excess + primal * moves[1][0]
-        p.price, p.cap_price = p.price + dual * moves[0][1], p.cap_price + dual * moves[1][1]
+        p.excess, p.cap_excess = p.excess + primal * rows.excess, p.cap_excess + primal * cap.excess
+        p.price, p.cap_price = p.price + dual * rows.price, p.cap_price + dual * cap.price
         p.left = self.left(p.c)
         p.cap_excess = np.maximum(p.cap_excess, 1e-12 - p.left.cap)
         p.excess = np.maximum(p.excess, 1e-12 - p.left.rows)
@@ -276,13 +264,44 @@ class _Solver:
         return min(primal, dual), primal * float(np.abs(dc / p.c).max())
 
 
-def _weights(
-    slack: Array, excess: Array, price: Array, most: Array | float, mu: float
-) -> tuple[Array, Array]:
-    """Weight of each limit in Newton's matrix, and how its price moves before the step is known."""
-    spare = most - price
-    weight = 1.0 / (slack / price + excess / spare)
-    return weight, weight * (mu / price - slack - mu / spare + excess)
+class _Moves(NamedTuple):
+    """What a step of 1 does to excess and price of limits, and how many times the way to each wall it is."""
+
+    excess: Array
+    price: Array
+    walls: tuple[float, float]  # of slack and excess: none of them
+    price_walls: tuple[float, float]  # of the price: none, and the most there is
+
+
+class _Pull(NamedTuple):
+    """What limits do to a step: in Newton's matrix, and before the step is known to their own prices."""
+
+    weight: Array  # in the matrix
+    push: Array  # of the price
+    slack: Array
+    per_price: Array  # the slack, over the price
+    spare: Array  # by which the price may rise
+    short: Array  # of the slack that goes with the price
+
+    @staticmethod
+    def of(slack: Array, excess: Array, price: Array, most: Array | float, mu: float) -> _Pull:
+        spare, per_price, short = most - price, slack / price, mu / price - slack
+        weight = 1.0 / (per_price + excess / spare)
+        return _Pull(weight, weight * (short - mu / spare + excess), slack, per_price, spare, short)
+
+    def moved(self, forward: Array, excess: Array, price: Array, mu: float) -> _Moves:
+        """``forward``: how the step changes what is left of each."""
+        more = self.push - self.weight * forward
+        slack = self.short - self.per_price * more
+        more_excess = (mu + excess * more) / self.spare - excess
+        walls = -(slack / self.slack).min(initial=0.0), -(more_excess / excess).min(initial=0.0)
+        prices = -(more / price).min(initial=0.0), (more / self.spare).max(initial=0.0)
+        return _Moves(more_excess, more, walls, prices)
+
+
+def _by_place(rows: Array, places: Array) -> Array:
+    """The same rows (K, m) as (K / P, P, m), seen beside ``places`` (P, m)."""
+    return rows.reshape(len(places), -1, rows.shape[1]).swapaxes(0, 1)
 
 
 def _add(band: Array, right: Array, weight: Array, push: Array, low: Array, mid: Array, high: Array) -> None:

@@ -119,7 +119,7 @@ def time_of(row: Sequence[float], s: float, longest: float) -> float:
 
 def shifted(row: Sequence[float], t: float, s: float) -> Quintic:
     """The same cubic with its clock ``t`` later and ``s`` taken off."""
-    c0, c1, c2, c3 = (float(c) for c in row[:4])
+    c0, c1, c2, c3, _, _ = row
     start = c0 + t * (c1 + t * (c2 + t * c3)) - s
     return (start, c1 + t * (2.0 * c2 + t * 3.0 * c3), c2 + 3.0 * t * c3, c3, 0.0, 0.0)
 
@@ -169,23 +169,17 @@ def split(times: Array, pieces: Array, starts: Array) -> list[Law]:
     knots = [0.0]
     rows: list[Quintic] = []
     k = int(np.clip(np.searchsorted(starts, pieces[0][0], side="right") - 1, 0, len(starts) - 2))
-    base = 0.0
-    for i in range(len(pieces)):
-        row, t0, t1 = _quintic(pieces[i]), float(times[i]), float(times[i + 1])
-        while k < len(starts) - 2 and value(row, t1 - t0) > starts[k + 1]:
-            cut = time_of(row, float(starts[k + 1]), t1 - t0)
+    base, begin = 0.0, starts.tolist()
+    for row, (t0, t1) in zip(pieces.tolist(), itertools.pairwise(times.tolist()), strict=True):
+        while k < len(begin) - 2 and value(row, t1 - t0) > begin[k + 1]:
+            cut = time_of(row, begin[k + 1], t1 - t0)
             if cut > 0.0:
-                rows.append(shifted(row, 0.0, float(starts[k])))
+                rows.append(shifted(row, 0.0, begin[k]))
                 knots.append(t0 + cut - base)
             laws.append(joined(knots, rows))
             row, t0 = shifted(row, cut, 0.0), t0 + cut
             k, base, knots, rows = k + 1, t0, [0.0], []
-        rows.append(shifted(row, 0.0, float(starts[k])))
+        rows.append(shifted(row, 0.0, begin[k]))
         knots.append(t1 - base)
     laws.append(joined(knots, rows))
     return laws
-
-
-def _quintic(row: Array) -> Quintic:
-    a, b, c, d, e, f = (float(x) for x in row)
-    return (a, b, c, d, e, f)

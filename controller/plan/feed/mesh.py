@@ -247,12 +247,13 @@ def _reversed(found: Samples) -> Samples:
 def _grown(found: Samples, most: Array) -> Array:
     """The speed gained along the samples, never above ``most``; a start from rest goes with t^3."""
     speeds = [v := float(most[0])]
-    steps, limits = np.diff(found.s).tolist(), most.tolist()
-    acceleration, jerk = (EASY * found.acceleration).tolist(), (EASY * found.jerk).tolist()
-    for k, step in enumerate(steps):
-        start = math.cbrt(4.5 * jerk[k] * step * step)
-        a = min(acceleration[k], math.sqrt(2.0 * jerk[k] * v))
-        v = min(limits[k + 1], max(math.sqrt(v * v + 2.0 * a * step), start))
+    step = np.diff(found.s)
+    acceleration, jerk = EASY * found.acceleration[:-1], EASY * found.jerk[:-1]
+    starts = map(math.cbrt, (4.5 * jerk * step * step).tolist())
+    rows = (x.tolist() for x in (step, most[1:], acceleration, 2.0 * jerk))
+    for start, length, limit, most_a, per_v in zip(starts, *rows, strict=True):
+        a = min(most_a, math.sqrt(per_v * v))
+        v = min(limit, max(math.sqrt(v * v + 2.0 * a * length), start))
         speeds.append(v)
     return np.array(speeds)
 
