@@ -171,6 +171,7 @@ class _Fit:
         final: bool,
     ) -> None:
         self._line, self._left, self._kept, self._tolerance = line, left, kept, tolerance
+        self._way, self._length = np.diff(line.values, axis=0), np.diff(line.s)
         self._still = len(frozen)
         begin = float(frozen[-1]) if len(frozen) else seam
         count = (float(line.s[-1]) - begin) / BASE_MM
@@ -231,9 +232,9 @@ class _Fit:
         weight[:-1] += half
         weight[1:] += half
         h = (place - x[span])[:, None]
-        c = self._basis[span]
+        c = self._basis.take(span, axis=0)
         b = c[..., 0] + h * (c[..., 1] + h * (c[..., 2] + h * c[..., 3]))
-        f = _along(self._line, place) - self._kept[0]
+        f = self._along(place) - self._kept[0]
         self.controls = self._kept[0] + self._banded(b, f, weight, span)
 
     def _places(self) -> tuple[Array, Index]:
@@ -280,6 +281,13 @@ class _Fit:
         c[..., 0] += base
         return np.asarray(c)
 
+    def _along(self, s: Array) -> Array:
+        """Values (N, 5) of the polyline at ``s``."""
+        line = self._line
+        i = np.clip(np.searchsorted(line.s, s, side="right") - 1, 0, len(line.s) - 2)
+        share = (s - line.s[i]) / self._length[i]
+        return np.asarray(line.values.take(i, axis=0) + share[:, None] * self._way.take(i, axis=0))
+
     # ---- deviation ---------------------------------------------------------------
 
     def _deviation(self) -> Array:
@@ -288,8 +296,8 @@ class _Fit:
         inside = (line.s > x[0]) & (line.s < x[-1])
         place = distinct(np.concatenate((x, line.s[inside])))
         span = np.clip(np.searchsorted(x, place, side="right") - 1, 0, len(x) - 2)
-        h, c = (place - x[span])[:, None], self.spans()[span]
-        f = _along(line, place)
+        h, c = (place - x[span])[:, None], self.spans().take(span, axis=0)
+        f = self._along(place)
         value = c[..., 0] + h * (c[..., 1] + h * (c[..., 2] + h * c[..., 3])) - f
         rate = c[..., 1] + h * (2.0 * c[..., 2] + 3.0 * h * c[..., 3])
         width = np.diff(place)[:, None]
@@ -316,13 +324,6 @@ def _size(e: Array, sine: Array, allowed: Tolerance) -> Array:
         tilt, spin = (other, one) if allowed.spin == 0 else (one, other)
         axis = tilt + np.minimum(sine + tilt, 1.0) * spin
     return np.asarray(np.maximum(tip, axis / allowed.axis_rad))
-
-
-def _along(line: Polyline, s: Array) -> Array:
-    """Values (N, 5) of the polyline at ``s``."""
-    i = np.clip(np.searchsorted(line.s, s, side="right") - 1, 0, len(line.s) - 2)
-    share = (s - line.s[i]) / (line.s[i + 1] - line.s[i])
-    return np.asarray(line.values[i] + share[:, None] * (line.values[i + 1] - line.values[i]))
 
 
 def _basis(t: Array, count: int) -> Array:

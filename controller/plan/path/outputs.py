@@ -14,7 +14,7 @@ from controller.machine.model import Machine
 from controller.messages import said
 from controller.motion.motions import ThreadMove
 from controller.plan.stretch import Chain, Pause, Stretch, Voice
-from controller.program.program import ENABLED, UNSAID, Block, Outputs, Overrides, Probing
+from controller.program.program import ENABLED, UNSAID, Block, Modal, Outputs, Overrides, Probing
 
 _Said = tuple[Outputs, Overrides, bool]
 _NOTHING: _Said = (UNSAID, ENABLED, False)
@@ -28,11 +28,12 @@ class Switched:
         self._said = deque[tuple[int, _Said]]([(0, _NOTHING)])  # from which order on
 
     def read(self, blocks: Iterable[Block]) -> Iterator[Block]:
+        before: Modal | None = None
         for block in blocks:
-            modal = block.modal
-            said = modal.outputs, modal.overrides, modal.tool == self._probe
-            if said != self._said[-1][1]:
-                self._said.append((block.place.order, said))
+            if (modal := block.modal) is not before:  # many lines share one
+                before, said = modal, (modal.outputs, modal.overrides, modal.tool == self._probe)
+                if said != self._said[-1][1]:
+                    self._said.append((block.place.order, said))
             yield block
 
     def laid(self, items: Iterable[Chain | Pause]) -> Iterator[Chain | Pause]:

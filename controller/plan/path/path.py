@@ -41,7 +41,6 @@ from controller.program.program import (
     CutCone,
     CutRuled,
     Dwell,
-    JointArc,
     JointCurve,
     JointLine,
     JointMotion,
@@ -171,7 +170,7 @@ class Tracer:
                 self._block(block)
                 if self._items:
                     yield from self._made()
-                if isinstance(block, JointLine | TipLine) and block.probe and block.probe.came:
+                if isinstance(block, meant.Line) and block.probe and block.probe.came:
                     self.now = block.probe.came.rest
         self._lay_all()
         self._end_row()
@@ -203,16 +202,17 @@ class Tracer:
             self._wait(block)
             return
         self._lay_waiting(True)
-        if self._exact_lines.takes(block) and not rows.blends(block):
+        blended = block if isinstance(block, Feed) and rows.blends(block) else None
+        if blended is None and self._exact_lines.takes(block):
             self._collect(block)
             return
         self._lay_exact_lines(True)
-        if isinstance(block, JointLine | TipLine) and block.probe is not None:
+        if isinstance(block, meant.Line) and block.probe is not None:
             self._end_row()
             self._probe(block, block.probe)
             return
-        if isinstance(block, JointLine | TipLine | JointArc) and rows.blends(block):
-            self._blended(block)
+        if blended is not None:
+            self._blended(blended)
             return
         self._end_row()
         if isinstance(block, Dwell):
