@@ -215,6 +215,7 @@ class Hub:
         event_s = looks_s or self.bus.next_event_s() + TIMEOUT_S
         # select and not epoll: its time-out is in microseconds, epoll's in milliseconds.
         readable, _, _ = select.select(looked_for, [], [], max(0.0, min(event_s, until_s) - now_s))
+        now_s = time.monotonic()
         if looks_s and self._master is not None:
             if readable:
                 self._alert_until_s = now_s + ALERT_S
@@ -223,7 +224,8 @@ class Hub:
             reader = self._readers.get(one)  # one reader may have closed another's descriptor
             if reader is not None:
                 reader()
-        self.bus.advance(max(self.bus.now_s, time.monotonic()))
+        # Not beyond: what was handed over since is read next time, and has not begun in the meantime.
+        self.bus.advance(max(self.bus.now_s, now_s))
         for client in self._clients.values():
             client.flush(self.bus.now_s)
         for watch in self.watchers:

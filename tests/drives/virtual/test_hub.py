@@ -435,3 +435,30 @@ def test_a_hub_that_was_held_back_takes_what_there_was_room_for_when_it_was_sent
     assert not port.receive_into(buffer), "nothing was refused"
     port.close()
     hub.close()
+
+
+def test_what_is_handed_over_while_the_hub_is_at_work_goes_out_when_it_was_handed_over(
+    tmp_path: Path,
+) -> None:
+    hub = Hub(str(tmp_path / "can"))
+    port = bus.open(BusSettings("can", "virtual", hub.path, 1_000_000))
+    while not hub._clients:
+        hub.turn(time.monotonic())
+    near, far = socket.socketpair()
+    sent_s: list[float] = []
+
+    def keeps_it_long() -> None:
+        near.recv(1)
+        assert port.send(bytes(pdo.frame(pdo.SYNC)))
+        sent_s.append(time.monotonic())
+        time.sleep(0.05)
+
+    hub.listen(near.fileno(), keeps_it_long)
+    far.send(b"x")
+    while not len(hub.syncs.times_s()):
+        hub.turn(time.monotonic() + 1.0)
+    assert hub.syncs.times_s()[0] < sent_s[0] + 0.02, "not when that work was over"
+    near.close()
+    far.close()
+    port.close()
+    hub.close()
