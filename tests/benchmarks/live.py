@@ -7,8 +7,8 @@ Idle: drives on, nothing moves. Loaded: the machine cuts Example 2, its own plan
 planner checks Example 2 again and again; and 20 listeners and 100 requests a second ask the panel.
 
 SYNC is stamped by the kernel when the tick hands it to a bus. An interval outside of 1 +- 1/4 periods counts
-for as many SYNCs as it should have had, for ``cyclictest`` as for the tick; who wakes a whole period late or
-more has skipped it. The figures are those of the worst bus.
+for as many SYNCs as it should have had, for ``cyclictest`` as for the tick. The figures are those of the
+worst bus.
 """
 
 from __future__ import annotations
@@ -109,7 +109,11 @@ def watched(shop: Shop, seconds: float) -> Turn:
     stamps = Stamps(five_buses.hub_paths(tree(shop.processes["serve"].pid)))
     latencies_s = cyclictest.turn(seconds, PERIOD_S, cyclictest.FROM_THE_KERNEL, tick_core())
     found = stamps.close()
-    return Turn(found, of_wakes(latencies_s), int(bool(shop.until(lambda _: True, "an answer")["fault"])))
+    return Turn(
+        found,
+        cyclictest.wakes_s(latencies_s, PERIOD_S),
+        int(bool(shop.until(lambda _: True, "an answer")["fault"])),
+    )
 
 
 def machine_turns(seconds: float, in_the_cut: float, answers_per_s: list[float]) -> dict[str, Turn]:
@@ -140,11 +144,6 @@ def beside(state: str, turns: list[Turn]) -> list[Figure]:
         Figure(f"{state}: skipped ticks", skipped, ""),
         Figure(f"{state}: faults", float(sum(one.faults for one in turns)), "", at_most=0.0),
     ]
-
-
-def of_wakes(latencies_s: Rows) -> Rows:
-    """When a thread of cyclictest woke, without the times that it skipped."""
-    return (np.arange(len(latencies_s)) * PERIOD_S + latencies_s)[latencies_s < PERIOD_S]
 
 
 def report(short: bool) -> Report:
