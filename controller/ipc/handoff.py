@@ -25,13 +25,11 @@ from __future__ import annotations
 
 import mmap
 import os
-import pickle
-import select
-import socket
 import struct
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from controller.ipc.piece_socket import PieceInbox, PieceOutbox, encode, piece_pair
 from controller.motion.pieces import (
     DEAD_MAN_S,
     STANDSTILL,
@@ -133,103 +131,6 @@ __all__ = [
 ]
 
 PLANNER_SILENCE_S = 2.0  # a plan that hangs; the queue ends at rest by itself, so a pause is no danger
-
-
-# ---- pieces on the wire: packets of (sequence, part, parts) + a slice of the pickle.
-# The kernel bounds a packet by the send buffer, so a long message goes in parts.
-_PART = struct.Struct("<IHH")
-_PART_BYTES = 60_000
-_BUFFER_BYTES = 4 << 20
-
-
-def encode(message: PieceMessage) -> list[bytes]:
-    """The packets of a message, in the order in which they must be sent; a keepalive has no parts."""
-    if message.is_keepalive:
-        return [_PART.pack(message.sequence & 0xFFFFFFFF, 0, 0)]
-    data = pickle.dumps(message, protocol=pickle.HIGHEST_PROTOCOL)
-    parts = [data[i : i + _PART_BYTES] for i in range(0, len(data), _PART_BYTES)]
-    return [_PART.pack(message.sequence & 0xFFFFFFFF, i, len(parts)) + p for i, p in enumerate(parts)]
-
-
-def piece_pair() -> tuple[socket.socket, socket.socket]:
-    """(plan's end, tick's end) of a new piece socket, both non-blocking."""
-    plan, tick = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-    for end, option in ((plan, socket.SO_SNDBUF), (tick, socket.SO_RCVBUF)):
-        end.setsockopt(socket.SOL_SOCKET, option, _BUFFER_BYTES)
-        end.setblocking(False)
-    return plan, tick
-
-
-class PieceOutbox:
-    """Plan's end of the piece socket; keeps what does not fit into it yet."""
-
-    def __init__(self, plan_end: socket.socket) -> None:
-        self._socket = plan_end
-        self._waiting: list[bytes] = []
-
-    def send(self, message: PieceMessage) -> bool:
-        """Queue and send what fits; False while packets are still waiting.
-
-        A keepalive is dropped when packets wait: they are a sign of life themselves.
-        """
-        if not (message.is_keepalive and self._waiting):
-            self._waiting += encode(message)
-        return self.flush()
-
-    def flush(self) -> bool:
-        """Send waiting packets; False when some still wait. OSError when the tick is gone."""
-        while self._waiting:
-            try:
-                self._socket.send(self._waiting[0])
-            except BlockingIOError:
-                return False
-            del self._waiting[0]
-        return True
-
-
-class PieceInbox:
-    """The tick's end of the piece socket: at most one whole message per ``take``."""
-
-    def __init__(self, tick_end: socket.socket) -> None:
-        self._socket = tick_end
-        self._poll = select.poll()  # a third of what it costs to receive nothing
-        self._poll.register(tick_end, select.POLLIN)
-        self._parts: list[bytes] = []
-        self.heard = False  # anything came in since the flag was last cleared
-        self.closed = False
-
-    def take(self) -> PieceMessage | None:
-        """The next complete message, or None. Never blocks, never raises on a lost peer."""
-        while not self.closed and self._poll.poll(0):
-            try:
-                packet = self._socket.recv(_PART_BYTES + _PART.size)
-            except BlockingIOError:
-                return None
-            except OSError:
-                packet = b""
-            if not packet:
-                self.closed = True  # the plan is gone
-                return None
-            self.heard = True
-            message = self._join(packet)
-            if message is not None:
-                return message
-        return None
-
-    def _join(self, packet: bytes) -> PieceMessage | None:
-        _, part, parts = _PART.unpack_from(packet)
-        if parts == 0:
-            return None  # a keepalive: it was heard, that is all
-        if part == 0:
-            self._parts.clear()
-        if part != len(self._parts):
-            return None  # the rest of a message whose beginning was lost
-        self._parts.append(packet[_PART.size :])
-        if part + 1 < parts:
-            return None
-        message = pickle.loads(b"".join(self._parts))
-        self._parts.clear()
-        return message if isinstance(message, PieceMessage) else None
 
 
 # ---- shared memory

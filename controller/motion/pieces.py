@@ -10,7 +10,8 @@ from __future__ import annotations
 
 import math
 from array import array
-from collections.abc import Iterable, Sequence
+from bisect import bisect_right
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import field
 from typing import NamedTuple
 
@@ -184,6 +185,17 @@ class StopTable:
     def shifted(self, by_s: float) -> StopTable:
         """The same stops at other plan times."""
         return StopTable(self.start_s + by_s, self.step_s, self.jerk_step_s, self.first, self.jerks)
+
+    def parts(self, values: int) -> Iterator[StopTable]:
+        """The same stops in tables one behind the other: of so many stops and jerks, or of one stop."""
+        first, i = self.first, 0
+        while i < len(self):
+            j = bisect_right(range(len(first)), first[i] + i + values, lo=i, key=lambda k: first[k] + k) - 1
+            j = max(j, i + 1)
+            rows = array("i", [k - first[i] for k in first[i : j + 1]])
+            start_s = self.start_s + i * self.step_s
+            yield StopTable(start_s, self.step_s, self.jerk_step_s, rows, self.jerks[first[i] : first[j]])
+            i = j
 
 
 @dataclass(frozen=True, slots=True)

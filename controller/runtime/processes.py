@@ -18,7 +18,8 @@ from typing import Any
 
 from controller.geometry import placement, surfaces
 from controller.ipc import internal_error
-from controller.ipc.handoff import PieceInbox, Recorder, RequestInbox, SnapshotBoard
+from controller.ipc.handoff import Recorder, RequestInbox, SnapshotBoard
+from controller.ipc.piece_socket import PACKETS_PER_S, PieceInbox
 from controller.machine import machine_file
 from controller.machine.model import Machine
 from controller.runtime import children, cores, cyclic
@@ -77,7 +78,9 @@ def tick_main(job: Job) -> None:
     cycle = Cycle(
         machine,
         group,
-        PieceInbox(children.joined(job.pieces, socket.SOCK_SEQPACKET)),
+        PieceInbox(
+            children.joined(job.pieces, socket.SOCK_SEQPACKET), round(PACKETS_PER_S * machine.period_s)
+        ),
         RequestInbox(children.joined(job.requests, socket.SOCK_DGRAM), len(machine.axes)),
         SnapshotBoard(job.snapshot_path, create=False),
         Recorder(job.recorder_path, create=False),

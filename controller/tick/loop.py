@@ -32,10 +32,12 @@ from typing import Protocol
 
 from controller.state.modes import Fault, Request
 from controller.tick.cycle import Cycle
+from controller.tick.sync_watch import LATE_SHARE
 from drives.cia402 import State, Wanted
 
 SPIN_S = 300e-6  # woken this long before the deadline: a late wake-up and the drain of the buses fit in
-SPIN_SHARE = 0.2  # of the period at most
+SPIN_SHARE = 0.2  # of the period at most,
+LEAST_SPIN_S = 150e-6  # but not less than the scheduler is often late by
 FORGETS = 0.999  # in each tick, of the longest time that a rehearsal and the drain behind it took
 EASED_PERIOD_S = 2e-3  # of a shorter one a quarter, which is the most that SYNC may be late, is soon gone
 STAND_DOWN_S = 1.0  # for each step of an orderly end
@@ -43,6 +45,11 @@ LAST_TICKS_S = 0.5  # after an error of our own the drives are still told to sto
 
 _PR_SET_TIMERSLACK = 29
 _MCL_CURRENT_AND_FUTURE = 3
+
+
+def early_s(period_s: float) -> float:
+    """How long before its deadline the loop is woken."""
+    return min(SPIN_S, max(SPIN_SHARE * period_s, LEAST_SPIN_S))
 
 
 class Clock(Protocol):
@@ -112,7 +119,7 @@ class Loop:
         self._cycle = cycle
         self._clock = clock
         self._period_s = cycle.machine.period_s
-        self._early_s = min(SPIN_S, SPIN_SHARE * self._period_s)
+        self._early_s = early_s(self._period_s)
         self._eased = eased and self._period_s >= EASED_PERIOD_S
         self._kernel_sync = cycle.machine.sync == "kernel" and len(filenos) > 0
         self._poll = select.poll()
@@ -120,6 +127,8 @@ class Loop:
             self._poll.register(fileno, select.POLLIN)
         self._start_s = clock.now_s()
         self._n = 0
+        self._latest_s = LATE_SHARE * self._period_s
+        self._listened = False  # before the last SYNC
         self._longest_s = 0.0  # that a rehearsal and the drain behind it took of late
         self.error: Exception | None = None  # of our own, that ended ``run``
 
@@ -129,8 +138,12 @@ class Loop:
             return self._echo_tick()
         n = self._n + 1
         deadline_s = self._start_s + n * self._period_s
-        self._clock.wake(deadline_s, 0.0 if self._eased and self._cycle.at_rest else self._early_s)
-        self._prepare(deadline_s)
+        if self._eased and self._cycle.at_rest:
+            self._clock.wake(deadline_s, 0.0)
+            self._cycle.receive(self._clock.now_s())
+        else:
+            self._clock.wake(deadline_s, self._early_s)
+            self._prepare(deadline_s)
         now_s = self._clock.spin(deadline_s)
         reached = max(n, int((now_s - self._start_s) / self._period_s))
         lateness_s = now_s - (self._start_s + reached * self._period_s)
@@ -138,9 +151,16 @@ class Loop:
         return self._cycle.run(now_s, max(lateness_s, 0.0), reached - n)
 
     def _prepare(self, deadline_s: float) -> None:
-        """Before the deadline: a rehearsal, where it will be over in time, and what came in on the buses."""
+        """Before the deadline: a rehearsal, where it will be over in time, and what came in on the buses.
+
+        Woken behind it, SYNC comes first: what came in waits for the next tick, though never for two.
+        """
         cycle, now_s = self._cycle, self._clock.now_s
         began_s = now_s()
+        if self._listened and 0.0 < began_s - deadline_s <= self._latest_s:
+            self._listened = False
+            return
+        self._listened = True
         if deadline_s - began_s <= self._longest_s:
             cycle.receive(began_s)
             self._longest_s *= FORGETS

@@ -113,7 +113,7 @@ class SimulatedDrive(Device):
             axis.unsettled,
             axis.generator,
             axis.target,
-            *axis.servo.state,
+            axis.servo.state,
             axis.sensors.watches,
             axis.dictionary.changes,
         )

@@ -54,7 +54,8 @@ TIMEOUT_S = 100e-6
 # did not read for silence. Steps of the system's clock do little harm: see Hub._stamp.
 TRUSTED_S = 2.0
 STILL_S = 0.2  # nothing new for so long: nothing moves
-STILL_LOOK_S = 0.01
+STILL_LOOK_S = 0.02  # being woken, with cold caches, costs as much as some four periods of five drives
+STOP_LOOK_S = 0.1  # a hub that nobody speaks to asks whether it is to go on
 SLOWEST_S = 0.02  # rhythm of SYNC for which a client may wait
 ALERT_S = 0.02  # after somebody besides the sender of SYNC has spoken, everybody is served at once
 
@@ -215,6 +216,7 @@ class Hub:
         event_s = looks_s or self.bus.next_event_s() + TIMEOUT_S
         # select and not epoll: its time-out is in microseconds, epoll's in milliseconds.
         readable, _, _ = select.select(looked_for, [], [], max(0.0, min(event_s, until_s) - now_s))
+        now_s = time.monotonic()
         if looks_s and self._master is not None:
             if readable:
                 self._alert_until_s = now_s + ALERT_S
@@ -223,7 +225,8 @@ class Hub:
             reader = self._readers.get(one)  # one reader may have closed another's descriptor
             if reader is not None:
                 reader()
-        self.bus.advance(max(self.bus.now_s, time.monotonic()))
+        # Not beyond: what was handed over since is read next time, and has not begun in the meantime.
+        self.bus.advance(max(self.bus.now_s, now_s))
         for client in self._clients.values():
             client.flush(self.bus.now_s)
         for watch in self.watchers:
@@ -239,13 +242,13 @@ class Hub:
         if not alone:
             return 0.0
         if now_s - self.bus.new_s > STILL_S and self.bus.repeats:
-            return self._sync_s + max(1.5, round(STILL_LOOK_S / period_s) - 0.5) * period_s
+            return self._sync_s + (max(1, round(STILL_LOOK_S / period_s)) + 0.5) * period_s
         if not self.bus.is_only_for(master.source):
             return 0.0
         return self._sync_s + (0.5 if late_s < 0.5 * period_s else 1.5) * period_s
 
     def run(self, stop: Callable[[], bool]) -> None:
-        """Serve until ``stop()`` says so (looked at ten times a second).
+        """Serve until ``stop()`` says so, which is asked after each turn.
 
         Raises ScriptError for a fault of a node that is not here.
         """
@@ -254,9 +257,7 @@ class Hub:
             self._faults = None
         while not stop():
             self._offset_s = time.time() - time.monotonic()
-            until_s = time.monotonic() + 0.1
-            while time.monotonic() < until_s:
-                self.turn(until_s)
+            self.turn(time.monotonic() + STOP_LOOK_S)
 
     def close(self) -> None:
         for gateway in self._gateways:

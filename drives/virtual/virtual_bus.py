@@ -357,6 +357,7 @@ class SteppedBus:
             return
         waiting, carried, all_routes = self._waiting, self._carried, self._routes
         errors, logs, nowhere = self.errors, self._logs, self._nowhere
+        bits, bit_s = self._bits, self._bit_s
         # Nobody whom a frame reaches asks what is on the wire: that is put down at the end.
         free_s, flying, busy_s, frames = self._free_s, self._flying, self.busy_s, self.frames
         start_s = free_s
@@ -398,7 +399,11 @@ class SteppedBus:
             waiting[source] -= 1
             before, taken_s = carried.get(can_id, _NOT_YET)
             if frame != before:  # an axis at rest says the same with every SYNC
-                taken_s = self._new(can_id, frame, start_s)
+                if len(carried) > MOST_CARRIED:
+                    carried.clear()
+                taken_s = bits(can_id, frame) * bit_s
+                carried[can_id] = frame, taken_s
+                self.new_s = start_s
             if self.faults is not None or errors.troubled:
                 fate = self._judged(start_s, can_id, sequence, source, frame)
                 if fate is Fate.WITHHELD:
@@ -415,15 +420,6 @@ class SteppedBus:
             frames += 1
             free_s = start_s = start_s + taken_s
         self._free_s, self._flying, self.busy_s, self.frames = free_s, flying, busy_s, frames
-
-    def _new(self, can_id: int, frame: bytes, start_s: float) -> float:
-        """The seconds that a frame takes which is not the same as the last one of its identifier."""
-        taken_s = self._bits(can_id, frame) * self._bit_s if self._bit_s else 0.0
-        if len(self._carried) > MOST_CARRIED:
-            self._carried.clear()
-        self._carried[can_id] = frame, taken_s
-        self.new_s = start_s
-        return taken_s
 
     def _run_timers(self, now_s: float) -> None:
         self.now_s = now_s

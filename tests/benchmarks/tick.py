@@ -125,7 +125,7 @@ class Rig:
         self.now_s += period_s
         cycle.sync._synced_s = self.now_s - period_s  # the pace is ours, not the wall clock's
         if deadline_s:
-            CLOCK.wake(deadline_s, min(loop.SPIN_S, loop.SPIN_SHARE * period_s))
+            CLOCK.wake(deadline_s, loop.early_s(period_s))
         began_s = now()
         if rehearses:
             cycle.rehearse(self.now_s)

@@ -26,7 +26,6 @@ from controller.ipc.handoff import Law
 from controller.plan.feed import tool_limits
 from controller.plan.feed.course import Course
 from controller.plan.feed.law import along
-from controller.plan.feed.ticked import Ticked
 from controller.plan.surfaces.rates import Derivatives
 from controller.state.modes import Binding, axis_binding
 from controller.values import dataclass
@@ -132,8 +131,8 @@ def _by_tool(course: Course, motion: Motion, found: Codes) -> Codes:
 
 def _corners(course: Course, motion: Motion) -> npt.NDArray[np.intp]:
     """The moments before and behind each junction that is passed as fast as it allows, or among many such."""
-    if isinstance(course.seen, Ticked):
-        return np.flatnonzero(motion.v >= IN_ROWS * course.seen.allowed_at(motion.s))
+    if course.ticked is not None:
+        return np.flatnonzero(motion.v >= IN_ROWS * course.ticked.allowed_at(motion.s))
     s, places = motion.s, course.starts[1:-1]
     after = np.searchsorted(s, places)
     inside = (after > 0) & (after < len(s))

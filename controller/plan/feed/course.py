@@ -12,6 +12,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property, lru_cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -26,6 +27,9 @@ from controller.plan.junctions import MARGIN
 from controller.plan.stretch import Stretch
 from controller.plan.surfaces.rates import Derivatives, derivatives, kind, together
 from controller.values import dataclass
+
+if TYPE_CHECKING:
+    from controller.plan.feed.ticked import Ticked
 
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.intp]
@@ -70,7 +74,7 @@ class Course:
         self._jumps: dict[int, Jump] = {}
         self._kinds: dict[int, object] = {}
         self._ends: dict[int, Derivatives] = {}
-        self.seen: object = None  # what is remembered of its exact rows, see ``ticked``
+        self.ticked: Ticked | None = None  # what is remembered of its exact rows
 
     @property
     def length(self) -> float:

@@ -8,27 +8,18 @@ import os
 import signal
 
 import pytest
-from support.machines.tick_bench import rapid_law, straight
+from support.machines.tick_bench import rapid_law
 
 from controller.ipc.handoff import (
     COLUMN,
     ROW,
-    STILL,
     Arrangement,
     Jog,
-    Law,
-    Piece,
-    PieceInbox,
-    PieceMessage,
-    PieceOutbox,
     Recorder,
     RequestInbox,
     SnapshotBoard,
     blank,
-    dwell,
-    encode,
     flat,
-    piece_pair,
     request_pair,
     send_arrangement,
     send_jog,
@@ -75,62 +66,6 @@ def test_a_law_gives_place_speed_and_acceleration_and_clamps_its_time() -> None:
     assert s == pytest.approx(50.0) and v == pytest.approx(200.0) and abs(a) < 1e-9
     assert law.at(-1.0) == law.at(0.0)
     assert law.at(law.duration_s + 1.0)[0] == pytest.approx(100.0, abs=1e-9)
-
-
-def test_a_message_comes_out_as_it_went_in() -> None:
-    plan_end, tick_end = piece_pair()
-    piece, move = straight(HERE, THERE, rapid_law, 3)
-    sent = PieceMessage(1, 0.0, {3: move}, (piece, dwell(0.5, 9, stop=True)))
-    assert PieceOutbox(plan_end).send(sent)
-    inbox = PieceInbox(tick_end)
-    assert inbox.take() == sent and inbox.heard
-    assert inbox.take() is None
-
-
-def test_a_message_longer_than_a_packet_arrives_whole_or_not_yet() -> None:
-    plan_end, tick_end = piece_pair()
-    long = Law(tuple(map(float, range(5001))), tuple((float(i),) * 6 for i in range(5000)))
-    packets = encode(PieceMessage(1, 0.0, {}, (Piece(-1, 0, long, 5000.0),)))
-    assert len(packets) > 2
-    inbox = PieceInbox(tick_end)
-    for packet in packets[:-1]:
-        plan_end.send(packet)
-    assert inbox.take() is None
-    plan_end.send(packets[-1])
-    message = inbox.take()
-    assert message is not None and message.pieces[0].law == long
-
-
-def test_the_rest_of_a_message_whose_beginning_is_lost_is_not_taken() -> None:
-    plan_end, tick_end = piece_pair()
-    long = Law(tuple(map(float, range(5001))), tuple((float(i),) * 6 for i in range(5000)))
-    for packet in encode(PieceMessage(1, 0.0, {}, (Piece(-1, 0, long, 5000.0),)))[1:]:
-        plan_end.send(packet)
-    PieceOutbox(plan_end).send(PieceMessage(2, 0.0, {}, (dwell(1.0),)))
-    message = PieceInbox(tick_end).take()
-    assert message is not None and message.sequence == 2
-
-
-def test_a_full_socket_keeps_messages_waiting_and_in_order() -> None:
-    plan_end, tick_end = piece_pair()
-    outbox, inbox = PieceOutbox(plan_end), PieceInbox(tick_end)
-    sequence = 1
-    while outbox.send(PieceMessage(sequence, 0.0, {}, (Piece(-1, 0, STILL, 1.0),) * 400)):
-        sequence += 1
-    taken = []
-    while (message := inbox.take()) is not None:
-        taken.append(message.sequence)
-    assert outbox.flush()
-    while (message := inbox.take()) is not None:
-        taken.append(message.sequence)
-    assert taken == list(range(1, sequence + 1))
-
-
-def test_a_dead_planner_reads_as_closed_and_not_as_an_error() -> None:
-    plan_end, tick_end = piece_pair()
-    inbox = PieceInbox(tick_end)
-    plan_end.close()
-    assert inbox.take() is None and inbox.closed and not inbox.heard
 
 
 def test_requests_arrive_in_order_and_garbage_is_passed_over() -> None:

@@ -8,6 +8,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+import pytest
 from support.machines.interrupted_runs import TIPS
 from support.machines.stepped_runs import cut, program, shipped
 from support.machines.tapping import Tapper
@@ -175,9 +176,29 @@ def test_the_rehearsal_comes_before_the_drain_and_both_before_the_deadline() -> 
 
 
 def test_without_time_before_the_deadline_nothing_is_rehearsed() -> None:
-    stage = Stage(wakes_early_s=-10e-6, rehearsal_s=60e-6)
+    stage = Stage(wakes_early_s=10e-6, rehearsal_s=60e-6)
     loop = staged(stage)
+    loop.tick()  # how long it takes is not known before
     for _ in range(5):
+        loop.tick()
+        assert stage.called == ["receive", "run"]
+
+
+def test_woken_behind_the_deadline_sync_comes_before_the_drain_but_never_twice_in_a_row() -> None:
+    stage = Stage(wakes_early_s=200e-6, rehearsal_s=60e-6)
+    loop = staged(stage)
+    loop.tick()
+    stage.wakes_early_s = -10e-6
+    for called in (["run"], ["receive", "run"], ["run"], ["receive", "run"]):
+        loop.tick()
+        assert stage.called == called
+    assert stage.late_s[1:] == pytest.approx([10e-6, 30e-6, 10e-6, 30e-6])
+
+
+def test_woken_too_late_for_sync_there_is_no_hurry() -> None:
+    stage = Stage(wakes_early_s=-0.26 * PERIOD_S, rehearsal_s=60e-6)
+    loop = staged(stage)
+    for _ in range(3):
         loop.tick()
         assert stage.called == ["receive", "run"]
 

@@ -15,7 +15,7 @@ from support.machines.stepped_runs import T2, cut, program, shipped
 from support.machines.tapping import Tapper
 from support.parts.nurbs_text import blade, nurbs
 
-from controller.ipc import handoff
+from controller.ipc import piece_socket
 from controller.ipc.handoff import PieceMessage
 from controller.machine import machine_file
 from controller.machine.kinematics import kinematics_of
@@ -61,14 +61,14 @@ sys.stdout.buffer.write(pickle.dumps(found))
 def sent(monkeypatch: pytest.MonkeyPatch) -> list[PieceMessage]:
     """Every message that goes to the tick."""
     messages: list[PieceMessage] = []
-    packets = handoff.encode
+    packets = piece_socket.encode
 
     def noted(message: PieceMessage) -> list[bytes]:
         if not message.is_keepalive:
             messages.append(message)
         return packets(message)
 
-    monkeypatch.setattr(handoff, "encode", noted)
+    monkeypatch.setattr(piece_socket, "encode", noted)
     return messages
 
 

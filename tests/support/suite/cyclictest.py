@@ -45,6 +45,14 @@ def turn(seconds: float, period_s: float, priority: int, core: int | None = None
     return samples[WARM_UP:]
 
 
+def wakes_s(latencies_s: Rows, period_s: float) -> Rows:
+    """When its thread woke (s): whole periods that it overslept are gone for it."""
+    overslept = np.floor(latencies_s / period_s)
+    before = np.concatenate([[0.0], np.cumsum(overslept[:-1])])
+    found: Rows = (np.arange(len(latencies_s)) + before) * period_s + latencies_s
+    return found
+
+
 class Absence(NamedTuple):
     """A core did nothing for anybody (CLOCK_MONOTONIC, s): its thread of the highest priority waited."""
 
