@@ -43,9 +43,21 @@ def rows(recorder: Recorder | None, args: Mapping[str, Any]) -> Values:
     anew = after is not None and after > tick
     oldest = tick - (recorder.rows if kept is None else kept)
     since = oldest if after is None or anew else max(after, oldest)
-    found = recorder.last(max(0, tick - since) + NEWER)
+    found = _later(recorder, since, max(0, tick - since) + NEWER)
     fresh = found[found[:, COLUMN["tick"]] > since]
     return {**packed(fresh[: min(MAX_ROWS, most or MAX_ROWS)]), "anew": anew}
+
+
+def _later(recorder: Recorder, since: int, count: int) -> Rows:
+    """All rows after the tick ``since``, if they are there: usually among the newest ``count``.
+
+    While they are counted the tick goes on writing, for long where this process has to wait.
+    """
+    found = recorder.last(count)
+    while found[0, COLUMN["tick"]] > since and len(found) == count:
+        count *= 2
+        found = recorder.last(count)
+    return found
 
 
 def lateness(found: Rows, period_s: float) -> Values:

@@ -43,6 +43,22 @@ def test_rows_come_after_the_last_that_is_known_and_in_order() -> None:
     assert told(found, after=999) == []
 
 
+def test_nothing_is_left_out_where_a_tick_has_written_many_rows_meanwhile(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A busy computer keeps the service waiting between two looks, and the tick does not."""
+    found, look = recorder(*range(1000)), Recorder.last
+    unwritten = iter((range(1000, 1300), range(1300, 2400)))
+
+    def held_back(self: Recorder, rows: int) -> np.ndarray:
+        newest = look(self, rows)
+        write(self, *next(unwritten, ()))
+        return newest
+
+    monkeypatch.setattr(Recorder, "last", held_back)
+    assert told(found, after=990, most=500) == list(range(991, 1491))
+
+
 def test_at_first_as_many_are_told_as_are_kept() -> None:
     assert told(recorder(*range(1000)), kept=5) == [995, 996, 997, 998, 999]
 
