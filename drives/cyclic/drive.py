@@ -141,10 +141,18 @@ class Drive(PowerStage):
     def _miss(self) -> None:
         super()._miss()
         self._twice, self._twice_now = 0, False
+        self._later()
+
+    def _later(self) -> None:
+        """One feedback more may come beside the one that is owed."""
         if self._late < self._lost_after:
             self._late += 1
 
     def expect(self) -> None:
+        if (
+            self._awaiting
+        ):  # nobody has looked for what the last SYNC was answered with: it comes with the next
+            self._later()
         self._awaiting = True
         self._target_reached, self._target_latched = self._target_latched, self.setpoint
 

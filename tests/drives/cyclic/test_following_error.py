@@ -289,6 +289,27 @@ def test_what_a_stalled_bus_brings_later_and_later_is_no_second_node() -> None:
         assert drive.fault(0.0, 1.0) is DriveFault.NONE
 
 
+@pytest.mark.parametrize("every", [2, 3])
+def test_what_a_late_tick_has_left_to_the_next_is_neither_lag_nor_a_second_node(every: int) -> None:
+    """Woken behind its deadline a tick sends SYNC and does not listen: the next one hears two answers."""
+    drive = Drive(nodes("X", following=FollowingWindow(REST, 0.0, 8_000.0, 3, SPEED))[0], lost_after=2)
+    drive.want(Wanted.ENABLED)
+    waiting: list[int] = []
+    sent = [0, 0, 0]
+    for tick in range(200):
+        if tick < 20 or tick % every:
+            for position in waiting:
+                drive.receive(0x181, memoryview(pdo.FEEDBACK.pack(0x1237, position)), 0.0)
+            waiting.clear()
+            drive.settle()
+        drive.expect()
+        waiting.append(sent[-2])
+        drive.frame(tick * FULL, 0.0)
+        sent.append(drive.setpoint)
+        assert drive.fault(0.0, 1.0) is DriveFault.NONE, tick
+    assert drive.following and drive.lost == 0
+
+
 # ---- the window by itself: 100 counts at rest, and 10 SYNCs of the speed
 
 LARGEST = 1_000_000.0  # counts/s
