@@ -76,6 +76,11 @@ class Ways:
         )
         self.page.wait_for_selector("body[data-control=mine]")
 
+    def at_work(self) -> None:
+        self.shop.until(
+            lambda now: (now["sequence"] or {}).get("state") != "running" and now["mode"] != "READY", "work"
+        )
+
     def at_rest(self) -> None:
         self.shop.until(
             lambda now: now["mode"] == "READY" and (now["sequence"] or {}).get("state") != "running", "rest"
@@ -116,20 +121,18 @@ def by_page(ways: Ways) -> None:
     page.select_option("[name=offset]", "G55")
     page.click("#probing-run:not([aria-disabled])")
     browser.yes(page)
-    ways.shop.until(
-        lambda now: (now["sequence"] or {}).get("state") != "running" and now["mode"] != "READY", "it"
-    )
+    ways.at_work()
     ways.at_rest()
+
+
+def by_rest(ways: Ways) -> None:
+    ways.rest("POST", "/probing", {"cycle": "bore", "values": {"most": 20.0}, "offset": "G56"})
+    ways.at_work()  # which is answered when it begins: what is told of the machine may be of before
 
 
 BORE: dict[str, tuple[str, Callable[[Ways], Any]]] = {
     "page": ("G55", by_page),
-    "REST": (
-        "G56",
-        lambda ways: ways.rest(
-            "POST", "/probing", {"cycle": "bore", "values": {"most": 20.0}, "offset": "G56"}
-        ),
-    ),
+    "REST": ("G56", by_rest),
     "command line": ("G57", lambda ways: ways.command("probe", "bore", "most=20", "--offset", "G57")),
     "MDI": ("G58", lambda ways: ways.mdi("G21 G90 G54 G43 H99\no<probe_bore> call [20] [5]")),
     "program": (
