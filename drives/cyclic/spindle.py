@@ -106,8 +106,8 @@ class SpindleDrive(PowerStage):
 
     @property
     def at_speed(self) -> bool:
-        """Whether the actual speed is the wanted one, within the settings' share of it; at 0: it stands."""
-        if self.state is not State.OPERATION_ENABLED or not self.fresh:
+        """Whether the speed heard last is the wanted one, within the settings' share; at 0: it stands."""
+        if self.state is not State.OPERATION_ENABLED or self._feedback_lost:
             return self._wanted_speed == 0.0 and self.standing
         share = self.settings.at_speed_share * abs(self._wanted_speed)
         return abs(self.speed - self._wanted_speed) <= max(share, self._standing_speed)

@@ -85,6 +85,20 @@ def test_at_speed_is_within_the_share_and_never_before_the_feedback():
     assert drive.at_speed and drive.standing
 
 
+def test_one_feedback_that_comes_late_is_no_loss_of_speed_and_a_loss_of_them_is():
+    drive = alone(lost_after=3, feedback_every=1)
+    drive.want(Wanted.ENABLED)
+    drive.want_speed(600.0)
+    for misses in (0, 1, 2, 3):
+        tell(drive, 40_000)
+        drive.expect()
+        drive.settle()
+        for _ in range(misses):
+            drive.expect()
+            drive.settle()
+        assert drive.at_speed is (misses < 3)
+
+
 def test_a_drive_that_is_not_in_operation_is_at_no_speed():
     drive = enabled(mode=3)
     drive.want_speed(600.0)
