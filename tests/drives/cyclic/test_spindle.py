@@ -91,8 +91,6 @@ def test_one_feedback_that_comes_late_is_no_loss_of_speed_and_a_loss_of_them_is(
     drive.want_speed(600.0)
     for misses in (0, 1, 2, 3):
         tell(drive, 40_000)
-        drive.expect()
-        drive.settle()
         for _ in range(misses):
             drive.expect()
             drive.settle()
