@@ -29,7 +29,7 @@ import struct
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from controller.ipc.piece_socket import PieceInbox, PieceOutbox, encode, piece_pair
+from controller.ipc.piece_socket import PieceInbox, PieceOutbox, piece_pair
 from controller.motion.pieces import (
     DEAD_MAN_S,
     STANDSTILL,
@@ -118,7 +118,6 @@ __all__ = [
     "StopTable",
     "blank",
     "dwell",
-    "encode",
     "flat",
     "of_axes",
     "piece_pair",

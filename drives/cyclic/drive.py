@@ -149,9 +149,7 @@ class Drive(PowerStage):
             self._late += 1
 
     def expect(self) -> None:
-        if (
-            self._awaiting
-        ):  # nobody has looked for what the last SYNC was answered with: it comes with the next
+        if self._awaiting:  # a late tick has not listened: that feedback comes with the next
             self._later()
         self._awaiting = True
         self._target_reached, self._target_latched = self._target_latched, self.setpoint

@@ -66,7 +66,7 @@ class PretendedTick:
         assert isinstance(message, self._message)
         if message.is_keepalive:
             return True
-        from controller.ipc.handoff import encode
+        from controller.ipc.piece_socket import encode
 
         self.bytes += sum(len(packet) for packet in encode(message))
         self.first_s = self.first_s or time.perf_counter()
