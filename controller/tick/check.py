@@ -53,3 +53,7 @@ class Check:
                 return Fault.ACCELERATION, i
         self._stands = new if new is last is before else None
         return _FINE
+
+    def stops_within(self, new: Joints, last: Joints) -> float:
+        """Ticks in which every axis could be at rest from the speed of this step."""
+        return max([abs(new[i] - last[i]) / acceleration for i, _, _, _, acceleration in self._rows])

@@ -24,6 +24,10 @@ LOST_ECHOES = 3  # of the kernel's SYNC, in a row
 # SYNCs in a row that did not come: drives that hold their last setpoint have stopped meanwhile, and
 # to go on at full feed would be a step for them. Fewer are a dip that a servo smooths.
 LONG_GAP: Final = 4
+# So is a gap in which no motor can have stopped, however many SYNCs it has: an axis at speed v that may be
+# accelerated by a is given some 3 a by its motor, has lost half of v after v / 6a, and to stand is the
+# smaller step only from then on.
+STOPS_SHARE: Final = 1.0 / 6.0
 _RUNNING: Final = Mode.RUNNING  # an enum's members are slow to look up
 BLAMED_TICKS = 3  # the silence may have begun after the buses were drained
 
@@ -50,11 +54,9 @@ class SyncWatch:
         self.late_max_s = 0.0
         self.lateness_s = 0.0  # of this tick
 
-    def is_after_a_gap(self, tick: int) -> bool:
-        """Whether the drives had so long no SYNC that they stand."""
-        if self.by_kernel:
-            return self._group.syncs_seen > LONG_GAP
-        return tick - self._synced_tick > LONG_GAP
+    def gap(self, tick: int) -> int:
+        """SYNCs from the last one in time up to this one; of the kernel's: those that nobody answered."""
+        return self._group.syncs_seen if self.by_kernel else tick - self._synced_tick
 
     @property
     def is_unheard(self) -> bool:

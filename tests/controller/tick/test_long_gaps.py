@@ -20,7 +20,7 @@ HERE: Joints = (0.0, 0.0, 0.0, 0.0, 0.0)
 THERE: Joints = (100.0, 60.0, -80.0, 1.0, 2.0)
 T = 0.002
 AT = 80  # the wait that ends late
-GAPS_S = [LONG_GAP * T, 0.0113, 0.05, 0.5]
+GAPS_S = [0.0113, 0.05, 0.5]  # X does 120 mm/s there: half of that is lost after 10 ms
 
 
 def late(seconds: float, **changes: object) -> tuple[Bench, list[float]]:
@@ -71,8 +71,9 @@ def test_what_is_planned_from_there_begins_from_rest_and_comes_to_the_end(gap_s:
     bench.close()
 
 
-def test_a_shorter_gap_goes_on_where_it_was() -> None:
-    bench, _, _ = gapped((LONG_GAP - 1) * T)
+@pytest.mark.parametrize("skipped", [LONG_GAP - 1, LONG_GAP])
+def test_a_shorter_gap_goes_on_where_it_was(skipped: int) -> None:
+    bench, _, _ = gapped(skipped * T)
     epoch = bench.snapshot.epoch
     bench.until(Mode.READY)
     assert bench.snapshot.epoch == epoch and not (bench.rows()[:, COLUMN["switches"]] == STOOD).any()

@@ -48,7 +48,7 @@ def test_before_the_first_tick_nothing_was_late_and_nothing_left_out() -> None:
     watch = Watched().watch
     assert (watch.skips, watch.late_max_s, watch.lateness_s) == (0, 0.0, 0.0)
     assert not watch.by_kernel and not watch.is_unheard
-    assert not watch.is_after_a_gap(LONG_GAP) and watch.is_after_a_gap(LONG_GAP + 1)
+    assert watch.gap(LONG_GAP) == LONG_GAP
 
 
 def test_a_sync_leaves_up_to_a_quarter_of_the_period_late_and_never_close_to_the_last_one() -> None:
@@ -60,14 +60,12 @@ def test_a_sync_leaves_up_to_a_quarter_of_the_period_late_and_never_close_to_the
     assert watched.group.syncs == [0.0, NEAREST_SHARE * T]
 
 
-def test_a_gap_is_long_when_so_many_ticks_in_a_row_have_sent_none() -> None:
+def test_a_gap_is_counted_from_the_last_tick_that_sent_a_sync() -> None:
     watched = Watched()
     watched.send(1.0, tick=100)
-    assert not watched.watch.is_after_a_gap(100 + LONG_GAP)
-    assert watched.watch.is_after_a_gap(101 + LONG_GAP)
+    assert [watched.watch.gap(tick) for tick in (100, 101, 105)] == [0, 1, 5]
     watched.watch.pass_over()
-    assert not watched.watch.is_after_a_gap(101 + LONG_GAP)
-    assert watched.watch.is_after_a_gap(102 + LONG_GAP)
+    assert watched.watch.gap(105) == 4
 
 
 def test_a_bus_that_takes_none_for_its_time_is_unheard_and_heard_again_with_the_next() -> None:
@@ -143,9 +141,8 @@ def test_of_the_kernel_s_sync_the_echoes_say_what_came() -> None:
     watched = Watched(Mode.READY, sync="kernel")
     watch, group = watched.watch, watched.group
     assert watch.by_kernel and watched.send(0.0, 1.0)  # however late the tick: it was not we who sent it
-    for seen, long in ((LONG_GAP, False), (LONG_GAP + 1, True)):
-        group.syncs_seen = seen
-        assert watch.is_after_a_gap(1) is long
+    group.syncs_seen = LONG_GAP + 1
+    assert watch.gap(1) == LONG_GAP + 1
     watch.count(True, 1, 0.0, False)
     assert watch.skips == LONG_GAP
     group.syncs_seen = 1
