@@ -129,6 +129,7 @@ class Ticked:
         speed, before = np.full(n, most), np.zeros(n)
         scales = self._scales()
         open_, slower, stride = np.ones(n, dtype=bool), 0.0, 1
+        widest = math.ceil(most * T / self.step)  # counted, for rounding may leave its speed below ``most``
         while True:
             use = self._use(stride, scales)
             v = stride * self.step / T
@@ -136,10 +137,10 @@ class Ticked:
             share = (1.0 - before[over]) / (use[over] - before[over])
             speed[over] = slower + (v - slower) * np.maximum(share, 0.0)
             open_ &= ~over
-            if v >= most or not open_.any():
+            if stride >= widest or not open_.any():
                 return speed
             before, slower = use, v
-            stride = min(max(stride + 1, int(GROWTH * stride)), math.ceil(most * T / self.step))
+            stride = min(max(stride + 1, int(GROWTH * stride)), widest)
 
     def _scales(self) -> tuple[Array, Array, Array]:
         """What differences are multiplied by to be shares of what an even speed may take of limits."""

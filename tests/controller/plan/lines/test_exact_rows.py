@@ -127,6 +127,28 @@ def test_no_joint_is_over_a_limit_in_any_tick(name: str, step_mm: float, decimal
     assert looked >= 20
 
 
+@pytest.mark.parametrize("period_s", [0.0005, 0.002, 0.005])
+@pytest.mark.parametrize("down_mm", [2, 5, 10])
+def test_a_plunge_of_so_many_ticks_before_a_row_is_looked_at_and_done(
+    down_mm: int, period_s: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The widest stride of its grid is just what is gone in a tick at the feed, up to rounding."""
+    machine, looks, inner = shipped(period_s=period_s), itertools.count(), ticked.Ticked._use
+
+    def used(self: ticked.Ticked, stride: int, scales: tuple[Array, Array, Array]) -> Array:
+        assert next(looks) < 2000, "it never ends"
+        return inner(self, stride, scales)
+
+    monkeypatch.setattr(ticked.Ticked, "_use", used)
+    for feed in (100, 150, 200, 250, 300, 400, 500, 600):
+        looks = itertools.count()
+        above = f"Z{down_mm + 0.1887:.4f}"
+        source = dense(1, 0.1, 4).replace("Z0.1887", above, 1).replace(" F2000", "")
+        source = source.replace("G1 ", f"G1 Z0.1887 F{feed}\nG1 ", 1)
+        plunge = next(one for one in chains(source, machine) if one.stretches[0].place.line == 7)
+        assert rows_of([plunge]) and laws_of(plunge.stretches, machine)
+
+
 @pytest.mark.parametrize(("step_mm", "decimals"), [(0.02, 4), (0.05, 4), (0.1, 4), (0.02, 5)])
 def test_a_row_takes_no_longer_than_its_lines_within_the_same_limits(
     step_mm: float, decimals: int, monkeypatch: pytest.MonkeyPatch
