@@ -94,7 +94,9 @@ def tick_main(job: Job) -> None:
             print(missing, file=sys.stderr, flush=True)
     asked = children.Asked()
     filenos = [port.fileno() for port in ports.values() if port.fileno() >= 0]
-    turning = loop.Loop(cycle, loop.WallClock(), filenos, eased=_simulated(machine))
+    kept = [port for port in ports.values() if isinstance(port, bus.HubSocket)]
+    eased = _simulated(machine)
+    turning = loop.Loop(cycle, loop.WallClock(), filenos, eased, kept if eased else ())
     turning.run(lambda: not asked.yes)
     if turning.error is None:
         turning.stand_down()

@@ -50,12 +50,14 @@ MAX_REQUESTS: Final = 8  # taken in one tick
 _RUNNING: Final = Mode.RUNNING
 _HOLD: Final = Mode.HOLD
 _ENDING: Final = Phase.ENDING
+_STEADY: Final = Phase.STEADY
 _NONE: Final = Fault.NONE
 _LOST: Final = Step.LOST
 _STOP: Final = Step.STOP
 _END: Final = Step.END
 _SET: Final = Step.SET
 FOLLOWING: Final = (Mode.RUNNING, Mode.HOLD, Mode.STOPPING)  # the path, with its outputs
+IDLE: Final = (Mode.OFF, Mode.READY)
 MOVING: Final = (Mode.RUNNING, Mode.STOPPING, Mode.JOG)
 
 
@@ -126,6 +128,7 @@ class Cycle:
         self._waits = False  # motion waits for spindle, coolant or clamps in this tick
         self._stood_before = False  # so it was before this tick, in a run that is made again
         self.tick = -1
+        self._repeated = 0  # ticks since the last one that was run
         self.accepted = 0  # sequence of the last message taken
         self.rejected = 0
         # What is of this tick alone, for ``live_state``.
@@ -167,7 +170,7 @@ class Cycle:
         self.sync.look_for_our_silence(now_s, missed)
         void = self._take_requests()
         self._take_pieces(void)
-        if self._supervise(now_s, ticks) or void:
+        if self._supervise(now_s, ticks + self._repeated) or void:
             self._drop()
         if sent or not self.modes.on_path:
             self._move()
@@ -176,7 +179,16 @@ class Cycle:
         self.switches = self._switches()
         self._telling.record()
         self._stood_before = False
+        self._repeated = 0
         return sent
+
+    def repeat(self, now_s: float) -> None:
+        """A tick in which nothing happens (``idle``): what the last one has said and left, again."""
+        self.tick += 1
+        self._repeated += 1
+        self.sync.count(self.sync.send(self.tick, now_s, 0.0), 1, 0.0, False)
+        self.group.command(self._encoder.setpoints, now_s)
+        self._telling.repeat()
 
     def _switches(self) -> int:
         modes, stood = self.modes, self._stood or self._stood_before
@@ -190,6 +202,13 @@ class Cycle:
     def at_rest(self) -> bool:
         """Nothing of ours moves, and nothing is about to."""
         return self.modes.mode not in MOVING and self.follow.at_rest
+
+    @property
+    def idle(self) -> bool:
+        """It stands, with drives on or off, and nothing was asked of it in the last tick."""
+        modes = self.modes
+        asked = self.taken or self.accepted_now or self._homing_asked
+        return self.at_rest and modes.mode in IDLE and modes.phase is _STEADY and not asked
 
     # -- its steps
 

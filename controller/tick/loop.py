@@ -16,7 +16,15 @@ a period of sleep has left the caches to others, and a tick with cold ones takes
 
 Drives lock their own clock to SYNC, also while they stand, so on a real bus it is always spun for.
 Simulated drives count periods and not their length: where all are (``eased``) a machine at rest
-sleeps up to the deadline, and its SYNC is late by the wake-up and the drain of the buses.
+sleeps up to the deadline, and its SYNC is late by the wake-up and the drain of the buses. Where nothing
+is asked of it either, a tick is said again for the next hundredth of a second, and the virtual buses send
+its frames when they are due:
+
+```
+  deadline:   d0   d1   d2   d3   d4   d5
+  awake:      |                        |       a request that comes meanwhile waits for d5
+  SYNC:       |    |    |    |    |    |
+```
 """
 
 from __future__ import annotations
@@ -39,6 +47,8 @@ SPIN_S = 300e-6  # woken this long before the deadline: a late wake-up and the d
 SPIN_SHARE = 0.2  # of the period at most,
 LEAST_SPIN_S = 150e-6  # but not less than the scheduler is often late by
 FORGETS = 0.999  # in each tick, of the longest time that a rehearsal and the drain behind it took
+AHEAD_S = 10e-3  # for which a tick stands in which nothing happens
+CALM_S = 0.2  # nothing has happened for so long
 EASED_PERIOD_S = 2e-3  # of a shorter one a quarter, which is the most that SYNC may be late, is soon gone
 STAND_DOWN_S = 1.0  # for each step of an orderly end
 LAST_TICKS_S = 0.5  # after an error of our own the drives are still told to stop for this long
@@ -111,16 +121,38 @@ class SteppedClock:
         return self._now_s
 
 
+class Keeping(Protocol):
+    """A bus that takes frames ahead of their time; see ``drives.ports.port.HubSocket``."""
+
+    def keep(self) -> None: ...
+    def later(self, seconds: float) -> None: ...
+    def hand_over(self) -> None: ...
+
+
 class Loop:
     """Runs a cycle on a clock, one ``tick`` at a time or until told to stop."""
 
-    def __init__(self, cycle: Cycle, clock: Clock, filenos: Sequence[int] = (), eased: bool = False) -> None:
-        """``filenos`` of the buses are only needed for sync = "kernel"."""
+    def __init__(
+        self,
+        cycle: Cycle,
+        clock: Clock,
+        filenos: Sequence[int] = (),
+        eased: bool = False,
+        ahead: Sequence[Keeping] = (),
+    ) -> None:
+        """``filenos`` of the buses are only needed for sync = "kernel".
+
+        ``ahead``: all buses, where all take frames ahead of their time.
+        """
         self._cycle = cycle
         self._clock = clock
         self._period_s = cycle.machine.period_s
         self._early_s = early_s(self._period_s)
         self._eased = eased and self._period_s >= EASED_PERIOD_S
+        self._buses = tuple(ahead)
+        self._at_once = max(1, int(AHEAD_S / self._period_s)) if self._eased and ahead else 1
+        self._calm = 0  # ticks in a row in which nothing has happened
+        self._most_calm = round(CALM_S / self._period_s)
         self._kernel_sync = cycle.machine.sync == "kernel" and len(filenos) > 0
         self._poll = select.poll()
         for fileno in filenos[:1]:
@@ -140,15 +172,46 @@ class Loop:
         deadline_s = self._start_s + n * self._period_s
         if self._eased and self._cycle.at_rest:
             self._clock.wake(deadline_s, 0.0)
-            self._cycle.receive(self._clock.now_s())
+            began_s = self._clock.now_s()
+            self._cycle.receive(began_s)
+            if self._is_calm():
+                return self._tick_ahead(n, began_s)
         else:
+            self._calm = 0
             self._clock.wake(deadline_s, self._early_s)
             self._prepare(deadline_s)
-        now_s = self._clock.spin(deadline_s)
+        return self._run(n, self._clock.spin(deadline_s))
+
+    def _run(self, n: int, now_s: float) -> bool:
+        """The tick of the deadline that was reached, which is ``n`` or later."""
         reached = max(n, int((now_s - self._start_s) / self._period_s))
         lateness_s = now_s - (self._start_s + reached * self._period_s)
         self._n = reached
         return self._cycle.run(now_s, max(lateness_s, 0.0), reached - n)
+
+    def _is_calm(self) -> bool:
+        """Whether nothing has happened for some time, and nothing can but by a request."""
+        self._calm = self._calm + 1 if self._at_once > 1 and self._cycle.idle else 0
+        return self._calm > self._most_calm
+
+    def _tick_ahead(self, n: int, now_s: float) -> bool:
+        """This tick and, if nothing happens in it, the next ones as well, whose frames the buses keep."""
+        buses, cycle = self._buses, self._cycle
+        for bus in buses:
+            bus.keep()
+        try:
+            sent = self._run(n, now_s)
+            last = n + self._at_once - 1 if cycle.idle else 0
+            while self._n < last:
+                self._n += 1
+                due_s = self._start_s + self._n * self._period_s
+                for bus in buses:
+                    bus.later(due_s - now_s)
+                cycle.repeat(due_s)
+        finally:
+            for bus in buses:
+                bus.hand_over()
+        return sent
 
     def _prepare(self, deadline_s: float) -> None:
         """Before the deadline: a rehearsal, where it will be over in time, and what came in on the buses.

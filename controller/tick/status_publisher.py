@@ -45,6 +45,7 @@ class Telling:
         self._gather = gather(len(machine.axes))
         self._snapshot, self._recorder = snapshot, recorder
         self._buses = _timed(machine, group.lines)
+        self._row: Sequence[float] = ()  # of the last tick
         self.motion_id = STANDSTILL
         self.cutting = False
         self.drive_states = [0] * len(group.drives)
@@ -63,7 +64,13 @@ class Telling:
         self._count_bits()
         values = self._gather(*self._parts)
         self._snapshot.write(values)
-        self._recorder.write(values[:_COLUMNS])
+        self._row = row = values[:_COLUMNS]
+        self._recorder.write(row)
+
+    def repeat(self) -> None:
+        """The row of the last tick, again with the number of this one."""
+        row = self._row = (self._row[0] + 1, *self._row[1:])
+        self._recorder.write(row)
 
     def rehearse(self) -> None:
         """Writes snapshot and row where nobody reads yet, for the caches alone: ``record`` writes over it."""

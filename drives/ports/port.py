@@ -22,6 +22,7 @@ RECEIVE_BYTES = 1 << 20
 LOST_FRAMES_BYTE = hub_protocol.LOST_FRAMES >> 24  # tells that frame from every other
 
 HUB_PACKET_BYTES = hub_protocol.MOST_FRAMES * pdo.FRAME_BYTES
+SENT_BYTES = hub_protocol.MOST_SENT * pdo.FRAME_BYTES
 
 
 class BusError(Exception):
@@ -118,6 +119,9 @@ class HubSocket(FrameSocket):
     """A client of the virtual bus: a packet holds one or more frames, both ways (``receive_packet``).
 
     Where the hub has ended, ``gone`` says so, and ``restart`` joins one that has taken its place.
+
+    What nothing can change any more may be said ahead of its time: ``keep``, frames, ``later``, frames ...,
+    ``hand_over``.
     """
 
     packs = True
@@ -136,6 +140,9 @@ class HubSocket(FrameSocket):
         self._place = place  # not the peer's name: a hub binds elsewhere and moves its socket
         self._wishes = wishes
         self.gone = False
+        self._kept = bytearray()  # for one packet
+        self._keeps = self._refused = False
+        self._later = b""  # stands before what is kept now
 
     def _take(self, sock: socket.socket) -> None:
         super()._take(sock)
@@ -146,6 +153,40 @@ class HubSocket(FrameSocket):
     def overflows(self) -> int:
         """Frames lost since the opening because they were not read in time; the hub counts them."""
         return self._lost
+
+    def send(self, frame: Buffer) -> bool:
+        if self._keeps:
+            return self._keep(frame)
+        try:
+            return self._send(frame) == len(frame)
+        except OSError:
+            return False
+
+    def _keep(self, frame: Buffer) -> bool:
+        if len(self._kept) + len(frame) > SENT_BYTES:
+            self._hand_over()
+            self._kept += self._later
+        self._kept += frame
+        return not self._refused
+
+    def keep(self) -> None:
+        """What is sent from now on is kept for one packet."""
+        self._keeps, self._later = True, b""
+
+    def later(self, seconds: float) -> None:
+        """What is sent from now on is to begin so much later than that packet."""
+        self._later = hub_protocol.ahead_frame(seconds)
+        self._keep(self._later)
+
+    def hand_over(self) -> None:
+        """What is kept goes out; where it does not, the next to be kept is refused."""
+        self._keeps = self._refused = False
+        self._hand_over()
+
+    def _hand_over(self) -> None:
+        if self._kept and not super().send(self._kept):
+            self._refused = True
+        self._kept.clear()
 
     def receive_into(self, buffer: bytearray) -> bool:
         frame = self.receive_packet(1)

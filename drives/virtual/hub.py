@@ -46,7 +46,7 @@ from drives.virtual.virtual_bus import STANDARD_MASK, SteppedBus
 
 SO_TIMESTAMPNS = 35
 TIME_STAMP = struct.Struct("qq")
-PACKET_BYTES = 64 * FRAME_BYTES
+PACKET_BYTES = hub_protocol.MOST_SENT * FRAME_BYTES
 # Deliveries may be this late in favour of fewer wake-ups: a tick reads its frames once per
 # period, and modelled times are not touched by it.
 TIMEOUT_S = 100e-6
@@ -56,6 +56,7 @@ TRUSTED_S = 2.0
 STILL_S = 0.2  # nothing new for so long: nothing moves
 STILL_LOOK_S = 0.02  # being woken, with cold caches, costs as much as some four periods of five drives
 STOP_LOOK_S = 0.1  # a hub that nobody speaks to asks whether it is to go on
+MOST_AHEAD_S = 1.0  # that a client may say what is to be sent
 SLOWEST_S = 0.02  # rhythm of SYNC for which a client may wait
 ALERT_S = 0.02  # after somebody besides the sender of SYNC has spoken, everybody is served at once
 
@@ -306,14 +307,18 @@ class Hub:
         if self._are_setpoints(client, packet):
             self.bus.submit_packet(client.source, at_s, packet)
             return True
+        begins_s = at_s
         for start in range(0, len(packet) - FRAME_BYTES + 1, FRAME_BYTES):
             frame = packet[start : start + FRAME_BYTES]
             can_id = int.from_bytes(frame[:4], "little")
+            if can_id == hub_protocol.AHEAD:
+                begins_s = at_s + min(int.from_bytes(frame[8:12], "little") * 1e-6, MOST_AHEAD_S)
+                continue
             if can_id & pdo.ERROR_FLAG and self._order(client, can_id, frame):
                 continue
-            if can_id == pdo.SYNC:
+            if can_id == pdo.SYNC and begins_s == at_s:
                 self._keep_time(client, at_s)
-            if frame[4] > 8 or self.bus.submit(client.source, at_s, can_id, frame):
+            if frame[4] > 8 or self.bus.submit(client.source, begins_s, can_id, frame):
                 continue
             if client.patient and self.bus.is_full(client.source):
                 client.held = (packet[start:], at_s)

@@ -1,8 +1,9 @@
 """How a process joins the virtual bus of another: the hub's socket and its control frames.
 
-A client's packet holds one or more 16-byte frames, a packet to it exactly one, unless it has said that
-it takes more: ``MANY`` frames, or for a log records of ``TIMED``, gathered for ``GATHER_S``. Control
-frames use error classes that no CAN controller reports, so that nothing else on a bus can look like one.
+A client's packet holds one or more 16-byte frames, up to ``MOST_SENT``. They begin when the packet is sent,
+those behind an ``AHEAD`` so much later. A packet to it holds exactly one, unless it has said that it takes
+more: ``MANY`` frames, or for a log records of ``TIMED``, gathered for ``GATHER_S``. Control frames use error
+classes that no CAN controller reports, so that nothing else on a bus can look like one.
 """
 
 from __future__ import annotations
@@ -21,12 +22,14 @@ LOST_FRAMES = ERROR_FLAG | 0x1000_0000  # from the hub: data u32 = frames the cl
 MANY = ERROR_FLAG | 0x1000_0001  # to the hub: packets of several frames
 FILTER = ERROR_FLAG | 0x1000_0002  # to the hub: data u32 identifier, u32 mask; one of them must agree
 TIMES = ERROR_FLAG | 0x1000_0003  # to the hub: packets of ``TIMED``
+AHEAD = ERROR_FLAG | 0x1000_0004  # to the hub: data u32 us, so much later begins what is behind it
 
 RESTART_FRAME = FRAME.pack(RESTART, 0, b"")
 PATIENT_FRAME = FRAME.pack(PATIENT, 0, b"")
 TIMES_FRAME = FRAME.pack(TIMES, 0, b"")
 
 MOST_FRAMES: Final = 256  # of a packet from the hub
+MOST_SENT: Final = 64  # of a packet to it
 TIMED: Final = Struct("<d16s")  # when it left the wire (CLOCK_MONOTONIC, s), and the frame
 FILTERED: Final = Struct("<II")
 GATHER_S = 0.05  # a log need not be woken more often
@@ -58,6 +61,11 @@ def connect(path: str, first: bytes) -> socket.socket:
 def cyclic_sync_frame(period_s: float) -> bytes:
     """The control frame that asks the hub for a cyclic SYNC (0 = stop)."""
     return FRAME.pack(CYCLIC_SYNC, 4, round(period_s * 1e6).to_bytes(4, "little"))
+
+
+def ahead_frame(seconds: float) -> bytes:
+    """The control frame that has those behind it begin so much after their packet."""
+    return FRAME.pack(AHEAD, 4, round(seconds * 1e6).to_bytes(4, "little"))
 
 
 def lost_frame(count: int) -> bytes:

@@ -513,3 +513,50 @@ def test_only_at_rest_and_before_simulated_drives_the_deadline_is_slept_up_to(
     bench.tick(round(2.0 / period_s))
     assert bench.snapshot.mode is Mode.HOLD and (early_s[-1] > 0.0) is spins_at_rest
     bench.close()
+
+
+def test_a_tick_that_is_said_again_sends_and_leaves_what_the_last_one_did() -> None:
+    bench = Bench(machine())
+    bench.enable()
+    bench.tick(3)
+    assert bench.cycle.idle
+    before, n = bench.snapshot, len(bench.group.commands)
+    bench.rows()
+    for k in range(1, 5):
+        bench.cycle.repeat(bench.clock.now_s() + k * 0.002)
+    assert bench.group.commands[n:] == [
+        (pytest.approx(bench.clock.now_s() + k * 0.002), bench.group.commands[n - 1][1]) for k in range(1, 5)
+    ]
+    rows = bench.rows()
+    assert rows[:, COLUMN["tick"]].tolist() == [before.tick + k for k in range(1, 5)]
+    assert (rows[:, 1:] == rows[0, 1:]).all() and rows[0, COLUMN["sync_sent"]] == 1.0
+    assert bench.snapshot == before, "nobody needs that more often"
+    bench.tick()
+    assert bench.snapshot.tick == before.tick + 5 and bench.snapshot.skips == before.skips
+    bench.close()
+
+
+def test_time_that_was_only_said_again_counts_for_what_waits() -> None:
+    bench, seen = Bench(machine()), []
+    bench.enable()
+    progress = bench.cycle.modes.progress
+    bench.cycle.modes.progress = lambda ticks, rests: seen.append(ticks) or progress(ticks, rests)  # type: ignore[method-assign,func-returns-value]
+    for repeats in (0, 4, 0):
+        bench.tick()
+        for k in range(1, repeats + 1):
+            bench.cycle.repeat(bench.clock.now_s() + k * 0.002)
+    assert seen == [1, 1, 5]
+    bench.close()
+
+
+@pytest.mark.parametrize("asked", [Request.START, Request.OVERRIDE, Request.OPTIONAL_STOP, Request.ESTOP])
+def test_a_tick_in_which_something_is_asked_is_not_idle(asked: Request) -> None:
+    bench = Bench(machine())
+    assert bench.cycle.idle or bench.tick() is None
+    bench.enable()
+    bench.tick(3)
+    assert bench.cycle.idle
+    bench.ask(asked, 1.0)
+    bench.tick()
+    assert not bench.cycle.idle
+    bench.close()

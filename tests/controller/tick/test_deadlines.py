@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import socket
+from typing import Any
 
 import pytest
 from support.machines.shipped_kinds import machine
@@ -12,6 +13,8 @@ from support.machines.tick_bench import Bench, s_curve, stops, straight
 from controller.ipc.handoff import dwell
 from controller.state.modes import Fault, Mode, Request
 from controller.tick.loop import (
+    AHEAD_S,
+    CALM_S,
     LAST_TICKS_S,
     LEAST_SPIN_S,
     SPIN_S,
@@ -39,7 +42,7 @@ class Stage:
     def __init__(self, period_s: float = T, begins_s: float = 7.0, sync: str = "tick") -> None:
         self.machine = machine(period_s=period_s, sync=sync)
         self.group = Group()
-        self.at_rest = True
+        self.at_rest = self.idle = True
         self.time_s = begins_s
         self.early_s = 250e-6  # before the deadline it wakes
         self.rehearsal_s = self.drain_s = 0.0
@@ -74,11 +77,27 @@ class Stage:
         self.group.sync_seen = self.echo_after <= 0
 
     def run(self, now_s: float, lateness_s: float, missed: int = 0) -> bool:
+        self.called.append("run")
         self.runs.append((now_s, lateness_s, missed))
         return True
 
+    def repeat(self, now_s: float) -> None:
+        self.called.append("repeat")
+        self.runs.append((now_s, 0.0, 0))
 
-def staged(stage: Stage, filenos: tuple[int, ...] = (), **more: bool) -> Loop:
+    # a bus that keeps frames
+
+    def keep(self) -> None:
+        self.called.append("keep")
+
+    def later(self, seconds: float) -> None:
+        self.called.append(f"later {1e3 * seconds:.1f}")
+
+    def hand_over(self) -> None:
+        self.called.append("hand over")
+
+
+def staged(stage: Stage, filenos: tuple[int, ...] = (), **more: Any) -> Loop:
     return Loop(stage, stage, filenos, **more)  # type: ignore[arg-type]
 
 
@@ -113,6 +132,88 @@ def test_unless_drives_are_said_to_be_simulated_each_deadline_is_spun_for(at_res
     assert stage.waits[-1][1] == SPIN_S
     staged(stage, eased=True).tick()
     assert stage.waits[-1][1] == (0.0 if at_rest else SPIN_S)
+
+
+def calm(period_s: float = T) -> tuple[Stage, Loop]:
+    """Simulated drives with which nothing has happened for long enough."""
+    stage = Stage(period_s)
+    stage.early_s = 0.0
+    loop = staged(stage, eased=True, ahead=(stage,))
+    for _ in range(round(CALM_S / period_s)):
+        loop.tick()
+    assert len(stage.waits) == round(CALM_S / period_s) and "keep" not in stage.called
+    return stage, loop
+
+
+def test_where_nothing_happens_a_tick_is_said_again_for_the_next_ones() -> None:
+    stage, loop = calm()
+    n = len(stage.waits)
+    for turn in range(1, 4):
+        assert loop.tick()
+        assert stage.waits[-1] == (7.0 + (n + 5 * turn - 4) * T, 0.0)
+        again = [word for k in range(1, 5) for word in (f"later {2.0 * k:.1f}", "repeat")]
+        assert stage.called == ["receive", "keep", "run", *again, "hand over"]
+    times = [now_s for now_s, _, _ in stage.runs]
+    assert times == [pytest.approx(7.0 + k * T) for k in range(1, n + 16)], (
+        "none is left out, and none is twice"
+    )
+
+
+@pytest.mark.parametrize("period_s", [0.001, AHEAD_S])
+def test_of_a_period_that_is_too_short_or_as_long_no_tick_is_said_again(period_s: float) -> None:
+    stage, loop = calm(period_s)
+    loop.tick()
+    assert "keep" not in stage.called
+
+
+@pytest.mark.parametrize("change", ["idle", "at_rest"])
+def test_what_happens_is_looked_at_in_every_tick_until_it_is_calm_again(change: str) -> None:
+    stage, loop = calm()
+    loop.tick()
+    setattr(stage, change, False)
+    loop.tick()
+    setattr(stage, change, True)
+    for _ in range(round(CALM_S / T)):
+        loop.tick()
+        assert "keep" not in stage.called
+    loop.tick()
+    assert "keep" in stage.called
+
+
+def test_a_request_that_comes_with_the_tick_is_not_said_again() -> None:
+    stage, loop = calm()
+    run = stage.run
+
+    def asked(*how: Any) -> bool:
+        stage.idle = False
+        return run(*how)
+
+    stage.run = asked  # type: ignore[method-assign]
+    loop.tick()
+    assert stage.called == ["receive", "keep", "run", "hand over"]
+
+
+def test_a_tick_that_comes_late_is_said_again_up_to_where_it_would_have_been() -> None:
+    stage, loop = calm()
+    n, stage.early_s = len(stage.waits), -2.3 * T
+    loop.tick()
+    assert stage.runs[-3:] == [
+        (pytest.approx(7.0 + (n + 3.3) * T), pytest.approx(0.3 * T), 2),
+        (pytest.approx(7.0 + (n + 4) * T), 0.0, 0),
+        (pytest.approx(7.0 + (n + 5) * T), 0.0, 0),
+    ]
+    assert stage.called[3] == "later 1.4", "when it is due, not so much after the late one"
+    stage.early_s = 0.0
+    loop.tick()
+    assert stage.waits[-1][0] == 7.0 + (n + 6) * T
+
+
+def test_frames_that_are_kept_go_out_though_a_tick_ends_in_an_error() -> None:
+    stage, loop = calm()
+    stage.repeat = lambda now_s: 1 / 0  # type: ignore[method-assign,assignment,return-value]
+    with pytest.raises(ZeroDivisionError):
+        loop.tick()
+    assert stage.called[-1] == "hand over"
 
 
 @pytest.mark.parametrize(("late", "missed"), [(0.3, 0), (0.9, 0), (1.3, 1), (4.6, 4)])
@@ -156,13 +257,13 @@ def test_a_rehearsal_is_left_out_where_it_would_not_be_over_in_time() -> None:
     loop = staged(stage)
     stage.rehearsal_s, stage.drain_s = 60e-6, 40e-6
     loop.tick()
-    assert stage.called == ["rehearse", "receive"]
+    assert stage.called == ["rehearse", "receive", "run"]
     stage.early_s = 95e-6
     loop.tick()
-    assert stage.called == ["receive"]
+    assert stage.called == ["receive", "run"]
     stage.early_s = 105e-6
     loop.tick()
-    assert stage.called == ["rehearse", "receive"]
+    assert stage.called == ["rehearse", "receive", "run"]
 
 
 def test_after_a_rehearsal_that_was_long_once_it_is_tried_again_a_little_earlier_each_tick() -> None:

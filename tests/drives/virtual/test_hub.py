@@ -27,7 +27,7 @@ from drives.log.frame_log import FrameLog
 from drives.settings import BusSettings, MasterSettings
 from drives.virtual import hub_protocol
 from drives.virtual.fault_script import FaultScript, ScriptError
-from drives.virtual.hub import Hub
+from drives.virtual.hub import MOST_AHEAD_S, Hub
 from drives.virtual.hub_bus import HubBus
 from drives.virtual.hub_protocol import TIMED
 
@@ -460,5 +460,35 @@ def test_what_is_handed_over_while_the_hub_is_at_work_goes_out_when_it_was_hande
     assert hub.syncs.times_s()[0] < sent_s[0] + 0.02, "not when that work was over"
     near.close()
     far.close()
+    port.close()
+    hub.close()
+
+
+def test_what_is_said_ahead_of_its_time_begins_when_it_is_due(tmp_path: Path) -> None:
+    hub = Hub(str(tmp_path / "can"))
+    port = bus.HubSocket(hub_protocol.connect(hub.path, hub_protocol.wishes(())), "can0")
+    while not hub._clients:
+        hub.turn(time.monotonic())
+    ahead_s = (0.0, 0.05, 0.1)
+    port.keep()
+    for later_s in ahead_s:
+        if later_s:
+            port.later(later_s)
+        assert port.send(pdo.frame(pdo.SYNC))
+    before_s = time.monotonic()
+    port.hand_over()
+    while len(hub.syncs.times_s()) < len(ahead_s):
+        hub.turn(time.monotonic() + 1.0)
+    times_s = hub.syncs.times_s()
+    assert times_s - times_s[0] == pytest.approx(ahead_s, abs=2e-6), (
+        "by the wire's clock, whenever they are read"
+    )
+    assert before_s <= hub._sync_s <= times_s[0], "the rhythm is that of packets"
+    port.keep()
+    port.later(4000.0)
+    assert port.send(pdo.frame(pdo.SYNC))
+    port.hand_over()
+    hub.turn(time.monotonic())
+    assert hub.bus.next_event_s() <= time.monotonic() + MOST_AHEAD_S, "nobody fills a queue for ever"
     port.close()
     hub.close()
