@@ -41,7 +41,8 @@ class SyncWatch:
         self._period_s = machine.period_s
         self._latest_s = LATE_SHARE * machine.period_s - ROUNDING
         self._nearest_s = NEAREST_SHARE * machine.period_s - ROUNDING
-        self._synced_s = float("-inf")  # when the last SYNC had left
+        self._synced_s = float("-inf")  # when the last SYNC had left, on the last of the buses
+        self._takes_s = math.inf  # what that takes at least, from the first bus to the last
         self._synced_tick = 0  # the last tick that sent SYNC
         self._unsent = 0  # SYNCs in a row that the bus did not take
         self._most_unsent = round(stop_times.LOST_BUS_S / machine.period_s)
@@ -70,7 +71,11 @@ class SyncWatch:
         if lateness_s > self._latest_s or now_s - self._synced_s < self._nearest_s:
             return False
         sent = self._group.sync(now_s)
-        self._synced_s = self._now()
+        left_s = self._now()
+        # The next one takes as long from bus to bus, so on each of them they are as far apart.
+        if 0.0 <= left_s - now_s < self._takes_s:
+            self._takes_s = left_s - now_s
+        self._synced_s = left_s - self._takes_s
         if sent:
             self._synced_tick = tick
         self._unsent = 0 if sent else self._unsent + 1

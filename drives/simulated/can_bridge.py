@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import select
 import socket
-import struct
 import time
 from collections import deque
 from collections.abc import Callable
@@ -21,11 +20,10 @@ from collections.abc import Callable
 from drives import pdo
 from drives.pdo import FRAME_BYTES
 from drives.virtual.fault_script import FaultScript
-from drives.virtual.hub import TRUSTED_S, Gateway, SyncLog
+from drives.virtual.hub import Gateway, SyncLog
+from drives.virtual.kernel_time import NOTE_BYTES, KernelTime
 from drives.virtual.virtual_bus import SteppedBus
 
-SO_TIMESTAMPNS = 35
-TIME_STAMP = struct.Struct("qq")
 RECEIVE_BYTES = 1 << 20  # room for what comes while this process sleeps
 MAX_WAITING = 1024  # frames that a full transmit queue may keep here; the oldest go first
 
@@ -69,7 +67,6 @@ class CanBridge:
         self.path = path
         raw.setblocking(False)
         raw.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BYTES)
-        raw.setsockopt(socket.SOL_SOCKET, SO_TIMESTAMPNS, 1)
         self.bus = SteppedBus(bit_rate, time.monotonic(), worst_stuffing)
         self.syncs = SyncLog(1_000_000 if sync_log else 0)
         self.bus.watch(pdo.SYNC, self.syncs)
@@ -80,7 +77,8 @@ class CanBridge:
         self._readers: dict[int, Callable[[], None]] = {raw.fileno(): self._read}
         self._gateways: list[Gateway] = []
         self._faults: FaultScript | None = None
-        self._offset_s = time.time() - time.monotonic()
+        self._clocks = KernelTime()
+        self._clocks.ask(raw)
 
     def listen(self, descriptor: int, reader: Callable[[], None]) -> None:
         """Call ``reader`` when ``descriptor`` has something to read."""
@@ -120,7 +118,7 @@ class CanBridge:
             self._faults.inject(self.bus, self.bus.now_s)
             self._faults = None
         while not stop():
-            self._offset_s = time.time() - time.monotonic()
+            self._clocks.look()
             until_s = time.monotonic() + 0.1
             while time.monotonic() < until_s:
                 self.turn(until_s)
@@ -151,21 +149,11 @@ class CanBridge:
     def _read(self) -> None:
         while True:
             try:
-                frame, notes, _, _ = self._raw.recvmsg(FRAME_BYTES, 64)
+                frame, notes, _, _ = self._raw.recvmsg(FRAME_BYTES, NOTE_BYTES)
             except OSError:
                 return
             if len(frame) < FRAME_BYTES:
                 return
             can_id = int.from_bytes(frame[:4], "little")
             if frame[4] <= 8 and not can_id & pdo.ERROR_FLAG:
-                self.bus.submit(self._source, self._stamp(notes), can_id, frame)
-
-    def _stamp(self, notes: list[tuple[int, int, bytes]]) -> float:
-        """When the kernel took the frame; never before what the bus has already lived through."""
-        now_s = time.monotonic()
-        sent_s = now_s
-        for _, _, data in notes:
-            seconds, nanoseconds = TIME_STAMP.unpack(data)
-            sent_s = seconds + nanoseconds * 1e-9 - self._offset_s
-        trusted = abs(sent_s - now_s) < TRUSTED_S
-        return max(self.bus.now_s, min(sent_s, now_s) if trusted else now_s)
+                self.bus.submit(self._source, self._clocks.taken_s(notes, self.bus.now_s), can_id, frame)

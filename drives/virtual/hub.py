@@ -27,7 +27,6 @@ import math
 import os
 import select
 import socket
-import struct
 import time
 from collections.abc import Callable
 from typing import Protocol
@@ -42,17 +41,13 @@ from drives.virtual.error_counters import overflow_frame
 from drives.virtual.fault_script import FaultScript
 from drives.virtual.hub_protocol import FILTERED, GATHER_S, MOST_FRAMES, TIMED, lost_frame
 from drives.virtual.intake import Intake
+from drives.virtual.kernel_time import NOTE_BYTES, KernelTime
 from drives.virtual.virtual_bus import STANDARD_MASK, SteppedBus
 
-SO_TIMESTAMPNS = 35
-TIME_STAMP = struct.Struct("qq")
 PACKET_BYTES = hub_protocol.MOST_SENT * FRAME_BYTES
 # Deliveries may be this late in favour of fewer wake-ups: a tick reads its frames once per
 # period, and modelled times are not touched by it.
 TIMEOUT_S = 100e-6
-# A busy computer may hold the process of the drives back for so long, and they must not take what they
-# did not read for silence. Steps of the system's clock do little harm: see Hub._stamp.
-TRUSTED_S = 2.0
 STILL_S = 0.2  # nothing new for so long: nothing moves
 STILL_LOOK_S = 0.02  # being woken, with cold caches, costs as much as some four periods of five drives
 STOP_LOOK_S = 0.1  # a hub that nobody speaks to asks whether it is to go on
@@ -184,8 +179,7 @@ class Hub:
         self._master: Client | None = None  # who sends SYNC, and when it last did
         self._sync_s, self._gap_s, self._period_s = 0.0, math.inf, math.inf
         self._alert_until_s = 0.0
-        # The kernel stamps with CLOCK_REALTIME; the bus runs on CLOCK_MONOTONIC.
-        self._offset_s = time.time() - time.monotonic()
+        self._clocks = KernelTime()
 
     # -- guests
 
@@ -257,7 +251,7 @@ class Hub:
             self._faults.inject(self.bus, self.bus.now_s)
             self._faults = None
         while not stop():
-            self._offset_s = time.time() - time.monotonic()
+            self._clocks.look()
             self.turn(time.monotonic() + STOP_LOOK_S)
 
     def close(self) -> None:
@@ -276,7 +270,7 @@ class Hub:
     def _accept(self) -> None:
         joined, _ = self._server.accept()
         joined.setblocking(False)
-        joined.setsockopt(socket.SOL_SOCKET, SO_TIMESTAMPNS, 1)
+        self._clocks.ask(joined)
         client = Client(joined)
         client.source = self.bus.connect(client.put)
         self._clients[client.descriptor] = client
@@ -291,7 +285,7 @@ class Hub:
                 return False
         while True:
             try:
-                packet, notes, _, _ = client.socket.recvmsg(PACKET_BYTES, 64)
+                packet, notes, _, _ = client.socket.recvmsg(PACKET_BYTES, NOTE_BYTES)
             except BlockingIOError:
                 return True
             except OSError:
@@ -299,7 +293,7 @@ class Hub:
             if not packet:
                 self._drop(client)
                 return True
-            if not self._submit(client, packet, self._stamp(notes)):
+            if not self._submit(client, packet, self._clocks.taken_s(notes, self.bus.now_s)):
                 return False
 
     def _submit(self, client: Client, packet: bytes, at_s: float) -> bool:
@@ -372,20 +366,6 @@ class Hub:
         self.bus.errors.restart(self.bus.errors.of(client.source), self.bus.now_s)
         for gateway in self._gateways:
             gateway.restart()
-
-    def _stamp(self, notes: list[tuple[int, int, bytes]]) -> float:
-        """When the kernel took the packet: after what the bus has lived through, and not after now.
-
-        So a step of the system's clock since the last look at the offset moves it by one turn at most.
-        """
-        now_s = at_s = time.monotonic()
-        for _, _, data in notes:
-            seconds, nanoseconds = TIME_STAMP.unpack(data)
-            at_s = seconds + nanoseconds * 1e-9 - self._offset_s
-        if not now_s - TRUSTED_S <= at_s <= now_s:
-            at_s = now_s
-        lived_s = self.bus.now_s
-        return at_s if at_s > lived_s else lived_s
 
     def _drop(self, client: Client) -> None:
         self._clients.pop(client.descriptor, None)

@@ -60,6 +60,33 @@ def test_a_sync_leaves_up_to_a_quarter_of_the_period_late_and_never_close_to_the
     assert watched.group.syncs == [0.0, NEAREST_SHARE * T]
 
 
+def test_what_it_takes_from_bus_to_bus_brings_no_two_syncs_closer() -> None:
+    """Late by almost a quarter, on five buses one after the other; the next in time is far enough."""
+    watched, lasts_s = Watched(), [0.02 * T]
+    sync = watched.group.sync
+
+    def slow(now_s: float) -> bool:
+        watched.now_s = now_s + lasts_s[0]
+        return sync(now_s)
+
+    watched.group.sync = slow  # type: ignore[method-assign]
+    at_s = 0.0
+    assert watched.send(at_s)
+    assert watched.send(at_s := at_s + 1.24 * T, 0.24 * T)
+    assert watched.send(at_s := at_s + 0.76 * T), "on every bus it is so far behind"
+    lasts_s[0] = 0.2 * T  # somebody was in between
+    assert watched.send(at_s := at_s + 1.1 * T, 0.1 * T)
+    assert not watched.send(at_s + 0.9 * T), "on the last bus that may be 0.72 T"
+
+
+def test_a_sync_that_is_said_ahead_of_its_time_changes_nothing_of_that() -> None:
+    watched = Watched()
+    assert watched.send(0.0)
+    assert all(watched.watch.send(n, n * T, 0.0) for n in range(1, 5)), "all at one time"
+    assert not watched.watch.send(5, 0.7 * T, 0.0)
+    assert watched.send(5 * T, tick=5)
+
+
 def test_a_gap_is_counted_from_the_last_tick_that_sent_a_sync() -> None:
     watched = Watched()
     watched.send(1.0, tick=100)
