@@ -13,6 +13,7 @@ The clock is an object. ``WallClock`` sleeps until shortly before the deadline a
 the rest, so that the scheduler's wake-up is not in the SYNC; ``SteppedClock`` moves
 the simulated world instead and never looks at the time of day. Of that rest a part goes into a rehearsal:
 a period of sleep has left the caches to others, and a tick with cold ones takes half as long again.
+A tick behind one whose SYNC left late waits the few microseconds that its own would be too close to that.
 
 Drives lock their own clock to SYNC, also while they stand, so on a real bus it is always spun for.
 Simulated drives count periods and not their length: where all are (``eased``) a machine at rest
@@ -180,6 +181,9 @@ class Loop:
             self._calm = 0
             self._clock.wake(deadline_s, self._early_s)
             self._prepare(deadline_s)
+        earliest_s = self._cycle.sync.earliest_s
+        if deadline_s < earliest_s <= deadline_s + self._latest_s:
+            return self._run(n, self._clock.spin(earliest_s))
         return self._run(n, self._clock.spin(deadline_s))
 
     def _run(self, n: int, now_s: float) -> bool:

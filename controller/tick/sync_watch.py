@@ -60,6 +60,11 @@ class SyncWatch:
         return self._group.syncs_seen if self.by_kernel else tick - self._synced_tick
 
     @property
+    def earliest_s(self) -> float:
+        """From when on a SYNC is not too close to the last one."""
+        return self._synced_s + self._nearest_s + ROUNDING
+
+    @property
     def is_unheard(self) -> bool:
         """The bus takes nothing any more."""
         return self._unsent > self._most_unsent

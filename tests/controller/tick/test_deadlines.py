@@ -36,12 +36,18 @@ class Group:
     sync_seen = False
 
 
+class Sync:
+    """Which SYNC may leave."""
+
+    earliest_s = float("-inf")
+
+
 class Stage:
     """A cycle and a clock in one, in which only what the test says takes time."""
 
     def __init__(self, period_s: float = T, begins_s: float = 7.0, sync: str = "tick") -> None:
         self.machine = machine(period_s=period_s, sync=sync)
-        self.group = Group()
+        self.group, self.sync = Group(), Sync()
         self.at_rest = self.idle = True
         self.time_s = begins_s
         self.early_s = 250e-6  # before the deadline it wakes
@@ -132,6 +138,16 @@ def test_unless_drives_are_said_to_be_simulated_each_deadline_is_spun_for(at_res
     assert stage.waits[-1][1] == SPIN_S
     staged(stage, eased=True).tick()
     assert stage.waits[-1][1] == (0.0 if at_rest else SPIN_S)
+
+
+@pytest.mark.parametrize(("share", "late"), [(-0.1, 0.0), (0.0, 0.0), (0.1, 0.1), (0.25, 0.25), (0.26, 0.0)])
+def test_a_sync_that_would_be_too_close_to_the_last_one_waits_if_that_is_not_too_late(
+    share: float, late: float
+) -> None:
+    stage = Stage(begins_s=0.0)
+    stage.sync.earliest_s = (1.0 + share) * T
+    staged(stage).tick()
+    assert stage.runs == [(pytest.approx((1.0 + late) * T), pytest.approx(late * T), 0)]
 
 
 def calm(period_s: float = T) -> tuple[Stage, Loop]:

@@ -131,6 +131,8 @@ class Stage:
     """A cycle and a clock in one: what the loop calls, and how long that takes."""
 
     def __init__(self, wakes_early_s: float, rehearsal_s: float) -> None:
+        self.sync = self
+        self.earliest_s = float("-inf")  # of a SYNC
         self.machine = shipped(period_s=PERIOD_S)
         self.wakes_early_s, self.rehearsal_s, self.drain_s = wakes_early_s, rehearsal_s, 20e-6
         self.time_s = 0.0
