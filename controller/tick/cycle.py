@@ -186,9 +186,13 @@ class Cycle:
         """A tick in which nothing happens (``idle``): what the last one has said and left, again."""
         self.tick += 1
         self._repeated += 1
-        self.sync.count(self.sync.send(self.tick, now_s, 0.0), 1, 0.0, False)
+        before, self.sync_sent = self.sync_sent, self.sync.send(self.tick, now_s, 0.0)
+        self.sync.count(self.sync_sent, 1, 0.0, False)
         self.group.command(self._encoder.setpoints, now_s)
-        self._telling.repeat()
+        if before and self.sync_sent:
+            self._telling.repeat()
+        else:
+            self._telling.record()
 
     def _switches(self) -> int:
         modes, stood = self.modes, self._stood or self._stood_before

@@ -10,7 +10,7 @@ from typing import Any, Final
 
 from controller.ipc.handoff import ROW, STANDSTILL, Recorder, SnapshotBoard
 from controller.machine.model import Machine
-from controller.state.live_state import PARTS, gather
+from controller.state.live_state import PARTS, Flat, gather
 from controller.state.modes import Fault
 from controller.tick.drives import Drives
 from controller.tick.follow import Follow
@@ -45,7 +45,7 @@ class Telling:
         self._gather = gather(len(machine.axes))
         self._snapshot, self._recorder = snapshot, recorder
         self._buses = _timed(machine, group.lines)
-        self._row: Sequence[float] = ()  # of the last tick
+        self._told: Flat = ()  # of the last tick
         self.motion_id = STANDSTILL
         self.cutting = False
         self.drive_states = [0] * len(group.drives)
@@ -62,15 +62,16 @@ class Telling:
         """The snapshot of this tick and its row, which are the same values."""
         self._look()
         self._count_bits()
-        values = self._gather(*self._parts)
+        self._tell(self._gather(*self._parts))
+
+    def _tell(self, values: Flat) -> None:
+        self._told = values
         self._snapshot.write(values)
-        self._row = row = values[:_COLUMNS]
-        self._recorder.write(row)
+        self._recorder.write(values[:_COLUMNS])
 
     def repeat(self) -> None:
-        """The row of the last tick, again with the number of this one."""
-        row = self._row = (self._row[0] + 1, *self._row[1:])
-        self._recorder.write(row)
+        """Snapshot and row of the last tick, again with the number of this one."""
+        self._tell((self._told[0] + 1, *self._told[1:]))
 
     def rehearse(self) -> None:
         """Writes snapshot and row where nobody reads yet, for the caches alone: ``record`` writes over it."""

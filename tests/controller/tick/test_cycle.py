@@ -531,9 +531,24 @@ def test_a_tick_that_is_said_again_sends_and_leaves_what_the_last_one_did() -> N
     rows = bench.rows()
     assert rows[:, COLUMN["tick"]].tolist() == [before.tick + k for k in range(1, 5)]
     assert (rows[:, 1:] == rows[0, 1:]).all() and rows[0, COLUMN["sync_sent"]] == 1.0
-    assert bench.snapshot == before, "nobody needs that more often"
+    assert bench.snapshot == before._replace(tick=before.tick + 4)
     bench.tick()
     assert bench.snapshot.tick == before.tick + 5 and bench.snapshot.skips == before.skips
+    bench.close()
+
+
+def test_a_sync_that_the_bus_does_not_take_ahead_is_told_as_any_other() -> None:
+    bench = Bench(machine())
+    bench.enable()
+    bench.tick(3)
+    skips, sync = bench.snapshot.skips, bench.group.sync
+    bench.rows()
+    for taken in (True, False, False, True, True):
+        bench.group.sync = sync if taken else lambda now_s: False  # type: ignore[method-assign]
+        bench.cycle.repeat(bench.clock.now_s() + 0.002)
+    rows = bench.rows()
+    assert rows[:, COLUMN["sync_sent"]].tolist() == [1.0, 0.0, 0.0, 1.0, 1.0]
+    assert bench.snapshot.skips == skips + 2
     bench.close()
 
 
