@@ -384,6 +384,11 @@ def flat(now: Snapshot) -> Flat:
     return tuple(itertools.chain.from_iterable(each))
 
 
+def again(values: Flat) -> Flat:
+    """The values of the next tick, where nothing else has changed; compiled, its number would be a float."""
+    return (values[0] + 1, *values[1:])
+
+
 def blank(axes: int = MAX_AXES) -> Snapshot:
     """In place of the first snapshot: nothing is on, and no axis has found its zero."""
     return snapshot_of(axes)(LAYOUT.unpack(bytes(LAYOUT.size)))

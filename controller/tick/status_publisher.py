@@ -10,7 +10,7 @@ from typing import Any, Final
 
 from controller.ipc.handoff import ROW, STANDSTILL, Recorder, SnapshotBoard
 from controller.machine.model import Machine
-from controller.state.live_state import PARTS, Flat, gather
+from controller.state.live_state import PARTS, Flat, again, gather
 from controller.state.modes import Fault
 from controller.tick.drives import Drives
 from controller.tick.follow import Follow
@@ -71,7 +71,7 @@ class Telling:
 
     def repeat(self) -> None:
         """Snapshot and row of the last tick, again with the number of this one."""
-        self._tell((self._told[0] + 1, *self._told[1:]))
+        self._tell(again(self._told))
 
     def rehearse(self) -> None:
         """Writes snapshot and row where nobody reads yet, for the caches alone: ``record`` writes over it."""
