@@ -202,6 +202,8 @@ def returns(day: Day) -> None:
 
 
 def resumes(day: Day) -> None:
+    """By its key, once the page offers it: it may see the way back end a little later than we do."""
+    day.page.wait_for_selector("[data-call='POST cycle/resume']:not([aria-disabled=true])")
     day.page.keyboard.press("F6")
     day.told(lambda now: now["mode"] == "RUNNING" and along(now) > day.u + 0.01, "the cut going on")
 
