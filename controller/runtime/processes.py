@@ -94,9 +94,8 @@ def tick_main(job: Job) -> None:
             print(missing, file=sys.stderr, flush=True)
     asked = children.Asked()
     filenos = [port.fileno() for port in ports.values() if port.fileno() >= 0]
-    kept = [port for port in ports.values() if isinstance(port, bus.HubSocket)]
-    eased = _simulated(machine)
-    turning = loop.Loop(cycle, loop.WallClock(), filenos, eased, kept if eased else ())
+    hubs = [port for port in ports.values() if isinstance(port, bus.HubSocket)]
+    turning = loop.Loop(cycle, loop.WallClock(), filenos, _simulated(machine), hubs)
     turning.run(lambda: not asked.yes)
     if turning.error is None:
         turning.stand_down()

@@ -43,7 +43,7 @@ from controller.tick.mode import Modes, Phase
 from controller.tick.peripherals import Peripherals
 from controller.tick.probing import Probing
 from controller.tick.status_publisher import Telling
-from controller.tick.sync_watch import LONG_GAP, STOPS_SHARE, SyncWatch
+from controller.tick.sync_watch import SyncWatch
 
 MAX_REQUESTS: Final = 8  # taken in one tick
 # Looked up every tick, and an enum's members are slow to look up.
@@ -223,17 +223,13 @@ class Cycle:
         """
         if self.sync.by_kernel:
             sent = self.sync.send(self.tick, now_s, lateness_s)
-            self._stood = self._is_after_a_gap() and self._stand(False)
+            self._stood = self.sync.is_after_a_gap(self.tick, self._stops_within) and self._stand(False)
             return sent
-        self._stood = self._is_after_a_gap() and self._stand(True)
+        self._stood = self.sync.is_after_a_gap(self.tick, self._stops_within) and self._stand(True)
         return not self._stood and self.sync.send(self.tick, now_s, lateness_s)
 
-    def _is_after_a_gap(self) -> bool:
-        """Whether the drives had so long no SYNC that they stand, or are closer to it than to their speed."""
-        gap = self.sync.gap(self.tick)
-        if gap <= LONG_GAP:
-            return False
-        return gap > STOPS_SHARE * self._check.stops_within(self.follow.joints, self.follow.last[0])
+    def _stops_within(self) -> float:
+        return self._check.stops_within(self.follow.joints, self.follow.last[0])
 
     def stand(self) -> None:
         """For a run that is made again: before its next SYNC there was a long gap."""

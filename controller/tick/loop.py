@@ -143,7 +143,7 @@ class Loop:
     ) -> None:
         """``filenos`` of the buses are only needed for sync = "kernel".
 
-        ``ahead``: all buses, where all take frames ahead of their time.
+        ``ahead``: the buses that take frames ahead of their time, which all of simulated drives do.
         """
         self._cycle = cycle
         self._clock = clock
@@ -182,9 +182,8 @@ class Loop:
             self._clock.wake(deadline_s, self._early_s)
             self._prepare(deadline_s)
         earliest_s = self._cycle.sync.earliest_s
-        if deadline_s < earliest_s <= deadline_s + self._latest_s:
-            return self._run(n, self._clock.spin(earliest_s))
-        return self._run(n, self._clock.spin(deadline_s))
+        waits = deadline_s < earliest_s <= deadline_s + self._latest_s
+        return self._run(n, self._clock.spin(earliest_s if waits else deadline_s))
 
     def _run(self, n: int, now_s: float) -> bool:
         """The tick of the deadline that was reached, which is ``n`` or later."""

@@ -55,9 +55,13 @@ class SyncWatch:
         self.late_max_s = 0.0
         self.lateness_s = 0.0  # of this tick
 
-    def gap(self, tick: int) -> int:
-        """SYNCs from the last one in time up to this one; of the kernel's: those that nobody answered."""
-        return self._group.syncs_seen if self.by_kernel else tick - self._synced_tick
+    def is_after_a_gap(self, tick: int, stops_within: Callable[[], float]) -> bool:
+        """Whether the drives had so long no SYNC that they stand, or are closer to it than to their speed.
+
+        ``stops_within``: ticks in which the axes could be at rest; asked where that matters.
+        """
+        gap = self._group.syncs_seen if self.by_kernel else tick - self._synced_tick
+        return gap > LONG_GAP and gap > STOPS_SHARE * stops_within()
 
     @property
     def earliest_s(self) -> float:

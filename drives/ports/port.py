@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import select
 import socket
+from collections.abc import Callable
 from typing import Protocol
 
 from drives import pdo
@@ -75,7 +76,7 @@ class FrameSocket:
         sock.setblocking(False)
         sock.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BYTES)
         self._socket = sock
-        self._send = sock.send
+        self._send: Callable[[Buffer], int] = sock.send
         self._receive_into = sock.recv_into
 
     @property
@@ -141,7 +142,7 @@ class HubSocket(FrameSocket):
         self._wishes = wishes
         self.gone = False
         self._kept = bytearray()  # for one packet
-        self._keeps = self._refused = False
+        self._refused = False
         self._later = b""  # stands before what is kept now
 
     def _take(self, sock: socket.socket) -> None:
@@ -154,24 +155,17 @@ class HubSocket(FrameSocket):
         """Frames lost since the opening because they were not read in time; the hub counts them."""
         return self._lost
 
-    def send(self, frame: Buffer) -> bool:
-        if self._keeps:
-            return self._keep(frame)
-        try:
-            return self._send(frame) == len(frame)
-        except OSError:
-            return False
+    def keep(self) -> None:
+        """What is sent from now on is kept for one packet."""
+        self._send, self._later = self._keep, b""
 
-    def _keep(self, frame: Buffer) -> bool:
+    def _keep(self, frame: Buffer) -> int:
+        """In place of the socket's ``send``."""
         if len(self._kept) + len(frame) > SENT_BYTES:
             self._hand_over()
             self._kept += self._later
         self._kept += frame
-        return not self._refused
-
-    def keep(self) -> None:
-        """What is sent from now on is kept for one packet."""
-        self._keeps, self._later = True, b""
+        return 0 if self._refused else len(frame)
 
     def later(self, seconds: float) -> None:
         """What is sent from now on is to begin so much later than that packet."""
@@ -180,11 +174,14 @@ class HubSocket(FrameSocket):
 
     def hand_over(self) -> None:
         """What is kept goes out; where it does not, the next to be kept is refused."""
-        self._keeps = self._refused = False
+        self._send, self._refused = self._socket.send, False
         self._hand_over()
 
     def _hand_over(self) -> None:
-        if self._kept and not super().send(self._kept):
+        try:
+            if self._kept:
+                self._socket.send(self._kept)
+        except OSError:
             self._refused = True
         self._kept.clear()
 

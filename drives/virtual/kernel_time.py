@@ -26,17 +26,14 @@ class KernelTime:
 
     def __init__(self) -> None:
         self._offset_s = 0.0
-        self._look(math.inf)
+        self.look(math.inf)
 
     def ask(self, sock: socket.socket) -> None:
         """Have packets of this socket stamped."""
         sock.setsockopt(socket.SOL_SOCKET, SO_TIMESTAMPNS, 1)
 
-    def look(self) -> None:
+    def look(self, at_once_s: float = AT_ONCE_S) -> None:
         """How far the clocks are apart; as before where somebody else had the processor between two looks."""
-        self._look(AT_ONCE_S)
-
-    def _look(self, at_once_s: float) -> None:
         before_s, real_s, after_s = time.monotonic(), time.time(), time.monotonic()
         if after_s - before_s <= at_once_s:
             self._offset_s = real_s - 0.5 * (before_s + after_s)

@@ -25,6 +25,11 @@ T = 0.002
 LIMIT = 5.0  # skips a second
 
 
+def at_rest() -> float:
+    """Ticks in which axes that stand could be at rest."""
+    return 0.0
+
+
 class Watched:
     def __init__(self, mode: Mode = Mode.RUNNING, **changes: object) -> None:
         built = machine(**({"skip_limit_per_s": LIMIT, "late": "stop"} | changes))
@@ -48,7 +53,7 @@ def test_before_the_first_tick_nothing_was_late_and_nothing_left_out() -> None:
     watch = Watched().watch
     assert (watch.skips, watch.late_max_s, watch.lateness_s) == (0, 0.0, 0.0)
     assert not watch.by_kernel and not watch.is_unheard
-    assert watch.gap(LONG_GAP) == LONG_GAP
+    assert not watch.is_after_a_gap(LONG_GAP, at_rest) and watch.is_after_a_gap(LONG_GAP + 1, at_rest)
 
 
 def test_a_sync_leaves_up_to_a_quarter_of_the_period_late_and_never_close_to_the_last_one() -> None:
@@ -87,12 +92,24 @@ def test_a_sync_that_is_said_ahead_of_its_time_changes_nothing_of_that() -> None
     assert watched.send(5 * T, tick=5)
 
 
-def test_a_gap_is_counted_from_the_last_tick_that_sent_a_sync() -> None:
+def test_a_gap_is_long_when_so_many_ticks_in_a_row_have_sent_none() -> None:
     watched = Watched()
     watched.send(1.0, tick=100)
-    assert [watched.watch.gap(tick) for tick in (100, 101, 105)] == [0, 1, 5]
+    assert not watched.watch.is_after_a_gap(100 + LONG_GAP, at_rest)
+    assert watched.watch.is_after_a_gap(101 + LONG_GAP, at_rest)
     watched.watch.pass_over()
-    assert watched.watch.gap(105) == 4
+    assert not watched.watch.is_after_a_gap(101 + LONG_GAP, at_rest)
+    assert watched.watch.is_after_a_gap(102 + LONG_GAP, at_rest)
+
+
+@pytest.mark.parametrize("stops_within", [60.0, 100.0])
+def test_a_gap_is_not_long_before_motors_can_have_lost_half_of_their_speed(stops_within: float) -> None:
+    watched = Watched()
+    watched.send(1.0, tick=100)
+    half = int(stops_within / 6.0)
+    assert half > LONG_GAP
+    assert not watched.watch.is_after_a_gap(100 + half, lambda: stops_within)
+    assert watched.watch.is_after_a_gap(101 + half, lambda: stops_within)
 
 
 def test_a_bus_that_takes_none_for_its_time_is_unheard_and_heard_again_with_the_next() -> None:
@@ -168,8 +185,9 @@ def test_of_the_kernel_s_sync_the_echoes_say_what_came() -> None:
     watched = Watched(Mode.READY, sync="kernel")
     watch, group = watched.watch, watched.group
     assert watch.by_kernel and watched.send(0.0, 1.0)  # however late the tick: it was not we who sent it
-    group.syncs_seen = LONG_GAP + 1
-    assert watch.gap(1) == LONG_GAP + 1
+    for seen, long in ((LONG_GAP, False), (LONG_GAP + 1, True)):
+        group.syncs_seen = seen
+        assert watch.is_after_a_gap(1, at_rest) is long
     watch.count(True, 1, 0.0, False)
     assert watch.skips == LONG_GAP
     group.syncs_seen = 1
