@@ -29,7 +29,11 @@ class Listening(Protocol):
 
 
 class FrameLog:
-    """Keeps the frames of the last ``seconds``, at most ``capacity`` of them; the oldest go first."""
+    """Keeps the frames of the last ``seconds``, at most ``capacity`` of them; the oldest go first.
+
+    What a live machine hears, ``extend`` and calls, lets go of older ones; ``keep`` of those beyond
+    ``capacity`` alone.
+    """
 
     def __init__(self, seconds: float = KEPT_S, capacity: int | None = None) -> None:
         self.seconds = seconds
@@ -41,11 +45,15 @@ class FrameLog:
 
     def __call__(self, frame: bytes, at_s: float) -> None:
         """Keep one frame."""
-        self.keep((at_s, frame))
+        self.extend([(at_s, frame)])
 
     def extend(self, heard: Sequence[tuple[float, bytes]]) -> None:
         """Keep several, each with its time, in their order."""
-        self._kept.extend(heard)
+        kept = self._kept
+        kept.extend(heard)
+        until_s = kept[-1][0] - self.seconds if kept else 0.0
+        while kept and kept[0][0] < until_s:
+            kept.popleft()
 
     def __len__(self) -> int:
         return len(self._kept)
