@@ -77,6 +77,7 @@ PAGE: dict[str, str] = {
     "sequence.home": "Homing",
     "sequence.reset": "Resetting",
     "sequence.load": "Loading",
+    "sequence.unload": "Unloading",
     "sequence.start": "Starting",
     "sequence.probe": "Probing",
     "sequence.mdi": "MDI",

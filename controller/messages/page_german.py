@@ -81,6 +81,7 @@ PAGE: dict[str, str] = {
     "sequence.home": "Referenzfahrt",
     "sequence.reset": "Quittieren",
     "sequence.load": "Laden",
+    "sequence.unload": "Entladen",
     "sequence.start": "Starten",
     "sequence.probe": "Antasten",
     "sequence.mdi": "MDI",

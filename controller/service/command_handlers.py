@@ -43,6 +43,7 @@ from controller.tick.mode import MAX_OVERRIDE, SPINDLE_OVERRIDES
 MAX_DISTANCE = 1e5  # mm or degrees of one step; the travel is the tick's own limit
 MAX_WITHDRAW_MM = 500.0
 MAX_MDI = 10_000  # characters
+LOAD = "load"
 
 
 class Desk:
@@ -53,6 +54,7 @@ class Desk:
         self._jogging, self._presses = Jogging(), Presses()
         self._answers = Acknowledged(service.machine, lambda: service.engine)
         self._errands = ThreadPoolExecutor(2, "errands")  # what waits for a disk
+        self._loads = 0  # loaded, or let go of: only the last of it counts
         self._verbs: dict[str, Callable[[Values], Answer]] = {
             "status": lambda _: whole_status.status(service),
             "facts": lambda _: whole_status.facts(service),
@@ -191,12 +193,21 @@ class Desk:
 
     def _stop(self, _: Values) -> Answer:
         """Also of what is only being prepared: a check, a start, the next axes that home."""
-        service = self._service
-        loads = "load" if service.sequencer.busy == "load" else ""
-        if given_up := service.sequencer.give_up() or loads:
-            with contextlib.suppress(CommandRefused):  # a plan that is gone has given it up
-                service.engine.line.give_up()
-        return self._ask(Request.STOP, instead=_given_up(given_up))
+        if given_up := self._service.sequencer.give_up():
+            self._plan_gives_up()
+        return self._ask(Request.STOP, instead=_given_up(given_up or self._no_load()))
+
+    def _no_load(self) -> str:
+        """Whoever stops, unloads or loads something else has no use for a check that goes on; its verb."""
+        self._loads += 1
+        if self._service.sequencer.busy != LOAD:
+            return ""
+        self._plan_gives_up()
+        return LOAD
+
+    def _plan_gives_up(self) -> None:
+        with contextlib.suppress(CommandRefused):  # a plan that is gone has given it up
+            self._service.engine.line.give_up()
 
     def _estop(self, _: Values) -> Answer:
         self._service.sequencer.give_up()
@@ -272,10 +283,12 @@ class Desk:
 
     # -- what takes long
 
-    def _sequence(self, name: str, work: Callable[[], Values], going: Going | None = None) -> Answer:
+    def _sequence(
+        self, name: str, work: Callable[[], Values], going: Going | None = None, behind: str = ""
+    ) -> Answer:
         found = self._service.engine.snapshot()
         mode = found.mode.name if found is not None else "OFF"
-        return self._service.sequencer.do(name, work, mode, going)
+        return self._service.sequencer.do(name, work, mode, going, behind)
 
     def _enable(self, _: Values) -> Answer:
         now = self._service.now()
@@ -311,8 +324,12 @@ class Desk:
     def _load(self, args: Values) -> Answer:
         service = self._service
         preconditions.not_running(self._service, "LOAD")
+        given_up = self._no_load()
+        number = self._loads
 
         def work() -> Values:
+            if number != self._loads:
+                raise refused("given_up", verb=LOAD)
             if args.get("restart") is True:
                 job = restart_preview.gone_on_with(service, args)
             else:
@@ -324,12 +341,18 @@ class Desk:
                 job.state, job.said = "refused", error.said
                 raise
 
-        return self._sequence("load", work)
+        return self._sequence(LOAD, work, behind=given_up)
 
-    def _unload(self, _: Values) -> Values:
+    def _unload(self, _: Values) -> Answer:
+        """A check of it that is under way is given up, and has come to its end with the answer."""
         preconditions.not_running(self._service, "UNLOAD")
-        self._service.job = self._service.interrupted = None
-        return {}
+
+        def work() -> Values:
+            self._service.job = self._service.interrupted = None
+            return {}
+
+        given_up = self._no_load()
+        return self._sequence("unload", work, behind=given_up) if given_up else work()
 
     def _start(self, args: Values) -> Answer:
         service = self._service

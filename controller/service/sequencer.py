@@ -9,6 +9,7 @@ import contextlib
 import threading
 from collections.abc import Callable
 from concurrent.futures import Future, InvalidStateError, ThreadPoolExecutor
+from dataclasses import replace
 
 from controller import messages
 from controller.ipc.control_socket import CommandRefused, Values, own_error
@@ -66,13 +67,19 @@ class Sequencer:
         return now.name if now is not None and now.state == "running" else ""
 
     def do(
-        self, name: str, work: Callable[[], Values], mode: str = "", going: Going | None = None
+        self,
+        name: str,
+        work: Callable[[], Values],
+        mode: str = "",
+        going: Going | None = None,
+        behind: str = "",
     ) -> Future[Values]:
         """Begin; the future gives the result, {"done": false} after a while. Raises CommandRefused if busy.
 
-        ``going``: by what it can be given up before it moves anything.
+        ``going``: by what it can be given up before it moves anything; ``behind``: the name of what may be
+        under way, as it was given up and comes to its end.
         """
-        return _patient(self._begin(name, work, mode, going))
+        return _patient(self._begin(name, work, mode, going, behind))
 
     def give_up(self) -> str:
         """What is under way moves nothing any more, if it has not begun to; its name, "" = nothing was."""
@@ -88,13 +95,14 @@ class Sequencer:
         return self._begin(name, work, "").result()
 
     def _begin(
-        self, name: str, work: Callable[[], Values], mode: str, going: Going | None = None
+        self, name: str, work: Callable[[], Values], mode: str, going: Going | None = None, behind: str = ""
     ) -> Future[Values]:
         with self._lock:
-            if self.busy:
-                raise refused("under_way", mode, name.upper(), "busy", other=self.busy)
-            self.now, self._going = Sequence(name, "running"), going
-        return self._thread.submit(self._run, name, work)
+            if (other := self.busy) and other != behind:
+                raise refused("under_way", mode, name.upper(), "busy", other=other)
+            self.now = one = Sequence(name, "running")
+            self._going = going
+            return self._thread.submit(self._run, one, work)
 
     def later(self, work: Callable[[], None]) -> None:
         """Behind whatever is under way, and told to nobody."""
@@ -104,16 +112,22 @@ class Sequencer:
         """Until all is done; nothing more is taken."""
         self._thread.shutdown(wait=True)
 
-    def _run(self, name: str, work: Callable[[], Values]) -> Values:
+    def _run(self, one: Sequence, work: Callable[[], Values]) -> Values:
         try:
             result = work()
         except Exception as error:
             known = error if isinstance(error, CommandRefused) else own_error(error)
-            self.now = Sequence(name, "failed", known.said)
-            self._failed(name, known)
+            self._ended(one, replace(one, state="failed", said=known.said))
+            self._failed(one.name, known)
             raise known from error
-        self.now = Sequence(name, "done")
+        self._ended(one, replace(one, state="done"))
         return {"done": True, **result}
+
+    def _ended(self, one: Sequence, so: Sequence) -> None:
+        """What has begun behind it is what is under way."""
+        with self._lock:
+            if self.now is one:
+                self.now = so
 
 
 def _patient(work: Future[Values]) -> Future[Values]:

@@ -133,6 +133,38 @@ def test_a_stop_while_a_start_is_planned_is_the_end_of_it_and_nothing_goes_out(
     assert Request.START not in engine.requests and service.running is None
 
 
+@pytest.mark.parametrize("then", ["load", "unload"])
+def test_a_check_that_nobody_wants_any_more_bars_neither_the_next_program_nor_anything_else(
+    then: str, desk: Desk, service: Service, engine: FakeEngine, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    good, checking, given_up = engine.answers["check"], threading.Event(), threading.Event()
+
+    def check(**more: Any) -> dict[str, Any]:
+        if b"X9" not in more["program"].text:
+            return good(**more)
+        checking.set()
+        assert given_up.wait(HANGS_S)
+        raise CommandRefused("refused", messages.said("given_up", verb="check"))
+
+    engine.answers["check"] = check
+    monkeypatch.setattr(engine, "give_up", given_up.set)
+    large, other, another = (service.state / f"{name}.ngc" for name in ("large", "other", "another"))
+    large.write_text("G21\nG0 X9\nM30\n")
+    for file in (other, another):
+        file.write_text(TEXT)
+    first = desk("load", {"path": str(large)})
+    assert checking.wait(HANGS_S) and isinstance(first, Future)
+    with pytest.raises(CommandRefused, match="load"):
+        done(desk, "home")
+    asked = [desk(then, {"path": str(file)}) for file in (other, another)]
+    with pytest.raises(CommandRefused, match="given up"):
+        first.result(HANGS_S)
+    last = asked[-1].result(HANGS_S) if isinstance(asked[-1], Future) else asked[-1]
+    assert (service.job.program.name if service.job else None) == (last["name"] if then == "load" else None)
+    assert then == "unload" or (last["name"], service.job.state) == ("another.ngc", "loaded")  # type: ignore[union-attr]
+    assert service.sequencer.now is not None and service.sequencer.now.state == "done"
+
+
 def test_a_stop_between_two_groups_that_home_ends_the_homing_and_nothing_is_enabled(
     desk: Desk, service: Service, engine: FakeEngine
 ) -> None:

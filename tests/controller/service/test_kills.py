@@ -50,7 +50,8 @@ def started(service: Serving, text: str) -> None:
     service.until(lambda now: now["mode"] == "RUNNING" and now["feed_mm_min"]["actual"] > 100.0)
 
 
-def test_a_stop_gives_up_a_check_that_takes_long(service: Serving) -> None:
+@pytest.mark.parametrize("word", ["stop", "unload"])
+def test_a_check_that_takes_long_is_given_up(word: str, service: Serving) -> None:
     """Asked by another client, while the one who loads still waits for his answer."""
     path, said = service.state / "large.ngc", []
     path.write_text(TOO_LARGE)
@@ -64,11 +65,15 @@ def test_a_stop_gives_up_a_check_that_takes_long(service: Serving) -> None:
     loading = threading.Thread(target=load)
     loading.start()
     service.until(lambda now: now["sequence"]["name"] == "load" and now["sequence"]["state"] == "running")
-    service.ask("stop")
+    service.ask(word)
     now = service.until(lambda now: now["sequence"]["state"] != "running")
     loading.join()
-    assert now["mode"] == "READY" and now["sequence"]["state"] == "failed"
-    assert now["job"]["state"] == "refused" and said == ["The check was given up."]
+    assert now["mode"] == "READY" and said == ["The check was given up."]
+    came = now["sequence"]["name"], now["sequence"]["state"]
+    assert came == (("load", "failed") if word == "stop" else ("unload", "done"))
+    assert (now["job"] and now["job"]["state"]) == ("refused" if word == "stop" else None)
+    if word == "unload":
+        service.done("home")
 
 
 def test_a_hold_is_taken_at_once_while_a_large_program_is_planned(service: Serving) -> None:
