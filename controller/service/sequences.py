@@ -109,7 +109,8 @@ def reset(service: Service) -> Values:
         return {"mode": service.now().mode.name}
     now = service.now()
     if now.mode is Mode.FAULT:
-        now = service.wait_for(lambda now: now.at_rest, STAND_S, "standstill")
+        # Nor before the run is told to be over by it: from OFF nobody could tell by what, or start anew.
+        now = service.wait_for(lambda now: now.at_rest and service.running is None, STAND_S, "standstill")
         needs = max(FAULTS[now.fault].recovery, FAULTS[now.warning].recovery)
         _asked(service, Request.RESET)
         if needs >= Recovery.COMMISSION:

@@ -7,6 +7,7 @@ import json
 import math
 import re
 import threading
+import time
 from concurrent.futures import Future
 from dataclasses import replace
 from pathlib import Path
@@ -131,6 +132,26 @@ def test_a_stop_while_a_start_is_planned_is_the_end_of_it_and_nothing_goes_out(
     with pytest.raises(CommandRefused, match="stopped before it began"):
         start.result(HANGS_S)
     assert Request.START not in engine.requests and service.running is None
+
+
+def test_a_reset_waits_until_the_run_is_told_to_be_over_by_the_fault(
+    desk: Desk, service: Service, engine: FakeEngine
+) -> None:
+    """All of it had been sent: in OFF it would be told as completed, and a client could not home at once."""
+    loaded(desk, service)
+    done(desk, "start")
+    service.look()
+    heard(service, finished=True, whole=True)
+    engine.now = engine.now._replace(mode=Mode.FAULT, fault=Fault.ESTOP_INPUT)
+    asked = desk("reset", {})
+    assert isinstance(asked, Future)
+    time.sleep(0.2)
+    assert Request.RESET not in engine.requests and service.job is not None
+    service.look()
+    asked.result(HANGS_S)
+    assert Request.RESET in engine.requests
+    service.look()
+    assert (service.job.state, service.running) == ("fault", None)
 
 
 @pytest.mark.parametrize("then", ["load", "unload"])
