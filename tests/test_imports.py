@@ -19,6 +19,7 @@ ARROWS: dict[str, set[str]] = {
     "faults": set(),  # what a fault is made of: words for all
     "geometry": {"messages"},
     "machine": {"geometry", "atomic_file", "messages"},
+    "memory": set(),  # what a process keeps, and gives back
     "motion": {"geometry", "machine"},  # what both sides compute alike
     "messages": {"faults"},  # texts, a file per language
     "state": {"faults", "machine", "motion", "messages"},
@@ -29,15 +30,15 @@ ARROWS: dict[str, set[str]] = {
     "version": set(),
     "workers": {"messages", "one_thread"},  # work that is spread over processes
     "program": {"geometry", "machine", "messages"},
-    "plan": {"geometry", "machine", "motion", "state", "messages", "ipc", "program"},
+    "plan": {"geometry", "machine", "motion", "state", "messages", "memory", "ipc", "program"},
     "tick": {"geometry", "machine", "motion", "state", "ipc"},
-    "verify": VALUES | {"workers", "ipc", "program", "plan"},
+    "verify": VALUES | {"workers", "memory", "ipc", "program", "plan"},
     # The machine's own geometry, and how a part lies, from what was measured.
     "calibration": VALUES | {"atomic_file", "program", "plan"},
     # Puts the parts together: clock, tick, plan and drives.
-    "runtime": VALUES | {"workers", "ipc", "program", "plan", "tick", "verify", "one_thread"},
+    "runtime": VALUES | {"workers", "memory", "ipc", "program", "plan", "tick", "verify", "one_thread"},
     # The process of `serve`: parent of tick and plan, and the far side of the control socket.
-    "service": VALUES | {"atomic_file", "ipc", "program", "plan", "tick", "runtime"},
+    "service": VALUES | {"atomic_file", "memory", "ipc", "program", "plan", "tick", "runtime"},
     "api": VALUES | {"atomic_file", "ipc", "program", "plan", "verify", "calibration"},
     "web": {"api", "messages"},
     "cad": {"geometry", "machine", "messages", "program", "plan"},  # faces of a CAD file as a program
@@ -46,6 +47,7 @@ ARROWS: dict[str, set[str]] = {
     "cli": VALUES
     | {
         "atomic_file",
+        "memory",
         "workers",
         "ipc",
         "program",

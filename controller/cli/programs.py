@@ -334,7 +334,7 @@ def simulate(
     as_json: Json = False,
 ) -> None:
     """Run a program on the stepped clock, with bus and simulated drives, as fast as it can."""
-    from controller.cli import memory
+    from controller import memory
 
     memory.keep_freed()
     memory.collect_rarely()

@@ -104,7 +104,7 @@ def _of_number(number: int, state: Path) -> str:
 
 def _made_again(record: RecordedRun, trace_file: Path | None, as_json: bool) -> dict[str, Any]:
     """What came of it. Raises Refused where it is another run."""
-    from controller.cli import memory
+    from controller import memory
     from controller.runtime.stepped import SteppedMachine
 
     memory.keep_freed()

@@ -11,7 +11,8 @@ from typing import Annotated, Any, Literal
 
 import typer
 
-from controller.cli import checkout, memory, speech
+from controller import memory
+from controller.cli import checkout, speech
 from controller.verify import console
 from controller.verify.console import Refused, bar, refusals, show, tell
 

@@ -12,6 +12,7 @@ import time
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
+from controller import memory
 from controller.ipc.handoff import (
     Outcome,
     PieceMessage,
@@ -95,6 +96,7 @@ class PlanEnd:
         """
         gc.unfreeze()  # of the program before
         gc.collect()
+        memory.give_back()
         gc.freeze()
         self.planner.load(items, now.queue_end_s, now.epoch)
 

@@ -18,6 +18,7 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
+from controller import memory
 from controller.geometry.vectors import Frame
 from controller.ipc.handoff import Snapshot
 from controller.machine.kinematics import kinematics_of
@@ -104,6 +105,7 @@ class Planning:
         # what the rotaries are shifted by, and the length with which a tilted plane's places are the tip's.
         self._offsets: list[tuple[int, int, Frame | None, Pair, float | None, Codes]] = []
         self._fitted = machine  # of what was armed
+        self._text = b""  # of the program that was checked or armed last
         self._carrying_out = False
         self._facts: dict[str, Any] = {}  # of what is being armed
         self._turns: list[Turn] = []
@@ -194,6 +196,10 @@ class Planning:
         }
 
     def _task(self, program: Program) -> Task:
+        """What was remembered of another program is forgotten."""
+        if not program.typed and program.text != self._text:
+            self._text = program.text
+            memory.forget()
         machine = program.machine
         if program.typed and machine.changer is not None:  # which knows its tool before the line says any
             machine = replace(machine, in_spindle=program.in_spindle)

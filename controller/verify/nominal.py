@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,7 @@ from controller.geometry.arrays import columns
 from controller.geometry.surfaces import Surface
 from controller.geometry.vectors import Frame, Vector
 from controller.machine.model import Tool
+from controller.memory import remembered
 
 Array = NDArray[np.float64]
 
@@ -119,14 +120,14 @@ class Nominal:
 
 
 # Of the surfaces that are looked at just now: there may be thousands, and these are large.
-@lru_cache(FEW)
+@remembered(FEW)
 def _table(nominal: Nominal) -> Array:
     """Points (ALONG, ACROSS, 3) on an even grid, table frame."""
     u, v = grid(ALONG, ACROSS)
     return nominal.points(u, v).reshape(ALONG, ACROSS, 3)
 
 
-@lru_cache(FEW)
+@remembered(FEW)
 def _lengths(nominal: Nominal) -> Array:
     """Length from u = 0 along curves of constant v, (ALONG, ACROSS)."""
     steps = np.linalg.norm(np.diff(_table(nominal), axis=0), axis=2)

@@ -11,7 +11,7 @@ import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import cached_property, lru_cache
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,6 +20,7 @@ import numpy.typing as npt
 from controller.geometry.arrays import distinct
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Machine
+from controller.memory import remembered
 from controller.motion.motions import ThreadMove, ToolLine, ToolSpline
 from controller.plan import junctions
 from controller.plan.feed.limits import JointLimits
@@ -248,7 +249,7 @@ def _along_thread(limits: JointLimits, move: ThreadMove, course: Course) -> Join
     )
 
 
-@lru_cache(REMEMBERED)
+@remembered(REMEMBERED)
 def _at_ends(stretch: Stretch, kinematics: Kinematics) -> Derivatives:
     """At its beginning and its end: whoever looks at a boundary asks for them again."""
     return derivatives(stretch, np.array([0.0, stretch.motion.end]), kinematics)

@@ -9,7 +9,6 @@ left is a passage through the pole itself, where the other branch goes on.
 from __future__ import annotations
 
 import math
-from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -20,6 +19,7 @@ from controller.geometry.placement import Placed
 from controller.geometry.surfaces import Cone
 from controller.geometry.vectors import Vector, scale
 from controller.machine.kinematics import Kinematics
+from controller.memory import remembered
 from controller.motion.motions import JointMove, Rotaries, SurfaceCut, ToolLine, ToolSpline
 from controller.plan.rotaries import tool_paths
 from controller.plan.rotaries.turns import JUMP_RAD, NAN, SAME_AXIS_RAD, TURN, wrapped
@@ -151,7 +151,7 @@ def _solve(cut: SurfaceCut, kinematics: Kinematics, u: Array) -> Field:
     return Field(u, np.array(axis), pairs)
 
 
-@lru_cache(REMEMBERED)
+@remembered(REMEMBERED)
 def _stands_still(cut: SurfaceCut) -> bool:
     """Whether the tool's axis is the same all along, as on an upright wall: no curve meets it so often."""
     axes = columns(cut.surface.axis(np.linspace(0.0, 1.0, OFTEN), np), OFTEN)
@@ -242,7 +242,7 @@ class _Kept(NamedTuple):
     rotaries: Array
 
 
-@lru_cache(REMEMBERED)
+@remembered(REMEMBERED)
 def _kept(cut: SurfaceCut, start: Rotaries, kinematics: Kinematics) -> _Kept:
     found = field(cut, kinematics)
     even = not (cut.touches or cut.beside_pole or np.isnan(found.pairs).any())

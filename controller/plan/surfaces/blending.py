@@ -24,6 +24,7 @@ from controller.geometry.placement import Blend
 from controller.geometry.vectors import add, angle_between, cross, dot, norm, scale, subtract, unit
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Machine
+from controller.memory import remembered
 from controller.motion.motions import SurfaceCut
 from controller.plan.surfaces import passing
 from controller.plan.surfaces.blends import End, Looked, Rounding, between, led_over, placed
@@ -267,7 +268,7 @@ class _Choice(NamedTuple):
 _chosen: dict[str, _Choice | None] = {}  # a check comes to every joint twice: of a thousand not one is kept
 
 
-@lru_cache(REMEMBERED)
+@remembered(REMEMBERED)
 def _shortened(
     before: SurfaceCut,
     after: SurfaceCut,

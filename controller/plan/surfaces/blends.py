@@ -16,6 +16,7 @@ from controller.geometry.arrays import rows
 from controller.geometry.curves import Curve
 from controller.geometry.placement import Blend, Blended, Placed
 from controller.geometry.vectors import Vector, add, dot, rotate, subtract, unit
+from controller.memory import remembered
 from controller.motion.motions import SurfaceCut
 from controller.plan.surfaces import deviation
 from controller.values import dataclass
@@ -192,7 +193,7 @@ def with_blend(motion: SurfaceCut, blend: Blend) -> SurfaceCut:
 # ---- what it costs -------------------------------------------------------------------
 
 
-@lru_cache(256)  # a check comes to every joint twice
+@remembered(256)  # a check comes to every joint twice
 def overcut(before: SurfaceCut, after: SurfaceCut, angle_rad: float) -> float:
     """How deep (mm) each of two cuts gets into the other one's surface, for the normals turn by an angle.
 

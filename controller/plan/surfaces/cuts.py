@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from functools import lru_cache
 from typing import Any, Generic, TypeVar
 
 from controller.geometry import arc_length
@@ -20,6 +19,7 @@ from controller.geometry.surfaces import Cone, RuledSurface, Surface
 from controller.geometry.vectors import Number, Vector, add, cross, dot, norm, rotate, scale, subtract, unit
 from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Machine, Tool
+from controller.memory import remembered
 from controller.messages import Key, Said, said
 from controller.motion.motions import SurfaceCut
 from controller.plan.stretch import Voice
@@ -55,7 +55,7 @@ class _Known(Generic[T]):
 
 _defect = _Known(defect)
 _concave_radius = _Known(concave_radius)
-_arc: Callable[[Any], ArcLength] = lru_cache(REMEMBERED)(arc_length.of)
+_arc: Callable[[Any], ArcLength] = remembered(REMEMBERED)(arc_length.of)
 
 
 @dataclass(frozen=True, slots=True)

@@ -27,7 +27,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
@@ -39,6 +38,7 @@ from controller.geometry.splines import BSpline
 from controller.geometry.surfaces import Surface
 from controller.geometry.vectors import Vector
 from controller.machine.model import Tool
+from controller.memory import remembered
 from controller.plan.surfaces import deviation, placements
 from controller.values import dataclass
 
@@ -101,7 +101,7 @@ def place(surface: Surface, cutter: Cutter, strategy: Strategy, tolerance_mm: fl
     return surface if cutter.taper_rad == 0.0 and cutter.shift_mm == 0.0 else _single(surface, cutter)
 
 
-@lru_cache(256)
+@remembered(256)
 def _first_that_keeps(surface: Surface, cutter: Cutter, tolerance_mm: float) -> Surface:
     """The first of ``single``, ``double``, ``optimal`` that keeps the tolerance, or the one least off."""
     judge = _Judge(_single(surface, cutter))
@@ -154,7 +154,7 @@ def _single(surface: Surface, cutter: Cutter) -> Placed:
     return Placed(surface, cutter.offset_mm, taper_rad=cutter.taper_rad, shift_mm=cutter.shift_mm)
 
 
-@lru_cache(256)
+@remembered(256)
 def _better(surface: Surface, cutter: Cutter, strategy: Strategy) -> Placed | None:
     """The best of its kind, as a check has kept it, or found now; None where the paper's is as good."""
     name = placements.name_of(surface, cutter, strategy)

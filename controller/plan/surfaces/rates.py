@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from functools import lru_cache, partial
+from functools import partial
 
 import numpy as np
 import numpy.typing as npt
@@ -28,6 +28,7 @@ from controller.geometry.touches import seen_at
 from controller.geometry.vectors import Number, Vector, norm
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import STILL, Joints, Machine
+from controller.memory import remembered
 from controller.motion.motions import JointMove, SurfaceCut, ToolLine, ToolSpline
 from controller.plan.rotaries import tool_paths
 from controller.plan.rotaries.branch import joints_along, one_branch
@@ -123,7 +124,7 @@ def _derivatives_of_move(move: JointMove, s: Array, kinematics: Kinematics) -> D
     return Derivatives(*found)
 
 
-@lru_cache(REMEMBERED)
+@remembered(REMEMBERED)
 def _inside(cut: SurfaceCut, kinematics: Kinematics) -> tuple[float, float]:
     """From where to where (mm) in a cut its derivatives are taken."""
     lower = cut.surface.lower

@@ -13,7 +13,7 @@ from support.machines.interrupted_runs import with_tool
 from support.machines.planning_bench import Bench
 from support.machines.stepped_runs import program
 
-from controller import messages
+from controller import memory, messages
 from controller.ipc import control_socket
 from controller.ipc.handoff import COLUMN
 from controller.machine import machine_file
@@ -74,6 +74,26 @@ def test_a_start_tells_tool_offset_and_place_on_the_way(bench: Bench) -> None:
     assert {(way.tool, way.offset) for way in ways.values()} == {(2, 1)}, "T2 and G55"
     assert bench.news[-1].finished and bench.news[-1].whole and bench.news[-1].tool == 2
     bench.assert_cut(TEXT, bench.machine, Spot(1, 0.0, 0, 0.0))
+
+
+def test_what_was_remembered_of_a_program_is_forgotten_with_another_one_and_not_with_a_line_by_hand(
+    bench: Bench,
+) -> None:
+    """Or a service that meets new programs for a day fills every cache, with surfaces and tables in it."""
+    first = Program(TEXT.encode(), "part.ngc", bench.machine)
+    other = Program(TEXT.replace("X30", "X20").encode(), "other.ngc", bench.machine)
+
+    @memory.remembered(1)
+    def look(of: str) -> object:
+        return object()
+
+    bench.order("check", program=first)
+    seen = look("first")
+    bench.order("check", program=Program(b"G21 G0 X1\n", "MDI", bench.machine, typed=True))
+    assert bench.order("arm", program=replace(first, in_spindle=2)).error is None
+    assert look("first") is seen
+    bench.order("check", program=other)
+    assert look("first") is not seen
 
 
 def test_a_program_of_which_much_is_to_be_noted_leaves_room_for_the_status(
