@@ -39,6 +39,7 @@ from drives.cia402 import State
 
 SEED = int(os.environ.get("DIRECTRIX_TEST_SEED", random.SystemRandom().randrange(10**6)))
 ON_PATH_MM = 1e-6
+LONGEST_FRAME_S = 135e-6  # may be on the wire before SYNC
 LOCKED, LOCKED_MB = re.compile(r"^VmLck:\s+(\d+) kB$", re.MULTILINE), 60
 DRY = "G21 G90 G54 G0 X5.\nM30\n"
 
@@ -86,8 +87,7 @@ def test_a_cut_in_real_time_completes_on_the_path_in_two_processes_and_a_hub() -
     assert np.abs(steps[back] + tick_s / 2.0).max(initial=0.0) <= tick_s / 2.0
     (stamps_s,) = running.sync_stamps_s.values()
     assert len(stamps_s) >= end.tick + 1 - end.skips
-    longest_frame_s = 135e-6  # may be on the wire before SYNC
-    assert np.diff(stamps_s).min() >= 0.75 * machine.period_s - longest_frame_s
+    assert np.diff(stamps_s).min() >= 0.75 * machine.period_s - LONGEST_FRAME_S
 
 
 @pytest.mark.slow
@@ -115,6 +115,39 @@ def test_a_program_without_motion_is_over_at_once_and_told_as_completed() -> Non
         running.ready()
         _, last = run(running)
     assert (last.mode, last.fault) == (Mode.READY, Fault.NONE)
+
+
+@pytest.mark.slow
+@pytest.mark.live
+def test_a_machine_at_rest_sleeps_through_ticks_that_are_all_on_the_bus_and_wakes_for_a_start() -> None:
+    """What is said again goes out ahead of its time: each tick has its row, and each that is sent a SYNC."""
+    machine = shipped(period_s=0.002, late="count")
+    with session(DRY, machine) as running:
+        running.ready()
+        running.recorder.drain()
+        woken, before = _woken(running.tick.pid), now_of(running)
+        until(lambda: now_of(running).tick >= before.tick + 2000)
+        woken, after = _woken(running.tick.pid) - woken, now_of(running)
+        rest = running.recorder.drain()
+        rows, last = run(running)
+        end = now_of(running)
+    assert woken < 0.5 * (after.tick - before.tick), "it is woken for each tick"
+    assert (last.mode, last.fault) == (Mode.READY, Fault.NONE)
+    assert last.joints[0] == pytest.approx(5.0 + machine.offsets[0].origin[0])
+    every = np.concatenate([rest, rows])
+    assert not running.recorder.lost and (np.diff(every[:, COLUMN["tick"]]) == 1.0).all()
+    sent = every[:, COLUMN["sync_sent"]] != 0.0
+    assert np.count_nonzero(~sent) <= end.skips and np.count_nonzero(sent) > 2000 - end.skips
+    assert_within_limits(every, machine)
+    (stamps_s,) = running.sync_stamps_s.values()
+    assert len(stamps_s) >= end.tick + 1 - end.skips
+    assert np.diff(stamps_s).min() >= 0.75 * machine.period_s - LONGEST_FRAME_S
+
+
+def _woken(pid: int) -> int:
+    """How often the process has slept by itself."""
+    rows = Path(f"/proc/{pid}/status").read_text()
+    return int(re.findall(r"^voluntary_ctxt_switches:\s+(\d+)$", rows, re.MULTILINE)[0])
 
 
 EXAMPLE_2 = program("example2_ready", "3000.")
