@@ -126,7 +126,7 @@ class Keeping(Protocol):
     """A bus that takes frames ahead of their time; see ``drives.ports.port.HubSocket``."""
 
     def keep(self) -> None: ...
-    def later(self, seconds: float) -> None: ...
+    def later(self, at_s: float) -> None: ...
     def hand_over(self) -> None: ...
 
 
@@ -198,7 +198,10 @@ class Loop:
         return self._calm > self._most_calm
 
     def _tick_ahead(self, n: int, now_s: float) -> bool:
-        """This tick and, if nothing happens in it, the next ones as well, whose frames the buses keep."""
+        """This tick and, if nothing happens in it, the next ones as well, whose frames the buses keep.
+
+        Its SYNC goes out at once, those of the others when they are due, however long all of that takes.
+        """
         buses, cycle = self._buses, self._cycle
         for bus in buses:
             bus.keep()
@@ -209,7 +212,7 @@ class Loop:
                 self._n += 1
                 due_s = self._start_s + self._n * self._period_s
                 for bus in buses:
-                    bus.later(due_s - now_s)
+                    bus.later(due_s)
                 cycle.repeat(due_s)
         finally:
             for bus in buses:

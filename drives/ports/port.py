@@ -122,7 +122,7 @@ class HubSocket(FrameSocket):
     Where the hub has ended, ``gone`` says so, and ``restart`` joins one that has taken its place.
 
     What nothing can change any more may be said ahead of its time: ``keep``, frames, ``later``, frames ...,
-    ``hand_over``.
+    ``hand_over``. The first of them, a SYNC, goes out at once.
     """
 
     packs = True
@@ -156,20 +156,24 @@ class HubSocket(FrameSocket):
         return self._lost
 
     def keep(self) -> None:
-        """What is sent from now on is kept for one packet."""
-        self._send, self._later = self._keep, b""
+        """What is sent from now on is kept for one packet, but for what is sent next."""
+        self._send, self._later = self._first, b""
+
+    def _first(self, frame: Buffer) -> int:
+        """In place of the socket's ``send``, as ``_keep``."""
+        self._send = self._keep
+        return self._socket.send(frame)
 
     def _keep(self, frame: Buffer) -> int:
-        """In place of the socket's ``send``."""
         if len(self._kept) + len(frame) > SENT_BYTES:
             self._hand_over()
             self._kept += self._later
         self._kept += frame
         return 0 if self._refused else len(frame)
 
-    def later(self, seconds: float) -> None:
-        """What is sent from now on is to begin so much later than that packet."""
-        self._later = hub_protocol.ahead_frame(seconds)
+    def later(self, at_s: float) -> None:
+        """What is sent from now on is to begin at that time (CLOCK_MONOTONIC)."""
+        self._send, self._later = self._keep, hub_protocol.ahead_frame(at_s)
         self._keep(self._later)
 
     def hand_over(self) -> None:

@@ -306,7 +306,8 @@ class Hub:
             frame = packet[start : start + FRAME_BYTES]
             can_id = int.from_bytes(frame[:4], "little")
             if can_id == hub_protocol.AHEAD:
-                begins_s = at_s + min(int.from_bytes(frame[8:12], "little") * 1e-6, MOST_AHEAD_S)
+                due_s = int.from_bytes(frame[8:16], "little") * 1e-9
+                begins_s = min(max(due_s, at_s), at_s + MOST_AHEAD_S)
                 continue
             if can_id & pdo.ERROR_FLAG and self._order(client, can_id, frame):
                 continue

@@ -1,7 +1,7 @@
 """How a process joins the virtual bus of another: the hub's socket and its control frames.
 
 A client's packet holds one or more 16-byte frames, up to ``MOST_SENT``. They begin when the packet is sent,
-those behind an ``AHEAD`` so much later. A packet to it holds exactly one, unless it has said that it takes
+those behind an ``AHEAD`` at its time. A packet to it holds exactly one, unless it has said that it takes
 more: ``MANY`` frames, or for a log records of ``TIMED``, gathered for ``GATHER_S``. Control frames use error
 classes that no CAN controller reports, so that nothing else on a bus can look like one.
 """
@@ -22,7 +22,7 @@ LOST_FRAMES = ERROR_FLAG | 0x1000_0000  # from the hub: data u32 = frames the cl
 MANY = ERROR_FLAG | 0x1000_0001  # to the hub: packets of several frames
 FILTER = ERROR_FLAG | 0x1000_0002  # to the hub: data u32 identifier, u32 mask; one of them must agree
 TIMES = ERROR_FLAG | 0x1000_0003  # to the hub: packets of ``TIMED``
-AHEAD = ERROR_FLAG | 0x1000_0004  # to the hub: data u32 us, so much later begins what is behind it
+AHEAD = ERROR_FLAG | 0x1000_0004  # to the hub: data u64 ns (CLOCK_MONOTONIC), when what is behind it begins
 
 RESTART_FRAME = FRAME.pack(RESTART, 0, b"")
 PATIENT_FRAME = FRAME.pack(PATIENT, 0, b"")
@@ -63,9 +63,9 @@ def cyclic_sync_frame(period_s: float) -> bytes:
     return FRAME.pack(CYCLIC_SYNC, 4, round(period_s * 1e6).to_bytes(4, "little"))
 
 
-def ahead_frame(seconds: float) -> bytes:
-    """The control frame that has those behind it begin so much after their packet."""
-    return FRAME.pack(AHEAD, 4, round(seconds * 1e6).to_bytes(4, "little"))
+def ahead_frame(at_s: float) -> bytes:
+    """The control frame that has those behind it begin at a time (CLOCK_MONOTONIC), if it is to come."""
+    return FRAME.pack(AHEAD, 8, round(at_s * 1e9).to_bytes(8, "little"))
 
 
 def lost_frame(count: int) -> bytes:

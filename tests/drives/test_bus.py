@@ -41,8 +41,8 @@ def packets(theirs: socket.socket) -> list[bytes]:
     return found
 
 
-def later(us: int) -> bytes:
-    return bytes(pdo.frame(hub_protocol.AHEAD, struct.pack("<I", us)))
+def begins(at_ns: int) -> bytes:
+    return bytes(pdo.frame(hub_protocol.AHEAD, struct.pack("<Q", at_ns)))
 
 
 def test_frames_that_are_kept_are_one_packet_with_the_times_at_which_they_begin(hub_end):
@@ -50,11 +50,12 @@ def test_frames_that_are_kept_are_one_packet_with_the_times_at_which_they_begin(
     sync, setpoint = bytes(pdo.frame(0x80)), bytes(pdo.frame(0x201, b"\x01"))
     port.keep()
     assert port.send(sync) and port.send(setpoint)
-    port.later(0.002)
+    assert packets(theirs) == [sync], "which is due now"
+    port.later(12345.678)
     assert port.send(sync)
     assert packets(theirs) == []
     port.hand_over()
-    assert packets(theirs) == [sync + setpoint + later(2000) + sync]
+    assert packets(theirs) == [setpoint + begins(12345_678_000_000) + sync]
     assert port.send(sync) and packets(theirs) == [sync], "nothing is kept any more"
     port.keep()
     port.hand_over()
@@ -65,6 +66,7 @@ def test_what_is_too_much_for_a_packet_is_several_with_their_times(hub_end):
     port, theirs = hub_end
     five = bytes(pdo.frame(0x201)) * 5
     port.keep()
+    assert port.send(pdo.frame(0x80)) and len(packets(theirs)) == 1
     for turn in range(20):
         port.later(0.001 * turn)
         assert port.send(five)
@@ -72,17 +74,19 @@ def test_what_is_too_much_for_a_packet_is_several_with_their_times(hub_end):
     found = packets(theirs)
     assert max(map(len, found)) <= 16 * hub_protocol.MOST_SENT and len(found) == 2
     assert b"".join(found).count(bytes(pdo.frame(0x201))) == 100
-    assert all(packet.startswith(later(us)) for packet, us in zip(found, (0, 10000), strict=True))
+    assert all(packet.startswith(begins(ns)) for packet, ns in zip(found, (0, 10_000_000), strict=True))
 
 
 def test_a_hub_that_takes_no_packet_is_told_of_with_the_next_frame_that_is_kept(hub_end):
     port, theirs = hub_end
     theirs.close()
     port.keep()
-    assert port.send(pdo.frame(0x80))
+    assert not port.send(pdo.frame(0x80))
+    assert port.send(pdo.frame(0x201))
     port.hand_over()
     port.keep()
     assert not port.send(pdo.frame(0x80))
+    assert not port.send(pdo.frame(0x201))
 
 
 def test_a_packet_of_several_frames_comes_out_one_by_one(hub_end):

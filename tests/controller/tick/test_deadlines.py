@@ -96,8 +96,8 @@ class Stage:
     def keep(self) -> None:
         self.called.append("keep")
 
-    def later(self, seconds: float) -> None:
-        self.called.append(f"later {1e3 * seconds:.1f}")
+    def later(self, at_s: float) -> None:
+        self.called.append(f"at {at_s:.3f}")
 
     def hand_over(self) -> None:
         self.called.append("hand over")
@@ -167,7 +167,8 @@ def test_where_nothing_happens_a_tick_is_said_again_for_the_next_ones() -> None:
     for turn in range(1, 4):
         assert loop.tick()
         assert stage.waits[-1] == (7.0 + (n + 5 * turn - 4) * T, 0.0)
-        again = [word for k in range(1, 5) for word in (f"later {2.0 * k:.1f}", "repeat")]
+        first = n + 5 * turn - 4
+        again = [word for k in range(1, 5) for word in (f"at {7.0 + (first + k) * T:.3f}", "repeat")]
         assert stage.called == ["receive", "keep", "run", *again, "hand over"]
     times = [now_s for now_s, _, _ in stage.runs]
     assert times == [pytest.approx(7.0 + k * T) for k in range(1, n + 16)], (
@@ -218,7 +219,7 @@ def test_a_tick_that_comes_late_is_said_again_up_to_where_it_would_have_been() -
         (pytest.approx(7.0 + (n + 4) * T), 0.0, 0),
         (pytest.approx(7.0 + (n + 5) * T), 0.0, 0),
     ]
-    assert stage.called[3] == "later 1.4", "when it is due, not so much after the late one"
+    assert stage.called[3] == f"at {7.0 + (n + 4) * T:.3f}", "when it is due, not so much after the late one"
     stage.early_s = 0.0
     loop.tick()
     assert stage.waits[-1][0] == 7.0 + (n + 6) * T
