@@ -135,9 +135,9 @@ def test_a_machine_at_rest_sleeps_through_ticks_that_are_all_on_the_bus_and_wake
     assert (last.mode, last.fault) == (Mode.READY, Fault.NONE)
     assert last.joints[0] == pytest.approx(5.0 + machine.offsets[0].origin[0])
     every = np.concatenate([rest, rows])
-    assert not running.recorder.lost and (np.diff(every[:, COLUMN["tick"]]) == 1.0).all()
-    sent = every[:, COLUMN["sync_sent"]] != 0.0
-    assert np.count_nonzero(~sent) <= end.skips and np.count_nonzero(sent) > 2000 - end.skips
+    sent = np.count_nonzero(every[:, COLUMN["sync_sent"]])
+    ticks = every[-1, COLUMN["tick"]] - every[0, COLUMN["tick"]] + 1  # those for which it came too late, too
+    assert not running.recorder.lost and ticks - sent <= end.skips and sent > 2000 - end.skips
     assert_within_limits(every, machine)
     (stamps_s,) = running.sync_stamps_s.values()
     assert len(stamps_s) >= end.tick + 1 - end.skips
