@@ -158,6 +158,18 @@ def test_straightness_and_a_thermal_shift_move_the_other_axes_too():
     assert encoder.actual[:3] == pytest.approx([1.0, 50.0, 2.0])
 
 
+@pytest.mark.parametrize(
+    "only",
+    [
+        {"straightness": (Straightness("Y", "X", (-100.0, 100.0), (-0.02, 0.02)),)},
+        {"thermal_shift_mm": (0.0, 0.0, 0.005)},
+    ],
+)
+def test_one_kind_of_what_axes_miss_is_enough(only):
+    assert Encoder(replace(machine("fig4a"), **only))._deviations is not None
+    assert Encoder(built())._deviations is not None
+
+
 def test_a_machine_without_tables_sends_what_it_sent_before():
     assert Encoder(machine("fig4a"))._deviations is None
 
@@ -184,6 +196,7 @@ def test_an_axis_turns_where_it_has_gone_by_its_counts_and_not_before(side):
     assert ends(0.0, 4.0, 8.0) == ends(0.0, 4.0, 8.0, 7.1) == side
     assert ends(0.0, 4.0, 8.0, 6.9) == -side, "from its farthest place, not from where it turned last"
     assert ends(0.0, 4.0, 8.0, 6.9, 5.0, 5.9) == -side and ends(0.0, 4.0, 8.0, 6.9, 5.0, 6.1) == side
+    assert ends(50.0) == ends(50.0, 50.9) == 0.0 and ends(50.0, 51.01) == side, "wherever it has begun"
 
 
 @pytest.mark.parametrize("side", (1.0, -1.0))

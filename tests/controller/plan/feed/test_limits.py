@@ -274,3 +274,16 @@ def test_blended_cuts_taken_together_are_what_they_are_alone(seed: int) -> None:
         for name in ("first", "second", "third"):
             one, other = getattr(alone, name), getattr(row, name)[here]
             np.testing.assert_allclose(other, one, rtol=1e-9, atol=1e-10 * np.abs(one).max())
+
+
+def test_a_joint_alone_comes_to_rest_in_the_time_of_its_jerk_and_deceleration() -> None:
+    """Told back: what a deceleration that rises, maybe lasts, and falls takes off in that time."""
+    rng = np.random.default_rng(3)
+    limits = JointLimits(np.full(5, 1e3), rng.uniform(100.0, 5e3, 5), rng.uniform(1e3, 1e5, 5))
+    speeds = rng.uniform(0.0, 4.0, (200, 5)) * limits.acceleration**2 / limits.jerk
+    seconds = limits.braking_s(np.where(rng.random((200, 5)) < 0.5, -speeds, speeds))
+    t = np.linspace(0.0, 1.0, 4001)[:, None, None] * seconds
+    deceleration = np.minimum(np.minimum(t, seconds - t) * limits.jerk, limits.acceleration)
+    taken_off = np.trapezoid(deceleration, t, axis=0)
+    assert taken_off == pytest.approx(speeds, rel=1e-5)
+    assert (deceleration.max(axis=0) < limits.acceleration).any() and (seconds > 0.0).all()
