@@ -232,6 +232,7 @@ def test_what_bends_by_next_to_nothing_takes_a_closed_form_that_is_as_fast_as_th
         planned = profile.plan(course)
         assert planned is not None and len(planned.pieces) <= 7, run[0].name
         assert max(used(course, planned)) <= 1.0, run[0].name
+        assert_goes_on(planned, run[0].name)
         searched = profile._searched(course, profile.REST, course.length)
         assert searched is not None and planned.duration_s <= 1.01 * searched.duration_s, run[0].name
         looked[run[0].name] += 1
@@ -267,9 +268,20 @@ def used(course: Course, planned: Profile, n: int = 3000) -> list[float]:
     return [float((np.abs(value) / limit).max()) for value, limit in pairs]
 
 
+def assert_goes_on(planned: Profile, label: object) -> None:
+    """Place, speed and acceleration at the end of each piece are those at the begin of the next one."""
+    t, rows = np.diff(planned.times)[:, None], planned.pieces
+    scale = 1.0 + np.abs(rows[:, :3]).max(axis=0)
+    ends = [sum(math.perm(n, d) * rows[:, n] * t[:, 0] ** (n - d) for n in range(d, 6)) for d in range(3)]
+    begins = rows[:, :3] * (1.0, 1.0, 2.0)
+    jumps = np.abs(np.transpose(ends)[:-1] - begins[1:]) / scale
+    assert jumps.max(initial=0.0) <= 1e-6, (label, jumps.max(axis=0))
+
+
 def assert_fine(course: Course, planned: Profile | None, begin: State, label: object) -> None:
     assert planned is not None, label
     assert planned.at(0.0) == pytest.approx(begin, rel=1e-9, abs=1e-9), label
+    assert_goes_on(planned, label)
     end = planned.at(planned.duration_s)
     assert abs(end.v) <= 1e-6 * (1.0 + begin.v) and end.s == pytest.approx(planned.end_s), label
     velocity, acceleration, jerk = used(course, planned)
