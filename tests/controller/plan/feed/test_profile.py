@@ -20,7 +20,7 @@ from support.parts.surface_trains import program as train
 from controller.ipc.handoff import Law
 from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Machine, Tool
-from controller.plan.feed import profile
+from controller.plan.feed import cruise, profile
 from controller.plan.feed.course import Course
 from controller.plan.feed.law import at_share, straight, through
 from controller.plan.feed.limits import JointLimits
@@ -237,6 +237,21 @@ def test_what_bends_by_next_to_nothing_takes_a_closed_form_that_is_as_fast_as_th
         assert searched is not None and planned.duration_s <= 1.01 * searched.duration_s, run[0].name
         looked[run[0].name] += 1
     assert looked == {"pivot": 3, "cut": 2}
+
+
+def test_a_feed_beyond_what_jerk_alone_reaches_has_a_ramp_of_three_phases() -> None:
+    machine = shipped()
+    limits = machine.axes[0].limits
+    feed = 1.2 * limits.acceleration**2 / limits.jerk
+    assert feed < 0.6 * limits.velocity
+    (chain,) = chains(f"G21 G90 G1 X200. F{60.0 * feed:.3f}\nM30\n", machine)
+    course = Course(chain.stretches, machine, kinematics_of(machine))
+    planned, law = profile.plan(course), cruise.law(course, *profile.REST, course.length)
+    assert planned is not None and law is not None and len(planned.pieces) == 7
+    assert_fine(course, Profile(*law), profile.REST, feed)
+    assert law[0] == pytest.approx(planned.times) and law[1] == pytest.approx(planned.pieces, abs=1e-9), (
+        "on a line, which has a closed form of its own"
+    )
 
 
 # --- from states of motion
