@@ -19,7 +19,7 @@ from controller.plan import retract as aside
 from controller.plan.look_ahead import Place
 from controller.plan.path.path import Chain, Pause, Stretch
 from controller.plan.restart.program_position import ENTRY_ID, Spot
-from controller.plan.restart.restart import Rest, named
+from controller.plan.restart.restart import Rest, joints_at, named
 from controller.plan.retract import Aside, NotPossible
 from controller.plan.track import Track
 from controller.state.modes import Mode
@@ -53,7 +53,7 @@ class Detour:
     def retract(self, now: Snapshot, left: Left | None, spot: Spot | None, by_mm: float) -> Track:
         """The way off. Raises NotPossible."""
         aside.see_held(now, "retract")
-        made = None if self.aside is not None else _leaving(now, left, spot, by_mm)
+        made = None if self.aside is not None or now.away else self._leaving(now, left, spot, by_mm)
         if made is None:
             raise NotPossible(said("aside.no_retract"))
         track = self._track(aside.retract(made[0], self._machine, self._kinematics))
@@ -86,18 +86,22 @@ class Detour:
     def look(self, now: Snapshot, ask: Callable[[], tuple[Left | None, Spot | None]]) -> None:
         """On the path: a jog out of a hold leads off it as a retract of no length does.
 
-        ``ask`` for place and spot; they are looked up once in a hold.
+        ``ask`` for place and spot; they are looked up once in a hold, or when a jog from there is over that
+        began before anybody had looked.
         """
+        stands = now.mode is Mode.HOLD and now.at_rest and not now.stopping
         if now.mode is Mode.JOG or now.away:
+            if self._stood is None and now.away and stands:
+                self._stood = self._leaving(now, *ask(), 0.0)
             if self._stood is not None:
                 (self.aside, self._left), self._stood = self._stood, None
                 self.aside.turns.append(self.aside.held)
                 self.aside.off = True
-        elif now.mode is not Mode.HOLD or not now.at_rest or now.stopping:
+        elif not stands:
             self._stood = None
         elif self._stood is None or self._stood_at != (now.joints, now.plan_time_s, now.line):
             self._stood_at = now.joints, now.plan_time_s, now.line
-            self._stood = _leaving(now, *ask(), 0.0)
+            self._stood = self._leaving(now, *ask(), 0.0)
 
     def follow(self, now: Snapshot, arrived: bool) -> Left | None:
         """Off the path: notes what is jogged; what to go on with once the tool is back.
@@ -121,13 +125,26 @@ class Detour:
             self.forget()  # jogged back to where it was held
         return None
 
+    def _leaving(
+        self, now: Snapshot, left: Left | None, spot: Spot | None, by_mm: float
+    ) -> tuple[Aside, Left] | None:
+        """What is to be known of the place at which the tool leaves the path; None without a path."""
+        unit = None if left is None else left[0].at(left[1].unit)
+        if left is None or spot is None or unit is None:
+            return None
+        held = self._goes_on_at(*left) if now.away else now.joints
+        if held is None:
+            return None
+        what, feed_mm_s = unit.what, math.inf
+        if isinstance(what, Stretch):
+            feed_mm_s = float(what.feed_at(np.array([left[1].s]))[0])
+        return Aside(spot, held, what.place, feed_mm_s, by_mm), left
 
-def _leaving(now: Snapshot, left: Left | None, spot: Spot | None, by_mm: float) -> tuple[Aside, Left] | None:
-    """What is to be known of the place at which the tool leaves the path; None without a path."""
-    unit = None if left is None else left[0].at(left[1].unit)
-    if left is None or spot is None or unit is None:
+    def _goes_on_at(self, track: Track, place: Place) -> Joints | None:
+        """The joints at a place of a path; of a pause, where the motion behind it begins; None at the end."""
+        number, s = place.unit, place.s
+        while (unit := track.at(number)) is not None:
+            if isinstance(unit.what, Stretch):
+                return joints_at(unit.what, s if number == place.unit else unit.begin, self._kinematics)
+            number += 1
         return None
-    what, feed_mm_s = unit.what, math.inf
-    if isinstance(what, Stretch):
-        feed_mm_s = float(what.feed_at(np.array([left[1].s]))[0])
-    return Aside(spot, now.joints, what.place, feed_mm_s, by_mm), left

@@ -15,13 +15,14 @@ from support.machines.stepped_runs import program
 
 from controller import memory, messages
 from controller.ipc import control_socket
-from controller.ipc.handoff import COLUMN
+from controller.ipc.handoff import COLUMN, Jog
 from controller.machine import machine_file
 from controller.messages import said
 from controller.plan.restart.program_position import Spot
 from controller.plan.stretch import Note
 from controller.program import linked
 from controller.program.program import Place
+from controller.runtime.events import Event
 from controller.service.planner_client import Answer, Order, Program
 from controller.state.modes import Fault, Mode, Request, sentence
 
@@ -149,6 +150,49 @@ def test_off_the_path_and_back_with_the_same_tool_is_told_and_goes_on(bench: Ben
     bench.request(Request.RESUME)
     bench.until(Mode.READY)
     bench.assert_cut(TEXT, bench.machine, Spot(1, 0.0, 0, 0.0))
+
+
+@pytest.mark.parametrize("line", [1, 5])
+def test_a_jog_before_the_plan_has_looked_at_the_hold_is_led_back(bench: Bench, line: int) -> None:
+    """It was busy with what comes next: the path knows by itself where it goes on, before any motion, too."""
+    armed(bench, in_spindle=1 if line == 1 else 2)
+    modes, follow = bench.stepped.cycle.modes, bench.stepped.cycle.follow
+
+    def busy(until: Mode) -> None:
+        for _ in range(LONGEST):
+            if modes.mode is until and follow.at_rest and not follow.stopping:
+                break
+            bench.stepped.tick()
+        bench.rows.append(bench.stepped.recorder.drain())
+
+    if line == 1:  # held before the tool is in
+        bench.stepped._plan = lambda: None  # type: ignore[method-assign]
+        bench.until(Mode.HOLD)
+    else:
+        bench.until_line(line)
+        bench.stepped.request(Request.HOLD)
+        busy(Mode.HOLD)
+    held = bench.stepped.joints
+    for axis, by_mm in ((0, -2.2), (1, -1.2), (2, 2.6)):
+        way = tuple(float(i == axis) * by_mm / abs(by_mm) for i in range(5))
+        bench.stepped.send(Event(0, Request.JOG, jog=Jog(way, 50.0, abs(by_mm))))
+        bench.stepped.tick()
+        busy(Mode.HOLD)
+    assert np.abs(np.subtract(bench.stepped.joints, held))[:3] == pytest.approx((2.2, 1.2, 2.6))
+    assert bench.order("retract", distance_mm=5.0).error is not None
+    bench.stepped._plan = bench._turn  # type: ignore[method-assign]
+    bench.rows.append(bench.stepped.go(20))
+    assert bench.news[-1].aside and bench.order("retract", distance_mm=5.0).error is not None
+    led(bench, "return")
+    assert np.abs(np.subtract(bench.stepped.joints, held)).max() < 1e-9 and not bench.news[-1].aside
+    spot, before = bench.planner.spot(bench.snapshot()), len(bench.rows)
+    assert spot is not None and (line == 1 or 0.0 < spot.fraction < 1.0)
+    while modes.mode is Mode.HOLD:  # a stop for a tool stands again
+        bench.request(Request.RESUME)
+        bench.go(lambda: modes.mode is not Mode.RUNNING and follow.at_rest)
+    assert modes.mode is Mode.READY
+    begin = Spot(1, 0.0, 0, 0.0) if line == 1 else spot._replace(s=spot.s + 0.05)
+    bench.assert_cut(TEXT, bench.machine, begin, before)
 
 
 @pytest.mark.slow
