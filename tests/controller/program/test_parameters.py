@@ -103,6 +103,7 @@ def test_values_are_the_references(value: str, expected: float) -> None:
         ("G0X3\nG55\nG0X[#<_abs_x>]", 3.0),
         ("G0X3\nG91\nX2\nG90\nX[#<_x>]", 5.0),
         ("G0X25.4\nG20\nG0X#<_x>", 25.4),  # 1 inch
+        ("G0 A30\nG20 G0X[#<_abs_a>/25.4]", 30.0),  # an angle has no inches
         ("G0A30\nG91 A5\nG90\nG0X#<_a>", 35.0),
         ("G0X#<_u>", 0.0),
         ("G0X1\nG53 G0X5\nG55 G0X#<_x>", 5.0),  # read before G55 takes effect
