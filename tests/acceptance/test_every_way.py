@@ -15,9 +15,10 @@ from typing import Any
 
 import pytest
 from support.live import browser, shop
-from support.live.shop import ROOT, Shop
+from support.live.shop import ROOT, Shop, Values
 
 from controller.runtime.simulated_bench import STOCK
+from controller.service.jobs import UNDER_WAY
 
 pytestmark = [pytest.mark.slow, pytest.mark.live, pytest.mark.calm]
 ABOVE_THE_BORE = "G21 G90 G54 G43 H99\nG0 X0 Y0\nG0 Z30\nG1 Z-8 F2000\n"
@@ -82,9 +83,14 @@ class Ways:
         )
 
     def at_rest(self) -> None:
-        self.shop.until(
-            lambda now: now["mode"] == "READY" and (now["sequence"] or {}).get("state") != "running", "rest"
-        )
+        """What was run is filed, too: what it has set comes a moment after its last tick."""
+
+        def rests(now: Values) -> bool:
+            under_way = (now["job"] or {}).get("state") in UNDER_WAY
+            busy = (now["sequence"] or {}).get("state") == "running"
+            return now["mode"] == "READY" and not under_way and not busy
+
+        self.shop.until(rests, "rest")
 
     def origin(self, name: str) -> list[float]:
         found: list[float] = self.shop.do("GET", "/offsets")["offsets"][name]["origin_mm"]
