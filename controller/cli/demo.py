@@ -28,6 +28,7 @@ from controller.machine.model import Machine
 from controller.runtime import children, recording
 from controller.service import engine, main
 from controller.service.folders import Folders
+from controller.service.jobs import UNDER_WAY
 from controller.service.service import Service
 from controller.state.modes import Binding, Fault, binding_text
 from controller.values import dataclass
@@ -39,7 +40,6 @@ ROWS = 400  # that are asked for at a time: an answer has no more than 500
 # A service has its disk write twenty times a second; what is thrown away needs none.
 MEMORY = Path("/dev/shm")
 RECORDED_S = 8.0  # for the recording of a fault to be there
-UNDER_WAY = ("starting", "running", "held", "stopping")
 FEED = binding_text(Binding.FEED, ())  # what is programmed is no limit
 TOOLS = {"example2_ready.ngc": 4}  # what somebody has put into the spindle; else it is T1
 

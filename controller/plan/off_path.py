@@ -89,15 +89,15 @@ class Detour:
         ``ask`` for place and spot; they are looked up once in a hold, or when a jog from there is over that
         began before anybody had looked.
         """
-        stands = now.mode is Mode.HOLD and now.at_rest and not now.stopping
+        held = aside.is_held(now)
         if now.mode is Mode.JOG or now.away:
-            if self._stood is None and now.away and stands:
+            if self._stood is None and now.away and held:
                 self._stood = self._leaving(now, *ask(), 0.0)
             if self._stood is not None:
                 (self.aside, self._left), self._stood = self._stood, None
                 self.aside.turns.append(self.aside.held)
                 self.aside.off = True
-        elif not stands:
+        elif not held:
             self._stood = None
         elif self._stood is None or self._stood_at != (now.joints, now.plan_time_s, now.line):
             self._stood_at = now.joints, now.plan_time_s, now.line

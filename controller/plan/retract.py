@@ -42,9 +42,14 @@ class NotPossible(Exception):
         self.said = why
 
 
+def is_held(now: Snapshot) -> bool:
+    """Whether the machine is held and stands."""
+    return now.mode is Mode.HOLD and now.at_rest and not now.stopping
+
+
 def see_held(now: Snapshot, what: str) -> None:
     """Raises NotPossible unless the machine is held and stands."""
-    if now.mode is not Mode.HOLD or not now.at_rest or now.stopping:
+    if not is_held(now):
         raise NotPossible(said("aside.not_held", what=Key(f"aside.{what}"), mode=now.mode.name))
 
 

@@ -29,10 +29,10 @@ from support.suite import cyclictest, figures  # noqa: E402
 from support.suite.cyclictest import Watch  # noqa: E402
 from support.suite.figures import Figure, Report  # noqa: E402
 
+from controller.service.jobs import UNDER_WAY  # noqa: E402
 from drives.simulated.drive import QUIET_PERIODS  # noqa: E402
 
 SECONDS, SHORT_S = 600.0, 3.0
-UNDER_WAY = ("starting", "running", "held", "stopping")
 BEFORE_S = 1.0  # a fault
 
 

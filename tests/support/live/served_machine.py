@@ -17,6 +17,7 @@ from controller import messages
 from controller.ipc.control_socket import Client, CommandRefused, control_path
 from controller.machine import machine_file
 from controller.machine.model import Machine
+from controller.service.jobs import UNDER_WAY
 
 ROOT = Path(__file__).resolve().parents[3]
 HANGS_S = 120.0  # no test is meant to come near
@@ -126,7 +127,7 @@ class Serving:
         """The status when nothing runs any more."""
         return self.until(
             lambda now: (
-                (not now["job"] or now["job"]["state"] not in ("starting", "running", "held", "stopping"))
+                (not now["job"] or now["job"]["state"] not in UNDER_WAY)
                 and now["mode"] in ("READY", "OFF", "FAULT")
             ),
             "the end",

@@ -45,6 +45,7 @@ from controller.ipc.packed_rows import unpacked
 from controller.machine import machine_file
 from controller.machine.model import Machine
 from controller.runtime import replay
+from controller.service.jobs import UNDER_WAY
 from controller.state.modes import Fault, Mode
 from drives import bus, pdo
 
@@ -55,7 +56,6 @@ RECORD_S = 30.0  # for the record of a run to be written
 STANDS_S, STANDS_ROWS = 0.3, 20  # of standstill at the end
 STANDS_COUNTS = 50.0
 GOING = ("RUNNING", "HOLD", "JOG", "STOPPING", "READY")
-UNDER_WAY = ("loading", "starting", "running", "held", "stopping")
 ROLES = {"virtual-bus": "hub", "directrix-tick": "tick", "directrix-plan": "plan"}
 NMT = {"stop": 2, "preop": 128, "reset_communication": 130}
 INJECT_AT = 0x2001  # of a simulated drive: the error that it finds in itself
@@ -198,7 +198,7 @@ class Watched:
 
     @staticmethod
     def _stands(now: Values) -> bool:
-        over = not now["job"] or now["job"]["state"] not in UNDER_WAY
+        over = not now["job"] or now["job"]["state"] not in ("loading", *UNDER_WAY)
         busy = (now["sequence"] or {}).get("state") == "running"
         return over and not busy and now["at_rest"] and now["mode"] in ("READY", "OFF", "FAULT", "HOLD")
 

@@ -7,13 +7,14 @@ the median of all slopes between two samples (Theil, Sen) is moved by neither.
 
 from __future__ import annotations
 
-import ctypes
 import functools
 import gc
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+
+from controller import memory
 
 SETTLES_S = 60.0  # of a process' life: then memory is what it is
 TELLS_S = 1200.0  # looked at for so long a slope tells
@@ -72,9 +73,7 @@ def give_back() -> None:
         if type(one) is functools._lru_cache_wrapper and one.cache_parameters()["maxsize"] is not None:
             one.cache_clear()
     gc.collect()
-    trim = getattr(ctypes.CDLL(None), "malloc_trim", None)  # glibc
-    if trim is not None:
-        trim(0)
+    memory.give_back()
 
 
 def anonymous_mb(pid: int | str = "self") -> float | None:
