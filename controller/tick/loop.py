@@ -18,8 +18,8 @@ A tick behind one whose SYNC left late waits the few microseconds that its own w
 Drives lock their own clock to SYNC, also while they stand, so on a real bus it is always spun for.
 Simulated drives count periods and not their length: where all are (``eased``) a machine at rest
 sleeps up to the deadline, and its SYNC is late by the wake-up and the drain of the buses. Where nothing
-is asked of it either, a tick is said again for the next hundredth of a second, and the virtual buses send
-its frames when they are due:
+is asked of it either, a tick is said again for the next 40 ms, and the virtual buses send its frames when
+they are due, for to be woken costs more than what is done then:
 
 ```
   deadline:   d0   d1   d2   d3   d4   d5
@@ -43,12 +43,13 @@ from controller.state.modes import Fault, Request
 from controller.tick.cycle import Cycle
 from controller.tick.sync_watch import LATE_SHARE
 from drives.cia402 import State, Wanted
+from drives.cyclic.line import MAX_FRAMES
 
 SPIN_S = 300e-6  # woken this long before the deadline: a late wake-up and the drain of the buses fit in
 SPIN_SHARE = 0.2  # of the period at most,
 LEAST_SPIN_S = 150e-6  # but not less than the scheduler is often late by
 FORGETS = 0.999  # in each tick, of the longest time that a rehearsal and the drain behind it took
-AHEAD_S = 10e-3  # for which a tick stands in which nothing happens
+AHEAD_S = 40e-3  # for which a tick stands in which nothing happens; an operator does not feel it
 CALM_S = 0.2  # nothing has happened for so long
 EASED_PERIOD_S = 2e-3  # of a shorter one a quarter, which is the most that SYNC may be late, is soon gone
 STAND_DOWN_S = 1.0  # for each step of an orderly end
@@ -151,7 +152,7 @@ class Loop:
         self._early_s = early_s(self._period_s)
         self._eased = eased and self._period_s >= EASED_PERIOD_S
         self._buses = tuple(ahead)
-        self._at_once = max(1, int(AHEAD_S / self._period_s)) if self._eased and ahead else 1
+        self._at_once = _at_once(cycle, self._period_s) if self._eased and ahead else 1
         self._calm = 0  # ticks in a row in which nothing has happened
         self._most_calm = round(CALM_S / self._period_s)
         self._kernel_sync = cycle.machine.sync == "kernel" and len(filenos) > 0
@@ -293,6 +294,12 @@ class Loop:
                 cycle.publish()
         with contextlib.suppress(Exception):
             group.stop_sync()  # the kernel's SYNC would go on without us
+
+
+def _at_once(cycle: Cycle, period_s: float) -> int:
+    """Ticks that may be said at once: what answers to them on one bus is taken in one drain."""
+    fullest = max((len(line.drives) + len(line.others) for line in cycle.group.lines), default=0)
+    return max(1, min(int(AHEAD_S / period_s + 0.5), MAX_FRAMES // (fullest + 1)))
 
 
 class Granted(dict[str, bool]):

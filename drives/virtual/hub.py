@@ -17,7 +17,8 @@ sent, and feedback is there before the tick looks for it.
                             | awake, TPDOs out   | the tick reads
 
 Where nothing is said that was not said before, and nothing else waits, it is awake after ``STILL_LOOK_S``
-only: the machine stands, and what its drives have to say then may come so late.
+only: the machine stands, and what its drives have to say then may come so late. Where SYNC was said ahead
+of its time, nobody speaks until that is over: it is awake then, and misses no motion that begins.
 """
 
 from __future__ import annotations
@@ -50,6 +51,7 @@ PACKET_BYTES = hub_protocol.MOST_SENT * FRAME_BYTES
 TIMEOUT_S = 100e-6
 STILL_S = 0.2  # nothing new for so long: nothing moves
 STILL_LOOK_S = 0.02  # being woken, with cold caches, costs as much as some four periods of five drives
+SAID_AHEAD_LOOK = 2.5  # periods behind the last SYNC said ahead: the next ones are there by then
 STOP_LOOK_S = 0.1  # a hub that nobody speaks to asks whether it is to go on
 MOST_AHEAD_S = 1.0  # that a client may say what is to be sent
 SLOWEST_S = 0.02  # rhythm of SYNC for which a client may wait
@@ -237,7 +239,8 @@ class Hub:
         if not alone:
             return 0.0
         if now_s - self.bus.new_s > STILL_S and self.bus.repeats:
-            return self._sync_s + (max(1, round(STILL_LOOK_S / period_s)) + 0.5) * period_s
+            quiet = max(1, round(STILL_LOOK_S / period_s)) + 0.5 if late_s >= 0.0 else SAID_AHEAD_LOOK
+            return self._sync_s + quiet * period_s
         if not self.bus.is_only_for(master.source):
             return 0.0
         return self._sync_s + (0.5 if late_s < 0.5 * period_s else 1.5) * period_s
@@ -311,8 +314,8 @@ class Hub:
                 continue
             if can_id & pdo.ERROR_FLAG and self._order(client, can_id, frame):
                 continue
-            if can_id == pdo.SYNC and begins_s == at_s:
-                self._keep_time(client, at_s)
+            if can_id == pdo.SYNC:
+                self._keep_time(client, begins_s)
             if frame[4] > 8 or self.bus.submit(client.source, begins_s, can_id, frame):
                 continue
             if client.patient and self.bus.is_full(client.source):
@@ -353,7 +356,10 @@ class Hub:
         return True
 
     def _keep_time(self, client: Client, at_s: float) -> None:
-        """The rhythm of SYNC: the shorter of the last two gaps, for after a late one comes one in time."""
+        """The rhythm of SYNC: the shorter of the last two gaps, for after a late one comes one in time.
+
+        ``at_s``: its own, which may be still to come.
+        """
         gap_s = at_s - self._sync_s if client is self._master else math.inf
         self._period_s, self._gap_s = min(gap_s, self._gap_s), gap_s
         self._master, self._sync_s = client, at_s

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import socket
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -24,8 +25,10 @@ from controller.tick.loop import (
     WallClock,
 )
 from drives.cia402 import State, Wanted
+from drives.cyclic.line import MAX_FRAMES
 
 T = 0.002
+AT_ONCE = round(AHEAD_S / T)
 HERE = (0.0, 0.0, 0.0, 0.0, 0.0)
 THERE = (100.0, 60.0, -80.0, 1.0, 2.0)
 
@@ -34,6 +37,9 @@ class Group:
     """Of a bus on which the kernel sends SYNC."""
 
     sync_seen = False
+
+    def __init__(self) -> None:
+        self.lines: list[Any] = []
 
 
 class Sync:
@@ -150,9 +156,10 @@ def test_a_sync_that_would_be_too_close_to_the_last_one_waits_if_that_is_not_too
     assert stage.runs == [(pytest.approx((1.0 + late) * T), pytest.approx(late * T), 0)]
 
 
-def calm(period_s: float = T) -> tuple[Stage, Loop]:
-    """Simulated drives with which nothing has happened for long enough."""
+def calm(period_s: float = T, nodes: int = 0) -> tuple[Stage, Loop]:
+    """Simulated drives (``nodes`` on a bus) with which nothing has happened for long enough."""
     stage = Stage(period_s)
+    stage.group.lines = [SimpleNamespace(drives=range(nodes), others=())]
     stage.early_s = 0.0
     loop = staged(stage, eased=True, ahead=(stage,))
     for _ in range(round(CALM_S / period_s)):
@@ -166,12 +173,12 @@ def test_where_nothing_happens_a_tick_is_said_again_for_the_next_ones() -> None:
     n = len(stage.waits)
     for turn in range(1, 4):
         assert loop.tick()
-        assert stage.waits[-1] == (7.0 + (n + 5 * turn - 4) * T, 0.0)
-        first = n + 5 * turn - 4
-        again = [word for k in range(1, 5) for word in (f"at {7.0 + (first + k) * T:.3f}", "repeat")]
+        first = n + AT_ONCE * (turn - 1) + 1
+        assert stage.waits[-1] == (pytest.approx(7.0 + first * T), 0.0)
+        again = [word for k in range(1, AT_ONCE) for word in (f"at {7.0 + (first + k) * T:.3f}", "repeat")]
         assert stage.called == ["receive", "keep", "run", *again, "hand over"]
     times = [now_s for now_s, _, _ in stage.runs]
-    assert times == [pytest.approx(7.0 + k * T) for k in range(1, n + 16)], (
+    assert times == [pytest.approx(7.0 + k * T) for k in range(1, n + 3 * AT_ONCE + 1)], (
         "none is left out, and none is twice"
     )
 
@@ -214,15 +221,22 @@ def test_a_tick_that_comes_late_is_said_again_up_to_where_it_would_have_been() -
     stage, loop = calm()
     n, stage.early_s = len(stage.waits), -2.3 * T
     loop.tick()
-    assert stage.runs[-3:] == [
+    assert stage.runs[n:] == [
         (pytest.approx(7.0 + (n + 3.3) * T), pytest.approx(0.3 * T), 2),
-        (pytest.approx(7.0 + (n + 4) * T), 0.0, 0),
-        (pytest.approx(7.0 + (n + 5) * T), 0.0, 0),
+        *((pytest.approx(7.0 + (n + k) * T), 0.0, 0) for k in range(4, AT_ONCE + 1)),
     ]
     assert stage.called[3] == f"at {7.0 + (n + 4) * T:.3f}", "when it is due, not so much after the late one"
     stage.early_s = 0.0
     loop.tick()
-    assert stage.waits[-1][0] == 7.0 + (n + 6) * T
+    assert stage.waits[-1][0] == 7.0 + (n + AT_ONCE + 1) * T
+
+
+@pytest.mark.parametrize(("nodes", "at_once"), [(5, 20), (9, 12), (40, 3), (127, 1)])
+def test_what_answers_to_the_ticks_said_at_once_fits_into_one_drain(nodes: int, at_once: int) -> None:
+    stage, loop = calm(nodes=nodes)
+    loop.tick()
+    assert 1 + stage.called.count("repeat") == at_once
+    assert at_once * nodes <= MAX_FRAMES
 
 
 def test_frames_that_are_kept_go_out_though_a_tick_ends_in_an_error() -> None:

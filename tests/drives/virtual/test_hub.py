@@ -464,6 +464,25 @@ def test_what_is_handed_over_while_the_hub_is_at_work_goes_out_when_it_was_hande
     hub.close()
 
 
+def test_sync_said_ahead_is_waited_for_and_no_longer(tmp_path: Path) -> None:
+    hub = Hub(str(tmp_path / "can"))
+    port = bus.open(BusSettings("can", "virtual", hub.path, 1_000_000))
+    while [client.many for client in hub._clients.values()] != [True]:
+        hub.turn(time.monotonic())
+    (master,) = hub._clients.values()
+    hub._alert_until_s = 0.0
+    for n in range(20):
+        hub._keep_time(master, 10.0 + 0.002 * n)
+    hub.bus.new_s = 9.0
+    for now_s in (10.001, 10.037):
+        assert hub._looks_s(now_s) == pytest.approx(10.038 + 0.005), "nobody speaks before 10.04"
+    assert hub._looks_s(10.042) == 0.0, "what comes late is taken when it comes"
+    hub.bus.new_s = 10.0
+    assert hub._looks_s(10.001) == pytest.approx(10.039), "what is new is there before the tick looks"
+    hub.close()
+    port.close()
+
+
 def test_what_is_said_ahead_of_its_time_begins_when_it_is_due(tmp_path: Path) -> None:
     hub = Hub(str(tmp_path / "can"))
     port = bus.HubSocket(hub_protocol.connect(hub.path, hub_protocol.wishes(())), "can0")
@@ -484,7 +503,9 @@ def test_what_is_said_ahead_of_its_time_begins_when_it_is_due(tmp_path: Path) ->
     assert np.ptp(wire_s) < 2e-6 and 0.0 < wire_s.min() < 200e-6, (
         "by the wire's clock, whenever they are read"
     )
-    assert before_s <= hub._sync_s <= times_s[0], "the rhythm is that of packets"
+    assert hub._sync_s == pytest.approx(due_s[-1], abs=1e-6), "until then nobody speaks"
+    hub.bus.new_s = due_s[-1] - 1.0
+    assert hub._looks_s(due_s[0]) == 0.0, "a rhythm of 50 ms is none to wait for"
     port.keep()
     for at_s in (time.monotonic(), time.monotonic() + 4000.0):
         port.later(at_s)
