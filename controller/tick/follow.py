@@ -14,6 +14,7 @@ Where no stop begins, the plan is followed: to the next one, or to the queue's e
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from enum import IntEnum
 from typing import Final
 
@@ -155,7 +156,7 @@ class Follow:
             return False
         appended = start >= self.queue_end_s - ROUNDING
         entries = entries_of(message, self._motions, self.queue_end_s if appended else start)
-        if entries is None or not self._continues(entries[0]):
+        if entries is None or not self._continues(entries):
             return False
         if not appended:
             self._truncate(start)
@@ -175,11 +176,13 @@ class Follow:
         moves = message.pieces[0].motion_id >= 0
         return moves and message.replace_from_s <= self.tau + ROUNDING
 
-    def _continues(self, first: Entry) -> bool:
-        """Whether the first new piece begins where the queue is at that time."""
-        if first.motion is None:
+    def _continues(self, entries: Sequence[Entry]) -> bool:
+        """Whether the first new motion, also behind a pause, begins where the queue is at that time."""
+        first = next((entry for entry in entries if entry.motion is not None), None)
+        if first is None or first.motion is None:
             return True
-        if first.start_s <= self.tau + ROUNDING:
+        paused, here = entries[0] is not first, entries[0].start_s <= self.tau + ROUNDING
+        if here and not (paused and self.coupling.active):
             near = self._rotaries(self.joints)
             s = first.at(first.start_s)[0]
             if first.thread is not None:
@@ -187,7 +190,7 @@ class Follow:
             new = first.motion.joints(s, near, self._kinematics)
             return new is not None and self.same_place(new, self.joints)
         old = self._entry_at(first.start_s)
-        if old is None or old.piece.motion_id != first.piece.motion_id:
+        if paused or old is None or old.piece.motion_id != first.piece.motion_id:
             return True  # a boundary of two motions far ahead: the check of each setpoint stands behind
         return abs(old.at(first.start_s)[0] - first.at(first.start_s)[0]) <= SAME_PLACE
 

@@ -439,6 +439,14 @@ def test_a_queue_that_begins_elsewhere_or_names_an_unknown_motion_is_refused() -
     bench.send([piece._replace(motion_id=77)], {})
     bench.tick()
     assert bench.snapshot.rejected == 2 and not bench.cycle.follow.pending
+    for pauses in ([dwell(0.2)], [dwell(0.0, stop=True), dwell(0.2)]):
+        bench.send([*pauses, piece], {0: move})
+        bench.tick()
+        assert bench.snapshot.rejected == bench.sequence, "a pause before it leads nowhere"
+    there, move = straight((1.0, 0.0, 0.0, 0.0, 0.0), THERE, rapid_law)
+    bench.send([dwell(0.2), there], {there.motion_id: move})
+    bench.tick()
+    assert bench.snapshot.accepted == bench.sequence and bench.cycle.follow.pending
     bench.close()
 
 
