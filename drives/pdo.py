@@ -48,7 +48,7 @@ RPDO1 = 0x200
 SDO_ANSWER = 0x580
 HEARTBEAT = 0x700
 LSS_ANSWER = 0x7E4  # CiA 305
-GROUP_MASK = 0x780  # the function code: identifier without the node
+GROUP_MASK, NODE_MASK = 0x780, 0x7F  # the two parts of an identifier: function code, node
 NEXT_PDO = 0x100  # from PDO n of a node to its PDO n + 1
 
 EXTENDED_FLAG: Final = 0x8000_0000
@@ -87,6 +87,19 @@ def unpack(packed: bytes | bytearray | memoryview) -> tuple[int, bytes]:
     """Identifier with flags, and the data bytes, of a packed frame. For the slow side: it allocates."""
     can_id, length, data = FRAME.unpack(packed)
     return can_id, data[:length]
+
+
+def group(can_id: int) -> int:
+    """Its function code, without the node; one with a flag has none that CANopen knows.
+
+    A remote frame of 701h asks for a node's state: it is none of its heartbeats.
+    """
+    return can_id & ~NODE_MASK
+
+
+def plain_mask(mask: int) -> int:
+    """A filter's mask that lets no extended and no remote frame through; 0 lets all of them."""
+    return mask | EXTENDED_FLAG | REMOTE_FLAG if mask else 0
 
 
 def rpdo(number: int, node: int) -> int:

@@ -48,7 +48,7 @@ def stop(port: Port, nodes: Sequence[Settings], pump: Callable[[], float]) -> li
     while drives and pump() < deadline_s:
         while port.receive_into(buffer):
             can_id, data = pdo.unpack(buffer)
-            if can_id & pdo.GROUP_MASK == pdo.SDO_ANSWER and data[:4] == _WRITTEN:
+            if pdo.group(can_id) == pdo.SDO_ANSWER and data[:4] == _WRITTEN:
                 drives.pop(can_id & 0x7F, None)
     _send(port, [nmt_stop_frame(node.node) for node in nodes], pump)
     return list(drives.values())

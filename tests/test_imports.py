@@ -130,7 +130,7 @@ NOT_IN_TICK = {"numpy", "logging", "threading", "asyncio", "concurrent", "multip
 # What runs in the tick's process, builds of machines that it finds by their folder among it. What these load
 # with themselves has no numpy: its libraries would be 80 of the 114 MB that the process locks. Formulas that
 # also serve samples load it where they are given some.
-TICKS_PROCESS = ("controller/runtime/processes.py", "controller/tick/", "controller/machine/kinematics/")
+TICKS_PROCESS = ("controller/runtime/tick_process.py", "controller/tick/", "controller/machine/kinematics/")
 
 
 def sources() -> list[Path]:

@@ -10,7 +10,7 @@ import typer
 
 from controller.machine import drive_profiles, machine_file, nodes
 from controller.machine.toml_table import ConfigError
-from controller.runtime.simulation import surround
+from controller.runtime import simulation
 from controller.verify.console import Refused, refusals, tell
 from drives.gateways import options
 from drives.profile import Profile
@@ -137,12 +137,7 @@ def _of_machine(file: str, bus: str, nature: Parameters) -> tuple[BusSettings, D
         found = f"--bus {bus}: there is no such bus" if bus else "the machine has several buses"
         raise Refused(f"{found}; choose one of {', '.join(buses)}, each has a process of its own.")
     wanted = buses[bus] if bus else next(iter(buses.values()))
-    its = [node for node in nodes.all_settings(made) if node.bus == wanted.name]
-    devices = [build.device(node, nature) for node in its]
-    for device in devices:
-        if isinstance(device, IoNode):
-            surround(device, made)
-    return wanted, devices
+    return wanted, simulation.devices(made, wanted.name, nature)
 
 
 def _place(bus: BusSettings) -> tuple[str, str]:

@@ -1,8 +1,8 @@
 """``python -m controller.runtime ROLE PARENT ...``: what the engine starts; nothing for an operator.
 
-tick JOB                the real-time process of a machine (processes.py)
-hub PATH OPTIONS        a virtual bus with simulated drives (drives.simulated)
-bench JOB               the same of the axes, with a part that can be touched (simulated_bench.py)
+tick JOB                the real-time process of a machine (tick_process.py)
+bus JOB                 a virtual bus with the machine's simulated devices (simulated_bus.py)
+hub PATH OPTIONS        a virtual bus that shares a serial adapter (drives.simulated)
 """
 
 from __future__ import annotations
@@ -25,15 +25,17 @@ def main(arguments: Sequence[str]) -> int:
         children.name_process("virtual-bus")
         serve(rest)
         return 0
-    if role == "bench":
-        from controller.runtime import processes, simulated_bench
+    if role == "bus":
+        from controller.machine.toml_table import ConfigError
+        from controller.runtime import simulated_bus
 
         children.name_process("virtual-bus")
-        return processes.run(role, simulated_bench.main, Path(rest[0]))
-    children.name_process(f"directrix-{role}")
-    from controller.runtime import processes
+        return children.run(role, simulated_bus.main, Path(rest[0]), (OSError, ConfigError))
+    from controller.runtime import tick_process
+    from drives.bus import BusError
 
-    return processes.run(role, processes.tick_main, Path(rest[0]))
+    children.name_process(f"directrix-{role}")
+    return children.run(role, tick_process.main, Path(rest[0]), (BusError,))
 
 
 if __name__ == "__main__":

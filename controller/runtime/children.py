@@ -1,4 +1,5 @@
-"""The processes of a live machine as its parent holds them: started, asked how they are, ended.
+"""The processes of a live machine as its parent holds them: started, asked how they are, ended; and how each
+of them begins.
 
 They are fresh interpreters and no forks, so that nothing of the parent (its terminal, its
 threads, its open files) reaches into a process that has a deadline. Each is a process
@@ -16,10 +17,12 @@ import signal
 import socket
 import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
 from controller import one_thread
+from controller.ipc import internal_error
 from controller.machine.model import Machine
 from controller.values import dataclass
 
@@ -97,9 +100,19 @@ class Child:
             self.process.wait()
 
 
-def start(role: str, job: object, folder: Path, descriptors: Sequence[int], module: str = SESSION) -> Child:
-    """Start the process of a role on its job; ``folder`` holds what it is told and says."""
-    file = folder / f"{role}.job"
+def start(
+    role: str,
+    job: object,
+    folder: Path,
+    descriptors: Sequence[int] = (),
+    module: str = SESSION,
+    name: str = "",
+) -> Child:
+    """Start the process of a role on its job; ``folder`` holds what it is told and says.
+
+    ``name``: of its files, where there are several of that role.
+    """
+    file = folder / f"{name or role}.job"
     file.write_bytes(pickle.dumps(job))
     words_of(file).unlink(missing_ok=True)  # of the one before it
     return Child(role, [str(file)], words_of(file), descriptors, module)
@@ -108,6 +121,30 @@ def start(role: str, job: object, folder: Path, descriptors: Sequence[int], modu
 def words_of(job_file: Path) -> Path:
     """Where a process leaves its last words."""
     return job_file.with_suffix(".words")
+
+
+# -- called in the process
+
+
+def run(role: str, main: Callable[[Any], None], job_file: Path, expected: tuple[type[Exception], ...]) -> int:
+    """Carries out a job; the exit code. Whatever ends it too early is one sentence beside the job.
+
+    ``expected``: what has a sentence for the operator; all else is a mistake of ours.
+    """
+    try:
+        main(pickle.loads(job_file.read_bytes()))
+    except expected as error:
+        words_of(job_file).write_text(str(error))
+    except Exception as error:  # the top of a process: its parent tells the operator
+        words_of(job_file).write_text(own_error(role, error))
+    else:
+        return 0
+    return 1
+
+
+def own_error(role: str, error: Exception) -> str:
+    """A mistake of ours in one sentence, with its place."""
+    return f"The {role} process met an error of its own; report this: {internal_error.told(error)}"
 
 
 class Asked:
@@ -151,19 +188,19 @@ class CtrlC:
 
 
 def end_with(parent: int) -> None:
-    """Called in the process: SIGTERM for us when ``parent`` is gone."""
+    """SIGTERM for us when ``parent`` is gone."""
     ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM, 0, 0, 0)
     if os.getppid() != parent:
         sys.exit(1)  # it was gone before we could ask
 
 
 def name_process(name: str) -> None:
-    """Called in the process: the name that ``ps`` shows (15 characters)."""
+    """The name that ``ps`` shows (15 characters)."""
     ctypes.CDLL(None).prctl(_PR_SET_NAME, name.encode(), 0, 0, 0)
 
 
 def joined(descriptor: int, kind: socket.SocketKind) -> socket.socket:
-    """Called in the process: the non-blocking socket that was handed over as ``descriptor``."""
+    """The non-blocking socket that was handed over as ``descriptor``."""
     handed = socket.socket(socket.AF_UNIX, kind, fileno=descriptor)
     handed.setblocking(False)
     return handed

@@ -1,22 +1,13 @@
 """What probe and tool setter of a simulated service touch, and what loads its spindle: a part on the table.
 
-The motors turn in the process of the axes' bus. There it is found out once per period what is touched, by the
-tool that the service says is in the spindle; inputs and spindle may be in the process of another bus:
-
-    service: tool in the spindle --> axes' bus: motors, touch, cut --> inputs' bus, spindle's bus
-
-A part is a simulation file (``simulated_probe``); without one a block with a bore lies at the first work
-offset, not quite where it should. Each tool is as the machine file has it. A ``[cut]`` of the file loads
-the spindle (``simulated_cut``).
+It is found out once per period what is touched, by the tool that is in the spindle. A part is a simulation
+file (``simulated_probe``); without one a block with a bore lies at the first work offset, not quite where it
+should. Each tool is as the machine file has it. A ``[cut]`` loads the spindle (``simulated_cut``).
 """
 
 from __future__ import annotations
 
-import contextlib
-import os
-import socket
-from collections.abc import Callable, Mapping, Sequence
-from functools import partial
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from controller.machine.model import TOOL_AT_POWER_ON, Machine, Sensor
@@ -24,13 +15,7 @@ from controller.machine.toml_table import parse
 from controller.runtime import simulated_probe
 from controller.runtime.simulated_cut import Cutting
 from controller.runtime.simulated_probe import Bench, Inputs, Wired
-from controller.values import dataclass
-from drives.simulated import __main__ as simulated
-from drives.simulated.__main__ import LOAD
 from drives.simulated.drive import SimulatedDrive
-from drives.simulated.io_node import IoNode
-from drives.simulated.serve import Server
-from drives.virtual.hub import Hub
 
 STOCK = """
 name = "stock"
@@ -52,17 +37,6 @@ centre_mm = [0.0, 0.0, 10.0]
 radius_mm = 12.0
 height_mm = 35.0
 """
-SPINDLE = "spindle"  # socket in the engine's folder: which tool is in it
-
-
-@dataclass(frozen=True, slots=True)
-class Job:
-    """What the process of the axes' bus is given."""
-
-    machine: Machine
-    options: list[str]  # of ``drives.simulated``
-    folder: Path
-    part: Path | None
 
 
 def read(part: Path | None, machine: Machine) -> Bench:
@@ -92,39 +66,6 @@ def turns(machine: Machine) -> bool:
 
 def _virtual(machine: Machine) -> set[str]:
     return {bus.name for bus in machine.buses if bus.interface == "virtual"}
-
-
-def heard(folder: Path, bus: str) -> Path:
-    """The socket by which the process of another bus hears of touches and of the cut."""
-    return folder / f"{bus}.heard"
-
-
-def tell_tool(folder: Path, number: int) -> None:
-    """Which tool is in the spindle; nobody may be there who wants to know."""
-    _send(folder / SPINDLE, str(number))
-
-
-def _send(path: Path, words: str) -> None:
-    with contextlib.suppress(OSError), socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as own:
-        own.setblocking(False)
-        own.sendto(words.encode(), str(path))
-
-
-class _Far:
-    """Inputs and spindle in the process of another bus."""
-
-    def __init__(self, path: Path) -> None:
-        self._path = path
-        self._felt = 0.0
-
-    def set_input(self, number: int, on: bool, now_s: float) -> None:
-        _send(self._path, f"{number} {on:d}")
-
-    def feel(self, power_rev_s: float) -> None:
-        """Again and again while there is any, for its torque goes with the speed; once that it is over."""
-        if power_rev_s or self._felt:
-            _send(self._path, f"{LOAD.decode()} {power_rev_s:.9g}")
-        self._felt = power_rev_s
 
 
 class Touching:
@@ -171,45 +112,3 @@ class Touching:
             self._wired.watch(now_s)
         if self._cutting is not None:
             self._cutting.watch(now_s)
-
-
-def _inputs(job: Job, nodes: Mapping[int, SimulatedDrive | IoNode]) -> Inputs:
-    """Those of this bus, or of another; a machine without any has nothing that tells a touch."""
-    io = job.machine.io
-    if io is not None and io.bus == job.machine.axes[0].bus and isinstance(own := nodes[io.node], IoNode):
-        return own
-    return _Far(heard(job.folder, io.bus if io is not None else ""))
-
-
-def _spindle(job: Job, nodes: Mapping[int, SimulatedDrive | IoNode]) -> Callable[[float], None]:
-    """Takes what the cut takes of it."""
-    spindle = job.machine.spindle
-    if spindle is None or not spindle.is_driven:
-        return lambda _: None
-    if spindle.bus == job.machine.axes[0].bus and isinstance(own := nodes[spindle.node], SimulatedDrive):
-        return partial(own.feel, counts_per_rev=abs(spindle.counts_per_rev))
-    return _Far(heard(job.folder, spindle.bus)).feel
-
-
-def main(job: Job) -> None:
-    """The process of the axes' bus, until SIGTERM."""
-
-    def join(server: Server, devices: Sequence[SimulatedDrive | IoNode]) -> None:
-        assert isinstance(server, Hub)
-        machine, nodes = job.machine, {one.node: one for one in devices}
-        drives = [nodes[axis.node] for axis in machine.axes]
-        motors = [one for one in drives if isinstance(one, SimulatedDrive)]
-        inputs, feel = _inputs(job, nodes), _spindle(job, nodes)
-        touching = Touching(read(job.part, machine), machine, motors, inputs, feel)
-        told = simulated.heard(server, str(job.folder / SPINDLE))
-
-        def put_in(words: bytes) -> None:
-            with contextlib.suppress(ValueError):
-                touching.put_in(int(words), server.bus.now_s)
-
-        told(put_in)
-        server.watchers.append(touching.watch)
-
-    simulated.main(job.options, join)
-    with contextlib.suppress(OSError):
-        os.unlink(job.folder / SPINDLE)

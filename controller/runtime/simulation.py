@@ -1,14 +1,19 @@
-"""What stands around the simulated devices of a machine: closed doors, and clamps with their switches."""
+"""The simulated devices of a machine, and what is around them: closed doors, clamps with their switches."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import NamedTuple
 
 from controller.machine import nodes
 from controller.machine.equipment import SENSORS
 from controller.machine.model import Changer, Io, Machine
+from drives.settings import SpindleSettings
 from drives.simulated import build
+from drives.simulated.drive import SimulatedDrive
 from drives.simulated.io_node import IoNode
+from drives.simulated.parameters import Parameters
+from drives.simulated.spindle_motor import MotorParameters
 
 QUICK_S = 0.3  # what a simulated step of a tool changer takes at most
 SWITCH_SHARE = 0.5  # of the time that a clamp may take: a simulated one takes this
@@ -72,18 +77,17 @@ def surround(node: IoNode, machine: Machine) -> None:
         node.wire(*wire)
 
 
-def options(machine: Machine, bus: str) -> list[str]:
-    """What ``drives.simulated`` is told to put on one bus."""
-    axes = [axis for axis in machine.axes if axis.bus == bus]
-    told = ["--nodes", *(str(axis.node) for axis in axes)]
-    places = {a.node: round(a.homing.position * a.counts_per_unit) for a in axes if a.homing.absolute}
-    motors = ((node.node, *build.needs(node)) for node in nodes.node_settings(machine) if node.bus == bus)
-    told += ["--motor", *(f"{node}={speed}:{acceleration}" for node, speed, acceleration in motors)]
-    told += ["--absolute", *(f"{node}={counts}" for node, counts in places.items())]
-    spindle, io = machine.spindle, machine.io
-    if spindle is not None and spindle.is_driven and spindle.bus == bus:
-        told += ["--spindle", str(spindle.node), "--counts-per-rev", str(abs(spindle.counts_per_rev))]
-    if io is not None and io.bus == bus:
-        told += ["--io", str(io.node), "--inputs", str(healthy_inputs(machine))]
-        told += ["--wire", *(f"{w.output}:{w.input}:{w.delay_s}:{w.inverted:d}" for w in wires(machine))]
-    return told
+def devices(
+    machine: Machine, bus: str, nature: Parameters, motor: MotorParameters | None = None
+) -> list[SimulatedDrive | IoNode]:
+    """A device for each node of a bus, of its data sheet and profile, with what stands around it.
+
+    ``motor``: how a spindle lags and slips; None = it does not. Raises OSError where a data sheet is missing.
+    """
+    its = [node for node in nodes.all_settings(machine) if node.bus == bus]
+    natures = (replace(nature, motor=motor if isinstance(one, SpindleSettings) else None) for one in its)
+    made = [build.device(node, one) for node, one in zip(its, natures, strict=True)]
+    for device in made:
+        if isinstance(device, IoNode):
+            surround(device, machine)
+    return made

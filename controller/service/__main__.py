@@ -15,10 +15,10 @@ def main(arguments: Sequence[str]) -> int:
     children.end_with(int(parent))
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent ends us, in order
     children.name_process(f"directrix-{role}")
-    from controller.runtime import plan_end, processes
+    from controller.runtime import plan_end
     from controller.service import planning
 
-    return processes.run(role, planning.main, Path(job), plan_end.EXPECTED)
+    return children.run(role, planning.main, Path(job), plan_end.EXPECTED)
 
 
 if __name__ == "__main__":

@@ -38,7 +38,7 @@ from controller.ipc.handoff import (
     send_request,
 )
 from controller.machine.model import Bus, Machine
-from controller.runtime import children, simulated_bench, simulation
+from controller.runtime import children, simulated_bench, simulated_bus
 from controller.runtime.children import Child, Job
 from controller.runtime.startup import SessionError
 from controller.service.folders import Folders
@@ -107,7 +107,7 @@ class Engine:
 
     def tell_tool(self, number: int) -> None:
         """Which is in the spindle of a simulated machine: it touches the setter, or as a probe the part."""
-        simulated_bench.tell_tool(self._folder, number)
+        simulated_bus.tell_tool(self._folder, number)
 
     def start(self) -> None:
         """Tick and plan, after ending those that were there."""
@@ -286,18 +286,9 @@ def hubs_started(
 
 
 def _hub(bus: Bus, machine: Machine, log: Path | None, folder: Path, part: Path | None) -> Child:
-    """With what can be touched or cut, where that is by its axes; other buses hear of that."""
-    options = [bus.channel, "--bit-rate", str(bus.bit_rate)]
-    options += [] if log is None else ["--sync-log", str(log)]
-    options += simulation.options(machine, bus.name)
     touching = simulated_bench.bus_of(machine, part is not None)
-    if part is not None:
-        options.append("--slips")
-    if touching == bus.name:
-        return children.start("bench", simulated_bench.Job(machine, options, folder, part), folder, ())
-    if touching is not None:
-        options += ["--heard", str(simulated_bench.heard(folder, bus.name))]
-    return Child("hub", options, folder / f"{bus.name}.words")
+    job = simulated_bus.Job(machine, bus, folder, touching, part, log)
+    return children.start("bus", job, folder, name=bus.name)
 
 
 def _wait_for_hub(hub: Child, path: Path) -> None:

@@ -33,10 +33,9 @@ from controller.plan.restart.restart import Rest
 from controller.plan.retract import NotPossible
 from controller.plan.stretch import Chain, Pause, Stretch
 from controller.program.program import Act, Aside, Block, Changing, Message, ProgramError, Select
-from controller.runtime import checked, cores, starts
+from controller.runtime import checked, children, cores, starts
 from controller.runtime.checked import Task
 from controller.runtime.plan_end import EXPECTED, PLAN_TURN_S, REST_TURN_S, PlanEnd
-from controller.runtime.processes import own_error
 from controller.runtime.starts import Start
 from controller.runtime.startup import SessionError
 from controller.service import entry_state
@@ -154,7 +153,7 @@ class Planning:
         except EXPECTED as error:
             self._answer(Answer(order.number, error=("refused", str(error))))
         except Exception as error:
-            self._answer(Answer(order.number, error=("busy", own_error("plan", error))))
+            self._answer(Answer(order.number, error=("busy", children.own_error("plan", error))))
         else:
             if facts is not None:
                 self._answer(Answer(order.number, facts))

@@ -163,7 +163,7 @@ class Network(canopen.Network):
                 if not self._fits(data):
                     continue  # an answer to what was asked before, and too late for that
                 self._awaited = -1
-            elif can_id & pdo.GROUP_MASK == pdo.HEARTBEAT and data:
+            elif pdo.group(can_id) == pdo.HEARTBEAT and data:
                 self.nmt_states[can_id & 0x7F] = data[0] & 0x7F
                 if data == BOOT_UP:
                     self.booted.add(can_id & 0x7F)

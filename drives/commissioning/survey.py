@@ -62,7 +62,7 @@ class _Questions:
         return {node: _value(data) for node, data in sorted(self._answers.items())}
 
     def _hear(self, can_id: int, data: bytes) -> None:
-        if can_id & pdo.GROUP_MASK == pdo.SDO_ANSWER and len(data) == 8:
+        if pdo.group(can_id) == pdo.SDO_ANSWER and len(data) == 8:
             self._answers[can_id & 0x7F] = data
 
 

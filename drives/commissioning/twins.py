@@ -53,7 +53,7 @@ def _asked(network: Network, nodes: Sequence[int]) -> dict[int, Serials]:
     answers: dict[int, Serials] = {}
 
     def hear(can_id: int, data: bytes) -> None:
-        if can_id & pdo.GROUP_MASK == pdo.SDO_ANSWER and data[1:4] == ASKED[1:4]:
+        if pdo.group(can_id) == pdo.SDO_ANSWER and data[1:4] == ASKED[1:4]:
             node = can_id & 0x7F
             answers[node] = (*answers.get(node, ()), _serial(data))
 

@@ -126,9 +126,8 @@ def open_socket(settings: BusSettings, filters: Sequence[tuple[int, int]]) -> Ca
 
 
 def kernel_filters(filters: Sequence[tuple[int, int]]) -> bytes:
-    """CAN_RAW_FILTER's array; each mask also asks for an 11-bit data frame, but a mask of 0 for nothing."""
-    kind = pdo.EXTENDED_FLAG | pdo.REMOTE_FLAG
-    return b"".join(struct.pack("=II", can_id, mask | kind if mask else 0) for can_id, mask in filters)
+    """CAN_RAW_FILTER's array."""
+    return b"".join(struct.pack("=II", can_id, pdo.plain_mask(mask)) for can_id, mask in filters)
 
 
 def _lengthen_queue(sock: socket.socket, settings: BusSettings) -> None:

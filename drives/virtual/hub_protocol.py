@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from struct import Struct
 from typing import Final
 
-from drives.pdo import ERROR_FLAG, FRAME
+from drives.pdo import ERROR_FLAG, FRAME, plain_mask
 
 CYCLIC_SYNC = ERROR_FLAG | 1  # to the hub: data u32 = period in us, 0 = stop
 RESTART = ERROR_FLAG | 2  # to the hub: the client's CAN controller is to leave bus-off
@@ -38,8 +38,11 @@ NO_FD = "CAN FD frames are not carried: this bus is classic CAN; send frames of 
 
 
 def wishes(filters: Sequence[tuple[int, int]]) -> bytes:
-    """What a port says first: several frames a packet, and only those that it wants to hear."""
-    pairs = [FRAME.pack(FILTER, 8, FILTERED.pack(*pair)) for pair in filters]
+    """What a port says first: several frames a packet, and only those that it wants to hear.
+
+    A pair asks for data frames with 11 bits, as on SocketCAN; (0, 0) for everything.
+    """
+    pairs = [FRAME.pack(FILTER, 8, FILTERED.pack(can_id, plain_mask(mask))) for can_id, mask in filters]
     return b"".join((FRAME.pack(MANY, 0, b""), *pairs))
 
 

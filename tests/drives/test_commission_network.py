@@ -50,6 +50,19 @@ def test_an_answer_is_not_lost_to_a_queue_that_heartbeats_have_filled_meanwhile(
     assert heard[-1] == 0x581
 
 
+def test_only_a_plain_frame_of_a_node_tells_its_state() -> None:
+    port, times = ShortPort(), iter(range(100))
+    network = Network(port, lambda: float(next(times)))
+    asked = bytes(pdo.frame(pdo.HEARTBEAT + 1 | pdo.REMOTE_FLAG, b"\0"))  # by the tick, of a drive it guards
+    port.arrive(asked)
+    port.arrive(bytes(pdo.frame(pdo.HEARTBEAT + 1 | pdo.EXTENDED_FLAG, b"\0")))
+    network.receive()
+    assert not network.booted and not network.nmt_states
+    port.arrive(bytes(pdo.frame(pdo.HEARTBEAT + 1, b"\0")))
+    network.receive()
+    assert network.booted == {1}
+
+
 LATE = {
     "another object": b"\x4b\x00\x10\0\x92\x01\0\0",
     "another sub-index": b"\x4f\x61\x60\x01\x07\0\0\0",

@@ -15,7 +15,7 @@ import pytest
 from support.machines.stepped_runs import shipped
 
 from controller.machine.model import Bus
-from controller.runtime import cores, processes
+from controller.runtime import cores, tick_process
 from controller.runtime.children import Job
 from controller.service import planning
 from controller.tick import loop
@@ -118,26 +118,26 @@ def test_the_isolated_cores_are_read_as_the_kernel_lists_them(tmp_path: Path) ->
 
 
 def test_what_a_tick_has_to_do_without_is_told_where_real_drives_hang_on_it() -> None:
-    granted = loop.Granted(dict.fromkeys(processes.PRIVILEGES, True))
-    assert processes.lacking(granted, simulated=False) == ""
+    granted = loop.Granted(dict.fromkeys(tick_process.PRIVILEGES, True))
+    assert tick_process.lacking(granted, simulated=False) == ""
     granted |= {"fifo": False, "own core": False}
-    told = processes.lacking(granted, simulated=False)
+    told = tick_process.lacking(granted, simulated=False)
     assert "without real-time priority, a core of its own" in told and "self-test" in told
-    assert processes.lacking(granted, simulated=True) == ""
+    assert tick_process.lacking(granted, simulated=True) == ""
 
 
 def test_the_tick_asks_for_its_core_when_it_has_its_priority_and_tells_what_it_lacks(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     for name in ("bus", "machine_file", "cyclic", "children", "Cycle", "loop"):
-        monkeypatch.setattr(processes, name, MagicMock())
+        monkeypatch.setattr(tick_process, name, MagicMock())
     for name in ("PieceInbox", "RequestInbox", "SnapshotBoard", "Recorder"):
-        monkeypatch.setattr(processes, name, MagicMock())
-    processes.loop.prepare.return_value = {"locked": False, "fifo": True}  # type: ignore[attr-defined]
-    processes.loop.Loop.return_value.error = None  # type: ignore[attr-defined]
+        monkeypatch.setattr(tick_process, name, MagicMock())
+    tick_process.loop.prepare.return_value = {"locked": False, "fifo": True}  # type: ignore[attr-defined]
+    tick_process.loop.Loop.return_value.error = None  # type: ignore[attr-defined]
     asked: list[bool] = []
-    monkeypatch.setattr(processes.cores, "take", asked.append)  # and there is none
-    processes.tick_main(
+    monkeypatch.setattr(tick_process.cores, "take", asked.append)  # and there is none
+    tick_process.main(
         Job(replace(shipped(), buses=(Bus("x", "socketcan", "can0", 1_000_000),)), 0, 0, "", "")
     )
     assert asked == [True]
@@ -157,4 +157,4 @@ def test_every_privilege_that_a_tick_asks_for_has_its_words() -> None:
     asked = "import json; from controller.tick import loop; print(json.dumps(loop.prepare()))"
     done = subprocess.run([sys.executable, "-c", asked], capture_output=True, text=True, check=True)
 
-    assert {*json.loads(done.stdout), "own core"} == set(processes.PRIVILEGES)
+    assert {*json.loads(done.stdout), "own core"} == set(tick_process.PRIVILEGES)

@@ -31,11 +31,13 @@ from support.live.live_machines import (
 from support.machines.stepped_runs import program, shipped
 
 from controller.ipc.handoff import COLUMN, STOOD, Snapshot
-from controller.machine import machine_file
+from controller.machine import drive_profiles, machine_file
 from controller.runtime.startup import SessionError
 from controller.state.modes import Fault, Mode
 from drives import cia402, pdo
 from drives.cia402 import State
+from drives.profile import Supervision
+from drives.simulated import family_sheet
 
 SEED = int(os.environ.get("DIRECTRIX_TEST_SEED", random.SystemRandom().randrange(10**6)))
 ON_PATH_MM = 1e-6
@@ -88,6 +90,24 @@ def test_a_cut_in_real_time_completes_on_the_path_in_two_processes_and_a_hub() -
     (stamps_s,) = running.sync_stamps_s.values()
     assert len(stamps_s) >= end.tick + 1 - end.skips
     assert np.diff(stamps_s).min() >= 0.75 * machine.period_s - LONGEST_FRAME_S
+
+
+@pytest.mark.slow
+@pytest.mark.live
+def test_simulated_drives_of_makers_families_come_up_under_one_tick(tmp_path: Path) -> None:
+    """One of them is guarded: the tick asks it for its state while the plan commissions it."""
+    machine = shipped()
+    families = [
+        drive_profiles.load(name) for name in ("maxon_epos4", "technosoft_ipos", "elmo_gold", "generic")
+    ]
+    assert [f.name for f in families if f.supervision is Supervision.GUARDING] == ["technosoft_ipos"]
+    sheets = [str(family_sheet.write(tmp_path / f"{family.name}.eds", family)) for family in families]
+    own = zip(machine.axes[:4], families, sheets, strict=True)
+    axes = (*(replace(axis, profile=family.name, eds=eds) for axis, family, eds in own), *machine.axes[4:])
+    with session(DRY, replace(machine, axes=axes)) as running:
+        running.ready()
+        _, last = run(running)
+    assert (last.mode, last.fault) == (Mode.READY, Fault.NONE)
 
 
 @pytest.mark.slow

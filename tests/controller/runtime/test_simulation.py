@@ -1,15 +1,37 @@
-"""The drives of a live simulated machine are those of the stepped one."""
+"""The devices of a live simulated machine are those of the stepped one, as the machine file has them."""
 
 from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
 
 import pytest
 from support.machines.stepped_runs import shipped
 
-from controller.machine import machine_file
+from controller.machine import drive_profiles, machine_file
+from controller.machine.model import Machine
 from controller.runtime import simulation
-from drives.simulated import __main__ as simulated
+from drives.simulated import family_sheet
 from drives.simulated.drive import SimulatedDrive
+from drives.simulated.io_node import IoNode
+from drives.simulated.parameters import Parameters
 from drives.simulated.rig import rig
+from drives.simulated.spindle_motor import MotorParameters, SpindleMotor
+
+
+def live(machine: Machine) -> dict[tuple[str, int], SimulatedDrive | IoNode]:
+    """By bus and node id."""
+    names = [bus.name for bus in machine.buses]
+    return {
+        (name, one.node): one for name in names for one in simulation.devices(machine, name, Parameters())
+    }
+
+
+def drive(machine: Machine, i: int) -> SimulatedDrive:
+    """Of the i-th axis."""
+    found = live(machine)[machine.axes[i].bus, machine.axes[i].node]
+    assert isinstance(found, SimulatedDrive)
+    return found
 
 
 @pytest.mark.parametrize(
@@ -18,12 +40,29 @@ from drives.simulated.rig import rig
 def test_a_live_drive_has_the_motor_that_its_axis_needs(name: str) -> None:
     machine = shipped(name)
     stepped = rig(machine_file.node_settings(machine), machine_file.bus_settings(machine)).drives
-    for bus in machine.buses:
-        chosen = simulated._parser().parse_args(["hub", *simulation.options(machine, bus.name)])
-        live = {one.node: one for one in simulated._devices(chosen) if isinstance(one, SimulatedDrive)}
-        for axis in (axis for axis in machine.axes if axis.bus == bus.name):
-            ours, theirs = live[axis.node].parameters, stepped[axis.name].parameters
-            assert ours.strongest_counts_s2 == theirs.strongest_counts_s2, axis.name
-            assert ours.fastest_counts_s == theirs.fastest_counts_s
-            assert ours.strongest_counts_s2 > 2.0 * axis.limits.acceleration * abs(axis.counts_per_unit)
-            assert ours.brake_counts_s2 == theirs.brake_counts_s2
+    for i, axis in enumerate(machine.axes):
+        ours = drive(machine, i).parameters
+        assert ours == stepped[axis.name].parameters, axis.name
+        assert ours.strongest_counts_s2 > 2.0 * axis.limits.acceleration * abs(axis.counts_per_unit)
+
+
+def test_it_is_of_the_family_the_data_sheet_and_the_brake_that_the_machine_file_names(tmp_path: Path) -> None:
+    family = drive_profiles.load("maxon_epos4")
+    sheet = str(family_sheet.write(tmp_path / "epos4.eds", family))
+    machine = shipped()
+    first, second, *others = machine.axes
+    other = replace(first, profile="maxon_epos4", eds=sheet)
+    told = replace(machine, axes=(other, replace(second, brake=False), *others))
+    of_family, unbraked, plain = (drive(told, i) for i in range(3))
+    assert str(of_family.dictionary.path) == sheet
+    assert of_family.axis.homing_methods != plain.axis.homing_methods
+    assert plain.parameters.brake and not unbraked.parameters.brake
+
+
+def test_only_the_spindle_slips() -> None:
+    machine = shipped("machining_centre")
+    assert machine.spindle is not None
+    names = {bus.name for bus in machine.buses}
+    made = [one for n in names for one in simulation.devices(machine, n, Parameters(), MotorParameters())]
+    slips = [d.node for d in made if isinstance(d, SimulatedDrive) and isinstance(d.axis.servo, SpindleMotor)]
+    assert slips == [machine.spindle.node]

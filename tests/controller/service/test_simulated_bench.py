@@ -11,7 +11,7 @@ import pytest
 from support.live.served_machine import Serving, serving
 
 from controller.machine import machine_file
-from controller.runtime import simulated_bench
+from controller.runtime import simulated_bench, simulated_bus
 from controller.runtime.simulated_bench import Touching
 from controller.service import engine
 from controller.tick.adaptive import BAND
@@ -87,10 +87,10 @@ def test_only_axes_of_one_virtual_bus_of_a_machine_with_a_probe_touch() -> None:
 
 
 def test_what_nobody_listens_to_is_no_error(tmp_path: Path) -> None:
-    simulated_bench.tell_tool(tmp_path, 3)
+    simulated_bus.tell_tool(tmp_path, 3)
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as own:
-        own.bind(str(tmp_path / simulated_bench.SPINDLE))
-        simulated_bench.tell_tool(tmp_path, 3)
+        own.bind(str(tmp_path / simulated_bus.SPINDLE))
+        simulated_bus.tell_tool(tmp_path, 3)
         assert own.recv(9) == b"3"
 
 

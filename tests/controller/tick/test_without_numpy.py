@@ -46,7 +46,7 @@ from __future__ import annotations
 import pickle, sys
 sys.modules["numpy"] = None  # whoever asks for it fails
 from controller.machine.kinematics import builds, kinematics_of
-from controller.runtime import processes
+from controller.runtime import tick_process
 
 {inspect.getsource(evaluated)}
 builds()  # which the tick looks for when it is made

@@ -464,6 +464,26 @@ def test_what_is_handed_over_while_the_hub_is_at_work_goes_out_when_it_was_hande
     hub.close()
 
 
+def test_a_port_hears_data_frames_of_11_bits_as_on_socketcan(tmp_path: Path) -> None:
+    hub = Hub(str(tmp_path / "can"))
+    settings = BusSettings("can", "virtual", hub.path, 1_000_000)
+    talker, hears, all_ears = bus.open(settings), bus.open(settings), bus.open(settings, ((0, 0),))
+    said = [0x701 | pdo.REMOTE_FLAG, 0x701 | pdo.EXTENDED_FLAG, 0x701]
+    for can_id in said:
+        assert talker.send(pdo.frame(can_id, b"\5"))
+    while hub.bus.frames < len(said):
+        hub.turn(time.monotonic())
+    hub.turn(time.monotonic() + 0.01)
+    for port, wanted in ((hears, {0x701}), (all_ears, set(said))):
+        buffer, heard = bytearray(pdo.FRAME_BYTES), set()
+        while port.receive_into(buffer):
+            heard.add(pdo.unpack(buffer)[0])
+        assert heard == wanted
+        port.close()
+    talker.close()
+    hub.close()
+
+
 def test_sync_said_ahead_is_waited_for_and_no_longer(tmp_path: Path) -> None:
     hub = Hub(str(tmp_path / "can"))
     port = bus.open(BusSettings("can", "virtual", hub.path, 1_000_000))

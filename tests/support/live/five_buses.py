@@ -61,7 +61,8 @@ def tick_cores(pids: list[int]) -> set[int]:
 def hub_paths(pids: list[int]) -> list[str]:
     """Of the virtual buses among these processes."""
     words = [Path(f"/proc/{pid}/cmdline").read_bytes().decode().split("\0") for pid in pids]
-    return sorted(one[one.index("hub") + 2] for one in words if "controller.runtime" in one and "hub" in one)
+    jobs = (one[one.index("bus") + 2] for one in words if "controller.runtime" in one and "bus" in one)
+    return sorted(str(Path(job).with_suffix(".hub")) for job in jobs)
 
 
 class Stamps:

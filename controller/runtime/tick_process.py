@@ -1,23 +1,18 @@
-"""The top of the machine's processes, and what runs in the tick's.
+"""What runs in the tick's process.
 
-The plan's process (``service/planning``) owns SDO, the tick's the cyclic frames. They meet in
-the piece socket and the snapshot alone, so either may be killed: without the plan the tick stops
-on the path; without the tick the drives stop by their own supervision.
+The plan's process (``service/planning``) owns SDO, this one the cyclic frames. They meet in the piece socket
+and the snapshot alone, so either may be killed: without the plan the tick stops on the path; without the tick
+the drives stop by their own supervision.
 """
 
 from __future__ import annotations
 
 import contextlib
-import pickle
 import socket
 import sys
 import time
-from collections.abc import Callable
-from pathlib import Path
-from typing import Any
 
 from controller.geometry import placement, surfaces
-from controller.ipc import internal_error
 from controller.ipc.handoff import Recorder, RequestInbox, SnapshotBoard
 from controller.ipc.piece_socket import PACKETS_PER_S, PieceInbox
 from controller.machine import machine_file
@@ -44,31 +39,8 @@ PRIVILEGES = {
 # What messages of pieces are made of is loaded at once: taking one would load it within a tick.
 OF_MESSAGES = (surfaces, placement)
 
-Expected = tuple[type[Exception], ...]
 
-
-def run(role: str, main: Callable[[Any], None], job_file: Path, expected: Expected = (bus.BusError,)) -> int:
-    """Carries out a job; the exit code. Whatever ends it too early is one sentence beside the job.
-
-    ``expected``: what has a sentence for the operator; all else is a mistake of ours.
-    """
-    try:
-        main(pickle.loads(job_file.read_bytes()))
-    except expected as error:
-        children.words_of(job_file).write_text(str(error))
-    except Exception as error:  # the top of a process: its parent tells the operator
-        children.words_of(job_file).write_text(own_error(role, error))
-    else:
-        return 0
-    return 1
-
-
-def own_error(role: str, error: Exception) -> str:
-    """A mistake of ours in one sentence, with its place."""
-    return f"The {role} process met an error of its own; report this: {internal_error.told(error)}"
-
-
-def tick_main(job: Job) -> None:
+def main(job: Job) -> None:
     """The real-time process: opens the buses and ticks until SIGTERM. Raises BusError."""
     machine = job.machine
     ports = {
