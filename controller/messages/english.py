@@ -371,6 +371,7 @@ REFUSALS = {
     "enabled": "the drives to be enabled",
     "switched_off": "the drives to be switched off",
     "standstill": "standstill",
+    "end_of_run": "the run to be told to be over",
     "end_of_fault": "the end of the fault",
     "start_taken": "the start to be taken",
     "end_of_way": "the end of the way off the path or back",

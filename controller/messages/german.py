@@ -385,6 +385,7 @@ REFUSALS = {
     "enabled": "auf die Freigabe der Antriebe",
     "switched_off": "auf das Ausschalten der Antriebe",
     "standstill": "auf den Stillstand",
+    "end_of_run": "darauf, dass der Lauf als beendet gilt",
     "end_of_fault": "auf das Ende der Störung",
     "start_taken": "darauf, dass der Start angenommen wird",
     "end_of_way": "auf das Ende des Weges von der Bahn oder zurück",

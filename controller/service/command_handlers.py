@@ -54,7 +54,7 @@ class Desk:
         self._jogging, self._presses = Jogging(), Presses()
         self._answers = Acknowledged(service.machine, lambda: service.engine)
         self._errands = ThreadPoolExecutor(2, "errands")  # what waits for a disk
-        self._loads = 0  # loaded, or let go of: only the last of it counts
+        self._loading = Going()  # the last program that is loaded or let go of: only that counts
         self._verbs: dict[str, Callable[[Values], Answer]] = {
             "status": lambda _: whole_status.status(service),
             "facts": lambda _: whole_status.facts(service),
@@ -199,7 +199,7 @@ class Desk:
 
     def _no_load(self) -> str:
         """Whoever stops, unloads or loads something else has no use for a check that goes on; its verb."""
-        self._loads += 1
+        self._loading.give_up()
         if self._service.sequencer.busy != LOAD:
             return ""
         self._plan_gives_up()
@@ -325,10 +325,10 @@ class Desk:
         service = self._service
         preconditions.not_running(self._service, "LOAD")
         given_up = self._no_load()
-        number = self._loads
+        self._loading = going = Going()
 
         def work() -> Values:
-            if number != self._loads:
+            if going.given_up:
                 raise refused("given_up", verb=LOAD)
             if args.get("restart") is True:
                 job = restart_preview.gone_on_with(service, args)

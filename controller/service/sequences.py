@@ -110,7 +110,8 @@ def reset(service: Service) -> Values:
     now = service.now()
     if now.mode is Mode.FAULT:
         # Nor before the run is told to be over by it: from OFF nobody could tell by what, or start anew.
-        now = service.wait_for(lambda now: now.at_rest and service.running is None, STAND_S, "standstill")
+        service.wait_for(lambda now: now.at_rest, STAND_S, "standstill")
+        now = service.wait_for(lambda _: service.running is None, STAND_S, "end_of_run")
         needs = max(FAULTS[now.fault].recovery, FAULTS[now.warning].recovery)
         _asked(service, Request.RESET)
         if needs >= Recovery.COMMISSION:
