@@ -2,7 +2,8 @@
 
 A machine as in a shop (``serve --simulate`` and ``panel``) stands with its drives off, then with its drives
 on, then after a program, while a page in a headless browser looks on. The browser is not counted: in a
-shop it is another computer. What the page asks of the panel is.
+shop it is another computer. What the page asks of the panel is. Others on the same hardware make all of it
+dearer and nothing cheaper: of some turns in each state the cheapest is told.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from support.suite.figures import Figure, Report  # noqa: E402
 
 WANTED = 10.0  # % of a core, issue by issue
 SETTLE_S = 3.0  # after a change
+TURNS = 3  # in each state
 PROGRAM = b"G21 G90\nG1 X1 F600\nX0\nM30\n"
 
 
@@ -58,7 +60,8 @@ def report(short: bool) -> Report:
         for state, begin in (("off", shop.up), ("on", shop.ready), ("after a program", lambda: cut(shop))):
             begin()
             time.sleep(settle_s)
-            found[state] = used(shop, seconds)
+            turns = [used(shop, seconds / TURNS) for _ in range(TURNS)]
+            found[state] = min(turns, key=lambda shares: sum(shares.values()))
     rows = [
         Figure(f"{state}: {name}", share, "% of a core")
         for state, shares in found.items()

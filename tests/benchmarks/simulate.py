@@ -32,6 +32,7 @@ from support.suite.figures import Figure, Report  # noqa: E402
 NAMES = ("example1", "example2", "example1_ready", "example2_ready")
 EXAMPLES = tuple(HERE / "config" / "programs" / f"{name}.ngc" for name in NAMES)
 WANTED = 10.0
+RUNS = 5
 WATCHED = HERE / "tests" / "support" / "suite" / "simulate_parts.py"
 
 
@@ -99,7 +100,7 @@ def report(short: bool) -> Report:
         list(EXAMPLES[: 1 if short else None]),
         [HERE, *([Path(other).resolve()] if other else [])],
     )
-    found = best(programs, trees, 1 if short else 3)
+    found = best(programs, trees, 1 if short else RUNS)
     ours = [one for one in found if one.tree == str(HERE)]
     told = [
         Figure(
