@@ -98,6 +98,15 @@ def test_a_leak_is_seen_in_an_hour_among_steps_and_noise(mb_h: float, is_flat: b
     assert growth_of([(0.0, 10.0), (TELLS_S / 2.0, 10.0 + MOST_MB_H)]).is_flat  # too short to tell
 
 
+def test_what_a_process_takes_for_one_program_after_another_is_no_leak() -> None:
+    rng = np.random.default_rng(SEED)
+    at_s = np.arange(0.0, 3600.0, 11.0)
+    for mb_h, is_flat in ((0.0, True), (8.0, False)):
+        taken = 51.0 - 6.0 * np.exp(-at_s / 120.0) + 12.0 * rng.random(len(at_s)) ** 3 + mb_h * at_s / 3600.0
+        grown = growth_of(list(zip(at_s.tolist(), taken.tolist(), strict=True)))
+        assert grown.is_flat is is_flat, grown
+
+
 def test_what_befalls_a_live_machine_is_drawn_and_kills_come_first() -> None:
     machine = scenarios.live_machine(SEED)
     drawn_ = [scenarios.live(SEED, n, machine) for n in range(200)]

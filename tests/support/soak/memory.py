@@ -1,8 +1,9 @@
 """Memory of the processes of a machine that runs on: sampled after each run, and whether it grows.
 
 A process takes what it takes when it does a thing for the first time (modules, caches up to their bound),
-and a run more or less that lies in it moves its memory up and down by megabytes. A leak is what goes on:
-the median of all slopes between two samples (Theil, Sen) is moved by neither.
+and the program that lies in it now, long or short, moves its memory up and down by ten megabytes. A leak is
+what it holds whatever lies in it: the least of every two minutes, and the median of all slopes between two
+of these (Theil, Sen), which a few steps do not move.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from controller import memory
 SETTLES_S = 60.0  # of a process' life: then memory is what it is
 TELLS_S = 1200.0  # looked at for so long a slope tells
 MOST_MB_H = 4.0
+LEAST_OF_S = 120.0
 
 
 class Growth(NamedTuple):
@@ -53,11 +55,16 @@ class Memory:
 
 
 def growth_of(samples: list[tuple[float, float]]) -> Growth:
-    """``samples``: (s, MB), one at least."""
-    at_s, taken_mb = np.array(samples).T
+    """``samples``: (s, MB) in the order of time, one at least."""
+    least: dict[int, tuple[float, float]] = {}
+    for at, mb in samples:
+        n = int((at - samples[0][0]) / LEAST_OF_S)
+        least[n] = min(least.get(n, (at, mb)), (at, mb), key=lambda one: one[1])
+    at_s, taken_mb = np.array(list(least.values())).T
     i, j = np.triu_indices(len(at_s), 1)
     mb_h = 3600.0 * float(np.median((taken_mb[j] - taken_mb[i]) / (at_s[j] - at_s[i]))) if len(i) else 0.0
-    return Growth(float(at_s[-1] - at_s[0]), float(taken_mb[0]), float(taken_mb[-1]), mb_h)
+    (first_s, first_mb), (last_s, last_mb) = samples[0], samples[-1]
+    return Growth(last_s - first_s, first_mb, last_mb, mb_h)
 
 
 def give_back() -> None:
