@@ -49,7 +49,7 @@ def stop(port: Port, nodes: Sequence[Settings], pump: Callable[[], float]) -> li
         while port.receive_into(buffer):
             can_id, data = pdo.unpack(buffer)
             if pdo.group(can_id) == pdo.SDO_ANSWER and data[:4] == _WRITTEN:
-                drives.pop(can_id & 0x7F, None)
+                drives.pop(can_id & pdo.NODE_MASK, None)
     _send(port, [nmt_stop_frame(node.node) for node in nodes], pump)
     return list(drives.values())
 

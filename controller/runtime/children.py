@@ -123,6 +123,34 @@ def words_of(job_file: Path) -> Path:
     return job_file.with_suffix(".words")
 
 
+class CtrlC:
+    """Ctrl-C, and SIGTERM as if it were: what was made is to be cleared away.
+
+    KeyboardInterrupt as usual; but Python drops what comes up while an object ends or a callback of the
+    import machinery runs, so ``look`` raises it again.
+    """
+
+    def __init__(self) -> None:
+        self._pressed = False
+
+    def __enter__(self) -> CtrlC:
+        self._before = [(one, signal.signal(one, self._hear)) for one in (signal.SIGINT, signal.SIGTERM)]
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        for number, before in self._before:
+            signal.signal(number, before)
+
+    def look(self) -> None:
+        """Raises KeyboardInterrupt where it was pressed."""
+        if self._pressed:
+            raise KeyboardInterrupt
+
+    def _hear(self, *_: object) -> None:
+        self._pressed = True
+        raise KeyboardInterrupt
+
+
 # -- called in the process
 
 
@@ -157,34 +185,6 @@ class Asked:
 
     def _hear(self, _number: int, _frame: object) -> None:
         self.yes = True
-
-
-class CtrlC:
-    """Ctrl-C, and SIGTERM as if it were: what was made is to be cleared away.
-
-    KeyboardInterrupt as usual; but Python drops what comes up while an object ends or a callback of the
-    import machinery runs, so ``look`` raises it again.
-    """
-
-    def __init__(self) -> None:
-        self._pressed = False
-
-    def __enter__(self) -> CtrlC:
-        self._before = [(one, signal.signal(one, self._hear)) for one in (signal.SIGINT, signal.SIGTERM)]
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        for number, before in self._before:
-            signal.signal(number, before)
-
-    def look(self) -> None:
-        """Raises KeyboardInterrupt where it was pressed."""
-        if self._pressed:
-            raise KeyboardInterrupt
-
-    def _hear(self, *_: object) -> None:
-        self._pressed = True
-        raise KeyboardInterrupt
 
 
 def end_with(parent: int) -> None:

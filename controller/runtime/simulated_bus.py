@@ -71,40 +71,49 @@ def _touch(hub: Hub, nodes: Devices, job: Job) -> None:
     drives = [nodes[axis.node] for axis in machine.axes]
     motors = [one for one in drives if isinstance(one, SimulatedDrive)]
     bench = simulated_bench.read(job.part, machine)
-    inputs = _here(nodes, machine) or _Far(_heard(job, machine.io.bus if machine.io is not None else ""))
+    inputs = _inputs(nodes, job) or _Far(_heard(job, machine.io.bus if machine.io is not None else ""))
     touching = simulated_bench.Touching(bench, machine, motors, inputs, _spindle(nodes, job))
     _hear(hub, job.folder / SPINDLE, lambda words: touching.put_in(int(words), hub.bus.now_s))
     hub.watchers.append(touching.watch)
 
 
-def _here(nodes: Devices, machine: Machine) -> IoNode | None:
+def _inputs(nodes: Devices, job: Job) -> IoNode | None:
     """The node that a touch is told by, if it is on this bus."""
-    own = nodes.get(machine.io.node) if machine.io is not None else None
+    io = job.machine.io
+    own = nodes[io.node] if io is not None and io.bus == job.bus.name else None
     return own if isinstance(own, IoNode) else None
 
 
+def _motor(nodes: Devices, job: Job) -> Callable[[float], None] | None:
+    """Takes what the cut takes of the spindle, if its drive is on this bus."""
+    spindle = job.machine.spindle
+    if spindle is None or not spindle.is_driven or spindle.bus != job.bus.name:
+        return None
+    own = nodes[spindle.node]
+    assert isinstance(own, SimulatedDrive)
+    return partial(own.feel, counts_per_rev=abs(spindle.counts_per_rev))
+
+
 def _spindle(nodes: Devices, job: Job) -> Callable[[float], None]:
-    """Takes what the cut takes of it."""
+    """Takes what the cut takes of it, wherever it is."""
+    if (here := _motor(nodes, job)) is not None:
+        return here
     spindle = job.machine.spindle
     if spindle is None or not spindle.is_driven:
         return lambda _: None
-    own = nodes.get(spindle.node)
-    if spindle.bus == job.bus.name and isinstance(own, SimulatedDrive):
-        return partial(own.feel, counts_per_rev=abs(spindle.counts_per_rev))
     return _Far(_heard(job, spindle.bus)).feel
 
 
 def _feel(hub: Hub, nodes: Devices, job: Job) -> None:
     """Inputs that another bus sets, and what its cut takes of the spindle."""
-    io, spindle = _here(nodes, job.machine), job.machine.spindle
-    motor = nodes.get(spindle.node) if spindle is not None and spindle.is_driven else None
+    io, feel = _inputs(nodes, job), _motor(nodes, job)
 
     def take(words: bytes) -> None:
         name, value = words.split()
         if name != LOAD and io is not None:
             io.set_input(int(name), value == b"1", hub.bus.now_s)
-        elif name == LOAD and isinstance(motor, SimulatedDrive) and spindle is not None:
-            motor.feel(float(value), abs(spindle.counts_per_rev))
+        elif name == LOAD and feel is not None:
+            feel(float(value))
 
     _hear(hub, _heard(job, job.bus.name), take)
 

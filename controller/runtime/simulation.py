@@ -28,7 +28,7 @@ class Wire(NamedTuple):
     inverted: bool
 
 
-def healthy_inputs(machine: Machine) -> int:
+def _healthy_inputs(machine: Machine) -> int:
     """The inputs' word, electrically: circuits, doors and clamps closed, no probe touched."""
     io = machine.io
     if io is None:
@@ -36,7 +36,7 @@ def healthy_inputs(machine: Machine) -> int:
     return sum(1 << bit for name, bit in io.inputs if (name in SENSORS) == (name in io.inverted))
 
 
-def wires(machine: Machine) -> tuple[Wire, ...]:
+def _wires(machine: Machine) -> tuple[Wire, ...]:
     """From the valve of each clamp to its switch."""
     io = machine.io
     if io is None:
@@ -72,8 +72,8 @@ def _of_changer(changer: Changer | None, io: Io) -> list[Wire]:
 
 def surround(node: IoNode, machine: Machine) -> None:
     """All doors closed, and clamps that do as they are told."""
-    node.set_inputs(healthy_inputs(machine), 0.0)
-    for wire in wires(machine):
+    node.set_inputs(_healthy_inputs(machine), 0.0)
+    for wire in _wires(machine):
         node.wire(*wire)
 
 

@@ -164,9 +164,9 @@ class Network(canopen.Network):
                     continue  # an answer to what was asked before, and too late for that
                 self._awaited = -1
             elif pdo.group(can_id) == pdo.HEARTBEAT and data:
-                self.nmt_states[can_id & 0x7F] = data[0] & 0x7F
+                self.nmt_states[can_id & pdo.NODE_MASK] = data[0] & 0x7F
                 if data == BOOT_UP:
-                    self.booted.add(can_id & 0x7F)
+                    self.booted.add(can_id & pdo.NODE_MASK)
             if self.hearer is not None:
                 self.hearer(can_id, data)
             self.notify(can_id, bytearray(data), 0.0)

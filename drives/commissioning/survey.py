@@ -63,7 +63,7 @@ class _Questions:
 
     def _hear(self, can_id: int, data: bytes) -> None:
         if pdo.group(can_id) == pdo.SDO_ANSWER and len(data) == 8:
-            self._answers[can_id & 0x7F] = data
+            self._answers[can_id & pdo.NODE_MASK] = data
 
 
 def _value(data: bytes) -> int | None:

@@ -54,7 +54,7 @@ def _asked(network: Network, nodes: Sequence[int]) -> dict[int, Serials]:
 
     def hear(can_id: int, data: bytes) -> None:
         if pdo.group(can_id) == pdo.SDO_ANSWER and data[1:4] == ASKED[1:4]:
-            node = can_id & 0x7F
+            node = can_id & pdo.NODE_MASK
             answers[node] = (*answers.get(node, ()), _serial(data))
 
     network.receive()  # what was asked before is none of it

@@ -33,19 +33,19 @@ def drive(settings: NodeSettings, parameters: Parameters) -> SimulatedDrive:
     size = settings.counts_per_si
     known = (0.0, size) if settings.rotary else (size, 0.0)
     parameters = replace(parameters, counts_per_metre=known[0], counts_per_radian=known[1])
-    nature = sized(parameters, *needs(settings))
+    nature = _sized(parameters, *_needs(settings))
     made = SimulatedDrive(settings.node, nature, Path(settings.eds) if settings.eds else EDS)
     made.dictionary.believe(settings.overrides)
     return families.restrict(made, settings.profile)
 
 
-def needs(settings: NodeSettings) -> tuple[float, float]:
+def _needs(settings: NodeSettings) -> tuple[float, float]:
     """Counts/s and counts/s^2 that the axis asks of its motor; 0 = not known."""
     quick_stop = settings.quick_stop_counts_s2 / QUICK_STOP_SHARE
     return settings.velocity_counts_s, max(settings.acceleration_counts_s2, quick_stop)
 
 
-def sized(parameters: Parameters, velocity_counts_s: float, acceleration_counts_s2: float) -> Parameters:
+def _sized(parameters: Parameters, velocity_counts_s: float, acceleration_counts_s2: float) -> Parameters:
     """A motor for an axis that moves so fast (0 = not known), unless it has been chosen."""
     sizes: dict[str, Any] = {
         "strongest_counts_s2": TORQUE_RESERVE * acceleration_counts_s2,
@@ -63,7 +63,7 @@ def spindle(settings: SpindleSettings, parameters: Parameters) -> SimulatedDrive
     """A drive whose motor turns on and on: its position wraps, and its torque is limited."""
     motor = parameters.motor
     most = (SPINDLE_REV_S2 if motor is None else motor.strongest_rev_s2) * abs(settings.counts_per_rev)
-    nature = sized(replace(parameters, most_acceleration=most), 0.0, most)
+    nature = _sized(replace(parameters, most_acceleration=most), 0.0, most)
     made = SimulatedDrive(settings.node, nature, Path(settings.eds) if settings.eds else EDS)
     made.dictionary.believe(settings.overrides)
     return families.restrict(made, settings.profile)
