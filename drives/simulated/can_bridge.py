@@ -11,7 +11,6 @@ Standard library only; it does not run without Linux' CAN.
 
 from __future__ import annotations
 
-import select
 import socket
 import time
 from collections import deque
@@ -21,7 +20,7 @@ from drives import pdo
 from drives.pdo import FRAME_BYTES
 from drives.virtual.fault_script import FaultScript
 from drives.virtual.hub import Gateway, SyncLog
-from drives.virtual.kernel_time import NOTE_BYTES, KernelTime
+from drives.virtual.kernel_time import NOTE_BYTES, KernelTime, woken
 from drives.virtual.virtual_bus import SteppedBus
 
 RECEIVE_BYTES = 1 << 20  # room for what comes while this process sleeps
@@ -101,12 +100,12 @@ class CanBridge:
         wait_s = max(0.0, min(self.bus.next_event_s(), until_s) - time.monotonic())
         # A full queue of a CAN interface does not say when there is room again: look each millisecond.
         wait_s = min(wait_s, 0.001) if self._unsent else wait_s
-        readable, _, _ = select.select(list(self._readers), [], [], wait_s)
+        now_s, readable = woken(list(self._readers), wait_s)
         for one in readable:
             reader = self._readers.get(one)  # one reader may have closed another's descriptor
             if reader is not None:
                 reader()
-        self.bus.advance(max(self.bus.now_s, time.monotonic()))
+        self.bus.advance(max(self.bus.now_s, now_s))
         self._flush()
 
     def run(self, stop: Callable[[], bool]) -> None:

@@ -26,7 +26,6 @@ from __future__ import annotations
 import contextlib
 import math
 import os
-import select
 import socket
 import time
 from collections.abc import Callable
@@ -42,7 +41,7 @@ from drives.virtual.error_counters import overflow_frame
 from drives.virtual.fault_script import FaultScript
 from drives.virtual.hub_protocol import FILTERED, GATHER_S, MOST_FRAMES, TIMED, lost_frame
 from drives.virtual.intake import Intake
-from drives.virtual.kernel_time import NOTE_BYTES, KernelTime
+from drives.virtual.kernel_time import NOTE_BYTES, KernelTime, woken
 from drives.virtual.virtual_bus import STANDARD_MASK, SteppedBus
 
 PACKET_BYTES = hub_protocol.MOST_SENT * FRAME_BYTES
@@ -211,9 +210,7 @@ class Hub:
         if looks_s and self._master is not None and self._master.descriptor in looked_for:
             looked_for.remove(self._master.descriptor)
         event_s = looks_s or self.bus.next_event_s() + TIMEOUT_S
-        # select and not epoll: its time-out is in microseconds, epoll's in milliseconds.
-        readable, _, _ = select.select(looked_for, [], [], max(0.0, min(event_s, until_s) - now_s))
-        now_s = time.monotonic()
+        now_s, readable = woken(looked_for, max(0.0, min(event_s, until_s) - now_s))
         if looks_s and self._master is not None:
             if readable:
                 self._alert_until_s = now_s + ALERT_S

@@ -1,4 +1,4 @@
-"""When the kernel took a packet from its sender, by the clock that buses run on.
+"""When the kernel took a packet from its sender, by the clock that buses run on, and what it has by a time.
 
 The kernel stamps with CLOCK_REALTIME (``SO_TIMESTAMPNS``), a bus runs on CLOCK_MONOTONIC; how far they are
 apart is looked at again and again, for the first of them can be set.
@@ -7,8 +7,10 @@ apart is looked at again and again, for the first of them can be set.
 from __future__ import annotations
 
 import math
+import select
 import socket
 import time
+from collections.abc import Sequence
 from struct import Struct
 from typing import Final
 
@@ -19,6 +21,18 @@ _STAMP: Final = Struct("qq")  # s, ns
 # did not read for silence.
 TRUSTED_S = 2.0
 AT_ONCE_S = 50e-6  # three looks at clocks, where nobody else had the processor meanwhile
+
+
+def woken(descriptors: Sequence[int], wait_s: float) -> tuple[float, list[int]]:
+    """After ``wait_s`` at most: the time, and which descriptors have had something to read by then.
+
+    Asked for in this order: before it reads the clock, others may have the processor and say something,
+    and a bus that is led on to that time without it would move it.
+    """
+    # select and not epoll: its time-out is in microseconds, epoll's in milliseconds.
+    select.select(descriptors, [], [], wait_s)
+    now_s = time.monotonic()
+    return now_s, select.select(descriptors, [], [], 0.0)[0]
 
 
 class KernelTime:

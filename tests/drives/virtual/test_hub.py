@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import math
+import select
 import signal
 import socket
 import subprocess
@@ -25,7 +26,7 @@ from drives.gateways import options
 from drives.log import candump
 from drives.log.frame_log import FrameLog
 from drives.settings import BusSettings, MasterSettings
-from drives.virtual import hub_protocol
+from drives.virtual import hub_protocol, kernel_time
 from drives.virtual.fault_script import FaultScript, ScriptError
 from drives.virtual.hub import MOST_AHEAD_S, Hub
 from drives.virtual.hub_bus import HubBus
@@ -460,6 +461,36 @@ def test_what_is_handed_over_while_the_hub_is_at_work_goes_out_when_it_was_hande
     assert hub.syncs.times_s()[0] < sent_s[0] + 0.02, "not when that work was over"
     near.close()
     far.close()
+    port.close()
+    hub.close()
+
+
+def test_a_hub_kept_from_the_processor_once_it_is_awake_moves_no_frame(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It wakes for an event of its own, and before it reads the clock others run: one of them sends SYNC."""
+    hub = Hub(str(tmp_path / "can"))
+    port = bus.open(BusSettings("can", "virtual", hub.path, 1_000_000))
+    while [client.many for client in hub._clients.values()] != [True]:
+        hub.turn(time.monotonic())
+    around_s: list[float] = []
+
+    def kept(*arguments: object, inner: Callable[..., object] = select.select) -> object:
+        found = inner(*arguments)
+        if not around_s:
+            around_s.append(time.monotonic())
+            assert port.send(pdo.frame(pdo.SYNC))
+            around_s.append(time.monotonic())
+            time.sleep(0.05)
+        return found
+
+    monkeypatch.setattr(kernel_time.select, "select", kept)
+    hub.turn(time.monotonic())
+    monkeypatch.undo()
+    while not len(hub.syncs.times_s()):
+        hub.turn(time.monotonic() + 0.01)
+    taken_s = hub.bus.frame_s(pdo.SYNC, bytes(pdo.frame(pdo.SYNC)))
+    assert around_s[0] <= hub.syncs.times_s()[0] - taken_s <= around_s[1] + kernel_time.AT_ONCE_S
     port.close()
     hub.close()
 
