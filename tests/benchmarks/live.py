@@ -142,7 +142,6 @@ def beside(state: str, turns: list[Turn]) -> list[Figure]:
         Figure(f"{state}: outside 1 +- 1/4", share, "%", 100.0 * other, BESIDE, at_most_times=MOST),
         *figures.percentiles(f"{state}: interval off", mine, woken, "us", 1e6, BESIDE),
         Figure(f"{state}: skipped ticks", skipped, ""),
-        Figure(f"{state}: faults", float(sum(one.faults for one in turns)), "", at_most=0.0),
     ]
 
 
@@ -155,6 +154,8 @@ def report(short: bool) -> Report:
         for state, turn in machine_turns(seconds, in_the_cut, answers_per_s).items():
             turns[state].append(turn)
     found = [figure for state in STATES for figure in beside(state, turns[state])]
+    faults = sum(turn.faults for state in STATES for turn in turns[state])
+    found.append(Figure("faults", float(faults), "", at_most=0.0))
     found.append(Figure("loaded: answers of the panel", float(np.mean(answers_per_s)), "1/s", PER_S, "asked"))
     off = np.concatenate([five_buses.periods(one)[0] for turn in turns["loaded"] for one in turn.stamps_s])
     return Report(tuple(found), figures.by_lateness(off), "the intervals of five buses, loaded")
