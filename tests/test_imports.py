@@ -47,6 +47,7 @@ ARROWS: dict[str, set[str]] = {
     "cli": VALUES
     | {
         "atomic_file",
+        "compiled",
         "memory",
         "workers",
         "ipc",
