@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from support.machines import interrupted_runs, stepped_runs
 from support.parts import surface_trains
-from support.soak import judged, scenarios, soak, stepped
+from support.soak import judged, live, scenarios, soak, stepped
 from support.soak.memory import MOST_MB_H, TELLS_S, Growth, give_back, growth_of
 from support.soak.scenarios import PARTS, Scenario, drawn
 from support.soak.stepped import Came
@@ -120,8 +120,23 @@ def test_what_befalls_a_live_machine_is_drawn_and_kills_come_first() -> None:
 @pytest.mark.live
 def test_runs_on_the_real_clock_hold(tmp_path: Path) -> None:
     """One with nothing, and one in which the tick is stopped for a moment: made again from their records."""
-    found = soak.on_real_clock(SEED, 1e4, tmp_path, 0, 2)
+    machine = scenarios.live_machine(SEED)
+    script = lambda n: scenarios.live(SEED, n, machine).script  # noqa: E731
+    first = next(n for n in range(400) if not script(n) and "stop tick" in script(n + 1))
+    found = soak.on_real_clock(SEED, 1e4, tmp_path, first, 2)
     assert found.runs == 2 and found.ticks > 100 and found.kept == []
+
+
+@pytest.mark.slow
+@pytest.mark.live
+@pytest.mark.parametrize("what", scenarios.KILLED)
+def test_a_process_that_is_killed_in_a_run_costs_that_run_alone(what: str, tmp_path: Path) -> None:
+    with live.opened(SEED, tmp_path) as on:
+        of = scenarios.live(SEED, 0, on.machine)
+        killed = live.run(on, replace(of, script=f"1.000 s: {what}"))
+        after = live.run(on, of)
+    assert (killed.wrong, after.wrong) == ("", "") and any(what in one for one in killed.told)
+    assert after.ticks > 100
 
 
 def broken(of: Scenario, _folder: Path) -> Came:

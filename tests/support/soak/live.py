@@ -152,7 +152,9 @@ class Watched:
             if time.monotonic() > give_up_s:
                 raise Wrong(f"is not made ready again: {now['mode']} {now['fault']} {now['sequence']}")
             busy = (now["sequence"] or {}).get("state") == "running"
-            if busy or not now["at_rest"] or now["mode"] in ("STOPPING", "HOMING"):
+            if self._is_gone(now):
+                self.ask("POST", "/machine/reset")
+            elif busy or not now["at_rest"] or now["mode"] in ("STOPPING", "HOMING"):
                 pass
             elif now["mode"] == "FAULT":
                 self.ask("POST", "/machine/reset")
@@ -197,6 +199,11 @@ class Watched:
         self.until(self._stands, "rest")
 
     @staticmethod
+    def _is_gone(now: Values) -> bool:
+        """The tick, and with it who knows whether the axes stand; a reset starts another."""
+        return bool(now["mode"] == "FAULT" and now["at_rest"] is None)
+
+    @staticmethod
     def _stands(now: Values) -> bool:
         over = not now["job"] or now["job"]["state"] not in ("loading", *UNDER_WAY)
         busy = (now["sequence"] or {}).get("state") == "running"
@@ -230,6 +237,8 @@ class Watched:
             if not struck and passed_s >= due_s:
                 struck = True
                 self.strike(of.script.partition(": ")[2])
+            elif self._is_gone(now):
+                self.ask("POST", "/machine/reset")
             elif now["mode"] not in GOING:
                 pass  # it has a fault, or comes up again
             elif passed_s > RUN_S:

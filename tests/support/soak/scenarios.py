@@ -80,9 +80,8 @@ def live(seed: int, number: int, machine: Machine) -> Scenario:
     kind = rng.choice(sorted(PARTS))
     text, script = PARTS[kind](rng, machine), ""
     if rng.random() < FAULTY:
-        words = rng.choice(
-            (*(KILLED if number < KILL_RUNS else ()), *(one for one in STRUCK for _ in range(2)))
-        )
+        kills = number < KILL_RUNS and rng.random() < 0.5
+        words = rng.choice(KILLED if kills else STRUCK)
         script = f"{rng.uniform(0.2, 6.0):.3f} s: {words.format(axis=rng.choice(machine.axes).name)}"
     return Scenario(seed, number, machine, kind, text, script, f"live {seed} {number}")
 
