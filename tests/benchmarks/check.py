@@ -32,6 +32,7 @@ ROOT = Path(__file__).parents[2]
 PLACEMENTS = ("P1", "P2", "P3", "P4 R0.05")
 WANTED_MS = 60.0  # of P1
 SIMULATED = 8
+TURNS = 3  # of one and two workers, of which the calmest count
 START_S = 1.0  # in which a worker has begun
 
 
@@ -70,13 +71,14 @@ class Timed:
 
 
 def folder_s(folder: Path, workers: int) -> float:
-    """Seconds of the command."""
-    began_s = time.perf_counter()
-    words = ("check", str(folder), "--store", str(folder / "store"), "--workers", str(workers), "--json")
-    subprocess.run(
-        (sys.executable, "-m", "controller", *words), cwd=ROOT, stdout=subprocess.DEVNULL, check=True
-    )
-    return time.perf_counter() - began_s
+    """Seconds of the command, into a store of its own."""
+    with tempfile.TemporaryDirectory() as store:
+        began_s = time.perf_counter()
+        words = ("check", str(folder), "--store", store, "--workers", str(workers), "--json")
+        subprocess.run(
+            (sys.executable, "-m", "controller", *words), cwd=ROOT, stdout=subprocess.DEVNULL, check=True
+        )
+        return time.perf_counter() - began_s
 
 
 def simulated_s(took_s: Sequence[float], workers: int) -> float:
@@ -110,7 +112,8 @@ def report(short: bool) -> Report:
         programs.mkdir()
         for k in range(4 if short else 40):
             (programs / f"part{k}.ngc").write_text(text(4, PLACEMENTS[k % 2], 0.1 * k))
-        one_s, two_s = folder_s(programs, 1), folder_s(programs, 2)
+        turns = [(folder_s(programs, 1), folder_s(programs, 2)) for _ in range(1 if short else TURNS)]
+        one_s, two_s = map(min, zip(*turns, strict=True))
         took_s = [_alone_s(job) for job in check_folder.jobs(programs)]
     found.append(Figure("a folder on two workers", two_s, "s", one_s, "one worker", at_most_times=0.6))
     for workers in (2, SIMULATED):
