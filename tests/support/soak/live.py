@@ -152,9 +152,8 @@ class Watched:
             if time.monotonic() > give_up_s:
                 raise Wrong(f"is not made ready again: {now['mode']} {now['fault']} {now['sequence']}")
             busy = (now["sequence"] or {}).get("state") == "running"
-            if self._is_gone(now):
-                self.ask("POST", "/machine/reset")
-            elif busy or not now["at_rest"] or now["mode"] in ("STOPPING", "HOMING"):
+            waits = busy or not now["at_rest"] or now["mode"] in ("STOPPING", "HOMING")
+            if waits and not self._is_gone(now):
                 pass
             elif now["mode"] == "FAULT":
                 self.ask("POST", "/machine/reset")
