@@ -33,14 +33,19 @@ COLUMNS = (
 )
 CHANGES = {
     "a share of the feed law": ("plan/junctions.py", "MARGIN = 0.998", "MARGIN = 0.997", "044"),
-    "a share at joints": ("plan/junctions.py", "JUMP_SHARE = 0.8", "JUMP_SHARE = 0.79", "010"),
-    "the radius of leads": ("plan/surfaces/leads.py", "SLENDER = 1.5", "SLENDER = 1.51", "044"),
+    "the rounding of joints": ("plan/surfaces/blending.py", "(0.0594,", "(0.06,", "010"),
+    "the radius of leads": (
+        "plan/surfaces/leads.py",
+        "else machine.lead_mm",
+        "else 0.99 * machine.lead_mm",
+        "044",
+    ),
     "the rounding to counts": ("tick/joints.py", '"round(a[', '"int(a[', "177"),
     "the rounding of an override": (
         "tick/mode.py",
         "self.override = value",
         "self.override = round(value, 2)",
-        "091",
+        "093",
     ),
     "a key of the texts": (
         "messages/program_english.py",
