@@ -24,7 +24,7 @@ gc.disable()  # what is imported stays: thirty looks through it find nothing
 import typer  # noqa: E402
 from typer.core import TyperGroup  # noqa: E402
 
-from controller import compiled, one_thread  # noqa: E402
+from controller import one_thread  # noqa: E402
 from controller.cli import declarations  # noqa: E402
 from controller.version import VERSION  # noqa: E402
 
@@ -140,8 +140,7 @@ USAGE: Any = typer.BadParameter.__mro__[1]  # click's UsageError, wherever this 
 
 def _version(asked: bool) -> None:
     if asked:
-        made = "compiled" if compiled.is_compiled() else "not compiled"
-        print(f"directrix {VERSION}, {made}")
+        print(f"directrix {VERSION}")
         raise typer.Exit
 
 
@@ -181,7 +180,6 @@ def main() -> None:
     """The command line; a script that asks for JSON gets it whatever is wrong. Raises SystemExit."""
     one_thread.set_default()
     as_json = "--json" in sys.argv[1:]
-    _refuse_outdated(as_json)
     try:
         code = app(standalone_mode=not as_json)
     except SystemExit as ended:
@@ -202,19 +200,6 @@ def main() -> None:
         print(json.dumps({"ok": False, "error": ENDED}) if as_json else ENDED, file=_spoken(as_json))
     gc.freeze()  # what is left goes with the process: Python looks through all of it before
     sys.exit(code)
-
-
-def _refuse_outdated(as_json: bool) -> None:
-    """What was edited or pulled after it was compiled would not be what runs."""
-    newer = compiled.outdated()
-    if newer is None:
-        return
-    from controller import messages
-
-    language = messages.chosen(os.environ.get("DIRECTRIX_LANGUAGE", ""))
-    sentence = messages.text(messages.said("checkout.outdated", file=str(newer)), language)
-    print(json.dumps({"ok": False, "error": sentence}) if as_json else sentence, file=_spoken(as_json))
-    sys.exit(1)
 
 
 def _spoken(as_json: bool) -> TextIO:

@@ -16,8 +16,6 @@ import hypothesis
 import pytest
 from support.suite import absent_computer, seed
 
-from controller import compiled
-
 MAX_OPEN = 500  # files; select, which the simulated bus waits with, takes 1024
 
 # The workers of xdist must choose the same.
@@ -55,13 +53,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_report_header(config: pytest.Config) -> str:
-    rooms = "compiled" if compiled.is_compiled() else "not compiled"
-    return f"DIRECTRIX_TEST_SEED={seed.SEED}, one in {config.getoption('share')} of the cases, {rooms}"
-
-
-def pytest_sessionstart() -> None:
-    if newer := compiled.outdated():
-        raise pytest.UsageError(f"{newer} was changed after it was compiled: see hatch_build.py")
+    return f"DIRECTRIX_TEST_SEED={seed.SEED}, one in {config.getoption('share')} of the cases"
 
 
 # A worker of xdist that takes more than 5 s to end is sent SIGINT, so what is left is collected before.

@@ -24,7 +24,6 @@ ARROWS: dict[str, set[str]] = {
     "messages": {"faults"},  # texts, a file per language
     "state": {"faults", "machine", "motion", "messages"},
     "ipc": {"motion", "state", "messages", "atomic_file"},  # between the processes
-    "compiled": set(),  # which source runs
     "one_thread": set(),  # numpy's libraries, before they are loaded
     "values": set(),
     "version": set(),
@@ -47,7 +46,6 @@ ARROWS: dict[str, set[str]] = {
     "cli": VALUES
     | {
         "atomic_file",
-        "compiled",
         "memory",
         "workers",
         "ipc",

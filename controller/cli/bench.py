@@ -19,7 +19,7 @@ import typer
 from rich.table import Table
 from rich.text import Text
 
-from controller import atomic_file, compiled
+from controller import atomic_file
 from controller.cli import checkout, speech
 from controller.verify import console
 from controller.verify.console import Refused, bar, refusals, show, tell
@@ -144,8 +144,7 @@ def _page(found: Mapping[str, Report], short: bool) -> str:
             if _promise(one):
                 rows.append(f"| `{name}`: {' | '.join((one['name'], *_cells(one)))} |")
     day = datetime.now(UTC).date().isoformat()
-    rooms = "the hot rooms compiled" if compiled.is_compiled() else "in pure Python"
-    words = f"`directrix bench{' --short' if short else ''}` of {day} on {_processor()}, {rooms}."
+    words = f"`directrix bench{' --short' if short else ''}` of {day} on {_processor()}."
     return "\n".join([textwrap.fill(words, 118), "", *rows, ""])
 
 

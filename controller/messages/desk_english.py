@@ -38,8 +38,6 @@ REFUSALS = {
     # --- what needs a checkout
     "checkout.none": "{folder}: is not there; benchmarks and soak come with the checkout and not with the "
     "package: clone the repository, and run directrix from there (pip install -e '.[dev]').",
-    "checkout.outdated": "{file}: was changed after it was compiled, and what was compiled would run: "
-    "install again, with DIRECTRIX_COMPILE=1 to compile it anew, without to do without.",
     # --- bench
     "bench.unknown": "{name}: there is no such benchmark; allowed are {known}.",
     "bench.failed": "Not measured: {names}; each says why above, or in benchmarks of --json.",

@@ -40,8 +40,6 @@ REFUSALS = {
     # --- was einen Klon des Repositorys braucht
     "checkout.none": "{folder}: gibt es nicht; Benchmarks und Dauerlauf gehören zum Klon, nicht zum Paket: "
     "das Repository klonen und directrix von dort starten (pip install -e '.[dev]').",
-    "checkout.outdated": "{file}: wurde nach dem Übersetzen geändert, und das Übersetzte würde laufen: neu "
-    "installieren, mit DIRECTRIX_COMPILE=1 neu übersetzt, ohne nicht übersetzt.",
     # --- bench
     "bench.unknown": "{name}: Diesen Benchmark gibt es nicht; erlaubt sind {known}.",
     "bench.failed": "Nicht gemessen: {names}; warum, steht oben, oder in benchmarks von --json.",

@@ -25,7 +25,7 @@ COMMANDS = {
     "check --help": ("-m", "controller", "check", "--help"),
     "check example1": ("-m", "controller", "check", str(ROOT / "config" / "programs" / "example1.ngc")),
 }
-WANTED_S = {"status": 0.2}
+WANTED_S = {"status": 0.3}
 
 
 def cpu_s(words: tuple[str, ...], folder: str) -> float:

@@ -9,12 +9,8 @@ from support.machines import request_sequences
 from support.machines.request_sequences import NotSo, Site
 from support.suite.seed import SEED
 
-from controller import compiled
 from controller.ipc.handoff import Outcome
 from controller.state.modes import Mode, Request
-
-# Its ear is inside of the cycle, where compiled code has no room for it.
-pytestmark = pytest.mark.skipif(compiled.is_compiled(), reason="the cycle is compiled")
 
 
 def test_all_requests_are_among_those_that_are_asked() -> None:

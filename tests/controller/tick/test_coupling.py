@@ -13,7 +13,6 @@ import pytest
 from support.machines.shipped_kinds import machine as plain
 from support.machines.tapping import machine
 
-from controller import compiled
 from controller.tick.coupling import (
     CLOSING_REV_S,
     DEAF_SYNCS,
@@ -315,7 +314,6 @@ def test_axes_that_have_stood_meanwhile_begin_from_rest_and_leave_a_thread_with_
 # ---- a step that is taken back, and a run that is made again
 
 
-@pytest.mark.skipif(compiled.is_compiled(), reason="a compiled tie does not show what it keeps")
 def test_a_tick_that_is_taken_back_and_done_again_is_the_same() -> None:
     thread = Thread((0.0, 0.0, 0.01))
     thread.run(50)

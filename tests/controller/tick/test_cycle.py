@@ -13,7 +13,6 @@ from support.machines.shipped_kinds import machine
 from support.machines.tick_bench import Bench, FakeDrive, commands, excess, s_curve, stops, straight
 from support.oracles import latched_setpoints
 
-from controller import compiled
 from controller.ipc.handoff import COLUMN, PLANNER_SILENCE_S, STOOD, Arrangement, Law, dwell, send_arrangement
 from controller.machine.model import Joints
 from controller.state.modes import Fault, Mode, Request
@@ -552,7 +551,6 @@ def test_a_sync_that_the_bus_does_not_take_ahead_is_told_as_any_other() -> None:
     bench.close()
 
 
-@pytest.mark.skipif(compiled.is_compiled(), reason="a compiled mode takes no stand-ins")
 def test_time_that_was_only_said_again_counts_for_what_waits() -> None:
     bench, seen = Bench(machine()), []
     bench.enable()

@@ -12,7 +12,6 @@ from typing import Any
 import pytest
 from support.machines.shipped_kinds import machine as make_machine
 
-from controller import compiled
 from controller.ipc.handoff import Awaited, Piece, dwell
 from controller.machine.model import BESIDE, Clamp, Io, Machine, Spindle
 from controller.state.modes import Fault, Mode, Request
@@ -26,8 +25,6 @@ from controller.tick.peripherals import (
     Clamped,
     Peripherals,
 )
-
-pytestmark = pytest.mark.skipif(compiled.is_compiled(), reason="the mode and the tie are compiled")
 
 T = 0.002
 INPUTS = ("estop", "door", "tool_clamped", "power", "coolant_flow", "x_closed", "a_closed", "there")

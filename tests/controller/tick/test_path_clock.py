@@ -21,7 +21,6 @@ from support.machines.path_bench import (
 )
 from support.machines.shipped_kinds import machine
 
-from controller import compiled
 from controller.geometry.curves import Line
 from controller.ipc.handoff import Piece, dwell
 from controller.machine.kinematics import Kinematics, kinematics_of
@@ -260,8 +259,6 @@ def test_ahead_is_the_piece_under_the_clock_or_the_next_where_that_is_over() -> 
 
 # ---- a thread
 
-stands_in = pytest.mark.skipif(compiled.is_compiled(), reason="the tie is compiled")
-
 
 class Tie:
     """Ties the axes to a spindle that is a millimetre behind, and has come when the test says so."""
@@ -306,7 +303,6 @@ def threading(*after: Piece, motion: Motion = AGAIN, active: bool = True) -> tup
     return follow, tie
 
 
-@stands_in
 def test_the_clock_leaves_a_thread_only_when_the_spindle_has_come() -> None:
     follow, tie = threading(OUT)
     for n in range(1, 101):
@@ -321,14 +317,12 @@ def test_the_clock_leaves_a_thread_only_when_the_spindle_has_come() -> None:
     assert follow.tau == pytest.approx(0.2 + 5 * T)
 
 
-@stands_in
 def test_without_a_tie_a_thread_is_a_line_like_others() -> None:
     follow, tie = threading(OUT, active=False)
     steps(follow, 120)
     assert follow.tau == 120 * T and not tie.releasing
 
 
-@stands_in
 @pytest.mark.parametrize(
     ("after", "motion", "releases"),
     [
@@ -351,7 +345,6 @@ def test_the_spindle_is_let_go_where_no_other_thread_follows(
     assert tie.releasing is releases and follow.tau == pytest.approx(0.2)
 
 
-@stands_in
 def test_a_path_that_stands_in_a_thread_stays_with_the_spindle_and_without_one_stays() -> None:
     for active in (False, True):
         built, tie = machine(), Tie(active)

@@ -11,12 +11,10 @@ from typing import Any
 import pytest
 from support.machines.probing_machine import machine
 
-from controller import compiled
 from controller.motion.pieces import Sensing
 from controller.state.modes import Fault, Mode
 from controller.tick.probing import HOLDING, KEPT_TICKS, LATE_TICKS, MOVES_COUNTS, Phase, Probing
 
-pytestmark = pytest.mark.skipif(compiled.is_compiled(), reason="a compiled probing takes no stand-ins")
 PROBE = 0x1  # its input's bit
 T = 0.002
 STEP = 10  # counts of X in a tick

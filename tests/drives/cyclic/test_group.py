@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import pytest
 
-from controller import compiled
 from drives import pdo
 from drives.cia402 import Wanted
 from drives.cyclic.drive import Drive, DriveFault
@@ -514,7 +513,6 @@ def test_what_is_wrong_with_one_drive_can_be_asked_for_whatever_else_is_wrong():
         assert asked(1, T) is DriveFault.NONE
 
 
-@pytest.mark.skipif(compiled.is_compiled(), reason="a method of a compiled drive cannot be watched")
 def test_each_drive_is_measured_once_in_so_many_syncs_and_not_all_in_one():
     port = ListPort()
     group = running(port)

@@ -7,7 +7,6 @@ from collections.abc import Callable
 import pytest
 from support.drives.stepped_drives import Bench
 
-from controller import compiled
 from drives.simulated.inputs import POSITIVE_LIMIT
 
 AT_REST = 200  # ticks
@@ -70,7 +69,6 @@ def run(bench: Bench, act: Act) -> list[object]:
     return [*seen, *bench.emergencies]
 
 
-@pytest.mark.skipif(compiled.is_compiled(), reason="a compiled drive cannot be made to work every period out")
 @pytest.mark.parametrize("what", ACTS)
 def test_a_drive_at_rest_repeats_itself_and_nothing_else_is_different(what: str) -> None:
     plain, slow, repeats = Bench(), Bench(), []
