@@ -35,7 +35,6 @@ DIRECTRIX = f'directrix() {{ {sys.executable} -m controller "$@"; }}\n'
 
 # On a desk: what comes before it, and what is run. Left out: nothing, and the command as it stands.
 DESK: dict[str, tuple[str, str]] = {
-    "--version": ("", ""),
     "bench [NAME]": ("", "bench reader --short"),
     "bench [NAME] [--short] [--json] [--plot DIR]": ("", "bench reader --short --json --plot ."),
     "bench --readme README.md": (
