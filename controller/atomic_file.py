@@ -4,43 +4,64 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import logging
 import os
-import shutil
+import stat
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
+from controller import own_files
 
-def write(file: Path, text: str) -> None:
+_log = logging.getLogger(__name__)
+
+
+def write(file: Path, text: str | bytes, within: Path | None = None) -> None:
     """Replace a file, not before the disk has it. Raises OSError; then the old one is as it was.
 
-    One writer at a time: what one that died has left half done is written over by the next.
+    One writer at a time: what one that died has left half done is written over by the next. ``within``: as
+    ``own_files`` has it.
     """
     new = file.with_name(f"{file.name}.new")
     try:
-        _write_through(new, text)
-        os.replace(new, file)
+        _write_through(new, text, within)
+        own_files.rename(new, file, within)
     finally:
-        new.unlink(missing_ok=True)
-    sync(file.parent)
+        own_files.remove(new, within)
+    sync(file.parent, within)
 
 
-def _write_through(file: Path, text: str | bytes) -> None:
-    with open(file, "wb") as out:
+def note(file: Path, text: str) -> None:
+    """Have a file hold a text that can be had anew, whatever it holds now. Raises OSError.
+
+    One that holds it is not written: a full disk forbids no second start.
+    """
+    with contextlib.suppress(OSError):
+        if own_files.read_bytes(file) == text.encode():
+            return
+    if os.path.lexists(file):
+        _log.warning("%s holds something else, and is written anew.", file)
+    write(file, text)
+
+
+def _write_through(
+    file: Path, text: str | bytes, within: Path | None = None, mode: int | None = None
+) -> None:
+    with own_files.new(file, within) as out:
+        if mode is not None:
+            os.fchmod(out.fileno(), mode)
         out.write(text if isinstance(text, bytes) else text.encode())
         out.flush()
         os.fsync(out.fileno())
 
 
-def sync(folder: Path) -> None:
+def sync(folder: Path, within: Path | None = None) -> None:
     """Make what was renamed into a folder last, where the file system knows how. Raises OSError."""
-    handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
-    try:
-        os.fsync(handle)
-    except OSError as error:
-        if error.errno != errno.EINVAL:
-            raise
-    finally:
-        os.close(handle)
+    with own_files.folder(folder, within) as at:
+        try:
+            os.fsync(at)
+        except OSError as error:
+            if error.errno != errno.EINVAL:
+                raise
 
 
 @contextlib.contextmanager
@@ -60,7 +81,7 @@ def all_or_none(texts: Mapping[Path, str | bytes]) -> Iterator[Callable[[], None
 
         def put() -> None:
             for file, new, old in staged:
-                os.replace(new, file)
+                own_files.rename(new, file)
                 replaced.append((file, old))
             for folder in {file.parent for file, _, _ in staged}:
                 sync(folder)
@@ -77,17 +98,21 @@ def _staged(file: Path, text: str | bytes, tidy: contextlib.ExitStack) -> tuple[
     """(the file, its new text beside it, the file as it is, under another name: None where there is none)."""
     new, old = file.with_name(f"{file.name}.new"), file.with_name(f"{file.name}.old")
     for made in (new, old):
-        made.unlink(missing_ok=True)  # of one that died
-        tidy.callback(made.unlink, missing_ok=True)
-    if file.exists():
-        shutil.copy2(file, old)
+        own_files.remove(made)  # of one that died
+        tidy.callback(own_files.remove, made)
+    there = os.path.lexists(file)
+    if file.is_symlink():
+        os.symlink(os.readlink(file), old)
+    elif there:
+        mode = stat.S_IMODE(os.lstat(file).st_mode)
+        _write_through(old, own_files.read_bytes(file, shared=True), mode=mode)
     _write_through(new, text)
-    return file, new, old if file.exists() else None
+    return file, new, old if there else None
 
 
 def _put_back(file: Path, old: Path | None) -> None:
     with contextlib.suppress(OSError):  # one that cannot be put back is no reason to leave the others
         if old is None:
-            file.unlink(missing_ok=True)
+            own_files.remove(file)
         else:
-            os.replace(old, file)
+            own_files.rename(old, file)

@@ -8,6 +8,7 @@ without a row at worst, which ``sweep`` removes; never a row without its file.
 from __future__ import annotations
 
 import contextlib
+import hashlib
 import json
 import os
 import sqlite3
@@ -16,7 +17,7 @@ from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from controller import atomic_file
+from controller import atomic_file, own_files
 from controller.api import names
 from controller.api.database import Database, StoreError
 from controller.api.records import Clock, Facts
@@ -24,7 +25,8 @@ from controller.messages import Key
 from controller.program import linked
 from controller.values import dataclass
 
-INCOMING = ".incoming"
+INCOMING, CONTENT = ".incoming", ".ngc"
+RECOVERED = "recovered"  # folder of contents whose names were lost
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +60,7 @@ class Programs:
         self._database, self.folder, self._clock = database, folder, clock
         self.incoming = folder / INCOMING
         try:
-            self.incoming.mkdir(parents=True, exist_ok=True)
+            own_files.make_folder(self.incoming, folder.parent)
         except OSError as error:
             raise StoreError(
                 "store", f"{folder}: cannot be made ({error.strerror}); check path and permission."
@@ -87,12 +89,20 @@ class Programs:
 
     def path(self, sha256: str) -> Path:
         """Where a content is."""
-        return self.folder / f"{sha256}.ngc"
+        return self.folder / f"{sha256}{CONTENT}"
+
+    def content(self, sha256: str) -> BinaryIO:
+        """A content, opened. Raises OSError."""
+        return own_files.opened(self.path(sha256), os.O_RDONLY, self.folder.parent, shared=True)
+
+    def read(self, sha256: str) -> bytes:
+        """A content, whole. Raises OSError."""
+        return own_files.read_bytes(self.path(sha256), self.folder.parent, shared=True)
 
     def called(self, program: Program) -> dict[str, str]:
         """Names and paths of the programs whose subs a program calls."""
         try:
-            return self.called_by(program.name, self.path(program.sha256).read_bytes())
+            return self.called_by(program.name, self.read(program.sha256))
         except OSError:  # whoever reads it next says so
             return {}
 
@@ -120,7 +130,7 @@ class Programs:
         with self._database.write() as sql:
             program = self._needed(sql, name)
             try:
-                return program, open(self.path(program.sha256), "rb")
+                return program, self.content(program.sha256)
             except OSError as error:
                 raise StoreError.told("store", "store_unread", file=name, why=error.strerror) from error
 
@@ -133,8 +143,8 @@ class Programs:
             old = _named(sql, program.name)
             if old:
                 _free(old, in_use)
-            os.replace(new, self.path(program.sha256))
-            atomic_file.sync(self.folder)
+            own_files.rename(new, self.path(program.sha256), self.folder.parent)
+            atomic_file.sync(self.folder, self.folder.parent)
             self.enter(program, sql)
         if old:
             self._forget(old.sha256)
@@ -181,9 +191,28 @@ class Programs:
             sql.execute("DELETE FROM programs WHERE name = ?", (name,))
         self._forget(old.sha256)
 
+    def recover(self) -> None:
+        """Gives a name to contents that have none, after the store has lost some. Raises StoreError."""
+        named = {program.sha256 for program in self.list()}
+        for sha256 in (name[: -len(CONTENT)] for name in self._there()):
+            if sha256 in named:
+                continue
+            with contextlib.suppress(OSError):
+                text = self.read(sha256)
+                if hashlib.sha256(text).hexdigest() == sha256:
+                    lines = text.count(b"\n") + (text[-1:] != b"\n")
+                    name = f"{RECOVERED}/{sha256[:12]}{CONTENT}"
+                    with self._database.write() as sql:
+                        self.enter(Program(name, sha256, len(text), lines, self.now_s(), RECOVERED), sql)
+
+    def _there(self) -> Sequence[str]:
+        """Names of the files of contents."""
+        there = own_files.names(self.folder, self.folder.parent)
+        return [name for name in there if name.endswith(CONTENT)]
+
     def sweep(self) -> int:
         """Remove contents that no name points at; how many."""
-        return sum(self._forget(file.stem) for file in self.folder.glob("*.ngc"))
+        return sum(self._forget(name[: -len(CONTENT)]) for name in self._there())
 
     def _needed(self, sql: sqlite3.Connection, name: str) -> Program:
         if (found := _named(sql, name)) is None:
@@ -197,7 +226,7 @@ class Programs:
                 return False
             sql.execute("DELETE FROM checks WHERE sha256 = ?", (sha256,))
             with contextlib.suppress(OSError):  # then the next sweep
-                self.path(sha256).unlink()
+                own_files.remove(self.path(sha256), self.folder.parent)
                 return True
         return False
 

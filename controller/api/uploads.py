@@ -15,14 +15,15 @@ import errno
 import fcntl
 import hashlib
 import os
+import secrets
 import shutil
-import tempfile
 import threading
 import time
 from collections.abc import Collection, Iterator
 from pathlib import Path
 from typing import BinaryIO
 
+from controller import own_files
 from controller.api import names
 from controller.api.database import StoreError
 from controller.api.programs import Program, Programs
@@ -31,6 +32,7 @@ from controller.values import dataclass
 
 LOOK_EVERY = 1 << 22  # bytes between two looks at the free space
 JUST_MADE_S = 60.0
+PART = ".part"
 MODE = 0o640  # of a program from its first byte on: root's half of one is swept by the panel's user, too
 
 
@@ -66,8 +68,8 @@ class Uploads:
         if not self._places.acquire(blocking=False):
             raise StoreError.told("many", "upload_many", name=name, most=self.limits.at_once)
         try:
-            with _part(self._programs.incoming) as file:
-                yield Upload(self._programs, self, file, name, sha256, size, by)
+            with _part(self._programs.incoming) as part:
+                yield Upload(self._programs, self, *part, name, sha256, size, by)
         finally:
             self._places.release()
 
@@ -85,7 +87,9 @@ class Uploads:
 
     def sweep(self) -> int:
         """Remove temporary files of dead processes; how many."""
-        return sum(_remove_dead(file) for file in self._programs.incoming.glob("*.part"))
+        incoming = self._programs.incoming
+        there = own_files.names(incoming, incoming.parent.parent)
+        return sum(_remove_dead(incoming / name) for name in there if name.endswith(PART))
 
 
 class Upload:
@@ -95,13 +99,14 @@ class Upload:
         self,
         programs: Programs,
         uploads: Uploads,
+        path: Path,
         file: BinaryIO,
         name: str,
         sha256: str | None,
         size: int | None,
         by: str,
     ) -> None:
-        self._programs, self._uploads, self._file = programs, uploads, file
+        self._programs, self._uploads, self._path, self._file = programs, uploads, path, file
         self.name, self._sha256, self._size, self._by = name, sha256, size, by
         self._sum = hashlib.sha256()
         self._ends = 0  # of lines
@@ -144,7 +149,7 @@ class Upload:
         lines = self._ends + (self._last != b"\n")
         program = Program(self.name, found, self.received, lines, self._programs.now_s(), self._by)
         with _full(self.name):
-            return self._programs.keep(Path(self._file.name), program, in_use)
+            return self._programs.keep(self._path, program, in_use)
 
     def _whole(self, found: str, expected: str | None) -> None:
         if not self.received:
@@ -157,36 +162,33 @@ class Upload:
 
 
 @contextlib.contextmanager
-def _part(folder: Path) -> Iterator[BinaryIO]:
-    """A locked temporary file, gone at the end unless it was renamed."""
+def _part(folder: Path) -> Iterator[tuple[Path, BinaryIO]]:
+    """A locked temporary file with its name, gone at the end unless it was renamed."""
+    path, state = folder / f"{secrets.token_hex(8)}{PART}", folder.parent.parent
     with _full("upload"):
-        file = tempfile.NamedTemporaryFile(dir=folder, suffix=".part", delete=False)  # noqa: SIM115
+        file = own_files.new(path, state, MODE)
     try:
         os.fchmod(file.fileno(), MODE)
         fcntl.flock(file.fileno(), fcntl.LOCK_EX)
-        yield file  # type: ignore[misc]
+        yield path, file
     finally:
         with contextlib.suppress(OSError):  # the rest of a buffer that the disk has no room for
             file.close()
-        Path(file.name).unlink(missing_ok=True)
+        own_files.remove(path, state)
 
 
 def _remove_dead(file: Path) -> bool:
     """A file that nobody holds; one that was just made may be about to be locked."""
-    try:
-        if time.time() - file.stat().st_mtime < JUST_MADE_S:
-            return False
-        handle = os.open(file, os.O_RDONLY)  # all that a lock needs, and all that the group has
-    except OSError:
-        return False
-    try:
-        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        file.unlink(missing_ok=True)
-        return True
-    except OSError:
-        return False
-    finally:
-        os.close(handle)
+    state = file.parent.parent.parent
+    with (
+        contextlib.suppress(OSError),
+        own_files.opened(file, os.O_RDONLY, state, shared=True) as found,  # all that a lock needs
+    ):
+        if time.time() - os.fstat(found.fileno()).st_mtime >= JUST_MADE_S:
+            fcntl.flock(found.fileno(), fcntl.LOCK_EX | fcntl.LOCK_NB)
+            own_files.remove(file, state)
+            return True
+    return False
 
 
 @contextlib.contextmanager

@@ -164,7 +164,7 @@ def send(
 
 def _of_store(name: str, state: Path | None) -> bytes:
     store = Store(state or control_socket.state_folder())
-    return store.programs.path(store.programs.get(name).sha256).read_bytes()
+    return store.programs.read(store.programs.get(name).sha256)
 
 
 def _say(told: Program | dict[str, Any], done: str, as_json: bool, left_out: Collection[str] = ()) -> None:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from controller import own_files
 from controller.ipc.handoff import COLUMN
 from controller.machine import machine_file, setup_data
 from controller.machine.model import Kind, Machine
@@ -115,7 +116,7 @@ def _facts(folder: Path) -> dict[str, Any]:
     """What is known of a run: of one that was killed only how it began."""
     for name in (RUN, BEGUN):
         with contextlib.suppress(OSError, ValueError, TypeError):
-            return dict(json.loads((folder / name).read_text(encoding="utf-8")))
+            return dict(json.loads(own_files.read_text(folder / name, shared=True)))
     return {}
 
 
@@ -158,7 +159,7 @@ def _part(folder: Path, name: str, option: str) -> bytes:
     """Raises Refused, and OSError."""
     if not (folder / name).is_file():
         raise Refused(f"{folder}: has no {name}, as records of older versions; name the file with {option}.")
-    return (folder / name).read_bytes()
+    return own_files.read_bytes(folder / name, shared=True)
 
 
 def _linked(program: Path) -> bytes:

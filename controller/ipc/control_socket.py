@@ -28,7 +28,7 @@ from concurrent.futures import Future
 from pathlib import Path
 from typing import Any
 
-from controller import atomic_file, messages
+from controller import atomic_file, messages, own_files
 from controller.ipc import internal_error
 from controller.messages import Key, Said, plain, said
 
@@ -91,9 +91,7 @@ def runtime_folder() -> Path:
 
 def note_runtime(state: Path, runtime: Path) -> None:
     """Note beside what a service keeps where its sockets are. Raises OSError."""
-    file, text = state / RUNTIME, str(runtime.absolute())
-    if not file.exists() or file.read_text(encoding="utf-8") != text:  # a full disk forbids no second start
-        atomic_file.write(file, text)
+    atomic_file.note(state / RUNTIME, str(runtime.absolute()))
 
 
 def runtime_of(state: Path) -> Path:
@@ -103,8 +101,9 @@ def runtime_of(state: Path) -> Path:
     not where systemd's service is.
     """
     try:
-        return Path((state / RUNTIME).read_text(encoding="utf-8"))
-    except OSError:
+        noted = Path(own_files.read_text(state / RUNTIME))
+        return noted if noted.is_absolute() and "\0" not in str(noted) else runtime_folder()
+    except (OSError, ValueError):
         return runtime_folder()
 
 
@@ -115,7 +114,7 @@ def last_told(state: Path, what: str) -> Values:
     """
     try:
         file = state / LAST
-        told, ago_s = unpacked(file.read_bytes()) or {}, time.time() - file.stat().st_mtime
+        told, ago_s = unpacked(own_files.read_bytes(file)) or {}, time.time() - file.lstat().st_mtime
     except OSError:
         return {}
     found = told.get(what)

@@ -15,7 +15,7 @@ from enum import Enum
 from pathlib import Path
 from typing import NamedTuple
 
-from controller import atomic_file
+from controller import atomic_file, own_files
 from controller.machine.model import Machine
 from drives.arranged import Arranged
 
@@ -31,23 +31,23 @@ class Found(NamedTuple):
 
 def save(where: Path, machine: Machine, drives: Sequence[Arranged]) -> Path:
     """Keep it instead of what was known before. Raises OSError."""
-    where.mkdir(parents=True, exist_ok=True)
+    own_files.make_folder(where, where.parent)
     before = load(where, machine)
     kept = {one.name: one for one in before.drives} if before else {}
     kept |= {one.name: one for one in drives}  # a bus may be commissioned by itself
     at = time.strftime("%Y-%m-%dT%H:%M:%S", time.localtime())
     facts = {"machine": machine.name, "at": at, "drives": [asdict(one) for one in kept.values()]}
     file = _file(where, machine)
-    atomic_file.write(file, json.dumps(facts, indent=1) + "\n")
+    atomic_file.write(file, json.dumps(facts, indent=1) + "\n", where.parent)
     return file
 
 
 def load(where: Path, machine: Machine) -> Found | None:
     """What is kept of this machine; None where nothing is, or nothing that can be read."""
     try:
-        facts = json.loads(_file(where, machine).read_text(encoding="utf-8"))
+        facts = json.loads(own_files.read_text(_file(where, machine), where.parent))
         return Found(str(facts["at"]), tuple(_one(**row) for row in facts["drives"]))
-    except (OSError, ValueError, KeyError, TypeError):
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
         return None
 
 

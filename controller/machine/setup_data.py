@@ -25,7 +25,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from controller import atomic_file
+from controller import atomic_file, own_files
 from controller.geometry.vectors import ZERO, Frame
 from controller.machine import machine_file, offset_table
 from controller.machine.changes import located
@@ -46,6 +46,7 @@ MACHINE = "machine.json"  # the machine file that the service runs on, complete,
 KINDS = ("offsets", "tools", "shift", "references", "parameters", "pockets", "sisters")
 SHORTEST_MM = -10_000.0  # G10 sets tools' lengths below 0, too, as against a longer one
 Values = Mapping[str, Any]
+_REMEDY = "restore it from a backup or remove it"
 
 
 def load(state: Path) -> dict[str, Any]:
@@ -56,21 +57,22 @@ def load(state: Path) -> dict[str, Any]:
 def read(file: Path, missing: dict[str, Any] | None = None) -> dict[str, Any]:
     """What a file keeps; ``missing``: what there is without one. Raises ConfigError."""
     try:
-        values = json.loads(file.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
+        values = json.loads(own_files.read_text(file))
+    except (OSError, ValueError, RecursionError) as error:
         if missing is not None and isinstance(error, FileNotFoundError):
             return missing
-        raise ConfigError(
-            f"{file}: cannot be read ({error}); restore it from a backup or remove it."
-        ) from error
+        raise ConfigError(f"{file}: cannot be read ({error}); {_REMEDY}.") from error
     if not isinstance(values, dict):
-        raise ConfigError(f"{file}: is no JSON object; restore it from a backup or remove it.")
+        raise ConfigError(f"{file}: is no JSON object; {_REMEDY}.")
+    for kind, rows in values.items():
+        if kind not in KINDS or not isinstance(rows, dict | None):
+            raise ConfigError(f"{file}: {kind} is none of {', '.join(KINDS)}, or no table; {_REMEDY}.")
     return values
 
 
 def save(state: Path, values: Values) -> None:
     """Keep it, whole or not at all. Raises OSError."""
-    state.mkdir(parents=True, exist_ok=True)
+    own_files.make_folder(state)
     atomic_file.write(state / FILE, text_of(values))
 
 
@@ -82,7 +84,7 @@ def text_of(values: Values) -> str:
 def in_spindle(state: Path) -> int:
     """Number of the tool that is in the spindle: T1 where nobody has changed it yet; 0 = not known."""
     try:
-        return int((state / IN_SPINDLE).read_text(encoding="utf-8"))
+        return int(own_files.read_text(state / IN_SPINDLE))
     except FileNotFoundError:
         return TOOL_AT_POWER_ON
     except (OSError, ValueError):
@@ -96,9 +98,7 @@ def put_in(state: Path, number: int) -> None:
 
 def note(state: Path, machine: Machine) -> None:
     """Note the machine file that a service runs on. Raises OSError."""
-    file, text = state / MACHINE, note_of(machine)
-    if not file.exists() or file.read_text(encoding="utf-8") != text:
-        atomic_file.write(file, text)
+    atomic_file.note(state / MACHINE, note_of(machine))
 
 
 def note_of(machine: Machine) -> str:
@@ -116,8 +116,12 @@ def machine(state: Path) -> Machine:
 
 def noted(state: Path) -> Machine:
     """The machine that ``note`` noted, as its builder wrote it; raises as ``machine`` does."""
-    found = json.loads((state / MACHINE).read_text(encoding="utf-8"))
-    return machine_file.read(found["text"], found["name"])
+    try:
+        found = json.loads(own_files.read_text(state / MACHINE))
+        text, name = str(found["text"]), str(found["name"])
+    except (KeyError, TypeError, RecursionError) as error:
+        raise ValueError(f"{state / MACHINE} is no note of a machine file") from error
+    return machine_file.read(text, name)
 
 
 def applied(machine: Machine, values: Values) -> Machine:

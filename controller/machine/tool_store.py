@@ -19,6 +19,7 @@ since then tools were changed, so an operator must confirm first where they are.
 from __future__ import annotations
 
 import contextlib
+import os
 import sqlite3
 import threading
 import time
@@ -26,6 +27,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from controller import own_database, own_files
 from controller.machine.toml_table import ConfigError
 
 FILE = "tools.db"
@@ -73,12 +75,15 @@ class ToolStore:
         """Raises ConfigError for a file that is no store."""
         self._lock = threading.Lock()
         try:
-            self._db = sqlite3.connect(file, check_same_thread=False, isolation_level=None)
-            self._db.execute("PRAGMA journal_mode = WAL")
-            self._db.execute("PRAGMA synchronous = FULL")
+            self._db = own_database.opened(file)
+            lost = own_database.has_lost(self._db, file)
             self._db.executescript(_SCHEMA)
+            for name, rows in _ROWS.items():
+                _checked(name, [list(row) for row in self._db.execute(rows)])
             self._held = self._read()
-        except sqlite3.Error as error:
+            if lost:  # the last steps: somebody must look
+                self.forget()
+        except (OSError, ValueError, sqlite3.Error) as error:
             raise _no_store(file, error) from error
 
     def close(self) -> None:
@@ -245,13 +250,13 @@ def kept(file: Path) -> dict[str, list[list[Any]]]:
 
     Raises ConfigError.
     """
-    if not file.exists():
+    if not os.path.lexists(file):
         return {}
     try:
-        with contextlib.closing(sqlite3.connect(file, isolation_level=None)) as db:
+        with contextlib.closing(own_database.opened(file)) as db:
             db.execute("BEGIN")  # all that is read from here on is of one moment
             return {name: [list(row) for row in db.execute(rows)] for name, rows in _ROWS.items()}
-    except sqlite3.Error as error:
+    except (OSError, sqlite3.Error) as error:
         raise _no_store(file, error) from error
 
 
@@ -276,15 +281,14 @@ def settle(file: Path) -> None:
 
     What stood beside a file that is no store goes: it would be taken into the next one.
     """
-    beside = [file.with_name(f"{file.name}{end}") for end in ("-wal", "-shm")]
-    if not file.exists():
+    if not os.path.lexists(file):
         return
     try:
-        with contextlib.closing(sqlite3.connect(file)) as db:
+        with contextlib.closing(own_database.opened(file)) as db:
             db.execute("PRAGMA wal_checkpoint(TRUNCATE)")
-    except sqlite3.Error:
-        for one in beside:
-            one.unlink(missing_ok=True)
+    except (OSError, sqlite3.Error):
+        for end in own_database.BESIDE:
+            own_files.remove(file.with_name(f"{file.name}{end}"))
 
 
 def _checked(name: str, rows: object) -> list[list[Any]]:
@@ -300,8 +304,9 @@ def _checked(name: str, rows: object) -> list[list[Any]]:
     return rows
 
 
-def _no_store(file: Path, error: sqlite3.Error) -> ConfigError:
+def _no_store(file: Path, error: OSError | ValueError | sqlite3.Error) -> ConfigError:
+    why = error.strerror if isinstance(error, OSError) else error
     return ConfigError(
-        f"{file}: is no tool store ({error}); restore it from a backup, or remove it and "
+        f"{file}: is no tool store ({why}); restore it from a backup, or remove it and "
         "confirm where every tool is."
     )

@@ -15,7 +15,6 @@ from __future__ import annotations
 import contextlib
 import json
 import os
-import shutil
 import time
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict
@@ -24,13 +23,14 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from controller import own_files
 from controller.ipc.handoff import ROW, Recorder, Snapshot, of_axes
 from controller.machine.model import Machine
 from controller.state.modes import FAULTS, Fault, Mode, sentence
 from controller.values import dataclass
 from drives import emergency_codes, pdo
 from drives.cia402 import State
-from drives.log import frame_log
+from drives.log import candump, frame_log
 from drives.log.frame_log import FrameLog
 
 KEPT_S = 10.0  # before the fault
@@ -112,19 +112,22 @@ def save(base: Path, machine: Machine, facts: Facts, rows: Rows, logs: Logs) -> 
     try:
         _write(made, machine, facts, rows, logs)
     except OSError:
-        shutil.rmtree(made, ignore_errors=True)  # half of one would be taken for one
+        own_files.remove_tree(made, base.parent)  # half of one would be taken for one
         raise
     forget_oldest(base, KEPT)
     return made
 
 
 def _write(made: Path, machine: Machine, facts: Facts, rows: Rows, logs: Logs) -> None:
-    with open(made / "trace.npz", "wb") as file:
+    within = made.parent.parent
+    with own_files.new(made / "trace.npz", within) as file:
         np.savez_compressed(
             file, columns=np.array(ROW), rows=rows, machine=np.array(machine.text), period_s=machine.period_s
         )
-    frame_log.save(made / "frames.log", logs)
-    (made / "fault.json").write_text(json.dumps(facts.to_dict(), indent=1) + "\n", encoding="utf-8")
+    with own_files.new(made / "frames.log", within) as file:
+        file.writelines(f"{candump.line(*logged)}\n".encode() for logged in frame_log.merged(logs))
+    with own_files.new(made / "fault.json", within) as file:
+        file.write((json.dumps(facts.to_dict(), indent=1) + "\n").encode())
 
 
 class Keeper:
@@ -190,15 +193,15 @@ def new_folder(base: Path, stem: str) -> Path:
     for n in range(1, 1000):
         made = base / (stem if n == 1 else f"{stem}-{n}")
         with contextlib.suppress(FileExistsError):
-            made.mkdir(parents=True)
+            own_files.make_new_folder(made, base.parent)
             return made
     raise FileExistsError(f"{base}: there are a thousand folders named {stem}")
 
 
 def forget_oldest(base: Path, kept: int) -> None:
     """All but so many are deleted; names begin with the time, so the first are the oldest."""
-    for old in sorted(base.iterdir())[:-kept]:
-        shutil.rmtree(old, ignore_errors=True)
+    for old in own_files.names(base, base.parent)[:-kept]:
+        own_files.remove_tree(base / old, base.parent)
 
 
 def _stem(facts: Facts) -> str:

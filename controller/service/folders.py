@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from controller import own_files
 from controller.machine import arrangement
 from controller.values import dataclass
 
@@ -29,4 +30,4 @@ class Folders:
     def make(self) -> None:
         """Raises OSError."""
         for folder in (self.checks, self.recordings):
-            folder.mkdir(parents=True, exist_ok=True)
+            own_files.make_folder(folder, folder.parent)

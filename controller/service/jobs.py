@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import os
 from collections import deque
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass, field, replace
@@ -10,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from controller import messages as catalogue
+from controller import own_files
 from controller.ipc.control_socket import CommandRefused
 from controller.ipc.handoff import Snapshot
 from controller.machine.changes import Change
@@ -287,9 +289,10 @@ def read(args: dict[str, Any], machine: Machine) -> Job:
     """The job of a ``load``. Raises CommandRefused."""
     path = Path(str(args.get("path", "")))
     try:
-        if path.stat().st_size > MAX_BYTES:
-            raise refused("too_large", code="bad", path=path, most=MAX_BYTES >> 20)
-        text = path.read_bytes()
+        with own_files.opened(path.resolve(), os.O_RDONLY, shared=True) as file:
+            if os.fstat(file.fileno()).st_size > MAX_BYTES:
+                raise refused("too_large", code="bad", path=path, most=MAX_BYTES >> 20)
+            text = file.read()
     except OSError as error:
         raise refused("unreadable", code="bad", path=path, why=error.strerror) from error
     found = hashlib.sha256(text).hexdigest()

@@ -9,21 +9,22 @@ of the ticks that it is about, so ticks are remembered for a while; what a row t
 
 from __future__ import annotations
 
+import contextlib
 import errno
-import filecmp
 import json
 import os
 import threading
 from collections import deque
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from controller import atomic_file
+from controller import atomic_file, own_files
 from controller.ipc.handoff import COLUMN
 from controller.runtime import events
 
@@ -38,8 +39,9 @@ class RunFile:
     def __init__(self, folder: Path) -> None:
         """Raises OSError."""
         self._folder = folder
-        self._rows = open(folder / PART, "wb", buffering=0)  # noqa: SIM115
-        self._events = open(folder / events.FILE, "wb", buffering=0)  # noqa: SIM115
+        state = folder.parent.parent
+        self._rows = own_files.new(folder / PART, state, buffering=0)
+        self._events = own_files.new(folder / events.FILE, state, buffering=0)
         self._lock = threading.Lock()  # nobody closes what is just being told to the disk
         self._kept_bytes = 0
         self._is_new = {self._rows: False, self._events: False}
@@ -86,8 +88,8 @@ class RunFile:
         for name, data in sources.items():
             _keep(self._folder / name, data)
         self.sync()
-        atomic_file.sync(self._folder)
-        atomic_file.sync(self._folder.parent)
+        atomic_file.sync(self._folder, self._folder.parent.parent)
+        atomic_file.sync(self._folder.parent, self._folder.parent.parent)
 
     def close(self) -> None:
         """Nothing more comes."""
@@ -99,25 +101,18 @@ class RunFile:
 
 def _keep(file: Path, data: bytes) -> None:
     """Raises OSError."""
-    with open(file, "wb") as out:
+    runs, state = file.parent.parent, file.parent.parent.parent
+    with own_files.new(file, state) as out:
         out.write(data)
         out.flush()
         os.fsync(out.fileno())
-    others = sorted(file.parent.parent.glob(f"*/{file.name}"), reverse=True)
-    for other in [one for one in others if one != file][:LOOKED_AT]:
-        if filecmp.cmp(other, file, shallow=False):
-            _share(other, file)
-            return
-
-
-def _share(other: Path, file: Path) -> None:
-    """One file under two names, where the file system has that."""
-    link = file.with_name(f"{file.name}.link")
-    try:
-        os.link(other, link)
-        os.replace(link, file)
-    except OSError:
-        link.unlink(missing_ok=True)
+    others = [one for one in own_files.names(runs, state)[::-1] if one != file.parent.name]
+    there = (runs / one / file.name for one in others)
+    for other in islice((one for one in there if os.path.lexists(one)), LOOKED_AT):
+        with contextlib.suppress(OSError):
+            if own_files.read_bytes(other, state) == data:
+                own_files.share(other, file, state)
+                return
 
 
 REMEMBERED_TICKS = 1 << 16  # longer than any turn of the planner takes

@@ -22,7 +22,6 @@ import contextlib
 import json
 import os
 import re
-import shutil
 import time
 from collections import deque
 from collections.abc import Iterable
@@ -32,7 +31,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from controller import atomic_file
+from controller import atomic_file, own_files
 from controller.ipc.handoff import (
     ADAPTIVE_FEED,
     COLUMN,
@@ -61,6 +60,7 @@ from controller.state.modes import Fault, Mode, Request
 
 FOLDER, RUN, BEGUN = "runs", "run.json", "begun.json"
 KEPT = 200
+_STEM, _TIME = "%Y-%m-%dT%H%M%S", "2026-11-21T083120"
 LAG_TICKS = 2  # from a setpoint to the feedback that can have followed it
 
 Rows = npt.NDArray[np.float64]
@@ -101,6 +101,7 @@ class RunRecord:
         self._ticks = 0  # that sent a SYNC
         self._busy = (0, -1)  # how many of them belong to the run, and the last tick of it
         self._problem = ""
+        self._state = state
         self.folder = state / FOLDER / _stem(str(what.get("name", "")))
         self._file: RunFile | None = None
         try:
@@ -161,7 +162,7 @@ class RunRecord:
             if self._file is not None:
                 self._file.events([{"tick": -1, "request": events.BEGIN, "value": value}])
                 self._file.begin({events.PROGRAM: program.text, events.MACHINE: machine_text})
-            atomic_file.sync(self.folder.parent)
+            atomic_file.sync(self.folder.parent, self.folder.parent.parent)
         except OSError as error:
             self._problem = self._problem or error.strerror or str(error)
 
@@ -307,31 +308,33 @@ class RunRecord:
         """Nothing was run."""
         if self._file is not None:
             self._file.close()
-        shutil.rmtree(self.folder, ignore_errors=True)
+        own_files.remove_tree(self.folder, self._state)
 
     def _throw_away_halves(self) -> None:
         """What the disk did not take whole; and all of it where it took no setpoint."""
-        (self.folder / WHOLE).unlink(missing_ok=True)
+        with contextlib.suppress(OSError):
+            own_files.remove(self.folder / WHOLE, self._state)
         rows = self.folder / PART
         if not rows.exists() or not rows.stat().st_size:
-            shutil.rmtree(self.folder, ignore_errors=True)
+            own_files.remove_tree(self.folder, self._state)
 
     def _write(self, facts: dict[str, Any]) -> None:
-        self.folder.mkdir(parents=True, exist_ok=True)  # there may be room by now
+        own_files.make_folder(self.folder, self._state)  # there may be room by now
         if self._file is not None:
             self._write_events(is_last=True)
             self._file.close()
             self._write_setpoints()
         _write_facts(self.folder / RUN, facts)
-        (self.folder / PART).unlink(missing_ok=True)
-        (self.folder / BEGUN).unlink(missing_ok=True)
+        own_files.remove(self.folder / PART, self._state)
+        own_files.remove(self.folder / BEGUN, self._state)
         forget_oldest(self.folder.parent, KEPT)
 
     def _write_setpoints(self) -> None:
         """All rows once more, as one file that takes less room; the disk has it before the other goes."""
-        rows = np.fromfile(self.folder / PART, dtype="<i4")
+        rows = np.frombuffer(own_files.read_bytes(self.folder / PART, self._state), dtype=np.uint8)
+        rows = rows[: len(rows) // 4 * 4].view("<i4")
         rows = rows[: len(rows) // len(SETPOINTS) * len(SETPOINTS)].reshape(-1, len(SETPOINTS))
-        with open(self.folder / WHOLE, "wb") as file:
+        with own_files.new(self.folder / WHOLE, self._state) as file:
             np.savez_compressed(file, columns=np.array(SETPOINTS), rows=rows[: self._busy[0]])
             file.flush()
             os.fsync(file.fileno())
@@ -353,24 +356,32 @@ def _asked_line(one: Asked) -> dict[str, Any]:
 
 
 def _write_facts(file: Path, facts: dict[str, Any]) -> None:
-    atomic_file.write(file, json.dumps(facts, indent=1))
+    atomic_file.write(file, json.dumps(facts, indent=1), file.parent.parent.parent)
 
 
 def _stem(name: str) -> str:
     plain = re.sub(r"[^A-Za-z0-9._-]+", "_", name)[:60].strip(".") or "program"
     now_s = time.time()  # to the millisecond, so that the names' order is that of the runs
-    return time.strftime("%Y-%m-%dT%H%M%S", time.localtime(now_s)) + f".{int(now_s * 1e3) % 1000:03d}-{plain}"
+    return time.strftime(_STEM, time.localtime(now_s)) + f".{int(now_s * 1e3) % 1000:03d}-{plain}"
 
 
 def list_runs(state: Path, most: int = 100) -> list[dict[str, Any]]:
     """The facts of the newest runs, the newest first; a run without an end is left out."""
     found = []
-    for folder in sorted((state / FOLDER).glob("*"), reverse=True):
-        with contextlib.suppress(OSError, ValueError):
-            found.append(json.loads((folder / RUN).read_text(encoding="utf-8")))
+    for name in own_files.names(state / FOLDER, state)[::-1]:
+        if facts := _read(state, name, RUN):
+            found.append(facts)
         if len(found) >= most:
             break
     return found
+
+
+def _read(state: Path, name: str, file: str) -> dict[str, Any]:
+    """The facts of a run's file; nothing where they are not there, or cannot be read."""
+    with contextlib.suppress(OSError, ValueError, RecursionError):
+        facts = json.loads(own_files.read_text(state / FOLDER / name / file, state))
+        return facts if isinstance(facts, dict) else {}
+    return {}
 
 
 def lose(state: Path) -> int:
@@ -379,12 +390,31 @@ def lose(state: Path) -> int:
     Such a run ended when the last of its setpoints was written.
     """
     lost = 0
-    for begun in sorted((state / FOLDER).glob(f"*/{BEGUN}")):
-        with contextlib.suppress(OSError, ValueError, TypeError):
-            ended_s = max(file.stat().st_mtime for file in begun.parent.iterdir())
-            facts = {**json.loads(begun.read_text(encoding="utf-8")), "ended_s": ended_s, "result": "lost"}
-            if not (begun.parent / RUN).exists():  # it was killed between the last two steps of an end
-                _write_facts(begun.parent / RUN, facts)
+    for name in own_files.names(state / FOLDER, state):
+        folder = state / FOLDER / name
+        if not os.path.lexists(folder / BEGUN):
+            continue
+        with contextlib.suppress(OSError):
+            if not os.path.lexists(folder / RUN):  # it was killed between the last two steps of an end
+                begun = _read(state, name, BEGUN)
+                facts = {**(begun or _of_name(name)), "ended_s": _last_s(folder, state), "result": "lost"}
+                if not begun:
+                    own_files.put_aside(folder / BEGUN, state)
+                _write_facts(folder / RUN, facts)
                 lost += 1
-            begun.unlink()
+            own_files.remove(folder / BEGUN, state)
     return lost
+
+
+def _last_s(folder: Path, state: Path) -> float:
+    """When a file of a folder was last written. Raises OSError."""
+    with own_files.folder(folder, state) as at:
+        return max(os.stat(one, dir_fd=at, follow_symlinks=False).st_mtime for one in os.listdir(at))
+
+
+def _of_name(name: str) -> dict[str, Any]:
+    """What the name of a record tells of a run whose beginning cannot be read any more."""
+    began, program = name[: len(_TIME)], name[len(_TIME) + 5 :]
+    with contextlib.suppress(ValueError, OverflowError):
+        return {"id": name, "name": program, "started_s": time.mktime(time.strptime(began, _STEM))}
+    return {"id": name, "name": program, "started_s": 0.0}

@@ -8,11 +8,11 @@ from __future__ import annotations
 import contextlib
 import os
 import shutil
-import tempfile
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from controller import own_files
 from controller.ipc.control_socket import CommandRefused, Values
 from controller.ipc.handoff import Jog, Outcome, Snapshot
 from controller.machine import setup_data
@@ -281,8 +281,8 @@ def lacking(state: Path, needed: int) -> dict[str, Any]:
     for name in FOLDERS:
         folder = state / name
         try:
-            folder.mkdir(parents=True, exist_ok=True)
-            _probe(folder)
+            own_files.make_folder(folder, state)
+            _probe(folder, state)
             free = shutil.disk_usage(folder).free
         except OSError as error:
             return {"why": f"{folder}: {error.strerror or error}"}
@@ -296,9 +296,13 @@ def lacking(state: Path, needed: int) -> dict[str, Any]:
     return {}
 
 
-def _probe(folder: Path) -> None:
+def _probe(folder: Path, state: Path) -> None:
     """Write something, for neither a permission nor a mount tells of itself what will be. Raises OSError."""
-    with tempfile.TemporaryFile(dir=folder) as file:
-        file.write(bytes(PROBE_BYTES))
-        file.flush()
-        os.fsync(file.fileno())
+    file = folder / ".probe"
+    try:
+        with own_files.new(file, state) as probe:
+            probe.write(bytes(PROBE_BYTES))
+            probe.flush()
+            os.fsync(probe.fileno())
+    finally:
+        own_files.remove(file, state)

@@ -13,10 +13,11 @@ from __future__ import annotations
 
 import contextlib
 import json
+import math
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from controller import atomic_file
+from controller import atomic_file, own_files
 from controller.ipc.handoff import Snapshot
 from controller.machine.model import Machine
 
@@ -65,7 +66,7 @@ class ThreadGuard:
         """It has been withdrawn, by us or by hand."""
         self.found = self._saved = None
         with contextlib.suppress(OSError):
-            self._file.unlink(missing_ok=True)
+            own_files.remove(self._file)
 
     def _save(self) -> None:
         self._saved = self.found
@@ -76,13 +77,14 @@ class ThreadGuard:
 
 def _read(file: Path) -> InThread | None:
     try:
-        values = json.loads(file.read_text(encoding="utf-8"))
-        return InThread(
+        values = json.loads(own_files.read_text(file))
+        found = InThread(
             float(values["turns"]), float(values["pitch_mm"]), int(values["line"]), str(values["program"])
         )
+        return found if math.isfinite(found.depth_mm) else InThread(0.0, 0.0, 0, "")
     except FileNotFoundError:
         return None
-    except (OSError, ValueError, KeyError, TypeError):
+    except (OSError, ValueError, KeyError, TypeError, OverflowError, RecursionError):
         return InThread(0.0, 0.0, 0, "")  # it was in one, and nobody knows how far
 
 

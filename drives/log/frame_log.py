@@ -7,10 +7,9 @@ drained into it. Nothing is written until somebody asks, with a fault for exampl
 
 from __future__ import annotations
 
-import os
 import time
 from collections import deque
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from heapq import merge
 from typing import Protocol
 
@@ -98,15 +97,12 @@ class FrameLog:
             yield at_s + offset_s, bus, frame
 
 
-def save(
-    path: str | os.PathLike[str],
-    logs: Mapping[str, FrameLog],
-    until_s: float | None = None,
-    offset_s: float = 0.0,
-) -> None:
-    """Write the logs of several buses, by their names, as one candump file. Raises OSError.
+def merged(
+    logs: Mapping[str, FrameLog], until_s: float | None = None, offset_s: float = 0.0
+) -> Iterable[candump.Logged]:
+    """The frames of several buses, by their names, in the order of time, as ``candump.save`` takes them.
 
     ``offset_s`` makes wall-clock times of the bus' clock where that is wanted.
     """
     each = [log.logged(bus, until_s, offset_s) for bus, log in logs.items()]
-    candump.save(path, merge(*each, key=lambda logged: logged[0]))
+    return merge(*each, key=lambda logged: logged[0])

@@ -27,9 +27,9 @@ def disk(monkeypatch: pytest.MonkeyPatch) -> list[str]:
         done.append(Path(os.readlink(f"/proc/self/fd/{handle}")).name)
         sync(handle)
 
-    def replaced(old: Path, new: Path) -> None:
+    def replaced(old: Path, new: Path, **folders: int) -> None:
         done.append(f"replace {Path(new).name}")
-        replace(old, new)
+        replace(old, new, **folders)
 
     monkeypatch.setattr(os, "fsync", synced)
     monkeypatch.setattr(os, "replace", replaced)

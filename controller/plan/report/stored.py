@@ -7,16 +7,16 @@ It carries what the first block cannot know: the rotaries chosen over the whole 
 
 from __future__ import annotations
 
-import contextlib
 import hashlib
 import json
 import os
-import tempfile
+import secrets
 from collections.abc import Mapping
 from dataclasses import field
 from pathlib import Path
 from typing import Any
 
+from controller import own_files
 from controller.machine.model import Joints, Machine
 from controller.machine.plain import plain
 from controller.messages import Said, said
@@ -79,7 +79,7 @@ def key(program: bytes, machine: Machine, start: Joints) -> str:
 
 def save(stored: Stored, name: str, where: Path) -> Path:
     """Write a check under its name, whole or not at all; the file. Raises OSError."""
-    where.mkdir(parents=True, exist_ok=True)
+    own_files.make_folder(where, where.parent)
     values = {
         "key": name,
         "ticks": stored.ticks,
@@ -93,31 +93,29 @@ def save(stored: Stored, name: str, where: Path) -> Path:
         "marks": [[*place, time_s] for place, time_s in stored.marks],
     }
     file = where / f"{name}.json"
-    with tempfile.NamedTemporaryFile("w", dir=where, suffix=".new", delete=False) as new:
-        try:
-            json.dump(values, new)
-            os.fchmod(new.fileno(), 0o640)  # the panel checks, and the service finds it: one group
-            new.close()
-            os.replace(new.name, file)
-        except BaseException:
-            with contextlib.suppress(OSError):
-                os.unlink(new.name)
-            raise
+    new = where / f"{name}.{secrets.token_hex(8)}.new"  # several may write it at once
+    try:
+        with own_files.new(new, where.parent) as out:
+            out.write(json.dumps(values).encode())
+            os.fchmod(out.fileno(), 0o640)  # the panel checks, and the service finds it: one group
+        own_files.rename(new, file, where.parent)
+    finally:
+        own_files.remove(new, where.parent)
     _forget_old(where)
     return file
 
 
 def _forget_old(where: Path) -> None:
-    files = sorted(where.glob("*.json"), key=lambda file: file.stat().st_mtime)
-    for file in files[:-KEPT]:
-        file.unlink(missing_ok=True)
+    files = [where / name for name in own_files.names(where, where.parent) if name.endswith(".json")]
+    for file in sorted(files, key=lambda file: file.lstat().st_mtime)[:-KEPT]:
+        own_files.remove(file, where.parent)
 
 
 def load(name: str, where: Path) -> tuple[Stored | None, Said | str]:
     """The check of that name and "", or None and a warning; the warning is "" where there is none."""
     file = where / f"{name}.json"
     try:
-        text = file.read_text()
+        text = own_files.read_text(file, where.parent, shared=True)
     except FileNotFoundError:
         return None, ""
     except (OSError, UnicodeDecodeError) as error:

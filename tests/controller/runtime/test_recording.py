@@ -119,8 +119,8 @@ def test_a_recording_that_the_disk_does_not_take_leaves_no_half_of_one(
 
     where = {
         "trace": (np, "savez_compressed"),
-        "frames": (recording.frame_log, "save"),
-        "facts": (Path, "write_text"),
+        "frames": (recording.frame_log, "merged"),
+        "facts": (Facts, "to_dict"),
     }
     monkeypatch.setattr(*where[part], full)
     with pytest.raises(OSError, match="No space"):

@@ -99,14 +99,20 @@ def test_what_is_no_record_hides_no_other(tmp_path: Path, text: str) -> None:
     folder = killed(tmp_path)
     (tmp_path / "runs" / "a").mkdir()
     (tmp_path / "runs" / "a" / "begun.json").write_text(text)
-    assert runs.lose(tmp_path) == 1
-    assert told(tmp_path)["id"] == folder.name
+    (tmp_path / "runs" / "2026-11-21T083120.042-part.ngc").mkdir()
+    (tmp_path / "runs" / "2026-11-21T083120.042-part.ngc" / "begun.json").write_text(text)
+    assert runs.lose(tmp_path) == 3
+    there = {run["id"]: run for run in runs.list_runs(tmp_path)}
+    assert folder.name in there and "a" in there
+    lost = there["2026-11-21T083120.042-part.ngc"]
+    assert lost["name"] == "part.ngc" and lost["result"] == "lost" and lost["started_s"] > 1.7e9
+    assert (tmp_path / "runs" / lost["id"] / "begun.json.damaged1").read_text() == text
 
 
 def test_a_disk_that_is_full_costs_the_record_and_not_the_run(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def full(file: Path, text: str) -> None:
+    def full(file: Path, text: str, *within: Path) -> None:
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(runs.atomic_file, "write", full)
@@ -136,7 +142,7 @@ def test_what_a_full_disk_took_by_halves_is_no_recording(
 def test_a_beginning_that_the_disk_does_not_take_is_told(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def full(file: Path, text: str) -> None:
+    def full(file: Path, text: str, *within: Path) -> None:
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(runs.atomic_file, "write", full)

@@ -76,7 +76,7 @@ def test_two_buses_are_logged_in_the_order_of_time(tmp_path: Path) -> None:
     logs = {"can0": FrameLog(), "can1": FrameLog()}
     for n in range(6):
         logs[f"can{n % 2}"](bytes(pdo.frame(0x180 + n)), n * 0.001)
-    frame_log.save(tmp_path / "both.log", logs, offset_s=100.0)
+    candump.save(tmp_path / "both.log", frame_log.merged(logs, offset_s=100.0))
     read = list(candump.read((tmp_path / "both.log").read_text().splitlines()))
     assert [(bus, pdo.unpack(frame)[0]) for _, bus, frame in read] == [
         (f"can{n % 2}", 0x180 + n) for n in range(6)

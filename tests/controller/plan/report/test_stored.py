@@ -97,7 +97,7 @@ def test_a_field_that_makes_no_sense_is_no_check(tmp_path, field, value):
 
 
 def test_what_cannot_be_written_leaves_nothing_behind(tmp_path, monkeypatch):
-    def full(*_):
+    def full(*_, **__):
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(stored.os, "replace", full)

@@ -1,0 +1,162 @@
+"""SQLite files of a folder that others may write, too: see ``own_files``. And what a bad bit costs them."""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import os
+import sqlite3
+import struct
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote
+
+from controller import own_files
+
+BESIDE = ("-wal", "-shm")
+WAIT_S = 10.0  # for another process to end its transaction; all of them are short
+
+
+class Connection(sqlite3.Connection):
+    """Raises sqlite3.Error also where SQLite's own words quote a name that a bad bit has made no text."""
+
+    def execute(self, *given: Any) -> sqlite3.Cursor:
+        try:
+            return super().execute(*given)
+        except UnicodeDecodeError as error:
+            raise sqlite3.DatabaseError(f"its schema is damaged ({error.reason})") from error
+
+
+def opened(file: Path, shared: bool = False) -> sqlite3.Connection:
+    """Opens, or makes, a SQLite file that is written ahead (WAL), in no transaction; for any thread.
+
+    SQLite itself follows a link in the place of the database. It also rolls back a journal that it finds
+    beside one, and deletes the file that this names. Ours have none, but at the moment they are made: so a
+    journal goes, and root opens as the folder's owner, who can delete no more than he could before.
+
+    Raises OSError, sqlite3.Error.
+    """
+    with own_files.folder(file.parent) as at:
+        with contextlib.suppress(FileExistsError):
+            mode = 0o660 if shared else 0o640  # SQLite gives -wal and -shm the same
+            made = os.open(file.name, os.O_RDWR | os.O_CREAT | os.O_EXCL | own_files.FLAGS, mode, dir_fd=at)
+            os.fchmod(made, mode)
+            own_files.give(made, at)
+            os.close(made)
+        # Looked at without being opened: to close one would give up SQLite's locks of this process.
+        owner = None if shared else os.fstat(at).st_uid
+        for end in BESIDE:
+            with contextlib.suppress(FileNotFoundError):
+                own_files.see(_stat(file.name + end, at), file.with_name(file.name + end), owner, alone=True)
+        facts = _stat(file.name, at)
+        own_files.see(facts, file, owner, alone=True)
+        if facts.st_size:
+            own_files.remove(file.with_name(f"{file.name}-journal"))
+        with _as_owner(at, file.parent):
+            return _connected(file, facts, at)
+
+
+def _stat(name: str, at: int) -> os.stat_result:
+    return os.stat(name, dir_fd=at, follow_symlinks=False)
+
+
+def _connected(file: Path, facts: os.stat_result, at: int) -> sqlite3.Connection:
+    real = Path(os.path.realpath(file.parent), file.name)
+    named = f"file:{quote(str(real))}?mode=rw"
+    more: Any = {"isolation_level": None, "check_same_thread": False, "factory": Connection}
+    sql: sqlite3.Connection = sqlite3.connect(named, timeout=WAIT_S, uri=True, **more)
+    try:
+        opened_as = sql.execute("PRAGMA database_list").fetchone()[2]
+        now = _stat(file.name, at)
+        if opened_as != str(real) or (now.st_dev, now.st_ino) != (facts.st_dev, facts.st_ino):
+            raise own_files.refusal(errno.ELOOP, "was exchanged while it was opened", file)
+        sql.execute("PRAGMA journal_mode = WAL")
+        sql.execute("PRAGMA synchronous = FULL")  # what was said to be kept stays so after a power loss
+        sql.execute("PRAGMA trusted_schema = OFF")
+        sql.execute("SELECT count(*) FROM sqlite_master").fetchone()
+    except BaseException:
+        sql.close()
+        raise
+    return sql
+
+
+@contextlib.contextmanager
+def _as_owner(at: int, path: Path) -> Iterator[None]:
+    """Root does it with the rights of a folder's owner, if he comes there; who is not root, with his own."""
+    of, group, comes = os.fstat(at), os.getegid(), False
+    if os.geteuid() != 0 or of.st_uid == 0:
+        yield
+        return
+    os.setegid(of.st_gid)
+    try:
+        os.seteuid(of.st_uid)
+        try:
+            with contextlib.suppress(PermissionError):
+                os.stat(path / ".")
+                comes = True
+            if not comes:
+                os.seteuid(0)
+            yield
+        finally:
+            os.seteuid(0)
+    finally:
+        os.setegid(group)
+
+
+# How SQLite writes ahead (sqlite.org/fileformat2.html, "The Write-Ahead Log"): a header of 32 bytes, then
+# frames of 24 bytes and a page. Each frame has the header's salts, and sums over all that is before it.
+_HEADER, _FRAME, _SUMS = 32, 24, struct.Struct(">II")
+_ORDERS = {0x377F0682: "<", 0x377F0683: ">"}  # magic number: of the bytes that are summed
+
+
+def has_lost(sql: sqlite3.Connection, file: Path) -> bool:
+    """Whether a bad bit has cost what was written ahead of a database that was just opened.
+
+    SQLite drops all from the first bad frame on and says nothing. What is left of the time before has other
+    salts; what was never committed has the right sums. Raises OSError, sqlite3.Error.
+    """
+    good = int(sql.execute("PRAGMA wal_checkpoint(PASSIVE)").fetchone()[1])  # frames
+    if not _is_bad_after(max(0, good), file):
+        return False
+    sql.execute("BEGIN IMMEDIATE")  # what another process was just writing is written now
+    try:
+        return _is_bad_after(max(0, good), file)
+    finally:
+        sql.execute("ROLLBACK")
+
+
+def _is_bad_after(good: int, file: Path) -> bool:
+    """Whether frames are damaged that belong to the ``good`` ones before them. Raises OSError."""
+    try:
+        data = own_files.read_bytes(file.with_name(f"{file.name}-wal"), shared=True)
+    except FileNotFoundError:
+        return False
+    if len(data) <= _HEADER:
+        return False
+    order, size = _ORDERS.get(int.from_bytes(data[:4], "big"), ""), int.from_bytes(data[8:12], "big")
+    salts, sums = data[16:24], _SUMS.unpack_from(data, 24)
+    if not order or _summed(data[:24], (0, 0), order) != sums:
+        return True
+    length = _FRAME + size
+    frames = [data[at : at + length] for at in range(_HEADER, len(data) - length + 1, length)]
+    if good:
+        if good > len(frames) or frames[good - 1][8:16] != salts:
+            return False  # begun anew meanwhile
+        sums = _SUMS.unpack_from(frames[good - 1], 16)
+    for i, frame in enumerate(frames[good:], good):
+        found, before = _SUMS.unpack_from(frame, 16), sums
+        right = _summed(frame[_FRAME:], _summed(frame[:8], before, order), order) == found
+        if right and frame[8:16] == salts:
+            sums = found
+            continue
+        return right or any(one[8:16] == salts for one in frames[i:])
+    return False
+
+
+def _summed(data: bytes, sums: tuple[int, ...], order: str) -> tuple[int, int]:
+    a, b = sums
+    for one, other in struct.iter_unpack(f"{order}II", data):
+        a = (a + one + b) & 0xFFFFFFFF
+        b = (b + other + a) & 0xFFFFFFFF
+    return a, b
