@@ -144,6 +144,7 @@ async def _claimed(connection: HTTPConnection) -> Principal:
         raise _unknown("unknown_token")
     if who := users.by_cookie(connection.cookies.get(COOKIE, "")):
         return who
+    users.check_lost()
     raise _unknown("not_logged_in")
 
 

@@ -10,14 +10,14 @@ and the write lock is also what keeps files beside the database in step with its
 from __future__ import annotations
 
 import contextlib
-import os
 import sqlite3
 import threading
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from controller import messages
+from controller import atomic_file, messages, own_database, own_files
+from controller.api import log_in_marker
 
 # The schema of the store, as the steps that lead to it: step n makes version n + 1.
 #
@@ -135,11 +135,15 @@ CREATE TABLE marks (
 ) STRICT
 """
 
-MIGRATIONS: tuple[str, ...] = (_FIRST, _LOG_INS, _QUEUE)
+# From here on a file beside the store says whether anybody has to log in: see ``log_in_marker``.
+_MARKED = "PRAGMA user_version = 4"
 
+MIGRATIONS: tuple[str, ...] = (_FIRST, _LOG_INS, _QUEUE, _MARKED)
+
+
+MARKED = 4  # the schema from which on a log-in marker is there
 
 FILE = "store.sqlite"
-WAIT_S = 10.0  # for another process to end its transaction; all of them are short
 
 
 class StoreError(Exception):
@@ -170,8 +174,13 @@ class Database:
         self.file = folder / FILE
         self._lock = threading.RLock()
         try:
-            folder.mkdir(parents=True, exist_ok=True)
-            self._sql = _connected(self.file)
+            own_files.make_folder(folder)
+            if not {FILE, log_in_marker.FILE} & {*own_files.names(folder)}:
+                log_in_marker.write(folder, 0)
+            self._sql = own_database.opened(self.file, shared=True)
+            self._sql.row_factory = sqlite3.Row
+            self.lost = self._put_aside() if own_database.has_lost(self._sql, self.file) else None
+            self._sql.execute("PRAGMA foreign_keys = ON")
             _migrate(self)
         except (OSError, sqlite3.Error) as error:
             raise StoreError.told("store", "store_unusable", file=self.file, why=error) from error
@@ -179,6 +188,19 @@ class Database:
     def close(self) -> None:
         with self._lock:
             self._sql.close()
+
+    def _put_aside(self) -> Path:
+        """Copies what was written ahead and cannot be read; what could be is in the database."""
+        ahead = self.file.with_name(f"{FILE}-wal")
+        aside = own_files.aside(ahead)
+        atomic_file.write(aside, own_files.read_bytes(ahead, shared=True))
+        self._sql.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+        return aside
+
+    def copy(self) -> bytes:
+        """The file of a database with all that is in this one."""
+        with self._lock:
+            return self._sql.serialize()
 
     def rows(self, question: str, values: tuple[Any, ...] = ()) -> list[sqlite3.Row]:
         """All rows of a SELECT. Raises StoreError."""
@@ -210,19 +232,6 @@ class Database:
                 raise StoreError.told(code, "store_unwritten", file=self.file, why=error) from error
 
 
-def _connected(file: Path) -> sqlite3.Connection:
-    # The group may write: service and panel are two users. SQLite gives -wal and -shm the same mode.
-    os.close(os.open(file, os.O_RDWR | os.O_CREAT, 0o660))
-    if file.stat().st_uid == os.geteuid():
-        file.chmod(0o660)
-    sql = sqlite3.connect(file, timeout=WAIT_S, isolation_level=None, check_same_thread=False)
-    sql.row_factory = sqlite3.Row
-    sql.execute("PRAGMA journal_mode = WAL")
-    sql.execute("PRAGMA synchronous = FULL")  # an acknowledged alarm stays so after a power loss
-    sql.execute("PRAGMA foreign_keys = ON")
-    return sql
-
-
 def _migrate(database: Database) -> None:
     """Bring the schema to this version, step by step; before that a copy is put beside it."""
     newest = len(MIGRATIONS)
@@ -240,6 +249,9 @@ def _migrate(database: Database) -> None:
         for step in MIGRATIONS[_version(database) :]:  # again: another process may have been quicker
             for statement in step.split(";\n"):
                 sql.execute(statement)
+        if 0 < version < MARKED and not log_in_marker.is_there(database.file.parent):
+            users = sql.execute("SELECT count(*) FROM users").fetchone()[0]
+            log_in_marker.write(database.file.parent, users)
         sql.execute(f"PRAGMA user_version = {newest}")
 
 
@@ -248,6 +260,4 @@ def _version(database: Database) -> int:
 
 
 def _copy_beside(database: Database, version: int) -> None:
-    copy = database.file.with_name(f"store.schema{version}.sqlite")
-    copy.unlink(missing_ok=True)
-    database.rows("VACUUM INTO ?", (str(copy),))
+    atomic_file.write(database.file.with_name(f"store.schema{version}.sqlite"), database.copy())

@@ -10,10 +10,12 @@ import sqlite3
 import time
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import field
+from pathlib import Path
 from typing import Any
 
+from controller.api import log_in_marker
 from controller.api.database import Database, StoreError
-from controller.messages import Key, Said, plain
+from controller.messages import Key, Said, plain, said
 from controller.values import dataclass
 
 Facts = Mapping[str, Any]
@@ -246,8 +248,34 @@ class Users:
     _clock: Clock = time.time
 
     def all(self) -> list[User]:
+        """Those that are sound: who has a role that is none, after a bad bit, is nobody."""
         rows = self._database.rows("SELECT name, password, role FROM users ORDER BY name")
-        return [User(*row) for row in rows]
+        return [User(*row) for row in rows if row[2] in ROLES and isinstance(row[1], str)]
+
+    def known(self) -> int | None:
+        """How many users there are by the file beside the store; None: it cannot be known."""
+        return log_in_marker.users(self._state)
+
+    @property
+    def lost(self) -> Said | None:
+        """What is said where the store has fewer users than there are; None: all is well."""
+        there, known = len(self.all()), self.known()
+        if there:
+            fewer = known is not None and there < known
+            return said("users_lost_some", were=known, are=there) if fewer else None
+        where = {"file": self._database.file, "folder": self._state}
+        return None if known == 0 else said("users_lost", **where)
+
+    @property
+    def _state(self) -> Path:
+        return self._database.file.parent
+
+    def _mark(self, count: int) -> None:
+        """Raises StoreError."""
+        try:
+            log_in_marker.write(self._state, count)
+        except OSError as error:
+            raise StoreError.told("store", "store_unwritten", file=self._state, why=error.strerror) from error
 
     def get(self, name: str) -> User | None:
         return next((user for user in self.all() if user.name == name), None)
@@ -260,11 +288,16 @@ class Users:
                 "REPLACE INTO users (name, password, role, changed_s) VALUES (?, ?, ?, ?)",
                 (name, password, role, self._clock()),
             )
+            self._mark(_users(sql))  # before there are any, so that no death in between opens anything
 
     def remove(self, name: str) -> None:
         with self._database.write() as sql:
+            known = self.known()
             if not sql.execute("DELETE FROM users WHERE name = ?", (name,)).rowcount:
                 raise StoreError.told("missing", "missing", what=Key("what.user"), name=name)
+            there = _users(sql)
+        if there or known is not None:
+            self._mark(max(there, (known or 1) - 1))
 
     def tokens(self) -> list[Token]:
         return list(self.by_hash().values())
@@ -272,14 +305,14 @@ class Users:
     def by_hash(self) -> dict[str, Token]:
         """All tokens, by the hash of each."""
         rows = self._database.rows("SELECT sha256, name, role, made_s, made_by, expires_s FROM tokens")
-        return {row[0]: Token(*row[1:]) for row in rows}
+        return {row[0]: Token(*row[1:]) for row in rows if row[2] in ROLES}
 
     def token(self, sha256: str) -> Token | None:
         """The token of that hash."""
         rows = self._database.rows(
             "SELECT name, role, made_s, made_by, expires_s FROM tokens WHERE sha256 = ?", (sha256,)
         )
-        return next((Token(*row) for row in rows), None)
+        return next((Token(*row) for row in rows if row[1] in ROLES), None)
 
     def add_token(
         self, sha256: str, name: str, role: str, by: str, lasts_s: float | None = None
@@ -340,6 +373,10 @@ class Audit:
             "SELECT * FROM audit WHERE id < ? ORDER BY id DESC LIMIT ?", (_before(before), most)
         )
         return [Entry(**{**dict(row), "allowed": bool(row["allowed"])}) for row in rows]
+
+
+def _users(sql: sqlite3.Connection) -> int:
+    return int(sql.execute("SELECT count(*) FROM users").fetchone()[0])
 
 
 def _before(number: int | None) -> int:

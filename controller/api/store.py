@@ -40,6 +40,9 @@ from controller.api.records import (
     Values,
 )
 from controller.api.uploads import Upload, UploadLimits, Uploads
+from controller.messages import Said, said
+
+DAMAGED = "STORE_DAMAGED"  # an alarm
 
 __all__ = [
     "ROLES",
@@ -76,6 +79,16 @@ class Store:
         self.queue = Queue(database, clock)
         self.users = Users(database, clock)
         self.audit = Audit(database, clock)
+        if (aside := database.lost) is not None:
+            self.programs.recover()
+            self.report(said("store_lost", file=database.file, aside=aside.name))
+
+    def report(self, what: Said) -> None:
+        """An alarm that something was lost, once. Raises StoreError."""
+        if not any(
+            one.name == DAMAGED and one.key == what["key"] for one in self.alarms.list(open_only=True)
+        ):
+            self.alarms.add(DAMAGED, what)
 
     def sweep(self) -> int:
         """Take away what a process that died has left half done; how many files."""

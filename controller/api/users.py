@@ -28,6 +28,7 @@ from controller.api.records import Token, User
 from controller.api.records import Users as Rows
 from controller.api.roles import Principal, Role
 from controller.api.sessions import Sessions, csrf_of, sha256
+from controller.messages import Said
 
 FREE_TRIES = 5  # wrong passwords from an address before it has to wait
 CROWD_TRIES = 100  # of one name, from all addresses that are strange to it
@@ -107,6 +108,7 @@ class Users:
         self._brake = Brake()
         self._places: dict[tuple[str, str], None] = {}  # (name, address) of log-ins, latest last
         self._users: dict[str, User] = {}
+        self.lost: Said | None = None  # what is said of users that the store has lost
         self._marks: dict[str, str] = {}  # of users: of password and role
         self._tokens: dict[str, Token] = {}  # by SHA-256
         self.refresh()
@@ -114,6 +116,7 @@ class Users:
     def refresh(self) -> None:
         """Read users and tokens from the store, and tell it of sessions. Raises StoreError."""
         self._users = {user.name: user for user in self._rows.all()}
+        self.lost = self._rows.lost
         self._marks = {user.name: sha256(f"{user.password} {user.role}") for user in self._users.values()}
         self._tokens = self._rows.by_hash()
         self.write_sessions()
@@ -124,8 +127,14 @@ class Users:
 
     @property
     def any(self) -> bool:
-        """Whether there are users at all; without, only this computer may ask."""
-        return bool(self._users)
+        """Whether there are users at all, also lost ones; without, only this computer may ask."""
+        return bool(self._users) or self.lost is not None
+
+    def check_lost(self) -> None:
+        """Raises Refusal where there were users and the store has none any more: nobody can log in."""
+        if self.lost is not None and not self._users:
+            more, headers = self.lost["values"], {"WWW-Authenticate": "Bearer"}
+            raise Refusal.told(401, "log_in", self.lost["key"], headers=headers, **more)
 
     @cached_property
     def _nobody(self) -> str:
@@ -144,6 +153,7 @@ class Users:
         self._brake.check(self._clock(), keys)
         # Counted before it is known, so that a hundred at once do not all get a free try.
         self._brake.wrong(self._clock(), keys)
+        self.check_lost()
         user = self._users.get(name)
         async with self._hashing:
             right = await asyncio.to_thread(self._verify, user, password)

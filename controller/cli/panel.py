@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from controller import messages
 from controller.ipc import control_socket
 from controller.runtime import cores
 from controller.verify.console import Refused, refusals, tell
@@ -60,6 +61,9 @@ def panel(
         for file in (tls_certificate, tls_key):
             if file is not None and not file.is_file():
                 raise Refused(f"{file}: there is no such file; give a certificate and its key as PEM files.")
+        if (lost := store.users.lost) is not None:
+            tell.print(messages.text(lost), markup=False)
+            store.report(lost)
         socket = control_socket.control_path(runtime or control_socket.runtime_folder())
         cores.leave()
         connections = Connections(Limits.within(raise_file_limit()))

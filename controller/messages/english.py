@@ -404,6 +404,8 @@ REFUSALS = {
     "{line}, its axis turned by {off_deg:.3f} degrees. Retract it by hand along its axis before "
     "anything else.",
     "journal_unread": "{file}: the journal cannot be read ({why}); start at a line instead.",
+    "file_damaged": "{file}: cannot be read ({why}); it lies there as {aside} now, and is begun anew. "
+    "Check the disk, and home and tools before the next start.",
     "journal_of_other_version": "{file}: is no journal of this version; start the program at a line instead.",
     # --- by what was interrupted
     "interrupted": "{program} was interrupted at line {line} by the end of the controller's service; go on "

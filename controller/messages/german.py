@@ -419,6 +419,8 @@ REFUSALS = {
     "{line} zur Ruhe, seine Achse um {off_deg:.3f} Grad gedreht. Es zuerst von Hand entlang seiner Achse "
     "zurückziehen.",
     "journal_unread": "{file}: Das Journal ist nicht lesbar ({why}); stattdessen an einer Zeile starten.",
+    "file_damaged": "{file}: nicht lesbar ({why}); sie liegt dort jetzt als {aside}, und wird neu begonnen. "
+    "Die Platte prüfen, und vor dem nächsten Start Referenz und Werkzeuge.",
     "journal_of_other_version": "{file}: ist kein Journal dieser Version; das Programm stattdessen an einer "
     "Zeile starten.",
     # --- by what was interrupted

@@ -93,6 +93,11 @@ REFUSALS = {
     "add a user with: directrix users add NAME.",
     "foreign_page": "The request comes from a page of {site}; use this server's.",
     "another_site": "another site",
+    "users_lost": "{file}: there were users, and the store has lost them: nobody is answered before somebody "
+    "adds one again (sudo directrix users add NAME --state {folder}), or restores a copy of the store.",
+    "users_lost_some": "There were {were} users, and the store has {are}: look for a copy of it.",
+    "store_lost": "{file}: a bad bit has cost the last changes of the store; what is left of them is in "
+    "{aside}. Programs without a name are in the folder recovered. Check disk, users and settings.",
     "no_users": "There are no users, so nobody has to log in.",
     "first_user": "There are no users yet; add the first one at the command line: directrix users add NAME.",
     "last_set_up": "user {name}: is the last one who sets up; add another one first.",

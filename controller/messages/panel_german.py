@@ -96,6 +96,13 @@ REFUSALS = {
     "einen Benutzer anlegen mit: directrix users add NAME.",
     "foreign_page": "Die Anfrage kommt von einer Seite von {site}; die dieses Servers benutzen.",
     "another_site": "einem anderen Server",
+    "users_lost": "{file}: es gab Benutzer, und die Ablage hat sie verloren: niemandem wird geantwortet, bis "
+    "wieder einer angelegt (sudo directrix users add NAME --state {folder}) oder eine Kopie der Ablage "
+    "zurückgespielt ist.",
+    "users_lost_some": "Es gab {were} Benutzer, und die Ablage hat {are}: nach einer Kopie suchen.",
+    "store_lost": "{file}: ein falsches Bit hat die letzten Änderungen der Ablage gekostet; was davon übrig "
+    "ist, liegt in {aside}. Programme ohne Namen sind im Ordner recovered. Platte, Benutzer und "
+    "Einstellungen prüfen.",
     "no_users": "Es gibt keine Benutzer, also muss sich niemand anmelden.",
     "first_user": "Es gibt noch keine Benutzer; den ersten an der Befehlszeile anlegen: directrix users "
     "add NAME.",

@@ -14,10 +14,11 @@ import time
 from pathlib import Path
 from typing import Any
 
-from controller import atomic_file
+from controller import atomic_file, own_files
 from controller.ipc.handoff import Snapshot
 from controller.machine.model import Machine
 from controller.messages import Said, said
+from controller.service import kept_file
 from controller.service.refusals import refused
 from controller.state.modes import FAULTS, Fault, told
 
@@ -33,8 +34,9 @@ class Alarms:
         self._file = state / FILE
         self._lock = threading.Lock()
         self._known: dict[int, dict[str, Any]] = {}
-        for alarm in _read(self._file):
-            self._known[int(alarm["id"])] = alarm
+        found, self.damaged = _read(self._file)
+        for alarm in found:
+            self._known[alarm["id"]] = alarm
         self._write_all()
 
     def add(self, name: str, what: Said, **more: Any) -> dict[str, Any]:
@@ -76,28 +78,37 @@ class Alarms:
         self._known[alarm["id"]] = alarm
         while len(self._known) > KEPT:
             del self._known[min(self._known)]
-        with contextlib.suppress(OSError), open(self._file, "a", encoding="utf-8") as file:
-            file.write(json.dumps(alarm) + "\n")
+        flags = os.O_WRONLY | os.O_APPEND | os.O_CREAT
+        with contextlib.suppress(OSError), own_files.opened(self._file, flags) as file:
+            file.write(f"{json.dumps(alarm)}\n".encode())
             file.flush()
             os.fsync(file.fileno())
 
     def _write_all(self) -> None:
         """Each alarm once; at the start only."""
         with contextlib.suppress(OSError):
-            self._file.parent.mkdir(parents=True, exist_ok=True)
+            own_files.make_folder(self._file.parent)
             lines = (json.dumps(self._known[number]) + "\n" for number in sorted(self._known)[-KEPT:])
             atomic_file.write(self._file, "".join(lines))
 
 
-def _read(file: Path) -> list[dict[str, Any]]:
-    """What is sound of the file: a line that a power loss cut short is left out."""
-    found = []
-    with contextlib.suppress(OSError, UnicodeDecodeError):
-        for line in file.read_text(encoding="utf-8").splitlines():
-            with contextlib.suppress(ValueError, KeyError, TypeError):
-                alarm = json.loads(line)
-                found.append({**alarm, "id": int(alarm["id"]), "acknowledged_s": alarm["acknowledged_s"]})
-    return found
+def _read(file: Path) -> tuple[list[dict[str, Any]], Said | None]:
+    """What is sound of the file, and what an alarm says of the rest; the last line may be cut short."""
+    try:
+        lines = own_files.read_bytes(file).splitlines(keepends=True)
+    except FileNotFoundError:
+        return [], None
+    except OSError as error:
+        return [], kept_file.put_aside(file, error)
+    found, bad = [], None
+    for line in lines:
+        try:
+            alarm = json.loads(line)
+            whole = {**alarm, "id": int(alarm["id"]), "acknowledged_s": alarm["acknowledged_s"]}
+            found.append({**whole, "time_s": float(alarm["time_s"]), "name": str(alarm["name"])})
+        except kept_file.WRONG as error:
+            bad = bad or (error if line.endswith(b"\n") else None)
+    return found, kept_file.put_aside(file, bad) if bad else None
 
 
 def of(

@@ -27,7 +27,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from controller import atomic_file
+from controller import atomic_file, own_files
 from controller.ipc.handoff import COLUMN, Snapshot
 from controller.machine.model import REFERENCES, Joints, Machine
 from controller.messages import Key, Said, chain, said
@@ -138,19 +138,19 @@ def fitted_sha256(machine: Machine) -> tuple[str, str]:
 def write(entry: Entry, file: Path) -> None:
     """Replace the file, whole or not at all, and not before the disk has it. Raises OSError."""
     text = json.dumps({"format": FORMAT, **asdict(entry), "spot": list(entry.spot)})
-    file.parent.mkdir(parents=True, exist_ok=True)
+    own_files.make_folder(file.parent)
     atomic_file.write(file, text)
 
 
 def read(file: Path) -> tuple[Entry | None, Said | None]:
     """The entry and None, or None and why; neither where there is no journal."""
     try:
-        return _entry(json.loads(file.read_text())), None
+        return _entry(json.loads(own_files.read_text(file))), None
     except FileNotFoundError:
         return None, None
     except OSError as error:
         return None, said("journal_unread", file=file, why=error.strerror)
-    except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
+    except (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError):
         return None, said("journal_of_other_version", file=file)
 
 

@@ -17,10 +17,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from controller import atomic_file
+from controller import atomic_file, own_files
 from controller.machine.model import Machine
 from controller.plan.planner import Touch
 from controller.runtime import touch_table
+from controller.service import kept_file
 
 FILE, TOUCHES = "probed.json", "touches.csv"
 KEPT, KEPT_TOUCHES = 500, 2000
@@ -36,6 +37,13 @@ def found(text: str) -> dict[str, Any] | None:
     return {"cycle": match[1], "values": {name: float(value) for name, value in values.items()}}
 
 
+def _taken(kept: Any) -> list[dict[str, Any]]:
+    """Raises TypeError for what are no rows."""
+    if not isinstance(kept, list) or not all(isinstance(row, dict) for row in kept):
+        raise TypeError("no list of results")
+    return kept
+
+
 class Probed:
     """One per service; any thread."""
 
@@ -44,12 +52,14 @@ class Probed:
         self._table = state / TOUCHES
         self._touches: list[str] = []  # lines of the table behind its head, the newest last
         self._head = ""
-        with contextlib.suppress(OSError, ValueError):
-            self._head, *self._touches = self._table.read_text(encoding="utf-8").splitlines()
-        self._rows: list[dict[str, Any]] = []
-        with contextlib.suppress(OSError, ValueError):  # what is not sound is begun anew: nothing moves by it
-            kept = json.loads(self._file.read_text(encoding="utf-8"))
-            self._rows = [row for row in kept if isinstance(row, dict)] if isinstance(kept, list) else []
+        self._rows: list[dict[str, Any]]
+        self._rows, self.damaged = kept_file.read(self._file, _taken, _taken([]))
+        try:
+            self._head, *self._touches = own_files.read_text(self._table).splitlines()
+        except FileNotFoundError:
+            pass
+        except (OSError, ValueError) as error:
+            self.damaged = kept_file.put_aside(self._table, error)
 
     def told(self) -> list[dict[str, Any]]:
         """Time (s since 1970), program, cycle, values; the newest first."""

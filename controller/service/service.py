@@ -34,7 +34,7 @@ from controller.runtime.recording import Keeper
 from controller.runtime.starts import Start
 from controller.runtime.startup import SessionError
 from controller.service import alarms as alarm_values
-from controller.service import jobs, journal, runs
+from controller.service import jobs, journal, kept_file, runs
 from controller.service.alarms import Alarms
 from controller.service.engine import Engine
 from controller.service.fault_reporter import Troubles
@@ -99,7 +99,11 @@ class Service:
         self._recording = threading.Event()  # a record has begun, or all is over
         threading.Thread(target=self._sync_records, name="sync", daemon=True).start()
         self.journal = Journal(state / JOURNAL)
-        entry, _ = journal.read(state / JOURNAL)
+        entry, why = journal.read(state / JOURNAL)
+        unread = None if why is None else kept_file.put_aside(state / JOURNAL, messages.text(why))
+        for damaged in (self.alarms.damaged, self.usage.damaged, self.probed.damaged, unread):
+            if damaged is not None:
+                self.alarms.add(kept_file.ALARM, damaged)
         self.interrupted = entry if entry is not None and not entry.ended else None  # until another is loaded
         self._folder = tempfile.TemporaryDirectory(prefix="directrix-")
         self.engine = Engine(machine, Path(self._folder.name), kept, self._hear)

@@ -8,7 +8,6 @@ confirmed, and a change to one waits for Resume.
 
 from __future__ import annotations
 
-import contextlib
 import json
 import math
 import threading
@@ -26,6 +25,7 @@ from controller.ipc.control_socket import Values
 from controller.ipc.handoff import COLUMN, of_axes
 from controller.machine.model import Machine
 from controller.messages import Said, said, several
+from controller.service import kept_file
 from controller.service.refusals import number, refused, whole
 from controller.state.modes import Mode
 
@@ -92,7 +92,7 @@ class Usage:
     def __init__(self, state: Path, machine: Machine) -> None:
         self.file, self._machine = state / FILE, machine
         self._lock = threading.Lock()
-        self._kept = _read(self.file)
+        self._kept, self.damaged = kept_file.read(self.file, _taken, Kept())
         self._last: Rows | None = None
         self._used: set[str] = set()  # tools that have cut in this run
         self._changed, self._saved_s = False, 0.0
@@ -303,18 +303,13 @@ class Usage:
             raise
 
 
-def _read(file: Path) -> Kept:
-    """What is not sound is counted anew: nothing moves by it."""
-    with contextlib.suppress(OSError, ValueError, TypeError, AttributeError):
-        told = json.loads(file.read_text(encoding="utf-8"))
-        numbers = {key: {str(n): float(v) for n, v in told[key].items()} for key in ("travel", "hours")}
-        if not all(math.isfinite(v) for of in numbers.values() for v in of.values()):
-            return Kept()
-        tools = {str(int(number)): ToolUse(**use) for number, use in told["tools"].items()}
-        return Kept(
-            **numbers, tools=tools, items={name: Item(**item) for name, item in told["items"].items()}
-        )
-    return Kept()
+def _taken(told: Any) -> Kept:
+    """Raises ValueError, KeyError, TypeError or AttributeError for what is not sound."""
+    numbers = {key: {str(n): float(v) for n, v in told[key].items()} for key in ("travel", "hours")}
+    if not all(math.isfinite(v) for of in numbers.values() for v in of.values()):
+        raise ValueError("a counter is no number")
+    tools = {str(int(number)): ToolUse(**use) for number, use in told["tools"].items()}
+    return Kept(**numbers, tools=tools, items={name: Item(**item) for name, item in told["items"].items()})
 
 
 # Tool life and maintenance as the door has them: changed by their verbs, and asked before a start.

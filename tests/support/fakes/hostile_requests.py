@@ -81,7 +81,7 @@ def assert_whole(store: Store) -> None:
     """Nothing beside the store, and in it names and contents in step."""
     assert os.listdir(store.folder.parent) == [store.folder.name]
     top = {p.name for p in store.folder.iterdir()}
-    assert top <= {"programs", "store.sqlite", "store.sqlite-wal", "store.sqlite-shm"}
+    assert top <= {"programs", "log_in", "store.sqlite", "store.sqlite-wal", "store.sqlite-shm"}
     listed = store.programs.list()
     files = {p.name for p in store.programs.folder.iterdir()} - {".incoming"}
     assert files == {f"{program.sha256}.ngc" for program in listed}

@@ -1,0 +1,419 @@
+"""One bad bit opens nothing, and loses nothing in silence: a state folder with a bit turned over, or cut off.
+
+The service starts on it or refuses with a sentence, never by an internal error; the panel answers nobody who
+is not logged in. What was damaged is put aside and reported.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import random
+import shutil
+import sqlite3
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import httpx
+import pytest
+from support.fakes import cutting_service
+from support.fakes.fake_engine import done, engine_of, served
+from support.fakes.fake_socket import FakeDoor
+from support.fakes.panels import QUICK, URL
+from support.machines import changer_bench
+from support.suite.seed import SEED
+
+from controller import own_database
+from controller.api import backup, log_in_marker
+from controller.api.app_state import Panel
+from controller.api.database import StoreError
+from controller.api.http import make_app
+from controller.api.store import DAMAGED, Store
+from controller.api.users import Users, new_token
+from controller.ipc import control_socket
+from controller.ipc.control_socket import CommandRefused
+from controller.machine import setup_data, tool_store
+from controller.machine.toml_table import ConfigError
+from controller.machine.tool_store import ToolStore
+from controller.messages import said
+from controller.runtime.startup import SessionError
+from controller.service import kept_file, runs
+from controller.service.command_handlers import Desk
+from controller.service.service import JOURNAL
+from controller.service.whole_status import Kept
+
+SENTENCES = (ConfigError, SessionError, OSError, CommandRefused)  # what ``serve`` ends with; others: code 70
+TOKEN, SHA256 = new_token()
+USER = "anna"
+MACHINE = changer_bench.machine()
+ASKED = ("status", "facts", "alarms", "runs", "usage", "probed", "restart", "changer")
+
+
+@pytest.fixture(scope="module")
+def used(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A state folder with all that is ever in it, as a kill of service and panel in a run leaves it."""
+    folder = tmp_path_factory.mktemp("used")
+    service = served(folder, MACHINE)
+    state = service.state
+    setup_data.save(state, {"offsets": {"G55": {"origin_mm": [1, 2, 3]}}, "parameters": {"500": 12.5}})
+    setup_data.put_in(state, 2)
+    control_socket.note_runtime(state, folder)
+    assert service.changer is not None
+    service.changer.store.confirm({1: 1, 2: 0})
+    cutting_service.cut(service)
+    service.look()
+    service.alarms.add("TEST", said("stopped"))
+    service.usage.set_item("oil", "motion", 10.0)
+    service.usage.save(at_once=True)
+    service.probed.add("a.ngc", [{"cycle": "bore", "values": {"x_mm": 1.0}}])
+    service.probed.save()
+    found = service.engine.snapshot()
+    assert found is not None
+    Kept(service).look(found)
+    record = runs.RunRecord(state, MACHINE, {"name": "lost.ngc", "sha256": "0" * 64})
+    runs._write_facts(record.folder / runs.BEGUN, record._facts())
+    runs.RunRecord(state, MACHINE, {"name": "over.ngc", "sha256": "0" * 64}).end("stopped")
+    with contextlib.closing(Store(state)) as store:
+        store.settings.set("upload_mb", 8, "anna")
+    store = Store(state)
+    for name in ("a.ngc", "b.ngc"):
+        with store.uploads.begin(name) as upload:
+            upload.write(f"({name})\nM2\n".encode())
+            upload.commit()
+    store.users.set(USER, QUICK.hash("correct horse"), "set_up")
+    store.alarms.add("TEST", said("stopped"), axis="X")
+    store.runs.end(store.runs.begin("a.ngc", "0" * 64, ticks=7), "stopped")
+    store.queue.add("b.ngc", 3, USER)
+    store.users.set("bert", QUICK.hash("battery staple"), "view")
+    store.users.add_token(SHA256, "script", "set_up", USER)
+    killed = folder / "killed"
+    shutil.copytree(state, killed)  # what is written ahead with it, as nobody has closed them
+    assert (killed / "store.sqlite-wal").stat().st_size and (killed / "tools.db-wal").stat().st_size
+    store.close()
+    service.close()
+    return killed
+
+
+@pytest.fixture(scope="module")
+def app(tmp_path_factory: pytest.TempPathFactory) -> Any:
+    """The panel's application; what stands behind it is exchanged."""
+    return make_app(Panel(Store(tmp_path_factory.mktemp("app")), FakeDoor()))
+
+
+@pytest.fixture
+def folder(used: Path, tmp_path: Path) -> Path:
+    shutil.copytree(used, tmp_path / "state")
+    return tmp_path
+
+
+def started(folder: Path) -> list[dict[str, Any]]:
+    """The service on the folder, asked for all it tells; the alarms that it has. Raises ``SENTENCES``."""
+    service = served(folder, MACHINE)
+    try:
+        control_socket.note_runtime(service.state, folder)
+        runs.lose(service.state)
+        desk = Desk(service)
+        engine_of(service).tell_tool(service.tool)
+        for verb in ASKED:
+            with contextlib.suppress(CommandRefused):
+                done(desk, verb)
+        service.look()
+        found = service.engine.snapshot()
+        assert found is not None
+        Kept(service).look(found)
+        service.usage.save(at_once=True)
+        desk.close()
+        return service.alarms.list()
+    finally:
+        service.close()
+
+
+async def answered(app: Any, state: Path) -> tuple[Panel, list[int], list[int]]:
+    """The panel on the folder: the codes of all its pages, without log-in and with. Raises StoreError."""
+    store = Store(state)
+    try:
+        store.sweep()
+        panel = Panel(store, FakeDoor())
+        panel.users = Users(store.users, hasher=QUICK)
+        app.state.panel = panel
+        with contextlib.suppress(StoreError):
+            panel.gatherer.gather()
+        got: list[list[int]] = []
+        for headers in ({}, {"Authorization": f"Bearer {TOKEN}"}):
+            transport = httpx.ASGITransport(app, client=("127.0.0.1", 50000))
+            async with httpx.AsyncClient(transport=transport, base_url=URL, headers=headers) as client:
+                got.append([(await client.get(path)).status_code for path in paths(app)])
+        return panel, got[0], got[1]
+    finally:
+        store.close()
+
+
+def paths(app: Any) -> Iterator[str]:
+    """Of what is read without a name, and does not stream."""
+    for route in app.routes:
+        if "GET" in getattr(route, "methods", ()) and "{" not in route.path and "events" not in route.path:
+            yield route.path
+
+
+def as_it_was(app: Any, folder: Path) -> None:
+    """What comes of a damaged folder, from the start of service and panel on."""
+    state = folder / "state"
+    with contextlib.suppress(*SENTENCES):
+        started(folder)
+    with contextlib.suppress(StoreError):
+        _, strangers, _ = asyncio.run(answered(app, state))
+        open_to_all = {200} & set(strangers)
+        assert not open_to_all, [
+            path for path, code in zip(paths(app), strangers, strict=True) if code == 200
+        ]
+        assert set(strangers) <= {401, 503}
+    with contextlib.suppress(ValueError, OSError, ConfigError):
+        setup_data.machine(state)
+    with contextlib.suppress(StoreError, ConfigError, OSError), contextlib.closing(Store(state)) as store:
+        backup.save(store, MACHINE, folder / "saved.zip")
+    control_socket.runtime_of(state)
+    control_socket.last_told(state, "status")
+
+
+def damaged(state: Path, rng: random.Random, cut: bool) -> str:
+    """Turn over one bit of one file, or cut it short."""
+    files = sorted(path for path in state.rglob("*") if path.is_file() and path.stat().st_size)
+    databases = [state / name for name in ("store.sqlite", "tools.db")]
+    file = rng.choice(files if rng.random() < 0.5 else databases)
+    data = bytearray(file.read_bytes())
+    at = rng.choice([i for i, byte in enumerate(data) if byte or file not in databases])
+    if cut:
+        del data[at:]
+    else:
+        data[at] ^= 1 << rng.randrange(8)
+    file.write_bytes(data)
+    return f"{file.relative_to(state)} at {at}"
+
+
+def many(used: Path, tmp_path: Path, app: Any, numbers: range) -> None:
+    for number in numbers:
+        rng = random.Random(f"{SEED}-{number}")
+        folder = tmp_path / str(number)
+        shutil.copytree(used, folder / "state")
+        if number % 2:  # they were closed; else they were killed
+            for name in ("store.sqlite", "tools.db"):
+                own_database.opened(folder / "state" / name).close()
+        what = damaged(folder / "state", rng, cut=number % 5 == 4)
+        try:
+            as_it_was(app, folder)
+        except BaseException:
+            print(f"DIRECTRIX_TEST_SEED={SEED}: {number}, {what}")
+            raise
+        shutil.rmtree(folder)
+
+
+def test_a_bad_bit_opens_nothing_and_ends_in_a_sentence(used: Path, tmp_path: Path, app: Any) -> None:
+    many(used, tmp_path, app, range(10))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("hundred", range(10))
+def test_a_thousand_bad_bits_open_nothing_and_end_in_a_sentence(
+    used: Path, tmp_path: Path, app: Any, hundred: int
+) -> None:
+    many(used, tmp_path, app, range(1000 + 100 * hundred, 1100 + 100 * hundred))
+
+
+def test_without_a_bad_bit_all_is_there(folder: Path, app: Any) -> None:
+    alarms = started(folder)
+    assert {alarm["name"] for alarm in alarms} == {"TEST"}
+    panel, strangers, logged_in = asyncio.run(answered(app, folder / "state"))
+    assert set(strangers) == {401} and 200 in logged_in and panel.users.lost is None
+    assert not list((folder / "state").rglob("*.damaged*"))
+
+
+# -- what is written ahead of the store
+
+
+def frames(wal: Path) -> int:
+    return (wal.stat().st_size - 32) // (4096 + 24)
+
+
+@pytest.mark.parametrize("name", ["store.sqlite-wal", "tools.db-wal"])
+def test_a_bad_bit_in_any_frame_that_is_written_ahead_is_noticed(
+    used: Path, tmp_path: Path, name: str
+) -> None:
+    """In the header, in a frame's sums and in its page; nothing is said of one that is whole."""
+    file = name.removesuffix("-wal")
+    places = [5, 9, 20, 25, *(32 + i * 4120 + at for i in range(frames(used / name)) for at in (9, 17, 2000))]
+    for at in (None, *places):
+        for end in ("", "-wal"):
+            shutil.copyfile(used / f"{file}{end}", tmp_path / f"{file}{end}")
+        (tmp_path / f"{file}-shm").unlink(missing_ok=True)
+        if at is not None:
+            data = bytearray((tmp_path / name).read_bytes())
+            data[at] ^= 4
+            (tmp_path / name).write_bytes(data)
+        with contextlib.closing(own_database.opened(tmp_path / file)) as sql:
+            assert own_database.has_lost(sql, tmp_path / file) is (at is not None), at
+
+
+def test_what_was_never_committed_is_no_loss(tmp_path: Path) -> None:
+    file = tmp_path / "a"
+    with contextlib.closing(own_database.opened(file)) as sql:
+        sql.execute("CREATE TABLE t (x)")
+        sql.execute("PRAGMA cache_size = 2")
+        sql.execute("BEGIN")
+        sql.executemany("INSERT INTO t VALUES (randomblob(3000))", [()] * 30)
+        for end in ("", "-wal"):
+            shutil.copyfile(f"{file}{end}", tmp_path / f"b{end}")
+    assert frames(tmp_path / "b-wal") > 10
+    data = (tmp_path / "b-wal").read_bytes()
+    for length in (len(data), len(data) - 1000, len(data) - 4110):
+        (tmp_path / "b-wal").write_bytes(data[:length])
+        with contextlib.closing(own_database.opened(tmp_path / "b")) as sql:
+            assert not own_database.has_lost(sql, tmp_path / "b"), length
+
+
+def without_users(state: Path) -> None:
+    """A bad bit in the first frame that is written ahead: all that came since is dropped."""
+    wal = state / "store.sqlite-wal"
+    data = bytearray(wal.read_bytes())
+    data[32 + 24 + 100] ^= 1
+    wal.write_bytes(data)
+
+
+def test_users_that_a_bad_bit_has_cost_open_nothing_and_the_loss_is_reported(folder: Path, app: Any) -> None:
+    state = folder / "state"
+    without_users(state)
+    panel, strangers, logged_in = asyncio.run(answered(app, state))
+    assert set(strangers) == set(logged_in) == {401} and panel.users.any
+    assert panel.users.lost is not None and panel.users.lost["key"] == "users_lost"
+    with contextlib.closing(Store(state)) as store:
+        assert store.users.all() == []
+        (alarm,) = (one for one in store.alarms.list() if one.name == DAMAGED)
+        assert alarm.key == "store_lost" and (state / "store.sqlite-wal.damaged1").exists()
+        names = sorted(program.name for program in store.programs.list())
+        assert len(names) == 2 and all(name.startswith("recovered/") for name in names)
+        assert store.sweep() == 0
+        store.users.set("carl", "hash", "set_up")
+        assert store.users.lost is None and log_in_marker.users(state) == 1
+
+
+@pytest.mark.parametrize("damage", ["", "nobodz\n", "nobody", "users 0\n", "\xff", None])
+def test_a_note_of_the_users_that_is_damaged_or_gone_opens_nothing(
+    folder: Path, app: Any, damage: str | None
+) -> None:
+    state = folder / "state"
+    (state / log_in_marker.FILE).unlink()
+    if damage is not None:
+        (state / log_in_marker.FILE).write_bytes(damage.encode("latin-1"))
+    without_users(state)
+    _, strangers, _ = asyncio.run(answered(app, state))
+    assert set(strangers) == {401}
+
+
+def test_a_store_that_is_emptied_beside_its_note_opens_nothing(folder: Path, app: Any) -> None:
+    for name in ("store.sqlite", "store.sqlite-wal", "store.sqlite-shm"):
+        (folder / "state" / name).unlink()
+    _, strangers, _ = asyncio.run(answered(app, folder / "state"))
+    assert set(strangers) == {401}
+
+
+def test_a_part_of_the_users_that_is_lost_is_told_and_the_others_log_in(folder: Path, app: Any) -> None:
+    with contextlib.closing(sqlite3.connect(folder / "state" / "store.sqlite")) as sql:
+        sql.execute("DELETE FROM users WHERE name = 'bert'")
+        sql.commit()
+    panel, strangers, logged_in = asyncio.run(answered(app, folder / "state"))
+    assert set(strangers) == {401} and 200 in logged_in
+    assert panel.users.lost == said("users_lost_some", were=2, are=1)
+
+
+def test_a_store_of_before_there_were_notes_is_as_open_as_it_was(tmp_path: Path, app: Any) -> None:
+    for users in (0, 1):
+        state = tmp_path / str(users)
+        with contextlib.closing(Store(state)) as store:
+            if users:
+                store.users.set(USER, "hash", "set_up")
+            with store.database.write() as sql:
+                sql.execute("PRAGMA user_version = 3")
+        (state / log_in_marker.FILE).unlink()
+        panel, strangers, _ = asyncio.run(answered(app, state))
+        assert panel.users.any is bool(users) and (200 in strangers) is not bool(users)
+        assert log_in_marker.users(state) == users
+
+
+def test_the_last_user_that_is_removed_opens_it_again_and_none_that_was_lost(tmp_path: Path) -> None:
+    with contextlib.closing(Store(tmp_path)) as store:
+        assert store.users.lost is None and log_in_marker.users(tmp_path) == 0
+        for name in (USER, "bert"):
+            store.users.set(name, "hash", "set_up")
+        store.users.remove(USER)
+        assert log_in_marker.users(tmp_path) == 1
+        log_in_marker.write(tmp_path, 3)  # two were lost
+        store.users.remove("bert")
+        assert store.users.lost is not None, "who is removed was not the last"
+        store.users.set(USER, "hash", "set_up")
+        store.users.remove(USER)
+        assert store.users.lost is None and log_in_marker.users(tmp_path) == 0
+
+
+# -- what the service notes
+
+
+@pytest.mark.parametrize("name", [setup_data.MACHINE, control_socket.RUNTIME, control_socket.LAST])
+def test_a_note_that_can_be_had_anew_is_written_anew(
+    folder: Path, name: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    file = folder / "state" / name
+    sound = file.read_bytes()
+    file.write_bytes(b"\xff" + sound[1:])
+    assert {alarm["name"] for alarm in started(folder)} == {"TEST"}
+    if name != control_socket.LAST:
+        assert f"{file} holds something else, and is written anew" in caplog.text
+        assert file.read_bytes()[:1] == sound[:1]
+    assert setup_data.noted(folder / "state").name == MACHINE.name
+
+
+@pytest.mark.parametrize("name", [JOURNAL, "usage.json", "probed.json", "alarms.jsonl"])
+def test_what_carried_facts_and_cannot_be_read_is_put_aside_and_reported(folder: Path, name: str) -> None:
+    file = folder / "state" / name
+    data = b"\xff" + file.read_bytes()[1:]
+    file.write_bytes(data)
+    alarm = next(alarm for alarm in started(folder) if alarm["name"] == kept_file.ALARM)
+    assert alarm["values"]["file"] == str(file) and alarm["values"]["aside"] == f"{name}.damaged1"
+    assert file.with_name(f"{name}.damaged1").read_bytes() == data
+
+
+def test_an_alarm_that_cannot_be_read_costs_no_other(folder: Path) -> None:
+    file = folder / "state" / "alarms.jsonl"
+    first = file.read_bytes()
+    file.write_bytes(b'{"id": 7, \xfe}\n' + first + b'{"id": 8, "ti')  # the last was cut by a loss of power
+    assert {"TEST", kept_file.ALARM} == {alarm["name"] for alarm in started(folder)}
+    file.write_bytes(first + b'{"id": 8, "ti')
+    assert {alarm["name"] for alarm in started(folder)} == {"TEST"}
+
+
+@pytest.mark.parametrize(("old", "new"), [("offsets", "ofgsets"), ('"o', "'o"), ("{", "[")])
+def test_offsets_that_cannot_be_read_start_no_service(folder: Path, old: str, new: str) -> None:
+    """With others than those that were set it would cut elsewhere."""
+    file = folder / "state" / setup_data.FILE
+    file.write_text(file.read_text().replace(old, new, 1))
+    with pytest.raises(ConfigError, match="restore it from a backup or remove it"):
+        started(folder)
+
+
+def test_tools_of_which_a_bad_bit_has_cost_the_last_step_must_be_confirmed(folder: Path) -> None:
+    state = folder / "state"
+    with contextlib.closing(ToolStore(state / tool_store.FILE)) as tools:
+        assert tools.spindle == 2
+        tools.confirm({1: 0, 2: 2})
+        for end in ("", "-wal"):
+            shutil.copyfile(state / f"tools.db{end}", folder / f"tools.db{end}")
+    data = bytearray((folder / "tools.db-wal").read_bytes())
+    data[32 + 24 + 100] ^= 1  # in the page of the first frame
+    (folder / "tools.db-wal").write_bytes(data)
+    with contextlib.closing(ToolStore(folder / tool_store.FILE)) as tools:
+        assert tools.spindle is None and not tools.known
+
+
+def test_a_back_up_beside_a_note_that_cannot_be_read_says_so(folder: Path) -> None:
+    (folder / "state" / setup_data.MACHINE).write_bytes(b'{"name": 7}')
+    with pytest.raises(ValueError, match="no note of a machine file"):
+        setup_data.noted(folder / "state")
