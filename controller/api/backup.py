@@ -10,6 +10,9 @@ service runs on the state folder, because that reads offsets and tools when it s
 What is put back is put back whole or not at all, though it lies in a database, in files beside it and,
 with the machine file, perhaps on another disk: all of it is written beside its place first, where a full disk
 changes nothing; then files take their names, within the transaction, and go back if it fails.
+
+What a roll-back goes by lies beside the state folder and not in it: the panel writes that. A machine file is
+rolled back only from there, and only to where the operator has it.
 """
 
 from __future__ import annotations
@@ -19,8 +22,9 @@ import hashlib
 import json
 import os
 import re
+import secrets
+import shutil
 import sqlite3
-import tempfile
 import time
 import zipfile
 from collections.abc import Iterator, Mapping
@@ -28,7 +32,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
-from controller import atomic_file
+from controller import atomic_file, own_files
 from controller.api import notice_settings
 from controller.api.archive import (
     FITTING,
@@ -54,8 +58,8 @@ from controller.machine.toml_table import ConfigError
 __all__ = ["BackupError", "Contents", "all_kept", "check", "keep", "restore", "save", "update"]
 
 KEPT = 20  # back-ups made by themselves
-FOLDER = "backups"  # of those, in the state folder
 BY = "back-up"
+CHUNK = 1 << 20
 
 
 def save(store: Store, machine: Machine, file: Path, machine_file: Path | None = None) -> Path:
@@ -82,17 +86,19 @@ def _write(
         manifest["machine_file"] = str(machine_file.absolute())
     new = file.with_name(f"{file.name}.part")
     try:
-        with zipfile.ZipFile(new, "w", zipfile.ZIP_DEFLATED) as archive:
-            archive.writestr(MANIFEST, json.dumps(manifest, indent=1))
-            for name, data in parts.items():
-                archive.writestr(name, data)
-            for sha256 in sorted(set(programs.values())):
-                archive.write(store.programs.path(sha256), member_of(sha256))
-        with open(new, "rb") as written:
-            os.fsync(written.fileno())
-        os.replace(new, file)
+        with own_files.new(new) as out:
+            with zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED) as archive:
+                archive.writestr(MANIFEST, json.dumps(manifest, indent=1))
+                for name, data in parts.items():
+                    archive.writestr(name, data)
+                for sha256 in sorted(set(programs.values())):
+                    with store.programs.content(sha256) as text, archive.open(member_of(sha256), "w") as part:
+                        shutil.copyfileobj(text, part, CHUNK)
+            out.flush()
+            os.fsync(out.fileno())
+        own_files.rename(new, file)
     finally:
-        new.unlink(missing_ok=True)
+        own_files.remove(new)
     atomic_file.sync(file.absolute().parent)
     return file
 
@@ -112,7 +118,8 @@ def restore(store: Store, contents: Contents, machine_file: Path | None, before:
     if machine_file is not None or before is None:
         texts[store.folder / setup_data.MACHINE] = setup_data.note_of(contents.machine)
     with contextlib.ExitStack() as work:
-        done = [f"Kept what was: {work.enter_context(_kept(store, before, machine_file))}."] if before else []
+        replaced = machine_file if machine_file is not None and machine_file.exists() else None
+        done = [f"Kept what was: {work.enter_context(_kept(store, before, replaced))}."] if before else []
         tool_store.settle(store.folder / tool_store.FILE)
         put = work.enter_context(atomic_file.all_or_none(texts))
         staged = work.enter_context(_unpacked(store, contents))
@@ -154,27 +161,28 @@ def _kept(store: Store, before: Machine, machine_file: Path | None) -> Iterator[
     try:
         yield made
     except BaseException:
-        made.unlink(missing_ok=True)
+        own_files.remove(made)
         raise
 
 
 @contextlib.contextmanager
-def _unpacked(store: Store, contents: Contents) -> Iterator[Path]:
-    """A folder on the store's disk with every content, there until the end of the restore."""
-    incoming = store.programs.incoming
-    with (
-        zipfile.ZipFile(contents.file) as archive,
-        tempfile.TemporaryDirectory(dir=incoming, prefix="restore-") as made,
-    ):
+def _unpacked(store: Store, contents: Contents) -> Iterator[dict[str, Path]]:
+    """Every content, by its sum, as a file on the store's disk that is there until the end of the restore."""
+    staged: dict[str, Path] = {}
+    with zipfile.ZipFile(contents.file) as archive, contextlib.ExitStack() as tidy:
         _fits(store, contents, archive)
         for sha256 in set(contents.programs.values()):
-            with archive.open(member_of(sha256)) as part, open(Path(made, sha256), "wb") as out:
-                while chunk := part.read(1 << 20):
-                    out.write(chunk)
+            staged[sha256] = store.programs.incoming / f"restore-{secrets.token_hex(8)}"
+            tidy.callback(own_files.remove, staged[sha256], store.folder)
+            with (
+                archive.open(member_of(sha256)) as part,
+                own_files.new(staged[sha256], store.folder, MODE) as out,
+            ):
+                shutil.copyfileobj(part, out, CHUNK)
                 out.flush()
                 os.fchmod(out.fileno(), MODE)
                 os.fsync(out.fileno())
-        yield Path(made)
+        yield staged
 
 
 def _fits(store: Store, contents: Contents, archive: zipfile.ZipFile) -> None:
@@ -187,24 +195,24 @@ def _fits(store: Store, contents: Contents, archive: zipfile.ZipFile) -> None:
     store.uploads.room(sum(sizes.values()))
 
 
-def _enter(store: Store, contents: Contents, staged: Path, sql: sqlite3.Connection) -> None:
+def _enter(store: Store, contents: Contents, staged: dict[str, Path], sql: sqlite3.Connection) -> None:
     """Names, contents and settings, within one transaction. A content that no name points at is swept."""
     programs, now_s = store.programs, store.programs.now_s()
-    lines = {file.name: _facts(file) for file in staged.iterdir()}
-    for file in staged.iterdir():
-        os.replace(file, programs.path(file.name))
-    atomic_file.sync(programs.folder)
+    facts = {sha256: _facts(file, store.folder) for sha256, file in staged.items()}
+    for sha256, file in staged.items():
+        own_files.rename(file, programs.path(sha256), store.folder)
+    atomic_file.sync(programs.folder, store.folder)
     for name, sha256 in contents.programs.items():
-        programs.enter(Program(name, sha256, *lines[sha256], now_s, BY), sql)
+        programs.enter(Program(name, sha256, *facts[sha256], now_s, BY), sql)
     settings = notice_settings.restored(store.settings.all(), contents.settings)
     store.settings.replace(settings, BY, sql)
 
 
-def _facts(file: Path) -> tuple[int, int]:
+def _facts(file: Path, within: Path) -> tuple[int, int]:
     """(bytes, lines)."""
     size, ends, last = 0, 0, b"\n"
-    with open(file, "rb") as text:
-        while chunk := text.read(1 << 20):
+    with own_files.opened(file, os.O_RDONLY, within, shared=True) as text:
+        while chunk := text.read(CHUNK):
             size, ends, last = size + len(chunk), ends + chunk.count(b"\n"), chunk[-1:]
     return size, ends + (last != b"\n")
 
@@ -227,14 +235,19 @@ def update(store: Store, new: Path, machine_file: Path) -> list[str]:
 
 
 def keep(store: Store, machine: Machine, machine_file: Path | None = None) -> Path:
-    """A back-up in the state folder, made before something is replaced.
+    """A back-up beside the state folder, made before something is replaced. Raises OSError.
 
     ``machine_file``: the one that is replaced, None where it is left as it is.
     """
-    folder = store.folder / FOLDER
-    folder.mkdir(parents=True, exist_ok=True)
+    folder = own_files.make_private(folder_of(store))
     file = folder / datetime.now().strftime("%Y-%m-%dT%H%M%S.%f.zip")
     return _write(store, machine, _readable_tools(store), file, machine_file)
+
+
+def folder_of(store: Store) -> Path:
+    """Where what was is kept: beside the state folder, for who may write that shall not plant it."""
+    state = store.folder.resolve()
+    return state.with_name(f"{state.name}-backups")
 
 
 def _forget_old(store: Store) -> None:
@@ -242,12 +255,15 @@ def _forget_old(store: Store) -> None:
     with contextlib.suppress(StoreError, OSError):  # it has been restored all the same
         store.programs.sweep()
         for old in all_kept(store)[KEPT:]:
-            old.unlink(missing_ok=True)
+            own_files.remove(old)
 
 
 def all_kept(store: Store) -> list[Path]:
-    """Back-ups that were made by themselves, the latest first."""
-    return sorted((store.folder / FOLDER).glob("*.zip"), reverse=True)
+    """Back-ups that were made by themselves, the latest first. Raises OSError for a folder of another."""
+    if not os.path.lexists(folder := folder_of(store)):
+        return []
+    own_files.make_private(folder)
+    return sorted((folder / name for name in own_files.names(folder) if name.endswith(".zip")), reverse=True)
 
 
 def _alone(machine: Machine) -> str:

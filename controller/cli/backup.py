@@ -12,7 +12,7 @@ import typer
 from controller.api import backup
 from controller.api.backup import BackupError, Contents
 from controller.api.store import Store, StoreError
-from controller.cli import machine_check
+from controller.cli import installation, machine_check
 from controller.ipc import control_socket
 from controller.machine import machine_file as config
 from controller.machine import setup_data
@@ -97,14 +97,23 @@ def update(
 def rollback(
     machine_file: Target = None, state: State = None, runtime: Runtime = None, as_json: Json = False
 ) -> None:
-    """Undo the last restore or update; done twice, it is as before."""
+    """Undo the last restore or update; done twice, it is as before.
+
+    The machine file, where that replaced it, goes to --machine, or to where the installed service reads it.
+    """
     with refusals(as_json, lambda: EXPECTED):
         store = Store(state or control_socket.state_folder())
         _at_rest(store, runtime)
         if not (kept := backup.all_kept(store)):
             raise Refused(f"{store.folder}: nothing was restored or updated here; nothing to undo.")
         contents = backup.check(kept[0])
-        _restored(store, contents, machine_file or contents.machine_file, as_json)
+        target = machine_file or installation.machine_file_of(store.folder)
+        if contents.machine_file is not None and target is None:
+            raise Refused(
+                f"{kept[0]}: the machine file is undone, too; say with --machine where it is"
+                f" (it was {contents.machine_file})."
+            )
+        _restored(store, contents, target if contents.machine_file is not None else None, as_json)
 
 
 def _sound(machine: Machine, quiet: bool) -> None:

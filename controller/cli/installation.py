@@ -151,6 +151,15 @@ def machine_named_in(text: str) -> str:
     return _DEFAULTS["DIRECTRIX_MACHINE"]
 
 
+def machine_file_of(state: Path, root: Path = Path("/")) -> Path | None:
+    """Where the installed service reads its machine file from; None for another's state folder."""
+    environment = root / ENVIRONMENT.relative_to("/")
+    if state.resolve() != (root / STATE.relative_to("/")).resolve() or not environment.is_file():
+        return None
+    named = Path(machine_named_in(environment.read_text()))
+    return named if named.is_absolute() else None
+
+
 def written(root: Path) -> list[Path]:
     """Every file and link of an installation below ``root``, whatever machine it was made for."""
     system = "etc/systemd/system"

@@ -14,16 +14,18 @@ import warnings
 import zipfile
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 from support.suite.seed import SEED
 from typer.testing import CliRunner
 
-from controller import atomic_file
+from controller import atomic_file, own_files
 from controller.api import backup
 from controller.api.backup import BackupError
 from controller.api.store import Store, StoreError
 from controller.cli import backup as command
+from controller.cli import installation
 from controller.machine import machine_file as config
 from controller.machine import setup_data, tool_store
 from controller.machine.toml_table import ConfigError
@@ -211,23 +213,23 @@ def everything(folder: Path) -> dict[str, bytes]:
 def fails_at(monkeypatch: pytest.MonkeyPatch, where: str, machine_file: Path) -> type[Exception]:
     """The disk is full, or something else goes wrong, at one step of a restore."""
     full = OSError(28, "No space left on device")
-    through, replaced = atomic_file._write_through, os.replace
+    through, renamed = atomic_file._write_through, own_files.rename
 
-    def write_through(file: Path, text: str) -> None:
-        if file.parent == machine_file.parent:
+    def write_through(file: Path, text: str, *more: Any, **others: Any) -> None:
+        if file.parent == machine_file.parent and file.suffix == ".new":
             file.write_text(text[:100])
             raise full
-        through(file, text)
+        through(file, text, *more, **others)
 
-    def replace(old: Path | str, new: Path | str) -> None:
-        if Path(new) == machine_file and str(old).endswith(".new"):
+    def rename(old: Path, new: Path, *within: Path) -> None:
+        if new == machine_file and old.suffix == ".new":
             raise full
-        replaced(old, new)
+        renamed(old, new, *within)
 
     if where == "the machine file's disk":
         monkeypatch.setattr(atomic_file, "_write_through", write_through)
     elif where == "the last name":
-        monkeypatch.setattr(os, "replace", replace)
+        monkeypatch.setattr(own_files, "rename", rename)
     elif where == "the programs' disk":
         monkeypatch.setattr(backup.os, "fchmod", lambda *_: (_ for _ in ()).throw(full))
     elif where == "the transaction's end":
@@ -235,7 +237,7 @@ def fails_at(monkeypatch: pytest.MonkeyPatch, where: str, machine_file: Path) ->
         monkeypatch.setattr(
             atomic_file,
             "sync",
-            lambda folder: sync(folder) if folder != machine_file.parent else _raise(full),
+            lambda folder, *within: sync(folder, *within) if folder != machine_file.parent else _raise(full),
         )
     return OSError
 
@@ -517,7 +519,7 @@ def test_a_disk_that_is_full_leaves_no_half_archive(
     def full(*_: object) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(zipfile.ZipFile, "write", full)
+    monkeypatch.setattr(os, "fsync", full)
     with pytest.raises(OSError, match="No space"):
         backup.save(store, config.load("trunnion"), tmp_path / "saved.zip")
     assert not list(tmp_path.glob("saved*"))
@@ -559,13 +561,14 @@ def test_the_commands_save_check_restore_and_roll_back(store: Store, tmp_path: P
     assert "cannot be read" in str(run("check", str(tmp_path / "nothing.zip"))["error"])
 
 
-def test_an_update_is_undone_with_its_machine_file_and_redone_without_naming_it(
-    store: Store, tmp_path: Path
+def test_an_update_is_undone_where_the_operator_names_the_machine_file_or_it_is_installed(
+    store: Store, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def run(*words: str) -> None:
+    def run(*words: str, code: int = 0) -> str:
         where = ["--state", str(store.folder), "--runtime", str(tmp_path)]
         done = CliRunner().invoke(command.app, [*words, *where, "--json"])
-        assert done.exit_code == 0, done.stdout
+        assert done.exit_code == code, done.stdout
+        return done.stdout
 
     def period_s() -> float:
         return config.load(file).period_s
@@ -578,10 +581,37 @@ def test_an_update_is_undone_with_its_machine_file_and_redone_without_naming_it(
     run("update", str(new), "--machine", str(file))
     put(store, "later.ngc", b"M2\n")
     assert period_s() == 0.002
-    run("rollback")
+    assert f"say with --machine where it is (it was {file})" in run("rollback", code=1)
+    assert period_s() == 0.002
+    run("rollback", "--machine", str(file))
     assert period_s() == 0.004 and state(store)[1:3] == before[1:3]
+    (environment := tmp_path / "directrix.env").write_text(f"DIRECTRIX_MACHINE={file}\n")
+    monkeypatch.setattr(installation, "STATE", store.folder)
+    monkeypatch.setattr(installation, "ENVIRONMENT", environment)
     run("rollback")
     assert period_s() == 0.002
+    run("restore", str(backup.save(store, config.load(file), tmp_path / "saved.zip")))
+    file.write_text("as it is")
+    run("rollback", "--machine", str(file))
+    assert file.read_text() == "as it is", "the restore had not replaced it"
+
+
+def test_an_archive_planted_in_the_state_folder_undoes_nothing(store: Store, tmp_path: Path) -> None:
+    """Nor does one in a folder of another's that has the place of the service's own."""
+    victim = tmp_path / "victim.toml"
+    for folder, owner in ((store.folder / "backups", 0), (backup.folder_of(store), 4321)):
+        folder.mkdir()
+        backup.save(store, config.load("trunnion"), folder / "9999-12-31T000000.000000.zip", victim)
+        if owner and os.geteuid() == 0:
+            os.chown(folder, owner, owner)
+        elif owner:
+            folder.chmod(0o777)
+        done = CliRunner().invoke(
+            command.app,
+            ["rollback", "--machine", str(victim), "--state", str(store.folder), "--runtime", str(tmp_path)],
+        )
+        assert done.exit_code == 1 and not victim.exists(), done.output
+        assert "Traceback" not in done.output
 
 
 def test_an_archive_that_is_carried_here_writes_no_file_that_is_not_named(
