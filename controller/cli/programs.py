@@ -18,7 +18,7 @@ from controller.cli import fitted as fittings
 from controller.cli import machine_check, speech, workers
 from controller.cli.fitted import Fitted
 from controller.machine import machine_file
-from controller.machine.model import Machine
+from controller.machine.model import Joints, Machine
 from controller.machine.toml_table import ConfigError
 from controller.motion.motions import SurfaceCut
 from controller.plan.path.path import Stretch
@@ -356,6 +356,8 @@ def simulate(
         bench = SteppedMachine(task.machine, recordings=recording.folder(), bench=touched)
         under = fault_runs.FaultRun(bench, script, faults_from)
         memory.collect_rarely()  # machine and path stay to the end
+        joints = _up(bench, under, record)
+        walk = walk if record is not None else checked.walk_from(task, walk, joints, unchecked)
         run, took_s = _run(bench, under, walk, task, requests, record, kept, as_json)
         figures = {
             **_figures(task, "refused" if bench.planner.error else run.result, run.fault, unchecked),
@@ -419,6 +421,14 @@ def _walk(
     return walk
 
 
+def _up(bench: SteppedMachine, under: FaultRun, record: RecordedRun | None) -> Joints:
+    """The drives homed and enabled, at a record's begin where there is one; the joints there."""
+    under.come_up()
+    if record is not None:
+        record.stand(bench)
+    return bench.joints
+
+
 def _run(
     bench: SteppedMachine,
     under: FaultRun,
@@ -429,10 +439,7 @@ def _run(
     kept: stored.Stored | None,
     as_json: bool,
 ) -> tuple[Run, float]:
-    """What came of it, and how long it took (s): drives up, and the program or the record run to its end."""
-    under.come_up()
-    if record is not None:
-        record.stand(bench)
+    """What came of it, and how long it took (s): the program or the record run to its end."""
     under.begin()
     began_s = time.perf_counter()
     with bar("simulating", as_json) as progress:

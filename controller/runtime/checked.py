@@ -15,6 +15,7 @@ from dataclasses import field, replace
 from pathlib import Path
 from typing import Any
 
+from controller.geometry.vectors import ROUNDING
 from controller.machine.kinematics import Kinematics, kinematics_of
 from controller.machine.model import TOOL_AT_POWER_ON, Joints, Machine
 from controller.messages import Said, said
@@ -78,6 +79,13 @@ class Walk:
 def task(text: bytes, name: str, machine: Machine) -> Task:
     """A program to be run from the homed position."""
     return Task(text, name, machine, kinematics_of(machine), homed(machine))
+
+
+def standing(asked: Task, joints: Joints) -> Task:
+    """A task from where the machine stands: homing by a switch leaves an axis beside its edge."""
+    if max(abs(a - b) for a, b in zip(joints, asked.start, strict=True)) <= ROUNDING:
+        return asked
+    return replace(asked, start=joints)
 
 
 def path_of(
@@ -186,6 +194,14 @@ def walk_of(asked: Task, kept: Stored | None, unchecked: bool, progress: Progres
     if kept is not None:
         placements.learn(kept.placements)
     return _noted(path_of(asked, kept.choices if kept else None), kept.notes if kept else ())
+
+
+def walk_from(asked: Task, walk: Walk, joints: Joints, unchecked: bool) -> Walk:
+    """That path, begun where the machine stands."""
+    stands = standing(asked, joints)
+    if stands is asked:
+        return walk
+    return _noted(path_of(stands, None if unchecked else walk.choices), walk.notes)
 
 
 def _walked(walk: Walk) -> Watched:

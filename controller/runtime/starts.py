@@ -10,7 +10,6 @@ from collections.abc import Iterable, Mapping
 from dataclasses import asdict, replace
 from typing import Any
 
-from controller.geometry.vectors import ROUNDING
 from controller.machine.model import Joints, Machine
 from controller.plan.report.stored import Stored
 from controller.plan.restart.program_position import Spot
@@ -65,8 +64,7 @@ def path_from(asked: Task, kept: Stored | None, start: Start) -> Walk:
     if start.spot is not None:
         entered = rest(asked, choices or {}, start).entered(start.joints, start.in_spindle)
         return Walk(entered, choices=choices or {})
-    if max(abs(a - b) for a, b in zip(start.joints, asked.start, strict=True)) > ROUNDING:
-        asked = replace(asked, start=start.joints)
+    asked = checked.standing(asked, start.joints)
     walk = checked.path_of(asked, choices, start.dry_run_mm, start.in_spindle, start.typed)
     walk.notes += kept.notes if kept is not None else ()
     return walk

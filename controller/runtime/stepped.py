@@ -64,7 +64,7 @@ KEEPALIVE_EVERY = 16  # turns of it
 IDLE_TICKS = 100  # at rest with nothing to do, while the planner has had many turns: nothing will come
 DRAIN_EVERY = 4096  # ticks between two looks at the recorder
 STANDING_WORDS = (Request.HOLD, Request.RESUME, Request.STOP)
-LONGEST_WAIT = 30_000  # ticks for enabling or homing
+PATIENCE_S = 10.0  # beyond the tick's own for enabling or homing, which tells more
 # Looked up every tick, and an enum's members are slow to look up.
 _RUNNING: Final = Mode.RUNNING
 _HOLD: Final = Mode.HOLD
@@ -283,7 +283,8 @@ class SteppedMachine:
         # SDO has let time pass on the bus alone.
         self._offset_s = self.rig.now_s - self.clock.now_s()
         number = self.request(request, value)
-        for _ in range(LONGEST_WAIT):
+        longest_s = stop_times.ENABLE_S + stop_times.HOMING_S + PATIENCE_S
+        for _ in range(round(longest_s / self.machine.period_s)):
             self.tick()
             now = self.board.read()
             if now is not None and (came := came_to(now, number, request, value, wanted)) is not None:

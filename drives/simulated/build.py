@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from drives.settings import IoSettings, NodeSettings, SpindleSettings
-from drives.simulated import families
+from drives.simulated import families, homing
 from drives.simulated.data_sheet import EDS
 from drives.simulated.drive import SimulatedDrive
 from drives.simulated.io_node import IO_EDS, IoNode
@@ -36,7 +36,35 @@ def drive(settings: NodeSettings, parameters: Parameters) -> SimulatedDrive:
     nature = _sized(parameters, *_needs(settings))
     made = SimulatedDrive(settings.node, nature, Path(settings.eds) if settings.eds else EDS)
     made.dictionary.believe(settings.overrides)
-    return families.restrict(made, settings.profile)
+    families.restrict(made, settings.profile)
+    usual = Parameters()
+    if nature.switches == usual.switches and nature.home_switch == usual.home_switch:
+        _place_switches(made, settings)
+    return made
+
+
+def _place_switches(made: SimulatedDrive, settings: NodeSettings) -> None:
+    """Where homing by a switch or an index pulse leads to the position that the machine file gives it."""
+    axis, nature = made.axis, made.parameters
+    if settings.absolute or settings.homing_method not in homing.METHODS:
+        return
+    units = axis.units
+    units.configure()
+    pace = homing.Pace(
+        settings.homing_fast_counts_s or units.speed_at(0x6099, 1) / units.scale,
+        settings.homing_slow_counts_s or units.speed_at(0x6099, 2) / units.scale,
+        settings.homing_acceleration_counts_s2 or units.acceleration_at(0x609A) / units.scale,
+    )
+    at, travel = settings.homing_position_counts, (settings.counts_min, settings.counts_max)
+    site = homing.site(settings.homing_method, at, travel, pace, nature.index_counts / units.scale)
+
+    def counted(*places: float) -> list[float]:
+        """In the counting from power-on, rising."""
+        return sorted(nature.position_counts + units.increments(q - site.stand) for q in places)
+
+    low, high = counted(*site.limits)
+    first, last = counted(*site.home)
+    axis.sensors.place((low, high), (first, last), counted(site.index)[0])
 
 
 def _needs(settings: NodeSettings) -> tuple[float, float]:

@@ -30,6 +30,8 @@ LEFT, RIGHT = 0, 1  # edges of the window in which a switch is pressed
 NEGATIVE, POSITIVE, HOME = 0, 1, 2  # switches
 # An axis that finds no switch within this many counts has none.
 LONGEST_SEARCH = 2.0**32
+SEARCH_S = 1.0  # that a search takes from where the axis of a machine was left
+CAM_S = 0.05  # of the search, beyond twice its braking distance: so long is a cam
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,6 +87,7 @@ def _table() -> dict[int, Method]:
 
 METHODS = _table()
 INDEX_ONLY = (33, 34)
+ONE_EDGED = (3, 4, 5, 6, 19, 20, 21, 22)  # their switch is pressed from its edge to the end of the travel
 KNOWN = frozenset(METHODS) - frozenset(END_STOPS) | frozenset(HERE)
 
 
@@ -114,6 +117,38 @@ class Pace:
     fast: float
     slow: float
     acceleration: float
+
+
+@dataclass(frozen=True, slots=True)
+class Site:
+    """Where an axis was left at power-on, and where its switches and one index pulse are (position units)."""
+
+    stand: float
+    limits: tuple[float, float]
+    home: tuple[float, float]
+    index: float
+
+
+def site(number: int, point: float, travel: tuple[float, float], pace: Pace, index: float) -> Site:
+    """An axis on which a method with a switch ends at ``point`` of its ``travel`` (position units, as homed).
+
+    It was left so far off that the search takes ``SEARCH_S``; ``index``: from one pulse to the next.
+    A cam is longer than the braking distance of the search, as it must be on a machine.
+    """
+    method, (low, high) = METHODS[number], travel
+    cam = pace.fast * (pace.fast / pace.acceleration + CAM_S) if pace.acceleration else 0.0
+    edge = point - method.direction * index / 4.0 if method.index else point
+    off = min(SEARCH_S * pace.fast, (high - low) / 4.0)
+    stand = edge - method.first * off
+    if method.switch == HOME and not low <= stand <= high:
+        stand = edge + method.first * off
+    limits = (
+        edge if method.switch == NEGATIVE else low - cam,
+        edge if method.switch == POSITIVE else high + cam,
+    )
+    far = math.inf if number in ONE_EDGED else cam
+    home = (edge, edge + far) if method.edge == LEFT else (edge - far, edge)
+    return Site(stand, limits, home, point)
 
 
 class Phase(Enum):

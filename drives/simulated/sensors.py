@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 
 from drives.simulated.brake import MASK_AT, SET, Brake
 from drives.simulated.data_sheet import key
@@ -61,6 +62,15 @@ class Sensors:
         first, last = nature.home_switch
         windows = ((-math.inf, low + moved), (high + moved, math.inf), (first + moved, last + moved))
         return Ground(windows, nature.index_counts, nature.index_offset + moved)
+
+    def place(
+        self, switches: tuple[float, float], home_switch: tuple[float, float], index_offset: float
+    ) -> None:
+        """Where they are from now on (power-on counting), in place of the parameters' own."""
+        self._nature = replace(
+            self._nature, switches=switches, home_switch=home_switch, index_offset=index_offset
+        )
+        self._switches = switches
 
     def place_switch(self, counts: float | None) -> None:
         """A limit switch at a position (present counting), at the end beyond it; None: as they were."""

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 from support.drives.lone_drive import START, Lone
 from support.drives.stepped_drives import nodes
 
+from drives.profile import Override
 from drives.settings import BusSettings, IoSettings, SpindleSettings
 from drives.simulated import IoNode, Parameters, SimulatedDrive, build, rig
+from drives.simulated.homing import HOME, METHODS, NEGATIVE, POSITIVE
 
 BUSES = [BusSettings("left", "virtual", "", 1_000_000), BusSettings("right", "virtual", "", 500_000)]
 SPINDLE = SpindleSettings("spindle", "right", 10, "", counts_per_rev=4096.0)
@@ -82,3 +86,22 @@ def test_a_rig_has_every_node_on_its_bus() -> None:
     made.advance(0.05)
     assert heard == {"left": {0x701, 0x702}, "right": {0x70A, 0x70B}}
     assert list(made.drives) == ["X", "Y"] and made.spindle is not None and made.io["io"].node_id == 11
+
+
+@pytest.mark.parametrize("polarity", [0, 0x80])
+@pytest.mark.parametrize("method", sorted(set(METHODS) - {33, 34}))
+def test_an_axis_was_left_beside_the_switch_that_its_search_comes_to_first(
+    method: int, polarity: int
+) -> None:
+    axis = replace(nodes()[0], homing_method=method, homing_position_counts=7_000_000)
+    told = replace(axis, counts_min=-60_000_000, counts_max=60_000_000, homing_fast_counts_s=4_000_000)
+    made = build.drive(
+        replace(told, overrides=(Override(0x607E, 0, "mirrored", default=polarity),)), Parameters()
+    )
+    ground, rests = made.axis.sensors.ground(), made.axis.servo.position
+    way = METHODS[method].mirrored() if polarity else METHODS[method]
+    assert not any(ground.pressed(switch, rests) for switch in (NEGATIVE, POSITIVE, HOME))
+    ahead = [k for k in range(1, 200) if ground.pressed(way.switch, rests + way.first * k * 100_000.0)]
+    assert 10 <= ahead[0] <= 41, "a second of the search, less the cam"
+    ends = [ground.windows[NEGATIVE][1], ground.windows[POSITIVE][0]]
+    assert ends[1] - ends[0] > (120_000_000 if way.switch == HOME else 50_000_000), "the travel is free"
