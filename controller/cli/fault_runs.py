@@ -55,7 +55,13 @@ class FaultRun:
             self._bench.come_up()
         except (SessionError, CommissionError) as error:  # the latter: a drive no longer answers
             self._bench.stand_still()
-            raise Refused(str(error), result="fault", **self.facts()) from error
+            raise self.ended(str(error), result="fault", **self.facts()) from error
+
+    def ended(self, sentence: str, **facts: Any) -> Refused:
+        """A run that has ended in a fault: one that the script has planted before it was asked for."""
+        if self._injected is None or not self._injected.done():
+            return Refused(sentence, **facts)
+        return console.as_asked("fault", sentence, **facts)
 
     def begin(self) -> None:
         """The program begins with the next tick."""

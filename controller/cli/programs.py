@@ -32,9 +32,10 @@ from controller.runtime import checked, recording, records, starts
 from controller.runtime import events as event_files
 from controller.runtime.bus_load import overload
 from controller.runtime.startup import SessionError
+from controller.state import queue_refusals
 from controller.state.modes import Fault
 from controller.verify import tables, wording
-from controller.verify.console import Refused, bar, refusals, show, spoken, tell
+from controller.verify.console import AS_ASKED, Refused, as_asked, bar, refusals, show, spoken, tell
 from controller.verify.rows import Rows
 from controller.workers import Spread
 
@@ -367,7 +368,7 @@ def simulate(
         }
         if script is not None and not as_json:
             fault_runs.show(figures["faults"])
-        _end_run(run, bench.planner.error, record, figures, as_json)
+        _end_run(run, bench.planner.error, record, under, figures, as_json)
 
 
 class _Outputs(NamedTuple):
@@ -452,18 +453,27 @@ def _end_run(
     run: Run,
     refusal: ProgramError | None,
     record: RecordedRun | None,
+    under: FaultRun,
     figures: dict[str, Any],
     as_json: bool,
 ) -> None:
     if record is not None:  # a fault that comes again is what was asked for
-        _end("table.replayed", {**figures, **record.judge(run)}, as_json)
+        figures = {**figures, **record.judge(run)}
+        if run.result in AS_ASKED:
+            raise as_asked(run.result, **figures, line=run.line)
+        _end("table.replayed", figures, as_json)
         return
     if run.fault is not Fault.NONE:  # also a hold that waits for somebody to close a door
-        raise Refused(run.fault_text, **figures)
+        raise under.ended(run.fault_text, **figures)
     if refusal is not None:
         why = messages.several(refusal.placed, messages.said("stands_before"))
         place = {"line": refusal.line, "column": refusal.column}
         raise Refused(messages.text(why, spoken.get()), **figures, **place)
+    if run.result in AS_ASKED:
+        raise as_asked(run.result, **figures, line=run.line)
+    if run.result != "completed":
+        why = messages.several(messages.said("ended.stuck", line=run.line), queue_refusals.told(run.refusal))
+        raise Refused(messages.text(why, spoken.get()), **figures, line=run.line)
     _end("table.simulated", figures, as_json)
 
 
@@ -590,7 +600,7 @@ def _demo(part: str, out: Path, made: Machine, store: Path | None, unchecked: bo
         "trace": str(trace_file),
     }
     if cut.sentence:
-        raise Refused(cut.sentence, **figures)
+        raise as_asked(cut.result, **figures) if cut.result in AS_ASKED else Refused(cut.sentence, **figures)
     _end("table.live", figures, as_json)
     if not as_json:
         show.print(f"Picture: {picture}   Trace: {trace_file}", markup=False)

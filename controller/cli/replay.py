@@ -14,7 +14,7 @@ from controller.ipc import control_socket
 from controller.machine.toml_table import ConfigError
 from controller.runtime import checked, events, starts
 from controller.runtime.startup import SessionError
-from controller.verify.console import Refused, bar, refusals, show, tell
+from controller.verify.console import AS_ASKED, Refused, as_asked, bar, refusals, show, tell
 
 RunName = Annotated[
     str,
@@ -50,7 +50,7 @@ def replay(
     homing and jogs between programs: a run begins where they have left the axes.
 
     Exit code 0: the same setpoints. 1: others, with the first tick, time, axis and difference; or no
-    record to be made again.
+    record to be made again. 4: the same setpoints, of a run that was held or stopped before its end.
     """
     with refusals(as_json, _expected):
         folder = folder_of(run, state)
@@ -58,6 +58,8 @@ def replay(
         if trace_file is not None:
             trace_file.open("ab").close()
         figures = {"run": folder.name, **_made_again(record, trace_file, as_json)}
+        if figures["result"] in AS_ASKED:
+            raise as_asked(figures["result"], _told(figures), **figures)
         if as_json:
             print(json.dumps({"ok": True, **figures}))
         else:
@@ -129,6 +131,7 @@ def _made_again(record: RecordedRun, trace_file: Path | None, as_json: bool) -> 
         "machine": record.machine.name,
         "period_s": record.machine.period_s,
         "result": run.result,
+        "line": run.line,
         **record.judge(run),
         "trace": str(trace_file) if trace_file is not None else None,
     }

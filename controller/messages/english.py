@@ -394,6 +394,28 @@ REFUSALS = {
     "silent_door": "{path}: the machine's service is there and gives no answer ({why}); repeat.",
     "no_answer_within": "no answer within {seconds:g} s",
     "own_error": "The service met an error of its own; report this: {error}",
+    # --- why the tick does not take a part of the plan
+    "queue.NONE": "The last part of the plan was taken.",
+    "queue.OLD": "An older part of the plan came again and was left out.",
+    "queue.VOID": "A part of the plan came with a stop that makes the queue void, and was left out.",
+    "queue.MODE": "The machine takes motion only in READY, RUNNING and HOLD; enable it, and start the "
+    "program again.",
+    "queue.EPOCH": "A part of the plan was made for a queue that has been given up since; the plan begins "
+    "anew from where the tool stands.",
+    "queue.STOPPING": "The tool is leaving the plan for a standstill; the plan goes on from there.",
+    "queue.EMPTY": "A part of the plan had no motion in it; stop, load the program again, and report this.",
+    "queue.LATE": "A part of the plan came too late to replace what runs; the tool goes on to the end of "
+    "what is queued. Where this stays so the computer has too little time: take load off it.",
+    "queue.GAP": "A part of the plan begins after the end of what is queued; stop, load the program again, "
+    "and report this.",
+    "queue.UNKNOWN_MOTION": "A part of the plan is of a motion that never came; stop, load the program "
+    "again, and report this.",
+    "queue.UNREACHABLE": "The axes cannot take the place at which the plan begins; stop, move the axes off "
+    "by hand, and start again.",
+    "queue.ELSEWHERE": "The plan begins beside the place where the axes stand, so nothing moves; stop, and "
+    "start the program again from where they are.",
+    "queue.JUMP": "The plan goes on at another place than the queue is at then; stop, load the program "
+    "again, and report this.",
     # --- what became of a program
     "given_up": "The {verb} was given up.",
     "service_ended": "The service was ended.",

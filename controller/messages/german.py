@@ -409,6 +409,30 @@ REFUSALS = {
     "versuchen.",
     "no_answer_within": "keine Antwort binnen {seconds:g} s",
     "own_error": "Der Dienst traf auf einen eigenen Fehler; das bitte melden: {error}",
+    # --- weshalb der Takt einen Teil des Plans nicht annimmt
+    "queue.NONE": "Der letzte Teil des Plans wurde angenommen.",
+    "queue.OLD": "Ein älterer Teil des Plans kam noch einmal und wurde ausgelassen.",
+    "queue.VOID": "Ein Teil des Plans kam mit einem Halt, der die Warteschlange ungültig macht, und wurde "
+    "ausgelassen.",
+    "queue.MODE": "Die Maschine nimmt Bewegung nur in READY, RUNNING und HOLD an; einschalten und das "
+    "Programm neu starten.",
+    "queue.EPOCH": "Ein Teil des Plans war für eine Warteschlange, die inzwischen aufgegeben ist; der Plan "
+    "beginnt neu, wo das Werkzeug steht.",
+    "queue.STOPPING": "Das Werkzeug verlässt den Plan zum Stillstand; von dort geht der Plan weiter.",
+    "queue.EMPTY": "Ein Teil des Plans enthielt keine Bewegung; anhalten, das Programm neu laden und dies "
+    "melden.",
+    "queue.LATE": "Ein Teil des Plans kam zu spät, um zu ersetzen, was läuft; das Werkzeug fährt bis zum "
+    "Ende dessen, was ansteht. Bleibt das so, hat der Rechner zu wenig Zeit: ihn entlasten.",
+    "queue.GAP": "Ein Teil des Plans beginnt nach dem Ende dessen, was ansteht; anhalten, das Programm neu "
+    "laden und dies melden.",
+    "queue.UNKNOWN_MOTION": "Ein Teil des Plans gehört zu einer Bewegung, die nie kam; anhalten, das "
+    "Programm neu laden und dies melden.",
+    "queue.UNREACHABLE": "Die Achsen können den Ort nicht einnehmen, an dem der Plan beginnt; anhalten, die "
+    "Achsen von Hand wegfahren und neu starten.",
+    "queue.ELSEWHERE": "Der Plan beginnt neben dem Ort, an dem die Achsen stehen, deshalb bewegt sich "
+    "nichts; anhalten und das Programm von dort neu starten.",
+    "queue.JUMP": "Der Plan geht an einem anderen Ort weiter, als die Warteschlange dann ist; anhalten, das "
+    "Programm neu laden und dies melden.",
     # --- what became of a program
     "given_up": "{verb} wurde aufgegeben.",
     "service_ended": "Der Dienst wurde beendet.",

@@ -26,6 +26,8 @@ REFUSALS = {
     "{degrees:g} degrees, joint_tolerance_mm and _deg in [machine]), and are left by {mm:g} mm at most; "
     "other corners are exact. G61 keeps all exact, G64 P allows more.",
     "note.swivel": "Stops at the pole between two blocks and turns the rotary axis under the standing tool.",
+    "note.spindle_not_driven": "No spindle is driven: S and M3 do nothing here. Give [spindle] "
+    "a bus and a node, or switch it by hand.",
     "note.spindle_off": "Feeds with a spindle that was never started: no M3 or M4 with S stands before "
     "this line.",
     "note.stops_for": "Stops until {tool} is in the spindle.",

@@ -26,6 +26,8 @@ REFUSALS = {
     "{degrees:g} Grad, joint_tolerance_mm und _deg in [machine]), und werden um höchstens {mm:g} mm "
     "verlassen; andere Ecken sind genau. G61 fährt alle genau, G64 P erlaubt mehr.",
     "note.swivel": "Hält am Pol zwischen zwei Sätzen und dreht die Rundachse unter dem stehenden Werkzeug.",
+    "note.spindle_not_driven": "Keine Spindel wird angetrieben: S und M3 tun hier nichts. [spindle] "
+    "einen Bus und einen Knoten geben, oder sie von Hand schalten.",
     "note.spindle_off": "Vorschub mit stehender Spindel: vor dieser Zeile steht kein M3 oder M4 mit S.",
     "note.stops_for": "Hält, bis {tool} in der Spindel ist.",
     "note.no_tool": "kein Werkzeug",

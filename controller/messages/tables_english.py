@@ -5,6 +5,11 @@ from __future__ import annotations
 LANGUAGE = "en"
 
 REFUSALS = {
+    # --- how a run on the stepped clock ended, where it is no success
+    "ended.held": "The run was held at line {line}, as asked, and nobody went on.",
+    "ended.stopped": "The run was stopped at line {line}, as asked.",
+    "ended.fault": "The script of faults has planted it.",
+    "ended.stuck": "Nothing moves at line {line}, and nobody has asked for that.",
     # --- tables of check, simulate, verify, fit and explain
     "table.blocks": "Blocks: mm, s, mean feed of the programmed (mm/min), and what binds",
     "table.joints": "Joints over the whole path (mm, degrees) and shares of their limits",

@@ -5,6 +5,11 @@ from __future__ import annotations
 LANGUAGE = "de"
 
 REFUSALS = {
+    # --- wie ein Lauf auf der schrittweisen Uhr endete, der kein Erfolg ist
+    "ended.held": "Der Lauf wurde in Zeile {line} wie verlangt angehalten, und niemand setzte ihn fort.",
+    "ended.stopped": "Der Lauf wurde in Zeile {line} wie verlangt abgebrochen.",
+    "ended.fault": "Das Fehlerskript hat ihn herbeigeführt.",
+    "ended.stuck": "In Zeile {line} bewegt sich nichts, und niemand hat das verlangt.",
     # --- Tabellen von check, simulate, verify, fit und explain
     "table.blocks": "Sätze: mm, s, mittlerer vom programmierten Vorschub (mm/min), was begrenzt",
     "table.joints": "Achsen über den ganzen Weg (mm, Grad), Anteile an ihren Grenzen",

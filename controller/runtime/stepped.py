@@ -46,6 +46,7 @@ from controller.runtime.simulation import surround
 from controller.runtime.startup import Came, SessionError, StartUp, arrangement, came_to, no_start
 from controller.state import stop_times
 from controller.state.modes import Fault, Mode, Request, sentence
+from controller.state.queue_refusals import QueueRefusal
 from controller.tick.cycle import Cycle
 from controller.tick.loop import Loop, SteppedClock
 from controller.values import dataclass
@@ -78,7 +79,7 @@ class Run:
     """What came of one program: rows of the recorder from cycle start, and how it ended."""
 
     rows: Rows
-    result: str  # "completed", "stopped", "held" or "fault"
+    result: str  # "completed", "fault", "stopped" or "held" as asked, or "stuck": nobody has asked for it
     fault: Fault
     fault_axis: int
     first_tick: int
@@ -86,6 +87,12 @@ class Run:
     assumed_resumes: int  # program stops (M0) after which an operator's resume was assumed
     events_left: int  # requests whose tick the run did not reach
     fault_text: str = ""  # for the operator, and where the recording lies
+    refusal: QueueRefusal = QueueRefusal.NONE  # of the plan's last message, where it is stuck
+
+    @property
+    def line(self) -> int:
+        """Of the program, at its end; 0 = none."""
+        return int(self.rows[-1, COLUMN["line"]]) if len(self.rows) else 0
 
 
 def _end_of_program(rows: Rows) -> int:
@@ -479,8 +486,9 @@ class SteppedMachine:
         modes = self.cycle.modes
         if modes.mode is Mode.FAULT:
             result = "fault"
-        elif modes.mode in (Mode.HOLD, Mode.RUNNING):  # running with an override of 0
-            result = "held"
+        elif modes.mode in (Mode.HOLD, Mode.RUNNING):
+            asked = modes.mode is Mode.HOLD or 0.0 in (modes.override, modes.rapid_override)
+            result = "held" if asked else "stuck"
         else:
             stopped = any(e.request is Request.STOP and e.tick < n for e in events)
             result = "stopped" if stopped and not self.planner.finished_path else "completed"
@@ -497,4 +505,5 @@ class SteppedMachine:
             resumes,
             left,
             self.fault_text,
+            self.cycle.refusal if result == "stuck" else QueueRefusal.NONE,
         )

@@ -18,8 +18,10 @@ from controller.service.jobs import UNDER_WAY
 from controller.service.planner_client import Way
 from controller.service.usage import Usage
 from controller.service.watchdog import STANDS_S
+from controller.state import queue_refusals
 from controller.state.live_state import told as told_by_tick
 from controller.state.modes import Binding, Fault, Mode, binding_text, told
+from controller.state.queue_refusals import QueueRefusal
 
 PER_MIN = 60.0
 AT_LIMIT = 1e-3  # mm or rad from the end of the travel
@@ -106,7 +108,13 @@ def unknown(value: Any) -> Any:
 def _notices(now: Snapshot) -> list[dict[str, Any]]:
     """What stands in the way, or stopped nothing."""
     faults = [fault for fault in (now.interlock, now.warning) if fault is not Fault.NONE]
-    return [{"name": fault.name, **told(fault)} for fault in faults]
+    found = [{"name": fault.name, **told(fault)} for fault in faults]
+    stuck = now.mode is Mode.RUNNING and now.at_rest and now.refusal is not QueueRefusal.NONE
+    return (
+        [*found, {"name": f"QUEUE_{now.refusal.name}", **queue_refusals.told(now.refusal)}]
+        if stuck
+        else found
+    )
 
 
 def tool_change(machine: Machine, number: int, usage: Usage | None = None) -> dict[str, Any]:

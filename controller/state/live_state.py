@@ -22,6 +22,7 @@ from typing import Annotated, Any, NamedTuple, get_args, get_type_hints
 
 from controller.messages import Said
 from controller.state.modes import MAX_AXES, Fault, Mode
+from controller.state.queue_refusals import QueueRefusal
 from controller.state.requests import ANSWERS, PLAN_IDS, Outcome, outcome
 
 ANALOGUE = 4  # outputs at most
@@ -176,6 +177,7 @@ class Snapshot(NamedTuple):
     late_max_s: float = _value("sync", "the latest tick so far", "s", status="tick.late_max_ms ms 1e3")
     accepted: int = _value("cycle", "sequence of the last message taken")
     rejected: int = _value("cycle", "sequence of the last message refused")
+    refusal: QueueRefusal = _value("cycle", "why the last message was not taken, NONE: it was")
     single_block: bool = _value("modes", "stop after every block", status="single_block")
     optional_stop: bool = _value("modes", "M1 stops", status="optional_stop")
     adaptive_feed: bool = _value(

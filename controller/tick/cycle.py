@@ -24,6 +24,7 @@ from controller.ipc.handoff import (
     Arrangement,
     Outcome,
     PieceInbox,
+    PieceMessage,
     Recorder,
     RequestInbox,
     SnapshotBoard,
@@ -32,6 +33,7 @@ from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Joints, Machine
 from controller.state import stop_times
 from controller.state.modes import ALWAYS, BY_HAND, DROPS, Fault, Mode, Request, bars
+from controller.state.queue_refusals import QueueRefusal
 from controller.tick.adaptive import Adaptive
 from controller.tick.check import Check
 from controller.tick.coupling import Coupling
@@ -52,6 +54,7 @@ _HOLD: Final = Mode.HOLD
 _ENDING: Final = Phase.ENDING
 _STEADY: Final = Phase.STEADY
 _NONE: Final = Fault.NONE
+_TAKEN: Final = QueueRefusal.NONE
 _LOST: Final = Step.LOST
 _STOP: Final = Step.STOP
 _END: Final = Step.END
@@ -131,6 +134,7 @@ class Cycle:
         self._repeated = 0  # ticks since the last one that was run
         self.accepted = 0  # sequence of the last message taken
         self.rejected = 0
+        self.refusal = _TAKEN  # of the last message
         # What is of this tick alone, for ``live_state``.
         self.accepted_now = 0
         self.taken = 0
@@ -342,14 +346,25 @@ class Cycle:
             self._silent += 1
         if message is None:
             return
-        newer = message.sequence > self.accepted and not void
-        if newer and self.modes.takes_pieces and self.follow.accept(message):
+        self.refusal = self._refusal(message, void)
+        if self.refusal is _TAKEN:
             self.accepted = self.accepted_now = message.sequence
             if self.jogging.away and self.follow.begins_here(message):
                 self.jogging.forget_hold()
         else:
             self.rejected = message.sequence
             self.accepted_now = -message.sequence
+
+    def _refusal(self, message: PieceMessage, void: bool) -> QueueRefusal:
+        """Why a message is not taken; NONE: it has been."""
+        if message.sequence <= self.accepted:
+            return QueueRefusal.OLD
+        if void:
+            return QueueRefusal.VOID
+        if not self.modes.takes_pieces:
+            return QueueRefusal.MODE
+        self.follow.accept(message)
+        return self.follow.refusal
 
     def _planner_gone(self) -> bool:
         return self._pieces.closed or self._silent > self._silence_ticks

@@ -24,6 +24,7 @@ from controller.machine.kinematics import Kinematics
 from controller.machine.model import Joints, Machine
 from controller.motion.motions import Motion
 from controller.motion.pieces import commit_lead_s
+from controller.state.queue_refusals import QueueRefusal
 from controller.tick.coupling import Coupling
 from controller.tick.queue import Brake, Entry, Stops, entries_of
 
@@ -40,6 +41,8 @@ class Step(IntEnum):
     SET = 4  # spindle, coolant or clamps are to be as ``told`` says before motion goes on
 
 
+_TAKEN: Final = QueueRefusal.NONE
+_UNKNOWN_MOTION: Final = QueueRefusal.UNKNOWN_MOTION
 _MOVED: Final = Step.MOVED  # looked up every tick, and an enum's members are slow to look up
 
 
@@ -74,6 +77,7 @@ class Follow:
         self.line = 0  # of the program
         self.limited_by = 0
         self.epoch = 0  # queues given up so far
+        self.refusal = _TAKEN  # of the last message
         self.optional_stop = self.single_block = False  # the operator's switches: which marks count
 
     # -- state
@@ -144,19 +148,19 @@ class Follow:
     # -- taking pieces
 
     def accept(self, message: PieceMessage) -> bool:
-        """Takes a message whole, or not at all (False).
+        """Takes a message whole, or not at all (False, and ``refusal`` says why).
 
         It must be made for this queue (epoch), begin between the commit point and the queue's end,
         know its motions, and go on where the queue is.
         """
         start = message.replace_from_s
-        if message.epoch != self.epoch or self._brake.active:
-            return False
-        if start < self.commit_s - ROUNDING or start > self.queue_end_s + ROUNDING:
-            return False
         appended = start >= self.queue_end_s - ROUNDING
+        self.refusal = self._refusal_of_time(message)
+        if self.refusal is not _TAKEN:
+            return False
         entries = entries_of(message, self._motions, self.queue_end_s if appended else start)
-        if entries is None or not self._continues(entries):
+        self.refusal = _UNKNOWN_MOTION if entries is None else self._refusal_of_place(entries)
+        if entries is None or self.refusal is not _TAKEN:
             return False
         if not appended:
             self._truncate(start)
@@ -176,11 +180,23 @@ class Follow:
         moves = message.pieces[0].motion_id >= 0
         return moves and message.replace_from_s <= self.tau + ROUNDING
 
-    def _continues(self, entries: Sequence[Entry]) -> bool:
-        """Whether the first new motion, also behind a pause, begins where the queue is at that time."""
+    def _refusal_of_time(self, message: PieceMessage) -> QueueRefusal:
+        """Why a message is not for the queue as it is now."""
+        if message.epoch != self.epoch:
+            return QueueRefusal.EPOCH
+        if self._brake.active:
+            return QueueRefusal.STOPPING
+        if not message.pieces:
+            return QueueRefusal.EMPTY
+        if message.replace_from_s < self.commit_s - ROUNDING:
+            return QueueRefusal.LATE
+        return QueueRefusal.GAP if message.replace_from_s > self.queue_end_s + ROUNDING else _TAKEN
+
+    def _refusal_of_place(self, entries: Sequence[Entry]) -> QueueRefusal:
+        """Unless the first new motion, also behind a pause, begins where the queue is at that time."""
         first = next((entry for entry in entries if entry.motion is not None), None)
         if first is None or first.motion is None:
-            return True
+            return _TAKEN
         paused, here = entries[0] is not first, entries[0].start_s <= self.tau + ROUNDING
         if here and not (paused and self.coupling.active):
             near = self._rotaries(self.joints)
@@ -188,11 +204,14 @@ class Follow:
             if first.thread is not None:
                 s = self.coupling.place(first.thread, s)
             new = first.motion.joints(s, near, self._kinematics)
-            return new is not None and self.same_place(new, self.joints)
+            if new is None:
+                return QueueRefusal.UNREACHABLE
+            return _TAKEN if self.same_place(new, self.joints) else QueueRefusal.ELSEWHERE
         old = self._entry_at(first.start_s)
         if paused or old is None or old.piece.motion_id != first.piece.motion_id:
-            return True  # a boundary of two motions far ahead: the check of each setpoint stands behind
-        return abs(old.at(first.start_s)[0] - first.at(first.start_s)[0]) <= SAME_PLACE
+            return _TAKEN  # a boundary of two motions far ahead: each setpoint is checked there
+        goes_on = abs(old.at(first.start_s)[0] - first.at(first.start_s)[0]) <= SAME_PLACE
+        return _TAKEN if goes_on else QueueRefusal.JUMP
 
     def _entry_at(self, tau: float) -> Entry | None:
         return next((e for e in self._queue[self._now :] if e.start_s <= tau < e.end_s), None)

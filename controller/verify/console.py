@@ -94,6 +94,24 @@ class Misunderstood(Refused):
     exit_code = 2
 
 
+AS_ASKED = ("held", "stopped")  # results of runs that only an operator's word makes
+
+
+class EndedAsAsked(Refused):
+    """Ends it with exit code 4: neither a success nor a fault, but an end that the caller has asked for."""
+
+    exit_code = 4
+
+
+def as_asked(result: str, sentence: str = "", /, **values: Any) -> EndedAsAsked:
+    """The end of a run that was held or stopped, or got the fault, that somebody has asked for.
+
+    ``sentence`` goes before that of the end; of ``values`` the line is named in it, and all are its facts.
+    """
+    told = say(f"ended.{result}", line=values.get("line", 0))
+    return EndedAsAsked(f"{sentence} {told}".lstrip(), **{**values, "result": f"{result}_as_asked"})
+
+
 @contextlib.contextmanager
 def refusals(as_json: bool, expected: Callable[[], tuple[type[Exception], ...]]) -> Iterator[None]:
     """Turns what a user can mend into one sentence and exit code 1.

@@ -42,7 +42,7 @@ def under(faults: str, *words: object) -> tuple[int, Told]:
 
 def test_a_fault_ends_the_run_with_its_sentence_and_all_that_was_seen(part: Path) -> None:
     code, told = under("at 0.5 s: silence Y for 900 ms\nat 100 s: drop sync")
-    assert code == 1 and told["result"] == "fault" and told["fault"] == "FEEDBACK_LOST"
+    assert code == 4 and told["result"] == "fault_as_asked" and told["fault"] == "FEEDBACK_LOST"
     assert told["error"].startswith("Axis Y: A drive did not report")
     faults = told["faults"]
     assert faults["from"] == "program"
@@ -64,7 +64,7 @@ def test_a_fault_ends_the_run_with_its_sentence_and_all_that_was_seen(part: Path
 def test_people_get_it_in_80_columns(part: Path) -> None:
     Path("faults.txt").write_text("at 0.5 s: silence Y for 900 ms\n")
     code, out, err = run("--faults", "faults.txt")
-    assert code == 1 and "Axis Y: A drive did not report" in err
+    assert code == 4 and "Axis Y: A drive did not report" in err
     assert "FEEDBACK_LOST of Y: LOST_DRIVE" in out and "All motors stood " in out
     assert max(map(len, out.splitlines())) <= 80
 
@@ -102,14 +102,14 @@ def test_the_same_script_gives_the_same_run_bit_for_bit(part: Path, machine: str
 def test_faults_may_begin_with_homing(part: Path) -> None:
     """A drive that falls silent before it is enabled: the program never begins."""
     code, told = under("at 20 ms: silence X", "--faults-from", "home")
-    assert code == 1 and told["result"] == "fault"
+    assert code == 4 and told["result"] == "fault_as_asked"
     assert "did not become" in told["error"]
     assert told["faults"]["from"] == "home" and told["faults"]["raised"][0]["axis"] == "X"
 
 
 def test_a_drive_that_answers_no_more_while_it_is_homed_ends_the_run_with_its_facts(part: Path) -> None:
     code, told = under("at 66 ms: node_reset Y", "--faults-from", "home", "--machine", "fig4b")
-    assert code == 1 and told["result"] == "fault"
+    assert code == 4 and told["result"] == "fault_as_asked"
     assert "drive Y" in told["error"] and "no answer to SDO" in told["error"]
     assert told["faults"]["from"] == "home"
 
@@ -141,5 +141,12 @@ def test_what_cannot_be_understood_ends_with_2_before_anything_runs(part: Path) 
 @pytest.mark.parametrize("origin", ["program", "home"])
 def test_a_run_ends_and_stands_whatever_is_taken_from_it(part: Path, line: str, origin: str) -> None:
     code, told = under(f"at 0.25 s: {line}", "--faults-from", origin)
-    assert code == 1 and told["faults"]["mode"] == "FAULT"
+    assert code == 4 and told["faults"]["mode"] == "FAULT"
     assert told["faults"]["stood"]["after_ms"] is not None
+
+
+def test_a_fault_that_came_before_the_script_began_is_none_of_the_scripts(part: Path) -> None:
+    """X 3000 under G53 has no place, so the tool stops by itself while the script waits."""
+    Path("part.ngc").write_text("G0 X1\nG53 G0 X3000\n")
+    code, told = under("at 100 s: drop sync", "--unchecked")
+    assert (code, told["result"]) == (1, "refused")

@@ -29,6 +29,7 @@ from controller.machine.model import Joints
 from controller.motion.motions import Motion, SurfaceCut
 from controller.plan.feed.law import split
 from controller.state.modes import Fault, Mode, Request
+from controller.state.queue_refusals import QueueRefusal
 
 HERE: Joints = (0.0, 0.0, 0.0, 0.0, 0.0)
 THERE: Joints = (100.0, 60.0, -80.0, 1.0, 2.0)
@@ -435,10 +436,11 @@ def test_a_queue_that_begins_elsewhere_or_names_an_unknown_motion_is_refused() -
     piece, move = straight(HERE, THERE, rapid_law)
     bench.send([piece], {0: move})
     bench.tick()
-    assert bench.snapshot.rejected == 1
+    assert bench.snapshot.rejected == 1 and bench.snapshot.refusal is QueueRefusal.ELSEWHERE
     bench.send([piece._replace(motion_id=77)], {})
     bench.tick()
     assert bench.snapshot.rejected == 2 and not bench.cycle.follow.pending
+    assert bench.snapshot.refusal is QueueRefusal.UNKNOWN_MOTION
     for pauses in ([dwell(0.2)], [dwell(0.0, stop=True), dwell(0.2)]):
         bench.send([*pauses, piece], {0: move})
         bench.tick()

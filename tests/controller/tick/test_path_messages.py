@@ -22,6 +22,7 @@ from support.machines.shipped_kinds import machine
 
 from controller.ipc.handoff import StopTable, dwell
 from controller.motion.pieces import commit_lead_s
+from controller.state.queue_refusals import QueueRefusal
 from controller.tick.follow import Step
 
 # ---- stops
@@ -54,6 +55,7 @@ def test_a_stop_runs_along_the_path_its_rate_falls_to_nothing_and_the_queue_is_v
         assert follow.joints[0] == pytest.approx(follow.s, abs=1e-9)
         assert follow.limited_by == 0, "no limit of the plan's holds it now"
         assert not follow.accept(message(follow, [dwell(1.0)]))
+        assert follow.refusal is QueueRefusal.STOPPING
         rates.append(follow.rate)
     assert rates == sorted(rates, reverse=True) and rates[0] > 0.9 and rates[-1] == 0.0
     assert follow.tau == 20 * T, "the clock stands"

@@ -13,13 +13,15 @@ MILL = replace(shipped(), spindle=Spindle(24000.0))
 MOVES = "G21 G90\nG0 X1.\nG1 X2. F600\nG1 X3.\n"
 
 
-def lines(text: str, machine: Machine | None = None, **how: object) -> list[int]:
+def lines(
+    text: str, machine: Machine | None = None, key: str = "note.spindle_off", **how: object
+) -> list[int]:
     """Those of which it is told."""
     task = checked.task(text.encode(), "part.ngc", machine or MILL)
     walk = checked.path_of(task, **how)  # type: ignore[arg-type]
     for _ in walk.items:
         pass
-    return [note.place.line for note in walk.notes if note.said["key"] == "note.spindle_off"]
+    return [note.place.line for note in walk.notes if note.said["key"] == key]
 
 
 def test_the_first_feed_move_is_told_and_no_other() -> None:
@@ -38,3 +40,10 @@ def test_a_spindle_that_was_started_or_is_none_is_not_told() -> None:
 def test_neither_a_line_by_hand_nor_a_dry_run_is_told() -> None:
     assert lines(MOVES, in_spindle=1, typed=True) == []
     assert lines(MOVES, dry_run_mm=10.0) == []
+
+
+def test_where_no_drive_turns_it_the_first_m3_is_told_to_do_nothing() -> None:
+    key, driven = "note.spindle_not_driven", shipped("machining_centre")
+    text = "G21 G90\nS1000\nM3\nG1 X2. F600\nM5\nM4\n"
+    assert lines(text, key=key) == lines(text, replace(MILL, spindle=None), key) == [3]
+    assert lines("G21 G90\nS1000\n" + MOVES, key=key) == lines(text, driven, key) == []
