@@ -52,6 +52,7 @@ ELSEWHERE = {
     "down_{unit}": ("as many numbers as `at`", "`up` and `backlash`"),
     "off_mm": ("as many numbers as `at`", ""),
     "from_mm": ("", "0, or where the one before ends"),
+    "may_turn": ("", "true, but false of a probe"),
     "wear_radius_mm": ("up to 0.5 mm, and to half of the radius", ""),
 }
 
@@ -318,6 +319,7 @@ MEANINGS: Mapping[str, Mapping[str, str]] = {
         "tolerance_mm": "of the form of surfaces cut with it; left out: as the machine has it",
         "wear_radius_mm": "added to the radius; negative where the cutter has become thinner",
         "wear_length_mm": "added to the length; negative where it has become shorter",
+        "may_turn": "whether the spindle may turn with it; the probe of `[probe]` breaks of it",
     },
     "tool.holder": {
         "from_mm": "above the tip",

@@ -235,6 +235,7 @@ class Tool:
     tolerance_mm: float | None = None  # of the form of surfaces cut with it; None = as the machine has it
     wear_radius_mm: float = 0.0  # added to the radius: negative where the cutter has become thinner
     wear_length_mm: float = 0.0  # added to the length: negative where it has become shorter
+    may_turn: bool | None = None  # in the spindle; None: unless it is the probe
 
     @property
     def worn(self) -> Tool:
@@ -538,6 +539,13 @@ class Machine:
         if self.suspended or self.shift.xyz == ZERO:
             return frame
         return frame._replace(origin=frame.to_parent(self.shift.xyz))
+
+    def may_turn(self, tool: int) -> bool:
+        """Whether the spindle may turn with the tool of this number; a probe breaks of it."""
+        found = self.tool_as_told(tool)
+        if found is not None and found.may_turn is not None:
+            return found.may_turn
+        return self.probe is None or self.probe.tool != tool
 
     def sensor(self, tool: int) -> Sensor | None:
         """What a probing move with this tool in the spindle listens to: the probe itself, else the setter."""

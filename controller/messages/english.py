@@ -487,6 +487,8 @@ REFUSALS = {
     "not_number": "{name} {value!r}: must be a number from {lowest:g} to {highest:g}; correct it.",
     "not_whole": "{name} {value!r}: must be a whole number from 0; correct it.",
     "not_switch": "{name} {value!r}: must be true or false; correct it.",
+    "spindle_must_stand": "The spindle must not turn with T{tool} in it (a probe, or may_turn = false): "
+    "change the tool first, or write may_turn = true in its table.",
     "no_spindle": "The controller drives no spindle on this machine; switch it at the machine.",
     "no_adaptive": "Adaptive feed is not set up on this machine; write adaptive in [spindle] of its file.",
     "no_output": "{name}: the machine file has no such output; add it under [io] outputs.",

@@ -504,6 +504,8 @@ REFUSALS = {
     "not_number": "{name} {value!r}: muss eine Zahl von {lowest:g} bis {highest:g} sein; berichtigen.",
     "not_whole": "{name} {value!r}: muss eine ganze Zahl ab 0 sein; berichtigen.",
     "not_switch": "{name} {value!r}: muss true oder false sein; berichtigen.",
+    "spindle_must_stand": "Mit T{tool} darf die Spindel nicht drehen (ein Taster, oder may_turn = false): "
+    "zuerst das Werkzeug wechseln oder may_turn = true in seine Tabelle schreiben.",
     "no_spindle": "Die Steuerung treibt an dieser Maschine keine Spindel an; sie an der Maschine schalten.",
     "no_adaptive": "Adaptiver Vorschub ist an dieser Maschine nicht eingerichtet; adaptive in [spindle] "
     "ihrer Datei eintragen.",

@@ -310,6 +310,8 @@ REFUSALS = {
     "spindle.from_below": "the moves of a cutter from below",
     # --- tool
     "tool.unknown": "{word} names no tool: the tool table has {tools}; use one of these or add it",
+    "spindle.must_stand": "{code}: the spindle must not turn with T{tool} in it (a probe, or may_turn = "
+    "false): change the tool before, or write may_turn = true in its table",
     "tool.none_to_change": "M6 has no tool to change to: write T and its number before or beside it",
     "tool.no_pocket": "T{tool} has no pocket in the tool changer: give it one, or write a tool that has "
     "one: {known}",

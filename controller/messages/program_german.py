@@ -327,6 +327,8 @@ REFUSALS = {
     # --- tool
     "tool.unknown": "{word} nennt kein Werkzeug: in der Werkzeugtabelle stehen {tools}; eines davon "
     "verwenden oder es eintragen",
+    "spindle.must_stand": "{code}: mit T{tool} darf die Spindel nicht drehen (ein Taster, oder may_turn = "
+    "false): vorher das Werkzeug wechseln oder may_turn = true in seine Tabelle schreiben",
     "tool.none_to_change": "M6 hat kein Werkzeug zum Wechseln: T und seine Nummer davor oder daneben "
     "schreiben",
     "tool.no_pocket": "T{tool} hat keinen Platz im Werkzeugwechsler: ihm einen geben oder ein Werkzeug "

@@ -152,6 +152,9 @@ class State(NamedTuple):
         return feed
 
 
+TURNS = {1: "M3", -1: "M4"}  # by the sense in which the spindle turns
+
+
 def power_on() -> State:
     """T1 in the spindle, G17 G21 G40 G49 G54 G61 G90 G94, spindle and coolant off (DESIGN 1)."""
     return State(Modal(TOOL_AT_POWER_ON, 0, Side.RIGHT, 0.0, True, 0.0, 0.0, None, 0.0, 0))
@@ -356,7 +359,10 @@ class _Settings:
             raise self.ask.refusal(self.ask.codes["tool change"][1], "tool.m61")
         if word.value != 0.0:
             self._known_tool(word)
-        self._set_modal(self.state.with_tool(int(word.value), self._machine))
+        tool = int(word.value)
+        if self.state.turning and not self._machine.may_turn(tool):
+            raise self.ask.refusal(word, "spindle.must_stand", code=TURNS[self.state.turning], tool=tool)
+        self._set_modal(self.state.with_tool(tool, self._machine))
 
     def _spindle(self) -> None:
         if "spindle" not in self.ask.codes:
@@ -367,7 +373,7 @@ class _Settings:
             return
         if self._machine.io is not None and self._machine.io.orient is not None:
             self._let_go(len(self._machine.io.digital_out), word)
-        self._turn_spindle({"M3": 1, "M4": -1, "M5": 0}[code], word)
+        self._turn_spindle(next((way for way, name in TURNS.items() if name == code), 0), word)
 
     def _orient(self, word: Word) -> None:
         """M19: the spindle stops, its drive brings it to the angle, and motion waits until it is there."""
@@ -384,6 +390,9 @@ class _Settings:
             self._act(word, Act.OUTPUT)
 
     def _turn_spindle(self, turning: int, word: Word) -> None:
+        tool = self.state.modal.tool
+        if turning and not self._machine.may_turn(tool):
+            raise self.ask.refusal(word, "spindle.must_stand", code=TURNS[turning], tool=tool)
         modal = replace(self.state.modal, spindle_rev_min=turning * self.state.speed_rev_min)
         self.state = self.state._replace(modal=modal, turning=turning)
         self._act(word, Act.SPINDLE)

@@ -110,7 +110,8 @@ def path_of(
     if not typed and not dry_run_mm:
         items = spindle_off.noted(items, source.machine, tracer.notes.append)
     if in_spindle is not None:
-        items = tool_changes.stopped(items, asked.machine, in_spindle, None, typed, tracer.notes.append)
+        note = tracer.notes.append
+        items = tool_changes.stopped(items, asked.machine, in_spindle, None, typed, note, asked.name)
     return Walk(items, tracer.notes, chosen or {})
 
 

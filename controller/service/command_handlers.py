@@ -251,6 +251,8 @@ class Desk:
             raise refused("no_spindle", code="bad")
         preconditions.changer_is_sure(self._service, "SPINDLE")
         rev_min = number(args, "rev_min", -spindle.max_rev_min, spindle.max_rev_min)
+        if rev_min and not self._service.machine.may_turn(self._service.tool):
+            raise refused("spindle_must_stand", tool=self._service.tool)
         self._permitted(Request.SPINDLE)
         return self._ask(Request.SPINDLE, rev_min, rev_min=rev_min)
 

@@ -12,7 +12,7 @@ from controller.machine.model import Machine
 from controller.messages import Key, said
 from controller.plan.stretch import Chain, Note, Pause
 from controller.program import modal
-from controller.program.program import Act, Modal
+from controller.program.program import Act, Modal, ProgramError
 
 
 def stopped(
@@ -22,8 +22,12 @@ def stopped(
     before: Modal | None = None,
     typed: bool = False,
     note: Callable[[Note], None] = lambda _: None,
+    name: str = "",
 ) -> Iterator[Chain | Pause]:
     """The path with a stop behind every change to another tool than the one that is there.
+
+    Where that one must not turn it is changed before the spindle does; a line by hand that names no
+    tool is refused (ProgramError, with the ``name`` of the program).
 
     ``before``: the state in which the path begins; None: that of a whole program. ``typed`` by hand:
     until it names a tool it means the one that is there. ``note`` is told of every stop.
@@ -35,7 +39,12 @@ def stopped(
     state, is_open = before or modal.power_on().modal, 0
     asks = not typed
     for item in items:
-        if isinstance(item, Pause):
+        turns = isinstance(item, Pause) and item.modal.spindle_rev_min and not machine.may_turn(in_spindle)
+        if isinstance(item, Pause) and turns and not asks:
+            code = modal.TURNS[1 if item.modal.spindle_rev_min > 0.0 else -1]
+            why = said("spindle.must_stand", code=code, tool=in_spindle)
+            raise ProgramError(name, item.place.line, item.place.column, why)
+        if isinstance(item, Pause) and not turns:
             yield item
             state, is_open = item.modal, item.open_clamps
             asks = asks or item.act is Act.TOOL
@@ -43,16 +52,19 @@ def stopped(
                 continue
             place = item.place
         else:
-            if state.tool == in_spindle or not asks:
+            if not turns and (state.tool == in_spindle or not asks):
                 yield item
                 continue
-            place = item.stretches[0].place
+            place = item.place if isinstance(item, Pause) else item.stretches[0].place
             yield Pause(place, state, act=Act.TOOL, open_clamps=is_open)
         note(Note(place, said("note.stops_for", tool=_named(state.tool, machine))))
         yield Pause(place, state, act=Act.STOP, open_clamps=is_open)
         in_spindle = state.tool
-        if not isinstance(item, Pause):
-            yield item
+        if isinstance(item, Pause) and not turns:
+            continue
+        yield item
+        if isinstance(item, Pause):
+            state, is_open = item.modal, item.open_clamps
 
 
 def _named(number: int, machine: Machine) -> str:
