@@ -131,6 +131,7 @@ class Piece(NamedTuple):
     # Outputs of programs, on and off, and analogue ones, from its beginning on (sets: its end).
     outputs: tuple[int, int, tuple[tuple[int, float], ...]] = (0, 0, ())
     awaits: Awaited | None = None  # where it sets: motion goes on when it is so
+    lifts: tuple[int, int] | None = None  # where it sets: inputs that forbid nothing till then, and after
     binds: tuple[tuple[float, int], ...] = ()  # (time within the piece, code from then on): see state.Binding
     own_feed: bool = False  # the override of feeds does not count in it (M49, M50 P0)
     heeds_stop: bool = True  # the input feed_stop does (M53)

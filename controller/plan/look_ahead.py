@@ -392,6 +392,7 @@ class Windows:
             coolant=pause.modal.coolant,
             outputs=_plain(_switched(pause) if sets else UNSAID),
             open_clamps=pause.open_clamps,
+            lifts=pause.lifts,
             awaits=self._awaited(pause.awaits) if pause.awaits is not None else None,
             senses=self._sensing(pause, pause.probe) if pause.probe is not None else None,
         )

@@ -26,6 +26,7 @@ from controller.program.program import (
     Act,
     Await,
     Changing,
+    Lifts,
     Modal,
     Outputs,
     Overrides,
@@ -145,6 +146,7 @@ class Pause:
     probe: Probing | None = None  # begins with it ...
     changing: Changing | None = None  # a stop between two steps of a tool changer
     ends: bool = False  # ... or ends: what comes behind it is read when its outcome is there
+    lifts: Lifts | None = None  # guards that do not count in a step of a tool changer, and after it
 
 
 @dataclass(frozen=True, slots=True)

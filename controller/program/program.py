@@ -389,6 +389,11 @@ class Changing(NamedTuple):
         return self.tool_out == self.tool_in
 
 
+# Of the inputs that forbid motion while they are off, those that do not: while a step of the tool changer
+# waits, and after it. Bit masks of [io].
+Lifts = tuple[int, int]
+
+
 @dataclass(slots=True, unsafe_hash=True)  # as lines
 class Action:
     """A machine function; ``modal`` is the state after it."""
@@ -398,6 +403,7 @@ class Action:
     act: Act
     changing: Changing | None = None
     outputs: Outputs | None = None  # that are switched here, and are no part of the modal state
+    lifts: Lifts | None = None  # from here on; None: as before
 
 
 class Level(Enum):
@@ -419,6 +425,7 @@ class Await:
     level: Level
     seconds: float  # Q, at most
     outputs: Outputs = UNSAID  # that are switched as the wait begins, and are no part of the modal state
+    lifts: Lifts | None = None  # as of an action
 
 
 @dataclass(frozen=True, slots=True)

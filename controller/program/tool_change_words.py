@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from controller.machine.model import Changer, ChangerStep, Machine
+from controller.machine.model import Changer, ChangerStep, Io, Machine
 from controller.program.codes import Ask
 from controller.program.program import (
     UNSAID,
@@ -22,11 +22,18 @@ from controller.program.program import (
     Changing,
     JointLine,
     Level,
+    Lifts,
     Modal,
     Place,
 )
 from controller.program.words import Word
 
+CLAMPED = "tool_clamped"
+GUARDS = (
+    CLAMPED,
+    "door",
+    "feed_stop",
+)  # inputs that forbid motion while they are off, and that a step may open
 LEVELS = {"rise": Level.RISE, "fall": Level.FALL, "on": Level.HIGH, "off": Level.LOW}
 
 
@@ -56,19 +63,67 @@ def blocks(
     if before.planar is not None:
         raise ask.refusal(word, "tool.change_beside")
     rows = steps_of(changer, before.tool, after.tool)
+    lifts = _lifts(changer, machine.io, before.tool, after.tool)
     for k, (step, pocket) in enumerate(rows):
         made.append(_stop(place, still, Changing(number + k, before.tool, after.tool, k, False)))
-        made += _step(place, still, step, pocket, machine)
+        made += _step(place, still, step, pocket, machine, lifts[k])
+    if lifts and lifts[-1][1]:  # the spindle is left empty: with the change every guard comes back
+        made.append(Action(place, still, Act.OUTPUT, outputs=UNSAID, lifts=(0, 0)))
     last = Changing(number + len(rows), before.tool, after.tool, len(rows), True)
     made.append(_stop(place, still, last))
     return made, number + len(rows) + 1
+
+
+def _switched(step: ChangerStep) -> set[tuple[str, bool]]:
+    """Outputs that a step switches, but for the number of the pocket, and whether each is on."""
+    return {(name, True) for name in step.on} | {(name, False) for name in step.off}
+
+
+def _openers(changer: Changer, guard: str) -> set[tuple[str, bool]]:
+    """Outputs, and how they are switched where that guard goes off.
+
+    By the steps that wait for it; a drawbar whose switch none waits for is open where the tool is let go.
+    """
+    put_away, take = changer.put_away, changer.take
+    rows = [(step, step.level in ("rise", "on")) for step in (*put_away, *take) if step.input == guard]
+    if not rows and guard == CLAMPED:
+        rows = [(step, False) for step in put_away if step.carries]
+        rows += [(step, True) for step in take if step.carries]
+    return {(name, on is not shuts) for step, shuts in rows for name, on in _switched(step)}
+
+
+def _lifts(changer: Changer, io: Io | None, tool_out: int, tool_in: int) -> list[Lifts]:
+    """Of each step of a change the guards that do not count while it waits, and after it.
+
+    A guard is lifted from the step that opens it to the end of that which closes it; that of the drawbar
+    also while the spindle is empty, for there is nothing that could be clamped.
+    """
+    bits = {name: 1 << bit for name in GUARDS if io is not None and (bit := io.input(name)) is not None}
+    openers = {name: _openers(changer, name) for name in bits}
+    rows = [(step, True) for step in changer.put_away if tool_out]
+    rows += [(step, False) for step in changer.take if tool_in]
+    opened, empty, before, found = set[str](), False, 0, list[Lifts]()
+    for step, goes_away in rows:
+        switched = _switched(step)
+        for name, opens in openers.items():
+            if switched & opens:
+                opened.add(name)
+            elif switched & {(output, not on) for output, on in opens}:
+                opened.discard(name)
+        empty = goes_away if step.carries else empty
+        after = sum(bit for name, bit in bits.items() if name in opened or (name == CLAMPED and empty))
+        found.append((before | after, after))
+        before = after
+    return found
 
 
 def _stop(place: Place, modal: Modal, changing: Changing) -> Action:
     return Action(place, modal, Act.STOP, changing)
 
 
-def _step(place: Place, modal: Modal, step: ChangerStep, pocket: int, machine: Machine) -> list[Block]:
+def _step(
+    place: Place, modal: Modal, step: ChangerStep, pocket: int, machine: Machine, lifts: Lifts
+) -> list[Block]:
     """Moves, then the spindle's angle, then outputs, then the input."""
     made: list[Block] = []
     if step.move:
@@ -92,9 +147,9 @@ def _step(place: Place, modal: Modal, step: ChangerStep, pocket: int, machine: M
         step.input
     ):  # in one with the outputs, or a switch that is quick would have changed before it is awaited
         number = io.awaited.index(step.input)
-        made.append(Await(place, modal, number, LEVELS[step.level], step.within_s, said))
-    elif said != UNSAID:
-        made.append(Action(place, modal, Act.OUTPUT, outputs=said))
+        made.append(Await(place, modal, number, LEVELS[step.level], step.within_s, said, lifts))
+    elif said != UNSAID or lifts[0] != lifts[1]:
+        made.append(Action(place, modal, Act.OUTPUT, outputs=said, lifts=lifts))
     return made
 
 

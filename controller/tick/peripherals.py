@@ -19,8 +19,10 @@ of them are as told. What an operator's hand can reach is off outside of a progr
                  or have been given up, then off
 ```
 Inputs read 1 where all is well (circuit and door closed, supply there), so a broken wire stops
-the machine. Opening a clamp lets an axis go that its drive must hold; closing one on an axis that
-moves would break it, and is done only when its own feedback stands.
+the machine; but one does not count while a step of the tool changer has open what it guards, from the
+step that opens it to the end of that which closes it (``Piece.lifts``). Opening a clamp lets an axis go
+that its drive must hold; closing one on an axis that moves would break it, and is done only when its own
+feedback stands.
 """
 
 from __future__ import annotations
@@ -164,6 +166,7 @@ class Peripherals:
         self._was_other = False  # ... and whether it has been seen to be otherwise
         self._most_arriving = round(IN_POSITION_S / period_s)
         self._waited = self._sagged = self._dry = 0  # ticks
+        self._lifted = self._lifted_after = 0  # guards that do not count while a step waits, and then
         self.waiting = False
         self.feed_stopped = False
         self.rev_min = 0.0
@@ -315,10 +318,11 @@ class Peripherals:
             modes.forbid(Fault.IO_LOST if self._interlocks else Fault.NONE)
             return False
         self.inputs = inputs = self._node.inputs ^ self._flip_inputs
-        self.feed_stopped = self._feed_stop & inputs != self._feed_stop
+        guards = inputs | self._lifted
+        self.feed_stopped = self._feed_stop & guards != self._feed_stop
         found = Fault.NONE
         for mask, fault in self._interlocks:
-            if not inputs & mask:
+            if not guards & mask:
                 found = fault
                 break
         modes.forbid(found)
@@ -347,6 +351,7 @@ class Peripherals:
         by_hand = self._by_hand and mode in (Mode.READY, Mode.JOG) and not open_door
         if given_up or (not by_hand and (self._by_hand or mode not in _PROGRAM)):
             self._wanted, self.waiting, self._awaited, self._by_hand = (0.0, 0, 0), False, None, False
+            self._lifted = self._lifted_after = 0
             self._coupling.end()
             self._switch_to(self._switched & self._held)
             self._leave_analogue()
@@ -394,6 +399,8 @@ class Peripherals:
             self._coupling.end()
             self.switch(told.outputs)
             self._awaited, self._was_other = told.awaits, False
+            if told.lifts is not None:
+                self._lifted, self._lifted_after = told.lifts
             self._told = None
             self._wait()
         elif self._arriving > self._most_arriving:
@@ -446,7 +453,7 @@ class Peripherals:
             if self._waited > self._awaited.ticks:
                 modes.fail(Fault.INPUT_MISSING, -1)
             return
-        self.waiting, self._awaited = False, None
+        self.waiting, self._awaited, self._lifted = False, None, self._lifted_after
 
     def _has_come(self, awaited: Awaited) -> bool:
         if bool(self.inputs & awaited.mask) is not awaited.on:

@@ -218,10 +218,11 @@ class Tracer:
         if isinstance(block, Dwell):
             self._pause(Pause(block.place, block.modal, seconds=block.seconds))
         elif isinstance(block, Await):
-            self._pause(Pause(block.place, block.modal, act=Act.INPUT, awaits=block))
+            self._pause(Pause(block.place, block.modal, act=Act.INPUT, awaits=block, lifts=block.lifts))
         elif isinstance(block, Action):
             modal = block.modal if block.outputs is None else replace(block.modal, outputs=block.outputs)
-            self._pause(Pause(block.place, modal, act=block.act, changing=block.changing))
+            act, changing, lifts = block.act, block.changing, block.lifts
+            self._pause(Pause(block.place, modal, act=act, changing=changing, lifts=lifts))
         elif isinstance(block, TipLine | JointMotion):
             self._note_blend(block)
             self._alone(block)
