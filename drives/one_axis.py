@@ -1,6 +1,7 @@
 """One axis, for a script: the drives package used alone.
 
-    with OneAxis("virtual", "/tmp/can", node=1, eds="config/eds/simulated_drive.eds") as axis:
+    sheet = "config/eds/simulated_drive.eds"
+    with OneAxis("virtual", "/tmp/can", node=1, eds=sheet, quick_stop=400_000) as axis:
         axis.enable()
         axis.move_to(20_000, speed=40_000, acceleration=200_000)
 
@@ -82,10 +83,20 @@ class OneAxis:
         eds: str,
         bit_rate: int = 1_000_000,
         period_s: float = 0.01,
+        quick_stop: float = 0.0,
         profile: Profile = GENERIC,
         clock: Clock | None = None,
     ) -> None:
-        """``interface`` and ``channel`` as in ``BusSettings``. Raises BusError, CommissionError, OSError."""
+        """``interface`` and ``channel`` as in ``BusSettings``; ``quick_stop``: how hard the drive brakes by
+        itself, counts/s^2. It is written (6085h) and read back; without it the drive is refused.
+
+        Raises BusError, CommissionError, OSError.
+        """
+        if not quick_stop > 0.0:
+            raise commission.CommissionError(
+                f"node {node}: nobody says how hard it brakes in a quick stop (object 6085h:00); give OneAxis"
+                " quick_stop, in counts/s^2"
+            )
         self._clock: Clock = clock or WallClock()
         where = BusSettings("can", interface, channel, bit_rate)
         settings = NodeSettings(
@@ -96,6 +107,7 @@ class OneAxis:
             period_s=period_s,
             profile=profile,
             homing_method=_unused_method(profile),
+            quick_stop_counts_s2=quick_stop,
         )
         master = MasterSettings(period_s=period_s)
         self._commission(where, settings, master)

@@ -68,7 +68,7 @@ def arrange(drive: Drive, node: NodeSettings, units: Units) -> Arranged:
     if node.feed_forward:
         units.see_fits(node.velocity_counts_s, "object 60B1h:00")
     if not node.velocity_counts_s:
-        return _arranged(drive, units)
+        return _quick_stop_alone(drive, node, units)
     _see_motor(drive, node, units)
     found: dict[int, int] = {}
     wanted = tuple(offers(node, units))
@@ -93,6 +93,24 @@ def arrange(drive: Drive, node: NodeSettings, units: Units) -> Arranged:
     if stop_s > node.most_quick_stop_s:
         raise CommissionError(f"{drive.title}: {_too_long(found, stop_s, node)}")
     return _arranged(drive, units, stop, stop_s, found, notes)
+
+
+def _quick_stop_alone(drive: Drive, node: NodeSettings, units: Units) -> Arranged:
+    """Of an axis of which no more is known. Raises CommissionError where it is not as it was written."""
+    if not node.quick_stop_counts_s2:
+        return _arranged(drive, units)
+    found: dict[int, int] = {}
+    problems = [problem for problem in _made(drive, _quick_stop(node, units), found)]
+    if problems or 0x6085 not in found:
+        told = "; ".join(problems) or "it has no object 6085h:00, and so no quick stop that could be known"
+        raise CommissionError(f"{drive.title}: {told}")
+    return _arranged(drive, units, found=found)
+
+
+def _quick_stop(node: NodeSettings, units: Units) -> Offer:
+    """How hard the drive is to brake in it. Raises UnitError."""
+    quick = units.acceleration(node.quick_stop_counts_s2 or node.acceleration_counts_s2, "object 6085h:00")
+    return Offer(0x6085, quick, "a quick stop takes as long as is promised")
 
 
 def _made(drive: Drive, offer: Offer, found: dict[int, int]) -> Iterator[str]:
@@ -132,9 +150,7 @@ def offers(node: NodeSettings, units: Units) -> Iterator[Offer]:
     """What a drive should have. Raises UnitError."""
     most = node.acceleration_counts_s2
     quick = node.quick_stop_counts_s2 or most
-    yield Offer(
-        0x6085, units.acceleration(quick, "object 6085h:00"), "a quick stop takes as long as is promised"
-    )
+    yield _quick_stop(node, units)
     slow = units.acceleration(most, "object 6084h:00")
     yield Offer(0x6084, slow, "the drive's own ramps are those of the axis")
     for index, code, why in (

@@ -175,10 +175,15 @@ def test_what_matters_little_may_be_missing_without_a_word() -> None:
     assert arranged(outcome).notes == ()
 
 
-def test_without_limits_of_the_axis_the_stop_is_left_to_the_drive() -> None:
+def test_without_limits_of_the_axis_the_stop_is_left_to_the_drive_but_for_a_quick_stop_that_is_named() -> (
+    None
+):
     stepped, outcome = commissioned(velocity_counts_s=0.0)
     assert stepped.drives["X"].dictionary.get(0x605B) == 0
     assert arranged(outcome).stop_s == 0.0
+    stepped, outcome = commissioned(velocity_counts_s=0.0, quick_stop_counts_s2=3e7)
+    assert arranged(outcome).objects == (("6085h:00", 30_000_000),)
+    assert stepped.drives["X"].dictionary.get(0x6085) == 30_000_000
 
 
 @pytest.mark.parametrize(

@@ -22,6 +22,7 @@ from drives.virtual.stepped_port import Port
 from drives.virtual.virtual_bus import SteppedBus
 
 ROOT = Path(__file__).parents[2]
+QUICK_STOP = 3_000_000
 EDS = str(ROOT / "config" / "eds" / "simulated_drive.eds")
 
 
@@ -51,7 +52,16 @@ def _target(frame: bytes) -> int:
 
 
 def axis(clock: SteppedClock) -> OneAxis:
-    return OneAxis("virtual", "", node=1, eds=EDS, clock=clock)
+    return OneAxis("virtual", "", node=1, eds=EDS, quick_stop=QUICK_STOP, clock=clock)
+
+
+def test_no_drive_keeps_a_quick_stop_that_nobody_has_looked_at() -> None:
+    clock = SteppedClock()
+    with axis(clock) as one:
+        one.enable()
+        assert clock.drive.dictionary.get(0x6085) == QUICK_STOP
+    with pytest.raises(CommissionError, match="nobody says how hard it brakes"):
+        OneAxis("virtual", "", node=1, eds=EDS, clock=SteppedClock())
 
 
 def test_it_moves_there_and_back_and_disables_at_the_end() -> None:
@@ -133,7 +143,7 @@ def test_holding_keeps_it_enabled() -> None:
 
 def test_a_drive_that_is_not_there_is_a_sentence() -> None:
     with pytest.raises(CommissionError, match="no answer to SDO"):
-        OneAxis("virtual", "", node=2, eds=EDS, clock=SteppedClock())
+        OneAxis("virtual", "", node=2, eds=EDS, quick_stop=QUICK_STOP, clock=SteppedClock())
 
 
 def block(name: str) -> str:

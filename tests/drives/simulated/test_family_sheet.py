@@ -47,7 +47,9 @@ class Clock:
 def move(sheet: Path, profile: Profile, bare: bool = False) -> int:
     """Commission, enable, move to 5000, disable; where it stood."""
     clock = Clock(sheet, profile, bare)
-    with OneAxis("virtual", "", node=1, eds=str(sheet), profile=profile, clock=clock) as axis:
+    with OneAxis(
+        "virtual", "", node=1, eds=str(sheet), quick_stop=400_000_000, profile=profile, clock=clock
+    ) as axis:
         axis.enable()
         axis.move_to(5000, speed=40_000, acceleration=400_000)
         return axis.position
