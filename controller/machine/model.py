@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import field, replace
 from enum import Enum
 from typing import TypeVar
 
@@ -235,7 +235,8 @@ class Tool:
     tolerance_mm: float | None = None  # of the form of surfaces cut with it; None = as the machine has it
     wear_radius_mm: float = 0.0  # added to the radius: negative where the cutter has become thinner
     wear_length_mm: float = 0.0  # added to the length: negative where it has become shorter
-    may_turn: bool | None = None  # in the spindle; None: unless it is the probe
+    # In the spindle; None: unless it is the probe. No path depends on it, nor does a journal (repr).
+    may_turn: bool | None = field(default=None, repr=False)
 
     @property
     def worn(self) -> Tool:
