@@ -168,7 +168,7 @@ class Given:
             return self._numbered(key)
         if (found := _NAMED.get(key)) is not None:
             return found(self)
-        if len(key) == 2 and key[1] in LETTERS:
+        if len(key) == 2 and key[0] == "_" and key[1] in LETTERS:
             return self._position(key[1], key)
         if len(key) == 6 and key.startswith("_abs_") and key[5] in LETTERS:
             return self._of_machine(key[5], key)

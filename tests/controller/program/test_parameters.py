@@ -141,6 +141,16 @@ def test_what_has_no_value_is_refused(text: str, place: str, phrase: str) -> Non
     assert str(caught.value).startswith(f"p:{place}: ") and phrase in caught.value.sentence
 
 
+@pytest.mark.parametrize("name", [a + b for a in "_abcdtxz9" for b in "xyzabcuvw"])
+def test_two_letters_are_a_local_name_unless_the_first_is_an_underscore(name: str) -> None:
+    if name[0] == "_":
+        assert last_x(f"G0 X5\nX[#<{name}>+1]") == (6.0 if name == "_x" else 1.0)
+        return
+    with pytest.raises(ProgramError, match=f"#<{name}> has no value yet"):
+        last_x(f"G0 X[#<{name}>]")
+    assert last_x(f"#<{name}>=3\no1 sub\n#<{name}>=4\no1 endsub\no1 call\nG0 X[#<{name}>]") == 3.0
+
+
 def test_the_state_that_m70_keeps_is_given_back_but_for_the_motion() -> None:
     text = "G20 G91 G1 F3 X1\nS100 M3 M8\nM70\nG21 G90 F100 M5 M9\nG0 X0\nM72\nX1\n"
     read = list(blocks.stream(text.encode(), made(), "p"))

@@ -24,18 +24,20 @@ class _Program:
         self._rng = rng
         self._label = 100
         self._subs: list[int] = []
+        self._inside = False  # a sub, where the names of the program have no value
         self._turns = rng.random() < 0.5
 
     def head(self) -> list[str]:
         rows = []
         for _ in range(self._rng.randrange(3)):
             self._label += 1
-            name = self._label
+            name, self._inside = self._label, True
             inside = (["M73"] if self._keeps() else []) + self.body(2, 1)
+            self._inside = False
             rows += [f"o{name} sub", *inside, self._leaves(name), f"o{name} endsub"]
             self._subs.append(name)
         unit = self._rng.choice(("G21", "G20"))
-        return [*rows, unit, "G90 G94 G98 F100 T1 M6", "S100 M3 G0 X1 Y2 Z50", "#1=2 #<a>=1.5 #<_glob>=-3"]
+        return [*rows, unit, "G90 G94 G98 F100 T1 M6", "S100 M3 G0 X1 Y2 Z50", "#1=2 #<a>=1.5 #<dx>=2.5 #<_glob>=-3"]
 
     def _keeps(self) -> bool:
         """The interpreter of LinuxCNC 2.9 loses a shift of G92 or G52 that a sub with M73 leaves behind."""
@@ -105,7 +107,8 @@ class _Program:
         if row.startswith(("G10", "G28", "G30", "G43")):
             return row
         if rng.random() < 0.3:
-            row = _NUMBER.sub(lambda found: f"[{found.group()} + #<_glob> - #<_glob>]", row, count=1)
+            own = "_glob" if self._inside else rng.choice(("_glob", "dx"))  # two letters are a name as any
+            row = _NUMBER.sub(lambda found: f"[{found.group()} + #<{own}> - #<{own}>]", row, count=1)
         return rng.choice(("", "", "N20 ")) + row + rng.choice(("", "", " (said)", " ; so"))
 
     def _arc(self) -> list[str]:
