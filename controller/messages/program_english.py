@@ -52,6 +52,10 @@ REFUSALS = {
     "and arcs with I J K are G2 and G3; write G43.5 or remove the word",
     "word.no_owner": "no code on this line takes {word}: {letter} belongs to {takers}; add the code or "
     "remove the word",
+    "word.no_owner_here": "no code on this line takes {word}: {here}; {letter} belongs to {takers}; add the "
+    "code or remove the word",
+    "word.takes": "{code} takes {letters}",
+    "word.takes_none": "{code} takes no words of axes",
     "word.g53_alone": "G53 (machine position) has no move: it goes with axis words under G0 or G1; add "
     "G0 and the axes, or remove G53",
     "word.two_take_axes": "{code} and {other} on one line both take the axis words; write two lines",
@@ -335,6 +339,9 @@ REFUSALS = {
     "tool.change_beside": "M6 under G41 or G42: the tool that is beside the path goes; write G40 before",
     # --- dwell
     "dwell.no_time": "G4 has no time: write P with the seconds to wait, such as G4 P0.5",
+    "dwell.no_time_of_x": "{word} is no time of G4 here: it takes P with the seconds to wait, such as G4 "
+    'P0.5; write P, or set dialect = "fanuc" in [machine] if the program is written for such a control',
+    "dwell.two_times": "{word}: G4 takes one time, P or X, and has {other} already; remove one",
     "dwell.too_long": "{word} waits for {hours:.4g} h: {letter} of G4 is 0 to {most:.0f} seconds, a "
     "week; write M0 to wait for the operator",
     # --- offset

@@ -53,6 +53,10 @@ REFUSALS = {
     "G43.5, und Bögen mit I J K sind G2 und G3; G43.5 schreiben oder das Wort streichen",
     "word.no_owner": "kein Code in diesem Satz nimmt {word}: {letter} gehört zu {takers}; den Code "
     "ergänzen oder das Wort streichen",
+    "word.no_owner_here": "kein Code in diesem Satz nimmt {word}: {here}; {letter} gehört zu {takers}; den "
+    "Code ergänzen oder das Wort streichen",
+    "word.takes": "{code} nimmt {letters}",
+    "word.takes_none": "{code} nimmt keine Worte von Achsen",
     "word.g53_alone": "G53 (Maschinenposition) hat keine Bewegung: dazu gehören Achswörter unter G0 oder "
     "G1; G0 und die Achsen ergänzen, oder G53 streichen",
     "word.two_take_axes": "{code} und {other} in einem Satz nehmen beide die Achswörter; zwei Sätze "
@@ -357,6 +361,9 @@ REFUSALS = {
     "schreiben",
     # --- dwell
     "dwell.no_time": "G4 hat keine Zeit: P mit den Sekunden schreiben, die gewartet wird, etwa G4 P0.5",
+    "dwell.no_time_of_x": "{word} ist hier keine Zeit von G4: es nimmt P mit den Sekunden, etwa G4 P0.5; P "
+    'schreiben, oder dialect = "fanuc" in [machine] setzen, wenn das Programm für eine solche Steuerung ist',
+    "dwell.two_times": "{word}: G4 nimmt eine Zeit, P oder X, und hat schon {other}; eines streichen",
     "dwell.too_long": "{word} wartet {hours:.4g} h: {letter} von G4 ist 0 bis {most:.0f} Sekunden, eine "
     "Woche; M0 schreiben, um auf den Bediener zu warten",
     # --- offset

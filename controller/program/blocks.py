@@ -19,7 +19,7 @@ from dataclasses import replace
 from types import MappingProxyType
 
 from controller.machine.model import Joints, Machine
-from controller.messages import chain, said
+from controller.messages import Said, chain, said
 from controller.program import (
     arc_words,
     codes,
@@ -45,11 +45,10 @@ from controller.program import (
     words,
 )
 from controller.program.code_rows import Fate
-from controller.program.code_table import BY_DIALECT, takers_of
+from controller.program.code_table import BY_DIALECT, HOLD_AXES, takers_of
 from controller.program.codes import (
     CURVES,
     CYCLES,
-    PLACES,
     PROBES,
     SIDES,
     SURFACES,
@@ -235,6 +234,7 @@ class _Turn:
         self._ahead = ahead  # what follows: G52 takes its points from here
         self._axes = "".join(axis.name for axis in machine.axes)
         self._shifts = ask.code("motion") == "G52" and surface_words.is_shift(ask, state, machine, ahead)
+        self._holder = self._find_holder()  # the code that has the axis words, where it is no motion
         self._motion = self._find_motion()
 
     @property
@@ -265,10 +265,12 @@ class _Turn:
 
     def _find_motion(self) -> str:
         """The motion this line makes: named, or modal where words for one stand."""
-        if self._shifts or self._places():
+        if self._shifts or self._holder:
             return ""
         named = self.ask.code("motion")
-        moving = self.ask.has(self._axes + "IJK") or (named in ("G2", "G3") and self.ask.has("RP"))
+        drills = not named and self.state.motion in CYCLES  # again at each place, and at none without
+        moving = self.ask.has(self._axes if drills else self._axes + "IJK")
+        moving = moving or (named in ("G2", "G3") and self.ask.has("RP"))
         if named in SURFACES or named in CURVES or named in PROBES:
             return named
         if named == "G80":
@@ -282,24 +284,17 @@ class _Turn:
             return ""
         return self.state.beneath if self.state.motion in CYCLES else self.state.motion
 
-    def _places(self) -> bool:
-        """Whether another code than a motion takes the axis words."""
-        once, length = self.ask.code("one-line"), self.ask.code("length")
-        if once == "G4":
-            return "X" in self.ask.words and "X" in self._letters("G4")
-        if once in PLACES or self.ask.code("rotation") in ("G68", *TILTS):
-            return True
-        return length == "G43.1" or any("X" in self._letters(code) for code in self._noted())
+    def _find_holder(self) -> str:
+        """The code that leaves a motion no axis words; one that is only noted leaves them to a named one."""
+        holding = HOLD_AXES[self._machine.dialect]
+        for group, (code, _) in self.ask.codes.items():
+            if code in holding and not (group == code and self._names_motion):
+                return code
+        return ""
 
     @property
     def _names_motion(self) -> bool:
         return self.ask.code("motion") not in ("", "G80")
-
-    def _noted(self) -> list[str]:
-        """The codes that need no action, of a line that names no motion."""
-        if self._names_motion:
-            return []
-        return [code for group, (code, _) in self.ask.codes.items() if group == code]
 
     # ---- words and their codes ---------------------------------------------------------
 
@@ -319,7 +314,16 @@ class _Turn:
             return "XYZIJK" if self._vectors() else self._axes
         if self._names_motion and code in self.ask.codes:  # a noted one, beside a motion
             return letters_of(code, self._machine.dialect, "")
-        return letters_of(code, self._machine.dialect, self._axes)
+        return letters_of(code, self._machine.dialect, self._axes, self._form(code))
+
+    def _form(self, code: str) -> str:
+        """Which form of a code the line has: by a word such as L2, or by the plane; "" if none of them."""
+        forms = dict(BY_DIALECT[self._machine.dialect][code].forms)
+        if not forms:
+            return ""
+        plane = self.ask.code("plane") or self.state.modal.plane
+        word = self.ask.words.get(next(iter(forms))[0])
+        return plane if plane in forms else f"{word.letter}{word.value:g}" if word is not None else ""
 
     def _side_letters(self, takers: list[tuple[str, str]]) -> str:
         """P, Q, R, and D but for G40, of G40 to G42: those that no other code of the line takes."""
@@ -346,18 +350,20 @@ class _Turn:
         for letter, word in self.ask.words.items():
             owners = [code for code, letters in takers if letter in letters]
             if not owners and letter not in self._free:
-                raise self._unowned(word)
+                raise self._unowned(word, takers)
             if len(owners) > 1:
                 raise self.ask.refusal(word, "word.two_owners", owners=chain("and", owners), letter=letter)
+            if owners:
+                self.ask.takers[letter] = owners[0]
 
-    def _unowned(self, word: Word) -> ProgramError:
+    def _unowned(self, word: Word, takers: Sequence[tuple[str, str]]) -> ProgramError:
         if self._motion == "G6.2":
             return nurbs_words.refusal(self.ask.line, word, said("surface.found", found=word.text))
         if self._motion in CURVES:
             return spline_words.refusal(self.ask.line, word, self._motion)
         if self._motion in SURFACES:
             return surface_words.surplus(self.ask, self._motion, word)
-        if word.letter in self._axes + "K" and not self._motion and not self._places():
+        if word.letter in self._axes + "K" and not self._motion and not self._holder:
             return self.ask.refusal(word, "word.no_motion", cleared=self.state.cleared)
         if word.letter == "E":
             return self.ask.refusal(word, "word.exponent")
@@ -365,7 +371,18 @@ class _Turn:
             return self.ask.refusal(word, "word.rotary_with_vectors")
         if word.letter in "IJK" and self._motion in ("G0", "G1"):
             return self.ask.refusal(word, "word.vector", motion=self._motion)
-        return self.ask.refusal(word, "word.no_owner", takers=takers_of(word.letter, self._machine.dialect))
+        belongs, of_line = takers_of(word.letter, self._machine.dialect), list[Said]()
+        for code, letters in takers:
+            if letters:
+                of_line.append(said("word.takes", code=self._with_form(code), letters=" ".join(letters)))
+            elif code == self._holder:
+                of_line.append(said("word.takes_none", code=code))
+        if not of_line:
+            return self.ask.refusal(word, "word.no_owner", takers=belongs)
+        return self.ask.refusal(word, "word.no_owner_here", takers=belongs, here=chain("and", of_line))
+
+    def _with_form(self, code: str) -> str:
+        return f"{code} {self._form(code)}".strip()
 
     def _check_frame(self) -> None:
         once = self.ask.code("one-line")
@@ -373,9 +390,9 @@ class _Turn:
             raise self.ask.refusal(self.ask.codes["one-line"][1], "word.g53_alone")
         named = self.ask.code("motion")
         harmless = ("", "G80") if self._machine.dialect == "rs274" else ("", "G80", "G0", "G1", "G2", "G3")
-        if self._places() and named not in harmless:
-            other = next(code for code, letters in self._takers() if "Z" in letters or code == "G4")
-            raise self.ask.refusal(self.ask.codes["motion"][1], "word.two_take_axes", code=named, other=other)
+        if self._holder and named not in harmless:
+            word = self.ask.codes["motion"][1]
+            raise self.ask.refusal(word, "word.two_take_axes", code=named, other=self._holder)
 
     # ---- what is done ------------------------------------------------------------------
 
@@ -394,42 +411,43 @@ class _Turn:
         word = self.ask.words.get(written[0])
         return word is not None and word.value == float(written[1:])
 
-    def _here(self) -> Here:
-        return Here(self.ask, self.state, self._position, self._machine)
+    def _here(self, code: str) -> Here:
+        """What the line gives to one of its codes."""
+        return Here(self.ask.of(code), self.state, self._position, self._machine)
 
     def _origins(self) -> None:
         """What shifts, turns or stores positions, and the ways to the reference points."""
-        once, before = self.ask.code("one-line"), self.state
-        if self.ask.code("rotation") in TILTS:
-            self.state, told = plane_words.defined(self._here())
+        once, turn, before = self.ask.code("one-line"), self.ask.code("rotation"), self.state
+        if turn in TILTS:
+            self.state, told = plane_words.defined(self._here(turn))
             self.made += told
-        elif "rotation" in self.ask.codes:
-            self.state = offset_words.rotation(self._here())
+        elif turn:
+            self.state = offset_words.rotation(self._here(turn))
         if self._shifts:
-            self.state = offset_words.local_shift(self._here())
+            self.state = offset_words.local_shift(self._here("G52"))
             self.made.append(surface_words.told_shift(self.ask, self.state))
         if once in TO_PLANE:
-            self.state, turned = tool_axis_words.turned(self._here())
+            self.state, turned = tool_axis_words.turned(self._here(once))
             self.made += turned
         elif once in ("G28", "G30"):
-            self.made += reference_words.moves(self._here())
+            self.made += reference_words.moves(self._here(once))
         elif once in ("G28.1", "G30.1"):
-            self.state = reference_words.stored(self._here())
+            self.state = reference_words.stored(self._here(once))
         elif once == "G10" or once.startswith("G92"):
-            self.state = offset_words.applied(self._here(), once)
+            self.state = offset_words.applied(self._here(once), once)
         if changes := kept.between(before, self.state):
             self.made.append(Setting(self.ask.line.place(1), self.state.modal, changes))
 
     def _move(self) -> list[Block]:
         motion = self._motion
         self._for_side()
+        here, word = self._here(motion), self._word_of_motion()
         if motion == "G51":
-            return [surface_words.cone(self.ask, self.state, self._machine)]
+            return [surface_words.cone(here.ask, self.state, self._machine)]
         if motion == "G52":
-            return [surface_words.ruled(self.ask, self.state, self._machine, self._ahead)]
+            return [surface_words.ruled(here.ask, self.state, self._machine, self._ahead)]
         if motion == "G6.2":
-            return [nurbs_words.surface(self.ask, self.state, self._machine, self._ahead)]
-        here, word = self._here(), self._word_of_motion()
+            return [nurbs_words.surface(here.ask, self.state, self._machine, self._ahead)]
         if motion in CURVES:
             made_curve, self.state = spline_words.curve(here, motion, word, self._ahead)
             return [made_curve]

@@ -44,6 +44,13 @@ class Code:
     only: str = ""  # of a noted one: the word with which alone it needs no action ...
     instead: str = ""  # ... and what to write in place of any other
     note: str = ""  # of a noted one: the key of ``told``
+    forms: tuple[tuple[str, str], ...] = ()  # a word, or a plane, and the letters that are taken beside it
+    alone: bool = False  # axis words beside it are never those of the modal motion
+
+    @property
+    def holds_axes(self) -> bool:
+        """Whether the axis words of its line are its own, or nobody's: no modal motion takes them."""
+        return self.group != "motion" and (self.alone or any(c in self.letters for c in AXES + "XYZABC"))
 
     def refused_with(self) -> dict[str, str]:
         """The values of what is said where it is refused."""
@@ -61,12 +68,25 @@ def done(group: str, source: str, *rows: tuple[str, str, str], dialect: str = ""
     return [Code(name, group, letters, source, meaning, dialect=dialect) for name, letters, meaning in rows]
 
 
+BESIDE_MOTION = ("G9", "G15", "G62")  # what needs no action, and stands in the lines of a modal motion
+
+
+def alone(rows: list[Code], *names: str) -> list[Code]:
+    """The same, those of these names beside no modal motion; without names all."""
+    return [replace(row, alone=True) if not names or row.name in names else row for row in rows]
+
+
 def noted(source: str, *rows: tuple[str, str, str], dialect: str = "") -> list[Code]:
-    """Rows of name, letters, and why it needs no action, as ``told`` of the catalogue has it."""
+    """Rows of name, letters, and why it needs no action, as ``told`` of the catalogue has it.
+
+    The G codes among them stand in a block of their own on the controls that have them, but for a few.
+    """
     made = []
     for name, letters, why in rows:
         meaning, told = (text(said(key)) for key in (key_of("meaning", name, dialect), f"told.{why}"))
-        made.append(Code(name, name, letters, source, meaning, told, Fate.NOTED, dialect, note=f"told.{why}"))
+        own_line = name[0] == "G" and name not in BESIDE_MOTION
+        row = Code(name, name, letters, source, meaning, told, Fate.NOTED, dialect, note=f"told.{why}")
+        made.append(replace(row, alone=own_line))
     return made
 
 

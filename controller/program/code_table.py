@@ -23,6 +23,7 @@ from controller.program.code_rows import (
     PAPER,
     Code,
     Fate,
+    alone,
     done,
     noted,
     only,
@@ -129,6 +130,21 @@ def test_of(row: Code) -> str:
 
 
 _CYCLE = AXES + "RLK"
+_TOOL = "LPZR"  # of G10: a tool's length and radius
+_OFFSET = AXES + "LPR"
+_SET_BY_L = {  # what G10 takes beside each L
+    "rs274": {
+        **dict.fromkeys(("L1", "L10", "L11", "L121"), _TOOL),
+        **dict.fromkeys(("L2", "L20", "L120"), _OFFSET),
+        "L0": "L",
+    },
+    "fanuc": {
+        **dict.fromkeys(("L10", "L11", "L12", "L13"), "LPR"),
+        **dict.fromkeys(("L2", "L20", "L120"), _OFFSET),
+        "L121": _TOOL,
+    },
+}
+_TURNED_IN = (("G17", "XYR"), ("G18", "ZXR"), ("G19", "YZR"))  # of G68
 
 ROWS: tuple[Code, ...] = (
     *done(
@@ -187,29 +203,43 @@ ROWS: tuple[Code, ...] = (
         "one-line",
         NIST,
         (
-            "G10",
-            AXES + "LPR",
-            "sets work offsets (L2, L20) and tools (L1, L10, L11), for good; L0 does nothing",
-        ),
-        (
             "G28",
             AXES + "UVW",
             "rapid to the reference point, by way of the axis words, or U V W as distances",
         ),
-        ("G30", AXES + "UVWP", "rapid to the second reference point, likewise"),
         ("G53", "", "this line's G0 or G1 in machine positions"),
         ("G92", AXES, "shifts all work offsets so that the position reads as said, for good"),
-        ("G92.1", "", "cancels the shift of G92"),
         ("G92.2", "", "suspends the shift of G92"),
         ("G92.3", "", "takes the shift of G92 up again"),
     ),
-    *done("one-line", NIST, ("G4", "P", "dwell of P seconds"), dialect="rs274"),
-    *done("one-line", FANUC, ("G4", "PX", "dwell of P or X seconds; ms without a point"), dialect="fanuc"),
+    *(
+        replace(row, forms=tuple(_SET_BY_L[dialect].items()))
+        for dialect, meaning in (
+            ("rs274", "sets work offsets (L2, L20) and tools (L1, L10, L11), for good; L0 does nothing"),
+            ("fanuc", "sets work offsets (L2, L20) and tools (L10 to L13), for good"),
+        )
+        for row in done("one-line", NIST, ("G10", _OFFSET, meaning), dialect=dialect)
+    ),
+    *done("one-line", NIST, ("G30", AXES, "rapid to the second reference point, likewise"), dialect="rs274"),
     *done(
         "one-line",
-        LINUXCNC,
-        ("G28.1", "", "the position becomes the reference point, for good"),
-        ("G30.1", "", "the position becomes the second reference point, for good"),
+        FANUC,
+        ("G30", AXES + "UVWP", "rapid to the second reference point (P2), likewise"),
+        dialect="fanuc",
+    ),
+    *done("one-line", NIST, ("G92.1", "", "cancels the shift of G92"), dialect="rs274"),
+    *alone(done("one-line", FANUC, ("G92.1", "", "cancels the shift of G92"), dialect="fanuc")),
+    *done("one-line", NIST, ("G4", "P", "dwell of P seconds"), dialect="rs274"),
+    *done("one-line", FANUC, ("G4", "PX", "dwell of P or X seconds; ms without a point"), dialect="fanuc"),
+    *(
+        replace(row, dialect=dialect, alone=dialect == "fanuc")  # there they go, with words of axes
+        for row in done(
+            "one-line",
+            LINUXCNC,
+            ("G28.1", "", "the position becomes the reference point, for good"),
+            ("G30.1", "", "the position becomes the second reference point, for good"),
+        )
+        for dialect in ("rs274", "fanuc")
     ),
     *done("plane", NIST, ("G17", "", "plane XY"), ("G18", "", "plane ZX"), ("G19", "", "plane YZ")),
     *done("unit", NIST, ("G20", "", "inches"), ("G21", "", "millimetres")),
@@ -234,12 +264,8 @@ ROWS: tuple[Code, ...] = (
     ),
     *done("length", NIST, ("G49", "", "no tool length, no tool-centre control"), dialect="rs274"),
     *done("length", FANUC, ("G49", "H", "no tool length, no tool-centre control; H0 only"), dialect="fanuc"),
-    *done(
-        "length",
-        LINUXCNC,
-        ("G43.1", "Z", "adds the length Z to Z"),
-        ("G43.2", "H", "adds the length of one more tool"),
-    ),
+    *done("length", LINUXCNC, ("G43.1", "Z", "adds the length Z to Z")),
+    *alone(done("length", LINUXCNC, ("G43.2", "H", "adds the length of one more tool"))),
     *done("length", FANUC, ("G44", "H", "takes the tool's length off Z"), dialect="fanuc"),
     *done(
         "length",
@@ -269,20 +295,31 @@ ROWS: tuple[Code, ...] = (
     *done(
         "rotation",
         FANUC,
-        ("G68", AXES + "R", "turns the coordinates by R in the plane"),
         ("G68.2", "XYZIJKPQR", "tilted plane, defined as P says (above)"),
         ("G68.3", "XYZR", "tilted plane across the tool as it stands"),
         ("G68.4", "XYZIJKPQR", "tilted plane seen from the active one"),
         ("G69", "", "ends G68 and the tilted plane"),
     ),
-    *done("one-line", FANUC, ("G53.1", "P", "turns the tool along the tilted plane's Z, X Y Z stand")),
-    *done("one-line", FANUC, ("G53.6", "PH", "the same, the tip stands on the part"), dialect="fanuc"),
-    *done(
-        "one-line",
-        LINUXCNC,
-        ("G53.3", "XYZP", "the same, and to X Y Z of the plane meanwhile"),
-        ("G53.6", "P", "the same, the tip stands on the part"),
-        dialect="rs274",
+    *(
+        replace(row, forms=_TURNED_IN)
+        for row in done("rotation", FANUC, ("G68", "XYZR", "turns the coordinates by R in the plane"))
+    ),
+    *alone(
+        [
+            *done(
+                "one-line", FANUC, ("G53.1", "P", "turns the tool along the tilted plane's Z, X Y Z stand")
+            ),
+            *done(
+                "one-line", FANUC, ("G53.6", "PH", "the same, the tip stands on the part"), dialect="fanuc"
+            ),
+            *done(
+                "one-line",
+                LINUXCNC,
+                ("G53.3", "XYZP", "the same, and to X Y Z of the plane meanwhile"),
+                ("G53.6", "P", "the same, the tip stands on the part"),
+                dialect="rs274",
+            ),
+        ]
     ),
     *done(
         "stop",
@@ -363,6 +400,9 @@ def takers_of(letter: str, dialect: str) -> str:
 
 
 BY_DIALECT = MappingProxyType({dialect: MappingProxyType(of(dialect)) for dialect in ("rs274", "fanuc")})
+HOLD_AXES = MappingProxyType(
+    {d: frozenset(name for name, row in rows.items() if row.holds_axes) for d, rows in BY_DIALECT.items()}
+)
 
 
 def markdown() -> str:

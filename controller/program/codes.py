@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 import re
+from dataclasses import field, replace
 from functools import cache
 
 from controller.machine.model import Machine
@@ -22,7 +23,6 @@ SURFACES = ("G51", "G52", "G6.2")
 CURVES = ("G5", "G5.1", "G5.2", "G5.3")
 PROBES = ("G38.2", "G38.3", "G38.4", "G38.5", "G31")
 CYCLES = ("G73", "G74", "G76", "G81", "G82", "G83", "G84", "G85", "G86", "G87", "G89")
-PLACES = ("G10", "G28", "G30", "G53.3", "G92")  # of the codes for one line those that take the axis words
 TILTS = ("G68.2", "G68.3", "G68.4")
 TO_PLANE = ("G53.1", "G53.3", "G53.6")  # turn the tool to it
 CONE_WORDS = "XYZIJKHRD"
@@ -34,9 +34,10 @@ def group(name: str, dialect: str) -> list[str]:
 
 
 @cache
-def letters_of(code: str, dialect: str, axes: str) -> str:
-    """The letters that a code takes on a machine with these axes."""
-    letters = BY_DIALECT[dialect][code].letters.replace(AXES, axes)
+def letters_of(code: str, dialect: str, axes: str, form: str = "") -> str:
+    """The letters that a code takes on a machine with these axes, in one of its forms."""
+    row = BY_DIALECT[dialect][code]
+    letters = dict(row.forms).get(form, row.letters).replace(AXES, axes)
     if dialect == "fanuc":
         return letters
     left_out = "ABCK" if code in CYCLES else "UVW"
@@ -54,6 +55,14 @@ class Ask:
     next_tool: Word | None = None  # the second T beside M6, of the tool behind this one (Mazak)
     dialect: str = "rs274"
     polar: tuple[float, float] | None = None  # @ (mm) and ^ (rad) under G91, for which X and Y stand
+    takers: dict[str, str] = field(default_factory=dict)  # letter -> the one code that takes its word
+
+    def of(self, code: str) -> Ask:
+        """The line as one of its codes has it: without the words that others take."""
+        others = [letter for letter, taker in self.takers.items() if taker != code]
+        if not others:
+            return self
+        return replace(self, words={c: word for c, word in self.words.items() if c not in others})
 
     def code(self, group: str) -> str:
         return self.codes[group][0] if group in self.codes else ""

@@ -222,9 +222,13 @@ class _Settings:
             self.state = self.state._replace(mm_per_unit=25.4 if code in INCHES else 1.0)
 
     def _feed_mode(self) -> None:
-        """Between G93, G94 and G95 no feed survives: what F means has changed."""
+        """Between G93, G94 and G95 no feed survives: what F means has changed.
+
+        Nor does it behind the code that is on, as LinuxCNC has it; on controls as Fanuc's it stays.
+        """
         code = self.ask.code("feed")
-        if code and (code == "G93", code == "G95") != (self.state.inverse, self.state.per_turn):
+        changes = (code == "G93", code == "G95") != (self.state.inverse, self.state.per_turn)
+        if code and (changes or self._machine.dialect == "rs274"):
             inverse, per_turn = code == "G93", code == "G95"
             self.state = self.state._replace(
                 inverse=inverse, per_turn=per_turn, turn_feed=None, feed_deg_s=None
@@ -294,24 +298,25 @@ class _Settings:
         """M62, M63 and M67 count with the next motion, M64, M65, M68 and the machine's own codes at once."""
         if "output" in self.ask.codes:
             code, word = self.ask.codes["output"]
+            ask = self.ask.of(code)
             if code == "M66":
-                self.made += output_words.awaited(self.ask, word, self.state.modal, self._machine)
+                self.made += output_words.awaited(ask, word, self.state.modal, self._machine)
                 return
-            self._say(code, word)
+            self._say(ask, code, word)
             if code in ("M64", "M65", "M68"):
                 self._act(word, Act.OUTPUT)
         for word, number, on in self.ask.switches:
             self._switch(number, on)
             self._act(word, Act.OUTPUT)
 
-    def _say(self, code: str, word: Word) -> None:
+    def _say(self, ask: Ask, code: str, word: Word) -> None:
         """An output, digital or analogue, is told."""
         if code in ("M67", "M68"):
             modal = self.state.modal
-            said = output_words.led(self.ask, code, word, self._machine)
+            said = output_words.led(ask, code, word, self._machine)
             self._set_modal(replace(modal, outputs=modal.outputs.led(*said)))
         else:
-            self._switch(output_words.number(self.ask, code, word, self._machine), code in ("M62", "M64"))
+            self._switch(output_words.number(ask, code, word, self._machine), code in ("M62", "M64"))
 
     def _switch(self, number: int, on: bool) -> None:
         modal = self.state.modal
@@ -354,7 +359,7 @@ class _Settings:
     def _name_tool(self) -> None:
         if self._machine.changer is not None:
             raise self.ask.refusal(self.ask.codes["tool change"][1], "tool.m61_changer")
-        word = self.ask.words.get("Q")
+        word = self.ask.of("M61").words.get("Q")
         if word is None:
             raise self.ask.refusal(self.ask.codes["tool change"][1], "tool.m61")
         if word.value != 0.0:
@@ -377,7 +382,7 @@ class _Settings:
 
     def _orient(self, word: Word) -> None:
         """M19: the spindle stops, its drive brings it to the angle, and motion waits until it is there."""
-        output, back, most_s = output_words.oriented(self.ask, word, self._machine)
+        output, back, most_s = output_words.oriented(self.ask.of("M19"), word, self._machine)
         self._turn_spindle(0, word)
         self._switch(output, True)
         self._act(word, Act.OUTPUT)
@@ -407,11 +412,17 @@ class _Settings:
     def _dwell(self) -> None:
         if self.ask.code("one-line") != "G4":
             return
-        word = self.ask.codes["one-line"][1]
-        if not self.ask.has("PX"):
+        word, given = self.ask.codes["one-line"][1], self.ask.of("G4").words
+        times = [given[letter] for letter in "PX" if letter in given]
+        if not times and (other := self.ask.words.get("X")) is not None:
+            raise self.ask.refusal(other, "dwell.no_time_of_x")
+        if not times:
             raise self.ask.refusal(word, "dwell.no_time")
-        seconds = dwell_s(self.ask, self.ask.words.get("P") or self.ask.words["X"], self._machine)
-        self.made.append(Dwell(self.ask.place(word), self.state.modal, seconds))
+        if len(times) > 1:
+            raise self.ask.refusal(times[1], "dwell.two_times", other=times[0].text)
+        self.made.append(
+            Dwell(self.ask.place(word), self.state.modal, dwell_s(self.ask, times[0], self._machine))
+        )
 
     def _side(self) -> None:
         if code := self.ask.code("side"):
@@ -439,13 +450,13 @@ class _Settings:
 
     def _check_no_length(self) -> None:
         """H0 says beside G49 what it says."""
-        word = self.ask.words.get("H")
+        word = self.ask.of("G49").words.get("H")
         if word is not None and word.value != 0.0:
             raise self.ask.refusal(word, "tool.length_beside_g49")
 
     def _said_mm(self, code: str) -> float:
         """The length that H, or Z of G43.1, names; without one that of the tool in the spindle."""
-        word = self.ask.words.get("Z" if code == "G43.1" else "H")
+        word = self.ask.of(code).words.get("Z" if code == "G43.1" else "H")
         if word is None and code in ("G43.1", "G43.2"):
             takes = Key("tool.takes_z" if code == "G43.1" else "tool.takes_h")
             raise self.ask.refusal(self.ask.codes["length"][1], "tool.no_length", code=code, takes=takes)
@@ -489,13 +500,14 @@ class _Settings:
 
     def _numbered(self, code: str, word: Word) -> int:
         """P of G54.1 and G154."""
-        number = self.ask.words.get("P")
+        number = self.ask.of(code).words.get("P")
         if number is None or not 1 <= self.ask.whole(number) <= 48:
             raise self.ask.refusal(number or word, "offset.number", code=code)
         return int(number.value)
 
     def _blend(self) -> tuple[float, float]:
-        p, q = self.ask.words.get("P"), self.ask.words.get("Q")
+        given = self.ask.of("G64").words
+        p, q = given.get("P"), given.get("Q")
         blend_mm = self.ask.not_negative(p) * self.state.mm_per_unit if p is not None else 0.0
         return blend_mm, self.ask.not_negative(q) if q is not None else 0.0
 
@@ -543,7 +555,7 @@ def overrides_after(ask: Ask, modal: Modal, machine: Machine) -> Modal:
 
 def _is_on(ask: Ask, code: str) -> bool:
     """P: 0 is off, 1 or nothing on."""
-    p = ask.words.get("P")
+    p = ask.of(code).words.get("P")
     if p is not None and p.value not in (0.0, 1.0):
         raise ask.refusal(p, "override.on_or_off", code=code)
     return p is None or p.value == 1.0

@@ -113,7 +113,10 @@ def tap(way: Way, cycle: Cycle, clearance: float, bottom: float) -> None:
     """G74 and G84: F over S is the pitch; with Q in pecks, each out to R, all in one thread."""
     rev_s = abs(way.here.state.modal.spindle_rev_min) / 60.0
     ask, turning = way.here.ask, way.here.state.turning
-    check_pitch(way.here, ask.words.get("F") or ask.line.words[0], way.feed / rev_s)
+    word = ask.words.get("F") or ask.line.words[0]
+    if not rev_s:
+        raise ask.refusal(word, "thread.no_speed", code=cycle.code)
+    check_pitch(way.here, word, way.feed / rev_s)
     turned = turning * rev_s / way.feed
     depth = cycle.depth or math.inf
     height = clearance

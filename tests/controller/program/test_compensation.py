@@ -219,7 +219,7 @@ def test_a_surface_program_is_read_as_it_was() -> None:
         ("G41 D-1;G1 X9", 3, "D-1 is not a count"),
         ("G41.1;G1 X9", 3, "G41.1 has no D"),
         ("G41.1 D3 L2;G1 X9", 3, "L2 is the edge of a turning tool"),
-        ("G40 D1", 3, "no code on this line takes D1: D belongs to G51 G41 G42 G41.1 G42.1"),
+        ("G40 D1", 3, "no code on this line takes D1: G40 takes P Q R; D belongs to G51 G41 G42 G41.1 G42.1"),
         ("G43.4;G41 D1;G1 X9", 5, "G1 runs under G41 and tool-centre control"),
         ("G43.4;G41 D1;G0 X9", 5, "tool-centre control"),
     ],

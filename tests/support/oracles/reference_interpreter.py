@@ -98,19 +98,24 @@ def _a_minute(step: explained.Step, here: tuple[float, ...], there: tuple[float,
     return None if step.kind == "arc" or way < ROUND else way / feed * 60.0
 
 
-def reference(text: str, folder: Path, on: Machine) -> Reading:
-    """What the interpreter of LinuxCNC says of a program, run in ``folder``."""
+def run(text: str, folder: Path, *options: str, tools: str = "") -> subprocess.CompletedProcess[str]:
+    """The interpreter over a program, in ``folder``."""
     found = program()
     assert found is not None
     (folder / "p.ngc").write_text(text)
     (folder / "p.var").write_text("5161 0.0\n5162 0.0\n5163 0.0\n5220 1\n")
+    (folder / "p.tbl").write_text(tools)
+    command = [found, "-v", "p.var", "-t", "p.tbl", *options, "-g", "p.ngc"]
+    apart = {**os.environ, "HOME": str(folder)}  # it keeps its tool table there, and two runs would share it
+    return subprocess.run(command, cwd=folder, env=apart, capture_output=True, text=True, timeout=60)
+
+
+def reference(text: str, folder: Path, on: Machine) -> Reading:
+    """What the interpreter of LinuxCNC says of a program, run in ``folder``."""
     rows = [
         f"T{t.number} P{t.number} D{t.radius_mm / 12.7:.8f} Z{t.length_mm / 25.4:.8f} ;\n" for t in on.tools
     ]
-    (folder / "p.tbl").write_text("".join(rows))
-    command = [found, "-v", "p.var", "-t", "p.tbl", "-g", "p.ngc"]
-    apart = {**os.environ, "HOME": str(folder)}  # it keeps its tool table there, and two runs would share it
-    told = subprocess.run(command, cwd=folder, env=apart, capture_output=True, text=True, timeout=60)
+    told = run(text, folder, tools="".join(rows))
     out = told.stdout.splitlines()
     refused = told.stderr.partition("executing")[2].strip()[-300:] if told.returncode else ""
     return Reading(_moving(list(_Canon(on).moves(out))), refused)

@@ -37,7 +37,13 @@ class _Program:
             rows += [f"o{name} sub", *inside, self._leaves(name), f"o{name} endsub"]
             self._subs.append(name)
         unit = self._rng.choice(("G21", "G20"))
-        return [*rows, unit, "G90 G94 G98 F100 T1 M6", "S100 M3 G0 X1 Y2 Z50", "#1=2 #<a>=1.5 #<dx>=2.5 #<_glob>=-3"]
+        return [
+            *rows,
+            unit,
+            "G90 G94 G98 F100 T1 M6",
+            "S100 M3 G0 X1 Y2 Z50",
+            "#1=2 #<a>=1.5 #<dx>=2.5 #<_glob>=-3",
+        ]
 
     def _keeps(self) -> bool:
         """The interpreter of LinuxCNC 2.9 loses a shift of G92 or G52 that a sub with M73 leaves behind."""
