@@ -74,14 +74,11 @@ REFUSALS = {
     "code.not_done": "{code} ({meaning}) is not done here: {instead}",
     "code.two_of_a_group": "{before} and {code} are both {group} codes: one line takes one of {allowed}; "
     "remove one or write two lines",
-    "code.unknown": "{word} is not a code of this control: it knows {known}; use one of these",
-    "code.own_output": ", or name an output for it in m_codes of [io]",
-    "code.unknown_m": "{word} is not a code of this control: it knows {known}; use one of these, or name "
-    "an output for it in m_codes of [io]",
+    "code.unknown": "{word} is not known here: the codes of this control are {known}; write what is meant "
+    "with these, or remove it",
+    "code.unknown_m": "{word} is not known here: the codes of this control are {known}; write what is meant "
+    "with these, remove it, or name an output for it in m_codes of [io]",
     "code.none": "no code of this control",
-    "code.unknown_near": "{word} is not a code of this control: use {near} instead",
-    "code.unknown_near_m": "{word} is not a code of this control: use {near} instead, or name an output "
-    "for it in m_codes of [io]",
     "code.other_dialect": '{word} is a code of dialect = "{dialect}" alone: set that in [machine], or '
     "with --dialect, if the program is written for it, or use another code",
     # --- boring
@@ -650,7 +647,6 @@ REFUSALS = {
     "meaning.G29": "return from the reference point",
     "meaning.G65.rs274": "macro call",
     "meaning.G66.rs274": "modal macro",
-    "meaning.G254": "dynamic work offset",
     "meaning.G12.fanuc": "circular pocket, clockwise",
     "meaning.G13.fanuc": "circular pocket, counter-clockwise",
     "meaning.G150.fanuc": "pocket",
@@ -702,7 +698,6 @@ REFUSALS = {
     "instead.G29": "write G0 and the position",
     "instead.G65.rs274": "write O-words, as o<bore> call [10] [2], or take dialect fanuc in [machine]",
     "instead.G66.rs274": "call the sub behind every line with O-words, or take dialect fanuc in [machine]",
-    "instead.G254": "write G43.4, which follows the turned part",
     "instead.G12.fanuc": "write the arcs",
     "instead.G13.fanuc": "write the arcs",
     "instead.G150.fanuc": "write the moves themselves",

@@ -78,14 +78,11 @@ REFUSALS = {
     "code.not_done": "{code} ({meaning}) gibt es hier nicht: {instead}",
     "code.two_of_a_group": "{before} und {code} sind beide von der Gruppe {group}: ein Satz nimmt einen "
     "von {allowed}; einen streichen oder zwei Sätze schreiben",
-    "code.unknown": "{word} ist kein Code dieser Steuerung: sie kennt {known}; einen davon verwenden",
-    "code.own_output": ", oder in m_codes von [io] einen Ausgang dafür eintragen",
-    "code.unknown_m": "{word} ist kein Code dieser Steuerung: sie kennt {known}; einen davon verwenden, "
-    "oder in m_codes von [io] einen Ausgang dafür eintragen",
+    "code.unknown": "{word} ist hier nicht bekannt: die Codes dieser Steuerung sind {known}; mit ihnen "
+    "schreiben, was gemeint ist, oder es streichen",
+    "code.unknown_m": "{word} ist hier nicht bekannt: die Codes dieser Steuerung sind {known}; mit ihnen "
+    "schreiben, was gemeint ist, es streichen, oder in m_codes von [io] einen Ausgang dafür eintragen",
     "code.none": "keinem Code dieser Steuerung",
-    "code.unknown_near": "{word} ist kein Code dieser Steuerung: stattdessen {near} verwenden",
-    "code.unknown_near_m": "{word} ist kein Code dieser Steuerung: stattdessen {near} verwenden, oder in "
-    "m_codes von [io] einen Ausgang dafür eintragen",
     "code.other_dialect": '{word} ist ein Code nur von dialect = "{dialect}": das in [machine] oder mit '
     "--dialect setzen, wenn das Programm dafür geschrieben ist, oder einen anderen Code verwenden",
     # --- boring
@@ -694,7 +691,6 @@ REFUSALS = {
     "meaning.G29": "Rückkehr vom Referenzpunkt",
     "meaning.G65.rs274": "Makroaufruf",
     "meaning.G66.rs274": "modaler Makroaufruf",
-    "meaning.G254": "mitgeführte Nullpunktverschiebung",
     "meaning.G12.fanuc": "Kreistasche im Uhrzeigersinn",
     "meaning.G13.fanuc": "Kreistasche gegen den Uhrzeigersinn",
     "meaning.G150.fanuc": "Tasche",
@@ -748,7 +744,6 @@ REFUSALS = {
     "[machine] nehmen",
     "instead.G66.rs274": "das Unterprogramm hinter jeder Zeile mit O-Wörtern rufen, oder dialect fanuc in "
     "[machine] nehmen",
-    "instead.G254": "G43.4 schreiben, das dem gedrehten Werkstück folgt",
     "instead.G12.fanuc": "die Bögen schreiben",
     "instead.G13.fanuc": "die Bögen schreiben",
     "instead.G150.fanuc": "die Bewegungen selbst schreiben",

@@ -90,7 +90,6 @@ NOT_DONE: tuple[Code, ...] = (
     *refused(LINUXCNC, "G17.1 G18.1 G19.1 G88 G96"),
     *refused(FANUC, "G16 G22 G26 G27 G29"),
     *refused(FANUC, "G65 G66", dialect="rs274"),
-    *refused(HAAS, "G254"),
     *refused(HAAS, "G12 G13 G150 G253 G268 M83 M88 M97", dialect="fanuc"),
     *refused(BROTHER, "G100", dialect="fanuc"),
 )

@@ -11,7 +11,6 @@ from dataclasses import field, replace
 from functools import cache
 
 from controller.machine.model import Machine
-from controller.messages import chain
 from controller.program.code_rows import AXES, Code, Fate, key_of
 from controller.program.code_table import BY_DIALECT
 from controller.program.program import Place, ProgramError
@@ -165,39 +164,16 @@ def _code(line: Line, word: Word, dialect: str) -> Code:
 
 
 def _unknown(line: Line, word: Word, dialect: str) -> ProgramError:
-    """What to use in place of a code that there is not."""
-    done = (code.name for code in BY_DIALECT[dialect].values() if code.fate is Fate.DONE)
-    known = sorted((c for c in done if c[0] == word.letter), key=lambda c: float(c[1:]))
+    """Of a code that there is not; what another would do in its place, its number does not tell."""
     other = next(one for one in BY_DIALECT if one != dialect)
-    name = f"{word.letter}{word.value:g}"
-    if (row := BY_DIALECT[other].get(name)) is not None:
+    if (row := BY_DIALECT[other].get(f"{word.letter}{word.value:g}")) is not None:
         if row.fate is Fate.REFUSED:
             return line.refusal(word, "code.not_done", **row.refused_with())
         return line.refusal(word, "code.other_dialect", dialect=other)
-    if near := _near(name, known):
-        key = "code.unknown_near_m" if word.letter == "M" else "code.unknown_near"
-        return line.refusal(word, key, near=chain("or", near))
+    done = (code.name for code in BY_DIALECT[dialect].values() if code.fate is Fate.DONE)
+    known = sorted((c for c in done if c[0] == word.letter), key=lambda c: float(c[1:]))
     key = "code.unknown_m" if word.letter == "M" else "code.unknown"
     return line.refusal(word, key, known=" ".join(known))
-
-
-def _near(name: str, known: list[str]) -> list[str]:
-    """Of the same whole number; else of the same digits; else those that one slip of a finger makes it of."""
-    whole = name.partition(".")[0]
-    akin = [code for code in known if code.partition(".")[0] == whole]
-    digits = name.replace(".", "")
-    akin = akin or [code for code in known if code.replace(".", "") == digits]
-    return akin or [code for code in known if ("." in name or "." not in code) and _is_slip(name, code)][:4]
-
-
-def _is_slip(a: str, b: str) -> bool:
-    """Whether one character is another, or there too much; a single digit is no likeness."""
-    short, long = sorted((a, b), key=len)
-    if len(short) == len(long) > 2:
-        return sum(x != y for x, y in zip(a, b, strict=True)) == 1
-    return len(long) == len(short) + 1 > 3 and any(
-        long[:i] + long[i + 1 :] == short for i in range(len(long))
-    )
 
 
 def _check_letter(line: Line, word: Word, before: dict[str, Word], machine: Machine) -> None:

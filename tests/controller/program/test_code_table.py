@@ -180,7 +180,7 @@ REFUSED = {
         ),
         *("G48 X1. D1", "G51.1 X0.", "G60 X1.", "G63", "G100 T1 X0. Y0. Z50.", "G107 C20.", "G150 X0. Y0."),
         *("G253", "G268 X0. Y0. Z0. I0. J30. K0.", "M83", "M88", "M97 P100", "M198 P100"),
-        *("G254", "G53.3 X1. Y1. Z1."),
+        "G53.3 X1. Y1. Z1.",
     ),
 }
 
@@ -223,6 +223,19 @@ def test_what_is_noted_with_one_word_is_refused_with_others(line: str, only: str
 def test_words_of_a_noted_code_do_not_move_and_a_motion_beside_it_does() -> None:
     told = blocks.read(b"G0 X5.\nG05.1 Q2 X0. Y0. Z0.\nG5.1 Q1 G0 X7.\n", machine("fanuc"), "p.ngc").blocks
     assert [b.targets[0] for b in told if isinstance(b, JointLine)] == [5.0, 7.0]
+
+
+@pytest.mark.parametrize("dialect", ["rs274", "fanuc"])
+@pytest.mark.parametrize("code", ["M21", "G254", "G8.1", "M428", "G142", "M104", "G29.5", "G43.7", "G1.1"])
+def test_a_code_that_there_is_not_is_not_taken_for_one_that_looks_like_it(dialect: str, code: str) -> None:
+    with pytest.raises(ProgramError) as error:
+        blocks.read(f"G0 X5.\n{code}\n".encode(), machine(dialect), "p.ngc")
+    done = [
+        row.name for row in BY_DIALECT[dialect].values() if row.fate is Fate.DONE and row.name[0] == code[0]
+    ]
+    said = error.value.sentence
+    assert said.startswith(f"{code} is not known here") and (error.value.line, error.value.column) == (2, 1)
+    assert all(f" {name}" in said for name in done) and "use " not in said and "instead" not in said
 
 
 def test_a_noted_code_beside_a_motion_leaves_its_words_to_count_as_ever() -> None:
