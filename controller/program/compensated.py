@@ -12,7 +12,7 @@ from controller.machine.model import Machine
 from controller.messages import Said, said, text
 from controller.program.arc_words import PLANES
 from controller.program.contour import circles, ways
-from controller.program.contour.ways import Cut, Way
+from controller.program.contour.ways import Cut, Doubt, Way
 from controller.program.position import Known, Place3
 from controller.program.program import (
     Block,
@@ -71,7 +71,9 @@ class Cutter:
         self._axes = PLANES[modal.plane]
         self._last: Step | None = None
         self._between: list[Held] = []
-        self._cut = Cut()
+        self._cut = Cut(abs(planar.off_mm))
+        self._doubted: list[tuple[Doubt, Step]] = []
+        self._waiting: list[Block] = []  # until it is known that what is doubted is no neck
 
     @property
     def begun(self) -> bool:
@@ -79,7 +81,29 @@ class Cutter:
         return self._last is not None
 
     def take(self, held: Held) -> Iterator[Block]:
-        """What is cut for a block: all but the last move in the plane, whose end the next one says."""
+        """What is cut for a block: all but the last move in the plane, whose end the next one says, and what
+        follows ways that may lie in a neck.
+        """
+        for block in self._taken(held):
+            self._waiting.append(block)
+            yield from self._known()
+
+    def finish(self) -> Iterator[Block]:
+        """The last way to its own end."""
+        if self._last is not None:
+            for block in self._gone(self._last):
+                self._waiting.append(block)
+                yield from self._known()
+        self._settle(at_end=True)
+        yield from self._known()
+
+    def _known(self) -> Iterator[Block]:
+        """What waits, once nothing is doubted."""
+        if not self._cut.doubts:
+            waiting, self._waiting = self._waiting, []
+            yield from waiting
+
+    def _taken(self, held: Held) -> Iterator[Block]:
         if not self._moves(held):
             if self._last is None:
                 yield held.block
@@ -92,11 +116,6 @@ class Cutter:
         if self._last is not None:
             yield from self._joined(self._last, step)
         self._last = step
-
-    def finish(self) -> Iterator[Block]:
-        """The last way to its own end."""
-        if self._last is not None:
-            yield from self._gone(self._last)
 
     # ---- moves as ways ---------------------------------------------------------------
 
@@ -173,6 +192,7 @@ class Cutter:
         else:
             around = self._corner(last, step)
         self._cut.takes(step.number, step.way.contour())
+        self._settle()
         yield from self._gone(last)
         if around:
             yield from self._around(last, step)
@@ -193,14 +213,14 @@ class Cutter:
     def _gone(self, step: Step) -> Iterator[Block]:
         """A way as its block, and the blocks behind it."""
         if step.number > 0:
-            yield from self._crossing(step, step.way.alone())
+            self._cross(step, step.way.alone())
         yield self._block(step)
         between, self._between = self._between, []
         for held in between:
             block = held.block
             if isinstance(block, JointLine | JointArc | TipLine):
                 if isinstance(block, JointLine) and block.feed_mm_s is None:
-                    self._cut.lift()
+                    self._lift()
                 yield self._standing(held, step.way.ends)
             else:
                 yield block
@@ -210,7 +230,7 @@ class Cutter:
         targets = self._to(step.held, way.ends)
         if isinstance(block, JointLine):
             if block.feed_mm_s is None:
-                self._cut.lift()
+                self._lift()
             return replace(block, targets=targets, relative=False)
         rest = abs(way.sweep) * way.radius if step.number == 0 else way.rest
         if way.centre is None or way.radius < ROUND_MM or rest < SHORTEST_ARC_MM:
@@ -240,7 +260,7 @@ class Cutter:
         centre = corner - last.way.ends
         sweep = cmath.phase((step.way.begins - corner) / -centre)
         sweep = -math.copysign(abs(sweep), off)
-        yield from self._crossing(step, ways.arc(last.way.ends, step.way.begins, corner, sweep, 0.0))
+        self._cross(step, ways.arc(last.way.ends, step.way.begins, corner, sweep, 0.0))
         yield JointArc(
             block.place,
             block.modal,
@@ -264,18 +284,27 @@ class Cutter:
             point = step.way.start + away / math.cos(part / 2.0)
             yield replace(step.block, targets=self._only(point), relative=False)
 
-    def _crossing(self, step: Step, way: Way) -> Iterator[Block]:
-        """Note a way that is cut; refused where it crosses another, or told with gouge = "warn"."""
+    def _cross(self, step: Step, way: Way) -> None:
+        """Note a way that is cut, and what it crosses."""
         _, _, normal = self._axes
         heights = [z for z in (step.held.before[normal], step.held.after[normal]) if z is not None] or [0.0]
-        place = step.block.place
-        found = self._cut.goes(step.number, way, min(heights), max(heights), place.line)
-        if found is None:
-            return
-        radius = abs(self.planar.off_mm)
-        if self._machine.gouge == "refuse":
-            raise self._wrong(step.held, "beside.gouge", radius=radius, there=found.line)
-        yield Remark(place, step.block.modal, said("beside.gouge_told", radius=radius, there=found.line))
+        for doubt in self._cut.goes(step.number, way, min(heights), max(heights), step.block.place.line):
+            self._doubted.append((doubt, step))
+
+    def _lift(self) -> None:
+        self._settle(at_end=True)
+        self._cut.lift()
+
+    def _settle(self, at_end: bool = False) -> None:
+        """A way in a neck is refused, or told with gouge = "warn"."""
+        while (neck := self._cut.settled(at_end)) is not None:
+            self._cut.doubts.remove(neck)
+            step = next(step for doubt, step in self._doubted if doubt is neck)
+            radius = abs(self.planar.off_mm)
+            if self._machine.gouge == "refuse":
+                raise self._wrong(step.held, "beside.gouge", radius=radius, there=neck.old.line)
+            told = said("beside.gouge_told", radius=radius, there=neck.old.line)
+            self._waiting.append(Remark(step.block.place, step.block.modal, told))
 
     # ---- targets ---------------------------------------------------------------------
 

@@ -249,11 +249,19 @@ def _shortened(before: Way, after: Way) -> bool:
 #
 # Neighbours of a contour are looked at where they meet (``joined``). What is looked for here is a neck
 # that is narrower than the cutter: the ways cross, and the contour does not. A contour that crosses itself
-# is meant so. Looked back over is one cut, from where the cutter comes down to where it is lifted.
+# is meant so: as the cutter grows from nothing, the place where its ways cross moves away from there, along
+# the contour so far as its two lines stay nearer than the cutter. Looked back over is one cut, from where
+# the cutter comes down to where it is lifted.
+#
+# A contour crosses itself if it does however little one of the two is moved: at a corner that lies on the
+# other line, too, and not where it only touches.
 
 LOOKED_BACK = 200  # ways, arcs around corners among them
 INSIDE_MM = 1e-5  # from the end of a way; what meets there is a corner
 SLANTED = 0.01  # sine of the least angle; ways that run along each other do not cross
+REACH = 10.0  # radii along the contour from where ways cross to where it does: lines 11 degrees apart
+BESIDE = 3.0  # radii to a place where the contour crosses itself from whichever side
+_MOVED_MM = tuple(1e-4 * cmath.rect(1.0, angle) for angle in (0.4, 2.0, 3.5, 5.1))
 
 
 @dataclass(slots=True)
@@ -267,13 +275,41 @@ class Gone:
     line: int  # of the program
 
 
+@dataclass(slots=True)
+class Piece:
+    """A line or arc of the contour, and how far along it begins and ends."""
+
+    number: int
+    way: Way
+    begins: float
+    ends: float
+
+
+@dataclass(slots=True)
+class Doubt:
+    """Two ways that cross: a neck, unless the contour is found to cross itself there, too."""
+
+    old: Gone
+    new: Gone
+    at: complex
+    near: list[Piece]  # of the contour, about the old one
+    until: float  # along the contour, from where it can no longer cross itself there
+    held: set[int] = field(default_factory=set)  # of _MOVED_MM, with which it does
+
+    @property
+    def meant(self) -> bool:
+        return len(self.held) == len(_MOVED_MM)
+
+
 class Cut:
     """The ways of one cut, as far back as they are looked at."""
 
-    def __init__(self) -> None:
+    def __init__(self, radius: float) -> None:
+        self._radius = radius
         # With the box that each stays within: most lie apart, and this is asked for every way.
         self._gone: deque[tuple[float, float, float, float, Gone]] = deque(maxlen=LOOKED_BACK)
-        self._contour: deque[tuple[int, Way]] = deque(maxlen=LOOKED_BACK)
+        self._contour: deque[Piece] = deque(maxlen=LOOKED_BACK)
+        self.doubts: list[Doubt] = []
 
     def lift(self) -> None:
         """What follows is another cut; the contour's next line or arc has been taken."""
@@ -282,37 +318,85 @@ class Cut:
 
     def takes(self, number: int, contour: Way) -> None:
         """A line or arc of the contour, before its way is gone."""
-        self._contour.append((number, contour))
+        begins = self._contour[-1].ends if self._contour else 0.0
+        piece = Piece(number, contour, begins, begins + contour.length)
+        self._contour.append(piece)
+        for doubt in self.doubts:
+            self._look(doubt, piece)
 
-    def goes(self, number: int, way: Way, low: float, high: float, line: int) -> Gone | None:
-        """Go a way; the one it crosses, if the contour does not cross itself there, too."""
+    def goes(self, number: int, way: Way, low: float, high: float, line: int) -> list[Doubt]:
+        """Go a way; what it crosses is doubted, unless the contour crosses itself there, too."""
         new = Gone(number, way, low, high, line)
         x, y, to_x, to_y = way.box()
         near = [g for a, b, c, d, g in self._gone if a <= to_x and x <= c and b <= to_y and y <= d]
         self._gone.append((x, y, to_x, to_y, new))
-        return next((old for old in near if self._crossed(old, new)), None)
+        found = [
+            self._doubt(old, new, point)
+            for old in near
+            if old.high >= new.low and new.high >= old.low
+            for point in crossings(old.way, way, INSIDE_MM, SLANTED)
+        ]
+        found = [doubt for doubt in found if not doubt.meant]
+        self.doubts += found
+        return found
 
-    def _crossed(self, old: Gone, new: Gone) -> bool:
-        if old.high < new.low or new.high < old.low or not cross(old.way, new.way):
-            return False
-        return not self._meant(old.number, new.number)
+    def settled(self, at_end: bool) -> Doubt | None:
+        """The first neck that is one for sure; those that are none are doubted no more."""
+        self.doubts = [doubt for doubt in self.doubts if not doubt.meant]
+        far = self._contour[-1].begins if self._contour else 0.0
+        return next((doubt for doubt in self.doubts if at_end or doubt.until < far), None)
 
-    def _meant(self, one: int, two: int) -> bool:
-        """Whether the contour crosses itself about there."""
-        near = [[way for n, way in self._contour if abs(n - at) <= 1] for at in (one, two)]
-        return any(a is not b and cross(a, b) for a in near[0] for b in near[1])
+    def _doubt(self, old: Gone, new: Gone, at: complex) -> Doubt:
+        latest = self._near(new.number)
+        until = max((piece.ends for piece in latest if piece.number <= new.number), default=0.0)
+        doubt = Doubt(old, new, at, self._near(old.number), until + REACH * self._radius)
+        for piece in latest:
+            self._look(doubt, piece)
+        return doubt
+
+    def _near(self, number: int) -> list[Piece]:
+        """Of the contour: a piece of this number with its neighbours, and those within reach."""
+        here = [piece for piece in self._contour if abs(piece.number - number) <= 1]
+        if not here:
+            return here
+        low, high = here[0].begins, here[-1].ends
+        reach = REACH * self._radius
+        return [
+            piece for piece in self._contour if piece.ends >= low - reach and piece.begins <= high + reach
+        ]
+
+    def _look(self, doubt: Doubt, piece: Piece) -> None:
+        """Whether the contour crosses itself with this piece."""
+        turns = _turns(doubt.old.way, doubt.new.way, doubt.at)
+        for k, by in enumerate(_MOVED_MM):
+            moved = _moved(piece.way, by) if k not in doubt.held else None
+            for other in doubt.near if moved is not None else ():
+                if abs(other.number - piece.number) < 2 or moved is None:
+                    continue
+                for point in crossings(other.way, moved, -ROUNDING, 0.0):
+                    beside = abs(point - doubt.at) < BESIDE * self._radius
+                    if beside or _turns(other.way, moved, point) == turns:
+                        doubt.held.add(k)
 
 
-def cross(one: Way, two: Way) -> bool:
-    """Whether two ways cross, away from their ends."""
-    return any(
-        _within(one, point)
-        and _within(two, point)
-        and abs((one.heading(point).conjugate() * two.heading(point)).imag) > SLANTED
-        for point in meetings(one, two)
-    )
+def crossings(one: Way, two: Way, inside: float, slanted: float) -> Iterator[complex]:
+    """Where two ways cross, so far from their ends; ``slanted``: sine of the least angle."""
+    for point in meetings(one, two):
+        within = all(inside < way.ahead(point) < way.length - inside for way in (one, two))
+        if within and abs(_sine(one, two, point)) > slanted:
+            yield point
 
 
-def _within(way: Way, point: complex) -> bool:
-    ahead = way.ahead(point)
-    return INSIDE_MM < ahead < way.length - INSIDE_MM
+def _sine(one: Way, two: Way, point: complex) -> float:
+    return (one.heading(point).conjugate() * two.heading(point)).imag
+
+
+def _turns(one: Way, two: Way, point: complex) -> bool:
+    """Whether the second comes across the first to its left."""
+    return _sine(one, two, point) > 0.0
+
+
+def _moved(way: Way, by: complex) -> Way:
+    if way.centre is None:
+        return line(way.start + by, way.end + by, 0.0)
+    return arc(way.start + by, way.end + by, way.centre + by, way.sweep, 0.0)

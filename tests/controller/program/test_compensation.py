@@ -277,6 +277,17 @@ def test_a_contour_that_crosses_itself_is_meant_so() -> None:
     assert len(ends(START + "G41 D1 G1 X0 Y0;Y30;X30;Y10;X-30;G40 Y0")) > 6
 
 
+@pytest.mark.parametrize("last", ["X0 Y15;X-10 Y21.25", "X-10 Y21.25", "X4 Y12.5;X1 Y14.5;X-1 Y15.5;X-9 Y16"])
+def test_a_last_line_that_cuts_the_first_is_no_neck(last: str) -> None:
+    """Also where a corner lies on the first line, and where it comes in short lines."""
+    assert len(ends(START + "G41 D1 G1 X0 Y-10;Y50;X60;Y0;X20;" + last + ";G40 X-30")) > 6
+
+
+def test_a_contour_that_touches_itself_and_turns_back_is_a_neck() -> None:
+    text = START + "G41 D1 G1 X0 Y-30;Y50;X-60;Y15;X0;X-60 Y-10;G40 X-80"
+    assert "narrower than the cutter" in refusal(text).sentence
+
+
 def test_all_refusals_of_a_program_come_in_one_answer() -> None:
     text = START + "G41 D1 G1 X0 Y-19;Y30;G40 G0 X0 Y-20;G42 D1 G1 X0 Y0;G2 X1 Y0 I.5;G1 Y9;G40 X9;Q5"
     refused: list[ProgramError] = []

@@ -73,6 +73,28 @@ def test_so_it_is_beside_a_thousand_contours(part: int) -> None:
     assert outcomes["cut"] and outcomes["refused without need"] <= 1, outcomes
 
 
+@pytest.mark.parametrize("count", [20, pytest.param(400, marks=pytest.mark.slow)])
+def test_a_contour_that_crosses_itself_on_purpose_is_cut_along_each_of_its_lines(count: int) -> None:
+    print(f"seed {seed.SEED}")
+    rng, cut = random.Random(seed.SEED), 0
+    for _ in range(count):
+        radius, left, digits = rng.choice((0.5, 3.0, 6.35)), rng.random() < 0.5, rng.choice(sorted(DIGITS))
+        pieces, off = random_contours.crossing(rng, radius), radius if left else -radius
+        text = random_contours.text(pieces, f"G4{1 if left else 2}.1 D{2.0 * radius}", digits)
+        try:
+            gone = way(text)[1:-1]
+        except ProgramError as error:  # the cutter has no room in one of its corners
+            assert "between the two the contour is narrower" not in error.sentence, f"{error}\n{text}"
+            continue
+        cut += 1
+        for number, piece in enumerate(pieces):  # by itself, as far as its neighbours let the cutter come
+            near = pieces[max(0, number - 3) : number + 4]
+            sample = touched(near, off, 0.2 * radius)[near.index(piece)]
+            if sample.free.any():
+                assert to_all(sample.centres[sample.free], gone).max() < DIGITS[digits], text
+    assert cut > count // 3
+
+
 def judged(rng: random.Random, count: int, digits: int) -> Counter[str]:
     """How many contours are cut as they are to be, and how many refused, with need and without."""
     outcomes = Counter[str]()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import cmath
+import itertools
 import math
 import random
 from dataclasses import dataclass
@@ -105,6 +106,55 @@ def _rounded(before: complex, corner: complex, after: complex, radius: float) ->
         return []
     start = corner - a * back
     return [Piece(start, corner + b * back, start + math.copysign(1.0, turn) * 1j * a * radius, turn)]
+
+
+def crossing(rng: random.Random, radius: float) -> list[Piece]:
+    """A contour that crosses itself on purpose: a ring whose last line cuts its first, an eight, or a loop.
+
+    Where it crosses there is a corner on the other line, now and then, and its lines come in short ones.
+    """
+    made = _overrun(rng, radius) if rng.random() < 0.6 else _looped(rng, radius)
+    if rng.random() < 0.4:
+        made = [part for piece in made for part in _parts(piece, rng.uniform(0.3, 2.0) * radius)]
+    return made
+
+
+def _overrun(rng: random.Random, radius: float) -> list[Piece]:
+    """Around a ring, from its last side but one through a place of its first line, and on."""
+    first, *others, _ = _ring(rng, 2.0 * radius)
+    sides = [k for k, piece in enumerate(others) if piece.centre is None]
+    side = others[sides[-1]]
+    turns_off = side.start + (side.end - side.start) * rng.uniform(0.4, 0.9)
+    through = first.start + (first.end - first.start) * rng.uniform(0.2, 0.8)
+    heading = (through - turns_off) / abs(through - turns_off)
+    bent = heading * cmath.rect(1.0, rng.choice((0.0, 0.0, rng.uniform(-0.5, 0.5))))
+    across = cmath.phase(heading / first.heading(False)) * cmath.phase(bent / first.heading(False)) > 0.0
+    if not across or not 0.3 < abs(cmath.phase(bent / first.heading(False))) < math.pi - 0.3:
+        bent = heading
+    end = through + bent * rng.uniform(1.0, 6.0) * radius
+    made = [first, *others[: sides[-1]], Piece(side.start, turns_off)]
+    if _apart(end, made[1:]) < 2.0 * radius:  # it would end in a neck
+        return _overrun(rng, radius)
+    if rng.random() < 0.5 and bent == heading:
+        return [*made, Piece(turns_off, end)]
+    return [*made, Piece(turns_off, through), Piece(through, end)]
+
+
+def _looped(rng: random.Random, radius: float) -> list[Piece]:
+    """Two lines that cross, and one or two that lead from the first to the second."""
+    turned = cmath.rect(1.0, rng.uniform(0.5, 2.6) * rng.choice((1.0, -1.0)))
+    a, b, c, d = (rng.uniform(9.0, 20.0) * radius for _ in range(4))
+    corners = [-a + 0j, b + 0j, turned * c, -turned * d]
+    if rng.random() < 0.5:
+        corners.insert(2, (corners[1] + corners[2]) * rng.uniform(0.7, 1.2))
+    return [Piece(*pair) for pair in itertools.pairwise(corners)]
+
+
+def _parts(piece: Piece, step: float) -> list[Piece]:
+    """A line as short ones."""
+    if piece.centre is not None:
+        return [piece]
+    return [Piece(*pair) for pair in itertools.pairwise(piece.points(step))]
 
 
 def text(pieces: list[Piece], code: str, digits: int, head: str = "G17") -> str:
