@@ -21,8 +21,8 @@ REFUSALS = {
     "comments only.",
     "doubt.mixed": "{code} mixes words with and without a decimal point: {word} is {mm:g} mm, for without "
     "a decimal point it counts 0.01 mm, {pointed} does not; write a point in all of them, or in none.",
-    "doubt.microscopic": "{code} cuts {contact:.2g} mm: {word} is {mm:g} mm, for without a decimal point "
-    "it counts 0.01 mm; write decimal points if millimetres are meant.",
+    "doubt.small": "{code} cuts {contact:.2g} mm at {feed:.4g} mm/min: {word} is {mm:g} mm, for without a "
+    "decimal point it counts 0.01 mm; write decimal points if millimetres are meant.",
     # --- why a code needs no action here
     "told.ahead": "The feed is always planned as far ahead as the limits ask.",
     "told.exact": "Corners are exact but under G64 P.",

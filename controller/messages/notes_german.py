@@ -21,8 +21,8 @@ REFUSALS = {
     "betrifft nur Kommentare.",
     "doubt.mixed": "{code} mischt Wörter mit und ohne Dezimalpunkt: {word} sind {mm:g} mm, denn ohne "
     "Dezimalpunkt zählt es in 0.01 mm, {pointed} nicht; den Punkt überall schreiben, oder nirgends.",
-    "doubt.microscopic": "{code} schneidet {contact:.2g} mm: {word} sind {mm:g} mm, denn ohne Dezimalpunkt "
-    "zählt es in 0.01 mm; Dezimalpunkte schreiben, wenn Millimeter gemeint sind.",
+    "doubt.small": "{code} schneidet {contact:.2g} mm mit {feed:.4g} mm/min: {word} sind {mm:g} mm, denn "
+    "ohne Dezimalpunkt zählt es in 0.01 mm; Dezimalpunkte schreiben, wenn Millimeter gemeint sind.",
     # --- why a code needs no action here
     "told.ahead": "Der Vorschub wird immer so weit vorausgeplant, wie die Grenzen es verlangen.",
     "told.exact": "Ecken sind genau, außer unter G64 P.",

@@ -90,7 +90,7 @@ def cone(ask: Ask, state: State, machine: Machine) -> CutCone:
     feed = feed_of(ask, "G51", word, state, machine)
     sweep_rad = math.radians(sweep)
     contact_mm = abs(sweep_rad) * math.hypot(start[0] - centre[0], start[1] - centre[1])
-    doubt = doubt_of_words("G51", (given[letter] for letter in LENGTHS), contact_mm)
+    doubt = doubt_of_words("G51", (given[letter] for letter in LENGTHS), contact_mm, feed)
     return CutCone(ask.place(word), state.modal, start, centre, height, radius, sweep_rad, feed, doubt)
 
 
@@ -130,7 +130,7 @@ def ruled(ask: Ask, state: State, machine: Machine, lines: Iterator[Line]) -> Cu
     upper, lower = (p[0], p[1], p[2], p[3]), (p[4], p[5], p[6], p[7])
     if is_upside_down(upper, lower, state.modal.frame(machine)):
         raise ask.refusal(word, "surface.upside_down")
-    doubt = doubt_of_words("G52", words, length_mm(lower))
+    doubt = doubt_of_words("G52", words, length_mm(lower), feed)
     return CutRuled(ask.place(word), state.modal, upper, lower, feed, doubt)
 
 
@@ -176,14 +176,17 @@ def feed_of(ask: Ask, code: str, word: Word, state: State, machine: Machine) -> 
 # What makes doubtful that a G51 or G52 means what it says: told by ``check``, or refused.
 #
 # In these blocks a word without a decimal point counts 0.01 mm (the paper's unit), with one the active
-# unit. Whoever writes X15 for 15 mm gets 0.15 mm.
+# unit. Whoever writes X15 for 15 mm gets 0.15 mm, and a wall of 300 mm is one of 3 mm.
 
-MICROSCOPIC_MM = 0.1  # a contact that is no longer
+SMALL_MM = 5.0  # a contact that is shorter is more likely written in millimetres than meant
 UPSIDE_DOWN = -0.5  # cosine of the ruling's angle to the table's normal
 
 
-def doubt_of_words(code: str, words: Iterable[Word], contact_mm: float) -> Said | None:
-    """A doubt about the units of lengths (``contact_mm``: of the contact), or None."""
+def doubt_of_words(code: str, words: Iterable[Word], contact_mm: float, feed_mm_s: float) -> Said | None:
+    """A doubt about the units of lengths (``contact_mm``: of the contact), or None.
+
+    What is written with decimal points is meant as it stands, however small.
+    """
     counted = [word for word in words if word.value != 0.0]
     plain = next((word for word in counted if not word.point), None)
     if plain is None:
@@ -192,7 +195,9 @@ def doubt_of_words(code: str, words: Iterable[Word], contact_mm: float) -> Said 
     means = {"code": code, "word": plain.text, "mm": abs(plain.value) / BLU_PER_MM}
     if pointed is not None:
         return said("doubt.mixed", pointed=pointed.text, **means)
-    return said("doubt.microscopic", contact=contact_mm, **means) if contact_mm < MICROSCOPIC_MM else None
+    if contact_mm >= SMALL_MM:
+        return None
+    return said("doubt.small", contact=contact_mm, feed=feed_mm_s * 60.0, **means)
 
 
 def length_mm(points: Sequence[Vector]) -> float:

@@ -409,9 +409,12 @@ class Tracer:
 
     def _built(self, blocks: Iterable[CutBlock]) -> list[cuts.Cut]:
         ready: list[cuts.Cut] = []
+        told: set[str] = set()  # of a train once
         for block in blocks:
-            if isinstance(block, CutCone | CutRuled) and block.doubt:
-                self._note(block.place, block.doubt)
+            doubt = block.doubt if isinstance(block, CutCone | CutRuled) else None
+            if doubt and doubt["key"] not in told:
+                told.add(doubt["key"])
+                self._note(block.place, doubt)
             ready += cuts.build(block, self._machine, self._voice)
         return ready
 

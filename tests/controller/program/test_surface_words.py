@@ -44,10 +44,24 @@ def test_words_of_both_kinds_are(text: str) -> None:
     assert "mixes words" in doubt(text) and "1500 is 15 mm" in doubt(text)
 
 
-def test_a_microscopic_cut_is_told_in_mm() -> None:
+WALL = [(0, 0, 20), (10, 0, 20), (20, 0, 20), (30, 0, 20), (0, 1, 0), (10, 1, 0), (20, 1, 0), (30, 1, 0)]
+
+
+def test_a_cut_of_hundredths_is_told_with_its_feed() -> None:
     said = doubt(CONE.format("15", "10", "5", "90"))
-    assert said.startswith("G51 cuts 0.00024 mm: X15 is 0.15 mm")
+    assert said.startswith("G51 cuts 0.00024 mm at 800 mm/min: X15 is 0.15 mm")
     assert doubt(CONE.format("0.15", "0.1", "0.05", "0.09")) == "", "written with points it is meant"
+    wall = doubt(ruled(WALL, "{:.0f}").replace("F800.", "F900"))
+    assert wall.startswith("G52 cuts 0.3 mm at 9 mm/min: Z20 is 0.2 mm")
+    assert doubt(ruled([tuple(v / 100 for v in p) for p in WALL])) == "", "so is a wall"
+    assert doubt(ruled([tuple(20 * v for v in p) for p in WALL], "{:.0f}")) == "", "6 mm are a wall"
+
+
+def test_check_asks_once_for_surfaces_that_follow_each_other() -> None:
+    walls = [ruled([(x + 30 * k, y, z) for x, y, z in WALL], "{:.0f}") for k in range(3)]
+    walk = checked.path_of(checked.task(f"G21 G90 G40\n{''.join(walls)}M30\n".encode(), "part.ngc", MACHINE))
+    list(walk.items)
+    assert [note.place.line for note in walk.notes if "decimal points if" in note.sentence] == [2]
 
 
 def test_check_notes_a_doubt_at_its_block() -> None:
