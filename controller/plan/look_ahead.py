@@ -113,7 +113,7 @@ class Sent:
             return self.after if ended and self.end_s <= self.start_s else Place(self.first, 0.0)
         s = self.profile.at(min(max(plan_s - self.start_s, 0.0), self.profile.duration_s)).s
         k = int(self.course.index(np.array([s]))[0])
-        return Place(self.first + k, s - float(self.course.starts[k]))
+        return Place(self.first + k, s - float(self.course.zeros[k]))
 
     def motion_at(self, plan_s: float) -> int | None:
         """Id of the motion in which it is at a plan time."""
@@ -190,7 +190,7 @@ class Windows:
         if t >= sent.profile.duration_s:
             return None
         k = int(sent.course.index(np.array([state.s]))[0])
-        offset = float(sent.course.starts[k])
+        offset = float(sent.course.zeros[k])
         place = Place(sent.first + k, state.s - offset)
         begin = State(place.s, state.v, state.a)
         guess = _tail(sent.profile, t, offset)
@@ -235,12 +235,14 @@ class Windows:
             if unit.rests or (orders.single_block and unit.block_end and skipped <= 0):
                 return _Reach(units, None, rests=True, marked=unit.block_end)
             skipped -= unit.block_end
-            number, s, start = number + 1, 0.0, start + unit.length
+            number, start = number + 1, start + unit.length
+            s = ahead.begin if (ahead := track.at(number)) is not None else 0.0
+            start -= s
         return _Reach(units, None, rests=True, marked=False)  # the path was refused further on
 
     def _cut(self, units: list[Unit], takes: list[float], s: float, seconds: float, least: float) -> _Reach:
         """A window of just ``seconds``, and not below the ``least`` length."""
-        ends = np.cumsum([unit.length for unit in units])
+        ends = np.cumsum([units[0].length, *(unit.length - unit.begin for unit in units[1:])])
         until = np.interp(seconds, np.cumsum([0.0, *takes]), [s, *ends])
         until = max(float(until), s + least)
         last = int(np.searchsorted(ends, until))
@@ -284,7 +286,8 @@ class Windows:
     ) -> Sent | None:
         units = reach.units
         stretches = [unit.what for unit in units if isinstance(unit.what, Stretch)]
-        course = Course(stretches, self._machine, self._kinematics, *orders.scales)
+        begins = [unit.begin for unit in units]
+        course = Course(stretches, self._machine, self._kinematics, *orders.scales, begins)
         found = profile.plan(course, begin, reach.until, guess)
         if found is None:
             return None
@@ -312,7 +315,7 @@ class Windows:
         last = len(reach.units) - 1
         if reach.until is None:
             return Place(place.unit + last + 1, 0.0)
-        return Place(place.unit + last, reach.until - float(course.starts[last]))
+        return Place(place.unit + last, reach.until - float(course.zeros[last]))
 
     def _pieces(self, made: Sent, units: list[Unit], reach: _Reach) -> tuple[Piece, ...]:
         assert made.profile is not None and made.course is not None

@@ -178,10 +178,11 @@ class Track:
             count = count if item.first_id is None else item.first_id
             row = item.stretches if before is None else (before, *item.stretches)
             joined = [before is not None, *[True] * (len(item.stretches) - 1)]
-            begins = len(item.stretches) - len(row)
-            for run in profile.split_at_stops(row, self._machine, self._kinematics, 1.0)[:-1]:
-                begins += len(run)
-                joined[begins] = False
+            first = len(item.stretches) - len(row)
+            begins = [*([0.0] if before else ()), item.from_s, *[0.0] * (len(item.stretches) - 1)]
+            for run in profile.split_at_stops(row, self._machine, self._kinematics, 1.0, begins=begins)[:-1]:
+                first += len(run)
+                joined[first] = False
             for k, stretch in enumerate(item.stretches):
                 begin = 0.0 if k else item.from_s
                 yield Unit(stretch, count, begin=begin, chain=item, index=k), joined[k]

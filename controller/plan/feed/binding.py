@@ -85,7 +85,7 @@ def moments(
         dt = (span.to_s - span.from_s) / max(1, n * per_window)
         t: Array = np.asarray(span.from_s + (np.arange(n * per_window) + 0.5) * dt)
         s, v, a, j = along(span.law, t)
-        parts.append((np.full(len(t), dt), s + course.starts[span.stretch], v, a, j))
+        parts.append((np.full(len(t), dt), s + course.zeros[span.stretch], v, a, j))
     return Motion(tuple(counts), per_window, *(np.concatenate(p) for p in zip(*parts, strict=True)))
 
 

@@ -53,7 +53,9 @@ class Jump:
 class Course:
     """A row of stretches between two rests; the overrides scale feeds and rapids (1.0 = 100 %).
 
-    ``adaptive`` and ``everywhere``: as of ``Stretch.scale``.
+    ``adaptive`` and ``everywhere``: as of ``Stretch.scale``. ``begins``: s at which each stretch is come to,
+    where a lead enters one in its middle. ``starts`` (n + 1,) are the places where one goes over into the
+    next, ``zeros`` (n,) those at which each has s = 0: the same but for such a stretch.
     """
 
     def __init__(
@@ -65,12 +67,16 @@ class Course:
         rapid_override: float = 1.0,
         adaptive: float = 1.0,
         everywhere: float = 1.0,
+        begins: Sequence[float] = (),
     ) -> None:
         self.stretches = tuple(stretches)
         self.machine, self.kinematics = machine, kinematics
         self.rapid_override = rapid_override
         self._scales = override, rapid_override, adaptive, everywhere
-        self.starts: Array = np.concatenate([[0.0], np.cumsum([s.motion.end for s in self.stretches])])
+        self.begins = [0.0, *begins[1:]] if begins else [0.0] * len(self.stretches)
+        lengths = [one.motion.end - begin for one, begin in zip(self.stretches, self.begins, strict=True)]
+        self.starts: Array = np.concatenate([[0.0], np.cumsum(lengths)])
+        self.zeros: Array = self.starts[:-1] - self.begins
         self._junctions: dict[int, float] = {}
         self._jumps: dict[int, Jump] = {}
         self._kinds: dict[int, object] = {}
@@ -94,7 +100,7 @@ class Course:
         index = self.index(s) if index is None else index
         groups = self._alike(index)
         if len(groups) == 1 == len(groups[0]):
-            stretch, start = self.stretches[groups[0][0]], self.starts[groups[0][0]]
+            stretch, start = self.stretches[groups[0][0]], self.zeros[groups[0][0]]
             return derivatives(stretch, np.clip(s - start, 0.0, stretch.motion.end), self.kinematics)
         found = [np.empty((len(s), len(self.machine.axes))) for _ in range(3)]
         for members in groups:
@@ -102,7 +108,7 @@ class Course:
             of = np.searchsorted(members, index[here])
             stretches = [self.stretches[k] for k in members]
             ends = np.array([stretch.motion.end for stretch in stretches])[of]
-            local = np.clip(s[here] - self.starts[index[here]], 0.0, ends)
+            local = np.clip(s[here] - self.zeros[index[here]], 0.0, ends)
             if len(stretches) == 1:
                 d = derivatives(stretches[0], local, self.kinematics)
             else:
@@ -124,7 +130,7 @@ class Course:
         found = self._even_feeds[index]
         for k in distinct(index[np.isnan(found)]):
             here, stretch = index == k, self.stretches[k]
-            local = np.clip(s[here] - self.starts[k], 0.0, stretch.motion.end)
+            local = np.clip(s[here] - self.zeros[k], 0.0, stretch.motion.end)
             found[here] = stretch.feed_at(local) * stretch.scale(*self._scales)
         return found
 
@@ -145,11 +151,12 @@ class Course:
         third derivative jumps.
         """
         found = [self.starts]
-        for start, stretch in zip(self.starts, self.stretches, strict=False):
+        for zero, begin, stretch in zip(self.zeros, self.begins, self.stretches, strict=True):
             steps = itertools.pairwise(stretch.feed_steps)
-            found.append(start + np.array([at for (_, before), (at, after) in steps if before != after]))
+            at = np.array([at for (_, before), (at, after) in steps if before != after])
             if isinstance(stretch.motion, ToolSpline):
-                found.append(start + np.frombuffer(stretch.motion.knots)[1:-1])
+                at = np.concatenate([at, np.frombuffer(stretch.motion.knots)[1:-1]])
+            found.append(zero + at[at > begin] if begin else zero + at)
         marks = distinct(np.concatenate(found))
         apart = np.minimum(np.diff(marks, prepend=-1.0), np.diff(marks, append=np.inf)) > APART
         return np.asarray(marks[apart | np.isin(marks, self.starts)])
@@ -207,14 +214,14 @@ class Course:
             if in_row and self._kind(k) is not None:
                 self._ends |= self._line_ends(k)
             else:
-                self._ends[k] = _at_ends(self.stretches[k], self.kinematics)
+                self._ends[k] = _at_ends(self.stretches[k], self.begins[k], self.kinematics)
         return self._ends[k]
 
     def _line_ends(self, k: int) -> dict[int, Derivatives]:
         """Of all lines of the same kind as ``k``."""
         alike = [n for n in range(len(self.stretches)) if self._kind(n) == self._kind(k)]
         lines = [self.stretches[n] for n in alike]
-        ends = np.array([[0.0, line.motion.end] for line in lines]).ravel()
+        ends = np.array([[self.begins[n], self.stretches[n].motion.end] for n in alike]).ravel()
         d = together(lines, ends, np.repeat(np.arange(len(lines)), 2), self.kinematics)
         return {
             n: Derivatives(*(order[2 * i : 2 * i + 2] for order in (d.first, d.second, d.third)))
@@ -250,9 +257,9 @@ def _along_thread(limits: JointLimits, move: ThreadMove, course: Course) -> Join
 
 
 @remembered(REMEMBERED)
-def _at_ends(stretch: Stretch, kinematics: Kinematics) -> Derivatives:
-    """At its beginning and its end: whoever looks at a boundary asks for them again."""
-    return derivatives(stretch, np.array([0.0, stretch.motion.end]), kinematics)
+def _at_ends(stretch: Stretch, begin: float, kinematics: Kinematics) -> Derivatives:
+    """Where it is come to and at its end: whoever looks at a boundary asks for them again."""
+    return derivatives(stretch, np.array([begin, stretch.motion.end]), kinematics)
 
 
 def least_passed(course: Course, k: int) -> float:

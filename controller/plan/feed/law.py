@@ -159,27 +159,27 @@ def along(law: Law, times: Array) -> tuple[Array, Array, Array, Array]:
     return s, v, 2 * row[2] + x * 6 * row[3], 6 * row[3]
 
 
-def split(times: Array, pieces: Array, starts: Array) -> list[Law]:
+def split(times: Array, pieces: Array, starts: Array, zeros: Array) -> list[Law]:
     """A law over several stretches, (n + 1,) and (n, 6), as one law per stretch with its own s.
 
-    ``starts`` are the places where stretches begin, and the end of the last. Laws are
-    given from the stretch on in which the first piece begins.
+    ``starts`` are the places where stretches begin, and the end of the last, ``zeros`` those at which
+    they have s = 0. Laws are given from the stretch on in which the first piece begins.
     """
     laws = []
     knots = [0.0]
     rows: list[Quintic] = []
     k = int(np.clip(np.searchsorted(starts, pieces[0][0], side="right") - 1, 0, len(starts) - 2))
-    base, begin = 0.0, starts.tolist()
+    base, begin, zero = 0.0, starts.tolist(), zeros.tolist()
     for row, (t0, t1) in zip(pieces.tolist(), itertools.pairwise(times.tolist()), strict=True):
         while k < len(begin) - 2 and value(row, t1 - t0) > begin[k + 1]:
             cut = time_of(row, begin[k + 1], t1 - t0)
             if cut > 0.0:
-                rows.append(shifted(row, 0.0, begin[k]))
+                rows.append(shifted(row, 0.0, zero[k]))
                 knots.append(t0 + cut - base)
             laws.append(joined(knots, rows))
             row, t0 = shifted(row, cut, 0.0), t0 + cut
             k, base, knots, rows = k + 1, t0, [0.0], []
-        rows.append(shifted(row, 0.0, begin[k]))
+        rows.append(shifted(row, 0.0, zero[k]))
         knots.append(t1 - base)
     laws.append(joined(knots, rows))
     return laws

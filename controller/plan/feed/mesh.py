@@ -90,7 +90,7 @@ class Parts:
 def survey(parts: Parts, v: float = 0.0, a: float = 0.0) -> Samples:
     """Every part sampled closely enough to see narrow places, and what a motion at its beginning does."""
     found = [
-        _even(parts.course.stretches[k], float(parts.course.starts[k]), low, high)
+        _even(parts.course.stretches[k], float(parts.course.zeros[k]), low, high)
         for k, low, high in zip(parts.index, parts.ends[:-1], parts.ends[1:], strict=True)
     ]
     part = np.repeat(np.arange(len(found)), [len(one) for one in found])
@@ -103,7 +103,7 @@ def survey(parts: Parts, v: float = 0.0, a: float = 0.0) -> Samples:
 
 
 def _even(stretch: Stretch, start: float, low: float, high: float) -> Array:
-    """Places of a stretch that begins at ``start``; they gather where its axis passes by the pole."""
+    """Places of a stretch that has s = 0 at ``start``; they gather where its axis passes by the pole."""
     motion = stretch.motion
     if isinstance(motion, JointMove) and not isinstance(motion.curve, Even):
         turn = motion.curve.sweep_rad if isinstance(motion.curve, Arc) else 0.0

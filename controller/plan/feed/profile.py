@@ -103,7 +103,7 @@ class Profile:
     def laws(self, course: Course) -> list[tuple[int, Law]]:
         """(index of the stretch, its law in its own s) for each stretch that the profile passes, in order."""
         first = int(course.index(self.pieces[:1, 0])[0])
-        return list(enumerate(split(self.times, self.pieces, course.starts), first))
+        return list(enumerate(split(self.times, self.pieces, course.starts, course.zeros), first))
 
     def until(self, t: float) -> Profile:
         """Its part before the time ``t``, not at rest in the end."""
@@ -219,9 +219,13 @@ def split_at_stops(
     kinematics: Kinematics,
     override: float = 1.0,
     rapid_override: float = 1.0,
+    begins: Sequence[float] = (),
 ) -> list[Run]:
-    """Cut at junctions so sharp that passing them is no faster than stopping, and where exact rows end."""
-    course = Course(stretches, machine, kinematics, override, rapid_override)
+    """Cut at junctions so sharp that passing them is no faster than stopping, and where exact rows end.
+
+    ``begins``: as of ``Course``.
+    """
+    course = Course(stretches, machine, kinematics, override, rapid_override, begins=begins)
     found: list[list[Stretch]] = [[stretches[0]]]
     for k, after in enumerate(stretches[1:]):
         if stretches[k].is_exact_row is not after.is_exact_row or course.junction(k) < max(

@@ -67,7 +67,7 @@ class Ticked:
         self._period_s = course.machine.period_s
         motions = [one.motion for one in course.stretches if isinstance(one.motion, ToolSpline)]
         self._length_mm = motions[0].length_mm
-        starts = zip(course.starts, motions, strict=False)
+        starts = zip(course.zeros, motions, strict=False)
         knots = np.concatenate([start + np.frombuffer(one.knots)[:-1] for start, one in starts])
         self._knots = np.append(knots, course.length)
         self._cubics = np.concatenate([np.frombuffer(one.spans).reshape(-1, ROW) for one in motions])

@@ -56,7 +56,7 @@ def rates(course: Course, s: Array, index: Index) -> ToolRates:
         stretch, here = course.stretches[k], index == k
         if stretch.feed_mm_s is None:
             continue
-        local = np.clip(s[here] - course.starts[k], 0.0, stretch.motion.end)
+        local = np.clip(s[here] - course.zeros[k], 0.0, stretch.motion.end)
         q = joints_along(stretch, local, course.kinematics)
         one = _of_joints(q, derivatives(stretch, local, course.kinematics), course, length)
         for name in ("along", "bend_along", "bend_across", "turn"):
