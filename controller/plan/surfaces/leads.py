@@ -26,7 +26,7 @@ from controller.geometry import series as jets
 from controller.geometry.placement import AT_LOWER, Placed
 from controller.geometry.vectors import Vector, norm
 from controller.machine.kinematics import Kinematics
-from controller.machine.model import Joints, Machine
+from controller.machine.model import Joints, Machine, Tool
 from controller.messages import said
 from controller.motion.motions import Rotaries, ToolSpline
 from controller.plan.rotaries.branch import joints_along
@@ -34,6 +34,7 @@ from controller.plan.stretch import Stretch, Voice, joints_of, motion_named, rot
 from controller.plan.surfaces import audit, rates
 from controller.plan.surfaces.cuts import Cut, Edge, beside, gouge, tolerance_mm
 from controller.plan.surfaces.train import Leg
+from controller.program.program import Place
 from controller.values import dataclass
 
 Array = npt.NDArray[np.float64]
@@ -92,14 +93,14 @@ def lay(legs: Sequence[Leg], at_start: bool, machine: Machine, kinematics: Kinem
     Refuses (or tells, where the machine is to warn only) what would cut into them in any case.
     """
     leg = legs[0 if at_start else -1]
-    end = End.of(leg, at_start, kinematics)
+    end = End.of(leg, at_start, machine, kinematics)
     if machine.lead_mm <= 0.0:
         return end.standing(())
     free = Room.of(legs, at_start, machine, kinematics)
     found = free.best(end.joined(machine), lambda lead: end.kept(lead, machine))
     if found is not None:
         return end.led(found)
-    off = end.straight_off(_off_mm(leg, machine), leg.cut.block.feed_mm_s)
+    off = end.straight_off()
     if off is None:
         return end.standing(())
     reached = free.reached(off)
@@ -124,45 +125,67 @@ def _off_mm(leg: Leg, machine: Machine) -> float:
 
 @dataclass(frozen=True, slots=True)
 class End:
-    """One end of a cut: ``rows`` (3, 5) of the tip (table frame) and both rotaries, with two derivatives.
+    """Where a lead joins a path: ``rows`` (3, 5) of tip (table frame) and both rotaries, with two derivatives.
 
     ``rates`` (axes,) and ``bends`` (axes,) are first and second derivatives of the joints, without sign, and
-    ``tilt`` is the rate of the axis (rad), all over s in mm.
+    ``tilt`` is the rate of the axis (rad), all over s in mm. ``most`` is the longest that a lead may be, along s.
     """
 
-    leg: Leg
-    at_start: bool
+    place: Place
+    joints: Joints
+    feed_mm_s: float  # of the path, along s
+    tip: Vector  # table frame
+    axis: Vector
+    away: Vector  # unit vector off the part
+    off_mm: float  # at most
+    length_mm: float  # of the tool
+    at_start: bool  # of what is cut: the lead leads onto it
     kinematics: Kinematics
     rows: Array
     rates: Array
     bends: Array
     tilt: float
+    most: float = math.inf
 
     @staticmethod
-    def of(leg: Leg, at_start: bool, kinematics: Kinematics) -> End:
+    def of(leg: Leg, at_start: bool, machine: Machine, kinematics: Kinematics) -> End:
+        """That of a cut."""
         stretch = leg.stretch
         s, q = (0.0, stretch.start) if at_start else (stretch.motion.end, stretch.end)
-        series = rates.joint_series(stretch, s, q, kinematics)
-        tip, axis = kinematics.forward(series, leg.cut.motion.length_mm, jets)
+        edge = leg.cut.start if at_start else leg.cut.end
+        off_mm, length_mm = _off_mm(leg, machine), leg.cut.motion.length_mm
+        return End.at(stretch, s, q, edge, off_mm, length_mm, at_start, kinematics)
+
+    @staticmethod
+    def at(
+        stretch: Stretch,
+        s: float,
+        joints: Joints,
+        edge: Edge | Vector,
+        off_mm: float,
+        length_mm: float,
+        at_start: bool,
+        kinematics: Kinematics,
+    ) -> End:
+        """A place of any motion, where the ``joints`` are; ``edge``: of a cut, or which way is off the part."""
+        series = rates.joint_series(stretch, s, joints, kinematics)
+        tip, axis = kinematics.forward(series, length_mm, jets)
         turns = kinematics.spread(series)[3:]
         rows = np.array([[jets.jet(one).derivative(k).item() for one in (*tip, *turns)] for k in range(3)])
         rows[1:, 3:][np.abs(rows[1:, 3:]) < STANDS_RAD] = 0.0
         tilt = math.hypot(*(jets.jet(one).derivative(1).item() for one in axis))
         first, second = (np.abs([one.derivative(k).item() for one in series]) for k in (1, 2))
-        return End(leg, at_start, kinematics, rows, first, second, tilt)
-
-    @property
-    def edge(self) -> Edge:
-        return self.leg.cut.start if self.at_start else self.leg.cut.end
+        if isinstance(edge, Edge):
+            here = (edge.tip, edge.axis, edge.away)
+        else:
+            here = (*kinematics.forward(joints, length_mm), edge)
+        feed_mm_s = float(stretch.feed_at(np.array([s]))[0])
+        own = (stretch.place, joints, feed_mm_s, *here, off_mm, length_mm, at_start, kinematics)
+        return End(*own, rows, first, second, tilt)
 
     @property
     def name(self) -> str:
         return LEADS[not self.at_start]
-
-    @property
-    def _joints(self) -> Joints:
-        stretch = self.leg.stretch
-        return stretch.start if self.at_start else stretch.end
 
     @property
     def tip_rate(self) -> float:
@@ -174,14 +197,14 @@ class End:
         if not np.isfinite(self.rows).all():
             return
         tip_rate = self.tip_rate
-        most, feed = self._longest(), lead_feed(self.leg, tip_rate, machine)
+        most, feed = self._longest(), lead_feed(self.feed_mm_s, tip_rate, machine)
         settling = self.settling(machine)
-        way = max(self._ramp(machine), self._bending(_off_mm(self.leg, machine), machine))
+        way = max(self._ramp(machine), self._bending(self.off_mm, machine))
         ramp = min(ROOM * way, LONGEST * machine.lead_mm)
         for k, (share, slender, holds) in enumerate(SHAPES):
-            off = share * _off_mm(self.leg, machine)
+            off = share * self.off_mm
             length = max(min(slender * off / tip_rate, EASY * most), min(ramp, most) if k < AT_FEED else 0.0)
-            yield self._lead(length, off, feed, settling, holds)
+            yield self._lead(min(length, self.most), off, feed, settling, holds)
 
     def _longest(self) -> float:
         """The longest way on which neither the axis nor a rotary turns by more than it is to."""
@@ -193,7 +216,7 @@ class End:
         limits = rates.limits(machine)
         velocity, acceleration, jerk = (limits / (self.rates[:, None] + 1e-12)).min(axis=0).tolist()
         bent = float(np.sqrt(limits[:, 1] / (self.bends + 1e-12)).min())
-        return min(self.leg.cut.block.feed_mm_s, velocity, bent), acceleration, jerk
+        return min(self.feed_mm_s, velocity, bent), acceleration, jerk
 
     def _ramp(self, machine: Machine) -> float:
         """The way from rest to the feed, or to what the joints' velocities leave of it."""
@@ -236,12 +259,12 @@ class End:
         spans = self._spans(x, off_mm, bool(holds))
         if self.at_start:
             spans = [beyond(cubic, d) for cubic, d in zip(spans, np.diff(x), strict=True)][::-1]
-        block = self.leg.cut.block
-        spline = spline_of(np.sort(x - x.min()), np.array([cubic.T for cubic in spans]), self.leg.cut)
+        knots, cubics = np.sort(x - x.min()), np.array([cubic.T for cubic in spans])
+        spline = spline_of(knots, cubics, self.length_mm, self.place.line)
         outer = spline.joints(0.0 if self.at_start else length, self._rotaries, self.kinematics)
         assert outer is not None
-        ends = (outer, self._joints) if self.at_start else (self._joints, outer)
-        made = Stretch(spline, block.place, block.feed_mm_s, False, *ends, True, self.name)
+        ends = (outer, self.joints) if self.at_start else (self.joints, outer)
+        made = Stretch(spline, self.place, self.feed_mm_s, False, *ends, True, self.name)
         return self._fed(made, feed_mm_s, settling)
 
     def _spans(self, x: Array, off_mm: float, holds: bool) -> list[Array]:
@@ -258,7 +281,7 @@ class End:
             spans.append(np.array([value, first, 0.5 * b, (c - b) / (6.0 * d)]))
             value, first = value + d * (first + d * (2.0 * b + c) / 6.0), first + 0.5 * d * (b + c)
         lift = np.zeros(5)
-        lift[:3] = ((end - value)[:3] + off_mm * np.array(self.edge.away)) / x[-1] ** 3
+        lift[:3] = ((end - value)[:3] + off_mm * np.array(self.away)) / x[-1] ** 3
         powers = (np.array([at**3, 3.0 * at**2, 3.0 * at, 1.0]) for at in x)
         return [cubic + np.outer(power, lift) for cubic, power in zip(spans, powers, strict=False)]
 
@@ -271,7 +294,7 @@ class End:
 
     def _fed(self, lead: Stretch, feed_mm_s: float, settling: float) -> Stretch:
         """At ``feed_mm_s``, and beside the ruling at the cut's own."""
-        own, length = self.leg.cut.block.feed_mm_s, lead.motion.end
+        own, length = self.feed_mm_s, lead.motion.end
         if settling >= length or feed_mm_s <= own:
             return replace(lead, turning=((0.0, math.inf),))
         at = length - settling if self.at_start else settling
@@ -292,34 +315,32 @@ class End:
         allowed = rates.derivatives(lead, s, self.kinematics).even_speed(*rates.limits(machine).T)
         return min(1.0, float(allowed.min()) / speed, math.pow(lead.motion.end / ramp, 2.0 / 3.0))
 
-    def straight_off(self, off_mm: float, feed_mm_s: float) -> Stretch | None:
-        """A line off the ruling with the tool axis held: the machine rests at that ruling."""
+    def straight_off(self) -> Stretch | None:
+        """A line off the path with the tool axis held: the machine rests at that place."""
         rotaries = self._rotaries
-        tip = beside(self.edge.tip, (self.edge.away, off_mm))
-        xyz = self.kinematics.linear(tip, rotaries, self.leg.cut.motion.length_mm)
+        xyz = self.kinematics.linear(beside(self.tip, (self.away, self.off_mm)), rotaries, self.length_mm)
         outer = joints_of(xyz, rotaries, self.kinematics)
-        ends = (outer, self._joints) if self.at_start else (self._joints, outer)
-        return straight(self.name, self.leg.cut.block.place, *ends, feed_mm_s, self.kinematics)
+        ends = (outer, self.joints) if self.at_start else (self.joints, outer)
+        return straight(self.name, self.place, *ends, self.feed_mm_s, self.kinematics)
 
     @property
     def _rotaries(self) -> Rotaries:
-        return self.leg.start if self.at_start else self.leg.end
+        return rotaries_of(self.joints, self.kinematics)
 
     def standing(self, stretches: tuple[Stretch, ...]) -> Lead:
-        return Lead(stretches, self.edge.tip, self.edge.axis, self._rotaries)
+        return Lead(stretches, self.tip, self.axis, self._rotaries)
 
     def led(self, stretch: Stretch) -> Lead:
         """The way of one stretch."""
         outer = stretch.start if self.at_start else stretch.end
-        pose = self.kinematics.forward(outer, self.leg.cut.motion.length_mm)
+        pose = self.kinematics.forward(outer, self.length_mm)
         return Lead((stretch,), pose.tip, pose.axis, rotaries_of(outer, self.kinematics))
 
 
-def spline_of(knots: Array, cubics: Array, cut: Cut) -> ToolSpline:
-    """``cubics`` (n, 5, 4) of tip and rotaries between n + 1 ``knots``, with a cut's tool and line."""
-    flat = array("d", cubics.ravel().tolist())
-    line = array("l", [cut.block.place.line])
-    return ToolSpline(array("d", knots.tolist()), flat, True, cut.motion.length_mm, line, array("d", [0.0]))
+def spline_of(knots: Array, cubics: Array, length_mm: float, line: int) -> ToolSpline:
+    """``cubics`` (n, 5, 4) of tip and rotaries between n + 1 ``knots``, for a tool of a length, as of a line."""
+    flat, lines = array("d", cubics.ravel().tolist()), array("l", [line])
+    return ToolSpline(array("d", knots.tolist()), flat, True, length_mm, lines, array("d", [0.0]))
 
 
 def beyond(cubic: Array, x: float) -> Array:
@@ -328,12 +349,11 @@ def beyond(cubic: Array, x: float) -> Array:
     return np.array([a + x * (b + x * (c + x * d)), b + x * (2.0 * c + x * 3.0 * d), c + 3.0 * x * d, d])
 
 
-def lead_feed(leg: Leg, tip_rate: float, machine: Machine) -> float:
+def lead_feed(feed_mm_s: float, tip_rate: float, machine: Machine) -> float:
     """Feed of the tip (mm/s): never so low that the cut could not begin at its own."""
     fastest = min(machine.axes[i].limits.velocity for i in machine.linear())
     own = fastest if machine.lead_feed_mm_s is None else machine.lead_feed_mm_s
-    feed = leg.cut.block.feed_mm_s * tip_rate
-    return max(own, feed)
+    return max(own, feed_mm_s * tip_rate)
 
 
 @dataclass(frozen=True, slots=True)
@@ -344,7 +364,7 @@ class Room:
     too strict; what the cut does to its neighbours is no excuse.
     """
 
-    cut: Cut
+    tool: Tool
     points: Array
     allowed_mm: float
     more_mm: float  # than that: where going on costs what the twist does, within the form tolerance
@@ -366,7 +386,7 @@ class Room:
             left = tolerance - SPARE_MM - allowed
             more, most = min(more, left), min(max(allowed, AGAIN * left), OF_REST * left)
         more = max(CLEAR_MM, more)
-        return Room(cut, points, allowed, more, max(more, most), machine, kinematics)
+        return Room(cut.tool, points, allowed, more, max(more, most), machine, kinematics)
 
     def lets(self, one: Stretch) -> bool:
         """Whether it stays in travel and hardly reaches deeper than the cut."""
@@ -406,9 +426,9 @@ class Room:
         return s, joints_along(lead, s, self.kinematics)
 
     def _reached(self, joints: Array) -> float:
-        if self.cut.tool.radius_mm <= 0.0:
+        if self.tool.radius_mm <= 0.0:
             return 0.0
-        pose = self.kinematics.forward(tuple(joints.T), self.cut.motion.length_mm, np)
+        pose = self.kinematics.forward(tuple(joints.T), self.tool.length_mm, np)
         tips, axes = (np.array([np.broadcast_to(c, joints.shape[:1]) for c in v]) for v in pose)
-        depth = audit.depth(self.points, tips, axes, self.cut.tool.radius_mm, self.cut.tool.taper_rad)
+        depth = audit.depth(self.points, tips, axes, self.tool.radius_mm, self.tool.taper_rad)
         return depth - self.allowed_mm

@@ -63,12 +63,12 @@ def lay(
     """
     if max(abs(p - q) for p, q in zip(before[-1].end, after[0].start, strict=True)) > MAX_TURN_RAD:
         return None
-    ends = End.of(before[-1], False, kinematics), End.of(after[0], True, kinematics)
+    ends = End.of(before[-1], False, machine, kinematics), End.of(after[0], True, machine, kinematics)
     if not all(np.isfinite(end.rows).all() for end in ends):
         return None
     rooms = Room.of(before, False, machine, kinematics), Room.of(after, True, machine, kinematics)
     found = [one for one in _tried(*ends, machine) if all(room.lets(one) for room in rooms)]
-    slow = min(end.leg.cut.block.feed_mm_s for end in ends)
+    slow = min(end.feed_mm_s for end in ends)
     return min(found, key=lambda one: max(1.0, _strain(one, slow, machine, kinematics)), default=None)
 
 
@@ -89,18 +89,17 @@ def _tried(one: End, other: End, machine: Machine) -> Iterator[Stretch]:
 def _link(one: End, other: End, off_mm: float, stretched: float, machine: Machine) -> Stretch:
     """Through the middle of the straight way, ``off_mm`` off it."""
     a, b = one.rows, other.rows
-    away = np.add(one.edge.away, other.edge.away)
+    away = np.add(one.away, other.away)
     middle = 0.5 * (a[0] + b[0])
     middle[:3] += off_mm * away / max(float(np.linalg.norm(away)), 1e-9)
     way = float(np.linalg.norm(middle[:3] - a[0, :3]) + np.linalg.norm(b[0, :3] - middle[:3]))
     rate = 0.5 * (one.tip_rate + other.tip_rate)
     length = stretched * max(way / rate, 2.0 * off_mm / rate, _to_turn(a, b))
     made = cubics(a, middle, b, length)
-    block = other.leg.cut.block
-    spline = spline_of(np.linspace(0.0, length, SPANS + 1), made, other.leg.cut)
-    start, end = tuple(one.leg.joints[-1].tolist()), tuple(other.leg.joints[0].tolist())
+    knots = np.linspace(0.0, length, SPANS + 1)
+    spline = spline_of(knots, made, other.length_mm, other.place.line)
     feed, steps, turning = _feeds(one, other, length, machine)
-    return Stretch(spline, block.place, feed, False, start, end, True, NAME, steps, turning)
+    return Stretch(spline, other.place, feed, False, one.joints, other.joints, True, NAME, steps, turning)
 
 
 def _to_turn(a: Array, b: Array) -> float:
@@ -136,9 +135,9 @@ def _feeds(
 ) -> tuple[float, tuple[tuple[float, float], ...], tuple[tuple[float, float], ...]]:
     """Beside both rulings the cuts' own feeds, between them that of leads; and where it is not the tip's."""
     begin, end = one.settling(machine), length - other.settling(machine)
-    own, next_own = (at.leg.cut.block.feed_mm_s for at in (one, other))
+    own, next_own = one.feed_mm_s, other.feed_mm_s
     if begin >= end:
         return own, ((0.0, own), (0.5 * length, next_own)), ((0.0, math.inf),)
-    fast = max(lead_feed(at.leg, at.tip_rate, machine) for at in (one, other))
+    fast = max(lead_feed(at.feed_mm_s, at.tip_rate, machine) for at in (one, other))
     steps = ((0.0, own), (begin, fast), (end, next_own))
     return own, steps, ((0.0, begin), (end, math.inf))
