@@ -232,7 +232,7 @@ def withdraw(
 
 
 def return_(take_over: TakeOver = False, url: Url = remote.URL, as_json: Json = False) -> None:
-    """After a retract: back to the path by the same way."""
+    """Off the path: back to where the tool waits beside it; resume leads in, and on."""
     _moving("cycle/return", "returned", take_over, url, as_json)
 
 

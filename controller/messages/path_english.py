@@ -41,8 +41,6 @@ REFUSALS = {
     # --- travel
     "travel.beyond": "{axis} would reach {value:.3f} {unit}{where}, {by:.3f} {unit} beyond its travel of "
     "{low:.3f} to {high:.3f} {unit}; {advice}",
-    "travel.beyond_back": "{axis} would reach {value:.3f} {unit} on the way back, {by:.3f} {unit} beyond "
-    "its travel of {low:.3f} to {high:.3f} {unit}; take a shorter tool.",
     "travel.at": " at u = {u:.4f} (part X {x:.3f} Y {y:.3f} Z {z:.3f} mm)",
     "travel.in": " in the {motion}",
     "travel.in_entry": " in the {motion} of the way back into the program",
@@ -209,8 +207,8 @@ REFUSALS = {
     "restart.only_rapid": "only a rapid is left of the program there; choose an earlier place",
     "restart.dry_run": "a dry run {offset:g} mm off the part along the tool axis is not possible: 0 to "
     "10000 mm are, for a negative offset would lead into the part; give another one",
-    "aside.no_retract": "The tool cannot retract: it leaves the path out of a program that is held, and "
-    "once. Hold the program, or let the tool return first.",
+    "aside.no_retract": "The tool cannot retract: it leaves the path out of a program that is held, and not "
+    "on its way back. Hold the program, or let the tool return first.",
     "aside.no_return": "The tool cannot return: it has not left the path by a retract, or is on its way. "
     "Retract it first, or wait until it stands.",
     "aside.not_held": "The tool cannot {what} in mode {mode}: that needs HOLD and a standstill; hold the "
@@ -221,6 +219,19 @@ REFUSALS = {
     "mm are inside the travel; ask for less.",
     "aside.longer": "The new tool is {longer:.3f} mm longer and the tool stands only {off:.3f} mm off the "
     "part: retract by more than the difference before the change.",
+    "aside.stands": "The tool T{tool} that is in the spindle now would stand {depth:.3f} mm in the "
+    "surface of line {line}, where the one before it had room: put that one back and retract above the "
+    "part first, or jog this one off it.",
+    "aside.low": "The tool is thicker than before the change, and stands {low:.3f} mm lower than the "
+    "highest that the program has cut up to there: put the one before it back and retract by so much more "
+    "first, or jog this one off the part and up.",
+    "aside.hits": "With the tool T{tool} the way would lead into the surface of line {line}: retract "
+    "above the part first, or fit a thinner tool.",
+    "aside.no_lead": "No lead onto line {line} stays off the surfaces of the program at this place: fit a "
+    "thinner tool, set a smaller lead_mm, or stop and start at an earlier line.",
+    "aside.thicker": "The tool is {by:.3f} mm thicker than before the change, and line {line} is not "
+    "compensated for its radius, so it would cut as much deeper: fit one of at most {radius:.3f} mm, or "
+    "program G41 or G42 with D.",
     "aside.probing": "A probing move is under way, and a retract would be taken for it; resume, or stop "
     "the program.",
 }

@@ -41,8 +41,6 @@ REFUSALS = {
     # --- travel
     "travel.beyond": "{axis} käme{where} auf {value:.3f} {unit}, {by:.3f} {unit} außerhalb des Verfahrwegs "
     "von {low:.3f} bis {high:.3f} {unit}; {advice}",
-    "travel.beyond_back": "{axis} käme auf dem Rückweg auf {value:.3f} {unit}, {by:.3f} {unit} außerhalb "
-    "des Verfahrwegs von {low:.3f} bis {high:.3f} {unit}; ein kürzeres Werkzeug nehmen.",
     "travel.at": " bei u = {u:.4f} (Werkstück X {x:.3f} Y {y:.3f} Z {z:.3f} mm)",
     "travel.in": " in der Bewegung „{motion}“",
     "travel.in_entry": " in der Bewegung „{motion}“ des Wegs zurück ins Programm",
@@ -225,7 +223,7 @@ REFUSALS = {
     "restart.dry_run": "ein Probelauf {offset:g} mm über dem Werkstück, längs der Werkzeugachse, geht "
     "nicht: 0 bis 10000 mm gehen, ein negativer Abstand führte ins Werkstück; einen anderen angeben",
     "aside.no_retract": "Das Werkzeug kann nicht abheben: es verlässt die Bahn nur aus einem angehaltenen "
-    "Programm, und nur einmal. Das Programm anhalten, oder das Werkzeug erst zurückfahren lassen.",
+    "Programm, und nicht auf dem Rückweg. Das Programm anhalten, oder das Werkzeug erst zurückfahren lassen.",
     "aside.no_return": "Das Werkzeug kann nicht zurückfahren: es hat die Bahn nicht durch Abheben "
     "verlassen, oder es ist unterwegs. Erst abheben, oder warten, bis es steht.",
     "aside.not_held": "Das Werkzeug kann in der Betriebsart {mode} nicht {what}: dafür braucht es HOLD und "
@@ -236,6 +234,20 @@ REFUSALS = {
     "{room:.3f} mm liegen im Verfahrweg; weniger verlangen.",
     "aside.longer": "Das neue Werkzeug ist {longer:.3f} mm länger, und das Werkzeug steht nur {off:.3f} mm "
     "über dem Werkstück: vor dem Wechsel um mehr als den Unterschied abheben.",
+    "aside.stands": "Das Werkzeug T{tool}, das jetzt in der Spindel ist, stünde {depth:.3f} mm in der "
+    "Fläche der Zeile {line}, wo das vorige Platz hatte: jenes wieder einsetzen und erst über das "
+    "Werkstück abheben, oder dieses davon wegfahren.",
+    "aside.low": "Das Werkzeug ist dicker als vor dem Wechsel und steht {low:.3f} mm tiefer als das "
+    "Höchste, das das Programm bis dahin geschnitten hat: das vorige wieder einsetzen und erst um so viel "
+    "weiter abheben, oder dieses vom Werkstück weg nach oben fahren.",
+    "aside.hits": "Mit dem Werkzeug T{tool} führte der Weg in die Fläche der Zeile {line}: erst über das "
+    "Werkstück abheben, oder ein dünneres Werkzeug einsetzen.",
+    "aside.no_lead": "Kein Anfahrweg auf Zeile {line} bleibt an dieser Stelle von den Flächen des "
+    "Programms weg: ein dünneres Werkzeug einsetzen, lead_mm kleiner setzen, oder abbrechen und an einer "
+    "früheren Zeile beginnen.",
+    "aside.thicker": "Das Werkzeug ist {by:.3f} mm dicker als vor dem Wechsel, und Zeile {line} ist nicht "
+    "um seinen Radius korrigiert, sie schnitte also um so viel tiefer: eines von höchstens {radius:.3f} "
+    "mm einsetzen, oder G41 oder G42 mit D programmieren.",
     "aside.probing": "Ein Antasten ist im Gange, und ein Abheben würde dafür gehalten; fortsetzen, oder "
     "das Programm abbrechen.",
 }

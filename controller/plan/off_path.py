@@ -1,25 +1,27 @@
 """Whether the tool is off the path, and what the planner has to do about it.
 
 The planner plans one way at a time. While the tool is aside, the program's own track waits here
-with the place at which it goes on; the ways off and back are tracks of their own that end held.
+with the place at which it goes on; the ways off and back are tracks of their own that end held. The way in,
+from where the tool waits then, is laid into the program's track.
 """
 
 from __future__ import annotations
 
-import math
+import itertools
 from collections.abc import Callable, Iterable
-
-import numpy as np
+from typing import NamedTuple
 
 from controller.ipc.handoff import Snapshot
 from controller.machine.kinematics import Kinematics
-from controller.machine.model import Joints, Machine
+from controller.machine.model import Joints, Machine, Tool
 from controller.messages import said
 from controller.plan import retract as aside
 from controller.plan.look_ahead import Place
 from controller.plan.path.path import Chain, Pause, Stretch
+from controller.plan.restart import entry, reentry
 from controller.plan.restart.program_position import ENTRY_ID, Spot
-from controller.plan.restart.restart import Rest, joints_at, named
+from controller.plan.restart.reentry import Fitted, Reentry, joints_at
+from controller.plan.restart.restart import Rest, named
 from controller.plan.retract import Aside, NotPossible
 from controller.plan.track import Track
 from controller.state.modes import Mode
@@ -27,6 +29,21 @@ from controller.state.modes import Mode
 FIRST_ID = 2 * ENTRY_ID  # of their motions; each way has its own, for the tick knows the last ones yet
 
 Left = tuple[Track, Place]
+
+
+class Back(NamedTuple):
+    """With what the tool comes back.
+
+    ``rest``: the program from the same spot on as another tool cuts it, which was fitted meanwhile for the
+    one ``before``; None: the tool is the same.
+    """
+
+    fitted: Fitted = Fitted()
+    rest: Rest | None = None
+    before: Tool | None = None
+
+
+SAME = Back()  # of which nothing is known
 
 
 class Detour:
@@ -51,30 +68,73 @@ class Detour:
         return stood, None if self.aside is None else self.aside.marks
 
     def retract(self, now: Snapshot, left: Left | None, spot: Spot | None, by_mm: float) -> Track:
-        """The way off. Raises NotPossible."""
+        """The way off, or further off. Raises NotPossible."""
         aside.see_held(now, "retract")
-        made = None if self.aside is not None or now.away else self._leaving(now, left, spot, by_mm)
-        if made is None:
-            raise NotPossible(said("aside.no_retract"))
-        track = self._track(aside.retract(made[0], self._machine, self._kinematics))
-        self.aside, self._left = made
-        return track
-
-    def go_back(self, now: Snapshot, rest: Rest | None, lengths_mm: tuple[float, float]) -> Track:
-        """The way back, at whose end ``rest`` is left of the program. Raises NotPossible."""
         away = self.aside
-        if away is None or not away.off or away.returning:
-            raise NotPossible(said("aside.no_return"))
+        if away is None:
+            made = None if now.away else self._leaving(now, left, spot)
+        else:
+            made = None if self._left is None else (away, self._left)
+        if made is None or made[0].returning:
+            raise NotPossible(said("aside.no_retract"))
+        way = aside.retract(now.joints, by_mm, made[0].place, self._machine, self._kinematics)
+        self.aside, self._left = made
+        self.aside.retracted, self.aside.off = True, False
+        return self._track(way)
+
+    def go_back(self, now: Snapshot, left: Left | None, spot: Spot | None, back: Back) -> Track:
+        """The way back to where the tool waits, off the part; resumed it goes in. Raises NotPossible.
+
+        From the path itself only with another tool: the operator has jogged there.
+        """
         aside.see_held(now, "return")
-        away.see(now)
-        target = away.held if rest is None else rest.target.joints
-        here = now.joints
-        track = self._track(aside.back(away, here, target, lengths_mm, self._machine, self._kinematics))
+        rest = back.rest
+        away = self.aside
+        if away is not None:
+            left = self._left
+        elif rest is not None and (made := self._leaving(now, left, spot)) is not None:
+            away, left = made
+            away.off = True
+        if away is None or left is None or not away.off or away.returning:
+            raise NotPossible(said("aside.no_return"))
+        machine, kinematics, fitted = self._machine, self._kinematics, back.fitted
+        stood = away.held
         if rest is not None:
-            path = Track(rest.opened(rest.items), self._machine, self._kinematics)
-            self._left = (path, Place(0, 0.0))
-        away.returning = True
-        return track
+            if back.before is not None and fitted.tool is not None:
+                aside.see_fits(now.joints, away.held, back.before, fitted.tool, rest)
+            path = Track(rest.opened(rest.items), machine, kinematics, probes=True)
+            path.goes_on(left[0])
+            left, stood = (path, Place(0, rest.spot.s)), rest.target.joints
+        onto, (track, place) = self._onto(*left, stood, rest, fitted)
+        length_mm = 0.0 if fitted.tool is None else fitted.tool.length_mm
+        clear_mm = fitted.walls.height(onto.waits, length_mm, kinematics) + machine.clearance_mm
+        clear_mm = max(clear_mm, track.clear_mm(onto.waits))
+        how = (onto, clear_mm, away.place, fitted, machine, kinematics, rest is None)
+        way = self._track(aside.ending(itertools.chain(*entry.way(now.joints, *how)), away.place))
+        track.lead_in(place.unit, onto.s, onto.ways, onto.joins, self._next_id)
+        self._next_id += len(onto.ways)
+        self._left, away.returning = (track, Place(place.unit, 0.0 if onto.ways else onto.s)), True
+        self.aside = away
+        return way
+
+    def _onto(
+        self, track: Track, place: Place, stood: Joints, rest: Rest | None, fitted: Fitted
+    ) -> tuple[Reentry, Left]:
+        """How a path is gone on with that was left at a place of it, the joints at ``stood``, and where."""
+        number, s = place
+        while (unit := track.at(number)) is not None:
+            stretch = unit.what if isinstance(unit.what, Stretch) else None
+            clear_mm = track.clear_mm(stood, stretch) if rest is None else rest.target.clear_mm
+            how = (clear_mm, self._machine, self._kinematics)
+            if isinstance(unit.what, Pause):
+                if track.comes_free(number):
+                    return Reentry(stood, 0.0), (track, Place(number, 0.0))
+                return reentry.enter_pause(stood, unit.what.place, *how), (track, Place(number, 0.0))
+            found = reentry.begins_at(unit.what, max(s, unit.begin))
+            if found is not None:
+                return reentry.enter(unit.what, found, fitted, *how), (track, Place(number, found))
+            number, s = number + 1, 0.0
+        raise NotPossible(said("aside.no_return"))
 
     def _track(self, items: Iterable[Chain | Pause]) -> Track:
         way = named(items, self._next_id)
@@ -92,16 +152,15 @@ class Detour:
         held = aside.is_held(now)
         if now.mode is Mode.JOG or now.away:
             if self._stood is None and now.away and held:
-                self._stood = self._leaving(now, *ask(), 0.0)
+                self._stood = self._leaving(now, *ask())
             if self._stood is not None:
                 (self.aside, self._left), self._stood = self._stood, None
-                self.aside.turns.append(self.aside.held)
                 self.aside.off = True
         elif not held:
             self._stood = None
         elif self._stood is None or self._stood_at != (now.joints, now.plan_time_s, now.line):
             self._stood_at = now.joints, now.plan_time_s, now.line
-            self._stood = self._leaving(now, *ask(), 0.0)
+            self._stood = self._leaving(now, *ask())
 
     def follow(self, now: Snapshot, arrived: bool) -> Left | None:
         """Off the path: notes what is jogged; what to go on with once the tool is back.
@@ -119,26 +178,17 @@ class Detour:
             self.forget()
             return left
         away.off = away.off or arrived
-        if away.off:
-            away.see(now)
-        if away.off and not away.retract_mm and now.mode is Mode.HOLD and not now.away:
+        if away.off and not away.retracted and now.mode is Mode.HOLD and not now.away:
             self.forget()  # jogged back to where it was held
         return None
 
-    def _leaving(
-        self, now: Snapshot, left: Left | None, spot: Spot | None, by_mm: float
-    ) -> tuple[Aside, Left] | None:
+    def _leaving(self, now: Snapshot, left: Left | None, spot: Spot | None) -> tuple[Aside, Left] | None:
         """What is to be known of the place at which the tool leaves the path; None without a path."""
         unit = None if left is None else left[0].at(left[1].unit)
         if left is None or spot is None or unit is None:
             return None
         held = self._goes_on_at(*left) if now.away else now.joints
-        if held is None:
-            return None
-        what, feed_mm_s = unit.what, math.inf
-        if isinstance(what, Stretch):
-            feed_mm_s = float(what.feed_at(np.array([left[1].s]))[0])
-        return Aside(spot, held, what.place, feed_mm_s, by_mm), left
+        return None if held is None else (Aside(spot, held, unit.what.place), left)
 
     def _goes_on_at(self, track: Track, place: Place) -> Joints | None:
         """The joints at a place of a path; of a pause, where the motion behind it begins; None at the end."""

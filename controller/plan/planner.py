@@ -31,10 +31,9 @@ from controller.machine.kinematics import Kinematics
 from controller.machine.model import Machine
 from controller.messages import said
 from controller.plan.look_ahead import Orders, Place, Sent, Windows
-from controller.plan.off_path import Detour
+from controller.plan.off_path import SAME, Back, Detour
 from controller.plan.path.path import Chain, Pause, Stretch
 from controller.plan.restart.program_position import Spot
-from controller.plan.restart.restart import Rest
 from controller.plan.retract import Aside, NotPossible
 from controller.plan.track import Track
 from controller.program.program import Probed, ProgramError
@@ -269,7 +268,7 @@ class Planner:
         return now.accepted > self._asked
 
     def retract(self, now: Snapshot, by_mm: float) -> None:
-        """Out of HOLD at rest: the tool goes off along its axis once ``told`` and resumed, to HOLD again.
+        """Out of HOLD at rest: the tool goes off along its axis, or further off, once ``told`` and resumed.
 
         Raises NotPossible.
         """
@@ -277,15 +276,12 @@ class Planner:
             raise NotPossible(said("aside.probing"))
         self._lead(self._detour.retract(now, self._left(now), self.spot(now), by_mm), now)
 
-    def go_back(
-        self, now: Snapshot, rest: Rest | None = None, lengths_mm: tuple[float, float] = (0.0, 0.0)
-    ) -> None:
-        """Back to the path by the same way, once ``told`` and resumed, to HOLD; RESUME then goes on.
+    def go_back(self, now: Snapshot, back: Back = SAME) -> None:
+        """Back to a place off the part, once ``told`` and resumed, to HOLD; RESUME then goes in, and on.
 
-        With another tool: ``rest`` is the program from the same spot on as the new tool cuts it,
-        ``lengths_mm`` are those of the old and the new tool. Raises NotPossible.
+        Raises NotPossible.
         """
-        self._lead(self._detour.go_back(now, rest, lengths_mm), now)
+        self._lead(self._detour.go_back(now, self._left(now), self.spot(now), back), now)
 
     def _lead(self, way: Track, now: Snapshot) -> None:
         """A way of its own takes the place of everything queued."""

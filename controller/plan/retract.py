@@ -1,45 +1,36 @@
-"""Hold, look, go on: off the part along the tool axis, wherever the operator jogs, and the same way back.
+"""Hold, look, go on: off the part along the tool axis, wherever one jogs, and back by a way of its own.
 
 ```
      path  ======*======        * held here
-                 |  retract: along the tool axis
-                 o-----o        jogged, as often as wanted; every turn of the way is kept
-                       |
-                       o        back: the same turns in reverse, then down along the tool axis
+                 |  retract: along the tool axis, as often as wanted
+                 o-----o        jogged
 ```
-With another tool the tip goes the same way back: the joints are shifted by the difference
-of the two lengths along the tool axis, and the last way down ends where the new tool cuts.
+Where the tool has been meanwhile does not matter to the way back: it is laid from where the tool stands, with
+what is in the spindle by then (``restart.entry``), to a place off the part. There the tool waits, and goes in
+by a lead once it is resumed (``restart.reentry``).
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
-from controller.geometry.vectors import ROUNDING
+from controller.geometry.vectors import ROUNDING, dot, subtract
 from controller.ipc.handoff import Snapshot
 from controller.machine.kinematics import Kinematics
-from controller.machine.model import Joints, Machine
-from controller.messages import Key, Said, said, text
-from controller.plan.restart import entry
-from controller.plan.restart.entry import along_axis
-from controller.plan.restart.program_position import Spot
-from controller.plan.stretch import Chain, Pause, straight
-from controller.plan.surfaces import audit
+from controller.machine.model import Joints, Machine, Tool
+from controller.messages import Key, said
+from controller.motion.motions import SurfaceCut
+from controller.plan.restart import reentry
+from controller.plan.restart.program_position import Spot, line_of
+from controller.plan.restart.reentry import RETRACT_MM_S, NotPossible, along_axis
+from controller.plan.restart.restart import Rest
+from controller.plan.stretch import Chain, Pause, Stretch, straight
 from controller.program import modal
 from controller.program.program import Act, Place
 from controller.state.modes import Mode
 
-RETRACT_MM_S = 10.0  # off the part, and on all of the way back but its end
-CORNER_MM = 0.05  # a turn of a jogged way that is less (or so many degrees) is none
-
-
-class NotPossible(Exception):
-    """Why the tool cannot leave the path, or not come back, and what to do."""
-
-    def __init__(self, why: Said) -> None:
-        super().__init__(text(why))
-        self.said = why
+__all__ = ["RETRACT_MM_S", "Aside", "NotPossible"]
 
 
 def is_held(now: Snapshot) -> bool:
@@ -55,97 +46,57 @@ def see_held(now: Snapshot, what: str) -> None:
 
 @dataclass(slots=True)
 class Aside:
-    """The tool is off the path; where it has been since. ``held``: joints on the path."""
+    """The tool is off the path. ``held``: joints on the path."""
 
     spot: Spot
     held: Joints
     place: Place
-    feed_mm_s: float  # of the path where it was held
-    retract_mm: float
-    turns: list[Joints] = field(default_factory=list)  # of the way, the end of the retract first
+    retracted: bool = False  # at least once: it does not come back to the path by jogging
     off: bool = False  # the retract has come to its end
     returning: bool = False
-    _last: Joints | None = None  # seen since the last turn
 
     @property
     def marks(self) -> tuple[object, ...]:
-        """Changes with whatever ``see`` or its owner has noted."""
-        return self.off, self.returning, len(self.turns), self._last
-
-    def see(self, now: Snapshot) -> None:
-        """Note where a jog has led; call it with every snapshot."""
-        here = now.joints
-        if self._last is not None and _off_line(self.turns[-1], self._last, here) > CORNER_MM:
-            self.turns.append(self._last)
-        self._last = here
-        if now.at_rest and _apart(here, self.turns[-1]) > ROUNDING:
-            self.turns.append(here)
-            self._last = None
+        """Changes with whatever its owner has noted."""
+        return self.off, self.returning, self.retracted
 
 
-def retract(aside: Aside, machine: Machine, kinematics: Kinematics) -> Iterator[Chain | Pause]:
-    """The way off the path, to a stop. Raises NotPossible."""
-    room = entry.room_along_axis(aside.held, machine, kinematics)
-    if not 0.0 < aside.retract_mm <= room:
-        raise NotPossible(said("aside.room", by=aside.retract_mm, room=room))
-    off = along_axis(aside.held, aside.retract_mm, kinematics)
-    aside.turns = [off]
-    return _way([aside.held, off], [RETRACT_MM_S], "retract", aside.place, kinematics)
-
-
-def back(
-    aside: Aside,
-    now: Joints,
-    target: Joints,
-    lengths_mm: tuple[float, float],
-    machine: Machine,
-    kinematics: Kinematics,
+def retract(
+    now: Joints, by_mm: float, place: Place, machine: Machine, kinematics: Kinematics
 ) -> Iterator[Chain | Pause]:
-    """The way back from ``now`` to the joints ``target`` on the path, to a stop. Raises NotPossible.
-
-    ``lengths_mm``: of the tool that left the path, and of the one that comes back.
-    """
-    before, after = lengths_mm
-    if after - before >= max(aside.retract_mm, 1e-9):
-        raise NotPossible(said("aside.longer", longer=after - before, off=aside.retract_mm))
-    turns = [longer(turn, after - before, kinematics) for turn in (now, *reversed(aside.turns))]
-    over = along_axis(target, aside.retract_mm, kinematics)
-    corners = [now, *turns, over, target]
-    down = min(RETRACT_MM_S, aside.feed_mm_s)
-    feeds = [RETRACT_MM_S if aside.retract_mm else down] * (len(corners) - 2) + [down]
-    for corner in corners:
-        excess = audit.outside_at(machine, corner)
-        if excess is not None:
-            beyond = audit.beyond(machine.axes[excess.axis], excess)
-            raise NotPossible(said("travel.beyond_back", **beyond))
-    return _way(corners, feeds, "return", aside.place, kinematics)
+    """The way off along the tool axis, to a stop. Raises NotPossible."""
+    room = reentry.room_along_axis(now, machine, kinematics)
+    if not 0.0 < by_mm <= room:
+        raise NotPossible(said("aside.room", by=by_mm, room=room))
+    off = straight("retract", place, now, along_axis(now, by_mm, kinematics), RETRACT_MM_S, kinematics)
+    return ending([] if off is None else [off], place)
 
 
-def longer(joints: Joints, by_mm: float, kinematics: Kinematics) -> Joints:
-    """The joints at which a tool that is longer by ``by_mm`` has its tip in the same place."""
-    return along_axis(joints, by_mm, kinematics) if by_mm else joints
-
-
-def _way(
-    corners: list[Joints], feeds: list[float], name: str, place: Place, kinematics: Kinematics
-) -> Iterator[Chain | Pause]:
-    legs: Iterable[tuple[Joints, Joints, float]] = zip(corners[:-1], corners[1:], feeds, strict=True)
-    stretches = [straight(name, place, a, b, feed, kinematics) for a, b, feed in legs]
-    yield from (Chain((stretch,)) for stretch in stretches if stretch is not None)
+def ending(way: Iterable[Stretch], place: Place) -> Iterator[Chain | Pause]:
+    """A way aside: one move after the other, to a stop."""
+    yield from (Chain((stretch,)) for stretch in way)
     yield Pause(place, modal.power_on().modal, act=Act.STOP)
 
 
-def _apart(a: Joints, b: Joints) -> float:
-    return max(abs(p - q) for p, q in zip(a, b, strict=True))
+def see_fits(now: Joints, held: Joints, before: Tool, after: Tool, rest: Rest) -> None:
+    """Raises NotPossible where another tool cannot come back from ``now``, or would cut lines too deep.
 
-
-def _off_line(start: Joints, middle: Joints, end: Joints) -> float:
-    """How far ``middle`` is off the line from ``start`` to ``end``, in mm, or degrees of a rotary."""
-    way, part = _scaled(start, end), _scaled(start, middle)
-    square = sum(w * w for w in way)
-    share = sum(w * p for w, p in zip(way, part, strict=True)) / square if square > 0.0 else 0.0
-    return max(abs(p - min(max(share, 0.0), 1.0) * w) for w, p in zip(way, part, strict=True))
-
-
-def _scaled(start: Joints, end: Joints) -> list[float]:
-    return [b - a for a, b in zip(start, end, strict=True)]
+    It stands no higher than the place of the hold for being longer; or it is thicker, and what walls lines
+    have left beside it nobody knows.
+    """
+    target, kinematics = rest.target, rest.source.kinematics
+    tip, axis = kinematics.forward(now, after.length_mm)
+    longer = after.length_mm - before.length_mm
+    off_mm = dot(subtract(tip, kinematics.forward(held, before.length_mm).tip), axis)
+    if longer > 0.0 and off_mm <= 0.0:
+        raise NotPossible(said("aside.longer", longer=longer, off=off_mm + longer))
+    thicker, stretch = after.radius_mm - before.radius_mm, target.stretch
+    if thicker <= ROUNDING or (stretch is not None and isinstance(stretch.motion, SurfaceCut)):
+        return
+    if stretch is not None and not target.modal.compensated and not reentry.is_free(stretch):
+        line = line_of(stretch, target.s)
+        raise NotPossible(said("aside.thicker", by=thicker, radius=before.radius_mm, line=line))
+    high_mm = dot(subtract(tip, kinematics.forward(target.joints, after.length_mm).tip), axis)
+    low_mm = target.clear_mm - rest.source.machine.clearance_mm - high_mm
+    if low_mm > ROUNDING:
+        raise NotPossible(said("aside.low", low=low_mm))

@@ -7,18 +7,21 @@ behind can be forgotten, so the length of a program costs no memory.
 
 from __future__ import annotations
 
+import itertools
 from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 
 from controller.machine.kinematics import Kinematics
-from controller.machine.model import Machine
+from controller.machine.model import Joints, Machine
 from controller.motion.motions import ToolSpline
 from controller.motion.pieces import FIRST_MARK
 from controller.plan.feed import profile
 from controller.plan.restart.program_position import ENTRY_ID, FORMER, Spot, fraction_at, line_of, order_of
+from controller.plan.restart.reentry import is_free
+from controller.plan.restart.tops import Tops
 from controller.plan.stretch import Chain, Pause, Stretch
-from controller.program.program import Probed, Probing, ProgramError
+from controller.program.program import Act, Probed, Probing, ProgramError
 from controller.values import dataclass
 
 STANDS = -1  # motion id of a pause ...
@@ -87,6 +90,7 @@ class Track:
         self._first = 0  # number of the first unit kept
         self._all = False
         self._probes = probes
+        self._tops, self._length_mm = Tops(kinematics), 0.0
         self.waits: Probing | None = None  # for its outcome, before any more is read
         self.error: ProgramError | None = None  # that ended the path before its end
 
@@ -95,6 +99,25 @@ class Track:
         while number >= self._first + len(self._kept) and not self._all and self.waits is None:
             self._read()
         return self._kept[number - self._first] if number - self._first < len(self._kept) else None
+
+    def comes_free(self, number: int) -> bool:
+        """Whether the motion before a unit, as far as it is known, leads beside the part alone."""
+        known = list(itertools.islice(self._kept, max(0, number - self._first)))
+        before = next((unit.what for unit in reversed(known) if isinstance(unit.what, Stretch)), None)
+        return is_free(before) if before is not None else self._first == 0
+
+    def lead_in(self, number: int, s: float, ways: Sequence[Stretch], joins: bool, first_id: int) -> None:
+        """Lay ``ways`` before a unit, which then begins at ``s``; ``joins``: the last runs on into it."""
+        unit, i = self._kept[number - self._first], number - self._first
+        self._kept[i] = replace(unit, begin=s) if isinstance(unit.what, Stretch) else unit
+        if joins and isinstance(unit.what, Stretch):
+            row, begins = (ways[-1], unit.what), (0.0, s)
+            runs = profile.split_at_stops(row, self._machine, self._kinematics, begins=begins)
+            joins = len(runs) == 1
+        for k, way in enumerate(ways):
+            rests = not (joins and k == len(ways) - 1)
+            laid = Unit(way, first_id + k, rests, block_end=False, last=False, chain=Chain((way,)))
+            self._kept.insert(i + k, laid)
 
     def answer(self, number: int, came: Probed) -> int:
         """What came of the probing that ends at or behind a unit; the number of the unit behind it."""
@@ -146,8 +169,24 @@ class Track:
             self._all = True
         else:
             self._kept.append(unit)
+            self._note_top(unit.what)
             if self._probes and isinstance(unit.what, Pause) and unit.what.ends:
                 self.waits = unit.what.probe
+
+    def _note_top(self, what: Stretch | Pause) -> None:
+        if isinstance(what, Stretch):
+            self._tops.note(what, getattr(what.motion, "length_mm", self._length_mm))
+        elif what.act is Act.TOOL and (tool := what.modal.tool_in(self._machine)) is not None:
+            self._length_mm = tool.length_mm
+
+    def goes_on(self, before: Track) -> None:
+        """It is what is left of another one."""
+        self._tops.take(before._tops)
+
+    def clear_mm(self, joints: Joints, stretch: Stretch | None = None) -> float:
+        """How far off along its axis the tool is above all that the path cuts, as far as it is read."""
+        length_mm = getattr(stretch.motion, "length_mm", self._length_mm) if stretch else self._length_mm
+        return max(0.0, self._tops.above(joints, length_mm)) + self._machine.clearance_mm
 
     def _units(self, items: Iterable[Chain | Pause]) -> Iterator[Unit]:
         before: Unit | None = None

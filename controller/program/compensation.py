@@ -168,7 +168,7 @@ class _Path:
         if block.modal.planar is None:
             return block
         if self._last is None or self._last[0] is not block.modal:
-            self._last = block.modal, replace(block.modal, planar=None)
+            self._last = block.modal, replace(block.modal, planar=None, compensated=block.modal.planar.lines)
         return replace(block, modal=self._last[1])
 
     # ---- after G40 -------------------------------------------------------------------

@@ -183,6 +183,7 @@ class Modal:
     outputs: Outputs = UNSAID  # of M62 to M65 and of the machine's own codes
     overrides: Overrides = ENABLED
     planar: Planar | None = None  # cutter compensation of lines and arcs
+    compensated: bool = field(default=False, compare=False)  # by that, which has been done
 
     def frame(self, machine: Machine) -> Frame:
         """The program's frame seen from the table frame at zero."""

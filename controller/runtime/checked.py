@@ -12,6 +12,7 @@ import contextlib
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +32,7 @@ from controller.plan.restart.program_position import Spot
 from controller.plan.restart.restart import Rest, Source
 from controller.plan.stretch import Chain, Note, Pause, Stretch
 from controller.plan.surfaces import choices, cuts, placements, placing
+from controller.plan.surfaces.walls import NONE, Walls
 from controller.program import blocks
 from controller.program.position import homed
 from controller.program.program import Block, CutBlock, GougeRefused, ProgramError
@@ -126,7 +128,23 @@ def rest_of(asked: Task, chosen: Mapping[int, Rotaries] | None, spot: Spot, dry_
 
 def _source(asked: Task, chosen: Mapping[int, Rotaries] | None, dry_run_mm: float) -> Source:
     read = _blocks(asked)
-    return Source(read, asked.name, asked.machine, asked.kinematics, asked.start, chosen, dry_run_mm)
+    return Source(
+        read,
+        asked.name,
+        asked.machine,
+        asked.kinematics,
+        asked.start,
+        chosen,
+        dry_run_mm,
+        partial(walls_of, asked),
+    )
+
+
+def walls_of(asked: Task) -> Walls:
+    """All surfaces that a program cuts, read once more. Raises ProgramError where it is refused."""
+    if not CUTS.search(asked.text):
+        return NONE
+    return Walls.of(blocks.stream(asked.text, asked.machine, asked.name, start=asked.start), asked.machine)
 
 
 def _blocks(asked: Task) -> Iterator[Block]:

@@ -192,7 +192,7 @@ def _happened(where: str, data: dict[str, Any]) -> Line:
     tick, kind, value = data.get("tick"), str(data["request"]), data.get("value", 0.0)
     number = type(value) in (int, float) and 0.0 <= value < math.inf
     sound = {
-        RETURN: value == 0.0 or isinstance(value, dict),
+        RETURN: number or isinstance(value, dict),
         FAULT: isinstance(value, str) and value in Fault.__members__,
         PLAN: number and value < 60.0,
         THREAD: isinstance(value, list) and [type(x) for x in value] == [float, bool],

@@ -22,9 +22,9 @@ import numpy.typing as npt
 from controller.ipc.handoff import COLUMN, PieceMessage, Snapshot, of_axes
 from controller.machine.model import Machine
 from controller.messages import said
+from controller.plan.off_path import Back
 from controller.plan.planner import Planner
 from controller.plan.restart.program_position import Spot
-from controller.plan.restart.restart import Rest
 from controller.plan.retract import NotPossible
 from controller.plan.stretch import Chain, Pause
 from controller.program.program import ProgramError
@@ -209,20 +209,19 @@ class _Repetition:
             planner.work(now)
         elif line.kind == events.RETRACT:
             planner.retract(now, line.value)
-        elif isinstance(line.value, dict) and planner.aside is not None:
-            planner.go_back(now, *self._with_other_tools(line.value, planner.aside.spot))
+        elif isinstance(line.value, dict) and (spot := planner.spot(now)) is not None:
+            made = self._part.fit(line.value)
+            planner.go_back(now, self._with_other_tools(made, spot))
+            self._fitted = made
         else:
-            planner.go_back(now)
+            planner.go_back(now, starts.back(replace(self._part.task, machine=self._fitted), int(line.value)))
 
-    def _with_other_tools(self, fitted: Mapping[str, Any], spot: Spot) -> tuple[Rest, tuple[float, float]]:
-        before, made = self._fitted, self._part.fit(fitted)
+    def _with_other_tools(self, made: Machine, spot: Spot) -> Back:
         asked = checked.task(self._part.task.text, self._part.task.name, made)
         start = self._record.begin.start
         whole_from = start.joints if start.spot is None else start.whole_from
         start = replace(start, spot=Spot(spot.line, spot.fraction), whole_from=whole_from)
-        rest = starts.rest(asked, checked.chosen_for(asked), start)
-        self._fitted = made
-        return rest, starts.lengths_mm(rest, before, made)
+        return starts.back_with(starts.rest(asked, checked.chosen_for(asked), start), self._fitted)
 
     # -- its end
 

@@ -11,8 +11,10 @@ from dataclasses import asdict, replace
 from typing import Any
 
 from controller.machine.model import Joints, Machine
+from controller.plan.off_path import Back
 from controller.plan.report.stored import Stored
 from controller.plan.restart.program_position import Spot
+from controller.plan.restart.reentry import Fitted
 from controller.plan.restart.restart import Rest
 from controller.runtime import checked
 from controller.runtime.checked import Task, Walk
@@ -70,11 +72,16 @@ def path_from(asked: Task, kept: Stored | None, start: Start) -> Walk:
     return walk
 
 
-def lengths_mm(left: Rest, before: Machine, after: Machine) -> tuple[float, float]:
-    """Of the tool that cuts what is left, as it was fitted before and after."""
-    number = left.target.modal.tool
-    was, is_now = (machine.tool(number) for machine in (before, after))
-    return (was.length_mm if was is not None else 0.0), (is_now.length_mm if is_now is not None else 0.0)
+def back_with(left: Rest, before: Machine) -> Back:
+    """To what is left of a program, with the tool that is fitted by now for that of ``before``."""
+    modal = left.target.modal
+    return Back(left.source.fitted(modal), left, before.tool(modal.tool))
+
+
+def back(asked: Task, tool: int) -> Back:
+    """To where a program was left, with the tool of that number; 0 = not known."""
+    fitted = asked.machine.tool(tool)
+    return Back() if fitted is None else Back(Fitted(fitted, checked.walls_of(asked)))
 
 
 def rest(asked: Task, choices: Mapping[int, tuple[float, float]], start: Start) -> Rest:

@@ -61,6 +61,7 @@ class Order:
     axes: tuple[int, ...] = ()
     program: Program | None = None
     distance_mm: float = 0.0
+    tool: int = 0  # number of the one in the spindle; 0 = not known
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,7 +78,7 @@ class Turn:
     """The planner acted on the snapshot of this tick."""
 
     tick: int
-    value: float  # how much time (s) it had for itself; of a retract its way (mm)
+    value: float  # how much time (s) it had for itself; of a retract its way (mm), of a return the tool
     verb: str = "plan"  # or "retract", "return": a way beside the path was asked for
     refitted: bool = False  # returned with what is fitted by now
 
@@ -177,13 +178,14 @@ class Line:
         axes: tuple[int, ...] = (),
         program: Program | None = None,
         distance_mm: float = 0.0,
+        tool: int = 0,
     ) -> dict[str, Any]:
         """Have something done and wait for it. Raises CommandRefused."""
         answer: Future[dict[str, Any]] = Future()
         with self._lock:
             self._last += 1
             self._waiting[self._last] = answer
-            order = Order(self._last, verb, axes, program, distance_mm)
+            order = Order(self._last, verb, axes, program, distance_mm, tool)
         try:
             self._sender.submit(self._connection.send, order).result()
         except (OSError, RuntimeError):  # the latter: closed

@@ -25,8 +25,10 @@ from controller.machine.kinematics import kinematics_of
 from controller.machine.model import STILL, Machine, Pair
 from controller.messages import said
 from controller.motion.motions import SurfaceCut
+from controller.plan.off_path import Back
 from controller.plan.report.passing import passed_s, place_of
 from controller.plan.report.stored import Stored
+from controller.plan.restart import reentry
 from controller.plan.restart.path_offset import beside
 from controller.plan.restart.program_position import ENTRY_ID, FORMER, LinePart, Spot, lines_along, order_of
 from controller.plan.restart.restart import Rest
@@ -104,6 +106,7 @@ class Planning:
         # what the rotaries are shifted by, and the length with which a tilted plane's places are the tip's.
         self._offsets: list[tuple[int, int, Frame | None, Pair, float | None, Codes]] = []
         self._fitted = machine  # of what was armed
+        self._armed: Program | None = None
         self._text = b""  # of the program that was checked or armed last
         self._carrying_out = False
         self._facts: dict[str, Any] = {}  # of what is being armed
@@ -259,7 +262,7 @@ class Planning:
         self._marks.clear()
         items = starts.path_from(task, kept, start).items
         self._end.new_planner(program.machine)
-        self._tool, self._fitted = None, program.machine
+        self._tool, self._fitted, self._armed = None, program.machine, program
         self._known.clear()
         self._end.load(self._watched(items, program.spot), now)
         self._turns.clear()
@@ -328,34 +331,41 @@ class Planning:
                 self._said.append(Said("", due, line, one.changes))
 
     def _retract(self, order: Order) -> None:
+        """Off along the tool axis; with ``program``, another tool was fitted meanwhile."""
         now = self._end.snapshot()
+        if order.program is not None:
+            task = self._task(order.program)
+            fitted = starts.back(task, order.tool).fitted
+            reentry.see_free(now.joints, 0.0, fitted, task.kinematics)
         self._turns.append(Turn(now.tick, order.distance_mm, "retract"))
         self._end.planner.retract(now, order.distance_mm)
         self._await_taken(order, now)
 
     def _return(self, order: Order) -> None:
-        """By the same way; with ``program``, another tool was fitted meanwhile, and cuts the rest."""
-        planner = self._end.planner
-        if order.program is not None and planner.aside is not None:
-            rest, lengths_mm = self._with_other_tool(order.program, planner.aside.spot)
-            now = self._end.snapshot()
-            self._turns.append(Turn(now.tick, 0.0, "return", refitted=True))
-            planner.go_back(now, rest, lengths_mm)
-            self._fitted = order.program.machine
+        """With ``program``, another tool was fitted meanwhile, and cuts the rest."""
+        planner, refitted = self._end.planner, order.program is not None
+        spot = planner.spot(self._end.snapshot())
+        if order.program is not None and spot is not None:
+            rest = self._with_other_tool(order.program, spot)
+            back = starts.back_with(rest, self._fitted)
+        elif self._armed is not None:
+            back = starts.back(self._task(replace(self._armed, machine=self._fitted)), order.tool)
         else:
-            now = self._end.snapshot()
-            self._turns.append(Turn(now.tick, 0.0, "return"))
-            planner.go_back(now)
+            back = Back()
+        now = self._end.snapshot()
+        self._turns.append(Turn(now.tick, float(order.tool), "return", refitted))
+        planner.go_back(now, back)
+        if order.program is not None:
+            self._fitted = order.program.machine
         self._await_taken(order, now)
 
-    def _with_other_tool(self, program: Program, spot: Spot) -> tuple[Rest, tuple[float, float]]:
-        """The rest as the new tool cuts it, and the lengths (mm) of the old and the new one."""
+    def _with_other_tool(self, program: Program, spot: Spot) -> Rest:
+        """The rest as the new tool cuts it."""
         program = replace(program, spot=Spot(spot.line, spot.fraction, FORMER))
         kept = self._kept(program)
         self._offsets.clear()
         rest = self._rest(program, kept)
-        rest = replace(rest, items=self._lines_noted(rest.items, rest.spot.fraction))
-        return rest, starts.lengths_mm(rest, self._fitted, program.machine)
+        return replace(rest, items=self._lines_noted(rest.items, rest.spot.fraction))
 
     def _lines_noted(self, items: Iterable[Chain | Pause], begun: float) -> Iterator[Chain | Pause]:
         """The same path, which begins inside of a line."""

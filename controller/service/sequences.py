@@ -182,17 +182,17 @@ def _go(service: Service, job: Job, facts: Values, going: Going) -> None:
 
 
 def aside(service: Service, verb: str, distance_mm: float, going: Going) -> Values:
-    """Off the path along the tool axis, or back to it by the same way; held before and after.
+    """Off the path along the tool axis, or back to where it goes on; held before and after.
 
     Held on the way it stays there: a resume then goes on along the way. That is also what a hold
     does that comes while the way is planned, which with another tool takes as long as a check.
     """
     job, program = service.running, None
     with service.fitting:
-        if verb == "return" and job is not None and job.tools != service.machine.tools:
+        if job is not None and job.tools != service.machine.tools:
             program = _refitted(job, setup_data.applied(service.file, service.with_tools(job)))
-    service.engine.line.order(verb, program=program, distance_mm=distance_mm)
-    if program is not None and job is not None:
+    service.engine.line.order(verb, program=program, distance_mm=distance_mm, tool=service.tool)
+    if verb == "return" and program is not None and job is not None:
         service.refit(job, program)
     asked = going.send(lambda: service.engine.request(Request.RESUME))
     if asked is not None:

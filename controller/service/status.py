@@ -13,7 +13,7 @@ from controller.machine import machine_file
 from controller.machine.kinematics import kinematics_of
 from controller.machine.model import OFFSETS, Machine, Pair
 from controller.messages import said, several
-from controller.plan.restart.entry import room_along_axis
+from controller.plan.restart.reentry import room_along_axis
 from controller.service.jobs import UNDER_WAY
 from controller.service.planner_client import Way
 from controller.service.usage import Usage

@@ -114,8 +114,8 @@ class Kept:
 
 
 def retract_room_mm(service: Service, now: Snapshot) -> float | None:
-    """As ``status.retract_room_mm``; None while the tool is aside, or a run is just ending."""
-    if service.aside or service.returning or (now.mode is Mode.READY and service.running is not None):
+    """As ``status.retract_room_mm``; None while the tool is on its way back, or a run is just ending."""
+    if service.returning or (now.mode is Mode.READY and service.running is not None):
         return None
     return machine_status.retract_room_mm(service.machine, now)
 

@@ -34,6 +34,7 @@ from controller.ipc.handoff import COLUMN, Jog, Snapshot, send_jog
 from controller.machine.model import Joints, Machine
 from controller.plan.restart import restart
 from controller.plan.restart.program_position import Spot
+from controller.runtime import starts
 from controller.runtime.stepped import SteppedMachine
 from controller.service import journal
 from controller.service.journal import Journal
@@ -272,7 +273,7 @@ def look_and_go_on(name: str, seed: int) -> None:
     operator.jog(1, rng.uniform(-20.0, 20.0))
     operator.jog(2, rng.uniform(1.0, 10.0))
     operator.go_back()
-    assert np.abs(np.subtract(operator.joints, held)).max() < 1e-9
+    assert np.abs(np.subtract(operator.joints, held)).max() > 0.5, "off the part"
     rows = operator.finish()
     wanted = stretches(PROGRAMS[name], operator.stepped.machine)
     assert distance(rows, wanted, operator.stepped.kinematics) < SAME
@@ -294,22 +295,6 @@ def test_after_a_look_anywhere_the_rest_is_cut(name: str, seed: int) -> None:
 
 
 @pytest.mark.soak
-def test_the_way_back_is_the_way_off_in_reverse() -> None:
-    operator = Operator(EXAMPLE_2)
-    operator.hold_at(tick_of(4))
-    operator.retract(10.0)
-    operator.jog(0, 25.0)
-    operator.jog(1, -15.0)
-    off = np.concatenate(operator.rows[-6:])[:, JOINTS]
-    operator.go_back()
-    back = operator.rows[-1][:, JOINTS]
-    corners = off[np.r_[0, np.flatnonzero(np.abs(np.diff(off, axis=0)).sum(axis=1) > 0.0) + 1]]
-    for joints in back[::20]:
-        gap = np.abs(corners[:, :3] - joints[:3]).max(axis=1)
-        assert gap.min() < 0.2, "between two ticks of the way off lie less than 0.2 mm"
-
-
-@pytest.mark.soak
 def test_a_jog_out_of_a_hold_without_a_retract_comes_back_too() -> None:
     operator = Operator(EXAMPLE_2)
     operator.hold_at(tick_of(6))
@@ -319,7 +304,7 @@ def test_a_jog_out_of_a_hold_without_a_retract_comes_back_too() -> None:
     operator.stepped.go(50)
     assert operator.stepped.cycle.modes.mode is Mode.HOLD, "a resume away from the path is refused"
     operator.go_back()
-    assert np.abs(np.subtract(operator.joints, held)).max() < 1e-9
+    assert 0.5 < np.abs(np.subtract(operator.joints, held)).max() < 20.0
     operator.finish()
 
 
@@ -333,8 +318,8 @@ def test_a_longer_and_thicker_tool_goes_on_where_the_old_one_stopped() -> None:
     operator.retract(20.0)
     other = with_tool(machine, 2, radius_mm=1.4, length_mm=8.0)
     rest = rest_of(EXAMPLE_2, Spot(spot.line, spot.fraction), other)
-    operator.go_back(rest, (0.0, 8.0))
-    assert np.abs(np.subtract(operator.joints, rest.target.joints)).max() < 1e-9
+    operator.go_back(starts.back_with(rest, machine))
+    assert 0.5 < np.abs(np.subtract(operator.joints, rest.target.joints)).max() < 20.0
     before = len(operator.rows)
     rows = operator.finish()
     after = np.concatenate(operator.rows[before:])
@@ -360,7 +345,7 @@ def test_a_hold_on_the_way_off_or_back_is_a_hold_like_any_other() -> None:
         operator.stepped.go(100)
         operator.stepped.request(Request.RESUME)
         operator.rows += [operator.stepped.go(5), until(operator.stepped, Mode.HOLD)]
-    assert np.abs(np.subtract(operator.joints, held)).max() < 1e-9
+    assert 0.5 < np.abs(np.subtract(operator.joints, held)).max() < 20.0
     rows = operator.finish()
     assert distance(rows, stretches(EXAMPLE_2, shipped()), operator.stepped.kinematics) < SAME
 

@@ -152,5 +152,8 @@ async def withdraw(request: Request, body: models.Withdraw) -> models.Done:
 
 @router.post("/cycle/return", dependencies=[moves()], responses=MOVES)
 async def return_(request: Request) -> models.Done:
-    """Back to the path by the way of the retract."""
+    """Back to a place off the part, beside the path, with the tool that is in the spindle now.
+
+    A resume then leads in and goes on. Refused where the way would lead into a surface of the program.
+    """
     return await ask(request, "return")

@@ -4,107 +4,114 @@ retract height   --------<------- position --------.      rotaries turn only her
         ^                                          |      coolant start here
         | retract (along the tool axis first)      | down (rapid)
         |                                          + clearance above all that is cut up to there
-        now                                        | plunge along the tool axis, at feed
-                                                   * the place
+        now                                        | plunge along the tool axis
+                                                   o here the tool waits, see ``reentry``
 """
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import replace
 
-from controller.geometry.vectors import Vector, add, scale
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Joints, Machine
 from controller.messages import said
-from controller.plan.stretch import (
-    Chain,
-    Pause,
-    Stretch,
-    joints_of,
-    motion_named,
-    rotaries_of,
-    straight,
-    xyz_of,
-)
+from controller.plan.restart import reentry
+from controller.plan.restart.reentry import RETRACT_MM_S, Fitted, NotPossible, Reentry, along_axis
+from controller.plan.stretch import Chain, Pause, Stretch, motion_named, straight, xyz_of
 from controller.plan.surfaces import audit
 from controller.plan.surfaces.approach import at_height
 from controller.program.program import UNSAID, Act, Modal, Place
 from controller.values import dataclass
 
-FAR_MM = 100.0  # along a tool axis that lies so flat that Z gains nothing
-FLAT = 0.1  # of Z per mm along the axis
-TURNING_MM_S = 5.0  # to a place where only the rotaries move, whose feed is in degrees
-
 
 @dataclass(frozen=True, slots=True)
 class Target:
-    """The place that is to be entered."""
+    """The place that is to be entered: of a stretch, or, where there is none, of a pause."""
 
     joints: Joints
     modal: Modal  # the state in which it is
     place: Place
-    feed_mm_s: float
     clear_mm: float  # along the tool axis, from where on the way is free
+    stretch: Stretch | None = None
+    s: float = 0.0
+
+    def reentry(self, fitted: Fitted, machine: Machine, kinematics: Kinematics) -> Reentry:
+        """The way onto the path there. Raises NotPossible."""
+        if self.stretch is None:
+            return reentry.enter_pause(self.joints, self.place, self.clear_mm, machine, kinematics)
+        return reentry.enter(self.stretch, self.s, fitted, self.clear_mm, machine, kinematics)
 
 
-def along_axis(joints: Joints, by_mm: float, kinematics: Kinematics) -> Joints:
-    """The joints with the tool ``by_mm`` further off along its own axis."""
-    rotaries = rotaries_of(joints, kinematics)
-    gauge, axis = kinematics.forward(joints, 0.0)
-    tip: Vector = add(gauge, scale(axis, by_mm))
-    return joints_of(kinematics.linear(tip, rotaries, 0.0), rotaries, kinematics)
+def way(
+    now: Joints,
+    onto: Reentry,
+    clear_mm: float,
+    place: Place,
+    fitted: Fitted,
+    machine: Machine,
+    kinematics: Kinematics,
+    has_cut: bool = False,
+) -> tuple[list[Stretch], list[Stretch]]:
+    """The way from ``now`` to where the tool waits: up and over, and down. Raises NotPossible.
 
-
-def room_along_axis(joints: Joints, machine: Machine, kinematics: Kinematics) -> float:
-    """How far (mm) the tool can go off along its own axis before an axis is at the end of its travel."""
-    step = along_axis(joints, 1.0, kinematics)
-    room = math.inf
-    for axis, here, there in zip(machine.axes, joints, step, strict=True):
-        rate = there - here
-        if abs(rate) > 1e-12:
-            room = min(room, ((axis.travel_max if rate > 0.0 else axis.travel_min) - here) / rate)
-    return max(0.0, room)
-
-
-def to_height(joints: Joints, height_mm: float, machine: Machine, kinematics: Kinematics) -> Joints:
-    """Off along the tool axis until Z is at ``height_mm``, as far as the travel lets it."""
-    z = xyz_of(joints, kinematics)[2]
-    if z >= height_mm:
-        return joints
-    climb = xyz_of(along_axis(joints, 1.0, kinematics), kinematics)[2] - z
-    way = (height_mm - z) / climb if climb > FLAT else FAR_MM
-    return along_axis(joints, min(way, room_along_axis(joints, machine, kinematics)), kinematics)
-
-
-def enter(
-    target: Target, now: Joints, in_spindle: int, machine: Machine, kinematics: Kinematics, name: str
-) -> list[Chain | Pause]:
-    """The way from ``now`` to the target, with tool, spindle and coolant as they are there.
-
-    ``in_spindle``: number of the tool that is in the spindle. Raises ProgramError where the way
-    leaves an axis' travel.
+    ``clear_mm``: along the tool axis from there, from where on the way is free. ``has_cut``: it is the tool
+    that came to ``now``, so that what it touches there it has cut.
     """
-    if machine.changer is not None and target.modal.tool != in_spindle:
-        sentence = said("tool.restart_other", found=in_spindle, wanted=target.modal.tool)
-        raise target.place.refusal(name, sentence)
-    room = room_along_axis(target.joints, machine, kinematics)
-    clear = along_axis(target.joints, min(target.clear_mm, room), kinematics)
-    off = to_height(now, machine.retract_mm, machine, kinematics)
+    tool, walls = fitted.tool, fitted.walls
+    if not has_cut:
+        reentry.see_free(now, onto.allowed_mm, fitted, kinematics)
+    room = reentry.room_along_axis(onto.waits, machine, kinematics)
+    clear = along_axis(onto.waits, min(clear_mm, room), kinematics)
+    off = reentry.to_height(now, machine.retract_mm, machine, kinematics)
+    length_mm = 0.0 if tool is None else tool.length_mm
+    rise = walls.height(now, length_mm, kinematics) + machine.clearance_mm
+    free = along_axis(now, rise, kinematics) if rise < reentry.apart(now, off, kinematics) else off
     height = max(machine.retract_mm, *(xyz_of(q, kinematics)[2] for q in (clear, off)))
     up, over = at_height(off, height, kinematics), at_height(clear, height, kinematics)
 
     def move(name: str, start: Joints, end: Joints, feed_mm_s: float | None = None) -> Stretch | None:
-        return straight(name, target.place, start, end, feed_mm_s, kinematics)
+        return straight(name, place, start, end, feed_mm_s, kinematics)
 
-    before = [move("retract", now, off), move("retract", off, up), move("position", up, over)]
-    after = [move("down", over, clear), move("plunge", clear, target.joints, target.feed_mm_s)]
-    for stretch in (*before, *after):
-        _audit(stretch, machine, name)
-    items: list[Chain | Pause] = [Chain((stretch,)) for stretch in before if stretch is not None]
+    before = [move("retract", now, free, RETRACT_MM_S), move("retract", free, off), move("retract", off, up)]
+    before.append(move("position", up, over))
+    after = [move("down", over, clear), move("plunge", clear, onto.waits, RETRACT_MM_S)]
+    laid = [[one for one in ways if one is not None] for ways in (before, after)]
+    for stretch in (*laid[0], *laid[1], *onto.ways):
+        _see_inside(stretch, machine)
+    if tool is not None and (hit := walls.hit([*laid[0], *laid[1]], tool, kinematics)) is not None:
+        raise NotPossible(said("aside.hits", tool=tool.number, line=hit.line))
+    return laid[0], laid[1]
+
+
+def enter(
+    target: Target,
+    now: Joints,
+    in_spindle: int,
+    fitted: Fitted,
+    machine: Machine,
+    kinematics: Kinematics,
+    name: str,
+) -> list[Chain | Pause]:
+    """The way from ``now`` onto the target, with tool, spindle and coolant as they are there.
+
+    ``in_spindle``: number of the tool that is in the spindle. Raises ProgramError where the way leaves an
+    axis' travel, or gets into a wall.
+    """
+    if machine.changer is not None and target.modal.tool != in_spindle:
+        sentence = said("tool.restart_other", found=in_spindle, wanted=target.modal.tool)
+        raise target.place.refusal(name, sentence)
+    try:
+        onto = target.reentry(fitted, machine, kinematics)
+        before, after = way(now, onto, target.clear_mm, target.place, fitted, machine, kinematics)
+    except NotPossible as error:
+        raise target.place.refusal(name, error.said) from error
+    items: list[Chain | Pause] = [Chain((stretch,)) for stretch in before]
     items += _settings(target, in_spindle)
-    return items + [Chain((stretch,)) for stretch in after if stretch is not None]
+    items += [Chain((stretch,)) for stretch in (*after, *onto.ways)]
+    if onto.joins and isinstance(last := items[-1], Chain):
+        items[-1] = replace(last, runs_on=True)
+    return items
 
 
 def _settings(target: Target, in_spindle: int) -> Iterator[Pause]:
@@ -119,17 +126,8 @@ def _settings(target: Target, in_spindle: int) -> Iterator[Pause]:
         yield Pause(target.place, modal, act=Act.OUTPUT)
 
 
-def _audit(stretch: Stretch | None, machine: Machine, name: str) -> None:
-    excess = audit.outside_at(machine, stretch.end) if stretch is not None else None
-    if stretch is not None and excess is not None:
+def _see_inside(stretch: Stretch, machine: Machine) -> None:
+    """Raises NotPossible where a way leaves an axis' travel."""
+    if (excess := audit.outside_at(machine, stretch.end)) is not None:
         where = said("travel.in_entry", motion=motion_named(stretch.name))
-        sentence = audit.describe(machine.axes[excess.axis], excess, where)
-        raise stretch.place.refusal(name, sentence)
-
-
-def highest(tops: Sequence[Vector], joints: Joints, length_mm: float, kinematics: Kinematics) -> float:
-    """How far (mm) the highest of some points of the table frame is above the tip, along the tool axis."""
-    tip, axis = kinematics.forward(joints, length_mm)
-    return max(
-        (sum((p - q) * a for p, q, a in zip(top, tip, axis, strict=True)) for top in tops), default=0.0
-    )
+        raise NotPossible(audit.describe(machine.axes[excess.axis], excess, where))

@@ -10,20 +10,19 @@ motion and its s. Rapids are not gone through in part: the entry leads to their 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from controller.geometry.vectors import Vector, norm, subtract
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Joints, Machine
 from controller.messages import Said, said
-from controller.motion.motions import JointMove, Rotaries, SurfaceCut, ToolSpline
+from controller.motion.motions import Rotaries, ToolSpline
 from controller.plan.path import clamps, tool_changes
-from controller.plan.path.path import Tracer, joints_along
+from controller.plan.path.path import Tracer
 from controller.plan.restart import entry
 from controller.plan.restart.program_position import (
     ENTRY_ID,
@@ -35,9 +34,10 @@ from controller.plan.restart.program_position import (
     order_of,
     place_in,
 )
-from controller.plan.stretch import Chain, Pause, Stretch, rotaries_of
-from controller.plan.surfaces import links
-from controller.plan.surfaces.leads import LEADS
+from controller.plan.restart.reentry import Fitted, begins_at, joints_at
+from controller.plan.restart.tops import Tops
+from controller.plan.stretch import Chain, Pause
+from controller.plan.surfaces.walls import NONE, Walls
 from controller.program import modal
 from controller.program.program import (
     Act,
@@ -55,9 +55,6 @@ from controller.values import dataclass
 
 Array = npt.NDArray[np.float64]
 
-SIDE = 33  # samples along a motion, for its highest point
-FOLLOW_MM = 0.25  # between samples when the rotaries are followed to a place
-
 
 @dataclass(frozen=True, slots=True)
 class Source:
@@ -70,6 +67,12 @@ class Source:
     start: Joints  # mm, rad
     chosen: Mapping[int, Rotaries] | None = None  # as a check of the whole program chose
     dry_run_mm: float = 0.0
+    walls: Callable[[], Walls] = lambda: NONE  # of all of it
+
+    def fitted(self, modal: Modal) -> Fitted:
+        """What is in the spindle in a state of the program, and what it must not get into."""
+        tool = modal.tool_in(self.machine)
+        return Fitted() if tool is None else Fitted(tool, self.walls())
 
     def dry(self) -> Source:
         """What is read in its place where it is run dry. Raises ProgramError for an impossible offset."""
@@ -96,7 +99,8 @@ class Rest:
     def entered(self, now: Joints, in_spindle: int) -> Iterator[Chain | Pause]:
         """All of the path: from the joints ``now`` to the place, and the rest. Raises ProgramError."""
         here = self.source
-        way = entry.enter(self.target, now, in_spindle, here.machine, here.kinematics, here.name)
+        fitted = here.fitted(self.target.modal)
+        way = entry.enter(self.target, now, in_spindle, fitted, here.machine, here.kinematics, here.name)
         first = self._first_line() if here.machine.changer is not None else []
         return self.opened(itertools.chain(named(way, ENTRY_ID), first, self.items))
 
@@ -184,7 +188,7 @@ class _Search:
         self._stands = source.start
         self._goes_back = False  # lines run in another order than they stand
         self._count = 0  # motions before the item that is looked at
-        self._tops: list[Vector] = []
+        self._tops = Tops(source.kinematics)
 
     def rest(self) -> Rest:
         for item in self._items:
@@ -262,8 +266,8 @@ class _Search:
     # --- what is left from there
 
     def _from(self, chain: Chain, k: int, s: float) -> Rest:
-        """From inside a chain; over the end of rapids that the place is in."""
-        while chain.stretches[k].feed_mm_s is None:
+        """From inside a chain; over the end of rapids that the place is in, and of what cuts nothing."""
+        while chain.stretches[k].feed_mm_s is None or begins_at(chain.stretches[k], s) is None:
             self._stands = chain.stretches[k].end
             if k + 1 < len(chain.stretches):
                 k, s = k + 1, 0.0
@@ -280,6 +284,7 @@ class _Search:
 
     def _on(self, chain: Chain, k: int, s: float) -> Rest:
         stretch = chain.stretches[k]
+        s = begins_at(stretch, s) or 0.0
         self._check_known()
         line = line_of(stretch, s)
         known = self._lines.at(order_of(stretch, s))
@@ -287,18 +292,15 @@ class _Search:
         joints = joints_at(stretch, s, self._source.kinematics)
         rest = Chain(chain.stretches[k:], chain.runs_on, s, self._count + k)
         spot = Spot(line, fraction_at(chain, k, s), self._count + k, s)
-        target = entry.Target(
-            joints, state, stretch.place, _feed(stretch, s, state), self._clear(joints, state)
-        )
+        target = entry.Target(joints, state, stretch.place, self._clear(joints, state), stretch, s)
         return Rest(spot, target, stretch.name, _then(rest, self._items), self._source, order_of(stretch, s))
 
     def _at_pause(self, pause: Pause) -> Rest:
         self._check_known()
         line = pause.place.line
         state = self._lines.at(pause.place.order).before
-        feed = state.feed_mm_s or entry.TURNING_MM_S
         clear = self._clear(self._stands, state)
-        target = entry.Target(self._stands, state, pause.place, feed, clear)
+        target = entry.Target(self._stands, state, pause.place, clear)
         items = _counted(_then(pause, self._items), self._count)
         return Rest(Spot(line, 0.0), target, "pause", items, self._source, pause.place.order)
 
@@ -310,68 +312,14 @@ class _Search:
         return tool.length_mm if tool is not None else 0.0
 
     def _note_tops(self, chain: Chain) -> None:
-        """The highest that feed moves went so far stands for the height of the part."""
-        kinematics = self._source.kinematics
         for stretch in chain.stretches:
-            if stretch.feed_mm_s is None:
-                continue
-            self._tops += _tops(stretch, self._length(stretch.place.order), kinematics)
-        if len(self._tops) > 20_000:
-            self._tops = _extremes(self._tops)
+            self._tops.note(stretch, self._length(stretch.place.order))
 
     def _clear(self, joints: Joints, state: Modal) -> float:
         machine = self._source.machine
         tool = state.tool_in(machine)
         length = tool.length_mm if tool is not None else 0.0
-        above = entry.highest(self._tops, joints, length, self._source.kinematics)
-        return max(0.0, above) + machine.clearance_mm
-
-
-def joints_at(stretch: Stretch, s: float, kinematics: Kinematics) -> Joints:
-    """The joints at a place of a stretch, on the branch and in the turns of the program's own path."""
-    steps = max(2, round(s / FOLLOW_MM)) if isinstance(stretch.motion, SurfaceCut) else 2
-    row = joints_along(stretch, np.linspace(0.0, s, steps), kinematics)[-1]
-    near = tuple(map(float, row))
-    exact = stretch.motion.joints(s, rotaries_of(near, kinematics), kinematics)
-    return exact if exact is not None else near
-
-
-def _feed(stretch: Stretch, s: float, state: Modal) -> float:
-    """The feed at a place; where only rotaries move it is in degrees and tells nothing of the tip.
-
-    A lead is as fast as it likes along itself: the way down to it is at the block's own feed.
-    """
-    motion = stretch.motion
-    if isinstance(motion, JointMove) and norm(subtract(motion.curve.at(1.0), motion.curve.at(0.0))) < 1e-6:
-        return entry.TURNING_MM_S
-    if stretch.name in (*LEADS, links.NAME) and state.feed_mm_s:
-        return state.feed_mm_s
-    return float(stretch.feed_at(np.array([s]))[0])
-
-
-def _tops(stretch: Stretch, length_mm: float, kinematics: Kinematics) -> list[Vector]:
-    """Points of the table frame that are at least as high as what a stretch cuts."""
-    motion = stretch.motion
-    if isinstance(motion, SurfaceCut) and stretch.cutting:
-        u = np.linspace(0.0, 1.0, SIDE)
-        top, tip = motion.surface.point(u, 0.0 * u, np), motion.surface.contact(u, np)
-        return [*_points(motion.part.to_parent(top)), *_points(motion.part.to_parent(tip))]
-    s = np.linspace(0.0, motion.end, 2 if stretch.name == "line" else SIDE)
-    rows = joints_along(stretch, s, kinematics)
-    return _points(kinematics.forward(tuple(rows.T), length_mm, np).tip)
-
-
-def _points(xyz: Vector) -> list[Vector]:
-    x, y, z = np.broadcast_arrays(*xyz)
-    return [(float(a), float(b), float(c)) for a, b, c in zip(x, y, z, strict=True)]
-
-
-def _extremes(points: list[Vector]) -> list[Vector]:
-    """Corners of the box of points: no lower in any direction than they are."""
-    rows: Array = np.array(points)
-    low, high = rows.min(axis=0), rows.max(axis=0)
-    corners = np.array(np.meshgrid(*zip(low, high, strict=True))).reshape(3, -1).T
-    return [(float(x), float(y), float(z)) for x, y, z in corners]
+        return max(0.0, self._tops.above(joints, length)) + machine.clearance_mm
 
 
 def _unclamped(items: Iterable[Chain | Pause]) -> Iterator[Chain | Pause]:

@@ -32,7 +32,7 @@ from controller.motion.motions import Rotaries, ToolSpline
 from controller.plan.rotaries.branch import joints_along
 from controller.plan.stretch import Stretch, Voice, joints_of, motion_named, rotaries_of, straight
 from controller.plan.surfaces import audit, rates
-from controller.plan.surfaces.cuts import Cut, Edge, beside, gouge, tolerance_mm
+from controller.plan.surfaces.cuts import Edge, beside, gouge, tolerance_mm
 from controller.plan.surfaces.train import Leg
 from controller.program.program import Place
 from controller.values import dataclass
@@ -125,10 +125,10 @@ def _off_mm(leg: Leg, machine: Machine) -> float:
 
 @dataclass(frozen=True, slots=True)
 class End:
-    """Where a lead joins a path: ``rows`` (3, 5) of tip (table frame) and both rotaries, with two derivatives.
+    """Where a lead joins a path: ``rows`` (3, 5) of tip and both rotaries, with two derivatives.
 
     ``rates`` (axes,) and ``bends`` (axes,) are first and second derivatives of the joints, without sign, and
-    ``tilt`` is the rate of the axis (rad), all over s in mm. ``most`` is the longest that a lead may be, along s.
+    ``tilt`` is the rate of the axis (rad), all over s in mm; a lead is no longer than ``most``.
     """
 
     place: Place
@@ -167,7 +167,7 @@ class End:
         at_start: bool,
         kinematics: Kinematics,
     ) -> End:
-        """A place of any motion, where the ``joints`` are; ``edge``: of a cut, or which way is off the part."""
+        """A place of any motion; ``joints``: there; ``edge``: of a cut, or which way is off the part."""
         series = rates.joint_series(stretch, s, joints, kinematics)
         tip, axis = kinematics.forward(series, length_mm, jets)
         turns = kinematics.spread(series)[3:]
@@ -338,7 +338,7 @@ class End:
 
 
 def spline_of(knots: Array, cubics: Array, length_mm: float, line: int) -> ToolSpline:
-    """``cubics`` (n, 5, 4) of tip and rotaries between n + 1 ``knots``, for a tool of a length, as of a line."""
+    """``cubics`` (n, 5, 4) of tip and rotaries between n + 1 ``knots``, for a tool of that length."""
     flat, lines = array("d", cubics.ravel().tolist()), array("l", [line])
     return ToolSpline(array("d", knots.tolist()), flat, True, length_mm, lines, array("d", [0.0]))
 

@@ -17,6 +17,7 @@ from controller import memory, messages
 from controller.ipc import control_socket
 from controller.ipc.handoff import COLUMN, Jog
 from controller.machine import machine_file
+from controller.machine.model import Joints
 from controller.messages import said
 from controller.plan.restart.program_position import Spot
 from controller.plan.stretch import Note
@@ -139,6 +140,13 @@ def test_a_resume_right_behind_the_way_back_goes_on_although_the_plan_has_not_se
     bench.assert_cut(TEXT, bench.machine, Spot(1, 0.0, 0, 0.0))
 
 
+def assert_waits_over(bench: Bench, held: Joints) -> None:
+    """Above the lines that are cut, a little before the place, where the way in begins."""
+    kinematics = bench.stepped.kinematics
+    here, there = (kinematics.forward(q, 0.0).tip for q in (bench.stepped.joints, held))
+    assert here[2] > there[2] + 1.0 and np.hypot(*np.subtract(here, there)[:2]) < 11.0
+
+
 def test_off_the_path_and_back_with_the_same_tool_is_told_and_goes_on(bench: Bench) -> None:
     armed(bench)
     joints = held(bench, 5)
@@ -146,7 +154,7 @@ def test_off_the_path_and_back_with_the_same_tool_is_told_and_goes_on(bench: Ben
     assert bench.news[-1].aside
     led(bench, "return")
     assert not bench.news[-1].aside
-    assert np.abs(np.subtract(bench.stepped.joints, joints)).max() < 1e-9
+    assert_waits_over(bench, joints)
     bench.request(Request.RESUME)
     bench.until(Mode.READY)
     bench.assert_cut(TEXT, bench.machine, Spot(1, 0.0, 0, 0.0))
@@ -182,9 +190,14 @@ def test_a_jog_before_the_plan_has_looked_at_the_hold_is_led_back(bench: Bench, 
     assert bench.order("retract", distance_mm=5.0).error is not None
     bench.stepped._plan = bench._turn  # type: ignore[method-assign]
     bench.rows.append(bench.stepped.go(20))
-    assert bench.news[-1].aside and bench.order("retract", distance_mm=5.0).error is not None
+    assert bench.news[-1].aside
+    led(bench, "retract", distance_mm=5.0)
     led(bench, "return")
-    assert np.abs(np.subtract(bench.stepped.joints, held)).max() < 1e-9 and not bench.news[-1].aside
+    assert not bench.news[-1].aside
+    if line == 1:
+        assert bench.stepped.joints == pytest.approx(held, abs=1e-9)
+    else:
+        assert_waits_over(bench, held)
     spot, before = bench.planner.spot(bench.snapshot()), len(bench.rows)
     assert spot is not None and (line == 1 or 0.0 < spot.fraction < 1.0)
     while modes.mode is Mode.HOLD:  # a stop for a tool stands again
@@ -205,7 +218,7 @@ def test_another_tool_that_was_fitted_meanwhile_cuts_the_rest(bench: Bench) -> N
     other = with_tool(bench.machine, 2, length_mm=8.0)
     start = answer.facts["start"].joints
     led(bench, "return", program=Program(TEXT.encode(), "part.ngc", other, start=start))
-    assert bench.stepped.joints[2] - joints[2] == pytest.approx(8.0, abs=0.2)
+    assert bench.stepped.joints[2] - joints[2] > 8.0
     before = len(bench.rows)
     bench.request(Request.RESUME)
     bench.until(Mode.READY)

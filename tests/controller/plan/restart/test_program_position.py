@@ -13,6 +13,7 @@ from support.machines.stepped_runs import shipped
 from controller.plan.path import path
 from controller.plan.path.path import Chain
 from controller.plan.restart.program_position import (
+    BESIDE,
     ENTRY_ID,
     FORMER,
     LinePart,
@@ -56,7 +57,7 @@ def test_what_is_told_in_a_rest_is_what_was_told_in_the_whole(name: str) -> None
     number = 0
     for chain in list(chains(PROGRAMS[name])):
         for k, (stretch, parts) in enumerate(zip(chain.stretches, lines_along(chain), strict=True)):
-            if stretch.feed_mm_s is not None and stretch.name not in ("lift", "retract"):
+            if stretch.feed_mm_s is not None and stretch.name not in BESIDE:
                 begin, later = 0.31 * stretch.motion.end, 0.62 * stretch.motion.end
                 rest = rest_of(
                     PROGRAMS[name], Spot(line_of(stretch, begin), 0.0, number + k, begin), shipped()
