@@ -123,7 +123,7 @@ def retract_and_return(service: Serving) -> None:
     service.ask("hold")
     held(service)
     service.done("retract", mm=12.0)
-    values = {"name": "end mill 3 mm", "radius_mm": 3.0, "flute_mm": 15.0, "length_mm": 4.0}
+    values = {"name": "end mill 3 mm", "radius_mm": 1.5, "flute_mm": 15.0, "length_mm": 4.0}
     service.ask("set_tool", number=2, **values)
     service.done("return")
     service.ask("resume")
