@@ -183,6 +183,12 @@ class ToolValues(Sent):
     taper_deg: Annotated[float | None, Field(ge=0.0, le=45.0, description="Half angle of the flank.")] = None
     wear_radius_mm: Annotated[float | None, Field(ge=-0.5, le=0.5, description="Added to the radius.")] = None
     wear_length_mm: Annotated[float | None, Field(ge=-0.5, le=0.5, description="Added to the length.")] = None
+    centre_cutting: Annotated[
+        bool | None,
+        Field(
+            description="Its end cuts up to the axis; else what plunges along stock of a surface is refused."
+        ),
+    ] = None
 
 
 class Rename(Sent):

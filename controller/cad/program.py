@@ -149,7 +149,7 @@ def fitting(strips: Sequence[Strip], machine: Machine) -> Tool:
     fits = [
         tool
         for tool in (one.worn for one in machine.tools)
-        if tool.radius_mm <= FITS * tightest and (tool.flute_mm >= longest or tool.flute_mm == 0.0)
+        if tool.radius_mm <= FITS * tightest and tool.flank_mm >= longest
     ]
     if not fits:
         hollow = f"a radius of at most {FITS * tightest:.3f} mm and " if tightest < math.inf else ""

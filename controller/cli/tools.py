@@ -20,6 +20,7 @@ from controller.verify import console
 from controller.verify.console import Refused, show, spoken
 
 SHOWN = ("radius_mm", "corner_mm", "flute_mm", "length_mm", "wear_radius_mm", "wear_length_mm")
+FLAGS = {"true": True, "false": False}  # as centre_cutting has them
 KEPT = ("name", "radius_mm", "length_mm", "flute_mm")  # what REST asks for of a tool that is changed
 
 
@@ -69,7 +70,7 @@ def tools(
     with asked(url, as_json) as machine:
         if change is not None or delete is not None or read is not None:
             with machine.control(take_over):
-                _change(machine, change, named(values, ("name",)), delete, read, flute)
+                _change(machine, change, _flagged(named(values, ("name",))), delete, read, flute)
         if life is not None:
             machine.put(f"usage/tools/{life}", {**_limits(_uses(machine).get(life, {})), **_set(limits)})
         if renewed is not None:
@@ -125,6 +126,11 @@ def _content(file: Path) -> str:
         return file.read_text(encoding="utf-8")
     except UnicodeDecodeError as error:
         raise Refused(say("no_text", file=file)) from error
+
+
+def _flagged(values: Mapping[str, str | float]) -> dict[str, str | float | bool]:
+    """With true and false as such, but for a name."""
+    return {key: FLAGS.get(str(one), one) if key != "name" else one for key, one in values.items()}
 
 
 def _uses(machine: remote.Machine) -> dict[int, dict[str, Any]]:

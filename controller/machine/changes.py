@@ -15,6 +15,7 @@ from controller.machine.model import Joints, Machine, Offset, Pair, Shift, Tool
 LEVEL = 1e-9
 _OF_A_TOOL = (
     *("name", "radius_mm", "length_mm", "flute_mm", "corner_mm", "wear_radius_mm", "wear_length_mm"),
+    "centre_cutting",
 )
 
 

@@ -349,6 +349,7 @@ def tool(table: Table, name: str | None = None, before: Tool | None = None, shor
         wear_length_mm=_wear(table, "wear_length_mm", MAX_WEAR_MM, shape.wear_length_mm),
         tolerance_mm=table.positive_or_none("tolerance_mm") or shape.tolerance_mm,
         may_turn=table.flag("may_turn", True) if table.has("may_turn") else shape.may_turn,
+        centre_cutting=table.flag("centre_cutting", shape.centre_cutting),
     )
     table.finish()
     return found

@@ -237,6 +237,12 @@ class Tool:
     wear_length_mm: float = 0.0  # added to the length: negative where it has become shorter
     # In the spindle; None: unless it is the probe. No path depends on it, nor does a journal (repr).
     may_turn: bool | None = field(default=None, repr=False)
+    centre_cutting: bool = True  # its end cuts up to the axis: it may be plunged into stock
+
+    @property
+    def flank_mm(self) -> float:
+        """How far above the lower edge of a surface it cuts: its flute but for corner and ``below_mm``."""
+        return self.flute_mm - self.below_mm - self.corner_mm * (1.0 - math.sin(self.taper_rad))
 
     @property
     def worn(self) -> Tool:

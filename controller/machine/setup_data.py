@@ -187,7 +187,7 @@ def with_tool(machine: Machine, number: int, values: object, shortest_mm: float 
     if not isinstance(values, dict):
         raise ConfigError(
             f"tools: tool {number}: is no table; allowed: name, radius_mm, length_mm, flute_mm, corner_mm, "
-            "taper_deg, holder, wear_radius_mm, wear_length_mm."
+            "taper_deg, holder, wear_radius_mm, wear_length_mm, centre_cutting."
         )
     table = Table("tools", f"tool {number}", {"number": number, **values})
     before = next((tool for tool in machine.tools if tool.number == number), None)

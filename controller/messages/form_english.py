@@ -21,6 +21,8 @@ REFUSALS = {
     "form.do.side": "the other side (G41/G42)",
     "form.do.lead": "a smaller lead_mm",
     "form.do.joint": "surfaces that join smoothly",
+    "form.do.flute": "a tool with a longer flute",
+    "form.do.bands": "passes from the top down, none higher than the flute",
     "form.do.apart": "moving the block of line {by_line} away",
     "form.motion.cut": "cut",
     "form.motion.lead in": "lead in",

@@ -21,6 +21,8 @@ REFUSALS = {
     "form.do.side": "die andere Seite (G41/G42)",
     "form.do.lead": "ein kleineres lead_mm",
     "form.do.joint": "Flächen, die glatt aneinander anschließen",
+    "form.do.flute": "ein Werkzeug mit längerer Schneide",
+    "form.do.bands": "Bahnen von oben nach unten, keine höher als die Schneide",
     "form.do.apart": "den Satz in Zeile {by_line} wegrücken",
     "form.motion.cut": "Schnitt",
     "form.motion.lead in": "Einlauf",

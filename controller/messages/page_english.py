@@ -716,6 +716,7 @@ PAGE: dict[str, str] = {
     "setup.taper_deg": "Taper °",
     "setup.wear_radius_mm": "Wear R mm",
     "setup.wear_length_mm": "Wear L mm",
+    "setup.centre_cutting": "Cuts its centre",
     "setup.picture": "its profile",
     "setup.import": "Take in a table",
     "setup.imported": "In the table: {0}.",

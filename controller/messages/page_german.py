@@ -723,6 +723,7 @@ PAGE: dict[str, str] = {
     "setup.taper_deg": "Konus °",
     "setup.wear_radius_mm": "Verschleiß R mm",
     "setup.wear_length_mm": "Verschleiß L mm",
+    "setup.centre_cutting": "Schneidet über Mitte",
     "setup.picture": "sein Profil",
     "setup.import": "Tabelle übernehmen",
     "setup.imported": "In der Tabelle: {0}.",

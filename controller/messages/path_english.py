@@ -32,8 +32,8 @@ REFUSALS = {
     "this line.",
     "note.stops_for": "Stops until {tool} is in the spindle.",
     "note.no_tool": "no tool",
-    "note.flute": "The flute of T{tool} is {flute:.3f} mm long, the longest ruling {longest:.3f} mm; above "
-    "the flute nothing is cut.",
+    "note.flute": "The flute of T{tool} is {flute:.3f} mm long and cuts up to {flank:.3f} mm above the lower "
+    "edge, the longest ruling is {longest:.3f} mm; above the flute nothing is cut.",
     "note.left_out": "{count} motions beside surfaces were not held against them.",
     "note.no_surface": "The program cuts no surface (G51, G52, G6.2): there is nothing to hold it against.",
     "note.not_cut": "The trace does not come to this surface, which is not judged: it begins behind it "
@@ -131,15 +131,26 @@ REFUSALS = {
     "gouge.own_cut": "the cut comes back to its own surface and cuts {depth:.3f} mm too deep {at}",
     "gouge.other_motion": "{motion} cuts {depth:.3f} mm too deep into the surface{whose} {at}",
     "gouge.holder": "in {motion} the holder of T{tool} is {depth:.3f} mm deep in the surface{whose} {at}",
+    "gouge.shank": "in {motion} the shank of T{tool}, which does not cut, is {depth:.3f} mm deep in the "
+    "surface{whose} {at}",
+    "gouge.stock": "in {motion} the {body} of T{tool}, which does not cut, is at stock of the surface{whose} "
+    "that no cut has taken before, {depth:.3f} mm from what is cut, {at}",
+    "gouge.plunge": "in {motion} T{tool}, which does not cut over its centre, plunges along stock of the "
+    "surface{whose} that no cut has taken before, {depth:.3f} mm from what is cut, {at}",
     "gouge.table": "in {motion} the {body} of T{tool} is {depth:.3f} mm deep in the machine's table, table "
     "frame {at}",
     "gouge.body.cutter": "cutter",
+    "gouge.body.shank": "shank",
     "gouge.body.holder": "holder",
     "gouge.do.side": "take a smaller cutter or the other side (G41/G42)",
     "gouge.do.side_or_lead": "take a smaller cutter or the other side (G41/G42), or set a smaller lead_mm",
     "gouge.do.placement": "take a smaller cutter or another placement of it",
     "gouge.do.apart": "take a smaller cutter, the other side (G41/G42), or move that block away",
+    "gouge.do.shank": "take a tool with a longer flute or a slimmer neck (holder), or cut from the top down "
+    "in passes no higher than the flute",
     "gouge.do.holder": "take a longer tool or a slimmer holder",
+    "gouge.do.plunge": "plunge beside the surface (lead_mm above 0, or a block further off), or take a tool "
+    "that cuts over its centre",
     "gouge.do.table": "raise the work (work offset), or take a longer tool or a slimmer holder",
     "form.told": "Form: {sentence}.",
     "form.refused": '{sentence}; or set gouge = "warn" to cut it anyway{more}',

@@ -31,8 +31,9 @@ REFUSALS = {
     "note.spindle_off": "Vorschub mit stehender Spindel: vor dieser Zeile steht kein M3 oder M4 mit S.",
     "note.stops_for": "Hält, bis {tool} in der Spindel ist.",
     "note.no_tool": "kein Werkzeug",
-    "note.flute": "Die Schneide von T{tool} ist {flute:.3f} mm lang, die längste Erzeugende {longest:.3f} "
-    "mm; über der Schneide wird nicht geschnitten.",
+    "note.flute": "Die Schneide von T{tool} ist {flute:.3f} mm lang und schneidet bis {flank:.3f} mm über "
+    "der unteren Kante, die längste Erzeugende hat {longest:.3f} mm; über der Schneide wird nicht "
+    "geschnitten.",
     "note.left_out": "{count} Bewegungen neben den Flächen wurden nicht gegen sie geprüft.",
     "note.no_surface": "Das Programm schneidet keine Fläche (G51, G52, G6.2): es gibt nichts, woran es zu "
     "messen wäre.",
@@ -137,9 +138,16 @@ REFUSALS = {
     "tief {at}",
     "gouge.other_motion": "in {motion} wird die Fläche{whose} {depth:.3f} mm zu tief geschnitten {at}",
     "gouge.holder": "in {motion} steckt der Halter von T{tool} {depth:.3f} mm tief in der Fläche{whose} {at}",
+    "gouge.shank": "in {motion} steckt der Schaft von T{tool}, der nicht schneidet, {depth:.3f} mm tief "
+    "in der Fläche{whose} {at}",
+    "gouge.stock": "in {motion} liegt T{tool} ({body}), wo es nicht schneidet, an Rohmaterial der "
+    "Fläche{whose}, das zuvor kein Schnitt genommen hat, {depth:.3f} mm vom Geschnittenen entfernt, {at}",
+    "gouge.plunge": "in {motion} taucht T{tool}, das nicht über die Mitte schneidet, an Rohmaterial der "
+    "Fläche{whose} ein, das zuvor kein Schnitt genommen hat, {depth:.3f} mm vom Geschnittenen entfernt, {at}",
     "gouge.table": "in {motion} steckt T{tool} ({body}) {depth:.3f} mm tief im Maschinentisch, im "
     "Tischsystem {at}",
     "gouge.body.cutter": "Schneide",
+    "gouge.body.shank": "Schaft",
     "gouge.body.holder": "Halter",
     "gouge.do.side": "einen kleineren Fräser oder die andere Seite (G41/G42) nehmen",
     "gouge.do.side_or_lead": "einen kleineren Fräser oder die andere Seite (G41/G42) nehmen, oder lead_mm "
@@ -147,7 +155,11 @@ REFUSALS = {
     "gouge.do.placement": "einen kleineren Fräser oder eine andere Anstellung nehmen",
     "gouge.do.apart": "einen kleineren Fräser oder die andere Seite (G41/G42) nehmen, oder jenen Satz "
     "wegrücken",
+    "gouge.do.shank": "ein Werkzeug mit längerer Schneide oder schlankerem Hals (holder) nehmen, oder von "
+    "oben nach unten in Bahnen schneiden, die nicht höher als die Schneide sind",
     "gouge.do.holder": "ein längeres Werkzeug oder einen schlankeren Halter nehmen",
+    "gouge.do.plunge": "neben der Fläche eintauchen (lead_mm über 0, oder ein Satz weiter weg), oder ein "
+    "Werkzeug nehmen, das über die Mitte schneidet",
     "gouge.do.table": "das Werkstück anheben (Nullpunkt), oder ein längeres Werkzeug oder einen "
     "schlankeren Halter nehmen",
     "form.told": "Form: {sentence}.",

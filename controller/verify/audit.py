@@ -86,12 +86,12 @@ def audit(
     found = findings.gouges
     places = _places(stretches.values())
     if found and machine.gouge == "refuse":
-        raise _refusal(found, places[found[0].by_line], name)
+        raise _refusal(found, _place(places, found[0].by_line), name)
     exceeding = [one for one in findings.verdicts if not one.within]
     if exceeding and machine.gouge == "refuse":
         raise _form_refusal(findings.verdicts, places, name)
-    notes = [Note(places[one.by_line], one.told("gouge.told")) for one in found]
-    notes += [Note(places[one.by_line], one.told("gouge.overcut_told")) for one in findings.ends]
+    notes = [Note(_place(places, one.by_line), one.told("gouge.told")) for one in found]
+    notes += [Note(_place(places, one.by_line), one.told("gouge.overcut_told")) for one in findings.ends]
     told = [(one.line, said("form.told", sentence=wording.exceeds(one))) for one in exceeding]
     notes += [Note(places[line], sentence) for line, sentence in told]
     if watched.left_out:
@@ -107,6 +107,11 @@ def _places(stretches: Iterable[Stretch]) -> dict[int, Place]:
         if known.file_line != place.file_line:
             found[place.line] = Place(place.line, 1)
     return found
+
+
+def _place(places: Mapping[int, Place], line: int) -> Place:
+    """That of a line; one of many in a motion has no block of its own."""
+    return places.get(line) or Place(line, 1)
 
 
 def _refusal(found: list[Gouge], place: Place, name: str) -> ProgramError:

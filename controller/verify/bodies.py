@@ -11,11 +11,18 @@ cone over a corner point, rounded by the corner radius:
 Flat end mill: corner 0. Ball: corner = radius. Bull nose: between. The distance to such a
 figure is exact in closed form, outside and at the border; inside it is that
 to the nearer side, which is all that is asked of it.
+
+A tool is a row of such bodies from the tip upwards, and only the first of them cuts:
+
+    cutter   up to ``flute_mm``
+    shank    as wide as the cutter is there, up to the holder; up to the gauge line where none is told of
+    holder   the cylinders of the tool table, a neck or a thicker shank among them
 """
 
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,7 +37,7 @@ Array = NDArray[np.float64]
 class Body:
     """A rounded cone frustum about the tool axis, from its lower end up to ``top_mm``."""
 
-    name: str  # 'cutter', 'holder'
+    name: str  # 'cutter', 'shank', 'holder'
     corner_rho_mm: float  # V, in the half plane
     corner_h_mm: float
     rounding_mm: float
@@ -49,6 +56,12 @@ class Body:
         return (
             self.corner_rho_mm + flank + max(0.0, self.top_mm - self.corner_h_mm) * math.tan(self.taper_rad)
         )
+
+    @property
+    def from_its_foot(self) -> Body:
+        """The same with h from its own lower end."""
+        bottom = self.bottom_mm
+        return replace(self, corner_h_mm=self.corner_h_mm - bottom, top_mm=self.top_mm - bottom)
 
     def distance(self, rho: Array, h: Array) -> Array:
         """Signed distance (mm) of points at ``rho``, ``h`` (equal shapes) to the body, negative inside."""
@@ -84,15 +97,27 @@ class Body:
         return np.vstack([round_, [top]])
 
 
-def cutter(tool: Tool, least_mm: float) -> Body:
-    """The cutter with its shank, at least ``least_mm`` long: what is above the flute touches, too."""
-    top = max(tool.flute_mm, least_mm)
-    if tool.holder:
-        top = max(tool.flute_mm, tool.holder[0][0])
+def cutter(tool: Tool) -> Body:
+    """What of a tool cuts: its end and its flank, as far up as the flute goes."""
     corner = min(tool.corner_mm, tool.radius_mm)
-    return Body("cutter", tool.radius_mm - corner, corner, corner, tool.taper_rad, top)
+    return Body("cutter", tool.radius_mm - corner, corner, corner, tool.taper_rad, tool.flute_mm)
 
 
-def holder(tool: Tool) -> tuple[Body, ...]:
-    """The cylinders of the holder; none where the tool table tells of none."""
-    return tuple(Body("holder", radius, low, 0.0, 0.0, high) for low, high, radius in tool.holder)
+def blunt(tool: Tool, extent_mm: float = 0.0) -> tuple[Body, ...]:
+    """What of a tool does not cut, from the flute upwards.
+
+    A shank without a holder is at least ``extent_mm`` long: above the gauge line the spindle is no slimmer.
+    """
+    top = tool.holder[0][0] if tool.holder else max(tool.length_mm, tool.flute_mm + extent_mm)
+    shank = _cylinder("shank", tool.flute_mm, top, cutter(tool).widest_mm)
+    holder = (_cylinder("holder", low, high, radius) for low, high, radius in tool.holder)
+    return (*((shank,) if top > tool.flute_mm else ()), *holder)
+
+
+def whole(tool: Tool, extent_mm: float = 0.0) -> tuple[Body, ...]:
+    """Everything of a tool that can touch anything."""
+    return (cutter(tool), *blunt(tool, extent_mm))
+
+
+def _cylinder(name: str, low_mm: float, high_mm: float, radius_mm: float) -> Body:
+    return Body(name, radius_mm, low_mm, 0.0, 0.0, high_mm)

@@ -2,7 +2,8 @@
 
 What twist costs grows with the radius, in proportion while it is little; so the largest radius is
 found by a few cuts of trial, each swept and measured as ``check`` measures a cut: the surface by its
-own cut, ends included. Leads and neighbours are not in it.
+own cut, ends included. Leads and neighbours are not in it. A tool of the table is tried as it is, with
+its flute, shank and holder.
 """
 
 from __future__ import annotations
@@ -25,9 +26,9 @@ from controller.machine.model import Tool
 from controller.plan.surfaces.placing import Cutter, place
 from controller.values import dataclass
 from controller.verify import forms
-from controller.verify.looks import Look
+from controller.verify.looks import Look, blunts_of
 from controller.verify.nominal import Nominal, grid
-from controller.verify.passes import ROUGH_FIT_MM, height_mm, longest, step_mm
+from controller.verify.passes import ROUGH_FIT_MM, extent_mm, height_mm, longest, step_mm
 from controller.verify.sweep import Pass, Sweep, sampled
 
 Array = NDArray[np.float64]
@@ -66,18 +67,28 @@ class Asked:
 
     def hollow_mm(self) -> float:
         """The least radius of its hollows on that side: no larger cutter fits."""
-        nominal = Nominal(self.surface, Frame(), self.side, Tool(1, "", 1.0, 0.0, 1.0), self.line)
-        bend = float(nominal.hollow(*grid(129, 9)).max())
+        bend = float(self._nominal.hollow(*grid(129, 9)).max())
         at_edge, _ = concave_radius(self.surface, self.side)
         return min(at_edge, 1.0 / bend if bend > 0.0 else math.inf)
 
+    def flank_mm(self) -> float:
+        """So long a flank cuts all of its height."""
+        return longest([self._nominal])
+
+    @property
+    def _nominal(self) -> Nominal:
+        return Nominal(self.surface, Frame(), self.side, Tool(1, "", 1.0, 0.0, 1.0), self.line)
+
 
 def off_mm(asked: Asked, tool: Tool, strategy: Strategy) -> float:
-    """How far a surface is off at most by its own cut alone."""
+    """How far a surface is off at most by its own cut alone; infinite where what does not cut is in it."""
     cutter = Cutter.of(tool, asked.side, 0.0, tool.below_mm)
     surface = place(asked.surface, cutter, strategy)
     nominal = Nominal(surface, Frame(), asked.side, tool, asked.line, 0, tolerance_mm=1e-9)
-    look = Look(nominal, {tool: _sweep(nominal, cutter)}, longest([nominal]))
+    sweeps = {tool: _sweep(nominal, cutter)}
+    look = Look(nominal, sweeps, blunts_of(sweeps, extent_mm([nominal])))
+    if any(hurt.body for hurt in look.hurts(lambda _: (look,), None)):
+        return math.inf
     made = forms.verdict(look)
     assert made is not None
     return made.largest_mm
@@ -105,7 +116,7 @@ def largest(
     """The largest radius (mm; 0: none) of a shape in one placement, and how far off it leaves the surface."""
     low, low_off, high, trial = 0.0, 0.0, most_mm, most_mm
     for _ in range(TRIALS):
-        off = off_mm(asked, scaled(shape, trial), strategy)
+        off = off_mm(asked, scaled(shape, trial, asked.flank_mm()), strategy)
         if off <= tolerance_mm:
             low, low_off = trial, off
         else:
@@ -118,10 +129,11 @@ def largest(
     return low, low_off
 
 
-def scaled(shape: Tool, radius_mm: float) -> Tool:
-    """The same kind of cutter in another radius: its corner grows with it, its flute is long enough."""
+def scaled(shape: Tool, radius_mm: float, flank_mm: float = 0.0) -> Tool:
+    """The same kind of cutter in another radius: its corner grows with it, its flank is so long."""
     corner = shape.corner_mm * radius_mm / shape.radius_mm
-    return replace(shape, radius_mm=radius_mm, corner_mm=corner, flute_mm=1e-3, holder=(), length_mm=0.0)
+    made = replace(shape, radius_mm=radius_mm, corner_mm=corner, holder=(), length_mm=0.0)
+    return replace(made, flute_mm=made.flute_mm - made.flank_mm + flank_mm)
 
 
 def kind_of(tool: Tool) -> str:
@@ -135,16 +147,27 @@ def kind_of(tool: Tool) -> str:
 
 def fit(asked: Asked, tools: Iterable[Tool], tolerance_mm: float) -> list[Best]:
     """For a cylinder and every kind of cutter in the table: the largest radius, free and of the table."""
-    table = sorted(tools, key=lambda tool: (-tool.radius_mm, tool.number))
+    table = sorted((tool.worn for tool in tools), key=lambda tool: (-tool.radius_mm, tool.number))
     shapes = {("cylinder", 0.0): Tool(0, "", 1.0, 0.0, 1.0)}
     for tool in table:
         shapes.setdefault((kind_of(tool), tool.taper_rad), tool)
     found = []
     for (kind, taper), shape in shapes.items():
         rows = _placed(asked, shape, tolerance_mm)
-        own = [tool for tool in table if (kind_of(tool), tool.taper_rad) == (kind, taper)]
-        found.append(_best(kind, taper, rows, own))
+        own = (tool for tool in table if (kind_of(tool), tool.taper_rad) == (kind, taper))
+        found.append(_best(kind, taper, rows, _of_table(asked, own, rows, tolerance_mm)))
     return found
+
+
+def _of_table(
+    asked: Asked, tools: Iterable[Tool], rows: Sequence[tuple[Strategy, float, float]], tolerance_mm: float
+) -> tuple[Tool, Strategy] | None:
+    """The first of some tools, the largest first, that keeps the tolerance as it is, and its placement."""
+    for tool in tools:
+        for strategy, radius, _ in rows:
+            if tool.radius_mm <= radius and off_mm(asked, tool, strategy) <= tolerance_mm:
+                return tool, strategy
+    return None
 
 
 def _placed(asked: Asked, shape: Tool, tolerance_mm: float) -> list[tuple[Strategy, float, float]]:
@@ -160,14 +183,16 @@ def _placed(asked: Asked, shape: Tool, tolerance_mm: float) -> list[tuple[Strate
 
 
 def _best(
-    kind: str, taper_rad: float, rows: Sequence[tuple[Strategy, float, float]], own: Sequence[Tool]
+    kind: str,
+    taper_rad: float,
+    rows: Sequence[tuple[Strategy, float, float]],
+    own: tuple[Tool, Strategy] | None,
 ) -> Best:
     strategy, radius, off = rows[0]
     for other in rows[1:]:
         if other[1] > GAIN * radius:
             strategy, radius, off = other
-    tool = next((one for one in own if any(one.radius_mm <= r for _, r, _ in rows)), None)
-    by = next((s for s, r, _ in rows if tool is not None and tool.radius_mm <= r), None)
+    tool, by = own or (None, None)
     return Best(
         kind,
         math.degrees(taper_rad),

@@ -39,7 +39,7 @@ def verdict(look: Look) -> Verdict | None:
     over, under = (_worst(look, sign, nominal.tolerance_mm) for sign in (-1.0, 1.0))
     over = max(over, _in_corners(look))
     _, u, v = max(over, under)
-    _, by = look.cut_by(u, v)
+    by, by_line = look.cut_by(u, v)
     made = Verdict(
         line=nominal.line,
         tool=nominal.tool.number,
@@ -50,8 +50,8 @@ def verdict(look: Look) -> Verdict | None:
         v=v,
         height_mm=_height_mm(nominal, u, v),
         place=nominal.place(u, v),
-        by=by.name if by else "cut",
-        by_line=by.line if by else nominal.line,
+        by=by,
+        by_line=by_line,
     )
     return made if made.within else _advised(made, look)
 
@@ -157,6 +157,8 @@ def _advised(made: Verdict, look: Look) -> Verdict:
     bend = float(look.nominal.hollow(np.array([made.u]), np.array([made.v]))[0])
     own = made.by == "cut" and made.by_line == made.line
     shallow = made.largest_mm < 0.5 * look.nominal.tool.radius_mm  # a neighbour that reaches over the joint
+    if made.undercut_mm > made.overcut_mm and look.left_without_flute(made.u, made.v) <= made.tolerance_mm:
+        return replace(made, by="cut", by_line=made.line, remedies=("flute", "bands"))
     if bend * look.nominal.tool.radius_mm > 1.0:
         keys, radius = ["side"], 1.0 / bend
     elif own or made.by in BESIDE_UP or (made.by == "cut" and shallow):

@@ -33,16 +33,16 @@ from controller.plan.stretch import motion_named
 from controller.plan.surfaces.leads import LEADS
 from controller.values import dataclass
 from controller.verify import forms
-from controller.verify.bodies import Body, cutter, holder
-from controller.verify.looks import MIN_MM, Hurt, Look
+from controller.verify.bodies import Body, whole
+from controller.verify.looks import MIN_MM, Hurt, Look, blunts_of
 from controller.verify.nominal import Nominal
-from controller.verify.passes import height_mm, longest
+from controller.verify.passes import extent_mm, height_mm
 from controller.verify.sweep import Pass, Sweep
 from controller.workers import Spread, here
 
 Array = NDArray[np.float64]
 
-KINDS = ("hollow", "overcut", "own cut", "other motion", "holder", "table")
+KINDS = ("hollow", "overcut", "own cut", "other motion", "shank", "holder", "stock", "plunge", "table")
 END = "end"  # told, and no gouge
 ADVICE = {
     "hollow": "gouge.do.side",
@@ -50,7 +50,10 @@ ADVICE = {
     END: "gouge.do.placement",
     "own cut": "gouge.do.side",
     "other motion": "gouge.do.apart",
+    "shank": "gouge.do.shank",
     "holder": "gouge.do.holder",
+    "stock": "gouge.do.shank",
+    "plunge": "gouge.do.plunge",
     "table": "gouge.do.table",
 }
 ROW = 8  # surfaces that one worker looks at in a row, for neighbours are in each other's sight
@@ -73,7 +76,7 @@ class Gouge:
     v: float | None
     place: Vector  # part frame of the surface; table frame for the table
     bound_mm: float = 0.0  # radius of the hollow, or what a twist may cost, or does cost beside it
-    body: str = ""  # of the tool, in the table
+    body: str = ""  # of the tool, in the table or against stock
 
     def to_dict(self) -> dict[str, Any]:
         return {name: getattr(self, name) for name in self.__slots__}
@@ -174,8 +177,8 @@ class _Looks:
     @cached_property
     def _look(self) -> Callable[[int], Look]:
         sweeps = {t: Sweep(rows, height_mm(t, self._surfaces)) for t, rows in self._passes.items() if rows}
-        least = longest(self._surfaces)
-        return lru_cache(LOOKED_AT)(lambda k: Look(self._surfaces[k], sweeps, least, self._errors_mm))
+        blunts = blunts_of(sweeps, extent_mm(self._surfaces))
+        return lru_cache(LOOKED_AT)(lambda k: Look(self._surfaces[k], sweeps, blunts, self._errors_mm))
 
     @cached_property
     def _of_line(self) -> dict[int, list[int]]:
@@ -195,7 +198,9 @@ def _gouge(look: Look, hurt: Hurt) -> Gouge:
     u, v, depth = look.deepest(hurt)
     by, line = hurt.by, look.nominal.line
     place = look.nominal.place(u, v)
-    return Gouge(hurt.kind, line, by.line, by.name, by.tool.number, depth, u, v, place, hurt.bound_mm)
+    by_line = by.line_at(look.nominal.points(np.array([u]), np.array([v])))
+    tool = by.tool.number
+    return Gouge(hurt.kind, line, by_line, by.name, tool, depth, u, v, place, hurt.bound_mm, hurt.body)
 
 
 # ---- the table ---------------------------------------------------------------------
@@ -207,7 +212,7 @@ def in_table(table: WorkTable | None, passes: Sequence[tuple[Tool, Pass]]) -> li
         return []
     found = []
     for tool, one in passes:
-        for body in (cutter(tool, 0.0), *holder(tool)):
+        for body in whole(tool):
             depth, place = _deepest(table, one, body)
             if depth > MIN_MM:
                 by = (one.line, one.line, one.name, tool.number)

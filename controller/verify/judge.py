@@ -25,7 +25,7 @@ from controller.values import dataclass
 from controller.verify.bodies import cutter
 from controller.verify.envelope import deviation
 from controller.verify.nominal import Nominal, grid
-from controller.verify.passes import height_mm, longest
+from controller.verify.passes import height_mm
 from controller.verify.sweep import Pass, Sweep
 from controller.workers import Spread, here
 
@@ -132,9 +132,8 @@ class Cutting:
     """Every tool's passes with its cutter: what a point of a surface is held against."""
 
     def __init__(self, passes: Mapping[Tool, Sequence[Pass]], surfaces: Sequence[Nominal]) -> None:
-        least = longest(surfaces)
         self.tools = {
-            tool: (cutter(tool, least), Sweep(rows, height_mm(tool, surfaces)))
+            tool: (cutter(tool), Sweep(rows, height_mm(tool, surfaces)))
             for tool, rows in passes.items()
             if rows
         }

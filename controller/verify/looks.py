@@ -13,11 +13,16 @@ taken for what it is, the twist:
 they are and as they turn. Within a radius of the last ruling (of the surface, for another cut) twist and that
 are no gouge, nor what the joint tolerance lets cuts take off each other in a concave corner; they are told
 where they exceed the twist of the cut.
+
+What does not cut (shank, holder) takes nothing: it hurts where it is deeper in the surface than that is
+cut, and where it comes to what stands. Until a stock is known that is the surface itself, less what any
+cutter has taken up to then. The end of a mill that does not cut over its centre is blunt as it plunges.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -28,7 +33,7 @@ from controller.geometry.arrays import distinct
 from controller.geometry.curves import ArcLength
 from controller.machine.model import Tool
 from controller.values import dataclass
-from controller.verify.bodies import Body, cutter, holder
+from controller.verify.bodies import Body, blunt, cutter
 from controller.verify.envelope import PATCH, at_least, deviation, nearest
 from controller.verify.nominal import Nominal, grid
 from controller.verify.sweep import Pass, Sweep
@@ -38,11 +43,11 @@ Flags = NDArray[np.bool_]
 
 AT_JOINTS = ("cut", "pivot")  # motions that a concave corner within the joint tolerance is cut by
 MIN_MM = 1e-3  # depths below are no gouge
+STANDS_MM = 0.01  # what is left of a surface by no more than this, or by its form tolerance, is cut
 SPACING_MM = 0.5  # of the grid, about; with a thin cutter half of its radius
 ALONG, ACROSS = (9, 129), (5, 33)  # fewest and most points of the grid
 BETWEEN_MM = 1.0  # more than a tool goes from one sample to the next
 ONWARD = 17  # poses of a tool that goes straight on by its diameter
-FEWEST = 4  # samples of a pass: a cubic needs them
 ZOOMS, ZOOM_POINTS = 6, 5
 FEWEST_ZOOMS, SETTLED_MM = 2, 1e-6  # a zoom ends where a step after these gains less
 
@@ -68,6 +73,16 @@ class By:
         """How deep they get into it."""
         return np.asarray(np.maximum(0.0, -nearest(points, self.sweep, self.body).distance))
 
+    def line_at(self, point: Array) -> int:
+        """The line whose motion comes nearest to a point (1, 3), or is deepest there."""
+        found = nearest(point, self.sweep, self.body)
+        return self.sweep.passes[int(self.sweep.owner[found.sample[0]])].line_at(float(found.s[0]))
+
+    def during(self, i: int) -> By:
+        """One of its motions alone."""
+        one = self.sweep.passes[i]
+        return replace(self, sweep=self.sweep.only([i]), line=one.line, name=one.name)
+
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Hurt:
@@ -77,6 +92,16 @@ class Hurt:
     depth: Array
     by: By
     bound_mm: float = 0.0  # as that of ``Gouge``
+    body: str = ""  # of the tool, where it is not its cutter
+
+
+def blunts_of(sweeps: Mapping[Tool, Sweep], extent_mm: float) -> list[By]:
+    """What of each tool does not cut, on its way; ``extent_mm`` is that of all surfaces."""
+    return [
+        By(sweep.lifted(body.bottom_mm, body.top_mm), body.from_its_foot, 0, "", tool)
+        for tool, sweep in sweeps.items()
+        for body in blunt(tool, extent_mm)
+    ]
 
 
 def _depth(points: Array, sweep: Sweep, body: Body) -> Array:
@@ -93,9 +118,9 @@ class Look:
     """One surface on a grid, and how deep each of its points gets into the tools."""
 
     def __init__(
-        self, nominal: Nominal, sweeps: Mapping[Tool, Sweep], least_mm: float, errors_mm: float = 0.0
+        self, nominal: Nominal, sweeps: Mapping[Tool, Sweep], blunts: Sequence[By], errors_mm: float = 0.0
     ) -> None:
-        """``least_mm``: length of the shortest cutter; ``errors_mm``: of drives, from motion to motion."""
+        """``blunts``: what does not cut, by ``blunts_of``; ``errors_mm``: of drives, motion to motion."""
         self.nominal = nominal
         self._harmless_mm = MIN_MM + errors_mm
         thinnest = min((tool.radius_mm for tool in sweeps), default=1.0)
@@ -103,18 +128,17 @@ class Look:
         self.shape = _counts(nominal, spacing)
         self.u, self.v = grid(*self.shape)
         self.points = nominal.points(self.u, self.v)
-        self._least_mm = least_mm
-        self._sweeps = {tool: self._about(sweep, tool) for tool, sweep in sweeps.items()}
-        self._cutter = cutter(nominal.tool, least_mm)
+        self._sweeps = {tool: self._about(sweep, cutter(tool)) for tool, sweep in sweeps.items()}
+        self._blunts = blunts
+        self._cutter = cutter(nominal.tool)
         self._look_at_own()
 
-    def _about(self, sweep: Sweep, tool: Tool) -> Sweep:
-        """The passes that come near this surface."""
+    def _about(self, sweep: Sweep, body: Body) -> Sweep:
+        """The passes that bring a body near this surface."""
         centre, radius = self.nominal.ball
-        widest = max(body.widest_mm for body in (cutter(tool, self._least_mm), *holder(tool)))
         runs = sweep.runs
         off = runs.distance(np.vstack([centre, centre]))[0] - runs.slack
-        near = distinct(sweep.owner[runs.start[off <= radius + widest + MIN_MM]])
+        near = distinct(sweep.owner[runs.start[off <= radius + body.widest_mm + MIN_MM]])
         return sweep.only(near.tolist())
 
     # ---- its own cut -------------------------------------------------------------
@@ -156,7 +180,7 @@ class Look:
             row = far & (self.u == u)
             middle = np.full(len(whole.s), 0.5)
             near = np.flatnonzero(~self._is_far(np.full(len(whole.s), u), whole.s, middle))
-            part = _part(whole, near[0], near[-1]) if len(near) else None
+            part = whole.part(near[0], near[-1]) if len(near) else None
             if part is not None:
                 depth[row] = _depth(self.points[row], Sweep([part], sweep.height_mm), self._cutter)
         return depth
@@ -222,7 +246,7 @@ class Look:
             yield Hurt("own cut", self.far, own)
         for by in self._others():
             yield from self._other(by, cuts, most_mm)
-        yield from self._holders()
+        yield from self._blunt_bodies()
 
     def _hollows(self) -> Flags:
         """Where the surface bends more tightly than the cutter at that height."""
@@ -239,7 +263,7 @@ class Look:
                 if not self._is_own(one):
                     groups.setdefault((one.line, one.name), []).append(i)
             for (line, name), members in groups.items():
-                yield By(sweep.only(members), cutter(tool, self._least_mm), line, name, tool)
+                yield By(sweep.only(members), cutter(tool), line, name, tool)
 
     def _other(
         self, by: By, cuts_of: Callable[[int], Sequence[Look]], most_mm: float | None
@@ -279,15 +303,72 @@ class Look:
             beside[of] |= _close(points, one.points[rulings], by.tool.radius_mm)
         return beside
 
-    def _holders(self) -> Iterator[Hurt]:
+    def _blunt_bodies(self) -> Iterator[Hurt]:
+        """What does not cut, and is in the surface, or comes to what no cut has taken before."""
+        touch = np.full(len(self.points), self.nominal.allowance_mm + MIN_MM)
+        for far in self._blunts:
+            body = far.body
+            by = replace(far, sweep=self._about(far.sweep, body))
+            distance = by.distance(self.points, touch)
+            # A shank's width is not in the table: where it is the cutter's it may rub as that may cut.
+            within = self._harmless_mm if body.name == "holder" else self._within_mm
+            depth = np.maximum(0.0, -distance)
+            deep = np.where(depth > np.maximum(0.0, -self.left) + within, depth, 0.0)
+            if deep.any():
+                yield Hurt(body.name, deep, self._motion_of(by, deep), body=body.name)
+            yield from self._in_stock(by, distance < touch, "stock")
         for tool, sweep in self._sweeps.items():
-            for body in holder(tool):
-                found = nearest(self.points, sweep, body)
-                depth = np.maximum(0.0, -found.distance)
-                if depth.max(initial=0.0) > MIN_MM:
-                    one = sweep.passes[int(sweep.owner[found.sample[int(np.argmax(depth))]])]
-                    yield Hurt("holder", depth, By(sweep, body, one.line, one.name, tool))
-                    break
+            if not tool.centre_cutting:
+                down = [part for one in sweep.passes for part in one.plunges()]
+                by = By(Sweep(down, sweep.height_mm), cutter(tool), 0, "", tool)
+                yield from self._in_stock(by, by.distance(self.points, touch) < touch, "plunge")
+
+    @property
+    def _within_mm(self) -> float:
+        """How far off a surface may be to be held cut."""
+        tolerance = self.nominal.tolerance_mm
+        return max(self._harmless_mm, 0.0 if tolerance is None else tolerance)
+
+    def _motion_of(self, by: By, depth: Array) -> By:
+        """The motion that is deepest."""
+        k = int(np.argmax(depth))
+        found = nearest(self.points[k : k + 1], by.sweep, by.body)
+        one = by.sweep.passes[int(by.sweep.owner[found.sample[0]])]
+        return replace(by, line=one.line, name=one.name)
+
+    def _in_stock(self, by: By, touched: Flags, kind: str) -> Iterator[Hurt]:
+        """Where a body comes to points of the grid (``touched``) that still stand: the worst motion."""
+        rest, worst = np.flatnonzero(touched), list[Hurt]()
+        order = [one.order for one in by.sweep.passes]
+        for i in np.argsort(order, kind="stable").tolist():
+            if not len(rest):
+                break
+            one = by.during(i)
+            near = one.distance(self.points[rest], np.full(len(rest), self.nominal.allowance_mm + MIN_MM))
+            comes = near < self.nominal.allowance_mm + MIN_MM
+            now, rest = rest[comes], rest[~comes]
+            left = self._left_until(now, order[i], kind == "stock") - self.nominal.allowance_mm
+            stands = np.zeros(len(self.points))
+            stands[now] = np.where(left > max(STANDS_MM, self._within_mm), left, 0.0)
+            if stands.any():
+                worst.append(Hurt(kind, stands, one, body=by.body.name))
+        if worst:
+            yield max(worst, key=lambda hurt: float(hurt.depth.max()))
+
+    def _left_until(self, rows: NDArray[np.int64], order: float, with_it: bool) -> Array:
+        """Distances of points of the grid to all that has cut before a motion, or with it.
+
+        Where nothing has, it is the longest ruling.
+        """
+        left = np.full(len(rows), self.nominal.size[1])
+        for tool, sweep in self._sweeps.items() if len(rows) else ():
+            before = (
+                i
+                for i, one in enumerate(sweep.passes)
+                if one.order < order or (with_it and one.order == order)
+            )
+            left = np.minimum(left, nearest(self.points[rows], sweep.only(before), cutter(tool)).distance)
+        return left
 
     @property
     def whole_cut(self) -> Hurt:
@@ -300,19 +381,25 @@ class Look:
         points, normals = self.nominal.points(u, v), self.nominal.normals(u, v)
         t = np.full(len(u), np.nan)
         for tool, sweep in self._sweeps.items():
-            body = cutter(tool, self._least_mm)
-            t = np.fmin(t, deviation(points, normals, sweep, body, self.nominal.tool.radius_mm).t)
+            t = np.fmin(t, deviation(points, normals, sweep, cutter(tool), self.nominal.tool.radius_mm).t)
         return t
 
-    def cut_by(self, u: float, v: float) -> tuple[float, Pass | None]:
-        """Signed distance (mm) of one place to what comes nearest to it, and that; inf, None: nothing."""
-        best, by = np.inf, None
+    def cut_by(self, u: float, v: float) -> tuple[str, int]:
+        """Name and line of the motion that comes nearest to one place, or is deepest there."""
+        best, by = np.inf, ("cut", self.nominal.line)
         for tool, sweep in self._sweeps.items():
             at = self.nominal.points(np.array([u]), np.array([v]))
-            found = nearest(at, sweep, cutter(tool, self._least_mm))
+            found = nearest(at, sweep, cutter(tool))
             if found.distance[0] < best:
-                best, by = float(found.distance[0]), sweep.passes[int(sweep.owner[found.sample[0]])]
-        return best, by
+                one = sweep.passes[int(sweep.owner[found.sample[0]])]
+                best, by = float(found.distance[0]), (one.name, one.line_at(float(found.s[0])))
+        return by
+
+    def left_without_flute(self, u: float, v: float) -> float:
+        """Distance (mm) of one place to what its own tool would cut if it cut over all of its length."""
+        endless = replace(self._cutter, top_mm=self._cutter.top_mm + 2.0 * self.nominal.ball[1])
+        at = self.nominal.points(np.array([u]), np.array([v]))
+        return float(nearest(at, self.sweep, endless).distance[0])
 
     def overcut(self, u: float, v: float) -> float:
         """Overcut (mm) of its own cut along the normal at one place."""
@@ -364,13 +451,3 @@ def _turning(one: Pass, row: int) -> Array:
     """How the axis (3,) turns at an end of a pass, outwards, per mm of the contact."""
     inner = 1 if row == 0 else -2
     return np.asarray((one.axes[row] - one.axes[inner]) / max(abs(one.s[row] - one.s[inner]), 1e-9))
-
-
-def _part(one: Pass, first: int, last: int) -> Pass | None:
-    """Samples ``first`` to ``last`` of a pass, some more where a cubic needs them."""
-    last = min(max(last, first + FEWEST - 1), len(one.s) - 1)
-    first = max(0, min(first, last - FEWEST + 1))
-    here = slice(first, last + 1)
-    if last - first + 1 < FEWEST:
-        return None
-    return Pass(one.s[here], one.tips[here], one.axes[here], one.line, one.name, one.motion)

@@ -15,14 +15,14 @@ from numpy.typing import NDArray
 from controller.geometry.arrays import columns, distinct
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Machine, Tool
-from controller.motion.motions import SurfaceCut
+from controller.motion.motions import SurfaceCut, ToolSpline
 from controller.plan.rotaries.branch import joints_along
 from controller.plan.stretch import Stretch
 from controller.plan.surfaces.blending import allowed_by
 from controller.plan.surfaces.cuts import tolerance_mm
 from controller.program.program import Block
 from controller.values import dataclass
-from controller.verify.bodies import cutter, holder
+from controller.verify.bodies import whole
 from controller.verify.nominal import Nominal
 from controller.verify.sweep import FIT_MM, Pass, Poses, sampled
 from controller.verify.trace import Trace
@@ -95,13 +95,18 @@ def step_mm(tool: Tool, rough: bool = False) -> float:
 
 
 def height_mm(tool: Tool, surfaces: Sequence[Nominal]) -> float:
-    """How far above the tip a tool can touch anything: cutter, shank and holder."""
-    return max(body.top_mm for body in (cutter(tool, longest(surfaces)), *holder(tool)))
+    """How far above the tip the poses of samples are held exact: flute, holder and the longest ruling."""
+    return max(tool.flute_mm, longest(surfaces), *(high for _, high, _ in tool.holder))
 
 
 def longest(surfaces: Sequence[Nominal]) -> float:
-    """How long a cutter must be taken to be where its tool table is short: over the longest ruling."""
+    """A little over the longest ruling."""
     return max((1.1 * one.size[1] + 1.0 for one in surfaces), default=0.0)
+
+
+def extent_mm(surfaces: Sequence[Nominal]) -> float:
+    """A length that no two points of all surfaces exceed: so far above its flute a shank is looked at."""
+    return Balls.of(surfaces).extent_mm
 
 
 def planned(
@@ -113,20 +118,21 @@ def planned(
 ) -> dict[Tool, list[Pass]]:
     """The passes of each tool that come near a surface; ``rough``: so close as finding gouges needs it."""
     found: dict[Tool, list[Pass]] = {}
-    least, balls = longest(surfaces), Balls.of(surfaces)
+    balls = Balls.of(surfaces)
+    extent = balls.extent_mm
     for number, stretch in stretches.items():
         tool = fitted.at(stretch.place.order)
-        bodies = cutter(tool, least), *holder(tool)
-        height, reach = (max(body.top_mm for body in bodies), max(body.widest_mm for body in bodies))
-        poses = _poses(stretch, tool, kinematics)
+        bodies = whole(tool, extent)
+        top, reach = (max(body.top_mm for body in bodies), max(body.widest_mm for body in bodies))
+        poses, height = _poses(stretch, tool, kinematics), height_mm(tool, surfaces)
         end = stretch.motion.end
-        span = (0.0, end) if stretch.cutting else _near(poses, end, height, reach, balls)
+        span = (0.0, end) if stretch.cutting else _near(poses, end, top, reach, balls)
         if span is None:
             continue
         start, end = span
         step, fit = step_mm(tool, rough), ROUGH_FIT_MM if rough else FIT_MM
         s, tips, axes = sampled(_from(poses, start), end - start, step, height, fit)
-        row = Pass(s + start, tips, axes, stretch.place.line, stretch.name, number, _feeding(stretch))
+        row = _pass(stretch, s + start, tips, axes, number)
         found.setdefault(tool, []).append(row)
     return found
 
@@ -135,8 +141,12 @@ def _from(poses: Poses, start: float) -> Poses:
     return lambda s: poses(s + start)
 
 
-def _feeding(stretch: Stretch) -> bool:
-    return stretch.feed_mm_s is not None
+def _pass(stretch: Stretch, s: Array, tips: Array, axes: Array, number: int) -> Pass:
+    motion, lines, begun = stretch.motion, tuple[int, ...](), tuple[float, ...]()
+    if isinstance(motion, ToolSpline):
+        lines, begun = tuple(motion.lines), tuple(motion.lines_s)
+    feeding = stretch.feed_mm_s is not None
+    return Pass(s, tips, axes, stretch.place.line, stretch.name, number, feeding, lines, begun)
 
 
 def rough(
@@ -145,13 +155,12 @@ def rough(
     """Every motion of a path, sampled coarsely: enough for tables."""
     found = []
     for number, stretch in stretches.items():
-        tool = tool_of.at(stretch.place.line)
-        height = max(body.top_mm for body in (cutter(tool, 0.0), *holder(tool)))
+        tool = tool_of.at(stretch.place.order)
+        height = max(body.top_mm for body in whole(tool))
         s, tips, axes = sampled(
             _poses(stretch, tool, kinematics), stretch.motion.end, ROUGH_MM, height, ROUGH_FIT_MM
         )
-        one = Pass(s, tips, axes, stretch.place.line, stretch.name, number, _feeding(stretch))
-        found.append((tool, one))
+        found.append((tool, _pass(stretch, s, tips, axes, number)))
     return found
 
 
@@ -181,6 +190,14 @@ class Balls:
             np.array([one.ball[0] for one in surfaces]).reshape(-1, 3),
             np.array([one.ball[1] for one in surfaces]),
         )
+
+    @property
+    def extent_mm(self) -> float:
+        """The diagonal of a box about them all; 0 where there is none."""
+        if not len(self.radii):
+            return 0.0
+        wide = self.radii[:, None]
+        return float(np.linalg.norm((self.centres + wide).max(axis=0) - (self.centres - wide).min(axis=0)))
 
     def about(self, points: Array, within: float) -> Iterator[tuple[Array, float]]:
         """Centre and radius of those that may come ``within`` of anything between ``points`` (N, 3)."""
@@ -224,7 +241,7 @@ def traced(
         middle = (start + stop) // 2
         line, cutting = int(trace.line[middle]), bool(trace.cutting[middle])
         tool = fitted.at(line)
-        height = max(body.top_mm for body in (cutter(tool, 0.0), *holder(tool)))
+        height = height_mm(tool, ())
         # One row more on both sides: neighbours meet, and no way between two ticks is lost.
         first = max(start - 1, 0)
         rows = np.arange(first, min(stop + 1, len(joints)), dtype=np.float64)

@@ -7,7 +7,9 @@ with a bound on where their axes are; with the bounds whole runs need not be loo
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from bisect import bisect_right
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -22,6 +24,7 @@ Poses = Callable[[Array], tuple[Array, Array]]  # places s (N,) -> tips (N, 3), 
 
 RUN = 32  # samples of a run
 FEWEST = 9  # samples of a pass
+LEAST = 4  # of them: a cubic needs them
 MOST = 200_000  # samples of a pass
 FIT_MM = 2e-6  # what the cubic may miss at half height between two samples, at tip and top
 
@@ -37,6 +40,41 @@ class Pass:
     name: str  # 'cut', 'lead in', 'line', ...
     motion: int = -1  # which stretch of the path
     feeding: bool = True
+    lines: tuple[int, ...] = ()  # of the program, where one motion is of many ...
+    lines_s: tuple[float, ...] = ()  # ... and where each begins
+
+    @property
+    def order(self) -> float:
+        """Rises from pass to pass of a run; of those of a trace by its rows."""
+        return float(self.motion) if self.motion >= 0 else float(self.s[0])
+
+    def line_at(self, s: float) -> int:
+        """The line of the program whose motion is at ``s``."""
+        return self.lines[max(0, bisect_right(self.lines_s, s) - 1)] if self.lines else self.line
+
+    def lifted(self, by_mm: float) -> Pass:
+        """The way of the point so far above the tip."""
+        return replace(self, tips=self.tips + by_mm * self.axes)
+
+    def plunges(self) -> Iterator[Pass]:
+        """What of it leads down the tool axis more than across it."""
+        way = np.diff(self.tips, axis=0)
+        down = -(way * self.axes[:-1]).sum(axis=1)
+        across = np.linalg.norm(way + down[:, None] * self.axes[:-1], axis=1)
+        edges = np.flatnonzero(np.diff(np.concatenate([[False], down > across, [False]])))
+        for first, behind in edges.reshape(-1, 2).tolist():
+            part = self.part(first, behind)
+            if part is not None:
+                yield part
+
+    def part(self, first: int, last: int) -> Pass | None:
+        """Samples ``first`` to ``last``, some more where a cubic needs them; None where there are too few."""
+        last = min(max(last, first + LEAST - 1), len(self.s) - 1)
+        first = max(0, min(first, last - LEAST + 1))
+        here = slice(first, last + 1)
+        if last - first + 1 < LEAST:
+            return None
+        return replace(self, s=self.s[here], tips=self.tips[here], axes=self.axes[here])
 
 
 def sampled(
@@ -148,6 +186,10 @@ class Sweep:
     def runs(self) -> Runs:
         """Runs of samples that never reach over the end of a pass."""
         return Runs.of(self)
+
+    def lifted(self, low_mm: float, top_mm: float) -> Sweep:
+        """The way of what is between two heights above the tip, as seen from its lower end."""
+        return Sweep([one.lifted(low_mm) for one in self.passes], top_mm - low_mm)
 
     def only(self, keep: Iterable[int]) -> Sweep:
         """The sweep of some of the passes."""

@@ -22,7 +22,6 @@ from support.suite.figures import Figure, Report  # noqa: E402
 
 from controller.verify.bodies import cutter  # noqa: E402
 from controller.verify.envelope import deviation  # noqa: E402
-from controller.verify.passes import longest  # noqa: E402
 
 ROOT = Path(__file__).parents[2]
 OVERCUT_MM = 0.18267  # of Example 2's first surface by a cutter of 3 mm, from ten million poses
@@ -31,7 +30,7 @@ OVERCUT_MM = 0.18267  # of Example 2's first surface by a cutter of 3 mm, from t
 def report(short: bool) -> Report:
     began_s = time.process_time()
     one = nominal(example_2()[0])
-    poses, body = sweep(one, 0.055 if short else 0.0055), cutter(one.tool, longest([one]))
+    poses, body = sweep(one, 0.055 if short else 0.0055), cutter(one.tool)
     swept_s = time.process_time()
     _, _, points, normals = places(one, 100 if short else 1000, 100)
     placed_s = time.process_time()

@@ -239,12 +239,12 @@ def _audit_hollow(block: CutBlock, surface: Surface, tool: Tool, machine: Machin
 
 
 def _tell_flute(block: CutBlock, surface: Surface, tool: Tool, voice: Voice) -> None:
-    """A note where the longest ruling is longer than the flute."""
-    if tool.flute_mm > 0.0:
-        longest = max(float(norm(surface.ruling(i / 64.0))) for i in range(65))
-        if longest > tool.flute_mm:
-            told = said("note.flute", tool=tool.number, flute=tool.flute_mm, longest=longest)
-            voice.tell(block.place, told)
+    """A note where the longest ruling is longer than what the flank cuts."""
+    longest = max(float(norm(surface.ruling(i / 64.0))) for i in range(65))
+    if longest > tool.flank_mm:
+        flute = {"flute": tool.flute_mm, "flank": tool.flank_mm}
+        told = said("note.flute", tool=tool.number, longest=longest, **flute)
+        voice.tell(block.place, told)
 
 
 def gouge(what: Said, advice: Said, block: CutBlock, machine: Machine, voice: Voice) -> None:

@@ -80,7 +80,7 @@ def test_every_text_is_said_somewhere() -> None:
     """By its key, or by one that is put together."""
     made = {f"defect.{kind.value}" for kind in DefectKind}
     made |= {f"gouge.{kind.replace(' ', '_')}" for kind in ADVICE}
-    made |= {f"gouge.{one}" for one in ("left", "right", "body.cutter", "body.holder")}
+    made |= {f"gouge.{one}" for one in ("left", "right", "body.cutter", "body.shank", "body.holder")}
     made |= {"aside.retract", "aside.return", "limit.velocity", "limit.acceleration", "limit.jerk"}
     rest = (path_english.REFUSALS.keys() | notes_english.REFUSALS.keys()) - made
     source = "\n".join(f.read_text() for f in CONTROLLER.rglob("*.py") if f.parent.name != "messages")
@@ -116,7 +116,7 @@ def test_every_defect_of_a_surface_is_said_in_german_too(kind: DefectKind) -> No
 @pytest.mark.parametrize("kind", ADVICE)
 @pytest.mark.parametrize("u", [0.25, None])
 def test_every_gouge_is_said_in_german_too(kind: str, u: float | None) -> None:
-    body = "holder" if kind == "table" else ""
+    body = "holder" if kind in ("table", "stock") else ""
     one = Gouge(kind, 4, 9, "lead in", 2, 0.125, u, u, (1.0, 2.0, 3.0), 3.5, body)
     found = told(one.told("gouge.refused", more=said("gouge.more", more=2)))
     assert all("0.125 mm" in words for words in found.values())

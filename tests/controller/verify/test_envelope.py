@@ -19,7 +19,6 @@ from controller.plan.surfaces.placing import Cutter, _single
 from controller.verify.bodies import cutter
 from controller.verify.envelope import _best_sample, deviation, nearest
 from controller.verify.nominal import Nominal
-from controller.verify.passes import longest
 from controller.verify.sweep import Pass, Sweep
 
 CLOSED_MM = 1e-4  # 0.1 um
@@ -42,9 +41,7 @@ UNTWISTED: list[tuple[Surface, str]] = [
 
 def cut(one: Nominal, along: int, across: int, step: float = 0.0) -> np.ndarray:
     _, _, points, normals = places(one, along, across)
-    return deviation(
-        points, normals, sweep(one, step), cutter(one.tool, longest([one])), one.tool.radius_mm
-    ).t
+    return deviation(points, normals, sweep(one, step), cutter(one.tool), one.tool.radius_mm).t
 
 
 @pytest.mark.parametrize("surface", [s for s, _ in UNTWISTED], ids=[name for _, name in UNTWISTED])
@@ -79,7 +76,7 @@ def off_the_axes(point: np.ndarray) -> float:
 def test_a_hyperbolic_paraboloid_comes_out_as_its_known_envelope() -> None:
     one = paraboloid()
     _, _, points, normals = places(one, 9, 7, (0.2, 0.8))
-    body = cutter(one.tool, longest([one]))
+    body = cutter(one.tool)
     t = deviation(points, normals, sweep(one), body, RADIUS).t
     assert nearest(points, sweep(one), body).distance == pytest.approx(
         [off_the_axes(p) - RADIUS for p in points], abs=CLOSED_MM
@@ -105,17 +102,17 @@ def test_unseen_surfaces_agree_with_brute_force(seed: int) -> None:
     rng = np.random.default_rng(seed)
     u, v = rng.uniform(0.02, 0.98, 60), rng.uniform(0.0, 1.0, 60)
     points, normals = one.points(u, v), one.normals(u, v)
-    body = cutter(tool, longest([one]))
+    body = cutter(tool)
     t = deviation(points, normals, sweep(one), body, tool.radius_mm).t
     assert t == pytest.approx(by_brute_force(one, points, normals), abs=BRUTE_MM), f"seed {seed}"
 
 
 SHAPES = {
-    "taper": Tool(1, "taper", 1.5, 0.0, 15.0, taper_rad=math.radians(4.0)),
-    "ball": Tool(1, "ball", 2.0, 0.0, 15.0, corner_mm=2.0),
-    "bull nose": Tool(1, "bull nose", 3.0, 0.0, 15.0, corner_mm=0.7),
-    "tapered ball": Tool(1, "tapered ball", 1.0, 0.0, 15.0, corner_mm=1.0, taper_rad=math.radians(7.0)),
-    "tapered bull nose": Tool(1, "bull", 2.0, 0.0, 15.0, corner_mm=0.5, taper_rad=math.radians(2.0)),
+    "taper": Tool(1, "taper", 1.5, 0.0, 20.0, taper_rad=math.radians(4.0)),
+    "ball": Tool(1, "ball", 2.0, 0.0, 20.0, corner_mm=2.0),
+    "bull nose": Tool(1, "bull nose", 3.0, 0.0, 20.0, corner_mm=0.7),
+    "tapered ball": Tool(1, "tapered ball", 1.0, 0.0, 20.0, corner_mm=1.0, taper_rad=math.radians(7.0)),
+    "tapered bull nose": Tool(1, "bull", 2.0, 0.0, 20.0, corner_mm=0.5, taper_rad=math.radians(2.0)),
 }
 
 
@@ -131,7 +128,7 @@ def test_cutters_of_every_shape_agree_with_brute_force_on_unseen_surfaces(shape:
         rng = np.random.default_rng(seed)
         u, v = rng.uniform(0.05, 0.95, 12), rng.uniform(0.0, 1.0, 12)
         points, normals = one.points(u, v), one.normals(u, v)
-        t = deviation(points, normals, sweep(one), cutter(tool, longest([one])), tool.radius_mm).t
+        t = deviation(points, normals, sweep(one), cutter(tool), tool.radius_mm).t
         assert t == pytest.approx(body_by_brute_force(one, points, normals), abs=BRUTE_MM), placed
 
 
@@ -144,7 +141,7 @@ def test_no_pose_that_is_nearest_is_left_out_by_the_bounds(seed: int) -> None:
         tips, axes = rng.uniform(-20.0, 20.0, (count, 3)), rng.normal(size=(count, 3))
         axes /= np.linalg.norm(axes, axis=1)[:, None]
         passes.append(Pass(np.arange(float(count)), tips, axes, k, "line"))
-    body = cutter(list(SHAPES.values())[seed], 15.0)
+    body = cutter(list(SHAPES.values())[seed])
     poses = Sweep(passes, body.top_mm)
     on_axes = poses.tips + rng.uniform(-10.0, 40.0, (len(poses), 1)) * poses.axes
     points = np.vstack([rng.uniform(-60.0, 60.0, (300, 3)), on_axes])
@@ -178,7 +175,7 @@ def test_what_no_tool_comes_to_is_left() -> None:
     whole = sweep(one).passes[0]
     half = Sweep([type(whole)(whole.s[:200], whole.tips[:200], whole.axes[:200], 1, "cut", 0)], 30.0)
     _, _, points, normals = places(one, 21, 3)
-    t = deviation(points, normals, half, cutter(one.tool, 20.0), RADIUS).t
+    t = deviation(points, normals, half, cutter(one.tool), RADIUS).t
     reached = points[:, 0] < whole.tips[199, 0]
     assert np.isnan(t[points[:, 0] > whole.tips[199, 0] + RADIUS]).all()
     assert not np.isnan(t[reached]).any()
@@ -194,14 +191,14 @@ def test_a_cutter_that_runs_a_hair_too_high_leaves_no_more_at_the_lower_edge(
     low = sweep(one).passes[0]
     high = Sweep([replace(low, tips=low.tips + hair_mm * low.axes)], 30.0)
     _, v, points, normals = places(one, 41, 9)
-    t = deviation(points, normals, high, cutter(one.tool, longest([one])), one.tool.radius_mm).t
+    t = deviation(points, normals, high, cutter(one.tool), one.tool.radius_mm).t
     assert not np.isnan(t).any()
     assert t.max() <= 2.0 * hair_mm + 1e-9
     assert (t[v == 1.0] > 0.0).all(), "what is left is told"
 
 
 def test_a_sweep_without_a_pose_is_infinitely_far() -> None:
-    found = nearest(np.zeros((3, 3)), Sweep([], 10.0), cutter(Tool(1, "x", 1.0, 0.0, 5.0), 0.0))
+    found = nearest(np.zeros((3, 3)), Sweep([], 10.0), cutter(Tool(1, "x", 1.0, 0.0, 5.0)))
     assert np.isinf(found.distance).all()
 
 
@@ -213,7 +210,7 @@ def test_a_ball_along_a_line_leaves_its_trough() -> None:
     tube = Sweep([poses], 20.0)
     rng = np.random.default_rng(3)
     points = rng.uniform((5.0, -3.0, -3.0), (25.0, 3.0, 1.0), (50, 3))
-    found = nearest(points, tube, cutter(tool, 20.0))
+    found = nearest(points, tube, cutter(tool))
     start, way = poses.tips[0] + [0.0, 0.0, 2.0], np.array([30.0, 5.0, 0.0]) / math.hypot(30.0, 5.0)
     away = points - start
     along = away @ way

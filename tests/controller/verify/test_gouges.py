@@ -127,8 +127,9 @@ def test_a_hollow_in_the_upper_edge_alone_is_refused() -> None:
     text = (
         HEAD + "G41\n" + ruled(upper, [(0.0, 0.0, 0.0), (7.0, 0.0, 0.0), (13.0, 0.0, 0.0), (20.0, 0.0, 0.0)])
     )
-    bulge = told(text, trunnion())
-    other = told(text.replace("G41", "G42"), trunnion())
+    made = held(trunnion(), flute_mm=30.0)
+    bulge = told(text, made)
+    other = told(text.replace("G41", "G42"), made)
     assert not any("hollow" in s for s in bulge) or not any("hollow" in s for s in other)
     assert any("hollow" in s for s in bulge + other)
 

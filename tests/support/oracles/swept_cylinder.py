@@ -7,9 +7,8 @@ import numpy as np
 from controller.geometry.surfaces import Surface
 from controller.geometry.vectors import Frame
 from controller.machine.model import Tool
-from controller.verify.bodies import cutter
 from controller.verify.nominal import Nominal, grid
-from controller.verify.passes import longest, step_mm
+from controller.verify.passes import height_mm, longest, step_mm
 from controller.verify.sweep import Pass, Sweep, sampled
 
 
@@ -18,7 +17,7 @@ def rows(vector: tuple, n: int) -> np.ndarray:
 
 
 def nominal(surface: Surface, side: float = 1.0, tool: Tool | None = None) -> Nominal:
-    return Nominal(surface, Frame(), side, tool or Tool(1, "end mill", 3.0, 0.0, 15.0), 1, 0)
+    return Nominal(surface, Frame(), side, tool or Tool(1, "end mill", 3.0, 0.0, 60.0), 1, 0)
 
 
 def single(one: Nominal, step: float = 0.0) -> Pass:
@@ -33,7 +32,7 @@ def single(one: Nominal, step: float = 0.0) -> Pass:
 
 
 def sweep(one: Nominal, step: float = 0.0) -> Sweep:
-    return Sweep([single(one, step)], cutter(one.tool, longest([one])).top_mm)
+    return Sweep([single(one, step)], height_mm(one.tool, [one]))
 
 
 def places(one: Nominal, along: int, across: int, u: tuple[float, float] = (0.02, 0.98)) -> tuple:

@@ -3,7 +3,7 @@ import { API, call, every } from "../api.js";
 import { ask, ask_for, say } from "../dialog.js";
 import { html, useState } from "../dom.js";
 import { forms } from "../forms.js";
-import { Act, AxisName, Link, ScrolledTable, Select, TextFile } from "../parts.js";
+import { Act, AxisName, Link, ScrolledTable, Select, TextFile, field as field_of } from "../parts.js";
 import { dx } from "../store.js";
 import { sentence, word as text } from "../texts.js";
 
@@ -135,7 +135,7 @@ const tool_body = (all, values) => Object.fromEntries(Object.entries(all).filter
 export function Tools() {
   const n = [pictured, String(spindle), tools()[0]?.[0]].find((one) => told.tools[one]);
   return html`
-    <${ScrolledTable} word=${word} columns=${["tool", "name", ...FIELDS, ""]} body="setup-tools">${tools().map(([n]) => html`<${Tool} key=${n} n=${n} />`)}<//>
+    <${ScrolledTable} word=${word} columns=${["tool", "name", ...FIELDS, "centre_cutting", ""]} body="setup-tools">${tools().map(([n]) => html`<${Tool} key=${n} n=${n} />`)}<//>
     <div class="row"><${Act} id="setup-add" text=${word("add")} press=${add_tool} />
       <${TextFile} text=${word("import")} accept=".tbl,.json" needs="control" modes="OFF READY FAULT" take=${import_tools} />
       <${Link} text="tool.tbl" path="tools.tbl" /><${Link} text="tools.json" path="tools.json" /></div>
@@ -160,11 +160,20 @@ function Tool({ n }) {
     <th scope="row"><${Act} needs="" data-picture=${n} class="axis-set" title=${word("picture")} aria-label=${`T${n}: ${word("picture")}`} press=${() => ((pictured = n), dx.draw())}><${AxisName} name=${`T${n}`} /><//></th>
     <td data-label=${word("name")}>${input("name", `T${n} ${word("name")}`, { class: "wide", inputmode: "text" })}</td>
     ${FIELDS.map((name) => html`<td data-label=${word(name)}>${input(name, `T${n} ${word(name)}`)}</td>`)}
+    <td data-label=${word("centre_cutting")}><input type="checkbox" data-field="centre_cutting" aria-label=${`T${n} ${word("centre_cutting")}`} checked=${told.tools[n].centre_cutting ?? true} onchange=${({ target }) => set_centre(n, target.checked)} ...${field_of(SET)} /></td>
     <td><div class="row">
       <${Act} text=${word("save")} aria-label=${`${word("save")} T${n}`} press=${save} />
       ${n !== "1" && html`<${Act} text=${word("delete")} aria-label=${`${word("delete")} T${n}`} press=${() => remove_tool(n)} />`}
     </div></td>
   </tr>`;
+}
+
+// Saved as it is ticked, beside what a tool cannot be without.
+const SET = { needs: "control", modes: "OFF READY FAULT" };
+async function set_centre(n, centre_cutting) {
+  const kept = Object.fromEntries(KEPT.map((field) => [field, of_tool(told.tools[n], field)]));
+  await call("PUT", `tools/${n}`, { ...kept, centre_cutting });
+  look();
 }
 
 async function remove_tool(n) {
