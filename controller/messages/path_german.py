@@ -34,6 +34,8 @@ REFUSALS = {
     "note.flute": "Die Schneide von T{tool} ist {flute:.3f} mm lang und schneidet bis {flank:.3f} mm über "
     "der unteren Kante, die längste Erzeugende hat {longest:.3f} mm; über der Schneide wird nicht "
     "geschnitten.",
+    "note.plunge": "T{tool} schneidet nicht über die Mitte, und diese Zeile führt es in seiner Achse nach "
+    "unten: ob es auf Rohmaterial trifft, wird nur neben Flächen geprüft.",
     "note.left_out": "{count} Bewegungen neben den Flächen wurden nicht gegen sie geprüft.",
     "note.no_surface": "Das Programm schneidet keine Fläche (G51, G52, G6.2): es gibt nichts, woran es zu "
     "messen wäre.",

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,6 +54,8 @@ class Fitted:
             tool = block.modal.tool_in(machine)
             if tool is None:
                 continue
+            if machine.probe is not None and tool.number == machine.probe.tool:
+                tool = replace(tool, flute_mm=0.0)  # a probe touches and cuts nothing
             joint_mm = allowed_by(block.modal, machine).mm
             form = block.modal.allowance_mm, tolerance_mm(block.modal, tool, machine), joint_mm
             if (tool, form) != (tools[-1], forms[-1]):
