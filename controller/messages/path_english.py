@@ -133,6 +133,8 @@ REFUSALS = {
     "gouge.own_cut": "the cut comes back to its own surface and cuts {depth:.3f} mm too deep {at}",
     "gouge.other_motion": "{motion} cuts {depth:.3f} mm too deep into the surface{whose} {at}",
     "gouge.holder": "in {motion} the holder of T{tool} is {depth:.3f} mm deep in the surface{whose} {at}",
+    "gouge.uncut": "{motion} leaves {depth:.3f} mm of the surface{whose} uncut above the flute of T{tool}, "
+    "{at}",
     "gouge.shank": "in {motion} the shank of T{tool}, which does not cut, is {depth:.3f} mm deep in the "
     "surface{whose} {at}",
     "gouge.stock": "in {motion} the {body} of T{tool}, which does not cut, is at stock of the surface{whose} "
@@ -148,6 +150,7 @@ REFUSALS = {
     "gouge.do.side_or_lead": "take a smaller cutter or the other side (G41/G42), or set a smaller lead_mm",
     "gouge.do.placement": "take a smaller cutter or another placement of it",
     "gouge.do.apart": "take a smaller cutter, the other side (G41/G42), or move that block away",
+    "gouge.do.flute": "take a tool with a longer flute, or cut from the top down in passes no higher than it",
     "gouge.do.shank": "take a tool with a longer flute or a slimmer neck (holder), or cut from the top down "
     "in passes no higher than the flute",
     "gouge.do.holder": "take a longer tool or a slimmer holder",

@@ -140,6 +140,8 @@ REFUSALS = {
     "tief {at}",
     "gouge.other_motion": "in {motion} wird die Fläche{whose} {depth:.3f} mm zu tief geschnitten {at}",
     "gouge.holder": "in {motion} steckt der Halter von T{tool} {depth:.3f} mm tief in der Fläche{whose} {at}",
+    "gouge.uncut": "in {motion} bleiben über der Schneide von T{tool} {depth:.3f} mm der Fläche{whose} "
+    "stehen, {at}",
     "gouge.shank": "in {motion} steckt der Schaft von T{tool}, der nicht schneidet, {depth:.3f} mm tief "
     "in der Fläche{whose} {at}",
     "gouge.stock": "in {motion} liegt T{tool} ({body}), wo es nicht schneidet, an Rohmaterial der "
@@ -157,6 +159,8 @@ REFUSALS = {
     "gouge.do.placement": "einen kleineren Fräser oder eine andere Anstellung nehmen",
     "gouge.do.apart": "einen kleineren Fräser oder die andere Seite (G41/G42) nehmen, oder jenen Satz "
     "wegrücken",
+    "gouge.do.flute": "ein Werkzeug mit längerer Schneide nehmen, oder von oben nach unten in Bahnen "
+    "schneiden, die nicht höher als sie sind",
     "gouge.do.shank": "ein Werkzeug mit längerer Schneide oder schlankerem Hals (holder) nehmen, oder von "
     "oben nach unten in Bahnen schneiden, die nicht höher als die Schneide sind",
     "gouge.do.holder": "ein längeres Werkzeug oder einen schlankeren Halter nehmen",

@@ -26,7 +26,7 @@ from controller.machine.model import Tool
 from controller.plan.surfaces.placing import Cutter, place
 from controller.values import dataclass
 from controller.verify import forms
-from controller.verify.looks import Look, blunts_of
+from controller.verify.looks import NOT_CUT, Look, blunts_of
 from controller.verify.nominal import Nominal, grid
 from controller.verify.passes import ROUGH_FIT_MM, extent_mm, height_mm, longest, step_mm
 from controller.verify.sweep import Pass, Sweep, sampled
@@ -87,7 +87,7 @@ def off_mm(asked: Asked, tool: Tool, strategy: Strategy) -> float:
     nominal = Nominal(surface, Frame(), asked.side, tool, asked.line, 0, tolerance_mm=1e-9)
     sweeps = {tool: _sweep(nominal, cutter)}
     look = Look(nominal, sweeps, blunts_of(sweeps, extent_mm([nominal])))
-    if any(hurt.body for hurt in look.hurts(lambda _: (look,), None)):
+    if any(hurt.kind in NOT_CUT for hurt in look.hurts(lambda _: (look,), None)):
         return math.inf
     made = forms.verdict(look)
     assert made is not None

@@ -34,7 +34,7 @@ from controller.plan.surfaces.leads import LEADS
 from controller.values import dataclass
 from controller.verify import forms
 from controller.verify.bodies import Body, whole
-from controller.verify.looks import MIN_MM, Hurt, Look, blunts_of
+from controller.verify.looks import MIN_MM, NOT_CUT, Hurt, Look, blunts_of
 from controller.verify.nominal import Nominal
 from controller.verify.passes import extent_mm, height_mm
 from controller.verify.sweep import Pass, Sweep
@@ -42,7 +42,7 @@ from controller.workers import Spread, here
 
 Array = NDArray[np.float64]
 
-KINDS = ("hollow", "overcut", "own cut", "other motion", "shank", "holder", "stock", "plunge", "table")
+KINDS = ("hollow", "overcut", "own cut", "other motion", *NOT_CUT, "table")
 END = "end"  # told, and no gouge
 ADVICE = {
     "hollow": "gouge.do.side",
@@ -50,6 +50,7 @@ ADVICE = {
     END: "gouge.do.placement",
     "own cut": "gouge.do.side",
     "other motion": "gouge.do.apart",
+    "uncut": "gouge.do.flute",
     "shank": "gouge.do.shank",
     "holder": "gouge.do.holder",
     "stock": "gouge.do.shank",

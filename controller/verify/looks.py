@@ -43,6 +43,8 @@ Flags = NDArray[np.bool_]
 
 AT_JOINTS = ("cut", "pivot")  # motions that a concave corner within the joint tolerance is cut by
 MIN_MM = 1e-3  # depths below are no gouge
+NOT_CUT = ("uncut", "shank", "holder", "stock", "plunge")  # kinds: by what of a tool does not cut
+SHORT_MM = 5e-3  # a flute that ends so little below the upper edge leaves nothing
 STANDS_MM = 0.01  # what is left of a surface by no more than this, or by its form tolerance, is cut
 SPACING_MM = 0.5  # of the grid, about; with a thin cutter half of its radius
 ALONG, ACROSS = (9, 129), (5, 33)  # fewest and most points of the grid
@@ -150,7 +152,7 @@ class Look:
         """
         sweep = self._passes(self._is_own)
         found = nearest(self.points, sweep, self._cutter)
-        self.left = found.distance
+        self.left = self._alone = found.distance
         depth = np.maximum(0.0, np.nan_to_num(-found.distance, neginf=0.0))
         self.own, self.far = depth, np.zeros(len(depth))
         if not len(sweep):
@@ -246,6 +248,7 @@ class Look:
             yield Hurt("own cut", self.far, own)
         for by in self._others():
             yield from self._other(by, cuts, most_mm)
+        yield from self._uncut()
         yield from self._blunt_bodies()
 
     def _hollows(self) -> Flags:
@@ -302,6 +305,24 @@ class Look:
             rulings = np.isin(one.u, (0.0, 1.0)) if by.name != "cut" else np.ones(len(one.u), dtype=bool)
             beside[of] |= _close(points, one.points[rulings], by.tool.radius_mm)
         return beside
+
+    def _uncut(self) -> Iterator[Hurt]:
+        """What its own cut would take if the flute had no end, and nothing else does."""
+        short = SHORT_MM + self._harmless_mm - MIN_MM
+        rows = np.flatnonzero(self.left - self.nominal.allowance_mm > short)
+        own = self.whole_cut.by
+        if not len(rows) or not len(own.sweep):
+            return
+        endless = nearest(self.points[rows], own.sweep, self._endless).distance
+        missed = np.zeros(len(self.points))
+        missed[rows] = np.where(self.left[rows] - np.maximum(endless, 0.0) > short, self._alone[rows], 0.0)
+        if missed.any():
+            yield Hurt("uncut", missed, own)
+
+    @property
+    def _endless(self) -> Body:
+        """The cutter as if it cut over all of its length."""
+        return replace(self._cutter, top_mm=self._cutter.top_mm + 2.0 * self.nominal.ball[1])
 
     def _blunt_bodies(self) -> Iterator[Hurt]:
         """What does not cut, and is in the surface, or comes to what no cut has taken before."""
@@ -397,9 +418,8 @@ class Look:
 
     def left_without_flute(self, u: float, v: float) -> float:
         """Distance (mm) of one place to what its own tool would cut if it cut over all of its length."""
-        endless = replace(self._cutter, top_mm=self._cutter.top_mm + 2.0 * self.nominal.ball[1])
         at = self.nominal.points(np.array([u]), np.array([v]))
-        return float(nearest(at, self.sweep, endless).distance[0])
+        return float(nearest(at, self.sweep, self._endless).distance[0])
 
     def overcut(self, u: float, v: float) -> float:
         """Overcut (mm) of its own cut along the normal at one place."""
