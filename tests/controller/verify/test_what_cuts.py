@@ -163,7 +163,9 @@ def test_where_an_earlier_cut_has_taken_the_stock_it_may_be_plunged() -> None:
     [
         ("G0 Z5.\nG1 Z-2. F100.\nG1 Z-4.\n", 4),
         ("G81 X5. Y5. Z-6. R2. F100.\n", 3),
+        ("G64 P0.01\nG1 X5. Z9. F600.\nX9. Z8.\nZ4.\nX30.\n", 6),
         ("G1 X30. Z-2. F100.\n", None),
+        ("G1 X5. F600.\nG2 I3. Z6.\n", None),
         ("G0 Z5.\n", None),
     ],
 )
