@@ -237,7 +237,8 @@ class Tool:
     wear_length_mm: float = 0.0  # added to the length: negative where it has become shorter
     # In the spindle; None: unless it is the probe. No path depends on it, nor does a journal (repr).
     may_turn: bool | None = field(default=None, repr=False)
-    centre_cutting: bool = True  # its end cuts up to the axis: it may be plunged into stock
+    # Its end cuts up to the axis: it may be plunged into stock. No path depends on it either.
+    centre_cutting: bool = field(default=True, repr=False)
 
     @property
     def flank_mm(self) -> float:

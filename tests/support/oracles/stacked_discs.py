@@ -16,12 +16,11 @@ import numpy as np
 from support.oracles import tool_paths
 
 from controller.machine.model import Machine, Tool
-from controller.motion.motions import SurfaceCut
 from controller.plan.rotaries.branch import joints_along
 from controller.runtime import checked
 from controller.verify import passes
 
-STEP_MM = 0.1  # of the tip, from pose to pose
+STEP_MM = 0.2  # of the tip, from pose to pose
 LEVEL_MM = 5e-3  # the ends of a flute: a normal that leans leaves them by a hair
 
 
@@ -71,10 +70,8 @@ def _poses(text: str, machine: Machine) -> tuple[np.ndarray, np.ndarray, list[tu
     tips, axes, tools = list[np.ndarray](), list[np.ndarray](), list[tuple[int, Tool]]()
     for stretch in checked.stretches(walk).values():
         tool, end = fitted.at(stretch.place.order), stretch.motion.end
-        count = (
-            max(8, int(end / STEP_MM)) if isinstance(stretch.motion, SurfaceCut) else max(8, int(end / 0.2))
-        )
-        joints = joints_along(stretch, np.linspace(0.0, end, count), task.kinematics)
+        s = np.linspace(0.0, end, max(8, int(end / STEP_MM)))
+        joints = joints_along(stretch, s, task.kinematics)
         tip, axis = tool_paths.tool(joints, machine, tool.length_mm)
         tools.append((sum(map(len, tips)), tool))
         tips.append(tip)

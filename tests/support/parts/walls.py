@@ -47,7 +47,7 @@ class Wall:
         place = w**3 * a + 3.0 * u * w**2 * b + 3.0 * u**2 * w * c + u**3 * d
         return place, 3.0 * (w**2 * (b - a) + 2.0 * u * w * (c - b) + u**2 * (d - c))
 
-    def points(self, right: bool, along: int = 33, across: int = 33) -> np.ndarray:
+    def points(self, right: bool, along: int, across: int) -> np.ndarray:
         """Points and normals (N, 2, 3) towards the cutter."""
         (high, fast), (low, slow) = self._rail(self.upper, along), self._rail(self.lower, along)
         v = np.linspace(0.0, 1.0, across)[:, None, None]
@@ -100,7 +100,7 @@ def drawn(seed: int) -> tuple[str, Machine, list[np.ndarray]]:
     cuts = bands(wall, count, bool(rng.random() < 0.7))
     tool = _tool(rng, max(one.longest_mm for one in cuts), wall.longest_mm)
     text = program(cuts, side, int(rng.choice([1, 1, 2, 3])))
-    return text, machine(tool), [one.points(side == "G42") for one in cuts]
+    return text, machine(tool), [one.points(side == "G42", 13, 25) for one in cuts]
 
 
 def _wall(rng: np.random.Generator) -> Wall:
