@@ -168,7 +168,9 @@ REFUSALS = {
     "join.other_tool": "another tool",
     "join.other_offset": "another work offset",
     "join.other_side": "another side",
-    "join.agrees": "Joins {name}: the poses agree and the cut runs through.",
+    "join.agrees": "Joins {name}: the poses agree and the cut runs through.{slowed}",
+    "join.slowed_at_kink": "{crease} The poses change at another rate from there on: the contact slows down "
+    "to about {feed:.0f} mm/min ({axis} {limit}); G64 P blends it.",
     "join.elsewhere": "Departs from {name} and approaches again: it ends elsewhere or on another ruling "
     "({gap:.6f} mm and {tilt:.4f} degrees apart; {allowed}).",
     "join.tolerance": "the joint tolerance is {mm:g} mm and {degrees:g} degrees",
@@ -189,7 +191,7 @@ REFUSALS = {
     "join.parts_meet": "the two parts of this block meet at u = {u:.4f}",
     "join.blocks_meet": "this block meets the one of line {line}",
     "join.pivots": "Pivots by {degrees:.4f} degrees{tilts} about the ruling it shares with {name}{reaches}"
-    "{hollow}.",
+    "{hollow}.{crease}",
     "join.hollow": "; it is a concave corner, which costs either surface up to {um:.3f} um of overcut",
     "join.tilts": " and tilts by {tilt:.4f} degrees, as the cutter is placed,",
     "join.reaches": "; on its way the cutter reaches {depth:.4f} mm into them",

@@ -180,7 +180,9 @@ REFUSALS = {
     "join.other_tool": "anderes Werkzeug",
     "join.other_offset": "anderer Nullpunkt",
     "join.other_side": "andere Seite",
-    "join.agrees": "Schließt an {name} an: die Stellungen stimmen überein, der Schnitt läuft durch.",
+    "join.agrees": "Schließt an {name} an: die Stellungen stimmen überein, der Schnitt läuft durch.{slowed}",
+    "join.slowed_at_kink": "{crease} Von dort an ändern sich die Stellungen anders: der Berührpunkt wird auf "
+    "etwa {feed:.0f} mm/min langsamer ({axis}: {limit}); G64 P überblendet es.",
     "join.elsewhere": "Fährt von {name} weg und neu an: jener endet anderswo oder an einer anderen "
     "Erzeugenden ({gap:.6f} mm und {tilt:.4f} Grad auseinander; {allowed}).",
     "join.tolerance": "die Toleranz am Übergang ist {mm:g} mm und {degrees:g} Grad",
@@ -205,7 +207,7 @@ REFUSALS = {
     "join.parts_meet": "die beiden Teile dieses Satzes treffen sich bei u = {u:.4f}",
     "join.blocks_meet": "dieser Satz trifft den in Zeile {line}",
     "join.pivots": "Schwenkt um {degrees:.4f} Grad{tilts} um die gemeinsame Erzeugende mit {name}{reaches}"
-    "{hollow}.",
+    "{hollow}.{crease}",
     "join.hollow": "; es ist eine Innenecke, die in jede der beiden Flächen bis zu {um:.3f} um zu tief "
     "einschneidet",
     "join.tilts": " und neigt sich um {tilt:.4f} Grad, wie der Fräser angestellt ist,",

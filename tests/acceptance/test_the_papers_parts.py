@@ -112,6 +112,27 @@ def test_every_cutting_tick_of_the_printed_programs_is_on_the_surface(name: str)
     assert_even_feed(verbatim(name), surfaces_of(name), 0.9)
 
 
+SLOWER = [pytest.param("example2", feed, marks=pytest.mark.slow) for feed in (None, "1000.")]
+
+
+@pytest.mark.parametrize(("name", "feed"), [("example1", None), ("example2", "3000."), *SLOWER])
+@pytest.mark.parametrize(
+    "machine", ["trunnion", *(pytest.param(one, marks=pytest.mark.slow) for one in SHIPPED[1:])]
+)
+def test_the_printed_programs_stand_on_eq_1_to_8_at_every_tick_of_their_cuts(
+    name: str, feed: str | None, machine: str
+) -> None:
+    """The poses come from the commanded joints by forward kinematics: nothing of the motion is used."""
+    done = cut(program(f"{name}.ngc", feed), shipped(machine))
+    assert done.run.result == "completed", done.run.fault_text
+    surfaces, cuts = surfaces_of(name), cuts_of(done)
+    assert len(cuts) == len(surfaces)
+    for here, surface in zip(cuts, surfaces, strict=True):
+        trace = done.trace
+        far, turned_deg = surface.off(trace.tool_tip[here], trace.tool_axis[here], 3.0, trace.u[here])
+        assert far < 1e-6 and turned_deg < 1e-6, (name, feed, machine, far, turned_deg)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["example1", "example2"])
 def test_the_printed_programs_keep_all_limits(name: str) -> None:

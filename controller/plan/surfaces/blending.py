@@ -21,7 +21,7 @@ import numpy as np
 import numpy.typing as npt
 
 from controller.geometry.placement import Blend
-from controller.geometry.vectors import add, angle_between, cross, dot, norm, scale, subtract, unit
+from controller.geometry.vectors import add, angle_between, cross, dot, norm, scale, subtract
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Machine
 from controller.memory import remembered
@@ -42,10 +42,12 @@ SHARE = 0.49  # of a cut: both its ends may be blended
 SHORTEST_MM = 0.02
 TRIES = 10
 USED = 0.9  # of what the tolerance leaves, for what lies between the points that are looked at
+CUBIC, TINY = 3.0, 1e-12
+ROUNDED_MM = 0.01  # the paper's unit, and the coarsest that programs are written in
 CLOSE = 0.85  # of the shortest blend that is too long: so near to it one is long enough
 ROUNDINGS = (0.0594, 0.09, 0.12, 0.16)  # how far each stays away from a corner of slope 1 over its reach
 CLEAR_OF_POLE = 10.0  # times the change of the axis: so far from the pole it hardly turns a rotary
-NEARLY_UPPER = 0.99  # of the ruling
+ALONG_RULING = (0.0, 0.25, 0.5, 0.75, 0.99)  # of the ruling, from below: just below C0, a cone may have a tip
 MEANT_MM = 1e-9  # poses nearer than this are meant to be one
 SMOOTH, ALIKE = 1e-9, 3.0  # rad within a millimetre; times the tolerance, within the same
 
@@ -55,6 +57,7 @@ class Tolerance(NamedTuple):
 
     mm: float
     rad: float
+    creases: bool = False  # whether what turns by more along the ruling is blended, too: G64 P
 
 
 EXACT = Tolerance(1e-5, math.radians(1e-3))  # G61: the rounding of the program's own numbers
@@ -66,7 +69,7 @@ class Joint(NamedTuple):
     before: Cut
     after: Cut
     angle_rad: float  # of the normals, at the contact
-    crease_rad: float  # the same at the upper end of the ruling
+    crease_rad: float  # the largest along the ruling
     gap_mm: float
     reach_mm: float  # of the longer of both blends
     deviates_mm: float
@@ -78,7 +81,9 @@ class Joint(NamedTuple):
 def tolerance(before: Cut, after: Cut, machine: Machine) -> Tolerance:
     """What holds at the joint of two blocks: the tighter of both."""
     a, b = (allowed_by(cut.block.modal, machine) for cut in (before, after))
-    return EXACT if EXACT in (a, b) else Tolerance(min(a.mm, b.mm), min(a.rad, b.rad))
+    if EXACT in (a, b):
+        return EXACT
+    return Tolerance(min(a.mm, b.mm), min(a.rad, b.rad), a.creases and b.creases)
 
 
 def allowed_by(modal: Modal, machine: Machine) -> Tolerance:
@@ -86,7 +91,8 @@ def allowed_by(modal: Modal, machine: Machine) -> Tolerance:
     if modal.exact_joints:
         return EXACT
     degrees = modal.blend_deg or machine.joint_tolerance_deg
-    return Tolerance(modal.blend_mm or machine.joint_tolerance_mm, math.radians(degrees))
+    tip_mm = modal.blend_mm or machine.joint_tolerance_mm
+    return Tolerance(tip_mm, math.radians(degrees), modal.blend_mm > 0.0)
 
 
 def joined(
@@ -112,7 +118,7 @@ def joined(
     return Joint(
         *_cuts(before, after, found.pair),
         abs(angle),
-        _crease(before.motion, after.motion),
+        crease(before.motion, after.motion),
         max(gap, tilt * longest),
         found.pair.reach_mm,
         hollow + found.pair.deviates_mm,
@@ -202,14 +208,45 @@ def _cuts(before: Cut, after: Cut, pair: _Pair) -> tuple[Cut, Cut]:
     return first, replace(after, motion=pair.after, start=edge(pair.after, 0.0))
 
 
-def _crease(before: SurfaceCut, after: SurfaceCut) -> float:
-    """Angle (rad) of the normals at the upper end of the ruling: just below it, a cone may have a tip."""
-    normals = []
-    for motion, u in ((before, 1.0), (after, 0.0)):
-        surface = placed(motion)
-        tangent, turn = surface.rates(u, math)
-        normals.append(unit(cross(add(tangent, scale(turn, NEARLY_UPPER)), surface.ruling(u))))
-    return float(angle_between(normals[0], normals[1]))
+def is_rounding(before: Cut, after: Cut, allowed: Tolerance) -> bool:
+    """Whether rounding of the program explains how two cuts differ all along the ruling that they share.
+
+    Surfaces that are meant to run on otherwise may agree at the contact and meet in a crease above it.
+    Rounding turns the ways along u, and the normals, by as much as the ends of their first legs are off.
+    """
+    for share in ALONG_RULING:
+        met = _Across.at(before.motion, after.motion, share)
+        by_tangent, by_normal = (ROUNDED_MM * each for each in met.per_leg)
+        if met.tangents_rad > max(allowed.rad, by_tangent) or met.normals_rad > max(allowed.rad, by_normal):
+            return False
+    return True
+
+
+def crease(before: SurfaceCut, after: SurfaceCut) -> float:
+    """Largest angle (rad) of the normals along the ruling that two cuts share."""
+    return max(_Across.at(before, after, share).normals_rad for share in ALONG_RULING)
+
+
+class _Across(NamedTuple):
+    """How two surfaces differ at one point of the ruling that they share."""
+
+    tangents_rad: float  # between the ways along u
+    normals_rad: float
+    per_leg: tuple[float, float]  # what a millimetre at their first control points turns ways and normals by
+
+    @staticmethod
+    def at(before: SurfaceCut, after: SurfaceCut, share: float) -> _Across:
+        """``share`` of the ruling from its lower end."""
+        ways, normals, along, across = [], [], 0.0, 0.0
+        for motion, u in ((before, 1.0), (after, 0.0)):
+            surface = placed(motion)
+            (tangent, turn), ruling = surface.rates(u, math), surface.ruling(u)
+            ways.append(add(tangent, scale(turn, share)))
+            normals.append(cross(ways[-1], ruling))
+            # A cubic's first leg is a third of its rate.
+            along += CUBIC / max(norm(ways[-1]), TINY)
+            across += CUBIC * norm(ruling) / max(norm(normals[-1]), TINY)
+        return _Across(float(angle_between(*ways)), float(angle_between(*normals)), (along, across))
 
 
 class Difference(Enum):
@@ -301,7 +338,7 @@ def _shortened(
 def _sought(
     one: End, other: End, reach_mm: float, allowed: Tolerance, gap_mm: float, kinematics: Kinematics
 ) -> _Choice | None:
-    creased = _crease(one.motion, other.motion) > allowed.rad
+    creased = crease(one.motion, other.motion) > allowed.rad
     for axis_too in (True, False):
         search = _Search(one, other, reach_mm, allowed, gap_mm, kinematics, axis_too, creased)
         best = search.longest(Rounding.of(ROUNDINGS[0]))

@@ -90,20 +90,20 @@ def _steps(machine: Machine) -> Array:
     return np.array([[one.acceleration * period for one in limits], [one.jerk * period**2 for one in limits]])
 
 
-def leaves_a_mark(pair: Pair, machine: Machine, kinematics: Kinematics) -> bool:
-    """Whether the contact slows down at a kink, where the rates jump, for so long that it is seen.
+def at_kink(pair: Pair, machine: Machine, kinematics: Kinematics) -> Slowest | None:
+    """What the contact slows down to where the rates jump; None where that is too short to be seen.
 
     The step of the joints' rates has to fit into one tick, so it is hardly passed at all. To slow down
     to nearly nothing and to speed up again each take 2 sqrt(F / j), of which half is lost.
     """
     found = _beside(pair, 0.0, kinematics)
     if not found:
-        return False
+        return None
     a, b = (d.first[0] for d in found)
     limits, feed = [axis.limits for axis in machine.axes], pair[1].block.feed_mm_s
     jerk = min(one.jerk / max(abs(p), abs(q), 1e-9) for one, p, q in zip(limits, a, b, strict=True))
     slowed = bool((np.abs(b - a) * feed * PASSED > _steps(machine)).any())
-    return slowed and 2.0 * math.sqrt(feed / jerk) > SEEN_S
+    return _over_kink(found, machine) if slowed and 2.0 * math.sqrt(feed / jerk) > SEEN_S else None
 
 
 def _beside(pair: Pair, reach_mm: float, kinematics: Kinematics) -> list[Derivatives]:

@@ -11,7 +11,7 @@ import math
 from collections.abc import Iterator, Sequence
 from enum import Enum
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -87,12 +87,14 @@ def _met(before: Cut, after: Cut, machine: Machine, kinematics: Kinematics, voic
     agree = shared and apart(end.tip, start.tip) <= SAME_MM and apart(end.axis, start.axis) <= SAME_RAD
     allowed = blending.tolerance(before, after, machine)
     joint = None
-    if not agree or _to_be_blended(before, after, allowed, machine, kinematics):
+    may_blend = allowed.creases or not shared or blending.is_rounding(before, after, allowed)
+    if may_blend and (not agree or _to_be_blended(before, after, allowed, machine, kinematics)):
         joint = blending.joined(before, after, allowed, machine, kinematics)
     if joint is not None:
         return Met(Meeting.JOIN, _blended(joint, allowed), joint.before, joint.after)
     if agree:
-        return Met(Meeting.JOIN, said("join.agrees"), before, after)
+        slowed = _slowed_at_kink(before, after, machine, kinematics)
+        return Met(Meeting.JOIN, said("join.agrees", slowed=slowed), before, after)
     if shared:
         return Met(*_corner(before, after, allowed, voice), before, after)
     told = said("join.elsewhere", gap=gap, tilt=math.degrees(tilt), allowed=_told(allowed))
@@ -111,7 +113,7 @@ def _to_be_blended(
         return False
     found = blending.difference(before, after, allowed)
     if found is blending.Difference.KINK:
-        return passing.leaves_a_mark((before, after), machine, kinematics)
+        return passing.at_kink((before, after), machine, kinematics) is not None
     return found is blending.Difference.ROUNDING
 
 
@@ -131,13 +133,31 @@ def _slowed(joint: blending.Joint, allowed: blending.Tolerance) -> Said | str:
     told = joint.slowed
     if told is None:
         return ""
-    along = math.degrees(joint.crease_rad)
-    binds = {"feed": 60.0 * told.mm_s, "axis": told.axis, "limit": Key(f"limit.{told.limit}")}
-    crease = said("join.crease", along=along) if along > CREASE_DEG else ""
+    binds, crease = _binding(told), _crease(joint.crease_rad)
     if not joint.axis_too:
         return said("join.slowed_at_pole", **binds)
     key = "join.slowed" if joint.shortened else "join.slowed_between_short_cuts"
     return said(key, crease=crease, mm=allowed.mm, **binds)
+
+
+def _slowed_at_kink(before: Cut, after: Cut, machine: Machine, kinematics: Kinematics) -> Said | str:
+    """What it costs to run through exactly where the rates of the pose jump: a sentence, or nothing."""
+    if before.block is after.block:
+        return ""
+    slowest = passing.at_kink((before, after), machine, kinematics)
+    if slowest is None:
+        return ""
+    crease = _crease(blending.crease(before.motion, after.motion))
+    return said("join.slowed_at_kink", crease=crease, **_binding(slowest))
+
+
+def _binding(slowest: passing.Slowest) -> dict[str, Any]:
+    return {"feed": 60.0 * slowest.mm_s, "axis": slowest.axis, "limit": Key(f"limit.{slowest.limit}")}
+
+
+def _crease(angle_rad: float) -> Said | str:
+    along = math.degrees(angle_rad)
+    return said("join.crease", along=along) if along > CREASE_DEG else ""
 
 
 def _told(allowed: blending.Tolerance) -> Said:
@@ -167,8 +187,9 @@ def _corner(before: Cut, after: Cut, allowed: blending.Tolerance, voice: Voice) 
         hollow = said("join.hollow", um=1000.0 * overcut) if overcut > FLAT_MM else ""
     tilt = math.degrees(apart(turned_axis(before.end, angle), after.start.axis))
     tilts = said("join.tilts", tilt=tilt) if tilt > 1e-6 else ""
-    reaches = _reached(before, after)
-    return Meeting.PIVOT, said("join.pivots", degrees=degrees, tilts=tilts, reaches=reaches, hollow=hollow)
+    crease = _crease(blending.crease(before.motion, after.motion))
+    whole = {"tilts": tilts, "reaches": _reached(before, after), "hollow": hollow, "crease": crease}
+    return Meeting.PIVOT, said("join.pivots", degrees=degrees, **whole)
 
 
 def _reached(before: Cut, after: Cut) -> Said | str:

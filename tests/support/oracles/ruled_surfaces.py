@@ -13,6 +13,7 @@ import numpy as np
 
 Points = Sequence[Sequence[float]]
 GRID = 4000  # intervals of the arc length, each with Simpson's rule
+STEP = 1e-6  # of u, for differences
 
 
 def casteljau(points: Points, u: np.ndarray) -> np.ndarray:
@@ -30,7 +31,34 @@ def derivative(points: Points, u: np.ndarray) -> np.ndarray:
     return casteljau((len(p) - 1) * np.diff(p, axis=0), u)
 
 
-class Ruled:
+class Placed:
+    """What both surfaces of the paper do with a cutter beside their lower curve (Eq. 5 and 8)."""
+
+    def tip(self, u: np.ndarray, offset: float) -> np.ndarray:
+        raise NotImplementedError
+
+    def axis(self, u: np.ndarray) -> np.ndarray:
+        raise NotImplementedError
+
+    def off(
+        self, tips: np.ndarray, axes: np.ndarray, offset: float, guess: np.ndarray
+    ) -> tuple[float, float]:
+        """How far poses (N, 3) are off at most: tips from their path (mm), axes from those there (deg).
+
+        The place on the path is the nearest one, by Gauss and Newton from ``guess`` (N,).
+        """
+        u = guess.copy()
+        for _ in range(6):
+            inner = np.clip(u, STEP, 1.0 - STEP)
+            rate = (self.tip(inner + STEP, offset) - self.tip(inner - STEP, offset)) / (2.0 * STEP)
+            gap = tips - self.tip(u, offset)
+            u = np.clip(u + (gap * rate).sum(axis=1) / (rate * rate).sum(axis=1), 0.0, 1.0)
+        off = np.linalg.norm(np.cross(self.axis(u), axes), axis=1)
+        far = np.linalg.norm(self.tip(u, offset) - tips, axis=1)
+        return float(far.max()), float(np.degrees(np.arcsin(np.minimum(off, 1.0))).max())
+
+
+class Ruled(Placed):
     """A pair of Bezier curves as G52 means it."""
 
     def __init__(self, upper: Points, lower: Points) -> None:
@@ -74,7 +102,7 @@ class Ruled:
         return casteljau(self.lower, u) + offset * normal
 
 
-class Frustum:
+class Frustum(Placed):
     """The cone of G51: circles about +Z."""
 
     def __init__(
