@@ -6,7 +6,10 @@ the outline it is trimmed to, its surface as a B-spline, the distance from a poi
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -28,7 +31,6 @@ from OCP.gp import gp_Pnt, gp_Pnt2d, gp_Trsf, gp_Vec
 from OCP.IFSelect import IFSelect_ReturnStatus
 from OCP.Message import Message
 from OCP.ShapeAnalysis import ShapeAnalysis_Surface
-from OCP.Standard import Standard_Failure
 from OCP.STEPControl import STEPControl_Reader
 from OCP.TopAbs import TopAbs_Orientation, TopAbs_ShapeEnum, TopAbs_State
 from OCP.TopExp import TopExp, TopExp_Explorer
@@ -40,8 +42,6 @@ from controller.geometry.vectors import Frame
 
 Array = NDArray[np.float64]
 Box = tuple[float, float, float, float]  # u from, to, v from, to
-
-Failure = Standard_Failure  # what the kernel raises where it cannot compute something
 
 KINDS = {
     SurfaceType.GeomAbs_Plane: "plane",
@@ -64,17 +64,50 @@ class CadError(Exception):
     """One sentence on why a file is not imported."""
 
 
+class Failure(Exception):
+    """The kernel cannot compute something."""
+
+
+@contextmanager
+def failures() -> Iterator[None]:
+    """What the kernel raises inside becomes ``Failure``: its own exceptions have no common class."""
+    try:
+        yield
+    except Exception as error:
+        if not type(error).__module__.startswith("OCP"):
+            raise
+        raise Failure(str(error) or type(error).__name__) from error
+
+
 class Face:
     """A trimmed face of the part, numbered from 1 in the file's order."""
 
     def __init__(self, number: int, shape: Any, in_solid: bool) -> None:
         self.number, self.in_solid = number, in_solid
-        self._face = shape
-        self._surface = BRep_Tool.Surface_s(shape)
-        self._adaptor = BRepAdaptor_Surface(shape)
-        self._projector = ShapeAnalysis_Surface(self._surface)
-        self.kind = KINDS.get(self._adaptor.GetType(), "other")
+        self._face, self.kind = shape, "other"
+        with suppress(Failure), failures():
+            self.kind = KINDS.get(self._adaptor.GetType(), "other")
         self.sign = -1.0 if shape.Orientation() == TopAbs_Orientation.TopAbs_REVERSED else 1.0
+
+    @cached_property
+    def _surface(self) -> Any:
+        return BRep_Tool.Surface_s(self._face)
+
+    @cached_property
+    def _adaptor(self) -> Any:
+        return BRepAdaptor_Surface(self._face)
+
+    @cached_property
+    def _projector(self) -> Any:
+        return ShapeAnalysis_Surface(self._surface)
+
+    @cached_property
+    def bounds(self) -> Box:
+        """Of the parameters of its surface; without end where they go round."""
+        u0, u1, v0, v1 = map(float, self._surface.Bounds())
+        u = (-math.inf, math.inf) if self._surface.IsUPeriodic() else (u0, u1)
+        v = (-math.inf, math.inf) if self._surface.IsVPeriodic() else (v0, v1)
+        return (*u, *v)
 
     def point(self, u: float, v: float) -> Array:
         """(3,) mm."""
@@ -94,7 +127,7 @@ class Face:
     def _edges(self, wire: Any) -> Iterator[Edge]:
         walk = BRepTools_WireExplorer(wire, self._face)
         while walk.More():
-            yield Edge(walk.Current(), self._face)
+            yield Edge(walk.Current(), self._face, self.bounds)
             walk.Next()
 
     def edge_points(self, per_edge: int) -> Array:
@@ -161,17 +194,21 @@ class Face:
 
 
 class Edge:
-    """A curve of an outline in the two parameters of its face's surface."""
+    """A curve of an outline in the two parameters of its face's surface.
 
-    def __init__(self, edge: Any, face: Any) -> None:
-        self._curve = BRepAdaptor_Curve2d(edge, face)
+    Files keep its points in space, a micron beside the surface: their places may lie beyond its ``bounds``,
+    where there is no surface, and are taken at them.
+    """
+
+    def __init__(self, edge: Any, face: Any, bounds: Box) -> None:
+        self._curve, self._bounds = BRepAdaptor_Curve2d(edge, face), bounds
         self.t = np.linspace(self._curve.FirstParameter(), self._curve.LastParameter(), OUTLINE)
         self.rows = np.array([self.at(t) for t in self.t])  # (OUTLINE, 2)
 
     def at(self, t: float) -> tuple[float, float]:
         """u and v at the curve's own parameter."""
-        found = self._curve.Value(float(t))
-        return float(found.X()), float(found.Y())
+        found, (u0, u1, v0, v1) = self._curve.Value(float(t)), self._bounds
+        return min(max(float(found.X()), u0), u1), min(max(float(found.Y()), v0), v1)
 
 
 class Spline:

@@ -21,6 +21,7 @@ from controller.program import blocks
 from controller.verify.console import Refused, bar, refusals
 
 if TYPE_CHECKING:  # OpenCASCADE takes its time to load, and is an extra
+    from controller.cad.curve import Array
     from controller.cad.deviation import Deviation
     from controller.cad.kernel import Face, Part
     from controller.cad.program import Written
@@ -195,7 +196,8 @@ def _part(file: Path, placed: Frame) -> Part:
     except ImportError as error:
         raise Refused(NO_LIBRARY.format(error=error) + ".") from error
     try:
-        return kernel.read(file, placed)
+        with kernel.failures():
+            return kernel.read(file, placed)
     except kernel.CadError as error:
         raise Refused(str(error)) from error
     except kernel.Failure as error:
@@ -207,7 +209,7 @@ def _seen(part: Part, within_mm: float, whole: bool, numbers: Sequence[int], qui
     faces = [part.faces[n - 1] for n in numbers] or part.faces
     from controller.cad import picture
 
-    fine_mm, found = picture.fine([face.edge_points(5) for face in part.faces]), []
+    fine_mm, found = picture.fine([points for points in map(_edge_points, part.faces) if len(points)]), []
     with bar("looking for rulings", quiet) as progress:
         for i, face in enumerate(faces):
             found.append(_look(face, within_mm, whole, fine_mm))
@@ -215,18 +217,38 @@ def _seen(part: Part, within_mm: float, whole: bool, numbers: Sequence[int], qui
     return found
 
 
+def _edge_points(face: Face) -> Array:
+    """Some points of its edges, (N, 3) mm; none where the kernel refuses it."""
+    import numpy as np
+
+    from controller.cad.kernel import Failure, failures
+
+    try:
+        with failures():
+            return face.edge_points(5)
+    except Failure:
+        return np.zeros((0, 3))
+
+
 def _look(face: Face, within_mm: float, whole: bool, fine_mm: float) -> Seen:
-    from controller.cad.kernel import Failure
+    import numpy as np
+
+    from controller.cad.curve import NoFit
+    from controller.cad.kernel import Failure, failures
     from controller.cad.strip import NotRuled, strip
     from controller.cli.cad_tables import Seen
 
-    shape = face.triangles(fine_mm)
+    shape = np.zeros((0, 3, 3))
     try:
-        made = strip(face, within_mm, whole)
+        with failures():
+            shape = face.triangles(fine_mm)
+            made = strip(face, within_mm, whole)
     except NotRuled as error:
         return Seen(face, None, error.reason, error.off_ruled_mm, shape)
     except Failure as error:
         return Seen(face, None, f"OpenCASCADE cannot evaluate it ({error})", math.inf, shape)
+    except (NoFit, ArithmeticError, ValueError) as error:  # degenerate numbers in the file
+        return Seen(face, None, f"its curves cannot be evaluated ({error})", math.inf, shape)
     return Seen(face, made, "", made.off_ruled_mm, shape)
 
 
@@ -264,12 +286,19 @@ def _note(part: Part, move: str, turn: str) -> str:
 def _deviations(written: Written, name: str, machine: Machine) -> list[Deviation]:
     """Of each face in cut order, from the program's own text."""
     from controller.cad.deviation import deviation, surfaces
+    from controller.cad.kernel import Failure, failures
 
-    read = surfaces(blocks.stream(written.text.encode(), machine, name))
-    return [
-        deviation(one.face, surface, one.is_whole_box)
-        for one, surface in zip(written.strips, read, strict=True)
-    ]
+    read, found = surfaces(blocks.stream(written.text.encode(), machine, name)), []
+    for one, surface in zip(written.strips, read, strict=True):
+        try:
+            with failures():
+                found.append(deviation(one.face, surface, one.is_whole_box))
+        except Failure as error:
+            raise Refused(
+                f"OpenCASCADE cannot compare face {one.face.number} with its surface ({error}); nothing was "
+                "written: leave that face out."
+            ) from error
+    return found
 
 
 def _near_enough(found: Sequence[Deviation], written: Written, tolerance_mm: float) -> None:

@@ -44,8 +44,8 @@ class Seen:
             "number": self.face.number,
             "kind": self.face.kind,
             "in_solid": self.face.in_solid,
-            "middle_mm": [round(float(x), 6) for x in middle],
-            "normal": [round(float(x), 6) for x in normal],
+            "middle_mm": _rounded(middle),
+            "normal": _rounded(normal),
             "off_ruled_mm": _finite(self.off_ruled_mm),
             "cut_as": None,
             "why_not": self.reason or None,
@@ -61,6 +61,12 @@ class Seen:
             "twist_deg": math.degrees(self.strip.twist_rad()),
             "remark": self.strip.remark or None,
         }
+
+
+def _rounded(place: Array) -> list[float] | None:
+    """None of a face that could not be drawn."""
+    values = [round(float(x), 6) for x in place]
+    return values if all(map(math.isfinite, values)) else None
 
 
 def _finite(value: float) -> float | None:
@@ -103,12 +109,16 @@ def _cells(row: dict[str, Any]) -> tuple[str, ...]:
 def picture_of(seen: Sequence[Seen]) -> str:
     """Of all faces, as SVG."""
     return picture.drawn(
-        [picture.Shown(one.face.number, one.triangles, one.strip is not None) for one in seen]
+        [
+            picture.Shown(one.face.number, one.triangles, one.strip is not None)
+            for one in seen
+            if len(one.triangles)
+        ]
     )
 
 
-def _three(values: Sequence[float], digits: int) -> str:
-    return " ".join(f"{value:.{digits}f}" for value in values)
+def _three(values: Sequence[float] | None, digits: int) -> str:
+    return " ".join(f"{value:.{digits}f}" for value in values or ())
 
 
 def _short(mm: float) -> str:

@@ -14,9 +14,11 @@ from typer.testing import CliRunner
 
 pytest.importorskip("OCP", reason="OpenCASCADE is missing: the extra cad, and libGL", exc_type=ImportError)
 
+from OCP.Standard import Standard_ConstructionError
 from support.parts import cad_parts, step_text
 
 from controller.__main__ import app
+from controller.cad import kernel
 
 LOW = [(0, 0, 0), (10, 9, 0), (20, -6, 0), (30, 0, 0)]
 HIGH = [(1, 2, 14), (9, 8, 14), (21, 3, 15), (31, 6, 16)]
@@ -47,6 +49,44 @@ def test_a_face_written_by_hand_is_listed_and_written(blade: Path) -> None:
     text = blade.with_suffix(".ngc").read_text()
     assert "G52 X31. Y6. Z16. F300." in text
     assert "G41 P2" in text
+
+
+@pytest.mark.parametrize("beyond", [3e-8, 1e-6])
+def test_edges_that_lie_beyond_their_surface_are_taken_at_its_bounds(beyond: float, tmp_path: Path) -> None:
+    file = tmp_path / "beyond.step"
+    file.write_text(step_text.ruled_face(LOW, HIGH, beyond))
+    code, told = run(file, "--list")
+    assert code == 0 and [face["cut_as"] for face in told["faces"]] == ["G52"], told
+    code, told = run(file, "--faces", "1")
+    assert code == 0 and told["faces"][0]["to_written_mm"] < 30.0 * beyond
+
+
+@pytest.mark.parametrize("refuses", ["edge_points", "triangles", "outlines", "spline", "_adaptor"])
+def test_a_face_that_the_kernel_refuses_is_listed_with_the_reason(
+    refuses: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its exceptions have no class in common but Python's own."""
+    wall, other = (cad_parts.moved(cad_parts.patch(4, [LOW, HIGH]), (0.0, y, 0.0)) for y in (0.0, 50.0))
+    file = cad_parts.save(cad_parts.together(wall, other), tmp_path / "two.step")
+    whole = getattr(kernel.Face, refuses)
+
+    def refused(face: kernel.Face, *how: Any) -> Any:
+        if face.number == 2:
+            raise Standard_ConstructionError("parameters out of range")
+        return whole.func(face) if refuses == "_adaptor" else whole(face, *how)
+
+    monkeypatch.setattr(kernel.Face, refuses, property(refused) if refuses == "_adaptor" else refused)
+    code, told = run(file, "--list", "--plot", tmp_path / "two.svg")
+    assert code == 0, told
+    first, second = told["faces"]
+    assert first["cut_as"] == "G52"
+    if refuses == "edge_points":  # only the picture needs them
+        assert second["cut_as"] == "G52"
+        return
+    assert second["cut_as"] is None
+    assert second["why_not"] == "OpenCASCADE cannot evaluate it (parameters out of range)"
+    shown = CliRunner().invoke(app, ["import", str(file), "--list"])
+    assert shown.exit_code == 0 and "parameters out of range" in shown.stdout.replace("\n", " ")
 
 
 def test_every_face_of_a_list_is_numbered_on_a_picture_with_its_place_and_normal(

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from OCP.BRep import BRep_Builder
 from OCP.BRepBuilderAPI import (
     BRepBuilderAPI_MakeEdge,
     BRepBuilderAPI_MakeFace,
@@ -22,6 +23,7 @@ from OCP.gp import gp_Ax1, gp_Dir, gp_Pnt, gp_Trsf, gp_Vec
 from OCP.Interface import Interface_Static
 from OCP.Message import Message
 from OCP.STEPControl import STEPControl_StepModelType, STEPControl_Writer
+from OCP.TopoDS import TopoDS_Compound
 
 Array = NDArray[np.float64]
 Points = Sequence[Sequence[float]] | Array
@@ -103,6 +105,15 @@ def patch(order: int, rows: Sequence[Points], weights: Sequence[Sequence[float]]
         poles, heavy, _floats(values), ends[0], _ints(times), ends[1], order - 1, across - 1
     )
     return BRepBuilderAPI_MakeFace(surface, 1e-7).Face()
+
+
+def together(*shapes: Any) -> Any:
+    """One shape of several."""
+    made, builder = TopoDS_Compound(), BRep_Builder()
+    builder.MakeCompound(made)
+    for one in shapes:
+        builder.Add(made, one)
+    return made
 
 
 def moved(shape: Any, by: Sequence[float], axis: Sequence[float] = (0, 0, 1), angle_rad: float = 0.0) -> Any:

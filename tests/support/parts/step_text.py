@@ -89,8 +89,11 @@ class _Data:
         )
 
 
-def ruled_face(low: Sequence[Sequence[float]], high: Sequence[Sequence[float]]) -> str:
-    """A face between two Bezier curves of the same degree, as a B-spline surface linear across."""
+def ruled_face(low: Sequence[Sequence[float]], high: Sequence[Sequence[float]], beyond: float = 0.0) -> str:
+    """A face between two Bezier curves of the same degree, as a B-spline surface linear across.
+
+    Its edges are so far ``beyond`` the surface, as a share of the rulings.
+    """
     data, degree = _Data(), len(low) - 1
     points = [[data.point(at) for at in pair] for pair in zip(low, high, strict=True)]
     grid = ",".join(f"({','.join(pair)})" for pair in points)
@@ -99,6 +102,15 @@ def ruled_face(low: Sequence[Sequence[float]], high: Sequence[Sequence[float]]) 
         f"B_SPLINE_SURFACE_WITH_KNOTS('',{degree},1,({grid}),.UNSPECIFIED.,.F.,.F.,.F.,{ends},(2,2),(0.,1.),"
         "(0.,1.),.UNSPECIFIED.)"
     )
+    edges = [
+        [
+            [(1.0 + beyond) * a - beyond * b for a, b in zip(one, other, strict=True)]
+            for one, other in zip(*rows, strict=True)
+        ]
+        for rows in ((low, high), (high, low))
+    ]
+    low, high = edges
+    points = [[data.point(at) for at in pair] for pair in zip(low, high, strict=True)]
     corners = [data.vertex(at) for at in (low[0], low[-1], high[-1], high[0])]
     curves = []
     for column in (0, 1):
@@ -109,13 +121,13 @@ def ruled_face(low: Sequence[Sequence[float]], high: Sequence[Sequence[float]]) 
             )
         )
     a, b, c, d = corners
-    edges = [
+    round_it = [
         data.edge(a, b, curves[0]),
         data.edge(b, c, data.line(low[-1], high[-1])),
         data.edge(d, c, curves[1]),
         data.edge(a, d, data.line(low[0], high[0])),
     ]
-    return data.text(edges, surface)
+    return data.text(round_it, surface)
 
 
 def cone_face(centre: Sequence[float], radius: float, upper: float, height: float, sweep: float) -> str:
