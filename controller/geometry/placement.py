@@ -59,7 +59,7 @@ class Strategy(Enum):
     SINGLE = 1
     DOUBLE = 2
     OPTIMAL = 3
-    AUTO = 4  # the first of these that keeps the form tolerance
+    AUTO = 4  # the one of these that is least off
 
 
 @dataclass(frozen=True, slots=True)

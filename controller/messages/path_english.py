@@ -36,6 +36,9 @@ REFUSALS = {
     "edge, the longest ruling is {longest:.3f} mm; above the flute nothing is cut.",
     "note.plunge": "T{tool} does not cut over its centre, and this line leads it down its axis: whether it "
     "meets stock is not judged but beside surfaces.",
+    "note.optimal": "P3 (optimal) finds nothing better here than {as_good}, which is taken.",
+    "note.single": "P1 (single)",
+    "note.double": "P2 (double)",
     "note.left_out": "{count} motions beside surfaces were not held against them.",
     "note.no_surface": "The program cuts no surface (G51, G52, G6.2): there is nothing to hold it against.",
     "note.not_cut": "The trace does not come to this surface, which is not judged: it begins behind it "

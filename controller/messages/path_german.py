@@ -36,6 +36,9 @@ REFUSALS = {
     "geschnitten.",
     "note.plunge": "T{tool} schneidet nicht über die Mitte, und diese Zeile führt es in seiner Achse nach "
     "unten: ob es auf Rohmaterial trifft, wird nur neben Flächen geprüft.",
+    "note.optimal": "P3 (optimal) findet hier nichts Besseres als {as_good}, das genommen wird.",
+    "note.single": "P1 (single)",
+    "note.double": "P2 (double)",
     "note.left_out": "{count} Bewegungen neben den Flächen wurden nicht gegen sie geprüft.",
     "note.no_surface": "Das Programm schneidet keine Fläche (G51, G52, G6.2): es gibt nichts, woran es zu "
     "messen wäre.",

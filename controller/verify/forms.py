@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.geometry.placement import AT_LOWER, Placed
+from controller.geometry.placement import Strategy
 from controller.machine.model import JOINT_TOLERANCE_DEG
 from controller.plan.report.verdict import Verdict
 from controller.verify.judge import Judged
@@ -175,10 +175,6 @@ def _advised(made: Verdict, look: Look) -> Verdict:
 
 
 def _better_placements(look: Look) -> list[str]:
-    """Those that deviate less than the one in use, where a surface is twisted at all."""
-    surface = look.nominal.surface
-    if isinstance(surface, Placed) and surface.corrections is not None:
-        return []
-    if isinstance(surface, Placed) and surface.normals_v != AT_LOWER:
-        return ["optimal"]
-    return ["double", "optimal"]
+    """Those that may deviate less than the one that the program asks for."""
+    better = {Strategy.SINGLE: ["double", "optimal"], Strategy.DOUBLE: ["optimal"]}
+    return better.get(look.nominal.placement, [])

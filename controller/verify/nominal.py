@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller.geometry.arrays import columns
+from controller.geometry.placement import Strategy
 from controller.geometry.surfaces import Surface
 from controller.geometry.vectors import Frame, Vector
 from controller.machine.model import Tool
@@ -33,6 +34,7 @@ class Nominal:
     allowance_mm: float = 0.0  # what is to stay on it
     tolerance_mm: float | None = None  # of its form; None: none is asked for
     joint_tolerance_mm: float = 0.0  # what a neighbour may take off it, where they meet in a corner
+    placement: Strategy = Strategy.SINGLE  # of the cutter, as the program asks for it
 
     def points(self, u: Array, v: Array) -> Array:
         """S(u, v) in the table frame, (N, 3) mm, for u and v (N,)."""

@@ -9,18 +9,20 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from controller.geometry.arrays import columns, distinct
+from controller.geometry.placement import Strategy
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Machine, Tool
 from controller.motion.motions import SurfaceCut, ToolSpline
 from controller.plan.rotaries.branch import joints_along
 from controller.plan.stretch import Stretch
 from controller.plan.surfaces.blending import allowed_by
-from controller.plan.surfaces.cuts import tolerance_mm
+from controller.plan.surfaces.cuts import strategy, tolerance_mm
 from controller.program.program import Block
 from controller.values import dataclass
 from controller.verify.bodies import whole
@@ -37,27 +39,44 @@ STEPS_MM = (0.01, 0.05)
 ROUGH_STEP_MM, ROUGH_SCALLOP_MM, ROUGH_FIT_MM = (0.02, 0.2), 1e-3, 1e-4
 
 
+class Form(NamedTuple):
+    """How exact a surface is to be cut, mm, and how the cutter is placed for it."""
+
+    allowance_mm: float
+    tolerance_mm: float | None  # None: none is asked for
+    joint_tolerance_mm: float
+    placement: Strategy
+
+    @classmethod
+    def of(cls, block: Block, tool: Tool, machine: Machine) -> Form:
+        modal = block.modal
+        tolerance = tolerance_mm(modal, tool, machine)
+        joint_mm = allowed_by(modal, machine).mm
+        return cls(modal.allowance_mm, tolerance, joint_mm, strategy(modal, tool, machine))
+
+
 @dataclass(frozen=True, slots=True)
 class Fitted:
     """Which tool is in the spindle, and how exact it is to cut, by ``Place.order``."""
 
     orders: tuple[int, ...]  # rising; the tool holds from there on
     tools: tuple[Tool, ...]
-    forms: tuple[tuple[float, float | None, float], ...]  # allowance, tolerances of form and joints, mm
+    forms: tuple[Form, ...]
 
     @classmethod
     def of(cls, blocks: Iterable[Block], machine: Machine) -> Fitted:
         """Of a program's blocks; T1 is in the spindle before them. Lines come in their order."""
         first = machine.tool(1) or machine.tools[0].worn
-        orders, tools, forms = [0], [first], [(0.0, machine.tolerance_mm, machine.joint_tolerance_mm)]
+        placement = Strategy[machine.placement.upper()]
+        orders, tools = [0], [first]
+        forms = [Form(0.0, machine.tolerance_mm, machine.joint_tolerance_mm, placement)]
         for block in blocks:
             tool = block.modal.tool_in(machine)
             if tool is None:
                 continue
             if machine.probe is not None and tool.number == machine.probe.tool:
                 tool = replace(tool, flute_mm=0.0)  # a probe touches and cuts nothing
-            joint_mm = allowed_by(block.modal, machine).mm
-            form = block.modal.allowance_mm, tolerance_mm(block.modal, tool, machine), joint_mm
+            form = Form.of(block, tool, machine)
             if (tool, form) != (tools[-1], forms[-1]):
                 orders.append(block.place.order)
                 tools.append(tool)
@@ -67,8 +86,7 @@ class Fitted:
     def at(self, order: int) -> Tool:
         return self.tools[self._index(order)]
 
-    def form(self, order: int) -> tuple[float, float | None, float]:
-        """Allowance, form tolerance (None: none) and joint tolerance of a surface there, mm."""
+    def form(self, order: int) -> Form:
         return self.forms[self._index(order)]
 
     def _index(self, order: int) -> int:

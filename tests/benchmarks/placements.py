@@ -19,10 +19,9 @@ from support.suite import figures  # noqa: E402
 from support.suite.figures import Figure, Report  # noqa: E402
 
 from controller.geometry import arc_length  # noqa: E402
-from controller.geometry.placement import Strategy  # noqa: E402
 from controller.machine.kinematics import Kinematics, kinematics_of  # noqa: E402
 from controller.motion.motions import SurfaceCut  # noqa: E402
-from controller.plan.surfaces.placing import Cutter, place  # noqa: E402
+from controller.plan.surfaces.placing import CHOSEN_FROM, Cutter, place  # noqa: E402
 
 PLACES = 1000
 
@@ -31,7 +30,7 @@ def cuts() -> dict[str, SurfaceCut]:
     """Example 2's second surface, placed in each way."""
     surface, frame = example_2()[1], make_machine().offsets[0]
     arc, cutter = arc_length.of(surface.lower), Cutter(3.0, 0.0, 0.0)
-    return {s.name.lower(): SurfaceCut(place(surface, cutter, s), arc, 3.0, 0.0, frame) for s in Strategy}
+    return {s.name.lower(): SurfaceCut(place(surface, cutter, s), arc, 3.0, 0.0, frame) for s in CHOSEN_FROM}
 
 
 def cost_us(cut: SurfaceCut, kinematics: Kinematics) -> float:

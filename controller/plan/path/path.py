@@ -28,7 +28,18 @@ from controller.plan.path import clamps, outputs
 from controller.plan.path.outputs import Switched
 from controller.plan.rotaries.branch import BranchLost, joints_along
 from controller.plan.stretch import Chain, Note, Path, Pause, Stretch, Voice, motion_named, rotaries_of
-from controller.plan.surfaces import approach, audit, choices, cuts, leads, line_blends, links, train, unwind
+from controller.plan.surfaces import (
+    approach,
+    audit,
+    auto,
+    choices,
+    cuts,
+    leads,
+    line_blends,
+    links,
+    train,
+    unwind,
+)
 from controller.plan.surfaces.train import Leg
 from controller.program.block_look_ahead import Ahead
 from controller.program.program import (
@@ -415,7 +426,7 @@ class Tracer:
             if doubt and doubt["key"] not in told:
                 told.add(doubt["key"])
                 self._note(block.place, doubt)
-            ready += cuts.build(block, self._machine, self._voice)
+            ready += auto.build(block, self._machine, self._voice)
         return ready
 
     def _train(self, members: Sequence[cuts.Cut], meetings: Sequence[train.Meeting]) -> None:

@@ -10,12 +10,12 @@ import numpy as np
 import numpy.typing as npt
 
 from controller.geometry.arrays import rows
-from controller.geometry.placement import Placed
 from controller.geometry.vectors import ROUNDING, Vector
 from controller.machine.model import Axis, Joints, Machine
 from controller.messages import Said, said
 from controller.motion.motions import SurfaceCut
-from controller.plan.surfaces.cuts import Cut
+from controller.plan.surfaces import deviation
+from controller.plan.surfaces.cuts import Cut, flank
 
 Array = npt.NDArray[np.float64]
 
@@ -177,11 +177,7 @@ def depth_in_turn(way: SurfaceCut, before: Cut, after: Cut) -> float:
     deepest = 0.0
     for cut, u in ((before, 1.0 - BESIDE * _NEAR), (after, BESIDE * _NEAR)):
         points = _beside(cut, u)
-        height = axes @ points - (axes * tips).sum(axis=1)[:, None]
-        square = ((points[None] - tips[:, :, None]) ** 2).sum(axis=1) - height * height
-        flank = _flank(cut)
-        gap = np.sqrt(np.maximum(square, 0.0)) - flank[0] - height * math.tan(cut.tool.taper_rad)
-        gap = np.where(height < flank[1], math.inf, gap * math.cos(cut.tool.taper_rad))
+        gap = deviation.at_poses(tips, axes, flank(cut), cut.tool.taper_rad, points)
         deepest = max(deepest, -float(gap.min()))
     return deepest
 
@@ -194,11 +190,3 @@ def _beside(cut: Cut, u: Array) -> Array:
     along, across = (a.ravel() for a in np.meshgrid(u, np.linspace(0.0, 1.0, 17), indexing="ij"))
     point = cut.motion.surface.point(along, across, np)
     return rows(point, along.shape)
-
-
-def _flank(cut: Cut) -> tuple[float, float]:
-    """Radius (mm) of the flank at the height of the tip as placed, and height from which it cuts."""
-    tool, surface = cut.tool, cut.motion.surface
-    low = surface.shift_mm if isinstance(surface, Placed) else 0.0
-    radius = surface.offset_mm if isinstance(surface, Placed) else cut.motion.offset_mm
-    return abs(radius) - low * math.tan(tool.taper_rad), tool.corner_mm * (1.0 - math.sin(tool.taper_rad))

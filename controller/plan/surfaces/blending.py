@@ -246,7 +246,8 @@ class _Across(NamedTuple):
             # A cubic's first leg is a third of its rate.
             along += CUBIC / max(norm(ways[-1]), TINY)
             across += CUBIC * norm(ruling) / max(norm(normals[-1]), TINY)
-        return _Across(float(angle_between(*ways)), float(angle_between(*normals)), (along, across))
+        a, b = float(angle_between(ways[0], ways[1])), float(angle_between(normals[0], normals[1]))
+        return _Across(a, b, (along, across))
 
 
 class Difference(Enum):

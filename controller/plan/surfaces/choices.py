@@ -15,7 +15,7 @@ from controller.motion.motions import Rotaries
 from controller.plan.rotaries import winding
 from controller.plan.rotaries.winding import Row, Turned, Way
 from controller.plan.stretch import Voice, rotaries_of
-from controller.plan.surfaces import cuts, train
+from controller.plan.surfaces import auto, cuts, train
 from controller.program.program import Aside, Block, CutBlock, JointMotion, ProgramError, TipLine
 
 
@@ -53,7 +53,7 @@ def _moving(blocks: Iterable[Block]) -> Iterator[Block]:
 def _rows(
     blocks: Iterable[CutBlock], machine: Machine, kinematics: Kinematics, voice: Voice
 ) -> Iterator[Row]:
-    ready = [cut for block in blocks for cut in cuts.build(block, machine, voice)]
+    ready = [cut for block in blocks for cut in auto.build(block, machine, voice)]
     for members, _ in train.trains(ready, machine, kinematics, voice):
         yield Row(members[0].block.place.order, _ways(members, machine, kinematics, voice))
 

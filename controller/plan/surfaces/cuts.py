@@ -7,13 +7,13 @@ which the joints change smoothly, as two G52 blocks would.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any, Generic, TypeVar
 
 from controller.geometry import arc_length
 from controller.geometry.curves import ArcLength, Bezier, NoLength
 from controller.geometry.defects import Defect, DefectKind, concave_radius, defect
-from controller.geometry.placement import Placed, Strategy, Turn
+from controller.geometry.placement import AT_LOWER, Placed, Strategy, Turn
 from controller.geometry.rulings import smooth_parts
 from controller.geometry.surfaces import Cone, RuledSurface, Surface
 from controller.geometry.vectors import Number, Vector, add, cross, dot, norm, rotate, scale, subtract, unit
@@ -24,7 +24,7 @@ from controller.messages import Key, Said, said
 from controller.motion.motions import SurfaceCut
 from controller.plan.stretch import Voice
 from controller.plan.surfaces.placements import name_of
-from controller.plan.surfaces.placing import Cutter, Wanted, off_mm, place
+from controller.plan.surfaces.placing import CHOSEN_FROM, Cutter, Wanted, off_mm, place_all
 from controller.plan.surfaces.touching import touched
 from controller.program.program import CutBlock, CutCone, CutNurbs, CutRuled, GougeRefused, Modal
 from controller.values import dataclass
@@ -91,47 +91,84 @@ class Cut:
         return self.block.modal.side.value
 
 
-def build(block: CutBlock, machine: Machine, voice: Voice) -> tuple[Cut, ...]:
-    """The cuts of one block, in order; refuses a surface that its cutter cannot cut."""
+@dataclass(frozen=True, slots=True)
+class Parts:
+    """The smooth parts of one block, and the cutter for them."""
+
+    block: CutBlock
+    tool: Tool
+    cutter: Cutter
+    surfaces: tuple[Surface, ...]
+    shares: tuple[tuple[float, float], ...]  # of the block, in its u
+
+    @staticmethod
+    def of(block: CutBlock, surface: Surface, tool: Tool) -> Parts:
+        surfaces, shares = zip(*_parts(block, surface), strict=True)
+        return Parts(block, tool, _cutter(block.modal, tool), surfaces, shares)
+
+    def cuts(self, placed: Sequence[Surface], machine: Machine) -> tuple[Cut, ...]:
+        """Their cuts, with the cutter as ``placed``; raises ValueError."""
+        return tuple(self._cut(*each, machine) for each in zip(placed, self.shares, strict=True))
+
+    def _cut(self, placed: Surface, part: tuple[float, float], machine: Machine) -> Cut:
+        frame, tool = self.block.modal.frame(machine), self.tool
+        motion = SurfaceCut(placed, _arc(placed.lower), self.cutter.offset_mm, tool.length_mm, frame)
+        motion = touched(motion, kinematics_of(machine))
+        return Cut(self.block, tool, motion, edge(motion, 0.0), edge(motion, 1.0), part)
+
+
+def build(
+    block: CutBlock,
+    machine: Machine,
+    voice: Voice,
+    auto: Callable[[Parts], tuple[Surface, ...]],
+) -> tuple[Cut, ...]:
+    """The cuts of one block, in order; refuses a surface that its cutter cannot cut.
+
+    ``auto`` places the parts of one for which that is asked.
+    """
     tool = block.modal.tool_in(machine)
     if tool is None:
         known = ", ".join(f"T{t.number}" for t in machine.tools)
         voice.refuse(block.place, said("cut.no_tool", tool=block.modal.tool, known=known))
-    surface = surface_of(block)
+    surface, kind = surface_of(block), strategy(block.modal, tool, machine)
     found = _defect(surface)
     twisted = found is not None and found.kind is DefectKind.TWIST
-    if found is not None and not (twisted and strategy(block, tool, machine) in FREE):
+    if found is not None and not (twisted and kind in FREE):
         advice = _untwisted(block, surface, tool, machine) if twisted else ""
         voice.refuse(block.place, described(block, found, advice))
     if block.modal.allowance_mm < 0.0 and tool.radius_mm + block.modal.allowance_mm <= 0.0:
         cutter = {"tool": tool.number, "radius": tool.radius_mm}
         voice.refuse(block.place, said("cut.no_radius", allowance=block.modal.allowance_mm, **cutter))
-    if strategy(block, tool, machine) is Strategy.AUTO and tolerance_mm(block.modal, tool, machine) is None:
+    if kind is Strategy.AUTO and tolerance_mm(block.modal, tool, machine) is None:
         voice.refuse(block.place, said("cut.no_tolerance"))
     if not twisted:  # an axis off the ruling meets other curvatures: what it cuts is judged
         _audit_hollow(block, surface, tool, machine, voice)
     _tell_flute(block, surface, tool, voice)
     try:
-        return tuple(_cut(block, part, at, tool, machine) for part, at in _parts(block, surface))
+        parts = Parts.of(block, surface, tool)
+        placed = auto(parts) if kind is Strategy.AUTO else place_all(parts.surfaces, parts.cutter, kind)
+        made = parts.cuts(placed, machine)
     except ValueError as error:
         why = error.said if isinstance(error, NoLength) else str(error)
         voice.refuse(block.place, said("cut.not_travelled", code=code(block), why=why))
+    if kind is Strategy.OPTIMAL and (as_good := _plainer(placed)):
+        voice.tell(block.place, said("note.optimal", as_good=Key(as_good)))
+    return made
 
 
-def _cut(block: CutBlock, surface: Surface, part: tuple[float, float], tool: Tool, machine: Machine) -> Cut:
-    modal = block.modal
-    cutter = _cutter(modal, tool)
-    placed = place(surface, cutter, strategy(block, tool, machine), tolerance_mm(modal, tool, machine) or 0.0)
-    frame = modal.frame(machine)
-    motion = SurfaceCut(placed, _arc(surface.lower), cutter.offset_mm, tool.length_mm, frame)
-    motion = touched(motion, kinematics_of(machine))
-    return Cut(block, tool, motion, edge(motion, 0.0), edge(motion, 1.0), part)
+def _plainer(placed: Sequence[Surface]) -> str:
+    """What is as good as ``optimal`` where that has searched and corrected nothing; "" where it has."""
+    found = [one for one in placed if isinstance(one, Placed) and one.name]
+    if not found or any(one.corrections is not None for one in found):
+        return ""
+    return "note.double" if any(one.normals_v != AT_LOWER for one in found) else "note.single"
 
 
 def wanted(block: CutBlock, machine: Machine) -> Iterator[Wanted]:
     """The placements that ``build`` will search for a block; none where it refuses it before."""
     tool = block.modal.tool_in(machine)
-    if tool is None or (kind := strategy(block, tool, machine)) is Strategy.SINGLE:
+    if tool is None or (kind := strategy(block.modal, tool, machine)) is Strategy.SINGLE:
         return
     tolerance = tolerance_mm(block.modal, tool, machine)
     if kind is Strategy.AUTO and tolerance is None:
@@ -139,18 +176,19 @@ def wanted(block: CutBlock, machine: Machine) -> Iterator[Wanted]:
     surface = surface_of(block)
     found = _defect(surface)
     if found is None or (found.kind is DefectKind.TWIST and kind in FREE):
+        kinds = CHOSEN_FROM[1:] if kind is Strategy.AUTO else (kind,)
         for part, _ in _parts(block, surface):
-            yield Wanted(part, _cutter(block.modal, tool), kind, tolerance or 0.0)
+            yield from (Wanted(part, _cutter(block.modal, tool), one) for one in kinds)
 
 
 def _cutter(modal: Modal, tool: Tool) -> Cutter:
     return Cutter.of(tool, modal.side.value, modal.allowance_mm, tool.below_mm)
 
 
-def strategy(block: CutBlock, tool: Tool, machine: Machine) -> Strategy:
+def strategy(modal: Modal, tool: Tool, machine: Machine) -> Strategy:
     """How the cutter is placed: as the program says, else the tool, else the machine."""
-    if block.modal.placement:
-        return Strategy(block.modal.placement)
+    if modal.placement:
+        return Strategy(modal.placement)
     return Strategy[(tool.placement or machine.placement).upper()]
 
 
@@ -206,7 +244,7 @@ def _untwisted(block: CutBlock, surface: Surface, tool: Tool, machine: Machine) 
     """
     if isinstance(block, CutNurbs) and len(list(_parts(block, surface))) > 1:
         return said("cut.try_free")
-    cutter, kind = _cutter(block.modal, tool), strategy(block, tool, machine)
+    cutter, kind = _cutter(block.modal, tool), strategy(block.modal, tool, machine)
     own, best = (off_mm(surface, cutter, one) for one in (kind, Strategy.OPTIMAL))
     most = tolerance_mm(block.modal, tool, machine)
     if best < own and (most is None or best <= most):
@@ -253,6 +291,14 @@ def gouge(what: Said, advice: Said, block: CutBlock, machine: Machine, voice: Vo
         why = said("gouge.refused", what=what, advice=advice, more="")
         raise block.place.refusal(voice.program, why, GougeRefused)
     voice.tell(block.place, said("gouge.told", what=what, advice=advice))
+
+
+def flank(cut: Cut) -> tuple[float, float]:
+    """Radius (mm) of the flank at the height of the tip as placed, and height from which it cuts."""
+    tool, surface = cut.tool, cut.motion.surface
+    low = surface.shift_mm if isinstance(surface, Placed) else 0.0
+    offset = surface.offset_mm if isinstance(surface, Placed) else cut.motion.offset_mm
+    return abs(offset) - low * math.tan(tool.taper_rad), tool.corner_mm * (1.0 - math.sin(tool.taper_rad))
 
 
 def edge(cut: SurfaceCut, u: float) -> Edge:

@@ -44,6 +44,18 @@ def points(surface: Surface, u: Array, v: Array) -> Array:
     return _stacked(surface.point(u, v, np), u)
 
 
+def normals(placed: Placed, u: Array, v: Array) -> Array:
+    """Unit normals (3, N) of the surface to the cutter's side; that of C1 where C0 stands still."""
+    (tangent, turn), ruling = (
+        [_stacked(r, u) for r in placed.rates(u, np)],
+        _stacked(placed.ruling(u, np), u),
+    )
+    normal = np.cross(tangent + (1.0 - v) * turn, ruling, axis=0)
+    lost = np.sqrt((normal * normal).sum(axis=0)) < 1e-12
+    normal = np.where(lost, np.cross(tangent, ruling, axis=0), normal)
+    return math.copysign(1.0, placed.offset_mm) * _unit(normal)
+
+
 def of(placed: Placed, at: Array, near: Array | None = None) -> Deviation:
     """Of the points ``at`` (3, N); ``near`` (N,): where to look first, else everywhere.
 
@@ -87,6 +99,17 @@ def _seen(placed: Placed, at: Array, u: Array) -> Deviation:
     tangent, cosine = math.tan(placed.taper_rad), math.cos(placed.taper_rad)
     left = (across - abs(placed.offset_mm) - (height - placed.shift_mm) * tangent) * cosine
     return Deviation(left, u, height, -foot / np.maximum(across, 1e-12))
+
+
+def at_poses(tips: Array, axes: Array, flank: tuple[float, float], taper_rad: float, at: Array) -> Array:
+    """What the flank at poses (M, 3) leaves of the points ``at`` (3, N): (M, N) mm, inf below where it cuts.
+
+    ``flank``: its radius at the height of the tip, and the height from which it cuts (mm).
+    """
+    height = axes @ at - (axes * tips).sum(axis=1)[:, None]
+    square = ((at[None] - tips[:, :, None]) ** 2).sum(axis=1) - height * height
+    gap = np.sqrt(np.maximum(square, 0.0)) - flank[0] - height * math.tan(taper_rad)
+    return np.where(height < flank[1], math.inf, gap * math.cos(taper_rad))
 
 
 def _nearest(placed: Placed, at: Array) -> Array:

@@ -62,7 +62,9 @@ FREE_RAD = math.radians(60.0)
 FREE_ACROSS, FREE_STEPS, FREE_GAIN = 17, 40, 2e-4
 SQUARES = 30  # steps by least squares
 RUN_PRICE = 1e-7  # against squared deviations per mm^2: the lower point stays where that costs nothing
-OF_TOLERANCE = 0.95  # what the points that are looked at may take of it: there is more between them
+GRID = (65, 11)  # as ``ALONG``, ``ACROSS``, where placements are chosen from
+LEAST_COSINE = 0.3  # of the way from a point to the axis and its normal
+CHOSEN_FROM = (Strategy.SINGLE, Strategy.DOUBLE, Strategy.OPTIMAL)  # by ``auto``, the plainest first
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,35 +89,18 @@ class Cutter:
         return Cutter(math.copysign(flank + allowance_mm * math.cos(taper), side), taper, low, begins)
 
 
-def place(surface: Surface, cutter: Cutter, strategy: Strategy, tolerance_mm: float = 0.0) -> Surface:
-    """``surface`` with the cutter placed; itself where that is what Eq. 5 and 8 say.
-
-    ``tolerance_mm`` is what ``auto`` has to keep.
-    """
-    if strategy is Strategy.AUTO:
-        return _first_that_keeps(surface, cutter, tolerance_mm)
-    if strategy is not Strategy.SINGLE:
-        better = _better(surface, cutter, strategy)
-        if better is not None:
-            return better
-    return surface if cutter.taper_rad == 0.0 and cutter.shift_mm == 0.0 else _single(surface, cutter)
+def place(surface: Surface, cutter: Cutter, strategy: Strategy) -> Surface:
+    """``surface`` with the cutter placed (not ``AUTO``); itself where that is what Eq. 5 and 8 say."""
+    assert strategy is not Strategy.AUTO  # which is chosen for a whole block: ``auto.build``
+    better = _better(surface, cutter, strategy) if strategy is not Strategy.SINGLE else None
+    if better is not None:
+        return better
+    return surface if cutter.taper_rad == 0.0 and cutter.shift_mm == 0.0 else as_the_paper(surface, cutter)
 
 
-@remembered(256)
-def _first_that_keeps(surface: Surface, cutter: Cutter, tolerance_mm: float) -> Surface:
-    """The first of ``single``, ``double``, ``optimal`` that keeps the tolerance, or the one least off."""
-    judge = _Judge(_single(surface, cutter))
-    found = [(judge.share_of(judge.placed, tolerance_mm), place(surface, cutter, Strategy.SINGLE))]
-    name = placements.name_of(surface, cutter, Strategy.AUTO, tolerance_mm)
-    if found[0][0] > 1.0 and (kept := placements.known(name)) is not None:
-        return kept.on(surface, name)
-    for strategy in (Strategy.DOUBLE, Strategy.OPTIMAL):
-        if found[-1][0] <= 1.0:
-            break
-        better = _better(surface, cutter, strategy)
-        if better is not None:
-            found.append((judge.share_of(better, tolerance_mm), replace(better, name=name)))
-    return min(found, key=lambda one: one[0])[1]
+def place_all(parts: tuple[Surface, ...], cutter: Cutter, strategy: Strategy) -> tuple[Surface, ...]:
+    """The smooth parts of one block, each as ``place`` has it."""
+    return tuple(place(part, cutter, strategy) for part in parts)
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,20 +109,18 @@ class Wanted:
 
     surface: Surface
     cutter: Cutter
-    strategy: Strategy
-    tolerance_mm: float
+    strategy: Strategy  # not ``AUTO``: what that chooses from
 
     @property
     def name(self) -> str:
         """Under what it is known once it is found."""
-        asked = (self.tolerance_mm,) if self.strategy is Strategy.AUTO else ()
-        return placements.name_of(self.surface, self.cutter, self.strategy, *asked)
+        return placements.name_of(self.surface, self.cutter, self.strategy)
 
 
 def searched(wanted: Wanted) -> placements.Recipe | None:
     """What ``place`` finds, to be learnt; None where it is the paper's placement, or there is none."""
     try:
-        placed = place(wanted.surface, wanted.cutter, wanted.strategy, wanted.tolerance_mm)
+        placed = place(wanted.surface, wanted.cutter, wanted.strategy)
     except ValueError:  # told by who reads the block
         return None
     return placements.Recipe.of(placed) if isinstance(placed, Placed) and placed.name else None
@@ -145,25 +128,25 @@ def searched(wanted: Wanted) -> placements.Recipe | None:
 
 def off_mm(surface: Surface, cutter: Cutter, strategy: Strategy) -> float:
     """How far a placement (not ``AUTO``) leaves the surface off at most but for its ends, mm."""
-    single = _single(surface, cutter)
+    single = as_the_paper(surface, cutter)
     placed = place(surface, cutter, strategy)
     return _Judge(single).inner(placed if isinstance(placed, Placed) else single)
 
 
-def _single(surface: Surface, cutter: Cutter) -> Placed:
+def as_the_paper(surface: Surface, cutter: Cutter) -> Placed:
     return Placed(surface, cutter.offset_mm, taper_rad=cutter.taper_rad, shift_mm=cutter.shift_mm)
 
 
 @remembered(256)
 def _better(surface: Surface, cutter: Cutter, strategy: Strategy) -> Placed | None:
-    """The best of its kind, as a check has kept it, or found now; None where the paper's is as good."""
+    """The best of its kind, as a check has kept it, or found now; None where the paper's is exact."""
     name = placements.name_of(surface, cutter, strategy)
     kept = placements.known(name)
     return _found(surface, cutter, strategy, name) if kept is None else kept.on(surface, name)
 
 
 def _found(surface: Surface, cutter: Cutter, strategy: Strategy, name: str) -> Placed | None:
-    single = _Judge(_single(surface, cutter))
+    single = _Judge(as_the_paper(surface, cutter))
     if single.inner(single.placed) < SAME_MM:
         return None
     found = min(_doubles(single), key=single.inner)
@@ -175,7 +158,7 @@ def _found(surface: Surface, cutter: Cutter, strategy: Strategy, name: str) -> P
         start = replace(found, normals_v=(max(high, BELOW_UPPER), low))
         found = min(found, _optimal(start, judge, free), key=judge.inner)
     if found == single.placed:
-        return None
+        return replace(found, name=name)
     return _lowered(replace(found, name=name), cutter)
 
 
@@ -216,18 +199,42 @@ class _Judge:
         """Largest deviation with the ends, mm."""
         return float(np.abs(deviation.of(placed, self.at).left).max())
 
-    def share_of(self, placed: Placed, tolerance_mm: float) -> float:
-        """Largest deviation as a share of what a tolerance leaves to it.
-
-        At the ends overcut may measure twice its depth along the normal, which leaves the part there.
-        """
-        left = deviation.of(placed, self.at).left
-        most = np.where(self._inside | (left > 0.0), OF_TOLERANCE, 0.5 * OF_TOLERANCE)
-        return float((np.abs(left) / most).max()) / max(tolerance_mm, 1e-12)
-
     def weights(self, least: float) -> Array:
         """1, falling to ``least`` at the ends."""
         return np.asarray(np.where(self._inside, 1.0, least + (1.0 - least) * self.share))
+
+
+@dataclass(frozen=True, slots=True)
+class Grid:
+    """Points of a surface at which whole placements of it are compared, along its normals."""
+
+    single: Placed
+    u: Array  # (N,)
+    at: Array  # (3, N)
+    normals: Array  # (3, N) unit vectors to the cutter's side
+
+    @staticmethod
+    def of(placed: Placed) -> Grid:
+        u, v = (a.ravel() for a in np.meshgrid(*map(_cosine, GRID), indexing="ij"))
+        return Grid(placed, u, deviation.points(placed, u, v), deviation.normals(placed, u, v))
+
+    def left(self, placed: Placed) -> Array:
+        """What a cut leaves along the normals (mm, negative: overcut), (N,)."""
+        seen = deviation.of(placed, self.at)
+        return self._along(seen.left, seen.away)
+
+    def left_by(self, tips: Array, axes: Array, flank: tuple[float, float], taper_rad: float) -> Array:
+        """The same of poses (M, 3), inf where the flank is nowhere beside; see ``deviation.at_poses``."""
+        left = deviation.at_poses(tips, axes, flank, taper_rad, self.at)
+        k = np.argmin(left, axis=0)
+        away = tips[k].T - self.at
+        away -= axes[k].T * (axes[k].T * away).sum(axis=0)
+        least = left[k, np.arange(left.shape[1])]
+        return self._along(least, away / np.maximum(np.sqrt((away * away).sum(axis=0)), 1e-12))
+
+    def _along(self, left: Array, away: Array) -> Array:
+        cosine = np.abs((self.normals * away).sum(axis=0))
+        return np.asarray(left / np.maximum(cosine, LEAST_COSINE))
 
 
 def _cosine(n: int) -> Array:

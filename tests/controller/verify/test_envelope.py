@@ -15,7 +15,7 @@ from support.parts.random_surfaces import compound
 from controller.geometry.curves import Bezier, Line
 from controller.geometry.surfaces import Cone, RuledSurface, Surface
 from controller.machine.model import Tool
-from controller.plan.surfaces.placing import Cutter, _single
+from controller.plan.surfaces.placing import Cutter, as_the_paper
 from controller.verify.bodies import cutter
 from controller.verify.envelope import _best_sample, deviation, nearest
 from controller.verify.nominal import Nominal
@@ -121,7 +121,7 @@ SHAPES = {
 def test_cutters_of_every_shape_agree_with_brute_force_on_unseen_surfaces(shape: str, seed: int) -> None:
     """Set beside the ruling, and hung on two points of the surface; both sides."""
     tool, side = SHAPES[shape], -1.0 if seed % 2 else 1.0
-    plain = _single(random_surface(seed), Cutter.of(tool, side))
+    plain = as_the_paper(random_surface(seed), Cutter.of(tool, side))
     hung = replace(plain, points_v=(0.25, 0.7), normals_v=(0.25, 0.7))
     for placed in (plain, hung):
         one = nominal(placed, side, tool)

@@ -45,7 +45,7 @@ def compound(seed: int) -> tuple[list[Pair], Machine, str]:
     for attempt in itertools.count(100 * seed):
         kind = (blu_compounds.general, blu_compounds.like_the_papers)[attempt % 2]
         surfaces = kind(attempt, rng.choice((2, 2, 3, 4, 5)))
-        if max(blu_compounds.angles(surfaces)) < 0.19 and max(blu_compounds.creases(surfaces)) < 2.0:
+        if max(blu_compounds.angles(surfaces)) < 0.19 and max(blu_compounds.creases(surfaces)) < 0.5:
             break
     return surfaces, with_cutter(RADII[seed % 5]), ("G41", "G42")[seed // 5 % 2]
 

@@ -14,7 +14,7 @@ from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Machine
 from controller.plan.path.path import Path
 from controller.plan.stretch import Voice
-from controller.plan.surfaces import cuts, train
+from controller.plan.surfaces import auto, train
 from controller.plan.surfaces.choices import choices
 from controller.program import blocks
 from controller.program.program import CutCone, ProgramError
@@ -67,7 +67,7 @@ def test_the_program_turns_no_farther_than_with_any_other_branches(leans: tuple[
     for code in range(2 ** len(leans)):
         now, total = (0.0, 0.0), 0.0
         for bit, block in enumerate(blocks.read(text.encode(), built, "part.ngc").blocks[:-1]):
-            (cut,) = cuts.build(block, built, Voice("", lambda place, sentence: None))
+            (cut,) = auto.build(block, built, Voice("", lambda place, sentence: None))
             ways = train.options(train.Fields([cut], kinematics), built, now, Voice("", lambda p, s: None))
             start = ways[code >> bit & 1].way.start
             total += abs(start[0] - now[0]) + abs(start[1] - now[1])
@@ -97,7 +97,7 @@ def test_without_choices_or_with_wrong_ones_a_train_decides_for_itself() -> None
     voice = Voice("part.ngc", lambda place, sentence: None)
     (block,) = blocks.read(CONE.format("90.").encode(), built, "part.ngc").blocks
     assert isinstance(block, CutCone)
-    (cut,) = cuts.build(block, built, voice)
+    (cut,) = auto.build(block, built, voice)
     alone = train.choose([cut], built, kinematics, (0.0, 0.0), voice)
     wrong = train.choose([cut], built, kinematics, (0.0, 0.0), voice, (0.1, 0.2))
     assert wrong[0].start == alone[0].start
@@ -112,7 +112,7 @@ def test_of_a_long_train_only_the_ends_of_its_cuts_are_kept() -> None:
     voice = Voice("part.ngc", lambda place, sentence: None)
     (block,) = blocks.read(CONE.format("90.").encode(), built, "part.ngc").blocks
     assert isinstance(block, CutCone)
-    fields = train.Fields(cuts.build(block, built, voice), kinematics)
+    fields = train.Fields(auto.build(block, built, voice), kinematics)
     kept, whole = (train.options(fields, built, (0.0, 0.0), voice, whole) for whole in (False, True))
     assert [one.way for one in kept] == [one.way for one in whole] and len(kept) == 2
     for one, other in zip(kept, whole, strict=True):
