@@ -6,9 +6,12 @@ And for those marked ``live``: a computer that was not there fails none of them,
 from __future__ import annotations
 
 import gc
+import itertools
 import os
 import random
-from collections.abc import Generator, Iterator, Sequence
+import re
+import sys
+from collections.abc import Generator, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +19,16 @@ import hypothesis
 import pytest
 from support.suite import absent_computer, seed
 
+NUMBER = itertools.count()  # of folders
 MAX_OPEN = 500  # files; select, which the simulated bus waits with, takes 1024
+
+# What a command freezes goes with its process; here it would stay with all tests after it, open files too.
+FREEZE, UNFREEZE = gc.freeze, gc.unfreeze
+gc.freeze = gc.unfreeze = lambda: None
+
+# Of hundreds of processes that we start, each would compile all that it imports; of workers, every test.
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+sys.dont_write_bytecode = False
 
 # The workers of xdist must choose the same.
 os.environ["DIRECTRIX_TEST_SEED"] = str(seed.SEED)
@@ -28,10 +40,17 @@ hypothesis.settings.register_profile(
 hypothesis.settings.load_profile("any computer")
 
 
+@pytest.fixture
+def tmp_path(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """As pytest's own, which lists all folders of the thousands of tests before to find the next number."""
+    name = re.sub(r"\W", "_", request.node.name)[:25]
+    return tmp_path_factory.mktemp(f"{name}{next(NUMBER)}", numbered=False)
+
+
 @pytest.fixture(autouse=True)
 def own_state_folder(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Stored checks of one test are not found by another."""
-    folder = tmp_path_factory.mktemp("state")
+    folder = tmp_path_factory.mktemp(f"own-state{next(NUMBER)}", numbered=False)
     monkeypatch.setenv("XDG_STATE_HOME", str(folder))
     return folder
 
@@ -42,9 +61,28 @@ def own_collector() -> Iterator[None]:
     before = gc.get_threshold()
     yield
     gc.set_threshold(*before)
-    gc.unfreeze()
     if len(os.listdir("/proc/self/fd")) > MAX_OPEN:
         gc.collect()
+
+
+@pytest.fixture(autouse=True, scope="module")
+def what_stays_is_looked_through_once() -> Iterator[None]:
+    """What outlives a module is cached for good: a look through all that 12 000 tests leave takes seconds."""
+    yield
+    gc.collect()
+    FREEZE()
+
+
+@pytest.fixture
+def real_freeze() -> Iterator[None]:
+    """The product's own, for tests of what it freezes."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(gc, "freeze", FREEZE)
+        patch.setattr(gc, "unfreeze", UNFREEZE)
+        yield
+    UNFREEZE()
+    gc.collect()
+    FREEZE()
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -60,12 +98,38 @@ def pytest_report_header(config: pytest.Config) -> str:
 @pytest.hookimpl(trylast=True)
 def pytest_sessionfinish() -> None:
     gc.collect()
-    gc.freeze()
+    FREEZE()
+
+
+# Tests, modules and libraries stay: thirty looks through them take a third of the time of collection.
+@pytest.hookimpl(wrapper=True)
+def pytest_collection() -> Generator[None, Any, Any]:
+    gc.disable()
+    try:
+        return (yield)
+    finally:
+        gc.collect()
+        FREEZE()
+        gc.enable()
+
+
+class Backwards(pytest.Dir):
+    """A folder of every other worker: of two that begin at either end, each compiles a half of the tests."""
+
+    def collect(self) -> Iterable[pytest.Item | pytest.Collector]:
+        return reversed(list(super().collect()))
+
+
+def pytest_collect_directory(path: Path, parent: pytest.Collector) -> pytest.Dir | None:
+    worker = os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw")
+    return Backwards.from_parent(parent, path=path) if int(worker) % 2 else None
 
 
 # After the marks have been looked at.
 @pytest.hookimpl(trylast=True)
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    if "PYTEST_XDIST_WORKER" in os.environ:  # each must find the same
+        items.sort(key=lambda item: item.path)
     one_in = config.getoption("share")
     if one_in > 1:
         kept = _share(items, one_in)

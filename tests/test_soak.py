@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import functools
 import gc
 import json
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -34,17 +36,23 @@ def test_what_is_drawn_depends_on_seed_and_number_alone() -> None:
     assert kinds == set(PARTS)
 
 
+@pytest.fixture(scope="module")
+def once(tmp_path_factory: pytest.TempPathFactory) -> Callable[[int], Came]:
+    """What came of a run by its number; each takes seconds."""
+    return functools.cache(lambda number: stepped.run(drawn(SEED, number), tmp_path_factory.mktemp("run")))
+
+
 @pytest.mark.parametrize("number", [SOUND, FAULTY])
-def test_a_run_holds_and_its_record_is_made_again(number: int, tmp_path: Path) -> None:
-    came = stepped.run(drawn(SEED, number), tmp_path)
+def test_a_run_holds_and_its_record_is_made_again(number: int, once: Callable[[int], Came]) -> None:
+    came = once(number)
     assert came.wrong == "" and came.ticks > 100 and came.record is not None
     done = CliRunner().invoke(app, ["replay", str(came.record), "--json"])
     told = json.loads(done.stdout)
     assert done.exit_code == 0 and told["compared_ticks"] > 100
 
 
-def test_a_run_is_the_same_again(tmp_path: Path) -> None:
-    first, second = (stepped.run(drawn(SEED, SOUND), tmp_path / name) for name in "ab")
+def test_a_run_is_the_same_again(tmp_path: Path, once: Callable[[int], Came]) -> None:
+    first, second = once(SOUND), stepped.run(drawn(SEED, SOUND), tmp_path)
     assert first.told == second.told and first.ticks == second.ticks
 
 
@@ -151,15 +159,19 @@ def test_the_sum_counts_what_came_and_where_it_is_kept(tmp_path: Path) -> None:
     assert replace(found, processes={"soak 1": leaks}).grown == {"soak 1": (100.0, 108.0)}
 
 
-def test_the_command_tells_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_command_tells_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, once: Callable[[int], Came]
+) -> None:
+    from support.soak import soak as module
+
     monkeypatch.chdir(tmp_path)
+    *others, _, draw = module.soak.__defaults__
+    came = lambda of, _folder: once(of.number)  # noqa: E731
+    monkeypatch.setattr(module.soak, "__defaults__", (*others, came, draw))
     words = ["soak", "--seed", str(SEED), "--first", str(SOUND), "--runs", "1", "--json"]
     done = CliRunner().invoke(app, words)
     told = json.loads(done.stdout)
     assert done.exit_code == 0 and told["runs"] == 1 and told["kept"] == [], done.output
-    from support.soak import soak as module
-
-    *others, _, draw = module.soak.__defaults__
     monkeypatch.setattr(module.soak, "__defaults__", (*others, broken, draw))
     wrong = CliRunner().invoke(app, [*words[:4], "1", "--runs", "1", "--language", "de"])
     assert wrong.exit_code == 1 and "hielten nicht" in wrong.output and f"soak/{SEED}-1" in wrong.output
@@ -172,7 +184,7 @@ def test_any_run_holds(number: int, tmp_path: Path) -> None:
     assert came.wrong == "", (drawn(1, number).title, came)
 
 
-def test_runs_leave_nothing_behind_in_memory(tmp_path: Path) -> None:
+def test_runs_leave_nothing_behind_in_memory(tmp_path: Path, real_freeze: None) -> None:
     """What a run has made is gone after it, though replay freezes what is there."""
     counts: list[int] = []
 
@@ -185,7 +197,7 @@ def test_runs_leave_nothing_behind_in_memory(tmp_path: Path) -> None:
     assert counts[2] - counts[1] < 1000, counts
 
 
-def test_nothing_but_a_bounded_cache_keeps_a_machine_of_a_run(tmp_path: Path) -> None:
+def test_nothing_but_a_bounded_cache_keeps_a_machine_of_a_run(real_freeze: None) -> None:
     """Other machines each time, with joints of surfaces led over into each other, which are remembered."""
     text = surface_trains.program(3, decimals=3).replace("G61", "G64 P0.01")
     counts = list[int]()

@@ -47,6 +47,7 @@ def asked_from_here(scene: Scene) -> Any:
 
 
 LOCAL, WITH_USERS = scene_of(False), scene_of(True)
+WITH_USERS.app.openapi_schema = LOCAL.app.openapi()  # the same, and a second to describe
 CHIEF = {"Authorization": f"Bearer {WITH_USERS.tokens['set_up']}"}
 local = schemathesis.openapi.from_asgi("/openapi.json", asked_from_here(LOCAL))
 with_users = schemathesis.openapi.from_asgi("/openapi.json", asked_from_here(WITH_USERS), headers=CHIEF)

@@ -38,15 +38,14 @@ class Ring:
         self.own = self
 
 
-def test_the_collector_does_not_look_again_at_what_is_there_when_a_program_is_loaded(tmp_path: Path) -> None:
+def test_the_collector_does_not_look_again_at_what_is_there_when_a_program_is_loaded(
+    tmp_path: Path, real_freeze: None
+) -> None:
     with alone(tmp_path) as end:
         there = Ring()
         gone = weakref.ref(there)
-        try:
-            end.load((), end.snapshot())
-            assert not any(one is there for one in gc.get_objects())
-            del there
-            end.load((), end.snapshot())
-            assert gone() is None
-        finally:
-            gc.unfreeze()
+        end.load((), end.snapshot())
+        assert not any(one is there for one in gc.get_objects())
+        del there
+        end.load((), end.snapshot())
+        assert gone() is None
