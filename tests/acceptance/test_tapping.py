@@ -92,20 +92,25 @@ def test_a_tilted_hole_is_tapped_along_the_tool(turned: str) -> None:
     assert np.ptp(cut.joints[:, rotaries], axis=0).max() < 1e-4
 
 
+@pytest.fixture(scope="module")
+def plain() -> Tapper:
+    """A thread that nothing disturbs; it is only looked at."""
+    tapper = Tapper(motor=LAGGING)
+    assert tapper.run(tapped(600.0, 1.0)).result == "completed"
+    return tapper
+
+
 # ---- what disturbs it ---------------------------------------------------------------
 
 
-def test_neither_override_counts_in_a_thread() -> None:
-    plain, slowed = Tapper(motor=LAGGING), Tapper(motor=LAGGING)
-    plain.run(tapped(600.0, 1.0))
+def test_neither_override_counts_in_a_thread(plain: Tapper) -> None:
+    slowed = Tapper(motor=LAGGING)
     slowed.run(tapped(600.0, 1.0), Event(10, Request.OVERRIDE, 0.5))
     assert len(plain.cut.turns) == pytest.approx(len(slowed.cut.turns), abs=5)
 
 
 @pytest.mark.parametrize("share", [0.2, 0.5, 0.8])
-def test_a_hold_stops_on_the_thread_and_goes_on_there(share: float) -> None:
-    plain = Tapper(motor=LAGGING)
-    plain.run(tapped(600.0, 1.0))
+def test_a_hold_stops_on_the_thread_and_goes_on_there(share: float, plain: Tapper) -> None:
     first = next(i for i, now in enumerate(plain.seen) if now.thread_rev)
     at = first + round(share * len(plain.cut.turns))
     held = Tapper(motor=LAGGING)
@@ -166,11 +171,12 @@ def test_without_an_angle_a_thread_is_refused_and_g84_floats() -> None:
     assert tapper.run(tapped(600.0, 1.0, code="G84")).result == "completed"
 
 
-def test_the_record_of_a_thread_gives_the_same_setpoints_again_whatever_the_spindle_does() -> None:
+def test_the_record_of_a_thread_gives_the_same_setpoints_again_whatever_the_spindle_does(
+    plain: Tapper,
+) -> None:
     """As ``replay`` does: what the spindle made of it comes out of the record, tick by tick."""
-    first, again = Tapper(motor=LAGGING), Tapper(motor=MotorParameters(0.005, 0.0, 100.0))
-    first.run(tapped(600.0, 1.0))
-    recorded, tick = iter(list(first.seen)), again.bench.tick
+    again = Tapper(motor=MotorParameters(0.005, 0.0, 100.0))
+    recorded, tick = iter(plain.seen), again.bench.tick
 
     def as_recorded() -> None:
         if (now := next(recorded, None)) is not None:
@@ -180,6 +186,6 @@ def test_the_record_of_a_thread_gives_the_same_setpoints_again_whatever_the_spin
 
     again.bench.tick = as_recorded  # type: ignore[method-assign]
     assert again.run(tapped(600.0, 1.0)).result == "completed"
-    found = [now.setpoints for now in again.seen[: len(first.seen)]]
-    assert found == [now.setpoints for now in first.seen[: len(found)]]
+    found = [now.setpoints for now in again.seen[: len(plain.seen)]]
+    assert found == [now.setpoints for now in plain.seen[: len(found)]]
     assert len(found) > 2000

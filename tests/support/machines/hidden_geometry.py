@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import brentq
 
 from controller.calibration.positions import Probe, Sphere
 from controller.calibration.rotary_fit import across, moved
@@ -112,7 +113,7 @@ def probed(
 
 
 def _at(told, real, sphere, probe, place, rng, scatter_mm):
-    """Each by bisection along its way, on the machine as it is."""
+    """Each where its way meets the sphere, on the machine as it is."""
     kinematics, truth, linear = kinematics_of(told), kinematics_of(real.machine), list(told.linear())
     pair = (*place, 0.0, 0.0)[:2]
     centre = np.array(kinematics.linear(sphere.centre, pair, probe.length_mm))
@@ -138,8 +139,5 @@ def _at(told, real, sphere, probe, place, rng, scatter_mm):
             tip = np.array(truth.forward(tuple(stands), probe.length_mm).tip)
             return np.linalg.norm(tip - np.array(sphere.centre)) - reach
 
-        low, high = -reach - 4.0, 0.0
-        for _ in range(48):
-            middle = 0.5 * (low + high)
-            low, high = (middle, high) if gap(middle) > 0.0 else (low, middle)
-        yield joints(high + rng.normal() * scatter_mm), way, senses
+        touched = brentq(gap, -reach - 4.0, 0.0, xtol=1e-12)
+        yield joints(touched + rng.normal() * scatter_mm), way, senses
