@@ -10,7 +10,7 @@ Every refusal is a ``ConfigError`` in the form of ``toml_table``, and no key goe
 from __future__ import annotations
 
 import difflib
-from functools import lru_cache
+from functools import cache, lru_cache
 from pathlib import Path
 
 from controller.machine.toml_table import ConfigError, Table, is_number, parse, read_text
@@ -109,6 +109,7 @@ def load(source: str | Path) -> Profile:
     return _load(str(source))
 
 
+@cache
 def shipped() -> tuple[str, ...]:
     """Names of the profiles that come with Directrix, for ``load``."""
     return tuple(sorted(path.stem for path in SHIPPED.glob("*.toml")))

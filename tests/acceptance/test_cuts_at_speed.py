@@ -166,14 +166,20 @@ def test_under_an_override_the_cut_begins_at_its_share_of_the_feed() -> None:
     assert_in_limits(done, "override")
 
 
+SHORT_CONE = machine_file.shipped_program("example1_ready").read_text().replace("D360.", "D10.")
+
+
+@pytest.fixture(scope="module")
+def plain() -> Cut:
+    return cut(SHORT_CONE, machine_file.load("trunnion"))
+
+
 @pytest.mark.parametrize("motion", ["lead in", "lead out"])
-def test_a_hold_on_a_lead_stands_on_the_path_and_goes_on(motion: str) -> None:
-    source = machine_file.shipped_program("example1_ready").read_text().replace("D360.", "D40.")
-    plain = cut(source, machine_file.load("trunnion"))
+def test_a_hold_on_a_lead_stands_on_the_path_and_goes_on(motion: str, plain: Cut) -> None:
     which = next(i for i, stretch in plain.stretches.items() if stretch.name == motion)
     tick = int(np.median(np.flatnonzero(plain.column("motion_id") == which)))
     events = [Event(tick, Request.HOLD, 0.0), Event(tick + 300, Request.RESUME, 0.0)]
-    done = cut(source, machine_file.load("trunnion"), events)
+    done = cut(SHORT_CONE, machine_file.load("trunnion"), events)
     assert done.run.result == "completed"
     assert len(done.joints) > len(plain.joints) + 250
     assert done.joints[-1] == pytest.approx(plain.joints[-1], abs=1e-9)
