@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from enum import Enum
 
+from drives.text_file import Source
 from drives.values import dataclass
 
 # Methods of CiA 402-2; 15, 16, 31, 32 are reserved, 36 was never given.
@@ -68,7 +69,7 @@ class Profile:
     """A family of CiA 402 drives."""
 
     name: str = "generic"
-    eds: str = ""  # path of the data sheet that comes with it; "" = the machine file names one
+    eds: Source = ""  # the data sheet that comes with it; "" = the machine file names one
     mode: CyclicMode = CyclicMode.CSP
     rpdo: int = 1  # number (1 .. 4) of the RPDO that carries controlword and target
     tpdo: int = 1  # number of the TPDO that carries statusword and actual position

@@ -11,6 +11,7 @@ import math
 from typing import Final
 
 from drives.profile import GENERIC, Override, Profile
+from drives.text_file import Source
 from drives.values import dataclass
 
 INT32_MIN: Final = -(2**31)
@@ -52,7 +53,7 @@ class NodeSettings:
     name: str  # of the axis, for sentences
     bus: str  # BusSettings.name
     node: int  # CANopen node id, 1 .. 126
-    eds: str  # file of its electronic data sheet
+    eds: Source  # its electronic data sheet
     counts_min: int = INT32_MIN  # software limits, 607Dh
     counts_max: int = INT32_MAX
     following_error_counts: int = 0xFFFF_FFFF  # 6065h; FFFFFFFFh switches the check off
@@ -104,7 +105,7 @@ class SpindleSettings:
     name: str
     bus: str
     node: int
-    eds: str
+    eds: Source
     counts_per_rev: float  # position units of a revolution; its sign is the direction of M3
     mode: int = 9  # 6060h: 9 cyclic synchronous velocity, 3 profile velocity
     at_speed_share: float = 0.05  # at speed within this share of the wanted one
@@ -136,7 +137,7 @@ class IoSettings:
     name: str
     bus: str
     node: int
-    eds: str
+    eds: Source
     inputs: int = 1  # bytes
     outputs: int = 1
     analogue: tuple[int, ...] = ()  # counts of 6411h:01, :02 ... when all is off; none: no such outputs

@@ -21,7 +21,6 @@ import contextlib
 import hashlib
 import json
 import os
-import re
 import secrets
 import shutil
 import sqlite3
@@ -74,7 +73,7 @@ def _write(
     store: Store, machine: Machine, tools: Mapping[str, Any], file: Path, machine_file: Path | None
 ) -> Path:
     parts = {
-        MACHINE: _alone(machine).encode(),
+        MACHINE: config.alone(machine).encode(),
         FITTING: json.dumps(setup_data.load(store.folder)).encode(),
         SETTINGS: json.dumps(notice_settings.without_secrets(store.settings.all())).encode(),
         TOOLS: json.dumps(tools).encode(),
@@ -114,7 +113,7 @@ def restore(store: Store, contents: Contents, machine_file: Path | None, before:
     if (tools := _unconfirmed(store, contents)) is not None:
         texts[store.folder / tool_store.FILE] = tools
     if machine_file is not None:
-        texts[machine_file] = _alone(contents.machine)
+        texts[machine_file] = config.alone(contents.machine)
     if machine_file is not None or before is None:
         texts[store.folder / setup_data.MACHINE] = setup_data.note_of(contents.machine)
     with contextlib.ExitStack() as work:
@@ -229,7 +228,7 @@ def update(store: Store, new: Path, machine_file: Path) -> list[str]:
         if machine_file.exists():
             kept = work.enter_context(_kept(store, config.load(machine_file), machine_file))
             done.append(f"Kept what was: {kept}.")
-        work.enter_context(atomic_file.all_or_none({machine_file: _alone(machine)}))()
+        work.enter_context(atomic_file.all_or_none({machine_file: config.alone(machine)}))()
     _forget_old(store)
     return [*done, f"Machine file: {machine_file}, from the next start of the service on."]
 
@@ -264,13 +263,3 @@ def all_kept(store: Store) -> list[Path]:
         return []
     own_files.make_private(folder)
     return sorted((folder / name for name in own_files.names(folder) if name.endswith(".zip")), reverse=True)
-
-
-def _alone(machine: Machine) -> str:
-    """The text of a machine file that needs no other: the tools stand in it, their file is not named."""
-    lines, section = [], ""
-    for line in machine.text.splitlines():
-        section = line.strip() if line.lstrip().startswith("[") else section
-        named = section == "[tools]" and re.match(r"\s*file\s*=", line)
-        lines.append(f"# {line}  # its tables stand below" if named else line)
-    return "\n".join([*lines, ""])

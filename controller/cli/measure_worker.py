@@ -22,7 +22,7 @@ from typing import Any
 from controller.calibration.refusal import Refusal
 from controller.cli import measurements
 from controller.cli.measurements import Asked
-from controller.machine import setup_data
+from controller.machine import machine_file, setup_data
 from controller.machine.toml_table import ConfigError
 from controller.messages import plain
 from controller.program import linked
@@ -54,7 +54,7 @@ def evaluated(job: Mapping[str, Any]) -> dict[str, Any]:
     recording = Path(job["recording"]) if job["recording"] else None
     given = (job["values"], job["table"], job["file"], recording, text, job["name"])
     found = measurements.EVALUATE[name](Asked(setup_data.machine(state), *given))
-    edited = found.edit(setup_data.noted(state).text) if found.edit is not None else None
+    edited = found.edit(machine_file.alone(setup_data.noted(state))) if found.edit is not None else None
     return {"told": found.told, "machine_file": edited, "picture": _picture(found)}
 
 

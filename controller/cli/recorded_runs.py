@@ -14,6 +14,7 @@ import numpy as np
 from controller import own_files
 from controller.ipc.handoff import COLUMN
 from controller.machine import machine_file, setup_data
+from controller.machine.machine_file import written
 from controller.machine.model import Kind, Machine
 from controller.program import linked
 from controller.runtime import events
@@ -128,10 +129,11 @@ def read(file: Path, machine: Machine, program: bytes) -> RecordedRun | None:
     if found is None:
         return None
     for what, wanted, given in (
-        ("program", found.begin.program_sha256, program),
-        ("machine file", found.begin.machine_sha256, machine.text.encode()),
+        ("program", found.begin.program_sha256, (program,)),
+        # A machine file is the same with what lies beside it and without, as older versions recorded it.
+        ("machine file", found.begin.machine_sha256, (machine.text.encode(), written(machine.text).encode())),
     ):
-        if wanted != hashlib.sha256(given).hexdigest():
+        if wanted not in [hashlib.sha256(text).hexdigest() for text in given]:
             raise Refused(f"{file}: is the record of a run with another {what}; give the one that was run.")
     return RecordedRun(file, found, machine, program)
 
@@ -148,7 +150,7 @@ def whole(folder: Path, machine: str | None, program: Path | None) -> RecordedRu
     if machine is not None:
         built = machine_file.load(machine)
     else:
-        built = machine_file.read(_part(folder, events.MACHINE, "--machine").decode(), events.MACHINE)
+        built = machine_file.read(_part(folder, events.MACHINE, "--machine").decode(), events.MACHINE, folder)
     found = read(file, built, text)
     if found is None or not found.duration_s:
         raise Refused(f"{folder}: nothing of a run was recorded in it that could be compared; give another.")

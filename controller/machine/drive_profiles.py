@@ -15,6 +15,7 @@ from pathlib import Path
 
 from controller.machine.toml_table import ConfigError, Table, is_number, parse, read_text
 from drives.profile import CyclicMode, Encoder, Override, Profile, Supervision, Write
+from drives.text_file import Source, TextFile
 
 # Objects of drives as TOML tables name them: ``"2210:01"``, and where a data sheet is wrong about one.
 #
@@ -101,12 +102,12 @@ LAST_PDO = 4  # numbers with a pre-defined identifier (CiA 301, 7.3.5)
 GENERAL = Profile()
 
 
-def load(source: str | Path) -> Profile:
+def load(source: Source) -> Profile:
     """The profile of a file, or of a shipped file by its name ("maxon_epos4").
 
     The name of a file that is not shipped is its path. Raises ``ConfigError``.
     """
-    return _load(str(source))
+    return _load(source if isinstance(source, TextFile) else str(source))
 
 
 @cache
@@ -116,7 +117,9 @@ def shipped() -> tuple[str, ...]:
 
 
 @lru_cache(maxsize=64)
-def _load(source: str) -> Profile:
+def _load(source: str | TextFile) -> Profile:
+    if isinstance(source, TextFile):
+        return read(source.text, source.name, Path(), source.name, source.sheet)
     path = _find(source)
     name = path.stem if path.parent == SHIPPED else source
     return read(read_text(path), path.name, path.parent, name)
@@ -133,14 +136,14 @@ def _find(source: str) -> Path:
     )
 
 
-def read(text: str, file: str, folder: Path, name: str) -> Profile:
+def read(text: str, file: str, folder: Path, name: str, sheet: TextFile | None = None) -> Profile:
     """The profile of a text; its data sheet is looked for from ``folder``. Raises ``ConfigError``."""
     top = parse(text, file)
     table = top.table("drive", "[drive]")
     shortest_s, longest_s = _period(table)
     profile = Profile(
         name=name,
-        eds=_eds(table, folder),
+        eds=_eds(table, folder, sheet),
         mode=MODES[table.text("mode", tuple(MODES), "csp")],
         rpdo=table.integer("rpdo", 1, LAST_PDO, GENERAL.rpdo),
         tpdo=table.integer("tpdo", 1, LAST_PDO, GENERAL.tpdo),
@@ -192,9 +195,11 @@ def _audit(profile: Profile, table: Table) -> None:
         table.refuse("feed_forward", problem, 'false with mode = "ip"', "write feed_forward = false")
 
 
-def _eds(table: Table, folder: Path) -> str:
-    """The data sheet, absolute; "" where the maker of the drive keeps it."""
-    name = table.text("eds", default=GENERAL.eds)
+def _eds(table: Table, folder: Path, sheet: TextFile | None) -> Source:
+    """The data sheet, absolute or as it came along; "" where the maker of the drive keeps it."""
+    name = table.text("eds", default="")
+    if sheet is not None:
+        return sheet
     path = (folder / name).resolve()
     if name and not path.is_file():
         table.refuse("eds", f"there is no file {path}", "a path seen from the profile", "correct the path")

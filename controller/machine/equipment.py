@@ -6,9 +6,8 @@ Every refusal is a ``ConfigError`` in the form of ``toml_table``.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
 
 from controller.geometry.vectors import Z, norm, scale
 from controller.machine import drive_profiles
@@ -30,6 +29,7 @@ from controller.machine.model import (
     Temperature,
     WorkTable,
 )
+from controller.machine.named_files import NamedFiles
 from controller.machine.toml_table import Table
 
 SENSORS = ("probe", "setter")  # on = touched
@@ -54,10 +54,8 @@ M_CODES = "M10 to M18, M20 to M28, M31 to M47, M54 to M59, M69, M74 to M97, M100
 MODES = {"csv": 9, "pv": 3}
 TAPPING_REV_S2 = 50.0  # along a thread, where the file says nothing
 
-FindProfile = Callable[[Table], str]  # the profile that a table names
 
-
-def spindle(table: Table, buses: Sequence[Bus], profile: FindProfile, folder: Path | None) -> Spindle:
+def spindle(table: Table, buses: Sequence[Bus], files: NamedFiles) -> Spindle:
     """``[spindle]``: without ``node`` only what programs need, with it also its drive."""
     most = table.positive("max_rev_min")
     if not table.has("node"):
@@ -67,13 +65,13 @@ def spindle(table: Table, buses: Sequence[Bus], profile: FindProfile, folder: Pa
         max_rev_min=most,
         bus=table.text("bus", [bus.name for bus in buses], buses[0].name),
         node=table.integer("node", 1, 126),
-        profile=profile(table),
+        profile=files.profile(table),
         counts_per_rev=table.number("counts_per_rev"),
         mode=MODES[table.text("mode", tuple(MODES), "csv")],
         at_speed_share=table.number("at_speed_share", 0.001, 0.5, default=0.05),
         spin_up_s=table.number("spin_up_s", 0.1, 120.0, default=10.0),
         acceleration_rev_s2=table.positive("acceleration_rev_s2", default=50.0),
-        eds=_data_sheet(table, folder),
+        eds=files.sheet(table),
         stopping=Stopping(0.0, *_units(table)),
         unsupervised=table.flag("unsupervised", False),
         overrides=drive_profiles.overrides(table),
@@ -244,7 +242,7 @@ def io(
     table: Table,
     buses: Sequence[Bus],
     axes: Sequence[Axis],
-    folder: Path | None,
+    files: NamedFiles,
     of_changer: tuple[Sequence[str], Sequence[str]] = ((), ()),
 ) -> Io:
     """``[io]``; every bit has a name that something uses. ``of_changer``: its outputs and inputs."""
@@ -261,7 +259,7 @@ def io(
     found = Io(
         bus=table.text("bus", [bus.name for bus in buses], buses[0].name),
         node=table.integer("node", 1, 126),
-        eds=_data_sheet(table, folder),
+        eds=files.sheet(table),
         inputs=inputs,
         outputs=outputs,
         inverted=_inverted(table, [name for name, _ in (*inputs, *outputs)]),
@@ -367,15 +365,6 @@ def _m_codes(table: Table, digital_out: Sequence[str]) -> tuple[tuple[str, str, 
         found.append((code, entry.text("output", digital_out), entry.flag("on", True)))
         entry.finish()
     return tuple(found)
-
-
-def _data_sheet(table: Table, folder: Path | None) -> str:
-    if not table.has("eds"):
-        return ""
-    path = (folder or Path()) / table.text("eds")
-    if not path.is_file():
-        table.refuse("eds", f"there is no file {path}", "a path seen from the machine file", "correct it")
-    return str(path.resolve())
 
 
 def _bits(table: Table, key: str, known: Sequence[str]) -> tuple[tuple[str, int], ...]:

@@ -16,6 +16,7 @@ ARRAYS = (
     "bus",
     "axis",
     "tool",
+    "file",
     "straightness",
     "changer.put_away",
     "changer.take",
@@ -304,6 +305,10 @@ MEANINGS: Mapping[str, Mapping[str, str]] = {
     "thermal": {
         "shift_mm": "where X Y Z are, less where they were told to be, since the machine has become warm",
         "reference_mm": "where the reference sphere was when the machine was calibrated",
+    },
+    "file": {
+        "name": "of a file that `eds` or `profile` names, as it is named there",
+        "text": "all of it; records and back-ups have so what was beside the machine file",
     },
     "tool": {
         "number": "T of programs; T1 is in the spindle at power-on",

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import difflib
 import math
+import re
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -51,6 +52,9 @@ from controller.machine.model import (
     Spindle,
     Tool,
 )
+from controller.machine.named_files import SHIPPED as SHIPPED
+from controller.machine.named_files import NamedFiles, beside
+from controller.machine.named_files import written as written
 from controller.machine.nodes import all_settings as all_settings
 from controller.machine.nodes import bus_settings as bus_settings
 from controller.machine.nodes import eds_of as eds_of
@@ -61,7 +65,6 @@ from controller.machine.nodes import spindle_settings as spindle_settings
 from controller.machine.toml_table import ConfigError, Table, parse, read_text, span
 from drives.settings import INT32_MAX
 
-SHIPPED = Path(__file__).resolve().parent.parent.parent / "config"  # beside the package, installed or not
 TOOL_TABLE = "tools.toml"
 LINEAR = {"X": X, "Y": Y, "Z": Z}
 PLACEMENTS = ("single", "double", "optimal", "auto")  # of the cutter on surfaces
@@ -74,8 +77,8 @@ PARALLEL = 1e-6
 def load(source: str | Path) -> Machine:
     """The machine of a file, or of a shipped file by its name ("trunnion").
 
-    Raises ``ConfigError``. ``Machine.text`` is complete: the tool table that
-    ``[tools] file`` names is appended, so ``read(machine.text, ...)`` needs no other file.
+    Raises ``ConfigError``. ``Machine.text`` is complete: the tool table that ``[tools] file`` names is
+    appended, and what ``named_files`` takes along; so ``read(machine.text, ...)`` needs no other file.
     """
     path = _find(source)
     text = read_text(path)
@@ -86,7 +89,7 @@ def load(source: str | Path) -> Machine:
         if tools.has("file"):
             tools.refuse("file", "tools stand in two places", "a file or [[tool]] tables", "remove one")
         return read(text, file, path.parent)
-    table = _beside(path.parent, tools.text("file", default=TOOL_TABLE), tools)
+    table = beside(path.parent, tools.text("file", default=TOOL_TABLE), tools)
     entries = read_text(table)
     check = parse(entries, table.name)  # so that its mistakes are refused under its own name
     _tools(check)
@@ -97,9 +100,19 @@ def load(source: str | Path) -> Machine:
 def read(text: str, file: str, folder: Path | None = None) -> Machine:
     """The machine of a complete text (with its ``[[tool]]`` tables).
 
-    ``folder`` is where drive profiles named by file are looked for. Raises ``ConfigError``.
+    ``folder``: where files that it names and has not with it are looked for. Raises ``ConfigError``.
     """
     return read_table(parse(text, file), text, folder)
+
+
+def alone(machine: Machine) -> str:
+    """The text that ``load`` takes with no other file: the tools are in it, and their file is not named."""
+    lines, section = [], ""
+    for line in machine.text.splitlines():
+        section = line.strip() if line.lstrip().startswith("[") else section
+        named = section == "[tools]" and re.match(r"\s*file\s*=", line)
+        lines.append(f"# {line}  # its tables stand below" if named else line)
+    return "\n".join([*lines, ""])
 
 
 def read_table(top: Table, text: str, folder: Path | None = None) -> Machine:
@@ -107,13 +120,13 @@ def read_table(top: Table, text: str, folder: Path | None = None) -> Machine:
     general = top.table("machine", "[machine]")
     tools = top.table("tools", "[tools]", optional=True)
     tools.text("file", default=TOOL_TABLE)  # its entries are in the text by now
-    buses = _buses(top)
-    axes = tuple(_axis(table, buses, folder) for table in top.tables("axis"))
+    files, buses = NamedFiles(top, folder), _buses(top)
+    axes = tuple(_axis(table, buses, files) for table in top.tables("axis"))
     offsets = top.table("offsets", "[offsets]", optional=True)
     found = offset_table.offsets(offsets, axes)
     dialect = general.text("dialect", DIALECTS, DIALECTS[0])
     machine = Machine(
-        **_equipment(top, buses, axes, folder),
+        **_equipment(top, buses, axes, files),
         name=general.text("name"),
         period_s=general.number("period_s", *PERIODS_S, default=0.002),
         sync=general.text("sync", ("tick", "kernel"), "tick"),
@@ -132,7 +145,7 @@ def read_table(top: Table, text: str, folder: Path | None = None) -> Machine:
         offsets=tuple(one.frame for one in found),
         turned_rad=tuple(one.turned_rad for one in found),
         unset=tuple(name for name in OFFSETS[1:] if not offsets.has(name)),
-        text=text,
+        text=files.completed(text),
         tip_acceleration_mm_s2=general.positive_or_none("tip_acceleration_mm_s2"),
         axis_speed_rad_s=general.positive_or_none("axis_speed_deg_s", math.radians(1.0)),
         placement=general.text("placement", PLACEMENTS, "single"),
@@ -162,15 +175,15 @@ def read_table(top: Table, text: str, folder: Path | None = None) -> Machine:
 
 
 def _equipment(
-    top: Table, buses: tuple[Bus, ...], axes: tuple[Axis, ...], folder: Path | None
+    top: Table, buses: tuple[Bus, ...], axes: tuple[Axis, ...], files: NamedFiles
 ) -> dict[str, Any]:
     """Fields of ``Machine`` for what a machine has besides its axes; None where it has no such thing."""
     changes = top.has("changer")
     of_changer = changer_table.names_of(top.table("changer", "[changer]")) if changes else ((), ())
-    io = equipment.io(top.table("io", "[io]"), buses, axes, folder, of_changer) if top.has("io") else None
+    io = equipment.io(top.table("io", "[io]"), buses, axes, files, of_changer) if top.has("io") else None
     return {
         "io": io,
-        "spindle": _spindle(top, buses, folder),
+        "spindle": _spindle(top, buses, files),
         "probe": equipment.sensor(top.table("probe", "[probe]"), True) if top.has("probe") else None,
         "setter": equipment.sensor(top.table("setter", "[setter]"), False) if top.has("setter") else None,
         "table": equipment.work_table(top.table("table", "[table]")) if top.has("table") else None,
@@ -202,7 +215,7 @@ def with_period(machine: Machine, period_s: float) -> Machine:
     )
 
 
-def _axis(table: Table, buses: tuple[Bus, ...], folder: Path | None) -> Axis:
+def _axis(table: Table, buses: tuple[Bus, ...], files: NamedFiles) -> Axis:
     kind = Kind(table.text("kind", [k.value for k in Kind]))
     unit = "mm" if kind is Kind.LINEAR else "deg"
     sense = Sense.CARRIED
@@ -227,8 +240,8 @@ def _axis(table: Table, buses: tuple[Bus, ...], folder: Path | None) -> Axis:
         counts_per_unit=_counts(table, unit, max(abs(lower), abs(upper))) / inner,
         bus=table.text("bus", [b.name for b in buses], buses[0].name),
         node=table.integer("node", 1, 126),
-        profile=_profile(table, folder),
-        eds=str(_beside(folder or SHIPPED, table.text("eds"), table, "eds")) if table.has("eds") else "",
+        profile=files.profile(table),
+        eds=files.sheet(table),
         serial=table.integer("serial", 0, 0xFFFF_FFFF, 0),
         homing=equipment.homing(table, unit, (lower, upper), inner),
         following_error=table.positive(f"following_error_{unit}") * abs(inner),
@@ -282,14 +295,6 @@ def _counts(table: Table, unit: str, farthest: float) -> float:
         allowed = f"at most {INT32_MAX / abs(counts):.0f} {unit} from zero with this {key}"
         table.refuse(f"travel_{unit}", problem, allowed, "shorten the travel or lower the resolution")
     return counts
-
-
-def _profile(table: Table, folder: Path | None) -> str:
-    """A shipped profile's name, or the path of one beside the machine file."""
-    profile = table.text("profile", default="simulated")
-    if not profile.endswith(".toml"):
-        return table.text("profile", drive_profiles.shipped(), profile)
-    return str(_beside(folder, profile, table, "profile")) if folder is not None else profile
 
 
 def _buses(top: Table) -> tuple[Bus, ...]:
@@ -372,11 +377,11 @@ def _holder(table: Table, before: Tool) -> tuple[tuple[float, float, float], ...
     return tuple(found)
 
 
-def _spindle(top: Table, buses: tuple[Bus, ...], folder: Path | None) -> Spindle | None:
+def _spindle(top: Table, buses: tuple[Bus, ...], files: NamedFiles) -> Spindle | None:
     if not top.has("spindle"):
         return None
     table = top.table("spindle", "[spindle]")
-    return equipment.spindle(table, buses, lambda of: _profile(of, folder), folder)
+    return equipment.spindle(table, buses, files)
 
 
 def _audit(machine: Machine, top: Table, general: Table) -> None:
@@ -439,11 +444,3 @@ def _find(source: str | Path) -> Path:
     near = difflib.get_close_matches(name, shipped(), n=1)
     do = f"did you mean {near[0]!r}" if near else "give a path or one of these names"
     raise ConfigError(f"{source}: no such machine file; allowed: a path or {', '.join(shipped())}; {do}.")
-
-
-def _beside(folder: Path, name: str, table: Table, key: str = "file") -> Path:
-    """A file seen from ``folder``, else one of the shipped ones, so that a copied machine file works."""
-    for path in (folder / name, SHIPPED / name, SHIPPED / "drives" / name):
-        if path.is_file():
-            return path
-    table.refuse(key, f"there is no such file in {folder}", "a path seen from the machine file", "correct it")

@@ -16,6 +16,7 @@ from typing import TypeVar
 from controller.geometry.vectors import ZERO, Frame, Vector
 from controller.values import dataclass
 from drives.profile import Override
+from drives.text_file import Source
 
 T = TypeVar("T")
 
@@ -160,7 +161,7 @@ class Axis:
     counts_per_unit: float  # drive counts per mm or per radian, with the drive's sign
     bus: str
     node: int
-    profile: str
+    profile: Source
     homing: Homing
     following_error: float  # largest that the drive allows itself (6065h), mm or rad
     following: Following  # largest that the controller allows it
@@ -169,7 +170,7 @@ class Axis:
     feed_forward: bool = False  # the velocity goes with the target (60B1h)
     enable_group: int = 0  # lowest first; disabled in reverse
     unsupervised: bool = False  # a drive that does not notice a dead controller is accepted
-    eds: str = ""  # its data sheet, where the profile brings none
+    eds: Source = ""  # its data sheet, where the profile brings none
     serial: int = 0  # of the very drive that belongs here (1018h:04); 0 = any of its kind
     clamp: Clamp | None = None
     temperature: Temperature | None = None
@@ -297,13 +298,13 @@ class Spindle:
     max_rev_min: float
     bus: str = ""
     node: int = 0  # 0: switched by hand; M3, M4 and S are read and nothing is sent
-    profile: str = "simulated"
+    profile: Source = "simulated"
     counts_per_rev: float = 0.0  # its sign is the direction of M3
     mode: int = 9  # 6060h: 9 cyclic synchronous velocity, 3 profile velocity
     at_speed_share: float = 0.05  # at speed within this share of the wanted one
     spin_up_s: float = 10.0  # longest time until it is at speed, or stands
     acceleration_rev_s2: float = 50.0  # at which it is led to its speed in mode 9
-    eds: str = ""  # path of its data sheet; "" = the profile's
+    eds: Source = ""  # its data sheet; "" = the profile's
     stopping: Stopping = Stopping()  # its units alone
     unsupervised: bool = False  # as of an axis
     overrides: tuple[Override, ...] = ()
@@ -354,7 +355,7 @@ class Io:
 
     bus: str
     node: int
-    eds: str  # path of its data sheet; "" = the shipped simulated one
+    eds: Source  # its data sheet; "" = the shipped simulated one
     inputs: tuple[tuple[str, int], ...]  # (name, bit): "estop", "door" ... and those of clamps
     outputs: tuple[tuple[str, int], ...]  # "coolant", "mist", those of clamps and of programs
     inverted: tuple[str, ...] = ()  # names whose wire is 0 when they are on

@@ -18,6 +18,7 @@ from drives.settings import (
     NodeSettings,
     SpindleSettings,
 )
+from drives.text_file import Source, TextFile
 
 IN_POSITION_COUNTS = 2.0
 MM_PER_M = 1000.0
@@ -50,7 +51,7 @@ def spindle_settings(machine: Machine) -> SpindleSettings | None:
         name="spindle",
         bus=spindle.bus,
         node=spindle.node,
-        eds=str(eds_of(spindle.profile, spindle.eds)),
+        eds=eds_of(spindle.profile, spindle.eds),
         counts_per_rev=spindle.counts_per_rev,
         mode=spindle.mode,
         at_speed_share=spindle.at_speed_share,
@@ -94,7 +95,7 @@ def all_settings(machine: Machine) -> tuple[NodeSettings | SpindleSettings | IoS
 
 
 @lru_cache(maxsize=64)  # asked with every status, and a path is resolved on the disk
-def eds_of(profile: str, named: str = "") -> Path:
+def eds_of(profile: Source, named: Source = "") -> Source:
     """The electronic data sheet that a machine file names, else the one that comes with the profile.
 
     Raises ``ConfigError`` where neither is there: makers keep the sheets of their drives.
@@ -105,7 +106,7 @@ def eds_of(profile: str, named: str = "") -> Path:
         raise ConfigError(
             f'{sentence}; get the EDS from the drive\'s maker and add eds = "path" to its table.'
         )
-    return Path(eds).resolve()
+    return eds if isinstance(eds, TextFile) else str(Path(eds).resolve())
 
 
 def _node(axis: Axis, off: float, machine: Machine) -> NodeSettings:
@@ -116,7 +117,7 @@ def _node(axis: Axis, off: float, machine: Machine) -> NodeSettings:
         name=axis.name,
         bus=axis.bus,
         node=axis.node,
-        eds=str(eds_of(axis.profile, axis.eds)),
+        eds=eds_of(axis.profile, axis.eds),
         counts_min=ends[0],
         counts_max=ends[1],
         following_error_counts=round(abs(axis.following_error * axis.counts_per_unit)),

@@ -188,9 +188,9 @@ class Table:
                 self.refuse(key, "this key is not known", ", ".join(known), do)
 
 
-def read_text(path: Path) -> str:
+def read_text(path: Path, encoding: str = "utf-8") -> str:
     try:
-        return path.read_text(encoding="utf-8")
+        return path.read_text(encoding=encoding)
     except UnicodeDecodeError as error:
         raise ConfigError(f"{path.name}: byte {error.start} is not UTF-8; save the file as UTF-8.") from error
     except OSError as error:

@@ -17,6 +17,7 @@ import canopen
 
 from drives import pdo
 from drives.commissioning import sheet
+from drives.text_file import Source
 
 SDO_REQUEST, SDO_ANSWER_BEFORE = 0x600, 0x80
 ABORT = 0x80
@@ -65,7 +66,7 @@ class Node(Protocol):
     def node(self) -> int: ...
 
     @property
-    def eds(self) -> str: ...
+    def eds(self) -> Source: ...
 
 
 def wall_pump(fileno: int, slice_s: float = 0.01) -> Pump:

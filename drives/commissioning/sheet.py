@@ -23,6 +23,7 @@ from canopen.objectdictionary import ObjectDictionary, ODVariable
 from drives import sheet_text
 from drives.commissioning import overrides
 from drives.profile import Override
+from drives.text_file import Source, text_of
 
 SECTION = re.compile(r"([0-9A-Fa-f]{4})(?:sub([0-9A-Fa-f]+))?", re.IGNORECASE)
 VARIABLE, DOMAIN = 0x7, 0x2
@@ -132,7 +133,7 @@ class Named(Protocol):
     def node(self) -> int: ...
 
     @property
-    def eds(self) -> str: ...
+    def eds(self) -> Source: ...
 
 
 def of(settings: Named) -> Sheet:
@@ -147,12 +148,12 @@ def known_of(settings: Named) -> tuple[Override, ...]:
 
 
 @lru_cache(maxsize=64)
-def load(path: str, node: int, known: tuple[Override, ...] = ()) -> Sheet:
+def load(path: Source, node: int, known: tuple[Override, ...] = ()) -> Sheet:
     """The data sheet of a file, for a node id ("$NODEID"), overridden. Raises SheetError."""
     return own(path, node, known)
 
 
-def own(path: str, node: int, known: tuple[Override, ...] = ()) -> Sheet:
+def own(path: Source, node: int, known: tuple[Override, ...] = ()) -> Sheet:
     """As ``load``, and nobody else's: it may be changed. Raises SheetError."""
     return overridden(_read(_mended(path), Path(path).name, node), known)
 
@@ -164,10 +165,10 @@ def overridden(sheet: Sheet, known: tuple[Override, ...]) -> Sheet:
 
 
 @lru_cache(maxsize=16)
-def _mended(path: str) -> str:
+def _mended(path: Source) -> str:
     """The text of a file; once for all drives that have this sheet."""
     try:
-        text = Path(path).read_bytes().decode("latin-1")
+        text = text_of(path)
     except OSError as error:
         raise SheetError(
             f"its data sheet {path} cannot be read: {error.strerror}; give the path of the maker's EDS file"

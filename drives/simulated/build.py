@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 from drives.settings import IoSettings, NodeSettings, SpindleSettings
@@ -34,7 +33,7 @@ def drive(settings: NodeSettings, parameters: Parameters) -> SimulatedDrive:
     known = (0.0, size) if settings.rotary else (size, 0.0)
     parameters = replace(parameters, counts_per_metre=known[0], counts_per_radian=known[1])
     nature = _sized(parameters, *_needs(settings))
-    made = SimulatedDrive(settings.node, nature, Path(settings.eds) if settings.eds else EDS)
+    made = SimulatedDrive(settings.node, nature, settings.eds or EDS)
     made.dictionary.believe(settings.overrides)
     families.restrict(made, settings.profile)
     usual = Parameters()
@@ -92,13 +91,13 @@ def spindle(settings: SpindleSettings, parameters: Parameters) -> SimulatedDrive
     motor = parameters.motor
     most = (SPINDLE_REV_S2 if motor is None else motor.strongest_rev_s2) * abs(settings.counts_per_rev)
     nature = _sized(replace(parameters, most_acceleration=most), 0.0, most)
-    made = SimulatedDrive(settings.node, nature, Path(settings.eds) if settings.eds else EDS)
+    made = SimulatedDrive(settings.node, nature, settings.eds or EDS)
     made.dictionary.believe(settings.overrides)
     return families.restrict(made, settings.profile)
 
 
 def inputs_and_outputs(settings: IoSettings, parameters: Parameters) -> IoNode:
-    made = IoNode(settings.node, parameters, Path(settings.eds) if settings.eds else IO_EDS)
+    made = IoNode(settings.node, parameters, settings.eds or IO_EDS)
     made.dictionary.believe(settings.overrides)
     return made
 

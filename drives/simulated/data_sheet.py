@@ -10,6 +10,7 @@ from functools import lru_cache
 from pathlib import Path
 
 from drives import sheet_text
+from drives.text_file import Source, text_of
 from drives.values import dataclass
 
 EDS = Path(__file__).parents[2] / "config" / "eds" / "simulated_drive.eds"
@@ -60,16 +61,16 @@ def key(index: int, sub: int = 0) -> int:
 
 
 @lru_cache(maxsize=1)
-def _sections(path: Path) -> sheet_text.Sections:
+def _sections(path: Source) -> sheet_text.Sections:
     """The sheet that is being read; keys in small letters, for CiA 306-1 does not care for case."""
-    found = sheet_text.sections(path.read_text(encoding="latin-1"))
+    found = sheet_text.sections(text_of(path))
     return {
         section: {name.lower(): value for name, value in values.items()} for section, values in found.items()
     }
 
 
 @lru_cache(maxsize=8)
-def load(path: Path = EDS) -> dict[int, Variable]:
+def load(path: Source = EDS) -> dict[int, Variable]:
     """Read a data sheet: variables by key. Raises OSError, or ValueError for what is none."""
     sections = _sections(path)
     variables = {}
@@ -91,7 +92,7 @@ def _identify(variables: dict[int, Variable], where: int, said: str) -> None:
 
 
 @lru_cache(maxsize=8)
-def dummies(path: Path = EDS) -> frozenset[int]:
+def dummies(path: Source = EDS) -> frozenset[int]:
     """Data types that an RPDO may map to skip bits (CiA 306-1, DummyUsage)."""
     usage = _sections(path).get("DummyUsage", {})
     return frozenset(int(name[-4:], 16) for name, used in usage.items() if used == "1")
@@ -112,7 +113,7 @@ def _variable(values: dict[str, str]) -> Variable:
 
 
 @lru_cache(maxsize=64)
-def defaults(path: Path, node: int) -> dict[int, int]:
+def defaults(path: Source, node: int) -> dict[int, int]:
     """Numbers as after power-on, by key; not to be changed.
 
     What another drive's sheet leaves open has the value of the simulated drive's own.

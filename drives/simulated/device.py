@@ -8,8 +8,6 @@ inputs) overrides the few methods that do nothing here.
 
 from __future__ import annotations
 
-from pathlib import Path
-
 from drives import pdo
 from drives.pdo import DATA_AT
 from drives.simulated import identifiers, lss, pdo_map
@@ -24,6 +22,7 @@ from drives.simulated.station import INITIALISING, OPERATIONAL, PRE_OPERATIONAL,
 from drives.simulated.storage import Storage
 from drives.simulated.sync import Sync
 from drives.simulated.time_of_day import TimeOfDay
+from drives.text_file import Source
 from drives.virtual.virtual_bus import Handler, Link
 
 START, STOP, ENTER_PRE_OPERATIONAL, RESET_NODE, RESET_COMMUNICATION = 0x01, 0x02, 0x80, 0x81, 0x82
@@ -38,7 +37,7 @@ SERIAL = 0x1018 << 8 | 4  # the device keeps it, whatever node id it is given
 class Device(Station):
     """One node; attach it to a ``SteppedBus``. Node 255: it waits for LSS to give it one."""
 
-    def __init__(self, node: int, parameters: Parameters, eds: Path) -> None:
+    def __init__(self, node: int, parameters: Parameters, eds: Source) -> None:
         """The subclass calls ``configure`` when its own parts are there."""
         super().__init__(node, parameters, eds)
         self.dictionary.factory[SERIAL] = self.dictionary.values.get(SERIAL, node)

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection
 from dataclasses import replace
-from pathlib import Path
 
 from drives.profile import Override
 from drives.simulated.aborts import Abort, Code
@@ -24,6 +23,7 @@ from drives.simulated.data_sheet import (
     load,
     number,
 )
+from drives.text_file import Source
 
 __all__ = ["EDS", "Abort", "Code", "Dictionary", "Variable", "key"]
 
@@ -48,7 +48,7 @@ class Dictionary:
     simulation needs besides keeps the values of its own sheet.
     """
 
-    def __init__(self, node: int, path: Path = EDS) -> None:
+    def __init__(self, node: int, path: Source = EDS) -> None:
         self.path = path
         self.variables = load(path)
         self.dummies = dummies(path)

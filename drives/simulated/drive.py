@@ -11,7 +11,6 @@ it answered, and nothing need be worked out for that.
 from __future__ import annotations
 
 import math
-from pathlib import Path
 from struct import Struct
 from typing import Final
 
@@ -27,6 +26,7 @@ from drives.simulated.parameters import Parameters
 from drives.simulated.pdo_map import Pdo
 from drives.simulated.spindle_motor import SpindleMotor
 from drives.simulated.station import OPERATIONAL
+from drives.text_file import Source
 from drives.virtual.virtual_bus import Handler
 
 FEEDBACK: Final = Struct("<IB3xHi2x")
@@ -39,7 +39,7 @@ OFFSETS = (key(0x60B0), key(0x60B1), key(0x60B2))
 class SimulatedDrive(Device):
     """One drive; attach it to a ``SteppedBus``. Node 255: it waits for LSS to give it one."""
 
-    def __init__(self, node: int, parameters: Parameters = Parameters(), eds: Path = EDS) -> None:  # noqa: B008
+    def __init__(self, node: int, parameters: Parameters = Parameters(), eds: Source = EDS) -> None:  # noqa: B008
         super().__init__(node, parameters, eds)
         self.lost_syncs = 0  # SYNCs that did not come
         self._sync_s = 0.0

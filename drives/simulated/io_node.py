@@ -17,11 +17,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
-from pathlib import Path
 
 from drives.simulated.data_sheet import EDS, key
 from drives.simulated.device import Device
 from drives.simulated.parameters import Parameters
+from drives.text_file import Source
 
 IO_EDS = EDS.with_name("simulated_io.eds")
 INPUTS, INPUT_POLARITY, INTERRUPTS, ANY, RISING, FALLING = 0x6000, 0x6002, 0x6005, 0x6006, 0x6007, 0x6008
@@ -35,7 +35,7 @@ Watcher = Callable[[int, float], None]  # called with all outputs (bit n = outpu
 class IoNode(Device):
     """One node; attach it to a ``SteppedBus``. Bit n of a word is input or output n, electrically."""
 
-    def __init__(self, node: int, parameters: Parameters = Parameters(), eds: Path = IO_EDS) -> None:  # noqa: B008
+    def __init__(self, node: int, parameters: Parameters = Parameters(), eds: Source = IO_EDS) -> None:  # noqa: B008
         super().__init__(node, parameters, eds)
         self.watchers: list[Watcher] = []
         self.inputs = 0

@@ -7,12 +7,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from pathlib import Path
 
 from drives import pdo
 from drives.pdo import FRAME
 from drives.simulated.dictionary import Dictionary
 from drives.simulated.parameters import Parameters
+from drives.text_file import Source
 from drives.virtual.virtual_bus import Link
 
 INITIALISING, STOPPED = pdo.NMT_BOOT_UP, pdo.NMT_STOPPED
@@ -25,7 +25,7 @@ _NO_ALARM: tuple[float, Alarm] = (math.inf, lambda _now_s: None)
 class Station:
     """The common part of a device on the virtual bus."""
 
-    def __init__(self, node: int, parameters: Parameters, eds: Path) -> None:
+    def __init__(self, node: int, parameters: Parameters, eds: Source) -> None:
         self.node = node
         self.parameters = parameters
         self.dictionary = Dictionary(node, eds)

@@ -18,6 +18,7 @@ from controller.api.roles import Role
 from controller.api.routes.machine import LOOKS, MOVES, ask
 from controller.api.routes.tables import OffsetName, rows_by
 from controller.machine.changes import turned_deg
+from controller.machine.machine_file import written
 from controller.plan.report import picture
 
 router = APIRouter(tags=["looks"])
@@ -45,8 +46,9 @@ async def buses(request: Request) -> models_of_diagnostics.BusList:
 async def machine_file(request: Request) -> models_of_diagnostics.MachineFile:
     """The machine file that the service runs on, value by value, with lines."""
     machine = await asyncio.to_thread(ticks.machine_of, panel_of(request).store.folder)
-    rows = [models_of_diagnostics.FileRow(**one.to_dict()) for one in machine_table.rows(machine.text)]
-    return models_of_diagnostics.MachineFile(name=machine.name, rows=rows, text=machine.text)
+    text = written(machine.text)
+    rows = [models_of_diagnostics.FileRow(**one.to_dict()) for one in machine_table.rows(text)]
+    return models_of_diagnostics.MachineFile(name=machine.name, rows=rows, text=text)
 
 
 @router.get("/statistics/runs", dependencies=[needs(Role.VIEW)], responses=documented(401, 403))

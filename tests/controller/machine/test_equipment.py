@@ -20,7 +20,7 @@ README = Path(__file__).parents[3] / "config" / "README.md"
 
 def refusal(machine_text: str) -> str:
     with pytest.raises(ConfigError) as caught:
-        machine_file.read(machine_text, "m.toml")
+        machine_file.read(machine_text, "m.toml", machine_file.SHIPPED)
     return str(caught.value)
 
 
@@ -71,7 +71,7 @@ def test_a_clamp_names_its_bits() -> None:
         (", clamp_A = 2", "", "there is no such output in [io]"),
         ("clamp_A_closed = 2,", "", "there is no such input in [io]"),
         ("[io]", '[io]\ninverted = ["dor"]', "no input or output"),
-        ("[io]", '[io]\neds = "nowhere.eds"', "there is no file"),
+        ("[io]", '[io]\neds = "nowhere.eds"', "there is no such file"),
         ("[io]", "[io]\nheartbeat = 1", "this key is not known"),
     ),
 )
