@@ -13,10 +13,12 @@ import urllib.request
 from collections.abc import Iterator
 from pathlib import Path
 
-from controller.machine import machine_file
+from controller.machine import machine_file, setup_data, tool_store
+from controller.machine.model import TOOL_AT_POWER_ON
 from controller.runtime import children
 from controller.verify.console import Refused, show, tell
 
+MACHINE = "shop"
 PROGRAMS = ("example1_ready", "example2_ready")
 ANSWERS_S = 60.0  # for the page to be there
 ENDS_S = 30.0  # for both to be gone
@@ -27,10 +29,11 @@ def run(folder: Path, port: int, period_ms: float, as_json: bool) -> None:
     """Serve until it is interrupted. ``folder`` keeps programs and runs. Raises Refused."""
     _free(port)
     _stock(folder)
+    _load_magazine(folder)
     with tempfile.TemporaryDirectory(prefix="directrix-") as runtime:  # its socket needs a short path
         where = ("--state", str(folder), "--runtime", runtime)
         commands = (
-            ("serve", "--simulate", "--period-ms", f"{period_ms:g}", *where),
+            ("serve", "--simulate", "--machine", MACHINE, "--period-ms", f"{period_ms:g}", *where),
             ("panel", "--port", str(port), *where),
         )
         with children.CtrlC() as ctrl_c, _started(commands) as processes:
@@ -64,6 +67,15 @@ def _stock(folder: Path) -> None:
                 with store.uploads.begin(file.name, by="demo") as upload:
                     upload.write(file.read_bytes())
                     upload.commit()
+
+
+def _load_magazine(folder: Path) -> None:
+    """A simulated changer knows what it holds: nobody could look, and confirm it before anything moves."""
+    machine = setup_data.applied(machine_file.load(MACHINE), setup_data.load(folder))
+    assert machine.changer is not None
+    with contextlib.closing(tool_store.ToolStore(folder / tool_store.FILE)) as store:
+        if not store.known or store.step is not None:
+            store.confirm(tool_store.placed(machine.changer.pockets, TOOL_AT_POWER_ON, ()))
 
 
 @contextlib.contextmanager

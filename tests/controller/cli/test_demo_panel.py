@@ -15,11 +15,27 @@ import pytest
 from support.live import browser
 from support.live.ports import free_port
 
+from controller.cli import demo_panel
+from controller.machine import tool_store
+
 ENDS_S = 90.0  # no test is meant to come near
 
-pytestmark = [pytest.mark.slow, pytest.mark.live, pytest.mark.calm]
+
+def test_its_changer_knows_what_it_holds_whatever_the_last_one_was_doing(tmp_path: Path) -> None:
+    """Nobody could look into a simulated magazine, and confirm what is there before anything moves."""
+    for _ in range(2):
+        demo_panel._load_magazine(tmp_path)
+        with contextlib.closing(tool_store.ToolStore(tmp_path / tool_store.FILE)) as store:
+            assert store.known and store.spindle == 1 and store.places[2] == 2 and store.step is None
+            store.begin(tool_store.Step(1, 2, 5, "Let it go", carries=True, goes_to=1))
+    demo_panel._load_magazine(tmp_path)
+    with contextlib.closing(tool_store.ToolStore(tmp_path / tool_store.FILE)) as store:
+        assert store.known and store.step is None
 
 
+@pytest.mark.slow
+@pytest.mark.live
+@pytest.mark.calm
 def test_one_command_opens_a_machine_with_its_page_and_programs_and_ends_both(tmp_path: Path) -> None:
     port = free_port()
     command = (sys.executable, "-m", "controller", "demo", "--panel", "--port", str(port), "--json")
@@ -38,6 +54,8 @@ def test_one_command_opens_a_machine_with_its_page_and_programs_and_ends_both(tm
         programs = json.loads(asked(f"{url}api/v1/programs"))["programs"]
         assert {one["name"] for one in programs} == {"example1_ready.ngc", "example2_ready.ngc"}
         browser.until(lambda: machine_answers(url), "the machine")
+        changer = json.loads(asked(f"{url}api/v1/status"))["changer"]
+        assert changer["spindle"] == 1 and not changer["doubt"]
     finally:
         demo.send_signal(signal.SIGTERM)
         code = demo.wait(ENDS_S)
