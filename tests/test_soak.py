@@ -23,7 +23,9 @@ from controller.__main__ import app
 from controller.ipc.handoff import COLUMN, ROW, STOOD
 from controller.machine import setup_data
 from controller.machine.model import Machine
+from controller.state.modes import Mode
 from controller.tick.cycle import Cycle
+from controller.verify.console import EndedAsAsked
 
 SEED = 4711
 SOUND = next(n for n in range(100) if not drawn(SEED, n).script and drawn(SEED, n).kind == "rapids")
@@ -48,7 +50,7 @@ def test_a_run_holds_and_its_record_is_made_again(number: int, once: Callable[[i
     assert came.wrong == "" and came.ticks > 100 and came.record is not None
     done = CliRunner().invoke(app, ["replay", str(came.record), "--json"])
     told = json.loads(done.stdout)
-    assert done.exit_code == 0 and told["compared_ticks"] > 100
+    assert done.exit_code in (0, EndedAsAsked.exit_code) and told["compared_ticks"] > 100
 
 
 def test_a_run_is_the_same_again(tmp_path: Path, once: Callable[[int], Came]) -> None:
@@ -61,12 +63,16 @@ def test_a_joint_that_is_set_too_far_is_seen_and_kept_with_its_tick(
 ) -> None:
     """For one tick, by so little that the tick's own check of velocity and acceleration lets it pass."""
     one, judge = drawn(SEED, SOUND), Cycle._judge
-    at, jump = 300, 0.2 * one.machine.axes[0].limits.acceleration * one.machine.period_s**2
+    jump = 0.2 * one.machine.axes[0].limits.acceleration * one.machine.period_s**2
+    stood, at = list[float](), list[int]()  # X in the ticks of the program; where it is set
 
     def jumps(self: Cycle, *more: object) -> object:
-        if self.tick == at:
+        if self.modes.mode is Mode.RUNNING:
             x, *others = self.follow.joints
-            self.follow.joints = (x + jump, *others)
+            stood.append(x)
+            if not at and len(stood) > 100 and len(set(stood[-5:])) == 1:
+                at.append(self.tick)
+                self.follow.joints = (x + jump, *others)
         return judge(self, *more)  # type: ignore[arg-type]
 
     monkeypatch.setattr(Cycle, "_judge", jumps)
@@ -74,7 +80,7 @@ def test_a_joint_that_is_set_too_far_is_seen_and_kept_with_its_tick(
     (folder,) = map(Path, found.kept)
     facts = json.loads((folder / "soak.json").read_text())
     assert facts["seed"] == SEED and facts["number"] == SOUND and "jerk" in facts["wrong"]
-    assert at <= facts["tick"] <= at + 3
+    assert at[0] <= facts["tick"] <= at[0] + 3
     assert (folder / "events.jsonl").exists() and (folder / "setpoints.npz").exists()
     assert one.program == (folder / "program.ngc").read_text()
 

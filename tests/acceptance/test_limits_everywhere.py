@@ -133,7 +133,7 @@ def oblique(seed: int) -> Machine:
 def on_nurbs(seed: int, machine: Machine, count: int) -> Cut | None:
     """A random ruled NURBS surface with an operator; None where it is refused."""
     rng = random.Random(60_000 + seed)
-    upper, lower = random_nurbs.blade(seed, rng.choice((1, 3, 5)))
+    upper, lower = random_nurbs.blade(seed, rng.choice((1, 3, 5, 24)))
     feed = 10.0 ** rng.uniform(2.0, 3.7)
     source = random_nurbs.text(upper, lower, feed)
     try:

@@ -254,7 +254,7 @@ def test_a_restore_that_fails_anywhere_has_changed_nothing(
 ) -> None:
     machine_file = tmp_path / "etc" / "machine.toml"
     machine_file.parent.mkdir()
-    machine_file.write_text(backup._alone(config.load("trunnion")).replace("0.002", "0.004"))
+    machine_file.write_text(config.alone(config.load("trunnion")).replace("0.002", "0.004"))
     put(store, "a.ngc", b"G4 P9\nM2\n")
     put(store, "only here.ngc", b"G4 P8\nM2\n")
     setup_data.save(store.folder, {})
@@ -574,7 +574,7 @@ def test_an_update_is_undone_where_the_operator_names_the_machine_file_or_it_is_
         return config.load(file).period_s
 
     file, new = tmp_path / "machine.toml", tmp_path / "new.toml"
-    text = backup._alone(config.load("trunnion"))
+    text = config.alone(config.load("trunnion"))
     file.write_text(text.replace("period_s = 0.002", "period_s = 0.004"))
     new.write_text(text)
     before = state(store)

@@ -76,7 +76,7 @@ def test_a_machine_file_that_check_and_bus_refuse_is_not_put_in_use(
     state: Path, runtime: Path, tmp_path: Path, change: tuple[str, str], words: str
 ) -> None:
     file, new = tmp_path / "machine.toml", tmp_path / "new.toml"
-    text = backup._alone(config.load("trunnion"))
+    text = config.alone(config.load("trunnion"))
     file.write_text(text)
     new.write_text(text.replace(*change))
     assert new.read_text() != text
@@ -99,6 +99,6 @@ def test_a_machine_whose_drives_commissioning_would_refuse_is_not_put_in_use(
 
     monkeypatch.setattr(drive_sheets, "look", lambda _: (["X (can0, node 1): has no 607Ah"], []))
     file = tmp_path / "machine.toml"
-    file.write_text(backup._alone(config.load("trunnion")))
+    file.write_text(config.alone(config.load("trunnion")))
     code, error = outcome(["update", str(file), "--machine", str(file)], state)
     assert code == 1 and "has no 607Ah" in error

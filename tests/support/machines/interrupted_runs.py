@@ -71,8 +71,15 @@ def source(text: str, machine: Machine, dry_run_mm: float = 0.0, start: Joints |
     return Source(read, "part.ngc", machine, kinematics, start or homed, chosen, dry_run_mm)
 
 
-def stretches(text: str, machine: Machine, start: Joints | None = None) -> dict[int, path.Stretch]:
-    """All motions of the whole program, by motion id; ``start``: where it begins, None: homed."""
+def stretches(
+    text: str, machine: Machine, start: Joints | None = None, in_spindle: int | None = None
+) -> dict[int, path.Stretch]:
+    """All motions of the whole program, by motion id; ``start``: where it begins, None: homed.
+
+    ``in_spindle``: a changer does not fetch a tool that is there; None: it fetches all.
+    """
+    if in_spindle is not None:
+        machine = replace(machine, in_spindle=in_spindle)
     asked = source(text, machine, start=start)
     tracer = path.Tracer(asked.name, machine, asked.kinematics, asked.start, asked.chosen or {})
     chains = [item for item in tracer.items(asked.blocks) if isinstance(item, Chain)]

@@ -27,7 +27,7 @@ from controller.state.modes import Mode, Request
 
 SAME = 1e-6  # mm or rad
 LONGEST = 20_000  # ticks
-FITTED = {"offsets": {"G55": [0.0, 0.0, 0.0]}}
+FITTED = {"offsets": {"G55": [0.0, 0.0, 0.0]}}  # where the machine file has none
 
 
 class Bench:
@@ -41,7 +41,9 @@ class Bench:
         around: simulated_probe.Bench | None = None,
     ) -> None:
         """``lateness`` as the stepped clock takes it; ``around``: what the spindle cuts."""
-        self.machine = setup_data.applied(machine or shipped(), FITTED)
+        machine = machine or shipped()
+        self.fitted: dict[str, Any] = dict(FITTED) if "G55" in machine.unset else {}
+        self.machine = setup_data.applied(machine, self.fitted)
         self._folder, self.before_message = folder, lambda: None
         self.stepped = SteppedMachine(self.machine, lateness=lateness, bench=around)
         self.stepped.come_up()

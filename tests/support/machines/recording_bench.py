@@ -26,7 +26,6 @@ class RecordedBench(Bench):
 
     def __init__(self, folder: Path, *more: Any) -> None:
         self.asked: deque[Asked] = deque()
-        self.fitted: dict[str, Any] = dict(FITTED)
         self._is_on, self._heard = False, 0
         super().__init__(folder, *more)
         self._rows = copy.copy(self.stepped.recorder)  # with its own place in the ring

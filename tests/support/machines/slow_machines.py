@@ -78,7 +78,7 @@ def any_path(seed: int) -> str:
     rng = random.Random(seed)
     feed, kind = 10.0 ** rng.uniform(2.5, 5.0), rng.choice(("blade", "one span", "spans"))
     if kind == "blade":
-        return random_nurbs.text(*random_nurbs.blade(seed, rng.choice((1, 2, 3, 4))), feed)
+        return random_nurbs.text(*random_nurbs.blade(seed, rng.choice((1, 2, 3, 16))), feed)
     degree = rng.choice((3, 5, 7)) if kind == "one span" else 3
     count = degree + 1 if kind == "one span" else 8
     turn, tilt, size = rng.uniform(-180.0, 180.0), rng.uniform(10.0, 40.0), 10.0 ** rng.uniform(-0.5, 0.3)

@@ -56,13 +56,13 @@ def counts(machine: Machine, rows: np.ndarray) -> list[Wrong]:
     return [(tick, f"a setpoint is {off[bad[0]].max():.2f} counts from its joint")]
 
 
-def path(text: str, machine: Machine, rows: np.ndarray, start: Joints | None = None) -> list[Wrong]:
-    """On the program's own motions, wherever they run; ``start``: where it began, None: homed."""
+def path(text: str, machine: Machine, rows: np.ndarray, start: Joints, in_spindle: int) -> list[Wrong]:
+    """On the program's own motions, wherever they run; ``start``: where it began, and with which tool."""
     ids = rows[:, COLUMN["motion_id"]]
     mine = rows[(ids >= 0) & (ids < ENTRY_ID) & (rows[:, COLUMN["mode"]] == Mode.RUNNING)][::EVERY]
     if not len(mine):
         return []
-    off_mm = distance(mine, stretches(text, machine, start), kinematics_of(machine))
+    off_mm = distance(mine, stretches(text, machine, start, in_spindle), kinematics_of(machine))
     return [] if off_mm < SAME_MM else [(0, f"the joints are {off_mm:.7f} off the program's motions")]
 
 

@@ -459,7 +459,8 @@ def _of_record(folder: Path, parts: list[np.ndarray]) -> list[judged.Wrong]:
         begin = whole.recorded.begin.start
         if begin.spot is None and not begin.typed and not begin.dry_run_mm and len(parts) == 1:
             stretch = [one for one in _sound(mine) if len(one)][:1]
+            text = whole.text.decode()
             for one in stretch:
-                found += judged.path(whole.text.decode(), whole.machine, one, begin.joints)
+                found += judged.path(text, whole.machine, one, begin.joints, begin.in_spindle)
     found += judged.again(folder)
     return [(tick, f"{folder.name}: {text}") for tick, text in found]

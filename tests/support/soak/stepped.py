@@ -36,6 +36,7 @@ RUN_S = 10.0  # of the machine: then the operator stops it
 END_S = 40.0  # then it hangs
 STILL_S = 0.5  # after a fault, looked at
 UP = Jog((0.0, 0.0, 1.0, 0.0, 0.0), 20.0, 3.0)
+IN_SPINDLE = 2
 GOING = (Mode.RUNNING, Mode.HOLD, Mode.JOG, Mode.STOPPING)
 
 
@@ -73,11 +74,12 @@ class Operator(RecordedBench):
         self._rows.drain()
         self.asked.clear()
         self.record, self._is_on = RunRecord(self._state, self.machine, {"name": "part.ngc"}), True
-        program = Program(self.of.program.encode(), "part.ngc", self.machine, in_spindle=2)
+        program = Program(self.of.program.encode(), "part.ngc", self.machine, in_spindle=IN_SPINDLE)
         answer = self.ordered("arm", program=program)
         if answer.error is not None:
             return str(answer.error)
-        self.record.begins(answer.facts["start"], program, self.fitted)
+        self.start = answer.facts["start"]
+        self.record.begins(self.start, program, self.fitted)
         if self.of.script:
             self.observer.begin(0.0)
             MachineScript.read(self.of.script, self.machine).inject(self.stepped.rig.buses, 0.0)
@@ -214,7 +216,7 @@ def _found(of: Scenario, bench: Operator, rows: np.ndarray, first: int) -> list[
     if not of.script and (silent := np.flatnonzero(sound[:, COLUMN["sync_sent"]] == 0.0)).size:
         found.append((int(sound[silent[0], COLUMN["tick"]]), "a tick sent no SYNC, and nothing was late"))
     found += judged.limits(of.machine, sound) + judged.counts(of.machine, sound)
-    found += judged.path(of.program, bench.machine, sound)
+    found += judged.path(of.program, bench.machine, sound, bench.start.joints, IN_SPINDLE)
     if of.script:
         found += [(first + int(one.split()[1].rstrip(":")), one) for one in wrongs(bench.observer.sight)]
     return sorted(found)
