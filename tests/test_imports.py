@@ -68,6 +68,7 @@ ARROWS: dict[str, set[str]] = {
 # Parts of drives that are values and tables, for all.
 OF_DRIVES = {
     *("settings", "arranged", "profile", "scale", "pdo", "cia402", "emergency_codes", "sheet_text"),
+    "text_file",  # what a machine file names, as its text
     "values",  # how dataclasses are made
 }
 
@@ -102,7 +103,7 @@ ROOMS: dict[str, dict[str, set[str]]] = {
 TO_DRIVES: dict[str, set[str]] = {
     "values": {"values"},
     "messages": {"emergency_codes"},  # the words of CiA's tables
-    "machine": {"settings", "profile", "arranged"},
+    "machine": {"settings", "profile", "arranged", "text_file"},
     "state": {"settings", "arranged"},  # what the stops take
     "tick": {"settings", "scale", "cia402", "pdo", "bus", "cyclic"},
     "runtime": OF_DRIVES | {"bus", "cyclic", "load", "log", "commission", "simulated", "virtual"},
