@@ -29,7 +29,7 @@ def run(folder: Path, port: int, period_ms: float, as_json: bool) -> None:
     """Serve until it is interrupted. ``folder`` keeps programs and runs. Raises Refused."""
     _free(port)
     _stock(folder)
-    _load_magazine(folder)
+    load_magazine(folder)
     with tempfile.TemporaryDirectory(prefix="directrix-") as runtime:  # its socket needs a short path
         where = ("--state", str(folder), "--runtime", runtime)
         commands = (
@@ -69,7 +69,7 @@ def _stock(folder: Path) -> None:
                     upload.commit()
 
 
-def _load_magazine(folder: Path) -> None:
+def load_magazine(folder: Path) -> None:
     """A simulated changer knows what it holds: nobody could look, and confirm it before anything moves."""
     machine = setup_data.applied(machine_file.load(MACHINE), setup_data.load(folder))
     assert machine.changer is not None

@@ -24,11 +24,11 @@ ENDS_S = 90.0  # no test is meant to come near
 def test_its_changer_knows_what_it_holds_whatever_the_last_one_was_doing(tmp_path: Path) -> None:
     """Nobody could look into a simulated magazine, and confirm what is there before anything moves."""
     for _ in range(2):
-        demo_panel._load_magazine(tmp_path)
+        demo_panel.load_magazine(tmp_path)
         with contextlib.closing(tool_store.ToolStore(tmp_path / tool_store.FILE)) as store:
             assert store.known and store.spindle == 1 and store.places[2] == 2 and store.step is None
             store.begin(tool_store.Step(1, 2, 5, "Let it go", carries=True, goes_to=1))
-    demo_panel._load_magazine(tmp_path)
+    demo_panel.load_magazine(tmp_path)
     with contextlib.closing(tool_store.ToolStore(tmp_path / tool_store.FILE)) as store:
         assert store.known and store.step is None
 

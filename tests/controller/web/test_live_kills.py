@@ -56,7 +56,7 @@ def drawn(page: Any) -> tuple[dict[str, Any], dict[str, Any]] | None:
 def test_no_figure_is_missing_after_the_tick_is_killed_in_a_cut_and_a_reload(
     page: Any, tmp_path: Path
 ) -> None:
-    with shop.opened(tmp_path) as running:
+    with shop.opened(tmp_path, machine="shop") as running:
         running.ready()
         running.put_in(4)
         running.upload(NAME, machine_file.shipped_program(NAME).read_bytes())

@@ -37,7 +37,7 @@ def test_a_part_is_brought_run_held_and_finished_by_the_page_whatever_becomes_of
 
 
 def cut_by_the_page(context: Any, folder: Path) -> None:
-    with shop.opened(folder) as running:
+    with shop.opened(folder, machine="shop") as running:
         running.until(bool, "the panel")
         with live_page.page(context, running, "programs", control=False) as page:
             brings_programs(page, folder)
@@ -94,8 +94,6 @@ def starts(page: Any) -> None:
     page.click("[data-to=run]")
     page.click("[data-call='POST cycle/start']:not([aria-disabled=true])")
     browser.yes(page)
-    page.wait_for_selector(".mode-more:has-text('T4 (end mill 1 mm)')")
-    page.click("[data-call='POST cycle/resume']:not([aria-disabled=true])")
     live_page.wait(page, "dx.status.in_block?.u > 0.05")
 
 

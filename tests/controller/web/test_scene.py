@@ -210,7 +210,7 @@ BOX = """() => {
 
 def test_the_box_has_the_travel_of_the_linear_axes(looker: Any) -> None:
     low, high = looker.evaluate(BOX)
-    axes = machine_file.load("trunnion").axes[:3]
+    axes = machine_file.load("shop").axes[:3]
     assert low == pytest.approx([axis.travel_min for axis in axes])
     assert high == pytest.approx([axis.travel_max for axis in axes])
 

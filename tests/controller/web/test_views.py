@@ -90,9 +90,9 @@ def test_the_bus_shows_its_budget_what_was_heard_and_its_errors(looker: Any) -> 
     show(looker, "drives")
     looker.wait_for_selector("#drives-buses >> text=can0")
     figures = looker.locator("#drives-buses .meters .figures").all_text_contents()
-    assert figures == ["60.3 %", "31.5 %", "18.9 %"]
+    assert figures[:3] == ["60.3 %", "31.5 %", "18.9 %"] and len(figures) == 6  # and as much of can1
     tones = looker.eval_on_selector_all("#drives-buses .meter", "(all) => all.map((one) => one.dataset.tone)")
-    assert tones == ["go"] * 3
+    assert tones[:3] == ["go"] * 3
     assert "TEC 96 REC 12" in " ".join(looker.inner_text("#drives-buses").split())
 
 

@@ -21,6 +21,7 @@ from controller.api.app_state import Panel
 from controller.api.http import make_app
 from controller.api.programs import Program, ProgramCheck
 from controller.api.store import Store
+from controller.ipc.handoff import Snapshot
 from controller.machine import machine_file, setup_data
 from controller.machine.model import Machine, Temperature
 from controller.plan.report.picture import Picture
@@ -28,7 +29,7 @@ from controller.runtime import checked
 from controller.runtime.recording import Facts, save
 from controller.runtime.stepped import SteppedMachine
 from controller.service import diagnostics, node_status, status
-from controller.state.modes import Fault
+from controller.state.modes import Fault, Mode, Request
 from controller.web.server import add_page
 from drives import pdo
 
@@ -51,15 +52,16 @@ class SteppedDoor(MovingDoor):
 
     def __init__(self, folder: Path) -> None:
         super().__init__(folder)
-        self.folder, self.machine = folder, machine_file.load("trunnion")
+        self.folder, self.machine = folder, replace(machine_file.load("shop"), in_spindle=TOOL)
         self.warm = _warm(self.machine)
-        self.logs = {self.machine.buses[0].name: _heard(self.machine)}
+        axes_bus, other_bus = (bus.name for bus in self.machine.buses)
+        self.logs = {axes_bus: _heard(self.machine), other_bus: node_status.LastFrames()}
         setup_data.note(folder, self.machine)
         self.text = machine_file.shipped_program(NAME).read_bytes()
         self.sha256 = hashlib.sha256(self.text).hexdigest()
-        task = checked.task(self.text, NAME, self.machine)
         self.bench = SteppedMachine(self.machine)
         self.bench.come_up()
+        task = checked.standing(checked.task(self.text, NAME, self.machine), self.bench.joints)
         self.recorder = self.bench.recorder
         picture = Picture(self.machine, task.kinematics)
         walk = checked.walk_of(task, None, False)
@@ -67,11 +69,20 @@ class SteppedDoor(MovingDoor):
             pass
         picture.shape().save(folder / "pictures" / f"{KEY}.npz")
         self.bench.begin(walk)
+        while self._gone_on().spindle_rev_min == 0.0:
+            pass  # the tool is there, and the next that moves are the axes
 
-    def status(self) -> dict[str, Any]:
+    def _gone_on(self) -> Snapshot:
+        """A few ticks later; what the changer has been asked is done at once."""
         self.bench.go(PER_STATUS)
         now = self.bench.board.read()
         assert now is not None
+        if now.mode is Mode.HOLD and now.at_rest:
+            self.bench.request(Request.RESUME)
+        return now
+
+    def status(self) -> dict[str, Any]:
+        now = self._gone_on()
         job = {"name": NAME, "state": "running", "block": now.motion_id, "line": now.line, "left_s": 60.0}
         drives = node_status.drives(self.warm, now, self.logs)
         return {

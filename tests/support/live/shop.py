@@ -25,6 +25,7 @@ from typing import Any
 import httpx
 from support.live.ports import free_port
 
+from controller.cli import demo_panel
 from controller.machine.machine_file import SHIPPED
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -53,6 +54,9 @@ class Shop:
         if part:
             (folder / "part.toml").write_text(part)
             self.part = ("--part", str(folder / "part.toml"))
+        if machine == demo_panel.MACHINE:
+            self.state.mkdir()
+            demo_panel.load_magazine(self.state)
         self.tools_put_in = 0
         self.port = free_port()
         self.processes = {name: self._begin(name) for name in commands}
@@ -137,13 +141,14 @@ class Shop:
         self.until(lambda now: now["mode"] == "READY", "READY")
 
     def put_in(self, tool: int) -> None:
-        """The operator puts a tool into the spindle where a program asks for it, and says so."""
+        """A changer fetches a tool, or the operator puts it in where a program asks for it, and says so."""
         self.upload("tool.ngc", f"G21\nT{tool} M6\nM30\n".encode())
         self.do("POST", "/job", json={"program": "tool.ngc"})
         self.do("POST", "/cycle/start")
-        asked = self.until(lambda now: now["tool_change"], "the change")["tool_change"]
-        assert asked["number"] == tool and f"T{tool}" in asked["sentence"]
-        self.do("POST", "/cycle/resume")
+        if self.status()["changer"] is None:
+            asked = self.until(lambda now: now["tool_change"], "the change")["tool_change"]
+            assert asked["number"] == tool and f"T{tool}" in asked["sentence"]
+            self.do("POST", "/cycle/resume")
         self.until(lambda now: now["mode"] == "READY" and now["tool"] == tool, "the tool")
         self.run_record()
         self.tools_put_in += 1

@@ -106,6 +106,11 @@ class Rows(threading.Thread):
         self.join()
 
 
+def _is_unsure(now: Values) -> bool:
+    """Whether somebody must say where the tools of the changer are."""
+    return bool(now["changer"] and now["changer"]["doubt"])
+
+
 class Watched:
     """The shop, with a client that counts and judges every answer."""
 
@@ -148,7 +153,7 @@ class Watched:
     def prepare(self) -> None:
         """READY, whatever was before: reset, homed, enabled, as an operator does it."""
         give_up_s = time.monotonic() + END_S
-        while (now := self.status())["mode"] != "READY" or now["not_homed"]:
+        while (now := self.status())["mode"] != "READY" or now["not_homed"] or _is_unsure(now):
             if time.monotonic() > give_up_s:
                 raise Wrong(f"is not made ready again: {now['mode']} {now['fault']} {now['sequence']}")
             busy = (now["sequence"] or {}).get("state") == "running"
@@ -161,6 +166,8 @@ class Watched:
                 self.ask("POST", "/cycle/stop")
             elif now["mode"] == "READY":
                 self.ask("POST", "/machine/disable")
+            elif _is_unsure(now):
+                self.ask("POST", "/changer/confirm", spindle=now["tool"] or 1, clear=True)
             elif now["not_homed"]:
                 self.ask("POST", "/machine/home")
             else:
