@@ -236,6 +236,8 @@ def test_a_tool_is_made_changed_and_taken_out(panel: Panel, door: NotingDoor) ->
     done("tools", "--set", "9", "radius_mm=2.5", "length_mm=40", "flute_mm=12", "name=7")
     made = {"number": 9, "name": "7", "radius_mm": 2.5, "length_mm": 40.0, "flute_mm": 12.0}
     assert ("set_tool", made) in door.asked
+    done("tools", "--set", "2", "centre_cutting=false")
+    assert ("set_tool", {"number": 2, **kept, "centre_cutting": False}) in door.asked
     done("tools", "--delete", "9")
     assert ("set_tool", {"number": 9, "remove": True}) in door.asked
     for words, why in ((("radius_mm=2",), "--set"), (("--set", "2", "radius_mm"), "as most=20")):

@@ -194,6 +194,10 @@ def test_a_tool_is_added_changed_and_taken_away(setup: Any, site: Site) -> None:
         **{"corner_mm": 2.5, "taper_deg": 3.0},
     }
     setup.wait_for_selector("#dx-said:has-text('T2 is saved.')")
+    before = len(site.asked("set_tool"))
+    setup.uncheck(f"{row} [data-field=centre_cutting]")
+    asked = until(lambda: site.asked("set_tool")[before:], "the centre")[0][2]
+    assert (asked["number"], asked["radius_mm"], asked["centre_cutting"]) == (2, 2.5, False)
     setup.click(f"{row} td:last-child button >> nth=1")
     browser.yes(setup)
     setup.wait_for_selector(row, state="detached")
