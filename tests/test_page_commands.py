@@ -139,7 +139,7 @@ BEGINS = ("serve --simulate --machine machining_centre", "panel")  # before them
 BEHIND = (  # when the service has ended
     (f"backup update new.toml --machine {MACHINE}", "backup update config/new.toml --machine {machine}"),
     (f"backup restore monday.zip --machine {MACHINE}", "backup restore monday.zip --machine {machine}"),
-    (f"backup rollback --machine {MACHINE}", "backup rollback --machine {machine}"),
+    ("backup rollback", "backup rollback --machine {machine}"),
     ("users add anna --state /var/lib/directrix", "users add anna --state other < password"),
 )
 BRACKET = "T2 M6\nG43 H2\nS1000 M3\nG0 X0 Y0 Z50\nG1 X20 F3\nX0\nM30\n"
