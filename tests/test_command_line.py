@@ -395,11 +395,12 @@ def test_the_table_of_check_has_a_row_per_block_and_names_what_binds(at_work):
         assert words in out, words
 
 
-SLOW = [("example1_ready", 8, "C velocity"), ("example2_ready", 10, "Y velocity")]
+# Of the block, at least: as auto lays Example 2, X is at its limit for nearly as long as Y.
+SLOW = [("example1_ready", 8, "C velocity", 0.5), ("example2_ready", 10, "Y velocity", 0.34)]
 
 
-@pytest.mark.parametrize("name, line, binds", SLOW, ids=["cone", "ruled"])
-def test_at_low_limits_the_check_of_the_papers_parts_names_what_binds(at_work, name, line, binds):
+@pytest.mark.parametrize("name, line, binds, share", SLOW, ids=["cone", "ruled"])
+def test_at_low_limits_the_check_of_the_papers_parts_names_what_binds(at_work, name, line, binds, share):
     text = machine_file.shipped_program(name).read_text().replace("F100.", "F1000.")
     words = ("check", program(text), "--machine", "xyzac_linuxcnc")
     code, out, _ = run(*words)
@@ -408,7 +409,7 @@ def test_at_low_limits_the_check_of_the_papers_parts_names_what_binds(at_work, n
     (cut,) = (block for block in found["blocks"] if block["line"] == line)
     assert cut["feed_mm_min"] == 1000.0 > 1.2 * cut["feed_mean_mm_min"]
     most = cut["binds"][0]
-    assert most["what"] == binds and most["share"] > 0.5
+    assert most["what"] == binds and most["share"] > share
     assert most["what"] == f"{most['axis']} {most['kind']}"
     assert cut["max_ratio"][most["axis"]][most["kind"]] == pytest.approx(0.998, abs=0.01)
     assert any(one["what"] == binds and one["to_s"] > one["from_s"] for one in cut["where"])

@@ -76,8 +76,8 @@ def test_the_ready_examples_begin_and_end_at_their_feed(name: str, feed: str) ->
     source = machine_file.shipped_program(name).read_text().replace("F100.", f"F{feed}")
     done = cut(source, machine_file.load("trunnion"))
     if (name, feed) == ("example2_ready", "1500."):
-        # Its first ruling, as auto lays it, and its last one are nearly vertical: C is at its limit at the one,
-        # Y and Z run ten times as fast as the contact at the other. At neither may it go at its feed.
+        # Its first ruling, as auto lays it, and its last one are nearly vertical: C is at its limit at the
+        # one, Y and Z run ten times as fast as the contact at the other. It may be at its feed at neither.
         (_, first), *_, (_, last) = cuts(done)
         assert allowed_mm_s(first, done, BESIDE_MM, at_end=False) < first.feed_mm_s
         assert allowed_mm_s(last, done, BESIDE_MM, at_end=True) < last.feed_mm_s

@@ -173,7 +173,8 @@ def test_every_command_of_the_table_is_there(there: dict[str, click.Command]) ->
 def test_every_word_of_the_table_is_read(line: str) -> None:
     machine = machine_file.load("trunnion" if line.startswith("M61") else "machining_centre")  # no changer
     on_setter = line.startswith("o<probe_tool")
-    tool = "T2 M6\nG43 H2\n" if on_setter or line.startswith("G10 L1 ") else "T99 M6\nG43 H99\n"
+    cutter = on_setter or line.startswith(("G10 L1 ", "M3 ", "M4 "))
+    tool = "T2 M6\nG43 H2\n" if cutter else "T99 M6\nG43 H99\n"
     tool = "" if line.startswith(("T2", "M61")) else tool
     place = "G53 G0 Z300\nG53 G0 X-80 Y-40" if on_setter else "G0 X0 Y0 Z100"
     program = f"G21 G90 G94 G54 F100\n{tool}{place}\n{line}\nM30\n"

@@ -84,7 +84,7 @@ def tmp_path(used: Path) -> Iterator[Path]:
         Path(made).chmod(0o755)
         place = shutil.copytree(used, Path(made).resolve(), symlinks=True, dirs_exist_ok=True)
         (place / "etc").mkdir()
-        (place / "etc" / "new.toml").write_text(backup._alone(config.load("trunnion")))
+        (place / "etc" / "new.toml").write_text(config.alone(config.load("trunnion")))
         (place / "outside").mkdir()
         yield place
 
@@ -411,7 +411,7 @@ def test_a_restore_replaces_the_machine_file_and_a_roll_back_puts_it_back_though
     """The names that are written beside first are known beforehand."""
     victim, machine_file = outside / "victim", tmp_path / "etc" / "machine.toml"
     victim.write_text("x")
-    machine_file.write_text(backup._alone(config.load("trunnion")).replace("0.002", "0.004"))
+    machine_file.write_text(config.alone(config.load("trunnion")).replace("0.002", "0.004"))
     for name in ("fitting.json.new", "fitting.json.old", "machine.json.new", "tools.db.old", "tools.db.new"):
         (state / name).unlink(missing_ok=True)
         (state / name).symlink_to(victim)

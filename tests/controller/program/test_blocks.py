@@ -55,7 +55,7 @@ def refusal(text: str | bytes, on: Machine | None = None) -> ProgramError:
     return caught.value
 
 
-RARE = ("time_s", "stands", "thread", "probe", "changing", "outputs")  # listed where they are there
+RARE = ("time_s", "stands", "thread", "probe", "changing", "outputs", "lifts")  # listed where they are there
 
 
 def shown(value: object) -> str:

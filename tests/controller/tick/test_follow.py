@@ -265,9 +265,8 @@ def test_a_stop_runs_on_from_motion_to_motion() -> None:
     middle = tuple(half * q for q in THERE)
     _, first = straight(HERE, middle, lambda n: whole.law, 0)  # type: ignore[arg-type]
     _, second = straight(middle, THERE, lambda n: whole.law, 1)  # type: ignore[arg-type]
-    laws = split(
-        np.array(whole.law.knots_s), np.array(whole.law.coefficients), np.array([0.0, first.end, length])
-    )
+    begins = np.array([0.0, first.end, length])
+    laws = split(np.array(whole.law.knots_s), np.array(whole.law.coefficients), begins, begins[:-1])
     pieces = [whole._replace(motion_id=k, law=law, duration_s=law.duration_s) for k, law in enumerate(laws)]
     bench = Bench()
     bench.enable()
