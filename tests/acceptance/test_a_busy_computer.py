@@ -64,7 +64,7 @@ def looked_at(shop: Shop, name: str) -> None:
 
 
 def in_cut(share: float, now: Values) -> bool:
-    assert now["mode"] == "RUNNING", now
+    assert now["mode"] in ("RUNNING", "HOLD"), now  # HOLD between steps of a changer; a real one is not left
     under_way = now["in_block"]
     return bool(under_way and under_way["what"] == "cut" and under_way["fraction"] >= share)
 
