@@ -24,7 +24,7 @@ ARROWS: dict[str, set[str]] = {
     "machine": {"geometry", "atomic_file", "messages"},
     "memory": set(),  # what a process keeps, and gives back
     "motion": {"geometry", "machine"},  # what both sides compute alike
-    "messages": {"faults"},  # texts, a file per language
+    "messages": set(),  # texts, a file per language
     "state": {"faults", "machine", "motion", "messages"},
     "ipc": {"motion", "state", "messages", "atomic_file"},  # between the processes
     "one_thread": set(),  # numpy's libraries, before they are loaded
@@ -102,7 +102,6 @@ ROOMS: dict[str, dict[str, set[str]]] = {
 # Who may import which part of drives ("*" = all).
 TO_DRIVES: dict[str, set[str]] = {
     "values": {"values"},
-    "messages": {"emergency_codes"},  # the words of CiA's tables
     "machine": {"settings", "profile", "arranged", "text_file"},
     "state": {"settings", "arranged"},  # what the stops take
     "tick": {"settings", "scale", "cia402", "pdo", "bus", "cyclic"},

@@ -104,7 +104,7 @@ class Refusal(Exception):
 # For OpenAPI: what a route may answer beside success.
 DESCRIPTIONS = {
     int(key.removeprefix("http.")): text
-    for key, text in messages.of(messages.DEFAULT).refusals.items()
+    for key, text in messages.of(messages.DEFAULT).texts.items()
     if key.startswith("http.")
 }
 

@@ -195,7 +195,7 @@ def of_run(run: Run) -> Notice:
 def in_words(result: str) -> str:
     """Of a run."""
     key = f"notice.{result}"
-    return Key(key) if key in messages.of("en").refusals else result
+    return Key(key) if key in messages.of("en").texts else result
 
 
 def changed(old: NoticeSettings, new: Mapping[str, Any]) -> NoticeSettings:

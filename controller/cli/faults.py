@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any
@@ -17,7 +17,6 @@ from controller.ipc import control_socket
 from controller.machine import arrangement, machine_file
 from controller.machine.arrangement import Found
 from controller.machine.toml_table import ConfigError
-from controller.messages import Catalogue
 from controller.state import stop_times
 from controller.state.modes import FAULTS, Fault, Times, stands_within_s
 from controller.verify.console import Refused, refusals, show
@@ -29,6 +28,7 @@ State = Annotated[
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
 
+Texts = Mapping[str, str]
 INDENT = (0, 0, 0, 4)  # columns of what stands under a fault's name
 
 
@@ -40,7 +40,7 @@ def faults(
 ) -> None:
     """Every fault: its class, what happened, what to do, and within which time the axes stand."""
     with refusals(as_json, lambda: (ConfigError,)):
-        said = _catalogue(language)
+        said = _texts(language)
         made = machine_file.load(machine)
         found = arrangement.load((state or control_socket.state_folder()) / arrangement.FOLDER, made)
         taken = stop_times.of(made, found.drives if found else ())
@@ -49,7 +49,7 @@ def faults(
             facts = {"ok": True, "machine": made.name, "times": taken._asdict(), "drives": _drives(found)}
             print(json.dumps({**facts, "faults": rows}))
             return
-        show.print(Text(said.frames["title"].format(machine=made.name), style="italic"))
+        show.print(Text(said["faults.title"].format(machine=made.name), style="italic"))
         show.print(*(Text(line) for line in _basis(found, said)), sep="\n")
         for row in rows:
             show.print(*_paragraph(row, said))
@@ -59,45 +59,47 @@ def _drives(found: Found | None) -> dict[str, Any] | None:
     return {"read": found.at, "axes": [asdict(one) for one in found.drives]} if found else None
 
 
-def _basis(found: Found | None, said: Catalogue) -> Iterator[str]:
+def _basis(found: Found | None, said: Texts) -> Iterator[str]:
     """Whether the drives' own stops are as they were read, and what is wrong with them."""
     if found is None:
-        yield said.frames["unread"]
+        yield said["faults.unread"]
         return
     stops = ", ".join(f"{one.name} {1e3 * one.stop_s:.0f} ms" for one in found.drives if one.stop_s)
-    yield said.frames["read"].format(at=found.at.replace("T", " "), stops=stops)
+    yield said["faults.read"].format(at=found.at.replace("T", " "), stops=stops)
     for one in found.drives:
         yield from one.notes
 
 
-def _catalogue(language: str) -> Catalogue:
+def _texts(language: str) -> Texts:
     try:
-        return messages.of(language)
+        return messages.of(language).texts
     except ValueError as error:
         raise Refused(f"--{error}") from error
 
 
-def _row(fault: Fault, taken: Times, said: Catalogue) -> dict[str, Any]:
-    row, words = FAULTS[fault], said.faults[fault]
+def _row(fault: Fault, taken: Times, said: Texts) -> dict[str, Any]:
+    row = FAULTS[fault]
     return {
         "fault": fault.name,
-        "class": said.classes[row.reaction],
+        "class": said[f"class.{row.reaction.name}"],
         "stands_within_s": round(stands_within_s(fault, taken), 6),
         "position_trusted": row.position_trusted,
         "recovery": row.recovery.name.lower(),
-        "steps": said.recoveries[row.recovery],
-        **words._asdict(),
+        "steps": said[f"recovery.{row.recovery.name}"],
+        "text": said[f"fault.{fault.name}"],
+        "cause": said[f"cause.{fault.name}"],
+        "remedy": said[f"remedy.{fault.name}"],
     }
 
 
-def _paragraph(row: dict[str, Any], said: Catalogue) -> Iterator[Text | Padding]:
+def _paragraph(row: dict[str, Any], said: Texts) -> Iterator[Text | Padding]:
     """A fault's facts, and under them its sentences over the whole width: no column is too narrow."""
-    frames = said.frames
-    facts = [f"{frames['position']} {frames['yes' if row['position_trusted'] else 'no']}"]
+    trusted = said["faults.yes" if row["position_trusted"] else "faults.no"]
+    facts = [f"{said['faults.position']} {trusted}"]
     if row["stands_within_s"]:
-        facts.append(frames["stands"].format(ms=f"{1e3 * row['stands_within_s']:.0f}"))
+        facts.append(said["faults.stands"].format(ms=f"{1e3 * row['stands_within_s']:.0f}"))
     yield Text.assemble("\n", (row["fault"], "bold"), f": {row['class']}")
     yield Padding(Text("; ".join([*facts, row["steps"]]), style="dim"), INDENT, expand=False)
     yield Padding(Text(row["text"]), INDENT, expand=False)
-    yield Padding(Text(frames["cause"].format(cause=row["cause"])), INDENT, expand=False)
-    yield Padding(Text(frames["remedy"].format(remedy=row["remedy"])), INDENT, expand=False)
+    yield Padding(Text(said["faults.cause"].format(cause=row["cause"])), INDENT, expand=False)
+    yield Padding(Text(said["faults.remedy"].format(remedy=row["remedy"])), INDENT, expand=False)

@@ -1,70 +1,69 @@
 """Every text that an operator reads, by language; and how a text travels.
 
-What is said is a key with its values (``Said``): through the shared state, the service's socket and the
+What is reported is a key with its values (``Said``): through the shared state, the service's socket and the
 store, in no language. Who shows it asks for the words in the reader's language (``text``, ``told``).
 
-A language is whatever the modules of this folder say under its LANGUAGE: one module is enough, English and
-German are in several, a room each. Plain values in plain modules, so that no file can be missing at the
-moment when something has gone wrong. A fault has the same three sentences in every language: what happened,
-where that usually comes from, what to do. What the machine does about it is no matter of language and
-stands in ``fault_table``.
+A language is one file of this folder, ``<code>.json``: key -> text, a line each, sorted by key. Nothing
+else names the languages. What a file lacks is read in English, so that a translation may lag. All files are
+read at the start, so that none can be missing at the moment when something has gone wrong. Of a key, the
+part before the first dot says where the text belongs:
+
+- ``language``: the language, in itself;
+- ``page.``: the page's own; {0} ... are filled in by the page;
+- ``fault.``, ``cause.``, ``remedy.`` with a fault's name: what happened, where that usually comes from, what
+  to do (what the machine does about it is in ``fault_table``);
+- ``class.``, ``recovery.``, ``faults.``: the table of faults: reactions, steps out, its frame;
+- any other: what a ``Said`` may name, with {placeholders} by name.
 """
 
 from __future__ import annotations
 
-import pkgutil
+import json
 from collections.abc import Mapping, Sequence
-from importlib import import_module
+from pathlib import Path
 from typing import Any, NamedTuple, TypedDict
 
-from controller.faults import Fault, Reaction, Recovery, Words
-
 DEFAULT = "en"
+FOLDER = Path(__file__).parent
+_PAGE = "page."
 
 
 class Catalogue(NamedTuple):
-    """All texts of one language. ``name``: of the language, in itself; ``frames``: what is put round the
-    words of a fault; both it and ``refusals`` with {placeholders}; ``page``: the page's own, with {0} ...
+    """All texts of one language. ``name``: of the language, in itself; ``page``: the page's own, their keys
+    without ``page.``.
     """
 
     name: str
-    faults: dict[Fault, Words]
-    classes: dict[Reaction, str]
-    recoveries: dict[Recovery, str]
-    frames: dict[str, str]
-    refusals: dict[str, str]
+    texts: dict[str, str]
     page: dict[str, str]
-    texts: dict[str, str]  # all that a Said may name: refusals, and faults by part and name
 
 
-def languages() -> dict[str, Catalogue]:
-    """What the modules of this folder have. Raises KeyError where a language lacks a section."""
-    names = sorted((one.name for one in pkgutil.iter_modules(__path__)), key=lambda name: ("_" in name, name))
-    found: dict[str, dict[str, Any]] = {}
-    for module in (vars(import_module(f"{__name__}.{name}")) for name in names):
-        known = found.setdefault(module["LANGUAGE"], {})
-        for section, texts in module.items():
-            if section.isupper() and not section.startswith("_"):
-                known[section] = {**known.get(section, {}), **texts} if isinstance(texts, dict) else texts
-    return {code: _catalogue(known) for code, known in found.items()}
+def languages(folder: Path = FOLDER) -> dict[str, Catalogue]:
+    """The language of every file of a folder by its code, English first. Raises OSError, and ValueError that
+    names the file, its line and column.
+    """
+    english = _read(folder / f"{DEFAULT}.json")
+    codes = sorted({file.stem for file in folder.glob("*.json")} - {DEFAULT})
+    found = {DEFAULT: english, **{code: {**english, **_read(folder / f"{code}.json")} for code in codes}}
+    return {code: _catalogue(texts) for code, texts in found.items()}
 
 
-def _catalogue(known: Mapping[str, Any]) -> Catalogue:
-    texts = {
-        f"{part}.{fault.name}": text
-        for fault, words in known["FAULTS"].items()
-        for part, text in zip(("fault", "cause", "remedy"), words, strict=True)
-    }
-    return Catalogue(
-        known["NAME"],
-        known["FAULTS"],
-        known["CLASSES"],
-        known["RECOVERIES"],
-        known["FRAMES"],
-        known["REFUSALS"],
-        known["PAGE"],
-        {**known["REFUSALS"], **texts},
-    )
+def _read(file: Path) -> dict[str, str]:
+    try:
+        texts: dict[str, str] = json.loads(file.read_text(encoding="utf-8"))
+    except ValueError as error:
+        raise ValueError(f"{file}: {error}; a file of texts is a JSON object of key and text.") from error
+    return texts
+
+
+def _catalogue(texts: Mapping[str, str]) -> Catalogue:
+    own, page = {}, {}
+    for key, text in texts.items():
+        if key.startswith(_PAGE):
+            page[key[len(_PAGE) :]] = text
+        else:
+            own[key] = text
+    return Catalogue(texts["language"], own, page)
 
 
 LANGUAGES = languages()

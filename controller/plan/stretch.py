@@ -174,7 +174,7 @@ class Note:
 def motion_named(name: str) -> Key:
     """The text for the name of a motion; of one that a record has and this version does not, a word."""
     key = f"form.motion.{name}"
-    return Key(key if key in LANGUAGES[DEFAULT].refusals else "form.motion.other")
+    return Key(key if key in LANGUAGES[DEFAULT].texts else "form.motion.other")
 
 
 @dataclass(frozen=True, slots=True)

@@ -61,7 +61,7 @@ def aborted(raw: str, values: Callable[[str], float]) -> tuple[int, str] | None:
 def ended(text: str) -> Said:
     """Why a program ends itself by ABORT."""
     found = _OF_CYCLE.fullmatch(text)
-    sentence = "" if found is None else LANGUAGES[DEFAULT].refusals.get(found[1], "")
+    sentence = "" if found is None else LANGUAGES[DEFAULT].texts.get(found[1], "")
     values = {} if found is None else dict(_PAIR.findall(found[2]))
     if found is None or not sentence or not values.keys() >= set(_PLACE.findall(sentence)):
         return said("text.abort", text=text)

@@ -16,8 +16,15 @@ The time in which a machine stands is a sum, and the fault matrix measures it:
 from __future__ import annotations
 
 from controller import messages
-from controller.faults import Fault, FaultRow, Reaction, Recovery, Times, Wait
+from controller.faults import Fault, FaultRow, Reaction, Recovery, Times, Wait, Words
 from controller.messages import DEFAULT, LANGUAGES, Key, Said, said, several
+
+
+def words(fault: Fault, language: str = DEFAULT) -> Words:
+    """What happened, where that usually comes from, what to do."""
+    return Words(
+        *(LANGUAGES[language].texts[f"{part}.{fault.name}"] for part in ("fault", "cause", "remedy"))
+    )
 
 
 def _row(
@@ -28,8 +35,7 @@ def _row(
     syncs: int = 2,
     wait: Wait = Wait.NONE,
 ) -> tuple[Fault, FaultRow]:
-    words = LANGUAGES[DEFAULT].faults[fault]
-    return fault, FaultRow(words, position_trusted, reaction, recovery, syncs, wait)
+    return fault, FaultRow(words(fault), position_trusted, reaction, recovery, syncs, wait)
 
 
 _ROWS = (

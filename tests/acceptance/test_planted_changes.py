@@ -48,7 +48,7 @@ CHANGES = {
         "093",
     ),
     "a key of the texts": (
-        "messages/program_english.py",
+        "messages/en.json",
         '"code.two_of_a_group":',
         '"code.two_of_group":',
         "declared/texts",

@@ -11,7 +11,7 @@ import asyncio
 import contextlib
 import json
 import re
-import sys
+import shutil
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -27,7 +27,7 @@ from controller import messages
 from controller.__main__ import app
 from controller.api.service_client import SocketServiceClient
 from controller.cli import remote, status_view
-from controller.faults import Fault, Words
+from controller.faults import Fault
 from controller.ipc.control_socket import Client, CommandRefused
 from controller.messages import LANGUAGES, Key, plain, said, told
 from controller.service.command_handlers import Desk
@@ -45,36 +45,20 @@ NAMES = {"values", "key", "name", "program", "by"}  # of JSON: what stands there
 ASK = CliRunner()
 
 
-def bracketed(text: Any) -> Any:
-    """Every text of a section between brackets."""
-    if isinstance(text, Words):
-        return Words(*map(bracketed, text))
-    return f"⟦{text}⟧" if isinstance(text, str) else {key: bracketed(one) for key, one in text.items()}
-
-
-def source(english: messages.Catalogue) -> str:
+def source() -> str:
     """The one file."""
-    lines = ["from controller.faults import Fault, Reaction, Recovery, Words"]
-    lines += ['LANGUAGE = "xx"', 'NAME = "⟦X⟧"']
-    by_enum = {"FAULTS": english.faults, "CLASSES": english.classes, "RECOVERIES": english.recoveries}
-    for name, section in by_enum.items():
-        rows = [f"{type(key).__name__}.{key.name}: {bracketed(one)!r}" for key, one in section.items()]
-        lines.append(f"{name} = {{{', '.join(rows)}}}")
-    by_key = {"FRAMES": english.frames, "REFUSALS": english.refusals, "PAGE": english.page}
-    lines += [f"{name} = {bracketed(section)!r}" for name, section in by_key.items()]
-    return "\n".join(lines)
+    english = json.loads((messages.FOLDER / "en.json").read_text(encoding="utf-8"))
+    texts = {key: f"⟦{text}⟧" if text else "" for key, text in english.items()}
+    return json.dumps({**texts, "language": "⟦X⟧"})
 
 
 @pytest.fixture(autouse=True)
-def third(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    """The file lies where the others lie, and nothing else is done for it."""
-    folder = tmp_path / "catalogue"
-    folder.mkdir()
-    (folder / "xx.py").write_text(source(LANGUAGES["en"]), encoding="utf-8")
-    monkeypatch.setattr(messages, "__path__", [*messages.__path__, str(folder)])
-    monkeypatch.setitem(LANGUAGES, "xx", messages.languages()["xx"])
-    yield
-    sys.modules.pop("controller.messages.xx", None)
+def third(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The file is in the folder of the others, and nothing else is done for it."""
+    folder = tmp_path / "messages"
+    shutil.copytree(messages.FOLDER, folder)
+    (folder / "xx.json").write_text(source(), encoding="utf-8")
+    monkeypatch.setitem(LANGUAGES, "xx", messages.languages(folder)["xx"])
 
 
 def outside(text: str) -> str:

@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 from controller.__main__ import app
 from controller.machine import arrangement, machine_file
-from controller.messages import LANGUAGES
+from controller.state.fault_table import words
 from controller.state.modes import FAULTS, Fault
 from drives.arranged import Arranged
 
@@ -44,7 +44,7 @@ def test_every_line_fits_a_narrow_terminal_and_nothing_is_cut(monkeypatch: pytes
         told = " ".join(ran.stdout.split())
         for fault in Fault:
             if fault is not Fault.NONE:
-                for text in LANGUAGES[language].faults[fault]:
+                for text in words(fault, language):
                     assert text in told
 
 

@@ -17,7 +17,7 @@ from typer.testing import CliRunner
 from controller import messages
 from controller.__main__ import app
 from controller.geometry.defects import Defect, DefectKind
-from controller.messages import LANGUAGES, Said, notes_english, path_english, said, text
+from controller.messages import LANGUAGES, Said, said, text
 from controller.plan.surfaces import cuts
 from controller.program import code_table
 from controller.program.code_rows import Fate
@@ -26,6 +26,9 @@ from controller.runtime import checked
 from controller.verify.gouges import ADVICE, Gouge
 
 CONTROLLER = Path(messages.__file__).parent.parent
+# First parts of the keys: of the path and its surfaces, and of what a check notes.
+PATH = "path|stored|note|travel|reach|curve|probing|cut|defect|gouge|form|lead|join|limit|row|restart|aside"
+NOTES = "note|doubt|told|meaning"
 ROOMS = ("plan", "geometry", "motion")
 FILES = (
     "runtime/checked.py",
@@ -62,10 +65,13 @@ def test_no_sentence_is_written_where_it_is_raised_or_noted() -> None:
     assert found == []
 
 
+def of_topics(topics: str) -> dict[str, str]:
+    return {key: words for key, words in LANGUAGES["en"].texts.items() if re.match(rf"({topics})\.", key)}
+
+
 def keys() -> set[str]:
     """All texts of these rooms that look like keys of the catalogue."""
-    topics = "|".join({key.split(".")[0] for key in path_english.REFUSALS})
-    key = re.compile(rf"({topics})\.[\w.]*\w")
+    key = re.compile(rf"({PATH})\.[\w.]*\w")
     begun = {"form.motion", "gouge.body", "defect", "limit", "aside"}  # of keys that are put together
     return {words for tree in TREES.values() for _, words in written(tree) if key.fullmatch(words)} - begun
 
@@ -73,7 +79,7 @@ def keys() -> set[str]:
 @pytest.mark.parametrize("language", LANGUAGES)
 def test_every_key_of_these_rooms_has_its_text(language: str) -> None:
     assert len(keys()) > 80
-    assert sorted(keys() - LANGUAGES[language].refusals.keys()) == []
+    assert sorted(keys() - LANGUAGES[language].texts.keys()) == []
 
 
 def test_every_text_is_said_somewhere() -> None:
@@ -82,7 +88,8 @@ def test_every_text_is_said_somewhere() -> None:
     made |= {f"gouge.{kind.replace(' ', '_')}" for kind in ADVICE}
     made |= {f"gouge.{one}" for one in ("left", "right", "body.cutter", "body.shank", "body.holder")}
     made |= {"aside.retract", "aside.return", "limit.velocity", "limit.acceleration", "limit.jerk"}
-    rest = (path_english.REFUSALS.keys() | notes_english.REFUSALS.keys()) - made
+    made |= of_topics("form|meaning").keys()  # of verdicts, and of codes that another dialect has
+    rest = of_topics(f"{PATH}|{NOTES}").keys() - made
     source = "\n".join(f.read_text() for f in CONTROLLER.rglob("*.py") if f.parent.name != "messages")
     rows = [row.noted_with()["values"] for row in code_table.ROWS if row.fate is Fate.NOTED]
     said_of_codes = {value["key"] for row in rows for value in (row["meaning"], row["told"])}
@@ -95,8 +102,8 @@ def test_the_figures_of_a_text_are_written_alike_in_every_language(language: str
     def figures(words: str) -> set[tuple[str, str | None]]:
         return {(name, form) for _, name, form, _ in string.Formatter().parse(words) if name}
 
-    for key, words in (path_english.REFUSALS | notes_english.REFUSALS).items():
-        assert figures(LANGUAGES[language].refusals[key]) == figures(words), key
+    for key, words in of_topics(f"{PATH}|{NOTES}").items():
+        assert figures(LANGUAGES[language].texts[key]) == figures(words), key
 
 
 def told(one: Said) -> dict[str, str]:

@@ -24,7 +24,7 @@ KEYED = {"refusal": 1, "_wrong": 1, "said": 0, "Key": 0, "NoValue": 0, "NoCircle
 
 def keys() -> set[str]:
     """All texts of the room that look like keys of its catalogue."""
-    topics = {key.split(".")[0] for key in LANGUAGES["en"].refusals if "." in key}
+    topics = {key.split(".")[0] for key in LANGUAGES["en"].texts if "." in key}
     key = re.compile(rf"({'|'.join(topics)})\.[\w.]+")
     nodes = (node for tree in TREES.values() for node in ast.walk(tree))
     written = (node.value for node in nodes if isinstance(node, ast.Constant) and isinstance(node.value, str))
@@ -47,7 +47,7 @@ def arguments() -> list[tuple[str, ast.expr]]:
 @pytest.mark.parametrize("language", LANGUAGES)
 def test_every_key_of_the_room_has_its_text(language: str) -> None:
     assert len(keys()) > 250
-    assert sorted(keys() - LANGUAGES[language].refusals.keys()) == []
+    assert sorted(keys() - LANGUAGES[language].texts.keys()) == []
 
 
 @pytest.mark.parametrize("language", LANGUAGES)
@@ -57,7 +57,7 @@ def test_every_code_that_is_refused_is_said_with_what_to_write(language: str) ->
     keys = {key for one in said for key in (one["meaning"], one["instead"])}
     assert len(keys) == 2 * len(rows) > 80
     keys |= {codes._named(row) for row in code_table.ROWS if row.group not in ("", row.name)}
-    assert sorted(keys - LANGUAGES[language].refusals.keys()) == []
+    assert sorted(keys - LANGUAGES[language].texts.keys()) == []
 
 
 def test_no_refusal_is_made_of_a_sentence() -> None:

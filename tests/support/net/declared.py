@@ -220,7 +220,7 @@ def texts() -> str:
     """Keys of all texts and what they have places for, by language."""
     rows = []
     for language, catalogue in messages.LANGUAGES.items():
-        for section in ("frames", "page", "texts"):
+        for section in ("page", "texts"):
             for key, text in sorted(getattr(catalogue, section).items()):
                 places = sorted({name for _, name, _, _ in string.Formatter().parse(str(text)) if name})
                 rows.append(f"{language} {section} {key} = {' '.join(places)}\n")
