@@ -293,7 +293,10 @@ class Status(OfTick, Told):
         None, description="What holds the feed down now: feed, corner ... or an axis and its limit."
     )
     in_block: Any = Field(None, description="What the motion is, the share of it that is done, and u.")
-    codes: Any = Field(None, description="Modal codes in which the motion runs: G17, G54, G61, T1 ...")
+    codes: Any = Field(
+        None,
+        description="What is in force, one code of each group, and T H D F S: G1, G17, G21, G90 ... T1, F200",
+    )
     coolant: Any = None
     inputs: Any = None
     outputs: Any = None

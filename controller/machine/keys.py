@@ -125,6 +125,7 @@ MEANINGS: Mapping[str, Mapping[str, str]] = {
         "call_levels": "subs of a program that may call each other",
         "program_passes": "rounds of loops and calls of subs, together, in one run",
         "dialect": "how what differs between controls is read",
+        "start_state": "the modal state in which a program begins: that of power-on, or the one in force",
         "without_point": 'what a length without a decimal point counts in under `fanuc`; "": refused',
         "kept_parameters": "numbers, or [first, last], that outlive a program and a loss of power",
     },

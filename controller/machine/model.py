@@ -31,6 +31,7 @@ MAX_PROGRAM_H = 10_000.0  # ... and what it may say at most
 TOOL_AT_POWER_ON = 1  # number of the one in the spindle where nobody has said otherwise
 MAX_WEAR_MM = 0.5  # of a cutter, at radius and length: beyond it is another one
 TOOL_CHANGE_S = 60.0  # by hand, where the machine file says nothing
+START_STATES = ("reset", "keep")  # of the modal state, where a program begins
 DIALECTS = ("rs274", "fanuc")  # of programs: RS-274/NGC as LinuxCNC reads it, or as Fanuc-like controls do
 WITHOUT_POINT = ("", "unit", "thousandth")  # what lengths without a decimal point count in under fanuc
 
@@ -516,6 +517,7 @@ class Machine:
     call_levels: int = CALL_LEVELS  # subs of a program, one in the other
     program_passes: int = PROGRAM_PASSES  # rounds of loops and calls of subs, together, in one run
     dialect: str = "rs274"  # or "fanuc": how what differs between controls is read
+    start_state: str = field(default="reset", repr=False)  # a program begins as at power-on; "keep": as it is
     without_point: str = ""  # under fanuc: "unit", "thousandth", or "" where such lengths are refused
     turned_rad: tuple[Pair, ...] = ()  # of the work offsets, in their order; one that is missing stands still
     shift: Shift = Shift()  # of G92, from one program to the next ...

@@ -44,6 +44,7 @@ from controller.program import (
     tool_axis_words,
     words,
 )
+from controller.program.carried import InForce, after_program
 from controller.program.code_rows import Fate
 from controller.program.code_table import BY_DIALECT, HOLD_AXES, takers_of
 from controller.program.codes import (
@@ -114,17 +115,23 @@ def stream(
     block_delete: bool = False,
     start: Joints | None = None,
     refused: list[ProgramError] | None = None,
+    begin: State | None = None,
+    in_force: InForce | None = None,
 ) -> Iterator[Block]:
     """As ``read``, block by block: what comes before a line that is refused has been given by then.
 
     With ``refused``, lines that are refused are noted there and left out, as far as it can be read on.
+    ``begin``: the modal state before the first line; None: that of power-on. The state of each line is
+    noted in ``in_force``.
     """
     program, behind = linked.parts(data)
     text, remark = decoding.text_of(program, name)
     files = {
         label: (file, decoding.text_of(content, file)[0].whole()) for label, (file, content) in behind.items()
     }
-    given = Given(machine, modal.begun(machine), Position(machine, start or homed(machine)))
+    given = Given(machine, modal.begun(machine, begin), Position(machine, start or homed(machine)))
+    if in_force is not None:
+        in_force.add(0, given.state)
     system = OF_FANUC if machine.dialect == "fanuc" else range(0)
     parameters = Parameters(given, machine.parameters, machine.kept, system)
     limits = Limits(machine.call_levels, machine.program_passes, machine.without_point)
@@ -132,7 +139,7 @@ def stream(
     read = words.read(text, name, block_delete, parameters, limits, files, refused, common.take)
     if remark is not None:
         yield Remark(remark[0], given.state.modal, remark[1])
-    made = _blocks(Upcoming(read), machine, given, common, parameters, refused)
+    made = _blocks(Upcoming(read), machine, given, common, parameters, refused, in_force)
     beside = compensation.beside(made, given.position, machine, name, refused)
     for together in foreign.judged(beside, text, name, refused):
         yield from together
@@ -145,21 +152,26 @@ def _blocks(
     common: CommonLines,
     parameters: Parameters,
     refused: list[ProgramError] | None = None,
+    in_force: InForce | None = None,
 ) -> Iterator[CommonRun | Sequence[Block]]:
     """Blocks of lines; ``given`` has the state and the position between two of them."""
-    saved, functions = Saved(machine), common.functions
+    saved, functions, note = Saved(machine), common.functions, in_force or InForce()
     for line in ahead.items:
         if ahead.told:
             yield _said(ahead.told, given.state)
         if isinstance(line, CommonRun):
+            if in_force is not None:
+                in_force.add_run(line, given.state)
             yield line
             continue
         if (quick := common.read(line)) is not None:
+            note.add(line.order, given.state)
             yield (quick,)
             continue
         state = before = given.state
         if (known := functions.read(line, state)) is not None:
             done, given.state = known
+            note.add(line.order, given.state)
             yield done
             continue
         common.rests = True
@@ -178,6 +190,7 @@ def _blocks(
         finally:
             common.rests = False
         given.state = functions.learnt(line, before, turn.state, turn.made)
+        note.add(line.order, given.state)
         yield [*restored, *turn.made]
         if given.see_probed(turn.made, line):
             parameters.forget_probed()
@@ -505,3 +518,5 @@ class _Turn:
             self.state = self.state._replace(modal=off)
         act = {"M0": Act.STOP, "M60": Act.STOP, "M1": Act.OPTIONAL_STOP}.get(code, Act.END)
         self.made.append(Action(self.ask.place(word), self.state.modal, act))
+        if self.ended:
+            self.state = after_program(self.state, self._machine)

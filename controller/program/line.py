@@ -176,6 +176,11 @@ class Line:
         """Number of the call that it belongs to, counted over the run; 0: of the program itself."""
         return self.where.sub if self.where is not None else 0
 
+    @property
+    def order(self) -> int:
+        """As ``Place.order`` of what stands in it."""
+        return self.where.step or self.where.line if self.where is not None else self.number
+
     def with_words(self, words: tuple[Word, ...]) -> Line:
         """The same line with other words."""
         made = Line(self.name, self.number, words)

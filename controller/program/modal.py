@@ -100,6 +100,8 @@ class State(NamedTuple):
     curve_goes: tuple[float, float] | None = None  # mm: where the G5 before leads on to
     begun: Begun | None = None  # a tilted plane that takes more lines
     marks: int = 0  # stops between the steps of a tool changer, so far
+    length_tool: int = 0  # H: the tool whose length G43 adds; 0 = none, or a length as written
+    radius_tool: int = 0  # D: the tool by whose radius G41 and G42 keep off; 0 = the one in the spindle
 
     def time(self, ask: Ask, code: str, word: Word) -> float | None:
         """Seconds that a feed motion takes under G93, None under G94; ProgramError for G93 without F."""
@@ -160,8 +162,13 @@ def power_on() -> State:
     return State(Modal(TOOL_AT_POWER_ON, 0, Side.RIGHT, 0.0, True, 0.0, 0.0, None, 0.0, 0))
 
 
-def begun(machine: Machine) -> State:
-    """The same on a machine: under the offsets that it has at the start of a program."""
+def begun(machine: Machine, left: State | None = None) -> State:
+    """The state in which a program begins on a machine, under the offsets that it has by then.
+
+    ``left``: what was in force before, as ``controller.program.carried`` has it; None: that at power-on.
+    """
+    if left is not None:
+        return left.with_origins(left.origins, machine)
     state = power_on().with_origins(Origins.begun(machine), machine)
     if machine.changer is None:
         return state
@@ -431,7 +438,11 @@ class _Settings:
             )
             self.state = self.state._replace(modal=modal)
             planar = planar_words.said(self.ask, code, self.side_letters, self.state, self._machine)
-            self.state = self.state._replace(side=code, modal=replace(modal, planar=planar))
+            word = self.ask.words.get("D") if planar is not None and "D" in self.side_letters else None
+            number = int(word.value) if word is not None and code not in planar_words.WRITTEN else 0
+            self.state = self.state._replace(
+                side=code, modal=replace(modal, planar=planar), radius_tool=number
+            )
 
     def _length(self) -> None:
         """G43 adds the length of the tool in the spindle, or of tool H; H0 is none.
@@ -442,17 +453,26 @@ class _Settings:
         if code == "G49":
             self._check_no_length()
             self._set_modal(replace(self.state.modal, length_mm=0.0, tip=Tip.OFF))
+            self.state = self.state._replace(length_tool=0)
         if code not in TIPS:
             return
         modal, said = self.state.modal, self._said_mm(code)
         length = {"G43.2": modal.length_mm + said, "G44": -said}.get(code, said)
         self._set_modal(replace(modal, length_mm=length, tip=TIPS[code]))
+        self.state = self.state._replace(length_tool=self._length_tool(code))
 
     def _check_no_length(self) -> None:
         """H0 says beside G49 what it says."""
         word = self.ask.of("G49").words.get("H")
         if word is not None and word.value != 0.0:
             raise self.ask.refusal(word, "tool.length_beside_g49")
+
+    def _length_tool(self, code: str) -> int:
+        """The tool whose length alone is in force after the code; 0 where it is no tool's."""
+        if code in ("G43.1", "G43.2", "G44"):
+            return 0
+        word = self.ask.of(code).words.get("H")
+        return self.state.modal.tool if word is None else int(word.value)
 
     def _said_mm(self, code: str) -> float:
         """The length that H, or Z of G43.1, names; without one that of the tool in the spindle."""

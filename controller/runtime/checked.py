@@ -33,9 +33,11 @@ from controller.plan.restart.restart import Rest, Source
 from controller.plan.stretch import Chain, Note, Pause, Stretch
 from controller.plan.surfaces import choices, cuts, placements, placing
 from controller.plan.surfaces.walls import NONE, Walls
-from controller.program import blocks
+from controller.program import blocks, carried, modal
+from controller.program.carried import InForce
+from controller.program.modal import State
 from controller.program.position import homed
-from controller.program.program import Block, CutBlock, GougeRefused, ProgramError
+from controller.program.program import Act, Block, CutBlock, GougeRefused, Place, ProgramError
 from controller.values import dataclass
 from controller.verify import wording
 from controller.verify.audit import Audit, FormRefused, Watched, audit
@@ -63,10 +65,20 @@ class Task:
     kinematics: Kinematics
     start: Joints
     look: Callable[[Block], None] | None = None  # called with every block that is read; may raise
+    begin: State | None = None  # the modal state before its first line; None: that of power-on
+    typed: bool = False  # a line by hand, which means the tool that is there until it names one
+    in_force: InForce | None = None  # where the state of each line that is read is noted
 
     @property
     def key(self) -> str:
-        return stored.key(self.text, self.machine, self.start)
+        begin = None if self.begin is None else carried.to_json(self.begin)
+        return stored.key(self.text, self.machine, self.start, begin)
+
+    def read(self, in_force: InForce | None = None) -> Iterator[Block]:
+        """The program as blocks; the state of each line is noted in ``in_force``. Raises ProgramError."""
+        return blocks.stream(
+            self.text, self.machine, self.name, start=self.start, begin=self.begin, in_force=in_force
+        )
 
 
 @dataclass(slots=True)
@@ -95,26 +107,27 @@ def path_of(
     chosen: Mapping[int, Rotaries] | None = None,
     dry_run_mm: float = 0.0,
     in_spindle: int | None = None,
-    typed: bool = False,
 ) -> Walk:
     """The path block by block, as ``chosen`` over the whole program, or as the blocks come.
 
     What it walks over raises ProgramError where a block is refused. ``dry_run_mm``: so far off the
     part along the tool axis, spindle and coolant off. ``in_spindle``: a tool's number, 0 = not known;
     it stops where another one is to be put in. None: nobody is waited for.
-    ``typed``: a line by hand, which means the tool that is there until it names one.
     """
     source = _source(asked, chosen, dry_run_mm).dry()
     tracer = path.Tracer(asked.name, source.machine, asked.kinematics, asked.start, chosen or {})
     read = _Read(iter(source.blocks))
     items = duration.bounded(tracer.items(read), source.machine, asked.name, whole=chosen is not None)
-    items = _whole(items, read, asked.name)
-    if not typed and not dry_run_mm:
+    items = _whole(items, read, asked)
+    if asked.typed:
+        items = _switched_off(items)
+    elif not dry_run_mm:
         items = spindle_off.noted(items, source.machine, tracer.notes.append)
         items = plunges.noted(items, asked.machine, asked.kinematics, tracer.notes.append)
     if in_spindle is not None:
         note = tracer.notes.append
-        items = tool_changes.stopped(items, asked.machine, in_spindle, None, typed, note, asked.name)
+        before = None if asked.begin is None else modal.begun(asked.machine, asked.begin).modal
+        items = tool_changes.stopped(items, asked.machine, in_spindle, before, asked.typed, note, asked.name)
     return Walk(items, tracer.notes, chosen or {})
 
 
@@ -138,6 +151,7 @@ def _source(asked: Task, chosen: Mapping[int, Rotaries] | None, dry_run_mm: floa
         chosen,
         dry_run_mm,
         partial(walls_of, asked),
+        asked.begin,
     )
 
 
@@ -145,11 +159,11 @@ def walls_of(asked: Task) -> Walls:
     """All surfaces that a program cuts, read once more. Raises ProgramError where it is refused."""
     if not CUTS.search(asked.text):
         return NONE
-    return Walls.of(blocks.stream(asked.text, asked.machine, asked.name, start=asked.start), asked.machine)
+    return Walls.of(asked.read(), asked.machine)
 
 
 def _blocks(asked: Task) -> Iterator[Block]:
-    for block in blocks.stream(asked.text, asked.machine, asked.name, start=asked.start):
+    for block in asked.read(asked.in_force):
         if asked.look is not None:
             asked.look(block)
         yield block
@@ -168,16 +182,29 @@ class _Read:
             yield block
 
 
-def _whole(items: Iterator[Chain | Pause], read: _Read, name: str) -> Iterator[Chain | Pause]:
-    """A program without a block is refused; one whose moves all end where they start is a pause."""
+def _whole(items: Iterator[Chain | Pause], read: _Read, asked: Task) -> Iterator[Chain | Pause]:
+    """A program without a block is refused; one whose moves all end where they start is a pause.
+
+    So is a line by hand that only says how the next ones are meant.
+    """
     empty = True
     for item in items:
         empty = False
         yield item
-    if read.last is None:
-        raise ProgramError(name, 1, 1, said("path.nothing"))
-    if empty:
+    if read.last is None and asked.typed:
+        yield Pause(Place(1, 1), modal.begun(asked.machine, asked.begin).modal)
+    elif read.last is None:
+        raise ProgramError(asked.name, 1, 1, said("path.nothing"))
+    elif empty:
         yield Pause(read.last.place, read.last.modal)
+
+
+def _switched_off(items: Iterable[Chain | Pause]) -> Iterator[Chain | Pause]:
+    """After a line by hand what is on stays on, but for M2 and M30."""
+    for item in items:
+        if isinstance(item, Pause) and item.act is Act.END:
+            yield Pause(item.place, item.modal, act=Act.SPINDLE)
+        yield item
 
 
 def chosen_for(asked: Task, progress: Progress = lambda _: None) -> dict[int, Rotaries]:
@@ -268,10 +295,7 @@ def _audited(
 ) -> Audit:
     """What is told of the surfaces; raises ProgramError where they are refused."""
 
-    def read() -> Iterator[Block]:
-        return blocks.stream(asked.text, asked.machine, asked.name, start=asked.start)
-
-    return audit(watched, read, asked.name, asked.machine, asked.kinematics, progress, spread)
+    return audit(watched, asked.read, asked.name, asked.machine, asked.kinematics, progress, spread)
 
 
 def _noted(walk: Walk, notes: Sequence[Note]) -> Walk:
@@ -324,7 +348,8 @@ def looked_at(
     with _gouges_placed(asked):
         place_ahead(asked, spread, _between(done, 0.0, PLACED))
         chosen = chosen_for(asked, _between(done, PLACED, CHOSEN))
-        walk = path_of(asked, chosen, in_spindle=TOOL_AT_POWER_ON)
+        there = asked.begin.modal.tool if asked.begin is not None else TOOL_AT_POWER_ON
+        walk = path_of(asked, chosen, in_spindle=there)
         placed = placements.Noted(watch(walk.items))
         watched, passing = Watched(placed), Passing()
         try:

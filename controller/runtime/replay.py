@@ -148,7 +148,7 @@ class _Repetition:
             if line.kind == events.PIECES or line.event is not None:
                 bench.tick()
         bench.begin_rows()
-        started = bench.request(Request.START)
+        started = bench.request(Request.START, float(self._record.begin.start.stays_on))
         first, skips = bench.cycle.tick + 1, bench.cycle.sync.skips
         every = max(1, round(PLAN_EVERY_S / bench.machine.period_s))
         for n in range(ticks):

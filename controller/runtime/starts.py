@@ -7,7 +7,7 @@ elsewhere when a rest of it is gone on with: then an entry leads to that rest.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict, replace
+from dataclasses import fields, replace
 from typing import Any
 
 from controller.machine.model import Joints, Machine
@@ -16,8 +16,11 @@ from controller.plan.report.stored import Stored
 from controller.plan.restart.program_position import Spot
 from controller.plan.restart.reentry import Fitted
 from controller.plan.restart.restart import Rest
+from controller.program import carried
+from controller.program.modal import State
 from controller.runtime import checked
 from controller.runtime.checked import Task, Walk
+from controller.state.modes import StaysOn
 from controller.values import dataclass
 
 
@@ -33,10 +36,19 @@ class Start:
     in_spindle: int = 0  # number of the tool; 0 = not known
     typed: bool = False  # a line by hand, which means that tool
     unchecked: bool = False  # from the top, with branch and turns chosen as the blocks come
+    begin: State | None = None  # the modal state before the first line; None: that of power-on
+
+    @property
+    def stays_on(self) -> StaysOn:
+        """What is on of spindle, coolant and outputs, before it and after it."""
+        before = StaysOn.BEFORE if self.begin is not None else StaysOn(0)
+        return before | StaysOn.AFTER if self.typed else before
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON has it, without loss."""
-        return {**asdict(self), "spot": None if self.spot is None else list(self.spot)}
+        plain = {f.name: getattr(self, f.name) for f in fields(self)}
+        begin = None if self.begin is None else carried.to_json(self.begin)
+        return {**plain, "spot": None if self.spot is None else list(self.spot), "begin": begin}
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Start:
@@ -51,6 +63,7 @@ class Start:
             int(values["in_spindle"]),
             bool(values.get("typed", False)),
             bool(values.get("unchecked", False)),
+            None if values.get("begin") is None else carried.from_json(values["begin"]),
         )
 
 
@@ -62,12 +75,13 @@ def path_from(asked: Task, kept: Stored | None, start: Start) -> Walk:
     """The path of a start; without a check branch and turns are chosen here. Raises ProgramError."""
     if asked.machine.changer is not None:
         asked = replace(asked, machine=replace(asked.machine, in_spindle=start.in_spindle))
+    asked = replace(asked, begin=start.begin, typed=start.typed)
     choices = kept.choices if kept is not None else None if start.unchecked else checked.chosen_for(asked)
     if start.spot is not None:
         entered = rest(asked, choices or {}, start).entered(start.joints, start.in_spindle)
         return Walk(entered, choices=choices or {})
     asked = checked.standing(asked, start.joints)
-    walk = checked.path_of(asked, choices, start.dry_run_mm, start.in_spindle, start.typed)
+    walk = checked.path_of(asked, choices, start.dry_run_mm, start.in_spindle)
     walk.notes += kept.notes if kept is not None else ()
     return walk
 
@@ -87,6 +101,7 @@ def back(asked: Task, tool: int) -> Back:
 def rest(asked: Task, choices: Mapping[int, tuple[float, float]], start: Start) -> Rest:
     """What is left of the program from the spot of a start on. Raises ProgramError."""
     assert start.spot is not None
+    asked = replace(asked, begin=start.begin)
     if start.whole_from is not None:
         asked = replace(asked, start=start.whole_from)
     return checked.rest_of(asked, choices, start.spot, start.dry_run_mm)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from typing import Any
 
 from controller.geometry.vectors import Frame
@@ -173,13 +174,12 @@ class Desk:
         return self._answers.of(service.engine.jog(line), Request.JOG, {})
 
     def _part(self) -> Frame:
-        """The work offset that is active: of the motion that is held, else G54."""
+        """The frame of the program's positions that is active."""
         service = self._service
         found = service.engine.snapshot()
-        way = service.running.way(found.motion_id) if service.running is not None and found else None
-        if way is None:
+        if found is None:
             return service.machine.part()
-        return way.part if way.part is not None else service.machine.offset(way.offset).frame
+        return service.in_force(found).modal.frame(service.machine)
 
     def _hold(self, _: Values) -> Answer:
         """Also of what is only being prepared: it does not go out, which is what was asked for."""
@@ -336,6 +336,7 @@ class Desk:
                 job = restart_preview.gone_on_with(service, args)
             else:
                 job = jobs.read(args, service.machine)
+            job.program = replace(job.program, begin=service.begins_with(job, service.now()))
             service.job, service.interrupted = job, None
             try:
                 return sequences.load(service, job)
@@ -426,7 +427,7 @@ class Desk:
         mm = None if args.get("mm") is None else number(args, "mm", 0.1, MAX_WITHDRAW_MM)
         if found.pitch_mm == 0.0:
             raise refused("thread_unknown", now.mode.name, "WITHDRAW")
-        return self._begin("withdraw", jobs.mdi(way_out(service.machine, found, mm), service.machine))
+        return self._begin("withdraw", jobs.own(way_out(service.machine, found, mm), service.machine))
 
     def _aside(self, verb: str, distance_mm: float = 0.0) -> Answer:
         service, now = self._service, self._service.now()

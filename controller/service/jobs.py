@@ -19,6 +19,7 @@ from controller.machine.model import Joints, Machine, Tool
 from controller.plan.report.passing import Mark, Passed, passed_s
 from controller.plan.restart.program_position import ENTRY_ID, Spot
 from controller.program import linked, probing_cycles
+from controller.program.modal import State
 from controller.runtime.starts import Start
 from controller.service import journal
 from controller.service.planner_client import News, Program, Said, Way
@@ -76,6 +77,8 @@ class Job:
     messages: list[str] = field(default_factory=list)  # what the program said last
     next_tool: int | None = None  # that T has just named, where a changer prepares
     found: list[dict[str, Any]] = field(default_factory=list)  # of that the results of probing cycles
+    is_own: bool = False  # lines of the control's own: the modal state is not theirs to change
+    state_before: State | None = None  # the modal state before it began
     fitted: dict[str, Any] = field(default_factory=dict)  # with which it was started ...
     tools: tuple[Tool, ...] = ()  # ... and the tool table as it has made it since
     _due: deque[Said] = field(default_factory=deque)  # what it will say
@@ -364,6 +367,13 @@ def mdi(text: str, machine: Machine) -> Job:
     return Job(Program(data, MDI, machine, typed=True), hashlib.sha256(data).hexdigest())
 
 
+def own(text: str, machine: Machine) -> Job:
+    """Lines of the control's own, which begin as at power-on."""
+    job = mdi(text, machine)
+    job.is_own = True
+    return job
+
+
 def probing(args: dict[str, Any], machine: Machine, tool: int) -> Job:
     """A probing cycle as a line typed by hand, with the tool in the spindle. Raises CommandRefused."""
     values = args.get("values") or {}
@@ -373,7 +383,7 @@ def probing(args: dict[str, Any], machine: Machine, tool: int) -> Job:
         data = probing_cycles.program(args.get("cycle"), named, args.get("offset"), machine.unset, by_hand)
     except probing_cycles.CycleRefused as error:
         raise CommandRefused("bad", error.said) from error
-    return Job(Program(data, MDI, machine, typed=True), hashlib.sha256(data).hexdigest())
+    return Job(Program(data, MDI, machine, typed=True), hashlib.sha256(data).hexdigest(), is_own=True)
 
 
 def _from_0(args: dict[str, Any], key: str, highest: float) -> float:

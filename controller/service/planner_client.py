@@ -22,15 +22,18 @@ from controller.geometry.vectors import Frame
 from controller.ipc.control_socket import CommandRefused
 from controller.ipc.handoff import Snapshot
 from controller.machine.changes import Change
-from controller.machine.model import STILL, Joints, Machine, Pair
+from controller.machine.model import Joints, Machine
 from controller.messages import Said as Sentence
 from controller.plan.planner import Touch
 from controller.plan.report.passing import Passed, place_of
 from controller.plan.restart.program_position import LinePart, Spot, part_at
+from controller.program.modal import State, power_on
 from controller.program.program import Changing
 from controller.service.refusals import by_now, refused
 from controller.state.modes import Mode
 from controller.values import dataclass
+
+POWER_ON = power_on()
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,6 +49,7 @@ class Program:
     in_spindle: int = 0  # number of the tool; 0 = not known
     typed: bool = False  # a line by hand
     unchecked: bool = False  # it is read as it is run, and what is refused of it is refused on the way
+    begin: State | None = None  # the modal state before its first line; None: that of power-on
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,17 +94,14 @@ class Way:
     end: Joints
     feed_mm_s: float | None  # programmed; None = rapid. Degrees a second where only rotaries turn
     length_mm: float  # of the tool
-    part: Frame | None  # in which its words are read; None: the work offset as the machine has it
+    part: Frame | None  # in which a surface lies; None: the frame of the state
     name: str  # 'cut', 'lead in', 'retract' ...
     tool: int | None = None  # number of the one that the program has changed to; None: the one it began with
-    offset: int = 0  # work offset that is active, 0 = G54
+    state: State = POWER_ON  # the modal state in which it runs
     end_s: float = 0.0  # of the motion, in the unit of the snapshot's s
     arc: ArcLength | None = None  # of a surface: which u an s is
     feed_steps: tuple[tuple[float, float], ...] = ()  # (s, feed) where lines of a row have others
-    turned_rad: Pair = STILL  # what the words of the rotaries are shifted by
-    tilted_mm: float | None = None  # in a tilted plane: length with which X Y Z are the tip's in ``part``
     lines: tuple[LinePart, ...] = ()  # of which program lines it is; a way aside is of none
-    codes: tuple[str, ...] = ()  # modal ones in force
 
     def place(self, s: float) -> Passed | None:
         """Of the program, as a check marks it."""
@@ -140,6 +141,7 @@ class News:
     """Told by the plan as it comes about."""
 
     finished: bool = True  # all of the path has been sent
+    left: State | None = None  # the modal state after all of the program, once that has been read
     whole: bool = False  # ... and nothing of it was dropped or refused
     refusal: Sentence | None = None  # why it ends before its end; the machine stands before that block
     tool: int | None = None  # to which the program has changed, as far as it is read

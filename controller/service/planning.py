@@ -10,7 +10,6 @@ import multiprocessing.connection as connections
 import select
 import sys
 import time
-from bisect import bisect_right
 from collections import deque
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
@@ -19,10 +18,9 @@ from pathlib import Path
 from typing import Any
 
 from controller import memory
-from controller.geometry.vectors import Frame
 from controller.ipc.handoff import Snapshot
 from controller.machine.kinematics import kinematics_of
-from controller.machine.model import STILL, Machine, Pair
+from controller.machine.model import Machine
 from controller.messages import said
 from controller.motion.motions import SurfaceCut
 from controller.plan.off_path import Back
@@ -34,6 +32,7 @@ from controller.plan.restart.program_position import ENTRY_ID, FORMER, LinePart,
 from controller.plan.restart.restart import Rest
 from controller.plan.retract import NotPossible
 from controller.plan.stretch import Chain, Pause, Stretch
+from controller.program.carried import InForce
 from controller.program.program import Act, Aside, Block, Changing, Message, ProgramError, Select
 from controller.runtime import checked, children, cores, starts
 from controller.runtime.checked import Task
@@ -42,13 +41,11 @@ from controller.runtime.starts import Start
 from controller.runtime.startup import SessionError
 from controller.service import entry_state
 from controller.service.folders import Folders
-from controller.service.planner_client import Answer, Awaited, News, Order, Program, Said, Turn, Way
+from controller.service.planner_client import POWER_ON, Answer, Awaited, News, Order, Program, Said, Turn, Way
 from controller.state.modes import Mode
 from controller.values import dataclass
 
 NEWS_S = 0.1
-MAX_OFFSETS = 99
-Codes = tuple[str, ...]
 MAX_NOTES = 100  # every status has them; all of them stand with the check
 MAX_KNOWN = 100_000  # stretches whose tool is remembered: more than are ever read ahead
 # What is told of a program that nobody has looked at as a whole.
@@ -102,9 +99,7 @@ class Planning:
         self._marks: list[Changing] = []  # of a tool changer, until they are told
         self._heard: deque[Aside] = deque()  # messages and settings that no motion has come to
         self._said: list[Said] = []  # until it is told
-        # Order of the block from which on, which work offset, the frame that G92 and others made of it,
-        # what the rotaries are shifted by, and the length with which a tilted plane's places are the tip's.
-        self._offsets: list[tuple[int, int, Frame | None, Pair, float | None, Codes]] = []
+        self._in_force = InForce()  # the modal state at each line of what is armed
         self._fitted = machine  # of what was armed
         self._armed: Program | None = None
         self._text = b""  # of the program that was checked or armed last
@@ -205,21 +200,18 @@ class Planning:
         machine = program.machine
         if program.typed and machine.changer is not None:  # which knows its tool before the line says any
             machine = replace(machine, in_spindle=program.in_spindle)
-        task = checked.task(program.text, program.name, machine)
+        task = replace(
+            checked.task(program.text, program.name, machine), begin=program.begin, typed=program.typed
+        )
         if program.typed:  # from where the tool stands: a line may ask for that
             task = replace(task, start=_start(program, self._end.snapshot()).joints)
         return replace(task, look=self._read)
 
     def _read(self, block: Block) -> None:
-        """Work offsets and modal codes are noted where they change."""
+        """What is said and set aside of motions is noted."""
         self._look()
         if isinstance(block, Aside):
             self._heard.append(block)
-        modal = block.modal
-        tilted_mm = modal.length_mm if modal.tilted else None
-        now = (modal.offset, modal.part, modal.turned_rad, tilted_mm, entry_state.modal_codes(modal))
-        if not self._offsets or self._offsets[-1][1:] != now:
-            self._offsets.append((block.place.order, *now))
 
     def _kept(self, program: Program) -> Stored:
         """Raises ProgramError, GivenUp."""
@@ -257,7 +249,7 @@ class Planning:
         kept, task = None if program.unchecked else self._kept(program), self._task(program)
         now = self._end.snapshot()
         start = _start(program, now)
-        self._offsets.clear()
+        task = self._noting(task)
         self._heard.clear()
         self._marks.clear()
         items = starts.path_from(task, kept, start).items
@@ -271,9 +263,16 @@ class Planning:
         self._facts = {"duration_s": length[0], "blocks": length[1], "start": start}
         self._awaited = Awaited.of(order, now)
 
-    def _rest(self, program: Program, kept: Stored) -> Rest:
+    def _noting(self, task: Task) -> Task:
+        """The same, of which the modal state of each line is noted from now on."""
+        self._in_force = InForce()
+        return replace(task, in_force=self._in_force)
+
+    def _rest(self, program: Program, kept: Stored, noted: bool = False) -> Rest:
         """What is left of a program from its spot on. Raises ProgramError."""
-        return starts.rest(self._task(program), kept.choices, _start(program, self._end.snapshot()))
+        task = self._task(program)
+        task = self._noting(task) if noted else task
+        return starts.rest(task, kept.choices, _start(program, self._end.snapshot()))
 
     def _beside(self, order: Order) -> dict[str, Any]:
         """How far off the path the drives came to rest by themselves."""
@@ -362,9 +361,7 @@ class Planning:
     def _with_other_tool(self, program: Program, spot: Spot) -> Rest:
         """The rest as the new tool cuts it."""
         program = replace(program, spot=Spot(spot.line, spot.fraction, FORMER))
-        kept = self._kept(program)
-        self._offsets.clear()
-        rest = self._rest(program, kept)
+        rest = self._rest(program, self._kept(program), noted=True)
         return replace(rest, items=self._lines_noted(rest.items, rest.spot.fraction))
 
     def _lines_noted(self, items: Iterable[Chain | Pause], begun: float) -> Iterator[Chain | Pause]:
@@ -416,7 +413,8 @@ class Planning:
         returning = away is not None and away.returning
         stands_aside = away is not None and away.off and not returning
         whole = planner.finished_path
-        return News(planner.finished, whole, refusal, self._tool, stands_aside, returning)
+        left = self._in_force.last if planner.finished else None
+        return News(planner.finished, left, whole, refusal, self._tool, stands_aside, returning)
 
     def _tell_turn(self, turn: Turn) -> None:
         """Before its message goes out: whatever the tick takes can then be planned again."""
@@ -452,15 +450,13 @@ class Planning:
         fresh.clear()
 
     def _way(self, stretch: Stretch) -> Way:
-        motion, i = stretch.motion, bisect_right(self._offsets, (stretch.place.order, MAX_OFFSETS))
+        motion = stretch.motion
         length_mm, part = getattr(motion, "length_mm", 0.0), getattr(motion, "part", None)
         tool, lines = self._known.get(id(stretch), (None, ()))
-        known = self._offsets[i - 1][1:] if i else (0, None, STILL, None, ())
-        offset, frame, turned_rad, tilted_mm, codes = known
-        part = frame if part is None else part
-        told = (stretch.end, stretch.feed_mm_s, length_mm, part, stretch.name, tool, offset)
+        state = self._in_force.at(stretch.place.order) or POWER_ON
+        shown = (stretch.end, stretch.feed_mm_s, length_mm, part, stretch.name, tool, state)
         arc = motion.arc if isinstance(motion, SurfaceCut) else None
-        return Way(*told, motion.end, arc, stretch.feed_steps, turned_rad, tilted_mm, lines, codes)
+        return Way(*shown, motion.end, arc, stretch.feed_steps, lines)
 
     def _forget_known(self) -> None:
         """What is known of stretches that were told long ago."""
@@ -479,6 +475,7 @@ def _start(program: Program, now: Snapshot) -> Start:
         program.in_spindle,
         program.typed,
         program.unchecked,
+        program.begin,
     )
 
 

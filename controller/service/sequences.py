@@ -18,6 +18,7 @@ from controller.ipc.handoff import Jog, Outcome, Snapshot
 from controller.machine import setup_data
 from controller.machine.model import Machine
 from controller.messages import Key, plain
+from controller.runtime.starts import Start
 from controller.service import restart_preview
 from controller.service.acknowledged import why_refused
 from controller.service.jobs import Job, whole_from
@@ -114,6 +115,7 @@ def reset(service: Service) -> Values:
         now = service.wait_for(lambda _: service.running is None, STAND_S, "end_of_run")
         needs = max(FAULTS[now.fault].recovery, FAULTS[now.warning].recovery)
         _asked(service, Request.RESET)
+        service.modal.reset(service.machine)
         if needs >= Recovery.COMMISSION:
             service.commissioned = False
     _commissioned(service)
@@ -162,7 +164,7 @@ def _arm(service: Service, job: Job) -> None:
         if sisters := service.usage.sisters(service.tool_numbers):
             job.fitted = {**job.fitted, "sisters": sisters}
             machine = setup_data.applied(machine, {"sisters": sisters})
-        job.program = replace(job.program, machine=machine)
+        job.program = replace(job.program, machine=machine, begin=service.begins_with(job, now))
         if job.entry is not None:
             restart_preview.look_again(service, job)
         service.arming(job)
@@ -174,7 +176,8 @@ def _go(service: Service, job: Job, facts: Values, going: Going) -> None:
         if now.mode is not Mode.READY:
             raise by_now(now, "START")
         service.begin(job, facts)
-        asked = going.send(lambda: service.engine.request(Request.START))
+        begun: Start = facts["start"]
+        asked = going.send(lambda: service.engine.request(Request.START, float(begun.stays_on)))
     if asked is None:
         raise refused("stopped", now.mode.name, "START")
     _see_taken(service, asked, Request.START)

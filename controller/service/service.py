@@ -28,6 +28,9 @@ from controller.machine.model import Changer, Machine
 from controller.machine.toml_table import ConfigError
 from controller.machine.tool_store import ToolStore
 from controller.messages import Said, plain, said, several
+from controller.plan.restart.program_position import ENTRY_ID
+from controller.program import carried
+from controller.program.modal import State
 from controller.runtime.bus_load import overload
 from controller.runtime.listener import Listener
 from controller.runtime.recording import Keeper
@@ -41,6 +44,7 @@ from controller.service.fault_reporter import Troubles
 from controller.service.folders import Folders
 from controller.service.jobs import Job
 from controller.service.journal import Journal
+from controller.service.modal_state import ModalState
 from controller.service.node_status import LastFrames
 from controller.service.planner_client import News, Program
 from controller.service.probed import Probed
@@ -92,6 +96,7 @@ class Service:
         self._asked_tool: int | None = None  # that a program waited for at the last look ...
         self._asked_line = 0  # ... and on which line
         self.tool = setup_data.in_spindle(state)  # number of the one in the spindle; 0 = not known
+        self.modal = ModalState(self.machine)
         self.lock = threading.RLock()  # of jobs and records; the door's thread never takes it
         self.fitting = threading.Lock()  # of what is fitted and what begins with it; taken before ``lock``
         self._records = ThreadPoolExecutor(1, "records")  # writes what runs leave behind
@@ -282,6 +287,26 @@ class Service:
         """Of the tool table as it is now."""
         return [tool.number for tool in self.machine.tools]
 
+    def in_force(self, now: Snapshot) -> State:
+        """The modal state: of the motion under way, else as the last block or line has left it."""
+        job = self.running
+        way = job.way(now.motion_id) if job is not None and job.active else None
+        if way is not None:
+            return way.state
+        if job is not None and job.taken:
+            return self.modal.left
+        return self.modal.at(now, self.machine, self.tool)
+
+    def begins_with(self, job: Job, now: Snapshot) -> State | None:
+        """The modal state in which a job begins; None: that of power-on."""
+        by_hand = job.is_mdi and not job.is_own
+        keeps = not job.is_mdi and self.machine.start_state == "keep"
+        return (
+            carried.after_line(self.modal.at(now, self.machine, self.tool), self.machine)
+            if (by_hand or keeps)
+            else None
+        )
+
     def with_tools(self, job: Job) -> dict[str, Any]:
         """What the program was started with, and the tools that the operator has changed since."""
         theirs = {str(tool.number) for tool in set(job.tools) ^ set(self.machine.tools)}
@@ -315,6 +340,7 @@ class Service:
         with self.lock:
             now = self.engine.snapshot()
             job.arm(now.tick if now is not None else -1)
+            job.state_before = self.modal.left
             job.tools = self.machine.tools
             self.running = job
             if self.changer is not None:
@@ -351,6 +377,7 @@ class Service:
             job, record = self.running, self.record
             if job is None:
                 return
+            self._see_state_left(job, result)
             if self.changer is not None:
                 self.changer.ended()
                 self._see_changer(self.changer)
@@ -363,6 +390,17 @@ class Service:
             job.state, job.said = result, why
         if record is not None:
             self._records.submit(record.end, result, planned_s=job.duration_s, **messages.facts(why))
+
+    def _see_state_left(self, job: Job, result: str) -> None:
+        """What the end of a run leaves in force."""
+        if job.is_own and job.state_before is not None:
+            self.modal.restore(job.state_before)
+        elif result != "completed":
+            self.modal.stop(self.machine)
+        elif job.is_mdi:
+            self.modal.end_line(job.news.left, self.machine)
+        else:
+            self.modal.end_program(job.news.left, self.machine)
 
     def _sync_records(self) -> None:
         """Nobody waits for the disk but this thread."""
@@ -491,6 +529,8 @@ class Service:
         elif now.mode in (Mode.RUNNING, Mode.HOLD, Mode.STOPPING, Mode.JOG):
             job.state = job.state_at(now) if job.taken else job.state
             job.pass_time(now)
+            if (way := job.ways.get(now.motion_id)) is not None and now.motion_id < ENTRY_ID:
+                self.modal.see(way.state)
             self._set(job, job.say(now), now)
             self._see_tool(now, job)
             self._see_refused(now, job)

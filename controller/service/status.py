@@ -14,6 +14,8 @@ from controller.machine.kinematics import kinematics_of
 from controller.machine.model import OFFSETS, Machine, Pair
 from controller.messages import said, several
 from controller.plan.restart.reentry import room_along_axis
+from controller.program.modal import State
+from controller.service.active_codes import active_codes
 from controller.service.jobs import UNDER_WAY
 from controller.service.planner_client import Way
 from controller.service.usage import Usage
@@ -31,11 +33,12 @@ def machine_values(
     machine: Machine,
     now: Snapshot,
     way: Way | None,
+    state: State,
     in_spindle: int = 1,
     age_s: float = 0.0,
     ends_s: float | None = None,
 ) -> dict[str, Any]:
-    """All of ``status`` that a snapshot tells, with the motion under way.
+    """All of ``status`` that a snapshot tells, with the motion under way and the modal state in force.
 
     ``in_spindle``: a tool's number; ``age_s``: since the snapshot was new; ``ends_s``: in so long the queue
     ends though the program does not. What is a value of the snapshot comes as ``live_state`` declares it;
@@ -45,13 +48,13 @@ def machine_values(
     return {
         **told,
         "not_homed": [axis.name for i, axis in enumerate(machine.axes) if not now.homed >> i & 1],
-        "joints": joints(machine, now, way),
-        "work_offset": OFFSETS[way.offset if way is not None else 0],
-        **tip(machine, now, way, in_spindle),
+        "joints": joints(machine, now, way, state),
+        "work_offset": OFFSETS[state.modal.offset],
+        **tip(machine, now, way, state, in_spindle),
         "feed_mm_min": {"programmed": _programmed(now, way), **told["feed_mm_min"]},
         "limited_by": _limited_by(machine, now),
         "in_block": way.in_block(now.s) if way is not None else None,
-        "codes": list(way.codes) if way is not None else [],
+        "codes": list(active_codes(state)),
         "coolant": {"mist": bool(now.coolant & 1), "flood": bool(now.coolant & 2)},
         "inputs": _bits(machine.io.inputs if machine.io else (), now.inputs),
         "outputs": _bits(machine.io.outputs if machine.io else (), now.outputs),
@@ -137,18 +140,19 @@ def _levels(machine: Machine, now: Snapshot) -> dict[str, float]:
     return {out.name: value for out, value in zip(outs, now.analogue, strict=False)}
 
 
-def joints(machine: Machine, now: Snapshot, way: Way | None) -> dict[str, dict[str, Any]]:
+def joints(machine: Machine, now: Snapshot, way: Way | None, state: State) -> dict[str, dict[str, Any]]:
     """By axis: where it is told to be, where it is, how far it still goes.
 
-    "work" is in the work offset of the motion under way; without one in G54, with which a program begins.
+    "work" is in the work offset that is in force.
     """
     shown, actual = machine.shown(now.joints), machine.shown(now.actual)
     ends = machine.shown(way.end) if way is not None else shown
-    turned_rad = way.turned_rad if way is not None else machine.turned()
-    work = _work(machine, shown, _frame(machine, way), turned_rad)
-    if way is not None and way.tilted_mm is not None:
-        place = kinematics_of(machine).forward(now.joints, way.tilted_mm).tip
-        for i, value in zip(machine.linear(), _frame(machine, way).from_parent(place), strict=True):
+    modal = state.modal
+    frame = way.part if way is not None and way.part is not None else modal.frame(machine)
+    work = _work(machine, shown, frame, modal.turned_rad)
+    if modal.tilted:
+        place = kinematics_of(machine).forward(now.joints, modal.length_mm).tip
+        for i, value in zip(machine.linear(), frame.from_parent(place), strict=True):
             work[i] = float(value)
     return {
         axis.name: {
@@ -162,13 +166,6 @@ def joints(machine: Machine, now: Snapshot, way: Way | None) -> dict[str, dict[s
         }
         for i, axis in enumerate(machine.axes)
     }
-
-
-def _frame(machine: Machine, way: Way | None) -> Frame:
-    """In which a motion's words are read; without one that in which a program begins."""
-    if way is None:
-        return machine.part()
-    return way.part if way.part is not None else machine.offset(way.offset).frame
 
 
 def _work(machine: Machine, shown: tuple[float, ...], frame: Frame, turned_rad: Pair) -> list[float]:
@@ -187,11 +184,13 @@ def _limit(q: float, lowest: float, highest: float, shown_per_unit: float) -> st
     return low if q <= lowest + AT_LIMIT else high if q >= highest - AT_LIMIT else None
 
 
-def tip(machine: Machine, now: Snapshot, way: Way | None, in_spindle: int = 1) -> dict[str, Any]:
-    """Tip and axis of the tool in the part frame; in G54 where no motion under way says otherwise."""
+def tip(
+    machine: Machine, now: Snapshot, way: Way | None, state: State, in_spindle: int = 1
+) -> dict[str, Any]:
+    """Tip and axis of the tool in the part frame that is in force."""
     tool = machine.tool(in_spindle)
     length_mm = way.length_mm if way is not None else tool.length_mm if tool is not None else 0.0
-    frame = way.part if way is not None and way.part is not None else machine.part()
+    frame = way.part if way is not None and way.part is not None else state.modal.frame(machine)
     pose = kinematics_of(machine).forward(now.joints, length_mm)
     return {
         "tip": dict(zip("XYZ", map(float, frame.from_parent(pose.tip)), strict=True)),

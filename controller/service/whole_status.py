@@ -128,7 +128,9 @@ def _told(service: Service, now: Snapshot) -> Values:
     asked = job.asked_tool(now, service.tool) if job is not None else None
     age_s = service.pulse.age_s(now.tick)
     ends_s = service.last_second.left_s
-    values = machine_status.machine_values(service.machine, now, way, service.tool, age_s, ends_s)
+    values = machine_status.machine_values(
+        service.machine, now, way, service.in_force(now), service.tool, age_s, ends_s
+    )
     return {
         "time_s": now.tick * service.machine.period_s,
         **_with_notices(service, values),

@@ -28,7 +28,7 @@ selects cyclic position again, and asks for ENABLE.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from enum import IntEnum
+from enum import IntEnum, IntFlag
 
 from controller.faults import Fault, FaultRow, Reaction, Recovery, Times, Wait
 from controller.messages import Key, Said, chain, said
@@ -76,10 +76,17 @@ class Mode(IntEnum):
     JOG = 7  # an operator moves the axes by hand
 
 
+class StaysOn(IntFlag):
+    """What START says of spindle, coolant and outputs that are on (``Start.stays_on``)."""
+
+    BEFORE = 1  # they go on as they are until the program says otherwise; else it begins with all off
+    AFTER = 2  # they go on when the program has come to its end by itself; else all is off then
+
+
 class Request(IntEnum):
     """What an operator (or the plan) asks for; the value of a datagram's first byte."""
 
-    START = 1
+    START = 1  # value: ``StaysOn``
     HOLD = 2
     RESUME = 3
     STOP = 4

@@ -16,6 +16,7 @@ from drives.cia402 import State, Wanted
 from drives.cyclic.drive import DriveFault
 
 MAX_OVERRIDE = 2.0
+_STARTS = (0.0, 1.0, 2.0, 3.0)  # ``StaysOn``
 SPINDLE_OVERRIDES = (0.5, 1.5)  # below it is no override but a stop, which is another button
 SWITCHES = (Request.SINGLE_BLOCK, Request.OPTIONAL_STOP, Request.ADAPTIVE_FEED)
 WARNING = 1 << 7  # of the statusword (CiA 402)
@@ -114,6 +115,8 @@ class Modes:
         self.warning = Fault.NONE  # the last fault that stopped nothing
         self.interlock = Fault.NONE  # what forbids motion at present (door, e-stop), see ``forbid``
         self.plan_lost = False  # nobody knows the program beyond what is queued
+        self.stays_on = 0  # as START said (``StaysOn``)
+        self.ended = False  # the last program has come to its end by itself
 
     def quick_stop_takes(self, seconds: float) -> None:
         """As the drives were read, from now on."""
@@ -161,6 +164,7 @@ class Modes:
     def path_ends(self) -> None:
         """With the program."""
         self._enter(Mode.READY)
+        self.ended = True
 
     # -- requests
 
@@ -169,7 +173,7 @@ class Modes:
         if request in ALWAYS:
             return self._always(request, value)
         after = TRANSITIONS.get((self.mode, request))
-        if after is None or not self._permitted(request, standing, away):
+        if after is None or not self._permitted(request, value, standing, away):
             return False
         self._enter(after)
         act = _ACTS.get(request)
@@ -177,10 +181,12 @@ class Modes:
             act(self, value)
         return True
 
-    def _permitted(self, request: Request, standing: bool, away: bool) -> bool:
+    def _permitted(self, request: Request, value: float, standing: bool, away: bool) -> bool:
         """What besides the mode a request depends on."""
         if request is Request.RESET:
             return standing or self.phase is Phase.QUICK_STOPPED
+        if request is Request.START and value not in _STARTS:
+            return False
         if (request is Request.START and self.untrusted) or (request is Request.RESUME and away):
             return False
         if request is Request.JOG and not standing and self.mode is not Mode.JOG:
@@ -230,8 +236,9 @@ class Modes:
         self.spindle_override = value
         return True
 
-    def _start(self, _: float) -> None:
-        self.plan_lost = False
+    def _start(self, value: float) -> None:
+        self.plan_lost, self.ended = False, False
+        self.stays_on = int(value)
 
     def _enable(self, _: float) -> None:
         for drive in self._group.drives:

@@ -2,7 +2,9 @@
 
 Told by hand (``by_hand``), spindle, coolant and clamps stay so in READY and in a jog from there, until a
 program starts or the door opens; the coolant of a program may be told by hand, too, until the program
-says otherwise. An override turns the spindle at a share of what is wanted; motion does not wait for that.
+says otherwise. A line typed by hand is such a hand: it begins with what is on, outputs included, and
+leaves it on (``StaysOn``). An override turns the spindle at a share of what is wanted; motion does not
+wait for that.
 
 The program speaks at rest, by a piece that ``sets``; from then on motion waits until all
 of them are as told. What an operator's hand can reach is off outside of a program:
@@ -32,7 +34,7 @@ from typing import Protocol
 
 from controller.ipc.handoff import ANALOGUE, Awaited, Piece
 from controller.machine.model import BESIDE, Axis, Changer, Clamp, Io, Machine
-from controller.state.modes import Fault, Mode, Request
+from controller.state.modes import Fault, Mode, Request, StaysOn
 from controller.tick.coupling import Coupling
 from controller.tick.mode import Modes
 from drives.settings import MasterSettings
@@ -52,6 +54,7 @@ _INTERLOCKS = (
     ("tool_clamped", Fault.CLAMP),
     ("door", Fault.DOOR_OPEN),
 )
+_STAYS_BEFORE, _STAYS_AFTER = int(StaysOn.BEFORE), int(StaysOn.AFTER)
 _MOVING = (Mode.RUNNING, Mode.HOMING, Mode.JOG)
 _PROGRAM = (Mode.RUNNING, Mode.HOLD, Mode.STOPPING, Mode.FAULT, Mode.JOG)
 
@@ -157,6 +160,7 @@ class Peripherals:
         self._max_rev_min = machine.spindle.max_rev_min if spindle and machine.spindle else 0.0
         self._wanted = (0.0, 0, 0)  # rev/min, coolant, open clamps: what the program says, or the hand
         self._by_hand = False  # without a program
+        self._handed_over = False  # what the last program has left on, to the hand
         self._programmed = 0.0  # rev/min, before the override
         self._homing = 0  # clamps to be open for an axis that homes, or is jogged
         self._was_running = self._was_homing = False
@@ -347,6 +351,7 @@ class Peripherals:
         share: float,
     ) -> None:
         mode = modes.mode
+        self._hand_over(modes)
         given_up = mode is Mode.FAULT and (standing or not modes.on_path)
         by_hand = self._by_hand and mode in (Mode.READY, Mode.JOG) and not open_door
         if given_up or (not by_hand and (self._by_hand or mode not in _PROGRAM)):
@@ -368,6 +373,19 @@ class Peripherals:
             self._turn(rev_min, modes, share)
         if self._node is not None:
             self._put_out(is_open | self._homing, actual, ticks)
+
+    def _hand_over(self, modes: Modes) -> None:
+        """What the hand has switched on becomes the program's, and what that leaves on is the hand's."""
+        if modes.mode is Mode.RUNNING:
+            self._by_hand = self._by_hand and not modes.stays_on & _STAYS_BEFORE
+            self._handed_over = False
+        elif modes.ended and modes.mode is Mode.READY and not self._handed_over:
+            self._handed_over = True
+            if modes.stays_on & _STAYS_AFTER:
+                rev_min, coolant, _ = self._wanted
+                self._wanted, self._by_hand = (rev_min, coolant, 0), True
+                self.waiting, self._awaited, self._lifted, self._lifted_after = False, None, 0, 0
+                self._coupling.end()
 
     def _turn(self, rev_min: float, modes: Modes, share: float) -> None:
         if rev_min != self._programmed and not self.waiting and modes.running:

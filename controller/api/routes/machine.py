@@ -127,7 +127,7 @@ async def spindle_override(request: Request, body: models.SpindleShare) -> model
 
 @router.put("/machine/spindle", dependencies=[moves()], responses=MOVES)
 async def spindle(request: Request, body: models.Spindle) -> models.Done:
-    """Turn the spindle by hand, in READY; a program that starts begins with it off."""
+    """Turn the spindle by hand, in READY; a program that starts begins with it off (MDI does not)."""
     return await ask(request, "spindle", rev_min=body.rev_min)
 
 

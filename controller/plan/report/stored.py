@@ -64,14 +64,18 @@ def folder() -> Path:
     return Path(base) / "directrix" / "checks"
 
 
-def key(program: bytes, machine: Machine, start: Joints) -> str:
-    """The name of a check: a hash of program, machine (tools and offsets included), start and version."""
+def key(program: bytes, machine: Machine, start: Joints, begin: Mapping[str, Any] | None = None) -> str:
+    """The name of a check: a hash of program, machine (tools and offsets included), start and version.
+
+    ``begin``: the modal state before its first line, where that is not the one of power-on.
+    """
     facts = {
         "format": FORMAT,
         "version": VERSION,
         "program": hashlib.sha256(program).hexdigest(),
         "machine": plain(machine),
         "start": start,
+        **({} if begin is None else {"begin": begin}),
     }
     text = json.dumps(facts, sort_keys=True, default=plain)
     return hashlib.sha256(text.encode()).hexdigest()

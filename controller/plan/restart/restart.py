@@ -39,6 +39,7 @@ from controller.plan.restart.tops import Tops
 from controller.plan.stretch import Chain, Pause
 from controller.plan.surfaces.walls import NONE, Walls
 from controller.program import modal
+from controller.program.modal import State
 from controller.program.program import (
     Act,
     Action,
@@ -68,6 +69,7 @@ class Source:
     chosen: Mapping[int, Rotaries] | None = None  # as a check of the whole program chose
     dry_run_mm: float = 0.0
     walls: Callable[[], Walls] = lambda: NONE  # of all of it
+    begin: State | None = None  # the modal state before its first line; None: that of power-on
 
     def fitted(self, modal: Modal) -> Fitted:
         """What is in the spindle in a state of the program, and what it must not get into."""
@@ -82,7 +84,7 @@ class Source:
             raise ProgramError(self.name, 1, 1, why)
         machine = dry_machine(self.machine, self.dry_run_mm)
         blocks = dry_blocks(self.blocks, self.dry_run_mm)
-        return Source(blocks, self.name, machine, self.kinematics, self.start, self.chosen)
+        return replace(self, blocks=blocks, machine=machine, dry_run_mm=0.0, walls=lambda: NONE)
 
 
 @dataclass(frozen=True, slots=True)
@@ -156,10 +158,10 @@ class _Line(NamedTuple):
 class _Lines:
     """Blocks as they are read; of each line the state is remembered until it is passed."""
 
-    def __init__(self, blocks: Iterable[Block], machine: Machine) -> None:
-        self._blocks = blocks
+    def __init__(self, source: Source) -> None:
+        self._blocks = source.blocks
         self._seen: dict[int, _Line] = {}  # by ``Place.order``
-        self._now = modal.begun(machine).modal
+        self._now = modal.begun(source.machine, source.begin).modal
 
     def __iter__(self) -> Iterator[Block]:
         for block in self._blocks:
@@ -182,7 +184,7 @@ class _Search:
 
     def __init__(self, source: Source, spot: Spot) -> None:
         self._source, self._spot = source, spot
-        self._lines = _Lines(source.blocks, source.machine)
+        self._lines = _Lines(source)
         tracer = Tracer(source.name, source.machine, source.kinematics, source.start, source.chosen or {})
         self._items = _unclamped(tracer.items(self._lines))
         self._stands = source.start

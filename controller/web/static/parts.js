@@ -63,6 +63,8 @@ export const Card = ({ title, children, ...more }) =>
 export const Chip = ({ tone, children, ...more }) => html`<span ...${more} class="chip" data-tone=${tone}>${children}</span>`;
 
 // A figure that the machine tells: it is greyed where it is old.
+// What is in force, one code of each group, and T H D F S.
+export const Codes = () => dx.status?.codes?.length > 0 && html`<div class="codes" role="group" aria-label=${word("run.codes")}>${dx.status.codes.map((code) => html`<${Chip} key=${code}>${code}<//>`)}</div>`;
 export const Figure = ({ tag = "span", children, ...more }) =>
   html`<${tag} ...${more} class=${`figures ${more.class ?? ""}`}>${children}<//>`;
 

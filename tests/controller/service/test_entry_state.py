@@ -6,11 +6,9 @@ import pytest
 from support.machines.interrupted_runs import EXAMPLE_2, rest_of
 from support.machines.stepped_runs import shipped
 
-from controller.machine import machine_file
 from controller.machine.kinematics import kinematics_of
 from controller.messages import text
 from controller.plan.restart.program_position import Spot
-from controller.program import blocks
 from controller.service import entry_state
 
 SECOND = 19  # line of the second surface of Example 2
@@ -75,23 +73,3 @@ def test_a_tilted_plane_is_told_and_entered(language: str, sentence: str) -> Non
 # The modal codes that an operator reads are those that the program has said.
 
 START = "G17 G49 G54 G61"
-
-
-@pytest.mark.parametrize(
-    ("said", "shown"),
-    [
-        ("", f"{START} T1 M5 M9"),
-        ("G64 P0.01", "G17 G49 G54 G64 P0.01 T1 M5 M9"),
-        ("G18\nT2 M6\nS800 M4\nM8", "G18 G49 G54 G61 T2 S800 M4 M8"),
-        ("S1200 M3\nM7\nM8", f"{START} T1 S1200 M3 M7 M8"),
-        ("S1200 M3\nM8\nM5 M9", f"{START} T1 M5 M9"),
-        ("G43.4 H1", "G17 G43.4 G54 G61 T1 M5 M9"),
-    ],
-)
-def test_the_codes_in_force_are_those_of_the_program(said: str, shown: str) -> None:
-    text = f"G21 G90\n{said}\nG1 X1. F100.\nM30\n"
-    program = blocks.read(text.encode(), machine_file.load("trunnion"), "a")
-    moves = [
-        block for block in program.blocks if block.place.line == text[: text.index("G1 ")].count("\n") + 1
-    ]
-    assert [" ".join(entry_state.modal_codes(block.modal)) for block in moves] == [shown]

@@ -26,9 +26,12 @@ def fitted(machine: Machine, may_turn: bool, number: int = 99) -> Machine:
     return replace(machine, tools=tuple(tools))
 
 
-def acts(text: str, machine: Machine, **how: object) -> list[tuple[Act, float]]:
+def acts(
+    text: str, machine: Machine, in_spindle: int | None = None, typed: bool = False
+) -> list[tuple[Act, float]]:
     """Where the path waits, and the spindle then. Raises ProgramError."""
-    walk = checked.path_of(checked.task(text.encode(), "part.ngc", machine), **how)  # type: ignore[arg-type]
+    task = replace(checked.task(text.encode(), "part.ngc", machine), typed=typed)
+    walk = checked.path_of(task, in_spindle=in_spindle)
     return [(one.act, one.modal.spindle_rev_min) for one in walk.items if isinstance(one, Pause)]
 
 

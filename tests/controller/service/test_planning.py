@@ -73,7 +73,7 @@ def test_a_start_tells_tool_offset_and_place_on_the_way(bench: Bench) -> None:
     assert answer.facts["start"].joints == pytest.approx(bench.snapshot().joints, abs=1.0)
     bench.until(Mode.READY)
     ways = {name: way for news in bench.news for name, way in news.ways.items()}
-    assert {(way.tool, way.offset) for way in ways.values()} == {(2, 1)}, "T2 and G55"
+    assert {(way.tool, way.state.modal.offset) for way in ways.values()} == {(2, 1)}, "T2 and G55"
     assert bench.news[-1].finished and bench.news[-1].whole and bench.news[-1].tool == 2
     bench.assert_cut(TEXT, bench.machine, Spot(1, 0.0, 0, 0.0))
 

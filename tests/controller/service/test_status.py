@@ -11,8 +11,9 @@ from controller.geometry.vectors import Frame, X, Y, Z
 from controller.ipc.handoff import Snapshot, blank
 from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Machine
+from controller.program.modal import State
 from controller.service import jogging, status
-from controller.service.planner_client import Way
+from controller.service.planner_client import POWER_ON, Way
 from controller.state.modes import ALL_AXES, Fault, Mode, told
 
 
@@ -28,8 +29,12 @@ def machine() -> Machine:
     return replace(made, offsets=frames)
 
 
-def way(offset: int) -> Way:
-    return Way((0.0, 0.0, 0.0, 0.0, 0.0), 10.0, 0.0, None, "line", offset=offset)
+def way(state: State = POWER_ON) -> Way:
+    return Way((0.0, 0.0, 0.0, 0.0, 0.0), 10.0, 0.0, None, "line", state=state)
+
+
+def within(frame: Frame) -> State:
+    return POWER_ON._replace(modal=replace(POWER_ON.modal, part=frame))
 
 
 ROTARIES = ((0.0, 0.0), (0.6, -2.0), (-0.9, 0.4))
@@ -74,27 +79,24 @@ def test_no_room_is_told_where_no_retract_is_possible(machine: Machine, values: 
     assert status.retract_room_mm(machine, snapshot(**{**good, **values})) is None
 
 
-@pytest.mark.parametrize(
-    ("offset", "name", "work"), [(None, "G54", -8.0), (0, "G54", -8.0), (1, "G55", -30.0)]
-)
+@pytest.mark.parametrize(("offset", "name", "work"), [(0, "G54", -8.0), (1, "G55", -30.0)])
 def test_the_work_position_is_told_with_the_offset_that_it_is_in(
-    offset: int | None, name: str, work: float, machine: Machine
+    offset: int, name: str, work: float, machine: Machine
 ) -> None:
-    under_way = None if offset is None else way(offset)
-    told = status.machine_values(machine, snapshot(), under_way)
+    state = POWER_ON._replace(modal=replace(POWER_ON.modal, offset=offset))
+    told = status.machine_values(machine, snapshot(), None, state)
     assert told["work_offset"] == name
     assert told["joints"]["X"]["work"] == pytest.approx(work)
 
 
 def test_the_modal_codes_of_the_motion_under_way_are_told(machine: Machine) -> None:
-    under_way = replace(way(0), codes=("G17", "M5"))
-    assert status.machine_values(machine, snapshot(), under_way)["codes"] == ["G17", "M5"]
-    assert status.machine_values(machine, snapshot(), None)["codes"] == []
+    codes = status.machine_values(machine, snapshot(), None, POWER_ON)["codes"]
+    assert codes[:3] == ["G80", "G17", "G21"] and codes[-5:] == ["T1", "H0", "D0", "F0", "S0"]
 
 
 def test_the_work_position_follows_what_shifts_and_turns_the_coordinates(machine: Machine) -> None:
     turned = Frame((10.0, 0.0, 0.0), Y, (-1.0, 0.0, 0.0), Z)
-    told = status.machine_values(machine, snapshot(), replace(way(0), part=turned))
+    told = status.machine_values(machine, snapshot(), None, within(turned))
     joints = {name: told["joints"][name] for name in "XYZ"}
     assert joints["X"]["work"] == pytest.approx(joints["Y"]["machine"])
     assert joints["Y"]["work"] == pytest.approx(10.0 - joints["X"]["machine"])
@@ -102,18 +104,18 @@ def test_the_work_position_follows_what_shifts_and_turns_the_coordinates(machine
 
 def test_what_stands_in_the_way_and_what_stopped_nothing_is_told(machine: Machine) -> None:
     now = snapshot(interlock=Fault.DOOR_OPEN, warning=Fault.DRIVE_WARNING)
-    notices = status.machine_values(machine, now, None)["notices"]
+    notices = status.machine_values(machine, now, None, POWER_ON)["notices"]
     assert notices == [
         {"name": fault.name, **told(fault)} for fault in (Fault.DOOR_OPEN, Fault.DRIVE_WARNING)
     ]
-    assert status.machine_values(machine, snapshot(), None)["notices"] == []
+    assert status.machine_values(machine, snapshot(), None, POWER_ON)["notices"] == []
 
 
 def test_the_programmed_feed_of_a_row_is_that_of_the_line_the_tool_is_on(machine: Machine) -> None:
-    row = replace(way(0), feed_mm_s=10.0, feed_steps=((0.0, 10.0), (30.0, 25.0), (42.0, 5.0)))
+    row = replace(way(), feed_mm_s=10.0, feed_steps=((0.0, 10.0), (30.0, 25.0), (42.0, 5.0)))
     at = {0.0: 600.0, 29.9: 600.0, 30.0: 1500.0, 50.0: 300.0}
     for s, feed in at.items():
-        told = status.machine_values(machine, snapshot(s=s), row)
+        told = status.machine_values(machine, snapshot(s=s), row, row.state)
         assert told["feed_mm_min"]["programmed"] == feed
 
 
@@ -122,6 +124,8 @@ def test_in_a_tilted_plane_the_positions_are_those_of_its_words(machine: Machine
     plane = Frame((13.0, 102.0, 127.0), X, Z, (0.0, -1.0, 0.0))
     joints = (20.0, 30.0, 110.0, 0.4, -0.3)
     tip = kinematics_of(machine).forward(joints, 40.0).tip
-    told = status.joints(machine, snapshot(joints=joints), replace(way(0), part=plane, tilted_mm=40.0))
+    state = within(plane)
+    state = state._replace(modal=replace(state.modal, tilted=True, length_mm=40.0))
+    told = status.joints(machine, snapshot(joints=joints), way(state), state)
     assert [told[name]["work"] for name in "XYZ"] == pytest.approx(plane.from_parent(tip))
     assert told["X"]["machine"] == 20.0 and told["C"]["work"] == told["C"]["machine"]

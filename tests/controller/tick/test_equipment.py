@@ -14,7 +14,7 @@ from support.machines.shipped_kinds import machine as make_machine
 
 from controller.ipc.handoff import Awaited, Piece, dwell
 from controller.machine.model import BESIDE, Clamp, Io, Machine, Spindle
-from controller.state.modes import Fault, Mode, Request
+from controller.state.modes import Fault, Mode, Request, StaysOn
 from controller.tick.peripherals import (
     FLOW_S,
     FRESH_TICKS,
@@ -83,6 +83,7 @@ class Told:
     def __init__(self, mode: Mode = Mode.OFF) -> None:
         self.mode, self.fault, self.on_path = mode, Fault.NONE, True
         self.interlock = Fault.NONE
+        self.stays_on, self.ended = 0, False
         self.failed: list[tuple[Fault, int]] = []
         self.late = -1  # the axis that is not in position yet
 
@@ -239,6 +240,39 @@ def test_by_hand_a_program_that_is_over_leaves_nothing_and_one_that_runs_what_it
     bench.modes.mode = Mode.RUNNING
     bench.watch()
     assert (bench.spindle.told, bench.node.outputs) == (0.0, 0), "a program begins with nothing"
+
+
+def test_a_line_by_hand_begins_with_what_is_on_and_leaves_on_what_it_said() -> None:
+    bench = Bench(mode=Mode.READY)
+    assert bench.all.by_hand(Request.SPINDLE, 500.0, Mode.READY)
+    assert bench.all.by_hand(Request.COOLANT, 1.0, Mode.READY)
+    bench.watch()
+    bench.modes.stays_on = StaysOn.BEFORE | StaysOn.AFTER
+    bench.modes.mode = Mode.RUNNING
+    bench.watch()
+    assert (bench.spindle.told, bench.node.outputs) == (500.0, MIST)
+    bench.run(spindle_rev_min=-800.0, coolant=2, open_clamps=A)
+    bench.modes.mode, bench.modes.ended = Mode.READY, True
+    bench.watch(100)
+    assert (bench.spindle.told, bench.node.outputs) == (-800.0, COOLANT), "and the clamps are closed"
+    bench.modes.mode = Mode.JOG
+    bench.watch()
+    assert bench.spindle.told == -800.0
+    bench.modes.mode, bench.modes.stays_on = Mode.RUNNING, 0
+    bench.watch()
+    assert (bench.spindle.told, bench.node.outputs) == (0.0, 0), "a program begins with nothing"
+
+
+def test_a_line_by_hand_that_is_stopped_leaves_nothing_on() -> None:
+    bench = Bench(mode=Mode.READY)
+    bench.modes.stays_on = StaysOn.BEFORE | StaysOn.AFTER
+    bench.run(spindle_rev_min=800.0, coolant=2)
+    bench.modes.mode = Mode.STOPPING
+    bench.watch()
+    assert bench.spindle.told == 800.0, "until it stands"
+    bench.modes.mode = Mode.READY
+    bench.watch()
+    assert (bench.spindle.told, bench.node.outputs) == (0.0, 0)
 
 
 @pytest.mark.parametrize("stuck", [False, True])

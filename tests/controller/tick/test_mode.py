@@ -56,7 +56,7 @@ FAULTED = {  # the fault that may be shown in a mode, beside none
     Mode.RUNNING: Fault.COOLANT_LOST,
     Mode.FAULT: Fault.PLANNER_GONE,
 }
-VALUED = (Request.OVERRIDE, Request.RAPID_OVERRIDE, *SWITCHES)
+VALUED = (Request.START, Request.OVERRIDE, Request.RAPID_OVERRIDE, *SWITCHES)
 INTERLOCKS = (Fault.NONE, Fault.DOOR_OPEN, Fault.ESTOP_INPUT)
 
 

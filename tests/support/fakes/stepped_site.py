@@ -25,6 +25,7 @@ from controller.ipc.handoff import Snapshot
 from controller.machine import machine_file, setup_data
 from controller.machine.model import Machine, Temperature
 from controller.plan.report.picture import Picture
+from controller.program import modal
 from controller.runtime import checked
 from controller.runtime.recording import Facts, save
 from controller.runtime.stepped import SteppedMachine
@@ -87,7 +88,7 @@ class SteppedDoor(MovingDoor):
         drives = node_status.drives(self.warm, now, self.logs)
         return {
             **super().status(),
-            **status.machine_values(self.machine, now, None, TOOL),
+            **status.machine_values(self.machine, now, None, modal.begun(self.machine), TOOL),
             "time_s": now.tick * self.machine.period_s,
             "fault": None,
             "job": {**job, "sha256": self.sha256, "fraction": 0.3, "duration_s": 67.0},

@@ -139,7 +139,7 @@ class AskedMachine:
             return 0.5 <= value <= 1.5
         if request is Request.SPINDLE:
             return self.machine.spindle is not None and abs(value) <= self.machine.spindle.max_rev_min
-        if request is Request.COOLANT:
+        if request in (Request.COOLANT, Request.START):
             return value in range(4)
         if request is Request.CLAMPS:
             return value in CLAMPS

@@ -5,7 +5,7 @@ import { ask } from "../dialog.js";
 import { html, useRef, useState } from "../dom.js";
 import { forms } from "../forms.js";
 import { ByHand } from "../peripherals.js";
-import { Act, AxisName, Card, Choice, Figure, reason } from "../parts.js";
+import { Act, AxisName, Card, Choice, Codes, Figure, reason } from "../parts.js";
 import { dx, keep, kept } from "../store.js";
 import { word as text } from "../texts.js";
 
@@ -111,6 +111,7 @@ function Mdi() {
     field.current.focus();
   };
   return html`<${Card} title=${word("mdi")} class="mdi-card">
+    <${Codes} />
     <form class="mdi" id="mdi" autocomplete="off" onsubmit=${(event) => event.preventDefault()}>
       <textarea id="mdi-text" rows="2" maxlength="1000" spellcheck=${false} aria-label=${word("mdi")} placeholder="G0 X10." ref=${field} onkeydown=${typed}>
         </textarea>

@@ -4,7 +4,7 @@ import { html, useEffect, useRef, useState } from "../dom.js";
 import { forms } from "../forms.js";
 import { show } from "../frame.js";
 import { free } from "../control.js";
-import { Act, AxisName, Bar, Card, Chip, Facts, Figure, field } from "../parts.js";
+import { Act, AxisName, Bar, Card, Codes, Facts, Figure, field } from "../parts.js";
 import { Listing } from "../listing.js";
 import { SpindleOverride } from "../peripherals.js";
 import { Offer, StateThere, start_question } from "../restart.js";
@@ -75,7 +75,7 @@ function Tool() {
   return html`<${Card} title=${word("run.tool")} class="run-tool">
     <div class="triple"><span class="dim">${word("run.tip")}</span>${letters(dx.status?.tip, "XYZ", forms.length)}</div>
     <div class="triple"><span class="dim">${word("run.vector")}</span>${letters(dx.status?.axis, "IJK", forms.unit)}</div>
-    ${dx.status?.codes?.length > 0 && html`<div class="codes" role="group" aria-label=${word("run.codes")}>${dx.status.codes.map((code) => html`<${Chip} key=${code}>${code}<//>`)}</div>`}
+    <${Codes} />
   <//>`;
 }
 

@@ -1,0 +1,177 @@
+"""The one modal state of a machine: what a line, a program or a stop leaves in force for whatever comes next.
+
+``InForce`` knows the state at each line of a program that is read ahead of the machine. What of it goes on
+after a line typed by hand, after the end of a program and after a stop is decided here (RS-274/NGC 3.6.1 and
+3.5.17; on controls as Fanuc's the cleared state of M30 and reset), and its form as JSON, for records.
+"""
+
+from __future__ import annotations
+
+import copyreg
+import types
+import typing
+from bisect import bisect_right
+from dataclasses import fields, is_dataclass, replace
+from enum import Enum
+from types import MappingProxyType
+from typing import Any, get_args, get_origin, get_type_hints
+
+from controller.machine.model import Machine
+from controller.program.line import CommonRun
+from controller.program.modal import Cycle, State, power_on
+from controller.program.origins import Origins, Plane
+from controller.program.program import UNSAID, JointArc, JointLine, Modal, Side, TipLine
+
+MAX_ROWS = 20_000  # states that are remembered: more lines than are ever read ahead
+# Of a state what belongs to the text that is read, or is known again from the machine.
+_OF_THE_TEXT = ("tools", "references", "offset_number", "noted", "curve_goes", "begun", "marks", "cleared")
+_FOUND_AGAIN = ("part", "turned_rad", "cutter", "tilted", "planar", "outputs", "compensated", "written")
+
+
+def _proxy(values: dict[Any, Any]) -> MappingProxyType[Any, Any]:
+    return MappingProxyType(values)
+
+
+# States are pickled on their way between processes.
+copyreg.pickle(MappingProxyType, lambda proxy: (_proxy, (dict(proxy),)))
+
+
+class InForce:
+    """The modal state by the order of lines, the newest ``MAX_ROWS`` of them."""
+
+    def __init__(self) -> None:
+        self._orders: list[int] = []
+        self._states: list[State] = []
+
+    def add(self, order: int, state: State) -> None:
+        """From that line (``Place.order``) on."""
+        if self._states and self._states[-1] is state:
+            return
+        if len(self._orders) >= 2 * MAX_ROWS:
+            del self._orders[:MAX_ROWS], self._states[:MAX_ROWS]
+        self._orders.append(order)
+        self._states.append(state)
+
+    def add_run(self, run: CommonRun, after: State) -> None:
+        """The same of common lines: they change motion, F, spindle and coolant alone."""
+        before = self._states[-1] if self._states else after
+        for block in run.blocks:
+            motion = _motion(block) or before.motion
+            if block.modal is not before.modal or motion != before.motion:
+                before = before._replace(modal=block.modal, motion=motion)
+                self.add(block.place.order, before)
+        if run.blocks:
+            self.add(run.blocks[-1].place.order, after)
+
+    def at(self, order: int) -> State | None:
+        """The state in which a line is carried out; None before the first."""
+        i = bisect_right(self._orders, order)
+        return self._states[i - 1] if i else None
+
+    @property
+    def last(self) -> State | None:
+        """After all that has been read."""
+        return self._states[-1] if self._states else None
+
+
+def _motion(block: object) -> str:
+    if isinstance(block, JointArc):
+        return "G2" if block.clockwise else "G3"
+    if isinstance(block, JointLine | TipLine):
+        return "G0" if block.feed_mm_s is None else "G1"
+    return ""
+
+
+# ---- what goes on
+
+
+def after_line(state: State, machine: Machine) -> State:
+    """After a line by hand all goes on but G41, for which the lines that follow must be known."""
+    modal = replace(state.modal, planar=None, side=Side.RIGHT, outputs=UNSAID, cutter=None)
+    origins = replace(state.origins, written=MappingProxyType({}))
+    left = State(modal)._replace(
+        **{name: getattr(state, name) for name in State._fields if name not in (*_OF_THE_TEXT, "modal")}
+    )
+    return left._replace(side="G40", radius_tool=0, cleared=state.cleared).with_origins(origins, machine)
+
+
+def after_program(state: State, machine: Machine) -> State:
+    """After M2, M30 or the end of the file: RS-274/NGC 3.6.1; as Fanuc's, the cleared state.
+
+    G54, G17, G90, G94, G40, the overrides on, spindle and coolant off, G1; length, unit and F stay.
+    """
+    if machine.dialect == "fanuc":
+        return cleared(state, machine)
+    first, left = power_on(), after_line(state, machine)
+    modal = replace(
+        left.modal, plane=first.modal.plane, overrides=first.modal.overrides, spindle_rev_min=0.0, coolant=0
+    )
+    left = left._replace(modal=modal, motion="G1", cycle=None, absolute=True, inverse=False, per_turn=False)
+    left = left._replace(turn_feed=None, turning=0)
+    return left.with_origins(_default(left.origins), machine)
+
+
+def after_stop(state: State, machine: Machine) -> State:
+    """After a stop, a fault or an e-stop: spindle and coolant are off, what the codes mean stays."""
+    left = after_line(state, machine)
+    return left._replace(modal=replace(left.modal, spindle_rev_min=0.0, coolant=0), turning=0, cycle=None)
+
+
+def cleared(state: State, machine: Machine) -> State:
+    """The state of power-on, with unit and tool as they are: a reset on controls as Fanuc's."""
+    left = power_on()._replace(mm_per_unit=state.mm_per_unit, selected=state.selected)
+    modal = replace(left.modal, tool=state.modal.tool)
+    return left._replace(modal=modal).with_origins(_default(state.origins), machine)
+
+
+def _default(origins: Origins) -> Origins:
+    """G54 and G69; a shift of G92 stays."""
+    outside = origins.outside()
+    return Origins(shift=outside.shift, suspended=outside.suspended)
+
+
+# ---- as JSON
+
+
+def to_json(state: State) -> dict[str, Any]:
+    """Without loss, but for what belongs to one text alone."""
+    plain: dict[str, Any] = _plain(state)
+    return plain
+
+
+def from_json(values: Any) -> State:
+    """Raises KeyError, TypeError or ValueError for anything but what ``to_json`` makes."""
+    state: State = _made(State, values)
+    return state
+
+
+def _names(kind: Any) -> list[str]:
+    names = kind._fields if hasattr(kind, "_fields") else [field.name for field in fields(kind)]
+    return [name for name in names if name not in (*_OF_THE_TEXT, *_FOUND_AGAIN)]
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, Enum):
+        return value.value
+    if is_dataclass(value) or hasattr(value, "_fields"):
+        return {name: _plain(getattr(value, name)) for name in _names(type(value))}
+    return [_plain(one) for one in value] if isinstance(value, tuple | list) else value
+
+
+def _made(kind: Any, value: Any) -> Any:
+    if get_origin(kind) in (types.UnionType, typing.Union):
+        inner = next(one for one in get_args(kind) if one is not types.NoneType)
+        return None if value is None else _made(inner, value)
+    if get_origin(kind) is tuple:
+        kinds = get_args(kind)
+        return tuple(_made(kinds[0 if kinds[-1] is ... else i], one) for i, one in enumerate(value))
+    if is_dataclass(kind) or hasattr(kind, "_fields"):
+        hints = _HINTS.get(kind) or get_type_hints(kind)
+        return kind(**{name: _made(hints[name], value[name]) for name in _names(kind)})
+    if kind is Any:  # of numbers that may be numpy's elsewhere
+        return tuple(value) if isinstance(value, list) else value
+    return kind(value)
+
+
+# Resolved once: these name one another.
+_HINTS = {kind: get_type_hints(kind) for kind in (State, Modal, Origins, Plane, Cycle)}

@@ -1,0 +1,60 @@
+"""The codes and words that are in force, one of each group, as an operator reads them beside the figures."""
+
+from __future__ import annotations
+
+from controller.machine.model import OFFSETS
+from controller.program.modal import State
+from controller.program.program import Side, Tip
+
+COOLANT_CODES = ("M9", "M7", "M8", "M7 M8")
+SPINDLE_CODES = {0: "M5", 1: "M3", -1: "M4"}
+TIPS = {Tip.ROTARIES: "G43.4", Tip.VECTORS: "G43.5"}
+
+
+def active_codes(state: State) -> tuple[str, ...]:
+    """Motion, plane, unit, distance, feed mode, side, length, offset, path, cycles' return, turned and tilted
+    planes, spindle, coolant, overrides; then the words T, H, D, F (as written: unit a minute, or a turn), S.
+    """
+    modal, turned = state.modal, state.origins.turn is not None
+    return (
+        state.motion or "G80",
+        modal.plane,
+        "G21" if state.mm_per_unit == 1.0 else "G20",
+        "G90" if state.absolute else "G91",
+        "G93" if state.inverse else "G95" if state.per_turn else "G94",
+        _side(state),
+        TIPS.get(modal.tip, "G43" if modal.length_mm else "G49"),
+        OFFSETS[modal.offset],
+        _path(state),
+        "G99" if state.to_clearance else "G98",
+        "G68.2" if modal.tilted else "G68" if turned else "G69",
+        SPINDLE_CODES[(modal.spindle_rev_min > 0.0) - (modal.spindle_rev_min < 0.0)],
+        COOLANT_CODES[modal.coolant],
+        "M48" if modal.overrides.feed else "M49",
+        f"T{modal.tool}",
+        f"H{state.length_tool}",
+        f"D{state.radius_tool}",
+        _feed(state),
+        f"S{state.speed_rev_min:.12g}",
+    )
+
+
+def _side(state: State) -> str:
+    """Of surfaces G40 and G42 are one side."""
+    if state.modal.planar is not None:
+        return state.modal.planar.code
+    return "G41" if state.modal.side is Side.LEFT else state.side
+
+
+def _path(state: State) -> str:
+    modal = state.modal
+    if modal.exact:
+        return "G61"
+    return f"G64 P{modal.blend_mm / state.mm_per_unit:g}" if modal.blend_mm else "G64"
+
+
+def _feed(state: State) -> str:
+    if state.per_turn:
+        return f"F{state.turn_feed[0] / state.mm_per_unit:.6g}" if state.turn_feed is not None else "F0"
+    feed = state.modal.feed_mm_s
+    return "F0" if feed is None else f"F{feed * 60.0 / state.mm_per_unit:.6g}"

@@ -1,0 +1,129 @@
+"""The one modal state of the machine: what each line and each end leaves to what comes next."""
+
+from __future__ import annotations
+
+import json
+import pickle
+from dataclasses import replace
+
+import pytest
+
+from controller.ipc.handoff import Snapshot, blank
+from controller.machine import machine_file
+from controller.machine.model import Machine
+from controller.program import blocks, carried, modal
+from controller.program.carried import InForce
+from controller.program.modal import State
+from controller.service.active_codes import active_codes
+from controller.service.modal_state import ModalState
+
+USUAL = "G80 G17 G21 G90 G94 G40 G49 G54 G61 G98 G69 M5 M9 M48 T1 H0 D0 F0 S0"
+
+
+@pytest.fixture(scope="module")
+def machine() -> Machine:
+    return replace(machine_file.load("machining_centre"), unset=())
+
+
+def after(text: str, machine: Machine, begin: State | None = None) -> State:
+    """The state after a line."""
+    seen = InForce()
+    for _ in blocks.stream(text.encode(), machine, "MDI", begin=begin, in_force=seen):
+        pass
+    assert seen.last is not None
+    return seen.last
+
+
+def lines(machine: Machine, *typed: str) -> State:
+    """The state after lines by hand, one after the other."""
+    state = carried.after_line(modal.begun(machine), machine)
+    for line in typed:
+        state = carried.after_line(after(line, machine, state), machine)
+    return state
+
+
+@pytest.mark.parametrize(
+    ("typed", "codes"),
+    [
+        ((), USUAL),
+        (("G91", "G0 X1"), USUAL.replace("G80", "G0").replace("G90", "G91")),
+        (("G43 H2", "G0 Z60"), USUAL.replace("G80", "G0").replace("G49", "G43").replace("H0", "H2")),
+        (("G20 G1 X1 F10",), USUAL.replace("G80", "G1").replace("G21", "G20").replace("F0", "F10")),
+        (
+            ("G55", "G18 G64 P0.01"),
+            USUAL.replace("G17", "G18").replace("G54", "G55").replace("G61", "G64 P0.01"),
+        ),
+        (("S800 M3", "M8"), USUAL.replace("M5", "M3").replace("M9", "M8").replace("S0", "S800")),
+        (("S800 M4", "M5"), USUAL.replace("S0", "S800")),
+        (("T2 M6",), USUAL.replace("T1", "T2")),
+        (("G81 X1 Y1 Z-1 R1 F100",), USUAL.replace("G80", "G81").replace("F0", "F100")),
+        (("G68.2 X1 Y2 Z3 I10 J20 K30\nG53.1", "G91"), USUAL.replace("G69", "G68.2").replace("G90", "G91")),
+        (("F100\nG93", "G94"), USUAL),
+    ],
+)
+def test_a_line_by_hand_goes_on_from_the_one_before(
+    typed: tuple[str, ...], codes: str, machine: Machine
+) -> None:
+    state = lines(machine, *typed)
+    shown = " ".join(active_codes(state))
+    assert shown == codes
+    assert (
+        carried.from_json(json.loads(json.dumps(carried.to_json(state))))
+        .with_origins(state.origins, machine)
+        ._replace(cleared=state.cleared)
+        == state
+    ), "a record has it without loss"
+    assert pickle.loads(pickle.dumps(state)) == state
+
+
+def test_the_end_of_a_program_leaves_what_rs274_says(machine: Machine) -> None:
+    state = lines(machine, "G91 G18 G55 G43 H2 S500 M3", "M8", "G20 G2 X1 Z1 I0.5 K0.5 F10", "M49")
+    left = carried.after_program(state, machine)
+    expected = USUAL.replace("G80", "G1").replace("G21", "G20").replace("G49", "G43").replace("H0", "H2")
+    assert " ".join(active_codes(left)) == expected.replace("F0", "F10").replace("S0", "S500")
+
+
+def test_the_end_of_a_program_clears_the_state_of_a_fanuc(machine: Machine) -> None:
+    fanuc = replace(machine, dialect="fanuc", without_point="unit")
+    state = lines(fanuc, "G91 G18 G55 G43 H2 S500 M3", "G20")
+    left = carried.after_program(state, fanuc)
+    assert " ".join(active_codes(left)) == USUAL.replace("G21", "G20")
+
+
+def test_a_stop_leaves_the_codes_and_nothing_that_turns_or_flows(machine: Machine) -> None:
+    left = carried.after_stop(lines(machine, "G91 G55 S500 M3", "M8"), machine)
+    assert {"G91", "G55", "M5", "M9", "S500"} <= set(active_codes(left))
+
+
+def now(**values: object) -> Snapshot:
+    return blank()._replace(**values)  # type: ignore[arg-type]
+
+
+def test_what_turns_and_flows_is_what_the_tick_says(machine: Machine) -> None:
+    state = ModalState(machine)
+    state.end_line(lines(machine, "S500 M3"), machine)
+    off = state.at(now(), machine, 1)  # the door was opened
+    assert (off.turning, off.modal.spindle_rev_min, off.speed_rev_min) == (0, 0.0, 500.0)
+    slow = state.at(now(spindle_rev_min=250.0, spindle_override=0.5, coolant=2), machine, 1)
+    assert (slow.modal.spindle_rev_min, slow.modal.coolant) == (500.0, 2)
+    by_hand = ModalState(machine).at(now(spindle_rev_min=-900.0), machine, 1)
+    assert (by_hand.turning, by_hand.modal.spindle_rev_min, by_hand.speed_rev_min) == (-1, -900.0, 900.0)
+
+
+def test_a_length_that_was_touched_off_is_in_force_where_its_tool_is_named(machine: Machine) -> None:
+    state = ModalState(machine)
+    state.end_line(lines(machine, "G43 H2"), machine)
+    longer = replace(machine, tools=tuple(replace(t, length_mm=t.length_mm + 5.0) for t in machine.tools))
+    before, after_it = (state.at(now(), one, 2).modal.length_mm for one in (machine, longer))
+    assert after_it == before + 5.0 > 5.0
+
+
+@pytest.mark.parametrize("program", ["G0 X1\nG1 X2 F100\nX3\nG0 X4\nM3 S100\nG1 X5 F50\nM5\nX6\n"])
+def test_the_state_of_every_common_line_is_noted(program: str, machine: Machine) -> None:
+    seen, read = InForce(), []
+    for block in blocks.stream(program.encode(), machine, "p", in_force=seen):
+        read.append(block)
+    shown = [(state.motion, state.modal) for block in read if (state := seen.at(block.place.order))]
+    motions = {1: "G0", 2: "G1", 3: "G1", 4: "G0", 5: "G0", 6: "G1", 7: "G1", 8: "G1"}
+    assert [m for m, _ in shown] == [motions[block.place.line] for block in read]
+    assert [m for _, m in shown] == [block.modal for block in read]
