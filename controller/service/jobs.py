@@ -18,7 +18,7 @@ from controller.machine.changes import Change
 from controller.machine.model import Joints, Machine, Tool
 from controller.plan.report.passing import Mark, Passed, passed_s
 from controller.plan.restart.program_position import ENTRY_ID, Spot
-from controller.program import linked, probing_cycles
+from controller.program import carried, linked, probing_cycles
 from controller.program.modal import State
 from controller.runtime.starts import Start
 from controller.service import journal
@@ -122,7 +122,8 @@ class Job:
         program = self.program
         joints = whole_from(self.start) or homed_position(program.machine)
         run = journal.Job.of(program.name, program.text, now, joints, program.dry_run_mm, self.fitted)
-        return replace(run, file_sha256=self.sha256, block_delete=self.block_delete)
+        begin = None if program.begin is None else carried.to_json(program.begin)
+        return replace(run, file_sha256=self.sha256, block_delete=self.block_delete, begin=begin)
 
     def state_at(self, now: Snapshot) -> str:
         """The state by this very snapshot, though nobody has drawn conclusions yet."""

@@ -32,6 +32,7 @@ from controller.ipc.handoff import COLUMN, Snapshot
 from controller.machine.model import REFERENCES, Joints, Machine
 from controller.messages import Key, Said, chain, said
 from controller.plan.restart.program_position import ENTRY_ID, FORMER, Spot
+from controller.program import carried
 from controller.state.modes import FAULTS, Mode, Reaction
 from controller.values import dataclass
 
@@ -59,6 +60,7 @@ class Job:
     before_sha256: str = ""  # of the offsets before the program changed them last
     file_sha256: str = ""  # of its file alone; ``program_sha256`` is with what it calls, less what it skips
     block_delete: bool = False  # lines that begin with / were skipped
+    begin: dict[str, Any] | None = None  # the modal state that it began with, where not that of power-on
 
     @classmethod
     def of(
@@ -163,6 +165,8 @@ def _entry(values: Any) -> Entry:
     spot = Spot(int(line), float(fraction), int(motion_id), float(s))
     start = tuple([float(q) for q in job.pop("start")])
     job.setdefault("file_sha256", job["program_sha256"])  # older ones
+    if job.get("begin") is not None:
+        carried.from_json(job["begin"])  # which it must be
     return Entry(job=Job(start=start, **job), spot=spot, **values)
 
 

@@ -12,6 +12,7 @@ from controller.machine import setup_data
 from controller.machine.model import Machine
 from controller.messages import said
 from controller.plan.restart.program_position import FORMER, Spot
+from controller.program import carried
 from controller.service import jobs, journal
 from controller.service.jobs import Job
 from controller.service.refusals import refused
@@ -69,7 +70,8 @@ def gone_on_with(service: Service, args: dict[str, Any]) -> Job:
         raise refused("not_interrupted", mode, "LOAD")
     job = jobs.read({**args, "block_delete": entry.job.block_delete}, service.machine)
     job.entry = entry
-    job.program = replace(job.program, start=entry.job.start, dry_run_mm=entry.job.dry_run_mm)
+    begin = None if entry.job.begin is None else carried.from_json(entry.job.begin)
+    job.program = replace(job.program, start=entry.job.start, dry_run_mm=entry.job.dry_run_mm, begin=begin)
     look_again(service, job, "LOAD")
     return job
 

@@ -29,7 +29,7 @@ from controller.machine.toml_table import ConfigError
 from controller.machine.tool_store import ToolStore
 from controller.messages import Said, plain, said, several
 from controller.plan.restart.program_position import ENTRY_ID
-from controller.program import carried
+from controller.program import carried, modal
 from controller.program.modal import State
 from controller.runtime.bus_load import overload
 from controller.runtime.listener import Listener
@@ -276,6 +276,7 @@ class Service:
             job.duration_s, job.blocks = facts["duration_s"], facts["blocks"]
             job.origin_s, job.said = start.plan_time_s, None
             job.start = start
+            self.modal.see(start.begin or modal.begun(job.program.machine))
             if not job.is_mdi:
                 self.journal.begin(job.journalled(self.machine), self.tool, job.program.spot)
             if self.record is not None:
@@ -299,6 +300,8 @@ class Service:
 
     def begins_with(self, job: Job, now: Snapshot) -> State | None:
         """The modal state in which a job begins; None: that of power-on."""
+        if job.entry is not None:
+            return job.program.begin  # as the run that was interrupted
         by_hand = job.is_mdi and not job.is_own
         keeps = not job.is_mdi and self.machine.start_state == "keep"
         return (
@@ -368,6 +371,8 @@ class Service:
             job.state, job.said = "loaded", why
             if self.running is job:
                 self.running = None
+                if job.state_before is not None:
+                    self.modal.restore(job.state_before)
             record, self.record = self.record, None
         if record is not None:
             record.throw_away()

@@ -79,3 +79,20 @@ def test_a_line_in_a_record_is_run_again_as_it_was(service: Serving) -> None:
     for folder, line in zip(records(service.state), ("G91 G43 H2 F300", "G1 X2 Z-3"), strict=True):
         assert facts(folder)["result"] == "completed"
         assert_same_setpoints(again(folder, line, machine))
+
+
+def test_a_program_that_is_gone_on_with_begins_in_the_state_in_which_it_began(service: Serving) -> None:
+    """After a loss of power nothing else knows in which offset, or at which length, it ran."""
+    typed(service, "G91 G43 H2 F300")
+    service.load("G1 X20\nX-20\nX20\nM30\n")
+    service.done("start")
+    service.until(lambda one: one["mode"] == "RUNNING" and one["job"]["line"] == 2, "line 2")
+    service.ask("stop")
+    service.ended()
+    typed(service, "G90 G49")
+    service.done("load", path=str(service.state / "part.ngc"), name="part.ngc", restart=True)
+    service.done("start")
+    now = service.until(lambda one: one["job"]["state"] == "running" and not one["at_rest"], "motion")
+    now = service.until(lambda one: one["job"]["line"] == 3, "line 3")
+    assert {"G91", "G43", "H2"} <= set(now["codes"])
+    assert service.ended()["job"]["state"] == "completed"
