@@ -98,16 +98,22 @@ def after_line(state: State, machine: Machine) -> State:
 def after_program(state: State, machine: Machine) -> State:
     """After M2, M30 or the end of the file: RS-274/NGC 3.6.1; as Fanuc's, the cleared state.
 
-    G54, G17, G90, G94, G40, the overrides on, spindle and coolant off, G1; length, unit and F stay.
+    G54, G17, G90, G94, G40, the overrides on, spindle and coolant off, G1; F must be said anew, as
+    LinuxCNC has it, length and unit stay.
     """
     if machine.dialect == "fanuc":
         return cleared(state, machine)
     first, left = power_on(), after_line(state, machine)
     modal = replace(
-        left.modal, plane=first.modal.plane, overrides=first.modal.overrides, spindle_rev_min=0.0, coolant=0
+        left.modal,
+        plane=first.modal.plane,
+        overrides=first.modal.overrides,
+        spindle_rev_min=0.0,
+        coolant=0,
+        feed_mm_s=None,
     )
     left = left._replace(modal=modal, motion="G1", cycle=None, absolute=True, inverse=False, per_turn=False)
-    left = left._replace(turn_feed=None, turning=0)
+    left = left._replace(turn_feed=None, feed_deg_s=None, turning=0)
     return left.with_origins(_default(left.origins), machine)
 
 

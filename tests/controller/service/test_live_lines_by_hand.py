@@ -56,7 +56,7 @@ def test_a_line_goes_on_from_the_one_before(service: Serving) -> None:
     now = service.ended()
     assert round(now["joints"]["X"]["machine"], 6) == begin + 4.0
     now = service.until(lambda one: one["spindle"]["rev_min"] == 0.0, "the spindle's stop")
-    assert {"G90", "M5", "M9", "F600"} <= set(now["codes"]), "M30"
+    assert {"G90", "M5", "M9", "F0"} <= set(now["codes"]), "M30"
 
 
 def test_the_hand_and_the_line_turn_the_same_spindle(service: Serving) -> None:

@@ -112,13 +112,18 @@ def run(text: str, folder: Path, *options: str, tools: str = "") -> subprocess.C
 
 def reference(text: str, folder: Path, on: Machine) -> Reading:
     """What the interpreter of LinuxCNC says of a program, run in ``folder``."""
-    rows = [
-        f"T{t.number} P{t.number} D{t.radius_mm / 12.7:.8f} Z{t.length_mm / 25.4:.8f} ;\n" for t in on.tools
-    ]
-    told = run(text, folder, tools="".join(rows))
+    told = with_tools(text, folder, on)
     out = told.stdout.splitlines()
     refused = told.stderr.partition("executing")[2].strip()[-300:] if told.returncode else ""
     return Reading(_moving(list(_Canon(on).moves(out))), refused)
+
+
+def with_tools(text: str, folder: Path, on: Machine) -> subprocess.CompletedProcess[str]:
+    """As ``run``, with the tools of a machine."""
+    rows = [
+        f"T{t.number} P{t.number} D{t.radius_mm / 12.7:.8f} Z{t.length_mm / 25.4:.8f} ;\n" for t in on.tools
+    ]
+    return run(text, folder, tools="".join(rows))
 
 
 def _moving(moves: list[Move]) -> list[Move]:
