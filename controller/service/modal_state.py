@@ -12,6 +12,7 @@ from controller.ipc.handoff import Snapshot
 from controller.machine.model import Machine
 from controller.program import carried, modal
 from controller.program.modal import State
+from controller.service.jobs import Job
 
 
 class ModalState:
@@ -25,26 +26,22 @@ class ModalState:
         """A program has come to a block that runs in that state."""
         self._left = state
 
-    def end_line(self, state: State | None, machine: Machine) -> None:
-        """A line by hand is done; None: it left nothing new."""
-        self._left = carried.after_line(state or self._left, machine)
-
-    def end_program(self, state: State | None, machine: Machine) -> None:
-        """A program has come to its end."""
-        self._left = carried.after_program(state or self._left, machine)
-
-    def stop(self, machine: Machine) -> None:
-        """What ran was stopped, or ended by a fault, where it was."""
-        self._left = carried.after_stop(self._left, machine)
+    def end(self, job: Job, result: str, machine: Machine) -> None:
+        """What the end of a run leaves in force."""
+        left = job.news.left or self._left
+        if job.is_own and job.state_before is not None:
+            self._left = job.state_before
+        elif result != "completed":
+            self._left = carried.after_stop(self._left, machine)
+        elif job.is_mdi:
+            self._left = carried.after_line(left, machine)
+        else:
+            self._left = carried.after_program(left, machine)
 
     def reset(self, machine: Machine) -> None:
         """The operator has reset the control."""
         if machine.dialect == "fanuc":
             self._left = carried.cleared(self._left, machine)
-
-    def restore(self, state: State) -> None:
-        """Lines of the control's own have run: it is as it was before them."""
-        self._left = state
 
     @property
     def left(self) -> State:
@@ -70,3 +67,10 @@ class ModalState:
             coolant=now.coolant,
         )
         return left._replace(modal=now_modal, turning=turning, speed_rev_min=speed)
+
+    def begin_of(self, job: Job, now: Snapshot, machine: Machine, tool: int) -> State | None:
+        """The modal state in which a job begins; None: that of power-on."""
+        if job.entry is not None:
+            return job.program.begin  # as the run that was interrupted
+        keeps = not job.is_own if job.is_mdi else machine.start_state == "keep"
+        return carried.after_line(self.at(now, machine, tool), machine) if keeps else None

@@ -29,7 +29,7 @@ from controller.machine.toml_table import ConfigError
 from controller.machine.tool_store import ToolStore
 from controller.messages import Said, plain, said, several
 from controller.plan.restart.program_position import ENTRY_ID
-from controller.program import carried, modal
+from controller.program import modal
 from controller.program.modal import State
 from controller.runtime.bus_load import overload
 from controller.runtime.listener import Listener
@@ -300,15 +300,7 @@ class Service:
 
     def begins_with(self, job: Job, now: Snapshot) -> State | None:
         """The modal state in which a job begins; None: that of power-on."""
-        if job.entry is not None:
-            return job.program.begin  # as the run that was interrupted
-        by_hand = job.is_mdi and not job.is_own
-        keeps = not job.is_mdi and self.machine.start_state == "keep"
-        return (
-            carried.after_line(self.modal.at(now, self.machine, self.tool), self.machine)
-            if (by_hand or keeps)
-            else None
-        )
+        return self.modal.begin_of(job, now, self.machine, self.tool)
 
     def with_tools(self, job: Job) -> dict[str, Any]:
         """What the program was started with, and the tools that the operator has changed since."""
@@ -372,7 +364,7 @@ class Service:
             if self.running is job:
                 self.running = None
                 if job.state_before is not None:
-                    self.modal.restore(job.state_before)
+                    self.modal.see(job.state_before)
             record, self.record = self.record, None
         if record is not None:
             record.throw_away()
@@ -382,7 +374,7 @@ class Service:
             job, record = self.running, self.record
             if job is None:
                 return
-            self._see_state_left(job, result)
+            self.modal.end(job, result, self.machine)
             if self.changer is not None:
                 self.changer.ended()
                 self._see_changer(self.changer)
@@ -395,17 +387,6 @@ class Service:
             job.state, job.said = result, why
         if record is not None:
             self._records.submit(record.end, result, planned_s=job.duration_s, **messages.facts(why))
-
-    def _see_state_left(self, job: Job, result: str) -> None:
-        """What the end of a run leaves in force."""
-        if job.is_own and job.state_before is not None:
-            self.modal.restore(job.state_before)
-        elif result != "completed":
-            self.modal.stop(self.machine)
-        elif job.is_mdi:
-            self.modal.end_line(job.news.left, self.machine)
-        else:
-            self.modal.end_program(job.news.left, self.machine)
 
     def _sync_records(self) -> None:
         """Nobody waits for the disk but this thread."""

@@ -101,7 +101,7 @@ def now(**values: object) -> Snapshot:
 
 def test_what_turns_and_flows_is_what_the_tick_says(machine: Machine) -> None:
     state = ModalState(machine)
-    state.end_line(lines(machine, "S500 M3"), machine)
+    state.see(lines(machine, "S500 M3"))
     off = state.at(now(), machine, 1)  # the door was opened
     assert (off.turning, off.modal.spindle_rev_min, off.speed_rev_min) == (0, 0.0, 500.0)
     slow = state.at(now(spindle_rev_min=250.0, spindle_override=0.5, coolant=2), machine, 1)
@@ -112,7 +112,7 @@ def test_what_turns_and_flows_is_what_the_tick_says(machine: Machine) -> None:
 
 def test_a_length_that_was_touched_off_is_in_force_where_its_tool_is_named(machine: Machine) -> None:
     state = ModalState(machine)
-    state.end_line(lines(machine, "G43 H2"), machine)
+    state.see(lines(machine, "G43 H2"))
     longer = replace(machine, tools=tuple(replace(t, length_mm=t.length_mm + 5.0) for t in machine.tools))
     before, after_it = (state.at(now(), one, 2).modal.length_mm for one in (machine, longer))
     assert after_it == before + 5.0 > 5.0
