@@ -139,10 +139,10 @@ class Picture:
     def _stretch(self, stretch: Stretch) -> None:
         motion = stretch.motion
         length_mm: float | None = getattr(motion, "length_mm", None)
-        if length_mm is not None:
+        if length_mm is not None and getattr(motion, "tips", True):  # rows of positions of the axes know none
             self._length_mm = length_mm
         elif self._length_mm is None:
-            first = self.machine.tool(1)
+            first = self.machine.tool(self.machine.in_spindle)
             self._length_mm = first.length_mm if first is not None else 0.0
         kind = SURFACE if stretch.cutting else RAPID if stretch.feed_mm_s is None else FEED
         joints = self._joints(stretch)

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import random
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from controller.machine import machine_file
+from controller.machine.model import Machine
 from controller.plan.report import picture
 from controller.plan.report.picture import FEED, RAPID, SURFACE, Picture, thin
 from controller.runtime import checked
@@ -16,9 +18,9 @@ from controller.runtime import checked
 MACHINE = machine_file.load("trunnion")
 
 
-def taken(text: bytes, most: int = picture.MAX_POINTS) -> picture.Shape:
-    task = checked.task(text, "part.ngc", MACHINE)
-    taker = Picture(MACHINE, task.kinematics, most)
+def taken(text: bytes, most: int = picture.MAX_POINTS, machine: Machine = MACHINE) -> picture.Shape:
+    task = checked.task(text, "part.ngc", machine)
+    taker = Picture(machine, task.kinematics, most)
     for _ in taker.watched(checked.path_of(task, checked.chosen_for(task)).items):
         pass
     return taker.shape()
@@ -131,3 +133,12 @@ def test_the_tool_stands_along_the_ruling_at_every_point_of_a_surface() -> None:
     on = shape.kinds == SURFACE
     # The paper's Example 1: a cone whose half angle has the tangent (15 - 10) / 10.
     assert on.sum() > 20 and shape.axes[on][2:-2, 2] == pytest.approx(np.cos(np.arctan(0.5)), abs=1e-6)
+
+
+@pytest.mark.parametrize("path", ["G61", "G64 P0.1"])
+def test_the_tip_of_the_tool_in_the_spindle_is_drawn_also_where_axes_are_programmed(path: str) -> None:
+    """T1 is 50 mm long: lines under G49 lead the gauge line, and the picture shows the tip."""
+    long = replace(MACHINE, tools=tuple(replace(tool, length_mm=50.0) for tool in MACHINE.tools))
+    text = f"G21 G90 G54 {path}\nG1 X0 Y0 Z60 F900\nX10\nY10\nX0\nM30\n".encode()
+    one, other = (np.min(taken(text, machine=machine).tips[-3:, 2]) for machine in (MACHINE, long))
+    assert one - other == pytest.approx(50.0 - MACHINE.tools[0].length_mm)
