@@ -21,6 +21,7 @@ from controller.api import metrics, models, signals
 from controller.api.models_of_tick import DriveFacts, OfTick
 from controller.ipc.handoff import COLUMN, ROW, Recorder, SnapshotBoard
 from controller.service import node_status, status
+from controller.service.planner_client import POWER_ON
 from controller.state import live_state
 from controller.state.live_state import FIELDS, PARTS, Field, Snapshot
 from controller.state.modes import MAX_AXES
@@ -168,7 +169,7 @@ def test_openapi_describes_what_the_tick_and_the_drives_tell() -> None:
 
 
 def test_everything_that_the_status_makes_of_a_snapshot_is_described() -> None:
-    told = status.machine_values(shipped(), live_state.blank(), None)
+    told = status.machine_values(shipped(), live_state.blank(), None, POWER_ON)
     assert set(told) <= set(models.Status.model_fields)
     checked = models.Status.model_validate({**told, "drives": []})
     assert checked.model_dump()["tick"]["period_ms"] == told["tick"]["period_ms"]
@@ -231,10 +232,12 @@ from support.machines.stepped_runs import shipped
 from controller.state import live_state
 from controller.api import models, signals
 from controller.service import status
+from controller.service.planner_client import POWER_ON
+from controller.service.planner_client import POWER_ON
 bench = Bench()
 bench.enable()
 row = bench.recorder.last(1)
-told = status.machine_values(shipped(), bench.snapshot, None)
+told = status.machine_values(shipped(), bench.snapshot, None, POWER_ON)
 print(json.dumps([
     live_state.__file__,
     bench.snapshot.counted,
