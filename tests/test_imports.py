@@ -25,7 +25,7 @@ ARROWS: dict[str, set[str]] = {
     "memory": set(),  # what a process keeps, and gives back
     "motion": {"geometry", "machine"},  # what both sides compute alike
     "messages": set(),  # texts, a file per language
-    "state": {"faults", "machine", "motion", "messages"},
+    "state": {"faults", "geometry", "machine", "motion", "messages"},
     "ipc": {"motion", "state", "messages", "atomic_file"},  # between the processes
     "one_thread": set(),  # numpy's libraries, before they are loaded
     "values": set(),

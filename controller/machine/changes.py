@@ -48,8 +48,7 @@ def laid(values: Mapping[str, Any], machine: Machine, changes: Sequence[Change])
 def _plain(machine: Machine, value: Set) -> object:
     """What stands in the file."""
     if isinstance(value, Offset):
-        turns = {"turned_deg": list(turned_deg(value.frame))}
-        return {**located(machine, value.frame.origin, value.turned_rad), **turns}
+        return plain_offset(machine, value)
     if isinstance(value, Shifted):
         return {**located(machine, value.shift.xyz, value.shift.turned_rad), "suspended": value.suspended}
     if isinstance(value, Tool):
@@ -57,6 +56,12 @@ def _plain(machine: Machine, value: Set) -> object:
     if isinstance(value, float):
         return value
     return {a.name: q * a.shown_per_unit for a, q in zip(machine.axes, value, strict=True)}
+
+
+def plain_offset(machine: Machine, offset: Offset) -> dict[str, Any]:
+    """A work offset as it stands in the file."""
+    turns = {"turned_deg": list(turned_deg(offset.frame))}
+    return {**located(machine, offset.frame.origin, offset.turned_rad), **turns}
 
 
 def located(machine: Machine, origin: Vector, turned_rad: Pair) -> dict[str, Any]:

@@ -10,32 +10,62 @@ from typing import Any
 from controller.ipc.control_socket import CommandRefused, Values
 from controller.ipc.handoff import Snapshot
 from controller.machine import setup_data
+from controller.machine.changes import plain_offset
 from controller.machine.model import Machine
 from controller.machine.toml_table import ConfigError
 from controller.messages import Key
-from controller.service.refusals import refused
+from controller.service import touch_off
+from controller.service.refusals import refused, whole
 from controller.service.service import Service
 from controller.state.modes import Mode
 
+# Of a tool whose length is touched off: that, and what every row of the table has.
+LENGTHENED = ("name", "radius_mm", "flute_mm", "length_mm", "wear_length_mm")
 AT_REST = (Mode.OFF, Mode.READY, Mode.FAULT)
 
 
 def set_offset(service: Service, args: Values) -> Values:
-    """Raises CommandRefused."""
-    name, values = str(args.get("name", "")), args.get("values")
-    change = partial(setup_data.with_offset, name=name, values=values)
-    return _fit(service, "offsets", name, values, change)
+    """By ``values``, or such that axes read what ``reads`` says, with ``tool`` if not with the one in the
+    spindle. Raises CommandRefused.
+    """
+    name, values, reads = str(args.get("name", "")), args.get("values"), args.get("reads")
+    by = whole(args, "tool")
+
+    def touched() -> Values:
+        machine, now = service.machine, _place(service)
+        other = by if by != service.tool else None
+        found = touch_off.offset(machine, service.in_force(now), now.joints, name, reads, other)
+        return plain_offset(machine, found)
+
+    change = partial(setup_data.with_offset, name=name)
+    return _fit(service, "offsets", name, (lambda: values) if reads is None else touched, change)
 
 
 def set_tool(service: Service, args: Values) -> Values:
-    """Make, change or (``remove``) take out a tool. Raises CommandRefused."""
+    """Make, change or (``remove``) take out a tool; its length also such that an axis reads what ``reads``
+    says. Raises CommandRefused.
+    """
     values = dict(args)
-    number = values.pop("number", None)
+    number, remove, reads = values.pop("number", None), values.pop("remove", False), values.pop("reads", None)
     if not isinstance(number, int) or isinstance(number, bool):
         raise refused("not_whole", code="bad", name="number", value=number)
-    tool = None if values.pop("remove", False) else values
-    change = partial(setup_data.with_tool, number=number, values=tool)
-    return _fit(service, "tools", str(number), tool, change)
+
+    def touched() -> Values:
+        now = _place(service)
+        found = touch_off.tool(service.machine, service.in_force(now), now.joints, number, reads)
+        before = service.fitted.get("tools", {}).get(str(number)) or {}
+        return {**before, **{name: getattr(found, name) for name in LENGTHENED}}
+
+    tool = None if remove else values
+    change = partial(setup_data.with_tool, number=number)
+    return _fit(service, "tools", str(number), (lambda: tool) if reads is None else touched, change)
+
+
+def _place(service: Service) -> Snapshot:
+    """Where the tool stands. Raises CommandRefused where nobody knows."""
+    now = service.now()
+    touch_off.check_homed(service.machine, now)
+    return now
 
 
 def forget(service: Service, args: Values) -> Values:
@@ -67,10 +97,13 @@ def at_rest(service: Service, what: str, request: str) -> Iterator[None]:
             raise CommandRefused("bad", str(error)) from error
 
 
-def _fit(service: Service, what: str, key: str, values: Any, change: Callable[[Machine], Machine]) -> Values:
-    """One value of the store, which then counts instead of the machine file's."""
+def _fit(
+    service: Service, what: str, key: str, made: Callable[[], Any], change: Callable[..., Machine]
+) -> Values:
+    """One value of the store, as it is made then, which counts instead of the machine file's."""
     with at_rest(service, what, f"SET {what.upper()}"):
-        machine = change(service.machine)
+        values = made()
+        machine = change(service.machine, values=values)
         rotary = setup_data.rotary_deg(machine, key) if what == "offsets" else {}
         if rotary:  # though it was not said
             values = {**(values if isinstance(values, dict) else {"origin_mm": values}), **rotary}

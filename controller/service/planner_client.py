@@ -18,7 +18,6 @@ from multiprocessing.connection import Connection
 from typing import Any
 
 from controller.geometry.curves import ArcLength
-from controller.geometry.vectors import Frame
 from controller.ipc.control_socket import CommandRefused
 from controller.ipc.handoff import Snapshot
 from controller.machine.changes import Change
@@ -93,8 +92,6 @@ class Way:
 
     end: Joints
     feed_mm_s: float | None  # programmed; None = rapid. Degrees a second where only rotaries turn
-    length_mm: float  # of the tool
-    part: Frame | None  # in which a surface lies; None: the frame of the state
     name: str  # 'cut', 'lead in', 'retract' ...
     tool: int | None = None  # number of the one that the program has changed to; None: the one it began with
     state: State = POWER_ON  # the modal state in which it runs

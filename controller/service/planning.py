@@ -451,10 +451,9 @@ class Planning:
 
     def _way(self, stretch: Stretch) -> Way:
         motion = stretch.motion
-        length_mm, part = getattr(motion, "length_mm", 0.0), getattr(motion, "part", None)
         tool, lines = self._known.get(id(stretch), (None, ()))
         state = self._in_force.at(stretch.place.order) or POWER_ON
-        shown = (stretch.end, stretch.feed_mm_s, length_mm, part, stretch.name, tool, state)
+        shown = (stretch.end, stretch.feed_mm_s, stretch.name, tool, state)
         arc = motion.arc if isinstance(motion, SurfaceCut) else None
         return Way(*shown, motion.end, arc, stretch.feed_steps, lines)
 

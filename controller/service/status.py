@@ -10,17 +10,19 @@ from typing import Any
 from controller.geometry.vectors import Frame
 from controller.ipc.handoff import Snapshot
 from controller.machine import machine_file
-from controller.machine.kinematics import kinematics_of
-from controller.machine.model import OFFSETS, Machine, Pair
+from controller.machine.kinematics import Kinematics, kinematics_of
+from controller.machine.model import OFFSETS, Machine
 from controller.messages import said, several
 from controller.plan.restart.reentry import room_along_axis
 from controller.program.modal import State
+from controller.program.program import Tip
 from controller.service.active_codes import active_codes
 from controller.service.jobs import UNDER_WAY
 from controller.service.planner_client import Way
 from controller.service.usage import Usage
 from controller.service.watchdog import STANDS_S
-from controller.state import queue_refusals
+from controller.state import figures, queue_refusals
+from controller.state.figures import Reading
 from controller.state.live_state import told as told_by_tick
 from controller.state.modes import Binding, Fault, Mode, binding_text, told
 from controller.state.queue_refusals import QueueRefusal
@@ -44,13 +46,13 @@ def machine_values(
     ends though the program does not. What is a value of the snapshot comes as ``live_state`` declares it;
     the rest is what the machine file or the plan makes of one.
     """
-    told = told_by_tick(now)
+    told, kinematics = told_by_tick(now), kinematics_of(machine)
     return {
         **told,
         "not_homed": [axis.name for i, axis in enumerate(machine.axes) if not now.homed >> i & 1],
-        "joints": joints(machine, now, way, state),
+        "joints": joints(machine, kinematics, now, way, state),
         "work_offset": OFFSETS[state.modal.offset],
-        **tip(machine, now, way, state, in_spindle),
+        **tip(machine, kinematics, now, state, in_spindle),
         "feed_mm_min": {"programmed": _programmed(now, way), **told["feed_mm_min"]},
         "limited_by": _limited_by(machine, now),
         "in_block": way.in_block(now.s) if way is not None else None,
@@ -140,25 +142,26 @@ def _levels(machine: Machine, now: Snapshot) -> dict[str, float]:
     return {out.name: value for out, value in zip(outs, now.analogue, strict=False)}
 
 
-def joints(machine: Machine, now: Snapshot, way: Way | None, state: State) -> dict[str, dict[str, Any]]:
-    """By axis: where it is told to be, where it is, how far it still goes.
-
-    "work" is in the work offset that is in force.
-    """
-    shown, actual = machine.shown(now.joints), machine.shown(now.actual)
-    ends = machine.shown(way.end) if way is not None else shown
+def reading(machine: Machine, state: State) -> Reading:
+    """How words are read under a modal state."""
     modal = state.modal
-    frame = way.part if way is not None and way.part is not None else modal.frame(machine)
-    work = _work(machine, shown, frame, modal.turned_rad)
-    if modal.tilted:
-        place = kinematics_of(machine).forward(now.joints, modal.length_mm).tip
-        for i, value in zip(machine.linear(), frame.from_parent(place), strict=True):
-            work[i] = float(value)
+    of_tip = modal.tilted or modal.tip is not Tip.OFF
+    return Reading(modal.frame(machine), modal.length_mm, of_tip, modal.turned_rad)
+
+
+def joints(
+    machine: Machine, kinematics: Kinematics, now: Snapshot, way: Way | None, state: State
+) -> dict[str, dict[str, Any]]:
+    """By axis: where it is told to be, where it is, how far it still goes."""
+    shown, actual, read = machine.shown(now.joints), machine.shown(now.actual), reading(machine, state)
+    work = figures.work(machine, kinematics, now.joints, read)
+    end = figures.work(machine, kinematics, way.end, read) if way is not None else work
+    to_go = figures.to_go(work, end)
     return {
         axis.name: {
             "machine": shown[i],
             "work": work[i],
-            "to_go": ends[i] - shown[i],
+            "to_go": to_go[i],
             "actual": actual[i],
             "error": shown[i] - actual[i],
             "homed": bool(now.homed >> i & 1),
@@ -168,16 +171,6 @@ def joints(machine: Machine, now: Snapshot, way: Way | None, state: State) -> di
     }
 
 
-def _work(machine: Machine, shown: tuple[float, ...], frame: Frame, turned_rad: Pair) -> list[float]:
-    """As words of a program read in that frame."""
-    x, y, z = machine.linear()
-    work = list(shown)
-    work[x], work[y], work[z] = frame.from_parent((shown[x], shown[y], shown[z]))
-    for i, turned in zip(machine.rotary(), turned_rad, strict=False):
-        work[i] -= turned * machine.axes[i].shown_per_unit
-    return work
-
-
 def _limit(q: float, lowest: float, highest: float, shown_per_unit: float) -> str | None:
     """The end of the travel at which the axis stands, in its shown sense."""
     low, high = ("+", "-") if shown_per_unit < 0.0 else ("-", "+")
@@ -185,20 +178,22 @@ def _limit(q: float, lowest: float, highest: float, shown_per_unit: float) -> st
 
 
 def tip(
-    machine: Machine, now: Snapshot, way: Way | None, state: State, in_spindle: int = 1
+    machine: Machine, kinematics: Kinematics, now: Snapshot, state: State, in_spindle: int = 1
 ) -> dict[str, Any]:
-    """Tip and axis of the tool in the part frame that is in force."""
-    tool = machine.tool(in_spindle)
-    length_mm = way.length_mm if way is not None else tool.length_mm if tool is not None else 0.0
-    frame = way.part if way is not None and way.part is not None else state.modal.frame(machine)
-    pose = kinematics_of(machine).forward(now.joints, length_mm)
+    """Tip and axis of the tool in the spindle: in the part frame that is in force, and on the table."""
+    modal = state.modal
+    tool = modal.tool_in(machine) if modal.tool == in_spindle else machine.tool(in_spindle)
+    length_mm = tool.length_mm if tool is not None else 0.0
+    part, table = (
+        figures.tip(kinematics, now.joints, length_mm, frame) for frame in (modal.frame(machine), Frame())
+    )
     return {
-        "tip": dict(zip("XYZ", map(float, frame.from_parent(pose.tip)), strict=True)),
-        "axis": dict(zip("IJK", map(float, frame.turn_back(pose.axis)), strict=True)),
-        # The same seen from the table with the rotaries at zero, for pictures and for touching off.
+        "tip": dict(zip("XYZ", map(float, part.tip), strict=True)),
+        "axis": dict(zip("IJK", map(float, part.axis), strict=True)),
+        # The same seen from the table with the rotaries at zero, for pictures.
         "on_table": {
-            "tip": [float(p) for p in pose.tip],
-            "axis": [float(p) for p in pose.axis],
+            "tip": [float(p) for p in table.tip],
+            "axis": [float(p) for p in table.axis],
             "length_mm": length_mm,
         },
     }

@@ -13,7 +13,7 @@ from controller.service import status
 from controller.service.planner_client import POWER_ON, Way
 from controller.state.modes import Binding, Mode, axis_binding
 
-CUT = Way((0.0,) * 5, 1000.0 / 60.0, 0.0, None, "cut", end_s=50.0)
+CUT = Way((0.0,) * 5, 1000.0 / 60.0, "cut", end_s=50.0)
 
 
 def told(way: Way | None = CUT, **changes: Any) -> str:

@@ -37,7 +37,7 @@ def job() -> Job:
 
 
 def way(feed_mm_s: float | None) -> Way:
-    return Way((0.0, 0.0, 0.0, 0.0, 0.0), feed_mm_s, 0.0, None, "line")
+    return Way((0.0, 0.0, 0.0, 0.0, 0.0), feed_mm_s, "line")
 
 
 def test_the_time_left_counts_with_the_override_that_was_and_the_one_that_is(job: Job) -> None:

@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 from support.machines.stepped_runs import SHIPPED, shipped
 
-from controller.geometry.vectors import Frame, X, Y, Z
+from controller.geometry.vectors import Frame, Y, Z
 from controller.ipc.handoff import Snapshot, blank
 from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Machine
@@ -30,7 +30,7 @@ def machine() -> Machine:
 
 
 def way(state: State = POWER_ON) -> Way:
-    return Way((0.0, 0.0, 0.0, 0.0, 0.0), 10.0, 0.0, None, "line", state=state)
+    return Way((0.0, 0.0, 0.0, 0.0, 0.0), 10.0, "line", state=state)
 
 
 def within(frame: Frame) -> State:
@@ -117,15 +117,3 @@ def test_the_programmed_feed_of_a_row_is_that_of_the_line_the_tool_is_on(machine
     for s, feed in at.items():
         told = status.machine_values(machine, snapshot(s=s), row, row.state)
         assert told["feed_mm_min"]["programmed"] == feed
-
-
-def test_in_a_tilted_plane_the_positions_are_those_of_its_words(machine: Machine) -> None:
-    """Places of the tip in the plane, not of the axes."""
-    plane = Frame((13.0, 102.0, 127.0), X, Z, (0.0, -1.0, 0.0))
-    joints = (20.0, 30.0, 110.0, 0.4, -0.3)
-    tip = kinematics_of(machine).forward(joints, 40.0).tip
-    state = within(plane)
-    state = state._replace(modal=replace(state.modal, tilted=True, length_mm=40.0))
-    told = status.joints(machine, snapshot(joints=joints), way(state), state)
-    assert [told[name]["work"] for name in "XYZ"] == pytest.approx(plane.from_parent(tip))
-    assert told["X"]["machine"] == 20.0 and told["C"]["work"] == told["C"]["machine"]

@@ -43,7 +43,7 @@ def cut(service: Service) -> None:
         while service.sequencer.busy:
             time.sleep(LOOK_S)
     arc, lines = arc_length.of(Line(ZERO, (END_MM, 0.0, 0.0))), (LinePart(0.0, LINE, 0.0, 1 / END_MM),)
-    way = Way(JOINTS, 10.0, 0.0, None, "cut", end_s=END_MM, arc=arc, lines=lines)
+    way = Way(JOINTS, 10.0, "cut", end_s=END_MM, arc=arc, lines=lines)
     heard(service, finished=False, ways={BLOCK: way})
     assert service.running is not None
     service.running.taken, service.running.duration_s = True, DURATION_S
