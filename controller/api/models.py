@@ -259,10 +259,16 @@ class RestartFacts(Told, Texts):
 
 
 class JointFacts(Told):
-    machine: Number = None
-    work: Number = None
-    to_go: Number = None
-    actual: Number = None
+    """Figures of an axis, mm or degrees as programs write them."""
+
+    machine: Number = Field(None, description="Where the axis is commanded to be.")
+    work: Number = Field(
+        None,
+        description="What its word in the program is here: under offset, shifts, turns and the length in "
+        "force; in a tilted plane and under tip control X Y Z are the place of the tip in the part.",
+    )
+    to_go: Number = Field(None, description="What work reads at the end of the motion, less what it reads.")
+    actual: Number = Field(None, description="Where the drive says that it is, as machine.")
     error: Number = None
     homed: bool | None = None
     limit: Any = None
@@ -286,7 +292,7 @@ class Status(OfTick, Told):
     retract_room_mm: Number = Field(
         None, description="So far the tool can go off along its axis from here; null: not now."
     )
-    tip: Any = None
+    tip: Any = Field(None, description="Of the tool in the spindle, in the part frame that is in force.")
     axis: Any = None
     on_table: Any = Field(None, description="Tip and axis seen from the table with its rotaries at zero.")
     limited_by: Any = Field(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Annotated, Any
 from urllib.parse import quote
 
@@ -29,10 +29,14 @@ def offsets(
         list[str] | None, typer.Option("--rotary", help="By what words of a rotary are shifted, as C=15.")
     ] = None,
     touch: Annotated[
-        list[str] | None, typer.Option("--touch", help="What the tip reads here from now on, as Z=0.")
+        list[str] | None,
+        typer.Option("--touch", help="What an axis reads here from now on, as Z=0, Z=5/2 or Z=+0.1."),
     ] = None,
     tool: Annotated[
-        int | None, typer.Option("--tool", help="With --touch: the tool; default: the one in the spindle.")
+        int | None,
+        typer.Option(
+            "--tool", help="With --touch: as under G43 with another tool than the one in the spindle."
+        ),
     ] = None,
     forget: Annotated[
         str, typer.Option("--forget", help="Take the machine file's again: G54, G92, G28, T3, #500, all.")
@@ -47,15 +51,14 @@ def offsets(
     with asked(url, as_json) as machine:
         if name:
             values = _values(machine, name, origin, turned, named(rotary))
-            reads = _letters("--touch", named(touch), "Z=0")
+            reads = typed(touch)
             if not (values or reads):
                 raise Refused(speech.say("offset_nothing", name=name))
             with machine.control(take_over):
                 if values:
                     machine.put(f"offsets/{quote(name, safe='')}", values)
                 if reads:
-                    by = tool or machine.get("status").get("tool") or 1
-                    machine.post(f"offsets/{quote(name, safe='')}/touch_off", {**reads, "tool": by})
+                    machine.post(f"offsets/{quote(name, safe='')}/touch_off", {**reads, "tool": tool})
         if forget:
             with machine.control(take_over):
                 machine.delete(f"offsets/{quote(forget, safe='')}")
@@ -86,6 +89,11 @@ def _three(option: str, typed: str) -> list[float]:
     except ValueError:
         raise Refused(speech.say("three_numbers", option=option, found=typed)) from None
     return [x, y, z]
+
+
+def typed(touch: Sequence[str] | None) -> dict[str, str]:
+    """By axis what it is to read, as it was typed: +0.1 is no number. Raises Refused."""
+    return {axis.upper(): str(one) for axis, one in named(touch, [*"XYZABCxyzabc"]).items()}
 
 
 def _letters(option: str, typed: EVERY, example: str) -> dict[str, float]:

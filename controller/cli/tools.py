@@ -12,6 +12,7 @@ from rich.table import Table
 
 from controller.cli import remote
 from controller.cli.client import Json, TakeOver, Url, asked, named, tell_done
+from controller.cli.offsets import typed
 from controller.cli.speech import say, speaking
 from controller.machine import tool_files
 from controller.machine.tool_files import TableRefused
@@ -31,6 +32,10 @@ def tools(
     ] = None,
     change: Annotated[
         int | None, typer.Option("--set", help="Number of a tool that is made or changed, by its values.")
+    ] = None,
+    touch: Annotated[
+        list[str] | None,
+        typer.Option("--touch", help="With --set: its length, by what an axis reads here with it, as Z=0."),
     ] = None,
     delete: Annotated[int | None, typer.Option("--delete", help="A tool, out of the table.")] = None,
     write: Annotated[Path | None, typer.Option("--export", help="Write it: FILE.tbl or FILE.json.")] = None,
@@ -65,12 +70,15 @@ def tools(
     limits = {name: value for name, value in given.items() if value is not None}
     if limits and life is None:
         raise typer.BadParameter(say("tools_no_life"))
-    if values and change is None:
-        raise typer.BadParameter(say("tools_no_set", typed=" ".join(values)))
+    if (values or touch) and change is None:
+        raise typer.BadParameter(say("tools_no_set", typed=" ".join([*(values or ()), *(touch or ())])))
     with asked(url, as_json) as machine:
         if change is not None or delete is not None or read is not None:
             with machine.control(take_over):
-                _change(machine, change, _flagged(named(values, ("name",))), delete, read, flute)
+                by_values = change if values or not touch else None
+                _change(machine, by_values, _flagged(named(values, ("name",))), delete, read, flute)
+                if touch:
+                    machine.post(f"tools/{change}/touch_off", typed(touch))
         if life is not None:
             machine.put(f"usage/tools/{life}", {**_limits(_uses(machine).get(life, {})), **_set(limits)})
         if renewed is not None:

@@ -33,7 +33,7 @@ ROOMS = {"offsets and tools", "tool changer", "probing", "canned cycles", "calib
 ROOMS |= {"tool life and maintenance"}
 BESIDE = {  # routes of other rooms that are about the same
     *("PUT machine/spindle", "PUT machine/coolant", "PUT machine/clamps", "PUT overrides/spindle"),
-    *("POST cycle/withdraw", "POST offsets/{name}/touch_off"),
+    "POST cycle/withdraw",
 }
 OF_ROOMS = ("by_hand", "offsets", "tools", "changer", "maintenance", "probe", "calibrate")
 ALL_HAVE = {"url", "take_over", "as_json", "language"}

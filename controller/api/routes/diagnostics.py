@@ -1,4 +1,4 @@
-"""What views ask for beside the status: buses, machine file, a program's path, an offset from the tool."""
+"""What views ask for beside the status: buses, machine file, a program's path."""
 
 from __future__ import annotations
 
@@ -8,32 +8,19 @@ from pathlib import Path
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Header, Request, Response
-from pydantic import Field
 
-from controller.api import machine_table, models, models_of_diagnostics, ticks, touch_off
-from controller.api.access import moves, needs, panel_of
+from controller.api import machine_table, models_of_diagnostics, ticks
+from controller.api.access import needs, panel_of
 from controller.api.answers import Refusal, documented
 from controller.api.app_state import Panel
 from controller.api.roles import Role
-from controller.api.routes.machine import LOOKS, MOVES, ask
-from controller.api.routes.tables import OffsetName, rows_by
-from controller.machine.changes import turned_deg
+from controller.api.routes.machine import LOOKS
 from controller.machine.machine_file import written
 from controller.plan.report import picture
 
 router = APIRouter(tags=["looks"])
 FAILED = ("fault", "refused", "lost")
 PICTURES = "pictures"  # folder of the state folder, where checks leave them
-Reads = Annotated[float | None, Field(ge=-1e5, le=1e5, description="What the tip is to read (mm).")]
-
-
-class TouchOff(models.Sent):
-    """What the tip reads here from now on."""
-
-    X: Reads = None
-    Y: Reads = None
-    Z: Reads = None
-    tool: Annotated[int, Field(ge=1, le=99999, description="Number of the tool in the spindle.")] = 1
 
 
 @router.get("/machine/buses", dependencies=[needs(Role.VIEW)], responses=LOOKS)
@@ -112,34 +99,3 @@ def _listed(found: picture.Shape) -> dict[str, Any]:
         listed[name] = getattr(found, name).round(3).tolist()
     listed["axes"] = found.axes.round(5).tolist()
     return {**listed, "tolerance_mm": found.tolerance_mm}
-
-
-@router.post("/offsets/{name}/touch_off", dependencies=[moves()], responses=MOVES)
-async def touch(request: Request, name: OffsetName, body: TouchOff) -> models.Done:
-    """Set a work offset from where the tool's tip is: here it reads what is given, axis by axis."""
-    panel = panel_of(request)
-    wanted = body.model_dump(include={"X", "Y", "Z"}, exclude_none=True)
-    if not wanted:
-        raise Refusal.told(422, "form", "no_reading")
-    facts, now = await panel.door.ask("facts"), await panel.door.ask("status")
-    offset = dict(facts.get("offsets") or {}).get(name)
-    if offset is None or not now.get("on_table"):
-        raise Refusal.told(409, "refused", "no_tip")
-    if homeless := now.get("not_homed"):
-        mode, axes = str(now.get("mode")), ", ".join(homeless)
-        raise Refusal.told(409, "refused", "tip_not_homed", mode=mode, request="TOUCH OFF", axes=axes)
-    frame, wanted = touch_off.frame(offset), touch_off.under(facts.get("shift"), wanted)
-    tip = touch_off.tip_with(dict(now["on_table"]), _length_mm(facts, body.tool))
-    values = {
-        "origin_mm": list(touch_off.origin_for(frame, tip, wanted)),
-        "turned_deg": list(turned_deg(frame)),
-    }
-    return await ask(request, "set_offset", name=name, values=values)
-
-
-def _length_mm(facts: dict[str, Any], number: int) -> float:
-    """Of a tool in the table. Raises Refusal."""
-    tool = rows_by(facts, "tools", "number").get(str(number))
-    if tool is None:
-        raise Refusal.told(409, "refused", "no_tool", number=number)
-    return float(tool["length_mm"]) + float(tool.get("wear_length_mm", 0.0))

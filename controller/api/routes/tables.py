@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Path, Request, Response
 from pydantic import Field, ValidationError
 
-from controller.api import models, touch_off
+from controller.api import models
 from controller.api.access import moves, needs, panel_of
 from controller.api.answers import Refusal, documented, of_form
 from controller.api.roles import Role
 from controller.api.routes.machine import LOOKS, MOVES, ask
+from controller.geometry.vectors import Frame
 from controller.machine import tool_files
 from controller.machine.changes import turned_deg
 from controller.machine.tool_files import TableRefused
@@ -30,7 +32,7 @@ async def offsets(request: Request) -> models.OffsetList:
     """Work offsets, G92's shift, reference points and kept parameters as they are in force, and whence."""
     facts = await panel_of(request).door.ask("facts")
     found = rows_by(facts, "offsets", "name")
-    turned = {name: {"turned_deg": turned_deg(touch_off.frame(one))} for name, one in found.items()}
+    turned = {name: {"turned_deg": turned_deg(_frame(one))} for name, one in found.items()}
     others = {name: dict(facts.get(name) or {}) for name in ("shift", "references", "parameters")}
     return models.OffsetList(offsets={name: {**turned[name], **one} for name, one in found.items()}, **others)
 
@@ -45,6 +47,51 @@ async def set_offset(request: Request, name: OffsetName, body: models.OffsetValu
 async def forget(request: Request, name: SetName) -> models.Done:
     """Back to the machine file's: an offset, G92, G28, G30, a tool (T3), a parameter (#500), or all."""
     return await ask(request, "forget", name=name)
+
+
+Typed = float | Annotated[str, Field(min_length=1, max_length=100)]
+Reads = Annotated[
+    Typed | None,
+    Field(description="mm or degrees, or arithmetic: '5/2', '(3+1)*2'; '+0.1' is so much more than now."),
+]
+
+
+class Touched(models.Sent):
+    """What work figures read here from now on."""
+
+    X: Reads = None
+    Y: Reads = None
+    Z: Reads = None
+
+    @property
+    def reads(self) -> dict[str, Any]:
+        """By axis. Raises Refusal for none."""
+        names = set("XYZABC")
+        if found := self.model_dump(include=names, exclude_none=True):
+            return found
+        raise Refusal.told(422, "form", "no_reading")
+
+
+class TouchOff(Touched):
+    A: Reads = None
+    B: Reads = None
+    C: Reads = None
+    tool: Annotated[
+        int | None,
+        Field(
+            ge=1,
+            le=99999,
+            description="Null, or that in the spindle: the figures that the status tells. Another one: as "
+            "they are under G43 with its length.",
+        ),
+    ] = None
+
+
+@router.post("/offsets/{name}/touch_off", dependencies=[moves()], responses=MOVES)
+async def touch_off(request: Request, name: OffsetName, body: TouchOff) -> models.Done:
+    """Set a work offset from where the tool stands: in it the work figures read what is given, axis by axis,
+    in the state that is in force."""
+    return await ask(request, "set_offset", name=name, reads=body.reads, tool=body.tool)
 
 
 @router.get("/tools", dependencies=[needs(Role.VIEW)], responses=LOOKS)
@@ -127,6 +174,13 @@ async def set_tool(request: Request, number: ToolNumber, body: models.ToolValues
     return await ask(request, "set_tool", number=number, **body.model_dump(exclude_none=True))
 
 
+@router.post("/tools/{number}/touch_off", dependencies=[moves()], responses=MOVES)
+async def touch_off_tool(request: Request, number: ToolNumber, body: Touched) -> models.Done:
+    """Set a tool's length from where it stands: with it in force the work figure of the one axis that is
+    given reads so. Its wear is 0 then."""
+    return await ask(request, "set_tool", number=number, reads=body.reads)
+
+
 @router.get(
     "/tools/{number}/picture",
     dependencies=[needs(Role.VIEW)],
@@ -145,6 +199,12 @@ async def tool_picture(request: Request, number: ToolNumber) -> Response:
 async def remove_tool(request: Request, number: ToolNumber) -> models.Done:
     """Take a tool out of the table; refused as a change is."""
     return await ask(request, "set_tool", number=number, remove=True)
+
+
+def _frame(offset: Mapping[str, Any]) -> Frame:
+    """Of an offset as the service tells it: ``origin_mm`` and, where turned, ``axes``."""
+    rows = [offset["origin_mm"], *(offset.get("axes") or ())]
+    return Frame(*[(float(x), float(y), float(z)) for x, y, z in rows])
 
 
 def rows_by(facts: dict[str, Any], what: str, key: str) -> dict[str, Any]:

@@ -245,17 +245,17 @@ def test_the_picture_of_a_checked_program_is_told(tmp_path: Path) -> None:
     told(tmp_path, story)
 
 
-def test_touching_off_sets_the_offset_so_that_the_tip_reads_what_was_given(tmp_path: Path) -> None:
+def test_touching_off_goes_to_the_service_as_it_was_typed(tmp_path: Path) -> None:
     async def story(scene: Scene, client: httpx.AsyncClient) -> None:
         scene.door.mode = "READY"
-        answer = await client.post("/api/v1/offsets/G54/touch_off", json={"X": 1.0, "Z": 0.0})
-        assert answer.status_code == 200, answer.text
-        # The fake machine's tip is at (10, 20, 30), and Y of the offset was 0.
-        assert scene.door.offsets["G54"]["origin_mm"] == [9.0, 0.0, 30.0]
-        nothing = await client.post("/api/v1/offsets/G54/touch_off", json={})
-        assert nothing.status_code == 422
-        unknown = await client.post("/api/v1/offsets/G54/touch_off", json={"Z": 0.0, "tool": 77})
-        assert unknown.status_code == 409 and "Tool 77" in sentence(unknown)
+        sent = {"X": 1.0, "Z": "+0.1", "C": "360/4", "tool": 3}
+        assert (await client.post("/api/v1/offsets/G54/touch_off", json=sent)).status_code == 200
+        assert (await client.post("/api/v1/tools/2/touch_off", json={"Z": "5/2"})).status_code == 200
+        reads = {"X": 1.0, "Z": "+0.1", "C": "360/4"}
+        wanted = ("set_offset", {"name": "G54", "reads": reads, "tool": 3})
+        assert scene.door.asked[-2:] == [wanted, ("set_tool", {"number": 2, "reads": {"Z": "5/2"}})]
+        for path in ("offsets/G54", "tools/2"):
+            assert (await client.post(f"/api/v1/{path}/touch_off", json={})).status_code == 422
         scene.door.mode = "RUNNING"
         moving = await client.post("/api/v1/offsets/G54/touch_off", json={"Z": 0.0})
         assert moving.status_code == 409

@@ -277,7 +277,7 @@ def test_an_offset_is_set_and_touched_off(panel: Panel, door: NotingDoor) -> Non
     door.results["facts"] = {
         "offsets": {"G55": g55},
         "shift": nowhere,
-        "tools": [{"number": 3, "length_mm": 50.0}],
+        "tools": [],
     }
     done("offsets", "G55", "--origin", "4,5,-6", "--rotary", "C=15")
     wanted = {"origin_mm": [4.0, 5.0, -6.0], "turned_deg": [0.0, 0.0, 0.0], "rotary_deg": {"C": 15.0}}
@@ -285,15 +285,17 @@ def test_an_offset_is_set_and_touched_off(panel: Panel, door: NotingDoor) -> Non
     done("offsets", "G55", "--turned", "0,0,30")
     turned = {"origin_mm": [1.0, 2.0, 3.0], "turned_deg": [0.0, 0.0, 30.0]}
     assert ("set_offset", {"name": "G55", "values": turned}) in door.asked
-    door.status |= {"tool": 3, "on_table": {"tip": [10.0, 20.0, 30.0], "axis": [0, 0, 1], "length_mm": 50.0}}
-    done("offsets", "G55", "--touch", "z=2")
-    (touched,) = [args for verb, args in door.asked if verb == "set_offset"][2:]
-    assert touched["values"]["origin_mm"] == pytest.approx([1.0, 2.0, 28.0])
+    done("offsets", "G55", "--touch", "z=5/2", "--touch", "C=+0.1", "--tool", "3")
+    reads = {"Z": "5/2", "C": "+0.1"}
+    assert ("set_offset", {"name": "G55", "reads": reads, "tool": 3}) in door.asked
+    door.results["usage"] = {"tools": [], "counters": [], "items": []}
+    done("tools", "--set", "3", "--touch", "z=2")
+    assert ("set_tool", {"number": 3, "reads": {"Z": "2"}}) in door.asked
     for words, why in (
         (("--origin", "1,2,3"), "name it first"),
         (("G55",), "nothing is said"),
         (("G55", "--origin", "1,2"), "three numbers"),
-        (("G55", "--touch", "Z=low"), "write it as Z=0"),
+        (("G55", "--rotary", "C=low"), "write it as C=15"),
     ):
         ran = run("offsets", *words)
         assert ran.exit_code and why in " ".join(ran.stderr.replace("│", " ").split())

@@ -257,18 +257,28 @@ def test_lengths_are_shown_in_inches_where_that_is_wanted_and_angles_stay(page: 
 def test_an_axis_is_set_to_zero_or_to_a_value_in_the_offset_that_is_active(page: Any, site: Site) -> None:
     site.tell(mode="READY", not_homed=[], work_offset="G54")
     page.wait_for_selector("[data-set=X]:not([aria-disabled])")
-    for typed in (None, "12.5"):
-        before = len(site.asked("set_offset"))
-        page.click("[data-set=X]")
-        page.wait_for_selector(".dx-ask >> text=G54")
-        if typed:
-            page.fill(".dx-ask input", typed)
-        page.keyboard.press("Enter")
-        asked = until(lambda n=before: site.asked("set_offset")[n:], "the new origin")[0][2]
-        assert asked["name"] == "G54"
-        tip = site.ask("status")["on_table"]["tip"][0]
-        assert asked["values"]["origin_mm"][0] == pytest.approx(tip - float(typed or 0.0))
-    assert page.locator("[data-set=A]").count() == 0
+    for axis, typed, reads in (("X", None, "0"), ("X", "12.5", "12.5"), ("C", "+360/8", "+360/8")):
+        asked = set_by_page(page, site, axis, typed)
+        assert asked == {"name": "G54", "reads": {axis: reads}, "tool": None}
+
+
+def test_what_is_typed_is_of_the_unit_that_is_shown(page: Any, site: Site) -> None:
+    site.tell(mode="READY", not_homed=[], work_offset="G54")
+    page.click("#dx-unit")
+    for axis, typed, reads in (("X", "1/2", "(1/2)*25.4"), ("X", "+0.1", "+(0.1)*25.4"), ("C", "9", "9")):
+        assert set_by_page(page, site, axis, typed)["reads"] == {axis: reads}
+    page.click("#dx-unit")
+
+
+def set_by_page(page: Any, site: Site, axis: str, typed: str | None) -> dict[str, Any]:
+    """What is asked for where an axis is pressed, and a value typed."""
+    before = len(site.asked("set_offset"))
+    page.click(f"[data-set={axis}]")
+    page.wait_for_selector(".dx-ask >> text=G54")
+    if typed:
+        page.fill(".dx-ask input", typed)
+    page.keyboard.press("Enter")
+    return dict(until(lambda: site.asked("set_offset")[before:], "the new origin")[0][2])
 
 
 def test_modal_codes_and_parts_made_are_shown(page: Any, site: Site) -> None:

@@ -62,17 +62,22 @@ def test_what_is_no_number_is_not_saved(setup: Any, site: Site) -> None:
     assert len(site.asked("set_offset")) == before
 
 
-def test_an_offset_is_set_from_where_the_tip_is(setup: Any, site: Site) -> None:
-    """The tip is at X 10: to read 4 there, the offset is 6."""
+def test_an_offset_and_a_length_are_set_by_what_a_figure_is_to_read(setup: Any, site: Site) -> None:
+    """As it is typed: the service does the arithmetic."""
     part(setup, "offsets")
     before = len(site.asked("set_offset"))
-    setup.evaluate("dx.call('PUT', 'offsets/G54', {origin_mm: [0, 0, 0], turned_deg: [0, 0, 0]})")
-    until(lambda: len(site.asked("set_offset")) > before, "the old offset")
     setup.click("#setup-offsets tr[data-row=G54] button >> nth=0")
-    setup.fill(".dx-ask input", "4")
+    setup.fill(".dx-ask input", "+0.1")
     browser.yes(setup)
-    asked = until(lambda: site.asked("set_offset")[before + 1 :], "the offset")[0][2]
-    assert asked["values"]["origin_mm"] == [6.0, 0.0, 0.0]
+    asked = until(lambda: site.asked("set_offset")[before:], "the offset")[0][2]
+    assert asked == {"name": "G54", "reads": {"X": "+0.1"}, "tool": None}
+    part(setup, "tools")
+    before = len(site.asked("set_tool"))
+    setup.click("[data-touch-length='1']")
+    setup.fill(".dx-ask input", "5/2")
+    browser.yes(setup)
+    asked = until(lambda: site.asked("set_tool")[before:], "the length")[0][2]
+    assert asked == {"number": 1, "reads": {"Z": "5/2"}}
 
 
 def touch_asked(setup: Any, axis: int) -> str:
@@ -85,7 +90,6 @@ def touch_asked(setup: Any, axis: int) -> str:
 def test_the_tool_in_the_spindle_touches_off_again_after_a_change_whatever_was_picked(
     setup: Any, site: Site
 ) -> None:
-    """The tip of T1 (length 0) is at Z 30, that of T7 (50 mm longer) at -20."""
     tool = "{name: 'long', radius_mm: 3, length_mm: 50, flute_mm: 15}"
     setup.evaluate(f"dx.call('PUT', 'tools/7', {tool})")
     site.tell(tool=1)
@@ -94,16 +98,19 @@ def test_the_tool_in_the_spindle_touches_off_again_after_a_change_whatever_was_p
     setup.wait_for_function("() => document.querySelector('#setup-tip').textContent.startsWith('T1:')")
     setup.select_option("#setup-tool", "7")
     asked = touch_asked(setup, 2)
-    assert "with T7" in asked and "T1 is in the spindle." in asked
-    setup.click(".dx-ask button >> nth=1")
-    for number, origin in ((7, -20.0), (1, 30.0)):
+    assert "G43 with T7" in asked and "in the spindle is T1" in asked
+    before = len(site.asked("set_offset"))
+    browser.yes(setup)
+    made = until(lambda: site.asked("set_offset")[before:], "the offset")[0][2]
+    assert made == {"name": "G54", "reads": {"Z": "0"}, "tool": 7}
+    for number in (7, 1):
         site.tell(tool=number)
         setup.wait_for_function("(n) => document.querySelector('#setup-tool').value === n", arg=str(number))
-        assert f"with T{number}" in touch_asked(setup, 2)
+        assert "G43" not in touch_asked(setup, 2)
         before = len(site.asked("set_offset"))
         browser.yes(setup)
         made = until(lambda at=before: site.asked("set_offset")[at:], "the offset")[0][2]
-        assert made["values"]["origin_mm"][2] == origin
+        assert made["tool"] is None
     setup.select_option("#setup-tool", "7")
     setup.evaluate("dx.show('run'); dx.show('setup')")
     assert setup.input_value("#setup-tool") == "1"

@@ -135,11 +135,11 @@ class FakeDoor:
             self.job["block_delete"] = args.get("block_delete") is True
         elif verb == "unload":
             self.job = None
-        elif verb == "set_offset":
+        elif verb == "set_offset" and "values" in args:
             self.offsets[args["name"]] = {**args["values"], "unset": False, "source": "machine"}
         elif verb == "forget":
             self.offsets.pop(args["name"], None)
-        elif verb == "set_tool":
+        elif verb == "set_tool" and "reads" not in args:
             self.tools[str(args["number"])] = {**tools_of(machine_file.load("trunnion"))[0], **args}
             if args.get("remove"):
                 del self.tools[str(args["number"])]

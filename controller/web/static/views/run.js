@@ -43,7 +43,7 @@ function Axes() {
 }
 
 // Here the active work offset reads what is typed; Enter alone makes it zero.
-const set = (name) => touch(dx.status?.work_offset ?? "G54", name, dx.status?.tool ?? 1);
+const set = (name) => touch(dx.status?.work_offset ?? "G54", name, 0);
 
 function Axis({ axis: { name, unit, following_error: most }, joint }) {
   const form = unit === "mm" ? forms.length : forms.deg;
@@ -53,7 +53,7 @@ function Axis({ axis: { name, unit, following_error: most }, joint }) {
   // The bar is full at the following error that ends the run.
   return html`<tr data-axis=${name}>
     <th scope="row">
-      ${unit === "mm" ? html`<${Act} class="axis-set" needs="control" modes="OFF READY" title=${word("run.set_axis", name)} aria-label=${word("run.set_axis", name)} data-set=${name} press=${() => set(name)}><${AxisName} name=${name} /><//>` : html`<${AxisName} name=${name} />`}
+      <${Act} class="axis-set" needs="control" modes="OFF READY" title=${word("run.set_axis", name)} aria-label=${word("run.set_axis", name)} data-set=${name} press=${() => set(name)}><${AxisName} name=${name} /><//>
       <span class="marks">
         <span class="mark-home" data-homed=${name} data-state=${joint.homed ? "yes" : "no"}>${word(joint.homed ? "run.homed" : "run.not_homed")}</span>
         <span class="mark-limit" data-limit=${name}>${end}</span>

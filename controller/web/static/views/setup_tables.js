@@ -112,12 +112,35 @@ async function forget_set(name) {
   look();
 }
 
+// Which figure is set, it shows: in inches where figures are, of rotaries always degrees. What is typed goes as it
+// is, for the service does the arithmetic.
+async function ask_figure(sentence, axis) {
+  const inch = dx.inch && "XYZ".includes(axis);
+  const typed = await ask_for(sentence, "setup.set", "0", { inputmode: "text" });
+  if (typed === null || !inch) return typed;
+  const more = typed.trim().startsWith("+") ? "+" : "";
+  return `${more}(${typed.trim().slice(more.length)})*25.4`;
+}
+const unit_of = (axis) => ("XYZ".includes(axis) ? forms.units() : "°");
+
+// Here an axis reads what is typed; Enter alone makes it zero. ``by``: as under G43 with another tool; 0: as it is.
 export async function touch(name, axis, by = tool) {
-  const other = spindle && by !== spindle ? ` ${word("touch_other", spindle)}` : "";
-  const value = await ask_number(word("touch_ask", name, axis, by) + other, "0");
-  if (value === null) return;
-  const said = await call("POST", `offsets/${name}/touch_off`, { [axis]: value, tool: by });
+  const { work_offset, joints } = dx.status ?? {};
+  const other = Boolean(by && spindle) && by !== spindle;
+  const now = name === work_offset && !other ? forms["XYZ".includes(axis) ? "length" : "deg"](joints?.[axis]?.work) : "–";
+  const sentence = word("touch_ask", name, axis, unit_of(axis), now) + (other ? ` ${word("touch_other", by, spindle)}` : "");
+  const typed = await ask_figure(sentence, axis);
+  if (typed === null) return;
+  const said = await call("POST", `offsets/${encodeURIComponent(name)}/touch_off`, { [axis]: typed, ...(other ? { tool: by } : {}) });
   if (said.ok) say(word("saved", name));
+  look();
+}
+
+async function touch_length(n) {
+  const typed = await ask_figure(word("touch_length", n, unit_of("Z")), "Z");
+  if (typed === null) return;
+  const said = await call("POST", `tools/${n}/touch_off`, { Z: typed });
+  if (said.ok) say(word("saved", `T${n}`));
   look();
 }
 
@@ -156,10 +179,11 @@ async function import_tools(content, file, flute_mm = null) {
 
 function Tool({ n }) {
   const { input, save } = use_row("tools", n, ["name", ...FIELDS], of_tool, tool_body);
+  const here = html`<${Act} icon="target" modes="OFF READY" title=${word("length_here", n)} aria-label=${word("length_here", n)} data-touch-length=${n} press=${() => touch_length(n)} />`;
   return html`<tr data-row=${n}>
     <th scope="row"><${Act} needs="" data-picture=${n} class="axis-set" title=${word("picture")} aria-label=${`T${n}: ${word("picture")}`} press=${() => ((pictured = n), dx.draw())}><${AxisName} name=${`T${n}`} /><//></th>
     <td data-label=${word("name")}>${input("name", `T${n} ${word("name")}`, { class: "wide", inputmode: "text" })}</td>
-    ${FIELDS.map((name) => html`<td data-label=${word(name)}>${input(name, `T${n} ${word(name)}`)}</td>`)}
+    ${FIELDS.map((name) => html`<td data-label=${word(name)}>${name === "length_mm" ? html`<div class="row">${input(name, `T${n} ${word(name)}`)}${here}</div>` : input(name, `T${n} ${word(name)}`)}</td>`)}
     <td data-label=${word("centre_cutting")}><input type="checkbox" data-field="centre_cutting" aria-label=${`T${n} ${word("centre_cutting")}`} checked=${told.tools[n].centre_cutting ?? true} onchange=${({ target }) => set_centre(n, target.checked)} ...${field_of(SET)} /></td>
     <td><div class="row">
       <${Act} text=${word("save")} aria-label=${`${word("save")} T${n}`} press=${save} />
