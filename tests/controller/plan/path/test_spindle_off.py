@@ -18,6 +18,7 @@ def lines(
 ) -> list[int]:
     """Those of which it is told."""
     task = checked.task(text.encode(), "part.ngc", machine or MILL)
+    task = replace(task, typed=bool(how.pop("typed", False)))
     walk = checked.path_of(task, **how)  # type: ignore[arg-type]
     for _ in walk.items:
         pass

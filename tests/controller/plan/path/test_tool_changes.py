@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -22,9 +23,8 @@ CLAMPED = mill()
 
 def walked(text: str, in_spindle: int = 1, machine: Machine = TRUNNION, typed: bool = False) -> list[str]:
     """What comes on the path: the words of its pauses with the tool, and moves."""
-    walk = checked.path_of(
-        checked.task(text.encode(), "part.ngc", machine), in_spindle=in_spindle, typed=typed
-    )
+    task = replace(checked.task(text.encode(), "part.ngc", machine), typed=typed)
+    walk = checked.path_of(task, in_spindle=in_spindle)
     return [
         f"{item.act.name} {item.modal.tool}" if isinstance(item, Pause) and item.act else "move"
         for item in walk.items
