@@ -24,7 +24,7 @@ from typing import Any
 from controller.cli import internal_error
 from controller.machine import setup_data
 from controller.machine.toml_table import ConfigError
-from controller.messages import said
+from controller.messages import of_error, said
 from controller.plan.report.picture import Picture
 from controller.plan.stretch import Stretch
 from controller.program import blocks, linked, refusals
@@ -82,7 +82,7 @@ def check(
         place = {"file": error.file, "line": error.line, "column": error.column}
         return "refused", {**error.said, **place, **error.facts, **_others(error, task)}
     except (ConfigError, OSError) as error:
-        return "failed", {**said("could_not_check", program=name, why=error)}
+        return "failed", {**said("could_not_check", program=name, why=of_error(error))}
     except Exception as error:  # the operator gets a sentence, and we the rest
         return "failed", {**said("could_not_check", program=name, why=internal_error.sentence(error))}
     with contextlib.suppress(OSError):  # a program runs without its picture

@@ -24,7 +24,7 @@ from controller.cli import measurements
 from controller.cli.measurements import Asked
 from controller.machine import machine_file, setup_data
 from controller.machine.toml_table import ConfigError
-from controller.messages import plain
+from controller.messages import of_error
 from controller.program import linked
 from controller.program.program import ProgramError
 from controller.runtime import children
@@ -40,7 +40,7 @@ def main() -> None:
     except ProgramError as error:
         answer = {"refused": error.placed}
     except (ConfigError, OSError) as error:
-        answer = {"refused": plain(str(error))}
+        answer = {"refused": of_error(error)}
     print(json.dumps(answer))
 
 

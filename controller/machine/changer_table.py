@@ -42,6 +42,7 @@ from dataclasses import replace
 from controller.machine.equipment import OUTPUTS
 from controller.machine.model import MAX_BESIDE, Axis, Changer, ChangerStep, Io, Machine
 from controller.machine.toml_table import Table, is_number
+from controller.messages import Key, said
 
 SEQUENCES = ("put_away", "take")
 PREPARE = "prepare"
@@ -71,11 +72,10 @@ def changer(table: Table, axes: Sequence[Axis], io: Io | None) -> Changer:
     )
     for key, steps in zip(SEQUENCES, (put_away, take), strict=True):
         if sum(step.carries for step in steps) != 1:
-            problem = "has not one step that carries the tool"
-            table.refuse(key, problem, "one step with carries = true", "say of one step that it carries")
+            table.refuse(key, "carries_once")
         names = [step.name for step in steps]
         if len(set(names)) < len(names):
-            table.refuse(key, "has two steps of one name", "a name per step", "rename one")
+            table.refuse(key, "step_twice")
     prepare = tuple(_preparing(row, io, len(pockets)) for row in table.tables(PREPARE))
     _apart(table, prepare, put_away, take)
     table.finish()
@@ -90,27 +90,24 @@ def _apart(
 ) -> None:
     """What is prepared stands until the tool is over: no step up to there switches any of it."""
     if len(names := {name for step in prepare for name in step.switches}) > MAX_BESIDE:
-        allowed = f"{MAX_BESIDE} at most"
-        table.refuse(PREPARE, f"switches {len(names)} outputs", allowed, "leave some to another node")
+        table.refuse(PREPARE, "prepare_many", count=len(names), most=MAX_BESIDE)
     over = next((k for k, step in enumerate(take) if step.carries), len(take))
     taken = {name: step for step in (*put_away, *take[: over + 1]) for name in step.switches}
     for step in prepare:
         for name in step.switches:
             if name in taken:
-                problem = f"{step.name} switches {name}, as the step {taken[name].name} of the change does"
-                allowed = "outputs that no step switches before the tool is in the spindle"
-                table.refuse(PREPARE, problem, allowed, "take it out of one of them")
+                table.refuse(PREPARE, "prepare_taken", step=step.name, name=name, other=taken[name].name)
 
 
 def _pockets(table: Table) -> tuple[int, ...]:
-    allowed = f"1 to {MAX_POCKETS} tool numbers in brackets, 0 for a pocket that is nobody's"
+    allowed = said("file.may.pockets", most=MAX_POCKETS)
     value = table.get("pockets", allowed)
     sound = isinstance(value, list) and all(type(one) is int and 0 <= one <= 99999 for one in value)
     if not sound or not 1 <= len(value) <= MAX_POCKETS:
-        table.refuse("pockets", "is no list of tools", allowed, "write one number per pocket")
+        table.refuse("pockets", "no_pockets", allowed=allowed)
     tools = [one for one in value if one]
     if len(set(tools)) < len(tools):
-        table.refuse("pockets", "has a tool in two pockets", "each tool once", "remove one")
+        table.refuse("pockets", "pocket_twice")
     return tuple(value)
 
 
@@ -145,8 +142,7 @@ def _preparing(row: Table, io: Io | None, pockets: int) -> ChangerStep:
     found = _switching(row, row.text("input"))
     _reach(row, found, io, pockets)
     if found.pocket and found.level in ("on", "off"):
-        problem = "the pocket that stood there before would pass for this one"
-        row.refuse("level", problem, '"rise" or "fall" where a step says the pocket', "write one of these")
+        row.refuse("level", "prepare_level")
     row.finish()
     return found
 
@@ -159,18 +155,17 @@ def _moves(row: Table, unit: str, axes: Sequence[Axis], pockets: int) -> list[tu
     found: list[tuple[str, tuple[float, ...]]] = []
     for name in entry.written:
         if name not in known:
-            allowed = ", ".join(known) or "none"
-            entry.get(name, "a position")
-            entry.refuse(name, f"is no axis in {unit}", allowed, "correct it")
+            entry.get(name, said("file.may.position"))
+            entry.refuse(name, "no_axis_in", unit=unit, allowed=", ".join(known) or Key("file.none"))
         axis = known[name]
         low, high = sorted((axis.travel_min * axis.shown_per_unit, axis.travel_max * axis.shown_per_unit))
-        allowed = f"a position from {low:g} to {high:g}, or {pockets} of them in brackets, one of each pocket"
+        allowed = said("file.may.positions", low=low, high=high, pockets=pockets)
         value = entry.get(name, allowed)
         places = value if isinstance(value, list) else [value]
         if not all(is_number(one) for one in places) or len(places) not in (1, pockets):
-            entry.refuse(name, "is no position, nor one of each pocket", allowed, "correct it")
+            entry.refuse(name, "no_position", allowed=allowed)
         if not all(low <= one <= high for one in places):
-            entry.refuse(name, "is out of the travel", allowed, "change it")
+            entry.refuse(name, "beyond_travel", allowed=allowed)
         found.append((name, tuple(float(one) / axis.shown_per_unit for one in places)))
     entry.finish()
     return found
@@ -179,11 +174,11 @@ def _moves(row: Table, unit: str, axes: Sequence[Axis], pockets: int) -> list[tu
 def _reach(row: Table, step: ChangerStep, io: Io | None, pockets: int) -> None:
     """A step does something, by bits that are there, and it is seen to be done."""
     if not (step.move or step.orient or step.switches or step.input):
-        row.refuse("name", "does nothing", "a move, an output, orient or an input", "say what it does")
+        row.refuse("name", "step_empty")
     if step.orient and (io is None or io.orient is None):
-        row.refuse("orient", "[io] has no orient", "orient in [io]", "name it there, or take it out")
+        row.refuse("orient", "step_orient")
     if set(step.on) & set(step.off):
-        row.refuse("off", "has an output that on has, too", "each output once", "remove one")
+        row.refuse("off", "step_on_off")
     for key, names, bits in (
         ("on", step.on, io.outputs if io else ()),
         ("off", step.off, io.outputs if io else ()),
@@ -193,20 +188,18 @@ def _reach(row: Table, step: ChangerStep, io: Io | None, pockets: int) -> None:
         for name in names:
             if name not in dict(bits):
                 kind = "inputs" if key == "input" else "outputs"
-                allowed = ", ".join(one for one, _ in bits) or "none, for there is no [io]"
-                row.refuse(key, f"names {name}, which is no bit in {kind} of [io]", allowed, "add it there")
+                allowed = ", ".join(one for one, _ in bits) or Key("file.no_io")
+                row.refuse(key, "no_bit", name=name, kind=kind, allowed=allowed)
     for key, names in (("on", step.on), ("off", step.off), ("pocket", step.pocket)):
         if not set(names).isdisjoint(OUTPUTS):
-            row.refuse(key, "names what M7 to M9 switch", "outputs of the changer's own", "name another")
+            row.refuse(key, "coolant_outputs")
     if step.pocket and pockets >= 1 << len(step.pocket):
         bits_needed = math.ceil(math.log2(pockets + 1))
-        problem = f"{len(step.pocket)} outputs cannot say {pockets}"
-        row.refuse("pocket", problem, f"{bits_needed} outputs or more", "add outputs")
+        row.refuse("pocket", "pocket_bits", count=len(step.pocket), pockets=pockets, needed=bits_needed)
     if step.carries and not step.input:
-        row.refuse("carries", "nothing says that it is done", "an input beside it", "add input")
+        row.refuse("carries", "carries_unseen")
     if step.carries and step.level in ("on", "off"):
-        problem = "a switch that hangs would say that the tool is over before it moves"
-        row.refuse("level", problem, '"rise" or "fall" where a step carries', "write one of these")
+        row.refuse("level", "carries_level")
 
 
 def audit(machine: Machine, table: Table) -> None:
@@ -217,5 +210,5 @@ def audit(machine: Machine, table: Table) -> None:
     for tool in machine.changer.pockets:
         if tool and tool not in known:
             allowed = ", ".join(f"T{number}" for number in sorted(known))
-            table.get("pockets", "numbers of tools")
-            table.refuse("pockets", f"T{tool} is not in the tool table", allowed, "add it to the table")
+            table.get("pockets", said("file.may.tool_numbers"))
+            table.refuse("pockets", "pocket_of_nobody", tool=tool, allowed=allowed)

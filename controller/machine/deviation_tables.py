@@ -10,6 +10,7 @@ from controller.geometry.vectors import ZERO, Vector
 from controller.machine import compensation
 from controller.machine.model import Axis, Pitch, Straightness
 from controller.machine.toml_table import Table, is_number
+from controller.messages import said
 
 MAX_POINTS = 1000
 MAX_OFF = {"mm": 1.0, "deg": 1.0}  # of a deviation: what is more is no table's work
@@ -30,8 +31,7 @@ def pitch(table: Table, unit: str, travel: tuple[float, float], inner: float) ->
     up = _row(own, f"up_{unit}", len(at), MAX_OFF[unit], flat)
     down = _row(own, f"down_{unit}", len(at), MAX_OFF[unit], [u + lost for u in up])
     if lost and own.has(f"down_{unit}"):
-        problem = "says what down says already"
-        own.refuse(f"backlash_{unit}", problem, "one of the two", "remove one")
+        own.refuse(f"backlash_{unit}", "backlash_twice")
     own.finish()
     rows = [tuple(value * inner for value in row) for row in (at, up, down)]
     if inner > 0.0:
@@ -48,9 +48,7 @@ def within_limits(table: Table, axis: Axis) -> None:
     if share > compensation.MAX_SHARE:
         own = table.table("pitch", f"{table.name} pitch")
         unit = "deg" if axis.is_rotary else "mm"
-        problem = f"is so steep that it would take {share:.0%} of the limits of {axis.name} at full speed"
-        allowed = f"at most {compensation.MAX_SHARE:.0%}"
-        own.refuse(f"up_{unit}", problem, allowed, "look for a point that was measured wrongly")
+        own.refuse(f"up_{unit}", "pitch_steep", share=share, axis=axis.name, most=compensation.MAX_SHARE)
 
 
 def straightness(tables: Sequence[Table], axes: Sequence[Axis]) -> tuple[Straightness, ...]:
@@ -76,7 +74,7 @@ def thermal_shift(top: Table) -> Vector:
     table = top.table("thermal", "[thermal]")
     shift = table.vector("shift_mm", ZERO)
     if max(abs(c) for c in shift) > MAX_SHIFT_MM:
-        table.refuse("shift_mm", "is out of range", f"up to {MAX_SHIFT_MM:g} mm each", "measure it again")
+        table.refuse("shift_mm", "shift_large", most=MAX_SHIFT_MM)
     table.vector("reference_mm", ZERO)
     table.finish()
     return shift
@@ -85,16 +83,16 @@ def thermal_shift(top: Table) -> Vector:
 def _rising(table: Table, key: str, default: Sequence[float] | None) -> list[float]:
     at = _row(table, key, 0, math.inf, default)
     if any(b <= a for a, b in pairwise(at)):
-        table.refuse(key, "does not rise from each to the next", "positions that rise", "sort them")
+        table.refuse(key, "not_rising")
     return at
 
 
 def _row(table: Table, key: str, count: int, most: float, default: Sequence[float] | None) -> list[float]:
     """Numbers in brackets: as many as ``count``, or 2 and more where that is 0."""
-    allowed = f"{count} numbers in brackets" if count else f"2 to {MAX_POINTS} numbers in brackets"
-    allowed += "" if math.isinf(most) else f", each from {-most:g} to {most:g}"
+    each = "" if math.isinf(most) else said("file.may.each", low=-most, high=most)
+    allowed = said("file.may.row" if count else "file.may.rows", count=count, most=MAX_POINTS, each=each)
     value = table.get(key, allowed, None if default is None else list(default))
     sound = isinstance(value, list) and all(map(is_number, value)) and max(map(abs, value), default=0) <= most
     if not sound or not (len(value) == count if count else 2 <= len(value) <= MAX_POINTS):
-        table.refuse(key, "is no such list", allowed, "write one number for each position")
+        table.refuse(key, "no_row", allowed=allowed)
     return [float(v) for v in value]

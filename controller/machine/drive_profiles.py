@@ -14,6 +14,7 @@ from functools import cache, lru_cache
 from pathlib import Path
 
 from controller.machine.toml_table import ConfigError, Table, is_number, parse, read_text
+from controller.messages import Key, said
 from drives.profile import CyclicMode, Encoder, Override, Profile, Supervision, Write
 from drives.text_file import Source, TextFile
 
@@ -26,7 +27,7 @@ from drives.text_file import Source, TextFile
 #
 # Every refusal is a ``ConfigError`` in the form of ``toml_table``.
 
-OBJECT = "an object in hexadecimal, in quotes, from 1000 to FFFF"
+OBJECT = Key("file.may.object")
 ACCESS = ("ro", "wo", "rw", "rwr", "rww", "const")  # CiA 306-1, AccessType
 TYPES = {  # CiA 301, 7.4.7.1
     "INTEGER8": 0x02,
@@ -54,14 +55,14 @@ def place(table: Table) -> tuple[int, int]:
     first, _, sub = table.text("object").partition(":")
     number = object_index(first)
     if number is None or not (sub == "" or (len(sub) == 2 and set(sub.upper()) <= set("0123456789ABCDEF"))):
-        table.refuse("object", "is no object", f"{OBJECT}, with a sub-index", 'write e.g. "2210:01"')
+        table.refuse("object", "no_place", object=OBJECT)
     return number, int(sub or "0", 16)
 
 
 def overrides(table: Table) -> tuple[Override, ...]:
     """The ``[[override]]`` tables below a table, none or more. Raises ConfigError."""
     found = table.tables("override")
-    if table.name.startswith("["):  # of an axis, or another of the machine file's tables
+    if str(table.name).startswith("["):  # of an axis, or another of the machine file's tables
         for entry in found:
             entry.name = f"{table.name}: {entry.name}"
     return tuple(map(_override, found))
@@ -72,7 +73,7 @@ def _override(table: Table) -> Override:
     for key in WHAT:
         table.get(key, "", False)  # known, so that ``finish`` lists it among what is allowed
     if not any(table.has(key) for key in WHAT):
-        table.refuse("object", "nothing of it is overridden", f"one of {', '.join(WHAT)}", "add what is so")
+        table.refuse("object", "override_empty", known=", ".join(WHAT))
 
     def number(key: str) -> int | None:
         return table.integer(key, LEAST, MOST) if table.has(key) else None
@@ -88,9 +89,9 @@ def _override(table: Table) -> Override:
         data_type=TYPES[table.text("type", tuple(TYPES))] if table.has("type") else None,
     )
     if not found.reason:
-        table.refuse("reason", "is empty", "a text in quotes", "write who says so, for whoever reads it next")
+        table.refuse("reason", "reason_empty")
     if found.low is not None and found.high is not None and found.low > found.high:
-        table.refuse("low", f"is above high = {found.high}", "low <= high", "swap or change them")
+        table.refuse("low", "low_above", high=found.high)
     table.finish()
     return found
 
@@ -130,10 +131,8 @@ def _find(source: str) -> Path:
     if path.is_file():
         return path
     near = difflib.get_close_matches(source, shipped(), n=1)
-    do = f"did you mean {near[0]!r}" if near else "name one of these or give the path of a .toml file"
-    raise ConfigError(
-        f"profile {source}: there is no drive profile of this name; allowed: {', '.join(shipped())}; {do}."
-    )
+    do = said("file.mean", near=near[0]) if near else said("file.name_profile")
+    raise ConfigError(said("file.no_profile", source=source, allowed=", ".join(shipped()), do=do))
 
 
 def read(text: str, file: str, folder: Path, name: str, sheet: TextFile | None = None) -> Profile:
@@ -183,16 +182,11 @@ def read(text: str, file: str, folder: Path, name: str, sheet: TextFile | None =
 def _audit(profile: Profile, table: Table) -> None:
     """What only the whole table can show."""
     if profile.takes_feed_forward and profile.rpdo == profile.command_rpdo:
-        problem = f"RPDO {profile.rpdo} carries the target already"
-        table.refuse(
-            "command_rpdo", problem, "another number than rpdo", "change one or feed_forward = false"
-        )
+        table.refuse("command_rpdo", "command_taken", rpdo=profile.rpdo)
     if profile.acceleration_unit_counts_s2 and not profile.velocity_unit_counts_s:
-        problem = "velocity_unit_counts_s is missing"
-        table.refuse("acceleration_unit_counts_s2", problem, "both, or none", "add it")
+        table.refuse("acceleration_unit_counts_s2", "unit_alone")
     if profile.mode is CyclicMode.IP and profile.takes_feed_forward:
-        problem = "in interpolated position mode there is no 60B1h to send it to"
-        table.refuse("feed_forward", problem, 'false with mode = "ip"', "write feed_forward = false")
+        table.refuse("feed_forward", "forward_of_ip")
 
 
 def _eds(table: Table, folder: Path, sheet: TextFile | None) -> Source:
@@ -202,7 +196,7 @@ def _eds(table: Table, folder: Path, sheet: TextFile | None) -> Source:
         return sheet
     path = (folder / name).resolve()
     if name and not path.is_file():
-        table.refuse("eds", f"there is no file {path}", "a path seen from the profile", "correct the path")
+        table.refuse("eds", "no_sheet_file", path=path)
     return str(path) if name else ""
 
 
@@ -210,7 +204,7 @@ def _period(table: Table) -> tuple[float, float]:
     default = (GENERAL.period_min_s * 1e3, GENERAL.period_max_s * 1e3)
     shortest_ms, longest_ms = table.numbers("period_ms", 2, default)
     if not 0.0 < shortest_ms <= longest_ms:
-        table.refuse("period_ms", "is no range", "[shortest, longest] above 0", "swap or change them")
+        table.refuse("period_ms", "no_period")
     return shortest_ms / 1e3, longest_ms / 1e3
 
 
@@ -222,25 +216,25 @@ def _code(table: Table, key: str, lower: int, upper: int, default: int | None) -
 
 
 def _integers(table: Table, key: str, lower: int, upper: int, default: tuple[int, ...]) -> tuple[int, ...]:
-    allowed = f"a list of whole numbers from {lower} to {upper}"
+    allowed = said("file.may.integers", lower=lower, upper=upper)
     values = table.get(key, allowed, default)
     sound = isinstance(values, list | tuple) and values and all(type(v) is int for v in values)
     if not sound or not all(lower <= value <= upper for value in values):
-        table.refuse(key, "is not such a list", allowed, "correct it")
+        table.refuse(key, "no_such_list", allowed=allowed)
     return tuple(values)
 
 
 def _sentences(table: Table, key: str) -> tuple[str, ...]:
-    values = table.get(key, "a list of texts", ())
+    values = table.get(key, said("file.may.texts"), ())
     if not isinstance(values, list | tuple) or not all(isinstance(v, str) for v in values):
-        table.refuse(key, "is not a list of texts", "a list of texts in quotes", "correct it")
+        table.refuse(key, "no_texts")
     return tuple(values)
 
 
 def _objects(table: Table, key: str) -> tuple[int, ...]:
     found = tuple(object_index(text) for text in _sentences(table, key))
     if None in found:
-        table.refuse(key, "is not a list of objects", f"{OBJECT}, each", 'write e.g. ["60F4", "6502"]')
+        table.refuse(key, "no_objects", object=OBJECT)
     return tuple(index for index in found if index is not None)
 
 
@@ -250,7 +244,7 @@ def _home_offset(table: Table) -> int | None:
         return None
     index = object_index(text)
     if index is None:
-        table.refuse("home_offset", "is no object", f'{OBJECT}, or "none"', 'write e.g. "607C"')
+        table.refuse("home_offset", "no_object", object=OBJECT)
     return index
 
 
@@ -264,9 +258,9 @@ def _encoder(table: Table) -> Encoder:
 def _write(table: Table) -> Write:
     """``object = "2210:01"``, its value, and why it is needed (the end of a sentence)."""
     where = place(table)
-    value = table.get("value", "a whole number")
+    value = table.get("value", said("file.may.whole"))
     if not is_number(value) or type(value) is not int:
-        table.refuse("value", "is not a whole number", "a whole number", "write it without quotes")
+        table.refuse("value", "not_whole")
     write = Write(*where, value, table.text("why"))
     table.finish()
     return write

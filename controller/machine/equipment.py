@@ -31,6 +31,7 @@ from controller.machine.model import (
 )
 from controller.machine.named_files import NamedFiles
 from controller.machine.toml_table import Table
+from controller.messages import Key, Said, said
 
 SENSORS = ("probe", "setter")  # on = touched
 INPUTS = (
@@ -101,14 +102,11 @@ def _position(table: Table, of: Spindle) -> SpindlePosition | None:
     )
     entry.finish()
     if found.counts_per_rev == 0.0:
-        entry.refuse("counts_per_rev", "is zero", "a number other than 0", "give the encoder's resolution")
+        entry.refuse("counts_per_rev", "zero_encoder")
     if of.mode != MODES["csv"]:
-        problem = 'a drive in mode "pv" turns by a ramp of its own and cannot be led along a thread'
-        table.refuse(
-            "position", problem, 'mode = "csv" beside it', 'write mode = "csv", or take position out'
-        )
+        table.refuse("position", "thread_of_pv")
     if found.tpdo == drive_profiles.load(of.profile).tpdo:
-        entry.refuse("tpdo", "carries statusword and speed already", "another number of 1 to 4", "change it")
+        entry.refuse("tpdo", "tpdo_taken")
     return found
 
 
@@ -117,9 +115,7 @@ def _adaptive(table: Table, of: Spindle) -> AdaptiveFeed | None:
     if not table.has("adaptive"):
         return None
     if of.position is None or not of.position.load:
-        problem = "the spindle's drive does not tell its load, which is to lead the feed"
-        do = "write load = true into position, or take adaptive out"
-        table.refuse("adaptive", problem, "position = { load = true } beside it", do)
+        table.refuse("adaptive", "load_untold")
     entry = table.table("adaptive", f"{table.name} adaptive")
     target = entry.number("load_percent", 5.0, 150.0) / 100.0
     fall_s = entry.number("fall_s", 0.1, 10.0, default=0.3)
@@ -134,22 +130,19 @@ def _adaptive(table: Table, of: Spindle) -> AdaptiveFeed | None:
     )
     entry.finish()
     if found.rise_s < found.fall_s:
-        entry.refuse("rise_s", "is shorter than fall_s", f"{fall_s:g} or more", "let it rise slower")
+        entry.refuse("rise_s", "rise_short", fall_s=fall_s)
     if found.overload <= found.target:
-        allowed = f"more than load_percent, {100.0 * target:g}"
-        entry.refuse("overload_percent", "is no more than the load that is aimed at", allowed, "raise it")
+        entry.refuse("overload_percent", "overload_low", percent=100.0 * target)
     return found
 
 
 def _fits(table: Table, found: Spindle) -> None:
     """The target is at most an int32 (60FFh), in counts per second where the drive has no other unit."""
     if found.counts_per_rev == 0.0:
-        table.refuse("counts_per_rev", "is zero", "a number other than 0", "give the encoder's resolution")
+        table.refuse("counts_per_rev", "zero_encoder")
     most = (2**31 - 1) / abs(found.counts_per_rev) * 60.0
     if found.max_rev_min > most:
-        problem = f"{found.max_rev_min:g} 1/min does not fit a drive's 32-bit velocity in counts/s"
-        allowed = f"up to {most:.0f} 1/min with this counts_per_rev"
-        table.refuse("max_rev_min", problem, allowed, "lower it or the resolution")
+        table.refuse("max_rev_min", "speed_fits", speed=found.max_rev_min, most=most)
 
 
 def stopping(table: Table, unit: str, inner: float) -> Stopping:
@@ -161,7 +154,7 @@ def _units(table: Table) -> tuple[float, float]:
     """One unit of the drive's velocity and acceleration, where the drive cannot say what they are."""
     velocity, acceleration = "velocity_unit_counts_s", "acceleration_unit_counts_s2"
     if table.has(acceleration) and not table.has(velocity):
-        table.refuse(acceleration, f"{velocity} is missing", "both, or none", "add it")
+        table.refuse(acceleration, "unit_alone")
     return table.positive_or_none(velocity) or 0.0, table.positive_or_none(acceleration) or 0.0
 
 
@@ -233,7 +226,7 @@ def temperature(table: Table) -> Temperature | None:
         per_degree=entry.positive("per_degree", 1.0),
     )
     if found.bits not in (8, 16, 32):
-        entry.refuse("bits", "is no size of an object", "8, 16 or 32", "take it from the drive's manual")
+        entry.refuse("bits", "no_bits")
     entry.finish()
     return found
 
@@ -304,9 +297,8 @@ def _has_its_bits(table: Table, io: Io) -> None:
         ("input", io.orient.input, io.inputs, io.digital_in),
     ):
         if name not in dict(bits) or name in others:
-            problem = f"{key} {name} is no bit in {key}s, or one that programs have by number"
-            allowed = ", ".join(one for one, _ in bits if one not in others) or "none, for no bit is free"
-            table.refuse("orient", problem, allowed, f"name a bit of its own in {key}s")
+            allowed = ", ".join(one for one, _ in bits if one not in others) or Key("file.no_free_bit")
+            table.refuse("orient", "orient_bit", key=key, name=name, allowed=allowed)
 
 
 def _analogue_out(table: Table) -> tuple[AnalogueOut, ...]:
@@ -325,10 +317,10 @@ def _analogue_out(table: Table) -> tuple[AnalogueOut, ...]:
         )
         entry.finish()
         if one.high <= one.low:
-            entry.refuse("high", "is not above low", f"a number above {one.low:g}", "change one of them")
+            entry.refuse("high", "high_low", low=one.low)
         if one.channel in found:
             twin = found[one.channel].name
-            entry.refuse("channel", f"{twin} has this channel, too", "a channel per name", "change one")
+            entry.refuse("channel", "channel_twice", other=twin)
         found[one.channel] = one
     return tuple(found.values())
 
@@ -340,17 +332,22 @@ def _of_programs(
     known = [name for name, _ in bits if name not in taken]
     for name in names:
         if name not in known:
-            problem = f"{name} is no {'input' if key == 'digital_in' else 'output'} that programs may have"
-            allowed = ", ".join(known) or "none, for no bit has such a name"
-            table.refuse(key, problem, allowed, "name a bit in inputs or outputs, not of coolant and clamps")
+            allowed = ", ".join(known) or Key("file.no_named_bit")
+            table.refuse(
+                key,
+                "not_of_programs",
+                name=name,
+                kind=Key("file.input" if key == "digital_in" else "file.output"),
+                allowed=allowed,
+            )
 
 
 def _held(table: Table, digital_out: Sequence[str]) -> tuple[str, ...]:
     """``held``: outputs that stay as the program left them."""
     names = table.names("held")
     if any(name not in digital_out for name in names):
-        allowed = ", ".join(digital_out) or "none, for there is no digital_out"
-        table.refuse("held", "names what is no output of programs", allowed, "add it to digital_out")
+        allowed = ", ".join(digital_out) or Key("file.no_digital_out")
+        table.refuse("held", "held_unknown", allowed=allowed)
     return names
 
 
@@ -360,7 +357,7 @@ def _m_codes(table: Table, digital_out: Sequence[str]) -> tuple[tuple[str, str, 
     found: list[tuple[str, str, bool]] = []
     for code in codes.written:
         if not M_CODE.fullmatch(code):
-            codes.refuse(code, "is no code that a machine may have", M_CODES, "choose one of these")
+            codes.refuse(code, "no_m_code", allowed=M_CODES)
         entry = codes.table(code, f"{codes.name}.{code}")
         found.append((code, entry.text("output", digital_out), entry.flag("on", True)))
         entry.finish()
@@ -376,7 +373,7 @@ def _bits(table: Table, key: str, known: Sequence[str]) -> tuple[tuple[str, int]
             found[name] = entry.integer(name, 0, MAX_BITS - 1)
             twins = [other for other, bit in found.items() if bit == found[name] and other != name]
             if twins:
-                entry.refuse(name, f"{twins[0]} has this bit, too", "a bit per name", "change one")
+                entry.refuse(name, "bit_twice", other=twins[0])
     for name in known:
         entry.get(name, "", 0)  # known, so that ``finish`` lists it among what is allowed
     entry.finish()
@@ -384,17 +381,19 @@ def _bits(table: Table, key: str, known: Sequence[str]) -> tuple[tuple[str, int]
 
 
 def _inverted(table: Table, names: Sequence[str]) -> tuple[str, ...]:
-    allowed = f"a list of names out of {', '.join(names) or 'inputs and outputs'}"
+    allowed = said("file.may.inverted", names=", ".join(names) or Key("file.bits"))
     value = table.get("inverted", allowed, [])
     if not isinstance(value, list) or not all(name in names for name in value):
-        table.refuse("inverted", "names something that is no input or output", allowed, "correct it")
+        table.refuse("inverted", "inverted_unknown", allowed=allowed)
     return tuple(value)
 
 
 def audit(axes: Sequence[Axis], devices: tuple[Spindle | None, Io | None], top: Table) -> None:
     """What only the whole file can show: nodes used twice, clamps without their bits."""
     turning, found = devices
-    taken = {(axis.bus, axis.node): f"axis {axis.name}" for axis in axes}
+    taken: dict[tuple[str, int], Said | str] = {
+        (axis.bus, axis.node): said("file.axis", name=axis.name) for axis in axes
+    }
     others = []
     if turning is not None and turning.is_driven:
         others.append(("spindle", turning.bus, turning.node))
@@ -403,8 +402,7 @@ def audit(axes: Sequence[Axis], devices: tuple[Spindle | None, Io | None], top: 
     for key, bus, node in others:
         table = top.table(key, f"[{key}]")
         if (bus, node) in taken:
-            problem = f"{taken[bus, node]} is this node on bus {bus}"
-            table.refuse("node", problem, "a node per device", "change one")
+            table.refuse("node", "node_twice", other=taken[bus, node], bus=bus)
         taken[bus, node] = table.name
     for axis in axes:
         if axis.clamp is not None:
@@ -414,11 +412,11 @@ def audit(axes: Sequence[Axis], devices: tuple[Spindle | None, Io | None], top: 
 def _audit_clamp(its: Clamp, axis: Table, found: Io | None) -> None:
     table = axis.table("clamp", f"{axis.name} clamp")
     if found is None or found.output(its.output) is None:
-        names = ", ".join(name for name, _ in found.outputs) if found else "none, for there is no [io]"
-        table.refuse("output", "there is no such output in [io]", names, "add it to [io] outputs")
+        names = ", ".join(name for name, _ in found.outputs) if found else Key("file.no_io")
+        table.refuse("output", "no_output", allowed=names)
     if its.input and found.input(its.input) is None:
         names = ", ".join(name for name, _ in found.inputs)
-        table.refuse("input", "there is no such input in [io]", names, "add it to [io] inputs")
+        table.refuse("input", "no_input", allowed=names)
 
 
 def sensor(table: Table, in_spindle: bool) -> Sensor:
@@ -447,19 +445,19 @@ def audit_sensors(machine: Machine, top: Table) -> None:
         table.text("input", default=one.input)
         names = [name for name, _ in machine.io.inputs] if machine.io is not None else []
         if one.input not in names:
-            allowed = ", ".join(names) or "none, for there is no [io]"
-            table.refuse("input", "there is no such input in [io]", allowed, "add it to [io] inputs")
+            allowed = ", ".join(names) or Key("file.no_io")
+            table.refuse("input", "no_input", allowed=allowed)
         if key == "probe" and machine.tool_as_told(one.tool) is None:
             table.integer("tool", 1, 99999)
-            known = ", ".join(str(tool.number) for tool in machine.tools) or "none, for the table is empty"
-            table.refuse("tool", "the tool table has none of this number", known, "add the probe to it")
+            known = ", ".join(str(tool.number) for tool in machine.tools) or Key("file.no_tools")
+            table.refuse("tool", "no_probe", allowed=known)
 
 
 def work_table(table: Table) -> WorkTable:
     """``[table]``: the disc under the work, in the table frame with all rotaries at zero."""
     normal = table.vector("normal", Z)
     if norm(normal) < 1e-9:
-        table.refuse("normal", "has no length", "a vector other than 0 0 0", "point it out of the face")
+        table.refuse("normal", "no_face")
     found = WorkTable(
         centre=table.vector("centre_mm"),
         normal=scale(normal, 1.0 / norm(normal)),

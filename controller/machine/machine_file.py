@@ -64,6 +64,7 @@ from controller.machine.nodes import master_settings as master_settings
 from controller.machine.nodes import node_settings as node_settings
 from controller.machine.nodes import spindle_settings as spindle_settings
 from controller.machine.toml_table import ConfigError, Table, parse, read_text, span
+from controller.messages import chain, said
 from drives.settings import INT32_MAX
 
 TOOL_TABLE = "tools.toml"
@@ -88,7 +89,7 @@ def load(source: str | Path) -> Machine:
     tools = top.table("tools", "[tools]", optional=True)
     if top.has("tool"):
         if tools.has("file"):
-            tools.refuse("file", "tools stand in two places", "a file or [[tool]] tables", "remove one")
+            tools.refuse("file", "tools_twice")
         return read(text, file, path.parent)
     table = beside(path.parent, tools.text("file", default=TOOL_TABLE), tools)
     entries = read_text(table)
@@ -204,17 +205,15 @@ def shipped_program(name: str) -> Path:
     if path.is_file():
         return path
     known = ", ".join(sorted(p.stem for p in path.parent.glob("*.ngc")))
-    raise ConfigError(f"{name}: no shipped program of this name; allowed: {known}; choose one of these.")
+    raise ConfigError(said("file.no_program", name=name, allowed=known))
 
 
 def with_period(machine: Machine, period_s: float) -> Machine:
     """The same machine at another period; raises ``ConfigError``. ``text`` stays the file's."""
     if PERIODS_S[0] <= period_s <= PERIODS_S[1]:
         return replace(machine, period_s=period_s)
-    raise ConfigError(
-        f"{machine.name}: [machine]: period_s = {period_s:g}: is out of range; "
-        f"allowed: a number {span(*PERIODS_S)}; change the value."
-    )
+    wrong = said("file.out_of_range", allowed=said("file.may.number", span=span(*PERIODS_S)))
+    raise ConfigError(said("file.period", name=machine.name, period=period_s, what=wrong))
 
 
 def _axis(table: Table, buses: tuple[Bus, ...], files: NamedFiles) -> Axis:
@@ -274,7 +273,7 @@ def _reference(table: Table, key: str, travel: tuple[float, float], inner: float
 def _travel(table: Table, key: str) -> tuple[float, float]:
     lower, upper = table.numbers(key, 2)
     if lower >= upper:
-        table.refuse(key, "the lower end is not below the upper", "[lower, upper]", "swap or change them")
+        table.refuse(key, "no_travel")
     return lower, upper
 
 
@@ -282,7 +281,7 @@ def _direction(table: Table) -> Vector:
     direction = table.vector("direction")
     length = norm(direction)
     if length < PARALLEL:
-        table.refuse("direction", "has no length", "a vector other than 0 0 0", "give the axis of motion")
+        table.refuse("direction", "no_direction")
     return scale(direction, 1.0 / length)
 
 
@@ -291,11 +290,17 @@ def _counts(table: Table, unit: str, farthest: float) -> float:
     key = f"counts_per_{unit}"
     counts = table.number(key)
     if counts == 0.0:
-        table.refuse(key, "is zero", "a number other than 0", "give the drive's resolution")
+        table.refuse(key, "zero_drive")
     if abs(counts) * farthest > INT32_MAX:
-        problem = f"{farthest:g} {unit} x {abs(counts):g} counts does not fit a drive's 32-bit position"
-        allowed = f"at most {INT32_MAX / abs(counts):.0f} {unit} from zero with this {key}"
-        table.refuse(f"travel_{unit}", problem, allowed, "shorten the travel or lower the resolution")
+        table.refuse(
+            f"travel_{unit}",
+            "travel_fits",
+            farthest=farthest,
+            unit=unit,
+            counts=abs(counts),
+            most=INT32_MAX / abs(counts),
+            key=key,
+        )
     return counts
 
 
@@ -310,16 +315,16 @@ def _buses(top: Table) -> tuple[Bus, ...]:
         )
         virtual = bus.interface == "virtual"
         if bus.bit_rate not in BIT_RATES and not (virtual and bus.bit_rate == 0):
-            rates = ", ".join(map(str, BIT_RATES)) + ", on a virtual bus also 0 (no bit timing)"
-            table.refuse("bit_rate", "is no CANopen bit rate", rates, "choose one of these")
+            rates = said("file.may.bit_rate", rates=", ".join(map(str, BIT_RATES)))
+            table.refuse("bit_rate", "no_bit_rate", allowed=rates)
         if not virtual and not bus.channel:
-            table.refuse("channel", "is missing", 'the interface\'s channel, e.g. "can0"', "add it")
+            table.refuse("channel", "no_channel")
         if any(bus.name == other.name for other in found):
-            table.refuse("name", "is used twice", "a name per bus", "rename one")
+            table.refuse("name", "bus_twice")
         table.finish()
         found.append(bus)
     if not found:
-        top.refuse("bus", "there is no bus", "one [[bus]] table or more", "add one")
+        top.refuse("bus", "no_bus")
     return tuple(found)
 
 
@@ -328,12 +333,10 @@ def _tools(top: Table) -> tuple[Tool, ...]:
     for table in top.tables("tool"):
         one = tool(table)
         if any(one.number == other.number for other in found):
-            table.refuse("number", "is used twice", "a number per tool", "renumber one")
+            table.refuse("number", "tool_twice")
         found.append(one)
     if not any(tool.number == 1 for tool in found):
-        top.refuse(
-            "tool", "tool 1 is missing", "tables with number = 1 among them", "add T1, the power-on tool"
-        )
+        top.refuse("tool", "no_tool_1")
     return tuple(found)
 
 
@@ -392,8 +395,7 @@ def _audit(machine: Machine, top: Table, general: Table) -> None:
     names = [axis.name for axis in machine.axes]
     rotaries, build = [axis for axis in machine.axes if axis.is_rotary], builds()[machine.kinematics]
     if len(rotaries) != build.turning or len(names) != 3 + build.turning or len(set(names)) != len(names):
-        problem = f"are not the axes of a machine with kinematics = {machine.kinematics!r}"
-        axes.refuse("name", problem, build.axes, "add or remove axes, or say another kinematics in [machine]")
+        axes.refuse("name", "no_such_axes", kinematics=machine.kinematics, allowed=build.axes)
     for axis in machine.axes:
         _audit_axis(axis, machine, top)
     equipment.audit(machine.axes, (machine.spindle, machine.io), top)
@@ -402,8 +404,8 @@ def _audit(machine: Machine, top: Table, general: Table) -> None:
         changer_table.audit(machine, top.table("changer", "[changer]"))
     z = machine.axes[names.index("Z")]
     if not z.travel_min <= machine.retract_mm <= z.travel_max:
-        travel = f"a number {span(z.travel_min, z.travel_max)}, the travel of Z"
-        general.refuse("retract_mm", "is outside of Z's travel", travel, "change one of the two")
+        travel = said("file.may.z_travel", span=span(z.travel_min, z.travel_max))
+        general.refuse("retract_mm", "retract_beyond", allowed=travel)
     if len(rotaries) == 2:
         _audit_rotaries(rotaries, top)
 
@@ -412,10 +414,10 @@ def _audit_axis(axis: Axis, machine: Machine, top: Table) -> None:
     table = top.entry("axis", axis.name)
     if not axis.is_rotary and norm(subtract(axis.direction, LINEAR[axis.name])) > PARALLEL:
         wanted = str(list(LINEAR[axis.name]))
-        table.refuse("direction", "X Y Z are the machine frame", wanted, "correct it")
-    twins = " and ".join(a.name for a in machine.axes if (a.bus, a.node) == (axis.bus, axis.node))
-    if twins != axis.name:
-        table.refuse("node", f"{twins} share it on bus {axis.bus}", "a node per drive", "change one")
+        table.refuse("direction", "linear_frame", allowed=wanted)
+    twins = [a.name for a in machine.axes if (a.bus, a.node) == (axis.bus, axis.node)]
+    if len(twins) > 1:
+        table.refuse("node", "nodes_shared", axes=chain("and", twins), bus=axis.bus)
 
 
 def _audit_rotaries(rotaries: Sequence[Axis], top: Table) -> None:
@@ -429,11 +431,9 @@ def _audit_rotaries(rotaries: Sequence[Axis], top: Table) -> None:
     next_to_tool = first if second.kind is Kind.TABLE else second
     table = top.entry("axis", next_to_tool.name)
     if norm(cross(next_to_tool.direction, Z)) < PARALLEL:
-        problem = "this rotary is next to the tool and parallel to it, so it cannot tilt it"
-        order = "list table rotaries from base to work and head rotaries from base to tool"
-        table.refuse("direction", problem, "a direction at an angle to Z", order)
+        table.refuse("direction", "rotary_along")
     if norm(cross(first.direction, second.direction)) < PARALLEL:
-        table.refuse("direction", "the two rotaries are parallel", "two directions", "correct one")
+        table.refuse("direction", "rotaries_parallel")
 
 
 def _find(source: str | Path) -> Path:
@@ -444,5 +444,5 @@ def _find(source: str | Path) -> Path:
     if name in shipped():
         return SHIPPED / f"{name}.toml"
     near = difflib.get_close_matches(name, shipped(), n=1)
-    do = f"did you mean {near[0]!r}" if near else "give a path or one of these names"
-    raise ConfigError(f"{source}: no such machine file; allowed: a path or {', '.join(shipped())}; {do}.")
+    do = said("file.mean", near=near[0]) if near else said("file.give_machine")
+    raise ConfigError(said("file.no_machine", source=source, known=", ".join(shipped()), do=do))

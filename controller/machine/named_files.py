@@ -36,8 +36,7 @@ def written(text: str) -> str:
 def beside(folder: Path, name: str, table: Table, key: str = "file") -> Path:
     """A file seen from ``folder``, else a shipped one, so that a copied machine file works."""
     if (found := _on_disk(folder, name)) is None:
-        allowed = "a path seen from the machine file"
-        table.refuse(key, f"there is no such file in {folder}", allowed, "correct it")
+        table.refuse(key, "no_named_file", folder=folder)
     return found
 
 
@@ -72,9 +71,7 @@ class NamedFiles:
         """The machine file's text with all of them. Raises ConfigError for a file that nothing names."""
         for row in self._rows:
             if normpath(row.text("name")) not in self._used:
-                row.refuse(
-                    "name", "no eds and no profile names it", "a file that is named", "remove its table"
-                )
+                row.refuse("name", "file_unnamed")
             row.finish()
         new = {name: words for name, words in self._used.items() if name not in self._there}
         head = TAKEN_ALONG if new and TAKEN_ALONG not in text else ""

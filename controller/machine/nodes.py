@@ -10,6 +10,7 @@ from typing import Any
 from controller.machine import compensation, drive_profiles
 from controller.machine.model import Axis, Machine, SpindlePosition, Temperature
 from controller.machine.toml_table import ConfigError
+from controller.messages import said
 from drives.settings import (
     BusSettings,
     FollowingWindow,
@@ -102,10 +103,7 @@ def eds_of(profile: Source, named: Source = "") -> Source:
     """
     eds = named or drive_profiles.load(profile).eds
     if not eds:
-        sentence = f"profile {profile}: brings no data sheet; allowed: one that the machine file names"
-        raise ConfigError(
-            f'{sentence}; get the EDS from the drive\'s maker and add eds = "path" to its table.'
-        )
+        raise ConfigError(said("file.no_eds", profile=profile))
     return eds if isinstance(eds, TextFile) else str(Path(eds).resolve())
 
 

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from controller.geometry.vectors import ZERO, Frame, Vector, X, Y, Z, rotate
 from controller.machine.model import KEPT_NUMBERS, OFFSETS, STILL, Axis, Offset, Pair
 from controller.machine.toml_table import Table
+from controller.messages import said
 
 # Parameters that outlive a program where the machine file says nothing.
 KEPT_BY_DIALECT: dict[str, tuple[tuple[int, int], ...]] = {"rs274": (), "fanuc": ((500, 999),)}
@@ -16,7 +17,7 @@ KEPT_BY_DIALECT: dict[str, tuple[tuple[int, int], ...]] = {"rs274": (), "fanuc":
 def kept(general: Table, dialect: str) -> tuple[tuple[int, int], ...]:
     """Numbered parameters that outlive a program: ``kept_parameters = [100, [500, 549]]``."""
     key, (low, high) = "kept_parameters", KEPT_NUMBERS
-    allowed = f"a list of numbers from {low} to {high}, or of [first, last], as [100, [500, 549]]"
+    allowed = said("file.may.kept", low=low, high=high)
     rows = general.get(key, allowed, KEPT_BY_DIALECT[dialect])
     if not general.has(key):
         return KEPT_BY_DIALECT[dialect]
@@ -25,7 +26,7 @@ def kept(general: Table, dialect: str) -> tuple[tuple[int, int], ...]:
     for pair in pairs:
         whole = len(pair) == 2 and all(isinstance(n, int) and not isinstance(n, bool) for n in pair)
         if not (whole and low <= pair[0] <= pair[1] <= high):
-            general.refuse(key, "names parameters that cannot be kept", allowed, "correct it")
+            general.refuse(key, "not_kept", allowed=allowed)
     return tuple((first, last) for first, last in pairs)
 
 

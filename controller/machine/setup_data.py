@@ -39,14 +39,18 @@ from controller.machine.model import (
     Shift,
 )
 from controller.machine.toml_table import ConfigError, Table
+from controller.messages import said
 
 FILE = "fitting.json"
 IN_SPINDLE = "in_spindle"
 MACHINE = "machine.json"  # the machine file that the service runs on, complete, for those beside it
 KINDS = ("offsets", "tools", "shift", "references", "parameters", "pockets", "sisters")
 SHORTEST_MM = -10_000.0  # G10 sets tools' lengths below 0, too, as against a longer one
+_OF_TOOLS = (
+    "name, radius_mm, length_mm, flute_mm, corner_mm, taper_deg, holder, wear_radius_mm, wear_length_mm, "
+    "centre_cutting"
+)
 Values = Mapping[str, Any]
-_REMEDY = "restore it from a backup or remove it"
 
 
 def load(state: Path) -> dict[str, Any]:
@@ -61,12 +65,12 @@ def read(file: Path, missing: dict[str, Any] | None = None) -> dict[str, Any]:
     except (OSError, ValueError, RecursionError) as error:
         if missing is not None and isinstance(error, FileNotFoundError):
             return missing
-        raise ConfigError(f"{file}: cannot be read ({error}); {_REMEDY}.") from error
+        raise ConfigError(said("file.kept_unread", file=file, why=error)) from error
     if not isinstance(values, dict):
-        raise ConfigError(f"{file}: is no JSON object; {_REMEDY}.")
+        raise ConfigError(said("file.no_json", file=file))
     for kind, rows in values.items():
         if kind not in KINDS or not isinstance(rows, dict | None):
-            raise ConfigError(f"{file}: {kind} is none of {', '.join(KINDS)}, or no table; {_REMEDY}.")
+            raise ConfigError(said("file.no_kind", file=file, kind=kind, known=", ".join(KINDS)))
     return values
 
 
@@ -180,16 +184,11 @@ def with_tool(machine: Machine, number: int, values: object, shortest_mm: float 
     kept = tuple(tool for tool in machine.tools if tool.number != number)
     if values is None:
         if number == TOOL_AT_POWER_ON:
-            raise ConfigError(
-                "tools: tool 1: it is in the spindle at power-on; change it, it cannot be removed."
-            )
+            raise ConfigError(said("file.tool_at_power_on"))
         return replace(machine, tools=kept)
     if not isinstance(values, dict):
-        raise ConfigError(
-            f"tools: tool {number}: is no table; allowed: name, radius_mm, length_mm, flute_mm, corner_mm, "
-            "taper_deg, holder, wear_radius_mm, wear_length_mm, centre_cutting."
-        )
-    table = Table("tools", f"tool {number}", {"number": number, **values})
+        raise ConfigError(said("file.no_tool_table", number=number, allowed=_OF_TOOLS))
+    table = Table("tools", said("file.tool", number=number), {"number": number, **values})
     before = next((tool for tool in machine.tools if tool.number == number), None)
     tool = machine_file.tool(table, f"tool {number}", before, shortest_mm)
     return replace(machine, tools=tuple(sorted((*kept, tool), key=lambda one: one.number)))
@@ -200,14 +199,13 @@ def with_pocket(machine: Machine, key: str, value: object) -> Machine:
     if machine.changer is None:
         return machine
     pockets = list(machine.changer.pockets)
-    table = Table("pockets", f"pocket {key}", {"tool": value})
+    table = Table("pockets", said("file.pocket", number=key), {"tool": value})
     known = {tool.number for tool in machine.tools} | {0}
     tool = table.integer("tool", 0, 99999)
     if tool not in known:
-        table.refuse("tool", "is not in the tool table", ", ".join(map(str, sorted(known))), "add it there")
+        table.refuse("tool", "tool_unknown", allowed=", ".join(map(str, sorted(known))))
     if not (key.isdigit() and 1 <= int(key) <= len(pockets)):
-        allowed = f"1 to {len(pockets)}"
-        table.refuse("tool", f"is for pocket {key}, which the changer does not have", allowed, "correct it")
+        table.refuse("tool", "no_pocket", key=key, most=len(pockets))
     pockets = [0 if one == tool else one for one in pockets]
     pockets[int(key) - 1] = tool
     return replace(machine, changer=replace(machine.changer, pockets=tuple(pockets)))

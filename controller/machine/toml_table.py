@@ -1,7 +1,8 @@
 """TOML tables that refuse in full sentences and remember which keys were read.
 
 Every refusal is a ``ConfigError`` of one form:
-``file:line: table: key = found value: what is wrong; allowed: ...; what to do``.
+``file:line: table: key = found value: what is wrong; allowed: ...; what to do``,
+a text of the catalogue with its values.
 A key that nothing reads is an error too (``Table.finish``), because a misspelt limit
 would be a missing limit. What a table was asked for, with range and default, is what its
 file may say: ``Table.known``, of which the reference in ``config/`` is made.
@@ -19,10 +20,21 @@ from pathlib import Path
 from typing import Any, NamedTuple, NoReturn
 
 from controller.geometry.vectors import Vector
+from controller.messages import Key, Said, chain, plain, said, text
 
 
 class ConfigError(Exception):
-    """One sentence that names file, table, key, found value, what is allowed and what to do."""
+    """One sentence that names file, table, key, found value, what is allowed and what to do: ``said``.
+
+    As a str it is English. Its texts have keys that begin with ``file.``.
+    """
+
+    def __init__(self, said: Said) -> None:
+        super().__init__(said)
+        self.said = said
+
+    def __str__(self) -> str:
+        return text(self.said)
 
 
 Place = tuple[str, ...]  # of a table in its file: names, those in an array with "#" and their number
@@ -31,90 +43,100 @@ Place = tuple[str, ...]  # of a table in its file: names, those in an array with
 class Known(NamedTuple):
     """What a key may be, what it is where the file is silent, and whether it may not be."""
 
-    allowed: str
+    may_be: Said | str
     default: object | None
     needed: bool
+
+    @property
+    def allowed(self) -> str:
+        """``may_be`` in English."""
+        return text(plain(self.may_be))
 
 
 class Table:
     """One TOML table that remembers which keys were read."""
 
     def __init__(
-        self, file: str, name: str, values: dict[str, Any], text: str = "", place: Place = ()
+        self, file: str, name: Said | str, values: dict[str, Any], text: str = "", place: Place = ()
     ) -> None:
-        """``text``: of the whole file, and ``place``: of this table in it; without them no line is told."""
+        """``name``: as it is shown. ``text``: of the whole file, and ``place``: of this table in it; without
+        them no line is named.
+        """
         self.file, self.name, self._values = file, name, values
         self._text, self._place = text, place
         self.known: dict[str, Known] = {}  # what was asked for
         self.below: list[Table] = []  # tables in it that were asked for
 
-    def refuse(self, key: str, problem: str, allowed: str, do: str) -> NoReturn:
+    def refuse(self, key: str, what: str, /, **values: object) -> NoReturn:
+        """``what``: the text ``file.<what>``, of what is wrong, what is allowed and what to do."""
         found = f"{key} = {_shown(self._values[key])}" if key in self._values else key
         line = line_of(self._text, (*self._place, key))
         where = f"{self.file}:{line}" if line else self.file
-        raise ConfigError(f"{where}: {self.name}: {found}: {problem}; allowed: {allowed}; {do}.")
+        wrong = said(f"file.{what}", **values)
+        raise ConfigError(said("file.refused", where=where, table=self.name, found=found, what=wrong))
 
     def has(self, key: str) -> bool:
         self.known.setdefault(key, Known("", None, False))
         return key in self._values
 
-    def get(self, key: str, allowed: str, default: object = None) -> Any:
+    def get(self, key: str, allowed: Said | str, default: object = None) -> Any:
         """The raw value, or ``default``; a missing key without default is refused."""
         before = self.known.get(key)
-        if before is None or not before.allowed:
+        if before is None or not before.may_be:
             self.known[key] = Known(allowed, default, before is None and default is None)
         if key in self._values:
             return self._values[key]
         if default is not None:
             return default
         near = difflib.get_close_matches(key, self._values.keys() - self.known.keys(), n=1, cutoff=0.7)
-        do = f"add the key {key!r}" + (f" (did you mean it by {near[0]!r}?)" if near else "")
-        self.refuse(key, "is missing", allowed, do)
+        do = said("file.add_or", key=key, near=near[0]) if near else said("file.add", key=key)
+        self.refuse(key, "missing", allowed=allowed, do=do)
 
     def number(
         self, key: str, lower: float = -math.inf, upper: float = math.inf, default: float | None = None
     ) -> float:
         """A finite number with ``lower <= number <= upper``."""
-        allowed = f"a number {span(lower, upper)}"
+        allowed = said("file.may.number", span=span(lower, upper))
         value = self._finite(key, allowed, default)
         if not lower <= value <= upper:
-            self.refuse(key, "is out of range", allowed, "change the value")
+            self.refuse(key, "out_of_range", allowed=allowed)
         return value
 
     def positive(self, key: str, default: float | None = None) -> float:
         """A finite number above zero."""
-        value = self._finite(key, "a number above 0", default)
+        value = self._finite(key, said("file.may.positive"), default)
         if value <= 0.0:
-            self.refuse(key, "is not above zero", "a number above 0", "change the value")
+            self.refuse(key, "not_positive")
         return value
 
-    def _finite(self, key: str, allowed: str, default: float | None) -> float:
+    def _finite(self, key: str, allowed: Said, default: float | None) -> float:
         value = self.get(key, allowed, default)
         if not is_number(value):
-            self.refuse(key, "is not a finite number", allowed, "write one number without quotes")
+            self.refuse(key, "no_number", allowed=allowed)
         return float(value)
 
     def integer(self, key: str, lower: int, upper: int, default: int | None = None) -> int:
-        allowed = f"a whole number from {lower} to {upper}"
+        allowed = said("file.may.integer", lower=lower, upper=upper)
         value = self.get(key, allowed, default)
         if type(value) is not int or not lower <= value <= upper:
-            self.refuse(key, "is out of range or not whole", allowed, "change the value")
+            self.refuse(key, "no_integer", allowed=allowed)
         return value
 
     def text(self, key: str, choices: Sequence[str] = (), default: str | None = None) -> str:
-        allowed = " or ".join(f'"{c}"' for c in choices) or "a text in quotes"
+        allowed = chain("or", [f'"{c}"' for c in choices]) if choices else said("file.may.text")
         value = self.get(key, allowed, default)
         if not isinstance(value, str):
-            self.refuse(key, "is not a text", allowed, "put it in quotes")
+            self.refuse(key, "no_text", allowed=allowed)
         if choices and value not in choices:
             near = difflib.get_close_matches(value, choices, n=1)
-            self.refuse(key, "is not known", allowed, f"write {near[0]!r}" if near else "choose one of these")
+            do = said("file.write", near=near[0]) if near else said("file.choose")
+            self.refuse(key, "no_choice", allowed=allowed, do=do)
         return value
 
     def flag(self, key: str, default: bool) -> bool:
-        value = self.get(key, "true or false", default)
+        value = self.get(key, said("file.may.flag"), default)
         if not isinstance(value, bool):
-            self.refuse(key, "is not true or false", "true or false", "write it without quotes")
+            self.refuse(key, "no_flag")
         return value
 
     def positive_or_none(self, key: str, unit: float = 1.0) -> float | None:
@@ -122,11 +144,11 @@ class Table:
         return self.positive(key) * unit if self.has(key) else None
 
     def numbers(self, key: str, count: int, default: Sequence[float] | None = None) -> tuple[float, ...]:
-        allowed = f"{count} numbers in brackets"
+        allowed = said("file.may.numbers", count=count)
         value = self.get(key, allowed, default)
         sound = isinstance(value, list | tuple) and len(value) == count and all(map(is_number, value))
         if not sound:
-            self.refuse(key, f"is not a list of {count} finite numbers", allowed, "write all of them")
+            self.refuse(key, "no_numbers", count=count, allowed=allowed)
         return tuple(float(v) for v in value)
 
     def vector(self, key: str, default: Vector | None = None) -> Vector:
@@ -135,11 +157,11 @@ class Table:
 
     def names(self, key: str) -> tuple[str, ...]:
         """A list of texts, each once; none where the key is absent."""
-        value, allowed = self.get(key, "a list of names", []), "a list of names in quotes, each once"
+        value, allowed = self.get(key, said("file.may.name_list"), []), said("file.may.names")
         if not isinstance(value, list) or not all(isinstance(v, str) and v for v in value):
-            self.refuse(key, "is no list of names", allowed, "put each into quotes")
+            self.refuse(key, "no_names", allowed=allowed)
         if len(set(value)) < len(value):
-            self.refuse(key, "has a name twice", allowed, "remove one")
+            self.refuse(key, "name_twice", allowed=allowed)
         return tuple(value)
 
     @property
@@ -153,16 +175,16 @@ class Table:
         return list(self._values)
 
     def table(self, key: str, name: str, optional: bool = False) -> Table:
-        value = self.get(key, "a table", {} if optional else None)
+        value = self.get(key, said("file.may.table"), {} if optional else None)
         if not isinstance(value, dict):
-            self.refuse(key, "is not a table", f"a table {name}", f"write {name} and its keys below it")
+            self.refuse(key, "no_table", name=name)
         return self._of(name, value, key)
 
     def tables(self, key: str) -> list[Table]:
         """The entries of an array of tables, each called by its name or number."""
-        value = self.get(key, f"one [[{key}]] table or more", [])
+        value = self.get(key, said("file.may.tables", key=key), [])
         if not isinstance(value, list) or not all(isinstance(v, dict) for v in value):
-            self.refuse(key, "is not an array of tables", f"[[{key}]] tables", "double the brackets")
+            self.refuse(key, "no_tables", key=key)
         called = [v.get("name", v.get("number", i + 1)) for i, v in enumerate(value)]
         rows = enumerate(zip(called, value, strict=True), 1)
         return [self._of(f"[[{key}]] {name}", entry, f"{key}#{n}") for n, (name, entry) in rows]
@@ -184,25 +206,25 @@ class Table:
             if key not in self.known:
                 known = sorted(self.known)
                 near = difflib.get_close_matches(key, known, n=1, cutoff=0.4)
-                do = f"did you mean {near[0]!r}" if near else "remove it"
-                self.refuse(key, "this key is not known", ", ".join(known), do)
+                do = said("file.mean", near=near[0]) if near else said("file.remove")
+                self.refuse(key, "unknown_key", allowed=", ".join(known), do=do)
 
 
 def read_text(path: Path, encoding: str = "utf-8") -> str:
     try:
         return path.read_text(encoding=encoding)
     except UnicodeDecodeError as error:
-        raise ConfigError(f"{path.name}: byte {error.start} is not UTF-8; save the file as UTF-8.") from error
+        raise ConfigError(said("file.not_utf8", file=path.name, byte=error.start)) from error
     except OSError as error:
-        raise ConfigError(f"{path}: cannot be read: {error.strerror}; check path and permission.") from error
+        raise ConfigError(said("file.unread", file=path, why=error.strerror)) from error
 
 
 def parse(text: str, file: str) -> Table:
     """The top level of a TOML text; raises ``ConfigError``."""
     try:
-        return Table(file, "top level", tomllib.loads(text), text)
+        return Table(file, Key("file.top_level"), tomllib.loads(text), text)
     except tomllib.TOMLDecodeError as error:
-        raise ConfigError(f"{file}: is not TOML: {error}; correct that line.") from error
+        raise ConfigError(said("file.no_toml", file=file, why=error)) from error
 
 
 HEAD = re.compile(r"\s*(\[\[?)\s*([^\]#]+?)\s*\]")
@@ -247,10 +269,10 @@ def is_number(value: Any) -> bool:
     return type(value) in (int, float) and -1e300 < value < 1e300  # also refuses nan
 
 
-def span(lower: float, upper: float) -> str:
+def span(lower: float, upper: float) -> Said:
     if math.isinf(upper):
-        return "of any size" if math.isinf(lower) else f"from {lower:g} on"
-    return f"from {lower:g} to {upper:g}"
+        return said("file.span.any") if math.isinf(lower) else said("file.span.from", lower=lower)
+    return said("file.span", lower=lower, upper=upper)
 
 
 def _shown(value: object) -> str:

@@ -29,6 +29,7 @@ from typing import Any, NamedTuple
 
 from controller import own_database, own_files
 from controller.machine.toml_table import ConfigError
+from controller.messages import said
 
 FILE = "tools.db"
 SPINDLE, AWAY = 0, -1
@@ -306,7 +307,4 @@ def _checked(name: str, rows: object) -> list[list[Any]]:
 
 def _no_store(file: Path, error: OSError | ValueError | sqlite3.Error) -> ConfigError:
     why = error.strerror if isinstance(error, OSError) else error
-    return ConfigError(
-        f"{file}: is no tool store ({why}); restore it from a backup, or remove it and "
-        "confirm where every tool is."
-    )
+    return ConfigError(said("file.no_tool_store", file=file, why=why))

@@ -117,7 +117,7 @@ class Key(str):
     """A value that is itself a text, by its key, for instance what was waited for."""
 
 
-def said(key: str, **values: object) -> Said:
+def said(key: str, /, **values: object) -> Said:
     """The text of a key, with what it has places for."""
     if "why" in values and not str(values["why"] or "").strip():  # an OSError may have no words, for one
         values["why"] = Key("no_why")
@@ -127,6 +127,12 @@ def said(key: str, **values: object) -> Said:
 def plain(sentence: Said | str) -> Said:
     """Also of what is known as a sentence only, of a program's reader for one."""
     return said("text", text=sentence) if isinstance(sentence, str) else sentence
+
+
+def of_error(error: BaseException) -> Said:
+    """What an error says: its own text, with its place where it has one; else its words."""
+    own: Said | None = getattr(error, "placed", None) or getattr(error, "said", None)
+    return own or plain(str(error))
 
 
 def several(*texts: Said | str) -> Said:

@@ -86,7 +86,7 @@ def read(top: Table, machine: Machine, folder: Path) -> Part:
     for one in top.tables("wall"):
         solids += _walls(one, machine, folder)
     if not solids:
-        top.refuse("solid", "is missing", "one [[solid]] or [[wall]] or more", "say what can be touched")
+        top.refuse("solid", "part_empty")
     return Part(name, frame, tuple(solids), tuple(holes))
 
 
@@ -113,7 +113,7 @@ def _placed(top: Table, machine: Machine) -> Frame:
 def _direction(table: Table, key: str) -> Vector:
     found = table.vector(key, Z)
     if norm(found) < NEAR_MM:
-        table.refuse(key, "has no length", "a vector other than 0 0 0", "point it out of the material")
+        table.refuse(key, "part_direction")
     return unit(found)
 
 
@@ -155,7 +155,7 @@ def cylinder(centre: Vector, direction: Vector, radius: float, height: float) ->
 def _block(table: Table) -> Distance:
     low, high = table.vector("low_mm"), table.vector("high_mm")
     if any(a >= b for a, b in zip(low, high, strict=True)):
-        table.refuse("high_mm", "is not above low_mm", "three numbers above those of low_mm", "correct them")
+        table.refuse("high_mm", "block_flat")
 
     def distance(p: Vector) -> float:
         offs = [max(a - q, q - b) for q, a, b in zip(p, low, high, strict=True)]
@@ -182,11 +182,11 @@ def _walls(table: Table, machine: Machine, folder: Path) -> list[Distance]:
     try:
         program = blocks.read(path.read_bytes(), machine, path.name)
     except (OSError, ProgramError) as wrong:
-        table.refuse("program", f"cannot be read ({wrong})", "a program with G51, G52 or G6.2", "correct it")
+        table.refuse("program", "wall_unread", why=wrong)
     table.finish()
     cuts = [one for one in program.blocks if isinstance(one, CutCone | CutRuled | CutNurbs)]
     if not cuts:
-        table.refuse("program", "cuts no surface", "a program with G51, G52 or G6.2", "name another one")
+        table.refuse("program", "wall_none")
     return [
         _wall(surface_of(c), c.modal.side, lambda u: error + waves_mm * math.sin(2.0 * math.pi * waves * u))
         for c in cuts

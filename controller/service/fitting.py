@@ -94,7 +94,7 @@ def at_rest(service: Service, what: str, request: str) -> Iterator[None]:
         try:
             yield
         except ConfigError as error:
-            raise CommandRefused("bad", str(error)) from error
+            raise CommandRefused("bad", error.said) from error
 
 
 def _fit(

@@ -99,7 +99,7 @@ def read(file: Path, axes: tuple[str, ...]) -> Settings:
     top.finish()
     used = [*found.buttons, *(wheel.axes if wheel else ())]
     if found.dead_man in used:
-        top.refuse("dead_man", "is used for something else, too", "a button of its own", "choose another one")
+        top.refuse("dead_man", "dead_man_taken")
     return found
 
 

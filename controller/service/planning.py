@@ -21,7 +21,7 @@ from controller import memory
 from controller.ipc.handoff import Snapshot
 from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Machine
-from controller.messages import said
+from controller.messages import of_error, said
 from controller.motion.motions import SurfaceCut
 from controller.plan.off_path import Back
 from controller.plan.report.passing import passed_s, place_of
@@ -149,7 +149,7 @@ class Planning:
         except NotPossible as error:
             self._answer(Answer(order.number, error=("refused", error.said)))
         except EXPECTED as error:
-            self._answer(Answer(order.number, error=("refused", str(error))))
+            self._answer(Answer(order.number, error=("refused", of_error(error))))
         except Exception as error:
             self._answer(Answer(order.number, error=("busy", children.own_error("plan", error))))
         else:

@@ -17,7 +17,7 @@ from controller.ipc.control_socket import CommandRefused, Values
 from controller.ipc.handoff import Jog, Outcome, Snapshot
 from controller.machine import setup_data
 from controller.machine.model import Machine
-from controller.messages import Key, plain
+from controller.messages import Key, of_error
 from controller.runtime.starts import Start
 from controller.service import restart_preview
 from controller.service.acknowledged import why_refused
@@ -145,7 +145,7 @@ def start(service: Service, job: Job, going: Going, unrecorded: bool = False) ->
         facts = service.engine.line.order("arm", program=replace(job.program, in_spindle=service.tool))
         _go(service, job, facts, going)
     except Exception as error:  # whatever it was: what did not start must not bar the next start
-        service.not_started(job, error.said if isinstance(error, CommandRefused) else plain(str(error)))
+        service.not_started(job, of_error(error))
         _drop(service)
         raise
     return {"mode": service.now().mode.name}

@@ -27,7 +27,7 @@ from controller.machine.changes import Change, laid
 from controller.machine.model import Changer, Machine
 from controller.machine.toml_table import ConfigError
 from controller.machine.tool_store import ToolStore
-from controller.messages import Said, plain, said, several
+from controller.messages import Said, of_error, said, several
 from controller.plan.restart.program_position import ENTRY_ID
 from controller.program import modal
 from controller.program.modal import State
@@ -546,7 +546,7 @@ class Service:
             try:
                 machine = setup_data.applied(self.file, values)
             except ConfigError as error:  # what the reader takes the table should, too
-                self.alarms.add("NOT_KEPT", plain(str(error)))
+                self.alarms.add("NOT_KEPT", of_error(error))
                 return
             if not job.is_mdi:
                 self.journal.fitted(machine, now)

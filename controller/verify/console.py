@@ -123,13 +123,15 @@ def refusals(as_json: bool, expected: Callable[[], tuple[type[Exception], ...]])
     except Refused as error:
         _refuse(as_json, str(error), error.facts, error.exit_code)
     except OSError as error:
-        name = f"{error.filename}: " if error.filename else ""
-        _refuse(as_json, f"{name}{error.strerror}; check path, permission and space.", {})
+        key = "os_error_of" if error.filename else "os_error"
+        why = messages.said(key, file=error.filename, why=error.strerror)
+        _refuse(as_json, messages.text(why, spoken.get()), {})
     except _of_programs() as error:
         place = {"file": error.file, "line": error.line, "column": error.column}
         _refuse(as_json, messages.text(error.placed, spoken.get()), {**place, **error.said, **error.facts})
     except expected() as error:
-        _refuse(as_json, str(error), {})
+        own = messages.of_error(error)
+        _refuse(as_json, messages.text(own, spoken.get()), {} if own["key"] == "text" else dict(own))
 
 
 def _of_programs() -> type[ProgramError]:

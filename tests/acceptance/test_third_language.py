@@ -29,6 +29,7 @@ from controller.api.service_client import SocketServiceClient
 from controller.cli import remote, status_view
 from controller.faults import Fault
 from controller.ipc.control_socket import Client, CommandRefused
+from controller.machine import machine_file
 from controller.messages import LANGUAGES, Key, plain, said, told
 from controller.service.command_handlers import Desk
 from controller.service.service import Service
@@ -291,6 +292,16 @@ def test_the_command_line_speaks_it(
     printed = line("status")
     assert not PROSE.search(outside(printed)), printed
     assert set(status_view.COLUMNS) <= set(re.findall(r"⟦([a-z_]+)⟧", printed.replace("to go", "to_go")))
+
+
+def test_a_machine_file_is_refused_in_it(line: Callable[..., str], tmp_path: Path) -> None:
+    shipped = (machine_file.SHIPPED / "trunnion.toml").read_text()
+    for k, (was, wrong) in enumerate((("period_s", "periods_s"), ('kind = "', 'kind = "x'), ("", "[["))):
+        (tmp_path / f"m{k}.toml").write_text(shipped.replace(was, wrong, 1))
+        printed = line("bus", str(tmp_path / f"m{k}.toml"))
+        assert "⟦" in printed and not PROSE.search(outside(printed)), printed
+    printed = line("bus", str(tmp_path / "none.toml"))
+    assert "⟦" in printed and not PROSE.search(outside(printed)), printed
 
 
 def test_a_sentence_of_the_programs_reader_is_the_value_of_a_text_of_its_own() -> None:

@@ -10,6 +10,7 @@ from controller.geometry.touches import Seen
 from controller.geometry.vectors import Number, Pose, Vector, Z
 from controller.machine.kinematics.protocol import Kinematics
 from controller.machine.model import STILL
+from controller.messages import Key
 
 LEANS = 1e-6  # sine of the angle to Z: a micron in a metre; what is beyond it is out of reach
 
@@ -18,7 +19,7 @@ class NoRotary(Kinematics):
     """X, Y and Z."""
 
     turning = 0
-    axes = "X, Y and Z, each once"
+    axes = Key("file.axes.three")
     unreached = "reach.stands"
 
     def branches(

@@ -16,6 +16,7 @@ from controller.geometry.vectors import Number, Pose, Vector, Z, add, cross, dot
 from controller.machine.kinematics.protocol import Kinematics
 from controller.machine.kinematics.rotary import Line, spun, turned
 from controller.machine.model import STILL, Kind, Machine
+from controller.messages import Key
 
 LEANS = 1e-6  # mm per mm by which an axis may miss what the rotary reaches
 
@@ -24,7 +25,7 @@ class OneRotary(Kinematics):
     """X, Y, Z and a rotary."""
 
     turning = 1
-    axes = "X, Y, Z and one of A, B, C, each once"
+    axes = Key("file.axes.four")
     unreached = "reach.none_of_one"
 
     def __init__(self, machine: Machine) -> None:

@@ -18,6 +18,7 @@ from typing import ClassVar, Protocol
 from controller.geometry.touches import Seen
 from controller.geometry.vectors import Frame, Number, Pose, Vector, X, Y, Z, subtract
 from controller.machine.model import STILL, Joints, Machine
+from controller.messages import Key
 
 Pair = tuple[float, float]
 Travel = tuple[Pair, Pair]
@@ -34,7 +35,7 @@ class Kinematics(Protocol):
     """
 
     turning: ClassVar[int]  # how many rotaries a machine of this build has beside X, Y and Z
-    axes: ClassVar[str]  # all of its axes, in words
+    axes: ClassVar[Key]  # all of its axes, as a text
     order: tuple[int, ...]  # joint i is number order[i] of X, Y, Z, first and second rotary
     arrange: Callable[[Sequence[Number]], tuple[Number, ...]]  # of these five the joints, in their order
     rotaries: Callable[[Joints], Pair]  # of the joints the pair

@@ -43,6 +43,7 @@ from controller.geometry.vectors import (
 from controller.machine.kinematics.protocol import TURN, Kinematics, Pair
 from controller.machine.kinematics.rotary import Line, spun, turned
 from controller.machine.model import Kind, Machine
+from controller.messages import Key
 
 NEAR_POLE = 1e-9  # sine of the angle between tool axis and w2 below which w2's angle is a limit
 CLEAR_OF_POLE = 1e-3  # the same sine above which third derivatives keep nine digits
@@ -58,7 +59,7 @@ class TwoRotaries(Kinematics):
     """X, Y, Z and two rotaries that tilt the tool against the work."""
 
     turning = 2
-    axes = "X, Y, Z and two of A, B, C, each once"
+    axes = Key("file.axes.five")
 
     def __init__(self, machine: Machine) -> None:
         super().__init__(machine)

@@ -1,0 +1,67 @@
+"""What a user reads is a text of the catalogue: no sentence is written where it is raised."""
+
+from __future__ import annotations
+
+import ast
+import re
+import string
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from controller import messages
+from controller.machine import machine_file
+from controller.machine.toml_table import ConfigError
+from controller.messages import LANGUAGES
+
+CONTROLLER = Path(messages.__file__).parent.parent
+FILES = {str(one.relative_to(CONTROLLER)): ast.parse(one.read_text()) for one in CONTROLLER.rglob("*.py")}
+SENTENCE = re.compile(r"[a-z]+ [a-z]+ [a-z]+")
+
+
+def calls(tree: ast.AST, name: str) -> Iterator[ast.Call]:
+    """Of a function or a method of that name."""
+    for one in ast.walk(tree):
+        if isinstance(one, ast.Call) and ast.unparse(one.func).split(".")[-1] == name:
+            yield one
+
+
+def test_every_refusal_of_a_file_of_tables_is_a_text_with_just_the_values_that_it_has_places_for() -> None:
+    found = 0
+    for file, tree in FILES.items():
+        for call in calls(tree, "refuse"):
+            if len(call.args) != 2 or not isinstance(call.args[1], ast.Constant):
+                continue
+            words = LANGUAGES["en"].texts[f"file.{call.args[1].value}"]
+            places = {name for _, name, _, _ in string.Formatter().parse(words) if name}
+            assert places == {one.arg for one in call.keywords}, (file, call.lineno)
+            found += 1
+    assert found > 90
+
+
+def test_no_sentence_is_handed_to_an_error_of_the_machine_file() -> None:
+    for file, tree in FILES.items():
+        for call in (*calls(tree, "ConfigError"), *calls(tree, "refuse")):
+            for text in (one.value for one in ast.walk(call) if isinstance(one, ast.Constant)):
+                assert not isinstance(text, str) or not SENTENCE.search(text), (file, call.lineno, text)
+
+
+@pytest.mark.parametrize(
+    ("was", "wrong", "german"),
+    [
+        ("", "bus_ms = 1\n", "machine.toml:1: oberste Ebene: bus_ms = 1: diesen Schlüssel gibt es nicht;"),
+        (
+            "period_s = 0.002",
+            "period_s = 9.0",
+            "period_s = 9.0: ist außerhalb des Bereichs; erlaubt: eine Zahl",
+        ),
+        ("[machine]", "[machine", "machine.toml: ist kein TOML: "),
+    ],
+)
+def test_a_machine_file_is_refused_in_german_too(was: str, wrong: str, german: str) -> None:
+    whole = machine_file.load("trunnion").text
+    with pytest.raises(ConfigError) as refused:
+        machine_file.read(whole.replace(was, wrong, 1), "machine.toml")
+    assert german in messages.text(refused.value.said, "de")
+    assert messages.text(refused.value.said, "de") != str(refused.value)
