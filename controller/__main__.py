@@ -25,7 +25,7 @@ import typer  # noqa: E402
 from typer.core import TyperGroup  # noqa: E402
 
 from controller import one_thread  # noqa: E402
-from controller.cli import declarations  # noqa: E402
+from controller.cli import declarations, help_texts  # noqa: E402
 from controller.version import VERSION  # noqa: E402
 
 if _COLLECTS:
@@ -77,6 +77,10 @@ class Commands(TyperGroup):
         super().__init__(**attributes)
         self.commands: dict[str, Any] = dict.fromkeys(COMMANDS)  # by their names a mistyped one is helped
 
+    def format_help(self, ctx: Any, formatter: Any) -> None:
+        help_texts.put_own(self)
+        super().format_help(ctx, formatter)
+
     def invoke(self, ctx: Any) -> Any:
         """A command that is ended by Ctrl-C ends so with every typer that there is."""
         try:
@@ -101,7 +105,10 @@ def _loaded(file: str, command: str) -> dict[str, Any]:
         _add(holder, command, module)
     if declarations.are_listed():
         _bare(holder)
-    return dict(typer.main.get_group(holder).commands)
+    found = dict(typer.main.get_group(holder).commands)
+    for name, one in found.items():
+        help_texts.put(one, name)
+    return found
 
 
 def _imported(name: str) -> ModuleType:
@@ -146,9 +153,7 @@ def _version(asked: bool) -> None:
 
 @app.callback()
 def directrix(
-    version: Annotated[
-        bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version and exit.")
-    ] = False,
+    version: Annotated[bool, typer.Option("--version", callback=_version, is_eager=True)] = False,
 ) -> None:
     """A five-axis controller that cuts ruled surfaces themselves."""
 

@@ -24,21 +24,14 @@ from controller.verify.console import Refused, refusals, show
 app = typer.Typer(
     add_completion=False,
     no_args_is_help=True,
-    help="Back-up, restore, update and roll-back of machine file, offsets, tools and programs.",
 )
 
-Archive = Annotated[Path, typer.Argument(help="The archive (.zip).")]
-MachineFile = Annotated[str, typer.Option("--machine", help="Machine file; default: the service's.")]
-Target = Annotated[
-    Path | None, typer.Option("--machine", help="Where the service reads its machine file from.")
-]
-State = Annotated[
-    Path | None, typer.Option("--state", help="State folder; default: the service's or the user's.")
-]
-Runtime = Annotated[
-    Path | None, typer.Option("--runtime", help="Folder of the service's sockets; default: as it noted it.")
-]
-Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
+Archive = Annotated[Path, typer.Argument()]
+MachineFile = Annotated[str, typer.Option("--machine")]
+Target = Annotated[Path | None, typer.Option("--machine")]
+State = Annotated[Path | None, typer.Option("--state")]
+Runtime = Annotated[Path | None, typer.Option("--runtime")]
+Json = Annotated[bool, typer.Option("--json")]
 
 EXPECTED = (BackupError, StoreError, ConfigError)
 
@@ -79,8 +72,8 @@ def restore(
 
 @app.command()
 def update(
-    new: Annotated[Path, typer.Argument(help="The new machine file.")],
-    machine_file: Annotated[Path, typer.Option("--machine", help="The one that it replaces.")],
+    new: Annotated[Path, typer.Argument()],
+    machine_file: Annotated[Path, typer.Option("--machine")],
     state: State = None,
     runtime: Runtime = None,
     as_json: Json = False,

@@ -24,14 +24,14 @@ from controller.cli import checkout, speech
 from controller.verify import console
 from controller.verify.console import Refused, bar, refusals, show, tell
 
-Names = Annotated[list[str] | None, typer.Argument(metavar="[NAME]...", help="Which; default: all.")]
-Short = Annotated[bool, typer.Option("--short", help="So little that it only shows that all of it works.")]
-Plot = Annotated[Path | None, typer.Option("--plot", metavar="DIR", help="A picture of each (.png).")]
+Names = Annotated[list[str] | None, typer.Argument(metavar="[NAME]...")]
+Short = Annotated[bool, typer.Option("--short")]
+Plot = Annotated[Path | None, typer.Option("--plot", metavar="DIR")]
 Into = Annotated[
     Path | None,
-    typer.Option("--readme", metavar="FILE", help="Put what has a promise between the marks of a page."),
+    typer.Option("--readme", metavar="FILE"),
 ]
-Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
+Json = Annotated[bool, typer.Option("--json")]
 
 BEGIN, END = "<!-- figures -->", "<!-- end of figures -->"
 SAME = 1e-6  # that parts may miss the whole by

@@ -21,11 +21,11 @@ from drives.load.budget import BusBudget
 
 app = typer.Typer(add_completion=False)
 
-MachineArgument = Annotated[str | None, typer.Argument(help="Machine file, or the name of a shipped one.")]
-MachineOption = Annotated[str, typer.Option("--machine", help="The same, as other commands have it.")]
-PeriodMs = Annotated[float | None, typer.Option("--period-ms", help="Instead of the machine file's period.")]
-Plot = Annotated[Path | None, typer.Option("--plot", help="Draw one tick of every bus (.png).")]
-Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
+MachineArgument = Annotated[str | None, typer.Argument()]
+MachineOption = Annotated[str, typer.Option("--machine")]
+PeriodMs = Annotated[float | None, typer.Option("--period-ms")]
+Plot = Annotated[Path | None, typer.Option("--plot")]
+Json = Annotated[bool, typer.Option("--json")]
 
 
 @app.command("bus")

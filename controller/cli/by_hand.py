@@ -12,7 +12,7 @@ from controller.cli.speech import say, speaking
 
 
 def spindle(
-    rev_min: Annotated[float, typer.Argument(help="1/min; below 0: counter-clockwise, 0: off.")],
+    rev_min: Annotated[float, typer.Argument()],
     take_over: TakeOver = False,
     url: Url = remote.URL,
     as_json: Json = False,
@@ -24,8 +24,8 @@ def spindle(
 
 
 def coolant(
-    mist: Annotated[bool, typer.Option("--mist", help="Mist on.")] = False,
-    flood: Annotated[bool, typer.Option("--flood", help="Flood on.")] = False,
+    mist: Annotated[bool, typer.Option("--mist")] = False,
+    flood: Annotated[bool, typer.Option("--flood")] = False,
     take_over: TakeOver = False,
     url: Url = remote.URL,
     as_json: Json = False,
@@ -39,7 +39,7 @@ def coolant(
 
 
 def clamps(
-    axes: Annotated[list[str] | None, typer.Argument(help="Axes whose clamps open; others close.")] = None,
+    axes: Annotated[list[str] | None, typer.Argument()] = None,
     take_over: TakeOver = False,
     url: Url = remote.URL,
     as_json: Json = False,

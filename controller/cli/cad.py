@@ -28,32 +28,24 @@ if TYPE_CHECKING:  # OpenCASCADE takes its time to load, and is an extra
     from controller.cad.strip import Strip
     from controller.cli.cad_tables import Seen
 
-Argument = Annotated[Path, typer.Argument(help="The STEP file.")]
-ListOnly = Annotated[bool, typer.Option("--list", help="Show the faces, write nothing.")]
-Plot = Annotated[
-    Path | None, typer.Option("--plot", help="With --list: a picture (SVG) of the faces with their numbers.")
-]
-Faces = Annotated[str, typer.Option("--faces", help="Numbers of --list in cut order, as 3,7; or all.")]
-Out = Annotated[Path | None, typer.Option("--out", help="The program; default: beside the STEP file, .ngc.")]
-Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace a program that is there.")]
-MachineFile = Annotated[str, typer.Option("--machine", help="Machine file, or the name of a shipped one.")]
-ToolNumber = Annotated[int, typer.Option("--tool", help="Default: the thickest of the table that fits.")]
-Feed = Annotated[float, typer.Option("--feed", help="mm/min.")]
-Spindle = Annotated[float, typer.Option("--spindle", help="rev/min.")]
-Direction = Annotated[
-    Literal["climb", "conventional"], typer.Option("--direction", help="G41 or G42, spindle clockwise.")
-]
-Placement = Annotated[
-    Literal["single", "double", "optimal", "machine"], typer.Option("--placement", help="On twisted faces.")
-]
-OtherSide = Annotated[
-    str, typer.Option("--other-side", help="Faces whose material is on the other side (without a solid).")
-]
-Tolerance = Annotated[float, typer.Option("--tolerance", help="mm: so far may a face leave its rulings.")]
-Whole = Annotated[bool, typer.Option("--whole", help="Cut a trimmed face as the whole box about it.")]
-Move = Annotated[str, typer.Option("--move", help="X,Y,Z in mm of the file's origin in the part frame.")]
-Turn = Annotated[str, typer.Option("--turn", help="First, about its origin: X90 or X90,Z-30 (degrees).")]
-Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
+Argument = Annotated[Path, typer.Argument()]
+ListOnly = Annotated[bool, typer.Option("--list")]
+Plot = Annotated[Path | None, typer.Option("--plot")]
+Faces = Annotated[str, typer.Option("--faces")]
+Out = Annotated[Path | None, typer.Option("--out")]
+Overwrite = Annotated[bool, typer.Option("--overwrite")]
+MachineFile = Annotated[str, typer.Option("--machine")]
+ToolNumber = Annotated[int, typer.Option("--tool")]
+Feed = Annotated[float, typer.Option("--feed")]
+Spindle = Annotated[float, typer.Option("--spindle")]
+Direction = Annotated[Literal["climb", "conventional"], typer.Option("--direction")]
+Placement = Annotated[Literal["single", "double", "optimal", "machine"], typer.Option("--placement")]
+OtherSide = Annotated[str, typer.Option("--other-side")]
+Tolerance = Annotated[float, typer.Option("--tolerance")]
+Whole = Annotated[bool, typer.Option("--whole")]
+Move = Annotated[str, typer.Option("--move")]
+Turn = Annotated[str, typer.Option("--turn")]
+Json = Annotated[bool, typer.Option("--json")]
 
 NO_KERNEL = "directrix import needs OpenCASCADE: pip install 'directrix[cad]'"
 NO_LIBRARY = (

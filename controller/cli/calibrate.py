@@ -32,26 +32,22 @@ from controller.program import linked
 from controller.verify import console
 from controller.verify.console import Refused, refusals, show, spoken
 
-app = typer.Typer(help="The machine's own geometry from what was measured.", no_args_is_help=True)
+app = typer.Typer(no_args_is_help=True)
 
-Measured = Annotated[Path, typer.Argument(help="The table that was measured (CSV).")]
-MachineFile = Annotated[str, typer.Option("--machine", help="Machine file, or the name of a shipped one.")]
-Write = Annotated[bool, typer.Option("--write", help="Write it into the machine file.")]
-Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
-SphereRadius = Annotated[float, typer.Option("--sphere-radius", help="Of the sphere, mm.")]
-Length = Annotated[
-    float, typer.Option("--length", help="Of the probe: gauge line to the centre of its ball, mm.")
-]
-Ball = Annotated[float, typer.Option("--ball-radius", help="Of the probe's ball, mm.")]
-Centre = Annotated[
-    str, typer.Option("--centre", help="X,Y,Z of the sphere, table frame with rotaries at zero, mm.")
-]
-Stem = Annotated[str, typer.Option("--stem", help="I,J,K: the way that the sphere's stem points.")]
-Recorded = Annotated[Path, typer.Argument(help="Of simulate --trace, or of a recording (.npz).")]
-Plot = Annotated[Path | None, typer.Option("--plot", help="Draw it (.png).")]
-Program = Annotated[Path | None, typer.Option("--program", help="Whose surfaces were touched.")]
-Free = Annotated[str, typer.Option("--free", help="Moves along X Y Z and turns about them, A B C.")]
-OffsetName = Annotated[str, typer.Option("--offset", help="Work offset: G54 ...")]
+Measured = Annotated[Path, typer.Argument()]
+MachineFile = Annotated[str, typer.Option("--machine")]
+Write = Annotated[bool, typer.Option("--write")]
+Json = Annotated[bool, typer.Option("--json")]
+SphereRadius = Annotated[float, typer.Option("--sphere-radius")]
+Length = Annotated[float, typer.Option("--length")]
+Ball = Annotated[float, typer.Option("--ball-radius")]
+Centre = Annotated[str, typer.Option("--centre")]
+Stem = Annotated[str, typer.Option("--stem")]
+Recorded = Annotated[Path, typer.Argument()]
+Plot = Annotated[Path | None, typer.Option("--plot")]
+Program = Annotated[Path | None, typer.Option("--program")]
+Free = Annotated[str, typer.Option("--free")]
+OffsetName = Annotated[str, typer.Option("--offset")]
 MOST_POSITIONS = 100
 
 
@@ -104,11 +100,9 @@ def rotaries(
     measured: Measured,
     sphere_radius: SphereRadius,
     machine: MachineFile = "trunnion",
-    max_mm: Annotated[float, typer.Option("--max-mm", help="A larger move of a centre is refused.")] = MAX_MM,
-    max_deg: Annotated[
-        float, typer.Option("--max-deg", help="A larger turn of an axis is refused.")
-    ] = MAX_DEG,
-    add: Annotated[int, typer.Option("--add", help="So many positions to add are told.", min=0, max=24)] = 4,
+    max_mm: Annotated[float, typer.Option("--max-mm")] = MAX_MM,
+    max_deg: Annotated[float, typer.Option("--max-deg")] = MAX_DEG,
+    add: Annotated[int, typer.Option("--add", min=0, max=24)] = 4,
     write: Write = False,
     as_json: Json = False,
 ) -> None:
@@ -182,7 +176,7 @@ def positions_to_probe(
     length: Length,
     ball_radius: Ball = 3.0,
     stem: Stem = "0,0,1",
-    count: Annotated[int, typer.Option("--count", min=3, max=MOST_POSITIONS, help="So many.")] = 16,
+    count: Annotated[int, typer.Option("--count", min=3, max=MOST_POSITIONS)] = 16,
     machine: MachineFile = "trunnion",
     as_json: Json = False,
 ) -> None:
@@ -208,7 +202,7 @@ def positions_to_probe(
 @speaking
 def axis_by_iso_230_2(
     measured: Measured,
-    axis: Annotated[str, typer.Option("--axis", help="Name of the axis.")],
+    axis: Annotated[str, typer.Option("--axis")],
     machine: MachineFile = "trunnion",
     plot: Plot = None,
     write: Write = False,
@@ -242,7 +236,7 @@ def _figures(told: dict[str, Any], names: tuple[str, ...]) -> Table:
 @speaking
 def circle_by_iso_230_4(
     recorded: Recorded,
-    axes: Annotated[str, typer.Option("--axes", help="The two axes, as XY.")] = "XY",
+    axes: Annotated[str, typer.Option("--axes")] = "XY",
     machine: MachineFile = "trunnion",
     plot: Plot = None,
     as_json: Json = False,
@@ -321,7 +315,7 @@ def part(
     free: Free = DOFS,
     machine: MachineFile = "trunnion",
     write: Write = False,
-    send: Annotated[bool, typer.Option("--send", help="Set it at the machine behind --url.")] = False,
+    send: Annotated[bool, typer.Option("--send")] = False,
     url: Url = remote.URL,
     as_json: Json = False,
 ) -> None:
@@ -352,7 +346,7 @@ def part(
 @speaking
 def inspect(
     measured: Measured,
-    program: Annotated[Path, typer.Option("--program", help="What was cut.")],
+    program: Annotated[Path, typer.Option("--program")],
     offset: OffsetName = "G54",
     machine: MachineFile = "trunnion",
     as_json: Json = False,
@@ -372,10 +366,10 @@ def inspect(
 @app.command()
 @speaking
 def points(
-    program: Annotated[Path, typer.Argument(help="The part program.")],
-    line: Annotated[int, typer.Option("--line", help="Line of the surface.")],
-    along: Annotated[int, typer.Option("--along", min=1, max=200, help="So many along it.")] = 8,
-    across: Annotated[int, typer.Option("--across", min=1, max=50, help="So many across it.")] = 3,
+    program: Annotated[Path, typer.Argument()],
+    line: Annotated[int, typer.Option("--line")],
+    along: Annotated[int, typer.Option("--along", min=1, max=200)] = 8,
+    across: Annotated[int, typer.Option("--across", min=1, max=50)] = 3,
     machine: MachineFile = "trunnion",
 ) -> None:
     """Where to probe a surface: places and normals out of the cutter's side, part frame, as CSV."""

@@ -12,7 +12,7 @@ from controller.cli.client import Json, TakeOver, Url, asked, tell_done
 from controller.cli.speech import say, speaking
 from controller.verify.console import show
 
-app = typer.Typer(help="Where the tools of a changer are, and what an operator confirms of them.")
+app = typer.Typer()
 
 
 @app.callback(invoke_without_command=True)
@@ -33,13 +33,9 @@ def shown(context: typer.Context, url: Url = remote.URL, as_json: Json = False) 
 @app.command()
 @speaking
 def confirm(
-    spindle: Annotated[int, typer.Option("--spindle", help="Number of the tool in it; 0: it is empty.")],
-    away: Annotated[
-        list[int] | None, typer.Option("--away", help="A tool that is out of the machine; may be repeated.")
-    ] = None,
-    clear: Annotated[
-        bool, typer.Option("--clear", help="You have looked, and nothing of it touches the spindle.")
-    ] = False,
+    spindle: Annotated[int, typer.Option("--spindle")],
+    away: Annotated[list[int] | None, typer.Option("--away")] = None,
+    clear: Annotated[bool, typer.Option("--clear")] = False,
     take_over: TakeOver = False,
     url: Url = remote.URL,
     as_json: Json = False,
@@ -53,8 +49,8 @@ def confirm(
 @app.command()
 @speaking
 def pocket(
-    number: Annotated[int, typer.Argument(help="Of the pocket, from 1.")],
-    tool: Annotated[int, typer.Argument(help="Number of the tool whose it is; 0: nobody's.")],
+    number: Annotated[int, typer.Argument()],
+    tool: Annotated[int, typer.Argument()],
     take_over: TakeOver = False,
     url: Url = remote.URL,
     as_json: Json = False,

@@ -21,14 +21,14 @@ from controller.cli.remote import Machine
 from controller.cli.speech import say, speaking
 from controller.verify.console import Refused, refusals, show, tell
 
-Url = Annotated[str, typer.Option("--url", envvar="DIRECTRIX_URL", help="Address of the machine's panel.")]
-TakeOver = Annotated[bool, typer.Option("--take-over", help="Take control from whoever holds it.")]
-Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
-Axes = Annotated[list[str] | None, typer.Argument(help="Names of axes; default: all that need it.")]
-Seconds = Annotated[float | None, typer.Option("--seconds", help="With --speed: so long, then stop.")]
-Frame = Annotated[str, typer.Option("--frame", help="joint, part or tool.")]
+Url = Annotated[str, typer.Option("--url", envvar="DIRECTRIX_URL")]
+TakeOver = Annotated[bool, typer.Option("--take-over")]
+Json = Annotated[bool, typer.Option("--json")]
+Axes = Annotated[list[str] | None, typer.Argument()]
+Seconds = Annotated[float | None, typer.Option("--seconds")]
+Frame = Annotated[str, typer.Option("--frame")]
 
-PANEL = "A machine in production, by its panel"  # headline in --help
+PANEL = "help_frame.production"  # headline in --help
 REFRESH_S = 0.08  # of a jog: it comes to rest 200 ms after the last one
 POLL_S = 0.2  # between two looks at what takes long
 LONGEST_JOG_S = 600.0
@@ -114,21 +114,15 @@ def _halted(answer: Any, sentence: str, as_json: bool) -> None:
 
 
 def start(
-    program: Annotated[str, typer.Argument(help="Name in the store; default: what is loaded.")] = "",
-    line: Annotated[int | None, typer.Option("--line", help="Begin at this line.")] = None,
-    fraction: Annotated[
-        float | None, typer.Option("--fraction", help="Of that line's block, 0 to 1.")
-    ] = None,
-    dry_run: Annotated[float | None, typer.Option("--dry-run", help="So many mm off the part.")] = None,
-    block_delete: Annotated[
-        bool, typer.Option("--block-delete", help="Leave lines out that begin with /.")
-    ] = False,
-    restart: Annotated[bool, typer.Option("--restart", help="Go on where it was interrupted.")] = False,
-    unrecorded: Annotated[
-        bool, typer.Option("--unrecorded", help="Also where the disk takes no record of the run.")
-    ] = False,
-    worn: Annotated[bool, typer.Option("--worn", help="Also with a tool at the end of its life.")] = False,
-    yes: Annotated[bool, typer.Option("--yes", help="Do not ask before a start in mid program.")] = False,
+    program: Annotated[str, typer.Argument()] = "",
+    line: Annotated[int | None, typer.Option("--line")] = None,
+    fraction: Annotated[float | None, typer.Option("--fraction")] = None,
+    dry_run: Annotated[float | None, typer.Option("--dry-run")] = None,
+    block_delete: Annotated[bool, typer.Option("--block-delete")] = False,
+    restart: Annotated[bool, typer.Option("--restart")] = False,
+    unrecorded: Annotated[bool, typer.Option("--unrecorded")] = False,
+    worn: Annotated[bool, typer.Option("--worn")] = False,
+    yes: Annotated[bool, typer.Option("--yes")] = False,
     take_over: TakeOver = False,
     url: Url = remote.URL,
     as_json: Json = False,
@@ -207,7 +201,7 @@ def disable(take_over: TakeOver = False, url: Url = remote.URL, as_json: Json = 
 
 
 def retract(
-    mm: Annotated[float, typer.Argument(help="So far back along the tool axis.")],
+    mm: Annotated[float, typer.Argument()],
     take_over: TakeOver = False,
     url: Url = remote.URL,
     as_json: Json = False,
@@ -219,8 +213,8 @@ def retract(
 
 
 def withdraw(
-    mm: Annotated[float | None, typer.Argument(help="So far; left out: as deep as the tool stands.")] = None,
-    is_out: Annotated[bool, typer.Option("--out", help="It has been turned out by hand.")] = False,
+    mm: Annotated[float | None, typer.Argument()] = None,
+    is_out: Annotated[bool, typer.Option("--out")] = False,
     take_over: TakeOver = False,
     url: Url = remote.URL,
     as_json: Json = False,
@@ -251,7 +245,7 @@ def home(
 
 
 def mdi(
-    text: Annotated[str, typer.Argument(help="Blocks, for instance 'G0 Z50'.")],
+    text: Annotated[str, typer.Argument()],
     take_over: TakeOver = False,
     url: Url = remote.URL,
     as_json: Json = False,
@@ -262,11 +256,9 @@ def mdi(
 
 
 def override(
-    percent: Annotated[
-        float, typer.Argument(help="Of the feed, 0 to 200; of rapids, 0 to 100; of the spindle, 50 to 150.")
-    ],
-    rapid: Annotated[bool, typer.Option("--rapid", help="Of rapid motions instead of the feed.")] = False,
-    spindle: Annotated[bool, typer.Option("--spindle", help="Of the spindle instead of the feed.")] = False,
+    percent: Annotated[float, typer.Argument()],
+    rapid: Annotated[bool, typer.Option("--rapid")] = False,
+    spindle: Annotated[bool, typer.Option("--spindle")] = False,
     take_over: TakeOver = False,
     url: Url = remote.URL,
     as_json: Json = False,
@@ -281,7 +273,7 @@ def override(
 
 
 def adaptive(
-    switch: Annotated[Literal["on", "off"], typer.Argument(help="Off: only where the program says M52 P1.")],
+    switch: Annotated[Literal["on", "off"], typer.Argument()],
     take_over: TakeOver = False,
     url: Url = remote.URL,
     as_json: Json = False,
@@ -296,9 +288,9 @@ def adaptive(
 
 
 def jog(
-    axis: Annotated[str, typer.Argument(help="Name of an axis.")],
-    distance: Annotated[float | None, typer.Argument(help="mm or degrees; negative ones too.")] = None,
-    speed: Annotated[float | None, typer.Option("--speed", help="Share of the jog speed, -1 to 1.")] = None,
+    axis: Annotated[str, typer.Argument()],
+    distance: Annotated[float | None, typer.Argument()] = None,
+    speed: Annotated[float | None, typer.Option("--speed")] = None,
     seconds: Seconds = None,
     frame: Frame = "joint",
     take_over: TakeOver = False,

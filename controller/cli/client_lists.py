@@ -24,8 +24,8 @@ from controller.cli.remote import Machine
 from controller.cli.speech import say, speaking
 from controller.verify.console import Refused, bar, show, tell, word
 
-Watch = Annotated[bool, typer.Option("--watch", help="Go on showing it, until Ctrl-C.")]
-Most = Annotated[int, typer.Option("--most", min=1, max=200, help="So many, newest first.")]
+Watch = Annotated[bool, typer.Option("--watch")]
+Most = Annotated[int, typer.Option("--most", min=1, max=200)]
 
 WATCH_S = 0.25  # between two looks
 CHECK_S = 0.3
@@ -104,9 +104,9 @@ def _open_alarms(machine: Machine) -> list[dict[str, Any]]:
 
 
 def upload(
-    file: Annotated[Path, typer.Argument(help="A part program on this computer.")],
-    name: Annotated[str, typer.Option("--name", help="In the store; default: the file's.")] = "",
-    wait: Annotated[bool, typer.Option("--wait/--no-wait", help="For the end of the check.")] = True,
+    file: Annotated[Path, typer.Argument()],
+    name: Annotated[str, typer.Option("--name")] = "",
+    wait: Annotated[bool, typer.Option("--wait/--no-wait")] = True,
     url: Url = remote.URL,
     as_json: Json = False,
 ) -> None:
@@ -181,7 +181,7 @@ def runs(most: Most = 20, url: Url = remote.URL, as_json: Json = False) -> None:
 
 def alarms(
     most: Most = 20,
-    acknowledge: Annotated[int | None, typer.Option("--acknowledge", help="The number of one.")] = None,
+    acknowledge: Annotated[int | None, typer.Option("--acknowledge")] = None,
     url: Url = remote.URL,
     as_json: Json = False,
 ) -> None:

@@ -40,13 +40,18 @@ class Undeclared(Exception):
 
 def asked_for() -> bool:
     """Whether this process is to answer help or completion."""
-    return (are_listed() or "--help" in sys.argv or COMPLETES in os.environ) and WHOLLY not in os.environ
+    return (is_shown() or COMPLETES in os.environ) and WHOLLY not in os.environ
 
 
 def are_listed() -> bool:
     """Whether it is to list the commands, and nothing else; of "python -c" we are a library."""
     alone = len(sys.argv) == 1 and sys.argv[0] != "-c"
     return (alone or sys.argv[1:] == ["--help"]) and COMPLETES not in os.environ
+
+
+def is_shown() -> bool:
+    """Whether help is what this process is asked for."""
+    return are_listed() or "--help" in sys.argv
 
 
 def begin_again() -> None:

@@ -21,22 +21,17 @@ from controller.verify.console import Refused, bar, refusals, tell
 app = typer.Typer(
     add_completion=False,
     no_args_is_help=True,
-    help="Receive a program over a serial line, or punch one out; nothing starts by itself.",
 )
 
-Port = Annotated[str, typer.Option("--port", help="The serial port, such as /dev/ttyUSB0.")]
-Baud = Annotated[int, typer.Option("--baud", help="1200 to 115200, as the other end is set.")]
-Format = Annotated[Literal["7E2", "7E1", "8N1"], typer.Option("--format", help="As the other end is set.")]
-Flow = Annotated[Literal["xon", "rts", "none"], typer.Option("--flow", help="XON/XOFF, RTS/CTS or none.")]
-Silence = Annotated[float, typer.Option("--silence-s", help="A pause this long is a cut line.")]
-Wait = Annotated[float, typer.Option("--wait-s", help="How long the other end may take to begin.")]
-State = Annotated[
-    Path | None, typer.Option("--state", help="State folder; default: the service's or the user's.")
-]
-Runtime = Annotated[
-    Path | None, typer.Option("--runtime", help="Folder of the service's sockets; default: as it noted it.")
-]
-Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
+Port = Annotated[str, typer.Option("--port")]
+Baud = Annotated[int, typer.Option("--baud")]
+Format = Annotated[Literal["7E2", "7E1", "8N1"], typer.Option("--format")]
+Flow = Annotated[Literal["xon", "rts", "none"], typer.Option("--flow")]
+Silence = Annotated[float, typer.Option("--silence-s")]
+Wait = Annotated[float, typer.Option("--wait-s")]
+State = Annotated[Path | None, typer.Option("--state")]
+Runtime = Annotated[Path | None, typer.Option("--runtime")]
+Json = Annotated[bool, typer.Option("--json")]
 
 LINE_ENDS = {"own": None, "lf": b"\n", "crlf": b"\r\n", "cr": b"\r", "lfcrcr": b"\n\r\r"}
 BY = "serial line"
@@ -49,10 +44,8 @@ def receive(
     baud: Baud = 9600,
     data_format: Format = "7E2",
     flow: Flow = "xon",
-    name: Annotated[str, typer.Option("--name", help="Instead of the program's O or : number.")] = "",
-    forever: Annotated[
-        bool, typer.Option("--forever", help="Go on with the next one, until stopped.")
-    ] = False,
+    name: Annotated[str, typer.Option("--name")] = "",
+    forever: Annotated[bool, typer.Option("--forever")] = False,
     silence_s: Silence = 20.0,
     wait_s: Wait = 600.0,
     state: State = None,
@@ -130,19 +123,15 @@ def _in_use(state: Path, runtime: Path | None) -> Callable[[], Collection[str]]:
 
 @app.command()
 def send(
-    program: Annotated[str, typer.Argument(help="Name in the store, or with --file a file's path.")],
+    program: Annotated[str, typer.Argument()],
     port: Port,
     baud: Baud = 9600,
     data_format: Format = "7E2",
     flow: Flow = "xon",
-    file: Annotated[bool, typer.Option("--file", help="Send a file, not a program of the store.")] = False,
-    line_end: Annotated[
-        Literal["own", "lf", "crlf", "cr", "lfcrcr"], typer.Option("--line-end", help="Of every line.")
-    ] = "own",
-    checksum: Annotated[bool, typer.Option(help="Put a checksum into the leader, which others skip.")] = True,
-    await_start: Annotated[
-        bool, typer.Option("--await-start", help="Begin when the reader asks (DC1).")
-    ] = False,
+    file: Annotated[bool, typer.Option("--file")] = False,
+    line_end: Annotated[Literal["own", "lf", "crlf", "cr", "lfcrcr"], typer.Option("--line-end")] = "own",
+    checksum: Annotated[bool, typer.Option()] = True,
+    await_start: Annotated[bool, typer.Option("--await-start")] = False,
     silence_s: Silence = 20.0,
     wait_s: Wait = 600.0,
     state: State = None,

@@ -21,14 +21,12 @@ from drives.commissioning import sheet
 from drives.commissioning.wanted import Settings
 from drives.settings import BusSettings, MasterSettings
 
-MachineFile = Annotated[str, typer.Option("--machine", help="Machine file, or the name of a shipped one.")]
-OnBus = Annotated[str, typer.Option("--bus", help="Only this bus of the machine.")]
-Channel = Annotated[
-    str, typer.Option("--channel", help="Instead of the bus's own channel: path of a virtual bus, can0, ...")
-]
-OnlyNode = Annotated[str, typer.Option("--drive", help="Only this axis, 'spindle' or 'io'.")]
-Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
-PeriodMs = Annotated[float | None, typer.Option("--period-ms", help="Instead of the machine file's period.")]
+MachineFile = Annotated[str, typer.Option("--machine")]
+OnBus = Annotated[str, typer.Option("--bus")]
+Channel = Annotated[str, typer.Option("--channel")]
+OnlyNode = Annotated[str, typer.Option("--drive")]
+Json = Annotated[bool, typer.Option("--json")]
+PeriodMs = Annotated[float | None, typer.Option("--period-ms")]
 
 EXPECTED = (ConfigError, buses.BusError, commissioning.CommissionError, sheet.SheetError)
 TIMEOUT_S = 3.0  # for an SDO answer: a drive that writes its memory, or a busy computer of simulated ones

@@ -25,7 +25,6 @@ from drives.settings import MasterSettings, NodeSettings
 app = typer.Typer(
     add_completion=False,
     no_args_is_help=True,
-    help="Check a drive's data sheet; find, commission and look at the drives of a machine.",
 )
 
 CHECKED_PERIOD_MS = 2.0
@@ -36,10 +35,10 @@ CHECKED_PERIOD_MS = 2.0
 
 @app.command()
 def check(
-    eds: Annotated[Path, typer.Option("--eds", help="The drive's data sheet (EDS or DCF).")],
-    profile: Annotated[str, typer.Option("--profile", help="Name of a shipped profile, or a .toml file.")],
-    period_ms: Annotated[float | None, typer.Option("--period-ms", help="Of the tick; default 2 ms.")] = None,
-    bit_rate: Annotated[int, typer.Option("--bit-rate", help="Of the bus, bit/s; 0 = not looked at.")] = 0,
+    eds: Annotated[Path, typer.Option("--eds")],
+    profile: Annotated[str, typer.Option("--profile")],
+    period_ms: Annotated[float | None, typer.Option("--period-ms")] = None,
+    bit_rate: Annotated[int, typer.Option("--bit-rate")] = 0,
     as_json: Json = False,
 ) -> None:
     """A data sheet against a profile: objects, access, ranges, mapping, period, supervision."""
@@ -81,10 +80,8 @@ def commission(
     bus: OnBus = "",
     channel: Channel = "",
     period_ms: PeriodMs = None,
-    store: Annotated[bool, typer.Option("--store", help="Have changed drives keep it (1010h).")] = False,
-    set_node: Annotated[
-        str, typer.Option("--set-node", help="First give this drive its node id, by LSS.")
-    ] = "",
+    store: Annotated[bool, typer.Option("--store")] = False,
+    set_node: Annotated[str, typer.Option("--set-node")] = "",
     as_json: Json = False,
 ) -> None:
     """Write everything that the machine file wants into its drives, read it back, and start them."""
@@ -235,7 +232,7 @@ def status(
 @app.command()
 @speaking
 def dump(
-    drive: Annotated[str, typer.Argument(help="Name of the axis, 'spindle' or 'io'.")],
+    drive: Annotated[str, typer.Argument()],
     machine: MachineFile = "trunnion",
     bus: OnBus = "",
     channel: Channel = "",

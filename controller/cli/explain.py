@@ -23,15 +23,11 @@ from controller.verify.console import Refused, refusals, say, spoken
 
 @speaking
 def explain(
-    program: Annotated[Path, typer.Argument(help="The part program.")],
-    machine: Annotated[
-        str, typer.Option("--machine", help="Machine file, or the name of a shipped one.")
-    ] = "trunnion",
-    dialect: Annotated[
-        Literal["rs274", "fanuc"] | None, typer.Option("--dialect", help="Default: the machine file's.")
-    ] = None,
+    program: Annotated[Path, typer.Argument()],
+    machine: Annotated[str, typer.Option("--machine")] = "trunnion",
+    dialect: Annotated[Literal["rs274", "fanuc"] | None, typer.Option("--dialect")] = None,
     fitted: Fitted = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object a line.")] = False,
+    as_json: Annotated[bool, typer.Option("--json")] = False,
 ) -> None:
     """Print the canonical motions of a program, one per line; nothing is planned and nothing moves.
 

@@ -21,12 +21,10 @@ from controller.state import stop_times
 from controller.state.modes import FAULTS, Fault, Times, stands_within_s
 from controller.verify.console import Refused, refusals, show
 
-MachineArgument = Annotated[str, typer.Argument(help="Machine file, or the name of a shipped one.")]
-Language = Annotated[str, typer.Option("--language", help="Of the texts: en or de.")]
-State = Annotated[
-    Path | None, typer.Option("--state", help="State folder; default: the service's or the user's.")
-]
-Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
+MachineArgument = Annotated[str, typer.Argument()]
+Language = Annotated[str, typer.Option("--language")]
+State = Annotated[Path | None, typer.Option("--state")]
+Json = Annotated[bool, typer.Option("--json")]
 
 Texts = Mapping[str, str]
 INDENT = (0, 0, 0, 4)  # columns of what stands under a fault's name

@@ -23,10 +23,10 @@ from controller.program.program import CutCone, CutNurbs, CutRuled
 from controller.verify import fits, tables
 from controller.verify.console import Refused, bar, refusals, say, show
 
-Argument = Annotated[Path, typer.Argument(help="The part program.")]
-Tolerance = Annotated[float, typer.Option("--tolerance", help="Of the form, mm, ends included.")]
-MachineFile = Annotated[str, typer.Option("--machine", help="Machine file, or the name of a shipped one.")]
-Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
+Argument = Annotated[Path, typer.Argument()]
+Tolerance = Annotated[float, typer.Option("--tolerance")]
+MachineFile = Annotated[str, typer.Option("--machine")]
+Json = Annotated[bool, typer.Option("--json")]
 
 MIN_MM, MAX_MM = 1e-4, 10.0
 FIT_S = 5.0  # that one surface takes, about

@@ -10,8 +10,7 @@ import typer
 from controller.machine import setup_data
 from controller.machine.model import Machine
 
-FITTED = "What was set at a machine: its state folder, or the fitting.json of one; default: nothing."
-Fitted = Annotated[Path | None, typer.Option("--fitted", help=FITTED)]
+Fitted = Annotated[Path | None, typer.Option("--fitted")]
 
 
 def laid(machine: Machine, fitted: Path | None) -> Machine:

@@ -20,9 +20,9 @@ from drives.commissioning import dcf, setup, sheet
 from drives.commissioning.remote import NMT_PRE_OPERATIONAL
 from drives.commissioning.wanted import Settings
 
-DriveName = Annotated[str, typer.Argument(metavar="X", help="The axis, 'spindle' or 'io'; or a node id.")]
-Address = Annotated[bool, typer.Option("--address", help="Makers' objects of node id and bit rate, too.")]
-File = Annotated[Path, typer.Argument(metavar="FILE.dcf", help="The drive's set-up (DCF, CiA 306).")]
+DriveName = Annotated[str, typer.Argument(metavar="X")]
+Address = Annotated[bool, typer.Option("--address")]
+File = Annotated[Path, typer.Argument(metavar="FILE.dcf")]
 
 
 def save(
@@ -88,7 +88,7 @@ def restore(
     machine: MachineFile = "trunnion",
     bus: OnBus = "",
     channel: Channel = "",
-    store: Annotated[bool, typer.Option("--store", help="Have the drive keep it (1010h).")] = False,
+    store: Annotated[bool, typer.Option("--store")] = False,
     address: Address = False,
     as_json: Json = False,
 ) -> None:

@@ -16,13 +16,13 @@ from controller.verify.console import show, word
 
 @speaking
 def maintenance(
-    name: Annotated[str, typer.Argument(help="Of a job; without one, all are listed.")] = "",
+    name: Annotated[str, typer.Argument()] = "",
     every: Annotated[
         float | None,
-        typer.Option("--every", help="How often, in the counter's unit; 0: no more."),
+        typer.Option("--every"),
     ] = None,
-    counter: Annotated[str, typer.Option("--counter", help="An axis, motion or spindle.")] = "",
-    done: Annotated[bool, typer.Option("--done", help="It was done just now.")] = False,
+    counter: Annotated[str, typer.Option("--counter")] = "",
+    done: Annotated[bool, typer.Option("--done")] = False,
     url: Url = remote.URL,
     as_json: Json = False,
 ) -> None:

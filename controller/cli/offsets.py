@@ -20,27 +20,13 @@ EVERY = Mapping[str, str | float]
 
 @speaking
 def offsets(
-    name: Annotated[str, typer.Argument(help="Of an offset that is to be set, as G54.")] = "",
-    origin: Annotated[str, typer.Option("--origin", help="X,Y,Z of it on the table, mm.")] = "",
-    turned: Annotated[
-        str, typer.Option("--turned", help="A,B,C: degrees about X, then Y, then Z of the table.")
-    ] = "",
-    rotary: Annotated[
-        list[str] | None, typer.Option("--rotary", help="By what words of a rotary are shifted, as C=15.")
-    ] = None,
-    touch: Annotated[
-        list[str] | None,
-        typer.Option("--touch", help="What an axis reads here from now on, as Z=0, Z=5/2 or Z=+0.1."),
-    ] = None,
-    tool: Annotated[
-        int | None,
-        typer.Option(
-            "--tool", help="With --touch: as under G43 with another tool than the one in the spindle."
-        ),
-    ] = None,
-    forget: Annotated[
-        str, typer.Option("--forget", help="Take the machine file's again: G54, G92, G28, T3, #500, all.")
-    ] = "",
+    name: Annotated[str, typer.Argument()] = "",
+    origin: Annotated[str, typer.Option("--origin")] = "",
+    turned: Annotated[str, typer.Option("--turned")] = "",
+    rotary: Annotated[list[str] | None, typer.Option("--rotary")] = None,
+    touch: Annotated[list[str] | None, typer.Option("--touch")] = None,
+    tool: Annotated[int | None, typer.Option("--tool")] = None,
+    forget: Annotated[str, typer.Option("--forget")] = "",
     take_over: TakeOver = False,
     url: Url = remote.URL,
     as_json: Json = False,

@@ -15,19 +15,13 @@ from controller.verify.console import Refused, refusals, tell
 if TYPE_CHECKING:
     from controller.api.store import Store
 
-Host = Annotated[str, typer.Option("--host", help="Address to listen on; beyond this computer with users.")]
-Port = Annotated[int, typer.Option("--port", min=0, max=65535, help="TCP port.")]
-State = Annotated[
-    Path | None, typer.Option("--state", help="Folder of what is kept; default: systemd's or the user's.")
-]
-Runtime = Annotated[
-    Path | None, typer.Option("--runtime", help="Folder of the socket; default: systemd's or the user's.")
-]
-Certificate = Annotated[Path | None, typer.Option("--tls-certificate", help="PEM file, with its chain.")]
-Key = Annotated[Path | None, typer.Option("--tls-key", help="PEM file of the certificate's key.")]
-Proxy = Annotated[
-    str, typer.Option("--proxy", help="Address of the proxy that does TLS; its X-Forwarded-... are believed.")
-]
+Host = Annotated[str, typer.Option("--host")]
+Port = Annotated[int, typer.Option("--port", min=0, max=65535)]
+State = Annotated[Path | None, typer.Option("--state")]
+Runtime = Annotated[Path | None, typer.Option("--runtime")]
+Certificate = Annotated[Path | None, typer.Option("--tls-certificate")]
+Key = Annotated[Path | None, typer.Option("--tls-key")]
+Proxy = Annotated[str, typer.Option("--proxy")]
 
 CLOSE_S = 3  # for requests under way, at the end
 EXTRA = "The panel needs more packages: install directrix with its extra (pip install 'directrix[panel]')."
@@ -41,10 +35,8 @@ def panel(
     tls_certificate: Certificate = None,
     tls_key: Key = None,
     proxy: Proxy = "",
-    page: Annotated[bool, typer.Option("--page/--no-page", help="Or the routes alone.")] = True,
-    anybody_stops: Annotated[
-        bool, typer.Option("--anybody-may-stop", help="Hold, stop and e-stop also for users who only look.")
-    ] = False,
+    page: Annotated[bool, typer.Option("--page/--no-page")] = True,
+    anybody_stops: Annotated[bool, typer.Option("--anybody-may-stop")] = False,
 ) -> None:
     """Serve programs, status and control of a machine over HTTP; it may end and come back at any time."""
     from controller.cli import panel_users

@@ -22,15 +22,13 @@ from controller.verify.console import Refused, refusals, say, show
 if TYPE_CHECKING:
     from controller.api.store import Store
 
-users = typer.Typer(no_args_is_help=True, help="Users of the panel: add, list, remove.")
-tokens = typer.Typer(no_args_is_help=True, help="Tokens of scripts: add, list, remove.")
+users = typer.Typer(no_args_is_help=True)
+tokens = typer.Typer(no_args_is_help=True)
 
-Name = Annotated[str, typer.Argument(help="Up to 40 letters, digits and . _ @ -")]
-Role = Annotated[
-    Literal["view", "operate", "set_up"], typer.Option("--role", help="Each may do what those before it may.")
-]
-Days = Annotated[float | None, typer.Option("--days", help="It expires after so many; default: never.")]
-State = Annotated[Path | None, typer.Option("--state", help="Folder of what is kept.")]
+Name = Annotated[str, typer.Argument()]
+Role = Annotated[Literal["view", "operate", "set_up"], typer.Option("--role")]
+Days = Annotated[float | None, typer.Option("--days")]
+State = Annotated[Path | None, typer.Option("--state")]
 
 NAME = re.compile(r"[A-Za-z0-9_.@-]{1,40}")
 SHORTEST = 8

@@ -34,15 +34,13 @@ from controller.verify.judge import Zone, judge
 from controller.verify.nominal import Nominal
 from controller.verify.sweep import Pass
 
-Argument = Annotated[Path, typer.Argument(help="The part program.")]
-Chord = Annotated[float, typer.Option("--chord", help="mm that a line may leave the path.")]
-Out = Annotated[
-    Path | None, typer.Option("--out", help="Stem of the two files; default: beside the program.")
-]
-Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace files that are there.")]
-Exact = Annotated[bool, typer.Option("--exact", help="G61 instead of G64 P with the chord.")]
-MachineFile = Annotated[str, typer.Option("--machine", help="Machine file, or the name of a shipped one.")]
-Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
+Argument = Annotated[Path, typer.Argument()]
+Chord = Annotated[float, typer.Option("--chord")]
+Out = Annotated[Path | None, typer.Option("--out")]
+Overwrite = Annotated[bool, typer.Option("--overwrite")]
+Exact = Annotated[bool, typer.Option("--exact")]
+MachineFile = Annotated[str, typer.Option("--machine")]
+Json = Annotated[bool, typer.Option("--json")]
 
 LONGER_MM = 0.2  # of the cutter's end, for the comparison
 SAME_MM = 0.02  # a tip so near to the nearest is there, too

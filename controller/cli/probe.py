@@ -17,18 +17,12 @@ from controller.verify.console import show, word
 
 @speaking
 def probe(
-    cycle: Annotated[str | None, typer.Argument(help="Its name; without one, all are listed.")] = None,
-    values: Annotated[
-        list[str] | None, typer.Argument(help="Its values, as towards=X- most=20; others are as usual.")
-    ] = None,
-    offset: Annotated[str, typer.Option("--offset", help="Work offset to set by it, as G54.")] = "none",
-    found: Annotated[bool, typer.Option("--found", help="List what cycles have found.")] = False,
-    table: Annotated[
-        Path | None, typer.Option("--csv", help="Write what cycles have found into this file.")
-    ] = None,
-    touches: Annotated[
-        Path | None, typer.Option("--touches", help="Write the last touches into this file, for calibrate.")
-    ] = None,
+    cycle: Annotated[str | None, typer.Argument()] = None,
+    values: Annotated[list[str] | None, typer.Argument()] = None,
+    offset: Annotated[str, typer.Option("--offset")] = "none",
+    found: Annotated[bool, typer.Option("--found")] = False,
+    table: Annotated[Path | None, typer.Option("--csv")] = None,
+    touches: Annotated[Path | None, typer.Option("--touches")] = None,
     take_over: TakeOver = False,
     url: Url = remote.URL,
     as_json: Json = False,

@@ -46,24 +46,16 @@ if TYPE_CHECKING:
     from controller.runtime.stepped import Run, SteppedMachine
     from controller.verify.trace import Trace
 
-ProgramFile = Annotated[Path, typer.Argument(help="The part program.")]
-MachineFile = Annotated[str, typer.Option("--machine", help="Machine file, or the name of a shipped one.")]
-Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
-BlockDelete = Annotated[bool, typer.Option("--block-delete", help="Leave lines out that begin with /.")]
-Gouge = Annotated[
-    Literal["refuse", "warn"] | None, typer.Option("--gouge", help="Default: the machine file's.")
-]
-Dialect = Annotated[
-    Literal["rs274", "fanuc"] | None, typer.Option("--dialect", help="Default: the machine file's.")
-]
-PeriodMs = Annotated[float | None, typer.Option("--period-ms", help="Instead of the machine file's period.")]
+ProgramFile = Annotated[Path, typer.Argument()]
+MachineFile = Annotated[str, typer.Option("--machine")]
+Json = Annotated[bool, typer.Option("--json")]
+BlockDelete = Annotated[bool, typer.Option("--block-delete")]
+Gouge = Annotated[Literal["refuse", "warn"] | None, typer.Option("--gouge")]
+Dialect = Annotated[Literal["rs274", "fanuc"] | None, typer.Option("--dialect")]
+PeriodMs = Annotated[float | None, typer.Option("--period-ms")]
 
-Store = Annotated[
-    Path | None, typer.Option("--store", help="Folder of stored checks; default: the user's state folder.")
-]
-Unchecked = Annotated[
-    bool, typer.Option("--unchecked", help="Start with the first blocks; refuse later ones on the way.")
-]
+Store = Annotated[Path | None, typer.Option("--store")]
+Unchecked = Annotated[bool, typer.Option("--unchecked")]
 
 PARTS = {"cone": "example1_ready", "ruled": "example2_ready"}
 
@@ -158,23 +150,16 @@ def check(
         Path | None,
         typer.Argument(
             metavar="[PROGRAM|DIR]",
-            help="The part program, or a folder of them; none: only the machine is checked.",
         ),
     ] = None,
-    machine: Annotated[
-        str, typer.Option("--machine", help="Machine file, or the name of a shipped one; default trunnion.")
-    ] = "",
+    machine: Annotated[str, typer.Option("--machine")] = "",
     gouge: Gouge = None,
     block_delete: BlockDelete = False,
     dialect: Dialect = None,
     fitted: Fitted = None,
     store: Store = None,
-    report: Annotated[
-        Path | None, typer.Option("--report", metavar="FILE", help="Of a folder: write a page of it (.html).")
-    ] = None,
-    plot: Annotated[
-        Path | None, typer.Option("--plot", help="Of a program: draw times, limits and travel (.png).")
-    ] = None,
+    report: Annotated[Path | None, typer.Option("--report", metavar="FILE")] = None,
+    plot: Annotated[Path | None, typer.Option("--plot")] = None,
     count: workers.Count = 0,
     cluster: workers.Cluster = "",
     as_json: Json = False,
@@ -317,19 +302,13 @@ def simulate(
     block_delete: BlockDelete = False,
     dialect: Dialect = None,
     fitted: Fitted = None,
-    trace_file: Annotated[
-        Path | None, typer.Option("--trace", help="Write every tick (.npz, or .parquet).")
-    ] = None,
-    events: Annotated[Path | None, typer.Option("--events", help="Requests at ticks (JSON lines).")] = None,
-    faults: Annotated[Path | None, typer.Option("--faults", help="Script of faults.")] = None,
-    faults_from: Annotated[
-        Literal["program", "home"], typer.Option("--faults-from", help="What its times count from.")
-    ] = "program",
-    plot: Annotated[Path | None, typer.Option("--plot", help="Draw the cut (.png).")] = None,
-    part: Annotated[
-        Path | None, typer.Option("--part", help="What a probe can touch, and the spindle cuts (.toml).")
-    ] = None,
-    touches: Annotated[Path | None, typer.Option("--touches", help="Where it has touched (.csv).")] = None,
+    trace_file: Annotated[Path | None, typer.Option("--trace")] = None,
+    events: Annotated[Path | None, typer.Option("--events")] = None,
+    faults: Annotated[Path | None, typer.Option("--faults")] = None,
+    faults_from: Annotated[Literal["program", "home"], typer.Option("--faults-from")] = "program",
+    plot: Annotated[Path | None, typer.Option("--plot")] = None,
+    part: Annotated[Path | None, typer.Option("--part")] = None,
+    touches: Annotated[Path | None, typer.Option("--touches")] = None,
     store: Store = None,
     unchecked: Unchecked = False,
     as_json: Json = False,
@@ -545,17 +524,13 @@ def _write(
 
 
 def demo(
-    part: Annotated[
-        Literal["cone", "ruled"], typer.Option("--part", help="The paper's Example 1, or 2.")
-    ] = "cone",
-    out: Annotated[Path, typer.Option("--out", help="Folder for picture and trace.")] = Path("demo"),
+    part: Annotated[Literal["cone", "ruled"], typer.Option("--part")] = "cone",
+    out: Annotated[Path, typer.Option("--out")] = Path("demo"),
     store: Store = None,
     unchecked: Unchecked = False,
-    period_ms: Annotated[float, typer.Option("--period-ms", help="Of the tick.")] = 5.0,
-    panel: Annotated[
-        bool, typer.Option("--panel", help="A simulated machine with its page instead, until Ctrl-C.")
-    ] = False,
-    port: Annotated[int, typer.Option("--port", min=1, max=65535, help="Of the page.")] = 8080,
+    period_ms: Annotated[float, typer.Option("--period-ms")] = 5.0,
+    panel: Annotated[bool, typer.Option("--panel")] = False,
+    port: Annotated[int, typer.Option("--port", min=1, max=65535)] = 8080,
     as_json: Json = False,
 ) -> None:
     """Cut one of the paper's parts in real time on the virtual bus, with simulated drives."""

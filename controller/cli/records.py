@@ -20,18 +20,16 @@ from controller.verify.console import Refused, refusals, show, spoken
 
 Recording = Annotated[
     Path,
-    typer.Argument(help="A trace (.npz, .parquet), or the folder of a fault or of a run."),
+    typer.Argument(),
 ]
-Tolerance = Annotated[
-    float, typer.Option("--tolerance", min=0.0, help="That values may be apart, in the unit of their column.")
-]
-Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
+Tolerance = Annotated[float, typer.Option("--tolerance", min=0.0)]
+Json = Annotated[bool, typer.Option("--json")]
 
 
 @speech.speaking
 def export(
     recording: Recording,
-    out: Annotated[Path, typer.Argument(metavar="OUT", help="The file to be written (.parquet).")],
+    out: Annotated[Path, typer.Argument(metavar="OUT")],
     as_json: Json = False,
 ) -> None:
     """Write a recording as Parquet, with units and meanings of its columns: for pandas, Polars, DuckDB ...

@@ -18,21 +18,13 @@ from controller.verify.console import AS_ASKED, Refused, as_asked, bar, refusals
 
 RunName = Annotated[
     str,
-    typer.Argument(
-        metavar="RUN", help="The folder of a run's record, or its number or name in the state folder."
-    ),
+    typer.Argument(metavar="RUN"),
 ]
-State = Annotated[
-    Path | None, typer.Option("--state", help="Folder of what is kept, for a number or a name.")
-]
-MachineFile = Annotated[
-    str | None, typer.Option("--machine", help="Machine file; default: the one that the record has.")
-]
-ProgramFile = Annotated[
-    Path | None, typer.Option("--program", help="Part program; default: the one that the record has.")
-]
-Trace = Annotated[Path | None, typer.Option("--trace", help="Write every tick of the repetition (.npz).")]
-Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
+State = Annotated[Path | None, typer.Option("--state")]
+MachineFile = Annotated[str | None, typer.Option("--machine")]
+ProgramFile = Annotated[Path | None, typer.Option("--program")]
+Trace = Annotated[Path | None, typer.Option("--trace")]
+Json = Annotated[bool, typer.Option("--json")]
 
 
 def replay(

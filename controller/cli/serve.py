@@ -22,37 +22,25 @@ from controller.verify.console import Refused, refusals, tell
 
 NOTIFY_S = 5.0  # for systemd to make room
 
-MachineFile = Annotated[str, typer.Option("--machine", help="Machine file, or the name of a shipped one.")]
+MachineFile = Annotated[str, typer.Option("--machine")]
 
 
 def serve(
     machine: MachineFile = "trunnion",
-    simulate: Annotated[
-        bool, typer.Option("--simulate", help="Virtual buses with simulated drives.")
-    ] = False,
+    simulate: Annotated[bool, typer.Option("--simulate")] = False,
     part: Annotated[
         Path | None,
-        typer.Option(
-            "--part", help="Simulated: what can be touched and cut (.toml); default: a block with a bore."
-        ),
+        typer.Option("--part"),
     ] = None,
-    state: Annotated[
-        Path | None, typer.Option("--state", help="Folder of what is kept; default: systemd's or the user's.")
-    ] = None,
-    runtime: Annotated[
-        Path | None, typer.Option("--runtime", help="Folder of the socket; default: systemd's or the user's.")
-    ] = None,
-    period_ms: Annotated[
-        float | None, typer.Option("--period-ms", help="Instead of the machine file's period.")
-    ] = None,
+    state: Annotated[Path | None, typer.Option("--state")] = None,
+    runtime: Annotated[Path | None, typer.Option("--runtime")] = None,
+    period_ms: Annotated[float | None, typer.Option("--period-ms")] = None,
     late: Annotated[
         Literal["stop", "count"] | None,
-        typer.Option("--late", help="Of late ticks; default: the machine file's, simulated 'count'."),
+        typer.Option("--late"),
     ] = None,
-    group: Annotated[str, typer.Option("--group", help="Whose members may use the socket, too.")] = "",
-    pendant: Annotated[
-        Path | None, typer.Option("--pendant", help="Settings of a handwheel or gamepad (TOML).")
-    ] = None,
+    group: Annotated[str, typer.Option("--group")] = "",
+    pendant: Annotated[Path | None, typer.Option("--pendant")] = None,
 ) -> None:
     """Drive a machine: drives, planner and tick, with a local socket for panel and scripts."""
     from drives.bus import BusError

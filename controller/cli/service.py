@@ -25,17 +25,16 @@ from controller.verify.console import Refused, refusals, show, tell
 app = typer.Typer(
     add_completion=False,
     no_args_is_help=True,
-    help="The services of a machine under systemd: install, uninstall, status, self-test.",
 )
 
 Root = Annotated[
     Path | None,
-    typer.Option("--root", help="Write below this folder and leave the running system alone (images)."),
+    typer.Option("--root"),
 ]
-Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
+Json = Annotated[bool, typer.Option("--json")]
 MachineFile = Annotated[
     str | None,
-    typer.Option("--machine", help="Machine file, or the name of a shipped one; default: the installed one."),
+    typer.Option("--machine"),
 ]
 HIDDEN = ("/home", "/root", "/run/user", "/tmp", "/var/tmp")  # ProtectHome=yes, PrivateTmp=yes
 SHOWN = ("LoadState", "ActiveState", "SubState", "Result", "NRestarts", "MainPID", "StatusText")
@@ -48,11 +47,9 @@ NOT_RUNNING = 3  # exit code, as systemctl's
 @app.command()
 def install(
     machine: MachineFile = None,
-    simulate: Annotated[
-        bool | None, typer.Option("--simulate/--no-simulate", help="With simulated drives.")
-    ] = None,
-    panel: Annotated[str | None, typer.Option("--panel", help="Options of `directrix panel`.")] = None,
-    start: Annotated[bool, typer.Option("--start", help="Start the services, too.")] = False,
+    simulate: Annotated[bool | None, typer.Option("--simulate/--no-simulate")] = None,
+    panel: Annotated[str | None, typer.Option("--panel")] = None,
+    start: Annotated[bool, typer.Option("--start")] = False,
     root: Root = None,
     as_json: Json = False,
 ) -> None:
@@ -262,8 +259,8 @@ def _sentence(unit: dict[str, str]) -> str:
 @app.command("self-test")
 def self_tests(
     machine: MachineFile = None,
-    seconds: Annotated[float, typer.Option("--seconds", help="How long latency is measured.")] = 5.0,
-    state: Annotated[Path, typer.Option("--state", help="Folder of programs and recordings.")] = STATE,
+    seconds: Annotated[float, typer.Option("--seconds")] = 5.0,
+    state: Annotated[Path, typer.Option("--state")] = STATE,
     as_json: Json = False,
 ) -> None:
     """Whether this computer can run the machine: one line each, pass or fail, with the remedy.

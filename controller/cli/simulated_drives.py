@@ -8,6 +8,7 @@ from typing import Annotated, Literal, NoReturn
 
 import typer
 
+from controller.cli.help_texts import CHANNEL
 from controller.machine import drive_profiles, machine_file, nodes
 from controller.machine.toml_table import ConfigError
 from controller.runtime import simulation
@@ -24,46 +25,33 @@ from drives.virtual.hub import Hub
 
 LostSyncs = Literal["hold", "extrapolate", "fault", "quick_stop"]  # of drives.simulated
 
-CHANNEL = Path(tempfile.gettempdir()) / "directrix-can"
 BIT_RATE = 1_000_000
 COUNTS_PER_REV = 4096.0  # of a spindle that no machine file describes
 LAST_NODE = 127
 
 Devices = list[SimulatedDrive | IoNode]
-Ids = Annotated[str, typer.Option(help="Node ids, e.g. 1-5 or 1,2,7.")]
+Ids = Annotated[str, typer.Option()]
 
 
 def simulate(
-    profile: Annotated[str, typer.Option("--profile", help="Their family: a shipped profile, or a file.")] = (
-        "simulated"
-    ),
-    eds: Annotated[Path | None, typer.Option("--eds", help="Data sheet they answer by.")] = None,
-    ids: Annotated[str, typer.Option("--nodes", help="Node ids of the drives, e.g. 1-5 or 1,2,7.")] = "1-5",
+    profile: Annotated[str, typer.Option("--profile")] = ("simulated"),
+    eds: Annotated[Path | None, typer.Option("--eds")] = None,
+    ids: Annotated[str, typer.Option("--nodes")] = "1-5",
     spindle: Ids = "",
     io: Ids = "",
-    machine: Annotated[str, typer.Option("--machine", help="Instead: the nodes of this machine ...")] = "",
-    bus: Annotated[str, typer.Option("--bus", help="... on this bus.")] = "",
-    channel: Annotated[
-        str, typer.Option("--channel", help=f"Path of the virtual bus; {CHANNEL} if not said.")
-    ] = "",
-    interface: Annotated[str, typer.Option("--socketcan", help="Instead: a CAN interface, as vcan0.")] = "",
-    bit_rate: Annotated[
-        int | None, typer.Option("--bit-rate", help="bit/s; 0 = frames take no time, as on a CAN interface.")
-    ] = None,
-    worst_stuffing: Annotated[
-        bool, typer.Option("--worst-stuffing", help="Let every frame take as long as it can.")
-    ] = False,
-    write_eds: Annotated[
-        Path | None, typer.Option("--write-eds", help="Write the data sheet that such drives answer by.")
-    ] = None,
-    bare: Annotated[bool, typer.Option("--bare", help="Without what the profile calls optional.")] = False,
-    lost_sync: Annotated[LostSyncs, typer.Option("--lost-sync", help="What they do then.")] = "hold",
-    faults: Annotated[Path | None, typer.Option("--faults", help="Script of faults on the bus.")] = None,
-    log: Annotated[Path | None, typer.Option("--log", help="Candump log of every frame.")] = None,
-    socketcand: Annotated[
-        int | None, typer.Option("--socketcand", help="Serve socketcand on this port of 127.0.0.1.")
-    ] = None,
-    slcan: Annotated[Path | None, typer.Option("--slcan", help="Make a terminal that speaks slcan.")] = None,
+    machine: Annotated[str, typer.Option("--machine")] = "",
+    bus: Annotated[str, typer.Option("--bus")] = "",
+    channel: Annotated[str, typer.Option("--channel")] = "",
+    interface: Annotated[str, typer.Option("--socketcan")] = "",
+    bit_rate: Annotated[int | None, typer.Option("--bit-rate")] = None,
+    worst_stuffing: Annotated[bool, typer.Option("--worst-stuffing")] = False,
+    write_eds: Annotated[Path | None, typer.Option("--write-eds")] = None,
+    bare: Annotated[bool, typer.Option("--bare")] = False,
+    lost_sync: Annotated[LostSyncs, typer.Option("--lost-sync")] = "hold",
+    faults: Annotated[Path | None, typer.Option("--faults")] = None,
+    log: Annotated[Path | None, typer.Option("--log")] = None,
+    socketcand: Annotated[int | None, typer.Option("--socketcand")] = None,
+    slcan: Annotated[Path | None, typer.Option("--slcan")] = None,
 ) -> None:
     """Simulated drives of a family or a machine, until Ctrl-C: on a virtual bus, or on a CAN interface."""
     expected = (ConfigError, ScriptError, InterfaceError)

@@ -16,19 +16,18 @@ from controller.cli import checkout, speech
 from controller.verify import console
 from controller.verify.console import Refused, bar, refusals, show, tell
 
-Hours = Annotated[float, typer.Option("--hours", min=0.0, help="How long.")]
-Seed = Annotated[int | None, typer.Option("--seed", help="Of all that is drawn; default: another each time.")]
-First = Annotated[int, typer.Option("--first", min=0, help="Number of the run to begin with.")]
-Runs = Annotated[int | None, typer.Option("--runs", min=1, help="At most so many.")]
+Hours = Annotated[float, typer.Option("--hours", min=0.0)]
+Seed = Annotated[int | None, typer.Option("--seed")]
+First = Annotated[int, typer.Option("--first", min=0)]
+Runs = Annotated[int | None, typer.Option("--runs", min=1)]
 Clock = Annotated[
     Literal["stepped", "real"],
     typer.Option(
         "--clock",
-        help="stepped: simulated time, as fast as it goes; real: a service with its panel, as in a shop.",
     ),
 ]
-Out = Annotated[Path, typer.Option("--out", help="Folder of what does not hold.")]
-Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
+Out = Annotated[Path, typer.Option("--out")]
+Json = Annotated[bool, typer.Option("--json")]
 
 
 @speech.speaking

@@ -10,11 +10,11 @@ from typing import Annotated, Any
 import typer
 
 from controller import messages
+from controller.cli.help_texts import ENVIRONMENT
 from controller.verify import console
 from controller.verify.console import spoken
 
-HELP = f"Of what is said: {', '.join(messages.LANGUAGES)}."
-Language = Annotated[str, typer.Option("--language", envvar="DIRECTRIX_LANGUAGE", help=HELP)]
+Language = Annotated[str, typer.Option("--language", envvar=ENVIRONMENT)]
 
 
 def header() -> dict[str, str]:

@@ -15,8 +15,8 @@ from drives import bus as buses
 from drives import commission, pdo, quick_stop
 from drives.settings import BusSettings
 
-MachineFile = Annotated[str, typer.Option("--machine", help="Machine file, or the name of a shipped one.")]
-Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
+MachineFile = Annotated[str, typer.Option("--machine")]
+Json = Annotated[bool, typer.Option("--json")]
 
 
 def stop(machine: MachineFile = "trunnion", as_json: Json = False) -> None:

@@ -27,40 +27,23 @@ KEPT = ("name", "radius_mm", "length_mm", "flute_mm")  # what REST asks for of a
 
 @speaking
 def tools(
-    values: Annotated[
-        list[str] | None, typer.Argument(help="With --set, as radius_mm=3 wear_length_mm=-0.02.")
-    ] = None,
-    change: Annotated[
-        int | None, typer.Option("--set", help="Number of a tool that is made or changed, by its values.")
-    ] = None,
-    touch: Annotated[
-        list[str] | None,
-        typer.Option("--touch", help="With --set: its length, by what an axis reads here with it, as Z=0."),
-    ] = None,
-    delete: Annotated[int | None, typer.Option("--delete", help="A tool, out of the table.")] = None,
-    write: Annotated[Path | None, typer.Option("--export", help="Write it: FILE.tbl or FILE.json.")] = None,
-    read: Annotated[
-        Path | None, typer.Option("--import", help="Take its tools: FILE.tbl or FILE.json.")
-    ] = None,
+    values: Annotated[list[str] | None, typer.Argument()] = None,
+    change: Annotated[int | None, typer.Option("--set")] = None,
+    touch: Annotated[list[str] | None, typer.Option("--touch")] = None,
+    delete: Annotated[int | None, typer.Option("--delete")] = None,
+    write: Annotated[Path | None, typer.Option("--export")] = None,
+    read: Annotated[Path | None, typer.Option("--import")] = None,
     flute: Annotated[
         float | None,
-        typer.Option("--flute", help="With --import: length that cuts, where nothing says it."),
+        typer.Option("--flute"),
     ] = None,
-    picture: Annotated[
-        int | None, typer.Option("--picture", help="Number of a tool: its profile as SVG.")
-    ] = None,
-    life: Annotated[
-        int | None, typer.Option("--life", help="Number of a tool: its limits, given by the four below.")
-    ] = None,
-    minutes: Annotated[float | None, typer.Option("--minutes", help="Of cut; 0: no limit.")] = None,
-    metres: Annotated[float | None, typer.Option("--metres", help="Of cut; 0: no limit.")] = None,
-    parts: Annotated[int | None, typer.Option("--parts", help="That it cuts; 0: no limit.")] = None,
-    sister: Annotated[
-        int | None, typer.Option("--sister", help="Tool that comes once it is worn; 0: none.")
-    ] = None,
-    renewed: Annotated[
-        int | None, typer.Option("--renewed", help="Number of a tool that has a new edge.")
-    ] = None,
+    picture: Annotated[int | None, typer.Option("--picture")] = None,
+    life: Annotated[int | None, typer.Option("--life")] = None,
+    minutes: Annotated[float | None, typer.Option("--minutes")] = None,
+    metres: Annotated[float | None, typer.Option("--metres")] = None,
+    parts: Annotated[int | None, typer.Option("--parts")] = None,
+    sister: Annotated[int | None, typer.Option("--sister")] = None,
+    renewed: Annotated[int | None, typer.Option("--renewed")] = None,
     take_over: TakeOver = False,
     url: Url = remote.URL,
     as_json: Json = False,

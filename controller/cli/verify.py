@@ -34,21 +34,17 @@ from controller.verify.nominal import Nominal
 from controller.verify.sweep import FIT_MM, Pass
 from controller.workers import Spread
 
-Argument = Annotated[Path, typer.Argument(help="The program, or a trace of it (.npz, or a fault's folder).")]
-Program = Annotated[Path | None, typer.Option("--program", help="The program that a trace is of.")]
-MachineFile = Annotated[str, typer.Option("--machine", help="Machine file, or the name of a shipped one.")]
-Commanded = Annotated[
-    bool, typer.Option("--commanded", help="Of a trace: what the drives were told, not what they did.")
-]
-GougeWord = Annotated[
-    Literal["refuse", "warn"] | None, typer.Option("--gouge", help="Default: the machine file's.")
-]
+Argument = Annotated[Path, typer.Argument()]
+Program = Annotated[Path | None, typer.Option("--program")]
+MachineFile = Annotated[str, typer.Option("--machine")]
+Commanded = Annotated[bool, typer.Option("--commanded")]
+GougeWord = Annotated[Literal["refuse", "warn"] | None, typer.Option("--gouge")]
 BoundWord = Annotated[
     bool,
-    typer.Option("--bound", help="Beside each placed surface the best that a search of its own comes to."),
+    typer.Option("--bound"),
 ]
-Plot = Annotated[Path | None, typer.Option("--plot", help="Draw heat maps and the part (.png).")]
-Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
+Plot = Annotated[Path | None, typer.Option("--plot")]
+Json = Annotated[bool, typer.Option("--json")]
 
 MAX_ROWS = 40  # of the table
 BOUND_S = 5.0  # that the search for one surface takes, about

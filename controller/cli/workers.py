@@ -11,12 +11,10 @@ import typer
 from controller import messages, workers
 from controller.verify.console import Refused, spoken
 
-Count = Annotated[
-    int, typer.Option("--workers", min=0, metavar="N", help="Processes that share the work; 0: one per core.")
-]
+Count = Annotated[int, typer.Option("--workers", min=0, metavar="N")]
 Cluster = Annotated[
     str,
-    typer.Option("--cluster", metavar="ADDRESS", help="A Dask scheduler whose workers share it instead."),
+    typer.Option("--cluster", metavar="ADDRESS"),
 ]
 
 

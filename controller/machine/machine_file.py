@@ -213,7 +213,7 @@ def with_period(machine: Machine, period_s: float) -> Machine:
     if PERIODS_S[0] <= period_s <= PERIODS_S[1]:
         return replace(machine, period_s=period_s)
     wrong = said("file.out_of_range", allowed=said("file.may.number", span=span(*PERIODS_S)))
-    raise ConfigError(said("file.period", name=machine.name, period=period_s, what=wrong))
+    raise ConfigError(said("file.period", name=machine.name, period=f"{period_s:g}", what=wrong))
 
 
 def _axis(table: Table, buses: tuple[Bus, ...], files: NamedFiles) -> Axis:
