@@ -200,9 +200,6 @@ def _troubles(status: Status) -> Iterator[Text]:
     sequence = status.get("sequence") or {}
     if sequence.get("state") == "failed":
         yield Text(f"{sequence.get('name')}: {sequence.get('sentence')}", "yellow")
-    for notice in status.get("notices") or ():
-        if notice.get("name") == "TICK_STANDS":
-            yield Text(str(notice.get("sentence")), "bold red")
     warning = status.get("warning")
     if isinstance(warning, Mapping):
         warning = warning.get("sentence") or warning.get("name")

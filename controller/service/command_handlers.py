@@ -38,7 +38,7 @@ from controller.service.refusals import by_fault, number, refused, switch, whole
 from controller.service.sequencer import Going
 from controller.service.service import Service
 from controller.service.thread_guard import way_out
-from controller.state.modes import Mode, Request, bars
+from controller.state.modes import MOVES, Mode, Request, bars
 from controller.tick.mode import MAX_OVERRIDE, SPINDLE_OVERRIDES
 
 MAX_DISTANCE = 1e5  # mm or degrees of one step; the travel is the tick's own limit
@@ -142,12 +142,15 @@ class Desk:
         self, request: Request, value: float = 0.0, instead: Values | None = None, **told: Any
     ) -> Answer:
         """A datagram to the tick, and what it answers; see ``Acknowledged``. Raises CommandRefused."""
-        self._service.now()
+        now = self._service.now()
+        if request in MOVES:
+            preconditions.tick_goes_on(self._service, now, request.name)
         return self._answers.of(self._service.engine.request(request, value), request, told, instead)
 
     def _permitted(self, request: Request) -> Snapshot:
         """The newest snapshot. Raises CommandRefused where it refuses the request."""
         now = self._service.now()
+        preconditions.tick_goes_on(self._service, now, request.name)
         if why := refusal(self._service.machine, now, request):
             raise CommandRefused("refused", why, now.mode.name, request.name)
         return now
@@ -303,6 +306,7 @@ class Desk:
         service = self._service
         now = service.now()
         axes = _axis_numbers(service.machine, args.get("axes"), now.mode)
+        preconditions.tick_goes_on(service, now, "HOME")
         if now.mode is not Mode.READY:  # there the drives are switched off first
             self._permitted(Request.HOME)
         preconditions.not_running(self._service, "HOME")
@@ -318,6 +322,7 @@ class Desk:
             service.engine.tick_alive
             and now is not None
             and now.mode is not Mode.FAULT
+            and not service.stands(now)
             and service.commissioned
         ):
             raise refused("no_fault", now.mode.name, "RESET")

@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import contextlib
 import socket
+import subprocess
 import threading
 import time
 from collections import deque
@@ -153,6 +154,11 @@ class Engine:
         run.line.close()
         run.operator.close()
         run.plan_end.close()
+
+    def end_tick(self) -> None:
+        """One that hangs; then it is gone as if it had died."""
+        with contextlib.suppress(OSError, subprocess.TimeoutExpired):
+            self._there().tick.end()
 
     def end(self) -> None:
         """Everything."""

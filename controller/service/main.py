@@ -16,6 +16,7 @@ from controller.service.command_handlers import Desk
 from controller.service.folders import Folders
 from controller.service.service import POLL_S, Service
 from controller.service.socket_server import Server
+from controller.state.modes import Mode
 
 Tell = Callable[[str], None]  # systemd's notify protocol
 
@@ -122,4 +123,5 @@ def _words(service: Service) -> str:
         return "the tick process is gone"
     shown = service.fault_at(now)
     fault = f", {shown['name']}" if shown else ""
-    return f"{now.mode.name}{fault}" + (f", {job.program.name} line {now.line}" if job is not None else "")
+    mode = Mode.FAULT if service.stands(now) else now.mode
+    return f"{mode.name}{fault}" + (f", {job.program.name} line {now.line}" if job is not None else "")

@@ -3,8 +3,16 @@
 from __future__ import annotations
 
 from controller.ipc.control_socket import CommandRefused
+from controller.ipc.handoff import Snapshot
 from controller.service.refusals import refused
 from controller.service.service import Service
+from controller.state.modes import Mode
+
+
+def tick_goes_on(service: Service, now: Snapshot, request: str) -> None:
+    """What moves the machine is not left with a tick that hangs. Raises CommandRefused."""
+    if service.stands(now):
+        raise refused("tick_does_not_answer", Mode.FAULT.name, request, "gone")
 
 
 def not_running(service: Service, request: str) -> None:

@@ -102,7 +102,10 @@ def _off(now: Snapshot) -> bool:
 
 
 def reset(service: Service) -> Values:
-    """Out of a fault to OFF, as its recovery needs it; a tick that is gone is started anew."""
+    """Out of a fault to OFF, as its recovery needs it; a tick that is gone, or hangs, is started anew."""
+    found = service.engine.snapshot()
+    if service.engine.tick_alive and found is not None and service.stands(found):
+        service.engine.end_tick()
     if not service.engine.tick_alive:
         service.start_engine()
         service.commission()

@@ -55,7 +55,7 @@ from controller.service.thread_guard import ThreadGuard
 from controller.service.tool_changer import ToolChanger
 from controller.service.usage import Usage
 from controller.service.watchdog import STANDS_S, LastSecond, Pulse
-from controller.state.modes import Mode, Request
+from controller.state.modes import Mode, Recovery, Request
 from drives.bus import BusError
 
 JOURNAL = "journal.json"
@@ -201,7 +201,26 @@ class Service:
 
     def fault_at(self, now: Snapshot | None, alive: bool = True) -> dict[str, Any] | None:
         """The fault as it is shown; ``alive``: the tick is."""
+        if now is not None and alive and self.stands(now):
+            return self._of_hung(now)
         return self.troubles.shown if now is None or now.tick < 0 else self.troubles.at(now, alive)
+
+    def stands(self, now: Snapshot) -> bool:
+        """Whether the tick's process is there and does not tick: of the machine nothing is known any more."""
+        return now.tick >= 0 and self.pulse.age_s(now.tick) >= STANDS_S
+
+    def _of_hung(self, now: Snapshot) -> dict[str, Any]:
+        """As ``alarms.of`` has a fault."""
+        return {
+            "name": "TICK_STANDS",
+            "axis": None,
+            **said("tick_stands", seconds=self.pulse.age_s(now.tick)),
+            "cause": said("cause.TICK_STANDS"),
+            "remedy": said("remedy.TICK_STANDS"),
+            "recovery": Recovery.RESTART.name.lower(),
+            "position_trusted": False,
+            "recording": None,
+        }
 
     @property
     def aside(self) -> bool:

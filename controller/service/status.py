@@ -20,7 +20,6 @@ from controller.service.active_codes import active_codes
 from controller.service.jobs import UNDER_WAY
 from controller.service.planner_client import Way
 from controller.service.usage import Usage
-from controller.service.watchdog import STANDS_S
 from controller.state import figures, queue_refusals
 from controller.state.figures import Reading
 from controller.state.live_state import told as told_by_tick
@@ -64,7 +63,6 @@ def machine_values(
         "tick": {**told["tick"], "period_ms": machine.period_s * 1e3, "age_s": age_s},
         "notices": [
             *_notices(now),
-            *([{"name": "TICK_STANDS", **said("tick_stands", seconds=age_s)}] if age_s >= STANDS_S else []),
             *([{"name": "PLAN_SILENT", **said("plan_silent", seconds=ends_s)}] if ends_s is not None else []),
         ],
     }
@@ -83,14 +81,17 @@ def ended(now: Snapshot) -> Snapshot:
     return as_fault._replace(homed=0, untrusted=every, rate=0.0, limited_by=0, waiting=False)
 
 
-def unseen(told: Mapping[str, Any]) -> dict[str, Any]:
-    """A status by ``ended``: positions, and what drives said, are the last; the rest is not known."""
+def unseen(told: Mapping[str, Any], over: bool = True) -> dict[str, Any]:
+    """A status by ``ended``: positions, and what drives said, are the last; the rest is not known.
+
+    ``over``: so is the run; of a tick that hangs it may go on.
+    """
     joints = {
         name: {**row, "to_go": None, "error": None, "limit": None} for name, row in told["joints"].items()
     }
     drives = [{**row, "state": None} for row in told["drives"]]
     job = told["job"]
-    if job is not None and job["state"] in UNDER_WAY:
+    if over and job is not None and job["state"] in UNDER_WAY:
         job = {**job, "state": "fault"}
     gone = {key: unknown(told[key]) for key in _UNSEEN}
     return {**told, **gone, "joints": joints, "drives": drives, "job": job}

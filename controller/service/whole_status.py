@@ -37,6 +37,8 @@ def status(service: Service) -> Values:
         return {**machine_status.not_begun(_told(service, blank(len(service.machine.axes)))), **kept}
     if not alive:
         return {**machine_status.unseen(_told(service, machine_status.ended(found))), **kept}
+    if service.stands(found):
+        return {**machine_status.unseen(_told(service, machine_status.ended(found)), over=False), **kept}
     return {**_told(service, found), **kept}
 
 

@@ -89,8 +89,9 @@ def test_a_tick_that_is_gone_or_stands_is_told() -> None:
     gone = {"name": "CONTROLLER_GONE", "sentence": "The tick's process is gone."}
     told = shown({**RUNNING, "mode": "FAULT", "tick_alive": False, "fault": gone})
     assert " FAULT " in told and "no tick" in told and "The tick's process is gone." in told
-    stands = [{"name": "TICK_STANDS", "sentence": "It has stood still for 1.2 s."}]
-    assert "stood still for 1.2 s" in shown({**RUNNING, "tick_alive": True, "notices": stands})
+    stands = {"name": "TICK_STANDS", "sentence": "It has stood still for 1.2 s."}
+    told = shown({**RUNNING, "mode": "FAULT", "tick_alive": True, "fault": stands})
+    assert " FAULT " in told and "stood still for 1.2 s" in told
     assert "no tick" not in shown({**RUNNING, "tick_alive": True})
 
 

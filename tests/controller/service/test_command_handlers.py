@@ -401,33 +401,62 @@ def test_before_the_first_tick_every_field_is_there_and_nothing_is_known(
     assert [drive["axis"] for drive in now["drives"]] == ["X", "Y", "Z", "A", "C"]
 
 
-def test_a_tick_that_stands_is_told_in_every_status_and_once_as_an_alarm(
+def test_a_tick_that_stands_is_a_fault_within_a_second_and_once_an_alarm(
     desk: Desk, service: Service, engine: FakeEngine, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """Of what the status says in that time only positions stay; it goes on where the tick does."""
     seconds = [0.0]
     service.pulse = Pulse(lambda: seconds[0])
-    service.look()
+    loaded(desk, service)
+    done(desk, "start")
     frozen = engine.now
     monkeypatch.setattr(engine, "snapshot", lambda: frozen)
+    service.look()
     for now_s in (0.1, 0.4):
         seconds[0] = now_s
         service.look()
-        assert done(desk, "status")["tick"]["age_s"] == pytest.approx(now_s)
-        assert not done(desk, "status")["notices"] and not service.alarms.list()
-    seconds[0] = 1.0
-    service.look()
-    service.look()
+        told = done(desk, "status")
+        assert (told["mode"], told["fault"], told["tick"]["age_s"]) == ("RUNNING", None, pytest.approx(now_s))
+        assert not service.alarms.list()
+    seconds[0] = 0.999
     told = done(desk, "status")
-    (notice,) = told["notices"]
-    assert notice["name"] == "TICK_STANDS"
-    assert "1.0 s" in messages.text(notice)
+    assert (told["mode"], told["fault"]["name"], told["tick_alive"]) == ("FAULT", "TICK_STANDS", True)
+    assert "1.0 s" in messages.text(told["fault"]) and not told["fault"]["position_trusted"]
+    assert told["at_rest"] is None and told["retract_room_mm"] is None
+    assert told["not_homed"] == ["X", "Y", "Z", "A", "C"] and told["job"]["state"] == "stopping"
+    service.look()
+    service.look()
     assert [alarm["name"] for alarm in service.alarms.list()] == ["TICK_STANDS"]
     frozen = frozen._replace(tick=frozen.tick + 1)
     service.look()
-    assert not done(desk, "status")["notices"] and done(desk, "status")["tick"]["age_s"] == 0.0
+    told = done(desk, "status")
+    assert (told["mode"], told["fault"], told["tick"]["age_s"]) == ("RUNNING", None, 0.0)
+    assert told["job"]["state"] == "running"
     seconds[0] = 2.0
     service.look()
     assert len(service.alarms.list()) == 2, "it stands once more"
+
+
+@pytest.mark.parametrize("mode", [Mode.READY, Mode.HOLD, Mode.OFF])
+def test_of_a_tick_that_stands_nothing_is_asked_but_stops_and_a_reset_starts_another(
+    desk: Desk, service: Service, engine: FakeEngine, monkeypatch: pytest.MonkeyPatch, mode: Mode
+) -> None:
+    seconds, began = [0.0], list[int]()
+    service.pulse = Pulse(lambda: seconds[0])
+    loaded(desk, service)
+    frozen = engine.now._replace(mode=mode)
+    monkeypatch.setattr(engine, "snapshot", lambda: frozen)
+    monkeypatch.setattr(service, "start_engine", lambda: began.append(engine.tick_alive))
+    service.look()
+    seconds[0] = 1.0
+    for verb in ("start", "home", "mdi", "jog_step", "resume", *(["enable"] if mode is Mode.OFF else [])):
+        with pytest.raises(CommandRefused) as error:
+            done(desk, verb, text="G0 X1", frame="joint", axis="X", distance=1.0)
+        assert (error.value.mode, error.value.said["key"]) == ("FAULT", "tick_does_not_answer"), verb
+    assert not engine.requests
+    with contextlib.suppress(CommandRefused):  # no tick came of it here
+        done(desk, "reset")
+    assert began == [False], "the one that hung is gone before another begins"
 
 
 def test_in_the_last_second_of_the_queue_the_operator_is_told_and_not_before(

@@ -116,6 +116,9 @@ class FakeEngine:
     def end_run(self) -> None:
         self.tick_alive = False
 
+    def end_tick(self) -> None:
+        self.tick_alive = False
+
     def end(self) -> None:
         self.end_run()
 
