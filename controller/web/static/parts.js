@@ -2,7 +2,7 @@
 import { API, call } from "./api.js";
 import { free, take } from "./control.js";
 import { ask, say } from "./dialog.js";
-import { html } from "./dom.js";
+import { html, useRef, useState } from "./dom.js";
 import { Icon } from "./icons.js";
 import { dx } from "./store.js";
 import { word } from "./texts.js";
@@ -87,6 +87,23 @@ export const Choice = ({ label, name, values, chosen, choose }) =>
 // One of some values, each with its text.
 export const Select = ({ options, text = (one) => one, value, choose, ...more }) =>
   html`<select ...${more} value=${value} onchange=${(event) => choose(event.target.value)}>${options.map((one) => html`<option key=${one} value=${one} selected=${one === value}>${text(one)}</option>`)}</select>`;
+
+// A value that the service keeps, and what changes it: the one that was chosen last shows at once and until ``ask``
+// is done; refused, the service's own shows again.
+export function useChosen(value, ask) {
+  const [chosen, set] = useState();
+  const last = useRef(0);
+  const choose = async (wanted) => {
+    const own = ++last.current;
+    set(wanted);
+    try {
+      await ask(wanted);
+    } finally {
+      if (own === last.current) set(undefined);
+    }
+  };
+  return [chosen ?? value, choose];
+}
 
 // A value that is asked for: one of ``choices``, or typed.
 export const Typed = ({ label, unit, name, choices, text, value, set }) =>

@@ -210,6 +210,99 @@ def test_a_tool_is_added_changed_and_taken_away(setup: Any, site: Site) -> None:
     setup.wait_for_selector(row, state="detached")
 
 
+USERS = [{"name": name, "role": role} for name, role in (("anna", "set_up"), ("ben", "operate"))]
+# Change each box and list that is shown, and see after some statuses whether it shows what was chosen. By
+# #scope-add something is added: it shows nothing again.
+TURNED_BACK = """async () => {
+  const statuses = () => new Promise((go) => {
+    let left = 3;
+    const drawn = () => requestAnimationFrame(() => requestAnimationFrame(go));
+    const off = dx.on("status", () => --left || (off(), drawn()));
+  });
+  const all = () => [...document.querySelectorAll("section[data-shown] :is(select, input[type=checkbox])")]
+    .filter((one) => one.checkVisibility() && !one.disabled && !one.matches("#scope-add"));
+  const shown = (one) => (one.type === "checkbox" ? one.checked : one.value);
+  const seen = [], back = [];
+  for (let i = 0; i < all().length; i += 1) {
+    const one = all()[i];
+    const name = one.getAttribute("aria-label") || one.name || one.id;
+    const other = [...(one.options ?? [])].find((option) => option.value !== one.value);
+    if (one.type === "checkbox") one.click();
+    else if (other) {
+      one.value = other.value;
+      one.dispatchEvent(new Event("change", { bubbles: true }));
+    } else continue;
+    const wanted = one.type === "checkbox" ? one.checked : other.value;
+    await statuses();
+    seen.push(name);
+    if (one.isConnected && shown(one) !== wanted) back.push(name);
+  }
+  return [seen, back];
+}"""
+
+
+def test_what_is_ticked_or_chosen_stays_shown_until_the_service_has_answered(setup: Any, site: Site) -> None:
+    """Every box and list of every view, while no change is answered."""
+    waiting: list[Any] = []
+    setup.route("**/api/v1/users", lambda route: route.fulfill(json={"users": USERS}))
+    setup.route(
+        "**/api/v1/**",
+        lambda route: route.fallback() if route.request.method == "GET" else waiting.append(route),
+    )
+    seen: set[str] = set()
+    for view in browser.VIEWS:
+        setup.evaluate("(name) => dx.show(name)", view)
+        setup.wait_for_selector(f"section[data-view={view}] .card")
+        for name in setup.eval_on_selector_all("section[data-shown] [data-setup]", NAMES) or [""]:
+            if name:
+                part(setup, name)
+            setup.wait_for_selector(FETCHED.get(name, "section[data-shown] .card"))
+            names, back = setup.evaluate(TURNED_BACK)
+            assert not back, f"{view} {name}"
+            seen |= set(names)
+    assert {"T1 Cuts its centre", "Role anna", "Role ben", "alarms", "security", "scope-edge"} <= seen, seen
+    assert len(waiting) == 3, "the centre, and two roles"
+    for route in waiting:
+        route.abort()
+
+
+FETCHED = {"users": "#users-list select", "notices": "#notices", "tools": "#setup-tools tr"}
+NAMES = "(all) => all.map((one) => one.dataset.setup)"
+
+
+@pytest.mark.parametrize(
+    ("name", "place", "was"),
+    [
+        ("tools", "[data-row='1'] [data-field=centre_cutting]", True),
+        ("users", "[data-user=ben] select", "operate"),
+    ],
+)
+def test_what_was_ticked_or_chosen_and_is_refused_goes_back_with_a_sentence(
+    name: str, place: str, was: object, setup: Any, site: Site
+) -> None:
+    refusal = {"error": {"code": "refused", "sentence": "It is refused."}}
+    answers: list[Any] = []
+    setup.route("**/api/v1/users", lambda route: route.fulfill(json={"users": USERS}))
+    setup.route(
+        "**/api/v1/**",
+        lambda route: route.fallback() if route.request.method == "GET" else answers.append(route),
+    )
+    part(setup, name)
+    setup.wait_for_selector(place)
+    with setup.expect_request(lambda request: request.method != "GET"):
+        if was is True:
+            setup.uncheck(place)
+        else:
+            setup.select_option(place, "view")
+    shown = f"(one) => {'one.checked' if was is True else 'one.value'}"
+    assert setup.eval_on_selector(place, shown) != was
+    answers[0].fulfill(status=409, json=refusal)
+    setup.wait_for_selector("#dx-said[data-tone=warn]:has-text('It is refused.')")
+    setup.wait_for_function(
+        f"([place, was]) => ({shown})(document.querySelector(place)) === was", arg=[place, was]
+    )
+
+
 def test_where_another_holds_control_nothing_of_it_can_be_pressed(setup: Any, site: Site) -> None:
     taken = setup.context.request.post(f"{site.url}api/v1/control", data={"take_over": True})
     assert taken.ok

@@ -3,7 +3,7 @@ import { API, call, every } from "../api.js";
 import { ask, ask_for, say } from "../dialog.js";
 import { html, useState } from "../dom.js";
 import { forms } from "../forms.js";
-import { Act, AxisName, Link, ScrolledTable, Select, TextFile, field as field_of } from "../parts.js";
+import { Act, AxisName, Link, ScrolledTable, Select, TextFile, field as field_of, useChosen } from "../parts.js";
 import { dx } from "../store.js";
 import { sentence, word as text } from "../texts.js";
 
@@ -179,12 +179,13 @@ async function import_tools(content, file, flute_mm = null) {
 
 function Tool({ n }) {
   const { input, save } = use_row("tools", n, ["name", ...FIELDS], of_tool, tool_body);
+  const [centre, choose_centre] = useChosen(told.tools[n].centre_cutting ?? true, (on) => set_centre(n, on));
   const here = html`<${Act} icon="target" modes="OFF READY" title=${word("length_here", n)} aria-label=${word("length_here", n)} data-touch-length=${n} press=${() => touch_length(n)} />`;
   return html`<tr data-row=${n}>
     <th scope="row"><${Act} needs="" data-picture=${n} class="axis-set" title=${word("picture")} aria-label=${`T${n}: ${word("picture")}`} press=${() => ((pictured = n), dx.draw())}><${AxisName} name=${`T${n}`} /><//></th>
     <td data-label=${word("name")}>${input("name", `T${n} ${word("name")}`, { class: "wide", inputmode: "text" })}</td>
     ${FIELDS.map((name) => html`<td data-label=${word(name)}>${name === "length_mm" ? html`<div class="row">${input(name, `T${n} ${word(name)}`)}${here}</div>` : input(name, `T${n} ${word(name)}`)}</td>`)}
-    <td data-label=${word("centre_cutting")}><input type="checkbox" data-field="centre_cutting" aria-label=${`T${n} ${word("centre_cutting")}`} checked=${told.tools[n].centre_cutting ?? true} onchange=${({ target }) => set_centre(n, target.checked)} ...${field_of(SET)} /></td>
+    <td data-label=${word("centre_cutting")}><input type="checkbox" data-field="centre_cutting" aria-label=${`T${n} ${word("centre_cutting")}`} checked=${centre} onchange=${({ target }) => choose_centre(target.checked)} ...${field_of(SET)} /></td>
     <td><div class="row">
       <${Act} text=${word("save")} aria-label=${`${word("save")} T${n}`} press=${save} />
       ${n !== "1" && html`<${Act} text=${word("delete")} aria-label=${`${word("delete")} T${n}`} press=${() => remove_tool(n)} />`}
@@ -196,8 +197,8 @@ function Tool({ n }) {
 const SET = { needs: "control", modes: "OFF READY FAULT" };
 async function set_centre(n, centre_cutting) {
   const kept = Object.fromEntries(KEPT.map((field) => [field, of_tool(told.tools[n], field)]));
-  await call("PUT", `tools/${n}`, { ...kept, centre_cutting });
-  look();
+  const said = await call("PUT", `tools/${n}`, { ...kept, centre_cutting });
+  if (said.ok) await read("tools");
 }
 
 async function remove_tool(n) {

@@ -3,7 +3,7 @@ import { call } from "../api.js";
 import { ask, ask_for, say } from "../dialog.js";
 import { html, useEffect } from "../dom.js";
 import { forms } from "../forms.js";
-import { Act, Chip, ScrolledTable, Select, Wrong } from "../parts.js";
+import { Act, Chip, ScrolledTable, Select, Wrong, useChosen } from "../parts.js";
 import { dx } from "../store.js";
 import { sentence, word as text } from "../texts.js";
 
@@ -52,6 +52,11 @@ const Remove = ({ path, name }) => html`<${Act} text=${word("remove")} aria-labe
 // The role that whoever is added next gets, or that somebody has.
 const Roles = ({ role, label, choose }) => html`<${Select} aria-label=${label} options=${ROLES} text=${(one) => word(`role.${one}`)} value=${role} choose=${choose} />`;
 
+function RoleOf({ name, role }) {
+  const [shown, choose] = useChosen(role, (other) => change("PATCH", `users/${name}`, { role: other }));
+  return html`<${Roles} role=${shown} label=${`${word("role")} ${name}`} choose=${choose} />`;
+}
+
 const Table = (props) => html`<${ScrolledTable} word=${word} ...${props} />`;
 
 export function Users() {
@@ -67,7 +72,7 @@ export function Users() {
     ${told.users.length === 0 && html`<p class="dim">${word("first")}</p>`}
     ${told.users.length > 0 && html`<${Table} columns=${["name", "role", ""]} body="users-list">${told.users.map(({ name, role }) => html`<tr key=${name} data-user=${name}>
       <th scope="row">${name}</th>
-      <td><${Roles} role=${role} label=${`${word("role")} ${name}`} choose=${(other) => change("PATCH", `users/${name}`, { role: other }).then(read)} /></td>
+      <td><${RoleOf} name=${name} role=${role} /></td>
       <td><div class="row"><${Act} text=${word("password")} aria-label=${`${word("password")} ${name}`} ...${RULES} press=${() => new_password(name)} /><${Remove} path="users" name=${name} /></div></td></tr>`)}<//>`}
     ${told.tokens.length > 0 && html`<h2>${word("tokens")}</h2><${Table} columns=${["name", "role", "by", "expires", ""]} body="users-tokens">${told.tokens.map((one) => html`<tr key=${one.name} data-token=${one.name}>
       <th scope="row">${one.name}</th><td>${word(`role.${one.role}`)}</td><td>${one.made_by}</td>
