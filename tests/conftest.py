@@ -23,7 +23,7 @@ NUMBER = itertools.count()  # of folders
 MAX_OPEN = 500  # files; select, which the simulated bus waits with, takes 1024
 
 # What a command freezes goes with its process; here it would stay with all tests after it, open files too.
-FREEZE, UNFREEZE = gc.freeze, gc.unfreeze
+FREEZE = gc.freeze
 gc.freeze = gc.unfreeze = lambda: None
 
 # Of hundreds of processes that we start, each would compile all that it imports; of workers, every test.
@@ -69,18 +69,6 @@ def own_collector() -> Iterator[None]:
 def what_stays_is_looked_through_once() -> Iterator[None]:
     """What outlives a module is cached for good: a look through all that 12 000 tests leave takes seconds."""
     yield
-    gc.collect()
-    FREEZE()
-
-
-@pytest.fixture
-def real_freeze() -> Iterator[None]:
-    """The product's own, for tests of what it freezes."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(gc, "freeze", FREEZE)
-        patch.setattr(gc, "unfreeze", UNFREEZE)
-        yield
-    UNFREEZE()
     gc.collect()
     FREEZE()
 

@@ -17,6 +17,7 @@ from support.soak import judged, live, scenarios, soak, stepped
 from support.soak.memory import MOST_MB_H, TELLS_S, Growth, give_back, growth_of
 from support.soak.scenarios import PARTS, Scenario, drawn
 from support.soak.stepped import Came
+from support.suite import own_process
 from typer.testing import CliRunner
 
 from controller.__main__ import app
@@ -190,21 +191,29 @@ def test_any_run_holds(number: int, tmp_path: Path) -> None:
     assert came.wrong == "", (drawn(1, number).title, came)
 
 
-def test_runs_leave_nothing_behind_in_memory(tmp_path: Path, real_freeze: None) -> None:
-    """What a run has made is gone after it, though replay freezes what is there."""
+def objects_after_runs(folder: str) -> list[int]:
+    """How many there are after each of three runs, each with its replay."""
     counts: list[int] = []
 
     def told(*_: object) -> None:
         counts.append(len(gc.get_objects()))
 
-    soak.soak(SEED, 600.0, tmp_path, FAULTY, 1, told)
-    soak.soak(SEED, 600.0, tmp_path, FAULTY, 1, told)
-    soak.soak(SEED, 600.0, tmp_path, FAULTY, 1, told)
+    for _ in range(3):
+        soak.soak(SEED, 600.0, Path(folder), FAULTY, 1, told)
+    return counts
+
+
+def test_runs_leave_nothing_behind_in_memory(tmp_path: Path) -> None:
+    """What a run has made is gone after it, though replay freezes what is there."""
+    counts = own_process.result_of(objects_after_runs, tmp_path)
     assert counts[2] - counts[1] < 1000, counts
 
 
-def test_nothing_but_a_bounded_cache_keeps_a_machine_of_a_run(real_freeze: None) -> None:
-    """Other machines each time, with joints of surfaces led over into each other, which are remembered."""
+def machines_after_paths() -> list[int]:
+    """How many there are after each of three paths, each of another machine that nobody holds any more.
+
+    With joints of surfaces led over into each other, which are remembered.
+    """
     text = surface_trains.program(3, decimals=3).replace("G61", "G64 P0.01")
     counts = list[int]()
     for number in range(3):
@@ -214,4 +223,9 @@ def test_nothing_but_a_bounded_cache_keeps_a_machine_of_a_run(real_freeze: None)
         del made, other
         give_back()
         counts.append(sum(type(one) is Machine for one in gc.get_objects()))
+    return counts
+
+
+def test_nothing_but_a_bounded_cache_keeps_a_machine_of_a_run() -> None:
+    counts = own_process.result_of(machines_after_paths)
     assert counts[2] == counts[0], counts

@@ -66,8 +66,10 @@ def test_a_thicker_tool_that_was_fitted_within_the_wall_is_refused_and_the_old_o
     assert_off(bench.brought_back(WALL, tool(radius_mm), restart=False), radius_mm)
 
 
-@pytest.mark.parametrize("restart", [False, True])
-@pytest.mark.parametrize("fitted", [None, tool(1.0, -5.0), tool(3.0, 8.0)])
+@pytest.mark.parametrize(
+    ("fitted", "restart"),
+    [(None, False), (tool(1.0, -5.0), True), (tool(3.0, 8.0), False), (tool(3.0, 8.0), True)],
+)
 def test_a_tool_comes_back_from_above_the_part_off_the_wall_and_goes_in_by_a_lead(
     bench: Held, fitted: Tool | None, restart: bool
 ) -> None:
@@ -120,7 +122,7 @@ def held_at_random(bench: Held, seed: int, count: int) -> None:
 
 @pytest.mark.parametrize("seed", [0, 3])
 def test_holds_at_random_places_of_walls_and_lines(bench: Held, seed: int) -> None:
-    held_at_random(bench, seed, 4)
+    held_at_random(bench, seed, 3)
 
 
 @pytest.mark.slow

@@ -8,9 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from math import comb
 
 import numpy as np
+from scipy.spatial import KDTree
 
 from controller.geometry.vectors import Frame
 from controller.machine.kinematics import Kinematics
@@ -28,6 +30,10 @@ class Wall:
     points: np.ndarray
     normals: np.ndarray
 
+    @cached_property
+    def _nearest(self) -> KDTree:
+        return KDTree(self.points.reshape(-1, 3))
+
     @staticmethod
     def of(
         upper: Sequence[Sequence[float]], lower: Sequence[Sequence[float]], side: float, part: Frame
@@ -40,6 +46,15 @@ class Wall:
         along, up = np.gradient(points, axis=0), np.gradient(points, axis=1)
         out = side * np.cross(along, up)
         return Wall(points, out / np.linalg.norm(out, axis=2, keepdims=True))
+
+    def in_front(self, middles: np.ndarray) -> np.ndarray:
+        """How far (N,) places are in front of it, by its nearest point; beyond its edges how far off."""
+        _, nearest = self._nearest.query(middles)
+        away = middles - self.points.reshape(-1, 3)[nearest]
+        i, j = np.unravel_index(nearest, GRID)
+        inside = (i > 0) & (i < GRID[0] - 1) & (j > 0) & (j < GRID[1] - 1)
+        ahead = (away * self.normals.reshape(-1, 3)[nearest]).sum(axis=1)
+        return np.where(inside, ahead, np.linalg.norm(away, axis=1))
 
 
 def bezier(points: np.ndarray, u: np.ndarray) -> np.ndarray:
@@ -58,20 +73,7 @@ def depths(joints: np.ndarray, tool: Tool, walls: Sequence[Wall], kinematics: Ki
         low, high = points.min(axis=0), points.max(axis=0)
         reach = tool.radius_mm + ENOUGH_MM
         height = float(np.linalg.norm(high - low)) + reach
-        for k, (tip, axis) in enumerate(zip(tips, axes, strict=True)):
-            discs = tip + np.arange(0.0, height, DISC_MM)[:, None] * axis
-            discs = discs[((discs > low - reach) & (discs < high + reach)).all(axis=1)]
-            if len(discs):
-                found[k] = max(found[k], float((tool.radius_mm - _in_front(discs, wall)).max()))
+        discs = tips[:, None] + np.arange(0.0, height, DISC_MM)[:, None] * axes[:, None]
+        rows, number = np.nonzero(((discs > low - reach) & (discs < high + reach)).all(axis=2))
+        np.maximum.at(found, rows, tool.radius_mm - wall.in_front(discs[rows, number]))
     return found
-
-
-def _in_front(middles: np.ndarray, wall: Wall) -> np.ndarray:
-    """How far (N,) places are in front of a wall, by its nearest point; beyond its edges how far off."""
-    points, normals = wall.points.reshape(-1, 3), wall.normals.reshape(-1, 3)
-    square = (middles**2).sum(axis=1)[:, None] - 2.0 * middles @ points.T + (points**2).sum(axis=1)
-    nearest = square.argmin(axis=1)
-    away = middles - points[nearest]
-    i, j = np.unravel_index(nearest, wall.points.shape[:2])
-    inside = (i > 0) & (i < GRID[0] - 1) & (j > 0) & (j < GRID[1] - 1)
-    return np.where(inside, (away * normals[nearest]).sum(axis=1), np.linalg.norm(away, axis=1))
