@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -337,17 +338,19 @@ def part_tip(cut: SurfaceCut, joints: Joints, kinematics: Kinematics) -> tuple[f
     return tip
 
 
-def gentle_stop(v: float, a: float, acceleration: float, jerk: float, T: float) -> list[float]:
+@cache
+def gentle_stop(v: float, a: float, acceleration: float, jerk: float, T: float) -> tuple[float, ...]:
     """Jerks, one a tick, that bring (v, a) to rest: the least squares over ticks enough."""
     n = 2
     while n < 5000:
-        left = n - np.arange(n) - 0.5
-        # The jerks are even + slope (left - mean): their sums must take a and v away.
-        even, mean = -a / (n * T), left.mean()
-        slope = ((-v - n * T * a) / T**2 - even * left.sum()) / max(((left - mean) ** 2).sum(), 0.5)
-        jerks = even + slope * (left - mean)
-        if np.abs(jerks).max() <= jerk and np.abs(a + T * np.cumsum(jerks)).max() <= acceleration:
-            return [float(x) for x in jerks]
+        # The jerks are even + slope (left - mean), left the time in ticks that each has from its middle to the
+        # end, n - k - 1/2: their sums must take a and v away.
+        even, mean = -a / (n * T), n / 2.0
+        slope = ((-v - n * T * a) / T**2 - even * n * mean) / (n * (n * n - 1) / 12.0)
+        if abs(even) + abs(slope) * (n - 1) / 2.0 <= jerk:
+            jerks = even + slope * (n - np.arange(n) - 0.5 - mean)
+            if np.abs(a + T * np.cumsum(jerks)).max() <= acceleration:
+                return tuple(map(float, jerks))
         n += 1 + n // 16
     raise AssertionError("no stop")
 
@@ -356,15 +359,15 @@ def stops(acceleration: float, jerk: float) -> Stops:
     """Stops out of a piece every second tick; none where it ends sooner by itself."""
 
     def table(piece: Piece, start_s: float, T: float) -> StopTable:
-        rows = []
+        rows, end = list[tuple[float, ...]](), piece.law.at(piece.duration_s)[0]
         for i in range(int(piece.duration_s / (2.0 * T))):
             s, v, a = piece.law.at(2 * i * T)
-            row = gentle_stop(v, a, acceleration, jerk, T) if v > 1e-6 else []
+            row = gentle_stop(v, a, acceleration, jerk, T) if v > 1e-6 else ()
             place, speed, slope = s, v, a
             for j in row:
                 place += T * (speed + T * (slope / 2.0 + T * j / 6.0))
                 speed, slope = speed + T * (slope + T * j / 2.0), slope + T * j
-            rows.append(row if place < piece.law.at(piece.duration_s)[0] else [])
+            rows.append(row if place < end else ())
         return StopTable.of(start_s, 2.0 * T, T, rows)
 
     return table
