@@ -343,8 +343,8 @@ def gentle_stop(v: float, a: float, acceleration: float, jerk: float, T: float) 
     """Jerks, one a tick, that bring (v, a) to rest: the least squares over ticks enough."""
     n = 2
     while n < 5000:
-        # The jerks are even + slope (left - mean), left the time in ticks that each has from its middle to the
-        # end, n - k - 1/2: their sums must take a and v away.
+        # The jerks are even + slope (left - mean), left = n - k - 1/2 the ticks that each has from its middle
+        # to the end: their sums must take a and v away.
         even, mean = -a / (n * T), n / 2.0
         slope = ((-v - n * T * a) / T**2 - even * n * mean) / (n * (n * n - 1) / 12.0)
         if abs(even) + abs(slope) * (n - 1) / 2.0 <= jerk:
