@@ -75,6 +75,8 @@ def _check(here: Here, code: str, word: Word, height: str) -> None:
         key = "cycle.beside"
     elif beside:
         key = "thread.beside_others"
+    elif "F" in ask.words:  # on other controls it is the pitch
+        word, key = ask.words["F"], "thread.feed"
     if key:
         other = beside[0] if beside else ""
         raise ask.refusal(word, key, code=code, height=height, side=state.side, other=other)
