@@ -26,7 +26,7 @@ from controller.api.app_state import Panel
 from controller.api.database import StoreError
 from controller.api.roles import Role
 from controller.api.store import Sizes, Store
-from controller.state.modes import Mode
+from controller.state.modes import SHOWN_MODES
 
 router = APIRouter(tags=["metrics"])
 KIND = "text/plain; version=0.0.4; charset=utf-8"
@@ -127,7 +127,7 @@ class _Figures(Collector):
             if (value := _number(_at(status, path))) is not None:
                 yield _counter(name, text, "", {"": max(0.0, value)})
         now = status.get("mode")
-        modes = {mode.name: mode.name == now for mode in Mode} if now else {}
+        modes = {mode: mode == now for mode in SHOWN_MODES} if now else {}
         yield _gauge("mode", "1 for the present mode, 0 for the others.", "mode", modes)
         fault = _at(status, ("fault", "name"))
         yield _gauge("fault", "1 for the present fault.", "fault", {str(fault): 1.0} if fault else {})

@@ -279,7 +279,10 @@ class Status(OfTick, Told):
 
     time_s: Number = None
     gone_s: Number = Field(None, description="So long ago this was told last: the service is gone. See last.")
-    mode: str = Field(description="FAULT where the tick is gone; OFF before its first one.")
+    mode: str = Field(
+        description="FAULT where the tick is gone or stands still; OFF before its first one; TOOL_CHANGE "
+        "while a changer changes tools: a program runs, and goes on by itself."
+    )
     tick_alive: bool | None = Field(None, description="Whether the tick's process is there.")
     plan_alive: bool | None = None
     not_homed: Any = None
@@ -312,6 +315,7 @@ class Status(OfTick, Told):
     tool: int | None = Field(None, description="In the spindle; null: not known.")
     notices: Any = Field(None, description="What forbids motion, and what stopped nothing, as sentences.")
     tool_change: Any = Field(None, description="The tool that the program waits for: number, sentence.")
+    change: Texts | None = Field(None, description="The tool change under way: tools and step, in words.")
     changer: Any = Field(None, description="Where the changer's tools are; null: tools are changed by hand.")
     jogging: Any = None
     sequence: Any = None

@@ -40,6 +40,7 @@ STATES: dict[str, tuple[str, set[str]]] = {
     "HOMING": ("Operational", {"operational"}),
     "JOG": ("Operational", {"operational"}),
     "RUNNING": ("Printing", {"operational", "printing"}),
+    "TOOL_CHANGE": ("Printing", {"operational", "printing"}),
     "HOLD": ("Paused", {"operational", "paused"}),
     "STOPPING": ("Cancelling", {"operational", "cancelling"}),
     "FAULT": ("Error", {"error", "closedOrError"}),

@@ -23,6 +23,7 @@ Status = Mapping[str, Any]
 COLOURS = {
     "READY": "green",
     "RUNNING": "bold green",
+    "TOOL_CHANGE": "bold cyan",
     "HOLD": "bold yellow",
     "STOPPING": "yellow",
     "FAULT": "bold red",
@@ -98,7 +99,7 @@ def _waits(status: Status) -> Iterator[str]:
         yield say("under_way", name=sequence.get("name"))
     if message := (status.get("job") or {}).get("message"):
         yield str(message)
-    if change := status.get("tool_change"):
+    if change := status.get("tool_change") or status.get("change"):
         yield str(change.get("sentence", ""))
     elif status.get("waiting"):
         yield say("waiting")

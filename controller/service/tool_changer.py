@@ -28,7 +28,7 @@ from controller.motion.pieces import FIRST_MARK
 from controller.program.program import Changing
 from controller.program.tool_change_words import steps_of
 from controller.service.tool_preparation import Preparation, Tick
-from controller.state.modes import Fault, Mode, Request
+from controller.state.modes import Fault, Mode, Request, bars
 
 SLOWER = 2.0  # a step without an input of its own may take so much longer than it says: at an override
 
@@ -90,6 +90,33 @@ class ToolChanger:
         """Whether a run is in the middle of a change."""
         return self._now is not None or self._waits
 
+    def change(self, now: Snapshot) -> Said | None:
+        """The step of the change under way, in words; None where there is none, or it is held.
+
+        The stops between its steps are no holds: nobody has asked for one, and it goes on by itself.
+        """
+        mark, here = self._now, self._next_mark(now)
+        if (mark is None and here is None) or now.mode not in (Mode.RUNNING, Mode.HOLD):
+            return None
+        if now.mode is Mode.HOLD:
+            barred = now.fault is not Fault.NONE or bars(now.interlock, Request.RESUME)
+            if here is None or self._keeps or barred:
+                return None
+        return self._step_words(here or mark)
+
+    def _step_words(self, mark: Changing | None) -> Said | None:
+        if mark is None:
+            return None
+        out, into = mark.tool_out, mark.tool_in
+        if mark.moves_nothing:
+            return said("changing_not", into=into)
+        if self._waits:
+            return said("changing_waits", into=into)
+        rows = steps_of(self._changer(), out, into)
+        at = min(mark.step, len(rows) - 1)
+        key = "changing" if out and into else "changing_out" if out else "changing_in"
+        return said(key, out=out, into=into, number=at + 1, steps=len(rows), step=rows[at][0].name)
+
     def hold(self) -> None:
         """Also of a changer that stands between two steps."""
         self._keeps = True
@@ -141,8 +168,12 @@ class ToolChanger:
         return worn is not None
 
     def _mark(self, now: Snapshot) -> Changing | None:
-        """The stop at which the tick holds."""
-        if now.mode is not Mode.HOLD or not now.at_rest or now.motion_id > FIRST_MARK:
+        """The stop at which the tick stands."""
+        return self._next_mark(now) if now.at_rest else None
+
+    def _next_mark(self, now: Snapshot) -> Changing | None:
+        """The stop at which the tick holds, or comes to rest."""
+        if now.mode is not Mode.HOLD or now.motion_id > FIRST_MARK:
             return None
         return self._marks.get(FIRST_MARK - now.motion_id)
 

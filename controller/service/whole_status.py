@@ -16,7 +16,7 @@ from controller.service import status as machine_status
 from controller.service.jobs import Job
 from controller.service.journal import Entry
 from controller.service.service import Service
-from controller.state.modes import Fault, Mode
+from controller.state.modes import TOOL_CHANGE, Fault, Mode
 
 KEEP_S = 0.5  # so old is what is kept, at most
 OF_A_TICK = ("time_s", "tick", "joints", "drives")  # other in each, also where nothing moves
@@ -133,9 +133,15 @@ def _told(service: Service, now: Snapshot) -> Values:
     values = machine_status.machine_values(
         service.machine, now, way, service.in_force(now), service.tool, age_s, ends_s
     )
+    change = service.changer.change(now) if service.changer is not None else None
+    told_job = job.to_dict(now) if job is not None else None
+    if change is not None:
+        values["mode"] = TOOL_CHANGE
+        told_job = {**told_job, "state": "running"} if told_job is not None else None
     return {
         "time_s": now.tick * service.machine.period_s,
         **_with_notices(service, values),
+        "change": change,
         "aside": service.aside,
         "retract_room_mm": retract_room_mm(service, now),
         "tool": service.tool or None,
@@ -143,11 +149,7 @@ def _told(service: Service, now: Snapshot) -> Values:
         "tool_change": machine_status.tool_change(service.machine, asked, service.usage) if asked else None,
         "changer": service.changer.told() if service.changer is not None else None,
         "control": None,
-        "job": job.to_dict(now)
-        if job is not None
-        else jobs.interrupted(entry)
-        if entry is not None
-        else None,
+        "job": told_job or (jobs.interrupted(entry) if entry is not None else None),
         "drives": node_status.drives(service.machine, now, service.logs, service.homing),
         "jogging": now.mode is Mode.JOG,
     }

@@ -41,6 +41,8 @@ __all__ = [
     "DROPS",
     "FAULTS",
     "PROGRESS",
+    "SHOWN_MODES",
+    "TOOL_CHANGE",
     "TRANSITIONS",
     "Binding",
     "Fault",
@@ -74,6 +76,11 @@ class Mode(IntEnum):
     FAULT = 5  # slowing or standing after a fault; RESET leaves
     HOMING = 6  # the drives find their zero; commands follow the actual position
     JOG = 7  # an operator moves the axes by hand
+
+
+# Of the service: a program runs or holds while its tools are changed, and goes on by itself.
+TOOL_CHANGE = "TOOL_CHANGE"
+SHOWN_MODES = (*(mode.name for mode in Mode), TOOL_CHANGE)  # that the status can have
 
 
 class StaysOn(IntFlag):

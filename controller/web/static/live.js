@@ -47,7 +47,7 @@ async function last() {
 }
 
 // What is wrong and what is under way.
-function in_words({ fault, sequence, notices, interlock, warning, waiting, spindle, tool_change }) {
+function in_words({ fault, sequence, notices, interlock, warning, waiting, spindle, tool_change, change }) {
   const trusted = fault && typeof fault.position_trusted === "boolean";
   const told = (name) => sentence(notices?.find((one) => one.name === name && name !== fault?.name));
   const waits = spindle && !spindle.at_speed ? "waits.spindle" : "waits.others";
@@ -55,7 +55,7 @@ function in_words({ fault, sequence, notices, interlock, warning, waiting, spind
   return {
     fault: fault ? sentence(fault) || fault.name : "",
     next: trusted ? word(fault.position_trusted ? "frame.trusted" : "frame.not_trusted") : "",
-    under_way: running || (tool_change ? sentence(tool_change) : waiting ? word(waits) : ""),
+    under_way: running || (change ? sentence(change) : tool_change ? sentence(tool_change) : waiting ? word(waits) : ""),
     interlock: told(interlock),
     warning: [warning, "PLAN_SILENT", "IN_THREAD", "NOT_RECORDED"].map(told).find(Boolean) || "",
     failed: sequence?.state === "failed" ? sentence(sequence) : "",

@@ -12,12 +12,13 @@ import sys
 import threading
 import time
 from collections import Counter
+from collections.abc import Callable
 from concurrent.futures import Future
 from pathlib import Path
 from typing import Any
 
 import pytest
-from support.fakes.fake_engine import served
+from support.fakes.fake_engine import engine_of, served
 from support.machines.changer_bench import (
     BESIDE,
     CHANGER,
@@ -33,12 +34,13 @@ from controller.machine import machine_file
 from controller.machine.toml_table import ConfigError
 from controller.machine.tool_store import Step, ToolStore, placed
 from controller.messages import text
+from controller.motion.pieces import FIRST_MARK
 from controller.program import blocks
 from controller.program.program import Act, Action, Changing, ProgramError, Select
 from controller.runtime import checked
 from controller.runtime.stepped import SteppedMachine
 from controller.service.command_handlers import Desk
-from controller.state.modes import Fault, Mode, Request
+from controller.state.modes import TOOL_CHANGE, Fault, Mode, Request
 
 
 def _changes(folder: Path, seed: int, count: int, changer: str) -> Counter[str]:
@@ -100,6 +102,62 @@ def test_a_change_that_was_held_goes_on_where_it_stood(tmp_path: Path) -> None:
     assert bench.stepped.joints == joints
     bench.resume()
     assert bench.go(LONGEST) == "done" and bench.store.spindle == 2
+
+
+def shown_while(bench: ChangerBench, act: Callable[[], Any] = lambda: None) -> list[str]:
+    """The modes that a status has from now to the run's end or a hold, by ticks and without repeats."""
+    modes = list[str]()
+    for n in range(LONGEST):
+        if n == 10:
+            act()
+        bench.stepped.go(1)
+        now = bench.stepped.board.read()
+        assert now is not None
+        for looked in (False, True):  # whoever asks may do so before the service has looked, or behind it
+            mode = TOOL_CHANGE if bench.changer.change(now) is not None else now.mode.name
+            if modes[-1:] != [mode]:
+                modes.append(mode)
+            if not looked:
+                bench.changer.look(now)
+        if now.mode is Mode.READY or "HOLD" in modes:
+            break
+    return modes
+
+
+def test_a_change_is_a_mode_of_its_own_and_its_stops_are_no_holds(tmp_path: Path) -> None:
+    bench = ChangerBench(tmp_path)
+    bench.confirm()
+    bench.begin("G1 X1 F600\nT2 M6\nG1 X2\nT3 M6\nG1 X1")
+    cut, change = "RUNNING", TOOL_CHANGE
+    assert shown_while(bench) == [cut, change, cut, change, cut, "READY"]
+
+
+def test_a_change_says_its_step_in_words(tmp_path: Path) -> None:
+    bench, steps = ChangerBench(tmp_path), list[str]()
+    bench.confirm()
+    bench.begin("T2 M6\nT3 M6")
+    for _ in range(LONGEST):
+        bench.go(1)
+        now = bench.stepped.board.read()
+        assert now is not None
+        words = bench.changer.change(now)
+        if words is not None and steps[-1:] != [text(words)]:
+            steps.append(text(words))
+        if now.mode is Mode.READY:
+            break
+    assert steps[0] == "T2 in: step 1 of 6, Magazine free." and steps[5] == "T2 in: step 6 of 6, Away."
+    assert steps[6] == "T2 away, T3 in: step 1 of 13, Drawbar closed." and len(steps) == 19, steps
+
+
+def test_a_change_that_is_held_is_a_hold(tmp_path: Path) -> None:
+    """By an operator, or because a step fails: then somebody must do something, and Resume goes on."""
+    bench = ChangerBench(tmp_path)
+    bench.confirm()
+    bench.begin("T2 M6")
+    assert shown_while(bench, bench.changer.hold)[-1] == "HOLD"
+    bench.resume()
+    bench.magazine.hang("drawbar_closed", False)
+    assert shown_while(bench)[-1] == "HOLD"
 
 
 def test_a_worn_tool_is_told_before_anything_moves_and_taken_by_resume(tmp_path: Path) -> None:
@@ -471,3 +529,20 @@ def test_a_pocket_that_is_given_away_is_looked_at_anew(desk: Desk) -> None:
     assert [row["tool"] for row in told["pockets"]] == [3, 2, None] and told["doubt"] is not None
     with pytest.raises(CommandRefused, match="pocket 9"):
         _ask(desk, "changer_pocket", pocket=9, tool=3)
+
+
+def test_a_change_is_a_mode_of_the_status_and_its_job_runs(tmp_path: Path) -> None:
+    """Whoever asks between two steps, before anybody has looked, is not told of a hold."""
+    service = served(tmp_path, machine())
+    desk, engine, changer = Desk(service), engine_of(service), service.changer
+    assert changer is not None
+    _ask(desk, "changer_confirm", spindle=0, away=[], clear=True)
+    _ask(desk, "mdi", text="T2 M6")
+    changer.hear([Changing(0, 0, 2, 0, False)])
+    engine.now = engine.now._replace(mode=Mode.HOLD, motion_id=FIRST_MARK)
+    now = _ask(desk, "status")
+    assert (now["mode"], now["job"]["state"]) == (TOOL_CHANGE, "running")
+    assert text(now["change"]) == "T2 in: step 1 of 6, Magazine free."
+    engine.now = engine.now._replace(interlock=Fault.DOOR_OPEN)
+    now = _ask(desk, "status")
+    assert (now["mode"], now["job"]["state"], now["change"]) == ("HOLD", "held", None)
