@@ -13,12 +13,13 @@ ROOT = Path(__file__).resolve().parent.parent
 # Room of controller -> rooms of controller that it may import; a file beside the rooms is a room of its own,
 # and every room may import itself.
 # How dataclasses are made, and of which Directrix; how files and databases are opened.
-FOR_ALL = {"values", "version", "own_files", "own_database"}
+FOR_ALL = {"values", "version", "own_files", "own_database", "commands"}
 VALUES = {"faults", "geometry", "machine", "motion", "state", "messages"}
 ARROWS: dict[str, set[str]] = {
     "own_files": set(),  # no link of others is followed
     "own_database": set(),  # nor in the place of a SQLite file
     "atomic_file": set(),  # files replaced whole
+    "commands": set(),  # what can be asked of the machine: one table, for all
     "faults": set(),  # what a fault is made of: words for all
     "geometry": {"messages"},
     "machine": {"geometry", "atomic_file", "messages"},

@@ -20,11 +20,12 @@ from controller.api.program_queue import Ended, Entry
 from controller.api.roles import Control
 from controller.api.service_client import ServiceClient
 from controller.api.store import Store
+from controller.commands import table
 from controller.messages import Said, kept, said
 
 POLL_S = 0.5
 SILENT_S = 15.0  # a page that holds control is heard of every five seconds
-ENDS = frozenset({"hold", "stop", "estop", "disable"})
+ENDS = table.ENDS - {"jog_stop"}  # a key that goes up stops nothing that the queue has begun
 
 Note = Callable[[str, str, str, str], None]
 

@@ -1,7 +1,7 @@
 """The panel's end of the door: asks the controller's service, and keeps the last status for all.
 
-Verbs go in lanes, each with threads of its own: a stop never waits behind anything else, a move
-only behind moves, and what waits for a disk or a plan is in nobody's way, however many ask for it.
+Commands go in lanes, as their table says, each with threads of its own: a stop never waits behind anything
+else, a move only behind moves, and what waits for a disk or a plan is in nobody's way, however many ask.
 The status is asked at most every ``FRESH_S``, however many want to know it: neither 20
 listeners nor a script that asks without pause load the machine. But whoever was answered reads a
 status of after that answer.
@@ -21,39 +21,21 @@ from anyio import CapacityLimiter, to_thread
 
 from controller.api.answers import Refusal
 from controller.api.store import Store
+from controller.commands.command import Access, Lane
+from controller.commands.table import ALL, COMMANDS
 from controller.ipc.control_socket import Client, CommandRefused
 
 FRESH_S = 0.025  # half of the interval of the events
 QUICK_S = 5.0
 SLOW_S = 600.0  # a whole program may have to be read
-# Who may look at all asks for these, so they are kept apart from what moves the machine.
-LOOKS = frozenset(
-    {"facts", "drives", "alarms", "runs", "rows", "buses", "restart", "acknowledge", "usage", "changer"}
-)
-TELLS = LOOKS | {"status"}  # what changes nothing
-STOPS = frozenset({"stop", "hold", "estop", "jog_stop", "disable"})
-SLOW = frozenset(
-    {
-        "load",
-        "unload",
-        "mdi",
-        "probe",
-        "enable",
-        "home",
-        "reset",
-        "retract",
-        "return",
-        "withdraw",
-        "changer_confirm",
-        "changer_pocket",
-        "set_offset",
-        "set_tool",
-        "forget",
-    }
-)
+TELLS = frozenset(command.name for command in ALL if command.access is Access.LOOK)  # they change nothing
 # "bad" is no 422: what the schema cannot say (a word of a program, an axis that this machine
 # has not) depends on the machine, and so does whether it is refused.
-STATUSES = {**dict.fromkeys(("refused", "busy", "bad", "unrecorded", "worn"), 409), "gone": 503}
+STATUSES = {
+    **dict.fromkeys(("refused", "busy", "bad", "unrecorded", "worn"), 409),
+    "missing": 404,
+    "gone": 503,
+}
 
 
 class ServiceClient(Protocol):
@@ -65,10 +47,9 @@ class ServiceClient(Protocol):
 
 
 @dataclass
-class Lane:
-    """Verbs that may be in each other's way, and how many of them are asked at once."""
+class Way:
+    """Commands that may be in each other's way, and how many of them are asked at once."""
 
-    verbs: frozenset[str]
     at_once: int
     client: Client
 
@@ -82,27 +63,27 @@ class SocketServiceClient:
     """The service behind its socket."""
 
     def __init__(self, path: Path) -> None:
-        self._others = Lane(frozenset(), 16, Client(path, QUICK_S))  # start, resume, jog, overrides, status
-        # All places together are fewer than the door has.
-        self._lanes = (
-            Lane(STOPS, 8, Client(path, QUICK_S)),
-            Lane(LOOKS, 8, Client(path, QUICK_S)),
-            Lane(SLOW, 8, Client(path, SLOW_S)),
-            self._others,
-        )
+        # All places together are fewer than the socket has.
+        self._ways = {
+            Lane.STOP: Way(8, Client(path, QUICK_S)),
+            Lane.LOOK: Way(8, Client(path, QUICK_S)),
+            Lane.SLOW: Way(8, Client(path, SLOW_S)),
+            Lane.QUICK: Way(16, Client(path, QUICK_S)),
+        }
 
     async def ask(self, verb: str, **args: Any) -> dict[str, Any]:
         """The result of a verb. Raises Refusal with the service's own sentence."""
-        lane = next((lane for lane in self._lanes if verb in lane.verbs), self._others)
-        asked = partial(lane.client.ask, verb, **args)
+        command = COMMANDS.get(verb)
+        way = self._ways[command.way if command is not None else Lane.QUICK]
+        asked = partial(way.client.ask, verb, **args)
         try:
-            return await to_thread.run_sync(asked, abandon_on_cancel=True, limiter=lane.places)
+            return await to_thread.run_sync(asked, abandon_on_cancel=True, limiter=way.places)
         except CommandRefused as error:
             raise refusal(error) from error
 
     def close(self) -> None:
-        for lane in self._lanes:
-            lane.client.close()
+        for way in self._ways.values():
+            way.client.close()
 
 
 def refusal(error: CommandRefused) -> Refusal:

@@ -41,7 +41,7 @@ LAST = "last_told.json"  # in the state folder: status and facts, as they hold w
 MAX_BYTES = 200_000  # of a request; bigger things go by their path in the store
 MAX_ANSWER = 2 * MAX_BYTES  # of an answer
 MAX_PEERS = 64
-CODES = ("refused", "bad", "busy", "gone", "silent", "unrecorded", "worn")
+CODES = ("refused", "bad", "missing", "busy", "gone", "silent", "unrecorded", "worn")
 FACTS = ("code", "mode", "request")  # of a refusal, beside what it says
 ANSWER_S = 600.0  # a whole program may have to be read before the answer
 BUFFER_BYTES = 1 << 20  # of a socket
@@ -50,9 +50,9 @@ BUFFER_BYTES = 1 << 20  # of a socket
 class CommandRefused(Exception):
     """Why a request was not done, for the operator; ``sentence`` is it in English.
 
-    ``code``: "refused" by the machine's state, "bad" request, "busy", "gone" = nobody is there to
-    answer, "silent" = somebody is, and does not; "unrecorded", "worn" = it would be done if that were
-    confirmed.
+    ``code``: "refused" by the machine's state, "bad" request, "missing": what it is about is not there,
+    "busy", "gone" = nobody is there to answer, "silent" = somebody is, and does not; "unrecorded",
+    "worn" = it would be done if that were confirmed.
     """
 
     def __init__(self, code: str, said: Said | str, mode: str = "", request: str = "") -> None:

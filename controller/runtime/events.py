@@ -26,10 +26,10 @@ import math
 from pathlib import Path
 from typing import Any
 
+from controller.commands.table import MAX_OVERRIDE
 from controller.ipc.handoff import Jog
 from controller.runtime.starts import Start
 from controller.state.modes import Fault, Request
-from controller.tick.mode import MAX_OVERRIDE
 from controller.values import dataclass
 
 REQUESTS = {

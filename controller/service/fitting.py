@@ -50,15 +50,18 @@ def set_tool(service: Service, args: Values) -> Values:
     if not isinstance(number, int) or isinstance(number, bool):
         raise refused("not_whole", code="bad", name="number", value=number)
 
-    def touched() -> Values:
+    def made() -> Values | None:
+        """The whole row as it is kept: what is not said of a tool stays, also after the next start."""
+        if remove:
+            return None
+        before = service.fitted.get("tools", {}).get(str(number)) or {}
+        if reads is None:
+            return {**before, **values}
         now = _place(service)
         found = touch_off.tool(service.machine, service.in_force(now), now.joints, number, reads)
-        before = service.fitted.get("tools", {}).get(str(number)) or {}
         return {**before, **{name: getattr(found, name) for name in LENGTHENED}}
 
-    tool = None if remove else values
-    change = partial(setup_data.with_tool, number=number)
-    return _fit(service, "tools", str(number), (lambda: tool) if reads is None else touched, change)
+    return _fit(service, "tools", str(number), made, partial(setup_data.with_tool, number=number))
 
 
 def _place(service: Service) -> Snapshot:
@@ -68,16 +71,16 @@ def _place(service: Service) -> Snapshot:
     return now
 
 
-def forget(service: Service, args: Values) -> Values:
+def forget(service: Service, values: Values) -> Values:
     """What was set at the machine, or by a program, is the machine file's again. Raises CommandRefused."""
-    name = str(args.get("name", ""))
+    name = str(values["name"])
     what = "tools" if name.startswith("T") else "offsets"
     with at_rest(service, what, "FORGET"):
         try:
-            values = setup_data.without(service.fitted, name)
+            left = setup_data.without(service.fitted, name)
         except KeyError:
             raise refused("not_set_here", code="bad", name=name) from None
-        service.fit(setup_data.applied(service.file, values), values)
+        service.fit(setup_data.applied(service.file, left), left)
     return setup_data.told(service.machine, service.fitted)
 
 

@@ -164,9 +164,6 @@ def _times(line: Joints, sign: float) -> Joints:
 MAX_ENDED = 100  # presses that are remembered
 SILENCE_S = 0.2  # of a press without a name: longer, and the next request is another one
 
-# Verbs that end whatever press of a key is under way, whoever asks for them.
-ENDS = frozenset({"hold", "stop", "estop", "disable", "jog_stop"})
-
 
 class Presses:
     """Which press of a key may still move the machine.

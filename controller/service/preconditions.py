@@ -1,42 +1,125 @@
-"""What a verb needs of the service before it is asked of the tick; otherwise its refusal."""
+"""What must hold before a command is carried out, by the names that the table of commands has (``needs``)."""
 
 from __future__ import annotations
 
-from controller.ipc.control_socket import CommandRefused
+from collections.abc import Callable
+from typing import Any
+
+from controller.commands.command import Command
+from controller.commands.table import Request
+from controller.ipc.control_socket import CommandRefused, Values
 from controller.ipc.handoff import Snapshot
+from controller.service.acknowledged import refusal
 from controller.service.refusals import refused
 from controller.service.service import Service
+from controller.service.usage import check_worn
 from controller.state.modes import Mode
 
+Need = Callable[[Service, Command, Values], Any]  # raises CommandRefused
 
-def tick_goes_on(service: Service, now: Snapshot, request: str) -> None:
+
+def check(service: Service, command: Command, values: Values) -> None:
+    """Raises CommandRefused for the first thing that does not hold."""
+    for need in command.needs:
+        NEEDS[need](service, command, values)
+
+
+def tick_goes_on(service: Service, now: Snapshot, title: str) -> None:
     """What moves the machine is not left with a tick that hangs. Raises CommandRefused."""
     if service.stands(now):
-        raise refused("tick_does_not_answer", Mode.FAULT.name, request, "gone")
+        raise refused("tick_does_not_answer", Mode.FAULT.name, title, "gone")
 
 
-def not_running(service: Service, request: str) -> None:
+def permitted(service: Service, request: Request) -> Snapshot:
+    """The newest snapshot. Raises CommandRefused where the tick's table of modes refuses the request."""
+    now = service.now()
+    tick_goes_on(service, now, request.name)
+    if why := refusal(service.machine, now, request):
+        raise CommandRefused("refused", why, now.mode.name, request.name)
+    return now
+
+
+def not_running(service: Service, title: str) -> None:
     """No program and no typed line runs. Raises CommandRefused."""
     running, found = service.running, service.engine.snapshot()
     if running is not None:
         mode = found.mode.name if found is not None else "OFF"
-        raise refused("running", mode, request, program=running.program.name)
+        raise refused("running", mode, title, program=running.program.name)
 
 
-def not_in_thread(service: Service, request: str) -> None:
+def not_in_thread(service: Service, title: str) -> None:
     """The tool stands in no thread: ``withdraw`` and Resume alone move it there. Raises CommandRefused."""
     if (found := service.thread.found) is not None:
         mode, line = service.now().mode.name, found.line
         depth, pitch = found.depth_mm, found.pitch_mm
-        raise refused("in_thread", mode, request, depth=depth, pitch=pitch, line=line)
+        raise refused("in_thread", mode, title, depth=depth, pitch=pitch, line=line)
 
 
-def changer_is_sure(service: Service, request: str) -> None:
+def changer_is_sure(service: Service, title: str) -> None:
     """No tool is being changed, and where the tools are is confirmed. Raises CommandRefused."""
     changer = service.changer
     if changer is None:
         return
     if changer.under_way:
-        raise refused("change_under_way", service.now().mode.name, request)
+        raise refused("change_under_way", service.now().mode.name, title)
     if (doubt := changer.doubt) is not None:
-        raise CommandRefused("refused", doubt, service.now().mode.name, request)
+        raise CommandRefused("refused", doubt, service.now().mode.name, title)
+
+
+def _mode(service: Service, command: Command, _: Values) -> None:
+    """The table of modes takes it, or the service itself does more before (``modes`` of the command)."""
+    now = service.now()
+    tick_goes_on(service, now, command.title)
+    if command.request is not None and now.mode.name not in command.modes:
+        permitted(service, command.request)
+
+
+def _loaded(service: Service, command: Command, _: Values) -> None:
+    mode, job = service.now().mode.name, service.job
+    if job is None:
+        raise refused("not_loaded", mode, command.title)
+    if job.state == "loading":
+        raise refused("still_loading", mode, command.title, program=job.program.name)
+    if job.state == "refused":
+        raise refused("not_ready", mode, command.title, program=job.program.name, why=job.said)
+
+
+def _not_worn(service: Service, _: Command, values: Values) -> None:
+    """The tool in the spindle has life left, or that is confirmed."""
+    if service.job is not None and not values["worn"]:
+        check_worn(service.usage, service.tool, service.job.program.name, service.tool_numbers)
+
+
+def _has_spindle(service: Service, *_: Any) -> None:
+    spindle = service.machine.spindle
+    if spindle is None or not spindle.is_driven:
+        raise refused("no_spindle", code="bad")
+
+
+def _has_adaptive(service: Service, *_: Any) -> None:
+    """The machine file has a law for it."""
+    spindle = service.machine.spindle
+    if spindle is None or spindle.adaptive is None:
+        raise refused("no_adaptive", code="bad")
+
+
+def _tool_in_table(service: Service, _: Command, values: Values) -> None:
+    if values["tool"] not in service.tool_numbers:
+        raise refused("not_in_table", code="missing", number=values["tool"])
+
+
+def _by_title(check: Callable[[Service, str], None]) -> Need:
+    return lambda service, command, _: check(service, command.title)
+
+
+NEEDS: dict[str, Need] = {
+    "mode": _mode,
+    "loaded": _loaded,
+    "not_running": _by_title(not_running),
+    "not_in_thread": _by_title(not_in_thread),
+    "changer": _by_title(changer_is_sure),
+    "not_worn": _not_worn,
+    "spindle": _has_spindle,
+    "adaptive": _has_adaptive,
+    "tool_in_table": _tool_in_table,
+}

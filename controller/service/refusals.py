@@ -46,11 +46,3 @@ def whole(args: Mapping[str, Any], key: str, below: float = math.inf) -> int | N
     if not isinstance(value, int) or isinstance(value, bool) or not 0 <= value < below:
         raise refused("not_whole", code="bad", name=key, value=value)
     return value
-
-
-def switch(args: Mapping[str, Any], key: str) -> bool:
-    """On or off. Raises CommandRefused."""
-    on = args.get(key)
-    if not isinstance(on, bool):
-        raise refused("not_switch", code="bad", name=key, value=on)
-    return on

@@ -7,11 +7,10 @@ from typing import Any
 from controller.ipc.control_socket import Values
 from controller.machine import setup_data, tool_store
 from controller.machine.model import Machine
-from controller.service import fitting, preconditions
-from controller.service.refusals import refused, switch, whole
+from controller.service import fitting
+from controller.service.refusals import refused
 from controller.service.service import Service
 from controller.service.tool_changer import ToolChanger
-from controller.service.usage import MAX_TOOL
 
 LOGGED = ("time_s", "what", "tool_out", "tool_in", "step", "name")
 
@@ -22,34 +21,31 @@ def told(service: Service) -> Values:
     return {**changer.told(), "log": [dict(zip(LOGGED, row, strict=True)) for row in changer.store.log()]}
 
 
-def confirm(service: Service, args: Values) -> Values:
+def confirm(service: Service, values: Values) -> Values:
     """Where every tool is, as an operator has seen it, and that the changer stands clear.
 
     ``spindle``: the tool in it, 0 = none; ``away``: tools out of the machine; each other one is in its
     pocket. Raises CommandRefused.
     """
     changer = _changer_of(service)
-    preconditions.not_running(service, "CHANGER")
-    if not switch(args, "clear"):
+    if not values["clear"]:
         raise refused("changer_not_clear", code="bad")
-    spindle, away = whole(args, "spindle", MAX_TOOL), args.get("away") or []
-    away = away if isinstance(away, list) else [away]
+    spindle, away = values["spindle"], values["away"]
     _known(service, [spindle, *away])
     if spindle and spindle in away:
         raise refused("changer_twice", code="bad", tool=spindle)
-    service.confirm_tools(tool_store.placed(_pockets(service.machine), spindle or 0, away))
+    service.confirm_tools(tool_store.placed(_pockets(service.machine), spindle, away))
     return changer.told()
 
 
-def give_pocket(service: Service, args: Values) -> Values:
+def give_pocket(service: Service, values: Values) -> Values:
     """Whose a pocket is; from then on somebody must confirm where the tools are. Raises CommandRefused."""
     changer = _changer_of(service)
-    pocket, tool = whole(args, "pocket"), whole(args, "tool")
     with fitting.at_rest(service, "pockets", "SET POCKETS"):
-        machine = setup_data.with_pocket(service.machine, str(pocket), tool)
+        machine = setup_data.with_pocket(service.machine, str(values["pocket"]), values["tool"])
         changer.store.forget()
-        values = {str(number): its for number, its in enumerate(_pockets(machine), 1)}
-        service.fit(machine, {**service.fitted, "pockets": values})
+        pockets = {str(number): its for number, its in enumerate(_pockets(machine), 1)}
+        service.fit(machine, {**service.fitted, "pockets": pockets})
     return changer.told()
 
 

@@ -26,7 +26,7 @@ from controller.ipc.handoff import COLUMN, of_axes
 from controller.machine.model import Machine
 from controller.messages import Said, said, several
 from controller.service import kept_file
-from controller.service.refusals import number, refused, whole
+from controller.service.refusals import refused
 from controller.state.modes import Mode
 
 FILE = "usage.json"
@@ -314,8 +314,6 @@ def _taken(told: Any) -> Kept:
 
 # Tool life and maintenance as the door has them: changed by their verbs, and asked before a start.
 
-MAX_TOOL = 100_000
-LONGEST_MIN, LONGEST_M, MAX_PARTS, LONGEST = 1e6, 1e6, 1_000_000, 1e9
 LONGEST_NAME = 60
 
 
@@ -325,38 +323,34 @@ def check_worn(usage: Usage, tool: int, program: str, known: Collection[int]) ->
         raise refused("worn", "READY", "START", "worn", program=program, **told)
 
 
-def tool_life(usage: Usage, args: Values) -> Values:
+def tool_life(usage: Usage, values: Values) -> Values:
     """Limits of a tool; null: none. Raises CommandRefused."""
-    tool = _tool(args)
-    cut = None if args.get("cut_min") is None else number(args, "cut_min", 0.1, LONGEST_MIN)
-    parts = None if args.get("parts") is None else int(number(args, "parts", 1, MAX_PARTS))
-    way = None if args.get("cut_m") is None else number(args, "cut_m", 0.1, LONGEST_M)
-    sister = whole(args, "sister", MAX_TOOL)
-    if sister in (0, tool):
+    tool, sister = values["tool"], values["sister"]
+    if sister == tool:
         raise refused("no_sister", code="bad", tool=tool, value=sister)
-    usage.set_life(tool, cut, parts, way, sister)
+    usage.set_life(tool, values["cut_min"], values["parts"], values["cut_m"], sister)
     return _kept(usage)
 
 
-def tool_renewed(usage: Usage, args: Values) -> Values:
+def tool_renewed(usage: Usage, values: Values) -> Values:
     """Raises CommandRefused."""
-    usage.renew(_tool(args))
+    usage.renew(values["tool"])
     return _kept(usage)
 
 
-def maintenance(usage: Usage, args: Values) -> Values:
+def maintenance(usage: Usage, values: Values) -> Values:
     """Make, change or (without an interval) take out a job of maintenance. Raises CommandRefused."""
-    name = _name(args)
-    if args.get("every") is None:
+    name = _name(values)
+    if values["every"] is None:
         usage.remove_item(name)
     else:
-        usage.set_item(name, str(args.get("counter", "")), number(args, "every", 0.001, LONGEST))
+        usage.set_item(name, values["counter"], values["every"])
     return _kept(usage)
 
 
-def maintained(usage: Usage, args: Values) -> Values:
+def maintained(usage: Usage, values: Values) -> Values:
     """Raises CommandRefused."""
-    usage.done(_name(args), str(args.get("by", ""))[:LONGEST_NAME])
+    usage.done(_name(values), values["by"][:LONGEST_NAME])
     return _kept(usage)
 
 
@@ -369,14 +363,9 @@ def _kept(usage: Usage) -> dict[str, Any]:
     return usage.told()
 
 
-def _tool(args: Values) -> int:
-    if not (found := whole(args, "tool", MAX_TOOL)):
-        raise refused("not_whole", code="bad", name="tool", value=args.get("tool"))
-    return found
-
-
-def _name(args: Values) -> str:
-    name = args.get("name")
-    if not isinstance(name, str) or not name.strip() or len(name) > LONGEST_NAME or not name.isprintable():
+def _name(values: Values) -> str:
+    """Raises CommandRefused for one that nobody could see."""
+    name = str(values["name"])
+    if not name.strip() or not name.isprintable():
         raise refused("no_item_name", code="bad", most=LONGEST_NAME)
     return name.strip()

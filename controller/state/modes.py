@@ -30,6 +30,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from enum import IntEnum, IntFlag
 
+from controller.commands.table import MAX_AXES, OVERRIDES, SWITCHES, Request
 from controller.faults import Fault, FaultRow, Reaction, Recovery, Times, Wait
 from controller.messages import Key, Said, chain, said
 from controller.state.fault_table import FAULTS, sentence, stands_within_s, told, waits_s
@@ -40,8 +41,11 @@ __all__ = [
     "AXIS_KINDS",
     "DROPS",
     "FAULTS",
+    "MAX_AXES",
+    "OVERRIDES",
     "PROGRESS",
     "SHOWN_MODES",
+    "SWITCHES",
     "TOOL_CHANGE",
     "TRANSITIONS",
     "Binding",
@@ -88,34 +92,6 @@ class StaysOn(IntFlag):
 
     BEFORE = 1  # they go on as they are until the program says otherwise; else it begins with all off
     AFTER = 2  # they go on when the program has come to its end by itself; else all is off then
-
-
-class Request(IntEnum):
-    """What an operator (or the plan) asks for; the value of a datagram's first byte."""
-
-    START = 1  # value: ``StaysOn``
-    HOLD = 2
-    RESUME = 3
-    STOP = 4
-    OVERRIDE = 5  # value: share of F, 1.0 = 100 %
-    RAPID_OVERRIDE = 6  # value: share of the rapid speed
-    ENABLE = 7
-    DISABLE = 8
-    HOME = 9  # value: bit mask of the axes, bit i = i-th [[axis]]
-    RESET = 10
-    ESTOP = 11
-    SINGLE_BLOCK = 12  # value: 1 = stop at the end of each block, 0 = run through
-    OPTIONAL_STOP = 13  # value: 1 = M1 stops, 0 = it does not
-    JOG = 14  # a datagram of its own: pieces.Jog; sent again and again while a key is down
-    JOG_STOP = 15  # the key is up
-    ARRANGED = 16  # a datagram of its own: what commissioning has found of the drives
-    PLAN_LOST = 17  # of the service: the process that knows the rest of the program has died
-    SPINDLE_OVERRIDE = 18  # value: share of S
-    SPINDLE = 19  # value: rev/min by hand, without a program; signed, 0 = off
-    COOLANT = 20  # value: 0 off, 1 mist, 2 flood, 3 both; of a program until it says otherwise
-    CLAMPS = 21  # value: bit mask of the axes whose clamps are open by hand
-    PREPARE = 22  # value: outputs of a tool changer's preparation, see ``Changer.told``
-    ADAPTIVE_FEED = 23  # value: 1 = adaptive feed also without M52 P1, 0 = as the program says
 
 
 # (mode, request) -> mode that follows at once. Overrides and switches are allowed in every
@@ -174,13 +150,9 @@ PROGRESS: dict[Mode, frozenset[Mode]] = {
 
 ALWAYS = frozenset(
     {
-        Request.OVERRIDE,
-        Request.RAPID_OVERRIDE,
-        Request.SPINDLE_OVERRIDE,
+        *OVERRIDES,
+        *SWITCHES,
         Request.ESTOP,
-        Request.SINGLE_BLOCK,
-        Request.OPTIONAL_STOP,
-        Request.ADAPTIVE_FEED,
         Request.JOG_STOP,
         Request.ARRANGED,
         Request.PLAN_LOST,
@@ -200,7 +172,6 @@ MOVES = (
     Request.PREPARE,
 )
 BY_HAND = frozenset({Request.SPINDLE, Request.COOLANT, Request.CLAMPS, Request.PREPARE})  # of peripherals
-MAX_AXES = 5  # of a machine: for so many there is room in what is laid out once for all (live state, masks)
 ALL_AXES = (1 << MAX_AXES) - 1
 
 

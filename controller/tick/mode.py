@@ -9,16 +9,14 @@ import math
 from enum import IntEnum
 from typing import Final
 
-from controller.state.modes import ALWAYS, FAULTS, TRANSITIONS, Fault, Mode, Reaction, Request, bars
+from controller.commands.table import MAX_OVERRIDE, SPINDLE_OVERRIDES
+from controller.state.modes import ALWAYS, FAULTS, SWITCHES, TRANSITIONS, Fault, Mode, Reaction, Request, bars
 from controller.state.stop_times import ENABLE_S, HOMING_S
 from controller.tick.drives import Drives
 from drives.cia402 import State, Wanted
 from drives.cyclic.drive import DriveFault
 
-MAX_OVERRIDE = 2.0
 _STARTS = (0.0, 1.0, 2.0, 3.0)  # ``StaysOn``
-SPINDLE_OVERRIDES = (0.5, 1.5)  # below it is no override but a stop, which is another button
-SWITCHES = (Request.SINGLE_BLOCK, Request.OPTIONAL_STOP, Request.ADAPTIVE_FEED)
 WARNING = 1 << 7  # of the statusword (CiA 402)
 
 # A drive that has tripped, lost its torque or started anew is silent or drops out first.

@@ -8,6 +8,7 @@ from fastapi import APIRouter, Request
 from pydantic import Field
 
 from controller.api.access import needs, panel_of, principal
+from controller.api.answers import documented
 from controller.api.models import Number, Sent, Told
 from controller.api.roles import Role
 from controller.api.routes.machine import LOOKS, MOVES
@@ -80,6 +81,7 @@ class UsageFacts(Told):
 
 router = APIRouter(tags=["tool life and maintenance"])
 OPERATE = [needs(Role.OPERATE)]
+OF_TOOL = {**MOVES, **documented(404)}
 
 
 @router.get("/usage", dependencies=[needs(Role.VIEW)], responses=LOOKS)
@@ -88,13 +90,13 @@ async def usage(request: Request) -> UsageFacts:
     return await _asked(request, "usage")
 
 
-@router.put("/usage/tools/{number}", dependencies=OPERATE, responses=MOVES)
+@router.put("/usage/tools/{number}", dependencies=OPERATE, responses=OF_TOOL)
 async def tool_life(request: Request, number: ToolNumber, body: ToolLife) -> UsageFacts:
     """Limits of a tool; one that is worn starts no program unless that is confirmed."""
     return await _asked(request, "tool_life", tool=number, **body.model_dump())
 
 
-@router.post("/usage/tools/{number}/renewed", dependencies=OPERATE, responses=MOVES)
+@router.post("/usage/tools/{number}/renewed", dependencies=OPERATE, responses=OF_TOOL)
 async def tool_renewed(request: Request, number: ToolNumber) -> UsageFacts:
     """It has a new edge: counted from nothing."""
     return await _asked(request, "tool_renewed", tool=number)

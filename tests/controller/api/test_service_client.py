@@ -14,9 +14,15 @@ from support.fakes.fake_socket import TABLE
 from support.fakes.panels import Scene
 
 from controller.api import service_client
-from controller.api.service_client import LOOKS, SLOW, STOPS, SocketServiceClient, Watch
+from controller.api.service_client import SocketServiceClient, Watch
+from controller.commands.command import Lane
+from controller.commands.table import ALL
 from controller.ipc.control_socket import MAX_PEERS, Answer, Values
 from controller.service.socket_server import Server
+
+LOOKS, SLOW, STOPS = (
+    frozenset(one.name for one in ALL if one.way is lane) for lane in (Lane.LOOK, Lane.SLOW, Lane.STOP)
+)
 
 CROWD = 50  # more than all lanes have places
 TIMEOUT_S = 30.0  # before a request that hangs is told from a slow computer
@@ -112,7 +118,7 @@ def test_an_operator_holds_and_stops_while_a_crowd_of_viewers_waits(tmp_path: Pa
 
 def test_the_panel_alone_does_not_fill_the_door(tmp_path: Path) -> None:
     door: Any = SocketServiceClient(tmp_path / "control.sock")
-    assert sum(lane.at_once for lane in door._lanes) < MAX_PEERS
+    assert sum(lane.at_once for lane in door._ways.values()) < MAX_PEERS
 
 
 @pytest.mark.parametrize("verb", ["stop", "hold", "estop", "jog_stop"])

@@ -514,7 +514,7 @@ def test_what_is_confirmed_is_told(desk: Desk) -> None:
         ({"spindle": 77, "clear": True}, "T77 is not in the tool table"),
         ({"spindle": 2, "away": [2], "clear": True}, "cannot be in the spindle and out"),
         ({"spindle": 2, "away": 2, "clear": True}, "cannot be in the spindle and out"),
-        ({"clear": True}, "not in the tool table"),
+        ({"clear": True}, "spindle None: must be a whole number from 0 to 99999"),
     ],
 )
 def test_a_guess_is_not_taken(desk: Desk, args: dict[str, Any], says: str) -> None:

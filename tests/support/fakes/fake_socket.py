@@ -9,13 +9,14 @@ from __future__ import annotations
 from typing import Any
 
 from controller.api.service_client import refusal
+from controller.commands.table import ENDS
 from controller.ipc.control_socket import CommandRefused
 from controller.ipc.handoff import Recorder
 from controller.machine import machine_file
 from controller.machine.setup_data import tools_of
 from controller.messages import said
 from controller.service import diagnostics
-from controller.service.jogging import ENDS, Presses
+from controller.service.jogging import Presses
 
 AXES = ("X", "Y", "Z", "A", "C")
 WEARS = ("tool_life", "tool_renewed", "maintenance", "maintained")

@@ -1,0 +1,102 @@
+"""How a command is declared."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from enum import StrEnum
+from typing import TYPE_CHECKING, Any
+
+from controller.commands.arguments import Argument, Switch
+from controller.values import dataclass
+
+if TYPE_CHECKING:
+    from controller.commands.table import Request
+
+
+class Access(StrEnum):
+    """Who may give a command."""
+
+    LOOK = "look"  # who may look at all; it changes nothing
+    STOP = "stop"  # who may operate, or where the panel has it so anybody who may look; no control token
+    OPERATE = "operate"  # who may operate; no control token
+    MOVE = "move"  # who may operate and holds the control token
+    SET_UP = "set_up"
+
+
+class Lane(StrEnum):
+    """Commands that the panel may let wait for one another."""
+
+    QUICK = "quick"
+    STOP = "stop"  # never waits for others
+    LOOK = "look"
+    SLOW = "slow"  # what waits for a plan, a disk or motion
+
+
+LANES = {Access.STOP: Lane.STOP, Access.LOOK: Lane.LOOK}
+
+
+@dataclass(frozen=True, slots=True)
+class Rest:
+    """The route of a command that is answered by done or refused, made of the declaration."""
+
+    method: str
+    path: str
+    text: str  # in OpenAPI
+    name: str = ""  # of the operation, where it is another one than the command's
+    body: str = ""  # name of the body's model; "": the command's own
+    body_text: str = ""
+    bodiless: bool = False  # the body may be left out
+    seen_s: float | None = None  # the status that was seen may be so old; None: as usual
+    idle_is_done: bool = False  # refused, for there is nothing to stop, is done
+
+
+@dataclass(frozen=True, slots=True)
+class Client:
+    """The verb of the command line that is made of the declaration.
+
+    A number, a text and axes are arguments; a switch alone is the word on or off, several are options.
+    """
+
+    name: str
+    answer: str  # key of the text "client.<answer>"; with _on, _off or _none where there is one for the value
+    renamed: tuple[tuple[str, str], ...] = ()  # argument, and its name here where it is another one
+    negative: bool = False  # a value such as -3000 is no option
+    may_take_long: bool = True  # waits for the end of what takes long
+
+
+@dataclass(frozen=True, slots=True)
+class Command:
+    """One command. ``needs``: names of what must hold, in the order in which it is looked at (``NEEDS`` of
+    ``service.preconditions``); "mode": what the tick's table of modes says of ``request``.
+    """
+
+    name: str
+    access: Access
+    arguments: tuple[Argument, ...] = ()
+    request: Request | None = None  # what the tick is asked for, at last
+    needs: tuple[str, ...] = ()
+    modes: tuple[str, ...] = ()  # in which it is possible besides those of ``request``
+    rest: Rest | None = None
+    client: Client | None = None
+    lane: Lane | None = None  # None: by ``access``
+    open_ended: bool = False  # takes further arguments: the columns of a table
+
+    @property
+    def is_switch(self) -> bool:
+        """Whether it does nothing but switch something in the tick, in every mode."""
+        kinds = [one.kind for one in self.arguments]
+        return self.request is not None and len(kinds) == 1 and isinstance(kinds[0], Switch)
+
+    @property
+    def title(self) -> str:
+        """As refusals name it."""
+        return self.name.upper()
+
+    @property
+    def way(self) -> Lane:
+        return self.lane or LANES.get(self.access, Lane.QUICK)
+
+    def read(self, sent: Mapping[str, Any]) -> dict[str, Any]:
+        """The arguments of what was sent; what is not declared is left out. Raises ArgumentError."""
+        values = {one.name: one.read(sent) for one in self.arguments}
+        return {**sent, **values} if self.open_ended else values

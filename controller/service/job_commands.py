@@ -1,0 +1,154 @@
+"""Commands that take long: programs, lines by hand, ways off the path, drives on, homing, reset."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from controller.commands.table import Request
+from controller.ipc.control_socket import Answer, CommandRefused, Values
+from controller.machine.model import Machine
+from controller.plan.retract import RETRACT_MM_S
+from controller.service import jobs, preconditions, restart_preview, sequences, whole_status
+from controller.service.preconditions import permitted
+from controller.service.refusals import by_fault, refused
+from controller.service.sequencer import Going
+from controller.service.thread_guard import way_out
+from controller.state.modes import Mode, bars
+
+if TYPE_CHECKING:
+    from controller.service.command_handlers import Desk
+
+
+def enable(desk: Desk, _: Values) -> Answer:
+    service, now = desk.service, desk.service.now()
+    if now.mode is Mode.READY:
+        return {"done": True, "mode": now.mode.name}
+    permitted(service, Request.ENABLE)
+    return desk.sequence("enable", lambda: sequences.enable(service))
+
+
+def home(desk: Desk, values: Values) -> Answer:
+    service, going = desk.service, Going()
+    axes = _axis_numbers(service.machine, values["axes"], service.now().mode)
+    return desk.sequence("home", lambda: sequences.home(service, axes, going), going)
+
+
+def _axis_numbers(machine: Machine, names: list[str] | None, mode: Mode) -> tuple[int, ...]:
+    """Numbers of axes by their names, all of them for None. Raises CommandRefused."""
+    known = [axis.name for axis in machine.axes]
+    if names is None:
+        return tuple(range(len(known)))
+    if not all(name in known for name in names):
+        raise refused("no_axes", mode.name, "HOME", "bad", axes=repr(names), allowed=" ".join(known))
+    return tuple(sorted({known.index(name) for name in names}))
+
+
+def reset(desk: Desk, _: Values) -> Answer:
+    service = desk.service
+    now = service.engine.snapshot()
+    goes_on = service.engine.tick_alive and now is not None and not service.stands(now)
+    if goes_on and now is not None and now.mode is not Mode.FAULT and service.commissioned:
+        raise refused("no_fault", now.mode.name, "RESET")
+    return desk.sequence("reset", lambda: sequences.reset(service))
+
+
+# ---- programs and lines
+
+
+def load(desk: Desk, values: Values) -> Answer:
+    service = desk.service
+    given_up, going = desk.give_up_load(), desk.new_load()
+
+    def work() -> Values:
+        if going.given_up:
+            raise refused("given_up", verb="load")
+        if values["restart"] is True:
+            job = restart_preview.gone_on_with(service, values)
+        else:
+            job = jobs.read(values, service.machine)
+        job.program = replace(job.program, begin=service.begins_with(job, service.now()))
+        service.job, service.interrupted = job, None
+        try:
+            return sequences.load(service, job)
+        except CommandRefused as error:
+            job.state, job.said = "refused", error.said
+            raise
+
+    return desk.sequence("load", work, behind=given_up)
+
+
+def unload(desk: Desk, _: Values) -> Answer:
+    """A check of it that is under way is given up, and has come to its end with the answer."""
+
+    def work() -> Values:
+        desk.service.job = desk.service.interrupted = None
+        return {}
+
+    given_up = desk.give_up_load()
+    return desk.sequence("unload", work, behind=given_up) if given_up else work()
+
+
+def start(desk: Desk, values: Values) -> Answer:
+    service, going, job = desk.service, Going(), desk.service.job
+    assert job is not None
+    unrecorded = bool(values["unrecorded"])
+    return desk.sequence("start", lambda: sequences.start(service, job, going, unrecorded), going)
+
+
+def mdi(desk: Desk, values: Values) -> Answer:
+    return desk.begin("mdi", jobs.mdi(values["text"], desk.service.machine))
+
+
+def probe(desk: Desk, values: Values) -> Answer:
+    """A probing cycle, from where the probe stands."""
+    return desk.begin("probe", jobs.probing(values, desk.service.machine, desk.service.tool))
+
+
+# ---- off the path
+
+
+def retract(desk: Desk, values: Values) -> Answer:
+    """Off along the tool axis: out of a held program, or from READY, as after a fault."""
+    service, now, mm = desk.service, desk.service.now(), values["mm"]
+    if now.mode not in (Mode.HOLD, Mode.READY) or not now.at_rest:
+        raise refused("not_retracted", now.mode.name, "RETRACT")
+    room_mm = whole_status.retract_room_mm(service, now)
+    if room_mm is not None and not 0.0 < mm <= room_mm:
+        raise refused("retract_room", now.mode.name, "RETRACT", mm=mm, room=room_mm)
+    if now.mode is Mode.HOLD:
+        return _aside(desk, "retract", mm)
+    preconditions.not_running(service, "RETRACT")
+    permitted(service, Request.JOG)
+    line = desk.jogging.step(service.machine, now, desk.part(), "tool", "Z", mm)
+    line, going = line._replace(speed=min(line.speed, RETRACT_MM_S)), Going()
+    return desk.sequence("retract", lambda: sequences.retract(service, line, going), going)
+
+
+def return_(desk: Desk, _: Values) -> Answer:
+    return _aside(desk, "return")
+
+
+def _aside(desk: Desk, verb: str, distance_mm: float = 0.0) -> Answer:
+    service, now = desk.service, desk.service.now()
+    if now.mode is not Mode.HOLD or not now.at_rest:
+        raise refused("not_held", now.mode.name, verb.upper())
+    if bars(now.interlock, Request.RESUME):
+        raise by_fault(now.interlock, now.mode.name, verb.upper())
+    going = Going()
+    return desk.sequence(verb, lambda: sequences.aside(service, verb, distance_mm, going), going)
+
+
+def withdraw(desk: Desk, values: Values) -> Answer:
+    """Out of a thread along it, by what is known of it or ``mm``; or it ``is_out`` already, by hand."""
+    service, now = desk.service, desk.service.now()
+    found = service.thread.found
+    if found is None:
+        raise refused("not_in_thread", now.mode.name, "WITHDRAW")
+    if values["is_out"]:
+        preconditions.not_running(service, "WITHDRAW")
+        service.thread.is_out()
+        return {}
+    if found.pitch_mm == 0.0:
+        raise refused("thread_unknown", now.mode.name, "WITHDRAW")
+    return desk.begin("withdraw", jobs.own(way_out(service.machine, found, values["mm"]), service.machine))
