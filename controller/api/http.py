@@ -10,15 +10,16 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import AsyncIterator, Iterator
+from functools import cache
 from typing import Any
 
-from fastapi import FastAPI, Request
+from fastapi import APIRouter, FastAPI, Request
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse
 from fastapi.routing import APIRoute, APIWebSocketRoute
 from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect, HTTPConnection
-from starlette.routing import compile_path
+from starlette.routing import BaseRoute, compile_path
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from controller.api import metrics, octoprint
@@ -95,16 +96,24 @@ def make_app(panel: Panel) -> FastAPI:
         openapi_url=None,
         redirect_slashes=False,
         default_response_class=Answer,
+        routes=_routes_of_parts(),
     )
     app.state.panel = panel
     _check_guards()
-    for prefix, part in PARTS:
-        app.include_router(part.router, prefix=prefix)
     _describe(app)
     _refusals(app)
     app.add_middleware(Slashes)
     app.add_middleware(Bounds)
     return app
+
+
+@cache
+def _routes_of_parts() -> list[BaseRoute]:
+    """The same for every application: FastAPI works out once, at the first request, what each one takes."""
+    whole = APIRouter(default_response_class=Answer)
+    for prefix, part in PARTS:
+        whole.include_router(part.router, prefix=prefix)
+    return whole.routes
 
 
 def _describe(app: FastAPI) -> None:
