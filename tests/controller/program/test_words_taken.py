@@ -252,7 +252,7 @@ NOT_HERE = {"M2", "M30", "M70", "M72", "M73"}  # they end it, or change what is 
 WHY_REFUSED = {
     "word.two_owners": "two codes take one word, and which of them has it is not clear",
     "word.no_owner_here": "a word that does nothing there, or that a tool of this machine has no room for",
-    "word.two_take_axes": "a length on the line of a motion: where that goes, without a word of an axis, is not clear",
+    "word.two_take_axes": "a length on the line of a motion: where that goes is not clear",
     "word.not_a_count": "half an output is none",
     "word.negative": "nor is one below the first",
     "word.no_motion": "probing, threads and curves are for their line: the interpreter goes on with them",
