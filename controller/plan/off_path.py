@@ -18,7 +18,7 @@ from controller.messages import said
 from controller.plan import retract as aside
 from controller.plan.look_ahead import Place
 from controller.plan.path.path import Chain, Pause, Stretch
-from controller.plan.restart import entry, reentry
+from controller.plan.restart import entry, other_tool, reentry
 from controller.plan.restart.program_position import ENTRY_ID, Spot
 from controller.plan.restart.reentry import Fitted, Reentry, joints_at
 from controller.plan.restart.restart import Rest, named
@@ -101,7 +101,7 @@ class Detour:
         stood = away.held
         if rest is not None:
             if back.before is not None and fitted.tool is not None:
-                aside.see_fits(now.joints, away.held, back.before, fitted.tool, rest)
+                other_tool.see_fits(now.joints, away.held, back.before, fitted.tool, rest)
             path = Track(rest.opened(rest.items), machine, kinematics, probes=True)
             path.goes_on(left[0])
             left, stood = (path, Place(0, rest.spot.s)), rest.target.joints

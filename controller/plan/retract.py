@@ -15,16 +15,13 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
-from controller.geometry.vectors import ROUNDING, dot, subtract
 from controller.ipc.handoff import Snapshot
 from controller.machine.kinematics import Kinematics
-from controller.machine.model import Joints, Machine, Tool
+from controller.machine.model import Joints, Machine
 from controller.messages import Key, said
-from controller.motion.motions import SurfaceCut
 from controller.plan.restart import reentry
-from controller.plan.restart.program_position import Spot, line_of
+from controller.plan.restart.program_position import Spot
 from controller.plan.restart.reentry import RETRACT_MM_S, NotPossible, along_axis
-from controller.plan.restart.restart import Rest
 from controller.plan.stretch import Chain, Pause, Stretch, straight
 from controller.program import modal
 from controller.program.program import Act, Place
@@ -76,27 +73,3 @@ def ending(way: Iterable[Stretch], place: Place) -> Iterator[Chain | Pause]:
     """A way aside: one move after the other, to a stop."""
     yield from (Chain((stretch,)) for stretch in way)
     yield Pause(place, modal.power_on().modal, act=Act.STOP)
-
-
-def see_fits(now: Joints, held: Joints, before: Tool, after: Tool, rest: Rest) -> None:
-    """Raises NotPossible where another tool cannot come back from ``now``, or would cut lines too deep.
-
-    It stands no higher than the place of the hold for being longer; or it is thicker, and what walls lines
-    have left beside it nobody knows.
-    """
-    target, kinematics = rest.target, rest.source.kinematics
-    tip, axis = kinematics.forward(now, after.length_mm)
-    longer = after.length_mm - before.length_mm
-    off_mm = dot(subtract(tip, kinematics.forward(held, before.length_mm).tip), axis)
-    if longer > 0.0 and off_mm <= 0.0:
-        raise NotPossible(said("aside.longer", longer=longer, off=off_mm + longer))
-    thicker, stretch = after.radius_mm - before.radius_mm, target.stretch
-    if thicker <= ROUNDING or (stretch is not None and isinstance(stretch.motion, SurfaceCut)):
-        return
-    if stretch is not None and not target.modal.compensated and not reentry.is_free(stretch):
-        line = line_of(stretch, target.s)
-        raise NotPossible(said("aside.thicker", by=thicker, radius=before.radius_mm, line=line))
-    high_mm = dot(subtract(tip, kinematics.forward(target.joints, after.length_mm).tip), axis)
-    low_mm = target.clear_mm - rest.source.machine.clearance_mm - high_mm
-    if low_mm > ROUNDING:
-        raise NotPossible(said("aside.low", low=low_mm))

@@ -151,6 +151,7 @@ def _source(asked: Task, chosen: Mapping[int, Rotaries] | None, dry_run_mm: floa
         chosen,
         dry_run_mm,
         partial(walls_of, asked),
+        asked.read,
         asked.begin,
     )
 

@@ -13,6 +13,7 @@ from typing import Any
 from controller.machine.model import Joints, Machine
 from controller.plan.off_path import Back
 from controller.plan.report.stored import Stored
+from controller.plan.restart import other_tool
 from controller.plan.restart.program_position import Spot
 from controller.plan.restart.reentry import Fitted
 from controller.plan.restart.restart import Rest
@@ -71,19 +72,33 @@ def _joints(values: Iterable[Any]) -> Joints:
     return tuple([float(q) for q in values])
 
 
-def path_from(asked: Task, kept: Stored | None, start: Start) -> Walk:
-    """The path of a start; without a check branch and turns are chosen here. Raises ProgramError."""
+def path_from(asked: Task, kept: Stored | None, start: Start, cut_with: Machine | None = None) -> Walk:
+    """The path of a start; without a check branch and turns are chosen here. Raises ProgramError.
+
+    ``cut_with``: the machine, with its tools, that has cut what comes before the start's spot; None: not
+    known. Raises NotPossible where the tool that is fitted now would cut the rest deeper.
+    """
     if asked.machine.changer is not None:
         asked = replace(asked, machine=replace(asked.machine, in_spindle=start.in_spindle))
     asked = replace(asked, begin=start.begin, typed=start.typed)
     choices = kept.choices if kept is not None else None if start.unchecked else checked.chosen_for(asked)
     if start.spot is not None:
-        entered = rest(asked, choices or {}, start).entered(start.joints, start.in_spindle)
+        left = rest(asked, choices or {}, start)
+        if cut_with is not None:
+            _see_cuts_no_deeper(left, cut_with)
+        entered = left.entered(start.joints, start.in_spindle)
         return Walk(entered, choices=choices or {})
     asked = checked.standing(asked, start.joints)
     walk = checked.path_of(asked, choices, start.dry_run_mm, start.in_spindle)
     walk.notes += kept.notes if kept is not None else ()
     return walk
+
+
+def _see_cuts_no_deeper(left: Rest, cut_with: Machine) -> None:
+    before = cut_with.tool(left.target.modal.tool)
+    after = left.target.modal.tool_in(left.source.machine)
+    if before is not None and after is not None:
+        other_tool.see_cuts_no_deeper(before, after, left)
 
 
 def back_with(left: Rest, before: Machine) -> Back:

@@ -49,6 +49,7 @@ class Program:
     typed: bool = False  # a line by hand
     unchecked: bool = False  # it is read as it is run, and what is refused of it is refused on the way
     begin: State | None = None  # the modal state before its first line; None: that of power-on
+    cut_with: Machine | None = None  # with the tools that have cut what is before ``spot``; None: not known
 
 
 @dataclass(frozen=True, slots=True)

@@ -102,6 +102,7 @@ class Planning:
         self._in_force = InForce()  # the modal state at each line of what is armed
         self._fitted = machine  # of what was armed
         self._armed: Program | None = None
+        self._left: Program | None = None  # that did not come to its end, as it was run last
         self._text = b""  # of the program that was checked or armed last
         self._carrying_out = False
         self._facts: dict[str, Any] = {}  # of what is being armed
@@ -252,7 +253,7 @@ class Planning:
         task = self._noting(task)
         self._heard.clear()
         self._marks.clear()
-        items = starts.path_from(task, kept, start).items
+        items = starts.path_from(task, kept, start, self._cut_with(program)).items
         self._end.new_planner(program.machine)
         self._tool, self._fitted, self._armed = None, program.machine, program
         self._known.clear()
@@ -262,6 +263,15 @@ class Planning:
         length = (kept.duration_s, kept.blocks) if kept is not None else (None, None)
         self._facts = {"duration_s": length[0], "blocks": length[1], "start": start}
         self._awaited = Awaited.of(order, now)
+
+    def _cut_with(self, program: Program) -> Machine | None:
+        """What has cut a program up to where it is gone on with; None where that is not known."""
+        if self._armed is not None and not self._armed.typed:
+            done = self._end.planner.finished_path
+            self._left = None if done else replace(self._armed, machine=self._fitted)
+        if program.cut_with is not None or program.spot is None or self._left is None:
+            return program.cut_with
+        return self._left.machine if self._left.text == program.text else None
 
     def _noting(self, task: Task) -> Task:
         """The same, of which the modal state of each line is noted from now on."""

@@ -85,10 +85,11 @@ def look_again(service: Service, job: Job, request: str = "START") -> None:
         raise CommandRefused("refused", why, now.mode.name, request)
     # Its lines set anew what they had set, so it is begun with what was fitted then, but for other tools.
     job.fitted = service.fitted if entry.job.fitted is None else entry.job.fitted
+    cut_with = None if entry.job.fitted is None else setup_data.applied(service.file, job.fitted)
     if here.tools_sha256 != entry.job.tools_sha256:
         job.fitted = {**job.fitted, "tools": service.fitted.get("tools", {})}
     machine = setup_data.applied(service.file, job.fitted)
-    job.program = replace(program, machine=machine, spot=_spot(entry, here, machine))
+    job.program = replace(program, machine=machine, spot=_spot(entry, here, machine), cut_with=cut_with)
 
 
 def tell_beside(service: Service) -> None:

@@ -16,6 +16,7 @@ from dataclasses import replace
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Joints, Machine
 from controller.messages import said
+from controller.motion.motions import SurfaceCut
 from controller.plan.restart import reentry
 from controller.plan.restart.reentry import RETRACT_MM_S, Fitted, NotPossible, Reentry, along_axis
 from controller.plan.stretch import Chain, Pause, Stretch, motion_named, straight, xyz_of
@@ -35,6 +36,11 @@ class Target:
     clear_mm: float  # along the tool axis, from where on the way is free
     stretch: Stretch | None = None
     s: float = 0.0
+
+    @property
+    def is_surface(self) -> bool:
+        """Whether a surface is cut there."""
+        return self.stretch is not None and isinstance(self.stretch.motion, SurfaceCut)
 
     def reentry(self, fitted: Fitted, machine: Machine, kinematics: Kinematics) -> Reentry:
         """The way onto the path there. Raises NotPossible."""

@@ -69,6 +69,7 @@ class Source:
     chosen: Mapping[int, Rotaries] | None = None  # as a check of the whole program chose
     dry_run_mm: float = 0.0
     walls: Callable[[], Walls] = lambda: NONE  # of all of it
+    again: Callable[[], Iterable[Block]] = tuple  # all of its blocks once more
     begin: State | None = None  # the modal state before its first line; None: that of power-on
 
     def fitted(self, modal: Modal) -> Fitted:
@@ -84,7 +85,7 @@ class Source:
             raise ProgramError(self.name, 1, 1, why)
         machine = dry_machine(self.machine, self.dry_run_mm)
         blocks = dry_blocks(self.blocks, self.dry_run_mm)
-        return replace(self, blocks=blocks, machine=machine, dry_run_mm=0.0, walls=lambda: NONE)
+        return replace(self, blocks=blocks, machine=machine, dry_run_mm=0.0, walls=lambda: NONE, again=tuple)
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,4 +1,4 @@
-"""Off the path: which ways are taken, and which tools are refused in a sentence."""
+"""Off the path: which ways are taken, and when there is none."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Iterable
 
 import numpy as np
 import pytest
-from support.machines.interrupted_runs import EXAMPLE_2, LINES, LONG, rest_of, with_tool
+from support.machines.interrupted_runs import LONG
 from support.machines.stepped_runs import shipped
 
 from controller.ipc.handoff import Snapshot, blank
@@ -15,9 +15,7 @@ from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Joints
 from controller.plan import retract
 from controller.plan.off_path import SAME, Detour
-from controller.plan.restart.program_position import Spot
-from controller.plan.restart.reentry import along_axis, room_along_axis
-from controller.plan.restart.restart import Rest
+from controller.plan.restart.reentry import room_along_axis
 from controller.plan.retract import NotPossible
 from controller.plan.stretch import Chain, Pause
 from controller.program.program import Act, Place
@@ -58,44 +56,6 @@ def test_a_retract_that_the_travel_has_no_room_for_is_refused_with_what_there_is
     for by_mm in (0.0, -1.0, 200.1, math.nan, math.inf):
         with pytest.raises(NotPossible, match=r"up to 200\.000 mm"):
             retract.retract(HELD, by_mm, PLACE, machine, kinematics)
-
-
-def rest(text: str = EXAMPLE_2, line: int = 4, **tool: float) -> Rest:
-    return rest_of(text, Spot(line, 0.5), with_tool(shipped(), 2, **tool))
-
-
-def test_a_tool_that_is_longer_than_it_stands_off_is_refused() -> None:
-    machine = shipped()
-    before, left = machine.tool(2), rest(LINES)
-    after = with_tool(machine, 2, length_mm=5.0).tool(2)
-    assert before is not None and after is not None
-    with pytest.raises(NotPossible, match="retract by more"):
-        retract.see_fits(HELD, HELD, before, after, left)
-    retract.see_fits(along_axis(HELD, 5.1, kinematics_of(machine)), HELD, before, after, left)
-
-
-def test_a_thicker_tool_is_refused_on_lines_that_are_not_compensated_for_it() -> None:
-    machine = shipped()
-    before = machine.tool(2)
-    thick, thin = (with_tool(machine, 2, radius_mm=r).tool(2) for r in (2.0, 1.0))
-    assert before is not None and thick is not None and thin is not None
-    left = rest(LINES, 5)
-    held = left.target.joints
-    with pytest.raises(NotPossible, match=r"0\.500 mm thicker .* line 5 .* at most 1\.500 mm"):
-        retract.see_fits(held, held, before, thick, left)
-    retract.see_fits(held, held, before, thin, left)
-
-
-def test_a_thicker_tool_must_stand_above_what_compensated_lines_have_left() -> None:
-    machine = shipped()
-    before, thick = machine.tool(2), with_tool(machine, 2, radius_mm=2.0).tool(2)
-    assert before is not None and thick is not None
-    text = "G21 G90 G54 T2 M6\nG0 X0 Y-5 Z40\nG1 Z20 F900\nG41 D2 G1 X0 Y0\nX30\nG40 Y-5\nG0 Z40\nM30\n"
-    left = rest(text, 5)
-    held, kinematics = left.target.joints, kinematics_of(machine)
-    with pytest.raises(NotPossible, match=r"stands 8\.000 mm lower"):
-        retract.see_fits(along_axis(held, 12.0, kinematics), held, before, thick, left)
-    retract.see_fits(along_axis(held, 20.1, kinematics), held, before, thick, left)
 
 
 @pytest.mark.parametrize("mode", [mode for mode in Mode if mode is not Mode.HOLD])

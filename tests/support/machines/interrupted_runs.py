@@ -68,7 +68,8 @@ def source(text: str, machine: Machine, dry_run_mm: float = 0.0, start: Joints |
     kinematics, read = kinematics_of(machine), blocks.read(text.encode(), machine, "part.ngc").blocks
     homed = tuple([axis.homing.position for axis in machine.axes])
     chosen = choices.choices(read, machine, kinematics, homed, "part.ngc")
-    return Source(read, "part.ngc", machine, kinematics, start or homed, chosen, dry_run_mm)
+    again = lambda: read  # noqa: E731
+    return Source(read, "part.ngc", machine, kinematics, start or homed, chosen, dry_run_mm, again=again)
 
 
 def stretches(
