@@ -107,8 +107,6 @@ def held_at_random(bench: Held, seed: int, count: int) -> None:
         bench.held(part, tick)
         led_aside(bench, how, rng)
         thicker = fitted is not None and fitted.radius_mm > OLD["radius_mm"]
-        if part.lines and thicker and restart:  # the lines are not for it: that is what it cuts
-            restart = False
         came = bench.brought_back(part, fitted, restart)
         if came.refused:
             refused += 1
