@@ -26,6 +26,7 @@ from starlette.requests import HTTPConnection
 
 from controller.api.answers import Refusal
 from controller.api.roles import Principal, Role
+from controller.commands.table import REPEATED
 from controller.messages import Key
 
 if TYPE_CHECKING:
@@ -230,7 +231,7 @@ def _action(connection: HTTPConnection) -> str:
 
 def _audit(panel: Panel, connection: HTTPConnection, who: Principal, allowed: bool) -> None:
     action = _action(connection)
-    refreshed = connection.url.path.endswith("/jog")
+    refreshed = connection.url.path.endswith(REPEATED)
     if not refreshed or _is_news(panel, (who.name, action, allowed), AGAIN_S, from_last=True):
         panel.note(who.name, address(connection), action, allowed=allowed)
 

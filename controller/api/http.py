@@ -32,9 +32,9 @@ from controller.api.routes import (
     calibration,
     canned_cycles,
     changer,
+    commands,
     cycle,
     diagnostics,
-    jog,
     listen,
     machine,
     notices,
@@ -64,7 +64,7 @@ STORE_STATUSES = {
     **{"store": 503, "space": 507},
 }
 PARTS = (
-    *((API, part) for part in (machine, cycle, jog, programs, tables, records, ticks)),
+    *((API, part) for part in (machine, cycle, commands, programs, tables, records, ticks)),
     *((API, part) for part in (diagnostics, session, users, notices, queue, usage, changer, probing)),
     *((API, part) for part in (canned_cycles, calibration, listen)),
     ("", metrics),

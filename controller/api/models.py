@@ -6,16 +6,14 @@ is shown as it says it; new facts of a newer service are no error.
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field
 
 from controller.api.answers import Texts
 from controller.api.models_of_tick import DriveFacts, OfTick
-from controller.state.modes import MAX_AXES
 
 Axis = Annotated[str, Field(pattern=r"^[XYZABC]$", description="Name of an axis of the machine file.")]
-Frame = Literal["joint", "part", "tool"]
 Sha256 = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
 Number = float | None  # null: not known
 Millimetres = Annotated[float, Field(ge=-1e5, le=1e5)]
@@ -54,106 +52,8 @@ class Load(Sent):
     ] = False
 
 
-class Start(Sent):
-    unrecorded: Annotated[
-        bool,
-        Field(
-            description="Also where the disk takes no record of it: such a run is not gone on with after a "
-            "loss of power, nor made again, and a fault in it leaves no recording."
-        ),
-    ] = False
-    worn: Annotated[
-        bool, Field(description="Also where the tool in the spindle is at the end of its life.")
-    ] = False
-
-
 class Switch(Sent):
     on: bool
-
-
-class Share(Sent):
-    """An override."""
-
-    share: Annotated[float, Field(ge=0.0, le=2.0, description="1.0 = 100 %.")]
-
-
-class RapidShare(Sent):
-    """An override of rapids; they never go faster than planned."""
-
-    share: Annotated[float, Field(ge=0.0, le=1.0, description="1.0 = 100 %.")]
-
-
-class SpindleShare(Sent):
-    """An override of the spindle."""
-
-    share: Annotated[float, Field(ge=0.5, le=1.5, description="1.0 = 100 %.")]
-
-
-class Spindle(Sent):
-    """The spindle by hand."""
-
-    rev_min: Annotated[float, Field(ge=-1e6, le=1e6, description="Signed; 0 = off.")]
-
-
-class Coolant(Sent):
-    """Coolant by hand."""
-
-    mist: bool = False
-    flood: bool = False
-
-
-class Clamps(Sent):
-    """Clamps by hand."""
-
-    open: Annotated[list[Axis], Field(max_length=MAX_AXES, description="Axes whose clamps are open.")]
-
-
-class Home(Sent):
-    axes: Annotated[list[Axis] | None, Field(min_length=1, max_length=MAX_AXES, description="null: all.")] = (
-        None
-    )
-
-
-class Jog(Sent):
-    """Go on moving. Must be repeated: without it the axes come to rest after 200 ms."""
-
-    frame: Frame
-    axis: Axis
-    speed: Annotated[float, Field(ge=-1.0, le=1.0, description="Share of the jog speed, with its sign.")]
-    press: Annotated[
-        str,
-        Field(
-            max_length=40,
-            description="Names one press of a key. A stop or a hold by anybody ends it: what comes of it "
-            "afterwards is refused; press anew under another name. Without a name, 200 ms of silence do.",
-        ),
-    ] = ""
-
-
-class JogStop(Sent):
-    press: Annotated[str, Field(max_length=40, description="The one that ended; empty: whichever jogs.")] = ""
-
-
-class JogStep(Sent):
-    frame: Frame
-    axis: Axis
-    distance: Annotated[float, Field(ge=-1000.0, le=1000.0, description="mm or degrees, with its sign.")]
-
-
-class Mdi(Sent):
-    text: Annotated[str, Field(min_length=1, max_length=1000, description="One or more blocks.")]
-
-
-class Retract(Sent):
-    mm: Annotated[float, Field(gt=0.0, le=1000.0, description="Along the tool axis.")]
-
-
-class Withdraw(Sent):
-    mm: Annotated[
-        float | None,
-        Field(gt=0.0, le=500.0, description="Along the thread; left out: as deep as known."),
-    ] = None
-    is_out: Annotated[bool, Field(description="The tool has been turned out by hand: nothing moves.")] = False
 
 
 class OffsetValues(Sent):

@@ -405,6 +405,10 @@ ALL: tuple[Command, ...] = (
         ),
         client=Client("return", "returned"),
     ),
+    # Dead-man: the axes come to rest 200 ms after the last request. Requests can overtake each other on their
+    # way, so a late one could start what a stop has ended: it is known by the name of its press, and refused;
+    # a stop from anywhere ends the press of a key that is held (``service.jogging``). So is one that a panel
+    # which hung has kept, sooner than others (``seen_s``): by then nobody may be pressing any more.
     Command(
         "jog",
         Access.MOVE,
@@ -556,6 +560,8 @@ ALL: tuple[Command, ...] = (
     Command("maintained", Access.OPERATE, (ITEM, Argument("by", Label(60), default=""))),
 )
 
+# A route that is asked again and again while a key is held; it is noted once.
+REPEATED = tuple([f"/{command.rest.path}" for command in ALL if command.rest and command.rest.seen_s])
 COMMANDS: dict[str, Command] = {command.name: command for command in ALL}
 SWITCHES: tuple[Request, ...] = tuple([c.request for c in ALL if c.is_switch and c.request is not None])
 OVERRIDES = (Request.OVERRIDE, Request.RAPID_OVERRIDE, Request.SPINDLE_OVERRIDE)

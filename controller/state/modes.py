@@ -30,6 +30,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from enum import IntEnum, IntFlag
 
+from controller.commands.command import Command
 from controller.commands.table import MAX_AXES, OVERRIDES, SWITCHES, Request
 from controller.faults import Fault, FaultRow, Reaction, Recovery, Times, Wait
 from controller.messages import Key, Said, chain, said
@@ -61,6 +62,7 @@ __all__ = [
     "bars",
     "binding_text",
     "follows",
+    "possible_in",
     "refusal",
     "sentence",
     "stands_within_s",
@@ -165,6 +167,15 @@ def follows(mode: Mode, request: Request) -> Mode | None:
     if request in ALWAYS:
         return mode
     return TRANSITIONS.get((mode, request))
+
+
+def possible_in(command: Command) -> tuple[Mode, ...] | None:
+    """The modes in which a command is possible; None: every one."""
+    asked = command.request
+    if asked in ALWAYS or (asked is None and not command.modes):
+        return None
+    by_table = {mode for mode, request in TRANSITIONS if request is asked}
+    return tuple([mode for mode in Mode if mode in by_table or mode.name in command.modes])
 
 
 MOVES = (

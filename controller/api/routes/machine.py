@@ -9,7 +9,7 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Query, Request
 
 from controller.api import models
-from controller.api.access import moves, needs, panel_of, stops
+from controller.api.access import needs, panel_of
 from controller.api.answers import Answer, Refusal, documented
 from controller.api.roles import Role
 from controller.ipc import control_socket
@@ -69,75 +69,3 @@ async def drives(request: Request) -> models.DriveList:
     """State, statusword, error and age of the heartbeat of every drive."""
     found = await panel_of(request).door.ask("drives")
     return models.DriveList(drives=list(found.get("drives") or []))
-
-
-@router.post("/machine/enable", dependencies=[moves()], responses=MOVES)
-async def enable(request: Request) -> models.Done:
-    """Drives on; the machine stands."""
-    return await ask(request, "enable")
-
-
-@router.post("/machine/disable", dependencies=[moves()], responses=MOVES)
-async def disable(request: Request) -> models.Done:
-    """Drives off, brakes first."""
-    return await ask(request, "disable")
-
-
-@router.post("/machine/home", dependencies=[moves()], responses=MOVES)
-async def home(request: Request, body: models.Home) -> models.Done:
-    """Home all axes, or some."""
-    return await ask(request, "home", axes=body.axes)
-
-
-@router.post("/machine/reset", dependencies=[moves()], responses=MOVES)
-async def reset(request: Request) -> models.Done:
-    """Leave a fault; nothing starts by it."""
-    return await ask(request, "reset")
-
-
-@router.post("/machine/estop", dependencies=[stops()], responses=MOVES)
-async def estop(request: Request) -> models.Done:
-    """Ask for an emergency stop. This is no safety function: that is the machine's own circuit."""
-    return await ask(request, "estop")
-
-
-@router.post("/mdi", dependencies=[moves()], responses=MOVES)
-async def mdi(request: Request, body: models.Mdi) -> models.Done:
-    """Run one or more blocks as they are given."""
-    return await ask(request, "mdi", text=body.text)
-
-
-@router.put("/overrides/feed", dependencies=[moves()], responses=MOVES)
-async def override(request: Request, body: models.Share) -> models.Done:
-    """Scale the programmed feed; acts at once."""
-    return await ask(request, "override", share=body.share)
-
-
-@router.put("/overrides/rapid", dependencies=[moves()], responses=MOVES)
-async def rapid_override(request: Request, body: models.RapidShare) -> models.Done:
-    """Scale the speed of rapids; acts at once."""
-    return await ask(request, "rapid_override", share=body.share)
-
-
-@router.put("/overrides/spindle", dependencies=[moves()], responses=MOVES)
-async def spindle_override(request: Request, body: models.SpindleShare) -> models.Done:
-    """Scale the programmed spindle speed; acts at once, and the feed goes on meanwhile."""
-    return await ask(request, "spindle_override", share=body.share)
-
-
-@router.put("/machine/spindle", dependencies=[moves()], responses=MOVES)
-async def spindle(request: Request, body: models.Spindle) -> models.Done:
-    """Turn the spindle by hand, in READY; a program that starts begins with it off (MDI does not)."""
-    return await ask(request, "spindle", rev_min=body.rev_min)
-
-
-@router.put("/machine/coolant", dependencies=[moves()], responses=MOVES)
-async def coolant(request: Request, body: models.Coolant) -> models.Done:
-    """Coolant by hand: in READY, and of a program until it says otherwise."""
-    return await ask(request, "coolant", mist=body.mist, flood=body.flood)
-
-
-@router.put("/machine/clamps", dependencies=[moves()], responses=MOVES)
-async def clamps(request: Request, body: models.Clamps) -> models.Done:
-    """Open and close clamps by hand, in READY."""
-    return await ask(request, "clamps", open=body.open)

@@ -12,23 +12,15 @@ from fastapi import APIRouter, Path, Request, Response
 from pydantic import Field
 
 from controller.api import models
-from controller.api.access import moves, needs, panel_of
+from controller.api.access import needs, panel_of
 from controller.api.answers import Refusal, documented
 from controller.api.roles import Role
-from controller.api.routes.machine import LOOKS, MOVES, ask
+from controller.api.routes.machine import LOOKS
 from controller.program import probing_cycles
 
 router = APIRouter(tags=["probing"])
 TOUCHES = "touches.csv"  # in the state folder, written by the service
 Value = Annotated[float, Field(ge=-1000.0, le=1000.0)] | Annotated[str, Field(max_length=8)]
-
-
-class Cycle(models.Sent):
-    """Values that are not named are as usual."""
-
-    cycle: Annotated[str, Field(max_length=20, description="A name that GET has.")]
-    values: Annotated[dict[str, Value], Field(default_factory=dict, max_length=10)]
-    offset: Annotated[str, Field(max_length=10, description="To be set: G54 to G59.3, or none.")] = "none"
 
 
 @router.get("/probing", dependencies=[needs(Role.VIEW)], responses=LOOKS)
@@ -104,10 +96,3 @@ async def picture(name: Annotated[str, Path(max_length=20)]) -> Response:
         allowed = ", ".join(probing_cycles.CYCLES)
         raise Refusal.told(404, "missing", "probe_cycle", found=name, allowed=allowed)
     return Response(drawn, media_type="image/svg+xml")
-
-
-@router.post("/probing", dependencies=[moves()], responses=MOVES)
-async def probe(request: Request, body: Cycle) -> models.Done:
-    """Run one; what it finds is among the messages of the job, and in the offset where it sets one."""
-    told: dict[str, Any] = body.model_dump()
-    return await ask(request, "probe", **told)

@@ -43,12 +43,6 @@ async def set_offset(request: Request, name: OffsetName, body: models.OffsetValu
     return await ask(request, "set_offset", name=name, values=body.model_dump(exclude_none=True))
 
 
-@router.delete("/offsets/{name}", dependencies=[moves()], responses=MOVES)
-async def forget(request: Request, name: SetName) -> models.Done:
-    """Back to the machine file's: an offset, G92, G28, G30, a tool (T3), a parameter (#500), or all."""
-    return await ask(request, "forget", name=name)
-
-
 Typed = float | Annotated[str, Field(min_length=1, max_length=100)]
 Reads = Annotated[
     Typed | None,
