@@ -26,6 +26,7 @@ from typer.core import TyperGroup  # noqa: E402
 
 from controller import one_thread  # noqa: E402
 from controller.cli import declarations, help_texts  # noqa: E402
+from controller.commands.table import ALL  # noqa: E402
 from controller.version import VERSION  # noqa: E402
 
 if _COLLECTS:
@@ -49,11 +50,8 @@ FILES = {
     "faults": ("faults",),
     "serve": ("serve",),
     "panel": ("panel",),
-    "client": (
-        *("start", "hold", "resume", "stop", "estop", "retract", "return", "withdraw", "reset"),
-        *("enable", "disable", "home", "mdi", "override", "adaptive", "jog"),
-    ),
-    "by_hand": ("spindle", "coolant", "clamps"),
+    "client": ("start", "override", "jog"),
+    "commands": tuple([command.client.name for command in ALL if command.client is not None]),
     "client_lists": ("status", "upload", "runs", "alarms"),
     "offsets": ("offsets",),
     "tools": ("tools",),

@@ -1,4 +1,5 @@
-"""The client verbs that ask for something: ``directrix start``, ``hold``, ``jog`` and the rest, over REST.
+"""The client verbs that ask for more than one thing, over REST: ``directrix start``, ``override``, ``jog``;
+and what those need that are made of the table of commands (``cli.commands``).
 
 Each is one request or two to a panel, on this computer or another (``--url``), and prints one
 line, or one JSON object with ``--json``. What moves the machine takes the control token and
@@ -12,7 +13,7 @@ import json
 import secrets
 import time
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 import typer
 
@@ -80,34 +81,6 @@ def _pair(typed: str, words: Collection[str]) -> tuple[str, str | float]:
     with contextlib.suppress(ValueError):
         return name, value if name in words else float(value)
     return name, value
-
-
-# --- what needs no control token
-
-
-def hold(url: Url = remote.URL, as_json: Json = False) -> None:
-    """Stop on the path at once; resume goes on from there."""
-    with asked(url, as_json) as machine:
-        _halted(machine.post("cycle/hold"), say("held"), as_json)
-
-
-def stop(url: Url = remote.URL, as_json: Json = False) -> None:
-    """Stop on the path at once, and drop the rest of the program."""
-    with asked(url, as_json) as machine:
-        _halted(machine.post("cycle/stop"), say("stopped"), as_json)
-
-
-def estop(url: Url = remote.URL, as_json: Json = False) -> None:
-    """Ask every drive for a quick stop. This is software: the button on the machine is the safe one."""
-    with asked(url, as_json) as machine:
-        tell_done(say("estop"), machine.post("machine/estop"), as_json)
-
-
-def _halted(answer: Any, sentence: str, as_json: bool) -> None:
-    """What came of a hold or a stop: the tick has taken it, or what was being prepared is given up."""
-    result = answer.get("result") or {}
-    given_up = result.get("outcome") == "given_up"
-    tell_done(say("given_up", what=result["what"]) if given_up else sentence, answer, as_json)
 
 
 # --- cycle
@@ -180,81 +153,6 @@ def _agreed(loaded: Any, line: int) -> None:
         raise Refused(say("not_agreed"))
 
 
-def resume(take_over: TakeOver = False, url: Url = remote.URL, as_json: Json = False) -> None:
-    """Go on after a hold."""
-    _moving("cycle/resume", "resumed", take_over, url, as_json)
-
-
-def reset(take_over: TakeOver = False, url: Url = remote.URL, as_json: Json = False) -> None:
-    """Leave a fault, once its cause is gone and the machine stands."""
-    _moving("machine/reset", "reset", take_over, url, as_json)
-
-
-def enable(take_over: TakeOver = False, url: Url = remote.URL, as_json: Json = False) -> None:
-    """Switch the drives on; nothing moves."""
-    _moving("machine/enable", "enabled", take_over, url, as_json)
-
-
-def disable(take_over: TakeOver = False, url: Url = remote.URL, as_json: Json = False) -> None:
-    """Switch the drives off, brakes first."""
-    _moving("machine/disable", "disabled", take_over, url, as_json)
-
-
-def retract(
-    mm: Annotated[float, typer.Argument()],
-    take_over: TakeOver = False,
-    url: Url = remote.URL,
-    as_json: Json = False,
-) -> None:
-    """In a hold, or ready as after a fault: move the tool off the part along its axis."""
-    with asked(url, as_json) as machine, machine.control(take_over):
-        done = carried_out(machine, "cycle/retract", {"mm": mm})
-        tell_done(say("retracted", mm=mm), done, as_json)
-
-
-def withdraw(
-    mm: Annotated[float | None, typer.Argument()] = None,
-    is_out: Annotated[bool, typer.Option("--out")] = False,
-    take_over: TakeOver = False,
-    url: Url = remote.URL,
-    as_json: Json = False,
-) -> None:
-    """Turn a tap out of the thread in which a fault, a stop or a loss of power has left it."""
-    with asked(url, as_json) as machine, machine.control(take_over):
-        done = carried_out(machine, "cycle/withdraw", {"mm": mm, "is_out": is_out})
-        tell_done(say("withdrawn"), done, as_json)
-
-
-def return_(take_over: TakeOver = False, url: Url = remote.URL, as_json: Json = False) -> None:
-    """Off the path: back to where the tool waits beside it; resume leads in, and on."""
-    _moving("cycle/return", "returned", take_over, url, as_json)
-
-
-def _moving(path: str, done: str, take_over: bool, url: str, as_json: bool) -> None:
-    with asked(url, as_json) as machine, machine.control(take_over):
-        tell_done(say(done), carried_out(machine, path), as_json)
-
-
-def home(
-    axes: Axes = None, take_over: TakeOver = False, url: Url = remote.URL, as_json: Json = False
-) -> None:
-    """Let the drives find their zero: every axis, or those that are named."""
-    with asked(url, as_json) as machine, machine.control(take_over):
-        wanted = [name.upper() for name in axes] if axes else None
-        tell_done(say("homed"), carried_out(machine, "machine/home", {"axes": wanted}), as_json)
-
-
-def mdi(
-    text: Annotated[str, typer.Argument()],
-    take_over: TakeOver = False,
-    url: Url = remote.URL,
-    as_json: Json = False,
-) -> None:
-    """Run a few blocks at once."""
-    with asked(url, as_json) as machine, machine.control(take_over):
-        tell_done(say("started"), carried_out(machine, "mdi", {"text": text}), as_json)
-
-
 def override(
     percent: Annotated[float, typer.Argument()],
     rapid: Annotated[bool, typer.Option("--rapid")] = False,
@@ -270,18 +168,6 @@ def override(
     with asked(url, as_json) as machine, machine.control(take_over):
         done = machine.put(f"overrides/{path}", {"share": percent / 100.0})
         tell_done(say(f"{path}_override", percent=percent), done, as_json)
-
-
-def adaptive(
-    switch: Annotated[Literal["on", "off"], typer.Argument()],
-    take_over: TakeOver = False,
-    url: Url = remote.URL,
-    as_json: Json = False,
-) -> None:
-    """Let the load of the spindle lead the feed of every cut."""
-    with asked(url, as_json) as machine, machine.control(take_over):
-        done = machine.put("cycle/adaptive_feed", {"on": switch == "on"})
-        tell_done(say(f"adaptive_{switch}"), done, as_json)
 
 
 # --- jog
@@ -360,25 +246,9 @@ def _pressed(machine: Machine, where: dict[str, Any], seconds: float) -> None:
 
 
 def register(app: typer.Typer) -> None:
-    """Adds these verbs to the command line."""
-    for verb in (
-        start,
-        hold,
-        resume,
-        stop,
-        estop,
-        retract,
-        withdraw,
-        return_,
-        reset,
-        enable,
-        disable,
-        home,
-        mdi,
-        override,
-        adaptive,
-    ):
-        app.command(verb.__name__.rstrip("_"), rich_help_panel=PANEL)(speaking(verb))
+    """Adds these verbs to the command line; those that only ask for one thing are in ``cli.commands``."""
+    for verb in (start, override):
+        app.command(verb.__name__, rich_help_panel=PANEL)(speaking(verb))
     # A distance such as -10 is no option.
     loose = {"ignore_unknown_options": True}
     app.command("jog", context_settings=loose, rich_help_panel=PANEL)(speaking(jog))

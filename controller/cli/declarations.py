@@ -23,8 +23,14 @@ from types import CodeType, ModuleType
 from typing import TypeGuard
 
 ROOM = "controller.cli"
-WHOLE = {ROOM + ".speech"}  # its functions make declarations
-LIGHT = (ROOM, "controller.messages", "controller.verify.console", "controller.ipc.control_socket")
+WHOLE = {ROOM + ".speech", ROOM + ".commands"}  # their functions make declarations
+LIGHT = (
+    ROOM,
+    "controller.commands",
+    "controller.messages",
+    "controller.verify.console",
+    "controller.ipc.control_socket",
+)
 STANDARD = {*sys.stdlib_module_names, "typer"}
 REGISTER = "register"  # the function of a file whose body declares
 WHOLLY = "DIRECTRIX_WHOLLY"  # environment: never without bodies

@@ -255,7 +255,7 @@ ALL: tuple[Command, ...] = (
             "Turn the spindle by hand, in READY; a program that starts begins with it off (MDI does not).",
             body_text="The spindle by hand.",
         ),
-        client=Client("spindle", "spindle", negative=True),
+        client=Client("spindle", "spindle_turns", "spindle_off", negative=True),
     ),
     Command(
         "coolant",
@@ -281,7 +281,7 @@ ALL: tuple[Command, ...] = (
             "Open and close clamps by hand, in READY.",
             body_text="Clamps by hand.",
         ),
-        client=Client("clamps", "clamps", (("open", "axes"),)),
+        client=Client("clamps", "clamps", renamed=(("open", "axes"),)),
     ),
     Command(
         "enable",
@@ -388,7 +388,7 @@ ALL: tuple[Command, ...] = (
             "Until then nothing else moves the machine but a resume. What is known of the thread is the "
             "notice\nIN_THREAD of the status.",
         ),
-        client=Client("withdraw", "withdrawn", (("is_out", "out"),)),
+        client=Client("withdraw", "withdrawn", renamed=(("is_out", "out"),)),
     ),
     Command(
         "return",

@@ -137,7 +137,7 @@ REQUESTS = [
     (("enable",), "enable", {}),
     (("disable",), "disable", {}),
     (("start",), "start", {}),
-    (("start", "--unrecorded"), "start", {"unrecorded": True}),
+    (("start", "--unrecorded"), "start", {"unrecorded": True, "worn": False}),
     (("home",), "home", {"axes": None}),
     (("home", "x", "C"), "home", {"axes": ["X", "C"]}),
     (("mdi", "G0 Z50"), "mdi", {"text": "G0 Z50"}),
