@@ -130,8 +130,15 @@ def undisturbed(name: str) -> Operator:
     return plain
 
 
-@pytest.mark.parametrize(("look", "pause"), [("jog", 1), ("jog", 2), ("jog", 20), ("retract", 1)])
-@pytest.mark.parametrize("name", MACHINES)
+@pytest.mark.parametrize(
+    ("name", "look", "pause"),
+    [
+        ("no spindle", "jog", 1),
+        ("spindle", "jog", 2),
+        ("no spindle", "jog", 20),
+        ("spindle", "retract", 1),
+    ],
+)
 def test_a_look_aside_at_the_end_of_any_block_leaves_nothing_out_and_breaks_no_limit(
     name: str, look: str, pause: int
 ) -> None:

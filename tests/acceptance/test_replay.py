@@ -17,11 +17,11 @@ from support.live.recordings import MILLED
 from support.live.replayed_runs import again, assert_same_setpoints
 from support.machines.recording_bench import RecordedBench, sent
 from support.machines.spindle_machine import DOOR, mill
+from support.machines.stepped_runs import shipped
 from typer.testing import CliRunner
 
 from controller import __main__ as command_line
 from controller.ipc.handoff import Jog
-from controller.machine import machine_file
 from controller.runtime import events, replay
 from controller.state.modes import Fault, Mode, Request
 
@@ -30,7 +30,7 @@ G43.4
 G0 X0 Y0 Z60 A0 C0
 G1 Z40 F3000
 G1 X30 Y8 A6
-G1 X-10 A2 F600
+G1 X-10 A2 F1000
 G49
 G0 Z120
 M30
@@ -42,7 +42,7 @@ BACK = Jog((0.0, 0.0, -1.0, 0.0, 0.0), 20.0, 4.0)
 
 @pytest.fixture
 def bench(tmp_path: Path) -> RecordedBench:
-    return RecordedBench(tmp_path)
+    return RecordedBench(tmp_path, shipped(period_s=0.004))
 
 
 def assert_comes_again(folder: Path, ended: str = "completed", itself: bool = True) -> None:
@@ -334,7 +334,7 @@ def test_the_command_makes_a_faulted_run_again_and_fails_where_the_record_is_of_
 
 
 def test_a_run_at_another_period_than_the_machine_files_comes_again_at_its_own(tmp_path: Path) -> None:
-    bench = RecordedBench(tmp_path, machine_file.with_period(machine_file.load("trunnion"), 0.005))
+    bench = RecordedBench(tmp_path, shipped(period_s=0.005))
     bench.started(TEXT)
     bench.until(Mode.READY)
     folder = bench.ended()

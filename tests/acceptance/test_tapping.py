@@ -30,9 +30,17 @@ def tapped(rev_min: float, pitch: float, depth: float = 12.0, code: str = "G33.1
 # ---- depth and pitch ----------------------------------------------------------------
 
 
-@pytest.mark.parametrize("pitch", [0.5, 1.25])
-@pytest.mark.parametrize("rev_min", [pytest.param(100.0, marks=pytest.mark.slow), 800.0, 3000.0])
-@pytest.mark.parametrize("motor", [None, LAGGING], ids=["stiff", "lagging"])
+@pytest.mark.parametrize(
+    ("rev_min", "pitch", "motor"),
+    [
+        (800.0, 0.5, None),
+        (800.0, 1.25, LAGGING),
+        (3000.0, 0.5, LAGGING),
+        (3000.0, 1.25, None),
+        pytest.param(100.0, 0.5, LAGGING, marks=pytest.mark.slow),
+        pytest.param(100.0, 1.25, None, marks=pytest.mark.slow),
+    ],
+)
 def test_depth_and_pitch_are_right_at_every_speed(
     rev_min: float, pitch: float, motor: MotorParameters | None
 ) -> None:
@@ -45,7 +53,7 @@ def test_depth_and_pitch_are_right_at_every_speed(
     assert cut.turns.max() > 0.0
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_any_spindle_within_reason_cuts_any_thread(seed: int) -> None:
     rng = np.random.default_rng([18, seed])
     motor = MotorParameters(rng.uniform(0.004, 0.03), rng.uniform(0.0, 0.03), 200.0)
@@ -109,7 +117,7 @@ def test_neither_override_counts_in_a_thread(plain: Tapper) -> None:
     assert len(plain.cut.turns) == pytest.approx(len(slowed.cut.turns), abs=5)
 
 
-@pytest.mark.parametrize("share", [0.2, 0.5, 0.8])
+@pytest.mark.parametrize("share", [0.2, 0.7])
 def test_a_hold_stops_on_the_thread_and_goes_on_there(share: float, plain: Tapper) -> None:
     first = next(i for i, now in enumerate(plain.seen) if now.thread_rev)
     at = first + round(share * len(plain.cut.turns))

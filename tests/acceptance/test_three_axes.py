@@ -66,13 +66,16 @@ M30
 CONE = "T2 M6\nS12000 M3\nG51 X10. Y0. Z0. I0. J0. K0. H10. R{upper} D90. F900.\nM30\n"
 
 
+PERIOD_S = 0.004
+
+
 def mill(**changes: object) -> Machine:
-    return replace(machine_file.load("three_axes"), **changes)  # type: ignore[arg-type]
+    return replace(machine_file.load("three_axes"), **{"period_s": PERIOD_S, **changes})  # type: ignore[arg-type]
 
 
 def trunnion() -> Machine:
     """Its work offset is that of the machine of three axes."""
-    return shipped(offsets=mill().offsets, gouge="refuse")
+    return shipped(offsets=mill().offsets, gouge="refuse", period_s=PERIOD_S)
 
 
 def corners(done: Cut) -> list[tuple[int, list[float]]]:
@@ -91,7 +94,7 @@ def test_lines_arcs_cycles_and_compensation_go_where_the_trunnion_goes(part: Cut
     wanted = corners(cut(PART, trunnion()))
     assert [line for line, _ in corners(part)] == [line for line, _ in wanted]
     for (line, here), (_, there) in zip(corners(part), wanted, strict=True):
-        assert here == pytest.approx(there, abs=0.02), line  # a tick at 20 mm/s is 0.04 mm
+        assert here == pytest.approx(there, abs=0.04), line  # a tick at 20 mm/s is 0.08 mm
     assert part.joints[-1] == pytest.approx(wanted[-1][1], abs=1e-9)
 
 
@@ -109,17 +112,17 @@ def test_three_drives_get_the_setpoints_and_follow_them(part: Cut) -> None:
     assert len(part.stepped.rig.drives) == 3
     following = part.joints[:-2] - rows[2:, of_axes("actual", 3)]
     assert np.abs(following).max() < 4.0
-    assert rows[-1, of_axes("actual", 3)] == pytest.approx(part.joints[-1], abs=0.01)
+    assert rows[-1, of_axes("actual", 3)] == pytest.approx(part.joints[-1], abs=0.04)
     left = [rows[:, of_axes(name, MAX_AXES)][:, 3:] for name in ("joint_command", "setpoint", "actual")]
     assert not np.any(left), "places of axes that it has not"
 
 
 def test_it_is_held_on_its_path_and_goes_on(part: Cut) -> None:
-    events = (Event(3000, Request.HOLD), Event(3500, Request.RESUME))
+    events = (Event(1500, Request.HOLD), Event(1750, Request.RESUME))
     held = cut(PART, mill(), events)
     assert off_the_plan(held) < 1e-6
     assert held.joints[-1].tolist() == part.joints[-1].tolist()
-    assert len(held.joints) > len(part.joints) + 400
+    assert len(held.joints) > len(part.joints) + 200
 
 
 def test_its_record_is_run_again_to_the_same_setpoints(tmp_path: Path) -> None:
@@ -143,7 +146,7 @@ def test_its_record_is_run_again_to_the_same_setpoints(tmp_path: Path) -> None:
 @pytest.mark.parametrize("text", [WALL.format(lean="10."), CONE.format(upper="10.")])
 def test_surfaces_with_upright_rulings_are_cut(text: str) -> None:
     done = cut(text, mill(gouge="warn"))
-    ours, theirs = done.trace, cut(text, shipped(offsets=mill().offsets)).trace
+    ours, theirs = done.trace, cut(text, shipped(offsets=mill().offsets, period_s=PERIOD_S)).trace
     assert done.run.fault.name == "NONE" and ours.cutting.any()
     assert off_the_plan(done) < 1e-6
     assert (ours.tool_axis == (0.0, 0.0, 1.0)).all()

@@ -44,8 +44,7 @@ def test_a_file_that_cannot_be_read_is_a_tool_in_a_thread(tmp_path: Path) -> Non
     assert ThreadGuard(tmp_path).found == InThread(0.0, 0.0, 0, "")
 
 
-@pytest.mark.parametrize("way", ["M3", "M4"])
-@pytest.mark.parametrize("share", [0.25, 0.6])
+@pytest.mark.parametrize(("way", "share"), [("M3", 0.6), ("M4", 0.25)])
 def test_a_stop_in_the_thread_is_turned_out_along_it(way: str, share: float, tmp_path: Path) -> None:
     program = PROGRAM.format(way=way)
     plain = Tapper(motor=LAGGING)

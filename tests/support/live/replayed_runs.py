@@ -48,10 +48,12 @@ def facts(folder: Path) -> dict[str, Any]:
 
 
 def again(folder: Path, text: str, machine: Machine | None = None) -> Again:
-    """As ``directrix simulate --events`` does it."""
+    """As ``directrix simulate --events`` does it, at the period of the record."""
     recorded = events.recorded(folder / "events.jsonl")
     assert recorded is not None
     built, begin = machine or machine_file.load("trunnion"), recorded.begin
+    if begin.period_s is not None:
+        built = machine_file.with_period(built, begin.period_s)
     made = setup_data.applied(built, begin.fitted)
     task = checked.task(text.encode(), "part.ngc", made)
     bench = SteppedMachine(made)
