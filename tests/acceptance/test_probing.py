@@ -36,6 +36,7 @@ normal = [0, 0, 1]
 """
 HEAD = "G21 G90 G54\nT99 M6\n"
 FEEDS = (10.0, 60.0, 200.0, 1000.0)
+TOUCHES = len(FEEDS)
 
 
 def told(probed: probing_machine.Probed) -> list[list[float]]:
@@ -95,7 +96,7 @@ def touches(name: str, some: random.Random, count: int) -> tuple[str, list[tuple
 def test_a_touch_is_told_within_a_micrometre_in_any_direction_and_rotary_position(name: str) -> None:
     some = random.Random(f"{SEED} {name}")
     made = probing_machine.machine(name)
-    text, axes = touches(name, some, 8)
+    text, axes = touches(name, some, TOUCHES)
     done = probing_machine.run(text, probing_machine.up(SPHERE, made))
     assert done.error == ""
     assert done.run.result == "completed", done.run.fault_text
@@ -103,7 +104,7 @@ def test_a_touch_is_told_within_a_micrometre_in_any_direction_and_rotary_positio
         norm(subtract(add(tuple(at), scale(axis, BALL)), CENTRE)) - RADIUS - BALL
         for at, axis in zip(told(done), axes, strict=True)
     ]
-    assert len(off) == 8
+    assert len(off) == TOUCHES
     assert max(map(abs, off)) < 0.001, off
 
 

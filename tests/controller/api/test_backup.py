@@ -433,7 +433,7 @@ def test_a_strange_part_is_one_sentence_and_never_a_traceback(archive: Path, par
     sound, draw, refused = archive.read_bytes(), random.Random(SEED), 0
     with zipfile.ZipFile(archive) as saved:
         found = json.loads(saved.read(part))
-    for _ in range(200):
+    for _ in range(50):
         archive.write_bytes(sound)
         changed = json.dumps(strange(draw, found)).encode()
         rewritten(archive, part, changed) if part == "manifest.json" else resummed(archive, part, changed)
@@ -447,7 +447,7 @@ def test_a_strange_part_is_one_sentence_and_never_a_traceback(archive: Path, par
                 changed,
                 said,
             )
-    assert refused > 50
+    assert refused > 12
 
 
 @pytest.mark.parametrize(
@@ -484,7 +484,7 @@ def test_what_is_wrong_with_a_part_is_said(archive: Path, part: str, text: str, 
 def test_an_archive_that_was_cut_or_scratched_is_refused_or_the_same(archive: Path) -> None:
     saved_bytes, draw = archive.read_bytes(), random.Random(2)
     sound = backup.check(archive)
-    for turn in range(150):
+    for turn in range(50):
         at = draw.randrange(len(saved_bytes))
         scratched = saved_bytes[:at] + (
             b"" if turn % 2 else bytes([saved_bytes[at] ^ 0x40]) + saved_bytes[at + 1 :]

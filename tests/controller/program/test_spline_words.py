@@ -75,7 +75,7 @@ def quadratic(rng: random.Random) -> tuple[str, Array]:
 
 
 @pytest.mark.parametrize("make", [cubic, quadratic])
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_the_path_is_the_bezier_of_the_words(
     make: Callable[[random.Random], tuple[str, Array]], seed: int
 ) -> None:
@@ -120,7 +120,7 @@ def nurbs(rng: random.Random, order: int, count: int) -> tuple[str, Array, list[
     return text, np.array(points), weights
 
 
-@pytest.mark.parametrize(("order", "count"), [(3, 2), (3, 7), (4, 3), (4, 9), (6, 8), (8, 12)])
+@pytest.mark.parametrize(("order", "count"), [(3, 2), (4, 9), (8, 12)])
 def test_the_path_is_the_rational_b_spline_of_the_words(order: int, count: int) -> None:
     text, points, weights = nurbs(random.Random(10 * order + count), order, count)
     spans = len(points) - order + 1

@@ -80,7 +80,7 @@ def test_a_shorter_gap_goes_on_where_it_was(skipped: int) -> None:
     bench.close()
 
 
-@pytest.mark.parametrize("after", range(1, 40, 3))
+@pytest.mark.parametrize("after", range(1, 40, 6))
 def test_a_gap_within_a_stop_ends_the_stop(after: int) -> None:
     left = [0.05]
     bench = Bench(machine(), lateness=lambda n: left.pop() if n == AT and left else 0.0)

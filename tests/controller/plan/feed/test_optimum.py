@@ -74,7 +74,7 @@ def test_the_optimum_depends_little_on_its_nodes_and_is_never_below_the_bound_wi
 # --- the law beside it
 
 
-@pytest.mark.parametrize("jerk", [1.0, 10.0, 100.0])
+@pytest.mark.parametrize("jerk", [1.0, 100.0])
 def test_the_published_two_rail_case_takes_little_more_than_the_optimum(jerk: float) -> None:
     """It took 2.1 times the optimum: rates that seemed to jump at every knot made the machine creep."""
     machine = published(jerk)

@@ -20,10 +20,10 @@ from controller.plan.look_ahead import WINDOW_S, Orders, Place, Windows
 from controller.plan.surfaces import rates
 from controller.plan.track import Track
 
-NAMES = [
-    name if name in ("trunnion", "head_head") else pytest.param(name, marks=pytest.mark.slow)
-    for name in SHIPPED
-]
+WAYS = ((0.02, 4), (0.02, 3), (0.1, 4))  # step in mm, and digits
+FEW = [("trunnion", 0.02, 4), ("head_head", 0.02, 3), ("trunnion", 0.1, 4)]
+OTHERS = [(name, *way) for name in SHIPPED if name not in ("trunnion", "head_head") for way in WAYS]
+CASES = [*FEW, *(pytest.param(*case, marks=pytest.mark.slow) for case in OTHERS)]
 AT_LEAST = 20  # lines that are looked at
 
 
@@ -32,8 +32,7 @@ def alone(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(exact_rows, "LEAST", 10**9)
 
 
-@pytest.mark.parametrize("name", NAMES)
-@pytest.mark.parametrize(("step_mm", "decimals"), [(0.02, 4), (0.02, 3), (0.1, 4)])
+@pytest.mark.parametrize(("name", "step_mm", "decimals"), CASES)
 def test_running_through_short_lines_is_quicker_than_a_rest_at_each_of_their_corners(
     name: str, step_mm: float, decimals: int, alone: None
 ) -> None:

@@ -151,7 +151,7 @@ def ends_of_cuts(done: Cut) -> tuple[float, float]:
     return float(first[-1]), float(second[0])
 
 
-@pytest.mark.parametrize("seed", [3, 4, *(pytest.param(k, marks=pytest.mark.slow) for k in range(20, 40))])
+@pytest.mark.parametrize("seed", [3, *(pytest.param(k, marks=pytest.mark.slow) for k in range(20, 40))])
 def test_random_surfaces_one_behind_the_other(seed: int) -> None:
     """The contact goes from one to the other as fast as with leads, and the cutter reaches into neither."""
     rng = np.random.default_rng(seed)
