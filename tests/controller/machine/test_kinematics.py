@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from support.machines.shipped_kinds import ROTARIES, R, W, machine, random_machine, rotary_travel
 from support.parts.paper_surfaces import example_1, example_2, turned
+from support.suite.cases import each
 
 from controller.geometry import arc_length
 from controller.geometry import series as jets
@@ -213,8 +214,8 @@ TABLE_1 = {
 }
 
 
-@pytest.mark.parametrize("kind", TABLE_1)
-@pytest.mark.parametrize("axis", AXES)
+@each("kind", TABLE_1)
+@each("axis", AXES)
 def test_table_1_and_equations_12_13_agree_up_to_branch(kind, axis):
     about_x, about_y, about_z, plus = map(math.radians, TABLE_1[kind])
     e, f, g = rotate(Z, about_z, rotate(Y, about_y, rotate(X, about_x, axis)))

@@ -7,6 +7,7 @@ import string
 from pathlib import Path
 
 import pytest
+from support.suite.cases import each
 
 from controller import messages
 from controller.messages import LANGUAGES, Key, chain, said, several, text, told
@@ -68,8 +69,8 @@ def test_a_language_is_one_file_and_what_it_lacks_is_english(tmp_path: Path) -> 
         messages.languages(tmp_path)
 
 
-@pytest.mark.parametrize("language", LANGUAGES)
-@pytest.mark.parametrize("fault", Fault)
+@each("language", LANGUAGES)
+@each("fault", Fault)
 def test_words_are_whole_sentences_without_placeholders(fault: Fault, language: str) -> None:
     for words in words_of(fault, language):
         assert words == words.strip() and words.endswith(".") and words[0].isupper()
@@ -91,8 +92,8 @@ def test_nothing_was_left_in_english(language: str) -> None:
         assert not alike or key in ("class.NONE", "remedy.folder"), key
 
 
-@pytest.mark.parametrize("language", LANGUAGES)
-@pytest.mark.parametrize("fault", [fault for fault in Fault if fault is not Fault.NONE])
+@each("language", LANGUAGES)
+@each("fault", [fault for fault in Fault if fault is not Fault.NONE])
 def test_a_remedy_names_the_steps_that_its_row_asks_for(fault: Fault, language: str) -> None:
     row, remedy = FAULTS[fault], words_of(fault, language).remedy
     steps = STEPS[language]

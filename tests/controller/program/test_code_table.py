@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 from support.machines.traced_programs import mill
 from support.oracles import reference_interpreter
+from support.suite.cases import each
 
 from controller.machine.model import AnalogueOut, Io, Machine, Orient
 from controller.program import blocks, code_table
@@ -59,7 +60,7 @@ def test_a_code_stands_once_in_a_dialect(dialect: str) -> None:
     assert [name for name, count in names.items() if count > 1] == []
 
 
-@pytest.mark.parametrize("row", ROWS, ids=lambda row: f"{row.name}-{row.dialect or 'both'}")
+@each("row", ROWS)
 def test_what_the_table_says_of_a_code_comes_of_it(row: Code) -> None:
     dialect = row.dialect or "rs274"
     on = replace(
@@ -101,7 +102,7 @@ def test_every_row_has_words_for_people() -> None:
 TESTS = Path(__file__).parents[1]
 
 
-@pytest.mark.parametrize("row", ROWS, ids=lambda row: f"{row.name}-{row.dialect or 'both'}")
+@each("row", ROWS)
 def test_the_file_of_tests_that_the_table_names_is_there_and_tries_the_code(row: Code) -> None:
     letter, number = row.name[0], re.escape(row.name[1:])
     said = re.compile(

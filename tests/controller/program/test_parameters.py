@@ -9,6 +9,7 @@ from dataclasses import replace
 
 import pytest
 from support.machines.shipped_kinds import machine
+from support.suite.cases import each
 
 from controller.geometry.vectors import Frame
 from controller.machine.model import Machine
@@ -141,7 +142,7 @@ def test_what_has_no_value_is_refused(text: str, place: str, phrase: str) -> Non
     assert str(caught.value).startswith(f"p:{place}: ") and phrase in caught.value.sentence
 
 
-@pytest.mark.parametrize("name", [a + b for a in "_abcdtxz9" for b in "xyzabcuvw"])
+@each("name", [a + b for a in "_abcdtxz9" for b in "xyzabcuvw"])
 def test_two_letters_are_a_local_name_unless_the_first_is_an_underscore(name: str) -> None:
     if name[0] == "_":
         assert last_x(f"G0 X5\nX[#<{name}>+1]") == (6.0 if name == "_x" else 1.0)

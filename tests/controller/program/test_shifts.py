@@ -6,6 +6,7 @@ import itertools
 
 import pytest
 from support.machines.traced_programs import mill, sentences, stretches, trace
+from support.suite.cases import each
 
 from controller.motion.motions import ToolSpline
 from controller.program import blocks
@@ -48,8 +49,8 @@ def test_without_it_where_bare_coordinates_can_be_nothing_but_points(before: str
 @pytest.mark.parametrize(
     "before", ["G0 Z50.\n", "G1 X5. F100.\n", "G2 X10. Y0. I5. F9.\n", f"{SURFACE}G0 Z50.\n"]
 )
-@pytest.mark.parametrize("count", [1, 6, 7, 8, 15])
-@pytest.mark.parametrize("shift", ["X0 Y0 Z0", "X0. Y0. Z0.", "X10. Y0 Z0", "Z0", "X10."])
+@each("count", [1, 6, 7, 8, 15])
+@each("shift", ["X0 Y0 Z0", "X0. Y0. Z0.", "X10. Y0 Z0", "Z0", "X10."])
 def test_with_a_modal_motion_no_line_after_a_shift_is_swallowed_and_none_moves(
     before: str, count: int, shift: str
 ) -> None:

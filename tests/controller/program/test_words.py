@@ -5,6 +5,7 @@ from __future__ import annotations
 import random
 
 import pytest
+from support.suite.cases import each
 
 from controller.program import words
 from controller.program.decoding import text_of
@@ -34,7 +35,7 @@ def test_a_number_alone_is_no_program() -> None:
         lines("%\nO1234\n%\n")
 
 
-@pytest.mark.parametrize("seed", range(200))
+@each("seed", range(200))
 def test_words_of_plain_numbers_are_read_as_any_other(seed: int) -> None:
     """The short way of a line against the long one, which a comment behind it asks for."""
     rng = random.Random(seed)

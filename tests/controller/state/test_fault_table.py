@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import pytest
 from support.machines.shipped_kinds import machine
+from support.suite.cases import each
 
 from controller.machine.model import Stopping
 from controller.state import stop_times
@@ -58,7 +59,7 @@ def test_every_wait_has_its_time(wait: Wait) -> None:
     assert waits_s(wait, TIMES) >= 0.0
 
 
-@pytest.mark.parametrize("fault", Fault)
+@each("fault", Fault)
 def test_the_remedy_in_steps_fits_class_and_trust(fault: Fault) -> None:
     row = FAULTS[fault]
     if row.reaction >= Reaction.PATH_STOP:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
+from support.suite.cases import each
 
 from controller.messages import text
 from controller.state.modes import (
@@ -28,7 +29,7 @@ def text_of(*asked: Any, **more: Any) -> str:
     return text(refusal(*asked, **more))
 
 
-@pytest.mark.parametrize(("mode", "request_"), PAIRS)
+@each(("mode", "request_"), PAIRS)
 def test_every_refusal_names_mode_request_and_reason_and_nothing_else_is_refused(
     mode: Mode, request_: Request
 ) -> None:

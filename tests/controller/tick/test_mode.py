@@ -8,6 +8,7 @@ from itertools import product
 
 import pytest
 from support.machines.tick_bench import FakeGroup
+from support.suite.cases import each
 
 from controller.state.modes import (
     ALL_AXES,
@@ -37,8 +38,8 @@ def modes_in(mode: Mode) -> tuple[Modes, FakeGroup]:
     return modes, group
 
 
-@pytest.mark.parametrize("mode", Mode)
-@pytest.mark.parametrize("request_", Request)
+@each("mode", Mode)
+@each("request_", Request)
 def test_every_request_in_every_mode_does_what_the_table_says(mode: Mode, request_: Request) -> None:
     modes, _ = modes_in(mode)
     taken = modes.request(request_, 1.0, standing=True)
@@ -89,8 +90,8 @@ def values_of(modes: Modes) -> dict[str, object]:
     return {name: value for name, value in values.items() if not callable(value)}
 
 
-@pytest.mark.parametrize("mode", Mode)
-@pytest.mark.parametrize("request_", Request)
+@each("mode", Mode)
+@each("request_", Request)
 def test_every_request_in_every_state_is_taken_or_refused_as_its_sentence_says(
     mode: Mode, request_: Request
 ) -> None:
@@ -120,8 +121,8 @@ def test_every_request_in_every_state_is_taken_or_refused_as_its_sentence_says(
             assert_sound(modes)
 
 
-@pytest.mark.parametrize("mode", Mode)
-@pytest.mark.parametrize("fault", [f for f in Fault if f is not Fault.NONE])
+@each("mode", Mode)
+@each("fault", [f for f in Fault if f is not Fault.NONE])
 def test_a_fault_in_every_state_leaves_no_odd_one(mode: Mode, fault: Fault) -> None:
     for modes, _ in states(mode):
         modes.fail(fault, 2)
@@ -184,7 +185,7 @@ def test_the_table_names_only_requests_that_can_be_refused() -> None:
     assert not any(request in ALWAYS for _, request in TRANSITIONS)
 
 
-@pytest.mark.parametrize("fault", Fault)
+@each("fault", Fault)
 def test_every_fault_has_a_text_and_a_remedy_in_whole_sentences(fault: Fault) -> None:
     row = FAULTS[fault]
     assert row.text.endswith(".") and row.remedy.endswith(".")
@@ -205,7 +206,7 @@ WANTED = {  # per class: the mode after it, which drives get a quick stop, wheth
 }
 
 
-@pytest.mark.parametrize("fault", [f for f in Fault if f is not Fault.NONE])
+@each("fault", [f for f in Fault if f is not Fault.NONE])
 def test_a_fault_while_running_reacts_by_its_row(fault: Fault) -> None:
     modes, group = modes_in(Mode.RUNNING)
     modes.fail(fault, 2)
@@ -220,8 +221,8 @@ def test_a_fault_while_running_reacts_by_its_row(fault: Fault) -> None:
     assert (modes.phase is Phase.ENDING) is (row.reaction is Reaction.END_OF_BLOCK)
 
 
-@pytest.mark.parametrize("fault", [f for f in Fault if f is not Fault.NONE])
-@pytest.mark.parametrize("mode", Mode)
+@each("fault", [f for f in Fault if f is not Fault.NONE])
+@each("mode", Mode)
 def test_a_fault_that_cannot_be_gone_on_from_stops_every_mode(mode: Mode, fault: Fault) -> None:
     modes, group = modes_in(mode)
     modes.fail(fault, 2)
@@ -236,7 +237,7 @@ def test_a_fault_that_cannot_be_gone_on_from_stops_every_mode(mode: Mode, fault:
         assert group.wanted is Wanted.QUICK_STOP  # there is no path to stop on
 
 
-@pytest.mark.parametrize("fault", [f for f in Fault if f is not Fault.NONE])
+@each("fault", [f for f in Fault if f is not Fault.NONE])
 def test_axes_that_are_not_trusted_lose_their_homed_mark_and_nothing_starts(fault: Fault) -> None:
     modes, _ = modes_in(Mode.RUNNING)
     modes.homed = 0x1F

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import pytest
+from support.suite.cases import each
 
 from drives.simulated.machine402 import TRANSITIONS, Command, Power, command, following
 
@@ -18,8 +18,8 @@ def test_the_way_up_and_down_takes_three_steps_each() -> None:
     assert seen == [*up, Power.SWITCHED_ON, Power.READY, Power.DISABLED]
 
 
-@pytest.mark.parametrize("state", list(Power))
-@pytest.mark.parametrize("asked", list(Command))
+@each("state", list(Power))
+@each("asked", list(Command))
 def test_no_command_leads_up_by_more_than_one_step_or_out_of_a_fault_without_reset(
     state: Power, asked: Command
 ) -> None:
