@@ -158,6 +158,15 @@ class RestartFacts(Told, Texts):
     interrupted_s: Number = Field(None, description="Seconds since 1970.")
 
 
+class NextFacts(Told, Texts):
+    """What to do next, in one sentence, and what may be asked for it as things are."""
+
+    verb: str = Field("", description="Of the service, that is not refused now; empty: none.")
+    args: dict[str, Any] = {}
+    place: str = Field("", description="Where it is done: programs, changer or restart; empty: here.")
+    waits: bool = Field(False, description="Nothing is to be done: it goes on by itself.")
+
+
 class JointFacts(Told):
     """Figures of an axis, mm or degrees as programs write them."""
 
@@ -191,6 +200,14 @@ class Status(OfTick, Told):
     job: JobFacts | None = None
     joints: dict[str, JointFacts] = {}
     work_offset: str | None = Field(None, description="In which the joints' work positions are.")
+    next: NextFacts | None = None
+    restart: RestartFacts | None = Field(None, description="As GET /restart, without its name in the store.")
+    no_resume: Texts | None = Field(
+        None, description="Why a held program cannot go on from here; null: it can."
+    )
+    stands_at_stop: bool | None = Field(
+        None, description="Held by the program: M0, M1, M60, a change by hand."
+    )
     aside: bool | None = Field(None, description="The tool stands off the path of a held program.")
     retract_room_mm: Number = Field(
         None, description="So far the tool can go off along its axis from here; null: not now."

@@ -225,12 +225,25 @@ class Journal:
         self._written_s = float("-inf")
         self._ran = False
         self.problem = ""
+        self.last: Entry | None = None  # as it was written last, or found
+        self._here: tuple[Entry, Machine, Job] | None = None
 
     def begin(self, job: Job, tool: int = 1, spot: Spot | None = None) -> None:
         """A program is started, or gone on with at ``spot``; the file stays as it is until it moves."""
         self._job, self._tool, self._seen, self._known = job, tool, spot, Known()
         self._recent.clear()
         self._written_s, self._ran = float("-inf"), False
+
+    def why_not(self, machine: Machine, homed: int, untrusted: int) -> Said | None:
+        """As ``refusal``, of the last entry and its own program on a machine as it is now."""
+        entry, known = self.last, self._here
+        if entry is None:
+            return said("not_interrupted")
+        if known is None or known[0].job is not entry.job or known[1] is not machine:
+            here = Job.of(entry.job.name, b"", machine, entry.job.start, entry.job.dry_run_mm)
+            known = entry, machine, replace(here, program_sha256=entry.job.program_sha256)
+            self._here = known
+        return refusal(entry, known[2], homed, untrusted, len(machine.axes))
 
     def go_on_as(self, job: Job) -> None:
         """Other tools were fitted in a hold: what is left is of another path, so line and fraction count."""
@@ -337,7 +350,7 @@ class Journal:
             ended,
             *known[1:],
         )
-        self._written_s = self._clock()
+        self._written_s, self.last = self._clock(), entry
         try:
             write(entry, self._file)
             self.problem = ""

@@ -16,23 +16,19 @@ from controller.program import carried
 from controller.service import jobs, journal
 from controller.service.jobs import Job
 from controller.service.refusals import refused
-from controller.service.service import JOURNAL, Service
+from controller.service.service import Service
 
 
 def restart(service: Service) -> dict[str, Any]:
-    """The journal's entry as plain values; key and values say why it is not ``offered``.
+    """The journal's last entry as plain values; key and values say why it is not ``offered``.
 
     Whether the program is still there as it was is for who keeps the programs: it is told by the
     ``sha256`` of its file. A load with ``restart`` looks at everything again.
     """
-    entry, why = journal.read(service.state / JOURNAL)
+    entry = service.journal.last
     if entry is None or entry.ended:
-        return {"offered": False, **(why or said("not_interrupted"))}
-    here = journal.Job.of(entry.job.name, b"", service.machine, entry.job.start, entry.job.dry_run_mm)
-    same_program = replace(here, program_sha256=entry.job.program_sha256)
-    homed, untrusted = _trusted(service)
-    axes = len(service.machine.axes)
-    why = journal.refusal(entry, same_program, homed, untrusted, axes)
+        return {"offered": False, **said("not_interrupted")}
+    why = service.journal.why_not(service.machine, *_trusted(service))
     return {
         "offered": why is None,
         **messages.facts(why),
@@ -53,19 +49,15 @@ def restart(service: Service) -> dict[str, Any]:
 
 def _trusted(service: Service) -> tuple[int, int]:
     """Bit masks of the axes that are homed, and of those whose position a fault has cost."""
-    try:
-        now = service.now()
-    except CommandRefused:  # no tick: nobody knows where the axes are
-        return 0, 0
+    now = service.engine.snapshot()
+    if now is None or not service.engine.tick_alive or service.stands(now):
+        return 0, 0  # nobody knows where the axes are
     return now.homed, now.untrusted
 
 
 def gone_on_with(service: Service, args: dict[str, Any]) -> Job:
     """The job of a ``load`` from where the journal says that it was interrupted. Raises CommandRefused."""
-    entry, why = journal.read(service.state / JOURNAL)
-    mode = service.now().mode.name
-    if why:
-        raise CommandRefused("refused", why, mode, "LOAD")
+    entry, mode = service.journal.last, service.now().mode.name
     if entry is None:
         raise refused("not_interrupted", mode, "LOAD")
     job = jobs.read({**args, "block_delete": entry.job.block_delete}, service.machine)
@@ -94,8 +86,7 @@ def look_again(service: Service, job: Job, request: str = "START") -> None:
 
 def tell_beside(service: Service) -> None:
     """After the tick was gone, the drives having kept count: how far off the path they stopped."""
-    entry, _ = journal.read(service.state / JOURNAL)
-    job = service.job
+    entry, job = service.journal.last, service.job
     if entry is None or entry.ended or job is None or job.state != "fault":
         return
     program = replace(job.program, spot=entry.spot, start=entry.job.start)

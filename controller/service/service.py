@@ -109,6 +109,7 @@ class Service:
         for damaged in (self.alarms.damaged, self.usage.damaged, self.probed.damaged, unread):
             if damaged is not None:
                 self.alarms.add(kept_file.ALARM, damaged)
+        self.journal.last = entry
         self.interrupted = entry if entry is not None and not entry.ended else None  # until another is loaded
         self._folder = tempfile.TemporaryDirectory(prefix="directrix-")
         self.engine = Engine(machine, Path(self._folder.name), kept, self._hear)

@@ -13,6 +13,7 @@ from controller.machine import machine_file
 from controller.machine.kinematics import Kinematics, kinematics_of
 from controller.machine.model import OFFSETS, Machine
 from controller.messages import said, several
+from controller.motion.pieces import STANDSTILL
 from controller.plan.restart.reentry import room_along_axis
 from controller.program.modal import State
 from controller.program.program import Tip
@@ -48,7 +49,10 @@ def machine_values(
     told, kinematics = told_by_tick(now), kinematics_of(machine)
     return {
         **told,
-        "not_homed": [axis.name for i, axis in enumerate(machine.axes) if not now.homed >> i & 1],
+        "not_homed": [
+            a.name for i, a in enumerate(machine.axes) if not (now.homed & ~now.untrusted) >> i & 1
+        ],
+        "stands_at_stop": now.mode is Mode.HOLD and now.motion_id == STANDSTILL,
         "joints": joints(machine, kinematics, now, way, state),
         "work_offset": OFFSETS[state.modal.offset],
         **tip(machine, kinematics, now, state, in_spindle),

@@ -10,11 +10,12 @@ from controller import atomic_file, messages
 from controller.ipc.control_socket import LAST, Values, packed
 from controller.ipc.handoff import Snapshot, blank
 from controller.machine import setup_data
-from controller.messages import said
-from controller.service import alarms, jobs, node_status
+from controller.messages import Said, said
+from controller.service import alarms, jobs, node_status, restart_preview
 from controller.service import status as machine_status
 from controller.service.jobs import Job
 from controller.service.journal import Entry
+from controller.service.next_step import next_step
 from controller.service.service import Service
 from controller.state.modes import TOOL_CHANGE, Fault, Mode
 
@@ -24,6 +25,11 @@ OF_A_TICK = ("time_s", "tick", "joints", "drives")  # other in each, also where 
 
 def status(service: Service) -> Values:
     """As the verb of that name answers."""
+    told = {**_status(service), "restart": restart_preview.restart(service)}
+    return {**told, "next": next_step(told).to_json()}
+
+
+def _status(service: Service) -> Values:
     alive, found = service.engine.tick_alive, service.engine.snapshot()
     sequence = service.sequencer.now
     kept = {
@@ -98,6 +104,7 @@ class Kept:
             **machine_status.unseen(_told(service, machine_status.ended(found))),
             **{"fault": {**gone, "recording": None}, "interlock": None, "warning": None, "notices": []},
             **{"sequence": None, "tick_alive": False, "plan_alive": False, "commissioned": None},
+            **{"restart": restart_preview.restart(service), "next": None},
         }
         changes = {key: value for key, value in status.items() if key not in OF_A_TICK}
         as_it_is = (found.joints, changes, service.fitted)
@@ -143,6 +150,7 @@ def _told(service: Service, now: Snapshot) -> Values:
         **_with_notices(service, values),
         "change": change,
         "aside": service.aside,
+        "no_resume": _no_resume(service, now),
         "retract_room_mm": retract_room_mm(service, now),
         "tool": service.tool or None,
         **({"in_block": _last_block(job, entry)} if job is None or not job.active else {}),
@@ -153,6 +161,14 @@ def _told(service: Service, now: Snapshot) -> Values:
         "drives": node_status.drives(service.machine, now, service.logs, service.homing),
         "jogging": now.mode is Mode.JOG,
     }
+
+
+def _no_resume(service: Service, now: Snapshot) -> Said | None:
+    """Why a held program cannot go on from where the tool is, or with which."""
+    if now.mode is not Mode.HOLD:
+        return None
+    why = service.no_resume or ("away" if now.away else "")
+    return said(why) if why else None
 
 
 def _with_notices(service: Service, values: Values) -> Values:

@@ -10,6 +10,9 @@ const ENDED = ["stopped", "fault", "interrupted"];
 let told = null;
 every("programs run", 3, "restart", (body) => (told = body));
 
+export const offer = () => (told?.offered ? told : null);
+export const not_offered = () => (told?.name && !told.offered ? sentence(told) : "");
+
 // Nothing else is loaded, and it does not run.
 const waits = (job) => !job || (job.sha256 === told.sha256 && ENDED.includes(job.state));
 

@@ -709,6 +709,7 @@ def interrupted(service: Service) -> None:
     known = (40.0, 100.0, 47.5, in_block)  # s of a whole run before it, and in all; elapsed
     entry = journal.Entry(job, Spot(3, 0.5, 7, 12.0), True, 1, "READY", "NONE", 31, 0.0, False, *known)
     journal.write(entry, service.state / JOURNAL)
+    service.journal.last = entry
 
 
 @pytest.mark.parametrize("then", ["load", "unload"])

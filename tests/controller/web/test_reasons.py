@@ -91,15 +91,17 @@ def test_an_operator_is_led_from_cold_to_the_start(page: Any, site: Site) -> Non
     page.wait_for_selector(".next >> text=take control")
     browser.take_control(page)
     for told, words in (
-        ({"mode": "OFF", "not_homed": ["X"]}, "home all axes"),
-        ({"mode": "OFF", "not_homed": []}, "switch the drives on"),
-        ({"mode": "READY", "not_homed": [], "job": None}, "choose and load a program"),
-        ({"mode": "READY", "not_homed": [], "job": {"name": "a", "sha256": "0", "state": "loaded"}}, "start"),
+        ({"mode": "OFF", "not_homed": ["X"]}, "Home all axes."),
+        ({"mode": "OFF", "not_homed": []}, "Switch the drives on."),
+        ({"mode": "READY", "not_homed": [], "job": None}, "Choose and load a program."),
+        ({"mode": "READY", "not_homed": [], "job": LOADED}, "Start first.ngc."),
     ):
         site.tell(**told)
         page.wait_for_selector(f".next strong:text-is('{words}')")
 
 
+GUIDE = "section[data-view=run] .next"
+LOADED = {"name": "first.ngc", "sha256": "0", "state": "loaded"}
 UPLOAD = """() => { const form = new FormData();
   form.append("file", new File(["G21\\nG1 X1 F100\\nM2\\n"], "first.ngc"));
   const sent = {method: "POST", body: form, headers: dx.headers()};
@@ -107,22 +109,22 @@ UPLOAD = """() => { const form = new FormData();
 
 
 def test_from_cold_to_motion_it_takes_five_clicks(page: Any, site: Site) -> None:
-    """Nobody has control, no axis is homed, nothing is loaded; a program was sent before."""
+    """By the guide alone. Nobody has control, no axis is homed; a program was sent before, none is loaded."""
     assert page.evaluate(UPLOAD) in (201, 409)
     page.evaluate("dx.give()")
     site.tell(mode="OFF", not_homed=["X", "Y"], job=None)
-    page.wait_for_selector(".next strong:text-is('home all axes')")
+    page.wait_for_selector(".next strong:text-is('Home all axes.')")
     page.wait_for_selector("body[data-control=free]")
     begun = len(site.asked())
-    page.click(".run-cycle [data-call='POST machine/home']")
+    page.click(f"{GUIDE} [data-call='POST machine/home']")
     page.wait_for_selector(".dx-ask >> text=The same yes takes control.")
     browser.yes(page)
     browser.until(lambda: "home" in [one[1] for one in site.asked()[begun:]], "the homing")
     site.tell(mode="READY", not_homed=[], job=None)
-    page.click("[data-load='first.ngc']:not([aria-disabled])")
+    page.click(f"{GUIDE} [data-call='POST job']")
     browser.until(lambda: "load" in [one[1] for one in site.asked()[begun:]], "the loading")
-    site.tell(mode="READY", not_homed=[], job={"name": "first.ngc", "sha256": "0", "state": "loaded"})
-    page.click("[data-call='POST cycle/start']:not([aria-disabled])")
+    site.tell(mode="READY", not_homed=[], job=LOADED)
+    page.click(f"{GUIDE} [data-call='POST cycle/start']")
     browser.yes(page)
     browser.until(lambda: "start" in [one[1] for one in site.asked()[begun:]], "the start")
 

@@ -28,6 +28,7 @@ from controller.machine import machine_file, setup_data
 from controller.messages import Key, said
 from controller.plan.report.verdict import Verdict
 from controller.service import status, usage
+from controller.service.next_step import next_step
 from controller.service.refusals import refused
 from controller.service.usage import Usage
 from controller.state.modes import ALL_AXES, Fault, Mode, told
@@ -131,7 +132,8 @@ class MovingDoor(FakeDoor):
         )
         if told.get("job"):
             told["job"] = {**JOB, **told["job"]}
-        return {**told, **self.laid_over()}
+        told |= self.laid_over()
+        return {**told, "next": told.get("next") or next_step({**UNTOLD, **told}).to_json()}
 
     def laid_over(self) -> dict[str, Any]:
         """What a test has told."""
@@ -150,6 +152,12 @@ class MovingDoor(FakeDoor):
         return {**super().facts(), **told}
 
 
+# Of a status what the guide looks at and no test here tells.
+UNTOLD: dict[str, Any] = {
+    **{"tick_alive": True, "plan_alive": True, "commissioned": True, "not_homed": [], "interlock": None},
+    **{"change": None, "tool_change": None, "changer": None, "feed_stopped": False, "waiting": False},
+    **{"no_resume": None, "stands_at_stop": False, "restart": {"offered": False}, "notices": []},
+}
 STATE_THERE = [
     said("at.tool", tool=1, offset="G54", length="0.000"),
     said("at.spindle", rev_min="12000", coolant=Key("at.off"), feed=Key("at.none")),

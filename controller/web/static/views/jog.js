@@ -4,6 +4,7 @@ import { RULES, chosen, end, held } from "../dead_man.js";
 import { ask } from "../dialog.js";
 import { html, useRef, useState } from "../dom.js";
 import { forms } from "../forms.js";
+import { Guide } from "../guide.js";
 import { ByHand } from "../peripherals.js";
 import { Act, AxisName, Card, Choice, Codes, Figure, reason } from "../parts.js";
 import { dx, keep, kept } from "../store.js";
@@ -111,6 +112,7 @@ function Mdi() {
     field.current.focus();
   };
   return html`<${Card} title=${word("mdi")} class="mdi-card">
+    <${Guide} />
     <${Codes} />
     <form class="mdi" id="mdi" autocomplete="off" onsubmit=${(event) => event.preventDefault()}>
       <textarea id="mdi-text" rows="2" maxlength="1000" spellcheck=${false} aria-label=${word("mdi")} placeholder="G0 X10." ref=${field} onkeydown=${typed}>

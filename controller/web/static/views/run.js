@@ -3,8 +3,8 @@ import { call, every } from "../api.js";
 import { html, useEffect, useRef, useState } from "../dom.js";
 import { forms } from "../forms.js";
 import { show } from "../frame.js";
-import { free } from "../control.js";
 import { Act, AxisName, Bar, Card, Codes, Facts, Figure, field } from "../parts.js";
+import { Guide } from "../guide.js";
 import { Listing } from "../listing.js";
 import { SpindleOverride } from "../peripherals.js";
 import { Offer, StateThere, start_question } from "../restart.js";
@@ -166,7 +166,7 @@ function Cycle() {
       <${Act} text=${word("run.disable")} call="POST machine/disable" modes="READY" icon="off" />
       <${Act} text=${word("run.home")} call="POST machine/home" body=${{}} ask=${word("run.home_ask")} modes="OFF READY" icon="home" />
     </div>
-    <${Next} />
+    <${Guide} />
   <//>`;
 }
 
@@ -180,14 +180,6 @@ const Skip = ({ job }) =>
   html`<${Act} text=${word("run.skip")} class="toggle" id="run-skip" modes="OFF READY" aria-pressed=${String(Boolean(job?.block_delete))}
     given=${Boolean(job?.name) && job.state === "loaded" && typeof job.text !== "string" && !job.restart?.length && !job.dry_run_mm} why="why.not_whole"
     press=${() => call("POST", "job", { program: job.name, block_delete: !job.block_delete })} />`;
-
-// What a newcomer would do next, from cold to the first motion.
-function Next() {
-  const { mode, not_homed: homeless, sequence } = dx.status ?? {};
-  if (dx.silent || dx.user?.role === "view" || sequence?.state === "running" || !["OFF", "READY"].includes(mode)) return null;
-  const step = !dx.holds() && !free() ? "control" : homeless?.length ? "home" : mode === "OFF" ? (dx.holds() ? "enable" : "control") : dx.loaded() ? "start" : "choose";
-  return html`<p class="next">${word("run.next")} <strong>${word(`next.${step}`)}</strong></p>`;
-}
 
 // Off along the tool axis by what is given, preset to what is possible here; and back to the path.
 function Aside() {
@@ -224,7 +216,7 @@ every("run", 3, "programs?brief=true", (body) => (stored = body.programs));
 
 const made = (job) => stored.find(({ name }) => name === job?.name)?.completed ?? "–";
 
-const recent = () =>
+export const recent = () =>
   stored.filter(({ check }) => check.state === "passed" && (check.verdict ?? NO_VERDICT).within).sort((a, b) => b.uploaded_s - a.uploaded_s).slice(0, RECENT);
 
 // The tool that the program waits for: what it looks like, and its measures.

@@ -2,7 +2,7 @@
 import { call } from "../api.js";
 import { ask } from "../dialog.js";
 import { html } from "../dom.js";
-import { Act, AxisName, Chip, Table } from "../parts.js";
+import { Act, AxisName, Chip, Table, asked } from "../parts.js";
 import { dx } from "../store.js";
 import { sentence, word as text } from "../texts.js";
 
@@ -14,13 +14,13 @@ async function whole(question, start) {
   return /^\d+$/.test(given.trim()) ? Number(given) : null;
 }
 
-async function confirm(found) {
+export async function confirm(found) {
   const spindle = await whole(word("spindle_ask"), found.spindle);
   if (spindle === null) return;
   const named = await typed(word("away_ask"), found.away.join(" "));
   if (named === null || named === false) return;
   const away = (named.match(/\d+/g) ?? []).map(Number);
-  if (await ask(word("clear_ask", spindle, away.join(" ")))) await call("POST", "changer/confirm", { spindle, away, clear: true });
+  if (await asked(word("clear_ask", spindle, away.join(" ")))) await call("POST", "changer/confirm", { spindle, away, clear: true });
 }
 
 async function give(pocket, tool) {
