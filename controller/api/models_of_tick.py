@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, get_args, get_type_hints
 from pydantic import BaseModel, ConfigDict, Field, create_model
 
 from controller.api.answers import Texts
+from controller.commands.table import SWITCHES
 from controller.messages import Said
 from controller.state import live_state
 from controller.state.live_state import DriveRow
@@ -47,7 +48,8 @@ def _of_tick() -> Fields:
     for group, fields in groups.items():
         model = _model(f"{group.title().replace('_', '')}Facts", fields | _BESIDES.get(group, {}))
         found[group] = (model | None, None)
-    return found
+    switches = {one.name: (bool | None, Field(None, description=one.state)) for one in SWITCHES}
+    return found | switches
 
 
 def _of_drives() -> Fields:

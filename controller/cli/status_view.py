@@ -16,6 +16,7 @@ from rich.table import Table
 from rich.text import Text
 
 from controller.cli.speech import say
+from controller.commands.table import SWITCHES
 from controller.verify.console import word
 
 Status = Mapping[str, Any]
@@ -82,9 +83,9 @@ def _headline(status: Status) -> Text:
         told.append(f"  {say('no_tick')}", "bold red")
     if status.get("not_homed"):
         told.append(f"  {say('not_homed')}", "yellow")
-    for name in ("single_block", "optional_stop", "adaptive_feed"):
-        if status.get(name):
-            told.append(f"  {say(name)}", "cyan")
+    for switch in SWITCHES:
+        if status.get(switch.name):
+            told.append(f"  {say(switch.name)}", "cyan")
     for what in _waits(status):
         told.append(f"  {what}", "yellow")
     if holder := status.get("control"):

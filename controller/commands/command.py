@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from enum import StrEnum
 from typing import TYPE_CHECKING, Any
 
-from controller.commands.arguments import Argument, Switch
+from controller.commands.arguments import Argument
 from controller.values import dataclass
 
 if TYPE_CHECKING:
@@ -81,13 +81,14 @@ class Command:
     rest: Rest | None = None
     client: Client | None = None
     lane: Lane | None = None  # None: by ``access``
+    bit: int = 0  # of a switch in the tick: its place among all of them, in recordings, too; a power of two
+    state: str = ""  # of a switch: what the status means by it, in OpenAPI
     open_ended: bool = False  # takes further arguments: the columns of a table
 
     @property
     def is_switch(self) -> bool:
         """Whether it does nothing but switch something in the tick, in every mode."""
-        kinds = [one.kind for one in self.arguments]
-        return self.request is not None and len(kinds) == 1 and isinstance(kinds[0], Switch)
+        return self.bit != 0
 
     @property
     def title(self) -> str:

@@ -182,6 +182,8 @@ ALL: tuple[Command, ...] = (
         Access.MOVE,
         ON,
         Request.SINGLE_BLOCK,
+        bit=1,
+        state="Stop after every block.",
         rest=Rest(
             "PUT", "cycle/single_block", "Stop at the end of every block, or run through.", body="Switch"
         ),
@@ -191,6 +193,8 @@ ALL: tuple[Command, ...] = (
         Access.MOVE,
         ON,
         Request.OPTIONAL_STOP,
+        bit=2,
+        state="M1 stops.",
         rest=Rest("PUT", "cycle/optional_stop", "Whether M1 stops.", body="Switch"),
     ),
     Command(
@@ -198,6 +202,8 @@ ALL: tuple[Command, ...] = (
         Access.MOVE,
         ON,
         Request.ADAPTIVE_FEED,
+        bit=64,
+        state="The load of the spindle leads the feed without M52 P1, too.",
         needs=("adaptive",),
         rest=Rest(
             "PUT",
@@ -563,6 +569,7 @@ ALL: tuple[Command, ...] = (
 # A route that is asked again and again while a key is held; it is noted once.
 REPEATED = tuple([f"/{command.rest.path}" for command in ALL if command.rest and command.rest.seen_s])
 COMMANDS: dict[str, Command] = {command.name: command for command in ALL}
-SWITCHES: tuple[Request, ...] = tuple([c.request for c in ALL if c.is_switch and c.request is not None])
+SWITCHES: tuple[Command, ...] = tuple([command for command in ALL if command.is_switch])
+SWITCHED: dict[Request, Command] = {one.request: one for one in SWITCHES if one.request is not None}
 OVERRIDES = (Request.OVERRIDE, Request.RAPID_OVERRIDE, Request.SPINDLE_OVERRIDE)
 ENDS = frozenset([command.name for command in ALL if command.way is Lane.STOP])  # a press that is held, too

@@ -44,16 +44,13 @@ from controller.motion.pieces import (
     dwell,
 )
 from controller.state.live_state import (
-    ADAPTIVE_FEED,
     ANALOGUE,
     COLUMN,
     EXPIRED,
     LAYOUT,
     OFF_PATH,
-    OPTIONAL_STOP,
     ROW,
     SETTLED,
-    SINGLE_BLOCK,
     STOOD,
     WAITED,
     Flat,
@@ -82,18 +79,15 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 __all__ = [
-    "ADAPTIVE_FEED",
     "ANALOGUE",
     "COLUMN",
     "DEAD_MAN_S",
     "EXPIRED",
     "OFF_PATH",
-    "OPTIONAL_STOP",
     "PLANNER_SILENCE_S",
     "PLAN_IDS",
     "ROW",
     "SETTLED",
-    "SINGLE_BLOCK",
     "STANDSTILL",
     "STILL",
     "STOOD",

@@ -37,7 +37,7 @@ from controller.plan.restart.program_position import Spot
 from controller.plan.retract import Aside, NotPossible
 from controller.plan.track import Track
 from controller.program.program import Probed, ProgramError
-from controller.state.modes import Mode
+from controller.state.modes import Mode, Request
 
 AHEAD_S = 2.5  # of motion that is not to be replaced, before the tick needs it
 BUNDLE_S = 0.5  # short runs and pauses go together, up to this
@@ -179,8 +179,10 @@ class Planner:
             self._restart(now)
         self._forget(now)
         share = now.adaptive_share
-        everywhere = share if now.adaptive_feed else 1.0
-        orders = Orders(now.override, min(now.rapid_override, 1.0), now.single_block, share, everywhere)
+        everywhere = share if now.is_on(Request.ADAPTIVE_FEED) else 1.0
+        orders = Orders(
+            now.override, min(now.rapid_override, 1.0), now.is_on(Request.SINGLE_BLOCK), share, everywhere
+        )
         began_s = self._clock() if self._clock else 0.0
         tries = now.plan_time_s >= self._wait_s
         sent = (tries and self._replan(now, orders)) or self._further(now, orders, tries)

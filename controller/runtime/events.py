@@ -26,7 +26,7 @@ import math
 from pathlib import Path
 from typing import Any
 
-from controller.commands.table import MAX_OVERRIDE
+from controller.commands.table import MAX_OVERRIDE, SWITCHED
 from controller.ipc.handoff import Jog
 from controller.runtime.starts import Start
 from controller.state.modes import Fault, Request
@@ -38,9 +38,7 @@ REQUESTS = {
     "stop": Request.STOP,
     "override": Request.OVERRIDE,
     "rapid_override": Request.RAPID_OVERRIDE,
-    "single_block": Request.SINGLE_BLOCK,
-    "optional_stop": Request.OPTIONAL_STOP,
-    "adaptive_feed": Request.ADAPTIVE_FEED,
+    **{switch.name: request for request, switch in SWITCHED.items()},
 }
 RECORDED = {  # by a live run alone
     "estop": Request.ESTOP,
@@ -56,7 +54,7 @@ RECORDED = {  # by a live run alone
 FILE, PROGRAM, MACHINE = "events.jsonl", "program.ngc", "machine.toml"  # of a record
 OVERRIDES = ("override", "rapid_override")
 BY_HAND = ("spindle_override", "spindle", "coolant", "clamps", "prepare")  # nothing of them moves an axis
-SWITCHES = ("single_block", "optional_stop", "adaptive_feed")
+SWITCHES = tuple([switch.name for switch in SWITCHED.values()])
 STAND, PLAN, RETRACT, RETURN, ASIDE = "stand", "plan", "retract", "return", "aside"
 WAIT, FAULT, OFF_PATH, PIECES, BEGIN = "wait", "fault", "off_path", "pieces", "begin"
 THREAD, ADAPTIVE = "thread", "adaptive"

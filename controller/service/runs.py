@@ -32,15 +32,13 @@ import numpy as np
 import numpy.typing as npt
 
 from controller import atomic_file, own_files
+from controller.commands.table import SWITCHES
 from controller.ipc.handoff import (
-    ADAPTIVE_FEED,
     COLUMN,
     EXPIRED,
     OFF_PATH,
-    OPTIONAL_STOP,
     PLAN_IDS,
     SETTLED,
-    SINGLE_BLOCK,
     STOOD,
     WAITED,
     Outcome,
@@ -66,11 +64,6 @@ LAG_TICKS = 2  # from a setpoint to the feedback that can have followed it
 Rows = npt.NDArray[np.float64]
 
 _TAKEN = [COLUMN[name] for name in SETPOINTS]
-_SWITCHES = {
-    SINGLE_BLOCK: "single_block",
-    OPTIONAL_STOP: "optional_stop",
-    ADAPTIVE_FEED: "adaptive_feed",
-}
 _NAMES = {request: name for name, request in {**events.REQUESTS, **events.RECORDED}.items()}
 # They come again by themselves, for it is the tick that finds them in what it has been given.
 _OWN_FAULTS = (Fault.NONE, Fault.BRANCH_LOST, Fault.TRAVEL, Fault.VELOCITY, Fault.ACCELERATION)
@@ -187,9 +180,9 @@ class RunRecord:
         for name in events.OVERRIDES:
             if row[COLUMN[name]] != 1.0:
                 self._events.add(at, events.line_of(name, float(row[COLUMN[name]])))
-        for bit, name in _SWITCHES.items():
-            if int(row[COLUMN["switches"]]) & bit:
-                self._events.add(at, events.line_of(name, 1))
+        for switch in SWITCHES:
+            if int(row[COLUMN["switches"]]) & switch.bit:
+                self._events.add(at, events.line_of(switch.name, 1))
 
     def _find_requests(self, rows: Rows, asked: deque[Asked], now: Snapshot | None) -> None:
         """Numbers rise in the order in which the tick takes them, and a row has the last that it took."""

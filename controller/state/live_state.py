@@ -20,6 +20,7 @@ from enum import Enum
 from functools import cache
 from typing import Annotated, Any, NamedTuple, get_args, get_type_hints
 
+from controller.commands.table import SWITCHED, SWITCHES, Request
 from controller.messages import Said
 from controller.state.modes import MAX_AXES, Fault, Mode
 from controller.state.queue_refusals import QueueRefusal
@@ -52,12 +53,11 @@ def _value(owner: str, meaning: str, unit: str = "", column: str = "", **more: A
     return Value(owner, meaning, unit, column, **more)
 
 
-# Bits of ``switches``: the operator's, and what else a run is made again by.
-SINGLE_BLOCK, OPTIONAL_STOP = 1, 2
+# Bits of ``switches``: the operator's (``SWITCHES`` of the table of commands), and what else a run is made
+# again by.
 STOOD = 4  # stood still in this tick, after a long gap
 WAITED = 8  # motion waited for spindle, coolant or clamps
 SETTLED = 32  # the spindle stands where its thread does, or there is none
-ADAPTIVE_FEED = 64
 EXPIRED = 128  # in this tick a jog was ended that nobody asked for any more
 OFF_PATH = 16  # the setpoints are where the drives were
 
@@ -178,11 +178,7 @@ class Snapshot(NamedTuple):
     accepted: int = _value("cycle", "sequence of the last message taken")
     rejected: int = _value("cycle", "sequence of the last message refused")
     refusal: QueueRefusal = _value("cycle", "why the last message was not taken, NONE: it was")
-    single_block: bool = _value("modes", "stop after every block", status="single_block")
-    optional_stop: bool = _value("modes", "M1 stops", status="optional_stop")
-    adaptive_feed: bool = _value(
-        "modes", "the load of the spindle leads the feed without M52 P1, too", status="adaptive_feed"
-    )
+    switched: int = _value("modes", "switches that are on, by the bits of their commands")
     adaptive_on: bool = _value(
         "adaptive.on", "it leads that of the motion under the clock", status="adaptive.on"
     )
@@ -224,6 +220,10 @@ class Snapshot(NamedTuple):
     probed: int = _value("probing.came", "what came of the last: 1 touched, 2 not")
     touch: tuple[float, ...] = _value("probing", "where the axes were then", "mm, rad", many=EACH_AXIS)
     answers: tuple[int, ...] = _value("answers.ring", "to the last requests, see ``came_of``", many=ANSWERS)
+
+    def is_on(self, switch: Request) -> bool:
+        """Whether the operator has switched that on."""
+        return self.switched & SWITCHED[switch].bit != 0
 
     @property
     def feed_share(self) -> float:
@@ -409,7 +409,7 @@ def told(now: Snapshot) -> dict[str, Any]:
         group, _, key = shown.name.rpartition(".")
         place = found.setdefault(group, {}) if group else found
         place[key] = _plain(getattr(now, name), shown.factor)
-    return found
+    return found | {switch.name: bool(now.switched & switch.bit) for switch in SWITCHES}
 
 
 def _plain(value: Any, factor: float) -> Any:

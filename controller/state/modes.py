@@ -31,7 +31,7 @@ from collections.abc import Sequence
 from enum import IntEnum, IntFlag
 
 from controller.commands.command import Command
-from controller.commands.table import MAX_AXES, OVERRIDES, SWITCHES, Request
+from controller.commands.table import MAX_AXES, OVERRIDES, SWITCHED, Request
 from controller.faults import Fault, FaultRow, Reaction, Recovery, Times, Wait
 from controller.messages import Key, Said, chain, said
 from controller.state.fault_table import FAULTS, sentence, stands_within_s, told, waits_s
@@ -46,7 +46,6 @@ __all__ = [
     "OVERRIDES",
     "PROGRESS",
     "SHOWN_MODES",
-    "SWITCHES",
     "TOOL_CHANGE",
     "TRANSITIONS",
     "Binding",
@@ -153,7 +152,7 @@ PROGRESS: dict[Mode, frozenset[Mode]] = {
 ALWAYS = frozenset(
     {
         *OVERRIDES,
-        *SWITCHES,
+        *SWITCHED,
         Request.ESTOP,
         Request.JOG_STOP,
         Request.ARRANGED,

@@ -11,13 +11,10 @@ from collections.abc import Callable
 from typing import Final, NamedTuple
 
 from controller.ipc.handoff import (
-    ADAPTIVE_FEED,
     EXPIRED,
     OFF_PATH,
-    OPTIONAL_STOP,
     PLANNER_SILENCE_S,
     SETTLED,
-    SINGLE_BLOCK,
     STOOD,
     WAITED,
     Answers,
@@ -200,9 +197,7 @@ class Cycle:
 
     def _switches(self) -> int:
         modes, stood = self.modes, self._stood or self._stood_before
-        asked = SINGLE_BLOCK * modes.single_block + OPTIONAL_STOP * modes.optional_stop
-        asked += ADAPTIVE_FEED * modes.adaptive_feed
-        asked += EXPIRED * self.jogging.expired
+        asked = modes.switched + EXPIRED * self.jogging.expired
         settled = SETTLED * self.coupling.settled
         return asked + STOOD * stood + WAITED * self._waits + OFF_PATH * (not modes.on_path) + settled
 

@@ -9,8 +9,8 @@ import math
 from enum import IntEnum
 from typing import Final
 
-from controller.commands.table import MAX_OVERRIDE, SPINDLE_OVERRIDES
-from controller.state.modes import ALWAYS, FAULTS, SWITCHES, TRANSITIONS, Fault, Mode, Reaction, Request, bars
+from controller.commands.table import MAX_OVERRIDE, SPINDLE_OVERRIDES, SWITCHED
+from controller.state.modes import ALWAYS, FAULTS, TRANSITIONS, Fault, Mode, Reaction, Request, bars
 from controller.state.stop_times import ENABLE_S, HOMING_S
 from controller.tick.drives import Drives
 from drives.cia402 import State, Wanted
@@ -105,6 +105,7 @@ class Modes:
         self.override = 1.0
         self.rapid_override = 1.0
         self.spindle_override = 1.0
+        self.switched = 0  # the switches below that are on, by the bits of their commands
         self.single_block = False
         self.optional_stop = False
         self.adaptive_feed = False
@@ -197,7 +198,7 @@ class Modes:
             return self._set_override(request, value)
         if request is Request.SPINDLE_OVERRIDE:
             return self._set_spindle_override(value)
-        if request in SWITCHES:
+        if request in SWITCHED:
             return self._switch(request, value)
         if request is Request.ESTOP:
             self.fail(Fault.EMERGENCY_STOP, -1)
@@ -210,13 +211,9 @@ class Modes:
     def _switch(self, request: Request, value: float) -> bool:
         if value not in (0.0, 1.0):
             return False
-        on = value == 1.0
-        if request is Request.SINGLE_BLOCK:
-            self.single_block = on
-        elif request is Request.OPTIONAL_STOP:
-            self.optional_stop = on
-        else:
-            self.adaptive_feed = on
+        switch, on = SWITCHED[request], value == 1.0
+        setattr(self, switch.name, on)
+        self.switched = self.switched | switch.bit if on else self.switched & ~switch.bit
         return True
 
     def _set_override(self, request: Request, value: float) -> bool:

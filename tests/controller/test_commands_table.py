@@ -8,7 +8,7 @@ import pytest
 from support.fakes.fake_engine import FakeEngine, done, engine_of, served
 
 from controller import messages
-from controller.commands.table import ALL, COMMANDS, SWITCHES, Request
+from controller.commands.table import ALL, COMMANDS, SWITCHED, Request
 from controller.ipc.control_socket import CommandRefused
 from controller.machine import setup_data
 from controller.service.command_handlers import AT_ONCE, ERRANDS, Desk
@@ -23,8 +23,8 @@ def test_every_command_is_carried_out_by_one_place_and_needs_what_there_is() -> 
         by_tick = command.name not in AT_ONCE and command.name not in ERRANDS
         assert not by_tick or command.request is not None, command.name
         assert set(command.needs) <= NEEDS.keys() and set(command.modes) <= {mode.name for mode in Mode}
-    assert set(SWITCHES) == {Request.SINGLE_BLOCK, Request.OPTIONAL_STOP, Request.ADAPTIVE_FEED}
-    assert set(SWITCHES) < ALWAYS
+    assert set(SWITCHED) == {Request.SINGLE_BLOCK, Request.OPTIONAL_STOP, Request.ADAPTIVE_FEED}
+    assert set(SWITCHED) < ALWAYS
 
 
 @pytest.fixture

@@ -324,7 +324,7 @@ def test_a_stop_of_the_program_drops_what_was_not_sent() -> None:
 
 def test_with_single_block_each_block_ends_at_rest_with_its_mark() -> None:
     desk = Desk("G0 X0. Y0.\nG1 F3000. X40.\nX70.\nX100.\nM30\n")
-    desk.at(BEGIN_S, single_block=True)
+    desk.at(BEGIN_S, switched=1)
     desk.run()
     moves = [p for _, p in desk.queue if p.motion_id >= 0]
     assert len(moves) == 4 and all(p.block_end for p in moves)

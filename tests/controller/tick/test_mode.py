@@ -10,6 +10,7 @@ import pytest
 from support.machines.tick_bench import FakeGroup
 from support.suite.cases import each
 
+from controller.commands.table import SWITCHED
 from controller.state.modes import (
     ALL_AXES,
     ALWAYS,
@@ -26,7 +27,7 @@ from controller.state.modes import (
     refusal,
 )
 from controller.state.stop_times import ENABLE_S
-from controller.tick.mode import DRIVE_FAULTS, MAX_OVERRIDE, PHASES, SWITCHES, Modes, Phase
+from controller.tick.mode import DRIVE_FAULTS, MAX_OVERRIDE, PHASES, Modes, Phase
 from drives.cia402 import State, Wanted
 from drives.cyclic.drive import DriveFault
 
@@ -57,7 +58,7 @@ FAULTED = {  # the fault that may be shown in a mode, beside none
     Mode.RUNNING: Fault.COOLANT_LOST,
     Mode.FAULT: Fault.PLANNER_GONE,
 }
-VALUED = (Request.START, Request.OVERRIDE, Request.RAPID_OVERRIDE, *SWITCHES)
+VALUED = (Request.START, Request.OVERRIDE, Request.RAPID_OVERRIDE, *SWITCHED)
 INTERLOCKS = (Fault.NONE, Fault.DOOR_OPEN, Fault.ESTOP_INPUT)
 
 

@@ -9,12 +9,10 @@ import pytest
 from support.machines.shipped_kinds import machine as make_machine
 from support.machines.tick_bench import Bench, s_curve, straight
 
+from controller.commands.table import SWITCHED
 from controller.ipc.handoff import (
-    ADAPTIVE_FEED,
     COLUMN,
     OFF_PATH,
-    OPTIONAL_STOP,
-    SINGLE_BLOCK,
     Jog,
     Outcome,
     Piece,
@@ -113,10 +111,12 @@ def test_the_row_has_the_operators_switches_bit_by_bit(single: bool, optional: b
     bench = Bench()
     bench.enable()
     modes = bench.cycle.modes
-    modes.single_block, modes.optional_stop, modes.adaptive_feed = single, optional, adaptive
+    for request, on in zip(SWITCHED, (single, optional, adaptive), strict=True):
+        assert modes.request(request, float(on), standing=True)
+    assert (modes.single_block, modes.optional_stop, modes.adaptive_feed) == (single, optional, adaptive)
     bench.rows()
     bench.tick()
-    told = SINGLE_BLOCK * single + OPTIONAL_STOP * optional + ADAPTIVE_FEED * adaptive
+    told = 1 * single + 2 * optional + 64 * adaptive  # as recordings of years ago have them
     assert bench.rows()[-1, COLUMN["switches"]] == told
     bench.ask(Request.ESTOP)
     bench.tick(400)

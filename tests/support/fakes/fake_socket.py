@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import Any
 
 from controller.api.service_client import refusal
-from controller.commands.table import ENDS
+from controller.commands.table import ENDS, SWITCHES
 from controller.ipc.control_socket import CommandRefused
 from controller.ipc.handoff import Recorder
 from controller.machine import machine_file
@@ -28,9 +28,7 @@ TABLE: dict[str, tuple[set[str], str | None]] = {
     "hold": ({"RUNNING"}, "HOLD"),
     "resume": ({"HOLD"}, "RUNNING"),
     "stop": ({"RUNNING", "HOLD", "READY"}, "READY"),
-    "single_block": (set(), None),  # nothing named: in all modes
-    "optional_stop": (set(), None),
-    "adaptive_feed": (set(), None),
+    **{switch.name: (set(), None) for switch in SWITCHES},  # nothing named: in all modes
     "override": (set(), None),
     "rapid_override": (set(), None),
     "spindle_override": (set(), None),
