@@ -7,7 +7,7 @@ import { Icon } from "./icons.js";
 import { old } from "./live.js";
 import { Act, Bar, Figure } from "./parts.js";
 import { dx, keep } from "./store.js";
-import { languages, word } from "./texts.js";
+import { known, languages, sentence, word } from "./texts.js";
 
 export function Page({ views }) {
   const built = views.filter(({ name }) => dx.shown(name) || seen.has(name));
@@ -88,8 +88,7 @@ function Choices() {
     <button class="small" id="dx-language" type="button" title=${word(`language.${other}`)} aria-label=${word(`language.${other}`)} onclick=${() => speak(other)}>${other.toUpperCase()}</button>
     <button class="small" id="dx-theme" type="button" title=${word("frame.theme")} aria-label=${word("frame.theme")} onclick=${theme}>
       <${Icon} name="contrast" /></button>
-    ${dx.shown("run") && html`<button class="small" id="dx-large" type="button" title=${word("frame.large")} aria-label=${word("frame.large")} aria-pressed=${String(dx.large)} onclick=${() => turn("large")}>A+</button>`}
-    ${dx.shown("run") && html`<button class="small" id="dx-unit" type="button" title=${word("frame.unit")} aria-label=${`${word("frame.unit")}: ${forms.units()}`} onclick=${() => turn("inch")}>${forms.units()}</button>`}
+    ${dx.shown("run") && html`<button class="small" id="dx-unit" type="button" title=${word("frame.unit")} aria-label=${`${word("frame.unit")}: ${forms.units()}`} onclick=${inch}>${forms.units()}</button>`}
     ${dx.user?.csrf && html`<button class="small" id="dx-log-out" type="button" title=${out} aria-label=${out} onclick=${log_out}>
       <span class="user-name">${dx.user.name}</span><${Icon} name="leave" /></button>`}
   </div>`;
@@ -109,10 +108,10 @@ function theme() {
   dx.tell("theme", root.dataset.theme);
 }
 
-// On or off; this browser keeps it.
-function turn(key) {
-  dx[key] = !dx[key];
-  keep(key, dx[key]);
+// This browser keeps it.
+function inch() {
+  dx.inch = !dx.inch;
+  keep("inch", dx.inch);
   dx.draw();
 }
 
@@ -121,17 +120,33 @@ const Stops = () =>
   html`<div class="stops">${Object.entries(KEYS).map(([name, key]) => html`<button class=${name} id=${`dx-${name}`} type="button" title=${word(`frame.${name}_title`)}>
     <span>${word(`frame.${name}`)}</span>${key && html`<kbd>${key}</kbd>`}</button>`)}</div>`;
 
-// What must not be overlooked: that figures are old, and what is wrong.
+// What must not be overlooked: that figures are old; and what is wrong, folded to the first of it.
+const WRONG = { fault: ["alarm", "error"], interlock: ["barred", "hand"], warning: ["warning", "error"], failed: ["failed", "info"] };
+let unfolded = false;
+
 function Lines() {
   const shown = dx.status?.shown ?? {};
+  const there = Object.keys(WRONG).filter((what) => shown[what] && !(what === "failed" && shown.fault));
+  const unfold = () => ((unfolded = !unfolded), dx.draw());
+  const label = word("frame.messages", there.length);
+  const state = (what) => ({ "data-there": there.includes(what) && (unfolded || there[0] === what) ? "1" : undefined });
+  const line = (what) => html`<div key=${what} class=${`line ${WRONG[what][0]}`} role="status" ...${state(what)}><${Icon} name=${WRONG[what][1]} /><${Figure}>${shown[what]}<//></div>`;
   return html`<div class="lines">
     <div class="line stale" role="alert"><${Icon} name="no_link" /><strong>${word("frame.stale")}</strong>
       <span id="dx-stale-text" title=${dx.why}>${dx.stale && old()}</span></div>
-    <div class="line alarm" role="alert"><${Icon} name="error" />
-      <span class="alarm-words"><${Figure} class="strong">${shown.fault}<//> <${Figure}>${shown.next}<//></span>
-      ${shown.fault && html`<${Act} text=${word("frame.reset")} call="POST machine/reset" kind="warn" icon="reset" />`}
+    <div class="folded" data-unfolded=${unfolded ? "1" : undefined}>
+      <div class="wrongs">
+        <div class="line alarm" role="alert" ...${state("fault")}><${Icon} name="error" />
+          <span class="alarm-words"><${Figure} class="strong">${shown.fault}<//> <${Figure}>${shown.next}<//>
+            ${unfolded && html`<span class="remedy">${remedy(dx.status?.fault)}</span>`}</span>
+          ${shown.fault && html`<${Act} text=${word("frame.reset")} call="POST machine/reset" kind="warn" icon="reset" />`}
+        </div>
+        ${["interlock", "warning", "failed"].map(line)}
+      </div>
+      ${(there.length > 1 || shown.fault) && html`<button class="act fold" id="dx-messages" type="button" aria-expanded=${String(unfolded)} aria-label=${label} title=${label} onclick=${unfold}><span>${there.length}</span><${Icon} name=${unfolded ? "fold" : "unfold"} /></button>`}
     </div>
-    <div class="line barred" role="status"><${Icon} name="hand" /><${Figure}>${shown.interlock}<//></div>
-    <div class="line failed" role="status"><${Icon} name="info" /><${Figure}>${shown.failed}<//></div>
   </div>`;
 }
+
+// Why it came, and what to do about it.
+const remedy = (fault) => fault && ["cause", "remedy"].map((what) => known(`alarms.${what}.${fault.name}`, sentence(fault[what]))).filter(Boolean).join(" ");

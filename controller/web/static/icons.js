@@ -40,6 +40,8 @@ const PATHS = {
   zoom_out: "M10.500 4a6.500 6.500 0 1 0 0 13a6.500 6.500 0 0 0 0-13zM15.500 15.500L21 21M7.500 10.500h6",
   flag: "M6 21V4h11l-2 4l2 4H6",
   folder: "M3 6h6l2 2.500h10V19H3z",
+  unfold: "M5 9l7 7l7-7",
+  fold: "M5 15l7-7l7 7",
   fit: "M4 9V4h5M15 4h5v5M20 15v5h-5M9 20H4v-5M9 9h6v6H9z",
 };
 

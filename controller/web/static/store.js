@@ -14,7 +14,6 @@ export const dx = {
   holder: null, // of the control token: a name
   silent_s: 0, // for so long nothing was heard of the holder
   inch: kept("inch", false), // lengths of Run and 3-D are shown in inches; programs, tables and steps keep their own unit
-  large: kept("large", false), // places and feed of Run for who stands two metres away
   token: "", // "" = this page does not hold it
   view: "",
   folder: "", // of the programs that are listed; what is uploaded goes into it

@@ -270,6 +270,7 @@ def restarts_inside_the_block(day: Day) -> None:
 
 
 def finishes(day: Day) -> None:
+    day.page.set_viewport_size({"width": 1920, "height": 1080})  # where there is room for the slider
     day.page.focus("#run-override")
     day.page.keyboard.press("End")
     day.told(lambda now: now["override"] == 2.0, "twice the feed")

@@ -105,6 +105,7 @@ def holds(page: Any) -> None:
 
 def goes_on(page: Any) -> None:
     """At twice the feed."""
+    page.set_viewport_size({"width": 1920, "height": 1080})  # where there is room for the slider
     page.focus("#run-override")
     page.keyboard.press("End")
     live_page.wait(page, "dx.status.override === 2")

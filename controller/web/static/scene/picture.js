@@ -14,7 +14,7 @@ import * as THREE from "../vendor/three.module.min.js";
 import { UP, frame, limits, line, plate, tool_bodies, vector } from "./bodies.js";
 import { Cut } from "./cut.js";
 import { Path } from "./path.js";
-import { Stage, css } from "./stage.js";
+import { Stage, css, looked_at } from "./stage.js";
 
 const TRAIL = 4000; // points
 const AXIS_MM = 120; // half a rotary's line
@@ -67,7 +67,7 @@ export class MachinePicture {
     this.stage = new Stage(this.root, place);
     dx.on("status", (status) => this.status(status));
     dx.on("theme", () => this.paint());
-    dx.on("view", (name) => name === "scene" && this.came());
+    dx.on("view", () => looked_at() && this.came());
     dx.on("programs", () => this.ask());
     setInterval(() => this.ask(), 1000 * AGAIN_S);
     this.paint();
@@ -165,7 +165,7 @@ export class MachinePicture {
   // anew, with another offset or tool.
   async ask() {
     const { job } = this;
-    if (!job || this.asking === job || !dx.shown("scene") || document.hidden) return;
+    if (!job || this.asking === job || !looked_at() || document.hidden) return;
     this.asking = job;
     const known = this.tag ? { "If-None-Match": this.tag } : {};
     try {
@@ -238,7 +238,7 @@ export class MachinePicture {
   }
 
   status(status) {
-    if (!dx.shown("scene")) return;
+    if (!looked_at()) return;
     const { job, joints = {}, on_table } = status;
     this.follow(job);
     this.place_offset(status.work_offset);

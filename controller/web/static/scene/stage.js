@@ -3,6 +3,8 @@ import { dx } from "../store.js";
 import { OrbitControls } from "../vendor/orbit.js";
 import * as THREE from "../vendor/three.module.min.js";
 
+export const looked_at = () => dx.shown("scene") || dx.shown("run");
+const SMALL_MS = 200; // between two pictures beside the figures of Run
 const FAR_MM = 20000;
 const FOV = 40; // degrees
 const SCALE_PX = 110; // at most
@@ -17,7 +19,6 @@ export class Stage {
   asked = false;
 
   constructor(root, place) {
-    this.place = place;
     this.scene = new THREE.Scene();
     this.perspective = new THREE.PerspectiveCamera(FOV, 1, 1, FAR_MM);
     this.parallel = new THREE.OrthographicCamera(-1, 1, 1, -1, -FAR_MM, FAR_MM);
@@ -32,10 +33,19 @@ export class Stage {
     this.scene.add(new THREE.AmbientLight(0xffffff, 1.6), root);
     this.renderer = new THREE.WebGLRenderer({ antialias: true });
     this.renderer.setPixelRatio(devicePixelRatio);
-    place.append(this.renderer.domElement);
     this.controls = new OrbitControls(this.camera, this.renderer.domElement);
     this.controls.addEventListener("change", () => this.touch());
-    new ResizeObserver(() => this.fill()).observe(place);
+    this.resized = new ResizeObserver(() => this.fill());
+    this.stand_in(place);
+  }
+
+  // Where it is on the screen, until it is put into another place.
+  stand_in(place) {
+    if (place === this.place) return;
+    this.resized.disconnect();
+    this.place = place;
+    place.append(this.renderer.domElement);
+    this.resized.observe(place);
     this.fill();
   }
 
@@ -43,13 +53,15 @@ export class Stage {
   touch() {
     if (this.asked) return;
     this.asked = true;
-    requestAnimationFrame(() => {
+    const draw = () => {
       this.asked = false;
-      if (!dx.shown("scene") || document.hidden) return;
+      if (!looked_at() || document.hidden) return;
       this.drawn += 1;
       this.renderer.render(this.scene, this.camera);
       this.scale();
-    });
+    };
+    if (dx.shown("run")) setTimeout(() => requestAnimationFrame(draw), SMALL_MS);
+    else requestAnimationFrame(draw);
   }
 
   fill() {

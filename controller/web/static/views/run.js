@@ -1,43 +1,44 @@
-// While cutting: where the axes are, how fast it goes and why not faster, and the cycle.
+// While cutting: where the axes are, tool, feed and spindle and why not faster, the program, and the cycle.
 import { call, every } from "../api.js";
 import { html, useEffect, useRef, useState } from "../dom.js";
 import { forms } from "../forms.js";
 import { show } from "../frame.js";
-import { Act, AxisName, Bar, Card, Codes, Facts, Figure, field } from "../parts.js";
 import { Guide } from "../guide.js";
+import { Act, AxisName, Bar, Card, Chip, Codes, Facts, Figure, Meter, field } from "../parts.js";
 import { Listing } from "../listing.js";
 import { SpindleOverride } from "../peripherals.js";
 import { Offer, StateThere, start_question } from "../restart.js";
 import { QueueNext } from "../queue.js";
 import { dx } from "../store.js";
 import { word } from "../texts.js";
+import { ScenePlace } from "./scene.js";
 import { ToolPicture, touch } from "./setup_tables.js";
 
 const RAPIDS = [0, 25, 50, 100];
 const TOLD_MS = 300; // after an answer, until a status tells what it did
 
 function View() {
-  return html`<div class="run" data-large=${dx.large ? "1" : undefined}>
-    <div class="column"><${Axes} /><${Program} /></div>
-    <div class="column"><${Feed} /></div>
-    <div class="column"><${Cycle} /><${Tool} /></div>
+  return html`<div class="run">
+    <${Axes} /><${InForce} /><${ToolFeedSpindle} /><${Program} />
+    <${Card} class="run-scene"><${ScenePlace} view="run" /><//>
+    <${Cycle} />
   </div>`;
 }
 export default { name: "run", View };
 
-// ---- axes
+// ---- axes: names, figures and units each in their column
 
-const COLUMNS = ["axis", "work", "machine", "to_go", "actual", "error"];
+const LONG = 8; // signs of a figure for which a narrow screen has room
+const COLUMNS = ["axis", "work", "unit", "to_go", "machine", "actual", "error"];
 
 function Axes() {
-  const status = dx.status ?? {};
-  const head = (name) => html`<th key=${name} class=${`c-${name}`} scope="col">${word(`run.${name}`)}${name === "work" && html` <${Figure} class="strong">${status.work_offset}<//> ${forms.units()}`}</th>`;
-  return html`<${Card} title=${word("run.axes")} class="run-axes">
-    <table class="dro">
+  const { joints, work_offset } = dx.status ?? {};
+  const head = (name) => html`<th key=${name} class=${`c-${name}`} scope="col">${word(`run.${name}`)}${name === "work" && html` <${Figure} class="strong">${work_offset}<//>`}</th>`;
+  return html`<${Card} class="run-axes">
+    <table class="dro" aria-label=${word("run.axes")}>
       <thead><tr>${COLUMNS.map(head)}</tr></thead>
-      <tbody>${(dx.facts.axes ?? []).map((axis) => html`<${Axis} key=${axis.name} axis=${axis} joint=${status.joints?.[axis.name] ?? {}} />`)}</tbody>
+      <tbody>${(dx.facts.axes ?? []).map((axis) => html`<${Axis} key=${axis.name} axis=${axis} joint=${joints?.[axis.name] ?? {}} />`)}</tbody>
     </table>
-    <${Figure} tag="p" class="warning">${status.shown?.warning}<//>
     ${!dx.facts.axes && html`<p class="dim">${word("frame.no_machine")}</p>`}
   <//>`;
 }
@@ -46,58 +47,102 @@ function Axes() {
 const set = (name) => touch(dx.status?.work_offset ?? "G54", name, 0);
 
 function Axis({ axis: { name, unit, following_error: most }, joint }) {
-  const form = unit === "mm" ? forms.length : forms.deg;
+  const linear = unit === "mm";
+  const form = linear ? forms.length : forms.deg;
   const share = typeof joint.error === "number" ? joint.error / most : 0;
   const size = Math.min(1, Math.abs(share));
   const end = joint.limit ? `${word("run.limit")} ${joint.limit.replace("-", "−")}` : "";
+  const figure = (column, more = "") => {
+    const text = form(joint[column]);
+    return html`<${Figure} key=${column} tag="td" class=${`${more}c-${column}`} data-long=${text.length > LONG || undefined}>${text}<//>`;
+  };
   // The bar is full at the following error that ends the run.
   return html`<tr data-axis=${name}>
-    <th scope="row">
+    <th scope="row" class="c-axis">
       <${Act} class="axis-set" needs="control" modes="OFF READY" title=${word("run.set_axis", name)} aria-label=${word("run.set_axis", name)} data-set=${name} press=${() => set(name)}><${AxisName} name=${name} /><//>
       <span class="marks">
         <span class="mark-home" data-homed=${name} data-state=${joint.homed ? "yes" : "no"}>${word(joint.homed ? "run.homed" : "run.not_homed")}</span>
         <span class="mark-limit" data-limit=${name}>${end}</span>
       </span>
     </th>
-    <${Figure} tag="td" class="big c-work">${form(joint.work)}<//>
-    ${["machine", "to_go", "actual"].map((column) => html`<${Figure} tag="td" class=${`c-${column}`}>${form(joint[column])}<//>`)}
+    ${figure("work", "big ")}
+    <td class="c-unit dim">${linear ? forms.units() : "°"}</td>
+    ${["to_go", "machine", "actual"].map((column) => figure(column))}
     <td class="c-error"><div class="error">
       <div class="error-bar" data-error=${name} data-tone=${size > 0.8 ? "stop" : size > 0.5 ? "hold" : "go"} style=${{ "--size": String(size), "--side": share < 0 ? "1" : "0" }}>
         </div>
-      <${Figure} class="error-figure">${forms.um(joint.error)}<//>
+      <${Figure} class="error-figure">${forms.um(joint.error)} ${linear ? "µm" : "m°"}<//>
     </div></td>
   </tr>`;
 }
 
-function Tool() {
-  const letters = (values, names, form) => [...names].map((one) => html`<span class="pair"><span class="dim">${one}</span>
-    <${Figure}>${form(values?.[one])}<//></span>`);
-  return html`<${Card} title=${word("run.tool")} class="run-tool">
-    <div class="triple"><span class="dim">${word("run.tip")}</span>${letters(dx.status?.tip, "XYZ", forms.length)}</div>
-    <div class="triple"><span class="dim">${word("run.vector")}</span>${letters(dx.status?.axis, "IJK", forms.unit)}</div>
+// The codes in force, and where the tip is in the part.
+function InForce() {
+  const letters = (values, names, form) => [...names].map((one) => html`<span class="pair"><span class="dim">${one}</span> <${Figure}>${form(values?.[one])}<//></span>`);
+  return html`<${Card} class="run-state">
     <${Codes} />
+    <div class="triple"><span class="dim">${word("run.tip")}</span>${letters(dx.status?.tip, "XYZ", forms.length)}</div>
+    <div class="triple vector"><span class="dim">${word("run.vector")}</span>${letters(dx.status?.axis, "IJK", forms.unit)}</div>
   <//>`;
 }
 
-// ---- feed
+// ---- tool, feed, spindle
+
+const known = { tools: {}, used: [] };
+every("run", 5, "tools", (body) => (known.tools = body.tools));
+every("run", 5, "usage", (body) => (known.used = body.tools));
+
+const ToolFeedSpindle = () => html`<${Card} class="run-tfs"><${Tool} /><${Feed} /><${Spindle} /><//>`;
+
+// One of the three: its letter, its figure, and what belongs to it.
+const Line = ({ letter, label, size, figure, picture, children, ...more }) => html`<div ...${more} class=${`tfs ${more.class ?? ""}`} role="group" aria-label=${label}>
+  <span class="letter" aria-hidden="true">${letter}</span>${picture}<${Figure} class=${size} data-long=${figure.length > 4 || undefined}>${figure}<//><dl class="notes">${children}</dl></div>`;
+
+const in_force = (letter) => dx.status?.codes?.find((code) => code.startsWith(letter));
+
+function Tool() {
+  const { tool: number } = dx.status ?? {};
+  const tool = known.tools[number];
+  const words = [in_force("H"), in_force("D")].filter(Boolean).join(" ");
+  return html`<${Line} letter="T" label=${word("run.tool")} size="middle" class="run-tool" figure=${forms.text(number)} picture=${tool && html`<${ToolPicture} n=${number} tool=${tool} />`}>
+    ${tool?.name && html`<dt>${word("setup.name")}</dt><dd class="tool-name">${tool.name}</dd>`}
+    ${words && html`<dt>${word("run.words")}</dt><${Figure} tag="dd">${words}<//>`}
+    <${Life} use=${known.used.find((one) => one.number === number)} />
+  <//>`;
+}
+
+// What is left of the limit that is nearest.
+function Life({ use }) {
+  if (!use) return null;
+  const { cut_s = 0, cut_m = 0, parts = 0, most_cut_min, most_cut_m, most_parts, worn } = use;
+  const spent = [[cut_s / 60, most_cut_min], [cut_m, most_cut_m], [parts, most_parts]].filter(([, most]) => most).map(([used, most]) => used / most);
+  const left = forms.percent(Math.max(0, 1 - Math.max(...spent)));
+  return (worn || spent.length > 0) && html`<dt>${word("run.life")}</dt>
+    <dd id="run-life">${worn ? html`<${Chip} tone="stop">${word("usage.worn")}<//>` : html`<span class="dim" aria-hidden="true">${word("run.life")}</span> <${Figure}>${left}<//>`}</dd>`;
+}
 
 function Feed() {
-  const { feed_mm_min: feed, limited_by, spindle, coolant } = dx.status ?? {};
-  const loaded = Boolean(dx.facts.spindle?.tells_load);
-  const share = typeof spindle?.load === "number" ? spindle.load / 100 : null;
-  const running = ["mist", "flood"].filter((kind) => coolant?.[kind]).map((kind) => word(`run.${kind}`));
-  return html`<${Card} title=${word("run.feed", forms.units())} class="run-feed">
-    <${Figure} tag="div" class="huge">${forms.feed(feed?.actual)}<//>
-    <dl class="facts">
-      <dt>${word("run.programmed")}</dt><${Figure} tag="dd">${forms.feed(feed?.programmed)}<//>
-      <dt>${word("run.limited")}</dt><${Figure} tag="dd" class="chip">${forms.bound(limited_by)}<//>
-      ${dx.facts.spindle && html`<dt>${word(loaded ? "run.spindle_load" : "run.spindle")}</dt>
-        <dd><${Figure} class="strong">${forms.int(spindle?.actual_rev_min)}<//><span class="dim"> / </span><${Figure}>${forms.int(spindle?.rev_min)}<//>${loaded && html`<span class="dim">, </span><${Figure} class="strong" id="run-load">${forms.percent(share)}<//>`}</dd>`}
-      ${dx.facts.outputs && html`<dt>${word("run.coolant")}</dt><${Figure} tag="dd">${running.join(", ") || "–"}<//>`}
-    </dl>
-    <div class="overrides"><${Override} /><${Rapid} /><${SpindleOverride} /></div>
+  const { feed_mm_min: feed, limited_by } = dx.status ?? {};
+  const unit = `${forms.units()}/min`;
+  return html`<${Line} letter="F" label=${word("run.feed", forms.units())} size="huge" class="run-feed" figure=${forms.feed(feed?.actual)}>
+    <dt>${word("run.programmed")}</dt><dd><${Figure}>${forms.feed(feed?.programmed)}<//> <span class="dim">${unit}</span></dd>
+    ${limited_by && html`<dt>${word("run.limited")}</dt><${Figure} tag="dd" class="bound">${forms.bound(limited_by)}<//>`}
   <//>`;
 }
+
+function Spindle() {
+  const { spindle, coolant } = dx.status ?? {};
+  const share = typeof spindle?.load === "number" ? spindle.load / 100 : null;
+  const running = ["mist", "flood"].filter((kind) => coolant?.[kind]).map((kind) => word(`run.${kind}`));
+  if (!dx.facts.spindle && !dx.facts.outputs) return null;
+  return html`<${Line} letter="S" label=${word("run.spindle")} size="middle" class="run-spindle" figure=${forms.int(spindle?.actual_rev_min)}>
+    ${dx.facts.spindle && html`<dt>${word("run.programmed")}</dt><dd><${Figure}>${forms.int(spindle?.rev_min)}<//> <span class="dim">1/min</span></dd>`}
+    ${dx.facts.spindle?.tells_load && html`<dt>${word("run.spindle_load")}</dt><dd class="load"><${Figure} id="run-load">${forms.percent(share)}<//><${Meter} label=${word("run.spindle_load")} share=${share} tone=${share > 1 ? "stop" : "go"} /></dd>`}
+    ${dx.facts.outputs && html`<dt>${word("run.coolant")}</dt><${Figure} tag="dd">${running.join(", ") || "–"}<//>`}
+  <//>`;
+}
+
+// ---- overrides
 
 // What is told by the machine is shown, what is dragged is sent when it is let go.
 const override = { dragging: false, wanted: null, telling: 0 };
@@ -126,9 +171,8 @@ function Override() {
     <span class="dim">${word("run.feed_override")}</span>
     ${step(-10)}<${Figure} class="override-figure">${forms.percent(now)}<//>${step(10)}
     <${Act} text="100 %" call="PUT overrides/feed" body=${{ share: 1 }} title=${word("run.reset_override")} />
-    <div class="slider-row"><input class="slider" type="range" id="run-override" min="0" max="200" step="5" aria-label=${word("run.feed_override")} ref=${slider} ...${field({})}
+    <input class="slider" type="range" id="run-override" min="0" max="200" step="5" aria-label=${word("run.feed_override")} ref=${slider} ...${field({})}
       oninput=${() => (override.dragging = true)} onchange=${(event) => ask_override(event.target.valueAsNumber)} />
-      ${dx.facts.spindle?.adaptive && html`<${Adaptive} />`}</div>
   </div>`;
 }
 
@@ -151,22 +195,26 @@ function Cycle() {
   const tall = (key, path, more) => html`<${Act} text=${word(`run.${key}`)} call=${`POST cycle/${path}`} class="tall" ...${more} />`;
   const time = (key) => html`<div class="time"><span class="dim">${word(`run.${key}`)}</span>
     <${Figure} class="strong">${forms.time(job?.[`${key}_s`])}<//></div>`;
-  return html`<${Card} title=${word("run.cycle")} class="run-cycle">
+  const in_thread = dx.status?.notices?.some(({ name }) => name === "IN_THREAD");
+  return html`<${Card} class="run-cycle">
     <${Offer} />
-    <div class="cycle">
-      ${tall("start", "start", { kind: "go", ask: start_question(), modes: "READY", icon: "play", keys: "F4", given: dx.loaded(), why: "why.no_program" })}
-      ${tall("resume", "resume", { kind: "go", modes: "HOLD", icon: "reset", keys: "F6" })}
-      <${Aside} /><${InThread} />
-      <div class="toggles"><${Toggle} key="single" name="single" path="single_block" /><${Toggle} key="optional" name="optional" path="optional_stop" /><${Skip} job=${job} /></div>
-    </div>
-    <div class="row times">${["elapsed", "left", "duration"].map(time)}
-      <div class="time"><span class="dim">${word("run.parts")}</span><${Figure} class="strong" id="run-parts">${made(job)}<//></div></div>
-    <div class="row drives-row">
-      <${Act} text=${word("run.enable")} call="POST machine/enable" modes="OFF" icon="power" />
-      <${Act} text=${word("run.disable")} call="POST machine/disable" modes="READY" icon="off" />
-      <${Act} text=${word("run.home")} call="POST machine/home" body=${{}} ask=${word("run.home_ask")} modes="OFF READY" icon="home" />
-    </div>
     <${Guide} />
+    <div class="cycle">
+      <div class="presses">
+        ${tall("start", "start", { kind: "go", ask: start_question(), modes: "READY", icon: "play", keys: "F4", given: dx.loaded(), why: "why.no_program" })}
+        ${tall("resume", "resume", { kind: "go", modes: "HOLD", icon: "reset", keys: "F6" })}
+      </div>
+      <div class="presses"><${Toggle} key="single" name="single" path="single_block" /><${Toggle} key="optional" name="optional" path="optional_stop" /><${Skip} job=${job} />${dx.facts.spindle?.adaptive && html`<${Adaptive} />`}</div>
+      ${in_thread ? html`<${InThread} />` : html`<${Aside} />`}
+      <div class="presses">
+        <${Act} text=${word("run.enable")} call="POST machine/enable" modes="OFF" icon="power" />
+        <${Act} text=${word("run.disable")} call="POST machine/disable" modes="READY" icon="off" />
+        <${Act} text=${word("run.home")} call="POST machine/home" body=${{}} ask=${word("run.home_ask")} modes="OFF READY" icon="home" />
+      </div>
+      <${Override} /><${Rapid} /><${SpindleOverride} />
+    </div>
+    <div class="times">${["elapsed", "left", "duration"].map(time)}
+      <div class="time"><span class="dim">${word("run.parts")}</span><${Figure} class="strong" id="run-parts">${made(job)}<//></div></div>
   <//>`;
 }
 
@@ -201,9 +249,8 @@ function Aside() {
 
 // A tool that a fault, a stop or a loss of power has left in its thread is turned out of it before all else.
 function InThread() {
-  if (!dx.status?.notices?.some(({ name }) => name === "IN_THREAD")) return null;
   const out = (key, body) => html`<${Act} id=${`run-${key}`} text=${word(`run.${key}`)} call="POST cycle/withdraw" body=${body} ask=${word(`run.${key}_ask`)} modes="OFF READY HOLD" kind="warn" />`;
-  return html`<div class="aside">${out("withdraw", {})}${out("is_out", { is_out: true })}</div>`;
+  return html`<div class="presses">${out("withdraw", {})}${out("is_out", { is_out: true })}</div>`;
 }
 
 // ---- the program

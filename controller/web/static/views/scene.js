@@ -1,5 +1,5 @@
 // The machine in three dimensions: part, path, tool and rotaries. What draws it comes when it is first looked at.
-import { html, useEffect, useRef } from "../dom.js";
+import { html, useLayoutEffect, useRef } from "../dom.js";
 import { forms } from "../forms.js";
 import { Icon } from "../icons.js";
 import { Scale } from "../maps.js";
@@ -17,12 +17,29 @@ async function come(place) {
   const found = await import("../scene/picture.js").catch(() => null);
   if (!found) return setTimeout(() => (shown.coming = false), 1000); // the panel is away: asked for again
   const { MachinePicture } = found;
-  window.dxScene = shown.picture = new MachinePicture(dx.facts);
-  shown.picture.show_in(place, (wrong) => {
-    shown.wrong = wrong;
+  const picture = new MachinePicture(dx.facts);
+  const wrong = (sentence) => {
+    shown.wrong = sentence;
     dx.draw();
+  };
+  try {
+    picture.show_in(place, wrong);
+    window.dxScene = shown.picture = picture;
+    dx.draw();
+  } catch (error) {
+    wrong(word("no_gl"));
+  }
+}
+
+// One picture for all places: it is where one looks. What draws it comes after all that is more needed.
+export function ScenePlace({ view }) {
+  const place = useRef(null);
+  useLayoutEffect(() => {
+    if (!dx.shown(view)) return;
+    if (shown.picture) shown.picture.stage.stand_in(place.current);
+    else if (!shown.coming && dx.facts.axes && (dx.all_views || view === "scene")) come(place.current);
   });
-  dx.draw();
+  return html`<div class="scene-place" role="img" aria-label=${word("picture")} ref=${place}></div>`;
 }
 
 // Along the planned program before anything moves: by the slider, or played.
@@ -78,10 +95,6 @@ function Scrub({ picture }) {
 }
 
 function View() {
-  const place = useRef(null);
-  useEffect(() => {
-    if (!shown.coming && dx.facts.axes) come(place.current);
-  });
   const { picture } = shown;
   const see = (frame) => {
     picture?.see(frame);
@@ -91,7 +104,7 @@ function View() {
   const look = (from) => html`<button key=${from} class="act" type="button" data-scene=${`look ${from}`} onclick=${() => picture?.look(from)}>
     <span>${word(from)}</span></button>`;
   return html`<div class="looks scene"><div class="card scene-card">
-    <div class="scene-place" role="img" aria-label=${word("picture")} ref=${place}></div>
+    <${ScenePlace} view="scene" />
     <div class="scene-over">
     <div class="row scene-tools">
       ${["part", "machine"].map((frame) => html`<button key=${frame} class="act" type="button" data-scene=${`frame ${frame}`} aria-pressed=${String((picture?.frame ?? "part") === frame)} onclick=${() => see(frame)}>

@@ -1,0 +1,185 @@
+"""Run is read at two metres: all of it above the fold, in one type scale, whatever is wrong."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from support.fakes.fake_socket import AXES
+from support.live import browser
+from support.live.browser import Site
+
+from controller.state.modes import Fault, told
+
+pytestmark = pytest.mark.slow
+
+ALARM = {
+    "name": "FOLLOWING_ERROR",
+    "axis": "Y",
+    **told(Fault.FOLLOWING_ERROR, "Y"),
+    "position_trusted": False,
+}
+CODES = [
+    *("G1", "G17", "G21", "G90", "G94", "G40", "G43.4", "G54", "G64", "G98", "G69", "M3", "M8", "M48"),
+    *("T1", "H1", "D1", "F1250", "S12000"),
+]
+FIGURE = -1234.567  # as long as they come
+JOINT = dict.fromkeys(("work", "machine", "to_go", "actual"), FIGURE) | {"error": 0.0123, "homed": False}
+RUNNING = {
+    "mode": "RUNNING",
+    "fault": ALARM,
+    "interlock": "DOOR_OPEN",
+    "notices": [{"name": "DOOR_OPEN", "sentence": "The door is open."}],
+    "codes": CODES,
+    "tool": 1,
+    "limited_by": "Y acceleration",
+    "feed_mm_min": {"programmed": 12500.0, "actual": 11593.0},
+    "spindle": {"rev_min": 24000.0, "actual_rev_min": 23998.0, "load": 54.4, "override": 1.0},
+    "coolant": {"mist": True, "flood": True},
+    "joints": {axis: {**JOINT, "limit": "+"} for axis in AXES},
+    "job": {
+        **{"name": "housing_left_2.ngc", "sha256": "0" * 64, "state": "running", "line": 30, "block": 4},
+        **{"fraction": 0.25, "elapsed_s": 61.0, "left_s": 3723.0, "duration_s": 3784.0},
+        "text": "\n".join(f"G1 X{i} Y{2 * i} Z-3.25" for i in range(60)),
+    },
+    "next": {
+        **{"verb": "reset", "args": {}, "place": "", "waits": False},
+        "sentence": "The cause is gone: reset the fault, then home the axes that are not trusted.",
+    },
+    "in_block": {"what": "cut", "fraction": 0.4, "u": 0.3721},
+}
+CHOOSE = {
+    "verb": "",
+    "args": {},
+    "place": "programs",
+    "waits": False,
+    "sentence": "Choose and load a program.",
+}
+READY = {"mode": "OFF", "codes": CODES, "tool": 1, "job": None, "not_homed": ["Y"], "next": CHOOSE}
+STATES = {"running": RUNNING, "off": READY}
+FOLD = {"touch": (1280, 720), "square": (1024, 768), "wide": (1920, 1080)}
+
+# What lies outside of the window, or of its card.
+OUTSIDE = """() => {
+  const parts = "header button, nav button, .lines button, section[data-shown] :is(button, input, .card, td,"
+    + " .tfs, .notes, .tfs > *, .listing, .codes, .codes > *, .scene-place, canvas, .next, .times)";
+  const bad = [];
+  for (const one of document.querySelectorAll(parts)) {
+    if (!one.checkVisibility() || one.closest(".listing") !== one.closest("pre")) continue;
+    const box = one.getBoundingClientRect();
+    const card = one.parentElement.closest(".card")?.getBoundingClientRect();
+    const within = (room) => box.left > room.left - 1 && box.top > room.top - 1
+      && box.right < room.right + 1 && box.bottom < room.bottom + 1;
+    if (box.width && !within({ left: 0, top: 0, right: innerWidth, bottom: innerHeight }))
+      bad.push(`${one.tagName}.${one.className} ${one.textContent.slice(0, 20)}: not in the window`);
+    else if (box.width && card && !within(card))
+      bad.push(`${one.tagName}.${one.className} ${one.textContent.slice(0, 20)}: not in its card`);
+  }
+  for (const one of document.querySelectorAll(".run > .card"))
+    if (one.scrollHeight > one.clientHeight + 2) bad.push(`${one.className} scrolls`);
+  return bad;
+}"""
+# Two texts of a row of figures that touch each other.
+TOUCHING = """() => [...document.querySelectorAll(".dro tbody tr")].flatMap((row) => {
+  const kinds = ".axis-name, .mark-home, .mark-limit, td.figures, .c-unit, .error-figure";
+  const seen = (one) => one.checkVisibility() && one.textContent.trim();
+  const texts = [...row.querySelectorAll(kinds)].filter(seen);
+  const box = (one) => { const range = document.createRange(); range.selectNodeContents(one);
+    return range.getBoundingClientRect(); };
+  const pairs = texts.flatMap((one, i) => texts.slice(i + 1).map((other) => [one, other]));
+  const over = (p, q) => p.left < q.right - 1 && p.top + 4 < q.bottom - 4;
+  return pairs.filter(([a, b]) => over(box(a), box(b)) && over(box(b), box(a)))
+    .map(([a, b]) => `${a.textContent} ${b.textContent}`);
+})"""
+SIZES_PX = """() => {
+  const all = [...document.querySelectorAll("header *, nav *, .lines *, .run *")];
+  const written = all.filter((one) => one.checkVisibility()
+    && [...one.childNodes].some((node) => node.nodeType === 3 && node.textContent.trim()));
+  return [...new Set(written.map((one) => getComputedStyle(one).fontSize))].sort();
+}"""
+# The share of the view that its cards cover.
+COVERED = """() => {
+  const view = document.querySelector(".views").getBoundingClientRect();
+  const boxes = [...document.querySelectorAll(".run > .card")].map((one) => one.getBoundingClientRect());
+  return boxes.reduce((sum, one) => sum + one.width * one.height, 0) / (view.width * view.height);
+}"""
+
+
+@pytest.mark.parametrize("language", ("en", "de"))
+@pytest.mark.parametrize("theme", ("dark", "light"))
+def test_with_two_alarms_all_of_run_lies_inside_the_window(
+    theme: str, language: str, chromium: Any, site: Site
+) -> None:
+    context = chromium.new_context(viewport={"width": 1280, "height": 720})
+    cookies = {"directrix_theme": theme, "directrix_language": language}
+    context.add_cookies([{"name": name, "value": value, "url": site.url} for name, value in cookies.items()])
+    page = browser.opened(context, site)
+    page.evaluate("dx.call('POST', 'control', {take_over: true}).then((s) => { dx.token = s.body.token; })")
+    found = []
+    for state, values in STATES.items():
+        site.tell(**values)
+        page.wait_for_function("(mode) => document.body.dataset.mode === mode", arg=values["mode"])
+        for name, (width, height) in FOLD.items():
+            page.set_viewport_size({"width": width, "height": height})
+            page.wait_for_selector(".run-scene canvas")
+            page.wait_for_function("() => !dx.stale")
+            where = f"{state} {name} {theme} {language}: "
+            found += [where + one for one in page.evaluate(OUTSIDE) + page.evaluate(TOUCHING)]
+            sizes = page.evaluate(SIZES_PX)
+            assert set(sizes) <= {"15px", "20px", "32px", "64px"}, where
+            assert page.evaluate(COVERED) > 0.95, f"{where}something is empty"
+    site.tell()
+    errors = page.errors
+    context.close()
+    assert not found, "\n".join(found)
+    assert not errors
+
+
+def test_figures_and_feed_are_read_at_two_metres(page: Any, site: Site) -> None:
+    """A sign of 1/200 of the distance is read: 10 mm, on a screen of 24 inches 36 pixels of capitals."""
+    site.tell(**RUNNING)
+    page.wait_for_selector("body[data-mode=RUNNING]")
+    for width, height in FOLD.values():
+        page.set_viewport_size({"width": width, "height": height})
+        for place in ("[data-axis=X] .c-work", ".run-feed .huge"):
+            assert page.eval_on_selector(place, "(e) => parseFloat(getComputedStyle(e).fontSize)") >= 50.0
+
+
+def test_alarms_fold_to_a_line_and_open_with_what_to_do(page: Any, site: Site) -> None:
+    site.tell(**RUNNING)
+    page.wait_for_selector(".line.alarm:visible")
+    assert page.is_hidden(".line.barred") and page.inner_text("#dx-messages") == "2"
+    folded = page.locator(".lines").bounding_box()["height"]
+    assert folded <= 64
+    page.click("#dx-messages")
+    page.wait_for_selector(".line.barred:visible >> text=The door is open.")
+    assert "Look for" in page.inner_text(".line.alarm .remedy")
+    assert page.get_attribute("#dx-messages", "aria-expanded") == "true"
+    page.click("#dx-messages")
+    page.wait_for_selector(".line.barred", state="hidden")
+    site.tell(interlock="DOOR_OPEN", notices=RUNNING["notices"])
+    page.wait_for_selector(".line.barred:visible")
+    assert page.locator("#dx-messages").count() == 0, "one line is all there is"
+
+
+def test_at_twice_the_size_most_of_the_height_is_left_for_what_is_looked_at(page: Any, site: Site) -> None:
+    """1280 x 720 at 200 %, with two alarms; what is lower is scrolled to."""
+    site.tell(**RUNNING)
+    page.set_viewport_size({"width": 640, "height": 360})
+    page.wait_for_selector(".line.alarm:visible")
+    assert page.locator(".views").bounding_box()["height"] >= 0.6 * 360
+    assert page.eval_on_selector(".views", "(e) => e.scrollWidth <= e.clientWidth")
+    for place in ("#dx-hold", "#dx-stop", "#dx-estop", "#dx-messages", ".line.alarm button", "nav button"):
+        box = page.locator(place).first.bounding_box()
+        assert box["x"] + box["width"] <= 641 and box["y"] + box["height"] <= 361, place
+    page.locator(".run-cycle .tall").first.scroll_into_view_if_needed()
+
+
+def test_a_tool_says_what_is_left_of_its_life(page: Any, site: Site) -> None:
+    site.tell(tool=1, codes=CODES)
+    page.evaluate("dx.call('PUT', 'usage/tools/1', {cut_min: 10, cut_m: null, parts: null, sister: null})")
+    page.evaluate("dx.tell('job', null)")  # asked for again
+    page.wait_for_selector("#run-life >> text=100 %")
+    tool = page.inner_text(".run-tool")
+    assert "1" in tool and "H1 D1" in tool and "end mill" in tool
+    assert page.eval_on_selector(".run-tool img", "(e) => e.complete && e.naturalWidth > 0")
