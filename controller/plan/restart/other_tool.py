@@ -61,9 +61,11 @@ def overhang(before: Tool, after: Tool, top_mm: float, off_mm: float = 0.0) -> O
 
     ``off_mm``: its path is so much further off what it cuts.
     """
-    ends = [h for tool in (before, after) for low, high, _ in tool.holder for h in (low, high)]
-    corners = [tool.corner_mm for tool in (before, after)]
-    heights = np.linspace(0.0, max(top_mm, *corners, EDGE_MM), SAMPLES)
+    tools = before, after
+    ends = [h for tool in tools for low, high, _ in tool.holder for h in (low, high)]
+    highest = max(*ends, *(max(tool.flute_mm, tool.corner_mm) for tool in tools), 0.0)  # alike above
+    least = max(tool.corner_mm for tool in tools)
+    heights = np.linspace(0.0, max(min(top_mm, highest + 1.0), least, EDGE_MM), SAMPLES)
     heights = np.unique(np.r_[heights, [h + d for h in ends for d in (-EDGE_MM, EDGE_MM) if h < top_mm]])
     out = radii(after, heights) - radii(before, heights) - off_mm
     wide = out > DEEPER_MM
@@ -93,18 +95,22 @@ def see_fits(now: Joints, held: Joints, before: Tool, after: Tool, rest: Rest) -
 
 def see_cuts_no_deeper(before: Tool, after: Tool, rest: Rest) -> None:
     """Raises NotPossible where a line that is left would be cut deeper than with the tool before."""
-    longer, top_mm = after.length_mm - before.length_mm, _top(rest)
-    out, shaped = (overhang(before, after, top_mm, off) for off in (0.0, after.radius_mm - before.radius_mm))
-    if longer <= DEEPER_MM and out is None and shaped is None:
+    longer, thicker = after.length_mm - before.length_mm, after.radius_mm - before.radius_mm
+    if longer <= DEEPER_MM and all(overhang(before, after, math.inf, off) is None for off in (0.0, thicker)):
         return
-    for block in _cut_lines(rest):
+    fits_to = dict[float, float]()  # by how far off its path is: so high nothing reaches out
+    for block, lower_mm in _cut_lines(rest):
         follows = block.modal.tilted or abs(block.modal.length_mm - after.length_mm) < DEEPER_MM
         if longer > DEEPER_MM and not follows:
             why = said("aside.not_lengthened", longer=longer, line=block.place.line, length=before.length_mm)
             raise NotPossible(why)
-        found = shaped if block.modal.compensated else out
-        if found is not None:
+        off_mm = thicker if block.modal.compensated else 0.0
+        top_mm = _top(rest) + lower_mm
+        if top_mm <= fits_to.get(off_mm, -math.inf):
+            continue
+        if (found := overhang(before, after, top_mm, off_mm)) is not None:
             raise NotPossible(_deeper(found, before, after, block))
+        fits_to[off_mm] = top_mm
 
 
 def _deeper(out: Overhang, before: Tool, after: Tool, block: Block) -> Said:
@@ -127,15 +133,18 @@ def _top(rest: Rest) -> float:
 Line = JointLine | TipLine | JointArc | JointCurve
 
 
-def _cut_lines(rest: Rest) -> Iterator[Line]:
+def _cut_lines(rest: Rest) -> Iterator[tuple[Line, float]]:
     """Lines at feed from the place on that cut, up to the next change of the tool, in their order.
+
+    With each how far (mm) it leads below the place; infinite where nobody knows.
 
     One that only leads down along Z cuts where no line that G41 or G42 leads comes after it: else it is
     the way down beside the part. What leads up, and off a contour at its end, cuts nothing.
     """
     machine, tool = rest.source.machine, rest.target.modal.tool
-    down: Line | None = None  # along Z, of which it is not known yet what comes behind it
-    beside, z = False, math.inf
+    down: tuple[Line, float] | None = None  # along Z, of which it is not known yet what comes behind it
+    beside, z, frame = False, math.inf, rest.target.modal.part
+    place_z: float | None = None  # of the place; not a number where nobody knows
     for block in rest.source.again():
         left = block.place.order >= rest.order
         if left and block.modal.tool != tool:
@@ -144,9 +153,13 @@ def _cut_lines(rest: Rest) -> Iterator[Line]:
             continue
         fed = left and _is_fed(block)
         z, before = _height(block, z, machine), z
+        if left and place_z is None:
+            place_z = before + rest.spot.fraction * (z - before)
+        lower_mm = (place_z or 0.0) - min(z, before)
+        made = block, lower_mm if math.isfinite(lower_mm) and block.modal.part == frame else math.inf
         if not _goes_across(block, machine):
             if fed and z < before:
-                down = down or block
+                down = down or made
             continue
         compensated = block.modal.compensated
         leads_off, beside = beside and not compensated, compensated
@@ -154,7 +167,7 @@ def _cut_lines(rest: Rest) -> Iterator[Line]:
             yield down
         down = None
         if fed and not leads_off:
-            yield block
+            yield made
     if down is not None:
         yield down
 

@@ -41,20 +41,29 @@ class Wall:
         """From control points of both directrices; ``side``: 1 with the cutter on the right (G42)."""
         u, v = np.linspace(0.0, 1.0, GRID[0]), np.linspace(0.0, 1.0, GRID[1])
         top, base = (bezier(np.asarray(p, float), u) for p in (upper, lower))
-        points = base[:, None] + v[None, :, None] * (top - base)[:, None]
+        return Wall.between(base[:, None] + v[None, :, None] * (top - base)[:, None], side, part)
+
+    @staticmethod
+    def between(points: np.ndarray, side: float, part: Frame) -> Wall:
+        """From points (GRID, 3) in the frame of the program, along and up."""
         points = np.stack(part.to_parent(tuple(np.moveaxis(points, 2, 0))), axis=2)
         along, up = np.gradient(points, axis=0), np.gradient(points, axis=1)
         out = side * np.cross(along, up)
         return Wall(points, out / np.linalg.norm(out, axis=2, keepdims=True))
 
-    def in_front(self, middles: np.ndarray) -> np.ndarray:
-        """How far (N,) places are in front of it, by its nearest point; beyond its edges how far off."""
+    def in_front(self, middles: np.ndarray, axes: np.ndarray) -> np.ndarray:
+        """How far (N,) the middles of discs are in front of it, by its nearest point.
+
+        Beyond its edges how far off in the plane of the disc; infinite where the edge is not in that plane.
+        """
         _, nearest = self._nearest.query(middles)
         away = middles - self.points.reshape(-1, 3)[nearest]
         i, j = np.unravel_index(nearest, GRID)
         inside = (i > 0) & (i < GRID[0] - 1) & (j > 0) & (j < GRID[1] - 1)
         ahead = (away * self.normals.reshape(-1, 3)[nearest]).sum(axis=1)
-        return np.where(inside, ahead, np.linalg.norm(away, axis=1))
+        up = (away * axes).sum(axis=1)
+        off = np.sqrt(np.maximum((away * away).sum(axis=1) - up * up, 0.0))
+        return np.where(inside, ahead, np.where(np.abs(up) > DISC_MM, np.inf, off))
 
 
 def bezier(points: np.ndarray, u: np.ndarray) -> np.ndarray:
@@ -71,9 +80,21 @@ def depths(joints: np.ndarray, tool: Tool, walls: Sequence[Wall], kinematics: Ki
     for wall in walls:
         points = wall.points.reshape(-1, 3)
         low, high = points.min(axis=0), points.max(axis=0)
-        reach = tool.radius_mm + ENOUGH_MM
-        height = float(np.linalg.norm(high - low)) + reach
-        discs = tips[:, None] + np.arange(0.0, height, DISC_MM)[:, None] * axes[:, None]
+        reach = max(tool.radius_mm, *(wide for _, _, wide in tool.holder), 0.0) + ENOUGH_MM
+        up = np.arange(0.0, float(np.linalg.norm(high - low)) + reach, DISC_MM)
+        discs, thick = tips[:, None] + up[:, None] * axes[:, None], thickness(tool, up)
         rows, number = np.nonzero(((discs > low - reach) & (discs < high + reach)).all(axis=2))
-        np.maximum.at(found, rows, tool.radius_mm - wall.in_front(discs[rows, number]))
+        in_front = wall.in_front(discs[rows, number], axes[rows])
+        np.maximum.at(found, rows, thick[number] - in_front)
     return found
+
+
+def thickness(tool: Tool, up: np.ndarray) -> np.ndarray:
+    """Radii of a tool so far above its tip: a corner, a flank that goes on upwards, and what holds it."""
+    corner, slope = tool.corner_mm, np.tan(tool.taper_rad)
+    flank = tool.radius_mm + slope * (up - corner) + corner * (1.0 / np.cos(tool.taper_rad) - 1.0)
+    ball = tool.radius_mm - corner + np.sqrt(np.maximum(corner**2 - np.maximum(corner - up, 0.0) ** 2, 0.0))
+    thick = np.where(up < corner * (1.0 - np.sin(tool.taper_rad)), ball, flank)
+    for low, high, radius in tool.holder:
+        thick = np.where((up >= low) & (up <= high), np.maximum(thick, radius), thick)
+    return thick
