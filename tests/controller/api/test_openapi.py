@@ -18,7 +18,7 @@ from controller.machine import machine_file, setup_data
 
 EVERY_CHECK = list(CHECKS.get_all())
 ANYHOW: dict[str, Any] = {"deadline": None, "suppress_health_check": list(HealthCheck), "print_blob": True}
-HURRY = settings(max_examples=2, **ANYHOW)
+HURRY = settings(max_examples=1, **ANYHOW)
 SHIFT = settings(max_examples=15, **ANYHOW)
 PATIENCE = settings(max_examples=150, **ANYHOW)
 OPERATOR = Principal("test", Role.OPERATE, "local")

@@ -262,7 +262,7 @@ def run_attack(folder: Path, seed: int, many: int) -> None:
 
 
 def test_hundreds_of_hostile_uploads_leave_the_store_whole(tmp_path: Path) -> None:
-    run_attack(tmp_path / "inside" / "state", 5, 400)
+    run_attack(tmp_path / "inside" / "state", 5, 200)
 
 
 @pytest.mark.slow

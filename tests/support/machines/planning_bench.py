@@ -26,6 +26,7 @@ from controller.service.planning import Planning
 from controller.state.modes import Mode, Request
 
 SAME = 1e-6  # mm or rad
+PERIOD_S = 0.004
 LONGEST = 20_000  # ticks
 FITTED = {"offsets": {"G55": [0.0, 0.0, 0.0]}}  # where the machine file has none
 
@@ -41,7 +42,7 @@ class Bench:
         around: simulated_probe.Bench | None = None,
     ) -> None:
         """``lateness`` as the stepped clock takes it; ``around``: what the spindle cuts."""
-        machine = machine or shipped()
+        machine = machine or shipped(period_s=PERIOD_S)
         self.fitted: dict[str, Any] = dict(FITTED) if "G55" in machine.unset else {}
         self.machine = setup_data.applied(machine, self.fitted)
         self._folder, self.before_message = folder, lambda: None
