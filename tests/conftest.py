@@ -26,6 +26,9 @@ MAX_OPEN = 500  # files; select, which the simulated bus waits with, takes 1024
 FREEZE = gc.freeze
 gc.freeze = gc.unfreeze = lambda: None
 
+# Nearly all that a test makes is gone without a look at it.
+gc.set_threshold(20_000, 10, 10)
+
 # Of hundreds of processes that we start, each would compile all that it imports; of workers, every test.
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 sys.dont_write_bytecode = False

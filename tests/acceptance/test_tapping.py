@@ -62,9 +62,9 @@ def test_any_spindle_within_reason_cuts_any_thread(seed: int) -> None:
     made = machine(f"counts_per_rev = {counts}\nposition = {{}}")
     tapper = Tapper(made, motor)
     what = f"seed {seed}: {motor}, pitch {pitch}, {rev_min} 1/min, {counts} counts"
-    assert tapper.run(tapped(rev_min, pitch)).result == "completed", what
+    assert tapper.run(tapped(rev_min, pitch, 6.0)).result == "completed", what
     cut = tapper.cut
-    assert abs(cut.way.max() - 12.0) * 1000.0 < DEPTH_UM, what
+    assert abs(cut.way.max() - 6.0) * 1000.0 < DEPTH_UM, what
     assert cut.pitch_mm() == pytest.approx(pitch, rel=PITCH_SHARE), what
     assert cut.error_um(1.0 / pitch) < DEPTH_UM, what
 

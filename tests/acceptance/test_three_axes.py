@@ -32,7 +32,7 @@ G21 G90 G54 G17
 T2 M6
 S12000 M3
 G0 X0 Y0 Z20
-G1 Z2 F900
+G1 Z2 F1800
 G1 X20 Y0
 G2 X30 Y10 I0 J10
 G3 X40 Y20 I10 J0
@@ -42,7 +42,7 @@ G81 X10 Y30 Z-3 R2 F600
 X20
 G80
 G41 D2
-G1 X0 Y0 F1200
+G1 X0 Y0 F2400
 G1 Z0
 G1 X30
 Y30
@@ -94,7 +94,7 @@ def test_lines_arcs_cycles_and_compensation_go_where_the_trunnion_goes(part: Cut
     wanted = corners(cut(PART, trunnion()))
     assert [line for line, _ in corners(part)] == [line for line, _ in wanted]
     for (line, here), (_, there) in zip(corners(part), wanted, strict=True):
-        assert here == pytest.approx(there, abs=0.04), line  # a tick at 20 mm/s is 0.08 mm
+        assert here == pytest.approx(there, abs=0.08), line  # a tick at 40 mm/s is 0.16 mm
     assert part.joints[-1] == pytest.approx(wanted[-1][1], abs=1e-9)
 
 
@@ -118,7 +118,7 @@ def test_three_drives_get_the_setpoints_and_follow_them(part: Cut) -> None:
 
 
 def test_it_is_held_on_its_path_and_goes_on(part: Cut) -> None:
-    events = (Event(1500, Request.HOLD), Event(1750, Request.RESUME))
+    events = (Event(1000, Request.HOLD), Event(1250, Request.RESUME))
     held = cut(PART, mill(), events)
     assert off_the_plan(held) < 1e-6
     assert held.joints[-1].tolist() == part.joints[-1].tolist()

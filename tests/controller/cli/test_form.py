@@ -118,7 +118,6 @@ def test_verify_ends_with_1_where_a_surface_exceeds_its_tolerance(part: Path) ->
     assert code == 1 and "exceeds" in told["error"] and not told["verdict"]["within"]
     whole = max(one["whole"]["largest_mm"] for one in told["surfaces"])
     assert told["verdict"]["largest_mm"] == pytest.approx(whole, abs=1e-3)
-    assert run("verify", part, "--gouge", "warn")[0] == 0
 
 
 @pytest.mark.parametrize(("gouge", "state"), [("refuse", "refused"), ("warn", "passed")])

@@ -57,7 +57,7 @@ def with_screws() -> Machine:
     """A machine whose axes miss where they are told to be, by where they come from."""
     at, off = (-1000.0, 1000.0), (0.01, 0.01)
     pitch = Pitch(at, tuple(-x for x in off), off)
-    made = shipped(spindle=None)
+    made = shipped(spindle=None, period_s=0.004)
     axes = [axis if axis.is_rotary else replace(axis, pitch=pitch) for axis in made.axes]
     return replace(made, axes=tuple(compensation.reserved(axis) for axis in axes))
 
@@ -79,7 +79,7 @@ def now_and_then(n: int) -> float:
 
 def test_a_cut_of_surfaces_with_rehearsals_is_the_same_to_the_last_bit() -> None:
     text = program("example2_ready", "3000.")
-    plain, rehearsed = (rows_of(text, shipped(), one, now_and_then) for one in (False, True))
+    plain, rehearsed = (rows_of(text, shipped(period_s=0.004), one, now_and_then) for one in (False, True))
     assert len(plain) > 1000 and plain.tobytes() == rehearsed.tobytes()
 
 

@@ -92,7 +92,8 @@ class Part:
         size = f"H{HEIGHT_MM} R{radius_mm - lean_mm:.4f} D{sweep_deg:.4f}"
         words = [*HEAD, "G42 P1 R0.05", f"G51 X{radius_mm:.4f} Y0. Z0. I0. J0. K0. {size} F600."]
         angle, v = (
-            np.linspace(0.0, last, n) for last, n in zip((np.radians(sweep_deg), 1.0), aside_envelope.GRID)
+            np.linspace(0.0, last, n)
+            for last, n in zip((np.radians(sweep_deg), 1.0), aside_envelope.GRID, strict=True)
         )
         rho, z = radius_mm - lean_mm * v, HEIGHT_MM * v
         round_ = [np.multiply.outer(turn(angle), rho) for turn in (np.cos, np.sin)]
