@@ -129,7 +129,15 @@ class JobFacts(Told, Texts):
     fraction: Number = Field(None, description="Of the whole program.")
     blocks: int | None = None
     elapsed_s: Number = None
-    left_s: Number = Field(None, description="Exact at the present override.")
+    left_s: Number = Field(
+        None,
+        description="At the present override, with what is waited for as it last took on this machine; "
+        "not with stops for the operator.",
+    )
+    next_tool_s: Number = Field(None, description="Until the next tool is changed; None: none is.")
+    next_stop_s: Number = Field(
+        None, description="Until it next stops for the operator: M0, M1 where that stops, a change by hand."
+    )
     duration_s: Number = None
     state: str | None = Field(
         None,

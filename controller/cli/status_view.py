@@ -194,6 +194,9 @@ def _job(status: Status) -> Iterator[RenderableType]:
         say("times", done=clock(job.get("elapsed_s")), left=clock(job.get("left_s"))),
     )
     yield row
+    for key in ("next_tool", "next_stop"):
+        if job.get(f"{key}_s") is not None:
+            yield Text(say(key, time=clock(job[f"{key}_s"])))
 
 
 def _troubles(status: Status) -> Iterator[Text]:

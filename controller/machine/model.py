@@ -31,6 +31,10 @@ MAX_PROGRAM_H = 10_000.0  # ... and what it may say at most
 TOOL_AT_POWER_ON = 1  # number of the one in the spindle where nobody has said otherwise
 MAX_WEAR_MM = 0.5  # of a cutter, at radius and length: beyond it is another one
 TOOL_CHANGE_S = 60.0  # by hand, where the machine file says nothing
+USUAL_SHARE = (
+    0.5  # of the longest time that a device may take: so long it is expected to, until it is measured ...
+)
+USUAL_STEP_S = 0.3  # ... and a step of a tool changer no longer than this
 START_STATES = ("reset", "keep")  # of the modal state, where a program begins
 DIALECTS = ("rs274", "fanuc")  # of programs: RS-274/NGC as LinuxCNC reads it, or as Fanuc-like controls do
 WITHOUT_POINT = ("", "unit", "thousandth")  # what lengths without a decimal point count in under fanuc
@@ -117,6 +121,11 @@ class Clamp:
     output: str
     input: str  # "" = nothing reports; then it counts as moved after ``open_s``
     open_s: float  # most that opening or closing may take, s
+
+    @property
+    def usual_s(self) -> float:
+        """What it is expected to take, s; one that does not report counts as moved at the end of its time."""
+        return USUAL_SHARE * self.open_s if self.input else self.open_s
 
 
 @dataclass(frozen=True, slots=True)
@@ -349,6 +358,11 @@ class Orient:
     within_s: float
     shift: str = ""  # X+ X- Y+ or Y-: that way leads the tip of a boring bar off the wall; "" = unknown
 
+    @property
+    def usual_s(self) -> float:
+        """What it is expected to take, s."""
+        return USUAL_SHARE * self.within_s
+
 
 @dataclass(frozen=True, slots=True)
 class Io:
@@ -410,6 +424,11 @@ class ChangerStep:
     input: str = ""  # "": nothing is waited for
     level: str = "rise"  # or "fall", "on", "off"
     carries: bool = False  # the tool goes from the spindle into its pocket, or the other way
+
+    @property
+    def usual_s(self) -> float:
+        """What its input is expected to take, s."""
+        return min(USUAL_SHARE * self.within_s, USUAL_STEP_S)
 
     @property
     def switches(self) -> tuple[str, ...]:

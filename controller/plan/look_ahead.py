@@ -11,7 +11,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import field, replace
 from functools import lru_cache
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -27,7 +27,8 @@ from controller.plan.feed.profile import Profile, State
 from controller.plan.feed.ticked import is_row
 from controller.plan.path.path import Chain, Pause, Stretch
 from controller.plan.stops import table as stops
-from controller.plan.track import Track, Unit
+from controller.plan.track import Unit
+from controller.plan.waits import SETTING
 from controller.program.program import UNSAID, Act, Await, Level, Outputs, Probing
 from controller.values import dataclass
 
@@ -39,8 +40,6 @@ STOP_STEP_S = 0.004  # between two stops; two ticks at most
 BLOCKS_TO_STOP_IN = 4  # program blocks within which single block must have stopped a motion
 LONG_STOP_S = 0.3  # where no stop is known
 BRAKING_SHARE = 2.0  # of the length to brake in, for a window from motion
-# What is waited for, at rest.
-SETTING = (Act.SPINDLE, Act.COOLANT, Act.OUTPUT, Act.INPUT, Act.TOOL, Act.CLAMP, Act.PROBE)
 SHORTENED = (1.0, 0.5, 0.25, 0.1)  # shares of a window that are tried where it cannot be planned
 
 
@@ -140,6 +139,12 @@ class _Reach(NamedTuple):
     marked: bool  # a block of the program ends there
 
 
+class Units(Protocol):
+    """What is needed of a ``Track``."""
+
+    def at(self, number: int) -> Unit | None: ...
+
+
 class Windows:
     """Plans windows of a track."""
 
@@ -152,7 +157,7 @@ class Windows:
     # --- what others ask for
 
     def from_rest(
-        self, track: Track, place: Place, start_s: float, orders: Orders, soon: bool = False
+        self, track: Units, place: Place, start_s: float, orders: Orders, soon: bool = False
     ) -> Sent | None:
         """The next window or pause from rest; None at the end, and where an override of 0 forbids it."""
         unit = track.at(place.unit)
@@ -180,7 +185,7 @@ class Windows:
         raise NoLaw(f"Line {unit.line}: no way was found to move from rest within the limits.", unit.line)
 
     def from_motion(
-        self, track: Track, sent: Sent, plan_s: float, orders: Orders, soon: bool = False
+        self, track: Units, sent: Sent, plan_s: float, orders: Orders, soon: bool = False
     ) -> Sent | None:
         """The path from a sent window's state at ``plan_s`` on; None where there is no way on."""
         if sent.course is None or sent.profile is None:
@@ -210,7 +215,7 @@ class Windows:
     # --- how far
 
     def _reach(
-        self, track: Track, place: Place, orders: Orders, seconds: float, skipped: int, least: float = 0.0
+        self, track: Units, place: Place, orders: Orders, seconds: float, skipped: int, least: float = 0.0
     ) -> _Reach:
         """Units from ``place`` on that take about ``seconds``, or the course where it takes little more.
 

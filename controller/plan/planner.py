@@ -58,6 +58,15 @@ class Touch(NamedTuple):
     feed_mm_s: float
 
 
+class Ahead(NamedTuple):
+    """What has been sent of a path and is not behind the tick yet, and where the path goes on after it."""
+
+    track: Track
+    sent: tuple[Sent, ...]
+    next: Place
+    queue_end_s: float  # plan time
+
+
 class _Held(NamedTuple):
     """What holds until the tick has answered a message, and again if it refuses it."""
 
@@ -66,6 +75,13 @@ class _Held(NamedTuple):
     next: Place
     queue_end_s: float
     moving: bool  # the message began in motion: a refusal means that it came too late
+
+
+def orders_of(now: Snapshot) -> Orders:
+    """What the operator's switches say, and the load of the spindle."""
+    share, single_block = now.adaptive_share, now.is_on(Request.SINGLE_BLOCK)
+    everywhere = share if now.is_on(Request.ADAPTIVE_FEED) else 1.0
+    return Orders(now.override, min(now.rapid_override, 1.0), single_block, share, everywhere)
 
 
 class Planner:
@@ -163,6 +179,11 @@ class Planner:
         own = self._lead_s, self._retry_s, self._wait_s, self._sequence, self._epoch
         return *own, *self._detour.marks
 
+    @property
+    def ahead(self) -> Ahead:
+        """Where the path goes on after what has been sent."""
+        return Ahead(self._track, tuple(self._sent), self._next, self._queue_end_s)
+
     # --- one turn
 
     def work(self, now: Snapshot) -> bool:
@@ -178,11 +199,7 @@ class Planner:
         if now.epoch != self._epoch:
             self._restart(now)
         self._forget(now)
-        share = now.adaptive_share
-        everywhere = share if now.is_on(Request.ADAPTIVE_FEED) else 1.0
-        orders = Orders(
-            now.override, min(now.rapid_override, 1.0), now.is_on(Request.SINGLE_BLOCK), share, everywhere
-        )
+        orders = orders_of(now)
         began_s = self._clock() if self._clock else 0.0
         tries = now.plan_time_s >= self._wait_s
         sent = (tries and self._replan(now, orders)) or self._further(now, orders, tries)

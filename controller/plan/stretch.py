@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import NoReturn
+from dataclasses import field
+from typing import NamedTuple, NoReturn
 
 import numpy as np
 import numpy.typing as npt
@@ -133,6 +134,14 @@ class Chain:
     first_id: int | None = None  # motion id of the first stretch; None: counted on
 
 
+class Wait(NamedTuple):
+    """How long the path clock is expected to stand in a pause; see ``plan/waits``."""
+
+    name: str = ""  # of what is waited for; "": nothing
+    seconds: float = 0.0
+    stops: str = ""  # for whom: a tool changer, the operator; "": for nobody
+
+
 @dataclass(frozen=True, slots=True)
 class Pause:
     """Standstill: a dwell of ``seconds``, or a machine function with the modal state after it."""
@@ -147,6 +156,7 @@ class Pause:
     changing: Changing | None = None  # a stop between two steps of a tool changer
     ends: bool = False  # ... or ends: what comes behind it is read when its outcome is there
     lifts: Lifts | None = None  # guards that do not count in a step of a tool changer, and after it
+    wait: Wait = field(default=Wait(), repr=False, compare=False)
 
 
 @dataclass(frozen=True, slots=True)

@@ -91,6 +91,7 @@ class Track:
         self._all = False
         self._probes = probes
         self._tops, self._length_mm = Tops(kinematics), 0.0
+        self.laid = 0  # ways that were laid before units of it since
         self.waits: Probing | None = None  # for its outcome, before any more is read
         self.error: ProgramError | None = None  # that ended the path before its end
 
@@ -99,6 +100,11 @@ class Track:
         while number >= self._first + len(self._kept) and not self._all and self.waits is None:
             self._read()
         return self._kept[number - self._first] if number - self._first < len(self._kept) else None
+
+    @property
+    def read_to(self) -> int:
+        """Number of the first unit that has not been read yet."""
+        return self._first + len(self._kept)
 
     def comes_free(self, number: int) -> bool:
         """Whether the motion before a unit, as far as it is known, leads beside the part alone."""
@@ -114,6 +120,7 @@ class Track:
             row, begins = (ways[-1], unit.what), (0.0, s)
             runs = profile.split_at_stops(row, self._machine, self._kinematics, begins=begins)
             joins = len(runs) == 1
+        self.laid += len(ways)
         for k, way in enumerate(ways):
             rests = not (joins and k == len(ways) - 1)
             laid = Unit(way, first_id + k, rests, block_end=False, last=False, chain=Chain((way,)))

@@ -363,7 +363,14 @@ def looked_at(
     notes, overcuts = (*walk.notes, *seen.notes), tuple(seen.overcuts)
     figures = found.ticks, found.duration_s, found.blocks
     return found, Stored(
-        *figures, walk.choices, notes, overcuts, placed.recipes, tuple(seen.verdicts), tuple(passing.marks)
+        *figures,
+        walk.choices,
+        notes,
+        overcuts,
+        placed.recipes,
+        tuple(seen.verdicts),
+        tuple(passing.marks),
+        tuple(passing.events),
     )
 
 

@@ -1,4 +1,7 @@
-"""The simulated devices of a machine, and what is around them: closed doors, clamps with their switches."""
+"""The simulated devices of a machine, and what is around them: closed doors, clamps with their switches.
+
+They take as long as such devices are expected to (``usual_s`` of the machine).
+"""
 
 from __future__ import annotations
 
@@ -14,9 +17,6 @@ from drives.simulated.drive import SimulatedDrive
 from drives.simulated.io_node import IoNode
 from drives.simulated.parameters import Parameters
 from drives.simulated.spindle_motor import MotorParameters
-
-QUICK_S = 0.3  # what a simulated step of a tool changer takes at most
-SWITCH_SHARE = 0.5  # of the time that a clamp may take: a simulated one takes this
 
 
 class Wire(NamedTuple):
@@ -46,11 +46,11 @@ def _wires(machine: Machine) -> tuple[Wire, ...]:
         valve, switch = io.output(clamp.output), io.input(clamp.input)
         if valve is not None and switch is not None:
             straight = (clamp.output in io.inverted) == (clamp.input in io.inverted)
-            found.append(Wire(valve, switch, SWITCH_SHARE * clamp.open_s, straight))
+            found.append(Wire(valve, switch, clamp.usual_s, straight))
     if io.orient is not None:
         asked, there = io.output(io.orient.output) or 0, io.input(io.orient.input) or 0
         turned = (io.orient.output in io.inverted) != (io.orient.input in io.inverted)
-        found.append(Wire(asked, there, SWITCH_SHARE * io.orient.within_s, turned))
+        found.append(Wire(asked, there, io.orient.usual_s, turned))
     return (*found, *_of_changer(machine.changer, io))
 
 
@@ -65,8 +65,7 @@ def _of_changer(changer: Changer | None, io: Io) -> list[Wire]:
             continue
         same = rows[0][1] is (step.level in ("rise", "on"))
         turned = (rows[0][0] in io.inverted) != (step.input in io.inverted)
-        delay_s = min(SWITCH_SHARE * step.within_s, QUICK_S)
-        found[switch] = Wire(output, switch, delay_s, same is turned)
+        found[switch] = Wire(output, switch, step.usual_s, same is turned)
     return list(found.values())
 
 

@@ -16,8 +16,9 @@ from controller.ipc.control_socket import CommandRefused
 from controller.ipc.handoff import Snapshot
 from controller.machine.changes import Change
 from controller.machine.model import Joints, Machine, Tool
-from controller.plan.report.passing import Mark, Passed, passed_s
+from controller.plan.report.passing import passed_s
 from controller.plan.restart.program_position import ENTRY_ID, Spot
+from controller.plan.timetable import Passed
 from controller.program import carried, linked, probing_cycles
 from controller.program.modal import State
 from controller.runtime.starts import Start
@@ -25,6 +26,7 @@ from controller.service import journal
 from controller.service.planner_client import News, Program, Said, Way
 from controller.service.probed import found
 from controller.service.refusals import number, refused, whole
+from controller.service.time_left import Left, TimeLeft
 from controller.state.modes import Mode
 
 MDI = "MDI"
@@ -53,7 +55,7 @@ class Job:
     sha256: str
     state: str = "loading"
     block_delete: bool = False  # lines that begin with / were left out when it was loaded
-    duration_s: float | None = None
+    time: TimeLeft = field(default_factory=TimeLeft)
     blocks: int | None = None
     notes: list[dict[str, Any]] = field(default_factory=list)
     verdict: dict[str, Any] | None = None  # on the form of its surfaces
@@ -70,8 +72,7 @@ class Job:
     refused: bool = False  # a block on the way was; the tool stands before it
     lost: bool = False  # the plan that knew the rest of it is gone
     armed_tick: int = -1  # what was seen of the machine before it tells nothing of this run
-    marks: tuple[Mark, ...] = ()  # when a whole run at 100 % passes which place
-    before_s: float = 0.0  # of that run, before the place where this one begins
+    before_s: float = 0.0  # of a whole run at 100 %, before the place where this one begins
     nominal_s: float = 0.0  # of that run, before the place where the tool is
     last: Snapshot | None = None  # of the program's own motions
     messages: list[str] = field(default_factory=list)  # what the program said last
@@ -92,6 +93,11 @@ class Job:
         return self.program.typed
 
     @property
+    def duration_s(self) -> float | None:
+        """Of the whole program, with what it waits for."""
+        return self.time.duration_s
+
+    @property
     def active(self) -> bool:
         """Between the start and the end."""
         return self.state in UNDER_WAY
@@ -110,6 +116,7 @@ class Job:
         self.state, self.said = "starting", None
         self.taken = self.refused = self.lost = False
         self.nominal_s, self._seen_s, self.last = self.before_s, None, None
+        self.time.begin()
 
     def told(self) -> dict[str, Any]:
         """What a record says of it."""
@@ -138,7 +145,7 @@ class Job:
         if 0 <= now.motion_id < ENTRY_ID:
             self.last = now
         if place is not None:
-            self.nominal_s = max(self.nominal_s, passed_s(self.marks, place))
+            self.nominal_s = max(self.nominal_s, passed_s(self.time.marks, place))
         elif self._seen_s is not None and now.motion_id < ENTRY_ID:  # not on a way aside
             way = self.ways.get(now.motion_id)
             rapid = way is not None and way.feed_mm_s is None
@@ -154,26 +161,27 @@ class Job:
     def place(self, motion_id: int, s: float) -> Passed | None:
         """As a check marks it; None where it is none of the program's, or no check has marks."""
         way = self.ways.get(motion_id)
-        return way.place(s) if way is not None and self.marks else None
+        return way.place(s) if way is not None and self.time.marks else None
 
     def known(self, motion_id: int, s: float) -> journal.Known:
         """Of a place, for the journal."""
         place, way = self.place(motion_id, s), self.ways.get(motion_id)
         return journal.Known(
             self.fraction(motion_id, s),
-            passed_s(self.marks, place) if place else None,
+            self.time.with_waits(passed_s(self.time.marks, place)) if place else None,
             self.duration_s,
             self._elapsed_s(self.last) if self.last is not None else None,
             way.in_block(s) if way is not None else None,
         )
 
     def _elapsed_s(self, now: Snapshot) -> float:
-        return max(0.0, now.plan_time_s - self.origin_s)
+        return max(0.0, now.plan_time_s - self.origin_s) + self.time.stood_s
 
     def hear(self, news: News) -> None:
         """What the plan tells while it runs."""
         if self.lost:
             return  # it is another plan, which knows nothing of this program
+        self.time.hear(news.timetable)
         self.ways.update(news.ways)
         self.fed.update(number for number, way in news.ways.items() if way.feed_mm_s is not None)
         for line, tools in news.changes.items():
@@ -234,7 +242,7 @@ class Job:
             self.changes[line] = tools[tools.index(tool) + 1 :] or tools[-1:]
 
     def to_dict(self, now: Snapshot) -> dict[str, Any]:
-        state, left_s = self.state_at(now), self._left_s(now)
+        state, left = self.state_at(now), self._left(now)
         if self.last is not None and (now.line == 0 or not self.active):
             now = self.last  # an emergency stop has taken all away, or it has ended: the last place stays
         shown = self.active or self.last is not None
@@ -252,7 +260,7 @@ class Job:
             "blocks": self.blocks,
             "duration_s": self.duration_s,
             "elapsed_s": self._elapsed_s(now) if shown else None,
-            "left_s": left_s,
+            **left._asdict(),
             "checking": self.news.checking,
             "message": self.messages[-1] if self.messages else None,
             "messages": self.messages,
@@ -267,26 +275,22 @@ class Job:
             return None
         return bytes(linked.parts(self.program.text)[0][:MAX_TYPED]).decode(errors="replace")
 
-    def _left_s(self, now: Snapshot) -> float | None:
-        """Exact once all has been planned; before it by the check, which planned all of it at 100 %.
-
-        Under an override that is as if the feed alone held the speed down; None where it never ends.
-        """
-        if self.active and self.news.finished and self.state != "starting":
-            return max(0.0, now.queue_end_s - now.plan_time_s)
-        if self.duration_s is None or self.state in ("loading", "completed"):
-            return None
+    def _left(self, now: Snapshot) -> Left:
+        if self.state in ("loading", "completed"):
+            return Left()
+        if self.state in ("loaded", "starting"):
+            return self.time.before_start(self.before_s)
         if not self.active:
-            return self.duration_s - (self.before_s if self.state == "loaded" else self.nominal_s)
-        left_s = max(0.0, self.duration_s - self.nominal_s)
-        return left_s / now.override if now.override > 0.0 else None
+            return self.time.after_end(self.nominal_s)
+        ends_s = now.queue_end_s if self.news.finished else None
+        return self.time.running(now, self.nominal_s, ends_s, self.news.aside or self.news.returning)
 
     def _share(self) -> float | None:
         """Of a whole run that is done."""
         if not self.duration_s or self.state == "loading":
             return None
         done_s = self.before_s if self.state == "loaded" else self.nominal_s
-        return 1.0 if self.state == "completed" else min(1.0, done_s / self.duration_s)
+        return 1.0 if self.state == "completed" else min(1.0, self.time.with_waits(done_s) / self.duration_s)
 
 
 def read(args: dict[str, Any], machine: Machine) -> Job:
@@ -334,7 +338,7 @@ def interrupted(entry: journal.Entry) -> dict[str, Any]:
         "blocks": None,
         "duration_s": entry.duration_s,
         "elapsed_s": entry.elapsed_s,
-        "left_s": entry.left_s,
+        **Left(entry.left_s)._asdict(),
         "checking": None,
         "message": None,
         "messages": [],

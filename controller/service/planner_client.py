@@ -24,8 +24,9 @@ from controller.machine.changes import Change
 from controller.machine.model import Joints, Machine
 from controller.messages import Said as Sentence
 from controller.plan.planner import Touch
-from controller.plan.report.passing import Passed, place_of
+from controller.plan.report.passing import place_of
 from controller.plan.restart.program_position import LinePart, Spot, part_at
+from controller.plan.timetable import Passed, Timetable
 from controller.program.modal import State, power_on
 from controller.program.program import Changing
 from controller.service.refusals import by_now, refused
@@ -152,6 +153,7 @@ class News:
     turns: tuple[Turn, ...] = ()  # since the last news
     messages: tuple[Said, ...] = ()  # of the program, read since
     touches: tuple[Touch, ...] = ()  # of probing moves that have ended since
+    timetable: Timetable | None = None  # of the rest, where it has become another one, or a longer one
 
 
 class Line:

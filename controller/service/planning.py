@@ -23,7 +23,10 @@ from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Machine
 from controller.messages import of_error, said
 from controller.motion.motions import SurfaceCut
+from controller.plan import waits
+from controller.plan.foresight import Foresight, foreseen, twice
 from controller.plan.off_path import Back
+from controller.plan.planner import Ahead
 from controller.plan.report.passing import passed_s, place_of
 from controller.plan.report.stored import Stored
 from controller.plan.restart import reentry
@@ -32,6 +35,7 @@ from controller.plan.restart.program_position import ENTRY_ID, FORMER, LinePart,
 from controller.plan.restart.restart import Rest
 from controller.plan.retract import NotPossible
 from controller.plan.stretch import Chain, Pause, Stretch
+from controller.plan.timetable import Timetable
 from controller.program.carried import InForce
 from controller.program.program import Act, Aside, Block, Changing, Message, ProgramError, Select
 from controller.runtime import checked, children, cores, starts
@@ -46,6 +50,7 @@ from controller.state.modes import Mode
 from controller.values import dataclass
 
 NEWS_S = 0.1
+FORESEES_S = 0.5  # of queue: with less the planner is about to be asked, and nothing else is done
 MAX_NOTES = 100  # every status has them; all of them stand with the check
 MAX_KNOWN = 100_000  # stretches whose tool is remembered: more than are ever read ahead
 # What is told of a program that nobody has looked at as a whole.
@@ -57,6 +62,8 @@ UNCHECKED: dict[str, Any] = {
     "verdict": None,
     "marks": (),
     "passed_s": 0.0,
+    "events": (),
+    "timetable": None,
 }
 
 
@@ -83,6 +90,27 @@ def main(job: PlanJob) -> None:
     Planning(end, job.kept.checks, connections.Connection(job.orders), job.machine).run()
 
 
+class _Foreseen:
+    """What is to be told of a foresight: all when it is over, on the way each time twice as much."""
+
+    def __init__(self) -> None:
+        self._steps = 0  # since it was begun anew
+        self._told = 0  # of them
+        self._begun: object = None
+
+    def look(self, foresight: Foresight, ahead: Ahead, now: Snapshot) -> Timetable | None:
+        """One step more; the timetable where it is to be told."""
+        if not foresight.look(ahead, now):
+            return None
+        if foresight.begun is not self._begun:
+            self._begun, self._steps, self._told = foresight.begun, 0, 0
+        self._steps += 1
+        if not foresight.over and self._steps < 2 * self._told:
+            return None
+        self._told = self._steps
+        return foresight.timetable
+
+
 class Planning:
     """Orders in, answers and news out; between them the planner's turns."""
 
@@ -106,6 +134,8 @@ class Planning:
         self._text = b""  # of the program that was checked or armed last
         self._carrying_out = False
         self._facts: dict[str, Any] = {}  # of what is being armed
+        self._foresight: Foresight | None = None  # of what was armed
+        self._foreseen = _Foreseen()
         self._turns: list[Turn] = []
         self._told = News()
         self._told_s = 0.0
@@ -173,6 +203,7 @@ class Planning:
 
     def _drop(self, _: Order) -> dict[str, Any]:
         self._end.planner.drop()
+        self._foresight = None
         return {}
 
     def _check(self, order: Order) -> dict[str, Any]:
@@ -184,14 +215,29 @@ class Planning:
         rest = self._rest(program, kept) if program.spot is not None else None
         here = place_of(rest.what, rest.order, rest.spot.fraction, rest.spot.s) if rest else None
         return {
-            "marks": kept.marks,
+            **_found(kept),
             "passed_s": passed_s(kept.marks, here) if here else 0.0,
-            "duration_s": kept.duration_s,
-            "blocks": kept.blocks,
+            "timetable": self._timetable_from_here(program, kept),
             "restart": entry_state.told(rest) if rest else [],
             "notes": [note.facts for note in kept.notes[:MAX_NOTES]],
             "verdict": checked.verdict_of(kept, most=0),  # the job is told many times a second
         }
+
+    def _timetable_from_here(self, program: Program, kept: Stored) -> Timetable | None:
+        """Of a run from where the machine stands, with the way to the program or to its place.
+
+        None where the check is that of such a run, and where nobody knows where the machine stands.
+        """
+        now = self._end.snapshot()
+        start = _start(program, now)
+        task = replace(self._task(program), look=lambda _: self._look())
+        homed = now.homed == program.machine.every_axis and not now.untrusted
+        if not homed or (program.spot is None and checked.standing(task, start.joints) is task):
+            return None
+        begun = replace(start, in_spindle=program.in_spindle)
+        walk = starts.path_from(task, kept, begun, program.cut_with)
+        rev_min = program.begin.modal.spindle_rev_min if program.begin is not None else 0.0
+        return foreseen(waits.laid(walk.items, program.machine, rev_min), program.machine, task.kinematics)
 
     def _task(self, program: Program) -> Task:
         """What was remembered of another program is forgotten."""
@@ -253,15 +299,21 @@ class Planning:
         task = self._noting(task)
         self._heard.clear()
         self._marks.clear()
-        items = starts.path_from(task, kept, start, self._cut_with(program)).items
+        rev_min = start.begin.modal.spindle_rev_min if start.begin is not None else 0.0
+        path = starts.path_from(task, kept, start, self._cut_with(program)).items
+        items, once_more = twice(waits.laid(path, program.machine, rev_min))
         self._end.new_planner(program.machine)
         self._tool, self._fitted, self._armed = None, program.machine, program
         self._known.clear()
         self._end.load(self._watched(items, program.spot), now)
+        track, kinematics = self._end.planner.ahead.track, task.kinematics
+        self._foresight = Foresight(track, once_more, program.machine, kinematics)
+        self._foreseen = _Foreseen()
         self._turns.clear()
         self._told = News(finished=False)
-        length = (kept.duration_s, kept.blocks) if kept is not None else (None, None)
-        self._facts = {"duration_s": length[0], "blocks": length[1], "start": start}
+        found = UNCHECKED if kept is None else _found(kept)
+        self._facts = {name: found[name] for name in ("duration_s", "blocks", "marks", "events")}
+        self._facts["start"] = start
         self._awaited = Awaited.of(order, now)
 
     def _cut_with(self, program: Program) -> Machine | None:
@@ -400,7 +452,10 @@ class Planning:
         self._end.flush()
         if self._awaited is not None:
             self._see_taken(self._awaited, now)
-        self._tell(self._news(now))
+        news = self._news(now)
+        if not sent and self._foresight is not None and now.queue_end_s - now.plan_time_s > FORESEES_S:
+            news = replace(news, timetable=self._foreseen.look(self._foresight, planner.ahead, now))
+        self._tell(news)
         return planner.finished and self._awaited is None and now.mode in (Mode.OFF, Mode.READY)
 
     def _see_taken(self, awaited: Awaited, now: Snapshot) -> None:
@@ -471,6 +526,11 @@ class Planning:
         """What is known of stretches that were told long ago."""
         while len(self._known) > MAX_KNOWN:
             del self._known[next(iter(self._known))]
+
+
+def _found(kept: Stored) -> dict[str, Any]:
+    """What the check says of length and time."""
+    return {name: getattr(kept, name) for name in ("marks", "events", "duration_s", "blocks")}
 
 
 def _start(program: Program, now: Snapshot) -> Start:

@@ -129,8 +129,11 @@ def load(service: Service, job: Job) -> Values:
     """Read, plan and audit all of a program; nothing moves, nothing starts. Raises CommandRefused."""
     facts = service.engine.line.order("check", program=job.program)
     with service.lock:
-        job.marks, job.before_s = facts.pop("marks"), facts.pop("passed_s")
-        job.duration_s, job.blocks, job.notes = facts["duration_s"], facts["blocks"], facts["notes"]
+        job.before_s, job.blocks, job.notes = facts.pop("passed_s"), facts["blocks"], facts["notes"]
+        job.time.durations = service.durations
+        job.time.check(facts["duration_s"], facts.pop("marks"), facts.pop("events"))
+        job.time.stands(facts.pop("timetable"))
+        facts["duration_s"] = job.duration_s
         job.verdict = facts["verdict"]
         job.state, job.restart = "loaded", facts["restart"]
     return {"sha256": job.sha256, "name": job.program.name, **facts}

@@ -52,6 +52,7 @@ from controller.service.refusals import refused
 from controller.service.runs import Rows, RunRecord
 from controller.service.sequencer import Sequencer
 from controller.service.thread_guard import ThreadGuard
+from controller.service.time_left import Durations
 from controller.service.tool_changer import ToolChanger
 from controller.service.usage import Usage
 from controller.service.watchdog import STANDS_S, LastSecond, Pulse
@@ -84,6 +85,7 @@ class Service:
         self.alarms = Alarms(state)
         self.usage = Usage(state, machine)
         self.probed = Probed(state)
+        self.durations = Durations(state)
         self.thread = ThreadGuard(state)
         self.sequencer = Sequencer(self._failed)
         self.job: Job | None = None  # the loaded program
@@ -106,7 +108,13 @@ class Service:
         self.journal = Journal(state / JOURNAL)
         entry, why = journal.read(state / JOURNAL)
         unread = None if why is None else kept_file.put_aside(state / JOURNAL, messages.text(why))
-        for damaged in (self.alarms.damaged, self.usage.damaged, self.probed.damaged, unread):
+        for damaged in (
+            self.alarms.damaged,
+            self.usage.damaged,
+            self.probed.damaged,
+            self.durations.damaged,
+            unread,
+        ):
             if damaged is not None:
                 self.alarms.add(kept_file.ALARM, damaged)
         self.journal.last = entry
@@ -293,7 +301,9 @@ class Service:
         """The start goes out next."""
         with self.lock:
             start: Start = facts["start"]
-            job.duration_s, job.blocks = facts["duration_s"], facts["blocks"]
+            job.blocks, job.time.durations = facts["blocks"], self.durations
+            job.time.check(facts["duration_s"], facts["marks"], facts["events"])
+            job.time.starts(start.plan_time_s)
             job.origin_s, job.said = start.plan_time_s, None
             job.start = start
             self.modal.see(start.begin or modal.begun(job.program.machine))
@@ -405,6 +415,7 @@ class Service:
             self.troubles.run_over()
             # Last of all: who is told that it has ended may do at once what a run forbids.
             job.state, job.said = result, why
+        self._records.submit(self.durations.save)
         if record is not None:
             self._records.submit(record.end, result, planned_s=job.duration_s, **messages.facts(why))
 
@@ -510,6 +521,7 @@ class Service:
                 under_way = rows[:, COLUMN["mode"]] != Mode.READY
                 motions = rows[under_way, COLUMN["motion_id"]].astype(int).tolist()
                 self.running.pass_rows(motions)
+                self.running.time.take(rows, self.machine.period_s)
                 fed = self.running.fed_in(set(motions))
             self._count(rows, now.spindle_actual_rev_min != 0.0, fed)
             if self.record is not None:

@@ -1,11 +1,7 @@
-"""How long a path takes at the least, and what it may wait beside it; one that takes too long is refused.
+"""How long a path takes at the least; one that takes too long is refused.
 
 At its feeds, at the axes' largest speeds and with its dwells; what it takes to speed up and slow down comes
-on top. So nothing has to be planned for it.
-
-For spindle, clamps and tool changes the controller waits at rest. How long they take nobody knows, so it is
-no part of a program's duration. Of spindle and clamps there is a bound: what takes longer than the machine
-file allows is a fault. For a change by hand it counts on what the machine file says.
+on top. So nothing has to be planned for it. What it waits for beside its motion does not count here.
 """
 
 from __future__ import annotations
@@ -17,7 +13,7 @@ import numpy as np
 from controller.machine.model import MAX_PROGRAM_H, Machine
 from controller.messages import Key, said
 from controller.plan.stretch import Chain, Pause, Stretch
-from controller.program.program import Act, Place, ProgramError
+from controller.program.program import Place, ProgramError
 
 HOUR_S = 3600.0
 
@@ -71,37 +67,3 @@ def _refusal(hours: float, place: Place, machine: Machine, name: str, whole: boo
     more = said("path.allow_longer", most=MAX_PROGRAM_H) if hours <= MAX_PROGRAM_H else ""
     why = said("path.too_long", what=what, hours=hours, allowed=allowed, more=more)
     return place.refusal(name, why)
-
-
-class Waits:
-    """Sums up the pauses of a path in their order; everything is off and clamped before it."""
-
-    def __init__(self, machine: Machine) -> None:
-        self._machine = machine
-        self._rev_min, self._open = 0.0, 0
-        self._change: Place | None = None  # of the last M6
-        self.seconds = 0.0  # at most
-
-    def take(self, pause: Pause) -> None:
-        """The next pause of the path."""
-        self.seconds += max(self._spindle_s(pause), self._clamps_s(pause), self._change_s(pause))
-        if pause.act is Act.TOOL:
-            self._change = pause.place
-        self._rev_min, self._open = pause.modal.spindle_rev_min, pause.open_clamps
-
-    def _spindle_s(self, pause: Pause) -> float:
-        spindle = self._machine.spindle
-        if spindle is None or not spindle.is_driven or pause.modal.spindle_rev_min == self._rev_min:
-            return 0.0
-        return spindle.spin_up_s
-
-    def _change_s(self, pause: Pause) -> float:
-        """A stop that stands where the tool is changed is for the change."""
-        by_hand = pause.act is Act.STOP and pause.place == self._change and pause.changing is None
-        return self._machine.tool_change_s if by_hand else 0.0
-
-    def _clamps_s(self, pause: Pause) -> float:
-        """They move side by side."""
-        changed = pause.open_clamps ^ self._open
-        axes = enumerate(self._machine.axes)
-        return max((axis.clamp.open_s for i, axis in axes if axis.clamp and changed >> i & 1), default=0.0)

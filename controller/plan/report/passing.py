@@ -5,6 +5,8 @@
         passing.take(sent)
     passed_s(passing.marks, place)
 
+Beside the marks it has the pauses in which the path clock stands (``events``), at the same seconds.
+
 A place is told by what does not depend on where the run started: the block in the order of the run, the
 fraction of it, and the way beside it. Between two marks of a motion time is taken to grow evenly; they are
 some hundredths of a second apart, and where that would be too many, some thousands over the whole program.
@@ -23,6 +25,8 @@ from controller.plan.feed.law import along
 from controller.plan.report.planned import Planned
 from controller.plan.restart.program_position import LinePart, lines_along, part_at
 from controller.plan.stretch import Chain, Pause, Stretch
+from controller.plan.timetable import MOST as MOST_EVENTS
+from controller.plan.timetable import Event, Passed, event_of
 
 MOST = 4000  # marks
 APART_S = 0.02  # of two marks inside of a window ...
@@ -32,7 +36,6 @@ BEFORE = ("retract", "position", "down", "plunge", "swivel", "pivot", "link", "l
 BEHIND = ("lead out", "lift")
 OWN = len(BEFORE)
 
-Passed = tuple[int, float, int, float]  # order of the block, fraction of it, which way beside it, s on that
 Mark = tuple[Passed, float]  # and seconds from the start
 
 
@@ -50,6 +53,7 @@ class Passing:
 
     def __init__(self) -> None:
         self.marks: list[Mark] = []
+        self.events: list[Event] = []
         self._parts: dict[int, tuple[Stretch, tuple[LinePart, ...]]] = {}  # by identity, of what is ahead
         self._now_s = 0.0
         self._apart_s = 0.0  # of two marks, at the least
@@ -66,6 +70,8 @@ class Passing:
         """What is planned next."""
         if sent.course is not None:
             self._spans(sent.course, sent.spans)
+        elif sent.pause is not None and (event := event_of(sent.pause, self._now_s)) is not None:
+            self.events += [event] if len(self.events) < MOST_EVENTS else []
         self._now_s += sent.took_s
 
     def _spans(self, course: Course, spans: Sequence[Span]) -> None:

@@ -1,6 +1,7 @@
 """A whole path as the planner will send it when nobody interferes, and no dearer than what happens on it.
 
     planned(items, machine, kinematics)   pauses and parts of windows, in the order of the path
+    windows_along(track, ...)             the windows themselves, from anywhere and at any override
 
 Windows are of so many seconds, so a slow feed would need as many as its motion lasts. Where the
 feed alone holds the speed one window is like the one before it: such a row of windows is not
@@ -22,7 +23,7 @@ from controller.plan.feed import cruise, mesh, pace
 from controller.plan.feed.binding import Laws, Marks, Span
 from controller.plan.feed.course import Course
 from controller.plan.feed.profile import Profile
-from controller.plan.look_ahead import WHOLE_SHARE, WINDOW_S, Orders, Place, Sent, Windows
+from controller.plan.look_ahead import WHOLE_SHARE, WINDOW_S, Orders, Place, Sent, Units, Windows
 from controller.plan.path.path import Chain, Pause
 from controller.plan.planner import RETRY_S
 from controller.plan.stretch import Stretch
@@ -30,6 +31,7 @@ from controller.plan.track import Track
 
 SIGHT = 2.0 * WHOLE_SHARE  # times a window of motion at the feed: none looks as far ahead
 FEWEST = 2  # windows that are rolled on at once
+FULL, START = Orders(), Place(0, 0.0)
 
 
 class Planned(NamedTuple):
@@ -46,14 +48,35 @@ def planned(items: Iterable[Chain | Pause], machine: Machine, kinematics: Kinema
 
     Raises ProgramError where the path is refused on the way.
     """
-    track, windows, orders = Track(items, machine, kinematics), _Windows(machine, kinematics), Orders()
-    place, start_s, soon = Place(0, 0.0), 0.0, True
-    rolling = _Rolling(machine, kinematics)
-    while (sent := windows.from_rest(track, place, start_s, orders, soon)) is not None:
-        soon = False
+    track = Track(items, machine, kinematics)
+    for sent in windows_along(track, machine, kinematics):
+        yield _planned(track, sent)
+        track.forget(sent.first)
+    if track.error is not None:
+        raise track.error
+
+
+def windows_along(
+    track: Units,
+    machine: Machine,
+    kinematics: Kinematics,
+    orders: Orders = FULL,
+    begun: Sent | None = None,
+    place: Place = START,
+    start_s: float = 0.0,
+    soon: bool = True,
+) -> Iterator[Sent]:
+    """Windows and pauses along a path as the planner sends them, to its end or as far as it is known.
+
+    ``begun``: the window that is under way and goes on; else it goes on from rest at ``place``, at the plan
+    time ``start_s``. ``end_s`` of each is where the next one takes its place.
+    """
+    windows, rolling = _Windows(machine, kinematics), _Rolling(machine, kinematics, orders)
+    while (sent := begun or windows.from_rest(track, place, start_s, orders, soon)) is not None:
+        begun, soon = None, False
         while (seam_s := sent.seam_s) is not None:
             if (rolled := rolling.on(sent)) is not None:
-                yield _planned(track, replace(sent, end_s=seam_s))
+                yield replace(sent, end_s=seam_s)
                 sent = rolled
                 continue
             after = windows.from_motion(track, sent, seam_s, orders)
@@ -61,14 +84,10 @@ def planned(items: Iterable[Chain | Pause], machine: Machine, kinematics: Kinema
                 later_s = seam_s + RETRY_S
                 sent = replace(sent, seam_s=later_s if later_s < sent.end_s else None)
                 continue
-            yield _planned(track, replace(sent, end_s=seam_s))
+            yield replace(sent, end_s=seam_s)
             sent = after
-            track.forget(sent.first)
-        yield _planned(track, sent)
+        yield sent
         place, start_s = sent.after, sent.end_s
-        track.forget(place.unit - 1)
-    if track.error is not None:
-        raise track.error
 
 
 class _Windows(Windows):
@@ -97,8 +116,8 @@ def _planned(track: Track, sent: Sent) -> Planned:
 class _Rolling:
     """Rolls even windows on; of the last stretch it knows where more than the feed counts."""
 
-    def __init__(self, machine: Machine, kinematics: Kinematics) -> None:
-        self._machine, self._kinematics = machine, kinematics
+    def __init__(self, machine: Machine, kinematics: Kinematics, orders: Orders) -> None:
+        self._machine, self._kinematics, self._scales = machine, kinematics, orders.scales
         self._stretch: Stretch | None = None
         self._tight = np.empty(0)  # places of it where anything but its feed holds the speed
         self._sight_s = 0.0  # from anywhere on it
@@ -127,7 +146,7 @@ class _Rolling:
     def _until(self, stretch: Stretch, s: float, speed: float) -> float:
         """The first place of a stretch behind ``s`` at which anything but a feed of ``speed`` counts."""
         if stretch is not self._stretch:
-            course = Course([stretch], self._machine, self._kinematics)
+            course = Course([stretch], self._machine, self._kinematics, *self._scales)
             found = mesh.survey(mesh.Parts.of(course, s, course.length))
             tight = (found.allowed < cruise.SURELY * found.feed) | (found.feed != speed)
             self._stretch, self._tight = stretch, np.append(found.s[tight], course.length)

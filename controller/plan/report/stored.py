@@ -21,15 +21,17 @@ from controller.machine.model import Joints, Machine
 from controller.machine.plain import plain
 from controller.messages import Said, said
 from controller.motion.motions import Rotaries
+from controller.plan import timetable
 from controller.plan.report.passing import Mark
 from controller.plan.report.verdict import Verdict
 from controller.plan.stretch import Note
 from controller.plan.surfaces.placements import Recipe
+from controller.plan.timetable import Event
 from controller.program.program import Place
 from controller.values import dataclass
 from controller.version import VERSION
 
-FORMAT = 5  # of the files
+FORMAT = 6  # of the files
 KEPT = 500  # files; the oldest go
 
 
@@ -56,6 +58,12 @@ class Stored:
     placements: Mapping[str, Recipe] = field(default_factory=dict)  # of the cutter, by name
     verdicts: tuple[Verdict, ...] = ()  # on the surfaces that have a form tolerance
     marks: tuple[Mark, ...] = ()  # when which place is passed
+    events: tuple[Event, ...] = ()  # in which the path clock stands, at the same seconds
+
+    @property
+    def waits_s(self) -> float:
+        """What it waits beside ``duration_s``, as expected."""
+        return sum(event.wait.seconds for event in self.events)
 
 
 def folder() -> Path:
@@ -95,6 +103,7 @@ def save(stored: Stored, name: str, where: Path) -> Path:
         "placements": {found: recipe.to_dict() for found, recipe in stored.placements.items()},
         "verdicts": [one.to_dict() for one in stored.verdicts],
         "marks": [[*place, time_s] for place, time_s in stored.marks],
+        "events": timetable.to_json(stored.events),
     }
     file = where / f"{name}.json"
     new = where / f"{name}.{secrets.token_hex(8)}.new"  # several may write it at once
@@ -144,6 +153,7 @@ def _stored(values: Any, name: str) -> Stored:
         {str(found): Recipe.from_dict(recipe) for found, recipe in values["placements"].items()},
         tuple(map(Verdict.from_dict, values["verdicts"])),
         tuple(((int(n), float(f), int(way), float(s)), float(t)) for n, f, way, s, t in values["marks"]),
+        timetable.from_json(values["events"]),
     )
 
 

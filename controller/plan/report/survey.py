@@ -29,12 +29,12 @@ from controller.plan.feed.course import Course
 from controller.plan.feed.law import along
 from controller.plan.path.path import Chain, Pause, Stretch, joints_along
 from controller.plan.report import moments
-from controller.plan.report.duration import Waits
 from controller.plan.report.passing import Passing
 from controller.plan.report.planned import Planned, planned
 from controller.plan.report.tally import Bound, Part, Tally, bounds
 from controller.plan.restart.program_position import BESIDE
 from controller.plan.surfaces import rates
+from controller.plan.waits import laid
 from controller.program.program import Act
 from controller.values import dataclass
 
@@ -94,7 +94,7 @@ class Survey:
     binds: tuple[Bound, ...]  # over the whole program, the longest first
     cut_binds: tuple[Bound, ...]  # over the cuts and programmed feeds alone
     joints: tuple[JointUse, ...]
-    waits_s: float = 0.0  # for spindle and clamps, at most; no part of ``duration_s``
+    waits_s: float = 0.0  # for spindle, clamps, changes and inputs, as expected; no part of ``duration_s``
 
     def to_dict(self) -> dict[str, Any]:
         plain = {name: getattr(self, name) for name in self.__slots__}
@@ -115,6 +115,7 @@ def survey(
     ``passing`` gets when which place is passed.
     """
     look = _Look(machine, kinematics, tell)
+    items = laid(items, machine)
     for sent in planned(items if passing is None else passing.watched(items), machine, kinematics):
         look.window(sent)
         if passing is not None:
@@ -167,7 +168,7 @@ class _Look:
         self._machine, self._kinematics, self._tell = machine, kinematics, tell
         self._limits = rates.limits(machine)
         self._open: _Open | None = None
-        self._waits = Waits(machine)
+        self._waits_s = 0.0
         self._blocks = self._ticks = 0
         self._marked = True  # no time has passed since the start, or since the last program stop
         self._ended = False  # with a program stop
@@ -191,7 +192,7 @@ class _Look:
             self._motion(sent.course, sent.spans, sent.took_s)
 
     def _pause(self, pause: Pause, took_s: float) -> None:
-        self._waits.take(pause)
+        self._waits_s += pause.wait.seconds
         block = self._block(pause.place.line, pause.place.line, 1)
         if pause.act is not Act.CLAMP:
             block.what = block.what or (_word(pause.act) if pause.act else "dwell")
@@ -240,7 +241,7 @@ class _Look:
             bounds(self._seconds, self._machine),
             bounds(self._fed_seconds, self._machine),
             self._uses(),
-            self._waits.seconds,
+            self._waits_s,
         )
 
     # ---- blocks

@@ -29,7 +29,7 @@ def snapshot(**values: object) -> Snapshot:
 @pytest.fixture
 def job() -> Job:
     made = jobs.mdi("G0 X1", shipped())
-    made.duration_s = 10.0
+    made.time.check(10.0)
     made.arm(0)
     made.taken, made.state = True, "running"
     made.hear(News(finished=False))
@@ -93,7 +93,7 @@ def test_the_fraction_is_of_the_line_that_is_under_way_at_that_very_place(job: J
 def test_by_the_marks_of_a_check_the_time_left_is_that_of_the_place_whatever_the_override_was(
     job: Job,
 ) -> None:
-    job.marks = ((4, 0.0, OWN, 0.0), 1.0), ((4, 1.0, OWN, 0.0), 9.0)
+    job.time.check(10.0, (((4, 0.0, OWN, 0.0), 1.0), ((4, 1.0, OWN, 0.0), 9.0)))
     job.hear(News(finished=False, ways={7: replace(way(1.0), lines=(LinePart(0.0, 4, 0.0, 0.1, 4),))}))
     job.pass_time(snapshot(plan_time_s=0.0, motion_id=7, s=0.0, override=0.3))
     job.pass_time(snapshot(plan_time_s=20.0, motion_id=7, s=5.0, override=0.3))
@@ -105,7 +105,7 @@ def test_by_the_marks_of_a_check_the_time_left_is_that_of_the_place_whatever_the
 
 @pytest.mark.parametrize("state", ["stopped", "fault"])
 def test_the_place_stays_after_an_end_before_the_end(state: str, job: Job) -> None:
-    job.marks = ((4, 0.0, OWN, 0.0), 0.0), ((4, 1.0, OWN, 0.0), 10.0)
+    job.time.check(10.0, (((4, 0.0, OWN, 0.0), 0.0), ((4, 1.0, OWN, 0.0), 10.0)))
     job.hear(News(finished=False, ways={7: replace(way(1.0), lines=(LinePart(0.0, 4, 0.0, 0.1, 4),))}))
     job.pass_time(snapshot(plan_time_s=6.0, motion_id=7, line=4, s=5.0))
     job.pass_time(snapshot(plan_time_s=7.0, motion_id=-1, line=0))  # it stands

@@ -46,8 +46,9 @@ def cut(service: Service) -> None:
     way = Way(JOINTS, 10.0, "cut", end_s=END_MM, arc=arc, lines=lines)
     heard(service, finished=False, ways={BLOCK: way})
     assert service.running is not None
-    service.running.taken, service.running.duration_s = True, DURATION_S
-    service.running.marks = ((0, 0.0, OWN, 0.0), 10.0), ((0, 1.0, OWN, 0.0), 70.0)  # a quarter of it: 25 s
+    service.running.taken = True
+    marks = ((0, 0.0, OWN, 0.0), 10.0), ((0, 1.0, OWN, 0.0), 70.0)  # a quarter of it: 25 s
+    service.running.time.check(DURATION_S, marks)
     there = {"line": LINE, "motion_id": BLOCK, "s": S_MM, "joints": JOINTS, "actual": JOINTS}
     engine.now = engine.now._replace(mode=Mode.RUNNING, at_rest=False, plan_time_s=ELAPSED_S, **there)
 

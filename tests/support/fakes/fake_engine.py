@@ -33,7 +33,7 @@ HANGS_S = 60.0  # no test is meant to come near
 Plan = Callable[..., dict[str, Any]]
 CHECKED = {
     **{"duration_s": 1.0, "blocks": 2, "notes": [], "restart": [], "verdict": None},
-    **{"marks": (), "passed_s": 0.0},
+    **{"marks": (), "events": (), "timetable": None, "passed_s": 0.0},
 }
 
 
@@ -133,7 +133,7 @@ class FakeEngine:
 
     def _arm(self, program: Any, **_: Any) -> dict[str, Any]:
         start = Start(self.now.joints, self.now.plan_time_s, program.spot, program.start)
-        return {"start": start, "duration_s": 1.0, "blocks": 1}
+        return {"start": start, "duration_s": 1.0, "blocks": 1, "marks": (), "events": ()}
 
 
 class FakeRecorder:

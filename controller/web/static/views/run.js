@@ -195,6 +195,7 @@ function Cycle() {
   const tall = (key, path, more) => html`<${Act} text=${word(`run.${key}`)} call=${`POST cycle/${path}`} class="tall" ...${more} />`;
   const time = (key) => html`<div class="time"><span class="dim">${word(`run.${key}`)}</span>
     <${Figure} class="strong">${forms.time(job?.[`${key}_s`])}<//></div>`;
+  const coming = ["next_tool", "next_stop"].filter((key) => job?.[`${key}_s`] != null);
   const in_thread = dx.status?.notices?.some(({ name }) => name === "IN_THREAD");
   return html`<${Card} class="run-cycle">
     <${Offer} />
@@ -213,7 +214,7 @@ function Cycle() {
       </div>
       <${Override} /><${Rapid} /><${SpindleOverride} />
     </div>
-    <div class="times">${["elapsed", "left", "duration"].map(time)}
+    <div class="times">${["elapsed", "left", ...coming, ...(coming.length < 2 ? ["duration"] : [])].map(time)}
       <div class="time"><span class="dim">${word("run.parts")}</span><${Figure} class="strong" id="run-parts">${made(job)}<//></div></div>
   <//>`;
 }

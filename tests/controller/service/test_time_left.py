@@ -1,0 +1,208 @@
+"""What is told to be left of a program is what it then takes: at a start, after an override, with changes."""
+
+from __future__ import annotations
+
+import random
+from functools import cache
+from pathlib import Path
+
+import pytest
+from support.machines.timed_runs import Timed, TimedRun
+
+from controller.machine import machine_file
+from controller.machine.model import Machine
+from controller.plan.restart.program_position import Spot
+from controller.plan.stretch import Wait
+from controller.plan.timetable import Event, Timetable
+from controller.plan.waits import BY_HAND, CHANGE, OPTIONAL, STOP
+from controller.service.time_left import Durations, TimeLeft
+
+SLOW_S = 0.01  # a tick of the machines here: a fifth of what shipped ones cost
+START, OVERRIDE, SHOP = 0.005, 0.001, 0.03  # shares of what is left by which it may be told wrong
+SOON_S = 0.6  # after a start or an override the rest has been planned
+TICKS_S = 0.1  # what a look, and the drives at the end, may add to it
+
+
+@cache
+def machine(name: str) -> Machine:
+    return machine_file.with_period(machine_file.load(name), SLOW_S)
+
+
+LINES = "\n".join(f"G1 X{3 * (k % 7)} Y{2 * (k % 5)} F{(900, 2500, 6000)[k % 3]}" for k in range(30))
+PLAIN = f"""G21 G90 G54 G94 G17 G64 P0.05
+G0 X10 Y10 Z40
+G1 Z30 F500
+{LINES}
+G4 P0.8
+G0 Z60
+G3 X23 Y8 I10 J0 F1800
+G1 X0 F3000
+M30
+"""
+MILLED = """G21 G90 G54 G94 G17
+S6000 M3 M8
+G0 X0 Y0 Z160
+G1 X30 F1500
+{middle}
+Y20
+G4 P0.5
+G1 X0 F900
+T{tool} M6
+S8000 M3
+G0 X10 Y10 Z170
+G1 X40 F2000
+S4000
+M0
+X10
+M5 M9
+M30
+"""
+
+
+def text_of(tool: int, middle: str = "") -> str:
+    return MILLED.format(tool=tool, middle=middle)
+
+
+def assert_told(
+    run: Timed, share: float, from_s: float = 0.0, to_s: float = 1e9, often_s: float = 0.5
+) -> None:
+    """At each of these times what was told is so near to what was then taken."""
+    next_s, looked = from_s, 0
+    for at_s, left in run.rows:
+        if not next_s <= at_s <= run.took_s - 1.0:
+            continue
+        next_s, looked = at_s + often_s, looked + 1
+        truly_s = run.took_s - at_s
+        assert left.left_s == pytest.approx(truly_s, abs=max(share * truly_s, TICKS_S)), (at_s, truly_s)
+    assert looked > 1
+
+
+@pytest.fixture(scope="module")
+def plain(tmp_path_factory: pytest.TempPathFactory) -> TimedRun:
+    return TimedRun(tmp_path_factory.mktemp("plain"), machine("trunnion"))
+
+
+@pytest.fixture(scope="module")
+def shop(tmp_path_factory: pytest.TempPathFactory) -> TimedRun:
+    return TimedRun(tmp_path_factory.mktemp("shop"), machine("shop"))
+
+
+def test_a_start_is_told_its_time_before_it_and_on_the_way(plain: TimedRun) -> None:
+    run = plain.run(PLAIN)
+    assert run.loaded.left_s == pytest.approx(run.took_s, rel=START)
+    assert_told(run, START)
+    assert run.loaded.next_tool_s is None and run.loaded.next_stop_s is None
+
+
+def test_a_start_inside_counts_the_way_there(plain: TimedRun) -> None:
+    run = plain.run(PLAIN, Spot(20, 0.5))
+    assert run.loaded.left_s == pytest.approx(run.took_s, rel=START)
+    assert_told(run, START)
+
+
+@pytest.mark.parametrize("share", [0.25, 0.5, 1.2])
+def test_an_override_is_told_as_it_will_be(share: float, plain: TimedRun) -> None:
+    run = plain.run(PLAIN, overrides={2.0: share})
+    assert_told(run, OVERRIDE, 2.0 + SOON_S)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(8))
+def test_overrides_at_random_moments_are_told_as_they_will_be(seed: int, plain: TimedRun) -> None:
+    print(f"seed {seed}")
+    random_ = random.Random(seed)
+    first_s = random_.uniform(0.5, 4.0)
+    last_s = first_s + random_.uniform(0.5, 4.0)
+    shares = {first_s: random_.choice((0.25, 0.5, 1.2)), last_s: random_.choice((0.3, 0.8, 1.0, 1.1))}
+    assert_told(plain.run(PLAIN, overrides=shares), OVERRIDE, last_s + SOON_S)
+
+
+def test_spindle_and_changer_are_counted_on_the_way_to_tool_and_stop(shop: TimedRun) -> None:
+    run = shop.run(text_of(2), waits_s=(1.0,))
+    stopped_s = 1.0  # nobody knows how long the operator takes
+    assert run.loaded.left_s == pytest.approx(run.took_s - stopped_s, rel=SHOP)
+    (change_s,), (stop_s,) = run.changes_s, run.stops_s
+    assert run.loaded.next_tool_s == pytest.approx(change_s, rel=SHOP)
+    assert run.loaded.next_stop_s == pytest.approx(stop_s, rel=SHOP)
+    for at_s, left in run.rows:
+        if SOON_S < at_s < change_s - 0.5:
+            assert left.next_tool_s == pytest.approx(change_s - at_s, abs=SHOP * run.took_s)
+        elif change_s < at_s:
+            assert left.next_tool_s is None
+        if stop_s + 0.2 < at_s:
+            assert left.next_stop_s is None
+        told_s = left.left_s + (stopped_s if at_s < stop_s else 0.0)
+        if not stop_s <= at_s <= stop_s + stopped_s:
+            assert told_s == pytest.approx(run.took_s - at_s, abs=SHOP * run.took_s)
+
+
+def test_m1_is_a_stop_where_it_is_switched_on_alone(shop: TimedRun) -> None:
+    tool = shop.store.spindle or 1 if shop.store is not None else 1
+    text = text_of(tool, "M1")
+    off, on = shop.run(text), shop.run(text, optional=True)
+    assert len(off.stops_s) == 1 and len(on.stops_s) == 2
+    told = [next(left for at_s, left in run.rows if at_s > SOON_S).next_stop_s for run in (off, on)]
+    assert told[0] == pytest.approx(off.stops_s[0] - SOON_S, abs=0.3)
+    assert told[1] == pytest.approx(on.stops_s[0] - SOON_S, abs=0.3)
+
+
+# ---- what is told of a timetable
+
+
+def left_of(events: list[Event]) -> TimeLeft:
+    made = TimeLeft()
+    made.stands(Timetable(0.0, 10.0, tuple(events)))
+    return made
+
+
+def test_what_is_waited_for_is_counted_to_what_comes_behind_it() -> None:
+    events = [
+        Event(2.0, 3, Wait("spindle 0 to 100", 1.5)),
+        Event(4.0, 5, Wait("journal", 0.25, CHANGE)),
+        Event(4.0, 5, Wait("Grip", 0.5)),
+        Event(6.0, 8, Wait(stops=OPTIONAL)),
+        Event(7.0, 9, Wait(stops=STOP)),
+    ]
+    left = left_of(events).before_start(0.0)
+    assert left == (10.0 + 2.25, 5.5, 7.0 + 2.25)
+
+
+def test_a_change_by_hand_is_a_tool_and_a_stop() -> None:
+    left = left_of([Event(3.0, 3, Wait(BY_HAND, 60.0, BY_HAND))]).before_start(0.0)
+    assert left == (70.0, 3.0, 3.0)
+
+
+def test_what_a_wait_took_last_is_expected_of_the_next_of_its_name(tmp_path: Path) -> None:
+    durations = Durations(tmp_path)
+    event = Event(2.0, 3, Wait("Grip", 0.5))
+    assert durations.of(event) == 0.5
+    for seconds in (0.7, 9.0, 0.8):
+        durations.learn("Grip", seconds)
+    durations.save()
+    again = Durations(tmp_path)
+    assert again.of(event) == 0.8 and again.damaged is None
+    assert again.of(event._replace(wait=event.wait._replace(name="Swing"))) == 0.5
+
+
+def test_durations_that_cannot_be_read_are_put_aside(tmp_path: Path) -> None:
+    (tmp_path / "durations.json").write_text('{"Grip": 3}')
+    found = Durations(tmp_path)
+    assert found.damaged is not None and found.of(Event(0.0, 1, Wait("Grip", 0.5))) == 0.5
+    assert list(tmp_path.glob("durations.json*")) and not (tmp_path / "durations.json").exists()
+
+
+@pytest.mark.slow
+def test_a_machine_that_is_slower_than_its_file_is_told_right_in_its_second_run(tmp_path: Path) -> None:
+    """The drawbar, say: the steps of the changer take three times what is expected of them."""
+    shipped = machine("shop")
+    changer = shipped.changer
+    assert changer is not None
+    run = TimedRun(tmp_path, shipped)
+    node = next(iter(run.stepped.rig.io.values()))
+    for output, switch, delay_s, inverted in list(node._wires):
+        node.unwire(switch)
+        node.wire(output, switch, delay_s if delay_s > 1.0 else 3.0 * delay_s, inverted)
+    first, second = run.run(text_of(2)), run.run(text_of(3))
+    assert first.loaded.left_s is not None and second.loaded.left_s is not None
+    assert abs(first.loaded.left_s / first.took_s - 1.0) > SHOP
+    assert second.loaded.left_s == pytest.approx(second.took_s, rel=SHOP)
