@@ -145,7 +145,7 @@ def test_a_reader_never_meets_a_counter_that_is_only_half_written() -> None:
             recorder.write(row)
     try:
         last = -1
-        for _ in range(10_000):
+        for _ in range(4_000):
             assert all(board.read() for _ in range(20))
             ticks = recorder.drain()[:, 0]
             if len(ticks):
