@@ -205,7 +205,7 @@ def _along(tips: np.ndarray) -> list[str]:
 
 
 def _down(place: np.ndarray) -> list[str]:
-    return [f"G0 {_xyz(place + [0.0, 0.0, HEIGHT_MM + 5.0])}", f"G1 Z{place[2]:.4f} F600."]
+    return [f"G0 {_xyz(place + np.array([0.0, 0.0, HEIGHT_MM + 5.0]))}", f"G1 Z{place[2]:.4f} F600."]
 
 
 def _ijk(axis: np.ndarray) -> str:
