@@ -25,7 +25,7 @@ from controller.program.program import UNSAID, JointArc, JointLine, Modal, Side,
 MAX_ROWS = 20_000  # states that are remembered: more lines than are ever read ahead
 # Of a state what belongs to the text that is read, or is known again from the machine.
 _OF_THE_TEXT = ("tools", "references", "offset_number", "noted", "curve_goes", "begun", "marks", "cleared")
-_FOUND_AGAIN = ("part", "turned_rad", "cutter", "tilted", "planar", "outputs", "compensated", "written")
+_FOUND_AGAIN = ("part", "turned_rad", "cutter", "tilted", "planar", "outputs", "beside_mm", "written")
 
 
 def _proxy(values: dict[Any, Any]) -> MappingProxyType[Any, Any]:

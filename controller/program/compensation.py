@@ -168,7 +168,9 @@ class _Path:
         if block.modal.planar is None:
             return block
         if self._last is None or self._last[0] is not block.modal:
-            self._last = block.modal, replace(block.modal, planar=None, compensated=block.modal.planar.lines)
+            planar = block.modal.planar
+            beside_mm = planar.off_mm if planar.lines else 0.0
+            self._last = block.modal, replace(block.modal, planar=None, beside_mm=beside_mm)
         return replace(block, modal=self._last[1])
 
     # ---- after G40 -------------------------------------------------------------------

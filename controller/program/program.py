@@ -183,7 +183,13 @@ class Modal:
     outputs: Outputs = UNSAID  # of M62 to M65 and of the machine's own codes
     overrides: Overrides = ENABLED
     planar: Planar | None = None  # cutter compensation of lines and arcs
-    compensated: bool = field(default=False, compare=False)  # by that, which has been done
+    # By that, which has been done: as ``Planar.off_mm``, of lines and arcs; 0 where it is not on.
+    beside_mm: float = field(default=0.0, compare=False)
+
+    @property
+    def compensated(self) -> bool:
+        """Whether the cutter is led beside the contour as written."""
+        return self.beside_mm != 0.0
 
     def frame(self, machine: Machine) -> Frame:
         """The program's frame seen from the table frame at zero."""

@@ -22,6 +22,7 @@ import numpy.typing as npt
 from controller.geometry.vectors import ROUNDING, dot, subtract
 from controller.machine.model import Joints, Machine, Tool
 from controller.messages import Said, said
+from controller.plan.restart import contours
 from controller.plan.restart.reentry import NotPossible
 from controller.plan.restart.restart import Rest
 from controller.program.program import Block, JointArc, JointCurve, JointLine, TipLine
@@ -98,6 +99,7 @@ def see_cuts_no_deeper(before: Tool, after: Tool, rest: Rest) -> None:
     longer, thicker = after.length_mm - before.length_mm, after.radius_mm - before.radius_mm
     if longer <= DEEPER_MM and all(overhang(before, after, math.inf, off) is None for off in (0.0, thicker)):
         return
+    beside = 0  # a line that G41 or G42 leads
     fits_to = dict[float, float]()  # by how far off its path is: so high nothing reaches out
     for block, lower_mm in _cut_lines(rest):
         follows = block.modal.tilted or abs(block.modal.length_mm - after.length_mm) < DEEPER_MM
@@ -105,12 +107,17 @@ def see_cuts_no_deeper(before: Tool, after: Tool, rest: Rest) -> None:
             why = said("aside.not_lengthened", longer=longer, line=block.place.line, length=before.length_mm)
             raise NotPossible(why)
         off_mm = thicker if block.modal.compensated else 0.0
+        beside = beside or (block.place.line if block.modal.compensated else 0)
         top_mm = _top(rest) + lower_mm
         if top_mm <= fits_to.get(off_mm, -math.inf):
             continue
         if (found := overhang(before, after, top_mm, off_mm)) is not None:
             raise NotPossible(_deeper(found, before, after, block))
         fits_to[off_mm] = top_mm
+    if beside and thicker > DEEPER_MM:
+        hit = contours.cut_deeper(rest.source, after, thicker, DEEPER_MM)
+        if hit is not None:
+            raise NotPossible(said("aside.contour", tool=after.number, by=hit.depth_mm, line=hit.line))
 
 
 def _deeper(out: Overhang, before: Tool, after: Tool, block: Block) -> Said:

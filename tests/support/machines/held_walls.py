@@ -91,10 +91,8 @@ class Part:
         """G51, the cutter outside."""
         size = f"H{HEIGHT_MM} R{radius_mm - lean_mm:.4f} D{sweep_deg:.4f}"
         words = [*HEAD, "G42 P1 R0.05", f"G51 X{radius_mm:.4f} Y0. Z0. I0. J0. K0. {size} F600."]
-        angle, v = (
-            np.linspace(0.0, last, n)
-            for last, n in zip((np.radians(sweep_deg), 1.0), aside_envelope.GRID, strict=True)
-        )
+        along, up = aside_envelope.GRID
+        angle, v = np.linspace(0.0, np.radians(sweep_deg), along), np.linspace(0.0, 1.0, up)
         rho, z = radius_mm - lean_mm * v, HEIGHT_MM * v
         round_ = [np.multiply.outer(turn(angle), rho) for turn in (np.cos, np.sin)]
         points = np.stack([*round_, np.broadcast_to(z, round_[0].shape)], axis=2)
@@ -205,7 +203,8 @@ def _along(tips: np.ndarray) -> list[str]:
 
 
 def _down(place: np.ndarray) -> list[str]:
-    return [f"G0 {_xyz(place + np.array([0.0, 0.0, HEIGHT_MM + 5.0]))}", f"G1 Z{place[2]:.4f} F600."]
+    over = place + np.array([0.0, 0.0, HEIGHT_MM + 5.0])
+    return [f"G0 {_xyz(over)}", f"G1 Z{place[2]:.4f} F600."]
 
 
 def _ijk(axis: np.ndarray) -> str:

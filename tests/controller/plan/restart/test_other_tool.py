@@ -83,7 +83,16 @@ def test_a_tool_is_as_thick_at_a_height_as_its_body_is(one: Tool) -> None:
         assert ((out < 0.0) == inside).all()
 
 
-G41 = "G21 G90 G54 T2 M6\nG43 H2\nG0 X0 Y-5 Z40\nG1 Z20 F900\nG41 D2 G1 X0 Y0\nX30\nG40 Y-5\nG1 Z40\nM30\n"
+G41 = """G21 G90 G54 T2 M6
+G43 H2
+G0 X-14 Y12 Z40
+G1 Z20 F900
+G41 D2 G1 X-8 Y0
+X30
+G40 X40 Y12
+G1 Z40
+M30
+"""
 WIDE = ((10.0, 30.0, 8.0),)
 
 
@@ -121,12 +130,15 @@ def test_along_compensated_lines_the_shape_of_a_tool_counts(size: dict[str, obje
         ("G0 X50\nG1 Z2\nG0 Z60", 9),
         ("G2 X40 Y5 I5 J0", 8),
         ("G43.4 H2\nG1 X40 Y3 Z20 A5 C3", 9),
-        ("G0 X50\nG1 Z2\nG42 D2 X40 Y3\nX30\nG40 Y9\nG1 Z60", 0),  # down beside a compensated line
+        (
+            "G0 X60 Y-30\nG1 Z2\nG41 D2 X52 Y-20\nX30\nG40 X20 Y-30\nG1 Z60",
+            0,
+        ),  # down beside a compensated line
         ("G53 G0 Z200\nT1 M6\nG1 X40 F100", 0),  # another tool
     ],
 )
 def test_the_first_line_that_a_thicker_tool_would_cut_deeper_is_named(lines: str, line: int) -> None:
-    text = G41.replace("G40 Y-5\nG1 Z40\n", f"G40 Y-5\n{lines}\n")
+    text = G41.replace("G40 X40 Y12\nG1 Z40\n", f"G40 X40 Y12\n{lines}\n")
     left = rest(text, 6, radius_mm=2.5)
     if not line:
         other_tool.see_cuts_no_deeper(tool(), tool(radius_mm=2.5), left)
@@ -151,3 +163,37 @@ def test_a_ball_is_not_followed_by_a_flat_end_along_lines() -> None:
     with pytest.raises(NotPossible, match=r"1\.500 mm further out .* from 0\.000 mm above the tip .* line 5"):
         other_tool.see_cuts_no_deeper(tool(corner_mm=1.5), tool(), left)
     other_tool.see_cuts_no_deeper(tool(), tool(corner_mm=1.5), left)
+
+
+def beside(*lines: tuple[float, float, float]) -> str:
+    """Straight walls under G41, each (y, from x, to x), down to Z0 and from above again."""
+    text = "G21 G90 G54 T2 M6\nG43 H2\n"
+    for y, begin, end in lines:
+        on = 1.0 if end > begin else -1.0
+        text += f"G0 X{begin - 20 * on} Y{y + 6 * on} Z40\nG1 Z0 F900\nG41 D2 G1 X{begin - 9 * on} Y{y}\n"
+        text += f"X{end}\nG40\nG0 Z40\n"
+    return text + "M30\n"
+
+
+@pytest.mark.parametrize(
+    ("walls", "radius_mm", "deep"),
+    [
+        (((0.0, 0.0, 30.0), (4.0, 30.0, 0.0)), 1.9, ""),
+        (
+            ((0.0, 0.0, 30.0), (4.0, 30.0, 0.0)),
+            2.5,
+            r"1\.000 mm deeper than the one before along line (6|12)",
+        ),
+        (((2.0, 0.0, 30.0), (0.0, 0.0, 30.0)), 2.5, ""),  # the second takes what the first leaves
+        (((0.0, 0.0, 30.0), (9.0, 30.0, 0.0)), 4.4, ""),
+    ],
+)
+def test_a_thicker_tool_beside_its_own_contour_is_kept_off_those_of_others(
+    walls: tuple[tuple[float, float, float], ...], radius_mm: float, deep: str
+) -> None:
+    left = rest(beside(*walls), 6, radius_mm=radius_mm)
+    if not deep:
+        other_tool.see_cuts_no_deeper(tool(), tool(radius_mm=radius_mm), left)
+        return
+    with pytest.raises(NotPossible, match=deep):
+        other_tool.see_cuts_no_deeper(tool(), tool(radius_mm=radius_mm), left)
