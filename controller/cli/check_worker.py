@@ -30,6 +30,7 @@ from controller.plan.stretch import Stretch
 from controller.program import blocks, linked, refusals
 from controller.program.program import Block, ProgramError
 from controller.runtime import checked, children
+from controller.service.durations import Durations
 from controller.verify.audit import Watched
 from controller.verify.maps import maps
 
@@ -90,6 +91,8 @@ def check(
     if kept.overcuts:
         seen((task, watched.stretches))
     figures = found.to_dict()
+    figures["waits_s"] = Durations(state, own=False).sum_s(kept.events)  # as its runs have shown it
+    figures["takes_s"] = found.duration_s + figures["waits_s"]
     figures["cuts_mm"] = figures["cuts_mm"][:MAX_CUTS]
     notes = [note.facts for note in kept.notes[:MAX_CUTS]]
     figures["verdict"] = checked.verdict_of(kept)

@@ -147,9 +147,10 @@ def _checked(machine: Machine, name: str, quiet: bool) -> dict[str, Any]:
 def _stored(name: str, check: Mapping[str, Any]) -> str:
     if check.get("state") != "passed":
         return say("stored_only", name=name)
-    duration_s = (check.get("result") or {}).get("duration_s")
-    long = duration_s is not None
-    return say("stored_long" if long else "stored", name=name, clock=status_view.clock(duration_s))
+    result = check.get("result") or {}
+    takes_s = result.get("takes_s", result.get("duration_s"))
+    long = takes_s is not None
+    return say("stored_long" if long else "stored", name=name, clock=status_view.clock(takes_s))
 
 
 def _why_not(name: str, result: Mapping[str, Any]) -> str:

@@ -39,6 +39,7 @@ from controller.runtime.startup import SessionError
 from controller.service import alarms as alarm_values
 from controller.service import jobs, journal, kept_file, runs
 from controller.service.alarms import Alarms
+from controller.service.durations import Durations
 from controller.service.engine import Engine
 from controller.service.fault_reporter import Troubles
 from controller.service.folders import Folders
@@ -52,7 +53,6 @@ from controller.service.refusals import refused
 from controller.service.runs import Rows, RunRecord
 from controller.service.sequencer import Sequencer
 from controller.service.thread_guard import ThreadGuard
-from controller.service.time_left import Durations
 from controller.service.tool_changer import ToolChanger
 from controller.service.usage import Usage
 from controller.service.watchdog import STANDS_S, LastSecond, Pulse

@@ -9,27 +9,18 @@ planned.
 
 from __future__ import annotations
 
-import contextlib
-import json
-import statistics
-import threading
 from collections.abc import Iterable, Sequence
-from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-from controller import atomic_file
 from controller.ipc.handoff import COLUMN, WAITED, Snapshot
 from controller.motion.pieces import FIRST_MARK
 from controller.plan.report.passing import Mark, passed_s
 from controller.plan.timetable import Event, Timetable
 from controller.plan.waits import BY_HAND, CHANGE, JOURNAL, OPTIONAL, STOP
-from controller.service import kept_file
+from controller.service.durations import Durations
 from controller.service.runs import Rows
 from controller.state.modes import Mode, Request
 
-FILE = "durations.json"
-KEPT = 9  # of each wait the last so many; what is expected is the one in the middle
-MOST = 2000  # waits that are known by name
 SAME_S = 1e-5
 ENOUGH_S = 2.0  # of a check, from which the pace of what is planned is seen
 _RUNNING, _HOLD = int(Mode.RUNNING), int(Mode.HOLD)
@@ -42,45 +33,6 @@ class Left(NamedTuple):
     left_s: float | None = None
     next_tool_s: float | None = None
     next_stop_s: float | None = None
-
-
-class Durations:
-    """How long waits took in the last runs of this machine, by their names; any thread."""
-
-    def __init__(self, state: Path) -> None:
-        self._file, self._lock = state / FILE, threading.Lock()
-        self._known: dict[str, list[float]]
-        self._known, self.damaged = kept_file.read(self._file, _taken, dict[str, list[float]]())
-        self._usual = {name: statistics.median(took) for name, took in self._known.items()}
-        self._changed = False
-
-    def of(self, event: Event) -> float:
-        """What a wait is expected to take."""
-        return self._usual.get(event.wait.name, event.wait.seconds)
-
-    def learn(self, name: str, seconds: float) -> None:
-        """What one has taken."""
-        with self._lock:
-            took = [*self._known.pop(name, ()), round(seconds, 4)][-KEPT:]
-            self._known[name] = took
-            self._usual[name] = statistics.median(took)
-            if len(self._known) > MOST:
-                del self._usual[next(iter(self._known))], self._known[next(iter(self._known))]
-            self._changed = True
-
-    def save(self) -> None:
-        """What the disk does not take is learned anew. Waits for the disk."""
-        with self._lock, contextlib.suppress(OSError):
-            if self._changed:
-                atomic_file.write(self._file, json.dumps(self._known))
-                self._changed = False
-
-
-def _taken(kept: Any) -> dict[str, list[float]]:
-    """Raises ValueError or TypeError for anything but what is saved."""
-    if not isinstance(kept, dict) or not all(kept.values()):
-        raise TypeError("no durations")
-    return {str(name): [float(one) for one in took][-KEPT:] for name, took in kept.items()}
 
 
 class TimeLeft:

@@ -66,6 +66,7 @@ def test_a_program_is_checked_by_a_process_and_the_check_is_what_a_start_finds(s
     checker.close()
     assert found.state == "passed", found.result
     assert found.result["blocks"] == 3 and found.result["duration_s"] > 5.0
+    assert found.result["takes_s"] == found.result["duration_s"] + found.result["waits_s"]
     task = checked.task(SOUND, "a", machine_file.load("trunnion"))
     there, warning = checked.find(task, store.folder / "checks")
     assert there and not warning and there.duration_s == found.result["duration_s"]

@@ -15,7 +15,8 @@ from controller.plan.restart.program_position import Spot
 from controller.plan.stretch import Wait
 from controller.plan.timetable import Event, Timetable
 from controller.plan.waits import BY_HAND, CHANGE, OPTIONAL, STOP
-from controller.service.time_left import Durations, TimeLeft
+from controller.service.durations import Durations
+from controller.service.time_left import TimeLeft
 
 SLOW_S = 0.01  # a tick of the machines here: a fifth of what shipped ones cost
 START, OVERRIDE, SHOP = 0.005, 0.001, 0.03  # shares of what is left by which it may be told wrong
@@ -186,6 +187,7 @@ def test_what_a_wait_took_last_is_expected_of_the_next_of_its_name(tmp_path: Pat
 
 def test_durations_that_cannot_be_read_are_put_aside(tmp_path: Path) -> None:
     (tmp_path / "durations.json").write_text('{"Grip": 3}')
+    assert Durations(tmp_path, own=False).damaged is None and (tmp_path / "durations.json").exists()
     found = Durations(tmp_path)
     assert found.damaged is not None and found.of(Event(0.0, 1, Wait("Grip", 0.5))) == 0.5
     assert list(tmp_path.glob("durations.json*")) and not (tmp_path / "durations.json").exists()

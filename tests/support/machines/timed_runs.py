@@ -14,9 +14,10 @@ from support.machines.planning_bench import Bench
 from controller.machine.model import Machine
 from controller.machine.tool_store import ToolStore, placed
 from controller.plan.restart.program_position import Spot
+from controller.service.durations import Durations
 from controller.service.jobs import Job
 from controller.service.planner_client import Answer, Program
-from controller.service.time_left import Durations, Left
+from controller.service.time_left import Left
 from controller.service.tool_changer import ToolChanger
 from controller.state.modes import Mode, Request
 

@@ -134,7 +134,7 @@ function Row({ row }) {
       <div class="dim when"><span>${word("uploaded")}</span> <${Moment} at=${row.uploaded_s} /></div>
     </td>
     <td class="p-check"><${State} check=${check} /></td>
-    <td class="figures p-time">${forms.time(check.result.duration_s)}</td>
+    <td class="figures p-time">${forms.time(check.result.takes_s ?? check.result.duration_s)}</td>
     <td class="p-last">${run && html`<${Chip} tone=${RESULTS[run.result] ?? "dim"}>${known(`result.${run.result}`, run.result)}<//>
       <div class="dim when"><${Moment} at=${run.began_s} /></div>`}</td>
     <td class="figures p-size">${forms.size(row.size)}</td>
@@ -204,7 +204,7 @@ function Found({ check, made }) {
   const binds = (check.cut_binds ?? []).filter(({ share }) => share >= 0.01).map(({ what, share }) => `${forms.bound(what)} ${forms.percent(share)}`);
   const overcut = check.verified?.overcut_mm;
   const facts = [
-    ["time", forms.time(check.duration_s)],
+    ["time", forms.time(check.takes_s ?? check.duration_s)],
     ["cut", `${(check.cut_length_mm ?? 0).toFixed(1)} mm, ${forms.time(check.cut_time_s)}`],
     ["blocks", check.blocks ?? "–"],
     ["binds", binds.join(", ")],
