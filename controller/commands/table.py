@@ -67,7 +67,17 @@ NUMBERED = r"G54\.1 P([1-9]|[1-3][0-9]|4[0-8])"
 SET_NAME = rf"^(G5[4-9]|G59\.[1-3]|{NUMBERED}|G92|G28|G30|T[0-9]{{1,5}}|#[0-9]{{1,4}}|all)$"
 ON = (Argument("on", Switch()),)
 FRAME = Argument("frame", Choice(("joint", "part", "tool")))
-JOGGED = Argument("axis", AXIS, "Name of an axis of the machine file.")
+JOGGED = Argument(
+    "axis",
+    Text(3, 1, "^([XYZABC]|[XYZ][+-][XYZ])$"),
+    "Name of an axis of the machine file, or two linear ones for the diagonal between them: X+Y, X-Y.",
+)
+JOG_FEED = Argument(
+    "feed",
+    Number(0.0, 1e6, above=True),
+    "At most so many mm/min along the line, degrees/min of a rotary.",
+    None,
+)
 TOOL = Argument("tool", Whole(1, MAX_TOOL))
 ITEM = Argument("name", Text(60, 1))
 FREE = ("OFF", "READY", "FAULT")  # modes in which offsets and tools may be changed
@@ -422,6 +432,7 @@ ALL: tuple[Command, ...] = (
             FRAME,
             JOGGED,
             Argument("speed", Number(-1.0, 1.0), "Share of the jog speed, with its sign."),
+            JOG_FEED,
             Argument(
                 "press",
                 Label(40),
@@ -447,6 +458,7 @@ ALL: tuple[Command, ...] = (
             FRAME,
             JOGGED,
             Argument("distance", Number(-1000.0, 1000.0), "mm or degrees, with its sign."),
+            JOG_FEED,
         ),
         Request.JOG,
         needs=("not_in_thread", "mode"),

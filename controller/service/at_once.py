@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from controller.commands.table import Request
 from controller.ipc.control_socket import Answer, Values
 from controller.messages import Key
+from controller.service.jogging import slowed
 from controller.service.preconditions import permitted
 from controller.service.refusals import number, refused
 
@@ -66,6 +67,7 @@ def jog(desk: Desk, values: Values) -> Answer:
     service, now = desk.service, permitted(desk.service, Request.JOG)
     frame, axis, share = values["frame"], values["axis"], values["speed"]
     line = desk.jogging.continuous(service.machine, now, desk.part(), frame, axis, share)
+    line = slowed(service.machine, line, frame, axis, values["feed"])
     if not desk.presses.may_move(values["press"]):
         raise refused("press_ended", now.mode.name, "JOG")
     return desk.answer_of(service.engine.jog(line), Request.JOG)
@@ -75,6 +77,7 @@ def jog_step(desk: Desk, values: Values) -> Answer:
     service, now = desk.service, permitted(desk.service, Request.JOG)
     frame, axis, distance = values["frame"], values["axis"], values["distance"]
     line = desk.jogging.step(service.machine, now, desk.part(), frame, axis, distance)
+    line = slowed(service.machine, line, frame, axis, values["feed"])
     return desk.answer_of(service.engine.jog(line), Request.JOG)
 
 

@@ -2,6 +2,8 @@
 
 Three frames, all with the rotaries where they are, so that every line is straight:
 
+Two linear axes make a diagonal, ``X+Y`` or ``X-Y``, in any of them.
+
 * ``joint``: one axis of the machine file, in the sense that is shown;
 * ``part``: X Y Z of the active work offset;
 * ``tool``: Z along the tool axis away from the part, X and Y across it.
@@ -96,7 +98,11 @@ def direction(
     part: Frame,
     homed: int,
 ) -> Joints:
-    """The joints' way per mm (per rad of a rotary) along the positive axis. Raises JogError."""
+    """The joints' way per mm (per rad of a rotary) along the positive axis or diagonal. Raises JogError."""
+    if len(axis) > 1:
+        return _diagonal(
+            machine, axis, lambda one: direction(machine, kinematics, joints, frame, one, part, homed)
+        )
     if frame == "joint":
         return _joint(machine, axis)
     if frame not in FRAMES:
@@ -126,6 +132,25 @@ def fastest(machine: Machine, line: Joints) -> float:
     """The jog speed along a line, in its units per s."""
     rows = zip(machine.axes, line, strict=True)
     return machine.rapid_share * min(axis.limits.velocity / abs(d) for axis, d in rows if d)
+
+
+def slowed(machine: Machine, line: Jog, frame: str, axis: str, feed: float | None) -> Jog:
+    """At no more than ``feed``, mm/min along the line or degrees/min of a rotary; None: as it is."""
+    if feed is None:
+        return line
+    shown = next((a.shown_per_unit for a in machine.axes if a.name == axis and frame == "joint"), 1.0)
+    return line._replace(speed=min(line.speed, feed / 60.0 / abs(shown)))
+
+
+def _diagonal(machine: Machine, axes: str, along: Callable[[str], Joints]) -> Joints:
+    """Of two linear axes, ``X+Y`` or ``X-Y``. Raises JogError."""
+    one, sign, other = axes[0], axes[1], axes[2]
+    linear = {machine.axes[i].name for i in machine.linear()}
+    if one == other or not {one, other} <= linear:
+        raise JogError("jog_diagonal", axis=axes)
+    share = math.copysign(math.sqrt(0.5), 1.0 if sign == "+" else -1.0)
+    pairs = zip(along(one), along(other), strict=True)
+    return tuple([math.sqrt(0.5) * a + share * b for a, b in pairs])
 
 
 def _joint(machine: Machine, name: str) -> Joints:

@@ -278,6 +278,7 @@ def facts(machine: Machine, fitted: Mapping[str, Any]) -> dict[str, Any]:
         "inputs": [name for name, _ in machine.io.inputs] if machine.io else [],
         "outputs": [name for name, _ in machine.io.outputs] if machine.io else [],
         "retract_mm": machine.retract_mm,
+        "rapid_share": machine.rapid_share,
         "clearance_mm": machine.clearance_mm,
         **fitted,
     }

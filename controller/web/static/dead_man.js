@@ -11,6 +11,11 @@ import { sentence, word } from "./texts.js";
 const AGAIN_MS = 70;
 export const RULES = { modes: "READY HOLD JOG" }; // in which it may move
 export const chosen = { frame: "joint", step: "0", speed: 0.2, keyboard: false };
+
+// mm/min or degrees/min that every axis of the kind may have: all of it, and what is chosen.
+const of_kind = (linear) => (dx.facts.axes ?? []).filter(({ kind }) => (kind === "linear") === linear).map(({ velocity }) => velocity);
+export const full = (linear) => 60 * (dx.facts.rapid_share ?? 1) * Math.min(...of_kind(linear));
+const feed = (axis) => Math.max(0.001, chosen.speed * full(axis.length > 1 || dx.axis(axis).kind === "linear"));
 let press = null; // { name, axis, sign, source, timer, asking }
 let presses = 0;
 
@@ -20,7 +25,10 @@ function begin(axis, sign, source) {
   if (why) return say(why);
   if (press || dx.stale) return;
   const { frame, step } = chosen;
-  if (step !== "0") return call("POST", "jog/step", { frame, axis, distance: sign * Number(step) });
+  if (step !== "0") {
+    const distance = sign * Number(step) * (axis.length > 1 ? Math.SQRT2 : 1); // each of the two by the step
+    return call("POST", "jog/step", { frame, axis, distance, feed: feed(axis) });
+  }
   const name = `${Date.now().toString(36)}-${++presses}-${Math.random().toString(36).slice(2, 8)}`;
   press = { name, axis, sign, source, frame, asking: false, timer: setInterval(again, AGAIN_MS) };
   again();
@@ -33,7 +41,7 @@ async function again() {
   const own = press;
   if (!own || own.asking) return;
   own.asking = true;
-  const body = { frame: own.frame, axis: own.axis, speed: own.sign * chosen.speed, press: own.name };
+  const body = { frame: own.frame, axis: own.axis, speed: own.sign, feed: feed(own.axis), press: own.name };
   const said = await call("POST", "jog", body, true);
   own.asking = false;
   if (said.ok || own !== press) return;

@@ -10,6 +10,7 @@ import pytest
 from support.machines.shipped_kinds import ROTARIES, machine, random_machine
 
 from controller.geometry.vectors import Frame, add, norm, rotate, scale, subtract
+from controller.machine import machine_file
 from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Machine, Sense
 from controller.messages import text
@@ -90,6 +91,33 @@ def test_the_speed_is_a_share_of_what_the_slowest_axis_may_have(share: float) ->
     speeds = [abs(d) * jog.speed / a.limits.velocity for d, a in zip(jog.direction, built.axes, strict=True)]
     assert max(speeds) == pytest.approx(abs(share) * built.rapid_share)
     assert math.isinf(jog.length) and jog.is_sound
+
+
+@pytest.mark.parametrize(("axes", "sign"), [("X+Y", 1.0), ("Z-X", -1.0)])
+@pytest.mark.parametrize("frame", ["part", "tool", "joint"])
+def test_a_diagonal_is_as_long_as_a_line_and_has_as_much_of_both_axes(
+    frame: str, axes: str, sign: float
+) -> None:
+    rng = random.Random(7)
+    for built in some_machines(rng):
+        joints, kinematics = some_joints(rng), kinematics_of(built)
+        one, other, both = (
+            jogging.direction(built, kinematics, joints, frame, axis, TURNED, ALL_AXES)
+            for axis in (axes[0], axes[2], axes)
+        )
+        wanted = [(a + sign * b) / math.sqrt(2.0) for a, b in zip(one, other, strict=True)]
+        assert both == pytest.approx(wanted, abs=1e-12), built.name
+        assert math.hypot(*both) == pytest.approx(1.0)
+
+
+def test_a_jog_is_no_faster_than_it_is_asked_for_in_mm_or_degrees_a_minute() -> None:
+    built = machine_file.load("trunnion")
+    for axis, feed, per_s in (("X", 600.0, 10.0), ("A", 600.0, math.radians(10.0)), ("X+Y", 60.0, 1.0)):
+        args = (built, kinematics_of(built), (0.0,) * 5, "joint", axis, 1.0, Frame(), ALL_AXES)
+        line = jogging.continuous(*args)
+        assert jogging.slowed(built, line, "joint", axis, feed).speed == pytest.approx(per_s)
+        assert jogging.slowed(built, line, "joint", axis, 1e6) == line
+        assert jogging.slowed(built, line, "joint", axis, None) == line
 
 
 def test_a_step_knows_its_side_and_its_length() -> None:

@@ -11,6 +11,7 @@ from support.live import browser
 from support.live.browser import Site, until
 
 pytestmark = pytest.mark.slow
+MM_MIN, DEG_MIN = 12000.0, 10800.0  # the trunnion's slowest slide and rotary
 DEAD_MAN_S = 0.2  # the service's own; the page only has to send nothing more
 
 
@@ -87,7 +88,46 @@ def test_a_step_is_asked_once(page: Any, site: Site) -> None:
         "frame": "joint",
         "axis": "Y",
         "distance": -0.1,
+        "feed": pytest.approx(0.2 * MM_MIN),
     }
+
+
+@pytest.mark.parametrize(
+    ("arrow", "axis", "sign"), [("↗", "X+Y", 1), ("↖", "X-Y", -1), ("↙", "X+Y", -1), ("↘", "X-Y", 1)]
+)
+def test_a_diagonal_moves_both_axes_each_by_the_step(
+    arrow: str, axis: str, sign: int, page: Any, site: Site
+) -> None:
+    page.evaluate("dx.show('jog')")
+    page.click("[data-choice=step][data-value='0']")
+    before = len(site.asked("jog"))
+    page.hover(f".jog-cross button:text-is('{arrow}')")
+    page.mouse.down()
+    asked = until(lambda: site.asked("jog")[before:], "a jog")[0][2]
+    page.mouse.up()
+    assert (asked["axis"], asked["speed"]) == (axis, sign)
+    page.click("[data-choice=step][data-value='1']")
+    before = len(site.asked("jog_step"))
+    page.click(f".jog-cross button:text-is('{arrow}')")
+    asked = until(lambda: site.asked("jog_step")[before:], "a step")[0][2]
+    assert asked["axis"] == axis and asked["distance"] == pytest.approx(sign * 2.0**0.5)
+    page.click("[data-choice=step][data-value='0']")
+
+
+@pytest.mark.parametrize(("codes", "more"), [(["G90"], ""), (["G91"], "\nG91")])
+def test_zero_is_gone_to_by_a_line_that_leaves_the_distance_mode(
+    codes: list[str], more: str, page: Any, site: Site
+) -> None:
+    site.tell(codes=codes)
+    page.evaluate("dx.show('jog')")
+    page.wait_for_function("(code) => dx.status.codes?.[0] === code", arg=codes[0])
+    before = len(site.asked("mdi"))
+    page.click("[data-zero=XY]:not([aria-disabled=true])")
+    page.wait_for_selector(".dx-ask >> text=X0 Y0 of G54")
+    assert len(site.asked("mdi")) == before
+    browser.yes(page)
+    asked = until(lambda: site.asked("mdi")[before:], "the line")[0][2]
+    assert asked == {"text": f"G90 G0 X0 Y0{more}"}
 
 
 def test_keys_move_nothing_until_they_are_switched_on(page: Any, site: Site) -> None:
@@ -139,11 +179,14 @@ def test_a_jog_goes_in_the_frame_and_at_the_speed_that_are_chosen(page: Any, sit
         page.click(f"[data-choice=frame][data-value={frame}]")
         assert page.is_hidden("[data-jog=A][data-sign='+']"), "rotaries have no direction there"
         page.fill("#jog-speed", "35")
-        assert page.inner_text("#jog-speed-shown") == "35 %"
+        assert (
+            page.inner_text("#jog-speed-shown") == f"{0.35 * MM_MIN:.0f} mm/min, {0.35 * DEG_MIN:.0f} °/min"
+        )
         press(page, site)
         page.mouse.up()
         asked = site.asked("jog")[-1][2]
-        assert (asked["frame"], asked["axis"], asked["speed"]) == (frame, "X", 0.35)
+        assert (asked["frame"], asked["axis"], asked["speed"]) == (frame, "X", 1.0)
+        assert asked["feed"] == pytest.approx(0.35 * MM_MIN)
     page.click("[data-choice=frame][data-value=joint]")
     page.wait_for_selector("[data-jog=A][data-sign='+']")
 

@@ -93,7 +93,8 @@ class MovingDoor(FakeDoor):
             return
         axis, speed, last, until = self._jog
         now = time.monotonic()
-        self._where[axis] += speed * max(0.0, min(now, until) - last)
+        for one in axis.replace("+", "").replace("-", ""):
+            self._where[one] += speed * max(0.0, min(now, until) - last)
         self._jog = (axis, speed, now, until) if now < until else None
 
     def _room_mm(self) -> float | None:

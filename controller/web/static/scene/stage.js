@@ -3,8 +3,8 @@ import { dx } from "../store.js";
 import { OrbitControls } from "../vendor/orbit.js";
 import * as THREE from "../vendor/three.module.min.js";
 
-export const looked_at = () => dx.shown("scene") || dx.shown("run");
-const SMALL_MS = 200; // between two pictures beside the figures of Run
+export const looked_at = () => ["scene", "run", "jog"].some(dx.shown);
+const SMALL_MS = 200; // between two pictures beside figures
 const FAR_MM = 20000;
 const FOV = 40; // degrees
 const SCALE_PX = 110; // at most
@@ -60,7 +60,7 @@ export class Stage {
       this.renderer.render(this.scene, this.camera);
       this.scale();
     };
-    if (dx.shown("run")) setTimeout(() => requestAnimationFrame(draw), SMALL_MS);
+    if (!dx.shown("scene")) setTimeout(() => requestAnimationFrame(draw), SMALL_MS);
     else requestAnimationFrame(draw);
   }
 

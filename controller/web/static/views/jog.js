@@ -1,6 +1,6 @@
 // Moving by hand: jog with a dead-man, steps, and lines of program typed in.
 import { call } from "../api.js";
-import { RULES, chosen, end, held } from "../dead_man.js";
+import { RULES, chosen, end, full, held } from "../dead_man.js";
 import { ask } from "../dialog.js";
 import { html, useRef, useState } from "../dom.js";
 import { forms } from "../forms.js";
@@ -9,12 +9,13 @@ import { ByHand } from "../peripherals.js";
 import { Act, AxisName, Card, Choice, Codes, Figure, reason } from "../parts.js";
 import { dx, keep, kept } from "../store.js";
 import { word as text } from "../texts.js";
+import { ScenePlace } from "./scene.js";
 
 const word = (key, ...values) => text(`jog.${key}`, ...values);
 const FRAMES = ["joint", "part", "tool"];
 const STEPS = ["0", "0.001", "0.01", "0.1", "1", "10"];
 
-const View = () => html`<div class="jog"><${Jog} /><div class="column"><${Mdi} /><${ByHand} /></div></div>`;
+const View = () => html`<div class="jog"><${Jog} /><div class="column"><${Card} class="jog-scene"><${ScenePlace} view="jog" /><//><${Mdi} /><${ByHand} /></div></div>`;
 export default { name: "jog", View };
 
 function choose(name, value) {
@@ -32,37 +33,54 @@ function Jog() {
       <${Choice} label=${word("step")} name="step" values=${steps} chosen=${chosen.step} choose=${(value) => choose("step", value)} />
       <${Speed} /><${Keyboard} />
     </div>
-    <div class="jog-axes" id="jog-axes">${(dx.facts.axes ?? []).filter(moves).map((axis) => html`<${Axis} key=${axis.name} axis=${axis} />`)}</div>
+    <div class="jog-pads" id="jog-axes"><${Cross} />${(dx.facts.axes ?? []).filter(moves).filter(({ name }) => !CROSS.includes(name)).map(({ name }) => html`<${Column} key=${name} name=${name} />`)}</div>
+    <div class="jog-figures">${(dx.facts.axes ?? []).map(({ name, unit }) => html`<div key=${name}><${AxisName} name=${name} /><${Figure} class="big">${forms[unit](dx.status?.joints?.[name]?.work)}<//></div>`)}</div>
     <p class="dim">${word("hint")}</p>
   <//>`;
 }
 
 // Rotaries have no direction in the part, nor in the tool's frame.
 const moves = (axis) => chosen.frame === "joint" || axis.kind === "linear";
+const CROSS = ["X", "Y"];
 
-const Axis = ({ axis: { name, unit } }) => html`<div class="jog-axis">
-  <${Held} name=${name} sign="-" />
-  <div class="jog-figure"><${AxisName} name=${name} /><${Figure} class="big">${forms[unit](dx.status?.joints?.[name]?.work)}<//></div>
-  <${Held} name=${name} sign="+" />
+// As one looks at the table: X to the right, Y away; the diagonals between them, and the way to zero.
+const Cross = () => html`<div class="jog-cross">
+  <${Held} axis="X-Y" sign="-" text="↖" /><${Held} axis="Y" sign="+" /><${Held} axis="X+Y" sign="+" text="↗" />
+  <${Held} axis="X" sign="-" /><${Zero} axes=${CROSS} /><${Held} axis="X" sign="+" />
+  <${Held} axis="X+Y" sign="-" text="↙" /><${Held} axis="Y" sign="-" /><${Held} axis="X-Y" sign="+" text="↘" />
 </div>`;
+const Column = ({ name }) => html`<div class="jog-column"><${Held} axis=${name} sign="+" /><${Zero} axes=${[name]} /><${Held} axis=${name} sign="-" /></div>`;
 
-function Held({ name, sign }) {
+function Held({ axis, sign, text }) {
   const off = reason(RULES);
-  const [label, shown] = sign === "-" ? [word("minus"), "−"] : [word("plus"), "+"];
-  return html`<button class="jog-button" type="button" data-jog=${name} data-sign=${sign} aria-label=${`${name} ${label}`} title=${off || undefined}
-    aria-disabled=${off ? "true" : undefined} data-down=${held(name, sign === "+" ? 1 : -1) ? "1" : undefined}>${name}${shown}</button>`;
+  const [one, way, other] = axis;
+  const words = { "+": word("plus"), "-": word("minus") };
+  const second = way && (way === sign ? "+" : "-");
+  const label = [`${one} ${words[sign]}`, ...(other ? [`${other} ${words[second]}`] : [])].join(", ");
+  return html`<button class="jog-button" type="button" data-jog=${axis} data-sign=${sign} aria-label=${label} title=${off || undefined}
+    aria-disabled=${off ? "true" : undefined} data-down=${held(axis, sign === "+" ? 1 : -1) ? "1" : undefined}>${text ?? `${axis}${sign === "-" ? "−" : "+"}`}</button>`;
 }
 
+// A line by hand, so that it is checked as any; the distance mode stays as it was.
+function Zero({ axes }) {
+  const place = axes.map((axis) => `${axis}0`).join(" ");
+  const again = dx.status?.codes?.includes("G91") ? "\nG91" : "";
+  return html`<${Act} class="jog-zero" text=${place} title=${word("go_to", place)} aria-label=${word("go_to", place)} data-zero=${axes.join("")} modes="READY" ask=${word("go_ask", place, dx.status?.work_offset ?? "")}
+    press=${() => call("POST", "mdi", { text: `G90 G0 ${place}${again}` })} />`;
+}
+
+// What is chosen of the speed that every axis may have; rotaries have their own.
 function Speed() {
   const percent = Math.round(chosen.speed * 100);
   const drag = (event) => {
     chosen.speed = event.target.valueAsNumber / 100;
     dx.draw();
   };
+  const shown = [[true, "mm/min"], [false, "°/min"]].filter(([linear]) => Number.isFinite(full(linear))).map(([linear, unit]) => `${Math.round(chosen.speed * full(linear))} ${unit}`);
   return html`<label class="jog-speed">
     <span class="dim">${word("speed")}</span>
-    <input class="slider" type="range" id="jog-speed" min="1" max="100" value=${percent} oninput=${drag} />
-    <span class="figures" id="jog-speed-shown">${percent} %</span>
+    <input class="slider" type="range" id="jog-speed" min="1" max="100" value=${percent} aria-valuetext=${shown.join(", ")} oninput=${drag} />
+    <span class="figures" id="jog-speed-shown">${shown.join(", ")}</span>
   </label>`;
 }
 
