@@ -210,6 +210,9 @@ class Status(OfTick, Told):
     work_offset: str | None = Field(None, description="In which the joints' work positions are.")
     next: NextFacts | None = None
     restart: RestartFacts | None = Field(None, description="As GET /restart, without its name in the store.")
+    ended_early: Texts | None = Field(
+        None, description="Why the last run did not come to its end; until the next one, or POST /job/seen."
+    )
     no_resume: Texts | None = Field(
         None, description="Why a held program cannot go on from here; null: it can."
     )

@@ -122,6 +122,13 @@ ALL: tuple[Command, ...] = (
         rest=Rest("DELETE", "job", "Forget the loaded program; refused while it runs."),
     ),
     Command(
+        "seen",
+        Access.OPERATE,
+        rest=Rest(
+            "POST", "job/seen", "Somebody has read why the last run ended early; it is not told again."
+        ),
+    ),
+    Command(
         "start",
         Access.MOVE,
         (

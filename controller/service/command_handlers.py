@@ -158,6 +158,7 @@ AT_ONCE: dict[str, Callable[[Desk, Values], Answer]] = {
     "alarms": lambda desk, _: {"alarms": desk.service.alarms.list()},
     "load": job_commands.load,
     "unload": job_commands.unload,
+    "seen": job_commands.seen,
     "start": job_commands.start,
     "hold": at_once.hold,
     "resume": at_once.resume,

@@ -89,6 +89,11 @@ def unload(desk: Desk, _: Values) -> Answer:
     return desk.sequence("unload", work, behind=given_up) if given_up else work()
 
 
+def seen(desk: Desk, _: Values) -> Answer:
+    desk.service.ended_early = None
+    return {}
+
+
 def start(desk: Desk, values: Values) -> Answer:
     service, going, job = desk.service, Going(), desk.service.job
     assert job is not None

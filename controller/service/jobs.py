@@ -269,6 +269,19 @@ class Job:
             **catalogue.facts(self.said),
         }
 
+    def ended_early(self, result: str, why: catalogue.Said | None) -> catalogue.Said | None:
+        """What a run that did not come to its end leaves to be read; None of one that did."""
+        if result == "completed":
+            return None
+        typed = (self._typed() or "").strip().split("\n")[0]
+        program = (
+            catalogue.Key("ended.cycle") if self.is_own else f"{MDI} {typed}" if typed else self.program.name
+        )
+        line = self.last.line if self.last is not None else 0
+        if why is None:
+            return catalogue.said("ended.stopped", program=program, line=line)
+        return catalogue.said("ended.why", program=program, line=line, why=why)
+
     def _typed(self) -> str | None:
         """A line typed by hand is in no store, and told here."""
         if not self.is_mdi:

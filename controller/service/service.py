@@ -90,6 +90,7 @@ class Service:
         self.sequencer = Sequencer(self._failed)
         self.job: Job | None = None  # the loaded program
         self.running: Job | None = None  # it, or an MDI line, from start to end
+        self.ended_early: Said | None = None  # of the last run, until somebody has seen it or another begins
         self.record: RunRecord | None = None
         self._told_of_record: RunRecord | None = None  # whose disk is full
         self.unrecorded: Said | None = None  # why the run, or the last one, has no whole record
@@ -367,7 +368,7 @@ class Service:
             job.arm(now.tick if now is not None else -1)
             job.state_before = self.modal.left
             job.tools = self.machine.tools
-            self.running = job
+            self.running, self.ended_early = job, None
             if self.changer is not None:
                 self.changer.arm()
             if (recorder := self.engine.recorder) is not None:
@@ -405,6 +406,7 @@ class Service:
             if job is None:
                 return
             self.modal.end(job, result, self.machine)
+            self.ended_early = early = job.ended_early(result, why)
             if self.changer is not None:
                 self.changer.ended()
                 self._see_changer(self.changer)
@@ -417,7 +419,7 @@ class Service:
             job.state, job.said = result, why
         self._records.submit(self.durations.save)
         if record is not None:
-            self._records.submit(record.end, result, planned_s=job.duration_s, **messages.facts(why))
+            self._records.submit(record.end, result, planned_s=job.duration_s, **messages.facts(why or early))
 
     def _sync_records(self) -> None:
         """Nobody waits for the disk but this thread."""

@@ -149,6 +149,7 @@ def _told(service: Service, now: Snapshot) -> Values:
         "time_s": now.tick * service.machine.period_s,
         **_with_notices(service, values),
         "change": change,
+        "ended_early": service.ended_early,
         "aside": service.aside,
         "no_resume": _no_resume(service, now),
         "retract_room_mm": retract_room_mm(service, now),

@@ -24,7 +24,15 @@ const BUTTONS = {
 };
 const thread = (key) => ({ text: word(`run.${key}`), call: "POST cycle/withdraw", ask: word(`run.${key}_ask`), kind: "warn" });
 
+// Why the last run did not come to its end: until somebody has seen it, or another begins.
+const Ended = ({ why }) => html`<p class="ended" role="status"><strong>${sentence(why)}</strong> <${Act} text=${word("run.seen")} call="POST job/seen" needs="role" /></p>`;
+
 export function Guide() {
+  const why = dx.status?.ended_early;
+  return html`${why && html`<${Ended} why=${why} />`}<${Next} />`;
+}
+
+function Next() {
   const next = dx.status?.next;
   if (!next || dx.silent) return null;
   const button = BUTTONS[next.verb]?.(next.args);

@@ -944,3 +944,56 @@ def test_adaptive_feed_is_switched_where_the_machine_file_has_a_law_for_it(
     service.machine = replace(service.machine, spindle=Spindle(9000.0, node=9, adaptive=AdaptiveFeed()))
     assert done(desk, "adaptive_feed", on=True)["on"] is True
     assert engine.requests == [Request.ADAPTIVE_FEED]
+
+
+@pytest.mark.parametrize(
+    ("how", "told"),
+    [
+        ("stop", "part.ngc was stopped in line 2."),
+        ("refused", "part.ngc ended early in line 2. G38.2: the probe has come to the end of its way"),
+        ("fault", "part.ngc ended early in line 2. Emergency stop was requested."),
+        ("end", None),
+    ],
+)
+def test_a_run_that_ended_early_is_told_until_somebody_has_seen_it_or_another_begins(
+    desk: Desk, service: Service, engine: FakeEngine, how: str, told: str | None
+) -> None:
+    loaded(desk, service)
+    done(desk, "start")
+    engine.now = engine.now._replace(line=2, motion_id=1)
+    service.look()
+    assert done(desk, "status")["ended_early"] is None
+    if how == "end":
+        ended(service, engine)
+    elif how == "fault":
+        engine.now = engine.now._replace(mode=Mode.FAULT, fault=Fault.EMERGENCY_STOP, fault_axis=-1)
+    else:
+        if how == "refused":
+            heard(service, refusal=said("probe.not_touched", code="G38.2"))
+        service.look()
+        done(desk, "stop")
+    service.look()
+    service.look()
+    now = done(desk, "status")
+    if told is None:
+        assert now["ended_early"] is None and now["job"]["state"] == "completed"
+        return
+    assert messages.text(now["ended_early"]).startswith(told), now["ended_early"]
+    service._records.submit(lambda: None).result(HANGS_S)
+    (run,) = done(desk, "runs")["runs"]
+    kept = messages.text(messages.Said(key=run["key"], values=run["values"]))
+    assert kept and (told.split(". ", 1)[-1][:20] in kept), "and the list of runs has it, too"
+    done(desk, "seen")
+    assert done(desk, "status")["ended_early"] is None
+
+
+def test_a_line_by_hand_that_ended_early_is_told_as_it_was_typed(
+    desk: Desk, service: Service, engine: FakeEngine
+) -> None:
+    done(desk, "mdi", text="G38.2 Z-5 F100")
+    heard(service, refusal=said("probe.not_touched", code="G38.2"))
+    service.look()
+    service.look()
+    assert messages.text(done(desk, "status")["ended_early"]).startswith("MDI G38.2 Z-5 F100 ended early")
+    done(desk, "mdi", text="G0 X1")
+    assert done(desk, "status")["ended_early"] is None, "another begins"

@@ -64,7 +64,7 @@ const Result = ({ result }) => html`<${Chip} tone=${TONES[result]}>${known(`resu
 
 const Row = ({ run }) => html`<tr class="entry" aria-selected=${String(run.id === chosen?.id)} onclick=${() => choose(run.id)}>
   <td><button class="plain" type="button">${run.program}</button></td>
-  <td><${Result} result=${run.result} /></td>
+  <td><${Result} result=${run.result} />${run.facts.sentence && html` <span class="dim run-why">${sentence(run.facts)}</span>`}</td>
   <td class="figures r-began">${forms.date(run.began_s)}</td>
   <td class="figures">${forms.seconds(run.facts.duration_s)}</td>
   <td class="figures r-cut">${forms.seconds(run.facts.cut_time_s)}</td>
