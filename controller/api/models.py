@@ -144,6 +144,9 @@ class JobFacts(Told, Texts):
         description="loading, loaded or refused; from its start on starting, running, held, stopping; then "
         "completed, stopped, refused, fault or interrupted: by the end of the service; it is not loaded.",
     )
+    starts: Texts | None = Field(
+        None, description="What a start begins with: program, line, tool and offset."
+    )
     block_delete: bool | None = Field(None, description="Lines that begin with / were left out.")
     message: str | None = Field(None, description="What the program said last, by MSG and the like.")
     messages: list[str] | None = Field(None, description="The last of them, newest last.")
@@ -159,6 +162,9 @@ class RestartFacts(Told, Texts):
     sha256: str | None = None
     line: int | None = None
     fraction: Number = Field(None, description="Of the block.")
+    says: Texts | None = Field(None, description="Where it was interrupted, and what a restart does.")
+    change: bool | None = Field(None, description="In the middle of a tool change; line is that of M6.")
+    fetch: int | None = Field(None, description="The tool that must be brought into the spindle before.")
     done: Number = Field(None, description="Share of the whole program.")
     left_s: Number = Field(None, description="Of the whole program, at 100 %.")
     exact: bool | None = Field(None, description="Otherwise at or before the place, at most 1 s of cut.")
@@ -209,6 +215,9 @@ class Status(OfTick, Told):
     joints: dict[str, JointFacts] = {}
     work_offset: str | None = Field(None, description="In which the joints' work positions are.")
     next: NextFacts | None = None
+    can_start: bool | None = Field(
+        None, description="A start of the loaded program is not refused as things are."
+    )
     restart: RestartFacts | None = Field(None, description="As GET /restart, without its name in the store.")
     ended_early: Texts | None = Field(
         None, description="Why the last run did not come to its end; until the next one, or POST /job/seen."

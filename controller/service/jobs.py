@@ -357,6 +357,7 @@ def interrupted(entry: journal.Entry) -> dict[str, Any]:
         "messages": [],
         "notes": [],
         "verdict": None,
+        "starts": None,
         **catalogue.facts(said),
     }
 

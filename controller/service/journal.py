@@ -95,6 +95,13 @@ class Entry:
     duration_s: float | None = None  # ... and what it takes in all
     elapsed_s: float | None = None
     in_block: dict[str, Any] | None = None
+    # In the middle of a tool change: the tool that goes, the one that comes (0 = none), and the line of M6.
+    change: tuple[int, int, int] | None = None
+
+    @property
+    def wanted(self) -> int:
+        """Number of the tool with which the program goes on."""
+        return self.tool if self.change is None else self.change[1]
 
     @property
     def done(self) -> float | None:
@@ -167,6 +174,9 @@ def _entry(values: Any) -> Entry:
     job.setdefault("file_sha256", job["program_sha256"])  # older ones
     if job.get("begin") is not None:
         carried.from_json(job["begin"])  # which it must be
+    if (change := values.pop("change", None)) is not None:
+        out, into, at = map(int, change)
+        values["change"] = out, into, at
     return Entry(job=Job(start=start, **job), spot=spot, **values)
 
 
@@ -200,8 +210,12 @@ def refusal(entry: Entry | None, now: Job, homed: int, untrusted: int, axes: int
 
 
 def spot_of(entry: Entry, now: Job) -> Spot:
-    """Where to go on: exactly there, or, with other tools, at the same fraction of the block."""
+    """Where to go on: exactly there, or, with other tools, at the same fraction of the block; after a tool
+    change that was interrupted, for what is left of its steps no program knows.
+    """
     spot = entry.spot
+    if entry.change is not None:
+        return Spot(entry.change[2] + 1, 0.0, FORMER)
     return spot if entry.job.tools_sha256 == now.tools_sha256 else Spot(spot.line, spot.fraction, FORMER)
 
 
@@ -226,6 +240,7 @@ class Journal:
         self._ran = False
         self.problem = ""
         self.last: Entry | None = None  # as it was written last, or found
+        self.change: tuple[int, int, int] | None = None  # under way, as ``Entry.change``
         self._here: tuple[Entry, Machine, Job] | None = None
 
     def begin(self, job: Job, tool: int = 1, spot: Spot | None = None) -> None:
@@ -349,6 +364,7 @@ class Journal:
             time.time(),
             ended,
             *known[1:],
+            change=None if ended else self.change,
         )
         self._written_s, self.last = self._clock(), entry
         try:

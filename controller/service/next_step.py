@@ -42,6 +42,16 @@ def next_step(status: Status) -> Step:
     return next(_steps(status))
 
 
+def can_start(status: Status, step: Step) -> bool:
+    """Whether a start of the loaded program is not refused; ``step``: the next one.
+
+    What may be gone on with may be started from its beginning, too.
+    """
+    job = status["job"] or {}
+    before = step.said["key"] in ("next.restart", "next.restart_tool") and job.get("state") in ENDED_EARLY
+    return step.verb == "start" or (before and job["state"] != INTERRUPTED)
+
+
 def _steps(status: Status) -> Iterator[Step]:
     """All that are to be done, the first one first."""
     sequence, mode = status["sequence"] or {}, status["mode"]
@@ -202,12 +212,22 @@ def _ready(status: Status, job: Mapping[str, Any]) -> Iterator[Step]:
     offer = status["restart"]
     if state == "loading":
         yield _wait("loading", program=name)
-    if offer["offered"] and (not job or (state in ENDED_EARLY and job["sha256"] == offer["sha256"])):
-        where = {"program": offer["name"], "line": offer["line"] or 0, "tool": offer["tool"] or 0}
-        yield Step(said("next.restart", **where), "load", {"restart": True}, "restart")
+    of_it = not job or (state in ENDED_EARLY and job["sha256"] == offer.get("sha256"))
+    if of_it and (tool := offer.get("fetch")):
+        other = Said(key=offer["key"], values=offer["values"])
+        yield _press("restart_tool", "mdi", {"text": f"T{tool} M6"}, why=other)
+    if of_it and offer["offered"]:
+        yield Step(said("next.restart", offer=offer["says"]), "load", {"restart": True}, "restart")
     if not job or state == INTERRUPTED or job.get("text") is not None:
         yield _by_hand("choose", "programs")
     why = Said(key=job["key"], values=job["values"]) if job.get("key") else None
     if state == "refused" or (state == "loaded" and why is not None):
         yield _by_hand("refused", "programs", program=name, why=why or "–")
-    yield _press("again" if state in ("completed", *ENDED_EARLY) else "start", "start", program=name)
+    starts = job.get("starts")
+    if starts and job.get("restart") and status["changer"] and starts["values"]["tool"] != status["tool"]:
+        tool = starts["values"]["tool"]
+        which = {"found": status["tool"] or 0, "wanted": tool, "program": name}
+        other = said("offer.other_tool" if status["tool"] else "offer.no_tool", **which)
+        yield _press("restart_tool", "mdi", {"text": f"T{tool} M6"}, why=other)
+    key = "again" if state in ("completed", *ENDED_EARLY) else "start"
+    yield _press(key, "start", program=name, what=starts or name)

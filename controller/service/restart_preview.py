@@ -10,7 +10,7 @@ from controller import messages
 from controller.ipc.control_socket import CommandRefused
 from controller.machine import setup_data
 from controller.machine.model import Machine
-from controller.messages import said
+from controller.messages import Said, said, several
 from controller.plan.restart.program_position import FORMER, Spot
 from controller.program import carried
 from controller.service import jobs, journal
@@ -28,23 +28,63 @@ def restart(service: Service) -> dict[str, Any]:
     entry = service.journal.last
     if entry is None or entry.ended:
         return {"offered": False, **said("not_interrupted")}
-    why = service.journal.why_not(service.machine, *_trusted(service))
+    why = _why_not(service, entry)
     return {
         "offered": why is None,
         **messages.facts(why),
         "name": entry.job.name,
         "sha256": entry.job.file_sha256,
-        "line": entry.spot.line,
-        "fraction": entry.spot.fraction,
+        "says": several(_place(entry), _goes_on(entry)) if why is None else _place(entry),
+        "line": entry.spot.line if entry.change is None else entry.change[2],
+        "fraction": entry.spot.fraction if entry.change is None else 0.0,
+        "change": entry.change is not None,
         "exact": entry.exact,
         "done": entry.done,
         "left_s": entry.left_s,
-        "tool": entry.tool,
+        "tool": entry.wanted,
+        "fetch": entry.wanted if why is not None and why["key"] in OTHER_TOOL else None,
         "mode": entry.mode,
         "fault": None if entry.fault == "NONE" else entry.fault,
         "dry_run_mm": entry.job.dry_run_mm or None,
         "interrupted_s": entry.time_s,
     }
+
+
+OTHER_TOOL = ("offer.other_tool", "offer.no_tool")
+
+
+def _place(entry: journal.Entry) -> Said:
+    """Where it was interrupted."""
+    if entry.change is not None:
+        out, into, line = entry.change
+        return said("offer.change", program=entry.job.name, line=line, out=out, into=into)
+    percent = f"{entry.spot.fraction * 100.0:.1f}"
+    return said("offer.place", program=entry.job.name, line=entry.spot.line, percent=percent)
+
+
+def _goes_on(entry: journal.Entry) -> Said:
+    """What a restart does."""
+    if entry.change is not None:
+        return said("offer.goes_on_after", into=entry.wanted)
+    return said("offer.goes_on_at", tool=entry.wanted)
+
+
+def _why_not(service: Service, entry: journal.Entry) -> Said | None:
+    """Why a load from there would be refused; None: it would not, as far as can be known before it."""
+    why = service.journal.why_not(service.machine, *_trusted(service))
+    return why or _not_with(service, entry)
+
+
+def _not_with(service: Service, entry: journal.Entry) -> Said | None:
+    """A changer's tools: nobody knows where they are, or another one is in the spindle."""
+    if service.changer is None:
+        return None  # by hand it is changed on the way in
+    if (doubt := service.changer.doubt) is not None:
+        return doubt
+    found, wanted, program = service.tool, entry.wanted, entry.job.name
+    if found == wanted:
+        return None
+    return said(OTHER_TOOL[not found], found=found, wanted=wanted, program=program)
 
 
 def _trusted(service: Service) -> tuple[int, int]:
@@ -60,6 +100,8 @@ def gone_on_with(service: Service, args: dict[str, Any]) -> Job:
     entry, mode = service.journal.last, service.now().mode.name
     if entry is None:
         raise refused("not_interrupted", mode, "LOAD")
+    if why := _not_with(service, entry):
+        raise CommandRefused("refused", why, mode, "LOAD")
     job = jobs.read({**args, "block_delete": entry.job.block_delete}, service.machine)
     job.entry = entry
     begin = None if entry.job.begin is None else carried.from_json(entry.job.begin)

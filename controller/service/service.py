@@ -480,6 +480,9 @@ class Service:
     def _write_journal(self, now: Snapshot) -> None:
         """Once a second and at every standstill; a line typed by hand is no part of a program."""
         job, recorder = self.running, self.engine.recorder
+        tools = self.changer.tools if self.changer is not None else None
+        before = self.journal.change
+        self.journal.change = None if tools is None else (*tools, before[2] if before else now.line)
         if recorder is not None and self.engine.tick_alive and not (job is not None and job.is_mdi):
             self.journal.look(now, recorder.last, job.known if job is not None else journal.unknown)
 

@@ -117,6 +117,12 @@ class ToolChanger:
         key = "changing" if out and into else "changing_out" if out else "changing_in"
         return said(key, out=out, into=into, number=at + 1, steps=len(rows), step=rows[at][0].name)
 
+    @property
+    def tools(self) -> tuple[int, int] | None:
+        """Of a change whose first step has begun: the one that goes and the one that comes, 0 = none."""
+        mark = self._now
+        return None if mark is None or mark.moves_nothing else (mark.tool_out, mark.tool_in)
+
     def hold(self) -> None:
         """Also of a changer that stands between two steps."""
         self._keeps = True

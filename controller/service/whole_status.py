@@ -10,12 +10,13 @@ from controller import atomic_file, messages
 from controller.ipc.control_socket import LAST, Values, packed
 from controller.ipc.handoff import Snapshot, blank
 from controller.machine import setup_data
+from controller.machine.model import OFFSETS
 from controller.messages import Said, said
 from controller.service import alarms, jobs, node_status, restart_preview
 from controller.service import status as machine_status
 from controller.service.jobs import Job
 from controller.service.journal import Entry
-from controller.service.next_step import next_step
+from controller.service.next_step import can_start, next_step
 from controller.service.service import Service
 from controller.state.modes import TOOL_CHANGE, Fault, Mode
 
@@ -26,7 +27,8 @@ OF_A_TICK = ("time_s", "tick", "joints", "drives")  # other in each, also where 
 def status(service: Service) -> Values:
     """As the verb of that name answers."""
     told = {**_status(service), "restart": restart_preview.restart(service)}
-    return {**told, "next": next_step(told).to_json()}
+    step = next_step(told)
+    return {**told, "next": step.to_json(), "can_start": can_start(told, step)}
 
 
 def _status(service: Service) -> Values:
@@ -104,7 +106,7 @@ class Kept:
             **machine_status.unseen(_told(service, machine_status.ended(found))),
             **{"fault": {**gone, "recording": None}, "interlock": None, "warning": None, "notices": []},
             **{"sequence": None, "tick_alive": False, "plan_alive": False, "commissioned": None},
-            **{"restart": restart_preview.restart(service), "next": None},
+            **{"restart": restart_preview.restart(service), "next": None, "can_start": False},
         }
         changes = {key: value for key, value in status.items() if key not in OF_A_TICK}
         as_it_is = (found.joints, changes, service.fitted)
@@ -141,7 +143,7 @@ def _told(service: Service, now: Snapshot) -> Values:
         service.machine, now, way, service.in_force(now), service.tool, age_s, ends_s
     )
     change = service.changer.change(now) if service.changer is not None else None
-    told_job = job.to_dict(now) if job is not None else None
+    told_job = {**job.to_dict(now), "starts": _starts(service, job, now)} if job is not None else None
     if change is not None:
         values["mode"] = TOOL_CHANGE
         told_job = {**told_job, "state": "running"} if told_job is not None else None
@@ -162,6 +164,19 @@ def _told(service: Service, now: Snapshot) -> Values:
         "drives": node_status.drives(service.machine, now, service.logs, service.homing),
         "jogging": now.mode is Mode.JOG,
     }
+
+
+def _starts(service: Service, job: Job, now: Snapshot) -> Said | None:
+    """What a start begins with: program, line, tool and work offset; None where there is none to begin."""
+    if job.active or job.state in ("loading", "refused"):
+        return None
+    there = next((row["values"] for row in job.restart if row["key"] in ("at.tool", "at.sized_tool")), None)
+    if there is None:
+        begin = service.begins_with(job, now)
+        there = {"tool": service.tool, "offset": OFFSETS[begin.modal.offset if begin is not None else 0]}
+    line = job.program.spot.line if job.program.spot is not None else 1
+    facts = {"program": job.program.name, "line": line, "tool": there["tool"], "offset": there["offset"]}
+    return said("starts" if there["tool"] else "starts_empty", **facts)
 
 
 def _no_resume(service: Service, now: Snapshot) -> Said | None:

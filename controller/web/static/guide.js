@@ -20,6 +20,7 @@ const BUTTONS = {
   stop: () => ({ text: word("frame.stop"), call: "POST cycle/stop", needs: "role", kind: "warn" }),
   withdraw: ({ is_out }) => ({ ...thread(is_out ? "is_out" : "withdraw"), body: is_out ? { is_out } : {} }),
   load: () => offer() && { text: word("programs.go_on"), call: "POST job", body: { program: offer().program, restart: true }, kind: "go", icon: "load" },
+  mdi: ({ text }) => ({ text, call: "POST mdi", body: { text }, ask: `${word("jog.mdi_ask")} ${text}`, icon: "play" }),
   changer_confirm: () => ({ text: word("changer.confirm"), press: () => confirm(dx.status.changer), needs: "role", icon: "setup" }),
 };
 const thread = (key) => ({ text: word(`run.${key}`), call: "POST cycle/withdraw", ask: word(`run.${key}_ask`), kind: "warn" });

@@ -21,7 +21,7 @@ export function Offer() {
   const share = (value) => (typeof value === "number" ? (value * 100).toFixed(1) : "–");
   const at = [told.name, told.line ?? "–", share(told.fraction), forms.date(told.interrupted_s)];
   return html`<div class="offer">
-    <p class="strong">${word("programs.offer", ...at)}</p>
+    <p class="strong">${told.change ? sentence(told.says) : word("programs.offer", ...at)}</p>
     ${typeof told.done === "number" && html`<p class="offer-left">${word("programs.offer_left", share(told.done), forms.time(told.left_s), told.tool)}</p>`}
     ${told.offered
       ? html`<${Act} text=${word("programs.go_on")} kind="go" call="POST job" body=${{ program: told.program, restart: true }} modes="OFF READY" />`
@@ -33,7 +33,15 @@ export function Offer() {
 export function start_question() {
   const { job } = dx.status ?? {};
   const over = told?.name && job?.sha256 === told.sha256 && !job.restart?.length;
-  return over ? word("run.start_over_ask", job.name, told.line ?? "–") : word("run.start_ask");
+  const question = over ? word("run.start_over_ask", job.name, told.line ?? "–") : word("run.start_ask");
+  return job?.starts ? `${question} ${sentence(job.starts)}` : question;
+}
+
+// Start is green where it starts, and says with what; where it would be refused it says what comes before.
+export function can_start() {
+  const { job, next, can_start: can = true } = dx.status ?? {};
+  const loaded = dx.loaded();
+  return { kind: can && loaded ? "go" : undefined, given: loaded && can, why: loaded ? sentence(next) : "why.no_program", title: sentence(job?.starts) };
 }
 
 export function StateThere() {

@@ -219,3 +219,28 @@ def test_what_it_offers_is_not_refused_in_a_thousand_states(
     tmp_path: Path, seed: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     offered_and_asked(tmp_path, seed, 1000, monkeypatch)
+
+
+def test_a_start_is_offered_where_it_starts_and_says_with_what(tmp_path: Path) -> None:
+    """Of all states that are drawn: one in which a start can be made is told so, and no other one."""
+    scene, draw, can = Scene(tmp_path), random.Random(43), 0
+    for number in range(100):
+        scene.anew() if number % 3 == 0 else scene.draw(draw)
+        if number % 3 == 0:
+            done(scene.desk, "load", path=str(scene.file))
+        if scene.engine.now.mode is Mode.HOLD or not (scene.engine.plan_alive and scene.service.commissioned):
+            continue  # a start is a resume there; plan and drives are there before it
+        status = done(scene.desk, "status")
+        can += status["can_start"]
+        if status["can_start"]:
+            words = messages.text(status["job"]["starts"])
+            assert words == "part.ngc from line 1, with an empty spindle and G54", words
+        try:
+            scene.ask({"verb": "start", "args": {}})
+            started = True
+        except CommandRefused as error:
+            started = error.code in QUESTIONS
+        refused_before = status["job"] is not None and status["job"]["key"] is not None
+        if not refused_before:
+            assert started is status["can_start"], (number, status["next"], status["mode"])
+    assert can > 20

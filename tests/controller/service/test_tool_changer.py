@@ -33,11 +33,14 @@ from controller.ipc.control_socket import CommandRefused
 from controller.machine import machine_file
 from controller.machine.toml_table import ConfigError
 from controller.machine.tool_store import Step, ToolStore, placed
-from controller.messages import text
+from controller.messages import Said, text
 from controller.motion.pieces import FIRST_MARK
+from controller.plan.restart.program_position import FORMER, Spot
+from controller.plan.stretch import Chain
 from controller.program import blocks
 from controller.program.program import Act, Action, Changing, ProgramError, Select
 from controller.runtime import checked
+from controller.runtime.starts import Start, path_from
 from controller.runtime.stepped import SteppedMachine
 from controller.service.command_handlers import Desk
 from controller.state.modes import TOOL_CHANGE, Fault, Mode, Request
@@ -546,3 +549,91 @@ def test_a_change_is_a_mode_of_the_status_and_its_job_runs(tmp_path: Path) -> No
     engine.now = engine.now._replace(interlock=Fault.DOOR_OPEN)
     now = _ask(desk, "status")
     assert (now["mode"], now["job"]["state"], now["change"]) == ("HOLD", "held", None)
+
+
+TWO = "G21 G90 G94 T1 M6\nG1 X1 F600\nT2 M6\nG1 X2\nG1 X3\nM30\n"
+IN_IT = Changing(5, 1, 2, 4, False)  # a step of the second change
+
+
+def interrupted_in_a_change(tmp_path: Path) -> Desk:
+    """TWO was stopped in its second change, T1 to T2, and the service has seen that."""
+    service = served(tmp_path, machine())
+    desk, engine, changer = Desk(service), engine_of(service), service.changer
+    assert changer is not None
+    changer._tick = engine
+    _ask(desk, "changer_confirm", spindle=1, away=[], clear=True)
+    (service.state / "two.ngc").write_text(TWO)
+    _ask(desk, "load", path=str(service.state / "two.ngc"))
+    _ask(desk, "start")
+    engine.now = engine.now._replace(line=2, motion_id=0, at_rest=False)
+    service.look()
+    changer.hear([Changing(5, 1, 2, 0, False)])
+    engine.now = engine.now._replace(mode=Mode.HOLD, motion_id=FIRST_MARK - 5, line=3, at_rest=True)
+    service.look()
+    assert changer.tools == (1, 2)
+    service.look()
+    _ask(desk, "stop")
+    service.look()
+    service.look()
+    return desk
+
+
+def test_of_a_change_that_was_interrupted_the_offer_says_which_tool_is_where_and_goes_on_after_it(
+    tmp_path: Path,
+) -> None:
+    desk = interrupted_in_a_change(tmp_path)
+    file = str(desk.service.state / "two.ngc")
+    offer = _ask(desk, "restart")
+    assert not offer["offered"] and offer["change"] and offer["line"] == 3
+    assert text(offer["says"]) == "two.ngc was interrupted in the tool change of line 3 (T1 away, T2 in)."
+    assert "confirm where the tools are" in text(Said(key=offer["key"], values=offer["values"]))
+    step = _ask(desk, "status")["next"]
+    assert (step["verb"], step["place"]) == ("changer_confirm", "changer")
+
+    _ask(desk, "changer_confirm", spindle=1, away=[], clear=True)
+    offer = _ask(desk, "restart")
+    why = text(Said(key=offer["key"], values=offer["values"]))
+    assert why.startswith("T1 is in the spindle, and two.ngc goes on with T2")
+    with pytest.raises(CommandRefused) as error:
+        _ask(desk, "load", path=file, restart=True)
+    assert error.value.sentence == why, "loading says what the offer says"
+    step = _ask(desk, "status")["next"]
+    assert (step["verb"], step["args"]) == ("mdi", {"text": "T2 M6"})
+
+    _ask(desk, "changer_confirm", spindle=2, away=[], clear=True)
+    offer = _ask(desk, "restart")
+    assert offer["offered"] and offer["tool"] == 2
+    assert "after that change, with T2, which is in the spindle" in text(offer["says"])
+    step = _ask(desk, "status")["next"]
+    assert (step["verb"], step["args"]) == ("load", {"restart": True})
+    _ask(desk, "load", path=file, restart=True)
+    assert desk.service.job is not None and desk.service.job.program.spot == Spot(4, 0.0, FORMER)
+    again = served(tmp_path, machine())
+    assert again.journal.last is not None and again.journal.last.change == (1, 2, 3), (
+        "after a loss of power, too"
+    )
+
+
+@pytest.mark.parametrize(("in_spindle", "starts"), [(2, True), (1, False)])
+def test_after_an_interrupted_change_a_start_is_what_was_offered(in_spindle: int, starts: bool) -> None:
+    """With the tool that had to come it goes on with the line after M6; with another one it is refused."""
+    made = machine()
+    task = checked.task(TWO.encode(), "two.ngc", made)
+    spot = Spot(4, 0.0, FORMER)
+    joints = tuple(axis.homing.position for axis in made.axes)
+    start = Start(joints, 0.0, spot, joints, in_spindle=in_spindle, begin=None)
+    if not starts:
+        with pytest.raises(ProgramError, match="T1 is in the spindle"):
+            list(starts_of(task, start))
+        return
+    lines = [
+        one.place.line
+        for chain in starts_of(task, start)
+        if isinstance(chain, Chain)
+        for one in chain.stretches
+    ]
+    assert lines[-2:] == [4, 5] and 3 not in lines
+
+
+def starts_of(task: Any, start: Start) -> list[Any]:
+    return list(path_from(task, None, start).items)

@@ -24,6 +24,7 @@ WEARS = ("tool_life", "tool_renewed", "maintenance", "maintained")
 TABLE: dict[str, tuple[set[str], str | None]] = {
     "load": ({"OFF", "READY"}, None),
     "unload": ({"OFF", "READY"}, None),
+    "seen": (set(), None),
     "start": ({"READY"}, "RUNNING"),
     "hold": ({"RUNNING"}, "HOLD"),
     "resume": ({"HOLD"}, "RUNNING"),

@@ -7,7 +7,7 @@ import { Guide } from "../guide.js";
 import { Act, AxisName, Bar, Card, Chip, Codes, Facts, Figure, Meter, field } from "../parts.js";
 import { Listing } from "../listing.js";
 import { SpindleOverride } from "../peripherals.js";
-import { Offer, StateThere, start_question } from "../restart.js";
+import { Offer, StateThere, can_start, start_question } from "../restart.js";
 import { QueueNext } from "../queue.js";
 import { dx } from "../store.js";
 import { word } from "../texts.js";
@@ -202,7 +202,7 @@ function Cycle() {
     <${Guide} />
     <div class="cycle">
       <div class="presses">
-        ${tall("start", "start", { kind: "go", ask: start_question(), modes: "READY", icon: "play", keys: "F4", given: dx.loaded(), why: "why.no_program" })}
+        ${tall("start", "start", { ...can_start(), ask: start_question(), modes: "READY", icon: "play", keys: "F4" })}
         ${tall("resume", "resume", { kind: "go", modes: "HOLD", icon: "reset", keys: "F6" })}
       </div>
       <div class="presses"><${Toggle} key="single" name="single" path="single_block" /><${Toggle} key="optional" name="optional" path="optional_stop" /><${Skip} job=${job} />${dx.facts.spindle?.adaptive && html`<${Adaptive} />`}</div>
