@@ -722,7 +722,7 @@ def test_the_place_of_what_another_service_ran_is_told_until_a_program_is_loaded
     job = told["job"]
     loaded(desk, service)
     assert service.job is not None
-    assert set(job) == set(service.job.to_dict(service.now())), "as of one that is loaded"
+    assert set(job) == set(whole_status.status(service)["job"]), "as of one that is loaded"
     assert (job["name"], job["state"], job["line"], job["block"]) == ("part.ngc", "interrupted", 3, 7)
     assert (job["elapsed_s"], job["left_s"], job["duration_s"], job["fraction"]) == (47.5, 60.0, 100.0, 0.4)
     assert told["in_block"] == {"what": "line", "fraction": 0.25, "u": None} and told["tool"] == 1

@@ -13,6 +13,7 @@ from support.fakes.fake_engine import done, engine_of, heard, served
 from support.machines.stepped_runs import shipped
 
 from controller import messages
+from controller.commands.table import SWITCHED
 from controller.ipc.control_socket import CommandRefused
 from controller.machine.tool_store import Step, placed
 from controller.messages import said
@@ -95,7 +96,7 @@ class Scene:
             interlock=draw.choice(INTERLOCKS),
             fault=Fault.EMERGENCY_STOP if mode is Mode.FAULT else Fault.NONE,
             away=mode is Mode.HOLD and draw.random() < 0.2,
-            single_block=draw.random() < 0.2,
+            switched=SWITCHED[Request.SINGLE_BLOCK].bit if draw.random() < 0.2 else 0,
             motion_id=draw.choice((-1, 3)),
             waiting=mode is Mode.RUNNING and draw.random() < 0.3,
             feed_stopped=mode is Mode.RUNNING and draw.random() < 0.2,
