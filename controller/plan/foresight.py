@@ -12,11 +12,12 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterable, Iterator
+from typing import NamedTuple
 
 from controller.ipc.handoff import Snapshot
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Machine
-from controller.plan.look_ahead import Orders, Place, Sent
+from controller.plan.look_ahead import NoLaw, Orders, Place, Sent
 from controller.plan.planner import Ahead, orders_of
 from controller.plan.report.passing import OWN, place_of
 from controller.plan.report.planned import windows_along
@@ -24,7 +25,6 @@ from controller.plan.restart.program_position import ENTRY_ID, lines_along, part
 from controller.plan.stretch import Chain, Pause, Stretch
 from controller.plan.timetable import MOST, Event, Passed, Timetable, event_of
 from controller.plan.track import Track, Unit
-from controller.program.program import ProgramError
 
 FIRST = 60  # windows that are planned of a path that nobody runs yet
 MOST_AHEAD = 3000  # units beyond those of the planner: they are kept until it comes to them
@@ -37,17 +37,24 @@ def twice(items: Iterable[Chain | Pause]) -> tuple[Iterator[Chain | Pause], Iter
     return _raised(one), _raised(other)
 
 
-def _caught(items: Iterable[Chain | Pause]) -> Iterator[Chain | Pause | ProgramError]:
+class _Broken(NamedTuple):
+    """In place of the item that could not be made."""
+
+    error: Exception
+
+
+def _caught(items: Iterable[Chain | Pause]) -> Iterator[Chain | Pause | _Broken]:
+    """What breaks it must reach the planner, whoever has read it first: or the path would just end there."""
     try:
         yield from items
-    except ProgramError as error:
-        yield error
+    except Exception as error:
+        yield _Broken(error)
 
 
-def _raised(items: Iterable[Chain | Pause | ProgramError]) -> Iterator[Chain | Pause]:
+def _raised(items: Iterable[Chain | Pause | _Broken]) -> Iterator[Chain | Pause]:
     for item in items:
-        if isinstance(item, ProgramError):
-            raise item
+        if isinstance(item, _Broken):
+            raise item.error
         yield item
 
 
@@ -118,11 +125,14 @@ class Foresight:
         self._own.forget(ahead.track.read_to - ahead.track.laid)
         if self._over or self._walk is None or self._place.unit > ahead.next.unit + MOST_AHEAD:
             return False
-        for sent in self._walk:
-            self._take(sent)
-            if sent.course is not None:
-                self.windows += 1
-                return True
+        try:
+            for sent in self._walk:
+                self._take(sent)
+                if sent.course is not None:
+                    self.windows += 1
+                    return True
+        except NoLaw:
+            pass  # the planner will come to it, unless somebody changes an override before
         self._over = True
         return True
 
