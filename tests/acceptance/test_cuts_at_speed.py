@@ -176,16 +176,16 @@ SHORT_CONE = machine_file.shipped_program("example1_ready").read_text().replace(
 
 @pytest.fixture(scope="module")
 def plain() -> Cut:
-    return cut(SHORT_CONE, machine_file.load("trunnion"))
+    return cut(SHORT_CONE, shipped(gouge="refuse", period_s=0.004))
 
 
 @pytest.mark.parametrize("motion", ["lead in", "lead out"])
 def test_a_hold_on_a_lead_stands_on_the_path_and_goes_on(motion: str, plain: Cut) -> None:
     which = next(i for i, stretch in plain.stretches.items() if stretch.name == motion)
     tick = int(np.median(np.flatnonzero(plain.column("motion_id") == which)))
-    events = [Event(tick, Request.HOLD, 0.0), Event(tick + 300, Request.RESUME, 0.0)]
-    done = cut(SHORT_CONE, machine_file.load("trunnion"), events)
+    events = [Event(tick, Request.HOLD, 0.0), Event(tick + 150, Request.RESUME, 0.0)]
+    done = cut(SHORT_CONE, plain.machine, events)
     assert done.run.result == "completed"
-    assert len(done.joints) > len(plain.joints) + 250
+    assert len(done.joints) > len(plain.joints) + 125
     assert done.joints[-1] == pytest.approx(plain.joints[-1], abs=1e-9)
     assert_in_limits(done, motion, events)

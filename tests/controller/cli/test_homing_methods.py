@@ -41,7 +41,9 @@ def test_a_machine_that_homes_by_any_method_runs_from_where_it_ends(
     program = tmp_path / "part.ngc"
     program.write_text("G53 G0 X10 Y10\nM30\n")
     file = homed_by(methods, "machining_centre", tmp_path)
-    done = CliRunner().invoke(command_line.app, ["simulate", str(program), "--machine", str(file), "--json"])
+    done = CliRunner().invoke(
+        command_line.app, ["simulate", str(program), "--machine", str(file), "--period-ms", "5", "--json"]
+    )
     told = json.loads(done.stdout)
     assert (done.exit_code, told["ok"], told["result"]) == (0, True, "completed"), told
     assert told["duration_s"] > 0.5, "240 mm at 200 mm/s, from the position that homing gives the axis"
