@@ -142,7 +142,7 @@ def test_what_cannot_be_understood_ends_with_2_before_anything_runs(part: Path) 
     ],
 )
 def test_a_run_ends_and_stands_whatever_is_taken_from_it(part: Path, line: str, origin: str) -> None:
-    code, told = under(f"at 0.25 s: {line}", "--faults-from", origin)
+    code, told = under(f"at 0.25 s: {line}", "--faults-from", origin, "--period-ms", "5")
     assert code == 4 and told["faults"]["mode"] == "FAULT"
     assert told["faults"]["stood"]["after_ms"] is not None
 
