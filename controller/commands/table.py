@@ -311,7 +311,6 @@ ALL: tuple[Command, ...] = (
         Access.MOVE,
         (),
         Request.ENABLE,
-        modes=("READY",),
         lane=Lane.SLOW,
         rest=Rest("POST", "machine/enable", "Drives on; the machine stands."),
         client=Client("enable", "enabled"),
@@ -403,6 +402,7 @@ ALL: tuple[Command, ...] = (
             Argument("is_out", Switch(), "The tool has been turned out by hand: nothing moves.", False),
         ),
         Request.START,
+        modes=("OFF", "HOLD"),  # where it has been turned out by hand
         lane=Lane.SLOW,
         rest=Rest(
             "POST",

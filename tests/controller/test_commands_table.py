@@ -36,7 +36,7 @@ def desk(tmp_path: Any) -> Any:
     service.close()
 
 
-REFUSED = (
+REFUSED: tuple[tuple[str, dict[str, Any], str], ...] = (
     ("forget", {}, "name None: must be a text of 1 to 20 characters; correct it."),
     ("forget", {"name": ""}, "name '': must be a text of 1 to 20 characters; correct it."),
     ("override", {"share": float("nan")}, "share nan: must be a number from 0 to 2; correct it."),

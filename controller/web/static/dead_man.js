@@ -4,12 +4,12 @@
 // once as well. A press has a name, so that a request which comes late cannot begin it again.
 import { call } from "./api.js";
 import { say } from "./dialog.js";
-import { reason } from "./parts.js";
+import { possible, reason } from "./parts.js";
 import { changed, dx } from "./store.js";
 import { sentence, word } from "./texts.js";
 
 const AGAIN_MS = 70;
-export const RULES = { modes: "READY HOLD JOG" }; // in which it may move
+export const RULES = { command: "jog" };
 export const chosen = { frame: "joint", step: "0", speed: 0.2, keyboard: false };
 
 // mm/min or degrees/min that every axis of the kind may have: all of it, and what is chosen.
@@ -93,7 +93,7 @@ dx.on("disconnected", () => end());
 dx.on("stale", (stale) => stale && end());
 dx.on("stop", () => end());
 dx.on("control", () => !dx.holds() && end());
-dx.on("status", (status) => press && !RULES.modes.split(" ").includes(status.mode) && end());
+dx.on("status", (status) => press && !possible("jog").includes(status.mode) && end());
 dx.on("view", (name) => {
   if (name === "jog") return;
   end();

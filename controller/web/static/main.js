@@ -53,6 +53,10 @@ async function facts() {
   dx.facts = said.body;
   changed();
 }
+async function commands() {
+  const said = await call("GET", "commands", null, true);
+  if (said.ok) dx.commands = Object.fromEntries(said.body.commands.map((one) => [one.name, one]));
+}
 dx.on("service", (told) => told.answers && facts());
 
 const wanted = () => VIEWS.find(({ name }) => name === location.hash.slice(1)) ?? run;
@@ -60,7 +64,7 @@ window.addEventListener("hashchange", () => show(wanted().name));
 
 async function begin() {
   const first = wanted();
-  const [, session] = await Promise.all([learn(dx.language), call("GET", "session", null, true), facts(), load(first)]);
+  const [, session] = await Promise.all([learn(dx.language), call("GET", "session", null, true), facts(), commands(), load(first)]);
   dx.user = session.ok ? session.body : null;
   document.body.replaceChildren();
   dx.draw = draw; // not before there are words

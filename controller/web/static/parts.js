@@ -8,24 +8,29 @@ import { dx } from "./store.js";
 import { word } from "./texts.js";
 
 // Why something cannot be pressed now; "" = it can. The machine refuses by itself, this only says so before.
-//   needs: "control", "role" (to operate), "set_up" (that role) or "" (nothing)   modes: those in which it can be pressed
+//   needs: "control", "role" (to operate), "set_up" (that role) or "" (nothing)
+//   command: it can be pressed in the modes that the table of commands has for it   modes: or in these, of fewer
 //   given, why: what else must hold, and the key of the sentence where it does not
 //   takes: what is asked takes control, too, where nobody has it
-export function reason({ needs = "control", modes = "", given = true, why = "", takes = false }) {
+export function reason({ needs = "control", command = "", modes = possible(command), given = true, why = "", takes = false }) {
   if (needs && dx.silent) return word("why.silent");
   if (needs && dx.user?.role === "view") return word("why.role");
   if (needs === "set_up" && dx.user?.role !== "set_up") return word("why.set_up");
   if (needs === "control" && !dx.holds() && !(takes && free())) return dx.holder ? word("why.other", dx.holder) : word("why.control");
   const mode = dx.status?.mode ?? "OFF";
-  if (modes && !modes.split(" ").includes(mode)) return word("why.mode", modes.split(" ").map(in_words).join(", "), in_words(mode));
+  const where = typeof modes === "string" ? modes.split(" ") : modes;
+  if (where && !where.includes(mode)) return word("why.mode", where.map(in_words).join(", "), in_words(mode));
   return given ? "" : word(why);
 }
+
+// The modes in which a command of the machine is possible; null: in every one.
+export const possible = (command) => (command ? (dx.commands[command]?.modes ?? []) : null);
 const in_words = (mode) => word(`mode.${mode}`);
 
 // A button: it asks ``call`` ("POST cycle/hold") with ``body`` when it is pressed, or does ``press``. One that
 // is off can still be reached and pressed, and then says why.
-export function Act({ text, call: asks, body, press, needs, modes, given, why, kind, ask: question, icon, small, keys, children, ...more }) {
-  const rules = { needs, modes, given, why, takes: Boolean(question) };
+export function Act({ text, call: asks, body, press, needs, command, modes, given, why, kind, ask: question, icon, small, keys, children, ...more }) {
+  const rules = { needs, command, modes, given, why, takes: Boolean(question) };
   const off = reason(rules);
   async function pressed(event) {
     const now = reason(rules);

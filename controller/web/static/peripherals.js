@@ -7,7 +7,7 @@ import { dx } from "./store.js";
 import { word } from "./texts.js";
 
 const BOUNDS = [50, 150]; // percent
-const RULES = { modes: "READY" };
+const RULES = { command: "spindle" };
 
 export function SpindleOverride() {
   if (!dx.facts.spindle?.driven) return null;
@@ -37,7 +37,7 @@ function Spindle({ most }) {
 
 function Coolant({ kinds }) {
   const now = { mist: Boolean(dx.status?.coolant?.mist), flood: Boolean(dx.status?.coolant?.flood) };
-  return kinds.map((kind) => html`<${Act} key=${kind} text=${word(`run.${kind}`)} class="toggle" data-hand=${kind} aria-pressed=${String(now[kind])} modes="READY RUNNING HOLD"
+  return kinds.map((kind) => html`<${Act} key=${kind} text=${word(`run.${kind}`)} class="toggle" data-hand=${kind} aria-pressed=${String(now[kind])} command="coolant"
     press=${() => call("PUT", "machine/coolant", { ...now, [kind]: !now[kind] })} />`);
 }
 
@@ -46,7 +46,7 @@ function Clamps({ axes }) {
   const is_open = ({ clamp }) => Boolean(dx.status?.outputs?.[clamp]);
   const turned = (axis) => axes.filter((one) => is_open(one) !== (one === axis)).map(({ name }) => name);
   return axes.map((axis) => html`<${Act} key=${axis.name} text=${`${word("run.clamp", axis.name)}: ${word(is_open(axis) ? "run.clamp_open" : "run.clamp_closed")}`} class="toggle" data-hand=${`clamp ${axis.name}`}
-    aria-pressed=${String(is_open(axis))} ...${RULES} press=${() => call("PUT", "machine/clamps", { open: turned(axis) })} />`);
+    aria-pressed=${String(is_open(axis))} command="clamps" press=${() => call("PUT", "machine/clamps", { open: turned(axis) })} />`);
 }
 
 export function ByHand() {

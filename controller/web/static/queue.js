@@ -29,7 +29,7 @@ async function enqueue(program) {
 }
 export const Enqueue = ({ name }) => html`<${Act} text=${word("add")} data-enqueue=${name} needs="role" icon="runs" press=${() => enqueue(name)} />`;
 
-const Load = () => html`<${Act} text=${word("load")} class="queue-load" kind="go" icon="load" call="POST queue/load" modes="OFF READY" given=${told.next !== null} why="queue.nothing" />`;
+const Load = () => html`<${Act} text=${word("load")} class="queue-load" kind="go" icon="load" call="POST queue/load" command="load" given=${told.next !== null} why="queue.nothing" />`;
 const GoOn = () => html`<${Act} text=${word("go_on")} class="toggle queue-on" title=${word("go_on_title")} aria-pressed=${String(Boolean(told.go_on))} press=${() => change("PUT", "queue/go_on", { on: !told.go_on })} />`;
 
 export function Queue() {

@@ -24,7 +24,7 @@ export function Offer() {
     <p class="strong">${told.change ? sentence(told.says) : word("programs.offer", ...at)}</p>
     ${typeof told.done === "number" && html`<p class="offer-left">${word("programs.offer_left", share(told.done), forms.time(told.left_s), told.tool)}</p>`}
     ${told.offered
-      ? html`<${Act} text=${word("programs.go_on")} kind="go" call="POST job" body=${{ program: told.program, restart: true }} modes="OFF READY" />`
+      ? html`<${Act} text=${word("programs.go_on")} kind="go" call="POST job" body=${{ program: told.program, restart: true }} command="load" />`
       : html`<p class="dim">${word("programs.not_offered")} ${sentence(told)}</p>`}
   </div>`;
 }

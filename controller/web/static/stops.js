@@ -46,11 +46,11 @@ at_once("#dx-estop", estop);
 at_once("#dx-hold", hold);
 
 // The keys that stand on the buttons.
-const CYCLE = { F4: { path: "start", modes: "READY", question: start_question }, F6: { path: "resume", modes: "HOLD" } };
+const CYCLE = { F4: { path: "start", question: start_question }, F6: { path: "resume" } };
 const KEYS = { F8: hold, F9: stop };
 
-async function cycle({ path, modes, question }) {
-  const why = reason({ modes, takes: Boolean(question) });
+async function cycle({ path, question }) {
+  const why = reason({ command: path, takes: Boolean(question) });
   if (why) return say(why);
   if (!question || (await asked(question()))) call("POST", `cycle/${path}`);
 }

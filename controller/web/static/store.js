@@ -9,6 +9,7 @@ export const dx = {
   socket: null,
   language: document.documentElement.lang,
   words: {},
+  commands: {}, // of the machine, by name: what may be asked for, in which modes (GET /commands)
   facts: {}, // of the machine file; {} = no service has answered yet
   user: null, // { name, role, csrf }
   holder: null, // of the control token: a name

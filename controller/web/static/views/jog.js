@@ -101,7 +101,7 @@ let back = -1;
 function Mdi() {
   const field = useRef(null);
   const [, again] = useState(0);
-  const rules = { modes: "READY" };
+  const rules = { command: "mdi" };
 
   async function run() {
     const typed = field.current.value.trim();

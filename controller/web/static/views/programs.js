@@ -170,7 +170,7 @@ function Acts({ one, one: { name } }) {
     look();
   }
   return html`<div class="row program-acts">
-    <${Act} text=${word("load")} call="POST job" body=${{ program: name }} kind="go" icon="load" modes="OFF READY" />
+    <${Act} text=${word("load")} call="POST job" body=${{ program: name }} kind="go" icon="load" command="load" />
     ${dx.loaded() && name === dx.status.job.name && html`<${Act} text=${word("unload")} call="DELETE job" icon="eject" modes=${AT_REST} />`}
     <${Enqueue} name=${name} />
     <${Act} text=${word("edit")} needs="role" icon="edit" data-edit="open" press=${() => edit(one)} />
@@ -247,6 +247,6 @@ function Places({ name, lines }) {
     ${FIELDS.map(([field, most, step]) => html`<label><span class="dim">${word(field)}</span>
       <input type="number" name=${field} min="0" max=${most} step=${step} /></label>`)}
     <label><span class="dim">${word("block_delete")}</span><input type="checkbox" name="block_delete" /></label>
-    <${Act} text=${word("load_there")} kind="go" icon="from" modes="OFF READY" press=${load} />
+    <${Act} text=${word("load_there")} kind="go" icon="from" command="load" press=${load} />
   </form>`;
 }

@@ -202,15 +202,15 @@ function Cycle() {
     <${Guide} />
     <div class="cycle">
       <div class="presses">
-        ${tall("start", "start", { ...can_start(), ask: start_question(), modes: "READY", icon: "play", keys: "F4" })}
-        ${tall("resume", "resume", { kind: "go", modes: "HOLD", icon: "reset", keys: "F6" })}
+        ${tall("start", "start", { ...can_start(), ask: start_question(), command: "start", icon: "play", keys: "F4" })}
+        ${tall("resume", "resume", { kind: "go", command: "resume", icon: "reset", keys: "F6" })}
       </div>
       <div class="presses"><${Toggle} key="single" name="single" path="single_block" /><${Toggle} key="optional" name="optional" path="optional_stop" /><${Skip} job=${job} />${dx.facts.spindle?.adaptive && html`<${Adaptive} />`}</div>
       ${in_thread ? html`<${InThread} />` : html`<${Aside} />`}
       <div class="presses">
-        <${Act} text=${word("run.enable")} call="POST machine/enable" modes="OFF" icon="power" />
+        <${Act} text=${word("run.enable")} call="POST machine/enable" command="enable" icon="power" />
         <${Act} text=${word("run.disable")} call="POST machine/disable" modes="READY" icon="off" />
-        <${Act} text=${word("run.home")} call="POST machine/home" body=${{}} ask=${word("run.home_ask")} modes="OFF READY" icon="home" />
+        <${Act} text=${word("run.home")} call="POST machine/home" body=${{}} ask=${word("run.home_ask")} command="home" icon="home" />
       </div>
       <${Override} /><${Rapid} /><${SpindleOverride} />
     </div>
@@ -226,7 +226,7 @@ const Toggle = ({ name, path, children }) => {
 
 // Lines that begin with /, left out or not: the program is loaded anew so, from its beginning.
 const Skip = ({ job }) =>
-  html`<${Act} text=${word("run.skip")} class="toggle" id="run-skip" modes="OFF READY" aria-pressed=${String(Boolean(job?.block_delete))}
+  html`<${Act} text=${word("run.skip")} class="toggle" id="run-skip" command="load" aria-pressed=${String(Boolean(job?.block_delete))}
     given=${Boolean(job?.name) && job.state === "loaded" && typeof job.text !== "string" && !job.restart?.length && !job.dry_run_mm} why="why.not_whole"
     press=${() => call("POST", "job", { program: job.name, block_delete: !job.block_delete })} />`;
 
@@ -239,18 +239,18 @@ function Aside() {
     if (!there) give(null); // it moves, or stands off already: the next place has its own
   }, [there]);
   const value = given ?? (there ? String(room) : "");
-  const rules = { modes: "HOLD READY", given: there, why: aside ? "why.aside" : "why.no_room" };
+  const rules = { command: "retract", given: there, why: aside ? "why.aside" : "why.no_room" };
   const label = word("run.retract_mm");
   return html`<div class="aside">
     <label><input type="number" id="run-retract-mm" min="0.001" step="any" max=${room ?? ""} aria-label=${label} title=${label} value=${value} oninput=${(event) => give(event.target.value)} ...${field(rules)} /></label>
     <${Act} id="run-retract" text=${word("run.retract")} ...${rules} press=${() => call("POST", "cycle/retract", { mm: Number(value) })} />
-    <${Act} text=${word("run.return")} call="POST cycle/return" modes="HOLD" given=${Boolean(aside)} why="why.on_path" />
+    <${Act} text=${word("run.return")} call="POST cycle/return" command="return" given=${Boolean(aside)} why="why.on_path" />
   </div>`;
 }
 
 // A tool that a fault, a stop or a loss of power has left in its thread is turned out of it before all else.
 function InThread() {
-  const out = (key, body) => html`<${Act} id=${`run-${key}`} text=${word(`run.${key}`)} call="POST cycle/withdraw" body=${body} ask=${word(`run.${key}_ask`)} modes="OFF READY HOLD" kind="warn" />`;
+  const out = (key, body) => html`<${Act} id=${`run-${key}`} text=${word(`run.${key}`)} call="POST cycle/withdraw" body=${body} ask=${word(`run.${key}_ask`)} command="withdraw" kind="warn" />`;
   return html`<div class="presses">${out("withdraw", {})}${out("is_out", { is_out: true })}</div>`;
 }
 
@@ -298,7 +298,7 @@ function Program() {
     ${!dx.loaded() && html`<div class="empty" id="run-empty">
       <p class="dim">${word("frame.no_program")}</p>
       <${Act} text=${word("run.choose")} needs="" icon="programs" press=${() => show("programs")} />
-      ${recent().map(({ name }) => html`<${Act} key=${name} text=${word("run.load", name)} call="POST job" body=${{ program: name }} modes="OFF READY" icon="load" data-load=${name} />`)}
+      ${recent().map(({ name }) => html`<${Act} key=${name} text=${word("run.load", name)} call="POST job" body=${{ program: name }} command="load" icon="load" data-load=${name} />`)}
     </div>`}
   <//>`;
 }

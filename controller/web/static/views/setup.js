@@ -37,7 +37,7 @@ dx.on("view", (name) => (name === "setup" ? read_anew() : forget_pick())); // wh
 // ---- homing
 
 const HOMING = ["axis", "state", "home_at figures hide-narrow", "travel figures hide-narrow", ""];
-const FREE = { modes: "OFF READY" };
+const FREE = { command: "home" };
 const minus = (text) => text.replaceAll("-", "−");
 
 function Homing() {

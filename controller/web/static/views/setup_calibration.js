@@ -82,7 +82,7 @@ function Found({ found: { told: facts, machine_file: file, picture } }) {
     ${facts.touches?.length > 0 && html`<${Walls} touches=${facts.touches} />`}
     ${rows.map(([name, value]) => html`<${Rows} key=${name} name=${name} rows=${value} />`)}
     <div class="row">
-      ${offset && origin_mm && told.name === "part" && html`<${Act} id="measure-set" text=${word("set", offset)} ask=${word("set_ask", offset)} modes="OFF READY FAULT" press=${() => call("PUT", `offsets/${offset}`, { origin_mm, turned_deg })} />`}
+      ${offset && origin_mm && told.name === "part" && html`<${Act} id="measure-set" text=${word("set", offset)} ask=${word("set_ask", offset)} command="set_offset" press=${() => call("PUT", `offsets/${offset}`, { origin_mm, turned_deg })} />`}
       ${file && html`<${Act} id="measure-file" text=${word("file")} needs="" icon="load" press=${() => save(file)} />`}</div>
     ${file && html`<p class="dim">${word("file_how")}</p>`}</div>`;
 }

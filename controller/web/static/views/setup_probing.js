@@ -35,7 +35,7 @@ export function Probing() {
       <${Value} name="cycle" choices=${told.cycles.map(({ name }) => name)} />
       ${values.map((one) => html`<${Value} key=${cycle + one.name} label=${word(`value.${one.name}`)} ...${one} />`)}
       ${sets && html`<${Value} name="offset" choices=${told.offsets} />`}</div></div>
-    <div class="row"><${Act} id="probing-run" text=${word("run")} kind="go" icon="play" modes="READY" ask=${word("run_ask")} press=${run} /></div>
+    <div class="row"><${Act} id="probing-run" text=${word("run")} kind="go" icon="play" command="probe" ask=${word("run_ask")} press=${run} /></div>
     ${told.found.length > 0 && html`<${ScrolledTable} id="probing-found" word=${word} columns=${["time", "program", "cycle", "found"]}>${told.found.slice(0, SHOWN).map((one) => html`<${Found} key=${one.at_s + one.cycle} one=${one} />`)}<//>
       <a href=${`${API}probing/found.csv`} download>${word("csv")}</a>`}`;
 }

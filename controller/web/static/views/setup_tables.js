@@ -101,8 +101,8 @@ function Offset({ name }) {
     <th scope="row"><${AxisName} name=${name} /><span class="dim" data-unset="" hidden=${!told.offsets[name].unset}> ${word("unset")}</span></th>
     ${AXES.map(at)}
     ${AXES.map((axis) => html`<td class="hide-narrow">${input(`r${axis}`, `${name} ${word("turned")} ${axis}`)}</td>`)}
-    <td><div class="row"><${Act} text=${word("save")} aria-label=${`${word("save")} ${name}`} modes="OFF READY FAULT" press=${save} />
-      ${told.offsets[name].source === "machine" && html`<${Act} icon="reset" data-forget=${name} title=${word("forget")} aria-label=${`${name}: ${word("forget")}`} modes="OFF READY FAULT" ask=${word("forget_ask", name)} press=${() => forget_set(name)} />`}</div></td>
+    <td><div class="row"><${Act} text=${word("save")} aria-label=${`${word("save")} ${name}`} command="set_offset" press=${save} />
+      ${told.offsets[name].source === "machine" && html`<${Act} icon="reset" data-forget=${name} title=${word("forget")} aria-label=${`${name}: ${word("forget")}`} command="forget" ask=${word("forget_ask", name)} press=${() => forget_set(name)} />`}</div></td>
   </tr>`;
 }
 
