@@ -19,6 +19,7 @@ from controller.geometry.placement import Strategy
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Machine, Tool
 from controller.motion.motions import SurfaceCut, ToolSpline
+from controller.plan.path.outputs import PROBE
 from controller.plan.rotaries.branch import joints_along
 from controller.plan.stretch import Stretch
 from controller.plan.surfaces.blending import allowed_by
@@ -137,11 +138,18 @@ def planned(
     kinematics: Kinematics,
     rough: bool = False,
 ) -> dict[Tool, list[Pass]]:
-    """The passes of each tool that come near a surface; ``rough``: so close as finding gouges needs it."""
+    """The passes of each tool that come near a surface; ``rough``: so close as finding gouges needs it.
+
+    None of a probing move, and of what leads off from its end: it ends where it touches, and the end that is
+    written lies within what it touches.
+    """
     found: dict[Tool, list[Pass]] = {}
-    balls = Balls.of(surfaces)
+    balls, probes = Balls.of(surfaces), False
     extent = balls.extent_mm
     for number, stretch in stretches.items():
+        probed, probes = probes, stretch.name == PROBE
+        if probed or probes:
+            continue
         tool = fitted.at(stretch.place.order)
         bodies = whole(tool, extent)
         top, reach = (max(body.top_mm for body in bodies), max(body.widest_mm for body in bodies))

@@ -199,3 +199,12 @@ def test_a_probe_is_no_cutter() -> None:
     built, text = machine_file.load("machining_centre"), "T99 M6\nG0 X1.\nT2 M6\nG0 X2.\n"
     fitted = passes.Fitted.of(blocks.stream(text.encode(), built, "probe.ngc"), built)
     assert [(fitted.at(line).number, fitted.at(line).flute_mm) for line in (2, 4)] == [(99, 0.0), (2, 15.0)]
+
+
+def test_a_probe_touches_a_wall_that_has_been_cut() -> None:
+    built = machine_file.load("machining_centre")
+    touches = "M5\nT99 M6\nG43 H99\nG0 Z40\nG0 X10 Y-10\nG0 Z10\nG38.2 Y2 F100\nG0 Z40\nM30\n"
+    text = program([straight(12.0)]).replace("T1 M6", "T2 M6").replace("M30\n", touches)
+    checked.looked_at(checked.task(text.encode(), "probe.ngc", built))
+    with pytest.raises(ProgramError, match="shank of T99"):
+        checked.looked_at(checked.task(text.replace("G38.2", "G1").encode(), "probe.ngc", built))
