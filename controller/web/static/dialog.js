@@ -54,9 +54,17 @@ export class Question extends Component {
     const typed = () => (field ? this.box.current.querySelector("input").value : true);
     const key = (event) => {
       if (event.key === "Escape") end(field ? null : false);
+      if (event.key === "Tab") go_round(event);
       if (event.key !== "Enter" || event.target.tagName !== "INPUT") return;
       event.preventDefault(); // else it would press what gets the focus back, and ask anew
       end(typed());
+    };
+    // The focus stays with the question; hold and stop have their keys.
+    const go_round = (event) => {
+      event.preventDefault();
+      const all = [...this.box.current.querySelectorAll("input, button")];
+      const to = all.indexOf(document.activeElement) + (event.shiftKey ? -1 : 1);
+      all[(to + all.length) % all.length].focus();
     };
     return html`<div class="dx-ask" role="alertdialog" aria-modal="true" aria-label=${sentence} ref=${this.box} onkeydown=${key}>
       <div class="card">
