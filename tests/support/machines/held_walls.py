@@ -230,7 +230,9 @@ def _walls(curves: Sequence[tuple[np.ndarray, np.ndarray]], side: float) -> tupl
 
 @cache
 def machine() -> Machine:
-    return with_tool(machine_file.with_period(shipped(), PERIOD_S), 2, **OLD)
+    """One that refuses what a check finds: a holder in a wall is refused there, and not at the way back."""
+    fitted = with_tool(machine_file.with_period(shipped(), PERIOD_S), 2, flute_mm=2.0 * HEIGHT_MM, **OLD)
+    return replace(fitted, gouge="refuse")
 
 
 @dataclass(frozen=True)
