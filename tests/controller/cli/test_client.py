@@ -158,8 +158,12 @@ REQUESTS = [
     (("clamps",), "clamps", {"open": []}),
     (("retract", "20"), "retract", {"mm": 20.0}),
     (("return",), "return", {}),
-    (("jog", "x", "-10"), "jog_step", {"frame": "joint", "axis": "X", "distance": -10.0}),
-    (("jog", "Z", "0.5", "--frame", "tool"), "jog_step", {"frame": "tool", "axis": "Z", "distance": 0.5}),
+    (("jog", "x", "-10"), "jog_step", {"frame": "joint", "axis": "X", "distance": -10.0, "feed": None}),
+    (
+        ("jog", "Z", "0.5", "--frame", "tool"),
+        "jog_step",
+        {"frame": "tool", "axis": "Z", "distance": 0.5, "feed": None},
+    ),
 ]
 
 
