@@ -9,6 +9,7 @@ the program's modal state: no restart brings it back.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 from controller.machine.model import Changer, ChangerStep, Io, Machine
@@ -24,6 +25,7 @@ from controller.program.program import (
     Level,
     Lifts,
     Modal,
+    Outputs,
     Place,
 )
 from controller.program.words import Word
@@ -67,11 +69,20 @@ def blocks(
     for k, (step, pocket) in enumerate(rows):
         made.append(_stop(place, still, Changing(number + k, before.tool, after.tool, k, False)))
         made += _step(place, still, step, pocket, machine, lifts[k])
-    if lifts and lifts[-1][1]:  # the spindle is left empty: with the change every guard comes back
-        made.append(Action(place, still, Act.OUTPUT, outputs=UNSAID, lifts=(0, 0)))
+    released = _released(machine.io, rows, after)
+    if released != UNSAID or (lifts and lifts[-1][1]):  # left empty, every guard comes back
+        made.append(Action(place, still, Act.OUTPUT, outputs=released, lifts=(0, 0)))
     last = Changing(number + len(rows), before.tool, after.tool, len(rows), True)
     made.append(_stop(place, still, last))
     return made, number + len(rows) + 1
+
+
+def _released(io: Io | None, rows: Sequence[tuple[ChangerStep, int]], after: Modal) -> Outputs:
+    """Switches off what has held the spindle at its angle for a step, but for an M19 of the program."""
+    if io is None or io.orient is None or not any(step.orient for step, _ in rows):
+        return UNSAID
+    number = io.switched.index(io.orient.output)
+    return UNSAID if after.outputs.on >> number & 1 else UNSAID.switched(number, False)
 
 
 def _switched(step: ChangerStep) -> set[tuple[str, bool]]:
