@@ -23,7 +23,7 @@ from controller.state.modes import Fault, Mode
 pytestmark = pytest.mark.slow
 
 TEXT = program("example2_ready.ngc", "1000.")
-TICKS = 4600  # of the whole run
+TICKS = 2300  # of the whole run
 LOST_S = 1.0  # of cut, at most
 SEED = int(os.environ.get("DIRECTRIX_SEED") or random.randrange(1_000_000))
 KILLS = int(os.environ.get("DIRECTRIX_KILLS") or 1)

@@ -194,17 +194,23 @@ def test_durations_that_cannot_be_read_are_put_aside(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_machine_that_is_slower_than_its_file_is_told_right_in_its_second_run(tmp_path: Path) -> None:
+def test_of_a_machine_that_is_slower_than_its_file_a_change_is_told_right_that_it_has_done_before(
+    tmp_path: Path,
+) -> None:
     """The drawbar, say: the steps of the changer take three times what is expected of them."""
     shipped = machine("shop")
     changer = shipped.changer
     assert changer is not None
     run = TimedRun(tmp_path, shipped)
     node = next(iter(run.stepped.rig.io.values()))
+    assert shipped.io is not None
+    clamps = {shipped.io.input(axis.clamp.input) for axis in shipped.axes if axis.clamp}  # they have no time
     for output, switch, delay_s, inverted in list(node._wires):
+        if switch in clamps:
+            continue
         node.unwire(switch)
         node.wire(output, switch, delay_s if delay_s > 1.0 else 3.0 * delay_s, inverted)
-    first, second = run.run(text_of(2)), run.run(text_of(3))
+    first, *_, second = [run.run(text_of(tool)) for tool in (2, 3, 2, 3)]
     assert first.loaded.left_s is not None and second.loaded.left_s is not None
     assert abs(first.loaded.left_s / first.took_s - 1.0) > SHOP
     assert second.loaded.left_s == pytest.approx(second.took_s, rel=SHOP)

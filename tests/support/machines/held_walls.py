@@ -282,6 +282,7 @@ class Held(Bench):
             rows = np.concatenate(self.rows)
             fed = (rows[:, COLUMN["line"]] > 3) & (rows[:, COLUMN["feed_mm_s"]] > 0.0)
             fed &= rows[:, COLUMN["feed_mm_s"]] < 11.0
+            fed &= rows[:, COLUMN["line"]] < part.text.count("\n") - 1  # in its last, a hold is its end
             self._ticks[part.text] = [int(k) for k in np.flatnonzero(fed)]
         return self._ticks[part.text]
 
