@@ -311,6 +311,38 @@ def test_what_is_planned_is_played_and_gives_way_to_a_machine_that_moves(looker:
     looker.wait_for_selector("#scene-line:text-is('machine, now')")
 
 
+COVERED = """() => {
+  const covered = (control) => {
+    control.scrollIntoView({ block: "nearest" });
+    const { x, y, width, height } = control.getBoundingClientRect();
+    return !control.contains(document.elementFromPoint(x + width / 2, y + height / 2));
+  };
+  const controls = [...document.querySelectorAll("section.view[data-shown] :is(button, input)")];
+  return [controls.length, controls.filter(covered).map((one) => one.dataset.scene ?? one.id)];
+}"""
+FILLS = """() => {
+  const canvas = document.querySelector("section.view[data-shown] canvas"), place = canvas?.parentNode;
+  const { width, height } = place?.parentNode.getBoundingClientRect() ?? {};
+  const fills = canvas?.clientWidth === place?.clientWidth && canvas?.clientHeight === place?.clientHeight;
+  return fills && (!width || (place.clientWidth <= width && place.clientHeight <= height));
+}"""
+
+
+@pytest.mark.parametrize("size", [(640, 480), (1024, 768), (1280, 720), (1920, 1080)])
+def test_the_picture_fills_its_place_in_each_view_and_covers_no_control_of_its_own(
+    looker: Any, size: tuple[int, int]
+) -> None:
+    looker.set_viewport_size({"width": size[0], "height": size[1]})
+    try:
+        for view in ("run", "jog", "scene"):
+            looker.evaluate(f"dx.show('{view}')")
+            looker.wait_for_function(FILLS)
+        count, covered = looker.evaluate(COVERED)
+        assert count > 10 and covered == []
+    finally:
+        looker.set_viewport_size({"width": 640, "height": 480})
+
+
 # ---- the surfaces as cut
 
 CUT = """async () => {
