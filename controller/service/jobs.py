@@ -168,7 +168,7 @@ class Job:
         place, way = self.place(motion_id, s), self.ways.get(motion_id)
         return journal.Known(
             self.fraction(motion_id, s),
-            self.time.with_waits(passed_s(self.time.marks, place)) if place else None,
+            passed_s(self.time.marks, place) if place else None,
             self.duration_s,
             self._elapsed_s(self.last) if self.last is not None else None,
             way.in_block(s) if way is not None else None,
@@ -303,7 +303,7 @@ class Job:
         if not self.duration_s or self.state == "loading":
             return None
         done_s = self.before_s if self.state == "loaded" else self.nominal_s
-        return 1.0 if self.state == "completed" else min(1.0, self.time.with_waits(done_s) / self.duration_s)
+        return 1.0 if self.state == "completed" else min(1.0, done_s / self.duration_s)
 
 
 def read(args: dict[str, Any], machine: Machine) -> Job:

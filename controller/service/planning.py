@@ -232,7 +232,8 @@ class Planning:
         start = _start(program, now)
         task = replace(self._task(program), look=lambda _: self._look())
         homed = now.homed == program.machine.every_axis and not now.untrusted
-        if not homed or (program.spot is None and checked.standing(task, start.joints) is task):
+        as_checked = program.spot is None and program.in_spindle == program.machine.in_spindle
+        if not homed or (as_checked and checked.standing(task, start.joints) is task):
             return None
         begun = replace(start, in_spindle=program.in_spindle)
         walk = starts.path_from(task, kept, begun, program.cut_with)

@@ -127,7 +127,7 @@ def reset(service: Service) -> Values:
 
 def load(service: Service, job: Job) -> Values:
     """Read, plan and audit all of a program; nothing moves, nothing starts. Raises CommandRefused."""
-    facts = service.engine.line.order("check", program=job.program)
+    facts = service.engine.line.order("check", program=replace(job.program, in_spindle=service.tool))
     with service.lock:
         job.before_s, job.blocks, job.notes = facts.pop("passed_s"), facts["blocks"], facts["notes"]
         job.time.durations = service.durations

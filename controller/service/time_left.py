@@ -86,12 +86,8 @@ class TimeLeft:
 
     @property
     def duration_s(self) -> float | None:
-        """Of the whole program, with what it waits for."""
-        return None if self._duration_s is None else self.with_waits(self._duration_s)
-
-    def with_waits(self, checked_s: float) -> float:
-        """Of a time by the clock of the check, with what is waited for before it."""
-        return checked_s + sum(self._expected(event) for event in self._checked if event.at_s < checked_s)
+        """Of the whole program, by the clock of its path: without what it waits for."""
+        return self._duration_s
 
     def before_start(self, before_s: float) -> Left:
         """Of a program that is loaded; ``before_s``: what of the check's time lies before its place."""

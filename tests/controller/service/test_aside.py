@@ -64,7 +64,7 @@ def test_off_along_the_tool_axis_jogged_and_back_to_beside_the_path(service: Ser
 def test_a_retract_has_the_room_that_the_travel_leaves(service: Serving) -> None:
     held_in(service, 0.3)
     room = service.status()["retract_room_mm"]
-    assert f"up to {room:.3f} mm" in service.refused("retract", mm=5000.0).sentence
+    assert f"up to {room:.3f} mm" in service.refused("retract", mm=1000.0).sentence
     assert service.refused("retract", mm=-1.0).code == "bad"
     assert "has not left the path" in service.refused("return").sentence
     go_on(service)
