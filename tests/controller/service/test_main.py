@@ -144,7 +144,8 @@ def test_a_held_key_does_not_take_back_the_stop_of_somebody_else(verb: str, serv
     service.until(lambda _: jogs(f"{verb} 1"), "a jog")
     service.ask(verb)
     for _ in range(2):
-        assert "press it again" in service.refused("jog", frame="joint", axis="X", speed=0.1, press=f"{verb} 1").sentence
+        again = service.refused("jog", frame="joint", axis="X", speed=0.1, press=f"{verb} 1")
+        assert "press it again" in again.sentence
         service.until(lambda now: now["mode"] == "READY" and now["at_rest"])
     service.until(lambda _: jogs(f"{verb} 2"), "the jog of another press")
     service.until(lambda now: now["mode"] == "READY" and now["at_rest"])
