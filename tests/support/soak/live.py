@@ -408,7 +408,6 @@ def _found(
 ) -> list[judged.Wrong]:
     found, T = list[judged.Wrong](), COLUMN["tick"]
     asked = [one for one in on.told if "estop" in one]
-    blindly = any("/changer/confirm" in one and "409" not in one for one in on.told)  # as it stood
     for rows in parts:
         numbers = rows[:, COLUMN["request"]]
         numbers = numbers[(numbers != 0.0) & (numbers < PLAN_IDS)]
@@ -420,8 +419,6 @@ def _found(
         faults = 1 + np.flatnonzero((faults[1:] != 0.0) & (faults[:-1] == 0.0))
         if len(faults) and not of.script and not asked:
             name = Fault(int(rows[faults[0], COLUMN["fault"]])).name
-            if blindly and name == Fault.INPUT_MISSING.name:
-                continue
             found.append((int(rows[faults[0], T]), f"a fault out of nothing: {name}"))
     if len(parts) == 1 and "kill serve" not in of.script and "kill tick" not in of.script:
         found += _skips(parts[0], before, stood)
