@@ -58,9 +58,7 @@ class Client:
     """
 
     name: str
-    answer: (
-        str  # key of the text "client.<answer>" that is printed; of a switch with "_on" or "_off" after it
-    )
+    answer: str  # "client.<answer>" is the text that is printed; of a switch with "_on" or "_off" after it
     off: str = ""  # key of that where the first value is 0
     renamed: tuple[tuple[str, str], ...] = ()  # argument, and its name here where it is another one
     negative: bool = False  # a value such as -3000 is no option

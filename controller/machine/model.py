@@ -31,10 +31,9 @@ MAX_PROGRAM_H = 10_000.0  # ... and what it may say at most
 TOOL_AT_POWER_ON = 1  # number of the one in the spindle where nobody has said otherwise
 MAX_WEAR_MM = 0.5  # of a cutter, at radius and length: beyond it is another one
 TOOL_CHANGE_S = 60.0  # by hand, where the machine file says nothing
-USUAL_SHARE = (
-    0.5  # of the longest time that a device may take: so long it is expected to, until it is measured ...
-)
-USUAL_STEP_S = 0.3  # ... and a step of a tool changer no longer than this
+# What a device is expected to take until it is measured: a share of the longest that it may take,
+USUAL_SHARE = 0.5
+USUAL_STEP_S = 0.3  # and a step of a tool changer no longer than this
 START_STATES = ("reset", "keep")  # of the modal state, where a program begins
 DIALECTS = ("rs274", "fanuc")  # of programs: RS-274/NGC as LinuxCNC reads it, or as Fanuc-like controls do
 WITHOUT_POINT = ("", "unit", "thousandth")  # what lengths without a decimal point count in under fanuc

@@ -94,7 +94,7 @@ class Job:
 
     @property
     def duration_s(self) -> float | None:
-        """Of the whole program, with what it waits for."""
+        """Of the whole program, by the clock of its path: without what it waits for."""
         return self.time.duration_s
 
     @property

@@ -2,11 +2,11 @@
 
 Three frames, all with the rotaries where they are, so that every line is straight:
 
-Two linear axes make a diagonal, ``X+Y`` or ``X-Y``, in any of them.
-
 * ``joint``: one axis of the machine file, in the sense that is shown;
 * ``part``: X Y Z of the active work offset;
 * ``tool``: Z along the tool axis away from the part, X and Y across it.
+
+Two linear axes make a diagonal, ``X+Y`` or ``X-Y``, in any of them.
 """
 
 from __future__ import annotations
