@@ -26,6 +26,7 @@ PERIOD_S = 0.008
 JOINTS = of_axes("joint_command", 5)
 HEIGHT_MM = 20.0
 LOOKED = 250  # rows of a way, at most
+NEAR_ITS_END = 60  # ticks: who is held there has come to the end before it has stopped
 HOME = "G21 G90 T2 M6\nG53 G0 Z260.\nG53 G0 X0. Y0. A0. C0.\nM2\n"
 OLD = {"radius_mm": 1.5, "length_mm": 0.0}
 
@@ -282,7 +283,7 @@ class Held(Bench):
             rows = np.concatenate(self.rows)
             fed = (rows[:, COLUMN["line"]] > 3) & (rows[:, COLUMN["feed_mm_s"]] > 0.0)
             fed &= rows[:, COLUMN["feed_mm_s"]] < 11.0
-            fed &= rows[:, COLUMN["line"]] < part.text.count("\n") - 1  # in its last, a hold is its end
+            fed[-NEAR_ITS_END:] = False
             self._ticks[part.text] = [int(k) for k in np.flatnonzero(fed)]
         return self._ticks[part.text]
 
