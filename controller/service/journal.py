@@ -31,7 +31,7 @@ from controller import atomic_file, own_files
 from controller.ipc.handoff import COLUMN, Snapshot
 from controller.machine.model import REFERENCES, Joints, Machine
 from controller.messages import Key, Said, chain, said
-from controller.plan.restart.program_position import ENTRY_ID, FORMER, Spot
+from controller.plan.restart.program_position import AFTER_CHANGE, ENTRY_ID, FORMER, Spot
 from controller.program import carried
 from controller.state.modes import FAULTS, Mode, Reaction
 from controller.values import dataclass
@@ -215,7 +215,7 @@ def spot_of(entry: Entry, now: Job) -> Spot:
     """
     spot = entry.spot
     if entry.change is not None:
-        return Spot(entry.change[2] + 1, 0.0, FORMER)
+        return Spot(entry.change[2], 0.0, AFTER_CHANGE)
     return spot if entry.job.tools_sha256 == now.tools_sha256 else Spot(spot.line, spot.fraction, FORMER)
 
 

@@ -11,7 +11,7 @@ from controller.ipc.control_socket import CommandRefused
 from controller.machine import setup_data
 from controller.machine.model import Machine
 from controller.messages import Said, said, several
-from controller.plan.restart.program_position import FORMER, Spot
+from controller.plan.restart.program_position import AFTER_CHANGE, FORMER, Spot
 from controller.program import carried
 from controller.service import jobs, journal
 from controller.service.jobs import Job
@@ -140,4 +140,6 @@ def tell_beside(service: Service) -> None:
 def _spot(entry: journal.Entry, here: journal.Job, machine: Machine) -> Spot:
     """Where to go on; a changer makes other motions of a program that begins with another tool."""
     spot = journal.spot_of(entry, here)
-    return spot if machine.changer is None else Spot(spot.line, spot.fraction, FORMER)
+    if machine.changer is None or spot.motion_id == AFTER_CHANGE:
+        return spot
+    return Spot(spot.line, spot.fraction, FORMER)

@@ -18,6 +18,7 @@ BESIDE = frozenset(
     ("retract", "position", "down", "plunge", "lead in", "pivot", "swivel", "link", "lead out", "lift")
 )
 FORMER = -2  # the id of a motion under way that is not known any more: which time a line ran is not told
+AFTER_CHANGE = -3  # the id of the place after the tool change of a line: what is left of the line comes next
 ENTRY_ID = 1 << 24  # motion ids of an entry, and of other ways that are no part of the program
 
 
@@ -31,7 +32,7 @@ class Spot(NamedTuple):
 
     line: int
     fraction: float
-    motion_id: int = -1  # -1: only line and fraction are known; FORMER
+    motion_id: int = -1  # -1: only line and fraction are known; FORMER, AFTER_CHANGE
     s: float = 0.0
 
 

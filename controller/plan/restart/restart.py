@@ -25,6 +25,7 @@ from controller.plan.path import clamps, tool_changes
 from controller.plan.path.path import Tracer
 from controller.plan.restart import entry
 from controller.plan.restart.program_position import (
+    AFTER_CHANGE,
     ENTRY_ID,
     FORMER,
     Spot,
@@ -194,6 +195,9 @@ class _Search:
         self._tops = Tops(source.kinematics)
 
     def rest(self) -> Rest:
+        return self._after_change() if self._spot.motion_id == AFTER_CHANGE else self._found()
+
+    def _found(self) -> Rest:
         for item in self._items:
             if isinstance(item, Pause):
                 if self._spot.motion_id < 0 and not item.ends and self._is_pause(item):
@@ -212,7 +216,7 @@ class _Search:
 
     def _check_known(self) -> None:
         """A line alone says where to begin only if it runs once, or the operator has named it."""
-        if self._spot.motion_id == FORMER and self._goes_back:
+        if self._spot.motion_id in (FORMER, AFTER_CHANGE) and self._goes_back:
             raise self._none("restart.which_time")
 
     def _pass(self, chain: Chain) -> None:
@@ -266,6 +270,24 @@ class _Search:
                 return place_in(chain, line, 0.0)
         return None
 
+    def _after_change(self) -> Rest:
+        """What comes next after the tool change of the line, of the same line, too."""
+        changed = -1  # its ``Place.order``
+        for item in self._items:
+            place = item.place if isinstance(item, Pause) else item.stretches[0].place
+            self._goes_back |= place.step != 0
+            if not isinstance(item, Pause):
+                if changed >= 0:
+                    return self._from(item, 0, 0.0)
+                self._pass(item)
+            elif changed >= 0:
+                return self._at_pause(item, item.modal if place.order == changed else None)
+            elif item.probe is not None:
+                raise self._none("restart.probed", line=place.line)
+            elif item.changing is not None and item.changing.last and place.line == self._spot.line:
+                changed = place.order
+        raise self._none("restart.no_motion_of_it" if self._goes_back else "restart.no_motion")
+
     # --- what is left from there
 
     def _from(self, chain: Chain, k: int, s: float) -> Rest:
@@ -298,10 +320,11 @@ class _Search:
         target = entry.Target(joints, state, stretch.place, self._clear(joints, state), stretch, s)
         return Rest(spot, target, stretch.name, _then(rest, self._items), self._source, order_of(stretch, s))
 
-    def _at_pause(self, pause: Pause) -> Rest:
+    def _at_pause(self, pause: Pause, state: Modal | None = None) -> Rest:
+        """``state``: in which it is entered; None: that before the line."""
         self._check_known()
         line = pause.place.line
-        state = self._lines.at(pause.place.order).before
+        state = state or self._lines.at(pause.place.order).before
         clear = self._clear(self._stands, state)
         target = entry.Target(self._stands, state, pause.place, clear)
         items = _counted(_then(pause, self._items), self._count)

@@ -35,7 +35,7 @@ from controller.machine.toml_table import ConfigError
 from controller.machine.tool_store import Step, ToolStore, placed
 from controller.messages import Said, text
 from controller.motion.pieces import FIRST_MARK
-from controller.plan.restart.program_position import FORMER, Spot
+from controller.plan.restart.program_position import AFTER_CHANGE, ENTRY_ID, Spot
 from controller.plan.stretch import Chain
 from controller.program import blocks
 from controller.program.program import Act, Action, Changing, ProgramError, Select
@@ -607,7 +607,7 @@ def test_of_a_change_that_was_interrupted_the_offer_says_which_tool_is_where_and
     step = _ask(desk, "status")["next"]
     assert (step["verb"], step["args"]) == ("load", {"restart": True})
     _ask(desk, "load", path=file, restart=True)
-    assert desk.service.job is not None and desk.service.job.program.spot == Spot(4, 0.0, FORMER)
+    assert desk.service.job is not None and desk.service.job.program.spot == Spot(3, 0.0, AFTER_CHANGE)
     again = served(tmp_path, machine())
     assert again.journal.last is not None and again.journal.last.change == (1, 2, 3), (
         "after a loss of power, too"
@@ -615,24 +615,31 @@ def test_of_a_change_that_was_interrupted_the_offer_says_which_tool_is_where_and
 
 
 @pytest.mark.parametrize(("in_spindle", "starts"), [(2, True), (1, False)])
-def test_after_an_interrupted_change_a_start_is_what_was_offered(in_spindle: int, starts: bool) -> None:
-    """With the tool that had to come it goes on with the line after M6; with another one it is refused."""
+@pytest.mark.parametrize(
+    ("change", "left"),
+    [
+        ("T2 M6", [4, 5]),
+        ("T2 M6 G1 X1.5", [3, 4, 5]),  # what the line itself cuts after its change is not left out
+        ("T2 M6 S900 M3 G1 X1.5", [3, 4, 5]),
+        ("T2 M6 S900 M3", [4, 5]),
+    ],
+)
+def test_after_an_interrupted_change_a_start_is_what_was_offered(
+    in_spindle: int, starts: bool, change: str, left: list[int]
+) -> None:
+    """With the tool that had to come it goes on after the change; with another one it is refused."""
     made = machine()
-    task = checked.task(TWO.encode(), "two.ngc", made)
-    spot = Spot(4, 0.0, FORMER)
+    task = checked.task(TWO.replace("T2 M6", change).encode(), "two.ngc", made)
+    spot = Spot(3, 0.0, AFTER_CHANGE)
     joints = tuple(axis.homing.position for axis in made.axes)
     start = Start(joints, 0.0, spot, joints, in_spindle=in_spindle, begin=None)
     if not starts:
         with pytest.raises(ProgramError, match="T1 is in the spindle"):
             list(starts_of(task, start))
         return
-    lines = [
-        one.place.line
-        for chain in starts_of(task, start)
-        if isinstance(chain, Chain)
-        for one in chain.stretches
-    ]
-    assert lines[-2:] == [4, 5] and 3 not in lines
+    cut = [chain for chain in starts_of(task, start) if isinstance(chain, Chain)]
+    lines = [one.place.line for chain in cut if (chain.first_id or 0) < ENTRY_ID for one in chain.stretches]
+    assert lines == left
 
 
 def starts_of(task: Any, start: Start) -> list[Any]:
