@@ -22,9 +22,10 @@ from controller.plan.planner import Ahead, orders_of
 from controller.plan.report.passing import OWN, place_of
 from controller.plan.report.planned import windows_along
 from controller.plan.restart.program_position import ENTRY_ID, lines_along, part_at
-from controller.plan.stretch import Chain, Pause, Stretch
+from controller.plan.stretch import Chain, Pause, Stretch, Wait
 from controller.plan.timetable import MOST, Event, Passed, Timetable, event_of
 from controller.plan.track import Track, Unit
+from controller.plan.waits import OPTIONAL
 
 FIRST = 60  # windows that are planned of a path that nobody runs yet
 MOST_AHEAD = 3000  # units beyond those of the planner: they are kept until it comes to them
@@ -192,11 +193,15 @@ class Foresight:
         self._end_s, self._place = sent.end_s, sent.place_at(sent.end_s) if goes_on else sent.after
 
     def _note(self, sent: Sent) -> None:
-        """The pause, if it is one."""
+        """The pause, if it is one, or the M1 with which it ends."""
         unit = self.at(sent.first) if sent.course is None else None
-        if unit is not None and isinstance(unit.what, Pause) and len(self._events) < MOST:
+        if len(self._events) >= MOST:
+            return
+        if unit is not None and isinstance(unit.what, Pause):
             event = event_of(unit.what, sent.start_s)
             self._events += [event] if event is not None else []
+        elif sent.course is not None and sent.pieces and sent.pieces[-1].optional_stop:
+            self._events.append(Event(sent.end_s, sent.pieces[-1].line, Wait(stops=OPTIONAL)))
 
     def at(self, number: int) -> Unit | None:
         """A unit: of the planner's track, which may have ways laid before it, where that has it."""

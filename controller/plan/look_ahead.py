@@ -49,8 +49,14 @@ class Orders(NamedTuple):
     override: float = 1.0
     rapid_override: float = 1.0
     single_block: bool = False
+    optional_stop: bool = False
     adaptive: float = 1.0  # what the load of the spindle leaves of feeds under M52 P1 ...
     everywhere: float = 1.0  # ... and without
+
+    @property
+    def stop_inside(self) -> bool:
+        """Motion may have to rest where the path runs on."""
+        return self.single_block or self.optional_stop
 
     @property
     def shares(self) -> tuple[float, float, float, float]:
@@ -86,17 +92,21 @@ class Sent:
     stops: StopTable | None = None
     stretches: dict[int, Stretch] = field(default_factory=dict)  # of its motions, by id
     is_split: bool = False  # a block of the program ends inside
+    has_optional_stop: bool = False  # one with an M1 does
     is_short: bool = False  # it ends with a block of the program where the course would go on
 
     def is_other(self, orders: Orders) -> bool:
         """Whether other orders would have made it another one."""
         if self.course is None or orders == self.orders:
             return False
-        single = self.is_split if orders.single_block else self.is_short
+        mine = self.orders
+        switched = (orders.single_block, orders.optional_stop) != (mine.single_block, mine.optional_stop)
         return (
             (orders.override != self.orders.override and _has_feed(self.course))
             or (orders.rapid_override != self.orders.rapid_override and _has_rapid(self.course))
-            or (orders.single_block != self.orders.single_block and single)
+            or (orders.single_block > mine.single_block and self.is_split)
+            or (orders.optional_stop > mine.optional_stop and self.has_optional_stop)
+            or (switched and self.is_short)
             or (orders.adaptive != self.orders.adaptive and _is_led(self.course, True))
             or (orders.everywhere != self.orders.everywhere and _is_led(self.course, False))
         )
@@ -136,7 +146,8 @@ class _Reach(NamedTuple):
     units: list[Unit]
     until: float | None
     rests: bool  # for good: it is not to be replaced by the next window
-    marked: bool  # a block of the program ends there
+    marked: bool = False  # a block of the program ends there ...
+    optional_stop: bool = False  # ... with an M1
 
 
 class Units(Protocol):
@@ -169,7 +180,8 @@ class Windows:
         if place.s >= unit.length - ROUNDING:
             if not unit.rests:
                 return self.from_rest(track, Place(place.unit + 1, 0.0), start_s, orders, soon)
-            mark = dwell(0.0, unit.line, end=unit.last)._replace(block_end=unit.block_end)
+            mark = dwell(0.0, unit.line, end=unit.last, optional_stop=unit.optional_stop)
+            mark = mark._replace(block_end=unit.block_end)
             after = Place(place.unit + 1, 0.0)
             return Sent(place.unit, start_s, start_s, None, after, orders, (mark,))
         begin = State(place.s, 0.0, 0.0)
@@ -199,7 +211,7 @@ class Windows:
         place = Place(sent.first + k, state.s - offset)
         begin = State(place.s, state.v, state.a)
         guess = _tail(sent.profile, t, offset)
-        skips = range(BLOCKS_TO_STOP_IN if orders.single_block else 1)
+        skips = range(BLOCKS_TO_STOP_IN if orders.stop_inside else 1)
         seconds, least = FIRST_S if soon else WINDOW_S, BRAKING_SHARE * _braking(sent, plan_s, state.v)
         reaches = [self._reach(track, place, orders, seconds, n, least) for n in skips]
         if self._forbidden(reaches[0], orders):
@@ -221,7 +233,8 @@ class Windows:
 
         At a feed that was lowered much, a few seconds may be too short to brake in: ``least`` is the
         length that is needed.
-        With single block the course ends with a block of the program, after ``skipped`` others.
+        With single block the course ends with a block of the program, after ``skipped`` others, with
+        optional stop with one that an M1 follows.
         """
         units: list[Unit] = []
         takes: list[float] = []
@@ -231,19 +244,21 @@ class Windows:
             takes_s, braking_s = self._unit_takes_s(unit, unit.what, s, orders)
             takes.append(takes_s)
             seconds = pace.window_s(seconds, braking_s)
-            inner = [end for end in unit.lines_end if end > s + ROUNDING] if orders.single_block else []
+            ends, at_end = _stops_of(unit, orders)
+            inner = [end for end in ends if end > s + ROUNDING]
             if len(inner) > max(skipped, 0):
-                return _Reach(units, start + inner[max(skipped, 0)], rests=True, marked=True)
+                end = inner[max(skipped, 0)]
+                return _Reach(units, start + end, True, True, end in unit.optional_stops)
             skipped -= len(inner)
             if sum(takes) > WHOLE_SHARE * seconds and start + unit.length - place.s > least:
                 return self._cut(units, takes, place.s, seconds, least)
-            if unit.rests or (orders.single_block and unit.block_end and skipped <= 0):
-                return _Reach(units, None, rests=True, marked=unit.block_end)
-            skipped -= unit.block_end
+            if unit.rests or (at_end and skipped <= 0):
+                return _Reach(units, None, True, unit.block_end, unit.optional_stop)
+            skipped -= at_end
             number, start = number + 1, start + unit.length
             s = ahead.begin if (ahead := track.at(number)) is not None else 0.0
             start -= s
-        return _Reach(units, None, rests=True, marked=False)  # the path was refused further on
+        return _Reach(units, None, rests=True)  # the path was refused further on
 
     def _cut(self, units: list[Unit], takes: list[float], s: float, seconds: float, least: float) -> _Reach:
         """A window of just ``seconds``, and not below the ``least`` length."""
@@ -251,7 +266,7 @@ class Windows:
         until = np.interp(seconds, np.cumsum([0.0, *takes]), [s, *ends])
         until = max(float(until), s + least)
         last = int(np.searchsorted(ends, until))
-        return _Reach(units[: last + 1], until, rests=False, marked=False)
+        return _Reach(units[: last + 1], until, rests=False)
 
     def _unit_takes_s(self, unit: Unit, stretch: Stretch, s: float, orders: Orders) -> tuple[float, float]:
         """As ``_takes_s``; of a line in a row of lines with all the others of its chain."""
@@ -308,6 +323,8 @@ class Windows:
             found,
             stretches={unit.motion_id: s for unit, s in zip(units, stretches, strict=True)},
             is_split=any(unit.block_end for unit in units[:-1]) or any(unit.lines_end for unit in units),
+            has_optional_stop=any(unit.optional_stop for unit in units[:-1])
+            or any(unit.optional_stops for unit in units),
             is_short=reach.marked and not (units[-1].rests and reach.until is None),
         )
         return replace(made, pieces=self._pieces(made, units, reach), stops=self._stops(made))
@@ -349,7 +366,7 @@ class Windows:
         last = pieces[-1]
         pieces[-1] = last._replace(law=_rested(last.law, rest_s), duration_s=last.duration_s + rest_s)
         ends = units[-1].last and reach.until is None
-        pieces[-1] = pieces[-1]._replace(block_end=reach.marked, end=ends)
+        pieces[-1] = pieces[-1]._replace(block_end=reach.marked, optional_stop=reach.optional_stop, end=ends)
         return tuple(pieces)
 
     def _binds(self, course: Course, laws: binding.Laws) -> list[binding.Marks]:
@@ -392,7 +409,7 @@ class Windows:
             STILL,
             self._on_grid(pause.seconds),
             stop=pause.act is Act.STOP,
-            optional_stop=pause.act is Act.OPTIONAL_STOP,
+            optional_stop=pause.act is Act.OPTIONAL_STOP or unit.optional_stop,
             block_end=unit.block_end,
             end=unit.last,
             sets=sets,
@@ -424,7 +441,15 @@ def _first_of(reach: _Reach) -> _Reach:
     """Only the first unit, to a rest at its end: where no way is found to run on into the next."""
     if len(reach.units) == 1:
         return reach
-    return _Reach(reach.units[:1], None, rests=True, marked=reach.units[0].block_end)
+    unit = reach.units[0]
+    return _Reach([unit], None, True, unit.block_end, unit.optional_stop)
+
+
+def _stops_of(unit: Unit, orders: Orders) -> tuple[Sequence[float], bool]:
+    """Places inside of a unit at which the operator's switches stop it, and whether they do at its end."""
+    if orders.single_block:
+        return unit.lines_end, unit.block_end
+    return (unit.optional_stops, unit.optional_stop) if orders.optional_stop else ((), False)
 
 
 def _has_feed(course: Course) -> bool:

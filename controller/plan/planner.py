@@ -11,9 +11,10 @@ end of the window is not meant to be reached: from its seam on the next window r
                     seam
 ```
 So the queue always ends at rest, and an interrupted planner leaves nothing half said.
-What the operator changes (overrides, single block), and adaptive feed, is planned from a place a little
-ahead of the commit point on, out of the motion that is there. After a stop the tick
-stands with an empty queue and another ``epoch``, and the path is planned from there.
+What the operator changes (overrides, single block, optional stop), and adaptive feed, is
+planned from a place a little ahead of the commit point on, out of the motion that is there.
+After a stop the tick stands with an empty queue and another ``epoch``, and the path is
+planned from there.
 
 What is planned depends on the path, the operator and the tick's plan time alone, never on a clock.
 """
@@ -79,9 +80,15 @@ class _Held(NamedTuple):
 
 def orders_of(now: Snapshot) -> Orders:
     """What the operator's switches say, and the load of the spindle."""
-    share, single_block = now.adaptive_share, now.is_on(Request.SINGLE_BLOCK)
-    everywhere = share if now.is_on(Request.ADAPTIVE_FEED) else 1.0
-    return Orders(now.override, min(now.rapid_override, 1.0), single_block, share, everywhere)
+    share = now.adaptive_share
+    return Orders(
+        override=now.override,
+        rapid_override=min(now.rapid_override, 1.0),
+        single_block=now.is_on(Request.SINGLE_BLOCK),
+        optional_stop=now.is_on(Request.OPTIONAL_STOP),
+        adaptive=share,
+        everywhere=share if now.is_on(Request.ADAPTIVE_FEED) else 1.0,
+    )
 
 
 class Planner:

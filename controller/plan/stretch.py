@@ -132,6 +132,7 @@ class Chain:
     runs_on: bool = False
     from_s: float = 0.0  # in the unit of the first stretch's s; what lies before it is cut already
     first_id: int | None = None  # motion id of the first stretch; None: counted on
+    optional_stops: frozenset[int] = frozenset()  # orders of the blocks with whose ends it stops if M1 does
 
 
 class Wait(NamedTuple):

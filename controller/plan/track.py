@@ -24,6 +24,7 @@ from controller.plan.stretch import Chain, Pause, Stretch
 from controller.program.program import Act, Probed, Probing, ProgramError
 from controller.values import dataclass
 
+TINY = 1e-9  # of s
 STANDS = -1  # motion id of a pause ...
 
 
@@ -40,6 +41,7 @@ class Unit:
     motion_id: int  # counted along the path; STANDS for a pause
     rests: bool = True  # after it; False: it runs into the next
     block_end: bool = True  # a block of the program ends with it
+    optional_stop: bool = False  # an M1 stands there
     last: bool = True
     begin: float = 0.0  # s at which it begins: a restart begins inside of a motion
     chain: Chain | None = None  # that it is a stretch of ...
@@ -63,6 +65,18 @@ class Unit:
         """Places inside its motion where a line ends and the next begins."""
         motion = self.what.motion if isinstance(self.what, Stretch) else None
         return [s for s in motion.lines_s if 0.0 < s < motion.end] if isinstance(motion, ToolSpline) else ()
+
+    @property
+    def optional_stops(self) -> Sequence[float]:
+        """Those of them with an M1."""
+        marks = self.chain.optional_stops if self.chain is not None else ()
+        if not marks or not isinstance(self.what, Stretch):
+            return ()
+        return [
+            s
+            for s in self.lines_end
+            if _between(marks, order_of(self.what, s - TINY), order_of(self.what, s))
+        ]
 
     @property
     def length(self) -> float:
@@ -236,4 +250,13 @@ class Track:
             before = item.stretches[-1] if item.runs_on else None
 
     def _before(self, unit: Unit, after: Unit, joined: bool) -> Unit:
-        return replace(unit, rests=not joined, block_end=unit.last_order != after.order, last=False)
+        marks, order = after.chain.optional_stops if after.chain is not None else (), unit.last_order
+        optional = bool(marks) and _between(marks, order, after.order)
+        return replace(
+            unit, rests=not joined, block_end=order != after.order, optional_stop=optional, last=False
+        )
+
+
+def _between(marks: Iterable[int], order: int, after: int) -> bool:
+    """Whether an M1 stands between two blocks; those of no motion between them are passed over."""
+    return any(order <= mark < after for mark in marks)

@@ -271,6 +271,52 @@ def test_an_optional_stop_holds_only_where_it_is_wanted(wanted: bool) -> None:
     assert held_at(done) == [100] * wanted
 
 
+LINES = "G0 X0. Y0.\nG1 F4000. X30.\nM1\nX60.\nX60.\nM1\nX100.\nM1\nX140.\nM30\n"  # one moves nothing
+MARKED = {"exact": "G21 G90 G54 G61\n" + LINES, "a row": "G21 G90 G54 G64 P0.05\n" + LINES}
+MARKED["a loop"] = (
+    "G21 G90 G54 G64 P0.05\n#1=0\nG0 X0. Y0.\nF4000.\nG91\no1 while [#1 LT 3]\n"
+    "#1=[#1+1]\nG1 X30.\nM1\nG1 X5.\no1 endwhile\nG1 X35.\nM30\n"
+)
+AT = {
+    "exact": [30, 60, 100],
+    "a row": [30, 60, 100],
+    "a loop": [30, 65, 100],
+}  # X of the places with an M1; all end at 140
+
+
+def switched_at(done: Cut) -> list[int]:
+    x = done.joints[:, 0] - done.joints[-1, 0] + 140.0
+    return [round(float(x[t])) for t in stands_between(done)]
+
+
+@cache
+def marked(path: str, *events: Event, without: bool = False) -> Cut:
+    text = MARKED[path].replace("M1\n", "") if without else MARKED[path]
+    done = cut(text, shipped(spindle=None), events=list(events))
+    assert done.run.result == "completed", done.run.fault_text
+    assert_in_limits(done, (path, events))
+    return done
+
+
+@pytest.mark.parametrize("path", MARKED)
+def test_an_optional_stop_between_lines_costs_nothing_where_it_is_switched_off(path: str) -> None:
+    assert np.array_equal(marked(path).joints, marked(path, without=True).joints)
+
+
+@pytest.mark.parametrize("path", MARKED)
+@pytest.mark.parametrize("passed", [0, 1, 2])
+@pytest.mark.parametrize("on", [True, False])
+def test_an_optional_stop_counts_from_where_it_is_switched(path: str, passed: int, on: bool) -> None:
+    """Switched 3 mm after the last one, or at the begin."""
+    plain = marked(path) if on else marked(path, Event(1, Request.OPTIONAL_STOP, 1.0))
+    x = plain.joints[:, 0] - plain.joints[-1, 0] + 140.0
+    tick = int(np.argmax(x > AT[path][passed - 1] + 3.0)) if passed else 1
+    events = [Event(tick, Request.OPTIONAL_STOP, float(on))]
+    if not on:
+        events.insert(0, Event(1, Request.OPTIONAL_STOP, 1.0))
+    assert switched_at(marked(path, *events)) == (AT[path][passed:] if on else AT[path][:passed])
+
+
 # --- a planner that dies
 
 

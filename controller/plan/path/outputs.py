@@ -1,6 +1,8 @@
-"""What the program says of outputs (M62, M63) and overrides (M48 to M53) while it moves.
+"""What the program says of outputs (M62, M63), overrides (M48 to M53) and optional stops (M1) while it moves.
 
-Each stretch has what was said up to its block.
+Each stretch has what was said up to its block. An M1 between two lines or arcs is a mark on the first of
+them, so that it costs nothing where it is switched off. Any other is a pause: the machine stands there
+anyway, is to leave a surface before somebody looks at it, or to close its clamps.
 """
 
 from __future__ import annotations
@@ -13,8 +15,9 @@ from dataclasses import replace
 from controller.machine.model import Machine
 from controller.messages import said
 from controller.motion.motions import ThreadMove
+from controller.plan.lines.corners import Feed
 from controller.plan.stretch import Chain, Pause, Stretch, Voice
-from controller.program.program import ENABLED, UNSAID, Block, Modal, Outputs, Overrides, Probing
+from controller.program.program import ENABLED, UNSAID, Act, Action, Block, Modal, Outputs, Overrides, Probing
 
 _Said = tuple[Outputs, Overrides, bool]
 _NOTHING: _Said = (UNSAID, ENABLED, False)
@@ -24,21 +27,45 @@ class Switched:
     """Notes the blocks as they are read, and hands on what is made of them."""
 
     def __init__(self, machine: Machine) -> None:
+        self._has_clamps = any(axis.clamp is not None for axis in machine.axes)
+        self._stops = frozenset[int]()  # orders of blocks that end with an M1
         self._probe = machine.probe.tool if machine.probe is not None else None
         self._said = deque[tuple[int, _Said]]([(0, _NOTHING)])  # from which order on
 
     def read(self, blocks: Iterable[Block]) -> Iterator[Block]:
         before: Modal | None = None
-        for block in blocks:
+        for block in blocks if self._has_clamps else self._marked(blocks):
             if (modal := block.modal) is not before:  # many lines share one
                 before, said = modal, (modal.outputs, modal.overrides, modal.tool == self._probe)
                 if said != self._said[-1][1]:
                     self._said.append((block.place.order, said))
             yield block
 
+    def _marked(self, blocks: Iterable[Block]) -> Iterator[Block]:
+        """All but each M1 between two lines or arcs with a feed, of which the first is remembered."""
+        before: Block | None = None
+        waiting: list[Block] = []  # an M1 after ``before``
+        for block in blocks:
+            if waiting:
+                assert before is not None
+                if _feeds(block):
+                    self._stops |= {before.place.order}
+                else:
+                    yield from waiting
+                waiting.clear()
+            elif isinstance(block, Action) and block.act is Act.OPTIONAL_STOP and _feeds(before):
+                waiting.append(block)
+                continue
+            before = block
+            yield block
+        yield from waiting
+
     def laid(self, items: Iterable[Chain | Pause]) -> Iterator[Chain | Pause]:
         """The same path; the stretches come in the order of their blocks."""
         for item in items:
+            if isinstance(item, Chain) and self._stops:
+                item = replace(item, optional_stops=self._stops)
+                self._stops = frozenset(one for one in self._stops if one >= item.stretches[0].place.order)
             if isinstance(item, Chain) and (
                 len(self._said) > 1 or self._said[0][1] != _NOTHING or _tied(item)
             ):
@@ -54,6 +81,10 @@ class Switched:
         if isinstance(stretch.motion, ThreadMove):  # its feed is the spindle's
             overrides = overrides._replace(feed=False)
         return replace(stretch, outputs=outputs, overrides=overrides, guarded=guarded)
+
+
+def _feeds(block: Block | None) -> bool:
+    return isinstance(block, Feed) and block.feed_mm_s is not None and block.probe is None
 
 
 def _tied(chain: Chain) -> bool:

@@ -14,6 +14,7 @@ some hundredths of a second apart, and where that would be too many, some thousa
 
 from __future__ import annotations
 
+import itertools
 from bisect import bisect_right
 from collections.abc import Iterable, Iterator, Sequence
 
@@ -24,9 +25,10 @@ from controller.plan.feed.course import Course
 from controller.plan.feed.law import along
 from controller.plan.report.planned import Planned
 from controller.plan.restart.program_position import LinePart, lines_along, part_at
-from controller.plan.stretch import Chain, Pause, Stretch
+from controller.plan.stretch import Chain, Pause, Stretch, Wait
 from controller.plan.timetable import MOST as MOST_EVENTS
 from controller.plan.timetable import Event, Passed, event_of
+from controller.plan.waits import OPTIONAL
 
 MOST = 4000  # marks
 APART_S = 0.02  # of two marks inside of a window ...
@@ -53,7 +55,8 @@ class Passing:
 
     def __init__(self) -> None:
         self.marks: list[Mark] = []
-        self.events: list[Event] = []
+        self._events: list[Event] = []
+        self._optional: dict[int, int] = {}  # lines that an M1 follows, by the order of their block
         self._parts: dict[int, tuple[Stretch, tuple[LinePart, ...]]] = {}  # by identity, of what is ahead
         self._now_s = 0.0
         self._apart_s = 0.0  # of two marks, at the least
@@ -62,16 +65,29 @@ class Passing:
         """The same path."""
         for item in items:
             if isinstance(item, Chain):
-                lines = zip(item.stretches, lines_along(item), strict=True)
+                parts_of = lines_along(item)
+                lines = zip(item.stretches, parts_of, strict=True)
                 self._parts.update((id(stretch), (stretch, parts)) for stretch, parts in lines)
+                if item.optional_stops:
+                    ends = (part for parts in parts_of for part in parts if part.order in item.optional_stops)
+                    self._optional.update((part.order, part.line) for part in ends)
             yield item
+
+    @property
+    def events(self) -> list[Event]:
+        """In the order of time."""
+        stops = [
+            Event(passed_s(self.marks, (order, 1.0, OWN, 0.0)), line, Wait(stops=OPTIONAL))
+            for order, line in itertools.islice(self._optional.items(), MOST_EVENTS)
+        ]
+        return sorted([*self._events, *stops], key=lambda event: event.at_s)
 
     def take(self, sent: Planned) -> None:
         """What is planned next."""
         if sent.course is not None:
             self._spans(sent.course, sent.spans)
         elif sent.pause is not None and (event := event_of(sent.pause, self._now_s)) is not None:
-            self.events += [event] if len(self.events) < MOST_EVENTS else []
+            self._events += [event] if len(self._events) < MOST_EVENTS else []
         self._now_s += sent.took_s
 
     def _spans(self, course: Course, spans: Sequence[Span]) -> None:

@@ -118,13 +118,14 @@ class _Rolling:
 
     def __init__(self, machine: Machine, kinematics: Kinematics, orders: Orders) -> None:
         self._machine, self._kinematics, self._scales = machine, kinematics, orders.scales
+        self._stops = orders.stop_inside
         self._stretch: Stretch | None = None
         self._tight = np.empty(0)  # places of it where anything but its feed holds the speed
         self._sight_s = 0.0  # from anywhere on it
 
     def on(self, sent: Sent) -> Sent | None:
         """As many windows like ``sent`` as may follow it, as one; None where they must be planned."""
-        if sent.course is None or sent.profile is None or sent.seam_s is None:
+        if self._stops or sent.course is None or sent.profile is None or sent.seam_s is None:
             return None
         step_s = sent.seam_s - sent.start_s
         speed = _even_speed(sent.profile, step_s)

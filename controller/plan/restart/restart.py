@@ -145,7 +145,7 @@ def named(items: Iterable[Chain | Pause], first_id: int) -> list[Chain | Pause]:
     made: list[Chain | Pause] = []
     for item in items:
         if isinstance(item, Chain):
-            made.append(Chain(item.stretches, item.runs_on, item.from_s, first_id))
+            made.append(replace(item, first_id=first_id))
             first_id += len(item.stretches)
         else:
             made.append(item)
@@ -315,7 +315,7 @@ class _Search:
         known = self._lines.at(order_of(stretch, s))
         state = known.moving or known.before
         joints = joints_at(stretch, s, self._source.kinematics)
-        rest = Chain(chain.stretches[k:], chain.runs_on, s, self._count + k)
+        rest = replace(chain, stretches=chain.stretches[k:], from_s=s, first_id=self._count + k)
         spot = Spot(line, fraction_at(chain, k, s), self._count + k, s)
         target = entry.Target(joints, state, stretch.place, self._clear(joints, state), stretch, s)
         return Rest(spot, target, stretch.name, _then(rest, self._items), self._source, order_of(stretch, s))
@@ -362,7 +362,7 @@ def _counted(items: Iterator[Chain | Pause], first_id: int) -> Iterator[Chain | 
     """The first chain keeps its number in the whole program; the others are counted on."""
     for item in items:
         if isinstance(item, Chain):
-            yield Chain(item.stretches, item.runs_on, item.from_s, first_id)
+            yield replace(item, first_id=first_id)
             break
         yield item
     yield from items
