@@ -59,14 +59,14 @@ def _raised(items: Iterable[Chain | Pause | _Broken]) -> Iterator[Chain | Pause]
         yield item
 
 
-def foreseen(items: Iterable[Chain | Pause], machine: Machine, kinematics: Kinematics) -> Timetable:
-    """Of a path that nobody runs yet, at 100 %, as far as ``FIRST`` windows of it."""
+def foreseen(items: Iterable[Chain | Pause], machine: Machine, kinematics: Kinematics) -> Timetable | None:
+    """Of a path that nobody runs yet, at 100 %, up to ``FIRST`` windows of it; None where it is refused."""
     track = Track((), machine, kinematics)
     foresight = Foresight(track, items, machine, kinematics)
     ahead = Ahead(track, (), Place(0, 0.0), 0.0)
     while foresight.windows < FIRST and foresight.go_on(ahead, 0.0, Orders()):
         pass
-    return foresight.timetable or Timetable(0.0, 0.0)
+    return None if foresight.refused else foresight.timetable or Timetable(0.0, 0.0)
 
 
 class Foresight:
@@ -104,6 +104,11 @@ class Foresight:
         if self._walk is None or self._is_between():
             return None
         return Timetable(self._from_s, self._end_s, tuple(self._events), self._passed())
+
+    @property
+    def refused(self) -> bool:
+        """The path ends where the program is refused, as far as it is known."""
+        return self._own.error is not None
 
     @property
     def begun(self) -> object:
