@@ -17,7 +17,7 @@ from dataclasses import replace
 from types import MappingProxyType
 
 from controller.geometry.vectors import ROUNDING, Vector, angle_between
-from controller.messages import Key, said
+from controller.messages import Key, chain, said
 from controller.program import line_words, output_words, thread_words
 from controller.program.codes import CYCLES, Ask
 from controller.program.cycle_way import PLANES, Way
@@ -193,6 +193,7 @@ def _cycle(here: Here, code: str, word: Word) -> tuple[Cycle, float]:
     normal = PLANES[state.modal.plane][2]
     bottom, clearance = here.length_mm("XYZ"[normal]), here.length_mm("R")
     if before is not None and keeps:
+        _check_unit(here, code, word, before)
         bottom = before.bottom if bottom is None else bottom
         clearance = before.clearance if clearance is None else clearance
     if bottom is None or clearance is None:
@@ -204,7 +205,20 @@ def _cycle(here: Here, code: str, word: Word) -> tuple[Cycle, float]:
     level = before.level if before is not None and keeps else now
     old = before if before is not None and keeps else None
     depth, seconds = _depth(here, code, word, old), _seconds(here, code, word, old)
-    return Cycle(code, bottom, clearance, level, depth, seconds, bore_shift(here, code, word, old)), start
+    shift = bore_shift(here, code, word, old)
+    return Cycle(code, bottom, clearance, level, depth, seconds, shift, state.mm_per_unit), start
+
+
+def _check_unit(here: Here, code: str, word: Word, before: Cycle) -> None:
+    """Lengths that an earlier line wrote in another unit are not gone on with. Raises ProgramError."""
+    if before.mm_per_unit == here.state.mm_per_unit:
+        return
+    words = here.ask.words
+    lacks = [letter for letter in ("XYZ"[PLANES[here.state.modal.plane][2]], "R") if letter not in words]
+    if (before.depth, before.shift) != (None, None) and not words.keys() & set("QIJK"):
+        lacks.append("Q")
+    if lacks:
+        raise here.ask.refusal(word, "cycle.other_unit", code=code, lacks=chain("and", lacks))
 
 
 def _depth(here: Here, code: str, word: Word, before: Cycle | None) -> Known:

@@ -57,6 +57,7 @@ class Cycle:
     depth: float | None = None  # Q
     seconds: float | None = None  # P
     shift: tuple[float, float] | None = None  # of boring: the way off the wall, in the plane
+    mm_per_unit: float = 1.0  # in which its lengths were written
 
 
 @dataclass(frozen=True, slots=True)

@@ -126,6 +126,9 @@ def test_a_rotary_turns_with_the_way_over_the_hole_under_fanuc() -> None:
         ("G87 X1 Z-5 R2", "G87 (back boring) is not done here"),
         ("G76 X1", "G76 (threading) is not done here"),
         ("G81 X1 Z-5 R2\nR3", "no code on this line takes R3"),
+        ("G81 X1 Z-5 R2\nG20 X2", "write Z and R anew"),
+        ("G81 X1 Z-5 R2\nG20\nX2 R1", "write Z anew"),
+        ("G83 X1 Z-5 R2 Q1\nG20 X2 Z-1 R1", "write Q anew"),
     ],
 )
 def test_what_is_refused_says_why(text: str, sentence: str) -> None:

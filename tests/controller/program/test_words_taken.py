@@ -286,6 +286,8 @@ WHY_REFUSED = {
     "beside.short_lead_in": "the tool in the spindle is larger here",
     "beside.arc_first": "likewise",
     "beside.no_tool": "the machine has no such tool",
+    "cycle.other_unit": "a depth that was written in mm is none in inches",
+    "feed.none": "a curve needs one, too, once G95 has ended that of G94",
     "cycle.upside_down": "R and the bottom come from two units, or from two modes",
     "surface.not_ruled": "G52 with F is the paper's surface, whose points stand on lines after it",
     "spindle.angle": "the drive brings the spindle to one angle",
@@ -299,6 +301,7 @@ WHY_MOVES = {
     r"G4[12]": "the lead-in is the first move in the plane; what comes before it is done as it stands",
     r"G53 ": "under G91 a position, too",
     r"G[78]4.* [LQ]": "repeats, and pecks as Fanuc has them",
+    r"M[345]\b.* M7[0-3]|M7[0-3].* M[345]\b": "the state is kept whatever the spindle does",
     r"G33 ": "the spindle may be turned by hand: the axis waits for it",
 }
 

@@ -20,6 +20,7 @@ from controller.machine.model import Tool
 
 DISC_MM = 1.0  # from disc to disc
 GRID = (161, 41)  # points of a wall, along and across
+EDGE_MM = 0.05  # as exactly as the grid has a wall's edge
 ENOUGH_MM = 12.0  # behind a wall: what is as far from all of it is not told to be in the part
 
 
@@ -54,7 +55,8 @@ class Wall:
     def in_front(self, middles: np.ndarray, axes: np.ndarray) -> np.ndarray:
         """How far (N,) the middles of discs are in front of it, by its nearest point.
 
-        Beyond its edges how far off in the plane of the disc; infinite where the edge is not in that plane.
+        Beyond its edges how far off in the plane of the disc; infinite where the edge is below the disc, or
+        further above it than the next disc is.
         """
         _, nearest = self._nearest.query(middles)
         away = middles - self.points.reshape(-1, 3)[nearest]
@@ -63,7 +65,7 @@ class Wall:
         ahead = (away * self.normals.reshape(-1, 3)[nearest]).sum(axis=1)
         up = (away * axes).sum(axis=1)
         off = np.sqrt(np.maximum((away * away).sum(axis=1) - up * up, 0.0))
-        return np.where(inside, ahead, np.where(np.abs(up) > DISC_MM, np.inf, off))
+        return np.where(inside, ahead, np.where((up > EDGE_MM) | (up < -DISC_MM), np.inf, off))
 
 
 def bezier(points: np.ndarray, u: np.ndarray) -> np.ndarray:
