@@ -97,7 +97,7 @@ _TWO = "the code and the modal motion both take P, Q or L: which of them has it 
 _OTHERS = "LinuxCNC has it otherwise, by a remap that is in progress"
 _BOTH = (
     Reason("G0 G1", "-", _ALL, STANDS, "without a word of an axis nothing moves"),
-    Reason("G20 G70", "Z", _CYCLES, REFUSED, "the modal R, in the old unit, lies below the new bottom"),
+    Reason("G20 G70", "XYZAC", _CYCLES, REFUSED, "the cycle's depths were written in the other unit"),
     Reason("G40", "PQR", _ALL, STANDS, "they place the cutter on the paper's surfaces"),
     Reason("G41 G42", "IJ", _ARCS, REFUSED, "a lead-in that is a full circle leads nowhere"),
     Reason("M52 M62 M63 M64 M65 G54.1 G154 M138", "XYZAC", "G82", REFUSED, _TWO),
