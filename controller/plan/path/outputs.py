@@ -17,7 +17,19 @@ from controller.messages import said
 from controller.motion.motions import ThreadMove
 from controller.plan.lines.corners import Feed
 from controller.plan.stretch import Chain, Pause, Stretch, Voice
-from controller.program.program import ENABLED, UNSAID, Act, Action, Block, Modal, Outputs, Overrides, Probing
+from controller.program.program import (
+    ENABLED,
+    UNSAID,
+    Act,
+    Action,
+    Block,
+    JointLine,
+    Modal,
+    Outputs,
+    Overrides,
+    Probing,
+    TipLine,
+)
 
 _Said = tuple[Outputs, Overrides, bool]
 _NOTHING: _Said = (UNSAID, ENABLED, False)
@@ -84,7 +96,8 @@ class Switched:
 
 
 def _feeds(block: Block | None) -> bool:
-    return isinstance(block, Feed) and block.feed_mm_s is not None and block.probe is None
+    probes = isinstance(block, JointLine | TipLine) and block.probe is not None
+    return isinstance(block, Feed) and block.feed_mm_s is not None and not probes
 
 
 def _tied(chain: Chain) -> bool:
