@@ -19,6 +19,8 @@ import hypothesis
 import pytest
 from support.suite import absent_computer, seed
 
+from controller import one_thread
+
 NUMBER = itertools.count()  # of folders
 MAX_OPEN = 500  # files; select, which the simulated bus waits with, takes 1024
 
@@ -32,6 +34,9 @@ gc.set_threshold(20_000, 10, 10)
 # Of hundreds of processes that we start, each would compile all that it imports; of workers, every test.
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 sys.dont_write_bytecode = False
+
+# As commands and their children: a second thread would wait for the core of the other worker, and be counted.
+one_thread.set_default()
 
 # The workers of xdist must choose the same.
 os.environ["DIRECTRIX_TEST_SEED"] = str(seed.SEED)
@@ -51,10 +56,10 @@ def tmp_path(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFa
 
 
 @pytest.fixture(autouse=True)
-def own_state_folder(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Stored checks of one test are not found by another."""
-    folder = tmp_path_factory.mktemp(f"own-state{next(NUMBER)}", numbered=False)
-    monkeypatch.setenv("XDG_STATE_HOME", str(folder))
+def own_state_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Stored checks of one test are not found by another; it is there once something is kept in it."""
+    folder = tmp_path_factory.getbasetemp() / f"own-state{next(NUMBER)}"
+    os.environ["XDG_STATE_HOME"] = str(folder)
     return folder
 
 
@@ -142,7 +147,8 @@ def _share(items: Sequence[pytest.Item], one_in: int) -> set[pytest.Item]:
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_runtest_setup(item: pytest.Item) -> None:
-    item.stash[absent_computer.BEGAN] = absent_computer.times()
+    if item.get_closest_marker("live"):
+        item.stash[absent_computer.BEGAN] = absent_computer.times()
 
 
 @pytest.hookimpl(wrapper=True)

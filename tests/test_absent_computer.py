@@ -58,9 +58,12 @@ def told(tmp_path_factory: pytest.TempPathFactory) -> str:
     (folder / "conftest.py").write_text((ROOT / "tests/conftest.py").read_text())
     for name, text in {**TESTS, "all_of_them": "".join(TESTS.values())}.items():
         (folder / f"test_{name}.py").write_text(HEAD + text)
-    words = [sys.executable, "-m", "pytest", "-v", "-rs", "-p", "no:cacheprovider", str(folder)]
+    # Of the plugins that are installed that one alone which pyproject.toml has an option of.
+    plugins = ["-p", "no:cacheprovider", "-p", "xdist.plugin"]
+    words = [sys.executable, "-m", "pytest", "-v", "-rs", *plugins, str(folder)]
     settings = ["-c", str(ROOT / "pyproject.toml"), "--rootdir", str(folder)]
     env = {"DIRECTRIX_HOST_STAT": str(folder / "stat"), "PYTHONPATH": f"{ROOT}:{ROOT / 'tests'}"}
+    env["PYTEST_DISABLE_PLUGIN_AUTOLOAD"] = "1"
     return subprocess.run([*words, *settings], env=env, capture_output=True, text=True).stdout
 
 

@@ -626,7 +626,7 @@ def test_the_token_comes_from_the_environment_or_the_state_folder(
     monkeypatch.delenv("DIRECTRIX_TOKEN", raising=False)
     monkeypatch.delenv("STATE_DIRECTORY", raising=False)
     assert remote.known_token() == ""
-    (own_state_folder / "directrix").mkdir(exist_ok=True)
+    (own_state_folder / "directrix").mkdir(parents=True)
     (own_state_folder / "directrix" / "token").write_text("of the file\n")
     assert remote.known_token() == "of the file"
     monkeypatch.setenv("DIRECTRIX_TOKEN", "of the environment")

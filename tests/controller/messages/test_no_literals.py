@@ -5,7 +5,7 @@ from __future__ import annotations
 import ast
 import re
 import string
-from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -16,35 +16,38 @@ from controller.machine.toml_table import ConfigError
 from controller.messages import LANGUAGES
 
 CONTROLLER = Path(messages.__file__).parent.parent
-FILES = {str(one.relative_to(CONTROLLER)): ast.parse(one.read_text()) for one in CONTROLLER.rglob("*.py")}
 SENTENCE = re.compile(r"[a-z]+ [a-z]+ [a-z]+")
 
 
-def calls(tree: ast.AST, name: str) -> Iterator[ast.Call]:
-    """Of a function or a method of that name."""
-    for one in ast.walk(tree):
-        if isinstance(one, ast.Call) and ast.unparse(one.func).split(".")[-1] == name:
-            yield one
+@cache
+def calls(name: str) -> list[tuple[str, ast.Call]]:
+    """Of a function or a method of that name, with their files."""
+    sources = {file: file.read_text() for file in CONTROLLER.rglob("*.py")}
+    named = {file: ast.parse(text) for file, text in sources.items() if name in text}
+    return [
+        (str(file.relative_to(CONTROLLER)), one)
+        for file, tree in named.items()
+        for one in ast.walk(tree)
+        if isinstance(one, ast.Call) and name in (getattr(one.func, part, "") for part in ("id", "attr"))
+    ]
 
 
 def test_every_refusal_of_a_file_of_tables_is_a_text_with_just_the_values_that_it_has_places_for() -> None:
     found = 0
-    for file, tree in FILES.items():
-        for call in calls(tree, "refuse"):
-            if len(call.args) != 2 or not isinstance(call.args[1], ast.Constant):
-                continue
-            words = LANGUAGES["en"].texts[f"file.{call.args[1].value}"]
-            places = {name for _, name, _, _ in string.Formatter().parse(words) if name}
-            assert places == {one.arg for one in call.keywords}, (file, call.lineno)
-            found += 1
+    for file, call in calls("refuse"):
+        if len(call.args) != 2 or not isinstance(call.args[1], ast.Constant):
+            continue
+        words = LANGUAGES["en"].texts[f"file.{call.args[1].value}"]
+        places = {name for _, name, _, _ in string.Formatter().parse(words) if name}
+        assert places == {one.arg for one in call.keywords}, (file, call.lineno)
+        found += 1
     assert found > 90
 
 
 def test_no_sentence_is_handed_to_an_error_of_the_machine_file() -> None:
-    for file, tree in FILES.items():
-        for call in (*calls(tree, "ConfigError"), *calls(tree, "refuse")):
-            for text in (one.value for one in ast.walk(call) if isinstance(one, ast.Constant)):
-                assert not isinstance(text, str) or not SENTENCE.search(text), (file, call.lineno, text)
+    for file, call in (*calls("ConfigError"), *calls("refuse")):
+        for text in (one.value for one in ast.walk(call) if isinstance(one, ast.Constant)):
+            assert not isinstance(text, str) or not SENTENCE.search(text), (file, call.lineno, text)
 
 
 @pytest.mark.parametrize(

@@ -7,6 +7,7 @@ import json
 import re
 import string
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -39,7 +40,6 @@ FOUND = [
     *(CONTROLLER / name for name in FILES),
     *(file for room in ROOMS for file in sorted((CONTROLLER / room).rglob("*.py"))),
 ]
-TREES = {str(file.relative_to(CONTROLLER)): ast.parse(file.read_text()) for file in FOUND}
 # Of our own mistakes, which no program makes: they end as an internal error.
 OWN = {"ValueError", "TypeError", "AssertionError", "LinAlgError", "NoLaw", "KeyError"}
 SENTENCE = re.compile(r"[a-z]+ [a-z]+ [a-z]+")
@@ -58,10 +58,16 @@ def written(tree: ast.AST) -> Iterator[tuple[int, str]]:
             yield from written(child)
 
 
+@cache
+def rows() -> list[tuple[str, int, str]]:
+    """Of all files: the file, and what is written in it."""
+    trees = {str(file.relative_to(CONTROLLER)): ast.parse(file.read_text()) for file in FOUND}
+    return [(file, *one) for file, tree in trees.items() for one in written(tree)]
+
+
 def test_no_sentence_is_written_where_it_is_raised_or_noted() -> None:
-    assert len(TREES) > 80
-    rows = [(file, *one) for file, tree in TREES.items() for one in written(tree)]
-    found = [row for row in rows if SENTENCE.search(row[2])]
+    assert len(FOUND) > 80
+    found = [row for row in rows() if SENTENCE.search(row[2])]
     assert found == []
 
 
@@ -69,11 +75,12 @@ def of_topics(topics: str) -> dict[str, str]:
     return {key: words for key, words in LANGUAGES["en"].texts.items() if re.match(rf"({topics})\.", key)}
 
 
+@cache
 def keys() -> set[str]:
     """All texts of these rooms that look like keys of the catalogue."""
     key = re.compile(rf"({PATH})\.[\w.]*\w")
     begun = {"form.motion", "gouge.body", "defect", "limit", "aside"}  # of keys that are put together
-    return {words for tree in TREES.values() for _, words in written(tree) if key.fullmatch(words)} - begun
+    return {words for _, _, words in rows() if key.fullmatch(words)} - begun
 
 
 @pytest.mark.parametrize("language", LANGUAGES)

@@ -59,7 +59,7 @@ def test_joined_surfaces_are_one_path_with_as_many_cuts() -> None:
 @KINDS
 def test_one_more_surface_costs_no_more_than_so_many_calls(corners: int, decimals: int) -> None:
     check(2, corners, decimals)  # what is made once is made
-    assert calls(7, corners, decimals) - calls(3, corners, decimals) <= 4 * MAX_CALLS
+    assert calls(5, corners, decimals) - calls(3, corners, decimals) <= 2 * MAX_CALLS
 
 
 @pytest.mark.slow
