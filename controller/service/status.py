@@ -17,9 +17,9 @@ from controller.motion.pieces import STANDSTILL
 from controller.plan.restart.reentry import room_along_axis
 from controller.program.modal import State
 from controller.program.program import Tip
+from controller.runtime.plan_messages import Way
 from controller.service.active_codes import active_codes
 from controller.service.jobs import UNDER_WAY
-from controller.service.planner_client import Way
 from controller.service.usage import Usage
 from controller.state import figures, queue_refusals
 from controller.state.figures import Reading
