@@ -1,6 +1,7 @@
 """``python -m controller.runtime ROLE PARENT ...``: what the engine starts; nothing for an operator.
 
 tick JOB                the real-time process of a machine (tick_process.py)
+plan JOB                its plan (planning.py)
 bus JOB                 a virtual bus with the machine's simulated devices (simulated_bus.py)
 hub PATH OPTIONS        a virtual bus that shares a serial adapter (drives.simulated)
 """
@@ -31,10 +32,14 @@ def main(arguments: Sequence[str]) -> int:
 
         children.name_process("virtual-bus")
         return children.run(role, simulated_bus.main, Path(rest[0]), (OSError, ConfigError))
+    children.name_process(f"directrix-{role}")
+    if role == "plan":
+        from controller.runtime import plan_end, planning
+
+        return children.run(role, planning.main, Path(rest[0]), plan_end.EXPECTED)
     from controller.runtime import tick_process
     from drives.bus import BusError
 
-    children.name_process(f"directrix-{role}")
     return children.run(role, tick_process.main, Path(rest[0]), (BusError,))
 
 

@@ -26,7 +26,6 @@ from controller.ipc import internal_error
 from controller.machine.model import Machine
 from controller.values import dataclass
 
-SESSION = "controller.runtime"  # the module of most of them
 END_S = 5.0  # to stand down; then it is killed
 
 _PR_SET_PDEATHSIG = 1
@@ -54,14 +53,13 @@ class Child:
         arguments: Sequence[str],
         words: Path,
         descriptors: Sequence[int] = (),
-        module: str = SESSION,
     ) -> None:
         """``words``: the file in which the process would leave a sentence about its end."""
         self.role = role
         self._words = words
         self.process = subprocess.Popen(
             # -P: a folder of the user's that happens to be named like one of ours is not ours.
-            [sys.executable, "-P", "-m", module, role, str(os.getpid()), *arguments],
+            [sys.executable, "-P", "-m", "controller.runtime", role, str(os.getpid()), *arguments],
             stdin=subprocess.DEVNULL,
             stdout=_STDERR,  # standard output is the command's own
             pass_fds=descriptors,
@@ -105,7 +103,6 @@ def start(
     job: object,
     folder: Path,
     descriptors: Sequence[int] = (),
-    module: str = SESSION,
     name: str = "",
 ) -> Child:
     """Start the process of a role on its job; ``folder`` holds what it is told and says.
@@ -115,7 +112,7 @@ def start(
     file = folder / f"{name or role}.job"
     file.write_bytes(pickle.dumps(job))
     words_of(file).unlink(missing_ok=True)  # of the one before it
-    return Child(role, [str(file)], words_of(file), descriptors, module)
+    return Child(role, [str(file)], words_of(file), descriptors)
 
 
 def words_of(job_file: Path) -> Path:

@@ -1,6 +1,6 @@
 """What runs in the tick's process.
 
-The plan's process (``service/planning``) owns SDO, this one the cyclic frames. They meet in the piece socket
+The plan's process (``planning``) owns SDO, this one the cyclic frames. They meet in the piece socket
 and the snapshot alone, so either may be killed: without the plan the tick stops on the path; without the tick
 the drives stop by their own supervision.
 """

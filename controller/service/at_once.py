@@ -51,8 +51,8 @@ def disable(desk: Desk, _: Values) -> Answer:
 def resume(desk: Desk, _: Values) -> Answer:
     """Along the program only from where it was held: off it the tool must return first."""
     service = desk.service
-    if not service.sequencer.busy and (why := service.no_resume):
-        raise refused("refused", service.now().mode.name, "RESUME", why=Key(why))
+    if not service.sequencer.busy and (why := service.run.no_resume):
+        raise refused("refused", service.processes.now().mode.name, "RESUME", why=Key(why))
     if service.changer is None:
         return desk.ask(Request.RESUME)
     service.changer.resume(permitted(service, Request.RESUME))  # it alone lets the tick go on
@@ -66,8 +66,8 @@ def jog(desk: Desk, values: Values) -> Answer:
     """Dead-man: without the next one within 200 ms the axes come to rest."""
     service, now = desk.service, permitted(desk.service, Request.JOG)
     frame, axis, share = values["frame"], values["axis"], values["speed"]
-    line = desk.jogging.continuous(service.machine, now, desk.part(), frame, axis, share)
-    line = slowed(service.machine, line, frame, axis, values["feed"])
+    line = desk.jogging.continuous(service.set_up.machine, now, desk.part(), frame, axis, share)
+    line = slowed(service.set_up.machine, line, frame, axis, values["feed"])
     if not desk.presses.may_move(values["press"]):
         raise refused("press_ended", now.mode.name, "JOG")
     return desk.answer_of(service.engine.jog(line), Request.JOG)
@@ -76,8 +76,8 @@ def jog(desk: Desk, values: Values) -> Answer:
 def jog_step(desk: Desk, values: Values) -> Answer:
     service, now = desk.service, permitted(desk.service, Request.JOG)
     frame, axis, distance = values["frame"], values["axis"], values["distance"]
-    line = desk.jogging.step(service.machine, now, desk.part(), frame, axis, distance)
-    line = slowed(service.machine, line, frame, axis, values["feed"])
+    line = desk.jogging.step(service.set_up.machine, now, desk.part(), frame, axis, distance)
+    line = slowed(service.set_up.machine, line, frame, axis, values["feed"])
     return desk.answer_of(service.engine.jog(line), Request.JOG)
 
 
@@ -86,7 +86,7 @@ def jog_step(desk: Desk, values: Values) -> Answer:
 
 def spindle(desk: Desk, values: Values) -> Answer:
     """Signed; 0 = off. Raises CommandRefused."""
-    machine, tool = desk.service.machine, desk.service.tool
+    machine, tool = desk.service.set_up.machine, desk.service.set_up.tool
     assert machine.spindle is not None
     rev_min = number(values, "rev_min", -machine.spindle.max_rev_min, machine.spindle.max_rev_min)
     if rev_min and not machine.may_turn(tool):
@@ -96,7 +96,7 @@ def spindle(desk: Desk, values: Values) -> Answer:
 
 def coolant(desk: Desk, values: Values) -> Answer:
     """Raises CommandRefused."""
-    io = desk.service.machine.io
+    io = desk.service.set_up.machine.io
     outputs = dict(io.outputs) if io else {}
     wanted = 0
     for bit, (kind, output) in enumerate((("mist", "mist"), ("flood", "coolant"))):
@@ -110,7 +110,7 @@ def coolant(desk: Desk, values: Values) -> Answer:
 
 def clamps(desk: Desk, values: Values) -> Answer:
     """``open``: names of the axes whose clamps are open, and of no other ones. Raises CommandRefused."""
-    axes = desk.service.machine.axes
+    axes = desk.service.set_up.machine.axes
     clamped = [axis.name for axis in axes if axis.clamp is not None]
     wanted = 0
     for name in values["open"]:

@@ -22,7 +22,6 @@ from controller.service import (
     diagnostics,
     fitting,
     job_commands,
-    node_status,
     preconditions,
     restart_preview,
     runs,
@@ -46,7 +45,7 @@ class Desk:
     def __init__(self, service: Service) -> None:
         self.service = service
         self.jogging, self.presses = Jogging(), Presses()
-        self._answers = Acknowledged(service.machine, lambda: service.engine)
+        self._answers = Acknowledged(service.set_up.machine, lambda: service.engine)
         self._errands = ThreadPoolExecutor(2, "errands")  # what waits for a disk
         self._loading = Going()  # the last program that is loaded or let go of: only that counts
 
@@ -72,7 +71,7 @@ class Desk:
         """What is meant: a start in a hold goes on with the program, a jog at speed 0 ends."""
         if command.name == "jog" and values["speed"] == 0.0:
             return COMMANDS["jog_stop"]
-        if command.name == "start" and self.service.now().mode is Mode.HOLD:
+        if command.name == "start" and self.service.processes.now().mode is Mode.HOLD:
             return COMMANDS["resume"]
         return None
 
@@ -85,7 +84,7 @@ class Desk:
 
     def ask(self, request: Request, value: float = 0.0, instead: Values | None = None, **told: Any) -> Answer:
         """A datagram to the tick, and what it answers; see ``Acknowledged``. Raises CommandRefused."""
-        now = self.service.now()
+        now = self.service.processes.now()
         if request in MOVES:
             preconditions.tick_goes_on(self.service, now, request.name)
         return self._answers.of(self.service.engine.request(request, value), request, told, instead)
@@ -99,8 +98,8 @@ class Desk:
         service = self.service
         found = service.engine.snapshot()
         if found is None:
-            return service.machine.part()
-        return service.in_force(found).modal.frame(service.machine)
+            return service.set_up.machine.part()
+        return service.run.in_force(found).modal.frame(service.set_up.machine)
 
     def sequence(
         self, name: str, work: Callable[[], Values], going: Going | None = None, behind: str = ""
@@ -147,7 +146,11 @@ def _read(command: Command, args: Values) -> Values:
 
 
 def _drives(service: Service) -> Values:
-    return {"drives": node_status.drives(service.machine, service.now(), service.logs, service.homing)}
+    return {"drives": service.processes.drives(service.set_up.machine, service.processes.now())}
+
+
+def _buses(service: Service, _: Values) -> Values:
+    return diagnostics.buses(service.set_up.machine, service.processes.logs, service.engine.recorder)
 
 
 AT_ONCE: dict[str, Callable[[Desk, Values], Answer]] = {
@@ -188,7 +191,7 @@ ERRANDS: dict[str, Callable[[Service, Values], Values]] = {  # they wait for a d
     "acknowledge": lambda service, values: {"acknowledged": service.alarms.acknowledge(values["id"])},
     "runs": lambda service, _: {"runs": runs.list_runs(service.state)},
     "rows": lambda service, values: diagnostics.rows(service.engine.recorder, values),
-    "buses": lambda service, _: diagnostics.buses(service.machine, service.logs, service.engine.recorder),
+    "buses": _buses,
     "usage": lambda service, _: service.usage.told(),
     "tool_life": lambda service, values: usage.tool_life(service.usage, values),
     "tool_renewed": lambda service, values: usage.tool_renewed(service.usage, values),

@@ -41,16 +41,15 @@ from controller.ipc.handoff import (
 from controller.machine.model import Bus, Machine
 from controller.runtime import children, simulated_bench, simulated_bus
 from controller.runtime.children import Child, Job
+from controller.runtime.plan_messages import News
+from controller.runtime.planning import PlanJob
 from controller.runtime.startup import SessionError
 from controller.service.folders import Folders
-from controller.service.planner_client import Line, News
-from controller.service.planning import PlanJob
+from controller.service.planner_client import Line
 from controller.service.refusals import by_fault, refused
 from controller.state.modes import Fault, Request
 
-SERVICE = "controller.service"
 MAX_ASKED = 10_000  # requests that no record has looked for yet
-START_S = 60.0  # longer than any tick takes from the order to its first turn
 
 
 class Asked(NamedTuple):
@@ -75,6 +74,24 @@ class _Run:
     plan: Child
     line: Line
 
+    def end_plan(self) -> None:
+        """The tick goes on."""
+        with contextlib.suppress(OSError):
+            self.plan.end()
+        self.line.close()
+
+    def follow(self, plan: Child, line: Line) -> None:
+        """Another plan in the place of the one that was ended."""
+        self.plan, self.line = plan, line
+
+    def end(self) -> None:
+        """To rest on the path, drives off, brakes first."""
+        with contextlib.suppress(OSError):
+            self.tick.end()
+        self.end_plan()
+        self.operator.close()
+        self.plan_end.close()
+
 
 class Engine:
     """Starts, restarts and ends what a machine runs on.
@@ -91,7 +108,6 @@ class Engine:
         self._folder, self._kept, self._hear = folder, kept, hear
         self._run: _Run | None = None
         self._starts = 0
-        self._begun_s = -START_S
         self._ending = contextlib.ExitStack()
         self._numbering = threading.Lock()
         self._number = 0  # of the last request
@@ -112,7 +128,6 @@ class Engine:
 
     def start(self) -> None:
         """Tick and plan, after ending those that were there."""
-        self._begun_s = time.monotonic()
         self.end_run()
         self._starts += 1
         paths = [str(self._folder / f"{name}.{self._starts}") for name in ("snapshot", "recorder")]
@@ -129,31 +144,23 @@ class Engine:
     def mend(self) -> None:
         """Another plan for a tick that lives."""
         run = self._there()
-        with contextlib.suppress(OSError):
-            run.plan.end()
-        run.line.close()
-        run.plan, run.line = self._plan(run.plan_end, run.operator, run.snapshot_path)
+        run.end_plan()
+        run.follow(*self._plan(run.plan_end, run.operator, run.snapshot_path))
 
     def _plan(self, plan_end: socket.socket, operator: socket.socket, snapshot: str) -> tuple[Child, Line]:
         own, its = socket.socketpair()
         with its:
             own.setblocking(True)
             ends = (plan_end.fileno(), operator.fileno(), its.fileno())
-            job = PlanJob(self.machine, *ends, snapshot, self._kept)
-            child = children.start("plan", job, self._folder, ends, SERVICE)
+            job = PlanJob(self.machine, *ends, snapshot, self._kept.checks, self._kept.arranged)
+            child = children.start("plan", job, self._folder, ends)
         return child, Line(own, self._hear)
 
     def end_run(self) -> None:
         """Tick and plan: to rest on the path, drives off, brakes first."""
         run, self._run = self._run, None
-        if run is None:
-            return
-        for child in (run.tick, run.plan):
-            with contextlib.suppress(OSError):
-                child.end()
-        run.line.close()
-        run.operator.close()
-        run.plan_end.close()
+        if run is not None:
+            run.end()
 
     def end_tick(self) -> None:
         """One that hangs; then it is gone as if it had died."""
@@ -183,12 +190,6 @@ class Engine:
     @property
     def tick_alive(self) -> bool:
         return self._run is not None and self._run.tick.is_alive()
-
-    @property
-    def starting(self) -> bool:
-        """Whether a tick is on its way that has not ticked yet, and may still come."""
-        now = self.snapshot()
-        return (now is None or now.tick < 0) and time.monotonic() - self._begun_s < START_S
 
     @property
     def plan_alive(self) -> bool:

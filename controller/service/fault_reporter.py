@@ -26,7 +26,7 @@ class Troubles:
     def __init__(self, machine: Machine, alarms: Alarms, writer: Executor) -> None:
         """``writer`` writes recordings while the machine may go on."""
         self.shown: dict[str, Any] | None = None
-        self.keeper: Keeper | None = None  # of recordings; there is one while there is a tick
+        self._keeper: Keeper | None = None  # of recordings; there is one while there is a tick
         self._machine, self._alarms, self._writer = machine, alarms, writer
         self._fault = self._warning = Fault.NONE
         self._told_before: dict[str, Any] | None = None  # the alarm of a fault that the tick is yet to tell
@@ -40,6 +40,10 @@ class Troubles:
         self.shown, self._fault = None, Fault.NONE
         self._told_before = None
         self._owed.clear()
+
+    def record_by(self, keeper: Keeper | None) -> None:
+        """``keeper`` of recordings, while there is a tick."""
+        self._keeper = keeper
 
     def at(self, now: Snapshot, tick_alive: bool) -> dict[str, Any] | None:
         """The fault of this very snapshot, though nobody has drawn conclusions yet."""
@@ -85,7 +89,7 @@ class Troubles:
         gone = Fault.CONTROLLER_GONE
         shown = {**alarm_values.of(self._machine, gone, -1), "recording": None}
         self._show(gone, shown, now, words)
-        if (keeper := self.keeper) is not None:
+        if (keeper := self._keeper) is not None:
             keeper.keep(now, gone)
             self._pay(self._owed, keeper.saved)
         return _said(shown)
@@ -95,7 +99,7 @@ class Troubles:
         return {**known, "recording": None}
 
     def _look_at_recording(self, now: Snapshot) -> None:
-        keeper = self.keeper
+        keeper = self._keeper
         if keeper is None:
             return
         if keeper.look(now) and now.mode is Mode.FAULT:

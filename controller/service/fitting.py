@@ -32,9 +32,9 @@ def set_offset(service: Service, args: Values) -> Values:
     by = whole(args, "tool")
 
     def touched() -> Values:
-        machine, now = service.machine, _place(service)
-        other = by if by != service.tool else None
-        found = touch_off.offset(machine, service.in_force(now), now.joints, name, reads, other)
+        machine, now = service.set_up.machine, _place(service)
+        other = by if by != service.set_up.tool else None
+        found = touch_off.offset(machine, service.run.in_force(now), now.joints, name, reads, other)
         return plain_offset(machine, found)
 
     change = partial(setup_data.with_offset, name=name)
@@ -54,11 +54,11 @@ def set_tool(service: Service, args: Values) -> Values:
         """The whole row as it is kept: what is not said of a tool stays, also after the next start."""
         if remove:
             return None
-        before = service.fitted.get("tools", {}).get(str(number)) or {}
+        before = service.set_up.fitted.get("tools", {}).get(str(number)) or {}
         if reads is None:
             return {**before, **values}
         now = _place(service)
-        found = touch_off.tool(service.machine, service.in_force(now), now.joints, number, reads)
+        found = touch_off.tool(service.set_up.machine, service.run.in_force(now), now.joints, number, reads)
         return {**before, **{name: getattr(found, name) for name in LENGTHENED}}
 
     return _fit(service, "tools", str(number), made, partial(setup_data.with_tool, number=number))
@@ -66,8 +66,8 @@ def set_tool(service: Service, args: Values) -> Values:
 
 def _place(service: Service) -> Snapshot:
     """Where the tool stands. Raises CommandRefused where nobody knows."""
-    now = service.now()
-    touch_off.check_homed(service.machine, now)
+    now = service.processes.now()
+    touch_off.check_homed(service.set_up.machine, now)
     return now
 
 
@@ -77,11 +77,11 @@ def forget(service: Service, values: Values) -> Values:
     what = "tools" if name.startswith("T") else "offsets"
     with at_rest(service, what, "FORGET"):
         try:
-            left = setup_data.without(service.fitted, name)
+            left = setup_data.without(service.set_up.fitted, name)
         except KeyError:
             raise refused("not_set_here", code="bad", name=name) from None
-        service.fit(setup_data.applied(service.file, left), left)
-    return setup_data.told(service.machine, service.fitted)
+        service.set_up.fit(service.set_up.applied(left), left)
+    return service.set_up.told()
 
 
 @contextlib.contextmanager
@@ -90,7 +90,7 @@ def at_rest(service: Service, what: str, request: str) -> Iterator[None]:
 
     But a tool that was led off the path of a held program may be changed for another. Raises CommandRefused.
     """
-    with service.fitting:  # one change at a time, and no start in the middle of one
+    with service.set_up.lock:  # one change at a time, and no start in the middle of one
         now = service.engine.snapshot()
         if now is not None and not _may_fit(service, what, now):
             raise refused("not_fitted", now.mode.name, request, what=Key(what))
@@ -104,17 +104,19 @@ def _fit(
     service: Service, what: str, key: str, made: Callable[[], Any], change: Callable[..., Machine]
 ) -> Values:
     """One value of the store, as it is made then, which counts instead of the machine file's."""
+    set_up = service.set_up
     with at_rest(service, what, f"SET {what.upper()}"):
         values = made()
-        machine = change(service.machine, values=values)
+        machine = change(set_up.machine, values=values)
         rotary = setup_data.rotary_deg(machine, key) if what == "offsets" else {}
         if rotary:  # though it was not said
             values = {**(values if isinstance(values, dict) else {"origin_mm": values}), **rotary}
-        service.fit(machine, {**service.fitted, what: {**service.fitted.get(what, {}), key: values}})
-    return setup_data.told(service.machine, service.fitted)
+        fitted = set_up.fitted
+        set_up.fit(machine, {**fitted, what: {**fitted.get(what, {}), key: values}})
+    return set_up.told()
 
 
 def _may_fit(service: Service, what: str, now: Snapshot) -> bool:
-    if what == "tools" and service.aside and now.mode is Mode.HOLD:
+    if what == "tools" and service.run.aside and now.mode is Mode.HOLD:
         return service.sequencer.busy != "return"  # which is planned with those that are fitted
-    return now.mode in AT_REST and service.running is None
+    return now.mode in AT_REST and service.run.job is None

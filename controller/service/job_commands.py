@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 def enable(desk: Desk, _: Values) -> Answer:
-    service, now = desk.service, desk.service.now()
+    service, now = desk.service, desk.service.processes.now()
     if now.mode is Mode.READY:
         return {"done": True, "mode": now.mode.name}
     permitted(service, Request.ENABLE)
@@ -30,7 +30,7 @@ def enable(desk: Desk, _: Values) -> Answer:
 
 def home(desk: Desk, values: Values) -> Answer:
     service, going = desk.service, Going()
-    axes = _axis_numbers(service.machine, values["axes"], service.now().mode)
+    axes = _axis_numbers(service.set_up.machine, values["axes"], service.processes.now().mode)
     return desk.sequence("home", lambda: sequences.home(service, axes, going), going)
 
 
@@ -47,8 +47,8 @@ def _axis_numbers(machine: Machine, names: list[str] | None, mode: Mode) -> tupl
 def reset(desk: Desk, _: Values) -> Answer:
     service = desk.service
     now = service.engine.snapshot()
-    goes_on = service.engine.tick_alive and now is not None and not service.stands(now)
-    if goes_on and now is not None and now.mode is not Mode.FAULT and service.commissioned:
+    goes_on = service.engine.tick_alive and now is not None and not service.processes.stands(now)
+    if goes_on and now is not None and now.mode is not Mode.FAULT and service.processes.commissioned:
         raise refused("no_fault", now.mode.name, "RESET")
     return desk.sequence("reset", lambda: sequences.reset(service))
 
@@ -66,13 +66,14 @@ def load(desk: Desk, values: Values) -> Answer:
         if values["restart"] is True:
             job = restart_preview.gone_on_with(service, values)
         else:
-            job = jobs.read(values, service.machine)
-        job.program = replace(job.program, begin=service.begins_with(job, service.now()))
-        service.job, service.interrupted = job, None
+            job = jobs.read(values, service.set_up.machine)
+        begin = service.run.begins_with(job, service.processes.now())
+        job.fit(replace(job.program, begin=begin))
+        service.run.load(job)
         try:
             return sequences.load(service, job)
         except CommandRefused as error:
-            job.state, job.said = "refused", error.said
+            job.become("refused", error.said)
             raise
 
     return desk.sequence("load", work, behind=given_up)
@@ -82,7 +83,7 @@ def unload(desk: Desk, _: Values) -> Answer:
     """A check of it that is under way is given up, and has come to its end with the answer."""
 
     def work() -> Values:
-        desk.service.job = desk.service.interrupted = None
+        desk.service.run.load(None)
         return {}
 
     given_up = desk.give_up_load()
@@ -90,24 +91,24 @@ def unload(desk: Desk, _: Values) -> Answer:
 
 
 def seen(desk: Desk, _: Values) -> Answer:
-    desk.service.ended_early = None
+    desk.service.run.seen()
     return {}
 
 
 def start(desk: Desk, values: Values) -> Answer:
-    service, going, job = desk.service, Going(), desk.service.job
+    service, going, job = desk.service, Going(), desk.service.run.loaded
     assert job is not None
     unrecorded = bool(values["unrecorded"])
     return desk.sequence("start", lambda: sequences.start(service, job, going, unrecorded), going)
 
 
 def mdi(desk: Desk, values: Values) -> Answer:
-    return desk.begin("mdi", jobs.mdi(values["text"], desk.service.machine))
+    return desk.begin("mdi", jobs.mdi(values["text"], desk.service.set_up.machine))
 
 
 def probe(desk: Desk, values: Values) -> Answer:
     """A probing cycle, from where the probe stands."""
-    return desk.begin("probe", jobs.probing(values, desk.service.machine, desk.service.tool))
+    return desk.begin("probe", jobs.probing(values, desk.service.set_up.machine, desk.service.set_up.tool))
 
 
 # ---- off the path
@@ -115,7 +116,7 @@ def probe(desk: Desk, values: Values) -> Answer:
 
 def retract(desk: Desk, values: Values) -> Answer:
     """Off along the tool axis: out of a held program, or from READY, as after a fault."""
-    service, now, mm = desk.service, desk.service.now(), values["mm"]
+    service, now, mm = desk.service, desk.service.processes.now(), values["mm"]
     if now.mode not in (Mode.HOLD, Mode.READY) or not now.at_rest:
         raise refused("not_retracted", now.mode.name, "RETRACT")
     room_mm = whole_status.retract_room_mm(service, now)
@@ -125,7 +126,7 @@ def retract(desk: Desk, values: Values) -> Answer:
         return _aside(desk, "retract", mm)
     preconditions.not_running(service, "RETRACT")
     permitted(service, Request.JOG)
-    line = desk.jogging.step(service.machine, now, desk.part(), "tool", "Z", mm)
+    line = desk.jogging.step(service.set_up.machine, now, desk.part(), "tool", "Z", mm)
     line, going = line._replace(speed=min(line.speed, RETRACT_MM_S)), Going()
     return desk.sequence("retract", lambda: sequences.retract(service, line, going), going)
 
@@ -135,7 +136,7 @@ def return_(desk: Desk, _: Values) -> Answer:
 
 
 def _aside(desk: Desk, verb: str, distance_mm: float = 0.0) -> Answer:
-    service, now = desk.service, desk.service.now()
+    service, now = desk.service, desk.service.processes.now()
     if now.mode is not Mode.HOLD or not now.at_rest:
         raise refused("not_held", now.mode.name, verb.upper())
     if bars(now.interlock, Request.RESUME):
@@ -146,8 +147,8 @@ def _aside(desk: Desk, verb: str, distance_mm: float = 0.0) -> Answer:
 
 def withdraw(desk: Desk, values: Values) -> Answer:
     """Out of a thread along it, by what is known of it or ``mm``; or it ``is_out`` already, by hand."""
-    service, now = desk.service, desk.service.now()
-    found = service.thread.found
+    service, now = desk.service, desk.service.processes.now()
+    machine, found = service.set_up.machine, service.thread.found
     if found is None:
         raise refused("not_in_thread", now.mode.name, "WITHDRAW")
     if values["is_out"]:
@@ -156,4 +157,4 @@ def withdraw(desk: Desk, values: Values) -> Answer:
         return {}
     if found.pitch_mm == 0.0:
         raise refused("thread_unknown", now.mode.name, "WITHDRAW")
-    return desk.begin("withdraw", jobs.own(way_out(service.machine, found, values["mm"]), service.machine))
+    return desk.begin("withdraw", jobs.mdi(way_out(machine, found, values["mm"]), machine, is_own=True))

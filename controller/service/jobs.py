@@ -5,33 +5,34 @@ from __future__ import annotations
 import hashlib
 import os
 from collections import deque
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from controller import messages as catalogue
 from controller import own_files
 from controller.ipc.control_socket import CommandRefused
-from controller.ipc.handoff import Snapshot
+from controller.ipc.handoff import COLUMN, Snapshot
 from controller.machine.changes import Change
 from controller.machine.model import Joints, Machine, Tool
-from controller.plan.report.passing import passed_s
+from controller.messages import Said, said, several
+from controller.plan.report.passing import Mark, passed_s
 from controller.plan.restart.program_position import ENTRY_ID, Spot
 from controller.plan.timetable import Passed
 from controller.program import carried, linked, probing_cycles
 from controller.program.modal import State
+from controller.runtime.plan_messages import Announcement, News, Program, Way
 from controller.runtime.starts import Start
 from controller.service import journal
-from controller.service.planner_client import News, Program, Said, Way
+from controller.service.durations import Durations
 from controller.service.probed import found
 from controller.service.refusals import number, refused, whole
-from controller.service.time_left import Left, TimeLeft
+from controller.service.runs import Rows
+from controller.service.time_left import TimeLeft
 from controller.state.modes import Mode
 
 MDI = "MDI"
 MAX_BYTES = 1 << 30  # of a program
-MAX_TYPED = 1000  # bytes of a line typed by hand that are told
 INTERRUPTED = "interrupted"  # by the end of its service; it is not loaded
 UNDER_WAY = ("starting", "running", "held", "stopping")
 _STATES = {
@@ -42,9 +43,109 @@ _STATES = {
     Mode.STOPPING: "stopping",
     Mode.FAULT: "stopping",
 }
-
-
 MAX_MESSAGES = 20  # that are shown
+
+
+class Motions:
+    """By their number, until they are passed."""
+
+    def __init__(self) -> None:
+        self.ways: dict[int, Way] = {}
+        self._fed: set[int] = set()  # those at feed
+        self._passed = 0  # motions before this one are no more among ``_fed``
+
+    def hear(self, ways: dict[int, Way]) -> None:
+        """Some more have been sent."""
+        self.ways.update(ways)
+        self._fed.update(number for number, way in ways.items() if way.feed_mm_s is not None)
+
+    def fed_in(self, motion_ids: Collection[int]) -> set[int]:
+        """Those of the motions of the newest ticks at which the tool is fed."""
+        fed = self._fed.intersection(motion_ids)
+        first = min((number for number in motion_ids if 0 <= number < ENTRY_ID), default=0)
+        self._fed.difference_update(range(self._passed, first))
+        self._passed = max(self._passed, first)
+        return {number for number in fed if number < ENTRY_ID}
+
+    def under_way(self, motion_id: int) -> Way | None:
+        """That one; those of the program that lie behind it are forgotten."""
+        passed = motion_id if motion_id < ENTRY_ID else 0  # an entry, and a way aside, lie beside it
+        for old in [name for name in list(self.ways) if 0 <= name < passed]:
+            self.ways.pop(old, None)
+        return self.ways.get(motion_id)
+
+    def fraction(self, motion_id: int, s: float) -> float:
+        """Of its program line that is done at a place of a motion."""
+        way = self.ways.get(motion_id)
+        return way.fraction(s) if way is not None else 0.0
+
+    def place(self, motion_id: int, s: float, marks: Sequence[Mark]) -> Passed | None:
+        """As a check marks it; None where it is none of the program's, or the check has no ``marks``."""
+        way = self.ways.get(motion_id)
+        return way.place(s) if way is not None and marks else None
+
+
+class Announced:
+    """What the program says, sets and asks for: due when the tool comes to it."""
+
+    def __init__(self) -> None:
+        self.messages: list[str] = []  # that it said last
+        self._due: deque[Announcement] = deque()
+        self._asked: dict[int, tuple[int, ...]] = {}  # tools, by line
+        self._reached = -1  # the last motion that was under way
+        self._named: int | None = None  # the tool that T has just named
+        self._found: list[dict[str, Any]] = []  # results of probing cycles
+
+    def hear(self, news: News) -> None:
+        """The plan has read on."""
+        for line, tools in news.changes.items():
+            self._asked[line] = (*self._asked.get(line, ()), *tools)
+        self._due.extend(news.messages)
+
+    def pass_rows(self, motion_ids: Iterable[int]) -> None:
+        """The motions of the ticks since: of short ones, and of the last before a stop, no snapshot tells."""
+        self._reached = max(self._reached, *(number for number in motion_ids if number < ENTRY_ID), -1)
+
+    def say(self, now: Snapshot, ended: bool = False) -> list[Change]:
+        """What the program says and sets up to here and has not before; ``ended``: all that is left.
+
+        What it says is noted, what it sets is given back.
+        """
+        if now.motion_id < ENTRY_ID:
+            self._reached = max(self._reached, now.motion_id)
+        changes: list[Change] = []
+        while self._due and (ended or self._is_due(self._due[0], now)):
+            said = self._due.popleft()
+            changes += said.changes
+            self._named = said.tool if said.tool is not None else self._named
+            if said.text:
+                self.messages = [*self.messages, said.text][-MAX_MESSAGES:]
+                self._found += filter(None, [found(said.text)])
+        return changes
+
+    def _is_due(self, said: Announcement, now: Snapshot) -> bool:
+        at_pause = said.line == now.line and now.at_rest and self._reached >= said.motion_id - 1
+        return self._reached >= said.motion_id or at_pause
+
+    def take_named(self) -> int | None:
+        """The tool that T has named since this was asked."""
+        named, self._named = self._named, None
+        return named
+
+    def take_found(self) -> list[dict[str, Any]]:
+        """What probing cycles have found since this was asked."""
+        results, self._found = self._found, []
+        return results
+
+    def asked(self, line: int, in_spindle: int) -> int | None:
+        """Number of the tool that a line at which it stands waits for."""
+        return next((tool for tool in self._asked.get(line, ()) if tool != in_spindle), None)
+
+    def put_in(self, tool: int, line: int) -> None:
+        """What a line asked for is done; the next time that it runs it may ask for another tool."""
+        tools = self._asked.get(line, ())
+        if tool in tools:
+            self._asked[line] = tools[tools.index(tool) + 1 :] or tools[-1:]
 
 
 @dataclass(slots=True)
@@ -55,36 +156,32 @@ class Job:
     sha256: str
     state: str = "loading"
     block_delete: bool = False  # lines that begin with / were left out when it was loaded
+    is_own: bool = False  # lines of the control's own: the modal state is not theirs to change
+    # As it was checked:
     time: TimeLeft = field(default_factory=TimeLeft)
     blocks: int | None = None
     notes: list[dict[str, Any]] = field(default_factory=list)
     verdict: dict[str, Any] | None = None  # on the form of its surfaces
-    restart: list[catalogue.Said] = field(default_factory=list)  # the state at the place where it begins
+    restart: list[Said] = field(default_factory=list)  # the state at the place where it begins
+    before_s: float = 0.0  # of a whole run at 100 %, before the place where this one begins
+    # As it was started last:
     entry: journal.Entry | None = None  # of the journal, where it goes on with that
-    start: Start | None = None  # of its last run
+    start: Start | None = None
     origin_s: float = 0.0  # plan time at which its first piece begins
-    ways: dict[int, Way] = field(default_factory=dict)
-    fed: set[int] = field(default_factory=set)  # motions at feed, until they are passed
-    changes: dict[int, tuple[int, ...]] = field(default_factory=dict)  # tools that it asks for, by line
+    fitted: dict[str, Any] = field(default_factory=dict)  # with which it was started ...
+    tools: tuple[Tool, ...] = ()  # ... and the tool table as it has made it since
+    state_before: State | None = None  # the modal state before it began
+    # As it runs, or has run:
+    motions: Motions = field(default_factory=Motions)
+    announced: Announced = field(default_factory=Announced)
     news: News = field(default_factory=News)
-    said: catalogue.Said | None = None  # why it ended, or was not loaded
+    said: Said | None = None  # why it ended, or was not loaded
     taken: bool = False  # the tick has begun with it
     refused: bool = False  # a block on the way was; the tool stands before it
     lost: bool = False  # the plan that knew the rest of it is gone
     armed_tick: int = -1  # what was seen of the machine before it tells nothing of this run
-    before_s: float = 0.0  # of a whole run at 100 %, before the place where this one begins
-    nominal_s: float = 0.0  # of that run, before the place where the tool is
+    nominal_s: float = 0.0  # of a whole run at 100 %, before the place where the tool is
     last: Snapshot | None = None  # of the program's own motions
-    messages: list[str] = field(default_factory=list)  # what the program said last
-    next_tool: int | None = None  # that T has just named, where a changer prepares
-    found: list[dict[str, Any]] = field(default_factory=list)  # of that the results of probing cycles
-    is_own: bool = False  # lines of the control's own: the modal state is not theirs to change
-    state_before: State | None = None  # the modal state before it began
-    fitted: dict[str, Any] = field(default_factory=dict)  # with which it was started ...
-    tools: tuple[Tool, ...] = ()  # ... and the tool table as it has made it since
-    _due: deque[Said] = field(default_factory=deque)  # what it will say
-    _passed: int = 0  # motions before this one are no more among ``fed``
-    _reached: int = -1  # the last motion that was under way
     _seen_s: float | None = None  # plan time of the last look
 
     @property
@@ -102,35 +199,102 @@ class Job:
         """Between the start and the end."""
         return self.state in UNDER_WAY
 
-    def arm(self, tick: int) -> None:
-        """What was of the run before is over; ``tick`` is the newest one."""
-        self.armed_tick = tick
-        self.ways.clear()
-        self.fed.clear()
-        self._passed = 0
-        self.changes.clear()
-        self._due.clear()
-        self.next_tool = None
-        self._reached, self.messages, self.found = -1, [], []
-        self.news = News(finished=False)
-        self.state, self.said = "starting", None
+    # -- before it runs
+
+    def fit(self, program: Program, fitted: dict[str, Any] | None = None) -> None:
+        """It is run as ``program``, with what is ``fitted``; None: with what it was."""
+        self.program = program
+        self.fitted = self.fitted if fitted is None else fitted
+
+    def go_on_with(self, entry: journal.Entry) -> None:
+        """From where the journal has it, as it was begun then."""
+        begin = None if entry.job.begin is None else carried.from_json(entry.job.begin)
+        start, dry_run_mm = entry.job.start, entry.job.dry_run_mm
+        self.entry = entry
+        self.program = replace(self.program, start=start, dry_run_mm=dry_run_mm, begin=begin)
+
+    def checked(self, facts: dict[str, Any], durations: Durations) -> dict[str, Any]:
+        """What the plan has found of it; what is told of that."""
+        self.before_s, self.blocks, self.notes = facts.pop("passed_s"), facts["blocks"], facts["notes"]
+        self.time.check(facts["duration_s"], facts.pop("marks"), facts.pop("events"), durations)
+        self.time.stands(facts.pop("timetable"))
+        self.verdict, self.restart, self.state = facts["verdict"], facts["restart"], "loaded"
+        return {"sha256": self.sha256, "name": self.program.name, **facts}
+
+    def arm(self, tick: int, tools: tuple[Tool, ...] = (), before: State | None = None) -> None:
+        """What was of the run before is over; ``tick``: the newest one; ``before``: the modal state."""
+        self.armed_tick, self.tools, self.state_before = tick, tools, before
+        self.motions, self.announced, self.news = Motions(), Announced(), News(finished=False)
+        self.become("starting")
         self.taken = self.refused = self.lost = False
         self.nominal_s, self._seen_s, self.last = self.before_s, None, None
         self.time.begin()
 
-    def told(self) -> dict[str, Any]:
-        """What a record says of it."""
-        spot = self.program.spot
-        line = spot.line if spot is not None else None
-        return {"name": self.program.name, "sha256": self.sha256, "line": line}
+    def begin(self, facts: dict[str, Any], durations: Durations) -> None:
+        """It is planned: from where, and what is known of it."""
+        self.start, self.blocks, self.said = facts["start"], facts["blocks"], None
+        self.origin_s = facts["start"].plan_time_s
+        self.time.check(facts["duration_s"], facts["marks"], facts["events"], durations)
+        self.time.starts(self.origin_s)
 
-    def journalled(self, now: Machine) -> journal.Job:
-        """What is run, with where a whole run of it starts; ``now``: with what it has set since."""
-        program = self.program
-        joints = whole_from(self.start) or homed_position(program.machine)
-        run = journal.Job.of(program.name, program.text, now, joints, program.dry_run_mm, self.fitted)
-        begin = None if program.begin is None else carried.to_json(program.begin)
-        return replace(run, file_sha256=self.sha256, block_delete=self.block_delete, begin=begin)
+    # -- what becomes of it
+
+    def become(self, state: str, why: Said | None = None) -> None:
+        """``why``: it ended, or was not loaded."""
+        self.state, self.said = state, why
+
+    def take(self) -> None:
+        """The tick has begun with it."""
+        self.taken = True
+
+    def lose_plan(self) -> None:
+        """What another plan tells is not of it."""
+        self.lost = True
+
+    def refuse_rest(self, refusal: Said) -> Said:
+        """The tool stands before a block that was refused; what is said of that."""
+        self.refused, self.said = True, several(refusal, said("stands_before"))
+        return self.said
+
+    def take_tools(self, tools: tuple[Tool, ...]) -> None:
+        """The tool table as the program has made it, or goes on with."""
+        self.tools = tools
+
+    def hear(self, news: News) -> None:
+        """What the plan tells while it runs."""
+        if self.lost:
+            return  # it is another plan, which knows nothing of this program
+        self.time.hear(news.timetable)
+        self.motions.hear(news.ways)
+        self.announced.hear(news)
+        self.news = news
+
+    def take_rows(self, rows: Rows, period_s: float) -> set[int]:
+        """The newest ticks; the motions in them at which the tool was fed through the part."""
+        under_way = rows[:, COLUMN["mode"]] != Mode.READY
+        motions = rows[under_way, COLUMN["motion_id"]].astype(int).tolist()
+        self.announced.pass_rows(motions)
+        self.time.take(rows, period_s)
+        fed = self.motions.fed_in(set(motions))
+        return set() if self.program.dry_run_mm else fed
+
+    def follow(self, now: Snapshot) -> None:
+        """Where the tool is, the check knows the time; where it stands, and of what no check was kept, of a
+        plan at another override than 100 % so much less, or more, of the check's time has passed."""
+        self.state = self.state_at(now)
+        place = self.motions.place(now.motion_id, now.s, self.time.marks)
+        if 0 <= now.motion_id < ENTRY_ID:
+            self.last = now
+        if place is not None:
+            self.nominal_s = max(self.nominal_s, passed_s(self.time.marks, place))
+        elif self._seen_s is not None and now.motion_id < ENTRY_ID:  # not on a way aside
+            way = self.motions.ways.get(now.motion_id)
+            rapid = way is not None and way.feed_mm_s is None
+            share = min(now.rapid_override, 1.0) if rapid else now.feed_share
+            self.nominal_s += (now.plan_time_s - self._seen_s) * share
+        self._seen_s = now.plan_time_s
+
+    # -- what is known of it
 
     def state_at(self, now: Snapshot) -> str:
         """The state by this very snapshot, though nobody has drawn conclusions yet."""
@@ -138,172 +302,34 @@ class Job:
             return self.state
         return _STATES.get(now.mode, self.state)
 
-    def pass_time(self, now: Snapshot) -> None:
-        """Where the tool is, the check knows the time; where it stands, and of what no check was kept, of a
-        plan at another override than 100 % so much less, or more, of the check's time has passed."""
-        place = self.place(now.motion_id, now.s)
-        if 0 <= now.motion_id < ENTRY_ID:
-            self.last = now
-        if place is not None:
-            self.nominal_s = max(self.nominal_s, passed_s(self.time.marks, place))
-        elif self._seen_s is not None and now.motion_id < ENTRY_ID:  # not on a way aside
-            way = self.ways.get(now.motion_id)
-            rapid = way is not None and way.feed_mm_s is None
-            share = min(now.rapid_override, 1.0) if rapid else now.feed_share
-            self.nominal_s += (now.plan_time_s - self._seen_s) * share
-        self._seen_s = now.plan_time_s
-
-    def fraction(self, motion_id: int, s: float) -> float:
-        """Of its program line that is done at a place of a motion."""
-        way = self.ways.get(motion_id)
-        return way.fraction(s) if way is not None else 0.0
-
-    def place(self, motion_id: int, s: float) -> Passed | None:
-        """As a check marks it; None where it is none of the program's, or no check has marks."""
-        way = self.ways.get(motion_id)
-        return way.place(s) if way is not None and self.time.marks else None
-
-    def known(self, motion_id: int, s: float) -> journal.Known:
-        """Of a place, for the journal."""
-        place, way = self.place(motion_id, s), self.ways.get(motion_id)
-        return journal.Known(
-            self.fraction(motion_id, s),
-            passed_s(self.time.marks, place) if place else None,
-            self.duration_s,
-            self._elapsed_s(self.last) if self.last is not None else None,
-            way.in_block(s) if way is not None else None,
-        )
-
-    def _elapsed_s(self, now: Snapshot) -> float:
-        return max(0.0, now.plan_time_s - self.origin_s) + self.time.stood_s
-
-    def hear(self, news: News) -> None:
-        """What the plan tells while it runs."""
-        if self.lost:
-            return  # it is another plan, which knows nothing of this program
-        self.time.hear(news.timetable)
-        self.ways.update(news.ways)
-        self.fed.update(number for number, way in news.ways.items() if way.feed_mm_s is not None)
-        for line, tools in news.changes.items():
-            self.changes[line] = (*self.changes.get(line, ()), *tools)
-        self._due.extend(news.messages)
-        self.news = news
-
-    def fed_in(self, motion_ids: Collection[int]) -> set[int]:
-        """Those of the motions of the newest ticks at which the tool is fed through the part."""
-        found = self.fed.intersection(motion_ids) if not self.program.dry_run_mm else set()
-        first = min((number for number in motion_ids if 0 <= number < ENTRY_ID), default=0)
-        self.fed.difference_update(range(self._passed, first))
-        self._passed = max(self._passed, first)
-        return {number for number in found if number < ENTRY_ID}
-
-    def pass_rows(self, motion_ids: Iterable[int]) -> None:
-        """The motions of the ticks since: of short ones, and of the last before a stop, no snapshot tells."""
-        self._reached = max(self._reached, *(number for number in motion_ids if number < ENTRY_ID), -1)
-
-    def say(self, now: Snapshot, ended: bool = False) -> list[Change]:
-        """What the program says and sets up to here and has not before; ``ended``: all that is left.
-
-        What it says is noted, what it sets is given back.
-        """
-        if now.motion_id < ENTRY_ID:
-            self._reached = max(self._reached, now.motion_id)
-        changes: list[Change] = []
-        while self._due and (ended or self._is_due(self._due[0], now)):
-            said = self._due.popleft()
-            changes += said.changes
-            self.next_tool = said.tool if said.tool is not None else self.next_tool
-            if said.text:
-                self.messages = [*self.messages, said.text][-MAX_MESSAGES:]
-                self.found += filter(None, [found(said.text)])
-        return changes
-
-    def _is_due(self, said: Said, now: Snapshot) -> bool:
-        at_pause = said.line == now.line and now.at_rest and self._reached >= said.motion_id - 1
-        return self._reached >= said.motion_id or at_pause
-
-    def way(self, motion_id: int) -> Way | None:
-        """Of the motion under way; those of the program that lie behind it are forgotten."""
-        passed = motion_id if motion_id < ENTRY_ID else 0  # an entry, and a way aside, lie beside it
-        for old in [name for name in list(self.ways) if 0 <= name < passed]:
-            self.ways.pop(old, None)
-        return self.ways.get(motion_id)
-
     def asked_tool(self, now: Snapshot, in_spindle: int) -> int | None:
         """Number of the tool that it stands and waits for."""
         waits = self.active and now.mode is Mode.HOLD and now.at_rest
-        tools = self.changes.get(now.line, ()) if waits else ()
-        return next((tool for tool in tools if tool != in_spindle), None)
+        return self.announced.asked(now.line, in_spindle) if waits else None
 
-    def put_in(self, tool: int, line: int) -> None:
-        """What a line asked for is done; the next time that it runs it may ask for another tool."""
-        tools = self.changes.get(line, ())
-        if tool in tools:
-            self.changes[line] = tools[tools.index(tool) + 1 :] or tools[-1:]
+    def elapsed_s(self, now: Snapshot) -> float:
+        """Since the start, without what it was held."""
+        return max(0.0, now.plan_time_s - self.origin_s) + self.time.stood_s
 
-    def to_dict(self, now: Snapshot) -> dict[str, Any]:
-        state, left = self.state_at(now), self._left(now)
-        if self.last is not None and (now.line == 0 or not self.active):
-            now = self.last  # an emergency stop has taken all away, or it has ended: the last place stays
-        shown = self.active or self.last is not None
-        return {
-            "name": self.program.name,
-            "sha256": self.sha256,
-            "text": self._typed(),
-            "state": state,
-            "line": now.line if shown else self.program.spot.line if self.program.spot else None,
-            "restart": self.restart,
-            "dry_run_mm": self.program.dry_run_mm or None,
-            "block_delete": self.block_delete,
-            "block": now.motion_id if shown and now.motion_id >= 0 else None,
-            "fraction": self._share(),
-            "blocks": self.blocks,
-            "duration_s": self.duration_s,
-            "elapsed_s": self._elapsed_s(now) if shown else None,
-            **left._asdict(),
-            "checking": self.news.checking,
-            "message": self.messages[-1] if self.messages else None,
-            "messages": self.messages,
-            "notes": self.notes,
-            "verdict": self.verdict,
-            **catalogue.facts(self.said),
-        }
-
-    def ended_early(self, result: str, why: catalogue.Said | None) -> catalogue.Said | None:
-        """What a run that did not come to its end leaves to be read; None of one that did."""
-        if result == "completed":
-            return None
-        typed = (self._typed() or "").strip().split("\n")[0]
-        program = (
-            catalogue.Key("ended.cycle") if self.is_own else f"{MDI} {typed}" if typed else self.program.name
+    def known(self, motion_id: int, s: float) -> journal.Known:
+        """Of a place, for the journal."""
+        place, way = self.motions.place(motion_id, s, self.time.marks), self.motions.ways.get(motion_id)
+        return journal.Known(
+            self.motions.fraction(motion_id, s),
+            passed_s(self.time.marks, place) if place else None,
+            self.duration_s,
+            self.elapsed_s(self.last) if self.last is not None else None,
+            way.in_block(s) if way is not None else None,
         )
-        line = self.last.line if self.last is not None else 0
-        if why is None:
-            return catalogue.said("ended.stopped", program=program, line=line)
-        return catalogue.said("ended.why", program=program, line=line, why=why)
 
-    def _typed(self) -> str | None:
-        """A line typed by hand is in no store, and told here."""
-        if not self.is_mdi:
-            return None
-        return bytes(linked.parts(self.program.text)[0][:MAX_TYPED]).decode(errors="replace")
 
-    def _left(self, now: Snapshot) -> Left:
-        if self.state in ("loading", "completed"):
-            return Left()
-        if self.state in ("loaded", "starting"):
-            return self.time.before_start(self.before_s)
-        if not self.active:
-            return self.time.after_end(self.nominal_s)
-        ends_s = now.queue_end_s if self.news.finished else None
-        return self.time.running(now, self.nominal_s, ends_s, self.news.aside or self.news.returning)
-
-    def _share(self) -> float | None:
-        """Of a whole run that is done."""
-        if not self.duration_s or self.state == "loading":
-            return None
-        done_s = self.before_s if self.state == "loaded" else self.nominal_s
-        return 1.0 if self.state == "completed" else min(1.0, done_s / self.duration_s)
+def journalled(job: Job, now: Machine) -> journal.Job:
+    """What is run, with where a whole run of it starts; ``now``: with what it has set since."""
+    program = job.program
+    joints = whole_from(job.start) or homed_position(program.machine)
+    run = journal.Job.of(program.name, program.text, now, joints, program.dry_run_mm, job.fitted)
+    begin = None if program.begin is None else carried.to_json(program.begin)
+    return replace(run, file_sha256=job.sha256, block_delete=job.block_delete, begin=begin)
 
 
 def read(args: dict[str, Any], machine: Machine) -> Job:
@@ -334,34 +360,6 @@ def read(args: dict[str, Any], machine: Machine) -> Job:
     return Job(program, found, block_delete=skips)
 
 
-def interrupted(entry: journal.Entry) -> dict[str, Any]:
-    """As ``to_dict``, of what a service before this one ran and did not end: where it was."""
-    said = catalogue.said("interrupted", program=entry.job.name, line=entry.spot.line)
-    return {
-        "name": entry.job.name,
-        "sha256": entry.job.file_sha256,
-        "text": None,
-        "state": INTERRUPTED,
-        "line": entry.spot.line,
-        "restart": [],
-        "dry_run_mm": entry.job.dry_run_mm or None,
-        "block_delete": entry.job.block_delete,
-        "block": entry.spot.motion_id if entry.spot.motion_id >= 0 else None,
-        "fraction": entry.done,
-        "blocks": None,
-        "duration_s": entry.duration_s,
-        "elapsed_s": entry.elapsed_s,
-        **Left(entry.left_s)._asdict(),
-        "checking": None,
-        "message": None,
-        "messages": [],
-        "notes": [],
-        "verdict": None,
-        "starts": None,
-        **catalogue.facts(said),
-    }
-
-
 def _files(args: dict[str, Any]) -> dict[str, Any]:
     """Names and paths of files whose subs may be called."""
     files = args.get("files")
@@ -380,17 +378,13 @@ def homed_position(machine: Machine) -> Joints:
     return tuple(axis.homing.position for axis in machine.axes)
 
 
-def mdi(text: str, machine: Machine) -> Job:
-    """A line of program typed by hand, with the shipped cycles that it calls behind it."""
+def mdi(text: str, machine: Machine, is_own: bool = False) -> Job:
+    """A line of program typed by hand, with the shipped cycles that it calls behind it.
+
+    ``is_own``: lines of the control's own, which begin as at power-on.
+    """
     data = bytes(linked.linked(text.encode(), lambda _: None))
-    return Job(Program(data, MDI, machine, typed=True), hashlib.sha256(data).hexdigest())
-
-
-def own(text: str, machine: Machine) -> Job:
-    """Lines of the control's own, which begin as at power-on."""
-    job = mdi(text, machine)
-    job.is_own = True
-    return job
+    return Job(Program(data, MDI, machine, typed=True), hashlib.sha256(data).hexdigest(), is_own=is_own)
 
 
 def probing(args: dict[str, Any], machine: Machine, tool: int) -> Job:

@@ -229,7 +229,10 @@ class Journal:
     sentence on the last entry that could not be written, "" if it could.
     """
 
-    def __init__(self, file: Path, clock: Callable[[], float] = time.monotonic) -> None:
+    def __init__(
+        self, file: Path, clock: Callable[[], float] = time.monotonic, last: Entry | None = None
+    ) -> None:
+        """``last``: as it was found."""
         self._file, self._clock = file, clock
         self._job: Job | None = None
         self._tool = 1
@@ -239,7 +242,7 @@ class Journal:
         self._written_s = float("-inf")
         self._ran = False
         self.problem = ""
-        self.last: Entry | None = None  # as it was written last, or found
+        self.last = last  # as it was written last, or found
         self.change: tuple[int, int, int] | None = None  # under way, as ``Entry.change``
         self._here: tuple[Entry, Machine, Job] | None = None
 
@@ -276,6 +279,11 @@ class Journal:
         self._job = replace(self._job, offsets_sha256=offsets, tools_sha256=tools, before_sha256=before)
         if self._recent:
             self._write(now, *self._recent[0][1:], False, False)
+
+    def see_change(self, tools: tuple[int, int] | None, line: int) -> None:
+        """The one that goes and the one that comes of a change under way, 0 = none; None: no change is."""
+        before = self.change
+        self.change = None if tools is None else (*tools, before[2] if before else line)
 
     def in_spindle(self, tool: int) -> None:
         """The program, or an operator, has changed the tool."""

@@ -11,11 +11,12 @@ from controller.ipc import control_socket
 from controller.machine.model import Machine
 from controller.runtime import children
 from controller.runtime.startup import SessionError
-from controller.service import engine, pendant, whole_status
+from controller.service import engine, pendant, sequences, whole_status
 from controller.service.command_handlers import Desk
 from controller.service.folders import Folders
-from controller.service.service import POLL_S, Service
+from controller.service.service import Service
 from controller.service.socket_server import Server
+from controller.service.watch import POLL_S
 from controller.state.modes import Mode
 
 Tell = Callable[[str], None]  # systemd's notify protocol
@@ -81,7 +82,7 @@ def opened(
         with_door = Server(control_socket.control_path(runtime), desk, group)
         try:
             control_socket.note_runtime(kept.state, runtime)
-            service.power_up()
+            sequences.power_up(service)
             yield service
         finally:
             with_door.close()
@@ -104,24 +105,24 @@ def watch(
     """
     fed_tick, fed_s, told, told_s = -1, 0.0, "", 0.0
     while not over():
-        now, now_s = service.look(), time.monotonic()
+        now, now_s = service.watch.look(), time.monotonic()
         lives = now is not None and now.tick != fed_tick
         due = now_s - fed_s >= FEED_S
-        if due and (service.engine.starting or (now and (lives or not service.engine.tick_alive))):
+        if due and (service.processes.starting or (now and (lives or not service.engine.tick_alive))):
             tell("WATCHDOG=1")
             fed_tick, fed_s = now.tick if now else -1, now_s
         if now_s - told_s >= STATUS_S and (words := _words(service)) != told:
             tell(f"STATUS={words}")
             told, told_s = words, now_s
-        rests = service.running is None and now is not None and now.at_rest
+        rests = service.run.job is None and now is not None and now.at_rest
         time.sleep(REST_LOOKS * look_s if rests else look_s)
 
 
 def _words(service: Service) -> str:
-    now, job = service.engine.snapshot(), service.running
+    now, job = service.engine.snapshot(), service.run.job
     if now is None or not service.engine.tick_alive:
         return "the tick process is gone"
-    shown = service.fault_at(now)
+    shown = whole_status.fault_at(service, now)
     fault = f", {shown['name']}" if shown else ""
-    mode = Mode.FAULT if service.stands(now) else now.mode
+    mode = Mode.FAULT if service.processes.stands(now) else now.mode
     return f"{mode.name}{fault}" + (f", {job.program.name} line {now.line}" if job is not None else "")

@@ -26,22 +26,22 @@ def check(service: Service, command: Command, values: Values) -> None:
 
 def tick_goes_on(service: Service, now: Snapshot, title: str) -> None:
     """What moves the machine is not left with a tick that hangs. Raises CommandRefused."""
-    if service.stands(now):
+    if service.processes.stands(now):
         raise refused("tick_does_not_answer", Mode.FAULT.name, title, "gone")
 
 
 def permitted(service: Service, request: Request) -> Snapshot:
     """The newest snapshot. Raises CommandRefused where the tick's table of modes refuses the request."""
-    now = service.now()
+    now = service.processes.now()
     tick_goes_on(service, now, request.name)
-    if why := refusal(service.machine, now, request):
+    if why := refusal(service.set_up.machine, now, request):
         raise CommandRefused("refused", why, now.mode.name, request.name)
     return now
 
 
 def not_running(service: Service, title: str) -> None:
     """No program and no typed line runs. Raises CommandRefused."""
-    running, found = service.running, service.engine.snapshot()
+    running, found = service.run.job, service.engine.snapshot()
     if running is not None:
         mode = found.mode.name if found is not None else "OFF"
         raise refused("running", mode, title, program=running.program.name)
@@ -50,7 +50,7 @@ def not_running(service: Service, title: str) -> None:
 def not_in_thread(service: Service, title: str) -> None:
     """The tool stands in no thread: ``withdraw`` and Resume alone move it there. Raises CommandRefused."""
     if (found := service.thread.found) is not None:
-        mode, line = service.now().mode.name, found.line
+        mode, line = service.processes.now().mode.name, found.line
         depth, pitch = found.depth_mm, found.pitch_mm
         raise refused("in_thread", mode, title, depth=depth, pitch=pitch, line=line)
 
@@ -61,21 +61,21 @@ def changer_is_sure(service: Service, title: str) -> None:
     if changer is None:
         return
     if changer.under_way:
-        raise refused("change_under_way", service.now().mode.name, title)
+        raise refused("change_under_way", service.processes.now().mode.name, title)
     if (doubt := changer.doubt) is not None:
-        raise CommandRefused("refused", doubt, service.now().mode.name, title)
+        raise CommandRefused("refused", doubt, service.processes.now().mode.name, title)
 
 
 def _mode(service: Service, command: Command, _: Values) -> None:
     """The table of modes takes it, or the service itself does more before (``modes`` of the command)."""
-    now = service.now()
+    now = service.processes.now()
     tick_goes_on(service, now, command.title)
     if command.request is not None and now.mode.name not in command.modes:
         permitted(service, command.request)
 
 
 def _loaded(service: Service, command: Command, _: Values) -> None:
-    mode, job = service.now().mode.name, service.job
+    mode, job = service.processes.now().mode.name, service.run.loaded
     if job is None:
         raise refused("not_loaded", mode, command.title)
     if job.state == "loading":
@@ -86,25 +86,26 @@ def _loaded(service: Service, command: Command, _: Values) -> None:
 
 def _not_worn(service: Service, _: Command, values: Values) -> None:
     """The tool in the spindle has life left, or that is confirmed."""
-    if service.job is not None and not values["worn"]:
-        check_worn(service.usage, service.tool, service.job.program.name, service.tool_numbers)
+    job, set_up = service.run.loaded, service.set_up
+    if job is not None and not values["worn"]:
+        check_worn(service.usage, set_up.tool, job.program.name, set_up.tool_numbers)
 
 
 def _has_spindle(service: Service, *_: Any) -> None:
-    spindle = service.machine.spindle
+    spindle = service.set_up.machine.spindle
     if spindle is None or not spindle.is_driven:
         raise refused("no_spindle", code="bad")
 
 
 def _has_adaptive(service: Service, *_: Any) -> None:
     """The machine file has a law for it."""
-    spindle = service.machine.spindle
+    spindle = service.set_up.machine.spindle
     if spindle is None or spindle.adaptive is None:
         raise refused("no_adaptive", code="bad")
 
 
 def _tool_in_table(service: Service, _: Command, values: Values) -> None:
-    if values["tool"] not in service.tool_numbers:
+    if values["tool"] not in service.set_up.tool_numbers:
         raise refused("not_in_table", code="missing", number=values["tool"])
 
 

@@ -8,11 +8,9 @@ from typing import Any
 
 from controller import messages
 from controller.ipc.control_socket import CommandRefused
-from controller.machine import setup_data
 from controller.machine.model import Machine
 from controller.messages import Said, said, several
 from controller.plan.restart.program_position import AFTER_CHANGE, FORMER, Spot
-from controller.program import carried
 from controller.service import jobs, journal
 from controller.service.jobs import Job
 from controller.service.refusals import refused
@@ -71,7 +69,7 @@ def _goes_on(entry: journal.Entry) -> Said:
 
 def _why_not(service: Service, entry: journal.Entry) -> Said | None:
     """Why a load from there would be refused; None: it would not, as far as can be known before it."""
-    why = service.journal.why_not(service.machine, *_trusted(service))
+    why = service.journal.why_not(service.set_up.machine, *_trusted(service))
     return why or _not_with(service, entry)
 
 
@@ -81,7 +79,7 @@ def _not_with(service: Service, entry: journal.Entry) -> Said | None:
         return None  # by hand it is changed on the way in
     if (doubt := service.changer.doubt) is not None:
         return doubt
-    found, wanted, program = service.tool, entry.wanted, entry.job.name
+    found, wanted, program = service.set_up.tool, entry.wanted, entry.job.name
     if found == wanted:
         return None
     return said(OTHER_TOOL[not found], found=found, wanted=wanted, program=program)
@@ -90,45 +88,43 @@ def _not_with(service: Service, entry: journal.Entry) -> Said | None:
 def _trusted(service: Service) -> tuple[int, int]:
     """Bit masks of the axes that are homed, and of those whose position a fault has cost."""
     now = service.engine.snapshot()
-    if now is None or not service.engine.tick_alive or service.stands(now):
+    if now is None or not service.engine.tick_alive or service.processes.stands(now):
         return 0, 0  # nobody knows where the axes are
     return now.homed, now.untrusted
 
 
 def gone_on_with(service: Service, args: dict[str, Any]) -> Job:
     """The job of a ``load`` from where the journal says that it was interrupted. Raises CommandRefused."""
-    entry, mode = service.journal.last, service.now().mode.name
+    entry, mode = service.journal.last, service.processes.now().mode.name
     if entry is None:
         raise refused("not_interrupted", mode, "LOAD")
     if why := _not_with(service, entry):
         raise CommandRefused("refused", why, mode, "LOAD")
-    job = jobs.read({**args, "block_delete": entry.job.block_delete}, service.machine)
-    job.entry = entry
-    begin = None if entry.job.begin is None else carried.from_json(entry.job.begin)
-    job.program = replace(job.program, start=entry.job.start, dry_run_mm=entry.job.dry_run_mm, begin=begin)
+    job = jobs.read({**args, "block_delete": entry.job.block_delete}, service.set_up.machine)
+    job.go_on_with(entry)
     look_again(service, job, "LOAD")
     return job
 
 
 def look_again(service: Service, job: Job, request: str = "START") -> None:
     """What was loaded to be gone on with, by what is fitted now. Raises CommandRefused where it forbids."""
-    entry, program, now = job.entry, job.program, service.now()
+    entry, program, now, set_up = job.entry, job.program, service.processes.now(), service.set_up
     assert entry is not None
-    here = journal.Job.of(program.name, program.text, service.machine, entry.job.start, program.dry_run_mm)
-    if why := journal.refusal(entry, here, now.homed, now.untrusted, len(service.machine.axes)):
+    here = journal.Job.of(program.name, program.text, set_up.machine, entry.job.start, program.dry_run_mm)
+    if why := journal.refusal(entry, here, now.homed, now.untrusted, len(set_up.machine.axes)):
         raise CommandRefused("refused", why, now.mode.name, request)
     # Its lines set anew what they had set, so it is begun with what was fitted then, but for other tools.
-    job.fitted = service.fitted if entry.job.fitted is None else entry.job.fitted
-    cut_with = None if entry.job.fitted is None else setup_data.applied(service.file, job.fitted)
+    fitted = set_up.fitted if entry.job.fitted is None else entry.job.fitted
+    cut_with = None if entry.job.fitted is None else set_up.applied(fitted)
     if here.tools_sha256 != entry.job.tools_sha256:
-        job.fitted = {**job.fitted, "tools": service.fitted.get("tools", {})}
-    machine = setup_data.applied(service.file, job.fitted)
-    job.program = replace(program, machine=machine, spot=_spot(entry, here, machine), cut_with=cut_with)
+        fitted = {**fitted, "tools": set_up.fitted.get("tools", {})}
+    machine = set_up.applied(fitted)
+    job.fit(replace(program, machine=machine, spot=_spot(entry, here, machine), cut_with=cut_with), fitted)
 
 
 def tell_beside(service: Service) -> None:
     """After the tick was gone, the drives having kept count: how far off the path they stopped."""
-    entry, job = service.journal.last, service.job
+    entry, job = service.journal.last, service.run.loaded
     if entry is None or entry.ended or job is None or job.state != "fault":
         return
     program = replace(job.program, spot=entry.spot, start=entry.job.start)

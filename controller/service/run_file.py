@@ -25,8 +25,21 @@ import numpy as np
 import numpy.typing as npt
 
 from controller import atomic_file, own_files
-from controller.ipc.handoff import COLUMN
+from controller.commands.table import SWITCHES
+from controller.ipc.handoff import (
+    COLUMN,
+    EXPIRED,
+    OFF_PATH,
+    PLAN_IDS,
+    SETTLED,
+    STOOD,
+    WAITED,
+    Outcome,
+    Snapshot,
+)
 from controller.runtime import events
+from controller.service.engine import Asked
+from controller.state.modes import Fault, Request
 
 PART = "setpoints.part"
 MAX_BYTES = 256 << 20  # of setpoints in one run: six hours at 2 ms
@@ -140,6 +153,10 @@ class RunEvents:
         self.first_tick = -1  # of the run
         self._newest = -1
 
+    def begin(self, tick: int) -> None:
+        """The run has begun with that one."""
+        self.first_tick = tick
+
     def add(self, at: int, line: dict[str, Any]) -> None:
         """``at``: the tick of the machine in which it came, or before which."""
         self._waiting.append((at, line))
@@ -172,3 +189,103 @@ class RunEvents:
         i = int(np.searchsorted(known.ticks, at))
         n = known.before + int(np.count_nonzero(known.sent[:i]))
         return {"tick": n, "at": int(known.ticks[i]), **({} if known.sent[i] else {"late": True})}
+
+
+_NAMES = {request: name for name, request in {**events.REQUESTS, **events.RECORDED}.items()}
+# They come again by themselves, for it is the tick that finds them in what it has been given.
+_OWN_FAULTS = (Fault.NONE, Fault.BRANCH_LOST, Fault.TRAVEL, Fault.VELOCITY, Fault.ACCELERATION)
+
+
+class RowEvents:
+    """Finds them row by row, and adds them to the events of the run."""
+
+    def __init__(self, found: RunEvents) -> None:
+        self._events = found
+        self._begun = False
+        self._flags, self._fault = 0, Fault.NONE  # as the last row had them
+        self._led = np.zeros((1, 2))  # likewise: how far the spindle led the axes, and that it had settled
+        self._share = 1.0  # likewise: what the load of the spindle left of the feed
+
+    def find_asked(self, rows: Rows, asked: deque[Asked], now: Snapshot | None) -> None:
+        """Requests, as ``RunRecord.take``, and pieces of the plan.
+
+        Numbers rise in the order in which the tick takes them, and a row has the last that it took.
+        """
+        if not self._begun:
+            self._first_settings(rows[0])
+        for row in rows[rows[:, COLUMN["request"]] != 0.0]:
+            number, at = int(row[COLUMN["request"]]), int(row[COLUMN["tick"]])
+            while number < PLAN_IDS and asked and asked[0].number <= number:
+                one = asked.popleft()
+                refused = now is not None and now.came_of(one.number)[0] is Outcome.REFUSED
+                if one.request in _NAMES and not refused:
+                    self._events.add(at, _asked_line(one))
+        for tick in rows[rows[:, COLUMN["accepted"]] != 0.0, COLUMN["tick"]]:
+            self._events.add(int(tick), events.line_of(events.PIECES))
+
+    def _first_settings(self, row: Rows) -> None:
+        """Overrides and switches that were set before hold for what is planned first."""
+        self._begun = True
+        at = int(row[COLUMN["tick"]]) - 1
+        for name in events.OVERRIDES:
+            if row[COLUMN[name]] != 1.0:
+                self._events.add(at, events.line_of(name, float(row[COLUMN[name]])))
+        for switch in SWITCHES:
+            if int(row[COLUMN["switches"]]) & switch.bit:
+                self._events.add(at, events.line_of(switch.name, 1))
+
+    def find(self, rows: Rows) -> None:
+        """What came from drives and devices, and what the tick made of long gaps."""
+        switches, faults = rows[:, COLUMN["switches"]].astype(np.int64), rows[:, COLUMN["fault"]]
+        for row in rows[switches & STOOD != 0]:
+            self._events.add(int(row[COLUMN["tick"]]), events.line_of(events.STAND))
+        for row in rows[switches & EXPIRED != 0]:  # by ticks that were missed, too: those are in no record
+            self._events.add(int(row[COLUMN["tick"]]), events.line_of(_NAMES[Request.JOG_STOP]))
+        for i in _changes(faults, float(self._fault)):
+            self._fault = Fault(int(faults[i]))
+            if self._fault not in _OWN_FAULTS:
+                self._events.add(int(rows[i, COLUMN["tick"]]), events.line_of(events.FAULT, self._fault.name))
+        sent = rows[rows[:, COLUMN["sync_sent"]] != 0.0]
+        self._find_flags(sent)
+        self._find_threads(sent)
+        shares = rows[:, COLUMN["adaptive_share"]]
+        for i in _changes(shares, self._share):
+            self._share = float(shares[i])
+            line = events.line_of(events.ADAPTIVE, self._share)
+            self._events.add(int(rows[i, COLUMN["tick"]]), line)
+
+    def _find_flags(self, sent: Rows) -> None:
+        """Where motion begins to wait, or waits no more, and where the axes are off their path."""
+        flags = sent[:, COLUMN["switches"]].astype(np.int64) & (WAITED | OFF_PATH)
+        for i in _changes(flags, self._flags):
+            changed, self._flags = int(flags[i]) ^ self._flags, int(flags[i])
+            at = int(sent[i, COLUMN["tick"]])
+            if changed & WAITED:
+                self._events.add(at, events.line_of(events.WAIT, int(bool(self._flags & WAITED))))
+            if changed & self._flags & OFF_PATH:
+                self._events.add(at, events.line_of(events.OFF_PATH))
+
+    def _find_threads(self, sent: Rows) -> None:
+        """How far the spindle's angle led the axes, wherever that changes."""
+        settled = sent[:, COLUMN["switches"]].astype(np.int64) & SETTLED != 0
+        led = np.stack([sent[:, COLUMN["thread_mm"]], settled], axis=1)
+        before = np.vstack([self._led, led])
+        for i in np.flatnonzero((before[1:] != before[:-1]).any(axis=1)).tolist():
+            value = [float(led[i, 0]), bool(led[i, 1])]
+            self._events.add(int(sent[i, COLUMN["tick"]]), events.line_of(events.THREAD, value))
+        self._led = before[-1]
+
+
+def _changes(values: npt.NDArray[Any], before: float) -> Iterable[int]:
+    """Where a column has another value than one row earlier; nearly always nowhere, which costs little."""
+    return np.flatnonzero(np.diff(values, prepend=before)).tolist() if np.any(values != before) else ()
+
+
+def _asked_line(one: Asked) -> dict[str, Any]:
+    """As ``session.events`` reads it."""
+    name = _NAMES[one.request]
+    if one.jog is not None:
+        length = one.jog.length if np.isfinite(one.jog.length) else None
+        return events.line_of(name, [one.jog.speed, length, *one.jog.direction])
+    takes_value = name in (*events.OVERRIDES, *events.SWITCHES, *events.BY_HAND)
+    return events.line_of(name, one.value if takes_value else None)

@@ -32,29 +32,17 @@ import numpy as np
 import numpy.typing as npt
 
 from controller import atomic_file, own_files
-from controller.commands.table import SWITCHES
-from controller.ipc.handoff import (
-    COLUMN,
-    EXPIRED,
-    OFF_PATH,
-    PLAN_IDS,
-    SETTLED,
-    STOOD,
-    WAITED,
-    Outcome,
-    Snapshot,
-    of_axes,
-)
+from controller.ipc.handoff import COLUMN, Snapshot, of_axes
 from controller.machine.model import Machine
 from controller.runtime import events
+from controller.runtime.plan_messages import Program, Turn
 from controller.runtime.recording import forget_oldest, new_folder
 from controller.runtime.replay import SETPOINTS, WHOLE
 from controller.runtime.starts import Start
 from controller.service.engine import Asked
 from controller.service.journal import sha256
-from controller.service.planner_client import Program, Turn
-from controller.service.run_file import PART, RunEvents, RunFile
-from controller.state.modes import Fault, Mode, Request
+from controller.service.run_file import PART, RowEvents, RunEvents, RunFile
+from controller.state.modes import Mode
 
 FOLDER, RUN, BEGUN = "runs", "run.json", "begun.json"
 KEPT = 200
@@ -64,9 +52,6 @@ LAG_TICKS = 2  # from a setpoint to the feedback that can have followed it
 Rows = npt.NDArray[np.float64]
 
 _TAKEN = [COLUMN[name] for name in SETPOINTS]
-_NAMES = {request: name for name, request in {**events.REQUESTS, **events.RECORDED}.items()}
-# They come again by themselves, for it is the tick that finds them in what it has been given.
-_OWN_FAULTS = (Fault.NONE, Fault.BRANCH_LOST, Fault.TRAVEL, Fault.VELOCITY, Fault.ACCELERATION)
 
 
 class RunRecord:
@@ -83,13 +68,9 @@ class RunRecord:
         axes = len(machine.axes)
         self._command, self._actual = of_axes("joint_command", axes), of_axes("actual", axes)
         self._errors = np.zeros(axes)
-        self._before: Rows | None = None
         self._commands = np.zeros((0, axes))
         self._events = RunEvents()
-        self._flags, self._fault = 0, Fault.NONE  # as the last row had them
-        self._led = np.zeros((1, 2))  # likewise: how far the spindle led the axes, and that it had settled
-        self._share = 1.0  # likewise: what the load of the spindle left of the feed
-        self._refused: set[int] = set()  # numbers of requests
+        self._found = RowEvents(self._events)
         self._started_s = time.time()
         self._ticks = 0  # that sent a SYNC
         self._busy = (0, -1)  # how many of them belong to the run, and the last tick of it
@@ -122,25 +103,21 @@ class RunRecord:
         """
         if not len(rows):
             return
-        self._first_settings(rows[0])
-        self._find_requests(rows, asked if asked is not None else deque(), now)
-        for tick in rows[rows[:, COLUMN["accepted"]] != 0.0, COLUMN["tick"]]:
-            self._events.add(int(tick), events.line_of(events.PIECES))
+        self._found.find_asked(rows, asked if asked is not None else deque(), now)
         if not self.began:
             going = np.flatnonzero(
                 (rows[:, COLUMN["mode"]] == Mode.RUNNING) | (rows[:, COLUMN["rate"]] > 0.0)
             )
             if not len(going):
-                self._before = rows[-1]
                 return
             self.began = True
-            self._events.first_tick = int(rows[going[0], COLUMN["tick"]])
-            self._before = rows[going[0] - 1] if going[0] else self._before
+            self._events.begin(int(rows[going[0], COLUMN["tick"]]))
             rows = rows[going[0] :]
         self._measure(rows)
-        self._find_events(rows)
+        self.stopped |= bool(np.any(rows[:, COLUMN["mode"]] == Mode.STOPPING))
+        self._found.find(rows)
         self._keep(rows)
-        self.last_tick, self._before = int(rows[-1, COLUMN["tick"]]), rows[-1]
+        self.last_tick = int(rows[-1, COLUMN["tick"]])
 
     def begins(self, start: Start, program: Program, fitted: dict[str, Any]) -> None:
         """From where, and on what: without it nothing could be run again but a start after homing.
@@ -166,33 +143,14 @@ class RunRecord:
             self._events.add(turn.tick + 1, events.line_of(turn.verb, value))
         self._write_events()
 
+    def find(self, results: Iterable[dict[str, Any]]) -> None:
+        """What probing cycles have found."""
+        self.found += results
+
     def sync(self) -> None:
         """Returns when the disk has all that was taken before; for another thread."""
         if self._file is not None:
             self._file.sync()
-
-    def _first_settings(self, row: Rows) -> None:
-        """Overrides and switches that were set before hold for what is planned first."""
-        if self._before is not None:
-            return
-        self._before = row
-        at = int(row[COLUMN["tick"]]) - 1
-        for name in events.OVERRIDES:
-            if row[COLUMN[name]] != 1.0:
-                self._events.add(at, events.line_of(name, float(row[COLUMN[name]])))
-        for switch in SWITCHES:
-            if int(row[COLUMN["switches"]]) & switch.bit:
-                self._events.add(at, events.line_of(switch.name, 1))
-
-    def _find_requests(self, rows: Rows, asked: deque[Asked], now: Snapshot | None) -> None:
-        """Numbers rise in the order in which the tick takes them, and a row has the last that it took."""
-        for row in rows[rows[:, COLUMN["request"]] != 0.0]:
-            number, at = int(row[COLUMN["request"]]), int(row[COLUMN["tick"]])
-            while number < PLAN_IDS and asked and asked[0].number <= number:
-                one = asked.popleft()
-                refused = now is not None and now.came_of(one.number)[0] is Outcome.REFUSED
-                if one.request in _NAMES and not refused:
-                    self._events.add(at, _asked_line(one))
 
     def _measure(self, rows: Rows) -> None:
         cutting = (rows[:, COLUMN["cutting"]] != 0.0) & (rows[:, COLUMN["rate"]] > 0.0)
@@ -203,48 +161,6 @@ class RunRecord:
             lag = np.abs(commands[: len(commands) - LAG_TICKS][-len(actual) :] - actual)
             self._errors = np.maximum(self._errors, lag.max(axis=0))
         self._commands = commands[-LAG_TICKS:]
-
-    def _find_events(self, rows: Rows) -> None:
-        """What came from drives and devices, and what the tick made of long gaps."""
-        self.stopped |= bool(np.any(rows[:, COLUMN["mode"]] == Mode.STOPPING))
-        switches, faults = rows[:, COLUMN["switches"]].astype(np.int64), rows[:, COLUMN["fault"]]
-        for row in rows[switches & STOOD != 0]:
-            self._events.add(int(row[COLUMN["tick"]]), events.line_of(events.STAND))
-        for row in rows[switches & EXPIRED != 0]:  # by ticks that were missed, too: those are in no record
-            self._events.add(int(row[COLUMN["tick"]]), events.line_of(_NAMES[Request.JOG_STOP]))
-        for i in _changes(faults, float(self._fault)):
-            self._fault = Fault(int(faults[i]))
-            if self._fault not in _OWN_FAULTS:
-                self._events.add(int(rows[i, COLUMN["tick"]]), events.line_of(events.FAULT, self._fault.name))
-        sent = rows[rows[:, COLUMN["sync_sent"]] != 0.0]
-        self._find_flags(sent)
-        self._find_threads(sent)
-        shares = rows[:, COLUMN["adaptive_share"]]
-        for i in _changes(shares, self._share):
-            self._share = float(shares[i])
-            line = events.line_of(events.ADAPTIVE, self._share)
-            self._events.add(int(rows[i, COLUMN["tick"]]), line)
-
-    def _find_flags(self, sent: Rows) -> None:
-        """Where motion begins to wait, or waits no more, and where the axes are off their path."""
-        flags = sent[:, COLUMN["switches"]].astype(np.int64) & (WAITED | OFF_PATH)
-        for i in _changes(flags, self._flags):
-            changed, self._flags = int(flags[i]) ^ self._flags, int(flags[i])
-            at = int(sent[i, COLUMN["tick"]])
-            if changed & WAITED:
-                self._events.add(at, events.line_of(events.WAIT, int(bool(self._flags & WAITED))))
-            if changed & self._flags & OFF_PATH:
-                self._events.add(at, events.line_of(events.OFF_PATH))
-
-    def _find_threads(self, sent: Rows) -> None:
-        """How far the spindle's angle led the axes, wherever that changes."""
-        settled = sent[:, COLUMN["switches"]].astype(np.int64) & SETTLED != 0
-        led = np.stack([sent[:, COLUMN["thread_mm"]], settled], axis=1)
-        before = np.vstack([self._led, led])
-        for i in np.flatnonzero((before[1:] != before[:-1]).any(axis=1)).tolist():
-            value = [float(led[i, 0]), bool(led[i, 1])]
-            self._events.add(int(sent[i, COLUMN["tick"]]), events.line_of(events.THREAD, value))
-        self._led = before[-1]
 
     def _keep(self, rows: Rows) -> None:
         """A full disk costs the record, not the run."""
@@ -331,21 +247,6 @@ class RunRecord:
             np.savez_compressed(file, columns=np.array(SETPOINTS), rows=rows[: self._busy[0]])
             file.flush()
             os.fsync(file.fileno())
-
-
-def _changes(values: npt.NDArray[Any], before: float) -> Iterable[int]:
-    """Where a column has another value than one row earlier; nearly always nowhere, which costs little."""
-    return np.flatnonzero(np.diff(values, prepend=before)).tolist() if np.any(values != before) else ()
-
-
-def _asked_line(one: Asked) -> dict[str, Any]:
-    """As ``session.events`` reads it."""
-    name = _NAMES[one.request]
-    if one.jog is not None:
-        length = one.jog.length if np.isfinite(one.jog.length) else None
-        return events.line_of(name, [one.jog.speed, length, *one.jog.direction])
-    takes_value = name in (*events.OVERRIDES, *events.SWITCHES, *events.BY_HAND)
-    return events.line_of(name, one.value if takes_value else None)
 
 
 def _write_facts(file: Path, facts: dict[str, Any]) -> None:

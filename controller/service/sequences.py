@@ -16,13 +16,12 @@ from controller import own_files
 from controller.ipc.control_socket import CommandRefused, Values
 from controller.ipc.handoff import Jog, Outcome, Snapshot
 from controller.machine import setup_data
-from controller.machine.model import Machine
 from controller.messages import Key, of_error
 from controller.runtime.starts import Start
-from controller.service import restart_preview
+from controller.runtime.startup import SessionError
+from controller.service import restart_preview, runs
 from controller.service.acknowledged import why_refused
-from controller.service.jobs import Job, whole_from
-from controller.service.planner_client import Program
+from controller.service.jobs import Job
 from controller.service.refusals import by_fault, by_now, refused
 from controller.service.sequencer import Going
 from controller.service.service import Service
@@ -37,11 +36,37 @@ TAKEN_S = 5.0  # for a datagram to show its effect
 SHORT_MM = 1e-3  # less is no shorter way
 
 
+def power_up(service: Service) -> None:
+    """Tick and plan, then the drives' settings. A drive that does not answer is an alarm, and no end.
+
+    Raises SessionError where there is no tick.
+    """
+
+    def work() -> Values:
+        runs.lose(service.state)  # the door is open: no other service works here
+        start_engine(service)
+        service.processes.commission()
+        return {}
+
+    try:
+        service.sequencer.to_its_end("power up", work)
+    except CommandRefused as error:
+        if not service.engine.tick_alive:
+            raise SessionError(error.sentence) from error
+
+
+def start_engine(service: Service) -> None:
+    """Tick and plan, from nothing. Raises CommandRefused."""
+    with service.watch.between_ticks():
+        service.processes.start(service.set_up.tool)
+    service.processes.listen(service.set_up.machine)
+
+
 def enable(service: Service) -> Values:
     """From OFF to READY; nothing moves. Raises CommandRefused."""
-    _commissioned(service)
+    service.processes.commission()
     _asked(service, Request.ENABLE)
-    now = service.wait_for(
+    now = service.processes.wait_for(
         lambda now: now.mode in (Mode.READY, Mode.FAULT), stop_times.ENABLE_S + MARGIN_S, "enabled"
     )
     if now.mode is not Mode.READY:
@@ -51,9 +76,9 @@ def enable(service: Service) -> Values:
 
 def _see_taken(service: Service, number: int, request: Request) -> Snapshot:
     """The first snapshot in which a request is answered. Raises CommandRefused where the tick refused it."""
-    now = service.wait_for(lambda now: now.has_taken(number), TAKEN_S, "answer")
+    now = service.processes.wait_for(lambda now: now.has_taken(number), TAKEN_S, "answer")
     if now.came_of(number)[0] is Outcome.REFUSED:
-        raise why_refused(service.machine, now, number, request)
+        raise why_refused(service.set_up.machine, now, number, request)
     return now
 
 
@@ -62,39 +87,26 @@ def _asked(service: Service, request: Request) -> Snapshot:
     return _see_taken(service, service.engine.request(request), request)
 
 
-def _commissioned(service: Service) -> None:
-    if not service.commissioned:
-        service.commission()
-
-
 def home(service: Service, axes: tuple[int, ...], going: Going) -> Values:
     """Home axes by groups, and enable; a stop ends it also between two groups. Raises CommandRefused."""
-    machine = service.machine
+    machine = service.set_up.machine
     _disable(service)
-    _commissioned(service)
-    wanted = tuple(i for i in axes if not machine.axes[i].homing.absolute)
-    service.homing = wanted
-    try:
-        service.engine.line.order("home", wanted)
-    except CommandRefused:
-        service.commissioned = False  # a drive may have been left in its homing mode
-        raise
-    finally:
-        service.homing = ()
-    homed = service.now().homed
+    service.processes.commission()
+    service.processes.home(tuple(i for i in axes if not machine.axes[i].homing.absolute))
+    homed = service.processes.now().homed
     missing = [axis.name for i, axis in enumerate(machine.axes) if i in axes and not homed >> i & 1]
     if missing:
         raise refused("not_all_homed", "OFF", "HOME", axes=" ".join(missing))
     if going.given_up:
-        raise refused("stopped", service.now().mode.name, "HOME")
+        raise refused("stopped", service.processes.now().mode.name, "HOME")
     return {**enable(service), "homed": [axis.name for i, axis in enumerate(machine.axes) if homed >> i & 1]}
 
 
 def _disable(service: Service) -> None:
     """A drive changes its mode of operation without torque."""
-    if service.now().mode is not Mode.OFF:
+    if service.processes.now().mode is not Mode.OFF:
         _asked(service, Request.DISABLE)
-    service.wait_for(_off, stop_times.ENABLE_S, "switched_off")
+    service.processes.wait_for(_off, stop_times.ENABLE_S, "switched_off")
 
 
 def _off(now: Snapshot) -> bool:
@@ -104,39 +116,32 @@ def _off(now: Snapshot) -> bool:
 def reset(service: Service) -> Values:
     """Out of a fault to OFF, as its recovery needs it; a tick that is gone, or hangs, is started anew."""
     found = service.engine.snapshot()
-    if service.engine.tick_alive and found is not None and service.stands(found):
+    if service.engine.tick_alive and found is not None and service.processes.stands(found):
         service.engine.end_tick()
     if not service.engine.tick_alive:
-        service.start_engine()
-        service.commission()
+        start_engine(service)
+        service.processes.commission()
         restart_preview.tell_beside(service)
-        return {"mode": service.now().mode.name}
-    now = service.now()
+        return {"mode": service.processes.now().mode.name}
+    now = service.processes.now()
     if now.mode is Mode.FAULT:
         # Nor before the run is told to be over by it: from OFF nobody could tell by what, or start anew.
-        service.wait_for(lambda now: now.at_rest, STAND_S, "standstill")
-        now = service.wait_for(lambda _: service.running is None, STAND_S, "end_of_run")
+        service.processes.wait_for(lambda now: now.at_rest, STAND_S, "standstill")
+        now = service.processes.wait_for(lambda _: service.run.job is None, STAND_S, "end_of_run")
         needs = max(FAULTS[now.fault].recovery, FAULTS[now.warning].recovery)
         _asked(service, Request.RESET)
-        service.modal.reset(service.machine)
+        service.run.modal.reset(service.set_up.machine)
         if needs >= Recovery.COMMISSION:
-            service.commissioned = False
-    _commissioned(service)
-    return {"mode": service.now().mode.name}
+            service.processes.lose_settings()
+    service.processes.commission()
+    return {"mode": service.processes.now().mode.name}
 
 
 def load(service: Service, job: Job) -> Values:
     """Read, plan and audit all of a program; nothing moves, nothing starts. Raises CommandRefused."""
-    facts = service.engine.line.order("check", program=replace(job.program, in_spindle=service.tool))
-    with service.lock:
-        job.before_s, job.blocks, job.notes = facts.pop("passed_s"), facts["blocks"], facts["notes"]
-        job.time.durations = service.durations
-        job.time.check(facts["duration_s"], facts.pop("marks"), facts.pop("events"))
-        job.time.stands(facts.pop("timetable"))
-        facts["duration_s"] = job.duration_s
-        job.verdict = facts["verdict"]
-        job.state, job.restart = "loaded", facts["restart"]
-    return {"sha256": job.sha256, "name": job.program.name, **facts}
+    facts = service.engine.line.order("check", program=replace(job.program, in_spindle=service.set_up.tool))
+    with service.run.lock:
+        return job.checked(facts, service.durations)
 
 
 def start(service: Service, job: Job, going: Going, unrecorded: bool = False) -> Values:
@@ -148,14 +153,13 @@ def start(service: Service, job: Job, going: Going, unrecorded: bool = False) ->
         if not (unrecorded or job.is_mdi):
             check_disk(service.state, job)
         _arm(service, job)
-        facts = service.engine.line.order("arm", program=replace(job.program, in_spindle=service.tool))
+        facts = service.engine.line.order("arm", program=replace(job.program, in_spindle=service.set_up.tool))
         _go(service, job, facts, going)
     except Exception as error:  # whatever it was: what did not start must not bar the next start
-        service.not_started(job, of_error(error))
+        service.run.not_started(job, of_error(error))
         _drop(service)
         raise
-    run = service.last_run
-    return {"mode": service.now().mode.name, "run": run.id if run is not None else None}
+    return {"mode": service.processes.now().mode.name}
 
 
 def _arm(service: Service, job: Job) -> None:
@@ -163,32 +167,32 @@ def _arm(service: Service, job: Job) -> None:
 
     What a plan had sent for a start before it died is still in the tick, and would be run first.
     """
-    now = service.now()
-    if now.queue_end_s > now.plan_time_s + service.machine.period_s:
+    now = service.processes.now()
+    if now.queue_end_s > now.plan_time_s + service.set_up.machine.period_s:
         _drop(service)
-    with service.fitting:
-        machine, job.fitted = service.machine, service.fitted
-        if sisters := service.usage.sisters(service.tool_numbers):
-            job.fitted = {**job.fitted, "sisters": sisters}
+    with service.set_up.lock:
+        machine, fitted = service.set_up.machine, service.set_up.fitted
+        if sisters := service.usage.sisters(service.set_up.tool_numbers):
+            fitted = {**fitted, "sisters": sisters}
             machine = setup_data.applied(machine, {"sisters": sisters})
-        job.program = replace(job.program, machine=machine, begin=service.begins_with(job, now))
+        job.fit(replace(job.program, machine=machine, begin=service.run.begins_with(job, now)), fitted)
         if job.entry is not None:
             restart_preview.look_again(service, job)
-        service.arming(job)
+        service.run.arm(job)
 
 
 def _go(service: Service, job: Job, facts: Values, going: Going) -> None:
-    with service.lock:
-        now = service.now()
+    with service.run.lock:
+        now = service.processes.now()
         if now.mode is not Mode.READY:
             raise by_now(now, "START")
-        service.begin(job, facts)
+        service.run.begin(job, facts)
         begun: Start = facts["start"]
         asked = going.send(lambda: service.engine.request(Request.START, float(begun.stays_on)))
     if asked is None:
         raise refused("stopped", now.mode.name, "START")
     _see_taken(service, asked, Request.START)
-    job.taken = True
+    job.take()
 
 
 def aside(service: Service, verb: str, distance_mm: float, going: Going) -> Values:
@@ -197,13 +201,11 @@ def aside(service: Service, verb: str, distance_mm: float, going: Going) -> Valu
     Held on the way it stays there: a resume then goes on along the way. That is also what a hold
     does that comes while the way is planned, which with another tool takes as long as a check.
     """
-    job, program = service.running, None
-    with service.fitting:
-        if job is not None and job.tools != service.machine.tools:
-            program = _refitted(job, setup_data.applied(service.file, service.with_tools(job)))
-    service.engine.line.order(verb, program=program, distance_mm=distance_mm, tool=service.tool)
-    if verb == "return" and program is not None and job is not None:
-        service.refit(job, program)
+    with service.set_up.lock:
+        program = service.run.refitted()
+    service.engine.line.order(verb, program=program, distance_mm=distance_mm, tool=service.set_up.tool)
+    if verb == "return" and program is not None:
+        service.run.refit(program)
     asked = going.send(lambda: service.engine.request(Request.RESUME))
     if asked is not None:
         _see_taken(service, asked, Request.RESUME)
@@ -213,10 +215,10 @@ def aside(service: Service, verb: str, distance_mm: float, going: Going) -> Valu
             return False
         if now.mode is not Mode.HOLD:
             return True
-        led = service.aside if verb == "retract" else not (service.aside or service.returning)
+        led = service.run.aside if verb == "retract" else not (service.run.aside or service.run.returning)
         return now.at_rest and (led or going.given_up)
 
-    now = service.wait_for(over, ASIDE_S, "end_of_way")
+    now = service.processes.wait_for(over, ASIDE_S, "end_of_way")
     if now.mode is not Mode.HOLD:
         raise refused("ended_in", now.mode.name, verb.upper())
     return {"mode": now.mode.name}
@@ -224,12 +226,12 @@ def aside(service: Service, verb: str, distance_mm: float, going: Going) -> Valu
 
 def retract(service: Service, line: Jog, going: Going) -> Values:
     """From READY by the length of a line along the tool axis."""
-    before = service.now()
+    before = service.processes.now()
     asked = going.send(lambda: service.engine.jog(line))
     if asked is None:
         raise refused("stopped", before.mode.name, "RETRACT")
     _see_taken(service, asked, Request.JOG)
-    now = service.wait_for(lambda now: now.mode is not Mode.JOG, ASIDE_S, "end_of_way")
+    now = service.processes.wait_for(lambda now: now.mode is not Mode.JOG, ASIDE_S, "end_of_way")
     if now.mode is not Mode.READY:
         raise refused("ended_in", now.mode.name, "RETRACT")
     gone_mm = _along(line, before, now)
@@ -244,25 +246,19 @@ def _along(line: Jog, before: Snapshot, now: Snapshot) -> float:
     return sum(d * (there - here) for d, here, there in rows)
 
 
-def _refitted(job: Job, machine: Machine) -> Program:
-    """The held program with the tools that were fitted meanwhile."""
-    program = replace(job.program, machine=machine)
-    return program if job.start is None else replace(program, start=whole_from(job.start))
-
-
 def _drop(service: Service) -> None:
     """What was planned for a start that did not come is forgotten, here and in the tick.
 
     The tick has done so when this returns, or the next start would be planned on what is dropped.
     """
     with contextlib.suppress(CommandRefused):  # a tick or a plan that is gone has forgotten it
-        now = service.now()
+        now = service.processes.now()
         if now.mode not in (Mode.READY, Mode.RUNNING):
             return
         if service.engine.plan_alive:
             service.engine.line.order("drop")
         asked = service.engine.request(Request.STOP)
-        service.wait_for(lambda later: later.has_taken(asked), TAKEN_S, "standstill")
+        service.processes.wait_for(lambda later: later.has_taken(asked), TAKEN_S, "standstill")
 
 
 # Whether the disk takes what a run leaves behind: asked before it starts, while nothing is lost yet.

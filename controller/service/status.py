@@ -17,9 +17,9 @@ from controller.motion.pieces import STANDSTILL
 from controller.plan.restart.reentry import room_along_axis
 from controller.program.modal import State
 from controller.program.program import Tip
+from controller.runtime.plan_messages import Way
 from controller.service.active_codes import active_codes
 from controller.service.jobs import UNDER_WAY
-from controller.service.planner_client import Way
 from controller.service.usage import Usage
 from controller.state import figures, queue_refusals
 from controller.state.figures import Reading
@@ -104,7 +104,7 @@ def unseen(told: Mapping[str, Any], over: bool = True) -> dict[str, Any]:
 def not_begun(told: Mapping[str, Any]) -> dict[str, Any]:
     """A status by ``blank``, before the first tick: every field is there, and none is known."""
     drives = [{**unknown(row), **{key: row[key] for key in _NAMES}} for row in told["drives"]]
-    kept = {key: told[key] for key in ("mode", "not_homed", "job", "in_block", "tool", "ended_early", "run")}
+    kept = {key: told[key] for key in ("mode", "not_homed", "job", "in_block", "tool", "ended_early")}
     return {**unknown(told), **kept, "on_table": None, "drives": drives}
 
 

@@ -39,7 +39,7 @@ class TimeLeft:
     """Of one program; told what the plan and the tick say."""
 
     def __init__(self) -> None:
-        self.durations: Durations | None = None  # as the machine was measured
+        self.durations: Durations | None = None
         self.marks: Sequence[Mark] = ()  # of its check: when a whole run at 100 % passes which place ...
         self._checked: Sequence[Event] = ()  # ... and in which pauses the path clock stands
         self._duration_s: float | None = None  # ... by that clock
@@ -51,10 +51,15 @@ class TimeLeft:
     # -- what others say
 
     def check(
-        self, duration_s: float | None, marks: Sequence[Mark] = (), events: Sequence[Event] = ()
+        self,
+        duration_s: float | None,
+        marks: Sequence[Mark] = (),
+        events: Sequence[Event] = (),
+        durations: Durations | None = None,
     ) -> None:
-        """What the check of the program has found."""
+        """What the check of the program has found; ``durations``: as the machine was measured."""
         self._duration_s, self.marks, self._checked = duration_s, marks, events
+        self.durations = durations
 
     def begin(self) -> None:
         """A run is about to begin."""

@@ -21,7 +21,7 @@ from collections.abc import Callable, Iterable
 from typing import Any
 
 from controller.ipc.handoff import Snapshot
-from controller.machine.model import Changer, ChangerStep, Io
+from controller.machine.model import Changer, Io
 from controller.machine.tool_store import AWAY, SPINDLE, Step, ToolStore
 from controller.messages import Said, said, several
 from controller.motion.pieces import FIRST_MARK
@@ -31,6 +31,167 @@ from controller.service.tool_preparation import Preparation, Tick
 from controller.state.modes import Fault, Mode, Request, bars
 
 SLOWER = 2.0  # a step without an input of its own may take so much longer than it says: at an override
+
+
+class _Stops:
+    """Those of a changer that the plan has read, by their number."""
+
+    def __init__(self) -> None:
+        self._marks: dict[int, Changing] = {}
+
+    def hear(self, marks: Iterable[Changing]) -> None:
+        """Some more."""
+        self._marks = {**self._marks, **{mark.number: mark for mark in marks}}
+
+    def coming(self, now: Snapshot) -> Changing | None:
+        """The one at which the tick holds, or comes to rest."""
+        if now.mode is not Mode.HOLD or now.motion_id > FIRST_MARK:
+            return None
+        return self._marks.get(FIRST_MARK - now.motion_id)
+
+    def at(self, now: Snapshot) -> Changing | None:
+        """The one at which the tick stands."""
+        return self.coming(now) if now.at_rest else None
+
+
+class _Resume:
+    """The next not before the tick has answered the last."""
+
+    def __init__(self, tick: Tick) -> None:
+        self._tick = tick
+        self._lock = threading.Lock()
+        self._asked: int | None = None  # number of the request
+
+    def forget(self) -> None:
+        """A run begins."""
+        self._asked = None
+
+    def free(self, now: Snapshot) -> bool:
+        """Whether the tick has answered the last."""
+        return self._asked is None or now.has_taken(self._asked)
+
+    def ask(self, now: Snapshot) -> None:
+        """Nothing where the last is not answered."""
+        with self._lock:
+            if self.free(now):
+                self._asked = self._tick.request(Request.RESUME)
+
+
+class _StepTime:
+    """How long a step has run; one that takes too long is told once, in the words of its builder."""
+
+    def __init__(self, period_s: float) -> None:
+        self._period_s = period_s
+        self._seen_tick = 0
+        self._ran = 0  # ticks
+        self._told = False
+
+    def begin(self, now: Snapshot) -> None:
+        """A step begins."""
+        self._seen_tick, self._ran, self._told = now.tick, 0, False
+
+    def tell_again(self) -> None:
+        """An operator lets it go on."""
+        self._told = False
+
+    def look(self, now: Snapshot, mark: Changing, changer: Changer) -> tuple[Said | None, bool]:
+        """What is told of the step just now; and whether it takes too long."""
+        if now.mode is Mode.RUNNING:
+            self._ran += now.tick - self._seen_tick
+        self._seen_tick = now.tick
+        rows = steps_of(changer, mark.tool_out, mark.tool_in)
+        step = rows[mark.step][0]
+        late = self._ran * self._period_s > SLOWER * step.within_s
+        missing = now.mode is Mode.HOLD and now.fault is Fault.INPUT_MISSING
+        if self._told or not (late or missing):
+            return None, False
+        self._told, self._ran = True, 0
+        of: dict[str, Any] = {"number": mark.step + 1, "steps": len(rows), "step": step.name}
+        return several(said("change_late", **of, fails=step.fails), said("change_late_do")), late
+
+
+class Whereabouts:
+    """Of one store; the steps of a change are written to it here."""
+
+    def __init__(self, store: ToolStore, changer: Callable[[], Changer]) -> None:
+        """``changer``: as its pockets are now."""
+        self._store, self._changer = store, changer
+
+    @property
+    def unsure(self) -> dict[int, int]:
+        """Of a change that is not over the tools that may be elsewhere, and the pocket of each.
+
+        Whatever the step: a drawbar that closes as its power goes grips what stands before it.
+        """
+        step = self._store.step
+        if step is None:
+            return {}
+        changer = self._changer()
+        taking = step.step >= (len(changer.put_away) if step.tool_out else 0)
+        tools = (step.tool_out, step.tool_in if taking else 0)
+        return {tool: changer.pocket(tool) or AWAY for tool in tools if tool}
+
+    @property
+    def spindle(self) -> int:
+        """Number of the tool in it; 0 = none, or nobody knows."""
+        return 0 if self.unsure else self._store.spindle or 0
+
+    def doubt(self, beside: Said | None) -> Said | None:
+        """What an operator must confirm before anything moves; ``beside``: of a preparation."""
+        store = self._store
+        if not store.known:
+            return said("changer_unknown")
+        if store.step is None:
+            return None if beside is None else several(beside, said("changer_confirm"))
+        step, spindle = store.step, store.spindle
+        told = said("change_interrupted", out=step.tool_out, into=step.tool_in, step=step.name)
+        begun = said("change_spindle", tool=spindle) if spindle else said("change_spindle_empty")
+        carried = (said("change_carried", tool=tool, pocket=pocket) for tool, pocket in self.unsure.items())
+        return several(told, begun, *carried, said("changer_confirm"))
+
+    def refusal(self, mark: Changing) -> Said | None:
+        """Why a change does not begin: a tool is not where it is taken, or where it goes another one is."""
+        store, changer, places = self._store, self._changer(), self._store.places
+        out, into = mark.tool_out, mark.tool_in
+        if store.spindle != out:
+            return said("change_other_tool", found=store.spindle, wanted=out)
+        if into and places.get(into) != changer.pocket(into):
+            return said("change_not_there", tool=into, pocket=changer.pocket(into))
+        if out and changer.pocket(out) in places.values():
+            return said("change_taken", tool=out, pocket=changer.pocket(out))
+        return None
+
+    def begin(self, mark: Changing) -> None:
+        """The step before is over, and this one begins; or all is. Raises sqlite3.Error."""
+        if mark.last:
+            self._store.end()
+            return
+        changer = self._changer()
+        step, pocket = steps_of(changer, mark.tool_out, mark.tool_in)[mark.step]
+        away = mark.tool_out and mark.step < len(changer.put_away)
+        carries = (mark.tool_out if away else mark.tool_in) if step.carries else 0
+        to = pocket if away else SPINDLE
+        self._store.begin(Step(mark.tool_out, mark.tool_in, mark.step, step.name, carries, to))
+
+    def told(self, mark: Changing | None) -> dict[str, Any]:
+        """For status, page and command line; ``mark``: of the change under way."""
+        store, step, changer, unsure = self._store, self._store.step, self._changer(), self.unsure
+        places = store.places if store.known else {}
+        steps = None if mark is None else len(steps_of(changer, mark.tool_out, mark.tool_in))
+        return {
+            "spindle": None if unsure else store.spindle,
+            "pockets": [
+                {
+                    "pocket": number,
+                    "tool": tool or None,
+                    "here": None if not tool or tool in unsure or not places else places.get(tool) == number,
+                }
+                for number, tool in enumerate(changer.pockets, 1)
+            ],
+            "away": store.away,  # also where nobody has confirmed it: then it is what was last known
+            "unsure": sorted(unsure),
+            "step": None if step is None else {**step._asdict(), "steps": steps},
+        }
 
 
 class ToolChanger:
@@ -48,35 +209,28 @@ class ToolChanger:
     ) -> None:
         """``changer``: as its pockets are now; ``tell``: name and words of an alarm; ``worn``: what is to be
         said of a tool at the end of its life, None of any other."""
-        self.store = store
-        self._changer, self._tick, self._tell, self._period_s = changer, tick, tell, period_s
-        self._worn = worn
+        self.store, self.whereabouts = store, Whereabouts(store, changer)
+        self._changer, self._tick, self._tell, self._worn = changer, tick, tell, worn
         self.beside = Preparation(store, changer, io, tick, tell, period_s)
+        self._stops, self._resume, self._time = _Stops(), _Resume(tick), _StepTime(period_s)
         self._worn_at: int | None = None  # the stop that has told of a worn tool
-        self._lock = threading.Lock()  # of the one RESUME that is under way
-        self._asked: int | None = None  # its number
-        self._marks: dict[int, Changing] = {}
         self._now: Changing | None = None  # the stop passed last, while a change is under way
         self._keeps = False  # an operator has held: no step begins
-        self._told = False  # that the step does not come to its end
-        self._seen_tick = 0
-        self._ran = 0  # ticks that the step has run
         self._waits = False  # a change for the pocket that is prepared
 
     # -- of a run
 
     def arm(self) -> None:
         """A run begins."""
-        with self._lock:
-            self._marks.clear()
-            self._now, self._keeps, self._told, self._asked = None, False, False, None
-            self._worn_at, self._waits = None, False
-            self.beside.end()
+        self._stops = _Stops()
+        self._resume.forget()
+        self._time.tell_again()
+        self._now, self._keeps, self._worn_at, self._waits = None, False, None, False
+        self.beside.end()
 
     def hear(self, marks: Iterable[Changing]) -> None:
         """Stops that the plan has read."""
-        with self._lock:
-            self._marks |= {mark.number: mark for mark in marks}
+        self._stops.hear(marks)
 
     def ended(self) -> None:
         """The run is over; a change that was under way is in doubt from now on."""
@@ -95,27 +249,15 @@ class ToolChanger:
 
         The stops between its steps are no holds: nobody has asked for one, and it goes on by itself.
         """
-        mark, here = self._now, self._next_mark(now)
-        if (mark is None and here is None) or now.mode not in (Mode.RUNNING, Mode.HOLD):
+        here = self._stops.coming(now)
+        mark = here or self._now
+        if mark is None or now.mode not in (Mode.RUNNING, Mode.HOLD):
             return None
         if now.mode is Mode.HOLD:
             barred = now.fault is not Fault.NONE or bars(now.interlock, Request.RESUME)
             if here is None or self._keeps or barred:
                 return None
-        return self._step_words(here or mark)
-
-    def _step_words(self, mark: Changing | None) -> Said | None:
-        if mark is None:
-            return None
-        out, into = mark.tool_out, mark.tool_in
-        if mark.moves_nothing:
-            return said("changing_not", into=into)
-        if self._waits:
-            return said("changing_waits", into=into)
-        rows = steps_of(self._changer(), out, into)
-        at = min(mark.step, len(rows) - 1)
-        key = "changing" if out and into else "changing_out" if out else "changing_in"
-        return said(key, out=out, into=into, number=at + 1, steps=len(rows), step=rows[at][0].name)
+        return _in_words(self._changer(), mark, self._waits)
 
     @property
     def tools(self) -> tuple[int, int] | None:
@@ -129,21 +271,22 @@ class ToolChanger:
 
     def resume(self, now: Snapshot) -> None:
         """The operator's RESUME in a hold, which goes out here or with the next look."""
-        self._keeps = self._told = False
-        if self._mark(now) is None:
-            self._go_on(now)
+        self._keeps = False
+        self._time.tell_again()
+        if self._stops.at(now) is None:
+            self._resume.ask(now)
 
     # -- looking on
 
     def look(self, now: Snapshot) -> None:
         """Keeps the journal at a stop of the changer, and lets the tick go on."""
-        mark = self._mark(now)
+        mark = self._stops.at(now)
         self._look_beside(now, mark)
         if mark is None:
             self._watch(now)
-        elif not self._keeps and self._free(now) and self._may_begin(mark) and self._kept(mark):
-            self._began(now)
-            self._go_on(now)
+        elif not self._keeps and self._resume.free(now) and self._may_begin(mark) and self._kept(mark):
+            self._time.begin(now)
+            self._resume.ask(now)
 
     def _may_begin(self, mark: Changing) -> bool:
         return not self._holds_worn(mark) and self._stands(mark)
@@ -173,35 +316,14 @@ class ToolChanger:
             self._tell("CHANGE_WORN", worn)
         return worn is not None
 
-    def _mark(self, now: Snapshot) -> Changing | None:
-        """The stop at which the tick stands."""
-        return self._next_mark(now) if now.at_rest else None
-
-    def _next_mark(self, now: Snapshot) -> Changing | None:
-        """The stop at which the tick holds, or comes to rest."""
-        if now.mode is not Mode.HOLD or now.motion_id > FIRST_MARK:
-            return None
-        return self._marks.get(FIRST_MARK - now.motion_id)
-
-    def _free(self, now: Snapshot) -> bool:
-        """Whether the tick has answered the last RESUME."""
-        return self._asked is None or now.has_taken(self._asked)
-
-    def _go_on(self, now: Snapshot) -> None:
-        with self._lock:
-            if self._free(now):
-                self._asked = self._tick.request(Request.RESUME)
-
     def _kept(self, mark: Changing) -> bool:
         """The step before is over, and this one is known to the disk. Otherwise the run is stopped."""
         if self._now == mark or (mark.moves_nothing and self._now is None):
             return True  # planned once more, as after another override: it stands where it stood
         why = self._refusal(mark)
         try:
-            if why is None and mark.last:
-                self.store.end()
-            elif why is None:
-                self.store.begin(self._step(mark))
+            if why is None:
+                self.whereabouts.begin(mark)
         except sqlite3.Error as error:
             why = said("change_not_kept", why=str(error))
         if why is not None:
@@ -226,117 +348,44 @@ class ToolChanger:
             return None if (mark.tool_out, mark.tool_in, mark.step) == same else said("change_out_of_step")
         if mark.step != 0 or mark.last:
             return said("change_out_of_step")
-        if self.doubt is not None:
-            return self.doubt
-        store, changer = self.store, self._changer()
-        if store.spindle != mark.tool_out:
-            return said("change_other_tool", found=store.spindle, wanted=mark.tool_out)
-        places = store.places
-        if mark.tool_in and places.get(mark.tool_in) != changer.pocket(mark.tool_in):
-            return said("change_not_there", tool=mark.tool_in, pocket=changer.pocket(mark.tool_in))
-        if mark.tool_out and changer.pocket(mark.tool_out) in places.values():
-            return said("change_taken", tool=mark.tool_out, pocket=changer.pocket(mark.tool_out))
-        return None
-
-    def _step(self, mark: Changing) -> Step:
-        changer = self._changer()
-        step, pocket = steps_of(changer, mark.tool_out, mark.tool_in)[mark.step]
-        away = mark.tool_out and mark.step < len(changer.put_away)
-        carries = (mark.tool_out if away else mark.tool_in) if step.carries else 0
-        return Step(mark.tool_out, mark.tool_in, mark.step, step.name, carries, pocket if away else SPINDLE)
-
-    # -- the time of a step
-
-    def _began(self, now: Snapshot) -> None:
-        self._seen_tick = now.tick
-        self._ran, self._told = 0, False
+        return self.doubt or self.whereabouts.refusal(mark)
 
     def _watch(self, now: Snapshot) -> None:
-        """A step that takes too long is held, and told in the words of its builder."""
-        mark = self._now
-        if mark is None:
+        """A step that takes too long is held, and told."""
+        if self._now is None:
             return
-        if now.mode is Mode.RUNNING:
-            self._ran += now.tick - self._seen_tick
-        self._seen_tick = now.tick
-        step = steps_of(self._changer(), mark.tool_out, mark.tool_in)[mark.step][0]
-        late = self._ran * self._period_s > SLOWER * step.within_s
-        missing = now.mode is Mode.HOLD and now.fault is Fault.INPUT_MISSING
-        if (late or missing) and not self._told:
-            self._told, self._ran = True, 0
-            self._tell("CHANGE_STEP", _late(step, mark, self._count(mark)))
-            if late and now.mode is Mode.RUNNING:
-                self._keeps = True
-                self._tick.request(Request.HOLD)
+        told, late = self._time.look(now, self._now, self._changer())
+        if told is not None:
+            self._tell("CHANGE_STEP", told)
+        if late and now.mode is Mode.RUNNING:
+            self._keeps = True
+            self._tick.request(Request.HOLD)
 
-    def _count(self, mark: Changing) -> int:
-        return len(steps_of(self._changer(), mark.tool_out, mark.tool_in))
-
-    # -- what is known, and the dialogue
+    # -- what is known
 
     @property
     def doubt(self) -> Said | None:
         """What an operator must confirm before anything moves; None: nothing."""
-        if self._now is not None:
-            return None
-        if not self.store.known:
-            return said("changer_unknown")
-        step = self.store.step
-        if step is None:
-            beside = self.beside.doubt
-            return None if beside is None else several(beside, said("changer_confirm"))
-        told = said("change_interrupted", out=step.tool_out, into=step.tool_in, step=step.name)
-        return several(told, *self._whereabouts(), said("changer_confirm"))
-
-    @property
-    def unsure(self) -> dict[int, int]:
-        """Of a change that is not over the tools that may be elsewhere, and the pocket of each.
-
-        Whatever the step: a drawbar that closes as its power goes grips what stands before it.
-        """
-        step = self.store.step
-        if step is None:
-            return {}
-        changer = self._changer()
-        taking = step.step >= (len(changer.put_away) if step.tool_out else 0)
-        tools = (step.tool_out, step.tool_in if taking else 0)
-        return {tool: changer.pocket(tool) or AWAY for tool in tools if tool}
-
-    def _whereabouts(self) -> list[Said]:
-        """Of the tools of the change where they are, or may be."""
-        spindle = self.store.spindle
-        begun = said("change_spindle", tool=spindle) if spindle else said("change_spindle_empty")
-        return [
-            begun,
-            *(said("change_carried", tool=tool, pocket=pocket) for tool, pocket in self.unsure.items()),
-        ]
+        return None if self._now is not None else self.whereabouts.doubt(self.beside.doubt)
 
     def told(self) -> dict[str, Any]:
         """For status, page and command line."""
-        step, changer, mark = self.store.step, self._changer(), self._now
-        places = self.store.places if self.store.known else {}
-        unsure = self.unsure
         return {
-            "spindle": None if unsure else self.store.spindle,
-            "pockets": [
-                {
-                    "pocket": number,
-                    "tool": tool or None,
-                    "here": None if not tool or tool in unsure or not places else places.get(tool) == number,
-                }
-                for number, tool in enumerate(changer.pockets, 1)
-            ],
-            "away": self.store.away,  # also where nobody has confirmed it: then it is what was last known
-            "unsure": sorted(unsure),
-            "step": None
-            if step is None
-            else {**step._asdict(), "steps": self._count(mark) if mark is not None else None},
-            "held": self._keeps and (mark is not None or self._worn_at is not None),
+            **self.whereabouts.told(self._now),
+            "held": self._keeps and (self._now is not None or self._worn_at is not None),
             **self.beside.told(),
             "doubt": self.doubt,
         }
 
 
-def _late(step: ChangerStep, mark: Changing, steps: int) -> Said:
-    what: dict[str, Any] = {"number": mark.step + 1, "steps": steps, "step": step.name, "fails": step.fails}
-    return several(said("change_late", **what), said("change_late_do"))
+def _in_words(changer: Changer, mark: Changing, waits: bool) -> Said:
+    """The step of a change; ``waits``: for the pocket that is prepared."""
+    out, into = mark.tool_out, mark.tool_in
+    if mark.moves_nothing:
+        return said("changing_not", into=into)
+    if waits:
+        return said("changing_waits", into=into)
+    rows = steps_of(changer, out, into)
+    at = min(mark.step, len(rows) - 1)
+    key = "changing" if out and into else "changing_out" if out else "changing_in"
+    return said(key, out=out, into=into, number=at + 1, steps=len(rows), step=rows[at][0].name)

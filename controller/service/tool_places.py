@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sqlite3
 from typing import Any
 
 from controller.ipc.control_socket import Values
@@ -34,7 +35,11 @@ def confirm(service: Service, values: Values) -> Values:
     _known(service, [spindle, *away])
     if spindle and spindle in away:
         raise refused("changer_twice", code="bad", tool=spindle)
-    service.confirm_tools(tool_store.placed(_pockets(service.machine), spindle, away))
+    try:
+        changer.store.confirm(tool_store.placed(_pockets(service.set_up.machine), spindle, away))
+    except sqlite3.Error as error:
+        raise refused("not_written", code="busy", path=service.state, why=str(error)) from error
+    service.run.change_tool(changer.whereabouts.spindle)
     return changer.told()
 
 
@@ -42,10 +47,10 @@ def give_pocket(service: Service, values: Values) -> Values:
     """Whose a pocket is; from then on somebody must confirm where the tools are. Raises CommandRefused."""
     changer = _changer_of(service)
     with fitting.at_rest(service, "pockets", "SET POCKETS"):
-        machine = setup_data.with_pocket(service.machine, str(values["pocket"]), values["tool"])
+        machine = setup_data.with_pocket(service.set_up.machine, str(values["pocket"]), values["tool"])
         changer.store.forget()
         pockets = {str(number): its for number, its in enumerate(_pockets(machine), 1)}
-        service.fit(machine, {**service.fitted, "pockets": pockets})
+        service.set_up.fit(machine, {**service.set_up.fitted, "pockets": pockets})
     return changer.told()
 
 
@@ -61,7 +66,7 @@ def _pockets(machine: Machine) -> tuple[int, ...]:
 
 
 def _known(service: Service, tools: list[Any]) -> None:
-    known = service.tool_numbers
+    known = service.set_up.tool_numbers
     for tool in tools:
         if type(tool) is not int or (tool not in known and tool != 0):
             allowed = ", ".join(f"T{number}" for number in sorted(known))

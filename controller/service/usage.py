@@ -13,7 +13,7 @@ import math
 import threading
 import time
 from collections.abc import Collection
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -40,7 +40,7 @@ MAX_GAP = 50.0  # ticks that are missing between two rows
 Rows = npt.NDArray[np.float64]
 
 
-@dataclass(slots=True)
+@dataclass(frozen=True, slots=True)
 class ToolUse:
     """Since the tool, or its insert, was new."""
 
@@ -64,7 +64,7 @@ class ToolUse:
         return any(most is not None and used >= most for used, most in lives)
 
 
-@dataclass(slots=True)
+@dataclass(frozen=True, slots=True)
 class Item:
     """A job of maintenance, due every so many units of a counter."""
 
@@ -125,9 +125,10 @@ class Usage:
 
     def _cut(self, tool: str, feeds_mm_s: Rows) -> None:
         """A tool has cut: its feed in each tick."""
-        use, period_s = self._kept.tools.setdefault(tool, ToolUse()), self._machine.period_s
-        use.cut_s += len(feeds_mm_s) * period_s
-        use.cut_m += float(feeds_mm_s.sum()) * period_s / MM_PER_M
+        use, period_s = self._kept.tools.get(tool, ToolUse()), self._machine.period_s
+        cut_s = use.cut_s + len(feeds_mm_s) * period_s
+        cut_m = use.cut_m + float(feeds_mm_s.sum()) * period_s / MM_PER_M
+        self._kept.tools[tool] = replace(use, cut_s=cut_s, cut_m=cut_m)
         self._used.add(tool)
         self._changed = True
 
@@ -144,7 +145,8 @@ class Usage:
         """A run ended; a whole one is a part of every tool that cut in it."""
         with self._lock:
             for tool in self._used if whole_part else ():
-                self._kept.tools[tool].parts += 1
+                use = self._kept.tools[tool]
+                self._kept.tools[tool] = replace(use, parts=use.parts + 1)
             self._used.clear()
             self._changed = True
 
@@ -156,8 +158,6 @@ class Usage:
             tools = [
                 {"number": int(n), **asdict(use), "worn": use.worn} for n, use in self._kept.tools.items()
             ]
-            for row in tools:  # a note of our own: an alarm of it is given once
-                del row["told"]
             counters = [
                 {"name": name, "value": self._value(name), "unit": unit}
                 for name, unit in self._counters().items()
@@ -199,17 +199,15 @@ class Usage:
         """What has come to its end and was not told yet, as keys of the refusals with their values."""
         found: list[tuple[str, dict[str, Any]]] = []
         with self._lock:
-            for number, use in self._kept.tools.items():
-                if use.worn and not use.told:
-                    use.told = True
-                    found.append(("tool_worn", self.worn(int(number))))
-            for name, item in self._kept.items.items():
-                told = self._item(name, item)
-                if told["due"] and not item.told:
-                    item.told = True
-                    found.append(
-                        ("maintenance_due", {"name": name, "every": item.every, "unit": told["unit"]})
-                    )
+            tools, items = self._kept.tools, self._kept.items
+            for number in [number for number, use in tools.items() if use.worn and not use.told]:
+                tools[number] = replace(tools[number], told=True)
+                found.append(("tool_worn", self.worn(int(number))))
+            for name in [name for name, item in items.items() if not item.told]:
+                told = self._item(name, items[name])
+                if told["due"]:
+                    items[name] = replace(items[name], told=True)
+                    found.append(("maintenance_due", {key: told[key] for key in ("name", "every", "unit")}))
             self._changed |= bool(found)
         return found
 
@@ -239,17 +237,17 @@ class Usage:
     ) -> None:
         """None: it has no such limit."""
         with self._lock:
-            use = self._kept.tools.setdefault(str(tool), ToolUse())
-            use.most_cut_min, use.most_cut_m, use.most_parts = most_cut_min, most_cut_m, most_parts
-            use.sister = sister
-            use.told = use.told and use.worn
+            use = self._kept.tools.get(str(tool), ToolUse())
+            use = replace(use, most_cut_min=most_cut_min, most_cut_m=most_cut_m, most_parts=most_parts)
+            self._kept.tools[str(tool)] = replace(use, sister=sister, told=use.told and use.worn)
             self._changed = True
 
     def renew(self, tool: int) -> None:
         """It has a new edge: counted from nothing."""
         with self._lock:
-            use = self._kept.tools.setdefault(str(tool), ToolUse())
-            use.cut_s, use.cut_m, use.parts, use.told, use.since_s = 0.0, 0.0, 0, False, time.time()
+            use = self._kept.tools.get(str(tool), ToolUse())
+            use = replace(use, cut_s=0.0, cut_m=0.0, parts=0, told=False, since_s=time.time())
+            self._kept.tools[str(tool)] = use
             self._changed = True
 
     def set_item(self, name: str, counter: str, every: float) -> None:
@@ -264,8 +262,7 @@ class Usage:
             old = items.get(name)
             if old is None or old.counter != counter:
                 old = Item(counter, every, base=self._value(counter))
-            old.every, old.told = every, False
-            items[name] = old
+            items[name] = replace(old, every=every, told=False)
             self._changed = True
 
     def remove_item(self, name: str) -> None:
@@ -280,12 +277,8 @@ class Usage:
         with self._lock:
             if (item := self._kept.items.get(name)) is None:
                 raise refused("no_item", code="bad", name=name)
-            item.base, item.done_s, item.done_by, item.told = (
-                self._value(item.counter),
-                time.time(),
-                by,
-                False,
-            )
+            item = replace(item, base=self._value(item.counter), done_s=time.time(), done_by=by, told=False)
+            self._kept.items[name] = item
             self._changed = True
 
     # -- kept

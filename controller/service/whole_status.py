@@ -9,16 +9,15 @@ import threading
 from controller import atomic_file, messages
 from controller.ipc.control_socket import LAST, Values, packed
 from controller.ipc.handoff import Snapshot, blank
-from controller.machine import setup_data
 from controller.machine.model import OFFSETS
 from controller.messages import Said, said
-from controller.service import alarms, jobs, node_status, restart_preview
+from controller.service import alarms, job_status, restart_preview
 from controller.service import status as machine_status
 from controller.service.jobs import Job
 from controller.service.journal import Entry
 from controller.service.next_step import can_start, next_step
 from controller.service.service import Service
-from controller.state.modes import TOOL_CHANGE, Fault, Mode
+from controller.state.modes import TOOL_CHANGE, Fault, Mode, Recovery
 
 KEEP_S = 0.5  # so old is what is kept, at most
 OF_A_TICK = ("time_s", "tick", "joints", "drives")  # other in each, also where nothing moves
@@ -35,26 +34,48 @@ def _status(service: Service) -> Values:
     alive, found = service.engine.tick_alive, service.engine.snapshot()
     sequence = service.sequencer.now
     kept = {
-        "fault": service.fault_at(found, alive),
+        "fault": fault_at(service, found, alive),
         "sequence": sequence.to_dict() if sequence is not None else None,
         "tick_alive": alive,
         "plan_alive": service.engine.plan_alive,
-        "commissioned": service.commissioned,
+        "commissioned": service.processes.commissioned,
     }
     if found is None or found.tick < 0:
-        return {**machine_status.not_begun(_told(service, blank(len(service.machine.axes)))), **kept}
+        return {**machine_status.not_begun(_told(service, blank(len(service.set_up.machine.axes)))), **kept}
     if not alive:
         return {**machine_status.unseen(_told(service, machine_status.ended(found))), **kept}
-    if service.stands(found):
+    if service.processes.stands(found):
         return {**machine_status.unseen(_told(service, machine_status.ended(found)), over=False), **kept}
     return {**_told(service, found), **kept}
 
 
+def fault_at(service: Service, now: Snapshot | None, alive: bool = True) -> Values | None:
+    """The fault as it is shown; ``alive``: the tick is."""
+    if now is None or now.tick < 0:
+        return service.troubles.shown
+    if alive and service.processes.stands(now):
+        return _of_hung(service.processes.pulse.age_s(now.tick))
+    return service.troubles.at(now, alive)
+
+
+def _of_hung(seconds: float) -> Values:
+    """As ``alarms.of`` has a fault."""
+    return {
+        "name": "TICK_STANDS",
+        "axis": None,
+        **said("tick_stands", seconds=seconds),
+        "cause": said("cause.TICK_STANDS"),
+        "remedy": said("remedy.TICK_STANDS"),
+        "recovery": Recovery.RESTART.name.lower(),
+        "position_trusted": False,
+        "recording": None,
+    }
+
+
 def facts(service: Service) -> Values:
     """What does not change while the service runs, and what is fitted."""
-    fitted = setup_data.told(service.machine, service.fitted)
     return {
-        **machine_status.facts(service.engine.machine, fitted),
+        **machine_status.facts(service.engine.machine, service.set_up.told()),
         "state": str(service.state),
         "pids": service.engine.pids,
     }
@@ -86,12 +107,10 @@ class Kept:
             self._thread.join()
         if not self._told:
             return
-        last, job = self._told["status"], self._service.job
+        last, job = self._told["status"], self._service.run.loaded
         ended = {**last, "mode": Mode.OFF.name, "fault": None}
         if last["job"] and job is not None:
             ended["job"] = {**last["job"], "state": job.state, **messages.facts(job.said)}
-        if (run := self._service.last_run) is not None:
-            ended["run"] = run.to_json()
         self._write({**self._told, "status": ended})
 
     def _run(self) -> None:
@@ -103,7 +122,7 @@ class Kept:
     def look(self, found: Snapshot) -> None:
         """Keep what ``found`` tells, as of a controller that is gone."""
         service = self._service
-        gone = {**alarms.of(service.machine, Fault.CONTROLLER_GONE, -1), **said("service_gone")}
+        gone = {**alarms.of(service.set_up.machine, Fault.CONTROLLER_GONE, -1), **said("service_gone")}
         status = {
             **machine_status.unseen(_told(service, machine_status.ended(found))),
             **{"fault": {**gone, "recording": None}, "interlock": None, "warning": None, "notices": []},
@@ -111,7 +130,7 @@ class Kept:
             **{"restart": restart_preview.restart(service), "next": None, "can_start": False},
         }
         changes = {key: value for key, value in status.items() if key not in OF_A_TICK}
-        as_it_is = (found.joints, changes, service.fitted)
+        as_it_is = (found.joints, changes, service.set_up.fitted)
         if as_it_is != self._as_it_was:
             self._told = {"status": status, "facts": {**facts(service), "pids": {}}}
             self._as_it_was = as_it_is if self._write(self._told) else None
@@ -128,43 +147,44 @@ class Kept:
 
 def retract_room_mm(service: Service, now: Snapshot) -> float | None:
     """As ``status.retract_room_mm``; None while the tool is on its way back, or a run is just ending."""
-    if service.returning or (now.mode is Mode.READY and service.running is not None):
+    if service.run.returning or (now.mode is Mode.READY and service.run.job is not None):
         return None
-    return machine_status.retract_room_mm(service.machine, now)
+    return machine_status.retract_room_mm(service.set_up.machine, now)
 
 
 def _told(service: Service, now: Snapshot) -> Values:
     """What a snapshot tells, with the job and the motion under way."""
-    job = service.running or service.job
-    entry = service.interrupted if job is None else None
-    way = job.way(now.motion_id) if job is not None and job.active else None
-    asked = job.asked_tool(now, service.tool) if job is not None else None
-    age_s = service.pulse.age_s(now.tick)
-    ends_s = service.last_second.left_s
-    values = machine_status.machine_values(
-        service.machine, now, way, service.in_force(now), service.tool, age_s, ends_s
-    )
+    set_up, machine, run = service.set_up, service.set_up.machine, service.run
+    job = run.job or run.loaded
+    entry = run.interrupted if job is None else None
+    way = job.motions.under_way(now.motion_id) if job is not None and job.active else None
+    asked = job.asked_tool(now, set_up.tool) if job is not None else None
+    age_s = service.processes.pulse.age_s(now.tick)
+    ends_s = service.watch.last_second.left_s
+    state = run.in_force(now)
+    values = machine_status.machine_values(machine, now, way, state, set_up.tool, age_s, ends_s)
     change = service.changer.change(now) if service.changer is not None else None
-    told_job = {**job.to_dict(now), "starts": _starts(service, job, now)} if job is not None else None
+    told_job = job_status.interrupted(entry) if entry is not None else None
+    if job is not None:
+        told_job = {**job_status.to_dict(job, now), "starts": _starts(service, job, now)}
     if change is not None:
         values["mode"] = TOOL_CHANGE
-        told_job = {**told_job, "state": "running"} if told_job is not None else None
+        told_job = told_job and {**told_job, "state": "running"}
     return {
-        "time_s": now.tick * service.machine.period_s,
+        "time_s": now.tick * machine.period_s,
         **_with_notices(service, values),
         "change": change,
-        "ended_early": service.ended_early,
-        "run": service.last_run.to_json() if service.last_run is not None else None,
-        "aside": service.aside,
+        "ended_early": run.ended_early,
+        "aside": run.aside,
         "no_resume": _no_resume(service, now),
         "retract_room_mm": retract_room_mm(service, now),
-        "tool": service.tool or None,
+        "tool": set_up.tool or None,
         **({"in_block": _last_block(job, entry)} if job is None or not job.active else {}),
-        "tool_change": machine_status.tool_change(service.machine, asked, service.usage) if asked else None,
+        "tool_change": machine_status.tool_change(machine, asked, service.usage) if asked else None,
         "changer": service.changer.told() if service.changer is not None else None,
         "control": None,
-        "job": told_job or (jobs.interrupted(entry) if entry is not None else None),
-        "drives": node_status.drives(service.machine, now, service.logs, service.homing),
+        "job": told_job,
+        "drives": service.processes.drives(machine, now),
         "jogging": now.mode is Mode.JOG,
     }
 
@@ -175,8 +195,9 @@ def _starts(service: Service, job: Job, now: Snapshot) -> Said | None:
         return None
     there = next((row["values"] for row in job.restart if row["key"] in ("at.tool", "at.sized_tool")), None)
     if there is None:
-        begin = service.begins_with(job, now)
-        there = {"tool": service.tool, "offset": OFFSETS[begin.modal.offset if begin is not None else 0]}
+        begin = service.run.begins_with(job, now)
+        offset = OFFSETS[begin.modal.offset if begin is not None else 0]
+        there = {"tool": service.set_up.tool, "offset": offset}
     line = job.program.spot.line if job.program.spot is not None else 1
     facts = {"program": job.program.name, "line": line, "tool": there["tool"], "offset": there["offset"]}
     return said("starts" if there["tool"] else "starts_empty", **facts)
@@ -186,7 +207,7 @@ def _no_resume(service: Service, now: Snapshot) -> Said | None:
     """Why a held program cannot go on from where the tool is, or with which."""
     if now.mode is not Mode.HOLD:
         return None
-    why = service.no_resume or ("away" if now.away else "")
+    why = service.run.no_resume or ("away" if now.away else "")
     return said(why) if why else None
 
 
@@ -197,14 +218,14 @@ def _with_notices(service: Service, values: Values) -> Values:
     An alarm tells of the record, too: but where the disk is full, nobody can keep that either.
     """
     notices, found = values["notices"], service.thread.found
-    if found is not None and service.running is None:
+    if found is not None and service.run.job is None:
         facts = {"depth": found.depth_mm, "pitch": found.pitch_mm, "line": found.line}
         notices = [*notices, {"name": "IN_THREAD", **said("in_thread", **facts)}]
     changer = service.changer
     if changer is not None and (doubt := changer.doubt) is not None:
         notices = [*notices, {"name": "CHANGER_IN_DOUBT", **doubt}]
-    if service.unrecorded is not None:
-        notices = [*notices, {"name": "NOT_RECORDED", **service.unrecorded}]
+    if service.run.recorder.unrecorded is not None:
+        notices = [*notices, {"name": "NOT_RECORDED", **service.run.recorder.unrecorded}]
     return {**values, "notices": notices}
 
 
@@ -212,5 +233,5 @@ def _last_block(job: Job | None, entry: Entry | None) -> Values | None:
     """Of a program that has ended, or that a service before this one ran: where in its block it was."""
     if job is None or job.last is None:
         return entry.in_block if entry is not None else None
-    way = job.ways.get(job.last.motion_id)
+    way = job.motions.ways.get(job.last.motion_id)
     return way.in_block(job.last.s) if way is not None else None

@@ -125,7 +125,7 @@ def in_trouble(service: Service, engine: FakeEngine) -> None:
     engine.answers["check"] = lambda **_: {**CHECKED, "restart": [row]}
     more = {"interlock": Fault.DOOR_OPEN, "warning": Fault.DRIVE_WARNING, "fault_axis": 1, "fault_off": 0.5}
     engine.now = engine.now._replace(mode=Mode.FAULT, fault=Fault.FOLLOWING_ERROR, **more)
-    service.look()
+    service.watch.look()
 
 
 LOOKS = ("status", "restart", "alarms", "runs", "drives")

@@ -62,7 +62,7 @@ def used(tmp_path_factory: pytest.TempPathFactory) -> Path:
     assert service.changer is not None
     service.changer.store.confirm({1: 1, 2: 0})
     cutting_service.cut(service)
-    service.look()
+    service.watch.look()
     service.alarms.add("TEST", said("stopped"))
     service.usage.set_item("oil", "motion", 10.0)
     service.usage.save(at_once=True)
@@ -114,11 +114,11 @@ def started(folder: Path) -> list[dict[str, Any]]:
         control_socket.note_runtime(service.state, folder)
         runs.lose(service.state)
         desk = Desk(service)
-        engine_of(service).tell_tool(service.tool)
+        engine_of(service).tell_tool(service.set_up.tool)
         for verb in ASKED:
             with contextlib.suppress(CommandRefused):
                 done(desk, verb)
-        service.look()
+        service.watch.look()
         found = service.engine.snapshot()
         assert found is not None
         Kept(service).look(found)

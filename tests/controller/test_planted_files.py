@@ -65,7 +65,7 @@ def used() -> Iterator[Path]:
     with tempfile.TemporaryDirectory() as made:
         service = served(Path(made))
         cutting_service.cut(service)
-        service.look()
+        service.watch.look()
         state = service.state
         service.close()
         with contextlib.closing(Store(state, UploadLimits(free_bytes=0))) as store:
@@ -115,9 +115,7 @@ def _verb(app: object, *words: str) -> Do:
 
 def _starts(state: Path, _: Path) -> None:
     """Service and plan, as far as they are the same without processes."""
-    service = Service(shipped(), Folders.within(state))
-    engine = FakeEngine(service.machine)
-    service.engine = engine  # type: ignore[assignment]
+    service = Service(shipped(), Folders.within(state), FakeEngine(shipped()))  # type: ignore[arg-type]
     runs.lose(state)
     runs.list_runs(state)
     service.close()

@@ -9,8 +9,8 @@ from support.machines.shipped_kinds import machine
 
 from controller.cli.demo import live_line
 from controller.ipc.handoff import blank
+from controller.runtime.plan_messages import POWER_ON, Way
 from controller.service import status
-from controller.service.planner_client import POWER_ON, Way
 from controller.state.modes import Binding, Mode, axis_binding
 
 CUT = Way((0.0,) * 5, 1000.0 / 60.0, "cut", end_s=50.0)

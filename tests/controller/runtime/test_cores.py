@@ -15,9 +15,8 @@ import pytest
 from support.machines.stepped_runs import shipped
 
 from controller.machine.model import Bus
-from controller.runtime import cores, tick_process
+from controller.runtime import cores, planning, tick_process
 from controller.runtime.children import Job
-from controller.service import planning
 from controller.tick import loop
 
 CHOICES = [

@@ -54,7 +54,7 @@ class Site:
     def __init__(self, folder: Path, recordings: Path | None = None) -> None:
         self.alarms, self.recorder, self.writer = Alarms(folder), Recorder(rows=16384), _Writer()
         self.troubles = Troubles(MACHINE, self.alarms, self.writer)
-        self.troubles.keeper = Keeper(MACHINE, self.recorder, {}, recordings or folder / "recordings")
+        self.troubles.record_by(Keeper(MACHINE, self.recorder, {}, recordings or folder / "recordings"))
         self.now = IDLE._replace(tick=0, mode=Mode.RUNNING, fault_axis=-1)
         self.looks(BEFORE)
 

@@ -27,9 +27,9 @@ from controller.program import blocks, carried, modal
 from controller.program.carried import InForce
 from controller.program.modal import State
 from controller.program.program import ProgramError
+from controller.runtime.plan_messages import Way
 from controller.service import status, touch_off
 from controller.service.command_handlers import Desk
-from controller.service.planner_client import Way
 from controller.state.modes import ALL_AXES, Mode
 
 NAMES = (*SHIPPED, "three_axes", "machining_centre", "xyzac_linuxcnc")
@@ -246,8 +246,8 @@ def test_touched_off_by_the_service_the_figures_of_its_status_read_so(tmp_path: 
     desk = Desk(service)
     engine = engine_of(service)
     engine.now = engine.now._replace(joints=(12.0, 100.0, 250.0, 0.0, 0.5), actual=(0.0,) * 5)
-    service.tool = 2
-    service.modal.see(after(machine, ["G55", "G43 H2"]))
+    service.set_up.put_in(2)
+    service.run.modal.see(after(machine, ["G55", "G43 H2"]))
 
     def work(axis: str) -> float:
         return float(desk("status", {})["joints"][axis]["work"])
@@ -270,10 +270,12 @@ def test_touched_off_by_the_service_the_figures_of_its_status_read_so(tmp_path: 
     assert work("Z") == pytest.approx(LENGTHS[3] - (LENGTHS[2] - 0.05)), "as under G43 H3 it is 0"
     done(desk, "set_tool", number=2, reads={"Z": "1/4"})
     assert work("Z") == pytest.approx(0.25)
-    (row,) = [one for one in setup_data.tools_of(service.machine) if one["number"] == 2]
+    (row,) = [one for one in setup_data.tools_of(service.set_up.machine) if one["number"] == 2]
     assert row["wear_length_mm"] == 0.0 and row["flute_mm"] == machine.tools[1].flute_mm
-    kept = setup_data.applied(service.file, setup_data.load(service.state))
-    assert kept.tool(2) == service.machine.tool(2) and kept.offset(1) == service.machine.offset(1)
+    kept = setup_data.applied(service.set_up.file, setup_data.load(service.state))
+    assert kept.tool(2) == service.set_up.machine.tool(2) and kept.offset(1) == service.set_up.machine.offset(
+        1
+    )
 
 
 @pytest.mark.parametrize(

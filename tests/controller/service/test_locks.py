@@ -57,9 +57,9 @@ Taken = list[tuple[str, str, tuple[str, ...]]]
 def noted(tmp_path: Path) -> Iterator[tuple[Desk, Service, Taken]]:
     service = served(tmp_path, machine_file.load("machining_centre"))
     taken: Taken = []
-    lock, fitting = Noted("lock", service.lock, taken), Noted("fitting", service.fitting, taken)
+    lock, fitting = Noted("lock", service.run.lock, taken), Noted("fitting", service.set_up.lock, taken)
     lock.others, fitting.others = (fitting,), (lock,)
-    service.lock, service.fitting = lock, fitting  # type: ignore[assignment]
+    service.run.lock, service.set_up.lock = lock, fitting  # type: ignore[assignment]
     desk = Desk(service)
     yield desk, service, taken
     desk.close()
@@ -99,7 +99,7 @@ def test_the_door_takes_no_lock_and_fitting_comes_before_lock(noted: tuple[Desk,
                 sent = {**args, "path": str(program)} if "path" in args else args
                 at_the_door(desk, verb, sent)
             heard(service, finished=True, whole=True)
-            service.look()
+            service.watch.look()
     threads = {thread for thread, _, _ in taken}
     assert any("sequencer" in one for one in threads) and any("errands" in one for one in threads)
     assert DOOR not in threads, sorted({one for one in taken if one[0] == DOOR})
@@ -108,6 +108,6 @@ def test_the_door_takes_no_lock_and_fitting_comes_before_lock(noted: tuple[Desk,
 
 def test_the_locks_of_this_test_see_a_rule_that_is_broken(noted: tuple[Desk, Service, Taken]) -> None:
     _, service, taken = noted
-    with service.lock, service.fitting:
+    with service.run.lock, service.set_up.lock:
         pass
     assert taken[-1][1:] == ("fitting", ("lock",))

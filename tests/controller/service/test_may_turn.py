@@ -74,11 +74,11 @@ def test_a_program_without_a_tool_word_asks_for_its_tool_before_the_spindle_turn
 def test_by_hand_it_is_refused_as_long_as_the_probe_is_there(tmp_path: Path) -> None:
     service = served(tmp_path, BY_HAND)
     desk, asked = Desk(service), engine_of(service).requests
-    service.tool = 99
+    service.set_up.put_in(99)
     with pytest.raises(CommandRefused, match="T99"):
         done(desk, "spindle", rev_min=300.0)
     assert asked == []
     done(desk, "spindle", rev_min=0.0)
-    service.tool = 2
+    service.set_up.put_in(2)
     done(desk, "spindle", rev_min=300.0)
     assert asked == [Request.SPINDLE, Request.SPINDLE]

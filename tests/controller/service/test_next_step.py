@@ -18,7 +18,7 @@ from controller.ipc.control_socket import CommandRefused
 from controller.machine.tool_store import Step, placed
 from controller.messages import said
 from controller.plan.restart.program_position import Spot
-from controller.service import jobs, journal
+from controller.service import jobs, journal, sequences
 from controller.service.command_handlers import Desk
 from controller.service.sequencer import Sequence
 from controller.service.thread_guard import InThread
@@ -42,23 +42,24 @@ class Scene:
         self.file = self.service.state / "part.ngc"
         self.file.write_text(TEXT)
         self.seconds = [0.0]
-        self.service.pulse = Pulse(lambda: self.seconds[0])
+        self.service.processes.pulse = Pulse(lambda: self.seconds[0])
         self.engine.answers |= {"home": self._home, "return": self._returned}
         self.engine.aside = True
         self._ask_tick, self.engine.request = self.engine.request, self._request  # type: ignore[method-assign]
         assert self.service.changer is not None
         self.changer = self.service.changer
-        self.changer._tick = self.engine
         self._new = self.engine.now
 
     def anew(self) -> None:
         """Powered up and ready; nothing is loaded, and all tools are where they belong."""
         service, engine = self.service, self.engine
-        service.running = service.job = service.interrupted = service.record = service.journal.last = None
+        service.run.job = service.run.loaded = service.run.interrupted = service.run.recorder.record = (
+            service.journal.last
+        ) = None
         service.thread.found = service.sequencer.now = None
-        service.commissioned = engine.tick_alive = engine.plan_alive = True
+        service.processes.commissioned = engine.tick_alive = engine.plan_alive = True
         self.changer.arm()
-        machine = service.machine.changer
+        machine = service.set_up.machine.changer
         assert machine is not None
         self.changer.store.confirm(placed(machine.pockets, 0, ()))
         engine.now = self._new._replace(tick=engine.now.tick + 1, answers=engine.now.answers)
@@ -103,27 +104,27 @@ class Scene:
         )
         if mode is Mode.HOLD:
             engine.now = engine.now._replace(fault=draw.choice(HELD_BY))
-        service.commissioned = draw.random() < 0.9
+        service.processes.commissioned = draw.random() < 0.9
         self._beside(draw)
 
     def _start(self, draw: random.Random) -> None:
         """A program, or a line by hand."""
-        text = draw.random() < 0.3 or self.service.job is None
+        text = draw.random() < 0.3 or self.service.run.loaded is None
         done(self.desk, "mdi", text="G1 X1 F100") if text else done(self.desk, "start")
         heard(self.service, finished=False, aside=draw.random() < 0.2)
-        if draw.random() < 0.2 and self.service.running is not None:
-            self.service.running.tools = ()
+        if draw.random() < 0.2 and self.service.run.job is not None:
+            self.service.run.job.tools = ()
 
     def _beside(self, draw: random.Random) -> None:
         """What the service knows besides the tick."""
-        service, changer, running = self.service, self.changer, self.service.running
+        service, changer, running = self.service, self.changer, self.service.run.job
         if running is None and draw.random() < 0.1:
             changer.store.forget()
         elif running is None and draw.random() < 0.1:
             changer.store.begin(Step(0, 2, 1, "Over it", 2, 2))
         if draw.random() < 0.15:
             service.thread.found = InThread(draw.choice((4.0, 0.0)), draw.choice((1.0, 0.0)), 7, "plate.ngc")
-        job = service.job
+        job = service.run.loaded
         if job is not None and running is None:
             job.state = draw.choice(
                 ("loaded", "loaded", "completed", "stopped", "fault", "refused", "loading")
@@ -139,7 +140,7 @@ class Scene:
             self.engine.tick_alive = False
 
     def _interrupted(self) -> None:
-        machine = self.service.machine
+        machine = self.service.set_up.machine
         job = journal.Job.of("part.ngc", TEXT.encode(), machine, jobs.homed_position(machine))
         known = (40.0, 100.0, 47.5, None)
         entry = journal.Entry(job, Spot(3, 0.5, 7, 12.0), True, 1, "READY", "NONE", 31, 0.0, False, *known)
@@ -154,10 +155,10 @@ class Scene:
         engine.now = engine.now._replace(interlock=Fault.NONE, at_rest=True)
         if engine.now.mode in (Mode.HOMING, Mode.JOG, Mode.STOPPING):
             engine.now = engine.now._replace(mode=Mode.READY)
-        if engine.now.mode is Mode.READY and self.service.running is not None:
-            self.service.running.state, self.service.running = "stopped", None
-        if self.service.job is not None and self.service.job.state == "loading":
-            self.service.job.state = "loaded"
+        if engine.now.mode is Mode.READY and self.service.run.job is not None:
+            self.service.run.job.state, self.service.run.job = "stopped", None
+        if self.service.run.loaded is not None and self.service.run.loaded.state == "loading":
+            self.service.run.loaded.state = "loaded"
 
     def ask(self, step: dict[str, Any]) -> None:
         """As whoever is led: what the verb must be told besides is filled in."""
@@ -174,7 +175,7 @@ class Scene:
 def offered_and_asked(folder: Path, seed: int, count: int, monkeypatch: pytest.MonkeyPatch) -> Counter[str]:
     """The guide is followed by one step from so many states; how often which was told."""
     scene, draw, told = Scene(folder), random.Random(seed), Counter[str]()
-    monkeypatch.setattr(scene.service, "start_engine", lambda: setattr(scene.engine, "tick_alive", True))
+    monkeypatch.setattr(sequences, "start_engine", lambda _: setattr(scene.engine, "tick_alive", True))
     for number in range(count):
         scene.draw(draw)
         status = done(scene.desk, "status")
@@ -200,7 +201,7 @@ def test_what_the_guide_offers_is_not_refused(tmp_path: Path, monkeypatch: pytes
 def test_whoever_follows_the_guide_comes_to_a_motion(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """From any state, by what it says alone."""
     scene, draw = Scene(tmp_path), random.Random(42)
-    monkeypatch.setattr(scene.service, "start_engine", lambda: setattr(scene.engine, "tick_alive", True))
+    monkeypatch.setattr(sequences, "start_engine", lambda _: setattr(scene.engine, "tick_alive", True))
     for number in range(60):
         scene.draw(draw)
         way = list[str]()
@@ -210,7 +211,7 @@ def test_whoever_follows_the_guide_comes_to_a_motion(tmp_path: Path, monkeypatch
             if step["key"] in ("next.held", "next.program_stop", "next.single", "next.hold_fault"):
                 break  # Resume, and it goes on
             scene.ask(step) if step["verb"] else scene.put_right(step)
-            scene.service.look()
+            scene.service.watch.look()
         assert len(way) <= STEPS, (number, way)
 
 
@@ -229,7 +230,9 @@ def test_a_start_is_offered_where_it_starts_and_says_with_what(tmp_path: Path) -
         scene.anew() if number % 3 == 0 else scene.draw(draw)
         if number % 3 == 0:
             done(scene.desk, "load", path=str(scene.file))
-        if scene.engine.now.mode is Mode.HOLD or not (scene.engine.plan_alive and scene.service.commissioned):
+        if scene.engine.now.mode is Mode.HOLD or not (
+            scene.engine.plan_alive and scene.service.processes.commissioned
+        ):
             continue  # a start is a resume there; plan and drives are there before it
         status = done(scene.desk, "status")
         can += status["can_start"]

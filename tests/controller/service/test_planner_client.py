@@ -13,7 +13,8 @@ import pytest
 from support.machines.stepped_runs import shipped
 
 from controller.ipc.control_socket import CommandRefused
-from controller.service.planner_client import Answer, Line, News, Program
+from controller.runtime.plan_messages import Answer, News, Program
+from controller.service.planner_client import Line
 
 WAIT_S = 20.0
 ENDS = 300

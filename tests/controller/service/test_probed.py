@@ -8,8 +8,8 @@ from typing import Any
 import pytest
 from support.fakes.fake_engine import done
 
+from controller.runtime.plan_messages import Announcement, News
 from controller.service.command_handlers import Desk
-from controller.service.planner_client import News, Said
 from controller.service.probed import FILE, KEPT, Probed, found
 from controller.service.service import Service
 
@@ -48,12 +48,16 @@ def test_what_a_run_finds_is_in_the_table_and_in_its_record(desk: Desk, service:
     program.write_text("G21 G90 G54\nG1 X10. F3000\nM30\n")
     done(desk, "load", path=str(program))
     done(desk, "start")
-    job, record = service.running, service.record
+    job, record = service.run.job, service.run.recorder.record
     assert job is not None and record is not None
     for _ in range(2):  # and what was told before is not told again
-        job.hear(News(messages=(Said("bore x_mm=-0.25 diameter_mm=20.0", 0), Said("go on", 0))))
-        service._set(job, job.say(service.now()._replace(motion_id=1)), service.now())
-        service._set(job, [], service.now())
+        job.hear(
+            News(messages=(Announcement("bore x_mm=-0.25 diameter_mm=20.0", 0), Announcement("go on", 0)))
+        )
+        service.run.lay(
+            job, job.announced.say(service.processes.now()._replace(motion_id=1)), service.processes.now()
+        )
+        service.run.lay(job, [], service.processes.now())
     found = [{key: row[key] for key in ("program", "cycle", "values")} for row in service.probed.told()]
     assert found == [{"program": "part.ngc", **BORE}] * 2
     assert record.end("completed")["found"] == [BORE, BORE]

@@ -12,9 +12,9 @@ import pytest
 from support.machines.stepped_runs import shipped
 
 from controller.ipc.handoff import COLUMN, ROW
+from controller.runtime.plan_messages import Program, Turn
 from controller.runtime.starts import Start
 from controller.service import runs
-from controller.service.planner_client import Program, Turn
 from controller.service.runs import RunRecord
 from controller.state.modes import Mode
 

@@ -11,7 +11,7 @@ from support.machines.stepped_runs import shipped
 from controller import messages
 from controller.ipc.control_socket import CommandRefused
 from controller.ipc.handoff import Snapshot, blank
-from controller.service import jobs
+from controller.service import jobs, sequences
 from controller.service.folders import Folders
 from controller.service.service import Service
 from controller.state.modes import Fault, Mode
@@ -21,6 +21,8 @@ class _Ends:
     """As an engine does."""
 
     def end_run(self) -> None: ...
+
+    def tell_tool(self, number: int) -> None: ...
 
     def end(self) -> None: ...
 
@@ -53,8 +55,6 @@ class _KilledTick(_Ends):
     def start(self) -> None:
         self.tick_alive = True
 
-    def tell_tool(self, number: int) -> None: ...
-
 
 def _snapshot(**values: object) -> Snapshot:
     return blank()._replace(**values)  # type: ignore[arg-type]
@@ -62,23 +62,23 @@ def _snapshot(**values: object) -> Snapshot:
 
 def test_a_fault_that_took_long_to_tell_does_not_end_what_was_started_meanwhile(tmp_path: Path) -> None:
     engine = _Fault()
-    service = Service(shipped(), Folders.within(tmp_path))
-    service.engine = engine  # type: ignore[assignment]
+    service = Service(shipped(), Folders.within(tmp_path), engine)  # type: ignore[arg-type]
     job, tell = jobs.mdi("G0 X1", shipped()), service.troubles.look
 
     def slowly(now: Snapshot) -> None:
         tell(now)
         engine.shown = _snapshot(tick=400, mode=Mode.READY, at_rest=True)
-        service.arming(job)
+        service.run.arm(job)
 
     service.troubles.look = slowly  # type: ignore[method-assign]
-    service.look()
-    assert (service.running, job.state) == (job, "starting")
+    service.watch.look()
+    assert (service.run.job, job.state) == (job, "starting")
 
 
 def test_what_a_tick_told_that_another_has_followed_is_nobodys_any_more(tmp_path: Path) -> None:
     """The look waits for the lock, and meanwhile the tick that it looks at is replaced."""
-    engine, service = _Fault(), Service(shipped(), Folders.within(tmp_path))
+    engine = _Fault()
+    service = Service(shipped(), Folders.within(tmp_path), engine)  # type: ignore[arg-type]
 
     class Late:
         def acquire(self, timeout: float) -> bool:
@@ -91,17 +91,16 @@ def test_what_a_tick_told_that_another_has_followed_is_nobodys_any_more(tmp_path
 
         def __exit__(self, *_: object) -> None: ...
 
-    service.engine, service.lock = engine, Late()  # type: ignore[assignment]
-    service.look()
+    service.run.lock = Late()  # type: ignore[assignment]
+    service.watch.look()
     assert service.alarms.list() == []
 
 
 def test_a_reset_before_anybody_saw_the_tick_die_loses_no_alarm(tmp_path: Path) -> None:
-    service = Service(shipped(), Folders.within(tmp_path))
-    service.engine = _KilledTick()  # type: ignore[assignment]
+    service = Service(shipped(), Folders.within(tmp_path), _KilledTick())  # type: ignore[arg-type]
     with pytest.raises(CommandRefused, match="can0"):  # no bus is there
-        service.start_engine()
-    service.look()
+        sequences.start_engine(service)
+    service.watch.look()
     (alarm,) = service.alarms.list()
     assert alarm["name"] == "CONTROLLER_GONE"
     assert "SIGKILL" in messages.text(alarm)

@@ -12,8 +12,8 @@ from controller.ipc.handoff import Snapshot, blank
 from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Machine
 from controller.program.modal import State
+from controller.runtime.plan_messages import POWER_ON, Way
 from controller.service import jogging, status
-from controller.service.planner_client import POWER_ON, Way
 from controller.state.modes import ALL_AXES, Fault, Mode, told
 
 

@@ -247,7 +247,7 @@ def test_what_was_being_prepared_when_all_ended_is_in_doubt_until_somebody_has_l
     assert "T2 was being made ready" in text(bench.changer.doubt) and "Pocket to the arm" in text(
         bench.changer.doubt
     )
-    assert bench.changer.unsure == {}, "no tool was moved by it"
+    assert bench.changer.whereabouts.unsure == {}, "no tool was moved by it"
     nothing_moves(bench)
     bench.confirm()
     assert bench.changer.doubt is None
@@ -560,21 +560,20 @@ def interrupted_in_a_change(tmp_path: Path) -> Desk:
     service = served(tmp_path, machine())
     desk, engine, changer = Desk(service), engine_of(service), service.changer
     assert changer is not None
-    changer._tick = engine
     _ask(desk, "changer_confirm", spindle=1, away=[], clear=True)
     (service.state / "two.ngc").write_text(TWO)
     _ask(desk, "load", path=str(service.state / "two.ngc"))
     _ask(desk, "start")
     engine.now = engine.now._replace(line=2, motion_id=0, at_rest=False)
-    service.look()
+    service.watch.look()
     changer.hear([Changing(5, 1, 2, 0, False)])
     engine.now = engine.now._replace(mode=Mode.HOLD, motion_id=FIRST_MARK - 5, line=3, at_rest=True)
-    service.look()
+    service.watch.look()
     assert changer.tools == (1, 2)
-    service.look()
+    service.watch.look()
     _ask(desk, "stop")
-    service.look()
-    service.look()
+    service.watch.look()
+    service.watch.look()
     return desk
 
 
@@ -607,7 +606,8 @@ def test_of_a_change_that_was_interrupted_the_offer_says_which_tool_is_where_and
     step = _ask(desk, "status")["next"]
     assert (step["verb"], step["args"]) == ("load", {"restart": True})
     _ask(desk, "load", path=file, restart=True)
-    assert desk.service.job is not None and desk.service.job.program.spot == Spot(3, 0.0, AFTER_CHANGE)
+    loaded = desk.service.run.loaded
+    assert loaded is not None and loaded.program.spot == Spot(3, 0.0, AFTER_CHANGE)
     again = served(tmp_path, machine())
     assert again.journal.last is not None and again.journal.last.change == (1, 2, 3), (
         "after a loss of power, too"

@@ -199,7 +199,7 @@ def test_a_worn_tool_in_the_spindle_starts_no_program_but_by_confirmation(
     done(desk, "start")  # T1 is in the spindle
     done(desk, "stop")
     engine.now = engine.now._replace(mode=Mode.READY)
-    service.look()
+    service.watch.look()
     worn(service, 1)
     with pytest.raises(CommandRefused, match="T1, is worn") as refused:
         done(desk, "start")
@@ -218,10 +218,10 @@ def test_a_worn_tool_with_a_sister_starts_and_the_run_has_it_in_its_place(
     done(desk, "tool_life", tool=1, parts=1, sister=2)
     worn_again(service, 1)
     done(desk, "start")  # T1 is in the spindle: the next M6 changes it
-    job = service.running
+    job = service.run.job
     assert job is not None and job.program.machine.sisters == ((1, 2),)
-    assert job.fitted["sisters"] == {"1": 2} and "sisters" not in service.fitted
-    assert setup_data.applied(service.file, job.fitted).sisters == ((1, 2),)
+    assert job.fitted["sisters"] == {"1": 2} and "sisters" not in service.set_up.fitted
+    assert service.set_up.applied(job.fitted).sisters == ((1, 2),)
 
 
 def worn_again(service: Service, tool: int) -> None:
@@ -253,10 +253,11 @@ def test_a_sister_comes_in_the_place_of_what_is_worn(
     assert usage.sisters(known) == found
 
 
-def test_a_worn_tool_is_an_alarm_while_it_cuts(service: Service) -> None:
+def test_a_worn_tool_is_an_alarm_while_it_cuts(service: Service, engine: FakeEngine) -> None:
     service.usage.set_life(1, 1e-3, None)
-    service._count(rows(walk(100)), False, {FED})
-    service._count(rows(walk(100), first=100), False, {FED})
+    service.usage.take(rows(walk(100)), 1, False, {FED})
+    for _ in range(2):
+        service.run.take_rows(engine.now)
     assert [one["name"] for one in service.alarms.list()] == ["TOOL_WORN"]
 
 

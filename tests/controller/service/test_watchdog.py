@@ -10,9 +10,10 @@ from typing import Any
 import pytest
 
 from controller.machine.machine_file import load
-from controller.service import engine, main
+from controller.service import main, processes
 from controller.service.engine import Engine
 from controller.service.folders import Folders
+from controller.service.processes import Processes
 
 
 class Watched:
@@ -20,16 +21,14 @@ class Watched:
 
     def __init__(self, ticks: list[int], alive: bool, starting: bool = False) -> None:
         self._ticks, self.yes = ticks, False
-        self.engine = SimpleNamespace(tick_alive=alive, snapshot=lambda: None, starting=starting)
-        self.running = None
+        self.engine = SimpleNamespace(tick_alive=alive, snapshot=lambda: None)
+        self.processes = SimpleNamespace(starting=starting)
+        self.run, self.watch = SimpleNamespace(job=None), self
 
     def look(self) -> Any:
         tick = self._ticks.pop(0)
         self.yes = not self._ticks
         return SimpleNamespace(tick=tick, at_rest=True) if tick >= 0 else None
-
-    def fault_at(self, _: object) -> None:
-        return None
 
 
 @pytest.mark.parametrize(
@@ -60,9 +59,10 @@ def test_the_watchdog_is_fed_while_another_tick_starts(monkeypatch: pytest.Monke
 def test_a_tick_that_never_comes_is_not_waited_for_without_end(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    made = Engine(load("trunnion"), tmp_path, Folders.within(tmp_path), lambda _: None)
+    engine = Engine(load("trunnion"), tmp_path, Folders.within(tmp_path), lambda _: None)
+    made = Processes(engine, None, tmp_path)  # type: ignore[arg-type]
     assert not made.starting, "nobody has asked for one"
     made._begun_s = time.monotonic()
     assert made.starting
-    monkeypatch.setattr(engine, "START_S", 0.0)
+    monkeypatch.setattr(processes, "START_S", 0.0)
     assert not made.starting

@@ -20,8 +20,8 @@ from support.machines.tick_bench import Bench
 from controller.api import metrics, models, signals
 from controller.api.models_of_tick import DriveFacts, OfTick
 from controller.ipc.handoff import COLUMN, ROW, Recorder, SnapshotBoard
+from controller.runtime.plan_messages import POWER_ON
 from controller.service import node_status, status
-from controller.service.planner_client import POWER_ON
 from controller.state import live_state
 from controller.state.live_state import FIELDS, PARTS, Field, Snapshot
 from controller.state.modes import MAX_AXES
@@ -232,8 +232,8 @@ from support.machines.stepped_runs import shipped
 from controller.state import live_state
 from controller.api import models, signals
 from controller.service import status
-from controller.service.planner_client import POWER_ON
-from controller.service.planner_client import POWER_ON
+from controller.runtime.plan_messages import POWER_ON
+from controller.runtime.plan_messages import POWER_ON
 bench = Bench()
 bench.enable()
 row = bench.recorder.last(1)

@@ -21,8 +21,8 @@ from controller.ipc.control_socket import control_path
 from controller.machine import machine_file
 from controller.plan.report.passing import OWN
 from controller.plan.restart.program_position import LinePart
+from controller.runtime.plan_messages import Way
 from controller.service.command_handlers import Desk
-from controller.service.planner_client import Way
 from controller.service.service import JOURNAL, Service
 from controller.service.socket_server import Server
 from controller.service.whole_status import Kept
@@ -54,10 +54,10 @@ def cut(service: Service) -> None:
     arc, lines = arc_length.of(Line(ZERO, (END_MM, 0.0, 0.0))), (LinePart(0.0, LINE, 0.0, 1 / END_MM),)
     way = Way(JOINTS, 10.0, "cut", end_s=END_MM, arc=arc, lines=lines)
     heard(service, finished=False, ways={BLOCK: way})
-    assert service.running is not None
-    service.running.taken = True
+    assert service.run.job is not None
+    service.run.job.take()
     marks = ((0, 0.0, OWN, 0.0), 10.0), ((0, 1.0, OWN, 0.0), 70.0)  # a quarter of it: 25 s
-    service.running.time.check(DURATION_S, marks)
+    service.run.job.time.check(DURATION_S, marks)
     there = {"line": LINE, "motion_id": BLOCK, "s": S_MM, "joints": JOINTS, "actual": JOINTS}
     engine.now = engine.now._replace(mode=Mode.RUNNING, at_rest=False, plan_time_s=ELAPSED_S, **there)
 
@@ -70,7 +70,7 @@ def main() -> None:
     Kept(service).begin()
     with_door = Server(control_path(folder), Desk(service))
     while with_door:
-        service.look()
+        service.watch.look()
         time.sleep(LOOK_S)
 
 

@@ -20,11 +20,11 @@ from support.machines.stepped_runs import shipped
 
 from controller.ipc.handoff import COLUMN, ROW, Jog, Snapshot, blank
 from controller.machine.model import Machine
+from controller.runtime.plan_messages import News
 from controller.runtime.starts import Start
 from controller.service.command_handlers import Desk
 from controller.service.folders import Folders
 from controller.service.jobs import homed_position
-from controller.service.planner_client import News
 from controller.service.service import Service
 from controller.state.modes import ALL_AXES, ALWAYS, TRANSITIONS, Fault, Mode, Request
 from controller.state.requests import Outcome, answer
@@ -155,11 +155,11 @@ class FakeRecorder:
 
 def served(folder: Path, machine: Machine | None = None) -> Service:
     """A service whose machine is homed and enabled; nothing is loaded."""
-    service = Service(machine or shipped(), Folders.within(folder / "state"))
-    engine = FakeEngine(service.machine)
+    machine = machine or shipped()
+    engine = FakeEngine(machine)
     engine.recorder = FakeRecorder(engine)
-    service.engine = engine  # type: ignore[assignment]
-    service.commissioned = True
+    service = Service(machine, Folders.within(folder / "state"), engine)  # type: ignore[arg-type]
+    service.processes.commissioned = True
     return service
 
 
@@ -170,7 +170,7 @@ def engine_of(service: Service) -> FakeEngine:
 
 def heard(service: Service, **news: Any) -> None:
     """The plan tells something."""
-    service._hear(News(**news))
+    service.run.hear(News(**news))
 
 
 def done(desk: Desk, verb: str, **args: Any) -> dict[str, Any]:

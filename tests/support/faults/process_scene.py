@@ -30,10 +30,11 @@ from controller.machine import machine_file
 from controller.machine.model import Homing, Machine
 from controller.runtime.children import Child
 from controller.runtime.listener import Listener
+from controller.runtime.plan_messages import Program
 from controller.runtime.recording import Keeper
 from controller.service.engine import Engine
 from controller.service.folders import Folders
-from controller.service.planner_client import Line, Program
+from controller.service.planner_client import Line
 from controller.state.modes import Mode, Request
 from drives import pdo
 

@@ -75,10 +75,10 @@ class Live:
         self.recorder.drain()
         self.start()
         rows = []
-        while self.service.running is not None or not now_of(self).at_rest:
+        while self.service.run.job is not None or not now_of(self).at_rest:
             rows.append(self.recorder.drain())
             look(now_of(self))
-            if not self.tick.is_alive() and self.service.running is None:
+            if not self.tick.is_alive() and self.service.run.job is None:
                 raise SessionError(messages.text(self.service.alarms.list()[0]))
             time.sleep(POLL_S)
         rows.append(self.recorder.drain())

@@ -416,7 +416,7 @@ class ChangerBench:
         assert not self.magazine.dropped
         if not self.store.known:
             return
-        unsure, places = self.changer.unsure, self.store.places
+        unsure, places = self.changer.whereabouts.unsure, self.store.places
         for tool, real in self.magazine.places.items():
             may = {SPINDLE, unsure[tool]} if tool in unsure else {places.get(tool)}
             assert real in may, (tool, real, self.store.step, places)

@@ -19,7 +19,7 @@ from controller.ipc.handoff import COLUMN, Jog, of_axes, send_jog
 from controller.machine import machine_file
 from controller.machine.model import Joints, Machine, Tool
 from controller.plan.restart.program_position import ENTRY_ID, Spot
-from controller.service.planner_client import Program
+from controller.runtime.plan_messages import Program
 from controller.state.modes import Mode, Request
 
 PERIOD_S = 0.008

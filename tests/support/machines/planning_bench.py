@@ -18,11 +18,11 @@ from controller.plan.path.path import Chain, Pause
 from controller.plan.planner import Planner
 from controller.plan.restart.program_position import Spot
 from controller.runtime import simulated_probe
+from controller.runtime.plan_messages import Answer, News, Order, Program
+from controller.runtime.planning import Planning
 from controller.runtime.stepped import SteppedMachine
 from controller.service import journal
 from controller.service.journal import Entry, Journal
-from controller.service.planner_client import Answer, News, Order, Program
-from controller.service.planning import Planning
 from controller.state.modes import Mode, Request
 
 SAME = 1e-6  # mm or rad

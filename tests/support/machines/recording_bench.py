@@ -13,8 +13,8 @@ from support.machines.planning_bench import FITTED, Bench
 from controller.ipc.handoff import Jog, send_jog
 from controller.machine import setup_data
 from controller.machine.model import Machine
+from controller.runtime.plan_messages import Answer, Program
 from controller.service.engine import Asked
-from controller.service.planner_client import Answer, Program
 from controller.service.runs import RunRecord
 from controller.state.modes import Mode, Request
 

@@ -14,9 +14,10 @@ from support.machines.planning_bench import Bench
 from controller.machine.model import Machine
 from controller.machine.tool_store import ToolStore, placed
 from controller.plan.restart.program_position import Spot
+from controller.runtime.plan_messages import Answer, Program
 from controller.service.durations import Durations
+from controller.service.job_status import _left
 from controller.service.jobs import Job
-from controller.service.planner_client import Answer, Program
 from controller.service.time_left import Left
 from controller.service.tool_changer import ToolChanger
 from controller.state.modes import Mode, Request
@@ -72,11 +73,7 @@ class TimedRun(Bench):
         """As the service loads it."""
         program = self._program(text, spot)
         job = Job(program, "")
-        facts = self._answered("check", program)
-        job.before_s, job.state = facts["passed_s"], "loaded"
-        job.time.durations = self.durations
-        job.time.check(facts["duration_s"], facts["marks"], facts["events"])
-        job.time.stands(facts["timetable"])
+        job.checked(self._answered("check", program), self.durations)
         return job
 
     def _answered(self, verb: str, program: Program) -> dict[str, Any]:
@@ -99,7 +96,7 @@ class TimedRun(Bench):
         stepped.request(Request.OPTIONAL_STOP, float(optional))
         stepped.go(5)
         job = self.loaded(text, spot)
-        loaded = job._left(self.snapshot())
+        loaded = _left(job, self.snapshot())
         if self.changer is not None:
             self.changer.arm()
         self.news.clear()
@@ -125,8 +122,8 @@ class TimedRun(Bench):
             if now.mode is Mode.READY and now.at_rest and rows:
                 break
             job.taken, job.state = True, "running"
-            job.pass_time(now)
-            job.way(now.motion_id)
+            job.follow(now)
+            job.motions.under_way(now.motion_id)
             before = self.changer.under_way if self.changer is not None else False
             if self.changer is not None:
                 self.changer.look(now)
@@ -140,7 +137,7 @@ class TimedRun(Bench):
                     stepped.request(Request.RESUME)
             elif now.mode is Mode.RUNNING:
                 resumes = -1
-            rows.append((at_s, job._left(now)))
+            rows.append((at_s, _left(job, now)))
         assert self.stepped.cycle.modes.mode is Mode.READY, self.stepped.fault_text
         if self.changer is not None:
             self.changer.ended()

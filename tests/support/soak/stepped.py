@@ -27,8 +27,8 @@ from support.soak.scenarios import Scenario
 
 from controller.ipc.handoff import COLUMN, Jog
 from controller.runtime.fault_file import MachineScript
+from controller.runtime.plan_messages import Answer, Order, Program
 from controller.runtime.startup import SessionError
-from controller.service.planner_client import Answer, Order, Program
 from controller.service.runs import RunRecord
 from controller.state.modes import Fault, Mode, Request
 

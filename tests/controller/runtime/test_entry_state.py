@@ -9,7 +9,7 @@ from support.machines.stepped_runs import shipped
 from controller.machine.kinematics import kinematics_of
 from controller.messages import text
 from controller.plan.restart.program_position import Spot
-from controller.service import entry_state
+from controller.runtime import entry_state
 
 SECOND = 19  # line of the second surface of Example 2
 

@@ -1,0 +1,220 @@
+"""What the plan's process tells while it works: where it is with the path, and how long the rest takes."""
+
+from __future__ import annotations
+
+import multiprocessing.connection as connections
+import sys
+from collections import deque
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+from typing import Any
+
+from controller.ipc.handoff import Snapshot
+from controller.machine.model import Machine
+from controller.motion.motions import SurfaceCut
+from controller.plan.foresight import Foresight
+from controller.plan.planner import Planner
+from controller.plan.restart.program_position import ENTRY_ID, LinePart, Spot, lines_along, order_of
+from controller.plan.stretch import Chain, Pause, Stretch
+from controller.plan.timetable import Timetable
+from controller.program.carried import InForce
+from controller.program.program import Act, Aside, Block, Changing, Message, Select
+from controller.runtime import children
+from controller.runtime.plan_messages import POWER_ON, Announcement, News, Turn, Way
+
+FORESEES_S = 0.5  # of queue: with less the planner is about to be asked, and nothing else is done
+MAX_KNOWN = 100_000  # stretches whose tool is remembered: more than are ever read ahead
+
+
+class PathNotes:
+    """Of the path that is armed; ``watched`` notes, ``taken`` gives what is new."""
+
+    def __init__(self, machine: Machine) -> None:
+        """``machine``: with which the path is made."""
+        self._with_changer = machine.changer is not None
+        self.tool: int | None = None  # to which it has changed, as far as it is read
+        self.in_force = InForce()  # the modal state at each line
+        # By identity of a stretch: with which tool it is moved, and of which lines it is.
+        self._known: dict[int, tuple[int | None, tuple[LinePart, ...]]] = {}
+        self._heard: deque[Aside] = deque()  # messages and settings that no motion has come to
+        self._changes: dict[int, tuple[int, ...]] = {}  # to which tools, by line; until it is told
+        self._marks: list[Changing] = []  # of a tool changer, until they are told
+        self._said: list[Announcement] = []  # until it is told
+
+    def hear(self, block: Block) -> None:
+        """What is said and set aside of motions is noted."""
+        if isinstance(block, Aside):
+            self._heard.append(block)
+
+    def watched(self, items: Iterable[Chain | Pause], spot: Spot | None) -> Iterator[Chain | Pause]:
+        """The same path; what it changes the tool to and says is noted as it is read.
+
+        ``spot``: it begins inside of the program; what was said before that is not said again, but what
+        was set before it is in force.
+        """
+        number = 0  # of the motion that comes next, as the planner counts
+        inside = spot is not None
+        begun = spot.fraction if spot is not None and spot.motion_id >= 0 else 0.0
+        for item in items:
+            if inside:
+                self._heard = deque(one for one in self._heard if not isinstance(one, Message))
+                inside = isinstance(item, Pause) or (item.first_id or 0) >= ENTRY_ID
+            if isinstance(item, Chain):
+                number = number if item.first_id is None else item.first_id
+                for stretch in item.stretches:
+                    self._say(order_of(stretch, stretch.motion.end), number, None, stretch.place.order)
+                    number += 1
+                self._note_lines(item, 0.0 if inside else begun)
+                begun = begun if inside else 0.0
+            else:
+                self._say(item.place.order, number, item.place.line)
+                self._note_change(item)
+            yield item
+        self._say(sys.maxsize, number, None)
+
+    def _note_change(self, pause: Pause) -> None:
+        if pause.changing is not None:
+            self._marks.append(pause.changing)
+        if pause.act is Act.TOOL and not self._with_changer:
+            self.tool, line = pause.modal.tool, pause.place.line
+            self._changes[line] = (*self._changes.get(line, ()), self.tool)
+
+    def lines_noted(self, items: Iterable[Chain | Pause], begun: float) -> Iterator[Chain | Pause]:
+        """The same path, which begins inside of a line."""
+        for item in items:
+            if isinstance(item, Chain):
+                self._note_lines(item, begun)
+                begun = 0.0
+            yield item
+
+    def _note_lines(self, chain: Chain, begun: float) -> None:
+        for stretch, lines in zip(chain.stretches, lines_along(chain, begun), strict=True):
+            self._known[id(stretch)] = self.tool, lines
+
+    def _say(self, order: int, motion_id: int, line: int | None, first: int = sys.maxsize) -> None:
+        """What the program says up to that order is due at that motion, or at the pause before it.
+
+        What it sets behind the ``first`` of the motion's blocks is due when the motion is over.
+        """
+        while self._heard and self._heard[0].place.order <= order:
+            one = self._heard.popleft()
+            if isinstance(one, Message):
+                self._said.append(Announcement(one.text, motion_id, line))
+            elif isinstance(one, Select):
+                self._said.append(Announcement("", motion_id, line, tool=one.tool))
+            else:
+                due = motion_id + (one.place.order > first)
+                self._said.append(Announcement("", due, line, one.changes))
+
+    def note_modal_anew(self) -> InForce:
+        """For another path in the place of the rest; it is to be filled."""
+        self.in_force = InForce()
+        return self.in_force
+
+    # -- until it is told
+
+    @property
+    def has_news(self) -> bool:
+        """Whether there is something that was not taken."""
+        return bool(self._changes or self._said or self._marks)
+
+    def taken(self) -> dict[str, Any]:
+        """As fields of ``News``, each once."""
+        fresh = {"changes": self._changes, "messages": tuple(self._said), "marks": tuple(self._marks)}
+        self._changes, self._said, self._marks = {}, [], []
+        while len(self._known) > MAX_KNOWN:  # of stretches that were told long ago
+            del self._known[next(iter(self._known))]
+        return fresh
+
+    def way(self, stretch: Stretch) -> Way:
+        """For those who look on."""
+        motion = stretch.motion
+        tool, lines = self._known.get(id(stretch), (None, ()))
+        state = self.in_force.at(stretch.place.order) or POWER_ON
+        shown = (stretch.end, stretch.feed_mm_s, stretch.name, tool, state)
+        arc = motion.arc if isinstance(motion, SurfaceCut) else None
+        return Way(*shown, motion.end, arc, stretch.feed_steps, lines)
+
+
+class Teller:
+    """To the parent: what is new, and nothing twice."""
+
+    def __init__(self, parent: connections.Connection) -> None:
+        self._parent = parent
+        self._told = News()
+        self._turns: list[Turn] = []
+
+    def begin(self) -> None:
+        """Another path is armed."""
+        self._turns.clear()
+        self._told = News(finished=False)
+
+    def note(self, turn: Turn) -> None:
+        """Told with what is told next."""
+        self._turns.append(turn)
+
+    def tell_turn(self, turn: Turn) -> None:
+        """Before its message goes out: whatever the tick takes can then be planned again."""
+        self._parent.send(replace(self._told, turns=(*self._turns, turn)))
+        self._turns.clear()
+
+    def tell_progress(self, share: float | None, planner: Planner, notes: PathNotes) -> None:
+        """Of a check."""
+        self.tell(replace(self._told, checking=share), planner, notes)
+
+    def tell(self, news: News, planner: Planner, notes: PathNotes) -> None:
+        """``news`` with turns, ways, touches and notes, where any of it is new."""
+        fresh, touches = planner.fresh, planner.touches
+        if news == self._told and not (self._turns or fresh or touches or notes.has_news):
+            return
+        self._told = news
+        ways = {name: notes.way(stretch) for name, stretch in fresh.items()}
+        turns, found = tuple(self._turns), tuple(touches)
+        self._parent.send(replace(news, ways=ways, turns=turns, touches=found, **notes.taken()))
+        touches.clear()
+        self._turns.clear()
+        fresh.clear()
+
+
+class Foreseen:
+    """The foresight of what was armed; told when it is over, on the way each time it is twice as long."""
+
+    def __init__(self) -> None:
+        self._foresight: Foresight | None = None
+        self._steps = 0  # since it was begun anew
+        self._told = 0  # of them
+        self._begun: object = None
+
+    def drop(self) -> None:
+        """Nothing is armed any more."""
+        self._foresight = None
+
+    def begin(self, foresight: Foresight) -> None:
+        """Another path is armed."""
+        self._foresight, self._begun, self._steps, self._told = foresight, None, 0, 0
+
+    def look(self, planner: Planner, now: Snapshot) -> Timetable | None:
+        """One step more, while the queue lasts; the timetable where it is to be told.
+
+        It moves nothing: no mistake of ours in it may end the plan of a machine in a cut.
+        """
+        foresight = self._foresight
+        if foresight is None or now.queue_end_s - now.plan_time_s <= FORESEES_S:
+            return None
+        try:
+            return self._step(foresight, planner, now)
+        except Exception as error:
+            self._foresight = None
+            print(children.own_error("foresight", error), file=sys.stderr, flush=True)
+            return None
+
+    def _step(self, foresight: Foresight, planner: Planner, now: Snapshot) -> Timetable | None:
+        if not foresight.look(planner.ahead, now):
+            return None
+        if foresight.begun is not self._begun:
+            self._begun, self._steps, self._told = foresight.begun, 0, 0
+        self._steps += 1
+        if not foresight.over and self._steps < 2 * self._told:
+            return None
+        self._told = self._steps
+        return foresight.timetable
