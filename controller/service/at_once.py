@@ -12,25 +12,25 @@ from controller.service.preconditions import permitted
 from controller.service.refusals import number, refused
 
 if TYPE_CHECKING:
-    from controller.service.command_handlers import Desk
+    from controller.service.command_handlers import CommandHandlers
 
 
-def hold(desk: Desk, _: Values) -> Answer:
+def hold(handlers: CommandHandlers, _: Values) -> Answer:
     """Also of what is only being prepared: it does not go out, which is what was asked for."""
-    sequencer = desk.service.sequencer
+    sequencer = handlers.service.sequencer
     given_up = "" if sequencer.busy == "home" else sequencer.give_up()  # drives home by themselves
-    changer = desk.service.changer
+    changer = handlers.service.changer
     if changer is not None and changer.under_way:  # maybe between two steps, where the tick holds already
         changer.hold()
         given_up = given_up or "change"
-    return desk.ask(Request.HOLD, instead=_given_up(given_up))
+    return handlers.ask(Request.HOLD, instead=_given_up(given_up))
 
 
-def stop(desk: Desk, _: Values) -> Answer:
+def stop(handlers: CommandHandlers, _: Values) -> Answer:
     """Also of what is only being prepared: a check, a start, the next axes that home."""
-    if given_up := desk.service.sequencer.give_up():
-        desk.plan_gives_up()
-    return desk.ask(Request.STOP, instead=_given_up(given_up or desk.give_up_load()))
+    if given_up := handlers.service.sequencer.give_up():
+        handlers.plan_gives_up()
+    return handlers.ask(Request.STOP, instead=_given_up(given_up or handlers.give_up_load()))
 
 
 def _given_up(name: str) -> Values | None:
@@ -38,23 +38,23 @@ def _given_up(name: str) -> Values | None:
     return {"outcome": "given_up", "what": name} if name else None
 
 
-def estop(desk: Desk, _: Values) -> Answer:
-    desk.service.sequencer.give_up()
-    return desk.ask(Request.ESTOP)
+def estop(handlers: CommandHandlers, _: Values) -> Answer:
+    handlers.service.sequencer.give_up()
+    return handlers.ask(Request.ESTOP)
 
 
-def disable(desk: Desk, _: Values) -> Answer:
-    desk.service.sequencer.give_up()
-    return desk.ask(Request.DISABLE)
+def disable(handlers: CommandHandlers, _: Values) -> Answer:
+    handlers.service.sequencer.give_up()
+    return handlers.ask(Request.DISABLE)
 
 
-def resume(desk: Desk, _: Values) -> Answer:
+def resume(handlers: CommandHandlers, _: Values) -> Answer:
     """Along the program only from where it was held: off it the tool must return first."""
-    service = desk.service
+    service = handlers.service
     if not service.sequencer.busy and (why := service.run.no_resume):
         raise refused("refused", service.processes.now().mode.name, "RESUME", why=Key(why))
     if service.changer is None:
-        return desk.ask(Request.RESUME)
+        return handlers.ask(Request.RESUME)
     service.changer.resume(permitted(service, Request.RESUME))  # it alone lets the tick go on
     return {}
 
@@ -62,41 +62,41 @@ def resume(desk: Desk, _: Values) -> Answer:
 # ---- jogging
 
 
-def jog(desk: Desk, values: Values) -> Answer:
+def jog(handlers: CommandHandlers, values: Values) -> Answer:
     """Dead-man: without the next one within 200 ms the axes come to rest."""
-    service, now = desk.service, permitted(desk.service, Request.JOG)
+    service, now = handlers.service, permitted(handlers.service, Request.JOG)
     frame, axis, share = values["frame"], values["axis"], values["speed"]
-    line = desk.jogging.continuous(service.set_up.machine, now, desk.part(), frame, axis, share)
+    line = handlers.jogging.continuous(service.set_up.machine, now, handlers.part(), frame, axis, share)
     line = slowed(service.set_up.machine, line, frame, axis, values["feed"])
-    if not desk.presses.may_move(values["press"]):
+    if not handlers.presses.may_move(values["press"]):
         raise refused("press_ended", now.mode.name, "JOG")
-    return desk.answer_of(service.engine.jog(line), Request.JOG)
+    return handlers.answer_of(service.engine.jog(line), Request.JOG)
 
 
-def jog_step(desk: Desk, values: Values) -> Answer:
-    service, now = desk.service, permitted(desk.service, Request.JOG)
+def jog_step(handlers: CommandHandlers, values: Values) -> Answer:
+    service, now = handlers.service, permitted(handlers.service, Request.JOG)
     frame, axis, distance = values["frame"], values["axis"], values["distance"]
-    line = desk.jogging.step(service.set_up.machine, now, desk.part(), frame, axis, distance)
+    line = handlers.jogging.step(service.set_up.machine, now, handlers.part(), frame, axis, distance)
     line = slowed(service.set_up.machine, line, frame, axis, values["feed"])
-    return desk.answer_of(service.engine.jog(line), Request.JOG)
+    return handlers.answer_of(service.engine.jog(line), Request.JOG)
 
 
 # ---- by hand
 
 
-def spindle(desk: Desk, values: Values) -> Answer:
+def spindle(handlers: CommandHandlers, values: Values) -> Answer:
     """Signed; 0 = off. Raises CommandRefused."""
-    machine, tool = desk.service.set_up.machine, desk.service.set_up.tool
+    machine, tool = handlers.service.set_up.machine, handlers.service.set_up.tool
     assert machine.spindle is not None
     rev_min = number(values, "rev_min", -machine.spindle.max_rev_min, machine.spindle.max_rev_min)
     if rev_min and not machine.may_turn(tool):
         raise refused("spindle_must_stand", tool=tool)
-    return desk.ask(Request.SPINDLE, rev_min, rev_min=rev_min)
+    return handlers.ask(Request.SPINDLE, rev_min, rev_min=rev_min)
 
 
-def coolant(desk: Desk, values: Values) -> Answer:
+def coolant(handlers: CommandHandlers, values: Values) -> Answer:
     """Raises CommandRefused."""
-    io = desk.service.set_up.machine.io
+    io = handlers.service.set_up.machine.io
     outputs = dict(io.outputs) if io else {}
     wanted = 0
     for bit, (kind, output) in enumerate((("mist", "mist"), ("flood", "coolant"))):
@@ -104,18 +104,18 @@ def coolant(desk: Desk, values: Values) -> Answer:
             if output not in outputs:
                 raise refused("no_output", code="bad", name=output)
             wanted |= 1 << bit
-    permitted(desk.service, Request.COOLANT)
-    return desk.ask(Request.COOLANT, float(wanted), mist=values["mist"], flood=values["flood"])
+    permitted(handlers.service, Request.COOLANT)
+    return handlers.ask(Request.COOLANT, float(wanted), mist=values["mist"], flood=values["flood"])
 
 
-def clamps(desk: Desk, values: Values) -> Answer:
+def clamps(handlers: CommandHandlers, values: Values) -> Answer:
     """``open``: names of the axes whose clamps are open, and of no other ones. Raises CommandRefused."""
-    axes = desk.service.set_up.machine.axes
+    axes = handlers.service.set_up.machine.axes
     clamped = [axis.name for axis in axes if axis.clamp is not None]
     wanted = 0
     for name in values["open"]:
         if name not in clamped:
             raise refused("no_clamp", code="bad", axis=name, allowed=", ".join(clamped) or "–")
         wanted |= 1 << [axis.name for axis in axes].index(name)
-    permitted(desk.service, Request.CLAMPS)
-    return desk.ask(Request.CLAMPS, float(wanted), open=values["open"])
+    permitted(handlers.service, Request.CLAMPS)
+    return handlers.ask(Request.CLAMPS, float(wanted), open=values["open"])

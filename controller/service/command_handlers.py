@@ -39,7 +39,7 @@ from controller.service.service import Service
 from controller.state.modes import MOVES, Mode
 
 
-class Desk:
+class CommandHandlers:
     """Call it with a verb and its arguments."""
 
     def __init__(self, service: Service) -> None:
@@ -153,12 +153,12 @@ def _buses(service: Service, _: Values) -> Values:
     return diagnostics.buses(service.set_up.machine, service.processes.logs, service.engine.recorder)
 
 
-AT_ONCE: dict[str, Callable[[Desk, Values], Answer]] = {
-    "status": lambda desk, _: whole_status.status(desk.service),
-    "facts": lambda desk, _: whole_status.facts(desk.service),
-    "probed": lambda desk, _: {"found": desk.service.probed.told()},
-    "drives": lambda desk, _: _drives(desk.service),
-    "alarms": lambda desk, _: {"alarms": desk.service.alarms.list()},
+AT_ONCE: dict[str, Callable[[CommandHandlers, Values], Answer]] = {
+    "status": lambda handlers, _: whole_status.status(handlers.service),
+    "facts": lambda handlers, _: whole_status.facts(handlers.service),
+    "probed": lambda handlers, _: {"found": handlers.service.probed.told()},
+    "drives": lambda handlers, _: _drives(handlers.service),
+    "alarms": lambda handlers, _: {"alarms": handlers.service.alarms.list()},
     "load": job_commands.load,
     "unload": job_commands.unload,
     "seen": job_commands.seen,
@@ -179,7 +179,7 @@ AT_ONCE: dict[str, Callable[[Desk, Values], Answer]] = {
     "retract": job_commands.retract,
     "withdraw": job_commands.withdraw,
     "return": job_commands.return_,
-    "jog_stop": lambda desk, _: desk.ask(Request.JOG_STOP),
+    "jog_stop": lambda handlers, _: handlers.ask(Request.JOG_STOP),
     "jog": at_once.jog,
     "jog_step": at_once.jog_step,
 }

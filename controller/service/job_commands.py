@@ -17,21 +17,21 @@ from controller.service.thread_guard import way_out
 from controller.state.modes import Mode, bars
 
 if TYPE_CHECKING:
-    from controller.service.command_handlers import Desk
+    from controller.service.command_handlers import CommandHandlers
 
 
-def enable(desk: Desk, _: Values) -> Answer:
-    service, now = desk.service, desk.service.processes.now()
+def enable(handlers: CommandHandlers, _: Values) -> Answer:
+    service, now = handlers.service, handlers.service.processes.now()
     if now.mode is Mode.READY:
         return {"done": True, "mode": now.mode.name}
     permitted(service, Request.ENABLE)
-    return desk.sequence("enable", lambda: sequences.enable(service))
+    return handlers.sequence("enable", lambda: sequences.enable(service))
 
 
-def home(desk: Desk, values: Values) -> Answer:
-    service, going = desk.service, Going()
+def home(handlers: CommandHandlers, values: Values) -> Answer:
+    service, going = handlers.service, Going()
     axes = _axis_numbers(service.set_up.machine, values["axes"], service.processes.now().mode)
-    return desk.sequence("home", lambda: sequences.home(service, axes, going), going)
+    return handlers.sequence("home", lambda: sequences.home(service, axes, going), going)
 
 
 def _axis_numbers(machine: Machine, names: list[str] | None, mode: Mode) -> tuple[int, ...]:
@@ -44,21 +44,21 @@ def _axis_numbers(machine: Machine, names: list[str] | None, mode: Mode) -> tupl
     return tuple(sorted({known.index(name) for name in names}))
 
 
-def reset(desk: Desk, _: Values) -> Answer:
-    service = desk.service
+def reset(handlers: CommandHandlers, _: Values) -> Answer:
+    service = handlers.service
     now = service.engine.snapshot()
     goes_on = service.engine.tick_alive and now is not None and not service.processes.stands(now)
     if goes_on and now is not None and now.mode is not Mode.FAULT and service.processes.commissioned:
         raise refused("no_fault", now.mode.name, "RESET")
-    return desk.sequence("reset", lambda: sequences.reset(service))
+    return handlers.sequence("reset", lambda: sequences.reset(service))
 
 
 # ---- programs and lines
 
 
-def load(desk: Desk, values: Values) -> Answer:
-    service = desk.service
-    given_up, going = desk.give_up_load(), desk.new_load()
+def load(handlers: CommandHandlers, values: Values) -> Answer:
+    service = handlers.service
+    given_up, going = handlers.give_up_load(), handlers.new_load()
 
     def work() -> Values:
         if going.given_up:
@@ -76,78 +76,80 @@ def load(desk: Desk, values: Values) -> Answer:
             job.become("refused", error.said)
             raise
 
-    return desk.sequence("load", work, behind=given_up)
+    return handlers.sequence("load", work, behind=given_up)
 
 
-def unload(desk: Desk, _: Values) -> Answer:
+def unload(handlers: CommandHandlers, _: Values) -> Answer:
     """A check of it that is under way is given up, and has come to its end with the answer."""
 
     def work() -> Values:
-        desk.service.run.load(None)
+        handlers.service.run.load(None)
         return {}
 
-    given_up = desk.give_up_load()
-    return desk.sequence("unload", work, behind=given_up) if given_up else work()
+    given_up = handlers.give_up_load()
+    return handlers.sequence("unload", work, behind=given_up) if given_up else work()
 
 
-def seen(desk: Desk, _: Values) -> Answer:
-    desk.service.run.seen()
+def seen(handlers: CommandHandlers, _: Values) -> Answer:
+    handlers.service.run.seen()
     return {}
 
 
-def start(desk: Desk, values: Values) -> Answer:
-    service, going, job = desk.service, Going(), desk.service.run.loaded
+def start(handlers: CommandHandlers, values: Values) -> Answer:
+    service, going, job = handlers.service, Going(), handlers.service.run.loaded
     assert job is not None
     unrecorded = bool(values["unrecorded"])
-    return desk.sequence("start", lambda: sequences.start(service, job, going, unrecorded), going)
+    return handlers.sequence("start", lambda: sequences.start(service, job, going, unrecorded), going)
 
 
-def mdi(desk: Desk, values: Values) -> Answer:
-    return desk.begin("mdi", jobs.mdi(values["text"], desk.service.set_up.machine))
+def mdi(handlers: CommandHandlers, values: Values) -> Answer:
+    return handlers.begin("mdi", jobs.mdi(values["text"], handlers.service.set_up.machine))
 
 
-def probe(desk: Desk, values: Values) -> Answer:
+def probe(handlers: CommandHandlers, values: Values) -> Answer:
     """A probing cycle, from where the probe stands."""
-    return desk.begin("probe", jobs.probing(values, desk.service.set_up.machine, desk.service.set_up.tool))
+    return handlers.begin(
+        "probe", jobs.probing(values, handlers.service.set_up.machine, handlers.service.set_up.tool)
+    )
 
 
 # ---- off the path
 
 
-def retract(desk: Desk, values: Values) -> Answer:
+def retract(handlers: CommandHandlers, values: Values) -> Answer:
     """Off along the tool axis: out of a held program, or from READY, as after a fault."""
-    service, now, mm = desk.service, desk.service.processes.now(), values["mm"]
+    service, now, mm = handlers.service, handlers.service.processes.now(), values["mm"]
     if now.mode not in (Mode.HOLD, Mode.READY) or not now.at_rest:
         raise refused("not_retracted", now.mode.name, "RETRACT")
     room_mm = whole_status.retract_room_mm(service, now)
     if room_mm is not None and not 0.0 < mm <= room_mm:
         raise refused("retract_room", now.mode.name, "RETRACT", mm=mm, room=room_mm)
     if now.mode is Mode.HOLD:
-        return _aside(desk, "retract", mm)
+        return _aside(handlers, "retract", mm)
     preconditions.not_running(service, "RETRACT")
     permitted(service, Request.JOG)
-    line = desk.jogging.step(service.set_up.machine, now, desk.part(), "tool", "Z", mm)
+    line = handlers.jogging.step(service.set_up.machine, now, handlers.part(), "tool", "Z", mm)
     line, going = line._replace(speed=min(line.speed, RETRACT_MM_S)), Going()
-    return desk.sequence("retract", lambda: sequences.retract(service, line, going), going)
+    return handlers.sequence("retract", lambda: sequences.retract(service, line, going), going)
 
 
-def return_(desk: Desk, _: Values) -> Answer:
-    return _aside(desk, "return")
+def return_(handlers: CommandHandlers, _: Values) -> Answer:
+    return _aside(handlers, "return")
 
 
-def _aside(desk: Desk, verb: str, distance_mm: float = 0.0) -> Answer:
-    service, now = desk.service, desk.service.processes.now()
+def _aside(handlers: CommandHandlers, verb: str, distance_mm: float = 0.0) -> Answer:
+    service, now = handlers.service, handlers.service.processes.now()
     if now.mode is not Mode.HOLD or not now.at_rest:
         raise refused("not_held", now.mode.name, verb.upper())
     if bars(now.interlock, Request.RESUME):
         raise by_fault(now.interlock, now.mode.name, verb.upper())
     going = Going()
-    return desk.sequence(verb, lambda: sequences.aside(service, verb, distance_mm, going), going)
+    return handlers.sequence(verb, lambda: sequences.aside(service, verb, distance_mm, going), going)
 
 
-def withdraw(desk: Desk, values: Values) -> Answer:
+def withdraw(handlers: CommandHandlers, values: Values) -> Answer:
     """Out of a thread along it, by what is known of it or ``mm``; or it ``is_out`` already, by hand."""
-    service, now = desk.service, desk.service.processes.now()
+    service, now = handlers.service, handlers.service.processes.now()
     machine, found = service.set_up.machine, service.thread.found
     if found is None:
         raise refused("not_in_thread", now.mode.name, "WITHDRAW")
@@ -157,4 +159,4 @@ def withdraw(desk: Desk, values: Values) -> Answer:
         return {}
     if found.pitch_mm == 0.0:
         raise refused("thread_unknown", now.mode.name, "WITHDRAW")
-    return desk.begin("withdraw", jobs.mdi(way_out(machine, found, values["mm"]), machine, is_own=True))
+    return handlers.begin("withdraw", jobs.mdi(way_out(machine, found, values["mm"]), machine, is_own=True))

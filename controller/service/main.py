@@ -12,7 +12,7 @@ from controller.machine.model import Machine
 from controller.runtime import children
 from controller.runtime.startup import SessionError
 from controller.service import engine, pendant, sequences, whole_status
-from controller.service.command_handlers import Desk
+from controller.service.command_handlers import CommandHandlers
 from controller.service.folders import Folders
 from controller.service.service import Service
 from controller.service.socket_server import Server
@@ -78,15 +78,15 @@ def opened(
     last = whole_status.Kept(service).begin()
     try:
         service.engine.start_hubs(part, stamped)
-        desk = Desk(service)
-        with_door = Server(control_socket.control_path(runtime), desk, group)
+        handlers = CommandHandlers(service)
+        with_door = Server(control_socket.control_path(runtime), handlers, group)
         try:
             control_socket.note_runtime(kept.state, runtime)
             sequences.power_up(service)
             yield service
         finally:
             with_door.close()
-            desk.close()
+            handlers.close()
     finally:
         service.close()
         last.close()

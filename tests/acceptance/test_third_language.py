@@ -31,7 +31,7 @@ from controller.faults import Fault
 from controller.ipc.control_socket import Client, CommandRefused
 from controller.machine import machine_file
 from controller.messages import LANGUAGES, Key, plain, said, told
-from controller.service.command_handlers import Desk
+from controller.service.command_handlers import CommandHandlers
 from controller.service.service import Service
 from controller.service.socket_server import Server
 from controller.state.modes import Mode
@@ -99,7 +99,7 @@ def engine(service: Service) -> FakeEngine:
 def socket(service: Service, tmp_path: Path) -> Iterator[Path]:
     """Where the service listens."""
     path = tmp_path / "control.sock"
-    server = Server(path, Desk(service))
+    server = Server(path, CommandHandlers(service))
     yield path
     server.close()
     Client(path).close()

@@ -39,7 +39,7 @@ from controller.machine.tool_store import ToolStore
 from controller.messages import said
 from controller.runtime.startup import SessionError
 from controller.service import kept_file, runs
-from controller.service.command_handlers import Desk
+from controller.service.command_handlers import CommandHandlers
 from controller.service.service import JOURNAL
 from controller.service.whole_status import Kept
 
@@ -113,7 +113,7 @@ def started(folder: Path) -> list[dict[str, Any]]:
     try:
         control_socket.note_runtime(service.state, folder)
         runs.lose(service.state)
-        desk = Desk(service)
+        desk = CommandHandlers(service)
         engine_of(service).tell_tool(service.set_up.tool)
         for verb in ASKED:
             with contextlib.suppress(CommandRefused):

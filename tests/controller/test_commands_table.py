@@ -11,7 +11,7 @@ from controller import messages
 from controller.commands.table import ALL, COMMANDS, SWITCHED, Request
 from controller.ipc.control_socket import CommandRefused
 from controller.machine import setup_data
-from controller.service.command_handlers import AT_ONCE, ERRANDS, Desk
+from controller.service.command_handlers import AT_ONCE, ERRANDS, CommandHandlers
 from controller.service.preconditions import NEEDS
 from controller.state.modes import ALWAYS, Mode
 
@@ -30,7 +30,7 @@ def test_every_command_is_carried_out_by_one_place_and_needs_what_there_is() -> 
 @pytest.fixture
 def desk(tmp_path: Any) -> Any:
     service = served(tmp_path)
-    made = Desk(service)
+    made = CommandHandlers(service)
     yield made
     made.close()
     service.close()
@@ -52,7 +52,7 @@ REFUSED: tuple[tuple[str, dict[str, Any], str], ...] = (
 
 @pytest.mark.parametrize(("verb", "args", "says"), REFUSED)
 def test_what_is_no_argument_is_one_sentence_in_each_language(
-    desk: Desk, verb: str, args: dict[str, Any], says: str
+    desk: CommandHandlers, verb: str, args: dict[str, Any], says: str
 ) -> None:
     with pytest.raises(CommandRefused) as error:
         done(desk, verb, **args)
@@ -60,14 +60,14 @@ def test_what_is_no_argument_is_one_sentence_in_each_language(
     assert messages.text(error.value.said, "de") not in ("", error.value.sentence)
 
 
-def test_no_argument_whatever_keeps_a_stop_from_its_work(desk: Desk) -> None:
+def test_no_argument_whatever_keeps_a_stop_from_its_work(desk: CommandHandlers) -> None:
     engine: FakeEngine = engine_of(desk.service)
     for verb in ("stop", "estop"):
         done(desk, verb, press={"nested": [5]}, more=1)
     assert engine.requests[-2:] == [Request.STOP, Request.ESTOP]
 
 
-def test_a_tool_that_is_changed_twice_keeps_its_wear_over_a_restart(desk: Desk) -> None:
+def test_a_tool_that_is_changed_twice_keeps_its_wear_over_a_restart(desk: CommandHandlers) -> None:
     row = {"name": "", "radius_mm": 1.4, "length_mm": 8.0, "flute_mm": 15.0}
     done(desk, "set_tool", number=2, **row, wear_radius_mm=0.1)
     done(desk, "set_tool", number=2, **{**row, "length_mm": 9.0})

@@ -78,14 +78,14 @@ from controller.api.routes.commands import facts
 from controller.commands.table import COMMANDS, Request
 from controller.ipc.control_socket import CommandRefused
 from controller.runtime import events
-from controller.service.command_handlers import Desk
+from controller.service.command_handlers import CommandHandlers
 from controller.state import live_state
 from controller.tick.mode import Modes
 
 made = {"folder": str(Path(controller.__file__).parent.parent)}
 folder = Path(tempfile.mkdtemp())
 service = served(folder)
-desk = Desk(service)
+desk = CommandHandlers(service)
 done(desk, "quiet_rapids", on=True)
 made["socket"] = engine_of(service).requests[-1].name
 try:

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from support.fakes.fake_engine import FakeEngine, engine_of, served
 
-from controller.service.command_handlers import Desk
+from controller.service.command_handlers import CommandHandlers
 from controller.service.service import Service
 
 
@@ -17,7 +17,7 @@ from controller.service.service import Service
 def ended(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """Hundreds of services that look on would be what the tests behind them wait for."""
     begun: list[Any] = []
-    for one in (Service, Desk):
+    for one in (Service, CommandHandlers):
         monkeypatch.setattr(one, "__init__", noting(begun, one.__init__))
     yield
     for made in reversed(begun):
@@ -44,5 +44,5 @@ def engine(service: Service) -> FakeEngine:
 
 
 @pytest.fixture
-def desk(service: Service) -> Desk:
-    return Desk(service)
+def desk(service: Service) -> CommandHandlers:
+    return CommandHandlers(service)

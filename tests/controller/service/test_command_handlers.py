@@ -26,7 +26,7 @@ from controller.machine.model import AdaptiveFeed, Spindle
 from controller.messages import said
 from controller.plan.restart.program_position import FORMER, Spot
 from controller.service import acknowledged, jobs, journal, sequences, whole_status
-from controller.service.command_handlers import Desk
+from controller.service.command_handlers import CommandHandlers
 from controller.service.service import JOURNAL, Service
 from controller.service.set_up import Fitted
 from controller.service.thread_guard import InThread
@@ -38,13 +38,13 @@ TEXT = "G21 G90 G54\nG1 X10. F3000\nG1 X20.\nM30\n"
 TOOL = {"number": 2, "name": "", "radius_mm": 1.4, "length_mm": 8.0, "flute_mm": 15.0}
 
 
-def loaded(desk: Desk, service: Service, **more: Any) -> None:
+def loaded(desk: CommandHandlers, service: Service, **more: Any) -> None:
     path = service.state / "part.ngc"
     path.write_text(TEXT)
     done(desk, "load", path=str(path), **more)
 
 
-def held(desk: Desk, service: Service, engine: FakeEngine) -> None:
+def held(desk: CommandHandlers, service: Service, engine: FakeEngine) -> None:
     loaded(desk, service)
     done(desk, "start")
     done(desk, "hold")
@@ -61,7 +61,7 @@ def ended(service: Service, engine: FakeEngine) -> None:
 
 @pytest.mark.parametrize("verb", ["retract", "return"])
 def test_a_hold_while_a_way_is_planned_is_done_and_nothing_moves(
-    desk: Desk, service: Service, engine: FakeEngine, verb: str
+    desk: CommandHandlers, service: Service, engine: FakeEngine, verb: str
 ) -> None:
     held(desk, service, engine)
     planning, go = threading.Event(), threading.Event()
@@ -86,7 +86,7 @@ def test_a_hold_while_a_way_is_planned_is_done_and_nothing_moves(
 @pytest.mark.parametrize("word", ["hold", "stop"])
 @pytest.mark.parametrize("verb", ["retract", "start"])
 def test_a_hold_or_stop_at_the_last_moment_comes_behind_what_it_is_to_stop(
-    desk: Desk, service: Service, engine: FakeEngine, verb: str, word: str
+    desk: CommandHandlers, service: Service, engine: FakeEngine, verb: str, word: str
 ) -> None:
     """What goes out and what gives it up cannot pass each other: the tick takes both, in that order."""
     if verb == "start":
@@ -115,7 +115,7 @@ def test_a_hold_or_stop_at_the_last_moment_comes_behind_what_it_is_to_stop(
 
 
 def test_a_stop_while_a_start_is_planned_is_the_end_of_it_and_nothing_goes_out(
-    desk: Desk, service: Service, engine: FakeEngine
+    desk: CommandHandlers, service: Service, engine: FakeEngine
 ) -> None:
     loaded(desk, service)
     arm, planning, go = engine.answers["arm"], threading.Event(), threading.Event()
@@ -136,7 +136,7 @@ def test_a_stop_while_a_start_is_planned_is_the_end_of_it_and_nothing_goes_out(
 
 
 def test_a_reset_waits_until_the_run_is_told_to_be_over_by_the_fault(
-    desk: Desk, service: Service, engine: FakeEngine
+    desk: CommandHandlers, service: Service, engine: FakeEngine
 ) -> None:
     """All of it had been sent: in OFF it would be told as completed, and a client could not home at once."""
     loaded(desk, service)
@@ -157,7 +157,7 @@ def test_a_reset_waits_until_the_run_is_told_to_be_over_by_the_fault(
 
 @pytest.mark.parametrize("then", ["load", "unload"])
 def test_a_check_that_nobody_wants_any_more_bars_neither_the_next_program_nor_anything_else(
-    then: str, desk: Desk, service: Service, engine: FakeEngine, monkeypatch: pytest.MonkeyPatch
+    then: str, desk: CommandHandlers, service: Service, engine: FakeEngine, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     good, checking, given_up = engine.answers["check"], threading.Event(), threading.Event()
 
@@ -190,7 +190,7 @@ def test_a_check_that_nobody_wants_any_more_bars_neither_the_next_program_nor_an
 
 
 def test_a_stop_between_two_groups_that_home_ends_the_homing_and_nothing_is_enabled(
-    desk: Desk, service: Service, engine: FakeEngine
+    desk: CommandHandlers, service: Service, engine: FakeEngine
 ) -> None:
     """The machine is off just then, and would move again within a moment."""
     homing, go = threading.Event(), threading.Event()
@@ -215,7 +215,7 @@ def test_a_stop_between_two_groups_that_home_ends_the_homing_and_nothing_is_enab
 
 
 def test_a_refusal_is_of_the_request_that_was_refused_and_of_no_later_one(
-    desk: Desk, service: Service, engine: FakeEngine
+    desk: CommandHandlers, service: Service, engine: FakeEngine
 ) -> None:
     """Seen on a bench: the second ENABLE answered with the door of the first, while the drives came up."""
     engine.now = engine.now._replace(mode=Mode.OFF)
@@ -241,7 +241,7 @@ def test_a_refusal_is_of_the_request_that_was_refused_and_of_no_later_one(
 
 
 def test_every_request_is_answered_as_what_came_of_it_and_not_as_the_mode_suggests(
-    desk: Desk, engine: FakeEngine
+    desk: CommandHandlers, engine: FakeEngine
 ) -> None:
     """The tick refuses what its table would take: it knows more than the snapshot that was seen last."""
     engine.now = engine.now._replace(mode=Mode.RUNNING)
@@ -255,7 +255,7 @@ def test_every_request_is_answered_as_what_came_of_it_and_not_as_the_mode_sugges
 
 
 def test_a_tick_that_answers_nothing_is_told_and_keeps_nobody_waiting(
-    desk: Desk, engine: FakeEngine, monkeypatch: pytest.MonkeyPatch
+    desk: CommandHandlers, engine: FakeEngine, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(acknowledged, "LONGEST_S", 0.02)
     monkeypatch.setattr(engine, "request", lambda request, value=0.0: 77)
@@ -293,7 +293,7 @@ def gone(engine: FakeEngine, before: Snapshot) -> tuple[float, float]:
 
 
 def test_from_ready_as_after_a_fault_the_tool_goes_off_along_its_axis_slowly(
-    desk: Desk, service: Service, engine: FakeEngine
+    desk: CommandHandlers, service: Service, engine: FakeEngine
 ) -> None:
     at(engine, A=35.0, C=-20.0)
     before, room = engine.now, done(desk, "status")["retract_room_mm"]
@@ -311,7 +311,7 @@ def test_from_ready_as_after_a_fault_the_tool_goes_off_along_its_axis_slowly(
 
 @pytest.mark.parametrize("mm", [999.0, 1000.0])
 def test_a_retract_that_cannot_be_is_refused_with_how_far_it_could_go(
-    desk: Desk, service: Service, engine: FakeEngine, mm: float
+    desk: CommandHandlers, service: Service, engine: FakeEngine, mm: float
 ) -> None:
     at(engine)
     room = done(desk, "status")["retract_room_mm"]
@@ -324,7 +324,7 @@ def test_a_retract_that_cannot_be_is_refused_with_how_far_it_could_go(
 
 
 def test_no_retract_where_the_tool_axis_is_not_known_or_a_door_is_open(
-    desk: Desk, service: Service, engine: FakeEngine
+    desk: CommandHandlers, service: Service, engine: FakeEngine
 ) -> None:
     at(engine)
     good = engine.now
@@ -342,7 +342,7 @@ def test_no_retract_where_the_tool_axis_is_not_known_or_a_door_is_open(
 
 
 def test_a_retract_that_something_ends_too_early_is_no_success(
-    desk: Desk, service: Service, engine: FakeEngine
+    desk: CommandHandlers, service: Service, engine: FakeEngine
 ) -> None:
     at(engine)
     engine.jog_ends_mm = 3.0
@@ -356,7 +356,7 @@ def leaves(value: Any) -> list[Any]:
 
 
 def test_of_a_tick_that_was_killed_in_a_cut_the_very_next_status_tells(
-    desk: Desk, service: Service, engine: FakeEngine
+    desk: CommandHandlers, service: Service, engine: FakeEngine
 ) -> None:
     """Nobody has looked since: no alarm is there yet, and nothing of the cut is told to go on."""
     loaded(desk, service)
@@ -385,7 +385,7 @@ def test_of_a_tick_that_was_killed_in_a_cut_the_very_next_status_tells(
 @pytest.mark.parametrize("alive", [True, False])
 @pytest.mark.parametrize("never", [True, False])
 def test_before_the_first_tick_every_field_is_there_and_nothing_is_known(
-    desk: Desk,
+    desk: CommandHandlers,
     service: Service,
     engine: FakeEngine,
     monkeypatch: pytest.MonkeyPatch,
@@ -405,7 +405,7 @@ def test_before_the_first_tick_every_field_is_there_and_nothing_is_known(
 
 
 def test_a_tick_that_stands_is_a_fault_within_a_second_and_once_an_alarm(
-    desk: Desk, service: Service, engine: FakeEngine, monkeypatch: pytest.MonkeyPatch
+    desk: CommandHandlers, service: Service, engine: FakeEngine, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Of what the status says in that time only positions stay; it goes on where the tick does."""
     seconds = [0.0]
@@ -442,7 +442,7 @@ def test_a_tick_that_stands_is_a_fault_within_a_second_and_once_an_alarm(
 
 @pytest.mark.parametrize("mode", [Mode.READY, Mode.HOLD, Mode.OFF])
 def test_of_a_tick_that_stands_nothing_is_asked_but_stops_and_a_reset_starts_another(
-    desk: Desk, service: Service, engine: FakeEngine, monkeypatch: pytest.MonkeyPatch, mode: Mode
+    desk: CommandHandlers, service: Service, engine: FakeEngine, monkeypatch: pytest.MonkeyPatch, mode: Mode
 ) -> None:
     seconds, began = [0.0], list[int]()
     service.processes.pulse = Pulse(lambda: seconds[0])
@@ -463,7 +463,7 @@ def test_of_a_tick_that_stands_nothing_is_asked_but_stops_and_a_reset_starts_ano
 
 
 def test_in_the_last_second_of_the_queue_the_operator_is_told_and_not_before(
-    desk: Desk, service: Service, engine: FakeEngine
+    desk: CommandHandlers, service: Service, engine: FakeEngine
 ) -> None:
     """The plan has more to send, and does not: the path goes on, and rests where the queue ends."""
     seconds = [0.0]
@@ -495,7 +495,7 @@ def test_in_the_last_second_of_the_queue_the_operator_is_told_and_not_before(
 
 
 def test_a_plan_that_is_killed_in_a_hold_is_a_fault_with_one_alarm(
-    desk: Desk, service: Service, engine: FakeEngine
+    desk: CommandHandlers, service: Service, engine: FakeEngine
 ) -> None:
     held(desk, service, engine)
     service.watch.look()
@@ -512,7 +512,9 @@ def test_a_plan_that_is_killed_in_a_hold_is_a_fault_with_one_alarm(
     assert messages.text(service.run.loaded.said) == messages.text(now["fault"])
 
 
-def test_a_later_death_of_the_plan_is_another_alarm(desk: Desk, service: Service, engine: FakeEngine) -> None:
+def test_a_later_death_of_the_plan_is_another_alarm(
+    desk: CommandHandlers, service: Service, engine: FakeEngine
+) -> None:
     for so_many in (1, 2):
         held(desk, service, engine)
         service.watch.look()
@@ -528,7 +530,7 @@ def test_a_later_death_of_the_plan_is_another_alarm(desk: Desk, service: Service
 
 
 def test_a_hold_right_behind_a_resume_is_sent_although_no_snapshot_shows_that_it_runs(
-    desk: Desk, service: Service, engine: FakeEngine
+    desk: CommandHandlers, service: Service, engine: FakeEngine
 ) -> None:
     held(desk, service, engine)
     assert done(desk, "resume")["outcome"] == done(desk, "hold")["outcome"] == "done"
@@ -538,7 +540,7 @@ def test_a_hold_right_behind_a_resume_is_sent_although_no_snapshot_shows_that_it
 
 
 def test_a_stop_is_sent_though_the_plan_that_prepares_a_start_is_gone(
-    desk: Desk, service: Service, engine: FakeEngine, monkeypatch: pytest.MonkeyPatch
+    desk: CommandHandlers, service: Service, engine: FakeEngine, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     loaded(desk, service)
     sent: list[Request] = []
@@ -559,7 +561,7 @@ def test_a_stop_is_sent_though_the_plan_that_prepares_a_start_is_gone(
 
 
 def test_a_start_on_a_full_disk_is_confirmed_costs_the_record_and_the_program_ends_as_ever(
-    desk: Desk, service: Service, engine: FakeEngine
+    desk: CommandHandlers, service: Service, engine: FakeEngine
 ) -> None:
     loaded(desk, service)
     (service.state / "runs").write_text("no folder can be made here")
@@ -581,7 +583,7 @@ def test_a_start_on_a_full_disk_is_confirmed_costs_the_record_and_the_program_en
 
 
 def test_a_disk_that_fills_during_a_run_is_told_once(
-    desk: Desk, service: Service, engine: FakeEngine
+    desk: CommandHandlers, service: Service, engine: FakeEngine
 ) -> None:
     loaded(desk, service)
     done(desk, "start")
@@ -600,7 +602,7 @@ def test_a_disk_that_fills_during_a_run_is_told_once(
 
 
 def test_a_run_is_told_to_be_over_when_what_it_forbids_is_allowed_again_and_not_before(
-    desk: Desk, service: Service, engine: FakeEngine, monkeypatch: pytest.MonkeyPatch
+    desk: CommandHandlers, service: Service, engine: FakeEngine, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     loaded(desk, service)
     done(desk, "start")
@@ -612,7 +614,7 @@ def test_a_run_is_told_to_be_over_when_what_it_forbids_is_allowed_again_and_not_
 
 
 def test_a_start_that_meets_an_error_of_ours_does_not_bar_the_next(
-    desk: Desk, service: Service, engine: FakeEngine
+    desk: CommandHandlers, service: Service, engine: FakeEngine
 ) -> None:
     loaded(desk, service)
     good = engine.answers["arm"]
@@ -625,7 +627,7 @@ def test_a_start_that_meets_an_error_of_ours_does_not_bar_the_next(
 
 
 def test_a_line_that_is_over_before_anybody_looks_has_been_run(
-    desk: Desk, service: Service, engine: FakeEngine
+    desk: CommandHandlers, service: Service, engine: FakeEngine
 ) -> None:
     engine.short = True
 
@@ -642,7 +644,7 @@ def test_a_line_that_is_over_before_anybody_looks_has_been_run(
 
 
 def test_what_a_plan_left_in_the_tick_when_it_died_is_dropped_before_the_next_start(
-    desk: Desk, service: Service, engine: FakeEngine
+    desk: CommandHandlers, service: Service, engine: FakeEngine
 ) -> None:
     loaded(desk, service)
     good = engine.answers["arm"]
@@ -663,7 +665,7 @@ def test_what_a_plan_left_in_the_tick_when_it_died_is_dropped_before_the_next_st
 
 
 def test_two_changes_at_once_are_both_kept(
-    desk: Desk, service: Service, monkeypatch: pytest.MonkeyPatch
+    desk: CommandHandlers, service: Service, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     save, both = setup_data.save, threading.Barrier(2, timeout=0.2)
 
@@ -685,7 +687,7 @@ def test_two_changes_at_once_are_both_kept(
 
 
 def test_a_start_during_a_change_runs_with_what_was_changed(
-    desk: Desk, service: Service, engine: FakeEngine, monkeypatch: pytest.MonkeyPatch
+    desk: CommandHandlers, service: Service, engine: FakeEngine, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     loaded(desk, service)
     save, writing, go = setup_data.save, threading.Event(), threading.Event()
@@ -722,7 +724,7 @@ def interrupted(service: Service) -> None:
 
 @pytest.mark.parametrize("then", ["load", "unload"])
 def test_the_place_of_what_another_service_ran_is_told_until_a_program_is_loaded(
-    then: str, desk: Desk, service: Service, tmp_path: Path
+    then: str, desk: CommandHandlers, service: Service, tmp_path: Path
 ) -> None:
     interrupted(service)
     after = served(tmp_path)
@@ -736,17 +738,17 @@ def test_the_place_of_what_another_service_ran_is_told_until_a_program_is_loaded
     assert told["in_block"] == {"what": "line", "fraction": 0.25, "u": None} and told["tool"] == 1
     assert "line 3" in messages.text(job) and "Zeile 3" in messages.text(job, "de")
     with pytest.raises(CommandRefused, match="oad"):
-        done(Desk(after), "start")
+        done(CommandHandlers(after), "start")
     if then == "load":
-        loaded(Desk(after), after)
+        loaded(CommandHandlers(after), after)
     else:
-        done(Desk(after), "unload")
+        done(CommandHandlers(after), "unload")
     now = whole_status.status(after)
     assert now["in_block"] is None and (now["job"] or {"state": "loaded"})["state"] == "loaded"
 
 
 def test_what_holds_where_nobody_answers_any_more_is_on_disk(
-    desk: Desk, service: Service, engine: FakeEngine
+    desk: CommandHandlers, service: Service, engine: FakeEngine
 ) -> None:
     """Written only where something is other; a service that ends in order leaves no fault."""
     held(desk, service, engine)
@@ -773,7 +775,7 @@ def test_what_holds_where_nobody_answers_any_more_is_on_disk(
 
 
 def test_what_calls_files_and_skips_lines_is_gone_on_with_as_it_was_begun(
-    desk: Desk, service: Service, tmp_path: Path
+    desk: CommandHandlers, service: Service, tmp_path: Path
 ) -> None:
     """The store knows a program by its file; what is run is that with what it calls, less what it skips."""
     file, called = service.state / "part.ngc", service.state / "holes.ngc"
@@ -796,13 +798,13 @@ def test_what_calls_files_and_skips_lines_is_gone_on_with_as_it_was_begun(
     journal.write(entry, service.state / JOURNAL)
     after = served(tmp_path)
     assert whole_status.status(after)["job"]["block_delete"] is True
-    offer = done(Desk(after), "restart")
+    offer = done(CommandHandlers(after), "restart")
     assert offer["offered"] and offer["sha256"] == journal.sha256(file.read_bytes())
-    done(Desk(after), "load", restart=True, **how)
+    done(CommandHandlers(after), "load", restart=True, **how)
     assert after.run.loaded is not None and after.run.loaded.block_delete
     called.write_text("o<holes> sub\nG0 X3\no<holes> endsub\n")
     with pytest.raises(CommandRefused, match="the program changed"):
-        done(Desk(after), "load", restart=True, **how)
+        done(CommandHandlers(after), "load", restart=True, **how)
 
 
 def test_what_came_to_its_end_is_not_told_of_after_a_return(service: Service, tmp_path: Path) -> None:
@@ -814,7 +816,7 @@ def test_what_came_to_its_end_is_not_told_of_after_a_return(service: Service, tm
 
 
 def test_a_restart_that_is_loaded_is_not_started_with_another_offset(
-    desk: Desk, service: Service, engine: FakeEngine
+    desk: CommandHandlers, service: Service, engine: FakeEngine
 ) -> None:
     interrupted(service)
     loaded(desk, service, restart=True)
@@ -829,7 +831,7 @@ def test_a_restart_that_is_loaded_is_not_started_with_another_offset(
 
 
 def test_a_restart_that_is_loaded_starts_with_another_tool_at_the_fraction_of_its_block(
-    desk: Desk, service: Service, engine: FakeEngine
+    desk: CommandHandlers, service: Service, engine: FakeEngine
 ) -> None:
     interrupted(service)
     loaded(desk, service, restart=True)
@@ -840,7 +842,7 @@ def test_a_restart_that_is_loaded_starts_with_another_tool_at_the_fraction_of_it
 
 
 def test_tools_do_not_change_while_the_way_back_is_planned_with_them(
-    desk: Desk, service: Service, engine: FakeEngine
+    desk: CommandHandlers, service: Service, engine: FakeEngine
 ) -> None:
     held(desk, service, engine)
     heard(service, aside=True)
@@ -864,7 +866,7 @@ def test_tools_do_not_change_while_the_way_back_is_planned_with_them(
 
 
 def test_a_start_before_the_program_is_read_or_after_its_refusal_says_why_in_both_languages(
-    desk: Desk, service: Service, engine: FakeEngine
+    desk: CommandHandlers, service: Service, engine: FakeEngine
 ) -> None:
     reading, go = threading.Event(), threading.Event()
 
@@ -895,7 +897,7 @@ def test_a_start_before_the_program_is_read_or_after_its_refusal_says_why_in_bot
     ("axis", "end", "sign"), [("X", "travel_max", 1), ("X", "travel_min", -1), ("A", "travel_max", 1)]
 )
 def test_a_jog_into_a_soft_limit_says_that_it_will_not_move_and_why(
-    desk: Desk, service: Service, engine: FakeEngine, axis: str, end: str, sign: int
+    desk: CommandHandlers, service: Service, engine: FakeEngine, axis: str, end: str, sign: int
 ) -> None:
     at(engine)
     index = [a.name for a in engine.machine.axes].index(axis)
@@ -927,7 +929,7 @@ def test_a_jog_into_a_soft_limit_says_that_it_will_not_move_and_why(
     ],
 )
 def test_nothing_moves_a_tool_that_stands_in_a_thread_but_its_way_out(
-    desk: Desk, service: Service, verb: str, args: dict[str, Any]
+    desk: CommandHandlers, service: Service, verb: str, args: dict[str, Any]
 ) -> None:
     service.thread.found = InThread(4.0, 1.25, 7, "part.ngc")
     with pytest.raises(CommandRefused, match=r"5\.00 mm deep.*line 7"):
@@ -935,7 +937,9 @@ def test_nothing_moves_a_tool_that_stands_in_a_thread_but_its_way_out(
     assert "IN_THREAD" in {one["name"] for one in done(desk, "status")["notices"]}
 
 
-def test_a_tool_that_was_turned_out_by_hand_is_said_to_be_out(desk: Desk, service: Service) -> None:
+def test_a_tool_that_was_turned_out_by_hand_is_said_to_be_out(
+    desk: CommandHandlers, service: Service
+) -> None:
     service.thread.found = InThread(4.0, 1.25, 7, "part.ngc")
     done(desk, "withdraw", is_out=True)
     assert service.thread.found is None
@@ -944,7 +948,7 @@ def test_a_tool_that_was_turned_out_by_hand_is_said_to_be_out(desk: Desk, servic
 
 
 def test_adaptive_feed_is_switched_where_the_machine_file_has_a_law_for_it(
-    desk: Desk, service: Service, engine: FakeEngine
+    desk: CommandHandlers, service: Service, engine: FakeEngine
 ) -> None:
     with pytest.raises(CommandRefused, match=r"write adaptive in \[spindle\]") as why:
         done(desk, "adaptive_feed", on=True)
@@ -965,7 +969,7 @@ def test_adaptive_feed_is_switched_where_the_machine_file_has_a_law_for_it(
     ],
 )
 def test_a_run_that_ended_early_is_told_until_somebody_has_seen_it_or_another_begins(
-    desk: Desk, service: Service, engine: FakeEngine, how: str, told: str | None
+    desk: CommandHandlers, service: Service, engine: FakeEngine, how: str, told: str | None
 ) -> None:
     loaded(desk, service)
     done(desk, "start")
@@ -997,7 +1001,7 @@ def test_a_run_that_ended_early_is_told_until_somebody_has_seen_it_or_another_be
 
 
 def test_a_line_by_hand_that_ended_early_is_told_as_it_was_typed(
-    desk: Desk, service: Service, engine: FakeEngine
+    desk: CommandHandlers, service: Service, engine: FakeEngine
 ) -> None:
     done(desk, "mdi", text="G38.2 Z-5 F100")
     heard(service, refusal=said("probe.not_touched", code="G38.2"))

@@ -29,7 +29,7 @@ from controller.program.modal import State
 from controller.program.program import ProgramError
 from controller.runtime.plan_messages import Way
 from controller.service import status, touch_off
-from controller.service.command_handlers import Desk
+from controller.service.command_handlers import CommandHandlers
 from controller.state.modes import ALL_AXES, Mode
 
 NAMES = (*SHIPPED, "three_axes", "machining_centre", "xyzac_linuxcnc")
@@ -243,7 +243,7 @@ def test_touched_off_by_the_service_the_figures_of_its_status_read_so(tmp_path: 
     tools = tuple(worn(t) if t.number == 2 else t for t in machine.tools)
     machine = setup_data.with_offset(replace(machine, tools=tools), "G55", [1.0, 2.0, 3.0])
     service = served(tmp_path, machine)
-    desk = Desk(service)
+    desk = CommandHandlers(service)
     engine = engine_of(service)
     engine.now = engine.now._replace(joints=(12.0, 100.0, 250.0, 0.0, 0.5), actual=(0.0,) * 5)
     service.set_up.put_in(2)
@@ -282,7 +282,7 @@ def test_touched_off_by_the_service_the_figures_of_its_status_read_so(tmp_path: 
     "typed", ["", "low", "1/0", "2 3", "(1", "1)", "__import__('os')", "1e3", "#5", "9" * 9, "+", "--"]
 )
 def test_what_is_no_figure_is_refused_in_one_sentence(typed: str, tmp_path: Path) -> None:
-    desk = Desk(served(tmp_path, bare("trunnion", "rs274")))
+    desk = CommandHandlers(served(tmp_path, bare("trunnion", "rs274")))
     with pytest.raises(CommandRefused) as why:
         done(desk, "set_offset", name="G54", reads={"Z": typed})
     assert why.value.code == "bad" and why.value.sentence.count(". ") == 0
@@ -294,4 +294,4 @@ def test_no_figure_is_set_where_the_axes_have_no_zero(tmp_path: Path) -> None:
     engine.now = engine.now._replace(homed=ALL_AXES & ~4)
     for verb, of in (("set_offset", {"name": "G54"}), ("set_tool", {"number": 2})):
         with pytest.raises(CommandRefused, match="Z not homed"):
-            done(Desk(service), verb, reads={"Z": 0}, **of)
+            done(CommandHandlers(service), verb, reads={"Z": 0}, **of)

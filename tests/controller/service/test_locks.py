@@ -15,7 +15,7 @@ from support.net.declared import ARGUMENTS
 from controller.commands.table import COMMANDS
 from controller.ipc.control_socket import CommandRefused
 from controller.machine import machine_file
-from controller.service.command_handlers import Desk
+from controller.service.command_handlers import CommandHandlers
 from controller.service.service import Service
 from controller.state.modes import Mode
 
@@ -54,19 +54,19 @@ Taken = list[tuple[str, str, tuple[str, ...]]]
 
 
 @pytest.fixture
-def noted(tmp_path: Path) -> Iterator[tuple[Desk, Service, Taken]]:
+def noted(tmp_path: Path) -> Iterator[tuple[CommandHandlers, Service, Taken]]:
     service = served(tmp_path, machine_file.load("machining_centre"))
     taken: Taken = []
     lock, fitting = Noted("lock", service.run.lock, taken), Noted("fitting", service.set_up.lock, taken)
     lock.others, fitting.others = (fitting,), (lock,)
     service.run.lock, service.set_up.lock = lock, fitting  # type: ignore[assignment]
-    desk = Desk(service)
+    desk = CommandHandlers(service)
     yield desk, service, taken
     desk.close()
     service.close()
 
 
-def at_the_door(desk: Desk, verb: str, args: dict[str, Any]) -> None:
+def at_the_door(desk: CommandHandlers, verb: str, args: dict[str, Any]) -> None:
     """As the socket's thread asks; then whatever it began comes to its end."""
     answers: list[Any] = []
 
@@ -85,7 +85,9 @@ def at_the_door(desk: Desk, verb: str, args: dict[str, Any]) -> None:
 
 
 @pytest.mark.slow  # every command in four modes; some wait for a tick that is only made up
-def test_the_door_takes_no_lock_and_fitting_comes_before_lock(noted: tuple[Desk, Service, Taken]) -> None:
+def test_the_door_takes_no_lock_and_fitting_comes_before_lock(
+    noted: tuple[CommandHandlers, Service, Taken],
+) -> None:
     desk, service, taken = noted
     engine: FakeEngine = engine_of(service)
     program = service.state / "part.ngc"
@@ -106,7 +108,9 @@ def test_the_door_takes_no_lock_and_fitting_comes_before_lock(noted: tuple[Desk,
     assert not [one for one in taken if one[1] == "fitting" and "lock" in one[2]]
 
 
-def test_the_locks_of_this_test_see_a_rule_that_is_broken(noted: tuple[Desk, Service, Taken]) -> None:
+def test_the_locks_of_this_test_see_a_rule_that_is_broken(
+    noted: tuple[CommandHandlers, Service, Taken],
+) -> None:
     _, service, taken = noted
     with service.run.lock, service.set_up.lock:
         pass

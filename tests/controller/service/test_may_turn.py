@@ -14,7 +14,7 @@ from controller.machine.model import Machine
 from controller.plan.stretch import Pause
 from controller.program.program import Act, ProgramError
 from controller.runtime import checked
-from controller.service.command_handlers import Desk
+from controller.service.command_handlers import CommandHandlers
 from controller.state.modes import Request
 
 CHANGER = shipped("machining_centre")  # its probe is T99
@@ -73,7 +73,7 @@ def test_a_program_without_a_tool_word_asks_for_its_tool_before_the_spindle_turn
 
 def test_by_hand_it_is_refused_as_long_as_the_probe_is_there(tmp_path: Path) -> None:
     service = served(tmp_path, BY_HAND)
-    desk, asked = Desk(service), engine_of(service).requests
+    desk, asked = CommandHandlers(service), engine_of(service).requests
     service.set_up.put_in(99)
     with pytest.raises(CommandRefused, match="T99"):
         done(desk, "spindle", rev_min=300.0)

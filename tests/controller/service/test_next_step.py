@@ -19,7 +19,7 @@ from controller.machine.tool_store import Step, placed
 from controller.messages import said
 from controller.plan.restart.program_position import Spot
 from controller.service import jobs, journal, sequences
-from controller.service.command_handlers import Desk
+from controller.service.command_handlers import CommandHandlers
 from controller.service.sequencer import Sequence
 from controller.service.thread_guard import InThread
 from controller.service.watchdog import Pulse
@@ -38,7 +38,7 @@ class Scene:
 
     def __init__(self, folder: Path) -> None:
         self.service = served(folder, shipped("shop"))
-        self.desk, self.engine = Desk(self.service), engine_of(self.service)
+        self.desk, self.engine = CommandHandlers(self.service), engine_of(self.service)
         self.file = self.service.state / "part.ngc"
         self.file.write_text(TEXT)
         self.seconds = [0.0]

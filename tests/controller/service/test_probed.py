@@ -9,7 +9,7 @@ import pytest
 from support.fakes.fake_engine import done
 
 from controller.runtime.plan_messages import Announcement, News
-from controller.service.command_handlers import Desk
+from controller.service.command_handlers import CommandHandlers
 from controller.service.probed import FILE, KEPT, Probed, found
 from controller.service.service import Service
 
@@ -43,7 +43,7 @@ def test_results_are_there_after_a_restart_and_no_more_than_are_kept(tmp_path: P
         assert told[0].items() >= BORE.items() and told[0]["at_s"] >= told[-1]["at_s"]
 
 
-def test_what_a_run_finds_is_in_the_table_and_in_its_record(desk: Desk, service: Service) -> None:
+def test_what_a_run_finds_is_in_the_table_and_in_its_record(desk: CommandHandlers, service: Service) -> None:
     program = service.state / "part.ngc"
     program.write_text("G21 G90 G54\nG1 X10. F3000\nM30\n")
     done(desk, "load", path=str(program))

@@ -17,7 +17,7 @@ from support.fakes.fake_engine import FakeEngine, done
 from controller import messages
 from controller.ipc.control_socket import CommandRefused
 from controller.service import sequences
-from controller.service.command_handlers import Desk
+from controller.service.command_handlers import CommandHandlers
 from controller.service.service import Service
 from controller.state.modes import Mode
 
@@ -28,14 +28,14 @@ class Usage(NamedTuple):
     free: int
 
 
-def loaded(desk: Desk, service: Service) -> None:
+def loaded(desk: CommandHandlers, service: Service) -> None:
     path = service.state / "part.ngc"
     path.write_text("G21 G90 G54\nG1 X10. F3000\nM30\n")
     done(desk, "load", path=str(path), name="part.ngc")
 
 
 def test_with_too_little_room_nothing_starts_and_both_languages_say_why(
-    desk: Desk, service: Service, engine: FakeEngine, monkeypatch: pytest.MonkeyPatch
+    desk: CommandHandlers, service: Service, engine: FakeEngine, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     loaded(desk, service)
     monkeypatch.setattr(shutil, "disk_usage", lambda _: Usage(10 << 30, 10 << 30, 3 << 20))
@@ -51,7 +51,7 @@ def test_with_too_little_room_nothing_starts_and_both_languages_say_why(
 
 
 def test_a_confirmation_is_true_and_nothing_like_it(
-    desk: Desk, service: Service, monkeypatch: pytest.MonkeyPatch
+    desk: CommandHandlers, service: Service, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     loaded(desk, service)
     monkeypatch.setattr(sequences, "lacking", lambda *_: {"why": "the disk is full"})
@@ -61,7 +61,7 @@ def test_a_confirmation_is_true_and_nothing_like_it(
 
 
 def test_a_line_by_hand_runs_all_the_same_for_the_machine_must_be_moved(
-    desk: Desk, engine: FakeEngine, monkeypatch: pytest.MonkeyPatch
+    desk: CommandHandlers, engine: FakeEngine, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(sequences, "lacking", lambda *_: {"why": "the disk is full"})
     done(desk, "mdi", text="G0 X1")

@@ -42,7 +42,7 @@ from controller.program.program import Act, Action, Changing, ProgramError, Sele
 from controller.runtime import checked
 from controller.runtime.starts import Start, path_from
 from controller.runtime.stepped import SteppedMachine
-from controller.service.command_handlers import Desk
+from controller.service.command_handlers import CommandHandlers
 from controller.state.modes import TOOL_CHANGE, Fault, Mode, Request
 
 
@@ -486,23 +486,23 @@ def test_simulated_the_steps_are_no_stops_of_the_program() -> None:
 
 
 @pytest.fixture
-def desk(tmp_path: Path) -> Desk:
-    return Desk(served(tmp_path, machine()))
+def desk(tmp_path: Path) -> CommandHandlers:
+    return CommandHandlers(served(tmp_path, machine()))
 
 
-def _ask(desk: Desk, verb: str, **args: Any) -> Any:
+def _ask(desk: CommandHandlers, verb: str, **args: Any) -> Any:
     answer = desk(verb, args)
     return answer.result(10.0) if isinstance(answer, Future) else answer
 
 
 @pytest.mark.parametrize("verb", ["mdi", "home"])
-def test_nothing_is_begun_before_the_tools_are_confirmed(desk: Desk, verb: str) -> None:
+def test_nothing_is_begun_before_the_tools_are_confirmed(desk: CommandHandlers, verb: str) -> None:
     with pytest.raises(CommandRefused, match="has not been confirmed yet"):
         _ask(desk, verb, text="G0 X1")
     assert any(one["name"] == "CHANGER_IN_DOUBT" for one in _ask(desk, "status")["notices"])
 
 
-def test_what_is_confirmed_is_told(desk: Desk) -> None:
+def test_what_is_confirmed_is_told(desk: CommandHandlers) -> None:
     told = _ask(desk, "changer_confirm", spindle=2, away=[3], clear=True)
     assert told["spindle"] == 2 and told["away"] == [3] and told["doubt"] is None
     assert [row["here"] for row in told["pockets"]] == [True, False, False]
@@ -520,13 +520,13 @@ def test_what_is_confirmed_is_told(desk: Desk) -> None:
         ({"clear": True}, "spindle None: must be a whole number from 0 to 99999"),
     ],
 )
-def test_a_guess_is_not_taken(desk: Desk, args: dict[str, Any], says: str) -> None:
+def test_a_guess_is_not_taken(desk: CommandHandlers, args: dict[str, Any], says: str) -> None:
     with pytest.raises(CommandRefused, match=says):
         _ask(desk, "changer_confirm", **args)
     assert _ask(desk, "changer")["spindle"] is None
 
 
-def test_a_pocket_that_is_given_away_is_looked_at_anew(desk: Desk) -> None:
+def test_a_pocket_that_is_given_away_is_looked_at_anew(desk: CommandHandlers) -> None:
     _ask(desk, "changer_confirm", spindle=0, clear=True)
     told = _ask(desk, "changer_pocket", pocket=1, tool=3)
     assert [row["tool"] for row in told["pockets"]] == [3, 2, None] and told["doubt"] is not None
@@ -537,7 +537,7 @@ def test_a_pocket_that_is_given_away_is_looked_at_anew(desk: Desk) -> None:
 def test_a_change_is_a_mode_of_the_status_and_its_job_runs(tmp_path: Path) -> None:
     """Whoever asks between two steps, before anybody has looked, is not told of a hold."""
     service = served(tmp_path, machine())
-    desk, engine, changer = Desk(service), engine_of(service), service.changer
+    desk, engine, changer = CommandHandlers(service), engine_of(service), service.changer
     assert changer is not None
     _ask(desk, "changer_confirm", spindle=0, away=[], clear=True)
     _ask(desk, "mdi", text="T2 M6")
@@ -555,10 +555,10 @@ TWO = "G21 G90 G94 T1 M6\nG1 X1 F600\nT2 M6\nG1 X2\nG1 X3\nM30\n"
 IN_IT = Changing(5, 1, 2, 4, False)  # a step of the second change
 
 
-def interrupted_in_a_change(tmp_path: Path) -> Desk:
+def interrupted_in_a_change(tmp_path: Path) -> CommandHandlers:
     """TWO was stopped in its second change, T1 to T2, and the service has seen that."""
     service = served(tmp_path, machine())
-    desk, engine, changer = Desk(service), engine_of(service), service.changer
+    desk, engine, changer = CommandHandlers(service), engine_of(service), service.changer
     assert changer is not None
     _ask(desk, "changer_confirm", spindle=1, away=[], clear=True)
     (service.state / "two.ngc").write_text(TWO)

@@ -23,7 +23,7 @@ from controller.program.program import ProgramError
 from controller.runtime import checked
 from controller.service import status
 from controller.service import usage as module
-from controller.service.command_handlers import Desk
+from controller.service.command_handlers import CommandHandlers
 from controller.service.service import Service
 from controller.service.usage import Usage
 from controller.state.modes import Mode
@@ -179,7 +179,7 @@ def test_an_interval_begins_when_it_is_made(tmp_path: Path) -> None:
 # ---- at the door
 
 
-def loaded(desk: Desk, service: Service) -> None:
+def loaded(desk: CommandHandlers, service: Service) -> None:
     path = service.state / "part.ngc"
     path.write_text(TEXT)
     done(desk, "load", path=str(path))
@@ -192,7 +192,7 @@ def worn(service: Service, tool: int) -> None:
 
 
 def test_a_worn_tool_in_the_spindle_starts_no_program_but_by_confirmation(
-    desk: Desk, service: Service, engine: FakeEngine
+    desk: CommandHandlers, service: Service, engine: FakeEngine
 ) -> None:
     loaded(desk, service)
     worn(service, 2)
@@ -212,7 +212,7 @@ def test_a_worn_tool_in_the_spindle_starts_no_program_but_by_confirmation(
 
 
 def test_a_worn_tool_with_a_sister_starts_and_the_run_has_it_in_its_place(
-    desk: Desk, service: Service, engine: FakeEngine
+    desk: CommandHandlers, service: Service, engine: FakeEngine
 ) -> None:
     loaded(desk, service)
     done(desk, "tool_life", tool=1, parts=1, sister=2)
@@ -293,7 +293,7 @@ def test_a_worn_tool_that_is_asked_for_is_told_as_such(service: Service) -> None
         ("maintained", {"name": "nobody"}),
     ],
 )
-def test_what_cannot_be_is_refused(desk: Desk, verb: str, args: dict[str, Any]) -> None:
+def test_what_cannot_be_is_refused(desk: CommandHandlers, verb: str, args: dict[str, Any]) -> None:
     with pytest.raises(CommandRefused) as refused:
         done(desk, verb, **args)
     assert refused.value.code == "bad" and messages.text(refused.value.said, "de") != refused.value.sentence

@@ -22,7 +22,7 @@ from controller.machine import machine_file
 from controller.plan.report.passing import OWN
 from controller.plan.restart.program_position import LinePart
 from controller.runtime.plan_messages import Way
-from controller.service.command_handlers import Desk
+from controller.service.command_handlers import CommandHandlers
 from controller.service.service import JOURNAL, Service
 from controller.service.socket_server import Server
 from controller.service.whole_status import Kept
@@ -45,7 +45,7 @@ def cut(service: Service) -> None:
     """A quarter of the block is done."""
     path = service.state / NAME
     path.write_bytes(machine_file.shipped_program(NAME).read_bytes())
-    desk, engine = Desk(service), engine_of(service)
+    desk, engine = CommandHandlers(service), engine_of(service)
     engine.recorder = OneMoment(engine)
     for verb, args in (("load", {"path": str(path), "name": NAME}), ("start", {})):
         desk(verb, args)
@@ -68,7 +68,7 @@ def main() -> None:
     if not (service.state / JOURNAL).exists():
         cut(service)
     Kept(service).begin()
-    with_door = Server(control_path(folder), Desk(service))
+    with_door = Server(control_path(folder), CommandHandlers(service))
     while with_door:
         service.watch.look()
         time.sleep(LOOK_S)

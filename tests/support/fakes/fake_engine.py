@@ -3,7 +3,7 @@
 service = served(folder)           # homed and enabled
 engine = engine_of(service)
 engine.answers["arm"] = ...        # a function that is called while the plan has the order
-Desk(service)("hold", {})
+CommandHandlers(service)("hold", {})
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from controller.ipc.handoff import COLUMN, ROW, Jog, Snapshot, blank
 from controller.machine.model import Machine
 from controller.runtime.plan_messages import News
 from controller.runtime.starts import Start
-from controller.service.command_handlers import Desk
+from controller.service.command_handlers import CommandHandlers
 from controller.service.folders import Folders
 from controller.service.jobs import homed_position
 from controller.service.service import Service
@@ -173,7 +173,7 @@ def heard(service: Service, **news: Any) -> None:
     service.run.hear(News(**news))
 
 
-def done(desk: Desk, verb: str, **args: Any) -> dict[str, Any]:
+def done(desk: CommandHandlers, verb: str, **args: Any) -> dict[str, Any]:
     """What comes of a verb. Raises CommandRefused."""
     answer = desk(verb, args)
     return answer.result(HANGS_S) if isinstance(answer, Future) else answer

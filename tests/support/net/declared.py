@@ -27,7 +27,7 @@ from controller.machine import keys as machine_keys
 from controller.machine import machine_file
 from controller.machine.toml_table import parse
 from controller.runtime import replay
-from controller.service.command_handlers import Desk
+from controller.service.command_handlers import CommandHandlers
 from controller.service.thread_guard import InThread
 from controller.state.modes import Mode
 from controller.verify.trace import Trace
@@ -130,7 +130,7 @@ def verbs() -> str:
     for machine in (mill(), machine_file.load("machining_centre")):
         with tempfile.TemporaryDirectory() as folder:
             service = served(Path(folder), machine)
-            desk = Desk(service)
+            desk = CommandHandlers(service)
             try:
                 for verb in _verbs_of(desk):
                     found.setdefault(verb, set()).update(_asked(desk, service, verb))
@@ -140,7 +140,7 @@ def verbs() -> str:
     return "".join(f"{verb} = {' '.join(sorted(names))}\n" for verb, names in found.items())
 
 
-def _verbs_of(desk: Desk) -> list[str]:
+def _verbs_of(desk: CommandHandlers) -> list[str]:
     try:
         desk("none of them", {})
     except CommandRefused as error:
@@ -148,7 +148,7 @@ def _verbs_of(desk: Desk) -> list[str]:
     raise AssertionError("a verb that there is not was done")
 
 
-def _asked(desk: Desk, service: Any, verb: str) -> set[str]:
+def _asked(desk: CommandHandlers, service: Any, verb: str) -> set[str]:
     """What a machine that stands, with a program loaded, reads of the arguments; before it refuses, if so."""
     program = service.state / "part.ngc"
     program.write_text("G21 G90\nG4 P0.1\nM30\n")

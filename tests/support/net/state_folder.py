@@ -28,7 +28,7 @@ from controller.ipc.handoff import COLUMN
 from controller.machine import machine_file
 from controller.plan.restart.program_position import Spot
 from controller.service import restart_preview, runs
-from controller.service.command_handlers import Desk
+from controller.service.command_handlers import CommandHandlers
 from controller.service.service import Service
 
 ARCHIVE = "state.tar.xz"
@@ -129,7 +129,7 @@ def _of_service(scratch: Path) -> Iterator[str]:
     runs.lose(scratch / "state")
     (written,) = (scratch / "state").glob("runs/*-part.ngc/machine.toml")  # the shipped one may have changed
     service = served(scratch, machine_file.read(written.read_text(), "trunnion.toml"))
-    desk = Desk(service)
+    desk = CommandHandlers(service)
     try:
         offered = restart_preview.restart(service)
         yield from normal.lines({key: offered[key] for key in FACTS}, "restart")
