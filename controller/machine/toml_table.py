@@ -16,6 +16,7 @@ import re
 import tomllib
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple, NoReturn
 
@@ -222,9 +223,15 @@ def read_text(path: Path, encoding: str = "utf-8") -> str:
 def parse(text: str, file: str) -> Table:
     """The top level of a TOML text; raises ``ConfigError``."""
     try:
-        return Table(file, Key("file.top_level"), tomllib.loads(text), text)
+        return Table(file, Key("file.top_level"), _values_of(text), text)
     except tomllib.TOMLDecodeError as error:
         raise ConfigError(said("file.no_toml", file=file, why=error)) from error
+
+
+@lru_cache(16)
+def _values_of(text: str) -> dict[str, Any]:
+    """Nobody changes them; a machine, its tools and its drives' profiles are asked for again and again."""
+    return tomllib.loads(text)
 
 
 HEAD = re.compile(r"\s*(\[\[?)\s*([^\]#]+?)\s*\]")

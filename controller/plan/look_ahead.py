@@ -21,12 +21,12 @@ from controller.machine.kinematics import Kinematics
 from controller.machine.model import Machine
 from controller.motion.motions import ToolLine
 from controller.motion.pieces import Sensing
-from controller.plan.feed import binding, pace, profile
+from controller.plan import known
+from controller.plan.feed import binding, pace
 from controller.plan.feed.course import FEW, REMEMBERED, Course
 from controller.plan.feed.profile import Profile, State
 from controller.plan.feed.ticked import is_row
 from controller.plan.path.path import Chain, Pause, Stretch
-from controller.plan.stops import table as stops
 from controller.plan.track import Unit
 from controller.plan.waits import SETTING
 from controller.program.program import UNSAID, Act, Await, Level, Outputs, Probing
@@ -308,7 +308,7 @@ class Windows:
         stretches = [unit.what for unit in units if isinstance(unit.what, Stretch)]
         begins = [unit.begin for unit in units]
         course = Course(stretches, self._machine, self._kinematics, *orders.scales, begins)
-        found = profile.plan(course, begin, reach.until, guess)
+        found = known.law(course, begin, reach.until, guess)
         if found is None:
             return None
         made = Sent(
@@ -379,7 +379,7 @@ class Windows:
         if made.seam_s is not None:
             last_s = min(last_s, made.seam_s - made.start_s + STOPS_BEYOND_S)
         step_s = (1 if self._period_s > 0.75 * STOP_STEP_S else 2) * self._period_s
-        return stops.stops(made.course, made.profile, 0.0, last_s, step_s).shifted(made.start_s)
+        return known.stops(made.course, made.profile, 0.0, last_s, step_s).shifted(made.start_s)
 
     # --- pauses
 

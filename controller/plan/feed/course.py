@@ -77,6 +77,7 @@ class Course:
         lengths = [one.motion.end - begin for one, begin in zip(self.stretches, self.begins, strict=True)]
         self.starts: Array = np.concatenate([[0.0], np.cumsum(lengths)])
         self.zeros: Array = self.starts[:-1] - self.begins
+        self.made_of = self.stretches, machine, type(kinematics), self._scales, tuple(self.begins)
         self._junctions: dict[int, float] = {}
         self._jumps: dict[int, Jump] = {}
         self._kinds: dict[int, object] = {}
