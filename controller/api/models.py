@@ -112,11 +112,19 @@ class Done(Told):
 class FaultFacts(Told, Texts):
     name: str
     axis: str | None = None
+    cause: Texts | None = Field(None, description="Where that usually comes from.")
+    remedy: Texts | None = Field(None, description="What to do.")
     recovery: str | None = None
     position_trusted: bool | None = None
     recording: str | None = None
     number: int | None = Field(None, description="Of its alarm.")
     time_s: Number = Field(None, description="When it came, seconds since 1970.")
+
+
+class Note(Told, Texts):
+    """What a check remarks of a line."""
+
+    line: int | None = None
 
 
 class JobFacts(Told, Texts):
@@ -139,6 +147,11 @@ class JobFacts(Told, Texts):
         None, description="Until it next stops for the operator: M0, M1 where that stops, a change by hand."
     )
     duration_s: Number = None
+    text: str | None = Field(None, description="Of a line typed by hand, which is in no store.")
+    dry_run_mm: Number = Field(None, description="So far away along the tool axis, the spindle off.")
+    checking: Number = Field(None, description="Share of its check that is done, while it is under way.")
+    notes: list[Note] = Field([], description="What its check remarks.")
+    restart: list[Texts] = Field([], description="The state at the place where it begins in mid program.")
     state: str | None = Field(
         None,
         description="loading, loaded or refused; from its start on starting, running, held, stopping; then "
@@ -170,6 +183,19 @@ class RestartFacts(Told, Texts):
     exact: bool | None = Field(None, description="Otherwise at or before the place, at most 1 s of cut.")
     tool: int | None = None
     interrupted_s: Number = Field(None, description="Seconds since 1970.")
+
+
+class RunOutcome(Told, Texts):
+    """A run since the service began, and what came of it; the texts say why it ended early."""
+
+    id: str = Field(description="As ``record`` of the facts in GET /runs; a start is answered with it.")
+    program: str
+    result: str | None = Field(
+        None,
+        description="null: it is under way. completed; refused: a line of it on the way; stopped, fault; "
+        "interrupted: by the end of the service; not_started: it moved nothing.",
+    )
+    line: int | None = Field(None, description="Where it ended.")
 
 
 class NextFacts(Told, Texts):
@@ -219,6 +245,7 @@ class Status(OfTick, Told):
         None, description="A start of the loaded program is not refused as things are."
     )
     restart: RestartFacts | None = Field(None, description="As GET /restart, without its name in the store.")
+    run: RunOutcome | None = Field(None, description="The run under way, or the last; null: none yet.")
     ended_early: Texts | None = Field(
         None, description="Why the last run did not come to its end; until the next one, or POST /job/seen."
     )

@@ -10,7 +10,7 @@ import typer
 from controller.cli import remote
 from controller.cli.client import Json, TakeOver, Url, asked, tell_done
 from controller.cli.speech import say, speaking
-from controller.verify.console import show
+from controller.verify.console import Refused, show
 
 app = typer.Typer()
 
@@ -41,9 +41,12 @@ def confirm(
     as_json: Json = False,
 ) -> None:
     """Say where every tool is: each one that is not named is in its pocket."""
-    with asked(url, as_json) as machine, machine.control(take_over):
-        done = machine.post("changer/confirm", {"spindle": spindle, "away": away or [], "clear": clear})
-        tell_done(say("changer_confirmed"), done, as_json)
+    with asked(url, as_json) as machine:
+        if not clear:
+            raise Refused(say("changer_not_clear"))
+        with machine.control(take_over):
+            done = machine.post("changer/confirm", {"spindle": spindle, "away": away or [], "clear": clear})
+            tell_done(say("changer_confirmed"), done, as_json)
 
 
 @app.command()

@@ -17,7 +17,7 @@ from typing import Annotated, Any
 
 import typer
 
-from controller.cli import remote
+from controller.cli import remote, waiting
 from controller.cli.remote import Machine
 from controller.cli.speech import say, speaking
 from controller.verify.console import Refused, refusals, show, tell
@@ -28,6 +28,7 @@ Json = Annotated[bool, typer.Option("--json")]
 Axes = Annotated[list[str] | None, typer.Argument()]
 Seconds = Annotated[float | None, typer.Option("--seconds")]
 Frame = Annotated[str, typer.Option("--frame")]
+Wait = Annotated[bool, typer.Option("--wait")]
 
 PANEL = "help_frame.production"  # headline in --help
 REFRESH_S = 0.08  # of a jog: it comes to rest 200 ms after the last one
@@ -96,6 +97,7 @@ def start(
     unrecorded: Annotated[bool, typer.Option("--unrecorded")] = False,
     worn: Annotated[bool, typer.Option("--worn")] = False,
     yes: Annotated[bool, typer.Option("--yes")] = False,
+    wait: Wait = False,
     take_over: TakeOver = False,
     url: Url = remote.URL,
     as_json: Json = False,
@@ -119,6 +121,10 @@ def start(
                     _agreed(loaded, line)
             confirmed = {"unrecorded": unrecorded, "worn": worn}
             done = carried_out(machine, "cycle/start", confirmed if any(confirmed.values()) else None)
+            run = waiting.run_of(machine, done) if wait else ""
+        if wait:
+            waiting.to_its_end(machine, run, as_json)
+            return
         tell_done(say("started_program", program=program) if program else say("started"), done, as_json)
 
 

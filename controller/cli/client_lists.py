@@ -6,7 +6,7 @@ import contextlib
 import hashlib
 import json
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from datetime import datetime
 from pathlib import Path
 from typing import Annotated, Any
@@ -15,7 +15,6 @@ from urllib.parse import quote
 import typer
 from rich.console import RenderableType
 from rich.live import Live
-from rich.table import Table
 from rich.text import Text
 
 from controller.cli import remote, status_view
@@ -170,14 +169,24 @@ def runs(most: Most = 20, url: Url = remote.URL, as_json: Json = False) -> None:
         if as_json:
             print(json.dumps({"ok": True, "runs": found}))
             return
-        heads = [say(head) for head in ("run", "began", "program", "result", "took")]
-        table = Table(*heads, box=None, pad_edge=False)
-        for run in found:
-            ended_s = run["ended_s"]
-            took = status_view.clock(None if ended_s is None else ended_s - run["began_s"])
-            result = word(f"result.{run['result']}", run["result"])
-            table.add_row(str(run["id"]), _when(run["began_s"]), run["program"], result, took)
-        show.print(table if found else say("no_runs"))
+        for line in _runs(found) if found else (say("no_runs"),):
+            show.print(line, markup=False, soft_wrap=True)
+
+
+def _runs(found: list[dict[str, Any]]) -> Iterator[str]:
+    """A line for each run, and below it why it did not come to its end; the name, of any length, is last."""
+    rows = [tuple(say(head) for head in ("run", "began", "took", "result", "program"))]
+    for run in found:
+        ended_s = run["ended_s"]
+        took = status_view.clock(None if ended_s is None else ended_s - run["began_s"])
+        result = word(f"result.{run['result']}", run["result"])
+        rows.append((str(run["id"]), _when(run["began_s"]), took, result, run["program"]))
+    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]) - 1)]
+    whys = ("", *(str(run["facts"].get("sentence") or "") for run in found))
+    for row, why in zip(rows, whys, strict=True):
+        yield "  ".join([*(cell.ljust(width) for cell, width in zip(row, widths, strict=False)), row[-1]])
+        if why:
+            yield f"    {why}"
 
 
 def alarms(

@@ -9,8 +9,8 @@ from typing import Annotated, Any, Literal
 
 import typer
 
-from controller.cli import remote
-from controller.cli.client import PANEL, Json, TakeOver, Url, asked, carried_out, tell_done
+from controller.cli import remote, waiting
+from controller.cli.client import PANEL, Json, TakeOver, Url, Wait, asked, carried_out, tell_done
 from controller.cli.speech import say, speaking
 from controller.commands.arguments import NEEDED, Argument, Number, Several, Switch, Whole
 from controller.commands.command import Access, Client, Command, Rest
@@ -34,16 +34,24 @@ def verb(command: Command, client: Client, rest: Rest) -> Callable[..., None]:
     taken = {_name(command, client, one): one for one in command.arguments if not one.is_local}
     kind = inspect.Parameter.KEYWORD_ONLY
     parameters = [_parameter(command, client, name, one) for name, one in taken.items()]
+    if client.waits:
+        parameters.append(inspect.Parameter("wait", kind, annotation=Wait, default=False))
     if command.access is Access.MOVE:
         parameters.append(inspect.Parameter("take_over", kind, annotation=TakeOver, default=False))
     parameters.append(inspect.Parameter("url", kind, annotation=Url, default=remote.URL))
     parameters.append(inspect.Parameter("as_json", kind, annotation=Json, default=False))
 
-    def made(url: str, as_json: bool, take_over: bool | None = None, **typed: Any) -> None:
+    def made(
+        url: str, as_json: bool, take_over: bool | None = None, wait: bool = False, **typed: Any
+    ) -> None:
         values = {one.name: _value(one, typed[name]) for name, one in taken.items()}
         with asked(url, as_json) as machine:
             with contextlib.nullcontext() if take_over is None else machine.control(take_over):
                 answer = _ask(machine, rest, values)
+                run = waiting.run_of(machine, answer) if wait else ""
+            if wait:
+                waiting.to_its_end(machine, run, as_json)
+                return
             tell_done(_sentence(command, client, values, answer), answer, as_json)
 
     made.__name__ = client.name

@@ -9,8 +9,8 @@ from typing import Annotated, Any
 
 import typer
 
-from controller.cli import remote
-from controller.cli.client import Json, TakeOver, Url, asked, carried_out, named, tell_done
+from controller.cli import remote, waiting
+from controller.cli.client import Json, TakeOver, Url, Wait, asked, carried_out, named, tell_done
 from controller.cli.speech import say, speaking
 from controller.verify.console import show, word
 
@@ -23,6 +23,7 @@ def probe(
     found: Annotated[bool, typer.Option("--found")] = False,
     table: Annotated[Path | None, typer.Option("--csv")] = None,
     touches: Annotated[Path | None, typer.Option("--touches")] = None,
+    wait: Wait = False,
     take_over: TakeOver = False,
     url: Url = remote.URL,
     as_json: Json = False,
@@ -43,7 +44,12 @@ def probe(
         else:
             body = {"cycle": cycle, "values": named(values), "offset": offset}
             with machine.control(take_over):
-                tell_done(say("started"), carried_out(machine, "probing", body), as_json)
+                done = carried_out(machine, "probing", body)
+                run = waiting.run_of(machine, done) if wait else ""
+            if wait:
+                waiting.to_its_end(machine, run, as_json)
+            else:
+                tell_done(say("started"), done, as_json)
 
 
 def _show_found(told: dict[str, Any], as_json: bool) -> None:

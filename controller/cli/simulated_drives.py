@@ -9,10 +9,11 @@ from typing import Annotated, Literal, NoReturn
 import typer
 
 from controller.cli.help_texts import CHANNEL
+from controller.cli.speech import speaking
 from controller.machine import drive_profiles, machine_file, nodes
 from controller.machine.toml_table import ConfigError
 from controller.runtime import simulation
-from controller.verify.console import Refused, refusals, tell
+from controller.verify.console import Refused, refusals, say, tell
 from drives.gateways import options
 from drives.profile import Profile
 from drives.settings import BusSettings, IoSettings, SpindleSettings
@@ -33,6 +34,7 @@ Devices = list[SimulatedDrive | IoNode]
 Ids = Annotated[str, typer.Option()]
 
 
+@speaking
 def simulate(
     profile: Annotated[str, typer.Option("--profile")] = ("simulated"),
     eds: Annotated[Path | None, typer.Option("--eds")] = None,
@@ -56,6 +58,9 @@ def simulate(
     """Simulated drives of a family or a machine, until Ctrl-C: on a virtual bus, or on a CAN interface."""
     expected = (ConfigError, ScriptError, InterfaceError)
     with refusals(False, lambda: expected), tempfile.TemporaryDirectory() as folder:
+        if write_eds is not None:
+            _write_sheet(write_eds, profile, bare, machine)
+            return
         nature = Parameters(lost_sync=LostSync(lost_sync))
         if machine:
             wanted, devices = _of_machine(machine, bus, nature)
@@ -64,12 +69,12 @@ def simulate(
             bit_rate = wanted.bit_rate if bit_rate is None else bit_rate
         else:
             family = drive_profiles.load(profile)
-            sheet = eds or _sheet(family, bare, write_eds, Path(folder))
+            sheet = eds or _sheet(family, bare, Path(folder))
             devices = _of_family(family, sheet, bare, ids, spindle, io, nature)
         server = _server(channel, interface, bit_rate, worst_stuffing)
         named = (None if log is None else str(log), socketcand, None if slcan is None else str(slcan))
         with options.equipped(server, faults, *named):
-            tell.print(f"{len(devices)} simulated nodes on {server.path}; Ctrl-C ends them.", markup=False)
+            tell.print(say("sim_drives.serve", count=len(devices), path=server.path), markup=False)
             run(server, devices)
 
 
@@ -87,19 +92,22 @@ def numbers(text: str, option: str) -> list[int]:
 
 
 def _refuse_ids(option: str, text: str) -> NoReturn:
-    raise Refused(
-        f"{option} {text}: not a list of node ids; allowed are 1 to {LAST_NODE}, e.g. 1-5 or 1,2,7."
-    )
+    raise Refused(say("sim_drives.ids", option=option, found=text, most=LAST_NODE))
 
 
-def _sheet(profile: Profile, bare: bool, wanted: Path | None, folder: Path) -> Path:
+def _write_sheet(file: Path, profile: str, bare: bool, machine: str) -> None:
+    """The data sheet of a family's drives; nothing is served. Raises Refused, ConfigError, OSError."""
+    if machine:
+        raise Refused(say("sim_drives.sheet_of_family", file=file))
+    written = family_sheet.write(file, drive_profiles.load(profile), bare)
+    tell.print(say("sim_drives.sheet", file=written), markup=False)
+
+
+def _sheet(profile: Profile, bare: bool, folder: Path) -> Path:
     """The data sheet that comes with the profile, or one made from it. Raises OSError."""
-    if profile.eds and not (bare or wanted):
+    if profile.eds and not bare:
         return Path(profile.eds)
-    written = family_sheet.write(wanted or folder / f"{Path(profile.name).stem}.eds", profile, bare)
-    if wanted:
-        tell.print(f"Their data sheet is {written}.", markup=False)
-    return written
+    return family_sheet.write(folder / f"{Path(profile.name).stem}.eds", profile, bare)
 
 
 def _of_family(
@@ -110,8 +118,7 @@ def _of_family(
     every = [*axes, *spindles, *others]
     twice = sorted({node for node in every if every.count(node) > 1})
     if twice or not every:
-        found = f"node {twice[0]} is named twice" if twice else "no node is named"
-        raise Refused(f"--nodes, --spindle, --io: {found}; each node needs an id of its own; change one.")
+        raise Refused(say("sim_drives.twice" if twice else "sim_drives.none", node=next(iter(twice), 0)))
     made: Devices = [families.restrict(SimulatedDrive(node, nature, sheet), profile, bare) for node in axes]
     made += [build.spindle(SpindleSettings("spindle", "", n, "", COUNTS_PER_REV), nature) for n in spindles]
     return made + [build.inputs_and_outputs(IoSettings("io", "", node, ""), nature) for node in others]
@@ -122,8 +129,8 @@ def _of_machine(file: str, bus: str, nature: Parameters) -> tuple[BusSettings, D
     made = machine_file.load(file)
     buses = {settings.name: settings for settings in nodes.bus_settings(made)}
     if (bus and bus not in buses) or (not bus and len(buses) > 1):
-        found = f"--bus {bus}: there is no such bus" if bus else "the machine has several buses"
-        raise Refused(f"{found}; choose one of {', '.join(buses)}, each has a process of its own.")
+        key = "sim_drives.no_bus" if bus else "sim_drives.several_buses"
+        raise Refused(say(key, bus=bus, allowed=", ".join(buses)))
     wanted = buses[bus] if bus else next(iter(buses.values()))
     return wanted, simulation.devices(made, wanted.name, nature)
 
@@ -135,7 +142,7 @@ def _place(bus: BusSettings) -> tuple[str, str]:
 
 def _server(channel: str, interface: str, bit_rate: int | None, worst_stuffing: bool) -> Server:
     if interface and channel:
-        raise Refused("--channel and --socketcan: one or the other; leave one out.")
+        raise Refused(say("sim_drives.two_places"))
     if interface:
         return on_interface(interface, bit_rate or 0, worst_stuffing=worst_stuffing)
     bit_rate = BIT_RATE if bit_rate is None else bit_rate

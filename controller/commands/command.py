@@ -62,6 +62,7 @@ class Client:
     off: str = ""  # key of that where the first value is 0
     renamed: tuple[tuple[str, str], ...] = ()  # argument, and its name here where it is another one
     negative: bool = False  # a value such as -3000 is no option
+    waits: bool = False  # a run comes of it, whose end may be waited for
 
 
 @dataclass(frozen=True, slots=True)

@@ -127,6 +127,7 @@ ALL: tuple[Command, ...] = (
         rest=Rest(
             "POST", "job/seen", "Somebody has read why the last run ended early; it is not told again."
         ),
+        client=Client("seen", "seen"),
     ),
     Command(
         "start",
@@ -168,7 +169,7 @@ ALL: tuple[Command, ...] = (
         (),
         Request.RESUME,
         rest=Rest("POST", "cycle/resume", "Go on after a hold."),
-        client=Client("resume", "resumed"),
+        client=Client("resume", "resumed", waits=True),
     ),
     Command(
         "stop",
@@ -352,7 +353,7 @@ ALL: tuple[Command, ...] = (
         needs=("not_in_thread",),
         lane=Lane.SLOW,
         rest=Rest("POST", "mdi", "Run one or more blocks as they are given."),
-        client=Client("mdi", "started"),
+        client=Client("mdi", "started", waits=True),
     ),
     Command(
         "probe",

@@ -21,6 +21,7 @@ from controller.runtime.starts import Start
 from controller.service.job_status import ended_early
 from controller.service.jobs import Job, journalled, whole_from
 from controller.service.journal import Entry
+from controller.service.last_run import NOT_STARTED, LastRun
 from controller.service.modal_state import ModalState
 from controller.service.run_recorder import RunRecorder
 
@@ -38,6 +39,7 @@ class JobRun:
         self.job: Job | None = None  # that one, or an MDI line, from start to end
         self.interrupted = interrupted  # until a program is loaded
         self.ended_early: Said | None = None  # of the last run, until somebody has seen it or another begins
+        self.last: LastRun | None = None  # that under way, or the last; of this service
         self.modal = ModalState(service.set_up.machine)
         self.lock = threading.RLock()  # the door's thread never takes it
 
@@ -96,7 +98,7 @@ class JobRun:
             self.job, self.ended_early = job, None
             if service.changer is not None:
                 service.changer.arm()
-            self.recorder.begin(job, machine, engine, now)
+            self.last = LastRun(self.recorder.begin(job, machine, engine, now), job.program.name)
 
     def begin(self, job: Job, facts: dict[str, Any]) -> None:
         """The start goes out next."""
@@ -119,6 +121,8 @@ class JobRun:
                 self.job = None
                 if job.state_before is not None:
                     self.modal.see(job.state_before)
+            if self.last is not None and self.last.result is None:
+                self.last = self.last._replace(result=NOT_STARTED, said=why)
             self.recorder.drop()
 
     def end(self, result: str, why: Said | None = None) -> None:
@@ -136,6 +140,9 @@ class JobRun:
             elif job.news.tool is not None and (result == "completed" or job.news.tool != set_up.tool):
                 set_up.put_in(job.news.tool if result == "completed" else 0)  # it may be in the hand
             self.job = None
+            if self.last is not None:
+                line = job.last.line if job.last is not None else None
+                self.last = self.last._replace(result=result, line=line, said=early)
             self.recorder.end(result, job.duration_s, why or early)
             service.usage.ended(result == "completed" and not job.is_mdi)
             service.troubles.run_over()

@@ -35,8 +35,8 @@ class RunRecorder:
         self._begun = threading.Event()  # a record is, or all is over
         threading.Thread(target=self._sync, name="sync", daemon=True).start()
 
-    def begin(self, job: Job, machine: Machine, engine: Engine, now: Snapshot | None) -> None:
-        """A run is asked for; what was asked of the tick before ``now`` is none of it."""
+    def begin(self, job: Job, machine: Machine, engine: Engine, now: Snapshot | None) -> str:
+        """A run is asked for; what was asked of the tick before ``now`` is none of it. The run's id."""
         if (rows := engine.recorder) is not None:
             rows.drain()
         while engine.asked and now is not None and now.has_taken(engine.asked[0].number):
@@ -50,6 +50,7 @@ class RunRecorder:
         self.record, self.unrecorded = RunRecord(self._state, machine, what), None
         self._begun.set()
         self._report(self.record)
+        return self.record.folder.name
 
     def started(self, start: Start, job: Job) -> None:
         """From where, and on what."""

@@ -159,7 +159,8 @@ def start(service: Service, job: Job, going: Going, unrecorded: bool = False) ->
         service.run.not_started(job, of_error(error))
         _drop(service)
         raise
-    return {"mode": service.processes.now().mode.name}
+    last = service.run.last
+    return {"mode": service.processes.now().mode.name, "run": last.id if last is not None else None}
 
 
 def _arm(service: Service, job: Job) -> None:

@@ -104,7 +104,7 @@ def unseen(told: Mapping[str, Any], over: bool = True) -> dict[str, Any]:
 def not_begun(told: Mapping[str, Any]) -> dict[str, Any]:
     """A status by ``blank``, before the first tick: every field is there, and none is known."""
     drives = [{**unknown(row), **{key: row[key] for key in _NAMES}} for row in told["drives"]]
-    kept = {key: told[key] for key in ("mode", "not_homed", "job", "in_block", "tool", "ended_early")}
+    kept = {key: told[key] for key in ("mode", "not_homed", "job", "in_block", "tool", "ended_early", "run")}
     return {**unknown(told), **kept, "on_table": None, "drives": drives}
 
 

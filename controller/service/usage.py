@@ -158,6 +158,8 @@ class Usage:
             tools = [
                 {"number": int(n), **asdict(use), "worn": use.worn} for n, use in self._kept.tools.items()
             ]
+            for row in tools:  # a note of our own: an alarm of it is given once
+                del row["told"]
             counters = [
                 {"name": name, "value": self._value(name), "unit": unit}
                 for name, unit in self._counters().items()

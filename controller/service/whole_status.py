@@ -111,6 +111,8 @@ class Kept:
         ended = {**last, "mode": Mode.OFF.name, "fault": None}
         if last["job"] and job is not None:
             ended["job"] = {**last["job"], "state": job.state, **messages.facts(job.said)}
+        if (run := self._service.run.last) is not None:
+            ended["run"] = run.to_json()
         self._write({**self._told, "status": ended})
 
     def _run(self) -> None:
@@ -175,6 +177,7 @@ def _told(service: Service, now: Snapshot) -> Values:
         **_with_notices(service, values),
         "change": change,
         "ended_early": run.ended_early,
+        "run": run.last.to_json() if run.last is not None else None,
         "aside": run.aside,
         "no_resume": _no_resume(service, now),
         "retract_room_mm": retract_room_mm(service, now),

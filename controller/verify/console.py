@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import sys
 from collections.abc import Callable, Iterator
 from contextvars import ContextVar
 from functools import cached_property
@@ -15,8 +16,11 @@ from controller import messages
 
 if TYPE_CHECKING:
     from rich.console import Console
+    from rich.table import Table
 
     from controller.program.program import ProgramError
+
+MAX_WIDTH = 10_000  # of a line, where a table is measured
 
 
 class Late:
@@ -32,11 +36,33 @@ class Late:
         return Console(highlight=False, **self._asked)  # type: ignore[arg-type]
 
     def print(self, *said: object, **how: Any) -> None:
+        tables = sys.modules.get("rich.table")  # who shows one has imported it
+        for table in said:
+            if tables is not None and isinstance(table, tables.Table):
+                _keep_whole(table, self.console)
+                how.setdefault("crop", False)
         self.console.print(*said, **how)
 
     @property
     def is_terminal(self) -> bool:
         return self.console.is_terminal
+
+
+def _keep_whole(table: Table, console: Console) -> None:
+    """On a terminal that is too narrow nothing of a table is cut, as a number may be what another command
+    needs: the first column keeps its width, and words of columns that must not wrap are never broken.
+    """
+    endless = console.options.update(width=MAX_WIDTH)
+    is_drawing = any(column.width is not None for column in table.columns)
+    if is_drawing or console.measure(table, options=endless).maximum <= console.width:
+        return
+    for number, column in enumerate(table.columns):
+        found = [console.measure(one, options=endless) for one in (column.header, *column.cells)]
+        if number == 0:
+            column.min_width = max(one.maximum for one in found)
+        elif column.no_wrap:
+            column.min_width, column.no_wrap = max(one.minimum for one in found), False
+        column.overflow = "fold"
 
 
 tell = Late(stderr=True, soft_wrap=True)  # sentences, progress

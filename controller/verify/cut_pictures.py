@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from controller.verify.console import say
 from controller.verify.judge import Judged
 from controller.verify.plots import DPI, INK, PIXELS
 
@@ -27,10 +28,10 @@ def picture(judged: Sequence[Judged], path: str | Path, title: str) -> None:
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(PIXELS[0] / DPI, PIXELS[1] / DPI), dpi=DPI, facecolor="white")
-    figure.text(0.025, 0.962, "The surface as cut", fontsize=19, color=INK, weight="bold", va="center")
+    figure.text(0.025, 0.962, say("cut_picture.title"), fontsize=19, color=INK, weight="bold", va="center")
     figure.text(0.025, 0.925, title, fontsize=12, color="#444444", va="center")
     if not judged:
-        figure.text(0.5, 0.5, "No surface is cut.", fontsize=14, color=INK, ha="center")
+        figure.text(0.5, 0.5, say("cut_picture.none"), fontsize=14, color=INK, ha="center")
         figure.savefig(path, format="png", dpi=DPI)
         return
     # An edge may be off by more: it shows in full colour, and its figure stands above its map.
@@ -43,7 +44,10 @@ def picture(judged: Sequence[Judged], path: str | Path, title: str) -> None:
     bar = figure.colorbar(
         colours, cax=figure.add_axes((0.06, 0.06, 0.38, 0.018)), orientation="horizontal", extend="both"
     )
-    bar.set_label("deviation along the normal, µm (negative, red: cut too deep)", fontsize=10, color=INK)
+    bar.set_label(say("cut_picture.scale"), fontsize=10, color=INK)
+    if len(shown) < len(judged):
+        told = say("cut_picture.left_out", shown=len(shown), all=len(judged))
+        figure.text(0.025, 0.89, told, fontsize=11, color=INK, va="center")
     figure.savefig(path, format="png", dpi=DPI)
 
 
@@ -92,11 +96,11 @@ def _map(figure: Figure, one: Judged, k: int, count: int, most: float) -> None:
             axes.plot(worst.u, worst.v, marker="x", markersize=8, color=colour, clip_on=False)
     over = -one.whole.overcut.mm if one.whole.overcut else 0.0
     under = one.whole.undercut.mm if one.whole.undercut else 0.0
+    um = {"over": 1e3 * over, "under": 1e3 * under, "inside": 1e3 * one.inside.largest_mm}
     axes.set_title(
-        f"line {one.nominal.line}: overcut {1e3 * over:.1f}, undercut {1e3 * under:.1f} µm; "
-        f"its own cut, without the ends: {1e3 * one.inside.largest_mm:.1f} µm",
+        say("cut_picture.surface", line=one.nominal.line, **um),
         loc="left", fontsize=10, color=INK,
     )  # fmt: skip
     axes.set_xlabel("u", fontsize=10, color=INK)
-    axes.set_ylabel("v (0 = upper)", fontsize=10, color=INK)
+    axes.set_ylabel(say("cut_picture.v"), fontsize=10, color=INK)
     axes.tick_params(labelsize=9)

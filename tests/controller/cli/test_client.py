@@ -2,28 +2,25 @@
 
 from __future__ import annotations
 
-import contextlib
 import csv
 import hashlib
 import json
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable
 from io import StringIO
 from pathlib import Path
 from typing import Any
 
 import pytest
-from argon2 import PasswordHasher
 from fastapi.testclient import TestClient
 from rich.console import Console
 from support.fakes.fake_socket import PROBED, tools_of
+from support.fakes.noting_door import NotingDoor
 from typer.testing import CliRunner, Result
 
 from controller.__main__ import app
 from controller.api.answers import Refusal
 from controller.api.app_state import Panel
-from controller.api.http import make_app
 from controller.api.service_client import Watch
-from controller.api.store import Store
 from controller.api.users import new_token
 from controller.cli import client as verbs
 from controller.cli import client_lists, remote
@@ -35,73 +32,6 @@ from controller.state.modes import Fault, told
 ASK = CliRunner()
 PROGRAM = b"g90\ng0 x1\nm30\n"
 DEAD = "http://127.0.0.1:9"  # discard: nobody listens there
-
-
-class NotingDoor:
-    """Answers every verb at once and keeps what was asked."""
-
-    def __init__(self) -> None:
-        self.asked: list[tuple[str, dict[str, Any]]] = []
-        self.results: dict[str, dict[str, Any]] = {"load": {"restart": [plain("Work offset G54.")]}}
-        self.coming: list[dict[str, Any]] = []  # sequences of the next statuses
-        self.jobs: list[dict[str, Any]] = []  # likewise; the last one stays
-        self.refused: dict[str, Refusal] = {}
-        self.then: dict[str, Callable[[], None]] = {}  # what comes of a verb
-        self.status: dict[str, Any] = {"mode": "READY", "joints": {}, "job": None}
-
-    async def ask(self, verb: str, **args: Any) -> dict[str, Any]:
-        if verb != "status":
-            self.asked.append((verb, args))
-        if verb in self.refused:
-            raise self.refused[verb]
-        if verb == "status":
-            if self.jobs:
-                self.status["job"] = self.jobs.pop(0)
-            return {**self.status, "sequence": self.coming.pop(0) if self.coming else None}
-        self.then.get(verb, lambda: None)()
-        return self.results.get(verb, {})
-
-    @property
-    def verbs(self) -> list[str]:
-        """Without the end of a jog that giving control back asks for."""
-        return [verb for verb, _ in self.asked if verb != "jog_stop"]
-
-
-@pytest.fixture
-def door() -> NotingDoor:
-    return NotingDoor()
-
-
-@pytest.fixture(scope="module")
-def http(tmp_path_factory: pytest.TempPathFactory) -> Iterator[TestClient]:
-    """The application, made once; every test puts a panel of its own behind it."""
-    store = Store(tmp_path_factory.mktemp("first"))
-    made = make_app(Panel(store, NotingDoor()))
-    with TestClient(made, base_url=remote.URL, client=("127.0.0.1", 40000)) as found:
-        yield found
-    store.close()
-
-
-@pytest.fixture
-def panel(
-    http: TestClient, door: NotingDoor, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> Iterator[Panel]:
-    """The verbs reach this panel, whatever address they are given."""
-    monkeypatch.setattr("controller.api.users.PasswordHasher", lambda: PasswordHasher(1, 8, 1))  # quick
-    store = Store(tmp_path / "store")
-    http.app.state.panel = made = Panel(store, door)  # type: ignore[attr-defined]
-
-    @contextlib.contextmanager
-    def client(url: str, headers: Mapping[str, str]) -> Iterator[TestClient]:
-        http.headers.update(headers)
-        yield http
-        http.headers.pop("authorization", None)
-
-    monkeypatch.delenv("DIRECTRIX_TOKEN", raising=False)
-    monkeypatch.delenv("DIRECTRIX_URL", raising=False)
-    monkeypatch.setattr(remote, "client", client)
-    yield made
-    store.close()
 
 
 def run(*words: str, answer: str = "") -> Result:
@@ -602,9 +532,14 @@ def test_runs_are_listed(panel: Panel) -> None:
     assert "Nothing was run yet." in done("runs")
     number = panel.store.runs.begin("part.ngc", "0" * 64)
     panel.store.runs.end(number, "completed")
-    told = done("runs")
-    assert "part.ngc" in told and "completed" in told
-    assert json.loads(done("runs", "--json"))["runs"][0]["result"] == "completed"
+    number = panel.store.runs.begin(f"{'a long name of a part, ' * 5}with spaces.ngc", "0" * 64)
+    panel.store.runs.end(number, "refused", **plain("G38.2 did not touch: look at the probe."))
+    head, refused, why, completed = done("runs").splitlines()
+    assert head.split() == ["run", "began", "took", "result", "program"]
+    assert refused.startswith("2 ") and refused.endswith("with spaces.ngc")
+    assert why.strip() == "G38.2 did not touch: look at the probe."
+    assert completed.startswith("1 ") and completed.split()[-2:] == ["completed", "part.ngc"]
+    assert json.loads(done("runs", "--json"))["runs"][1]["result"] == "completed"
 
 
 # --- who does not answer

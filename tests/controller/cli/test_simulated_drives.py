@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 from controller.cli import simulated_drives
 from controller.cli.drives import app
 from drives import bus, commission, pdo
-from drives.commissioning import survey
+from drives.commissioning import sheet, survey
 from drives.settings import BusSettings
 from drives.simulated import __main__ as drives_alone
 from drives.simulated.serve import Server
@@ -47,6 +47,14 @@ def test_drives_a_spindle_and_inputs_answer(tmp_path: Path) -> None:
     assert found(tmp_path / "can", *options) == [(3, 402), (10, 402), (20, 401)]
 
 
+def test_a_data_sheet_is_written_and_that_is_all(tmp_path: Path) -> None:
+    file = tmp_path / "own.eds"
+    done = CliRunner().invoke(app, ["simulate", "--profile", "maxon_epos4", "--write-eds", str(file)])
+    assert done.exit_code == 0 and str(file) in done.stderr, "it would serve for ever"
+    assert sheet.load(str(file), 1).dictionary[0x6060].name
+    assert refusal("--write-eds", str(tmp_path / "no" / "own.eds"))
+
+
 def refusal(*options: str) -> str:
     done = CliRunner().invoke(app, ["simulate", *options])
     assert done.exit_code == 1, done.output
@@ -62,6 +70,7 @@ REFUSALS: Sequence[tuple[Sequence[str], str]] = [
     (("--machine", "trunnion", "--bus", "nobus"), "--bus nobus: there is no such bus"),
     (("--channel", "a", "--socketcan", "b"), "one or the other"),
     (("--socketcan", "nocan7"), "CAN interface nocan7"),
+    (("--machine", "trunnion", "--write-eds", "a.eds"), "is the data sheet of a family"),
 ]
 
 

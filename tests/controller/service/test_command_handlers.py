@@ -640,7 +640,9 @@ def test_a_line_that_is_over_before_anybody_looks_has_been_run(
     assert isinstance(started, Future)
     while not started.done() or service.run.job is not None:
         service.watch.look()
-    assert started.result() == {"done": True, "mode": "READY"} and service.run.job is None
+    assert started.result()["mode"] == "READY" and service.run.job is None
+    seen = done(desk, "status")["run"]
+    assert seen["id"] == started.result()["run"] and seen["result"] == "completed", "who waits finds it"
 
 
 def test_what_a_plan_left_in_the_tick_when_it_died_is_dropped_before_the_next_start(
@@ -989,8 +991,10 @@ def test_a_run_that_ended_early_is_told_until_somebody_has_seen_it_or_another_be
     service.watch.look()
     now = done(desk, "status")
     if told is None:
-        assert now["ended_early"] is None and now["job"]["state"] == "completed"
+        assert now["ended_early"] is None and now["job"]["state"] == now["run"]["result"] == "completed"
         return
+    assert now["run"]["result"] == now["job"]["state"] and now["run"]["line"] == 2
+    assert messages.text(now["run"]).startswith(told)
     assert messages.text(now["ended_early"]).startswith(told), now["ended_early"]
     service.writer.submit(lambda: None).result(HANGS_S)
     (run,) = done(desk, "runs")["runs"]
@@ -998,6 +1002,8 @@ def test_a_run_that_ended_early_is_told_until_somebody_has_seen_it_or_another_be
     assert kept and (told.split(". ", 1)[-1][:20] in kept), "and the list of runs has it, too"
     done(desk, "seen")
     assert done(desk, "status")["ended_early"] is None
+    assert done(desk, "status")["run"] == now["run"], "a script may ask later than the operator looks"
+    assert run["id"] == now["run"]["id"]
 
 
 def test_a_line_by_hand_that_ended_early_is_told_as_it_was_typed(
