@@ -11,7 +11,6 @@ from __future__ import annotations
 import contextlib
 from collections.abc import AsyncIterator, Iterator
 from functools import cache
-from typing import Any
 
 from fastapi import APIRouter, FastAPI, Request
 from fastapi.exceptions import RequestValidationError
@@ -22,8 +21,7 @@ from starlette.requests import ClientDisconnect, HTTPConnection
 from starlette.routing import BaseRoute, compile_path
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from controller.api import metrics, octoprint
-from controller.api.access import COOKIE, needs, panel_of
+from controller.api import description, metrics, octoprint
 from controller.api.answers import DESCRIPTIONS, Answer, Refusal, language_of, of_form, spoken
 from controller.api.app_state import Panel
 from controller.api.database import StoreError
@@ -100,7 +98,8 @@ def make_app(panel: Panel) -> FastAPI:
     )
     app.state.panel = panel
     _check_guards()
-    _describe(app)
+    http = [(path, route, rule_of(route)) for path, route in routes() if isinstance(route, APIRoute)]
+    description.add(app, http)
     _refusals(app)
     app.add_middleware(Slashes)
     app.add_middleware(Bounds)
@@ -114,27 +113,6 @@ def _routes_of_parts() -> list[BaseRoute]:
     for prefix, part in PARTS:
         whole.include_router(part.router, prefix=prefix)
     return whole.routes
-
-
-def _describe(app: FastAPI) -> None:
-    """``/openapi.json``; it says how to log in where one has to."""
-
-    @app.get("/openapi.json", include_in_schema=False, dependencies=[needs(Role.VIEW)])
-    async def openapi(request: Request) -> JSONResponse:
-        return JSONResponse(_schema(app, panel_of(request).users.any))
-
-
-def _schema(app: FastAPI, log_in: bool) -> dict[str, Any]:
-    described = dict(app.openapi())
-    if not log_in:
-        return described
-    schemes = {
-        "token": {"type": "http", "scheme": "bearer"},
-        "session": {"type": "apiKey", "in": "cookie", "name": COOKIE},
-    }
-    described["components"] = {**described["components"], "securitySchemes": schemes}
-    described["security"] = [{"token": []}, {"session": []}]
-    return described
 
 
 # ---- refusals

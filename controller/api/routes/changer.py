@@ -9,14 +9,14 @@ from pydantic import Field
 
 from controller.api import models
 from controller.api.access import needs, panel_of
+from controller.api.answers import documented
 from controller.api.roles import Role
-from controller.api.routes.machine import LOOKS
 
 router = APIRouter(tags=["tool changer"])
 Number = Annotated[int, Field(ge=0, le=99999)]
 
 
-@router.get("/changer", dependencies=[needs(Role.VIEW)], responses=LOOKS)
+@router.get("/changer", dependencies=[needs(Role.VIEW)], responses=documented(401, 403, 409, 503))
 async def changer(request: Request) -> models.Told:
     """Spindle, pockets, the step under way, what must be confirmed, and the last steps."""
     facts: dict[str, Any] = await panel_of(request).door.ask("changer")

@@ -20,7 +20,7 @@ from controller.api.app_state import Panel
 from controller.api.multipart import Received
 from controller.api.programs import Program
 from controller.api.roles import Role
-from controller.api.routes.records import Opened
+from controller.api.routes.records import FILE, Opened
 from controller.api.slashes import Name
 
 router = APIRouter(tags=["programs"])
@@ -103,10 +103,7 @@ async def program(request: Request, name: Name) -> models.ProgramFacts:
     "/programs/{name}/text",
     dependencies=[needs(Role.VIEW)],
     response_class=FileResponse,
-    responses={
-        200: {"content": {"application/octet-stream": {"schema": {"type": "string", "format": "binary"}}}},
-        **documented(401, 403, 404, 422),
-    },
+    responses=FILE,
 )
 async def text(request: Request, name: Name) -> Opened:
     """The program as it was uploaded, byte by byte."""

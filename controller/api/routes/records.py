@@ -33,8 +33,10 @@ Speaks = Annotated[str, Query(max_length=20, description="Language of the page; 
 MAX_ALARMS = 1000  # looked through for those of a run
 PAGE = documented(401, 403, 422)
 FileName = Annotated[str, Path(pattern=r"^[0-9A-Za-z][0-9A-Za-z._-]{0,100}$")]
+BYTES = {"content": {"application/octet-stream": {"schema": {"type": "string", "format": "binary"}}}}
 FILE: dict[int | str, dict[str, Any]] = {
-    200: {"content": {"application/octet-stream": {"schema": {"type": "string", "format": "binary"}}}},
+    200: BYTES,
+    206: {**BYTES, "description": "The part that Range asks for."},
     **documented(401, 403, 404, 422),
 }
 

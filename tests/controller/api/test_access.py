@@ -284,13 +284,19 @@ def test_with_the_first_user_everybody_has_to_log_in_and_openapi_says_how(tmp_pa
     async def story() -> None:
         scene = Scene(tmp_path)
         async with scene.client() as client:
-            assert "security" not in (await client.get("/openapi.json")).json()
+            described = (await client.get("/openapi.json")).json()
+            assert {} in described["security"], "on this computer nobody logs in"
+            assert set(described["components"]["securitySchemes"]) == {"token", "api_key", "session"}
             scene.store.users.set("anna", await scene.panel.users.hash(PASSWORD), "operate")
             scene.panel.users.refresh()
             assert (await client.get("/api/v1/status")).status_code == 401
             page = await logged_in(client, "anna", PASSWORD)
             assert (await client.get("/api/v1/status", headers=page)).status_code == 200
-            assert (await client.get("/openapi.json", headers=page)).json()["security"]
+            described = (await client.get("/openapi.json", headers=page)).json()
+            assert described["security"] == [{"token": []}, {"api_key": []}, {"session": []}]
+            assert described["paths"]["/api/v1/session"]["post"]["security"] == []
+            start = described["paths"]["/api/v1/cycle/start"]["post"]["description"]
+            assert start.endswith("Role: operate, holding the control token.")
 
     asyncio.run(story())
 

@@ -8,6 +8,7 @@ from typing import Any
 
 import httpx
 from argon2 import PasswordHasher
+from support.fakes import as_described
 from support.fakes.fake_socket import FakeDoor
 
 from controller.api.app_state import Panel
@@ -50,7 +51,14 @@ class Scene:
         """Who asks from ``peer``; with a script's token of that role, if any."""
         headers = {"Authorization": f"Bearer {self.tokens[role]}"} if role else {}
         transport = httpx.ASGITransport(self.app, client=(peer, 50000))
-        return httpx.AsyncClient(transport=transport, base_url=url, headers=headers)
+        hooks: dict[str, list[Any]] = {"response": [_as_described]}
+        return httpx.AsyncClient(transport=transport, base_url=url, headers=headers, event_hooks=hooks)
+
+
+async def _as_described(answer: httpx.Response) -> None:
+    """Whatever a test asks for, the answer must be what /openapi.json says."""
+    await answer.aread()
+    assert not (found := as_described.slips(answer)), found
 
 
 async def take_control(client: httpx.AsyncClient) -> str:
