@@ -14,16 +14,15 @@ to be.
 
 from __future__ import annotations
 
-import csv
-import io
 from collections import defaultdict
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from controller.calibration import csv_table
+from controller.calibration.csv_table import number
 from controller.calibration.refusal import Refusal
-from controller.calibration.touch_table import number
 from controller.machine import compensation
 from controller.machine.model import Axis
 from controller.values import dataclass
@@ -46,11 +45,7 @@ class Runs:
 
 def read(text: str, file: str) -> Runs:
     """A CSV of ``target, sense (1 or -1), measured`` in mm or degrees as shown. Raises Refusal."""
-    reader = csv.DictReader(io.StringIO(text))
-    missing = [name for name in COLUMNS if name not in (reader.fieldnames or ())]
-    if missing:
-        raise Refusal("no_column", file=file, column=missing[0], needed=", ".join(COLUMNS))
-    rows = [(reader.line_num, row) for row in reader]
+    rows = csv_table.read(text, COLUMNS, file)
     if not 0 < len(rows) <= MOST_ROWS:
         raise Refusal("how_many", file=file, count=len(rows), most=MOST_ROWS)
     found: dict[tuple[float, float], list[float]] = defaultdict(list)

@@ -11,9 +11,6 @@ place (``feed_mm_min``: first fast, then slowly, as the cycles do) the slower on
 
 from __future__ import annotations
 
-import csv
-import io
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import zip_longest
@@ -21,6 +18,8 @@ from itertools import zip_longest
 import numpy as np
 from numpy.typing import NDArray
 
+from controller.calibration import csv_table
+from controller.calibration.csv_table import Line, number
 from controller.calibration.refusal import Refusal
 from controller.machine.model import Machine
 
@@ -54,12 +53,8 @@ class Touches:
 
 def read(text: str, machine: Machine, file: str) -> Touches:
     """Touches of a CSV. Raises Refusal."""
-    reader = csv.DictReader(io.StringIO(text))
     needed = [axis.name for axis in machine.axes] + ["i", "j", "k", "length_mm", "radius_mm"]
-    missing = [name for name in needed if name not in (reader.fieldnames or ())]
-    if missing:
-        raise Refusal("no_column", file=file, column=missing[0], needed=", ".join(needed))
-    rows = _counting([(reader.line_num, row) for row in reader], needed, file)
+    rows = _counting(csv_table.read(text, needed, file), needed, file)
     if not 0 < len(rows) <= MOST_TOUCHES:
         raise Refusal("how_many", file=file, count=len(rows), most=MOST_TOUCHES)
     values = np.array([[number(row, name, file, line) for name in needed] for line, row in rows])
@@ -75,9 +70,6 @@ def read(text: str, machine: Machine, file: str) -> Touches:
     )
     names = tuple((row.get("feature") or "").strip() for _, row in rows)
     return Touches(values[:, :axes] / shown, ways, values[:, -2], values[:, -1], senses, names)
-
-
-Line = tuple[int, dict[str, str]]
 
 
 def _counting(rows: list[Line], needed: Sequence[str], file: str) -> list[Line]:
@@ -96,16 +88,6 @@ def _is_fast_one(one: Line, behind: Line, needed: Sequence[str], file: str) -> b
         abs(number(one[1], name, file, one[0]) - number(behind[1], name, file, behind[0])) for name in needed
     )
     return slow < fast and max(near) < SAME_PLACE
-
-
-def number(row: Mapping[str, str], name: str, file: str, line: int) -> float:
-    try:
-        value = float(row[name] or "")
-    except (TypeError, ValueError):
-        value = math.nan
-    if not math.isfinite(value):
-        raise Refusal("no_number", file=file, line=line, column=name, found=row.get(name) or "")
-    return value
 
 
 def _senses(row: Mapping[str, str], machine: Machine, way: Array, file: str, line: int) -> list[float]:

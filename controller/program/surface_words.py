@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 from controller.geometry.vectors import Frame, Vector, norm, subtract
 from controller.machine.model import Machine
@@ -90,7 +90,7 @@ def cone(ask: Ask, state: State, machine: Machine) -> CutCone:
     feed = feed_of(ask, "G51", word, state, machine)
     sweep_rad = math.radians(sweep)
     contact_mm = abs(sweep_rad) * math.hypot(start[0] - centre[0], start[1] - centre[1])
-    doubt = doubt_of_words("G51", (given[letter] for letter in LENGTHS), contact_mm, feed)
+    doubt = doubt_of_words("G51", _counted(given, LENGTHS + "F"), contact_mm, feed)
     return CutCone(ask.place(word), state.modal, start, centre, height, radius, sweep_rad, feed, doubt)
 
 
@@ -117,7 +117,7 @@ def ruled(ask: Ask, state: State, machine: Machine, lines: Iterator[Line]) -> Cu
         raise _not_a_ruled(ask.line, word, said("surface.missing", letters=lacking))
     if "stop" in ask.codes:
         raise _not_a_ruled(ask.line, ask.codes["stop"][1], said("surface.found", found=ask.code("stop")))
-    p, words = [point_of(given, "XYZ", state)], [given[letter] for letter in "XYZ"]
+    p, words = [point_of(given, "XYZ", state)], _counted(given, "XYZF")
     while len(p) < 8:
         line = next(lines, None)
         if line is None:
@@ -182,16 +182,24 @@ SMALL_MM = 5.0  # a contact that is shorter is more likely written in millimetre
 UPSIDE_DOWN = -0.5  # cosine of the ruling's angle to the table's normal
 
 
-def doubt_of_words(code: str, words: Iterable[Word], contact_mm: float, feed_mm_s: float) -> Said | None:
-    """A doubt about the units of lengths (``contact_mm``: of the contact), or None.
+def _counted(given: Mapping[str, Word], letters: str) -> list[Word]:
+    """The words of these letters that a line has."""
+    return [given[letter] for letter in letters if letter in given]
 
-    What is written with decimal points is meant as it stands, however small.
+
+def doubt_of_words(code: str, words: Iterable[Word], contact_mm: float, feed_mm_s: float) -> Said | None:
+    """A doubt about the units of the words (``contact_mm``: of the contact), or None.
+
+    What is written with decimal points is meant as it stands, however small; a feed with one may stand beside
+    lengths without.
     """
     counted = [word for word in words if word.value != 0.0]
-    plain = next((word for word in counted if not word.point), None)
+    lengths = [word for word in counted if word.letter != "F"]
+    plain = next((word for word in lengths if not word.point), None)
     if plain is None:
-        return None
-    pointed = next((word for word in counted if word.point), None)
+        feed = next((word for word in counted if word.letter == "F" and not word.point), None)
+        return said("doubt.feed", code=code, word=feed.text, feed=feed_mm_s * 60.0) if feed else None
+    pointed = next((word for word in lengths if word.point), None)
     means = {"code": code, "word": plain.text, "mm": abs(plain.value) / BLU_PER_MM}
     if pointed is not None:
         return said("doubt.mixed", pointed=pointed.text, **means)

@@ -7,7 +7,6 @@ the stepped bus). So there is no receiving thread and no other clock than the pu
 
 from __future__ import annotations
 
-import logging
 import select
 import time
 from collections.abc import Callable
@@ -27,9 +26,6 @@ COMMAND_MASK, ANSWERED_BY = 0xE0, {0x20: 0x60, 0x40: 0x40}
 NO_OBJECT = bytes(3)  # in some drives' aborts
 SEND_TRIES = 20
 BOOT_UP = b"\0"  # on the heartbeat's identifier (CiA 301, 7.2.8.3.3)
-
-# Everything it would log here is raised as well, with a better sentence.
-logging.getLogger("canopen.sdo.client").setLevel(logging.CRITICAL)
 
 Pump = Callable[[], float]  # lets a little time pass, gives the present one (s)
 Hearer = Callable[[int, bytes], None]  # called with identifier and data of everything that arrives

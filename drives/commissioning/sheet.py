@@ -10,6 +10,7 @@ from __future__ import annotations
 import configparser
 import contextlib
 import io
+import logging
 import pickle
 import re
 from collections.abc import Iterator
@@ -24,6 +25,9 @@ from drives import sheet_text
 from drives.commissioning import overrides
 from drives.profile import Override
 from drives.text_file import Source, text_of
+
+# What canopen would log, of data sheets as of drives, is raised as well or mended, and told in a sentence.
+logging.getLogger("canopen").setLevel(logging.CRITICAL)
 
 SECTION = re.compile(r"([0-9A-Fa-f]{4})(?:sub([0-9A-Fa-f]+))?", re.IGNORECASE)
 VARIABLE, DOMAIN = 0x7, 0x2

@@ -15,6 +15,18 @@ EDS = Path(__file__).parents[2] / "config" / "eds" / "simulated_drive.eds"
 OBJECT = "[1000]\nParameterName=Device type\nObjectType=0x7\nDataType=0x0007\nAccessType=ro\n"
 
 
+@pytest.mark.parametrize("more", ["DataType=0x0FFF\nAccessType=rw\n", "DataType=0x0005\nAccessType=rw\n"])
+def test_what_canopen_logs_of_a_sheet_is_shown_to_nobody(
+    more: str, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """A line of its own, without a file or what to do, came between the sentences."""
+    found = read(f"{OBJECT}[2000]\nParameterName=odd\nObjectType=0x7\n{more}LowLimit=1\nHighLimit=2\n")
+    with contextlib.suppress(KeyError, ValueError, TypeError):
+        found.dictionary[0x2000].encode_raw(7)
+    shown = capfd.readouterr()
+    assert not shown.err and not shown.out
+
+
 def read(text: str) -> sheet.Sheet:
     return sheet.read(text, "drive.eds", 3)
 

@@ -84,6 +84,7 @@ WRONG = [
     ("target,sense,measured\n1,1,1", "one target only"),
     ("target,sense,measured\n1,1,1\n2,1,2\n2,1,2", "target 1 was approached 1 times"),
     ("target,sense,measured\n1,1,1\n2,1,x", "line 3, column measured"),
+    ("target,sense,measured\r1,1,1\r2,1,x", "line 3, column measured"),
 ]
 
 

@@ -36,6 +36,12 @@ def test_positions_are_those_of_the_rotaries():
     assert [list(rows) for rows in touch_table.positions(found, TRUNNION.rotary())] == [[0, 2], [1]]
 
 
+@pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
+def test_lines_end_as_any_system_ends_them(end: str) -> None:
+    found = touch_table.read(end.join((HEAD, ROW, ROW)) + end, TRUNNION, "own.csv")
+    assert len(found) == 2
+
+
 WRONG = [
     ((HEAD.replace(",k", ""), ROW), "line 1: the column k is missing"),
     ((HEAD,), "has 0 rows"),
@@ -43,6 +49,7 @@ WRONG = [
     ((HEAD, ROW.replace("100", "inf")), "column length_mm"),
     ((HEAD, ROW.replace("-1,100", "-1.5,100")), "line 2: i j k has the length 1.5"),
     ((HEAD, "1,2"), "line 2, column Z"),
+    ((HEAD, ROW.replace("-45", "-" + "4" * 200_000)), "line 2: is no table of comma-separated values"),
 ]
 
 

@@ -44,6 +44,12 @@ def test_words_of_both_kinds_are(text: str) -> None:
     assert "mixes words" in doubt(text) and "1500 is 15 mm" in doubt(text)
 
 
+def test_a_feed_without_a_point_beside_lengths_with_points_is_told_in_mm_a_minute() -> None:
+    for program, code in ((CONE.format("15.", "10.", "5.", "90."), "G51"), (ruled(FLAT), "G52")):
+        assert doubt(program.replace("F800.", "F800")).startswith(f"{code}: F800 is 8 mm/min, for without")
+    assert doubt(CONE.format("1500", "1000", "500", "90000").replace("F800.", "F80000")) == ""
+
+
 WALL = [(0, 0, 20), (10, 0, 20), (20, 0, 20), (30, 0, 20), (0, 1, 0), (10, 1, 0), (20, 1, 0), (30, 1, 0)]
 
 
