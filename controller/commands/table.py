@@ -551,7 +551,7 @@ ALL: tuple[Command, ...] = (
         Access.MOVE,
         (
             Argument("spindle", Whole(0, MAX_TOOL), "The tool in it, 0 = it is empty."),
-            Argument("away", Several(Whole(0, MAX_TOOL), 999), "Out of the machine.", []),
+            Argument("away", Several(Whole(1, MAX_TOOL), 999), "Out of the machine.", []),
             Argument("clear", Switch(), "You have looked, and nothing of it touches the spindle.", False),
         ),
         needs=("not_running",),

@@ -49,7 +49,8 @@ class ModalState:
         return self._left
 
     def at(self, now: Snapshot, machine: Machine, tool: int) -> State:
-        """With the offsets and tools that ``machine`` has now; ``tool``: in the spindle, 0 = not known."""
+        """With the offsets and tools that ``machine`` has now; ``tool``: in the spindle, 0 = not known,
+        or, where there is a changer, none."""
         origins = self._left.origins
         if origins.plane is None:  # the operator may have set or cleared a shift of G92
             origins = replace(origins, shift=machine.shift, suspended=machine.suspended)
@@ -61,7 +62,7 @@ class ModalState:
         found = machine.tool(left.length_tool) if left.length_tool else None
         now_modal = replace(
             left.modal,
-            tool=tool or left.modal.tool,
+            tool=tool if machine.changer is not None else tool or left.modal.tool,
             length_mm=left.modal.length_mm if found is None else found.length_mm,
             spindle_rev_min=turning * speed,
             coolant=now.coolant,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import multiprocessing.connection as connections
 from collections.abc import Callable, Iterable
 from pathlib import Path
@@ -55,7 +56,7 @@ class Bench:
         self.rows: list[np.ndarray] = []
         self.file = folder / "journal.json"
         self.journal = Journal(self.file, self.stepped.clock.now_s)
-        self._numbers = iter(range(1, 1000))
+        self._numbers = itertools.count(1)
         self.mend()
 
     def mend(self) -> None:

@@ -9,6 +9,8 @@ import { sentence, word as text } from "../texts.js";
 const word = (key, ...values) => text(`changer.${key}`, ...values);
 const typed = (question, start) => ask(question, "setup.set", { inputmode: "numeric" }, start);
 
+const named = (tool) => (tool === null ? word("unknown") : tool ? `T${tool}` : word("empty"));
+
 async function whole(question, start) {
   const given = (await typed(question, String(start ?? ""))) || "";
   return /^\d+$/.test(given.trim()) ? Number(given) : null;
@@ -17,10 +19,11 @@ async function whole(question, start) {
 export async function confirm(found) {
   const spindle = await whole(word("spindle_ask"), found.spindle);
   if (spindle === null) return;
-  const named = await typed(word("away_ask"), found.away.join(" "));
-  if (named === null || named === false) return;
-  const away = (named.match(/\d+/g) ?? []).map(Number);
-  if (await asked(word("clear_ask", spindle, away.join(" ")))) await call("POST", "changer/confirm", { spindle, away, clear: true });
+  const given = await typed(word("away_ask"), found.away.join(" "));
+  if (given === null || given === false) return;
+  const away = (given.match(/\d+/g) ?? []).map(Number);
+  const out = away.map(named).join(", ") || word("no_tool");
+  if (await asked(word("clear_ask", spindle ? named(spindle) : word("no_tool"), out))) await call("POST", "changer/confirm", { spindle, away, clear: true });
 }
 
 async function give(pocket, tool) {
@@ -28,7 +31,6 @@ async function give(pocket, tool) {
   if (number !== null) await call("PUT", `changer/pockets/${pocket}`, { tool: number });
 }
 
-const named = (tool) => (tool === null ? word("unknown") : tool ? `T${tool}` : word("empty"));
 const place = (here) => word(here === null ? "unknown" : here ? "here" : "gone");
 
 function Pocket({ row: { pocket, tool, here } }) {
