@@ -8,6 +8,10 @@
     {"event": "programs", "data": {...}}  the store changed, or a check ended: name and what was done
     {"event": "service", "data": {...}}   whether the controller's service answers
 
+Who asks for ``changes`` gets the status whole only once, and then what of it is another value, by its path:
+
+    {"event": "changes", "data": {"tick/number": 4711, "joints/X/work": 12.5}}
+
 A text is made once for all listeners of a language. One who reads slowly misses statuses, never the others,
 until too many wait: then it is let go. Nothing is asked of the machine while nobody listens.
 """
@@ -44,16 +48,19 @@ class Listener:
 
     topics: frozenset[str]
     language: str = messages.DEFAULT
+    changes: bool = False  # of the status what is new
     lost: bool = False  # did not read for too long
     _status: str = ""
+    _now: Any = None  # the status as data ...
+    _before: Any = None  # ... and as it was when it was told last
     _waiting: deque[str] = field(default_factory=deque)
     _there: asyncio.Event = field(default_factory=asyncio.Event)
 
-    def tell(self, topic: str, text: str) -> None:
+    def tell(self, topic: str, text: str, data: Any = None) -> None:
         if topic not in self.topics:
             return
         if topic == "status":
-            self._status = text  # the older one is of no use any more
+            self._status, self._now = text, data  # the older one is of no use any more
         elif len(self._waiting) < MAX_WAITING:
             self._waiting.append(text)
         else:
@@ -64,10 +71,17 @@ class Listener:
         """What came since, at least one text; the status last."""
         await self._there.wait()
         self._there.clear()
-        texts = [*self._waiting, *([self._status] if self._status else [])]
+        texts = [*self._waiting, *([self._newest()] if self._status else [])]
         self._waiting.clear()
         self._status = ""
         return texts
+
+    def _newest(self) -> str:
+        if not self.changes:
+            return self._status
+        before, self._before = self._before, self._now
+        found = None if before is None else changed(before, self._now)
+        return self._status if found is None else _text("changes", found)
 
 
 class Events:
@@ -84,13 +98,15 @@ class Events:
         return len(self._listeners)
 
     @contextmanager
-    def listening(self, topics: frozenset[str], language: str = messages.DEFAULT) -> Iterator[Listener]:
+    def listening(
+        self, topics: frozenset[str], language: str = messages.DEFAULT, changes: bool = False
+    ) -> Iterator[Listener]:
         """A listener, told at once what holds now. Raises Refusal."""
         if len(self._listeners) >= MAX_LISTENERS:
             raise Refusal.told(429, "too_often", "many_listeners", most=MAX_LISTENERS)
-        listener = Listener(topics, language)
+        listener = Listener(topics, language, changes)
         for topic, data in self._told.items() if self._listeners else ():
-            listener.tell(topic, _text(topic, data, language))
+            listener.tell(topic, _text(topic, messages.told(data, language)))
         self._listeners.append(listener)
         self._wanted.set()
         self._watch.asked.set()
@@ -101,11 +117,12 @@ class Events:
 
     def tell(self, topic: str, data: Any) -> None:
         """Tell all listeners of the topic."""
-        texts: dict[str, str] = {}
+        told: dict[str, tuple[str, Any]] = {}
         for listener in self._listeners:
-            if listener.language not in texts:
-                texts[listener.language] = _text(topic, data, listener.language)
-            listener.tell(topic, texts[listener.language])
+            if listener.language not in told:
+                words = messages.told(data, listener.language)
+                told[listener.language] = _text(topic, words), words
+            listener.tell(topic, *told[listener.language])
 
     async def run(self) -> None:
         """Never ends."""
@@ -151,5 +168,21 @@ class Events:
             self.tell(topic, data)
 
 
-def _text(topic: str, data: Any, language: str) -> str:
-    return json.dumps({"event": topic, "data": messages.told(data, language)}, separators=(",", ":"))
+def _text(topic: str, data: Any) -> str:
+    return json.dumps({"event": topic, "data": data}, separators=(",", ":"))
+
+
+def changed(before: dict[str, Any], after: dict[str, Any]) -> dict[str, Any] | None:
+    """What is another value, by its path through the objects; None where the objects have other keys."""
+    if before.keys() != after.keys():
+        return None
+    found: dict[str, Any] = {}
+    for key, value in after.items():
+        was = before[key]
+        if value == was and type(value) is type(was):
+            continue
+        inner = None
+        if isinstance(value, dict) and isinstance(was, dict) and not any("/" in name for name in value):
+            inner = changed(was, value)
+        found |= {key: value} if inner is None else {f"{key}/{path}": one for path, one in inner.items()}
+    return found

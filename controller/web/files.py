@@ -6,6 +6,8 @@ import functools
 import gzip
 import hashlib
 import mimetypes
+import posixpath
+import re
 from pathlib import Path
 from typing import NamedTuple
 
@@ -15,6 +17,7 @@ from starlette.responses import Response
 STATIC = Path(__file__).parent / "static"
 KINDS = {".js": "text/javascript", ".css": "text/css", ".svg": "image/svg+xml", ".txt": "text/plain"}
 LEAST = 500  # bytes that are worth packing
+_IMPORTED = re.compile(r'^(?:import|export)\b[^"]*"(\.{1,2}/[^"]+)";?$', re.MULTILINE)  # of a module, at once
 
 
 class Packed(NamedTuple):
@@ -50,6 +53,18 @@ def file(name: str) -> Packed:
     """One of ``names``; read anew where it was changed."""
     path = STATIC / name
     return _read(path, path.stat().st_mtime_ns)
+
+
+def modules_of(script: str) -> list[str]:
+    """A module and all that it imports, and they: a browser that is told of them asks for all at once."""
+    found, ahead = dict[str, None](), [script]
+    while ahead:
+        name = ahead.pop()
+        if name not in found:
+            found[name] = None
+            folder, text = posixpath.dirname(name), file(name).body.decode()
+            ahead += [posixpath.normpath(posixpath.join(folder, one)) for one in _IMPORTED.findall(text)]
+    return list(found)
 
 
 @functools.lru_cache(maxsize=200)

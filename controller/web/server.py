@@ -89,8 +89,11 @@ def _noted(request: HTTPConnection, refusal: Refusal) -> None:
 def _document(request: Request, script: str) -> HTMLResponse:
     """Dark unless light was chosen: most shops are, and a bright page blinds."""
     theme = "light" if request.cookies.get("directrix_theme") == "light" else "dark"
-    text = files.file("index.html").body.decode()
-    places = {"script": script, "language": language_of(request), "theme": theme}
+    text, language = files.file("index.html").body.decode(), language_of(request)
+    preloads = "\n".join(
+        f'<link rel="modulepreload" href="{FILES}/{name}">' for name in files.modules_of(f"{script}.js")
+    )
+    places = {"script": script, "language": language, "theme": theme, "preloads": preloads}
     return HTMLResponse(text.format(**places), headers=HEADERS)
 
 

@@ -21,18 +21,23 @@ TRY_LATER = 1013
 
 
 @router.websocket("/events", dependencies=[needs(Role.VIEW)])
-async def events(websocket: WebSocket, topics: str = ",".join(TOPICS), language: str = "") -> None:
+async def events(
+    websocket: WebSocket, topics: str = ",".join(TOPICS), language: str = "", changes: bool = False
+) -> None:
     """Status 20 times a second (5 where no axis moves), alarms, jobs.
 
     ``topics``: names with commas between, default all.
 
     ``language``: for browsers, which cannot set the header.
+
+    ``changes``: after the first status only what is new of it, by its path.
     """
     panel = panel_of(websocket)
     wanted = frozenset(topics.split(","))
     if unknown := sorted(wanted - set(TOPICS)):
         raise Refusal.told(422, "topics", "no_topic", name=repr(unknown[0][:40]), allowed=", ".join(TOPICS))
-    with panel.events.listening(wanted, messages.chosen(language, language_of(websocket))) as listener:
+    chosen = messages.chosen(language, language_of(websocket))
+    with panel.events.listening(wanted, chosen, changes) as listener:
         await websocket.accept()
         async with create_task_group() as tasks:
 

@@ -10,11 +10,19 @@ const AGAIN_MS = 400;
 let lastStatus = -Infinity;
 let lastTick = -Infinity; // when the machine was seen to have ticked on: never later than the last status
 let lastWord = performance.now();
+let told = {}; // the status as the machine told it
+
+// A copy with another value at a path; what is beside it stays the same object.
+const put = (object, [key, ...rest], value) => ({ ...object, [key]: rest.length ? put(object[key], rest, value) : value });
 
 function heard(text) {
   const { event, data } = JSON.parse(text);
   lastWord = performance.now();
-  if (event === "status") return status(data);
+  if (event === "status") return status((told = data));
+  if (event === "changes") {
+    for (const [path, value] of Object.entries(data)) told = put(told, path.split("/"), value);
+    return status(told);
+  }
   if (event === "service") {
     dx.answers = data.answers;
     dx.why = sentence(data);
@@ -87,7 +95,7 @@ export function old() {
 
 function connect() {
   const scheme = location.protocol === "https:" ? "wss:" : "ws:";
-  dx.socket = new WebSocket(`${scheme}//${location.host}${API}events?language=${dx.language}`);
+  dx.socket = new WebSocket(`${scheme}//${location.host}${API}events?changes=true&language=${dx.language}`);
   lastWord = performance.now();
   dx.socket.onmessage = (message) => heard(message.data);
   dx.socket.onopen = () => dx.tell("connected", null);

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import asyncio
+import copy
 import json
+import random
 import time
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
@@ -14,6 +16,7 @@ import pytest
 import uvicorn
 from support.fakes.fake_socket import FakeDoor
 from support.fakes.panels import Scene
+from support.suite import seed
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
@@ -194,5 +197,60 @@ def test_a_machine_at_rest_is_told_less_often_until_somebody_asks_something_of_i
             await scene.panel.door.ask("jog_stop")
             for _ in range(5):
                 assert not (await next_of(heard, "status"))["at_rest"]
+
+    asyncio.run(story())
+
+
+def values_put_in(whole: dict[str, Any], found: dict[str, Any]) -> dict[str, Any]:
+    """As the page does it."""
+    whole = copy.deepcopy(whole)
+    for path, value in found.items():
+        *way, last = path.split("/")
+        at = whole
+        for key in way:
+            at = at[key]
+        at[last] = value
+    return whole
+
+
+def test_changes_of_a_status_put_together_are_the_status() -> None:
+    rng = random.Random(seed.SEED)
+
+    def drawn(depth: int) -> Any:
+        kind = rng.randrange(6 if depth else 4)
+        if kind == 4:
+            return [drawn(0) for _ in range(rng.randrange(3))]
+        if kind == 5:
+            return {
+                rng.choice("abcd") + rng.choice(("", "/")): drawn(depth - 1) for _ in range(rng.randrange(4))
+            }
+        return (None, rng.random(), rng.randrange(3), bool(rng.randrange(2)))[kind]
+
+    for _ in range(2000):
+        before, after = ({key: drawn(3) for key in "abc"} for _ in range(2))
+        after |= {key: before[key] for key in "ab" if rng.random() < 0.5}
+        found = events.changed(before, after)
+        assert found is not None and values_put_in(before, found) == after
+    assert events.changed({"a": 1}, {"b": 1}) is None
+    assert events.changed({"a": {"b": 1}}, {"a": {"b": 2, "c": 3}}) == {"a": {"b": 2, "c": 3}}
+
+
+def test_who_asks_for_changes_gets_the_status_once_and_then_what_is_new_since_he_was_told_last() -> None:
+    async def story() -> None:
+        listener = Listener(frozenset({"status"}), changes=True)
+
+        def tell(**data: Any) -> None:
+            listener.tell("status", json.dumps({"event": "status", "data": data}), data)
+
+        tell(mode="OFF", joints={"X": 1, "Y": 2})
+        assert [json.loads(text)["event"] for text in await listener.next()] == ["status"]
+        tell(mode="READY", joints={"X": 1, "Y": 2})  # missed
+        tell(mode="READY", joints={"X": 1, "Y": 3})
+        (text,) = await listener.next()
+        assert json.loads(text) == {"event": "changes", "data": {"mode": "READY", "joints/Y": 3}}
+        tell(mode="READY", joints={"X": 1, "Y": 3})
+        assert json.loads((await listener.next())[0])["data"] == {}, "that it still answers is told, too"
+        tell(mode="READY")
+        assert json.loads((await listener.next())[0]) == {"event": "status", "data": {"mode": "READY"}}
 
     asyncio.run(story())
