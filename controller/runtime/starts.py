@@ -85,7 +85,7 @@ def path_from(asked: Task, kept: Stored | None, start: Start, cut_with: Machine 
     if start.spot is not None:
         left = rest(asked, choices or {}, start)
         if cut_with is not None:
-            _see_cuts_no_deeper(left, cut_with)
+            _see_cuts_no_deeper(left, cut_with, start.joints)
         entered = left.entered(start.joints, start.in_spindle)
         return Walk(entered, choices=choices or {})
     asked = checked.standing(asked, start.joints)
@@ -94,11 +94,11 @@ def path_from(asked: Task, kept: Stored | None, start: Start, cut_with: Machine 
     return walk
 
 
-def _see_cuts_no_deeper(left: Rest, cut_with: Machine) -> None:
+def _see_cuts_no_deeper(left: Rest, cut_with: Machine, now: Joints) -> None:
     before = cut_with.tool(left.target.modal.tool)
     after = left.target.modal.tool_in(left.source.machine)
     if before is not None and after is not None:
-        other_tool.see_cuts_no_deeper(before, after, left)
+        other_tool.see_cuts_no_deeper(before, after, left, now)
 
 
 def back_with(left: Rest, before: Machine) -> Back:

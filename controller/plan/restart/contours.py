@@ -7,6 +7,7 @@
 
 A wall is a row of points of the programmed contour at the levels at which the program cuts. A point stands
 that the tool before does not reach anywhere. Contours are compared with those of the same tool axis.
+How high the part is beside them nobody says: no higher than where the program begins to go down at feed.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ import numpy as np
 import numpy.typing as npt
 
 from controller.geometry.arrays import rows
+from controller.geometry.vectors import Pose
 from controller.machine.model import Tool
 from controller.plan.path.path import Tracer
 from controller.plan.restart.program_position import line_of, order_of
@@ -52,38 +54,52 @@ class Samples(NamedTuple):
     lines: Array  # of the program
 
 
-def cut_deeper(source: Source, tool: Tool, thicker_mm: float, deeper_mm: float) -> Deeper | None:
+class Found(NamedTuple):
+    """Of the whole way, and where the tool stands before it."""
+
+    on_the_way: Deeper | None
+    standing: Deeper | None
+
+
+def cut_deeper(source: Source, tool: Tool, thicker_mm: float, deeper_mm: float, now: Pose) -> Found:
     """How deep (mm) the tool of a source reaches into a wall that one thinner by ``thicker_mm`` leaves
     standing, and along which line; None where it does not by ``deeper_mm``. Raises ProgramError.
+
+    ``now``: its pose (mm, table frame) before it moves.
     """
     made = [_along(stretch, beside, source, tool.length_mm) for stretch, beside in _fed(source, tool.number)]
     if not made:
-        return None
+        return Found(None, None)
     fed = Samples(*(np.concatenate(parts) for parts in zip(*made, strict=True)))
-    worst = Deeper(0.0, 0)
+    worst = standing = Deeper(0.0, 0)
     for axis in np.unique(np.round(fed.axes / SAME_AXIS), axis=0) * SAME_AXIS:
         here = np.abs(fed.axes - axis).max(axis=1) < 2.0 * SAME_AXIS
         one = Samples(*(part[here] for part in fed))
-        worst = max(worst, _deepest(one, axis, tool.radius_mm, thicker_mm, deeper_mm))
-    return worst if worst.depth_mm > deeper_mm else None
+        stands = np.asarray(now.tip) if np.abs(now.axis - axis).max() < 2.0 * SAME_AXIS else None
+        found = _deepest(one, axis, tool.radius_mm, thicker_mm, deeper_mm, stands)
+        worst, standing = max(worst, found[0]), max(standing, found[1])
+    return Found(*(found if found.depth_mm > deeper_mm else None for found in (worst, standing)))
 
 
-def _deepest(fed: Samples, axis: Array, radius: float, thicker_mm: float, deeper_mm: float) -> Deeper:
-    """Of samples with one tool axis."""
+def _deepest(
+    fed: Samples, axis: Array, radius: float, thicker_mm: float, deeper_mm: float, now: Array | None
+) -> tuple[Deeper, Deeper]:
+    """Of samples with one tool axis: on the way, and where the tip is ``now``."""
     from scipy.spatial import cKDTree  # its package takes long to load, and few need it
 
     axis = axis / np.linalg.norm(axis)
     plane = np.linalg.svd(axis[None])[2][1:]
     high, beside = fed.tips @ axis, fed.beside
     contour = np.flatnonzero(beside)
+    worst = standing = Deeper(0.0, 0)
     if not len(contour):
-        return Deeper(0.0, 0)
+        return worst, standing
     walls = (fed.tips - beside[:, None] * fed.left)[contour] @ plane.T
     before = (fed.tips - (np.sign(beside) * thicker_mm)[:, None] * fed.left) @ plane.T
     after = fed.tips @ plane.T
     levels = np.unique(np.round(high[contour] / LEVEL_MM))
     levels = levels[np.linspace(0, len(levels) - 1, min(len(levels), MOST_LEVELS)).astype(int)] * LEVEL_MM
-    worst = Deeper(0.0, 0)
+    beside_it = now is not None and float(now @ axis) < float(high.max())
     for level in levels:
         low = high <= level + LEVEL_MM
         points = walls[high[contour] <= level + LEVEL_MM]
@@ -92,7 +108,12 @@ def _deepest(fed: Samples, axis: Array, radius: float, thicker_mm: float, deeper
             off, nearest = cKDTree(after[low]).query(points[stands])
             k = int(off.argmin())
             worst = max(worst, Deeper(radius - float(off[k]), int(fed.lines[low][nearest[k]])))
-    return worst
+            if beside_it:
+                away = np.linalg.norm(points[stands] - plane @ now, axis=1)
+                k = int(away.argmin())
+                line = int(fed.lines[contour][high[contour] <= level + LEVEL_MM][stands][k])
+                standing = max(standing, Deeper(radius - float(away[k]), line))
+    return worst, standing
 
 
 def _fed(source: Source, tool: int) -> Iterator[tuple[Stretch, float]]:

@@ -85,7 +85,7 @@ def see_fits(now: Joints, held: Joints, before: Tool, after: Tool, rest: Rest) -
     off_mm = dot(subtract(tip, kinematics.forward(held, before.length_mm).tip), axis)
     if longer > 0.0 and off_mm <= 0.0:
         raise NotPossible(said("aside.longer", longer=longer, off=off_mm + longer))
-    see_cuts_no_deeper(before, after, rest)
+    see_cuts_no_deeper(before, after, rest, now)
     if target.is_surface:
         return
     high_mm = dot(subtract(tip, kinematics.forward(target.joints, after.length_mm).tip), axis)
@@ -94,8 +94,10 @@ def see_fits(now: Joints, held: Joints, before: Tool, after: Tool, rest: Rest) -
         raise NotPossible(said("aside.low", low=low_mm))
 
 
-def see_cuts_no_deeper(before: Tool, after: Tool, rest: Rest) -> None:
-    """Raises NotPossible where a line that is left would be cut deeper than with the tool before."""
+def see_cuts_no_deeper(before: Tool, after: Tool, rest: Rest, now: Joints) -> None:
+    """Raises NotPossible where a line that is left would be cut deeper than with the tool before, or where
+    the tool may stand in a wall before it goes there from ``now``.
+    """
     longer, thicker = after.length_mm - before.length_mm, after.radius_mm - before.radius_mm
     if longer <= DEEPER_MM and all(overhang(before, after, math.inf, off) is None for off in (0.0, thicker)):
         return
@@ -115,9 +117,13 @@ def see_cuts_no_deeper(before: Tool, after: Tool, rest: Rest) -> None:
             raise NotPossible(_deeper(found, before, after, block))
         fits_to[off_mm] = top_mm
     if beside and thicker > DEEPER_MM:
-        hit = contours.cut_deeper(rest.source, after, thicker, DEEPER_MM)
+        pose = rest.source.kinematics.forward(now, after.length_mm)
+        hit, stands = contours.cut_deeper(rest.source, after, thicker, DEEPER_MM, pose)
         if hit is not None:
             raise NotPossible(said("aside.contour", tool=after.number, by=hit.depth_mm, line=hit.line))
+        if stands is not None:
+            where = {"tool": after.number, "by": stands.depth_mm, "line": stands.line}
+            raise NotPossible(said("aside.stands_beside", **where))
 
 
 def _deeper(out: Overhang, before: Tool, after: Tool, block: Block) -> Said:

@@ -10,7 +10,7 @@ from support.machines.interrupted_runs import LINES, rest_of, with_tool
 from support.machines.stepped_runs import shipped
 
 from controller.machine.kinematics import kinematics_of
-from controller.machine.model import Tool
+from controller.machine.model import Joints, Tool
 from controller.plan.restart import other_tool
 from controller.plan.restart.program_position import Spot
 from controller.plan.restart.reentry import NotPossible, along_axis
@@ -83,6 +83,10 @@ def test_a_tool_is_as_thick_at_a_height_as_its_body_is(one: Tool) -> None:
         assert ((out < 0.0) == inside).all()
 
 
+def above(left: Rest) -> Joints:
+    return along_axis(left.target.joints, 100.0, left.source.kinematics)
+
+
 G41 = """G21 G90 G54 T2 M6
 G43 H2
 G0 X-14 Y12 Z40
@@ -116,10 +120,10 @@ def test_along_compensated_lines_the_shape_of_a_tool_counts(size: dict[str, obje
     after = tool(**size)
     left = rest(G41, 6, **size)  # type: ignore[arg-type]
     if not words:
-        other_tool.see_cuts_no_deeper(tool(), after, left)
+        other_tool.see_cuts_no_deeper(tool(), after, left, above(left))
         return
     with pytest.raises(NotPossible, match=words):
-        other_tool.see_cuts_no_deeper(tool(), after, left)
+        other_tool.see_cuts_no_deeper(tool(), after, left, above(left))
 
 
 @pytest.mark.parametrize(
@@ -141,10 +145,10 @@ def test_the_first_line_that_a_thicker_tool_would_cut_deeper_is_named(lines: str
     text = G41.replace("G40 X40 Y12\nG1 Z40\n", f"G40 X40 Y12\n{lines}\n")
     left = rest(text, 6, radius_mm=2.5)
     if not line:
-        other_tool.see_cuts_no_deeper(tool(), tool(radius_mm=2.5), left)
+        other_tool.see_cuts_no_deeper(tool(), tool(radius_mm=2.5), left, above(left))
         return
     with pytest.raises(NotPossible, match=rf"1\.000 mm thicker .* line {line} .* at most 1\.500 mm"):
-        other_tool.see_cuts_no_deeper(tool(), tool(radius_mm=2.5), left)
+        other_tool.see_cuts_no_deeper(tool(), tool(radius_mm=2.5), left, above(left))
 
 
 @pytest.mark.parametrize("code", ["", "G43 H2\n"])
@@ -152,17 +156,17 @@ def test_a_longer_tool_is_refused_where_the_lines_do_not_follow_its_length(code:
     left = rest("G21 G90 G54 T2 M6\n" + (code or "G49\n") + "G1 X0 Y0 Z20 F900\nX30\nM30\n", 4, length_mm=5.0)
     after = tool(length_mm=5.0)
     if code:
-        other_tool.see_cuts_no_deeper(tool(), after, left)
+        other_tool.see_cuts_no_deeper(tool(), after, left, above(left))
         return
     with pytest.raises(NotPossible, match=r"5\.000 mm longer .* line 4 .* at most 0\.000 mm, or program G43"):
-        other_tool.see_cuts_no_deeper(tool(), after, left)
+        other_tool.see_cuts_no_deeper(tool(), after, left, above(left))
 
 
 def test_a_ball_is_not_followed_by_a_flat_end_along_lines() -> None:
     left = rest(LINES, 5)
     with pytest.raises(NotPossible, match=r"1\.500 mm further out .* from 0\.000 mm above the tip .* line 5"):
-        other_tool.see_cuts_no_deeper(tool(corner_mm=1.5), tool(), left)
-    other_tool.see_cuts_no_deeper(tool(), tool(corner_mm=1.5), left)
+        other_tool.see_cuts_no_deeper(tool(corner_mm=1.5), tool(), left, above(left))
+    other_tool.see_cuts_no_deeper(tool(), tool(corner_mm=1.5), left, above(left))
 
 
 def beside(*lines: tuple[float, float, float]) -> str:
@@ -193,7 +197,24 @@ def test_a_thicker_tool_beside_its_own_contour_is_kept_off_those_of_others(
 ) -> None:
     left = rest(beside(*walls), 6, radius_mm=radius_mm)
     if not deep:
-        other_tool.see_cuts_no_deeper(tool(), tool(radius_mm=radius_mm), left)
+        other_tool.see_cuts_no_deeper(tool(), tool(radius_mm=radius_mm), left, above(left))
         return
     with pytest.raises(NotPossible, match=deep):
-        other_tool.see_cuts_no_deeper(tool(), tool(radius_mm=radius_mm), left)
+        other_tool.see_cuts_no_deeper(tool(), tool(radius_mm=radius_mm), left, above(left))
+
+
+@pytest.mark.parametrize(
+    ("up_mm", "aside_mm", "refused"), [(5.0, -1.0, True), (21.0, -1.0, False), (5.0, 0.0, False)]
+)
+def test_a_thicker_tool_does_not_start_where_it_may_stand_in_the_wall_of_a_contour(
+    up_mm: float, aside_mm: float, refused: bool
+) -> None:
+    left = rest(G41, 6, radius_mm=2.5)
+    x, *others = along_axis(left.target.joints, up_mm, left.source.kinematics)
+    now = (x, others[0] + aside_mm, *others[1:])
+    after = tool(radius_mm=2.5)
+    if refused:
+        with pytest.raises(NotPossible, match=r"stands where it may be (0\.99\d|1\.000) mm in the wall that line [56]"):
+            other_tool.see_cuts_no_deeper(tool(), after, left, now)
+    else:
+        other_tool.see_cuts_no_deeper(tool(), after, left, now)
