@@ -214,7 +214,8 @@ def test_a_thicker_tool_does_not_start_where_it_may_stand_in_the_wall_of_a_conto
     now = (x, others[0] + aside_mm, *others[1:])
     after = tool(radius_mm=2.5)
     if refused:
-        with pytest.raises(NotPossible, match=r"stands where it may be (0\.99\d|1\.000) mm in the wall that line [56]"):
+        words = r"stands where it may be (0\.99\d|1\.000) mm in the wall that line [56]"
+        with pytest.raises(NotPossible, match=words):
             other_tool.see_cuts_no_deeper(tool(), after, left, now)
     else:
         other_tool.see_cuts_no_deeper(tool(), after, left, now)
