@@ -66,10 +66,14 @@ def stops() -> Any:
     """A dependency: who asks may operate, or where the panel has it so is anybody who may look."""
 
     async def allowed(connection: HTTPConnection) -> Principal:
-        anybody = panel_of(connection).anybody_stops
-        return await _checked(connection, Role.VIEW if anybody else Role.OPERATE)
+        return await _checked(connection, stopping_role(panel_of(connection)))
 
     return Depends(_marked(allowed, Role.OPERATE, False))
+
+
+def stopping_role(panel: Panel) -> Role:
+    """The least role from which a stop is taken."""
+    return Role.VIEW if panel.anybody_stops else Role.OPERATE
 
 
 def moves(most_s: float = SEEN_S) -> Any:
@@ -123,8 +127,10 @@ async def _check_seen(connection: HTTPConnection, seen: str, most_s: float) -> N
     if tick is None or tick["number"] is None:  # there was none yet
         return
     age_s = (tick["number"] - int(seen)) * tick["period_ms"] * 1e-3
-    if not 0.0 <= age_s <= most_s:
-        raise Refusal.told(409, "late", "late", seen=seen, now=tick["number"], most=f"{most_s:g}")
+    if age_s < 0.0:
+        raise Refusal.told(409, "late", "late.other_run")
+    if age_s > most_s:
+        raise Refusal.told(409, "late", "late", age=f"{age_s:.1f}", most=f"{most_s:g}")
 
 
 async def principal(connection: HTTPConnection) -> Principal:

@@ -326,6 +326,9 @@ class CheckFacts(Told):
     progress: float = 0.0
     result: dict[str, Any] = {}
     verdict: VerdictFacts | None = None  # none has a form tolerance
+    over_limit: bool = Field(
+        False, description="Whether an axis goes beyond its velocity, acceleration or jerk by 0.5 % or more."
+    )
 
 
 class ProgramFacts(Told):

@@ -70,6 +70,7 @@ class SessionFacts(Told):
     role: RoleName
     how: Literal["local", "session", "token"]
     csrf: str | None = Field(description="Of a session: send it as X-CSRF-Token with all but GET.")
+    may_stop: bool = Field(description="Whether hold, stop and emergency stop are taken from who asks.")
 
 
 class UserFacts(Told):

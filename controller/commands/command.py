@@ -83,6 +83,7 @@ class Command:
     bit: int = 0  # of a switch in the tick: its place among all of them, in recordings, too; a power of two
     state: str = ""  # of a switch: what the status means by it, in OpenAPI
     open_ended: bool = False  # takes further arguments: the columns of a table
+    one_at_a_time: bool = False  # takes long, and is refused while another such command is under way
 
     @property
     def is_switch(self) -> bool:

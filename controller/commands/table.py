@@ -112,6 +112,7 @@ ALL: tuple[Command, ...] = (
         needs=("not_running",),
         modes=("OFF", "READY"),
         lane=Lane.SLOW,
+        one_at_a_time=True,
     ),
     Command(
         "unload",
@@ -154,6 +155,7 @@ ALL: tuple[Command, ...] = (
             ' with\n"worn" where the tool in the spindle is at the end of its life.',
             bodiless=True,
         ),
+        one_at_a_time=True,
     ),
     Command(
         "hold",
@@ -315,6 +317,7 @@ ALL: tuple[Command, ...] = (
         lane=Lane.SLOW,
         rest=Rest("POST", "machine/enable", "Drives on; the machine stands."),
         client=Client("enable", "enabled"),
+        one_at_a_time=True,
     ),
     Command(
         "disable",
@@ -335,6 +338,7 @@ ALL: tuple[Command, ...] = (
         lane=Lane.SLOW,
         rest=Rest("POST", "machine/home", "Home all axes, or some."),
         client=Client("home", "homed"),
+        one_at_a_time=True,
     ),
     Command(
         "reset",
@@ -344,6 +348,7 @@ ALL: tuple[Command, ...] = (
         lane=Lane.SLOW,
         rest=Rest("POST", "machine/reset", "Leave a fault; nothing starts by it."),
         client=Client("reset", "reset"),
+        one_at_a_time=True,
     ),
     Command(
         "mdi",
@@ -354,6 +359,7 @@ ALL: tuple[Command, ...] = (
         lane=Lane.SLOW,
         rest=Rest("POST", "mdi", "Run one or more blocks as they are given."),
         client=Client("mdi", "started", waits=True),
+        one_at_a_time=True,
     ),
     Command(
         "probe",
@@ -373,6 +379,7 @@ ALL: tuple[Command, ...] = (
             body="Cycle",
             body_text="Values that are not named are as usual.",
         ),
+        one_at_a_time=True,
     ),
     look("probed"),
     Command(
@@ -389,6 +396,7 @@ ALL: tuple[Command, ...] = (
             "fault.\n\nAt most by the status' `retract_room_mm`; a refusal says how far.",
         ),
         client=Client("retract", "retracted"),
+        one_at_a_time=True,
     ),
     Command(
         "withdraw",
@@ -413,6 +421,7 @@ ALL: tuple[Command, ...] = (
             "notice\nIN_THREAD of the status.",
         ),
         client=Client("withdraw", "withdrawn", renamed=(("is_out", "out"),)),
+        one_at_a_time=True,
     ),
     Command(
         "return",
@@ -428,6 +437,7 @@ ALL: tuple[Command, ...] = (
             name="return_",
         ),
         client=Client("return", "returned"),
+        one_at_a_time=True,
     ),
     # Dead-man: the axes come to rest 200 ms after the last request. Requests can overtake each other on their
     # way, so a late one could start what a stop has ended: it is known by the name of its press, and refused;

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import inspect
+import re
 from typing import Any
 
 import pytest
@@ -25,6 +27,13 @@ def test_every_command_is_carried_out_by_one_place_and_needs_what_there_is() -> 
         assert set(command.needs) <= NEEDS.keys() and set(command.modes) <= {mode.name for mode in Mode}
     assert set(SWITCHED) == {Request.SINGLE_BLOCK, Request.OPTIONAL_STOP, Request.ADAPTIVE_FEED}
     assert set(SWITCHED) < ALWAYS
+
+
+def test_what_is_told_to_take_long_is_what_the_sequencer_does() -> None:
+    """But for an unload, which only waits for the end of the load that it has given up."""
+    ways = re.compile(r"\.(sequence|begin)\(|_aside\(\w+,")
+    long = {name for name, handler in AT_ONCE.items() if ways.search(inspect.getsource(handler))}
+    assert {command.name for command in ALL if command.one_at_a_time} == long - {"unload"}
 
 
 @pytest.fixture

@@ -59,6 +59,10 @@ class CommandFacts(Told):
     role: Literal["view", "operate", "set_up"]
     control: bool = Field(description="Whether the control token is needed.")
     modes: list[str] | None = Field(description="In which it is possible; null: in every one.")
+    one_at_a_time: bool = Field(
+        description="Takes long, and is refused while another one that does is under way (`sequence` of the "
+        "status); a `load` takes the place of another."
+    )
     arguments: list[str]
 
 
@@ -189,6 +193,7 @@ def facts(command: Command) -> CommandFacts:
         role=ROLES.get(command.access, Role.OPERATE).label,
         control=command.access is Access.MOVE,
         modes=None if modes is None else [mode.name for mode in modes],
+        one_at_a_time=command.one_at_a_time,
         arguments=[one.name for one in command.arguments if not one.is_local],
     )
 

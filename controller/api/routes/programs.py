@@ -27,6 +27,8 @@ router = APIRouter(tags=["programs"])
 Place = Annotated[int, Query(ge=0, le=10**9)]
 IN_USE_S = 10.0
 IN_LISTS = ("duration_s", "takes_s", "stored")  # of what a check found
+SHARES = ("velocity_share", "acceleration_share", "jerk_share")
+OVER = 1.005  # of a limit: shown as 101 %, and from here on said to be over it
 FORM = {
     "type": "object",
     "required": ["file"],
@@ -238,4 +240,7 @@ def _check(panel: Panel, program: Program) -> models.CheckFacts:
         return models.CheckFacts(state="none")
     result = dict(known.result)
     verdict = result.get("verdict")
-    return models.CheckFacts(state=known.state, progress=known.progress, result=result, verdict=verdict)
+    over = any(row.get(name, 0.0) >= OVER for row in result.get("joints") or () for name in SHARES)
+    return models.CheckFacts(
+        state=known.state, progress=known.progress, result=result, verdict=verdict, over_limit=over
+    )

@@ -17,6 +17,7 @@ from controller.api.access import (
     note_refused,
     panel_of,
     principal,
+    stopping_role,
 )
 from controller.api.answers import Refusal, documented
 from controller.api.roles import Principal, Role
@@ -45,13 +46,13 @@ async def log_in(request: Request, response: Response, body: models.LogIn) -> mo
     response.set_cookie(
         COOKIE, cookie, max_age=int(SESSION_S), httponly=True, samesite="strict", secure=secure, path="/"
     )
-    return _facts(who)
+    return _facts(request, who)
 
 
 @router.get("/session", dependencies=[needs(Role.VIEW)], responses=documented(401, 403))
 async def session(request: Request) -> models.SessionFacts:
     """Who asks."""
-    return _facts(await principal(request))
+    return _facts(request, await principal(request))
 
 
 @router.delete(
@@ -63,8 +64,14 @@ async def log_out(request: Request, response: Response) -> None:
     response.delete_cookie(COOKIE, path="/")
 
 
-def _facts(who: Principal) -> models.SessionFacts:
-    return models.SessionFacts(name=who.name, role=who.role.label, how=who.how, csrf=who.csrf or None)
+def _facts(request: Request, who: Principal) -> models.SessionFacts:
+    return models.SessionFacts(
+        name=who.name,
+        role=who.role.label,
+        how=who.how,
+        csrf=who.csrf or None,
+        may_stop=who.role >= stopping_role(panel_of(request)),
+    )
 
 
 # ---- the control token

@@ -66,7 +66,7 @@ export class Question extends Component {
       const to = all.indexOf(document.activeElement) + (event.shiftKey ? -1 : 1);
       all[(to + all.length) % all.length].focus();
     };
-    return html`<div class="dx-ask" role="alertdialog" aria-modal="true" aria-label=${sentence} ref=${this.box} onkeydown=${key}>
+    return html`<div class="dx-ask" role="alertdialog" aria-modal="true" aria-label=${sentence} tabindex="-1" ref=${this.box} onkeydown=${key}>
       <div class="card">
         <p>${sentence}</p>
         ${field && html`<input type="text" aria-label=${sentence} ...${field} />`}

@@ -60,6 +60,6 @@ export const forms = {
   bound,
   date: (v) => (typeof v === "number" ? new Date(v * 1000).toLocaleString(place(), { dateStyle: "medium", timeStyle: "medium" }) : NONE),
   moment: (v) => new Date(v * 1000).toLocaleString(place(), { dateStyle: "medium", timeStyle: "short" }),
-  what: (v) => (v ? known(`what.${v}`, v) : ""),
+  what: (v) => (v ? known(`what.${v}`, word("what.other")) : ""),
   mode: (v) => (v ? word(`mode.${v}`) : NONE),
 };

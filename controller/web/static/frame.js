@@ -5,23 +5,24 @@ import { Component, html } from "./dom.js";
 import { forms } from "./forms.js";
 import { Icon } from "./icons.js";
 import { old } from "./live.js";
-import { Act, Bar, Figure } from "./parts.js";
+import { Act, Bar, Figure, no_stop } from "./parts.js";
 import { dx, keep } from "./store.js";
 import { known, languages, sentence, word } from "./texts.js";
 
 export function Page({ views }) {
   const built = views.filter(({ name }) => dx.shown(name) || seen.has(name));
   for (const { name } of built) seen.add(name);
+  const inert = Boolean(dx.question); // until it is answered nothing is reached but it, the stops, and what is said of a stop
   return html`
     <div class="shell">
-      <header><${Mode} /><${Program} /><${Control} /><${Choices} /><${Stops} /></header>
-      <${Lines} />
-      <nav aria-label=${word("frame.views")}>
+      <header><${Mode} /><${Program} /><${Control} inert=${inert} /><${Choices} inert=${inert} /><${Stops} /></header>
+      <${Lines} inert=${inert} />
+      <nav aria-label=${word("frame.views")} inert=${inert}>
         ${views.map(({ name }) => html`<button key=${name} class="tab" type="button" data-to=${name} aria-current=${dx.shown(name) ? "page" : undefined} onclick=${() => show(name)}>
           <${Icon} name=${name} /><span>${word(`view.${name}`)}</span>
         </button>`)}
       </nav>
-      <main class="views">${built.map((view) => html`<${Section} key=${view.name} view=${view} shown=${dx.shown(view.name)} />`)}</main>
+      <main class="views" inert=${inert}>${built.map((view) => html`<${Section} key=${view.name} view=${view} shown=${dx.shown(view.name)} />`)}</main>
       <${Notice} />
     </div>
     ${dx.question && html`<${Question} key=${dx.question.sentence} asked=${dx.question} />`}
@@ -70,21 +71,21 @@ function Program() {
   </div>`;
 }
 
-function Control() {
+function Control({ inert }) {
   const other = gone() ? word("frame.gone", dx.holder, Math.round(dx.silent_s)) : (dx.holder ?? word("frame.free"));
   const whose = dx.holds() ? word("frame.mine") : other;
-  return html`<button class="control" id="dx-control" type="button" onclick=${() => (dx.holds() ? give() : take())}>
+  return html`<button class="control" id="dx-control" type="button" inert=${inert} onclick=${() => (dx.holds() ? give() : take())}>
     <${Icon} name="hand" />
     <span class="control-words"><span class="dim">${word("frame.control")}</span><span class="strong" id="dx-holder">${whose}</span></span>
     <span class="control-act">${word(dx.holds() ? "frame.give" : "frame.take")}</span>
   </button>`;
 }
 
-function Choices() {
+function Choices({ inert }) {
   const out = `${word("frame.log_out")}: ${dx.user?.name}`;
   const there = languages();
   const other = there[(there.indexOf(dx.language) + 1) % there.length];
-  return html`<div class="choices">
+  return html`<div class="choices" inert=${inert}>
     <button class="small" id="dx-language" type="button" title=${word(`language.${other}`)} aria-label=${word(`language.${other}`)} onclick=${() => speak(other)}>${other.toUpperCase()}</button>
     <button class="small" id="dx-theme" type="button" title=${word("frame.theme")} aria-label=${word("frame.theme")} onclick=${theme}>
       <${Icon} name="contrast" /></button>
@@ -116,15 +117,17 @@ function inch() {
 }
 
 const KEYS = { hold: "F8", stop: "F9", estop: "" };
-const Stops = () =>
-  html`<div class="stops">${Object.entries(KEYS).map(([name, key]) => html`<button class=${name} id=${`dx-${name}`} type="button" title=${word(`frame.${name}_title`)}>
+const Stops = () => {
+  const off = no_stop();
+  return html`<div class="stops">${Object.entries(KEYS).map(([name, key]) => html`<button class=${name} id=${`dx-${name}`} type="button" aria-disabled=${off ? "true" : undefined} title=${off || word(`frame.${name}_title`)}>
     <span>${word(`frame.${name}`)}</span>${key && html`<kbd>${key}</kbd>`}</button>`)}</div>`;
+};
 
 // What must not be overlooked: that figures are old; and what is wrong, folded to the first of it.
 const WRONG = { fault: ["alarm", "error"], interlock: ["barred", "hand"], warning: ["warning", "error"], failed: ["failed", "info"] };
 let unfolded = false;
 
-function Lines() {
+function Lines({ inert }) {
   const shown = dx.status?.shown ?? {};
   const there = Object.keys(WRONG).filter((what) => shown[what] && !(what === "failed" && shown.fault));
   const unfold = () => ((unfolded = !unfolded), dx.draw());
@@ -134,12 +137,12 @@ function Lines() {
   return html`<div class="lines">
     <div class="line stale" role="alert"><${Icon} name="no_link" /><strong>${word("frame.stale")}</strong>
       <span id="dx-stale-text" title=${dx.why}>${dx.stale && old()}</span></div>
-    <div class="folded" data-unfolded=${unfolded ? "1" : undefined}>
+    <div class="folded" inert=${inert} data-unfolded=${unfolded ? "1" : undefined}>
       <div class="wrongs">
         <div class="line alarm" role="alert" ...${state("fault")}><${Icon} name="error" />
           <span class="alarm-words"><${Figure} class="strong">${shown.fault}<//> <${Figure}>${shown.next}<//>
             ${unfolded && html`<span class="remedy">${remedy(dx.status?.fault)}</span>`}</span>
-          ${shown.fault && html`<${Act} text=${word("frame.reset")} call="POST machine/reset" kind="warn" icon="reset" />`}
+          ${shown.fault && html`<${Act} text=${word("frame.reset")} call="POST machine/reset" command="reset" modes=${null} kind="warn" icon="reset" />`}
         </div>
         ${["interlock", "warning", "failed"].map(line)}
       </div>

@@ -1,6 +1,7 @@
 // Hearing the machine: its events as they come, and how old they are.
 import { API, call, ticked } from "./api.js";
 import { forms } from "./forms.js";
+import { sequence_text } from "./parts.js";
 import { changed, dx } from "./store.js";
 import { sentence, word } from "./texts.js";
 
@@ -59,7 +60,7 @@ function in_words({ fault, sequence, notices, interlock, warning, waiting, spind
   const trusted = fault && typeof fault.position_trusted === "boolean";
   const told = (name) => sentence(notices?.find((one) => one.name === name && name !== fault?.name));
   const waits = spindle && !spindle.at_speed ? "waits.spindle" : "waits.others";
-  const running = sequence?.state === "running" && word(`sequence.${sequence.name}`);
+  const running = sequence?.state === "running" && sequence_text(sequence);
   return {
     fault: fault ? sentence(fault) || fault.name : "",
     next: trusted ? word(fault.position_trusted ? "frame.trusted" : "frame.not_trusted") : "",

@@ -34,6 +34,12 @@ export function Verdict({ told }) {
     : html`<p class="verdict wrong" data-tone="stop" role="alert"><span aria-hidden="true">✗</span> ${sentence(told)}</p>`;
 }
 
+// What a check says in one word: no green one beside a wall that is off, nor beside an axis over its limit.
+export function verdict_of({ state, verdict, over_limit }) {
+  if (state !== "passed") return state;
+  return verdict && !verdict.within ? "exceeds" : over_limit ? "over_limit" : state;
+}
+
 const off = (one) => Math.max(one.overcut_mm, one.undercut_mm);
 
 // The surfaces that are off most, in the program's order; nothing where nothing was verified.

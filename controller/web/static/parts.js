@@ -20,12 +20,26 @@ export function reason({ needs = "control", command = "", modes = possible(comma
   const mode = dx.status?.mode ?? "OFF";
   const where = typeof modes === "string" ? modes.split(" ") : modes;
   if (where && !where.includes(mode)) return word("why.mode", where.map(in_words).join(", "), in_words(mode));
+  if (waits(command)) return word("why.under_way", sequence_text(dx.status.sequence));
   return given ? "" : word(why);
 }
+
+// Why a stop is not taken from who asks; "" = it is, as far as is known.
+export const no_stop = () => (dx.user?.may_stop === false ? word("why.no_stop") : "");
 
 // The modes in which a command of the machine is possible; null: in every one.
 export const possible = (command) => (command ? (dx.commands[command]?.modes ?? []) : null);
 const in_words = (mode) => word(`mode.${mode}`);
+
+// Whether a command that takes long has to wait for another one; what is loaded last is what counts.
+function waits(command) {
+  const { sequence } = dx.status ?? {};
+  if (sequence?.state !== "running" || !dx.commands[command]?.one_at_a_time) return false;
+  return command !== "load" || sequence.name !== "load";
+}
+
+// What is under way, in a word or two.
+export const sequence_text = ({ name }) => word(`sequence.${name.replaceAll(" ", "_")}`);
 
 // A button: it asks ``call`` ("POST cycle/hold") with ``body`` when it is pressed, or does ``press``. One that
 // is off can still be reached and pressed, and then says why.

@@ -1,7 +1,7 @@
 // Stop, hold and emergency stop: at the press, not at its end, and whatever lies over the page.
 import { call } from "./api.js";
 import { say } from "./dialog.js";
-import { asked, reason } from "./parts.js";
+import { asked, no_stop, reason } from "./parts.js";
 import { start_question } from "./restart.js";
 import { dx } from "./store.js";
 import { word } from "./texts.js";
@@ -36,18 +36,24 @@ export function hold() {
   return sent(call("POST", "cycle/hold", null, dx.silent));
 }
 
+// From who may only look none is taken: it is said at the press, and not by the machine after it.
+const allowed = (work) => () => {
+  const why = no_stop();
+  return why ? say(why, "warn") : work();
+};
+
 function at_once(id, work) {
   document.addEventListener("pointerdown", (event) => event.target.closest?.(id) && work(), true);
   const press = (event) => ["Enter", " "].includes(event.key) && !event.repeat && event.target.closest?.(id) && work();
   document.addEventListener("keydown", press, true);
 }
-at_once("#dx-stop", stop);
-at_once("#dx-estop", estop);
-at_once("#dx-hold", hold);
+at_once("#dx-stop", allowed(stop));
+at_once("#dx-estop", allowed(estop));
+at_once("#dx-hold", allowed(hold));
 
 // The keys that stand on the buttons.
 const CYCLE = { F4: { path: "start", question: start_question }, F6: { path: "resume" } };
-const KEYS = { F8: hold, F9: stop };
+const KEYS = { F8: allowed(hold), F9: allowed(stop) };
 
 async function cycle({ path, question }) {
   const why = reason({ command: path, takes: Boolean(question) });

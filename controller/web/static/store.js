@@ -11,7 +11,7 @@ export const dx = {
   words: {},
   commands: {}, // of the machine, by name: what may be asked for, in which modes (GET /commands)
   facts: {}, // of the machine file; {} = no service has answered yet
-  user: null, // { name, role, csrf }
+  user: null, // { name, role, csrf, may_stop }
   holder: null, // of the control token: a name
   silent_s: 0, // for so long nothing was heard of the holder
   inch: kept("inch", false), // lengths of Run and 3-D are shown in inches; programs, tables and steps keep their own unit

@@ -217,6 +217,7 @@ def test_only_looking_needs_no_more_than_to_look() -> None:
 def test_where_anybody_may_stop_a_viewer_may_and_starts_nothing(shared: Scene, path: str) -> None:
     async def story() -> None:
         async with shared.client("view") as viewer:
+            assert (await viewer.get("/api/v1/session")).json()["may_stop"] is True
             assert (await viewer.post(f"/api/v1/{path}")).status_code == 200
             assert (await viewer.post("/api/v1/cycle/start")).status_code == 403
             assert (await viewer.post("/api/v1/control", json={"take_over": True})).status_code == 403
@@ -226,6 +227,18 @@ def test_where_anybody_may_stop_a_viewer_may_and_starts_nothing(shared: Scene, p
         asyncio.run(story())
     finally:
         shared.panel.anybody_stops = False
+
+
+@pytest.mark.parametrize("role", ROLES)
+def test_a_session_says_whether_a_stop_is_taken_from_it(shared: Scene, role: str) -> None:
+    async def story() -> tuple[bool, int]:
+        async with shared.client(role) as client:
+            may_stop = (await client.get("/api/v1/session")).json()["may_stop"]
+            return may_stop, (await client.post("/api/v1/cycle/stop")).status_code
+
+    shared.door.mode = "RUNNING"
+    may_stop, status = asyncio.run(story())
+    assert (may_stop, status) == ((False, 403) if role == "view" else (True, 200))
 
 
 # ---- without users

@@ -342,6 +342,9 @@ def test_what_was_under_way_for_long_moves_nothing(path: str, seen: int, status:
             headers = {"X-Seen-Tick": str(seen)}
             answer = await client.request(method, f"/api/v1/{path}", json=bodies[path], headers=headers)
             assert answer.status_code == status, answer.text
+            if status == 409:
+                sentence = answer.json()["error"]["sentence"]
+                assert ("started anew" if seen > 500 else "0.4 s old") in sentence, "in words of an operator"
         return scene.door.moved
 
     assert len(asyncio.run(story())) == (status == 200)

@@ -309,6 +309,63 @@ def test_the_focus_stays_in_a_question_until_it_is_answered(key: str, page: Any)
     page.wait_for_selector(".dx-ask", state="detached")
 
 
+OUTSIDE = """() => {
+  const one = document.activeElement;
+  const out = one && one !== document.body && !one.closest(".dx-ask, .stops, .said");
+  return out ? one.outerHTML.slice(0, 80) : "";
+}"""
+
+
+@pytest.mark.parametrize("press", ["#dx-hold", "the dimmed page"])
+def test_from_a_stop_or_a_press_beside_a_question_the_focus_comes_back_to_it(press: str, page: Any) -> None:
+    page.evaluate("() => void dx.ask('Is it so?')")
+    page.wait_for_selector(".dx-ask [data-kind=go]:focus")
+    if press.startswith("#"):
+        page.click(press)
+        page.focus(press)
+    else:
+        page.mouse.click(500, 650)
+    reached = set()
+    for key in ("Tab", "Shift+Tab"):
+        for _ in range(8):
+            page.keyboard.press(key)
+            assert page.evaluate(OUTSIDE) == ""
+            reached.add(page.evaluate("document.activeElement.closest('.dx-ask') !== null"))
+    assert True in reached
+    page.focus(".dx-ask [data-kind=go]")
+    page.keyboard.press("Escape")
+    page.wait_for_selector(".dx-ask", state="detached")
+    page.click("nav button[data-to=jog]")
+    page.wait_for_selector("section[data-view=jog][data-shown]")
+
+
+def test_a_press_beside_a_question_leaves_its_keys_in_force(page: Any) -> None:
+    page.evaluate("() => void dx.ask('Is it so?')")
+    page.wait_for_selector(".dx-ask [data-kind=go]:focus")
+    page.mouse.click(500, 650)
+    page.keyboard.press("Escape")
+    page.wait_for_selector(".dx-ask", state="detached")
+
+
+def test_who_may_only_look_sees_that_no_stop_is_taken_from_him(page: Any, site: Site) -> None:
+    page.evaluate("dx.user = {...dx.user, role: 'view', may_stop: false}; dx.draw()")
+    verbs = ("hold", "stop", "estop")
+    before = len(site.asked(*verbs))
+    for verb in verbs:
+        stop = page.locator(f"#dx-{verb}")
+        assert stop.get_attribute("aria-disabled") == "true"
+        assert "emergency stop on the machine" in str(stop.get_attribute("title"))
+        page.evaluate("dx.say('')")
+        stop.click(force=True)
+        page.wait_for_selector("#dx-said:has-text('use the emergency stop on the machine')")
+    page.evaluate("dx.say('')")
+    page.keyboard.press("F9")
+    page.wait_for_selector("#dx-said:has-text('use the emergency stop on the machine')")
+    assert len(site.asked(*verbs)) == before
+    page.evaluate("dx.user = {...dx.user, may_stop: true}; dx.draw()")
+    assert page.locator(".stops [aria-disabled]").count() == 0, "where the panel lets anybody stop"
+
+
 def test_a_notice_is_closed_by_hand(page: Any, site: Site) -> None:
     page.evaluate("dx.say('Something was done.')")
     page.click("#dx-said button")

@@ -206,6 +206,19 @@ def test_a_surface_beyond_its_tolerance_is_no_green_word_but_said_with_its_place
 
 
 @pytest.mark.slow
+def test_a_program_that_takes_an_axis_over_a_limit_has_no_green_word_beside_it(page: Any, site: Site) -> None:
+    drop(page, "fast.ngc", "(TOO FAST)\nM2\n")
+    choose(page, "fast.ngc")
+    page.wait_for_selector(".programs-detail .box >> text=101 % over the limit")
+    chip = page.locator("tr[data-program='fast.ngc'] .p-check .chip")
+    assert (chip.inner_text(), chip.get_attribute("data-tone")) == ("over a limit", "stop")
+    assert site.ask("programs/fast.ngc/check")["over_limit"] is True
+    page.evaluate("dx.show('run')")
+    page.wait_for_selector("#run-empty")
+    assert page.locator("#run-empty [data-load='fast.ngc']").count() == 0, "nor is it offered unseen"
+
+
+@pytest.mark.slow
 def test_a_program_with_a_mistake_shows_the_line_with_a_caret_below_it(page: Any, site: Site) -> None:
     drop(page, "wrong.ngc", "G21\nG1 WRONG\n")
     choose(page, "wrong.ngc")

@@ -85,6 +85,28 @@ def test_a_mode_is_named_in_words(page: Any, site: Site) -> None:
     assert len(site.asked("start")) == before
 
 
+LONG = ("POST machine/home", "POST machine/enable")
+
+
+def test_nothing_that_takes_long_is_offered_while_another_such_thing_is_done(page: Any, site: Site) -> None:
+    offered = [f"section[data-view=run] .cycle [data-call='{one}']" for one in LONG]
+    site.tell(mode="OFF", sequence={"name": "reset", "state": "running"})
+    for one in offered:
+        page.wait_for_selector(f"{one}[aria-disabled=true][title='Resetting: wait until that is done.']")
+    before = len(site.asked("home"))
+    page.click(offered[0], force=True)
+    page.wait_for_selector("#dx-said:has-text('Resetting: wait')")
+    assert page.locator(".dx-ask").count() == 0 and len(site.asked("home")) == before
+    page.evaluate("dx.show('setup')")
+    page.click("[data-setup=homing]")
+    homes = "section[data-view=setup] [data-call='POST machine/home']"
+    assert page.locator(homes).count() == page.locator(f"{homes}[aria-disabled=true]").count() == 6
+    site.tell(mode="OFF", sequence={"name": "reset", "state": "done"})
+    page.evaluate("dx.show('run')")
+    for one in offered:
+        page.wait_for_selector(f"{one}:not([aria-disabled])")
+
+
 def test_an_operator_is_led_from_cold_to_the_start(page: Any, site: Site) -> None:
     page.evaluate("dx.give()")
     site.tell(mode="OFF", not_homed=[])

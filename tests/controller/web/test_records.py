@@ -11,6 +11,10 @@ from controller.api.store import Store
 
 pytestmark = pytest.mark.slow
 PAGE = 50  # that are listed at first
+CHANGER = {
+    **{"spindle": 1, "doubt": None, "step": None, "preparing": None, "ready": 0, "away": []},
+    "pockets": [{"pocket": 1, "tool": 2, "here": True}],
+}
 
 
 @pytest.fixture(scope="module")
@@ -57,6 +61,23 @@ def test_what_is_wrong_now_has_its_number_and_its_time(page: Any, site: Site) ->
     assert page.evaluate("dx.forms.date(1.7e9)") in told
     site.tell()
     page.wait_for_selector("#alarms-now >> text=Nothing is wrong.")
+
+
+def test_what_is_nothing_leaves_no_figure_0(page: Any, site: Site, store: Store) -> None:
+    """An alarm of no line, a fault without number or time, a changer in which nothing stands ready."""
+    store.alarms.add("ESTOP", "Of no program.", "", line=0)
+    site.tell(fault={"name": "ESTOP", "sentence": "Now.", "number": 0, "time_s": 0}, changer=CHANGER)
+    show(page, "alarms")
+    page.wait_for_selector(".alarm-card:has-text('Of no program.')")
+    bare = """(place) => [...document.querySelectorAll(`${place}, ${place} *`)]
+      .flatMap(({ childNodes }) => [...childNodes])
+      .filter(({ nodeType, data }) => nodeType === 3 && data.trim() === "0").length"""
+    for place in ("#alarms-list", "#alarms-now"):
+        assert page.evaluate(bare, place) == 0, place
+    page.evaluate("dx.show('setup')")
+    page.click("[data-setup=changer]")
+    page.wait_for_selector("#changer-spindle")
+    assert page.evaluate(bare, "section[data-view=setup] .part") == 0
 
 
 def test_new_runs_come_while_older_ones_are_read_and_their_worst_errors_are_told_by_unit(

@@ -15,8 +15,13 @@ from support.fakes.panels import ROLES, Scene
 
 from controller.api.access import COOKIE
 from controller.api.roles import Role
+from controller.messages import LANGUAGES
+from controller.program.probing_cycles import CYCLES
+from controller.state.live_state import SIGNALS
+from controller.state.modes import SHOWN_MODES
 from controller.web import files, server
 from controller.web.vendor import changed
+from drives.cia402 import State
 
 ORIGIN = "http://127.0.0.1:8080"
 OPEN = ("/login", "/page/main.js", "/page/vendor/preact.js", "/page/texts/de.json", "/page/icon.svg")
@@ -133,6 +138,23 @@ def test_every_text_that_the_page_asks_for_by_its_name_is_there() -> None:
         room = f"{own[1]}." if own else ""
         for key in re.findall(r"""(?<![\w.])word\(["']([a-z_A-Z.]+)["']""", source):
             assert room + key in known, (name, key)
+
+
+def test_every_name_that_the_machine_may_tell_has_a_word_on_the_page() -> None:
+    """No key and no name of the code is shown to who stands before the machine."""
+    texts = LANGUAGES["en"].texts
+    named = {
+        "mode": SHOWN_MODES,
+        "sequence": [key.removeprefix("sequence.") for key in texts if key.startswith("sequence.")],
+        "what": [key.removeprefix("form.motion.") for key in texts if key.startswith("form.motion.")],
+        "scope.signal": SIGNALS,
+        "drives.state": [state.name for state in State],
+        "probing.cycle": CYCLES,
+        "users.role": ROLES,
+    }
+    known = server.words("en")
+    wanted = [f"{room}.{one}" for room, names in named.items() for one in names]
+    assert [key for key in wanted if key not in known] == []
 
 
 # ---- files

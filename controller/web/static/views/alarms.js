@@ -38,9 +38,9 @@ export default { name: "alarms", View };
 
 // The number is the machine's own; the name is the same in every language, as in the fault table.
 const Head = ({ number, name, axis, facts, at_s }) => html`<div class="alarm-head">
-  ${number && html`<span class="figures dim">#${number}</span>`}<span class="dim">${name}</span>
+  ${number > 0 && html`<span class="figures dim">#${number}</span>`}<span class="dim">${name}</span>
   ${axis && html`<${Chip} tone="info">${axis}<//>`}<${Trusted} facts=${facts} />
-  ${at_s && html`<time class="figures dim">${forms.date(at_s)}</time>`}
+  ${at_s > 0 && html`<time class="figures dim">${forms.date(at_s)}</time>`}
 </div>`;
 
 function Trusted({ facts }) {
@@ -67,7 +67,7 @@ function Alarm({ alarm: { id, name, axis, at_s, facts, acknowledged_s, acknowled
     <p><strong>${told}</strong></p>
     <dl class="facts">
       ${["cause", "remedy"].map((what) => said(name, what, facts) && html`<dt>${word(what)}</dt><dd>${said(name, what, facts)}</dd>`)}
-      ${facts.line && html`<dt>${word("line")}</dt><dd class="figures">${facts.line}</dd>`}
+      ${facts.line > 0 && html`<dt>${word("line")}</dt><dd class="figures">${facts.line}</dd>`}
     </dl>
     <div class="row alarm-foot">
       ${open

@@ -65,7 +65,7 @@ function Held({ axis, sign, text }) {
 function Zero({ axes }) {
   const place = axes.map((axis) => `${axis}0`).join(" ");
   const again = dx.status?.codes?.includes("G91") ? "\nG91" : "";
-  return html`<${Act} class="jog-zero" text=${place} title=${word("go_to", place)} aria-label=${word("go_to", place)} data-zero=${axes.join("")} modes="READY" ask=${word("go_ask", place, dx.status?.work_offset ?? "")}
+  return html`<${Act} class="jog-zero" text=${place} title=${word("go_to", place)} aria-label=${word("go_to", place)} data-zero=${axes.join("")} command="mdi" modes="READY" ask=${word("go_ask", place, dx.status?.work_offset ?? "")}
     press=${() => call("POST", "mdi", { text: `G90 G0 ${place}${again}` })} />`;
 }
 

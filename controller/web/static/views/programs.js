@@ -5,7 +5,7 @@ import { html, useRef } from "../dom.js";
 import { Editor, edit, editing, write_new } from "../editor.js";
 import { forms } from "../forms.js";
 import { Icon } from "../icons.js";
-import { Maps, Verdict } from "../maps.js";
+import { Maps, Verdict, verdict_of } from "../maps.js";
 import { Act, Card, Chip, ScrolledTable, Wrong } from "../parts.js";
 import { Offer, StateThere } from "../restart.js";
 import { Enqueue, Queue } from "../queue.js";
@@ -14,7 +14,7 @@ import { known, sentence, word as text } from "../texts.js";
 import { Uploads, in_folder } from "../uploads.js";
 
 const word = (key, ...values) => text(`programs.${key}`, ...values);
-const TONES = { passed: "go", exceeds: "stop", refused: "stop", failed: "stop", running: "info", waiting: "info" };
+const TONES = { passed: "go", exceeds: "stop", over_limit: "stop", refused: "stop", failed: "stop", running: "info", waiting: "info" };
 const RESULTS = { completed: "go", fault: "stop", refused: "stop", lost: "stop", stopped: "hold" };
 const AT_REST = "OFF READY FAULT"; // a job that runs is kept
 const path_of = (name) => `programs/${encodeURIComponent(name)}`;
@@ -144,8 +144,7 @@ function Row({ row }) {
 const Moment = ({ at }) => html`<time class="figures" data-at=${String(at)}>${forms.moment(at)}</time>`;
 
 function State({ check }) {
-  // No green word beside a wall that is off.
-  const state = check.verdict && !check.verdict.within && check.state !== "refused" ? "exceeds" : check.state;
+  const state = verdict_of(check);
   return html`<${Chip} tone=${TONES[state] ?? "dim"}>${text(`check.${state}`)}<//>${state === "running" && html`<span class="figures dim">${forms.percent(check.progress)}</span>`}`;
 }
 
@@ -199,6 +198,7 @@ const RefusedOne = ({ check: { verdict, result } }) => html`
   ${told.around.length > 0 && html`<pre class="listing caret" id="programs-wrong" tabindex="0">${told.around.join("\n")}</pre>`}`;
 
 const SHARES = ["velocity", "acceleration", "jerk"];
+const OVER = 1.005; // of a limit, as the panel has it
 
 function Found({ check, made }) {
   const binds = (check.cut_binds ?? []).filter(({ share }) => share >= 0.01).map(({ what, share }) => `${forms.bound(what)} ${forms.percent(share)}`);
@@ -220,7 +220,7 @@ function Found({ check, made }) {
     ${(check.notes ?? []).map((one) => html`<p class="dim note">${text("run.line")} ${one.line}: ${sentence(one)}</p>`)}`;
 }
 
-const Share = ({ share }) => html`<td class=${`figures ${share > 1.005 ? "wrong" : ""}`}>${forms.percent(share)}${share > 1.005 && html` <span class="note">${word("over_limit")}</span>`}</td>`;
+const Share = ({ share }) => html`<td class=${`figures ${share >= OVER ? "wrong" : ""}`}>${forms.percent(share)}${share >= OVER && html` <span class="note">${word("over_limit")}</span>`}</td>`;
 
 // What each axis does; a share of more than its limit is said in colour and word.
 const BOX = ["run.axis", ...["from", "to", ...SHARES].map((one) => `programs.${one}`)];

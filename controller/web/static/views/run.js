@@ -6,6 +6,7 @@ import { show } from "../frame.js";
 import { Guide } from "../guide.js";
 import { Act, AxisName, Bar, Card, Chip, Codes, Facts, Figure, Meter, field } from "../parts.js";
 import { Listing } from "../listing.js";
+import { verdict_of } from "../maps.js";
 import { SpindleOverride } from "../peripherals.js";
 import { Offer, StateThere, can_start, start_question } from "../restart.js";
 import { QueueNext } from "../queue.js";
@@ -258,14 +259,13 @@ function InThread() {
 
 // Those that came last and passed their check: loaded without a look at the list.
 const RECENT = 3;
-const NO_VERDICT = { within: true };
 let stored = [];
 every("run", 3, "programs?brief=true", (body) => (stored = body.programs));
 
 const made = (job) => stored.find(({ name }) => name === job?.name)?.completed ?? "–";
 
 export const recent = () =>
-  stored.filter(({ check }) => check.state === "passed" && (check.verdict ?? NO_VERDICT).within).sort((a, b) => b.uploaded_s - a.uploaded_s).slice(0, RECENT);
+  stored.filter(({ check }) => verdict_of(check) === "passed").sort((a, b) => b.uploaded_s - a.uploaded_s).slice(0, RECENT);
 
 // The tool that the program waits for: what it looks like, and its measures.
 const MEASURES = ["radius_mm", "length_mm", "flute_mm", "corner_mm"];

@@ -47,7 +47,7 @@ export function Changer() {
     <p>${word("spindle")}: <span id="changer-spindle">${named(found.spindle)}</span>
       ${found.step && html` · ${word("step")} ${found.step.step + 1}: ${found.step.name}`}
       ${found.preparing && html` · ${word("preparing", `T${found.preparing.tool}`)}: ${found.preparing.name}`}
-      ${found.ready && html` · ${word("ready", `T${found.ready}`)}`}</p>
+      ${found.ready > 0 && html` · ${word("ready", `T${found.ready}`)}`}</p>
     <div class="row"><${Act} id="changer-confirm" text=${word("confirm")} press=${() => confirm(found)} /></div>
     <${Table} word=${word} columns=${["pocket", "tool", "place", ""]} body="changer-pockets">${found.pockets.map((row) => html`<${Pocket} key=${row.pocket} row=${row} />`)}<//>`;
 }
