@@ -17,6 +17,7 @@ ARRAYS = (
     "axis",
     "tool",
     "file",
+    "macro",
     "straightness",
     "changer.put_away",
     "changer.take",
@@ -306,6 +307,11 @@ MEANINGS: Mapping[str, Mapping[str, str]] = {
     "thermal": {
         "shift_mm": "where X Y Z are, less where they were told to be, since the machine has become warm",
         "reference_mm": "where the reference sphere was when the machine was calibrated",
+    },
+    "macro": {
+        "name": "of its button on the page, at MDI",
+        "lines": "of program, run one after another as typed by hand",
+        "role": "the least that the button asks for; who operates may type the lines in any case",
     },
     "file": {
         "name": "of a file that `eds` or `profile` names, as it is named there",

@@ -23,6 +23,7 @@ from controller.machine import (
     deviation_tables,
     drive_profiles,
     equipment,
+    macro_table,
     offset_table,
 )
 from controller.machine.kinematics import builds
@@ -170,6 +171,7 @@ def read_table(top: Table, text: str, folder: Path | None = None) -> Machine:
         kinematics=general.text("kinematics", tuple(builds()), USUAL_BUILD),
         straightness=deviation_tables.straightness(top.tables("straightness"), axes),
         thermal_shift_mm=deviation_tables.thermal_shift(top),
+        macros=macro_table.macros(top.tables("macro")),
     )
     for table in (general, tools, top):
         table.finish()

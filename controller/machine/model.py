@@ -36,6 +36,7 @@ USUAL_SHARE = 0.5
 USUAL_STEP_S = 0.3  # and a step of a tool changer no longer than this
 START_STATES = ("reset", "keep")  # of the modal state, where a program begins
 DIALECTS = ("rs274", "fanuc")  # of programs: RS-274/NGC as LinuxCNC reads it, or as Fanuc-like controls do
+MACRO_ROLES = ("operate", "set_up")  # who may press the button of a macro
 WITHOUT_POINT = ("", "unit", "thousandth")  # what lengths without a decimal point count in under fanuc
 
 # Work offsets as programs name them, in the order of ``Machine.offsets``.
@@ -491,6 +492,15 @@ class WorkTable:
 
 
 @dataclass(frozen=True, slots=True)
+class Macro:
+    """Lines of program that are run as typed by hand, by a button with their name."""
+
+    name: str
+    lines: tuple[str, ...]
+    role: str  # of MACRO_ROLES: the least that its button asks for
+
+
+@dataclass(frozen=True, slots=True)
 class Machine:
     """Everything of a machine file; ``text`` is the file itself, kept for traces and recordings."""
 
@@ -547,6 +557,7 @@ class Machine:
     changer: Changer | None = None  # None: tools are changed by hand
     in_spindle: int = TOOL_AT_POWER_ON  # of a changer: the tool with which a program begins, 0 = none
     sisters: tuple[tuple[int, int], ...] = ()  # of tools that are worn, and those that come in their place
+    macros: tuple[Macro, ...] = field(default=(), repr=False)
     thermal_shift_mm: Vector = ZERO  # of X Y Z since the machine was calibrated: where the tool is too far
 
     def comes(self, tool: int) -> int:

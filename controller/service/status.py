@@ -280,5 +280,8 @@ def facts(machine: Machine, fitted: Mapping[str, Any]) -> dict[str, Any]:
         "retract_mm": machine.retract_mm,
         "rapid_share": machine.rapid_share,
         "clearance_mm": machine.clearance_mm,
+        "macros": [
+            {"name": macro.name, "lines": list(macro.lines), "role": macro.role} for macro in machine.macros
+        ],
         **fitted,
     }

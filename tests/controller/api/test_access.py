@@ -241,6 +241,47 @@ def test_a_session_says_whether_a_stop_is_taken_from_it(shared: Scene, role: str
     assert (may_stop, status) == ((False, 403) if role == "view" else (True, 200))
 
 
+MACROS = [
+    {"name": "Park", "lines": ["G53 G0 Z0", "G53 G0 X0"], "role": "operate"},
+    {"name": "Warm up", "lines": ["M3 S500"], "role": "set_up"},
+]
+
+
+@pytest.mark.parametrize(
+    ("role", "name", "status"),
+    [
+        ("view", "Park", 403),
+        ("operate", "Park", 200),
+        ("operate", "Warm up", 403),
+        ("set_up", "Warm up", 200),
+        ("set_up", "Of none", 404),
+    ],
+)
+def test_a_macro_is_run_as_typed_by_who_has_its_role(
+    shared: Scene, role: str, name: str, status: int
+) -> None:
+    async def story() -> Any:
+        async with shared.client(role) as client:
+            if role != "view":
+                await take_control(client)
+            return await client.post(f"/api/v1/macros/{name}")
+
+    shared.door.mode = "READY"
+    told = shared.door.facts
+    shared.door.facts = lambda: {**told(), "macros": MACROS}  # type: ignore[method-assign]
+    before = len(shared.door.asked)
+    try:
+        answer = asyncio.run(story())
+    finally:
+        shared.door.facts = told  # type: ignore[method-assign]
+    assert answer.status_code == status, answer.text
+    asked = [args for verb, args in shared.door.asked[before:] if verb == "mdi"]
+    lines = {one["name"]: "\n".join(one["lines"]) for one in MACROS}
+    assert asked == ([{"text": lines[name]}] if status == 200 else [])
+    if status == 404:
+        assert "Park, Warm up" in answer.json()["error"]["sentence"]
+
+
 # ---- without users
 
 

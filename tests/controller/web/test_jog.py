@@ -247,3 +247,34 @@ def test_a_line_whose_question_is_answered_with_no_is_not_run_and_stays(page: An
     page.wait_for_selector(".dx-ask", state="detached")
     assert page.input_value("#mdi-text") == "G0 Z3"
     assert len(site.asked("mdi")) == before
+
+
+def test_a_macro_is_a_button_that_asks_with_its_lines_and_is_grey_where_mdi_is_refused(
+    page: Any, site: Site
+) -> None:
+    page.evaluate("dx.show('jog')")
+    park = page.locator("[data-macro=Park]")
+    page.wait_for_selector("[data-macro=Park]:not([aria-disabled])")
+    before = len(site.asked("mdi"))
+    park.click()
+    page.wait_for_selector(".dx-ask >> text=Run Park now?")
+    assert page.inner_text(".dx-ask p").splitlines() == ["Run Park now?", "G53 G0 Z260", "G53 G0 X0 Y200"]
+    assert len(site.asked("mdi")) == before
+    browser.yes(page)
+    asked = until(lambda: site.asked("mdi")[before:], "the macro")
+    assert asked[0][2] == {"text": "G53 G0 Z260\nG53 G0 X0 Y200"}
+    site.tell(mode="RUNNING")
+    page.wait_for_selector("[data-macro=Park][aria-disabled=true][title*='Possible in']")
+    park.click(force=True)
+    page.wait_for_selector("#dx-said:has-text('Possible in')")
+    assert len(site.asked("mdi")) == before + 1
+
+
+def test_a_macro_of_who_sets_up_is_grey_for_who_operates(page: Any) -> None:
+    page.evaluate("dx.show('jog')")
+    page.wait_for_selector("[data-macro='Warm up']:not([aria-disabled])")
+    page.evaluate("dx.user = {...dx.user, role: 'operate'}; dx.draw()")
+    page.wait_for_selector(
+        "[data-macro='Warm up'][aria-disabled=true][title='Only who sets up may do this.']"
+    )
+    assert page.get_attribute("[data-macro=Park]", "aria-disabled") is None

@@ -150,9 +150,14 @@ class MovingDoor(FakeDoor):
             axis["absolute"] = axis["name"] == "Z"
             axis["clamp"] = "a_open" if axis["name"] == "A" else None
             axis["supervision"] = "guarding" if axis["unit"] == "deg" else "heartbeat"
-        return {**super().facts(), **told}
+        return {**super().facts(), **told, "macros": MACROS}
 
 
+MACROS = [
+    {"name": "Park", "lines": ["G53 G0 Z260", "G53 G0 X0 Y200"], "role": "operate"},
+    {"name": "Rotaries to zero", "lines": ["G90 G0 A0 C0"], "role": "operate"},
+    {"name": "Warm up", "lines": ["M3 S6000", "G4 P60", "M5"], "role": "set_up"},
+]
 # Of a status what the guide looks at and no test here tells.
 UNTOLD: dict[str, Any] = {
     **{"tick_alive": True, "plan_alive": True, "commissioned": True, "not_homed": [], "interlock": None},

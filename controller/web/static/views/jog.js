@@ -92,6 +92,17 @@ function Keyboard() {
   return html`<${Act} id="jog-keyboard" text=${word("keyboard")} icon="keyboard" class="toggle" aria-pressed=${String(chosen.keyboard)} press=${turn} />`;
 }
 
+// ---- lines of the machine file by name: asked for, refused and run as what is typed is
+
+function Macros() {
+  const { macros = [] } = dx.facts;
+  if (!macros.length) return null;
+  const role = ({ role }) => (role === "set_up" ? { given: dx.user?.role === "set_up", why: "why.set_up" } : {});
+  const lines = (macro) => macro.lines.join("\n");
+  return html`<div class="macros" role="group" aria-label=${word("macros")}>${macros.map((macro) => html`<${Act} key=${macro.name} text=${macro.name} data-macro=${macro.name} title=${lines(macro)} command="mdi" ...${role(macro)}
+    ask=${`${word("macro_ask", macro.name)}\n${lines(macro)}`} call=${`POST macros/${encodeURIComponent(macro.name)}`} />`)}</div>`;
+}
+
 // ---- MDI, with what was typed before
 
 const MOST = 50;
@@ -105,7 +116,7 @@ function Mdi() {
 
   async function run() {
     const typed = field.current.value.trim();
-    if (!typed || reason(rules) || !(await ask(`${word("mdi_ask")} ${typed}`, "jog.run"))) return;
+    if (!typed || reason(rules) || !(await ask(`${word("mdi_ask")}\n${typed}`, "jog.run"))) return;
     history = [typed, ...history.filter((old) => old !== typed)].slice(0, MOST);
     keep("mdi", history);
     back = -1;
@@ -132,6 +143,7 @@ function Mdi() {
   return html`<${Card} title=${word("mdi")} class="mdi-card">
     <${Guide} />
     <${Codes} />
+    <${Macros} />
     <form class="mdi" id="mdi" autocomplete="off" onsubmit=${(event) => event.preventDefault()}>
       <textarea id="mdi-text" rows="2" maxlength="1000" spellcheck=${false} aria-label=${word("mdi")} placeholder="G0 X10." ref=${field} onkeydown=${typed}>
         </textarea>
