@@ -18,6 +18,7 @@ import json
 import os
 import sys
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +29,7 @@ from controller.messages import of_error, said
 from controller.plan.report.picture import Picture
 from controller.plan.stretch import Stretch
 from controller.program import blocks, linked, refusals
+from controller.program.carried import InForce
 from controller.program.program import Block, ProgramError
 from controller.runtime import checked, children
 from controller.service.durations import Durations
@@ -81,7 +83,8 @@ def check(
         )
     except ProgramError as error:
         place = {"file": error.file, "line": error.line, "column": error.column}
-        return "refused", {**error.said, **place, **error.facts, **_others(error, task)}
+        found_out = {**error.said, **place, **error.facts, **_others(error, task)}
+        return "refused", {**found_out, **_drawn(task, found_out, state / PICTURES)}
     except (ConfigError, OSError) as error:
         return "failed", {**said("could_not_check", program=name, why=of_error(error))}
     except Exception as error:  # the operator gets a sentence, and we the rest
@@ -109,6 +112,34 @@ def _others(first: ProgramError, task: checked.Task) -> dict[str, Any]:
     if len(found) == 1:
         return facts
     return {**said("program.of_several", sentence=first.said, summed=refusals.summed(found)), **facts}
+
+
+class Lenient(checked.Task):
+    """A program that is gone through though it is refused: what cannot be read is left out."""
+
+    def read(self, in_force: InForce | None = None) -> Iterator[Block]:
+        return blocks.stream(self.text, self.machine, self.name, start=self.start, refused=[])
+
+
+def _drawn(task: checked.Task, refused: Mapping[str, Any], folder: Path) -> dict[str, Any]:
+    """Where the picture of what can be seen of a refused program is, and the guilty lines; or nothing.
+
+    Its path goes on behind lines that cannot be read and into walls, and ends where it cannot go.
+    """
+    machine = replace(task.machine, gouge="warn")
+    found = Picture(task.machine, task.kinematics)
+    with contextlib.suppress(Exception):  # no mistake of ours in a picture may cost the sentence
+        walk = checked.path_of(Lenient(task.text, task.name, machine, task.kinematics, task.start))
+        with contextlib.suppress(ProgramError):
+            for _ in found.watched(walk.items):
+                pass
+        shape = found.shape()
+        if len(shape.tips):
+            shape.save(folder / f"{task.key}.npz")
+            places = refused.get("refusals") or [refused]
+            lines = sorted({int(one["line"]) for one in places if one["file"] == task.name})
+            return {"pictured": task.key, "guilty_lines": lines}
+    return {}
 
 
 def verified(task: checked.Task, stretches: Mapping[int, Stretch]) -> dict[str, Any]:

@@ -7,14 +7,16 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Header, Request, Response
+from fastapi import APIRouter, Header, Query, Request, Response
 
-from controller.api import machine_table, models_of_diagnostics, ticks
+from controller.api import machine_table, models_of_diagnostics, outline, ticks
 from controller.api.access import needs, panel_of
 from controller.api.answers import Refusal, documented
 from controller.api.app_state import Panel
+from controller.api.programs import ProgramCheck
 from controller.api.roles import Role
 from controller.api.routes.machine import LOOKS
+from controller.api.slashes import Name
 from controller.machine.machine_file import written
 from controller.plan.report import picture
 
@@ -54,41 +56,77 @@ async def run_sums(request: Request) -> models_of_diagnostics.RunSums:
     )
 
 
+SAME = {304: {"description": "As it was."}}
+
+
 @router.get(
     "/programs/{name}/picture",
     response_model=models_of_diagnostics.PathPicture,
     dependencies=[needs(Role.VIEW)],
-    responses={304: {"description": "As it was."}, **documented(401, 403, 404, 422)},
+    responses={**SAME, **documented(401, 403, 404, 422)},
 )
 async def path_picture(
-    request: Request, name: str, if_none_match: Annotated[str | None, Header()] = None
+    request: Request, name: Name, if_none_match: Annotated[str | None, Header()] = None
 ) -> Response:
-    """A checked program's path, to be drawn; with its ETag sent along, only where it is another one."""
+    """A checked program's path, to be drawn; with its ETag sent along, only where it is another one.
+
+    Of a program that is refused as much as could be read and planned of it.
+    """
     panel = panel_of(request)
-    key = await asyncio.to_thread(_picture_key, panel, name)
+    key, _ = await asyncio.to_thread(_pictured, panel, name)
     tag = {"ETag": f'"{key}"', "Cache-Control": "no-cache"}
     if if_none_match == tag["ETag"]:
         return Response(status_code=304, headers=tag)
     # Made to text beside the loop: hundreds of kilobytes would hold up everybody's figures.
-    told = await asyncio.to_thread(_picture, panel, name, key)
+    told = await asyncio.to_thread(lambda: _json(_shape(panel, name, key)))
     return Response(told, media_type="application/json", headers=tag)
 
 
-def _picture_key(panel: Panel, name: str) -> str:
-    """Of the program's check on the machine as it is fitted. Raises Refusal."""
+@router.get(
+    "/programs/{name}/picture.svg",
+    dependencies=[needs(Role.VIEW)],
+    response_class=Response,
+    responses={200: {"content": {"image/svg+xml": {}}}, **SAME, **documented(401, 403, 404, 422)},
+)
+async def path_outline(
+    request: Request,
+    name: Name,
+    height: Annotated[int, Query(ge=24, le=1200, description="In pixels: it is drawn so finely.")] = 300,
+    if_none_match: Annotated[str | None, Header()] = None,
+) -> Response:
+    """The same as a picture: seen obliquely, what a refused program is refused for in red."""
+    panel = panel_of(request)
+    key, check = await asyncio.to_thread(_pictured, panel, name)
+    tag = {"ETag": f'"{key}-{height}"', "Cache-Control": "no-cache"}
+    if if_none_match == tag["ETag"]:
+        return Response(status_code=304, headers=tag)
+
+    def drawn() -> str:
+        shape = _shape(panel, name, key)
+        guilty = outline.guilty_of(shape, check.result) if check.state == "refused" else None
+        return outline.svg(shape, height, guilty)
+
+    return Response(await asyncio.to_thread(drawn), media_type="image/svg+xml", headers=tag)
+
+
+def _pictured(panel: Panel, name: str) -> tuple[str, ProgramCheck]:
+    """The picture's name, by the program's check on the machine as it is fitted. Raises Refusal."""
     program = panel.store.programs.get(name)
     check = panel.checker.of(program) if panel.checker is not None else None
-    key = str(check.result.get("stored") or "") if check is not None else ""
-    if not key:
+    key = str(check.result.get("stored") or check.result.get("pictured") or "") if check is not None else ""
+    if check is None or not key:
         raise Refusal.told(404, "missing", "no_picture", program=name)
-    return Path(key).name
+    return Path(key).name, check
 
 
-def _picture(panel: Panel, name: str, key: str) -> str:
+def _shape(panel: Panel, name: str, key: str) -> picture.Shape:
     try:
-        found = picture.load(panel.store.folder / PICTURES / f"{key}.npz")
+        return picture.load(panel.store.folder / PICTURES / f"{key}.npz")
     except (OSError, ValueError, KeyError):
         raise Refusal.told(404, "missing", "picture_gone", program=name) from None
+
+
+def _json(found: picture.Shape) -> str:
     return models_of_diagnostics.PathPicture(**_listed(found)).model_dump_json()
 
 

@@ -26,7 +26,7 @@ from controller.api.slashes import Name
 router = APIRouter(tags=["programs"])
 Place = Annotated[int, Query(ge=0, le=10**9)]
 IN_USE_S = 10.0
-IN_LISTS = ("duration_s", "takes_s", "stored")  # of what a check found
+IN_LISTS = ("duration_s", "takes_s", "stored", "pictured")  # of what a check found
 SHARES = ("velocity_share", "acceleration_share", "jerk_share")
 OVER = 1.005  # of a limit: shown as 101 %, and from here on said to be over it
 FORM = {

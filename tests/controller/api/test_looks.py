@@ -245,6 +245,30 @@ def test_the_picture_of_a_checked_program_is_told(tmp_path: Path) -> None:
     told(tmp_path, story)
 
 
+def test_the_path_is_a_picture_too_in_a_folder_as_well(tmp_path: Path) -> None:
+    async def story(scene: Scene, client: httpx.AsyncClient) -> None:
+        scene.panel.checker = Passed()  # type: ignore[assignment]
+        await client.post("/api/v1/programs", files={"file": ("part.ngc", b"G21\nM30\n")})
+        await client.patch("/api/v1/programs/part.ngc", json={"name": "fixtures/part.ngc"})
+        two = np.array([1, 1])
+        tips, axes = np.array([[0.0, 0.0, 0.0], [1.0, 2.0, 3.0]]), np.array([[0.0, 0.0, 1.0]] * 2)
+        shape = Shape(tips, two, two, two, np.zeros((0, 6)), two[:0], 0.002, axes)
+        shape.save(scene.folder / "pictures" / "abc.npz")
+        path = "/api/v1/programs/fixtures%2Fpart.ngc/picture"
+        assert (await client.get(path)).json()["kinds"] == [1, 1]
+        small, large = [await client.get(f"{path}.svg?height={px}") for px in (54, 360)]
+        assert small.headers["content-type"].startswith("image/svg+xml")
+        assert 'viewBox="0 0 72 54"' in small.text and 'class="feed"' in small.text
+        assert small.headers["etag"] != large.headers["etag"]
+        known = {"If-None-Match": small.headers["etag"]}
+        again = await client.get(f"{path}.svg?height=54", headers=known)
+        assert (again.status_code, again.content) == (304, b"")
+        for px in (0, 23, 1201):
+            assert (await client.get(f"{path}.svg?height={px}")).status_code == 422
+
+    told(tmp_path, story)
+
+
 def test_touching_off_goes_to_the_service_as_it_was_typed(tmp_path: Path) -> None:
     async def story(scene: Scene, client: httpx.AsyncClient) -> None:
         scene.door.mode = "READY"

@@ -205,6 +205,36 @@ def test_a_surface_beyond_its_tolerance_is_no_green_word_but_said_with_its_place
     assert site.ask("programs/deep.ngc/check")["verdict"]["exceeds_mm"] == pytest.approx(0.4331)
 
 
+SHOWN = "(img) => img.complete && img.naturalWidth > 0 && img.checkVisibility()"
+
+
+@pytest.mark.slow
+def test_each_program_has_its_path_as_a_picture_in_the_list_and_before_it_is_loaded(page: Any) -> None:
+    drop(page, "square.ngc", "G21\nM2\n")
+    thumbnail = "tr[data-program='square.ngc'] .thumbnail img"
+    page.wait_for_selector(thumbnail)
+    page.wait_for_function(f'() => ({SHOWN})(document.querySelector("{thumbnail}"))')
+    choose(page, "square.ngc")
+    page.wait_for_function(f"() => ({SHOWN})(document.querySelector('.preview img'))")
+    assert page.get_attribute(".preview img", "alt") == "The path of square.ngc"
+    assert page.locator(".preview figcaption").count() == 0
+    box = page.locator(".preview img").bounding_box()
+    assert box["height"] >= 150 and box["y"] + box["height"] < 720, "seen without scrolling"
+    drop(page, "being.ngc", "SLOWLY\nM2\n")
+    page.wait_for_selector("tr[data-program='being.ngc'] .thumbnail svg")
+
+
+@pytest.mark.slow
+def test_a_refused_program_is_shown_with_its_guilty_place(page: Any) -> None:
+    drop(page, "guilty.ngc", "G21\nG1 WRONG\n")
+    choose(page, "guilty.ngc")
+    page.wait_for_function(f"() => ({SHOWN})(document.querySelector('.preview img'))")
+    assert page.inner_text(".preview figcaption") == "Red: where it is refused, line 2"
+    source = page.get_attribute(".preview img", "src")
+    svg = page.evaluate("(url) => fetch(url).then((answer) => answer.text())", source)
+    assert 'class="guilty"' in svg and "<circle" in svg
+
+
 @pytest.mark.slow
 def test_a_program_that_takes_an_axis_over_a_limit_has_no_green_word_beside_it(page: Any, site: Site) -> None:
     drop(page, "fast.ngc", "(TOO FAST)\nM2\n")

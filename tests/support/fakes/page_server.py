@@ -15,6 +15,7 @@ import time
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import uvicorn
 from support.fakes.fake_socket import AXES, WEARS, FakeDoor
 
@@ -26,6 +27,7 @@ from controller.api.store import Store
 from controller.ipc.handoff import blank
 from controller.machine import machine_file, setup_data
 from controller.messages import Key, said
+from controller.plan.report.picture import Shape
 from controller.plan.report.verdict import Verdict
 from controller.service import status, usage
 from controller.service.next_step import next_step
@@ -223,7 +225,7 @@ class ToldChecker(Checker):
             self._share = (self._share + 0.01) % 1.0
             return ProgramCheck(program.sha256, "", "running", self._share, {}, 0.0)
         before, found, _ = text.partition("WRONG")
-        state, result = ("refused", _wrong(before)) if found else ("passed", PASSED)
+        state, result = ("refused", {**_wrong(before), **REFUSED}) if found else ("passed", PASSED)
         if "o5 call" in text:  # a place in the file of the sub
             state, result = "refused", {**_wrong("o5 sub\nG1 "), "file": "5.ngc"}
         if "TOO DEEP" in text:
@@ -239,7 +241,22 @@ def _wrong(before: str) -> dict[str, Any]:
     return {"sentence": sentence, "line": line, "column": column}
 
 
+DRAWN = "a-square"  # the picture of every program
+REFUSED = {"pictured": DRAWN, "guilty_lines": [2]}
+
+
+def draw(folder: Path) -> None:
+    """A square that is milled, a line of it on each line from the second on."""
+    places = [(0, 0, 60), (0, 0, 0), (40, 0, 0), (40, 30, 0), (0, 30, 0), (0, 0, 0), (0, 0, 60)]
+    tips, n = np.array(places, dtype=float), len(places)
+    kinds, rows = np.array([0, 0, 1, 1, 1, 1, 0]), np.arange(n)
+    axes, walls = np.tile([0.0, 0.0, 1.0], (n, 1)), np.empty((0, 6))
+    shape = Shape(tips, kinds, rows, rows, walls, np.empty(0, dtype=int), 0.0, axes)
+    shape.save(folder / "pictures" / f"{DRAWN}.npz")
+
+
 PASSED = {
+    "stored": DRAWN,
     "duration_s": 67.7,
     "cut_time_s": 52.4,
     "cut_length_mm": 87.27,
@@ -287,6 +304,7 @@ EXCEEDING = wording.told(
 def main(folder: Path, port: int) -> None:
     """Serve until killed."""
     setup_data.note(folder, MACHINE)
+    draw(folder)
     store = Store(folder)
     panel = Panel(store, MovingDoor(folder), ToldChecker(store))
     app = make_app(panel)

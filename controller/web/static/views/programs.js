@@ -128,11 +128,12 @@ function Trail() {
 function Row({ row }) {
   const { name, check, last_run: run } = row;
   return html`<tr class="entry" data-program=${name} aria-selected=${name === told.chosen ? "true" : undefined} onclick=${() => choose(row)}>
-    <td class="p-name">
-      <button class="plain" type="button">${rest(row)}</button>
-      ${dx.loaded() && name === dx.status.job.name && html`<${Chip} tone="info">${word("loaded")}<//>`}
-      <div class="dim when"><span>${word("uploaded")}</span> <${Moment} at=${row.uploaded_s} /></div>
-    </td>
+    <td class="p-name"><div class="named">
+      <${Thumbnail} name=${name} check=${check} />
+      <div><button class="plain" type="button">${rest(row)}</button>
+        ${dx.loaded() && name === dx.status.job.name && html`<${Chip} tone="info">${word("loaded")}<//>`}
+        <div class="dim when"><span>${word("uploaded")}</span> <${Moment} at=${row.uploaded_s} /></div></div>
+    </div></td>
     <td class="p-check"><${State} check=${check} /></td>
     <td class="figures p-time">${forms.time(check.result.takes_s ?? check.result.duration_s)}</td>
     <td class="p-last">${run && html`<${Chip} tone=${RESULTS[run.result] ?? "dim"}>${known(`result.${run.result}`, run.result)}<//>
@@ -140,6 +141,26 @@ function Row({ row }) {
     <td class="figures p-size">${forms.size(row.size)}</td>
   </tr>`;
 }
+
+// ---- its path as a picture, of the check that is known; drawn anew where that is another one
+
+const picture_of = ({ result }) => result.stored ?? result.pictured;
+const picture = (name, check, height) => `/api/v1/${path_of(name)}/picture.svg?height=${height}&of=${picture_of(check)}`;
+const hidden = ({ target }) => (target.style.visibility = "hidden"); // the oldest pictures go
+
+const THUMBNAIL = 54; // px
+const Thumbnail = ({ name, check }) => html`<span class="thumbnail">${picture_of(check) ? html`<img key=${picture_of(check)} src=${picture(name, check, THUMBNAIL)} alt="" loading="lazy" onerror=${hidden} />` : html`<${Icon} name="programs" />`}</span>`;
+
+const PREVIEW = 360; // px
+function Preview({ one: { name, check } }) {
+  if (!picture_of(check)) return null;
+  const lines = check.result.guilty_lines ?? [];
+  return html`<figure class="preview">
+    <img key=${picture_of(check)} src=${picture(name, check, PREVIEW)} alt=${word("picture", name)} onerror=${({ target }) => (target.parentNode.hidden = true)} />
+    ${lines.length > 0 && html`<figcaption class="note wrong">${word("guilty", lines.slice(0, MOST_LINES).join(", "))}</figcaption>`}
+  </figure>`;
+}
+const MOST_LINES = 10; // that are named below it
 
 const Moment = ({ at }) => html`<time class="figures" data-at=${String(at)}>${forms.moment(at)}</time>`;
 
@@ -155,6 +176,7 @@ function Detail({ one }) {
   return html`
     <h2 class="program-title">${one.name}</h2>
     <${Acts} one=${one} />
+    <${Preview} key=${picture_of(check)} one=${one} />
     ${check.result.sentence ? html`<${Refused} check=${check} />` : check.state === "passed" && html`<${Found} check=${check.result} made=${one.completed} />`}
     ${check.state === "passed" && html`<${Places} name=${one.name} lines=${one.lines} />`}`;
 }
