@@ -37,6 +37,7 @@ class Panel:
         self.store, self.checker = store, checker
         self.door = self.watch = Watch(door)
         self.drafts = Drafts(store)
+        self.saving = asyncio.Lock()  # a back-up
         self.measuring = Errand(MEASURE_WORKER, LONGEST_MEASUREMENT_S)
         self.gatherer = Gatherer(store.database, store.folder)
         self.latest = Latest(door)  # ticks for scopes

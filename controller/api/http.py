@@ -27,6 +27,7 @@ from controller.api.app_state import Panel
 from controller.api.database import StoreError
 from controller.api.roles import Role
 from controller.api.routes import (
+    backups,
     calibration,
     canned_cycles,
     changer,
@@ -64,7 +65,7 @@ STORE_STATUSES = {
 PARTS = (
     *((API, part) for part in (machine, cycle, commands, programs, tables, records, ticks)),
     *((API, part) for part in (diagnostics, session, users, notices, queue, usage, changer, probing)),
-    *((API, part) for part in (canned_cycles, calibration, listen)),
+    *((API, part) for part in (canned_cycles, calibration, backups, listen)),
     ("", metrics),
     ("", octoprint),
 )

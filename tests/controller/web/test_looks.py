@@ -99,6 +99,7 @@ PARTS = {
         "probing",
         "calibration",
         "file",
+        "backup",
         "drives",
         "users",
         "notices",

@@ -14,7 +14,7 @@ pytestmark = pytest.mark.slow
 
 PARTS = (
     *("homing", "offsets", "tools", "changer", "probing", "calibration"),
-    *("file", "drives", "users", "notices", "usage"),
+    *("file", "backup", "drives", "users", "notices", "usage"),
 )
 # Of every control that is off: its name, the reason as pointer and screen reader have it, what a press says.
 OFF = """() => [...document.querySelectorAll("[aria-disabled=true], :disabled")]
