@@ -29,8 +29,9 @@ MAX_RINGS = 20
 STYLE = (
     "path{fill:none;stroke-linejoin:round;stroke-linecap:round}"
     ".rapid{stroke:#808c96;stroke-width:1;stroke-dasharray:3 3}"
-    ".feed,.cut{stroke:#2f8fd8;stroke-width:1.5}"
-    ".wall{fill:#2f8fd8;fill-opacity:.3;stroke:#2f8fd8;stroke-width:.7}"
+    ".feed{stroke:#2f8fd8;stroke-width:1.5}"
+    ".cut{stroke:#8b6be0;stroke-width:1.5}"
+    ".wall{fill:#8b6be0;fill-opacity:.3;stroke:#8b6be0;stroke-width:.7}"
     ".guilty{stroke:#e5383b;stroke-width:2.5}"
 )
 

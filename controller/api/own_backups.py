@@ -6,6 +6,7 @@ service must not run then, and it is the panel's.
 
 from __future__ import annotations
 
+import itertools
 import os
 from datetime import datetime
 from pathlib import Path
@@ -43,8 +44,7 @@ def save(store: Store) -> Saved:
     store.uploads.room(sum(program.size for program in store.programs.list()))
     folder = folder_of(store)
     own_files.make_folder(folder, folder.parent)
-    file = folder / datetime.now().strftime("%Y-%m-%dT%H%M%S.%f.zip")
-    made = _facts(backup.save(store, machine, file))
+    made = _facts(backup.save(store, machine, _free(folder / datetime.now().strftime("%Y-%m-%dT%H%M%S.zip"))))
     for old in saved(store)[KEPT:]:
         own_files.remove(folder / old.name)
     return made
@@ -55,6 +55,12 @@ def saved(store: Store) -> list[Saved]:
     folder = folder_of(store)
     names = [name for name in own_files.names(folder, folder.parent) if name.endswith(".zip")]
     return sorted((_facts(folder / name) for name in names), key=lambda one: one.made_s, reverse=True)
+
+
+def _free(file: Path) -> Path:
+    """The name, or where it is taken another one with a number."""
+    taken, names = own_files.names(file.parent), (f"{file.stem}-{n}{file.suffix}" for n in itertools.count(2))
+    return file if file.name not in taken else file.with_name(next(n for n in names if n not in taken))
 
 
 def _facts(file: Path) -> Saved:

@@ -14,6 +14,7 @@ folder, with what is fitted laid over. What is found out is kept for the service
 from __future__ import annotations
 
 import contextlib
+import itertools
 import json
 import os
 import sys
@@ -41,6 +42,7 @@ PICTURES = "pictures"  # of paths, by the name of the check
 # Behind the machine and its page, but somebody waits for it: beside two busy programs of others a nice of 15
 # got 3 % of a core, and a check of six seconds took three minutes.
 NICE = 5
+MAX_DRAWN = 200_000  # blocks of a program that is refused: its sentence is waited for
 MAX_CUTS = 1000  # surfaces whose lengths are told one by one
 
 Result = tuple[str, dict[str, Any]]
@@ -118,7 +120,8 @@ class Lenient(checked.Task):
     """A program that is gone through though it is refused: what cannot be read is left out."""
 
     def read(self, in_force: InForce | None = None) -> Iterator[Block]:
-        return blocks.stream(self.text, self.machine, self.name, start=self.start, refused=[])
+        read = blocks.stream(self.text, self.machine, self.name, start=self.start, refused=[])
+        return itertools.islice(read, MAX_DRAWN)
 
 
 def _drawn(task: checked.Task, refused: Mapping[str, Any], folder: Path) -> dict[str, Any]:

@@ -75,23 +75,19 @@ def test_the_latest_are_kept_and_nothing_that_is_no_archive_is_listed(
         names = [(await client.post(PATH)).json()["name"] for _ in range(3)]
         (state / own_backups.FOLDER / "notes.txt").write_text("mine")
         found = [one["name"] for one in (await client.get(PATH)).json()["backups"]]
-        assert sorted(found) == sorted(names)[1:] and found == sorted(found, reverse=True)
+        assert found == names[:0:-1], "the latest first"
         assert (state / own_backups.FOLDER / "notes.txt").exists()
 
     told(state, story)
 
 
-@pytest.mark.parametrize(
-    ("role", "lists", "saves", "takes"), [("view", 200, 403, 403), ("operate", 200, 403, 403)]
-)
-def test_only_who_sets_up_saves_and_takes_away(
-    state: Path, role: str, lists: int, saves: int, takes: int
-) -> None:
+@pytest.mark.parametrize("role", ["view", "operate"])
+def test_only_who_sets_up_saves_and_takes_away(state: Path, role: str) -> None:
     async def story(scene: Scene, client: httpx.AsyncClient) -> None:
         name = (await client.post(PATH)).json()["name"]
         async with scene.client(role) as other:
             answers = [await other.get(PATH), await other.post(PATH), await other.get(f"{PATH}/{name}")]
-        assert [one.status_code for one in answers] == [lists, saves, takes]
+        assert [one.status_code for one in answers] == [200, 403, 403]
 
     told(state, story)
 

@@ -175,6 +175,30 @@ def test_at_twice_the_size_most_of_the_height_is_left_for_what_is_looked_at(page
     page.locator(".run-cycle .tall").first.scroll_into_view_if_needed()
 
 
+@pytest.mark.parametrize("language", ("en", "de"))
+@pytest.mark.parametrize("size", FOLD)
+def test_at_twice_the_size_each_view_has_most_of_the_height(
+    size: str, language: str, chromium: Any, site: Site
+) -> None:
+    """Every window at 200 %, with two alarms: nothing reaches over its right edge, all can be scrolled to."""
+    width, height = (pixels // 2 for pixels in FOLD[size])
+    context = chromium.new_context(viewport={"width": width, "height": height}, device_scale_factor=2)
+    context.add_cookies([{"name": "directrix_language", "value": language, "url": site.url}])
+    site.tell(**RUNNING)
+    page = browser.opened(context, site)
+    page.wait_for_selector(".line.alarm:visible")
+    for view in browser.VIEWS:
+        page.evaluate("(view) => dx.show(view)", view)
+        page.wait_for_selector(f"section[data-view={view}] .card")
+        assert page.locator(".views").bounding_box()["height"] >= 0.6 * height, view
+        assert page.eval_on_selector(".views", "(e) => e.scrollWidth <= e.clientWidth + 1"), view
+        assert page.evaluate("document.documentElement.scrollWidth <= innerWidth"), view
+    errors = page.errors
+    context.close()
+    site.tell()
+    assert not errors
+
+
 def test_a_tool_says_what_is_left_of_its_life(page: Any, site: Site) -> None:
     site.tell(tool=1, codes=CODES)
     page.evaluate("dx.call('PUT', 'usage/tools/1', {cut_min: 10, cut_m: null, parts: null, sister: null})")

@@ -105,6 +105,38 @@ def test_without_a_program_nothing_of_one_is_drawn(looker: Any, stepped: Site) -
     looker.wait_for_function("() => dxScene.shape === null && !dxScene.part.children.length")
 
 
+LEGEND = """() => {
+  const key = (name) => document.querySelector(`.key .${name}`);
+  const shown = (name) => getComputedStyle(key(name)).getPropertyValue("--colour");
+  const { path, materials, trail, box, disc } = dxScene;
+  const drawn = (material) => `#${material.color.getHexString()}`;
+  const colours = path.ahead.geometry.getAttribute("color");
+  const of_kind = (kind) => {
+    const i = path.shape.kinds.indexOf(kind);
+    const rgb = [colours.getX(i), colours.getY(i), colours.getZ(i)];
+    return `#${materials.cutter.color.clone().setRGB(...rgb).getHexString()}`;
+  };
+  const all = {
+    ...{ rapid: of_kind(0), feed: of_kind(1), along: of_kind(2), done: drawn(path.done.material) },
+    ...{ trail: drawn(trail.material), surface: drawn(path.mesh.material), tool: drawn(materials.cutter) },
+    ...{ holder: drawn(materials.holder), table: drawn(disc.material), travel: drawn(box.material) },
+  };
+  return Object.entries(all).map(([name, colour]) => [name, shown(name), colour]);
+}"""
+WAYS = ("rapid", "feed", "along", "done", "trail")
+
+
+@pytest.mark.parametrize("theme", ["light", "dark"])
+def test_the_legend_has_everything_in_the_colour_in_which_it_is_drawn(theme: str, looker: Any) -> None:
+    if looker.evaluate("document.documentElement.dataset.theme") != theme:
+        looker.click("#dx-theme")
+    told = looker.evaluate(LEGEND)
+    assert len(told) == looker.locator(".key:not(#scene-scale)").count()
+    assert [name for name, shown, drawn in told if shown != drawn] == []
+    colours = {name: drawn for name, _, drawn in told}
+    assert len({colours[name] for name in (*WAYS, "surface")}) == len(WAYS) + 1, "told apart"
+
+
 # ---- what moves
 
 

@@ -53,8 +53,8 @@ export class Path {
 
   paint() {
     this.done.material.color.set(css("--go"));
-    this.mesh?.material.color.set(css("--accent"));
-    this.ruled?.material.color.set(css("--accent"));
+    this.mesh?.material.color.set(css("--wall"));
+    this.ruled?.material.color.set(css("--wall"));
     const colours = this.ahead.geometry.getAttribute("color");
     const kinds = ["--dim", "--info", "--text"].map((name) => new THREE.Color(css(name)));
     this.shape.kinds.forEach((kind, i) => colours.setXYZ(i, kinds[kind].r, kinds[kind].g, kinds[kind].b));

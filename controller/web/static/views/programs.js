@@ -151,7 +151,7 @@ const hidden = ({ target }) => (target.style.visibility = "hidden"); // the olde
 const THUMBNAIL = 54; // px
 const Thumbnail = ({ name, check }) => html`<span class="thumbnail">${picture_of(check) ? html`<img key=${picture_of(check)} src=${picture(name, check, THUMBNAIL)} alt="" loading="lazy" onerror=${hidden} />` : html`<${Icon} name="programs" />`}</span>`;
 
-const PREVIEW = 360; // px
+const PREVIEW = 270; // px
 function Preview({ one: { name, check } }) {
   if (!picture_of(check)) return null;
   const lines = check.result.guilty_lines ?? [];

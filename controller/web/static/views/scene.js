@@ -9,7 +9,8 @@ import { word as text } from "../texts.js";
 
 const word = (key) => text(`scene.${key}`);
 const LOOKS = ["iso", "top", "front", "side"];
-const KEYS = { done: "--go", ahead: "--text", feed: "--info", rapid: "--dim", trail: "--hold", surface: "--accent", tool: "--hold", holder: "--dim", table: "--dim", travel: "--dim" };
+// What is drawn, with its colour: ways that are ahead, what is done of them, and bodies.
+const KEYS = { rapid: "--dim", feed: "--info", along: "--text", done: "--go", trail: "--hold", surface: "--wall", tool: "--hold", holder: "--dim", table: "--dim", travel: "--dim" };
 const shown = { picture: null, coming: false, wrong: "" };
 
 async function come(place) {

@@ -12,7 +12,7 @@ const told = { backups: [], kept: 0, folder: "", state: "", wrong: "" };
 const look = every("setup", 5, "backups", (body) => Object.assign(told, body), (wrong) => (told.wrong = wrong));
 
 const Row = ({ one: { name, made_s, size } }) => html`<tr data-backup=${name}>
-  <th scope="row" class="figures">${forms.date(made_s)}</th>
+  <th scope="row">${forms.date(made_s)}</th>
   <td class="hide-narrow"><code>${name}</code></td>
   <td class="figures">${forms.size(size)}</td>
   <td>${dx.user?.role === "set_up" && html`<${Link} text=${word("download")} path=${`backups/${encodeURIComponent(name)}`} aria-label=${`${word("download")} ${name}`} />`}</td>
@@ -32,7 +32,7 @@ export function Backup() {
     <div class="row"><${Act} id="backup-save" text=${word("save")} icon="download" needs="set_up" given=${!saving} why="backup.busy" press=${save} /></div>
     <${Wrong} text=${told.wrong} />
     ${latest
-      ? html`<${Table} word=${word} columns=${["made figures", "name hide-narrow", "size figures", ""]} body="backup-list">${told.backups.map((one) => html`<${Row} key=${one.name} one=${one} />`)}<//>`
+      ? html`<${Table} word=${word} columns=${["made", "name hide-narrow", "size figures", ""]} body="backup-list">${told.backups.map((one) => html`<${Row} key=${one.name} one=${one} />`)}<//>`
       : html`<p class="dim">${word("none")}</p>`}
     <div class="restore"><p>${word("restore")}</p>
       <pre class="listing" tabindex="0" id="backup-restore">directrix backup restore ${told.folder}/${latest?.name ?? word("archive")} --state ${told.state}</pre></div>`;
