@@ -56,7 +56,7 @@ async def run_sums(request: Request) -> models_of_diagnostics.RunSums:
     )
 
 
-SAME = {304: {"description": "As it was."}}
+SAME: dict[int | str, dict[str, Any]] = {304: {"description": "As it was."}}
 
 
 @router.get(

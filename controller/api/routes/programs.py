@@ -237,7 +237,7 @@ def _brief(program: models.ProgramFacts) -> models.ProgramFacts:
 def _check(panel: Panel, program: Program) -> models.CheckFacts:
     known = panel.checker.of(program) if panel.checker is not None else None
     if known is None:
-        return models.CheckFacts(state="none")
+        return models.CheckFacts(state="none", over_limit=False)
     result = dict(known.result)
     verdict = result.get("verdict")
     over = any(row.get(name, 0.0) >= OVER for row in result.get("joints") or () for name in SHARES)
