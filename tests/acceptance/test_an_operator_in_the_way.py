@@ -21,6 +21,7 @@ from controller.verify import trace
 VELOCITY, ACCELERATION, JERK = 1.0005, 1.002, 1.02
 STAND = 300  # ticks of a hold; every hold here is at rest by then
 CONE = "1000. of the cone"
+PERIOD_S = 0.004
 
 
 def text(feed: str = "1000.") -> str:
@@ -30,7 +31,7 @@ def text(feed: str = "1000.") -> str:
 
 @cache
 def undisturbed(feed: str = "1000.") -> Cut:
-    return cut(text(feed))
+    return cut(text(feed), shipped(period_s=PERIOD_S))
 
 
 def cutting_span(feed: str = "1000.") -> tuple[int, int]:
@@ -83,7 +84,7 @@ def holds(ticks: list[int]) -> list[Event]:
 
 def run_with(events: list[Event], label: str, feed: str = "1000.") -> Cut:
     """A run that keeps the limits and the path and cuts all of the part in spite of ``events``."""
-    done = cut(text(feed), events=events)
+    done = cut(text(feed), shipped(period_s=PERIOD_S), events)
     assert_all_is_cut(done, feed)
     assert_on_the_path(done)
     assert_in_limits(done, f"{label} at {feed}")
@@ -130,7 +131,7 @@ def test_a_hold_and_a_resume_in_quick_succession_do_no_harm(feed: str) -> None:
 def test_a_stop_ends_in_standstill_on_the_path_and_the_machine_is_ready_again(seed: int) -> None:
     first, last = cutting_span()
     tick = random.Random(seed).randrange(first, last)
-    done = cut(text(), events=[Event(tick, Request.STOP)])
+    done = cut(text(), shipped(period_s=PERIOD_S), [Event(tick, Request.STOP)])
     assert done.run.result == "stopped" and done.stepped.cycle.modes.mode is Mode.READY
     assert off_the_plan(done, np.flatnonzero(done.column("mode") != Mode.READY)) < 1e-6
     assert_in_limits(done, f"stop at {tick}")
@@ -244,7 +245,7 @@ def held_at(done: Cut) -> list[int]:
 
 
 def blocks_run(events: list[Event]) -> Cut:
-    done = cut(BLOCKS, shipped(spindle=None), events=events)
+    done = cut(BLOCKS, shipped(spindle=None, period_s=PERIOD_S), events)
     assert done.run.result == "completed", done.run.fault_text
     assert_on_the_path(done)
     assert_in_limits(done, "single block")
@@ -332,7 +333,7 @@ class Dying(SteppedMachine):
 
 
 def die_at(tick: int) -> tuple[Cut, Run]:
-    stepped = Dying(shipped())
+    stepped = Dying(shipped(period_s=PERIOD_S))
     stepped.come_up()
     stepped._calls_from, stepped.dies_at = stepped.cycle.tick, tick
     known = blocks.read(text().encode(), stepped.machine, "part.ngc")
@@ -362,5 +363,5 @@ def test_a_silent_planner_ends_in_standstill_on_the_path_and_is_named() -> None:
 @pytest.mark.parametrize("seed", range(8))
 def test_a_planner_silent_from_any_tick_on_ends_in_standstill_on_the_path(seed: int) -> None:
     first, last = cutting_span()
-    planned = round((AHEAD_S + 0.5) / shipped().period_s)  # it must not have sent the program's end
+    planned = round((AHEAD_S + 0.5) / PERIOD_S)  # it must not have sent the program's end
     assert_stands_on_the_path(random.Random(seed).randrange(first, last - planned))

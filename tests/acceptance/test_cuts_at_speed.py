@@ -18,6 +18,7 @@ from support.parts.random_surfaces import compound, text
 
 from controller.geometry import arc_length
 from controller.machine import machine_file
+from controller.machine.model import Machine
 from controller.motion.motions import SurfaceCut
 from controller.plan.path.path import Stretch
 from controller.program.program import ProgramError
@@ -25,7 +26,12 @@ from controller.runtime.events import Event
 from controller.state.modes import Request
 
 NEWTON = 30
+PERIOD_S = 0.004
 BESIDE_MM = 8.0  # of an end: limits that are lower further away leave room to reach the feed
+
+
+def machine(name: str = "trunnion", **changes: object) -> Machine:
+    return shipped(name, **{"period_s": PERIOD_S, **changes})
 
 
 def places(stretch: Stretch, tips: np.ndarray) -> np.ndarray:
@@ -74,7 +80,7 @@ def assert_at_feed(done: Cut, share: float = 1.0) -> None:
 @pytest.mark.parametrize("name", ["example1_ready", "example2_ready"])
 def test_the_ready_examples_begin_and_end_at_their_feed(name: str, feed: str) -> None:
     source = machine_file.shipped_program(name).read_text().replace("F100.", f"F{feed}")
-    done = cut(source, machine_file.load("trunnion"))
+    done = cut(source, machine(gouge="refuse"))
     if name == "example2_ready":
         # Its first ruling, as auto lays it, and its last one are nearly vertical: C is at its limit at the
         # one, Y and Z run ten times as fast as the contact at the other. It is at its feed where it may be.
@@ -91,19 +97,19 @@ def test_the_ready_examples_begin_and_end_at_their_feed(name: str, feed: str) ->
 
 @pytest.mark.parametrize("seed", [1, 5])
 def test_random_surfaces_begin_and_end_at_their_feed(seed: int) -> None:
-    done = cut(text(compound(seed, 1), 1000.0))
+    done = cut(text(compound(seed, 1), 1000.0), machine())
     assert_at_feed(done)
     assert_in_limits(done, seed)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("machine", ["fig4b", "table_head", "head_head", "oblique45"])
+@pytest.mark.parametrize("name", ["fig4b", "table_head", "head_head", "oblique45"])
 @pytest.mark.parametrize("seed", range(100, 106))
-def test_random_surfaces_on_other_machines_begin_and_end_at_their_feed(machine: str, seed: int) -> None:
+def test_random_surfaces_on_other_machines_begin_and_end_at_their_feed(name: str, seed: int) -> None:
     """With a form tolerance that leaves room for whole leads: a cut that uses it up has shorter ones."""
-    done = cut(text(compound(seed, 1), 600.0, "G42 P1 R0.5"), shipped(machine))
+    done = cut(text(compound(seed, 1), 600.0, "G42 P1 R0.5"), shipped(name))
     assert_at_feed(done)
-    assert_in_limits(done, (machine, seed))
+    assert_in_limits(done, (name, seed))
 
 
 @pytest.mark.slow
@@ -130,7 +136,7 @@ def test_unseen_surfaces_begin_and_end_at_any_feed_that_the_limits_allow(batch: 
 
 def test_a_lead_is_as_long_as_its_own_bend_needs_at_the_feed() -> None:
     """The way to the feed alone would be shorter: there the lead's third derivative was in the way."""
-    done = cut(text(compound(5038, 1), 3039.0, "G41 P2 R0.5"), shipped("fig4d"))
+    done = cut(text(compound(5038, 1), 3039.0, "G41 P2 R0.5"), machine("fig4d"))
     i, stretch = cuts(done)[0]
     assert speeds(done, stretch, i)[:3] == pytest.approx(np.full(3, stretch.feed_mm_s), rel=0.01)
     assert_in_limits(done, "bend")
@@ -138,7 +144,7 @@ def test_a_lead_is_as_long_as_its_own_bend_needs_at_the_feed() -> None:
 
 def test_a_cut_does_not_rest_at_its_end_for_some_micrometres_within_its_tolerance() -> None:
     """Every lead that joins its twisted end reaches 1.5 um deeper than the cut, of 490 um that are left."""
-    done = cut(text(compound(5011, 3), 175.0, "G41 P2 R0.5"), shipped("table_head"))
+    done = cut(text(compound(5011, 3), 175.0, "G41 P2 R0.5"), machine("table_head"))
     i, stretch = cuts(done)[-1]
     assert speeds(done, stretch, i)[-3:] == pytest.approx(np.full(3, stretch.feed_mm_s), rel=0.01)
     assert_in_limits(done, "end")
@@ -146,14 +152,14 @@ def test_a_cut_does_not_rest_at_its_end_for_some_micrometres_within_its_toleranc
 
 def test_a_cut_does_not_slow_down_at_its_end_for_a_rotary_that_could_turn_on() -> None:
     """Where B comes to stand at once it reaches 13 um deeper, turning on 30 um, of 315 um that are left."""
-    done = cut(text(compound(97_000, 1), 1287.0, "G42 P1 R0.5"), shipped("fig4b"))
+    done = cut(text(compound(97_000, 1), 1287.0, "G42 P1 R0.5"), machine("fig4b"))
     assert_at_feed(done)
     assert_in_limits(done, "rotary")
 
 
 def test_a_cut_does_not_slow_down_at_its_end_for_two_micrometres_within_its_tolerance() -> None:
     """A rotary lets the contact run at 9.6 mm/s at the ruling itself; it came down to 5.3."""
-    done = cut(random_nurbs.text(*random_nurbs.blade(98_036), 876.0, "G41 R0.5"), shipped("fig4b"))
+    done = cut(random_nurbs.text(*random_nurbs.blade(98_036), 876.0, "G41 R0.5"), machine("fig4b"))
     i, stretch = cuts(done)[-1]
     assert speeds(done, stretch, i)[-3:].min() > 9.6
     assert_in_limits(done, "blade")
@@ -166,7 +172,7 @@ def test_under_an_override_the_cut_begins_at_its_share_of_the_feed() -> None:
         .replace("F100.", "F600.")
         .replace("D360.", "D40.")
     )
-    done = cut(source, machine_file.load("trunnion"), [Event(0, Request.OVERRIDE, 0.5)])
+    done = cut(source, machine(gouge="refuse"), [Event(0, Request.OVERRIDE, 0.5)])
     assert_at_feed(done, 0.5)
     assert_in_limits(done, "override")
 
@@ -176,7 +182,7 @@ SHORT_CONE = machine_file.shipped_program("example1_ready").read_text().replace(
 
 @pytest.fixture(scope="module")
 def plain() -> Cut:
-    return cut(SHORT_CONE, shipped(gouge="refuse", period_s=0.004))
+    return cut(SHORT_CONE, machine(gouge="refuse"))
 
 
 @pytest.mark.parametrize("motion", ["lead in", "lead out"])

@@ -127,7 +127,8 @@ def test_it_is_held_on_its_path_and_goes_on(part: Cut) -> None:
 
 def test_its_record_is_run_again_to_the_same_setpoints(tmp_path: Path) -> None:
     """With a jog aside, a hold and its end, as the service keeps it."""
-    bench = RecordedBench(tmp_path, mill())
+    machine = mill(period_s=0.008)
+    bench = RecordedBench(tmp_path, machine)
     bench.started(PART)
     bench.until_line(8)
     bench.request(Request.HOLD)
@@ -140,7 +141,7 @@ def test_its_record_is_run_again_to_the_same_setpoints(tmp_path: Path) -> None:
     bench.until(Mode.READY)
     folder = bench.ended()
     assert (sent(folder)[:, 3:] == 0).all() and sent(folder)[:, :3].any()
-    assert_same_setpoints(again(folder, PART, mill()))
+    assert_same_setpoints(again(folder, PART, machine))
 
 
 @pytest.mark.parametrize("text", [WALL.format(lean="10."), CONE.format(upper="10.")])
@@ -219,7 +220,7 @@ def test_a_machine_of_another_build_is_a_class_and_a_file(tmp_path, monkeypatch)
     monkeypatch.setattr(kinematics, "__path__", [*kinematics.__path__, str(tmp_path)])
     kinematics.builds.cache_clear()
     try:
-        skewed = machine_file.load(tmp_path / "mill.toml")
+        skewed = machine_file.with_period(machine_file.load(tmp_path / "mill.toml"), PERIOD_S)
         of_the_tip = "T2 M6\nG43.4 H2\nG1 X20 Y10 Z5 F900\nX30 Y20\nM30\n"
         programs = (of_the_tip, WALL.format(lean="10."))
         ends = [(cut(text, skewed).joints[-1], cut(text, mill()).joints[-1]) for text in programs]

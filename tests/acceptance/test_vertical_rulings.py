@@ -24,6 +24,7 @@ from support.parts.vertical_rulings import (
 from controller.program.program import ProgramError
 
 TIP_MM, AXIS_DEG = 1e-6, 1e-6
+PERIOD_S = 0.004
 MACHINES = (*SHIPPED, "xyzac_linuxcnc")
 
 
@@ -40,7 +41,7 @@ def crest(upper_y: tuple[float, float, float, float]) -> Wall:
 
 def judged(wall: Wall, name: str) -> Cut:
     """Completed within the limits, on its surface from one end to the other, always onwards."""
-    done = cut(wall.source, shipped(name))
+    done = cut(wall.source, shipped(name, period_s=PERIOD_S))
     label = f"{wall.label} on {name}"
     assert done.run.result == "completed", (label, done.run.fault_text)
     assert_in_limits(done, label)

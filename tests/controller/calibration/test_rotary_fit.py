@@ -64,7 +64,7 @@ def calibrated(machine, seed, errors, count):
 def test_without_other_errors_and_scatter_the_rotaries_come_back(kind):
     machine, rng = machine_file.load(kind), np.random.default_rng(1)
     real, sphere = hidden(machine, rng, Errors()), sphere_on(machine, rng)
-    touches = probed(machine, real, sphere, PROBE, places(machine, sphere, rng, 16), rng, 0.0)
+    touches = probed(machine, real, sphere, PROBE, places(machine, sphere, rng, 8), rng, 0.0)
     fit = rotary_fit.fit(touches, machine, RADIUS)
     for index in machine.rotary():
         mm, rad = off(fit.machine, real, index)

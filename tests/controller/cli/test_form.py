@@ -15,7 +15,10 @@ from controller.cli import check_worker
 from controller.machine import machine_file, setup_data
 from controller.messages import text
 
-TWISTED = program("example2_ready").replace("G41 R1.", "G41")  # the paper's placement, cutter of 3 mm
+TWO = program("example2_ready").replace("G41 R1.", "G41")  # the paper's placement, cutter of 3 mm
+BEFORE, _, FROM_FIRST = TWO.partition("N50 G52")
+# Its second surface alone: off by 0.25 mm, the first by more.
+TWISTED = BEFORE + "N130 F100. G52" + FROM_FIRST.partition("N130 G52")[2]
 READY = ("example1_ready", "example2_ready")
 
 
@@ -44,6 +47,7 @@ def mill(folder: Path, machine: str, tool: str) -> Path:
 
 
 def test_check_refuses_with_amount_place_and_what_helps(part: Path, tmp_path: Path) -> None:
+    part.write_text(TWO)
     code, told = run("check", part, "--store", tmp_path)
     assert code == 1 and not told["ok"] and not told["verdict"]["within"]
     for words in ("exceeds its form tolerance of 0.05 mm by 0.4", "u = ", "above its lower edge", "P2"):
@@ -53,6 +57,7 @@ def test_check_refuses_with_amount_place_and_what_helps(part: Path, tmp_path: Pa
 
 
 def test_with_gouge_warn_it_is_told_and_never_as_within(part: Path, tmp_path: Path) -> None:
+    part.write_text(TWO)
     code, told = run("check", part, "--store", tmp_path, "--gouge", "warn")
     assert code == 0 and not told["verdict"]["within"]
     assert sum("exceeds its form tolerance" in one["note"] for one in told["notes"]) == 2

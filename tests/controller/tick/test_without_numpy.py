@@ -32,12 +32,12 @@ def evaluated(machine: Machine, messages: list[PieceMessage]) -> list[Any]:
     for message in messages:
         for motion in message.motions.values():
             near = (0.0, 0.0)
-            for k in range(25):
-                joints = motion.joints(motion.end * k / 24, near, kinematics)
+            for k in range(9):
+                joints = motion.joints(motion.end * k / 8, near, kinematics)
                 near = kinematics.rotaries(joints) if joints is not None else near
                 found.append((joints, near))
         for law in (piece.law for piece in message.pieces):
-            found += [law.at(law.duration_s * k / 24) for k in range(25)]
+            found += [law.at(law.duration_s * k / 8) for k in range(9)]
         found += [(table.end_s, list(table.jerks)) for table in message.stops]
     return found
 
