@@ -123,7 +123,9 @@ class JobRun:
                     self.modal.see(job.state_before)
             if self.last is not None and self.last.result is None:
                 self.last = self.last._replace(result=NOT_STARTED, said=why)
-            self.recorder.drop()
+            record = self.recorder.release()
+        if record is not None:
+            record.throw_away()
 
     def end(self, result: str, why: Said | None = None) -> None:
         """Nothing where none runs."""

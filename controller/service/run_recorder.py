@@ -73,16 +73,14 @@ class RunRecorder:
         if self.record is not None:
             self.record.find(results)
 
-    def drop(self) -> None:
-        """Nothing was run."""
+    def release(self) -> RunRecord | None:
+        """The record, which nothing is added to any more."""
         record, self.record = self.record, None
-        if record is not None:
-            record.throw_away()
+        return record
 
     def end(self, result: str, planned_s: float | None, why: Said | None) -> None:
         """The run is over."""
-        record, self.record = self.record, None
-        if record is not None:
+        if (record := self.release()) is not None:
             self._writer.submit(record.end, result, planned_s=planned_s, **messages.facts(why))
 
     def close(self) -> None:
