@@ -14,6 +14,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 from controller import messages
 from controller.geometry.vectors import ROUNDING, Frame, Vector, X, Y, Z, norm, rotate, scale, subtract, unit
@@ -37,95 +38,81 @@ class JogError(Exception):
         super().__init__(messages.text(self.said))
 
 
-def continuous(
-    machine: Machine,
-    kinematics: Kinematics,
-    joints: Sequence[float],
-    frame: str,
-    axis: str,
-    share: float,
-    part: Frame,
-    homed: int,
-) -> Jog:
-    """Motion at ``share`` (-1 to 1, not 0) of the jog speed for as long as it is asked for.
+class Stance(NamedTuple):
+    """Where a machine stands that is to be jogged."""
 
-    ``joints`` as commanded (mm, rad); ``part`` is the active work offset; ``homed`` the tick's bit mask.
-    The jog speed is the largest that all axes of the line may have, times the machine file's share for
-    rapids. Raises JogError.
-    """
-    if not (math.isfinite(share) and 0.0 < abs(share) <= 1.0):
-        raise JogError("jog_share", share=share)
-    line = direction(machine, kinematics, joints, frame, axis, part, homed)
-    return Jog(_times(line, math.copysign(1.0, share)), abs(share) * fastest(machine, line))
+    machine: Machine
+    kinematics: Kinematics
+    joints: Sequence[float]  # as commanded: mm, rad
+    part: Frame  # the active work offset
+    homed: int  # bit mask
 
+    def continuous(self, frame: str, axis: str, share: float) -> Jog:
+        """Motion at ``share`` (-1 to 1, not 0) of the jog speed for as long as it is asked for.
 
-def step(
-    machine: Machine,
-    kinematics: Kinematics,
-    joints: Sequence[float],
-    frame: str,
-    axis: str,
-    distance: float,
-    part: Frame,
-    homed: int,
-    share: float = 1.0,
-) -> Jog:
-    """Motion by ``distance`` as shown (mm, degrees of a rotary), either way; as ``continuous`` else."""
-    if not math.isfinite(distance) or distance == 0.0:
-        raise JogError("jog_distance", distance=distance)
-    jog = continuous(machine, kinematics, joints, frame, axis, math.copysign(share, distance), part, homed)
-    shown = next((a.shown_per_unit for a in machine.axes if a.name == axis and frame == "joint"), 1.0)
-    return jog._replace(length=abs(distance / shown))
+        The jog speed is the largest that all axes of the line may have, times the machine file's share for
+        rapids. Raises JogError.
+        """
+        if not (math.isfinite(share) and 0.0 < abs(share) <= 1.0):
+            raise JogError("jog_share", share=share)
+        sign = math.copysign(1.0, share)
+        line = tuple([sign * d for d in self.direction(frame, axis)])
+        return Jog(line, abs(share) * fastest(self.machine, line))
 
+    def step(self, frame: str, axis: str, distance: float) -> Jog:
+        """Motion by ``distance`` as shown (mm, degrees of a rotary), either way, at the jog speed."""
+        if not math.isfinite(distance) or distance == 0.0:
+            raise JogError("jog_distance", distance=distance)
+        jog = self.continuous(frame, axis, math.copysign(1.0, distance))
+        return jog._replace(length=abs(distance / _shown_per_unit(self.machine, frame, axis)))
 
-def to(machine: Machine, joints: Sequence[float], target: Sequence[float], speed: float) -> Jog | None:
-    """The straight line of the joints to ``target`` (mm, rad); None where they stand there.
+    def direction(self, frame: str, axis: str) -> Joints:
+        """The joints' way per mm (per rad of a rotary) along a positive axis or diagonal. Raises JogError."""
+        if len(axis) > 1:
+            return self._diagonal(frame, axis)
+        if frame == "joint":
+            return _joint(self.machine, axis)
+        if frame not in FRAMES:
+            raise JogError("jog_frame", frame=frame, allowed=", ".join(FRAMES))
+        if axis not in _LETTERS:
+            raise JogError("jog_letter", frame=frame, axis=axis)
+        if missing := [a.name for i, a in enumerate(self.machine.axes) if not self.homed >> i & 1]:
+            raise JogError("jog_not_homed", frame=frame, axes=", ".join(missing))
+        letter = _LETTERS[axis]
+        return _slides(self.machine, (self._of_tool if frame == "tool" else self._of_part)(letter))
 
-    ``speed``: mm/s of the slides, or rad/s where only rotaries move. The tick ends on ``target`` itself.
-    """
-    way = tuple([b - a for a, b in zip(joints, target, strict=True)])
-    slides = math.hypot(*(way[i] for i in machine.linear()))
-    length = slides or math.hypot(*way)
-    return Jog(way, speed / length, 1.0) if length > 0.0 else None
+    def _diagonal(self, frame: str, axes: str) -> Joints:
+        """Of two linear axes, ``X+Y`` or ``X-Y``. Raises JogError."""
+        one, sign, other = axes[0], axes[1], axes[2]
+        linear = {self.machine.axes[i].name for i in self.machine.linear()}
+        if one == other or not {one, other} <= linear:
+            raise JogError("jog_diagonal", axis=axes)
+        share = math.copysign(math.sqrt(0.5), 1.0 if sign == "+" else -1.0)
+        pairs = zip(self.direction(frame, one), self.direction(frame, other), strict=True)
+        return tuple([math.sqrt(0.5) * a + share * b for a, b in pairs])
 
+    def _of_part(self, letter: Vector) -> Vector:
+        """What the slides do for a way of the part; the tables carry it."""
+        pair, linear = self.machine.pair(self.joints, 0.0), self.kinematics.linear
+        return subtract(linear(self.part.turn(letter), pair, 0.0), linear((0.0, 0.0, 0.0), pair, 0.0))
 
-def direction(
-    machine: Machine,
-    kinematics: Kinematics,
-    joints: Sequence[float],
-    frame: str,
-    axis: str,
-    part: Frame,
-    homed: int,
-) -> Joints:
-    """The joints' way per mm (per rad of a rotary) along the positive axis or diagonal. Raises JogError."""
-    if len(axis) > 1:
-        return _diagonal(
-            machine, axis, lambda one: direction(machine, kinematics, joints, frame, one, part, homed)
-        )
-    if frame == "joint":
-        return _joint(machine, axis)
-    if frame not in FRAMES:
-        raise JogError("jog_frame", frame=frame, allowed=", ".join(FRAMES))
-    if axis not in _LETTERS:
-        raise JogError("jog_letter", frame=frame, axis=axis)
-    if missing := [a.name for i, a in enumerate(machine.axes) if not homed >> i & 1]:
-        raise JogError("jog_not_homed", frame=frame, axes=", ".join(missing))
-    letter = _LETTERS[axis]
-    way = _of_tool(machine, joints, letter) if frame == "tool" else None
-    return _slides(machine, way or _of_part(machine, kinematics, joints, part.turn(letter)))
+    def _of_tool(self, way: Vector) -> Vector:
+        """What the slides do for a way of the tool; the heads carry it, the one next to the tool first."""
+        axes = zip(self.machine.axes, self.joints, strict=True)
+        for direction, angle_rad in [(a.direction, q) for a, q in axes if a.kind is Kind.HEAD][::-1]:
+            way = rotate(unit(direction), angle_rad, way)
+        return way
 
+    def goes(self, line: Joints) -> None:
+        """Raises JogError where an axis stands at the end of its travel that the line would lead beyond.
 
-def goes(machine: Machine, joints: Sequence[float], line: Joints, homed: int) -> None:
-    """Raises JogError where an axis stands at the end of its travel that the line would lead beyond.
-
-    The tick goes as far as the travel of homed axes lets it, which from there is nowhere.
-    """
-    for i, (axis, q, d) in enumerate(zip(machine.axes, joints, line, strict=True)):
-        end = axis.travel_max if d > 0.0 else axis.travel_min
-        if d and homed >> i & 1 and (end - q) * math.copysign(1.0, d) < ROUNDING:
-            unit = "deg" if axis.is_rotary else "mm"
-            raise JogError("jog_limit", axis=axis.name, limit=end * axis.shown_per_unit, unit=unit)
+        The tick goes as far as the travel of homed axes lets it, which from there is nowhere.
+        """
+        for i, (axis, q, d) in enumerate(zip(self.machine.axes, self.joints, line, strict=True)):
+            end = axis.travel_max if d > 0.0 else axis.travel_min
+            if d and self.homed >> i & 1 and (end - q) * math.copysign(1.0, d) < ROUNDING:
+                unit_ = "deg" if axis.is_rotary else "mm"
+                raise JogError("jog_limit", axis=axis.name, limit=end * axis.shown_per_unit, unit=unit_)
 
 
 def fastest(machine: Machine, line: Joints) -> float:
@@ -138,19 +125,11 @@ def slowed(machine: Machine, line: Jog, frame: str, axis: str, feed: float | Non
     """At no more than ``feed``, mm/min along the line or degrees/min of a rotary; None: as it is."""
     if feed is None:
         return line
-    shown = next((a.shown_per_unit for a in machine.axes if a.name == axis and frame == "joint"), 1.0)
-    return line._replace(speed=min(line.speed, feed / 60.0 / abs(shown)))
+    return line._replace(speed=min(line.speed, feed / 60.0 / abs(_shown_per_unit(machine, frame, axis))))
 
 
-def _diagonal(machine: Machine, axes: str, along: Callable[[str], Joints]) -> Joints:
-    """Of two linear axes, ``X+Y`` or ``X-Y``. Raises JogError."""
-    one, sign, other = axes[0], axes[1], axes[2]
-    linear = {machine.axes[i].name for i in machine.linear()}
-    if one == other or not {one, other} <= linear:
-        raise JogError("jog_diagonal", axis=axes)
-    share = math.copysign(math.sqrt(0.5), 1.0 if sign == "+" else -1.0)
-    pairs = zip(along(one), along(other), strict=True)
-    return tuple([math.sqrt(0.5) * a + share * b for a, b in pairs])
+def _shown_per_unit(machine: Machine, frame: str, name: str) -> float:
+    return next((axis.shown_per_unit for axis in machine.axes if axis.name == name and frame == "joint"), 1.0)
 
 
 def _joint(machine: Machine, name: str) -> Joints:
@@ -161,29 +140,11 @@ def _joint(machine: Machine, name: str) -> Joints:
     return tuple([sign if one == name else 0.0 for one in names])
 
 
-def _of_part(machine: Machine, kinematics: Kinematics, joints: Sequence[float], way: Vector) -> Vector:
-    """What the slides do for a way of the table frame; the tables carry it."""
-    pair = machine.pair(joints, 0.0)
-    return subtract(kinematics.linear(way, pair, 0.0), kinematics.linear((0.0, 0.0, 0.0), pair, 0.0))
-
-
-def _of_tool(machine: Machine, joints: Sequence[float], way: Vector) -> Vector:
-    """What the slides do for a way of the tool; the heads carry it, the one next to the tool first."""
-    heads = [(a.direction, q) for a, q in zip(machine.axes, joints, strict=True) if a.kind is Kind.HEAD]
-    for axis, angle_rad in reversed(heads):
-        way = rotate(unit(axis), angle_rad, way)
-    return way
-
-
 def _slides(machine: Machine, way: Vector) -> Joints:
     """A way of X, Y and Z as joints of length 1, without what rounding has left."""
     x, y, z = scale(way, 1.0 / norm(way))
     found = dict(zip(machine.linear(), (x, y, z), strict=True))
     return tuple([q if abs(q := found.get(i, 0.0)) > _NOISE else 0.0 for i in range(len(machine.axes))])
-
-
-def _times(line: Joints, sign: float) -> Joints:
-    return tuple([sign * d for d in line])
 
 
 MAX_ENDED = 100  # presses that are remembered
@@ -242,12 +203,10 @@ class Jogging:
             if now.mode is Mode.JOG and self._line is not None and key == self._key:
                 speed = abs(share) * fastest(machine, self._line.direction)
                 return self._line._replace(speed=speed)
-            kinematics = self._kinematics_of(machine)
-            line = continuous(machine, kinematics, now.joints, frame, axis, share, part, now.homed)
-            if (
-                now.mode is not Mode.JOG
-            ):  # under way it comes to rest there, and is asked for until it is let go
-                goes(machine, now.joints, line.direction, now.homed)
+            here = self._stance(machine, now, part)
+            line = here.continuous(frame, axis, share)
+            if now.mode is not Mode.JOG:  # under way it comes to rest there, asked for until it is let go
+                here.goes(line.direction)
         except JogError as error:
             raise CommandRefused("bad", error.said, now.mode.name, "JOG") from error
         self._key, self._line = key, line
@@ -259,14 +218,14 @@ class Jogging:
         """By a distance (mm, degrees of a rotary). Raises CommandRefused."""
         self._key = None
         try:
-            kinematics = self._kinematics_of(machine)
-            line = step(machine, kinematics, now.joints, frame, axis, distance, part, now.homed)
-            goes(machine, now.joints, line.direction, now.homed)
+            here = self._stance(machine, now, part)
+            line = here.step(frame, axis, distance)
+            here.goes(line.direction)
             return line
         except JogError as error:
             raise CommandRefused("bad", error.said, now.mode.name, "JOG") from error
 
-    def _kinematics_of(self, machine: Machine) -> Kinematics:
+    def _stance(self, machine: Machine, now: Snapshot, part: Frame) -> Stance:
         if self._kinematics is None or self._of is not machine:
             self._of, self._kinematics = machine, kinematics_of(machine)
-        return self._kinematics
+        return Stance(machine, self._kinematics, now.joints, part, now.homed)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import random
 
 import numpy as np
@@ -13,20 +14,27 @@ from controller.geometry.vectors import Frame, dot, scale, subtract
 from controller.ipc.handoff import COLUMN, DEAD_MAN_S, Jog, send_jog
 from controller.plan.path import path
 from controller.runtime.stepped import SteppedMachine
-from controller.service import jogging
+from controller.service.jogging import Stance
 from controller.state.modes import ALL_AXES, Fault, Mode
 
 REFRESH_S = 0.05
 SERVO_S = 0.15  # a servo comes up with its setpoint
 HIGH = (30.0, 20.0, 90.0, 0.1, -0.4)
-NO_JOG = Jog((0.0,) * 5, 0.0)
+NO_OFFSET = Frame()
+
+
+def here(stepped: SteppedMachine, part: Frame = NO_OFFSET) -> Stance:
+    return Stance(stepped.machine, stepped.kinematics, stepped.joints, part, ALL_AXES)
 
 
 def order(stepped: SteppedMachine, frame: str, axis: str, share: float) -> Jog:
-    machine = stepped.machine
-    return jogging.continuous(
-        machine, stepped.kinematics, stepped.joints, frame, axis, share, machine.offsets[0], ALL_AXES
-    )
+    return here(stepped, stepped.machine.offsets[0]).continuous(frame, axis, share)
+
+
+def straight(stepped: SteppedMachine, target: tuple[float, ...], mm_s: float) -> Jog:
+    """The line of the joints that ends there."""
+    way = tuple([b - a for a, b in zip(stepped.joints, target, strict=True)])
+    return Jog(way, mm_s / math.hypot(*way[:3]), 1.0)
 
 
 def held_down(stepped: SteppedMachine, jog: Jog, seconds: float) -> np.ndarray:
@@ -83,13 +91,11 @@ def test_with_the_rotaries_anywhere_the_tool_leaves_the_part_along_its_axis() ->
     stepped, seed = up(), random.randrange(2**32)
     rng = random.Random(seed)
     for axis, way in (("A", rng.uniform(5.0, 25.0)), ("C", rng.uniform(-90.0, 90.0))):
-        args = (stepped.machine, stepped.kinematics, stepped.joints, "joint", axis, way, Frame(), ALL_AXES)
-        send_jog(stepped._operator, jogging.step(*args))
+        send_jog(stepped._operator, here(stepped).step("joint", axis, way))
         stepped.go(5)
         stepped.go(20_000, lambda: stepped.cycle.modes.mode is Mode.READY)
     before = stepped.kinematics.forward(stepped.joints, 50.0)
-    args = (stepped.machine, stepped.kinematics, stepped.joints, "tool", "Z", -10.0, Frame(), ALL_AXES)
-    send_jog(stepped._operator, jogging.step(*args))
+    send_jog(stepped._operator, here(stepped).step("tool", "Z", -10.0))
     stepped.go(5)
     rows = stepped.go(20_000, lambda: stepped.cycle.modes.mode is Mode.READY)
     for row in columns(rows, "joint_command")[::20]:
@@ -117,7 +123,7 @@ def test_a_key_held_at_the_end_of_the_travel_is_no_fault_for_motor_or_drive() ->
 
 def test_a_program_starts_from_where_a_jog_has_left_the_machine() -> None:
     stepped = up()
-    send_jog(stepped._operator, jogging.to(stepped.machine, stepped.joints, HIGH, 20.0) or NO_JOG)
+    send_jog(stepped._operator, straight(stepped, HIGH, 20.0))
     stepped.go(5)
     stepped.go(50_000, lambda: stepped.cycle.modes.mode is Mode.READY)
     assert stepped.joints == pytest.approx(HIGH)

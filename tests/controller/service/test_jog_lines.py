@@ -9,20 +9,27 @@ from dataclasses import replace
 import pytest
 from support.machines.shipped_kinds import ROTARIES, machine, random_machine
 
-from controller.geometry.vectors import Frame, add, norm, rotate, scale, subtract
+from controller.geometry.vectors import Frame, norm, rotate, scale, subtract
 from controller.machine import machine_file
 from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Machine, Sense
 from controller.messages import text
 from controller.service import jogging
-from controller.service.jogging import JogError
+from controller.service.jogging import JogError, Stance
 from controller.state.modes import ALL_AXES
 
 LETTERS = {"X": (1.0, 0.0, 0.0), "Y": (0.0, 1.0, 0.0), "Z": (0.0, 0.0, 1.0)}
+NO_OFFSET = Frame()
 TURNED = Frame(
     (10.0, -5.0, 30.0),
     *(rotate((0.0, 0.6, 0.8), 0.7, letter) for letter in LETTERS.values()),
 )
+
+
+def at(
+    built: Machine, joints: tuple[float, ...] = (0.0,) * 5, part: Frame = NO_OFFSET, homed: int = ALL_AXES
+) -> Stance:
+    return Stance(built, kinematics_of(built), joints, part, homed)
 
 
 def some_machines(rng: random.Random) -> list[Machine]:
@@ -39,7 +46,7 @@ def test_a_line_of_the_part_moves_the_tip_along_the_axis_of_its_offset(axis: str
     rng = random.Random(seed)
     for built in some_machines(rng):
         kinematics, joints = kinematics_of(built), some_joints(rng)
-        line = jogging.direction(built, kinematics, joints, "part", axis, TURNED, ALL_AXES)
+        line = at(built, joints, TURNED).direction("part", axis)
         there = [q + 7.0 * d for q, d in zip(joints, line, strict=True)]
         before, after = kinematics.forward(joints, 80.0), kinematics.forward(there, 80.0)
         moved = TURNED.turn_back(subtract(after.tip, before.tip))
@@ -55,7 +62,7 @@ def test_z_of_the_tool_retracts_along_the_tool_axis_and_x_and_y_stand_across_it(
         before = kinematics.forward(joints, 80.0)
         ways = []
         for axis in "XYZ":
-            line = jogging.direction(built, kinematics, joints, "tool", axis, TURNED, ALL_AXES)
+            line = at(built, joints, TURNED).direction("tool", axis)
             there = [q + 7.0 * d for q, d in zip(joints, line, strict=True)]
             ways.append(subtract(kinematics.forward(there, 80.0).tip, before.tip))
         assert ways[2] == pytest.approx(scale(before.axis, 7.0), abs=1e-9), f"seed {seed}, {built.name}"
@@ -69,15 +76,14 @@ def test_z_of_the_tool_retracts_along_the_tool_axis_and_x_and_y_stand_across_it(
 def test_an_axis_that_is_nothing_in_a_line_stands_altogether() -> None:
     built = machine("fig4a")
     joints = (1.0, 2.0, 3.0, 0.0, math.pi / 2)
-    line = jogging.direction(built, kinematics_of(built), joints, "part", "X", Frame(), ALL_AXES)
+    line = at(built, joints).direction("part", "X")
     assert line[0] == line[2] == line[3] == line[4] == 0.0 and abs(line[1]) == pytest.approx(1.0)
 
 
 def test_a_joint_is_jogged_in_the_sense_that_is_shown() -> None:
     built = machine("fig4a")
     iso = replace(built, axes=(*built.axes[:4], replace(built.axes[4], sense=Sense.ISO)))
-    args = (kinematics_of(built), (0.0,) * 5, "joint", "C", 90.0, Frame(), 0)
-    carried, flipped = jogging.step(built, *args), jogging.step(iso, *args)
+    carried, flipped = (at(one, homed=0).step("joint", "C", 90.0) for one in (built, iso))
     assert carried.direction[4] == 1.0 and flipped.direction[4] == -1.0
     assert carried.length == flipped.length == pytest.approx(math.radians(90.0))
 
@@ -85,9 +91,7 @@ def test_a_joint_is_jogged_in_the_sense_that_is_shown() -> None:
 @pytest.mark.parametrize("share", [1.0, -1.0, 0.25, -0.01])
 def test_the_speed_is_a_share_of_what_the_slowest_axis_may_have(share: float) -> None:
     built = machine("fig4a")
-    jog = jogging.continuous(
-        built, kinematics_of(built), (0.0, 0.0, 0.0, 0.4, 0.3), "part", "Y", share, Frame(), ALL_AXES
-    )
+    jog = at(built, (0.0, 0.0, 0.0, 0.4, 0.3)).continuous("part", "Y", share)
     speeds = [abs(d) * jog.speed / a.limits.velocity for d, a in zip(jog.direction, built.axes, strict=True)]
     assert max(speeds) == pytest.approx(abs(share) * built.rapid_share)
     assert math.isinf(jog.length) and jog.is_sound
@@ -100,11 +104,8 @@ def test_a_diagonal_is_as_long_as_a_line_and_has_as_much_of_both_axes(
 ) -> None:
     rng = random.Random(7)
     for built in some_machines(rng):
-        joints, kinematics = some_joints(rng), kinematics_of(built)
-        one, other, both = (
-            jogging.direction(built, kinematics, joints, frame, axis, TURNED, ALL_AXES)
-            for axis in (axes[0], axes[2], axes)
-        )
+        here = at(built, some_joints(rng), TURNED)
+        one, other, both = (here.direction(frame, axis) for axis in (axes[0], axes[2], axes))
         wanted = [(a + sign * b) / math.sqrt(2.0) for a, b in zip(one, other, strict=True)]
         assert both == pytest.approx(wanted, abs=1e-12), built.name
         assert math.hypot(*both) == pytest.approx(1.0)
@@ -113,8 +114,7 @@ def test_a_diagonal_is_as_long_as_a_line_and_has_as_much_of_both_axes(
 def test_a_jog_is_no_faster_than_it_is_asked_for_in_mm_or_degrees_a_minute() -> None:
     built = machine_file.load("trunnion")
     for axis, feed, per_s in (("X", 600.0, 10.0), ("A", 600.0, math.radians(10.0)), ("X+Y", 60.0, 1.0)):
-        args = (built, kinematics_of(built), (0.0,) * 5, "joint", axis, 1.0, Frame(), ALL_AXES)
-        line = jogging.continuous(*args)
+        line = at(built).continuous("joint", axis, 1.0)
         assert jogging.slowed(built, line, "joint", axis, feed).speed == pytest.approx(per_s)
         assert jogging.slowed(built, line, "joint", axis, 1e6) == line
         assert jogging.slowed(built, line, "joint", axis, None) == line
@@ -122,18 +122,9 @@ def test_a_jog_is_no_faster_than_it_is_asked_for_in_mm_or_degrees_a_minute() -> 
 
 def test_a_step_knows_its_side_and_its_length() -> None:
     built = machine("fig4a")
-    jog = jogging.step(built, kinematics_of(built), (0.0,) * 5, "joint", "X", -0.5, Frame(), ALL_AXES, 0.1)
+    jog = at(built).step("joint", "X", -0.5)
     assert jog.direction == (-1.0, 0.0, 0.0, 0.0, 0.0) and jog.length == 0.5
-    assert jog.speed == pytest.approx(0.1 * built.rapid_share * built.axes[0].limits.velocity)
-
-
-def test_the_line_to_a_place_ends_there() -> None:
-    built = machine("fig4a")
-    here, there = (1.0, 2.0, 3.0, 0.1, 0.2), (4.0, 6.0, 3.0, 0.1, 0.5)
-    jog = jogging.to(built, here, there, 10.0)
-    assert jog is not None and add(here[:3], jog.direction[:3]) == pytest.approx(there[:3])
-    assert jog.speed * 5.0 == pytest.approx(10.0) and jog.length == 1.0
-    assert jogging.to(built, here, here, 10.0) is None
+    assert jog.speed == pytest.approx(built.rapid_share * built.axes[0].limits.velocity)
 
 
 @pytest.mark.parametrize(
@@ -153,7 +144,7 @@ def test_what_cannot_be_jogged_is_said_in_a_sentence(
 ) -> None:
     built = machine("fig4a")
     with pytest.raises(JogError) as caught:
-        jogging.continuous(built, kinematics_of(built), (0.0,) * 5, frame, axis, share, Frame(), homed)
+        at(built, homed=homed).continuous(frame, axis, share)
     assert said in str(caught.value) and str(caught.value).endswith(".")
     german = text(caught.value.said, "de")
     assert german.endswith(".") and german != str(caught.value)
@@ -163,4 +154,4 @@ def test_what_cannot_be_jogged_is_said_in_a_sentence(
 def test_a_step_of_no_length_is_refused(distance: float) -> None:
     built = machine("fig4a")
     with pytest.raises(JogError):
-        jogging.step(built, kinematics_of(built), (0.0,) * 5, "joint", "X", distance, Frame(), ALL_AXES)
+        at(built).step("joint", "X", distance)

@@ -13,7 +13,8 @@ from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Machine
 from controller.program.modal import State
 from controller.runtime.plan_messages import POWER_ON, Way
-from controller.service import jogging, status
+from controller.service import status
+from controller.service.jogging import Stance
 from controller.state.modes import ALL_AXES, Fault, Mode, told
 
 
@@ -51,7 +52,7 @@ def test_the_room_for_a_retract_is_what_the_travel_has_along_the_tool_axis(
     turns = dict(zip(machine.rotary(), angles, strict=True))
     joints = tuple([turns[i] if i in turns else next(slides) for i in range(5)])
     room = status.retract_room_mm(machine, snapshot(joints=joints, homed=ALL_AXES, at_rest=True))
-    line = jogging.direction(machine, kinematics_of(machine), joints, "tool", "Z", Frame(), ALL_AXES)
+    line = Stance(machine, kinematics_of(machine), joints, Frame(), ALL_AXES).direction("tool", "Z")
     ends = [
         ((axis.travel_max if d > 0.0 else axis.travel_min) - q) / d
         for axis, q, d in zip(machine.axes, joints, line, strict=True)
