@@ -28,15 +28,8 @@ PROGRESS_S = 0.1
 MAX_NOTES = 100  # every status has them; all of them stand with the check
 # What is told of a program that nobody has looked at as a whole.
 UNCHECKED: dict[str, Any] = {
-    "duration_s": None,
-    "blocks": None,
-    "restart": [],
-    "notes": [],
-    "verdict": None,
-    "marks": (),
-    "passed_s": 0.0,
-    "events": (),
-    "timetable": None,
+    **dict.fromkeys(("duration_s", "blocks", "verdict", "timetable")),
+    **{"restart": [], "notes": [], "marks": (), "events": (), "passed_s": 0.0},
 }
 
 

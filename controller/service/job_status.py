@@ -48,26 +48,19 @@ def interrupted(entry: Entry) -> dict[str, Any]:
     """As ``to_dict``, of what a service before this one ran and did not end: where it was."""
     job, spot = entry.job, entry.spot
     return {
+        **dict.fromkeys(("text", "blocks", "checking", "message", "verdict", "starts")),
+        **{"messages": [], "notes": [], "restart": []},
         "name": job.name,
         "sha256": job.file_sha256,
-        "text": None,
         "state": INTERRUPTED,
         "line": spot.line,
-        "restart": [],
         "dry_run_mm": job.dry_run_mm or None,
         "block_delete": job.block_delete,
         "block": spot.motion_id if spot.motion_id >= 0 else None,
         "fraction": entry.done,
-        "blocks": None,
         "duration_s": entry.duration_s,
         "elapsed_s": entry.elapsed_s,
         **Left(entry.left_s)._asdict(),
-        "checking": None,
-        "message": None,
-        "messages": [],
-        "notes": [],
-        "verdict": None,
-        "starts": None,
         **said("interrupted", program=job.name, line=spot.line),
     }
 
