@@ -24,8 +24,8 @@ gc.disable()  # what is imported stays: thirty looks through it find nothing
 import typer  # noqa: E402
 from typer.core import TyperGroup  # noqa: E402
 
-from controller import one_thread  # noqa: E402
-from controller.cli import declarations, help_texts  # noqa: E402
+from controller import messages, one_thread  # noqa: E402
+from controller.cli import declarations, help_texts, speech  # noqa: E402
 from controller.commands.table import ALL  # noqa: E402
 from controller.version import VERSION  # noqa: E402
 
@@ -64,7 +64,7 @@ FILES = {
     "service": ("service",),
     "panel_users": ("users", "tokens"),
 }
-ENDED, ENDED_CODE = "Ended by Ctrl-C before it was done.", 130  # as a shell has it: 128 + SIGINT
+ENDED_CODE = 130  # as a shell has it: 128 + SIGINT
 COMMANDS = {command: file for file, commands in FILES.items() for command in commands}
 
 
@@ -103,6 +103,8 @@ def _loaded(file: str, command: str) -> dict[str, Any]:
         _add(holder, command, module)
     if declarations.are_listed():
         _bare(holder)
+    else:
+        speech.teach(holder)
     found = dict(typer.main.get_group(holder).commands)
     for name, one in found.items():
         help_texts.put(one, name)
@@ -188,7 +190,7 @@ def main() -> None:
     except SystemExit as ended:
         code = ended.code
     except USAGE as error:
-        sentence = f"{error.format_message().rstrip('.')}; see --help for what is allowed."
+        sentence = _text("cli.usage", why=error.format_message().rstrip("."))
         print(json.dumps({"ok": False, "error": sentence}))
         sys.exit(2)
     except (typer.Abort, KeyboardInterrupt):
@@ -200,9 +202,20 @@ def main() -> None:
 
         sys.exit(internal_error.end(error, as_json))
     if code == ENDED_CODE:
-        print(json.dumps({"ok": False, "error": ENDED}) if as_json else ENDED, file=_spoken(as_json))
+        words = ended()
+        print(json.dumps({"ok": False, "error": words}) if as_json else words, file=_spoken(as_json))
     gc.freeze()  # what is left goes with the process: Python looks through all of it before
     sys.exit(code)
+
+
+def ended() -> str:
+    """What is said after Ctrl-C."""
+    return _text("cli.ended")
+
+
+def _text(key: str, **values: object) -> str:
+    """Outside of a verb, in the language of this command line."""
+    return messages.text(messages.said(key, **values), help_texts.language())
 
 
 def _spoken(as_json: bool) -> TextIO:

@@ -19,7 +19,7 @@ from controller.machine import setup_data
 from controller.machine.model import Machine
 from controller.machine.toml_table import ConfigError
 from controller.runtime.bus_load import overload
-from controller.verify.console import Refused, refusals, show
+from controller.verify.console import Refused, refusals, say, show
 
 app = typer.Typer(
     add_completion=False,
@@ -98,13 +98,12 @@ def rollback(
         store = Store(state or control_socket.state_folder())
         _at_rest(store, runtime)
         if not (kept := backup.all_kept(store)):
-            raise Refused(f"{store.folder}: nothing was restored or updated here; nothing to undo.")
+            raise Refused(say("cli.backup.nothing", folder=store.folder))
         contents = backup.check(kept[0])
         target = machine_file or installation.machine_file_of(store.folder)
         if contents.machine_file is not None and target is None:
             raise Refused(
-                f"{kept[0]}: the machine file is undone, too; say with --machine where it is"
-                f" (it was {contents.machine_file})."
+                say("cli.backup.where_machine", archive=kept[0], machine_file=contents.machine_file)
             )
         _restored(store, contents, target if contents.machine_file is not None else None, as_json)
 
@@ -128,7 +127,7 @@ def _machine(store: Store, named: str) -> Machine:
     if named:
         return config.load(named)
     if (noted := _noted(store)) is None:
-        raise Refused(f"{store.folder}: no service has run here yet; say which machine with --machine.")
+        raise Refused(say("cli.backup.no_machine", folder=store.folder))
     return noted
 
 
@@ -144,10 +143,7 @@ def _at_rest(store: Store, runtime: Path | None) -> None:
     """Raises Refused while the store's service runs, or hangs: it would write over what is put back."""
     socket = control_socket.control_path(runtime or control_socket.runtime_of(store.folder))
     if control_socket.is_served(socket):
-        raise Refused(
-            f"{store.folder}: its service runs ({socket}); offsets and tools are read when it starts: stop it"
-            " first, then repeat."
-        )
+        raise Refused(say("cli.backup.service_runs", folder=store.folder, socket=socket))
 
 
 def _facts(contents: Contents) -> dict[str, Any]:
@@ -165,5 +161,6 @@ def _show(as_json: bool, facts: dict[str, Any]) -> None:
     if as_json:
         print(json.dumps({"ok": True, **facts}))
         return
-    words = facts.get("done") or [", ".join(f"{name} {value}" for name, value in facts.items()) + "."]
+    listed = (say(f"cli.backup.fact.{name}", value=value) for name, value in facts.items() if name != "done")
+    words = facts.get("done") or [f"{', '.join(listed)}."]
     show.print("\n".join(words), markup=False)

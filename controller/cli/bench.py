@@ -22,7 +22,7 @@ from rich.text import Text
 from controller import atomic_file
 from controller.cli import checkout, speech
 from controller.verify import console
-from controller.verify.console import Refused, bar, refusals, show, tell
+from controller.verify.console import Refused, bar, refusals, say, show, tell
 
 Names = Annotated[list[str] | None, typer.Argument(metavar="[NAME]...")]
 Short = Annotated[bool, typer.Option("--short")]
@@ -61,7 +61,7 @@ def bench(
         if readme is not None:
             _marked(readme)
         found: dict[str, Report] = {}
-        with bar("measuring", as_json) as progress:
+        with bar(say("cli.bar.measuring"), as_json) as progress:
             for k, one in enumerate(wanted := name or known):
                 progress(k / len(wanted), one)
                 found[one] = _measured(folder / f"{one}.py", short)

@@ -18,7 +18,7 @@ from controller.machine import machine_file
 from controller.machine.model import Machine, Tool
 from controller.machine.toml_table import ConfigError
 from controller.program import blocks
-from controller.verify.console import Refused, bar, refusals
+from controller.verify.console import Refused, bar, refusals, say
 
 if TYPE_CHECKING:  # OpenCASCADE takes its time to load, and is an extra
     from controller.cad.curve import Array
@@ -47,11 +47,6 @@ Move = Annotated[str, typer.Option("--move")]
 Turn = Annotated[str, typer.Option("--turn")]
 Json = Annotated[bool, typer.Option("--json")]
 
-NO_KERNEL = "directrix import needs OpenCASCADE: pip install 'directrix[cad]'"
-NO_LIBRARY = (
-    "OpenCASCADE is installed but cannot be loaded ({error}): it needs libGL and libX11, though no display; "
-    "on Debian: apt install libgl1"
-)
 AXES: dict[str, Vector] = {"X": (1.0, 0.0, 0.0), "Y": (0.0, 1.0, 0.0), "Z": (0.0, 0.0, 1.0)}
 MICRON_MM = 1e-3  # a written surface is at least so near to its face
 
@@ -84,12 +79,12 @@ def import_(
     """Find the ruled faces of a STEP file (--list), and write a program that cuts some of them (--faces)."""
     with refusals(as_json, lambda: (ConfigError,)):
         if only_list == bool(faces):
-            raise Refused("Say either --list, to see the faces, or --faces with their numbers, to cut them.")
+            raise Refused(say("cli.import.either"))
         for name, value in (("--feed", feed), ("--spindle", spindle), ("--tolerance", tolerance)):
             if not 0.0 < value < math.inf:
-                raise Refused(f"{name} {value:g}: it must be greater than 0; correct it.")
+                raise Refused(say("cli.not_above_0", name=name, value=value))
         if plot is not None and not only_list:
-            raise Refused(f"--plot {plot}: a picture is made with --list only; give --list, or leave it out.")
+            raise Refused(say("cli.import.plot", plot=plot))
         plot = None if plot is None else _target(plot, overwrite, "--plot")
         made, placed = machine_file.load(machine), _placed(move, turn)
         target = None if only_list else _target(out or file.with_suffix(".ngc"), overwrite)
@@ -107,7 +102,7 @@ def import_(
         turned = _numbers("--other-side", other_side, part)
         strips = [_cuttable(one, file, one.face.number in turned) for one in seen if numbers or one.strip]
         if not strips:
-            raise Refused(f"{file}: none of its faces can be cut along rulings; --list says why.")
+            raise Refused(say("cli.import.no_face", file=file))
         cutter = _tool(made, tool, strips)
         way = "" if placement == "machine" else placement
         wanted = program.Wanted(feed, spindle, direction == "conventional", way)
@@ -130,9 +125,7 @@ def _numbers(name: str, text: str, part: Part) -> list[int]:
     for word in words:
         if not word.isascii() or not word.isdigit() or not 1 <= int(word) <= len(part.faces):
             count = len(part.faces)
-            raise Refused(
-                f"{name} {text}: {word!r} is no face of the file, which has 1 to {count}; see --list."
-            )
+            raise Refused(say("cli.import.face_number", name=name, text=text, word=word, count=count))
     return list(dict.fromkeys(map(int, words)))
 
 
@@ -142,13 +135,13 @@ def _placed(move: str, turn: str) -> Frame:
     for word in [word for word in turn.replace(" ", "").upper().split(",") if word]:
         angle = _float(word[1:]) if word[0] in AXES else None
         if angle is None:
-            raise Refused(f"--turn {turn}: {word!r} is no turn; write axis and degrees, as X90 or X90,Z-30.")
+            raise Refused(say("cli.import.turn", turn=turn, word=word))
         frame = _turned(frame, AXES[word[0]], math.radians(angle))
     if not move:
         return frame
     values = [_float(word) for word in move.split(",")]
     if len(values) != 3 or None in values:
-        raise Refused(f"--move {move}: is three numbers X,Y,Z in mm, as 10,0,-5.")
+        raise Refused(say("cli.import.move", move=move))
     x, y, z = (value or 0.0 for value in values)
     return frame._replace(origin=add(frame.origin, (x, y, z)))
 
@@ -168,9 +161,9 @@ def _float(text: str) -> float | None:
 
 def _target(out: Path, overwrite: bool, option: str = "--out") -> Path:
     if out.exists() and not overwrite:
-        raise Refused(f"{out}: is there already; give --overwrite to replace it, or another {option}.")
+        raise Refused(say("cli.import.exists", out=out, option=option))
     if not out.parent.is_dir():
-        raise Refused(f"{out}: there is no folder {out.parent}; make it first.")
+        raise Refused(say("cli.import.no_folder", out=out, parent=out.parent))
     return out
 
 
@@ -179,21 +172,20 @@ def _target(out: Path, overwrite: bool, option: str = "--out") -> Path:
 
 def _part(file: Path, placed: Frame) -> Part:
     if not file.is_file():
-        what = "this is a folder" if file.is_dir() else "there is no such file"
-        raise Refused(f"{file}: {what}; give the path of a STEP file.")
+        raise Refused(say("cli.import.folder" if file.is_dir() else "cli.import.no_file", file=file))
     try:
         from controller.cad import kernel
     except ModuleNotFoundError as error:
-        raise Refused(f"{NO_KERNEL} ({error}).") from error
+        raise Refused(say("cli.import.no_kernel", why=error)) from error
     except ImportError as error:
-        raise Refused(NO_LIBRARY.format(error=error) + ".") from error
+        raise Refused(say("cli.import.no_library", why=error)) from error
     try:
         with kernel.failures():
             return kernel.read(file, placed)
     except kernel.CadError as error:
         raise Refused(str(error)) from error
     except kernel.Failure as error:
-        raise Refused(f"{file}: OpenCASCADE cannot read it ({error}); export the part again.") from error
+        raise Refused(say("cli.import.unreadable", file=file, why=error)) from error
 
 
 def _seen(part: Part, within_mm: float, whole: bool, numbers: Sequence[int], quiet: bool) -> list[Seen]:
@@ -202,7 +194,7 @@ def _seen(part: Part, within_mm: float, whole: bool, numbers: Sequence[int], qui
     from controller.cad import picture
 
     fine_mm, found = picture.fine([points for points in map(_edge_points, part.faces) if len(points)]), []
-    with bar("looking for rulings", quiet) as progress:
+    with bar(say("cli.import.looking"), quiet) as progress:
         for i, face in enumerate(faces):
             found.append(_look(face, within_mm, whole, fine_mm))
             progress((i + 1) / len(faces))
@@ -238,17 +230,16 @@ def _look(face: Face, within_mm: float, whole: bool, fine_mm: float) -> Seen:
     except NotRuled as error:
         return Seen(face, None, error.reason, error.off_ruled_mm, shape)
     except Failure as error:
-        return Seen(face, None, f"OpenCASCADE cannot evaluate it ({error})", math.inf, shape)
+        return Seen(face, None, say("cli.import.not_evaluated", why=error), math.inf, shape)
     except (NoFit, ArithmeticError, ValueError) as error:  # degenerate numbers in the file
-        return Seen(face, None, f"its curves cannot be evaluated ({error})", math.inf, shape)
+        return Seen(face, None, say("cli.import.no_curves", why=error), math.inf, shape)
     return Seen(face, made, "", made.off_ruled_mm, shape)
 
 
 def _cuttable(one: Seen, file: Path, other_side: bool) -> Strip:
     if one.strip is None:
-        name = f"face {one.face.number} ({one.face.kind})"
-        advice = "leave it out, or see --whole and --tolerance"
-        raise Refused(f"{file}: {name} cannot be cut along rulings: {one.reason}; {advice}.")
+        face = {"number": one.face.number, "kind": one.face.kind}
+        raise Refused(say("cli.import.not_cut", file=file, why=one.reason, **face))
     return replace(one.strip, right=not one.strip.right) if other_side else one.strip
 
 
@@ -263,7 +254,7 @@ def _tool(machine: Machine, number: int, strips: Sequence[Strip]) -> Tool:
     found = machine.tool(number)
     if found is None:
         known = ", ".join(f"T{tool.number}" for tool in machine.tools)
-        raise Refused(f"--tool {number}: the tool table has {known}; add it there or take one of these.")
+        raise Refused(say("cli.import.no_tool", number=number, known=known))
     return found
 
 
@@ -286,10 +277,7 @@ def _deviations(written: Written, name: str, machine: Machine) -> list[Deviation
             with failures():
                 found.append(deviation(one.face, surface, one.is_whole_box))
         except Failure as error:
-            raise Refused(
-                f"OpenCASCADE cannot compare face {one.face.number} with its surface ({error}); nothing was "
-                "written: leave that face out."
-            ) from error
+            raise Refused(say("cli.import.not_compared", number=one.face.number, why=error)) from error
     return found
 
 
@@ -297,10 +285,8 @@ def _near_enough(found: Sequence[Deviation], written: Written, tolerance_mm: flo
     allowed = max(MICRON_MM, 1.5 * tolerance_mm)
     for one, strip in zip(found, written.strips, strict=True):
         if not one.largest_mm <= allowed:
-            off = f"would be {1e3 * one.largest_mm:.3g} um off it, more than {1e3 * allowed:.3g} um"
-            raise Refused(
-                f"The surface for face {strip.face.number} {off}; nothing was written: leave that face out."
-            )
+            um = {"off": 1e3 * one.largest_mm, "allowed": 1e3 * allowed}
+            raise Refused(say("cli.import.too_far", number=strip.face.number, **um))
 
 
 def _save(target: Path, text: str) -> None:

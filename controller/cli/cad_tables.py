@@ -25,8 +25,6 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-LOOSE = "belongs to no solid, so its normal is taken to point out of the material; see --other-side"
-
 
 @dataclass(frozen=True, slots=True)
 class Seen:
@@ -86,7 +84,12 @@ def faces(file: Path, part: Part, seen: Sequence[Seen], as_json: bool) -> None:
         table.add_row(*_cells(row))
     show.print(table)
     for row in rows:
-        _remark(row["number"], row["why_not"], row.get("remark"), "" if row["in_solid"] else LOOSE)
+        _remark(
+            row["number"],
+            row["why_not"],
+            row.get("remark"),
+            "" if row["in_solid"] else say("cli.import.loose"),
+        )
 
 
 def _cells(row: dict[str, Any]) -> tuple[str, ...]:

@@ -24,7 +24,7 @@ from controller.program.program import ProgramError
 from controller.runtime import checked
 from controller.values import dataclass
 from controller.verify import console, wording
-from controller.verify.console import Refused, bar, show, spoken, tell
+from controller.verify.console import Refused, bar, say, show, spoken, tell
 from controller.workers import Spread
 
 SUFFIXES = (".ngc", ".nc", ".tap", ".cnc", ".gcode")
@@ -187,7 +187,7 @@ def run(asked: Asked, spread: Spread, as_json: bool) -> None:
 def _rows(asked: Asked, found: Sequence[Job], spread: Spread, quiet: bool) -> tuple[list[Row], str]:
     """What came of each, and a warning where checks could not be stored, or ""."""
     rows, warning, wrong = list[Row](), "", 0
-    with bar("checking", quiet) as progress:
+    with bar(say("cli.bar.checking"), quiet) as progress:
         for row in spread(partial(examined, asked.machine), found, PROGRAM_S):
             if row.kept is not None:
                 unkept = checked.keep(row.kept, row.key, asked.store)

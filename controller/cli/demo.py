@@ -32,7 +32,7 @@ from controller.service.jobs import UNDER_WAY
 from controller.service.service import Service
 from controller.state.modes import Binding, Fault, binding_text
 from controller.values import dataclass
-from controller.verify.console import Refused, bar
+from controller.verify.console import Refused, bar, say, spoken
 
 POLL_S = 0.5
 CALM = {"look_s": 0.1}  # of the service itself: nobody waits for what it concludes but us
@@ -73,11 +73,11 @@ def cut(machine: Machine, program: Path, checks: Path, unchecked: bool, quiet: b
         kept = Folders(folder, checks, recording.folder())
         with served(engine.simulated(machine), kept, folder / "run") as (service, client), _sentences():
             operator = Operator(client, ctrl_c.look)
-            with bar("checking", quiet) as progress:
+            with bar(say("cli.bar.checking"), quiet) as progress:
                 show = lambda now: progress((now["job"] or {}).get("checking") or 0.0)  # noqa: E731
                 operator.done("load", show, path=str(program), name=program.name, unchecked=unchecked)
             operator.done("home")
-            with bar("cutting", quiet) as progress:
+            with bar(say("cli.bar.cutting"), quiet) as progress:
                 rows, last = operator.run(lambda now: progress(_share(now), live_line(now)))
     return _told(rows, last, service.engine.sync_stamps_s)
 
@@ -104,7 +104,7 @@ def _sentences() -> Iterator[None]:
     try:
         yield
     except CommandRefused as error:
-        raise Refused(error.sentence) from error
+        raise Refused(messages.text(error.said, spoken.get())) from error
 
 
 class Operator:
@@ -125,7 +125,7 @@ class Operator:
             look(now)
             sequence = now["sequence"] or {}
             if sequence.get("state") == "failed":
-                raise Refused(messages.text(sequence))
+                raise Refused(messages.text(sequence, spoken.get()))
             answer = {"done": sequence.get("state") != "running"}
 
     def run(self, look: Callable[[Values], None]) -> tuple[Rows, Values]:
@@ -170,10 +170,10 @@ def _told(rows: Rows, last: Values, stamps_s: dict[str, Rows]) -> Cut:
     fault = Fault[shown["name"]] if shown else Fault.NONE
     sentence = ""
     if shown:
-        kept = f" Recording: {shown['recording']}" if shown["recording"] else ""
-        sentence = f"{messages.text(shown)}{kept}"
+        kept = f" {say('cli.demo.recording', file=shown['recording'])}" if shown["recording"] else ""
+        sentence = f"{messages.text(shown, spoken.get())}{kept}"
     elif job["state"] != "completed":
-        sentence = messages.text(job) or f"The program ended as {job['state']}."
+        sentence = messages.text(job, spoken.get()) or say("cli.demo.ended", state=job["state"])
     return Cut(rows, job["state"], fault, sentence, last["tick"]["skips"], stamps_s)
 
 
@@ -183,17 +183,18 @@ def live_line(now: Mapping[str, Any]) -> str:
         return str(now["mode"]).lower()
     line = now["job"]["line"]
     if now["waiting"]:
-        return f"line {line}: waiting for {_awaited(now['spindle'])}"
+        return say("cli.demo.waits", line=line, what=_awaited(now["spindle"]))
     feed = now["feed_mm_min"]
     adaptive = now["adaptive"]["share"] if now["adaptive"]["on"] else 1.0
     share = 1.0 if now["own_feed"] else now["override"] * adaptive
-    wanted = "rapid" if feed["programmed"] is None else f"F {feed['programmed'] * share:.0f}"
-    limit = f", limited by {now['limited_by']}" if now["limited_by"] not in (None, FEED) else ""
-    return f"line {line}: {wanted}, actual {feed['actual']:.0f} mm/min{limit}"
+    wanted = say("cli.demo.rapid") if feed["programmed"] is None else f"F {feed['programmed'] * share:.0f}"
+    is_limited = now["limited_by"] not in (None, FEED)
+    figures = {"line": line, "wanted": wanted, "actual": feed["actual"], "limit": now["limited_by"]}
+    return say("cli.demo.limited" if is_limited else "cli.demo.line", **figures)
 
 
 def _awaited(spindle: Mapping[str, Any]) -> str:
     """What motion stands for."""
     if spindle["at_speed"]:
-        return "coolant and clamps"
-    return f"the spindle: S {spindle['rev_min']:.0f}, actual {spindle['actual_rev_min']:.0f} 1/min"
+        return say("cli.demo.coolant")
+    return say("cli.demo.spindle", rev_min=spindle["rev_min"], actual_rev_min=spindle["actual_rev_min"])

@@ -16,7 +16,7 @@ from pathlib import Path
 from controller.machine import machine_file, setup_data, tool_store
 from controller.machine.model import TOOL_AT_POWER_ON
 from controller.runtime import children
-from controller.verify.console import Refused, show, tell
+from controller.verify.console import Refused, say, show, tell
 
 MACHINE = "shop"
 PROGRAMS = ("example1_ready", "example2_ready")
@@ -42,7 +42,7 @@ def run(folder: Path, port: int, period_ms: float, as_json: bool) -> None:
             if as_json:
                 print(json.dumps({"ok": True, "url": url}), flush=True)
             else:
-                show.print(f"Open {url} in a browser. Take control, home, load a program; Ctrl-C ends it.")
+                show.print(say("cli.demo.open", url=url))
             _await_end(processes, ctrl_c)
 
 
@@ -52,7 +52,7 @@ def _free(port: int) -> None:
         try:
             probe.bind(("127.0.0.1", port))
         except OSError as error:
-            raise Refused(f"--port {port}: {error.strerror}; choose another one.") from error
+            raise Refused(say("cli.demo.port", port=port, why=error.strerror)) from error
 
 
 def _stock(folder: Path) -> None:
@@ -87,7 +87,7 @@ def _started(commands: tuple[tuple[str, ...], ...]) -> Iterator[list[Process]]:
             processes.append(subprocess.Popen([sys.executable, "-m", "controller", *command]))
         yield processes
     except KeyboardInterrupt:
-        tell.print("Ending.")
+        tell.print(say("cli.demo.ending"))
     finally:
         for process in reversed(processes):
             process.terminate()
@@ -105,7 +105,7 @@ def _await_page(url: str, processes: list[Process], ctrl_c: children.CtrlC) -> N
         ctrl_c.look()
         _all_there(processes)
         if time.monotonic() > give_up_s:
-            raise Refused(f"{url} does not answer; see what the panel said above.")
+            raise Refused(say("cli.demo.no_answer", url=url))
         time.sleep(0.1)
 
 
@@ -119,4 +119,4 @@ def _await_end(processes: list[Process], ctrl_c: children.CtrlC) -> None:
 def _all_there(processes: list[Process]) -> None:
     for process, name in zip(processes, ("serve", "panel"), strict=True):
         if (code := process.poll()) is not None:
-            raise Refused(f"directrix {name} ended by itself (exit code {code}); see what it said above.")
+            raise Refused(say("cli.demo.ended_itself", name=name, code=code))

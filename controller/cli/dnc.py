@@ -16,7 +16,7 @@ from controller.api.dnc import LineError, LineSettings
 from controller.api.dnc_format import Tape, TapeError, punched
 from controller.api.store import Program, Store, StoreError
 from controller.ipc import control_socket
-from controller.verify.console import Refused, bar, refusals, tell
+from controller.verify.console import Refused, bar, refusals, say, tell
 
 app = typer.Typer(
     add_completion=False,
@@ -77,16 +77,13 @@ def _take(
     settings: LineSettings, store: Store, name: str, in_use: Callable[[], Collection[str]], as_json: bool
 ) -> None:
     """One transmission into the store; what was not kept of it is the refusal."""
-    with bar(f"receiving on {settings.port}", as_json) as progress, dnc.opened(settings) as line:
-        came = dnc.receive(line, lambda count: progress(0.0, f"{count} bytes"))
+    with bar(say("cli.dnc.receiving", port=settings.port), as_json) as progress, dnc.opened(settings) as line:
+        came = dnc.receive(line, lambda count: progress(0.0, say("cli.dnc.bytes", count=count)))
     if name and len(came.tapes) > 1:
-        listed = ", ".join(tape.name or "one without a number" for tape in came.tapes)
-        raise TapeError(
-            f"{settings.port}: {len(came.tapes)} programs came ({listed}), and --name names one; nothing "
-            "was kept, leave it out or send them singly."
-        )
+        listed = ", ".join(tape.name or say("cli.dnc.unnumbered") for tape in came.tapes)
+        raise TapeError(say("cli.dnc.several", port=settings.port, count=len(came.tapes), listed=listed))
     for tape in came.tapes:
-        _say(kept(store, tape, name, in_use()), "Received", as_json, tape.told)
+        _say(kept(store, tape, name, in_use()), "cli.dnc.received", as_json, tape.told)
     if came.problem:
         raise TapeError(came.problem)
 
@@ -110,9 +107,7 @@ def _in_use(state: Path, runtime: Path | None) -> Callable[[], Collection[str]]:
         try:
             job = client.ask("status").get("job") or {}
         except control_socket.CommandRefused as error:
-            sentence = (
-                f"{error} Nothing was kept: it is not known which program is in use. Send it again then."
-            )
+            sentence = say("cli.dnc.unknown_use", why=error)
             raise StoreError("running", sentence) from error
         finally:
             client.close()
@@ -146,9 +141,9 @@ def send(
             tape = punched(text, settings.even_parity, LINE_ENDS[line_end], with_sum=checksum)
         except TapeError as error:
             raise Refused(f"{program}: {error}") from error
-        with bar(f"sending on {port}", as_json) as progress, dnc.opened(settings) as line:
+        with bar(say("cli.dnc.sending", port=port), as_json) as progress, dnc.opened(settings) as line:
             dnc.send(line, tape, lambda count: progress(count / len(tape)), await_start)
-        _say({"program": program, "bytes": len(tape)}, "Sent", as_json)
+        _say({"program": program, "bytes": len(tape)}, "cli.dnc.sent", as_json)
 
 
 def _of_store(name: str, state: Path | None) -> bytes:
@@ -166,6 +161,6 @@ def _say(told: Program | dict[str, Any], done: str, as_json: bool, left_out: Col
         more = {"left_out": list(left_out)} if left_out else {}
         print(json.dumps({"ok": True, **facts, **more}), flush=True)
         return
-    tell.print(f"{done}: {facts['program']}, {facts['bytes']} bytes.", markup=False)
+    tell.print(say(done, program=facts["program"], bytes=facts["bytes"]), markup=False)
     for sentence in left_out:
         tell.print(f"{facts['program']}: {sentence}", markup=False)

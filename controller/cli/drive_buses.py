@@ -9,11 +9,12 @@ from typing import Annotated
 
 import typer
 
+from controller.cli.help_texts import CHANNEL
 from controller.machine import machine_file, nodes
 from controller.machine.model import Machine
 from controller.machine.toml_table import ConfigError
 from controller.values import dataclass
-from controller.verify.console import Refused
+from controller.verify.console import Refused, say
 from drives import bus as buses
 from drives import commission as commissioning
 from drives import pdo
@@ -56,10 +57,10 @@ def _chosen(machine: Machine, bus: str, drive: str) -> list[tuple[BusSettings, t
     every = nodes.all_settings(machine)
     names = [settings.name for settings in nodes.bus_settings(machine)]
     if bus and bus not in names:
-        raise Refused(f"--bus {bus}: the machine has no such bus; allowed are {', '.join(names)}.")
+        raise Refused(say("cli.drives.no_bus", bus=bus, names=", ".join(names)))
     known = ", ".join(node.name for node in every)
     if drive and all(drive not in _called(node) for node in every):
-        raise Refused(f"--drive {drive}: the machine has no such drive; allowed are {known}.")
+        raise Refused(say("cli.drives.no_drive", drive=drive, known=known))
     wanted = [node for node in every if drive in ("", *_called(node)) and bus in ("", node.bus)]
     found = [
         (settings, tuple(node for node in wanted if node.bus == settings.name))
@@ -74,16 +75,14 @@ def joined(made: Machine, bus: str, channel: str, drive: str = "") -> Iterator[l
     """Ports on the buses that are asked for; closed at the end. Raises Refused, BusError, ConfigError."""
     chosen = _chosen(made, bus, drive)
     if channel and len(chosen) > 1:
-        raise Refused("--channel names one bus, the machine has more; choose one with --bus.")
+        raise Refused(say("cli.drives.several_buses"))
     with contextlib.ExitStack() as stack:
         found = []
         for named, its in chosen:
             settings = replace(named, channel=channel) if channel else named
             if not settings.channel:
-                raise Refused(
-                    f"bus {settings.name}: no channel is named; allowed is the path of a virtual bus;"
-                    " give --channel PATH, or channel in the machine file."
-                )
+                key = f"cli.drives.no_channel_{'virtual' if settings.interface == 'virtual' else 'other'}"
+                raise Refused(say(key, bus=settings.name, interface=settings.interface, path=CHANNEL))
             port = buses.open(settings, pdo.SERVICE_FILTERS)
             stack.callback(port.close)
             pump = commissioning.wall_pump(port.fileno())
@@ -95,7 +94,4 @@ def see_alone(one: Joined, master: MasterSettings) -> None:
     """A running controller sends heartbeats: its drives are not to be taken from under it."""
     heard = one.network.nmt_states
     if one.network.wait(lambda: master.node_id in heard, 3.0 * master.heartbeat_s):
-        raise Refused(
-            f"bus {one.bus.name}: a controller is running there (heartbeat of node {master.node_id});"
-            " end it before drives are commissioned by hand."
-        )
+        raise Refused(say("cli.drives.controller_runs", name=one.bus.name, node_id=master.node_id))

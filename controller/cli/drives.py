@@ -16,7 +16,7 @@ from controller.cli.speech import speaking
 from controller.ipc import control_socket
 from controller.machine import arrangement, drive_profiles, nodes
 from controller.machine.model import Machine
-from controller.verify.console import Refused, refusals, show, tell
+from controller.verify.console import Refused, refusals, say, show, tell
 from drives import commission as commissioning
 from drives.commissioning import identity, lss, possible, sheet, survey, twins
 from drives.commissioning.wanted import Settings
@@ -60,13 +60,13 @@ def check(
         if as_json:
             print(json.dumps({"ok": True, **facts, "problems": []}))
         else:
-            title = f"{eds.name} does all that profile {family.name} needs at {period_s * 1e3:g} ms."
+            title = say("cli.drives.sheet_does", name=eds.name, profile=family.name, period=period_s * 1000.0)
             show.print(title, markup=False)
 
 
 def _period_s(period_ms: float) -> float:
     if not 0.0 < period_ms <= 1000.0:
-        raise Refused(f"--period-ms {period_ms:g} is no period; allowed are numbers above 0 up to 1000.")
+        raise Refused(say("cli.drives.period", period_ms=period_ms))
     return period_ms / 1e3
 
 
@@ -104,7 +104,7 @@ def commission(
             print(json.dumps({"ok": True, "machine": made.name, "lss": given, "drives": rows}))
         else:
             if given:
-                show.print(f"{set_node} has node id {given['node']} now.", markup=False)
+                show.print(say("cli.drives.node_set", set_node=set_node, node=given["node"]), markup=False)
             for outcome in outcomes:
                 for warning in outcome.warnings:
                     tell.print(f"drive {outcome.name} (node {outcome.node}): {warning}.", markup=False)
@@ -120,7 +120,7 @@ def _keep(machine: Machine, found: Sequence[commissioning.Arranged]) -> None:
     try:
         arrangement.save(folder, machine, found)
     except OSError as error:
-        tell.print(f"{folder}: how the drives stop is not kept: {error.strerror}.", markup=False)
+        tell.print(say("cli.drives.not_kept", folder=folder, why=error.strerror), markup=False)
 
 
 def _set_node(joined: Sequence[Joined], name: str, store: bool) -> dict[str, Any]:
@@ -131,7 +131,7 @@ def _set_node(joined: Sequence[Joined], name: str, store: bool) -> dict[str, Any
                 words = lss.Lss(each.network).assign(node.node, _identity(node), store)
                 return {"drive": name, "node": node.node, "identity": words, "stored": store}
     known = ", ".join(node.name for each in joined for node in each.nodes)
-    raise Refused(f"--set-node {name}: the machine has no such drive; allowed are {known}.")
+    raise Refused(say("cli.drives.no_drive_to_set", name=name, known=known))
 
 
 def _identity(node: Settings) -> lss.Identity | None:
@@ -142,11 +142,7 @@ def _identity(node: Settings) -> lss.Identity | None:
     about = sheet.of(node)
     words = [about.identity(sub) for sub in (1, 2, 3)]
     if None in words:
-        raise Refused(
-            f"drive {node.name}: data sheet {node.eds} does not say vendor, product and revision, which LSS"
-            " needs beside the serial number; leave serial out and have only this drive without a node id on"
-            " the bus."
-        )
+        raise Refused(say("cli.drives.no_identity", name=node.name, eds=node.eds))
     return words[0] or 0, words[1] or 0, words[2] or 0, serial
 
 
@@ -177,9 +173,7 @@ def scan(
         facts = {"machine": made.name, "found": rows, "missing": missing, "strangers": strangers}
         sentences = [f"{sentence}." for sentence in strangers]
         if missing:
-            sentences.append(
-                f"No answer from {', '.join(missing)}; check power, wiring, bit rate and node ids."
-            )
+            sentences.append(say("cli.drives.silent", names=", ".join(missing)))
         if sentences:
             raise Refused("\n".join(sentences), **facts)
         if as_json:

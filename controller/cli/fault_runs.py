@@ -105,22 +105,23 @@ def _table(faults: Mapping[str, Any]) -> Table:
 def _lines(faults: Mapping[str, Any]) -> list[tuple[int, float, str]]:
     found = [(e["tick"], e["time_s"], f"{e['line']}{_times(e['times'])}") for e in faults["injected"]]
     for one in faults["raised"]:
-        axis = f" of {one['axis']}" if one["axis"] else ""
-        found.append((one["tick"], one["time_s"], f"{one['fault']}{axis}: {one['class']}"))
+        key = "cli.faults.of_axis" if one["axis"] else "cli.faults.raised"
+        told = {"fault": one["fault"], "axis": one["axis"], "kind": one["class"]}
+        found.append((one["tick"], one["time_s"], say(key, **told)))
     return found
 
 
 def _times(times: int) -> str:
-    return f" ({times} times)" if times > 1 else ""
+    return f" ({say('cli.faults.times', times=times)})" if times > 1 else ""
 
 
 def _last(faults: Mapping[str, Any]) -> list[str]:
-    told = ["Largest distance from command to motor:"]
+    told = [say("cli.faults.distance")]
     for unit in ("mm", "deg"):
         its = [f"{n} {one['largest']:.3f}" for n, one in faults["distance"].items() if one["unit"] == unit]
         told.append(f"  {', '.join(its)} {unit}")
     if faults["stood"] is not None:
         ms = faults["stood"]["after_ms"]
-        told.append("Some motors move on" if ms is None else f"All motors stood {ms:.0f} ms after the fault")
-    told += [f"Not reached: {line}" for line in faults["not_reached"]]
-    return [*told, f"The machine is in {faults['mode']}"]
+        told.append(say("cli.faults.moves") if ms is None else say("cli.faults.stood", ms=ms))
+    told += [say("cli.faults.not_reached", line=line) for line in faults["not_reached"]]
+    return [*told, say("cli.faults.mode", mode=faults["mode"])]

@@ -55,7 +55,7 @@ def fit(
         if not asked:
             raise Refused(say("table.no_surface", program=program))
         found = []
-        with workers.spread(count, cluster) as spread, bar("fitting", as_json) as progress:
+        with workers.spread(count, cluster) as spread, bar(say("cli.bar.fitting"), as_json) as progress:
             fitted = partial(fits.fit, tools=made.tools, tolerance_mm=tolerance)
             for one, best in zip(asked, spread(fitted, asked, FIT_S), strict=True):
                 found.append((one, best))

@@ -9,6 +9,7 @@ import typer
 
 from controller.machine import setup_data
 from controller.machine.model import Machine
+from controller.verify.console import say
 
 Fitted = Annotated[Path | None, typer.Option("--fitted")]
 
@@ -25,7 +26,7 @@ def said(fitted: Path | None) -> list[str]:
 
 def sentence(names: list[str]) -> str:
     """The same for people; empty where all comes from the machine file."""
-    return f"Not the machine file's but as set at the machine: {', '.join(names)}." if names else ""
+    return say("cli.fitted", names=", ".join(names)) if names else ""
 
 
 def _values(fitted: Path) -> dict[str, Any]:

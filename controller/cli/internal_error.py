@@ -12,6 +12,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from controller.ipc import internal_error
+from controller.verify.console import say
 from controller.version import VERSION
 
 EXIT_CODE = 70  # EX_SOFTWARE of sysexits.h
@@ -20,10 +21,8 @@ EXIT_CODE = 70  # EX_SOFTWARE of sysexits.h
 def sentence(error: BaseException) -> str:
     """One sentence; the traceback goes into a file that it names."""
     kept = _kept("".join(traceback.format_exception(error)))
-    return (
-        f"Directrix itself is wrong here ({internal_error.told(error)});"
-        f" send in {kept if kept is not None else 'this line'} with the program and the machine file."
-    )
+    what = kept if kept is not None else say("cli.own_error_line")
+    return say("cli.own_error", error=internal_error.told(error), what=what)
 
 
 def end(error: BaseException, as_json: bool) -> int:

@@ -14,7 +14,7 @@ import typer
 from controller.cli import drive_buses, drive_tables
 from controller.cli.drive_buses import EXPECTED, Channel, Json, MachineFile, OnBus
 from controller.machine import nodes
-from controller.verify.console import Refused, refusals, show, tell
+from controller.verify.console import Refused, refusals, say, show, tell
 from drives import commission as commissioning
 from drives.commissioning import dcf, setup, sheet
 from drives.commissioning.remote import NMT_PRE_OPERATIONAL
@@ -49,10 +49,17 @@ def save(
             print(json.dumps({"ok": True, **facts, "left_out": left, "unread": unread}))
             return
         for row in failed:
-            tell.print(f"{drive_tables.place(row.index, row.sub)}: left out: {row.refused}.", markup=False)
+            tell.print(
+                say("cli.kept.unread", place=drive_tables.place(row.index, row.sub), refused=row.refused),
+                markup=False,
+            )
         kinds = ", ".join(f"{count} {why}" for why, count in sorted(left.items()))
-        title = f"{file}: {len(values)} objects of drive {settings.name} (node {settings.node})"
-        show.print(f"{title}; left out: {kinds or 'nothing'}.", markup=False, soft_wrap=True)
+        one = {"name": settings.name, "node": settings.node, "count": len(values)}
+        show.print(
+            say("cli.kept.saved", file=file, left=kinds or say("cli.nothing"), **one),
+            markup=False,
+            soft_wrap=True,
+        )
 
 
 def compare(
@@ -74,12 +81,16 @@ def compare(
         if rows:
             if not as_json:
                 show.print(drive_tables.differences(rows, kept.name))
-            told = f"Drive {settings.name} (node {settings.node}) is not as {kept.name} says"
-            raise Refused(f"{told}: {len(rows)} of {len(kept.values)} objects.", **facts)
+            one = {"name": settings.name, "node": settings.node, "file": kept.name}
+            counts = {"count": len(rows), "all": len(kept.values)}
+            raise Refused(say("cli.kept.differs", **one, **counts), **facts)
         if as_json:
             print(json.dumps({"ok": True, **facts}))
         else:
-            show.print(f"Drive {settings.name} (node {settings.node}) is as {kept.name} says.", markup=False)
+            show.print(
+                say("cli.kept.as_it_says", name=settings.name, node=settings.node, file=kept.name),
+                markup=False,
+            )
 
 
 def restore(
@@ -111,15 +122,15 @@ def restore(
         if rows and not as_json:
             show.print(drive_tables.restored(rows))
         if refused:
-            told = f"Drive {settings.name} (node {settings.node}) is not as {kept.name} says"
-            why = f"{len(refused)} of the {len(rows)} objects that differed, for the reasons beside them"
-            raise Refused(f"{told}: {why}.", **facts)
+            one = {"name": settings.name, "node": settings.node, "file": kept.name}
+            counts = {"count": len(refused), "all": len(rows)}
+            raise Refused(say("cli.kept.not_taken", **one, **counts), **facts)
         if as_json:
             print(json.dumps({"ok": True, **facts}))
         else:
-            done = f"{len(rows)} objects were written" if rows else "nothing had to be written"
-            kept_now = ", and it keeps them" if here.outcome.stored else ""
-            show.print(f"Drive {settings.name} is as {kept.name} says: {done}{kept_now}.", markup=False)
+            key = "cli.kept.stored" if here.outcome.stored else "cli.kept.restored"
+            told = {"name": settings.name, "file": kept.name, "count": len(rows)}
+            show.print(say(key if rows else "cli.kept.was_so", **told), markup=False)
 
 
 @contextlib.contextmanager
@@ -132,7 +143,7 @@ def _one(
         its = [(each, node) for each in found for node in each.nodes]
         if len(its) != 1:
             known = ", ".join(f"{node.name} (bus {each.bus.name})" for each, node in its)
-            raise Refused(f"{drive}: not one drive but {known or 'none'}; name one, with --bus if need be.")
+            raise Refused(say("cli.kept.one", drive=drive, known=known or "none"))
         each, node = its[0]
         if alone:
             drive_buses.see_alone(each, nodes.master_settings(made))
@@ -145,7 +156,7 @@ def _write(file: Path, text: str) -> None:
     try:
         file.write_bytes(text.encode("latin-1", "replace"))
     except OSError as error:
-        raise Refused(f"{file}: cannot be written: {error.strerror}; check path and permission.") from error
+        raise Refused(say("cli.kept.not_written", file=file, why=error.strerror)) from error
 
 
 def _rows(rows: Sequence[setup.Row]) -> list[dict[str, Any]]:

@@ -10,7 +10,7 @@ import typer
 from controller import messages
 from controller.ipc import control_socket
 from controller.runtime import cores
-from controller.verify.console import Refused, refusals, tell
+from controller.verify.console import Refused, refusals, say, spoken, tell
 
 if TYPE_CHECKING:
     from controller.api.store import Store
@@ -24,7 +24,6 @@ Key = Annotated[Path | None, typer.Option("--tls-key")]
 Proxy = Annotated[str, typer.Option("--proxy")]
 
 CLOSE_S = 3  # for requests under way, at the end
-EXTRA = "The panel needs more packages: install directrix with its extra (pip install 'directrix[panel]')."
 
 
 def panel(
@@ -46,20 +45,22 @@ def panel(
             from controller.api.access import is_loopback
             from controller.api.connections import Connections, Limits, raise_file_limit
         except ImportError as error:
-            raise Refused(f"{EXTRA} ({error})") from error
+            raise Refused(say("cli.panel.no_packages", why=error)) from error
         store = panel_users.store_in(state or control_socket.state_folder())
         if not is_loopback(host):
             _may_leave(host, bool(store.users.all()), tls_certificate is not None, bool(proxy))
         for file in (tls_certificate, tls_key):
             if file is not None and not file.is_file():
-                raise Refused(f"{file}: there is no such file; give a certificate and its key as PEM files.")
+                raise Refused(say("cli.panel.no_certificate", file=file))
         if (lost := store.users.lost) is not None:
-            tell.print(messages.text(lost), markup=False)
+            tell.print(messages.text(lost, spoken.get()), markup=False)
             store.report(lost)
         socket = control_socket.control_path(runtime or control_socket.runtime_folder())
         cores.leave()
         connections = Connections(Limits.within(raise_file_limit()))
-        tell.print(f"Panel on {host}:{port}, machine behind {socket}, store in {store.folder}", markup=False)
+        tell.print(
+            say("cli.panel.serves", host=host, port=port, socket=socket, folder=store.folder), markup=False
+        )
         connections.serve(
             _app(store, socket, page, anybody_stops),
             host=host,
@@ -78,14 +79,9 @@ def panel(
 def _may_leave(host: str, users: bool, certificate: bool, proxy: bool) -> None:
     """Beyond this computer: never without users, never with passwords in the clear. Raises Refused."""
     if not users:
-        raise Refused(
-            f"--host {host}: beyond this computer users are needed; add one with: directrix users add NAME."
-        )
+        raise Refused(say("cli.panel.no_users", host=host))
     if not certificate and not proxy:
-        raise Refused(
-            f"--host {host}: beyond this computer passwords need TLS; give --tls-certificate and --tls-key, "
-            "or --proxy ADDRESS where a proxy does it."
-        )
+        raise Refused(say("cli.panel.no_tls", host=host))
 
 
 def _app(store: Store, socket: Path, page: bool = True, anybody_stops: bool = False) -> Any:

@@ -59,9 +59,9 @@ def add_user(name: Name, role: Role = "set_up", state: State = None) -> None:
         _check(name)
         first = not store.users.all()
         if first and role != "set_up":
-            raise Refused("The first user must have the role set_up, or nobody could add others.")
+            raise Refused(say("cli.users.first"))
         store.users.set(name, _hash(_password()), role)
-        show.print(f"{name}: may {role}. {'From now on everybody has to log in.' if first else ''}".strip())
+        show.print(say("cli.users.first_added" if first else "cli.users.added", name=name, role=role))
 
 
 @users.command("list")
@@ -80,7 +80,7 @@ def remove_user(name: Name, state: State = None) -> None:
     """Remove a user; without any, only this computer is answered again."""
     with refusals(False, expected):
         store_in(state or control_socket.state_folder()).users.remove(name)
-        show.print(f"{name}: removed.", markup=False)
+        show.print(say("cli.users.removed", name=name), markup=False)
 
 
 @tokens.command("add")
@@ -93,7 +93,7 @@ def add_token(name: Name, role: Role = "operate", days: Days = None, state: Stat
         _check(name)
         token, sha256 = new_token()
         if days is not None and not 0.0 < days <= MAX_DAYS:
-            raise Refused(f"--days {days:g}: allowed are more than 0 and up to {MAX_DAYS:g}.")
+            raise Refused(say("cli.users.days", days=days, max_days=MAX_DAYS))
         lasts_s = None if days is None else days * DAY_S
         store.users.add_token(sha256, name, role, "command line", lasts_s)
         print(token)
@@ -116,7 +116,7 @@ def remove_token(name: Name, state: State = None) -> None:
     """Its script is refused from now on."""
     with refusals(False, expected):
         store_in(state or control_socket.state_folder()).users.remove_token(name)
-        show.print(f"{name}: removed.", markup=False)
+        show.print(say("cli.users.removed", name=name), markup=False)
 
 
 def _until(expires_s: float | None) -> str:
@@ -125,16 +125,20 @@ def _until(expires_s: float | None) -> str:
 
 def _check(name: str) -> None:
     if not NAME.fullmatch(name):
-        raise Refused(f"{name!r}: is no name; allowed are up to 40 letters, digits and . _ @ -; choose one.")
+        raise Refused(say("cli.users.name", name=name))
 
 
 def _password() -> str:
     if sys.stdin.isatty():
-        password: str = typer.prompt("Password", hide_input=True, confirmation_prompt=True)
+        password: str = typer.prompt(
+            say("cli.users.password"), hide_input=True, confirmation_prompt=say("cli.users.again")
+        )
     else:
         password = sys.stdin.readline().rstrip("\r\n")
     if not SHORTEST <= len(password) <= LONGEST:
-        raise Refused(f"The password has {len(password)} signs; allowed are {SHORTEST} to {LONGEST}.")
+        raise Refused(
+            say("cli.users.password_length", count=len(password), shortest=SHORTEST, longest=LONGEST)
+        )
     return password
 
 

@@ -79,20 +79,20 @@ def post_(
     """Write a program as five-axis G1 lines within a chord tolerance, and compare the two."""
     with refusals(as_json, lambda: (ConfigError,)):
         if not 0.0 < chord < math.inf:
-            raise Refused(f"--chord {chord:g}: it must be greater than 0; correct it.")
+            raise Refused(say("cli.not_above_0", name="--chord", value=chord))
         if not program.is_file():
-            raise Refused(f"{program}: there is no such file; give the path of a part program.")
+            raise Refused(say("cli.no_program", program=program))
         stem = out or program
         files = {form: stem.with_name(f"{stem.stem}_{form.value}.ngc") for form in Form}
         for file in files.values():
             if file.exists() and not overwrite:
-                raise Refused(f"{file}: is there already; give --overwrite to replace it, or another --out.")
+                raise Refused(say("cli.post.exists", file=file))
         task = checked.task(
             linked.linked(program.read_bytes(), linked.beside(program)),
             str(program),
             machine_file.load(machine),
         )
-        with bar("comparing", as_json) as progress:
+        with bar(say("cli.bar.comparing"), as_json) as progress:
             rows, texts = _compared(task, files, chord, exact, progress)
         for file, text in texts.items():
             atomic_file.write(file, text)

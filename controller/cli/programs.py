@@ -35,7 +35,7 @@ from controller.runtime.startup import SessionError
 from controller.state import queue_refusals
 from controller.state.modes import Fault
 from controller.verify import tables, wording
-from controller.verify.console import AS_ASKED, Refused, as_asked, bar, refusals, show, spoken, tell
+from controller.verify.console import AS_ASKED, Refused, as_asked, bar, refusals, say, show, spoken, tell
 from controller.verify.rows import Rows
 from controller.workers import Spread
 
@@ -102,8 +102,7 @@ def _budget_or_refuse(machine: Machine) -> None:
 
 def _read(file: Path) -> bytes:
     if not file.is_file():
-        what = "this is a folder" if file.is_dir() else "there is no such file"
-        raise Refused(f"{file}: {what}; give the path of a part program.")
+        raise Refused(say("cli.program_is_folder" if file.is_dir() else "cli.no_program", program=file))
     return linked.linked(file.read_bytes(), linked.beside(file))
 
 
@@ -169,7 +168,7 @@ def check(
     The data sheets of the machine's drives are looked at first: what commissioning would refuse is refused.
     """
     if program is None and not machine:
-        raise typer.BadParameter("name a part program, or a machine alone with --machine")
+        raise typer.BadParameter(say("cli.check.name_one"))
     with _refusals(as_json):
         made = _machine(machine or "trunnion", gouge, dialect=dialect, fitted=fitted)
         sheets = machine_check.sheets(made, as_json)
@@ -177,7 +176,7 @@ def check(
             machine_check.alone(made, sheets, as_json)
             return
         if plot is not None and program.is_dir():
-            raise Refused(f"--plot {plot}: a picture is of one program; name one, or take --report.")
+            raise Refused(say("cli.check.plot", plot=plot))
         _writable(plot)
         with workers.spread(count, cluster) as spread:
             if program.is_dir():
@@ -253,7 +252,7 @@ def _show_check(program: Path, task: checked.Task, done: _Check, fitted: Path | 
 def _checked(task: checked.Task, store: Path | None, quiet: bool, spread: Spread) -> _Check:
     lines, rows = max(1, task.text.count(b"\n")), Rows()
     try:
-        with bar("planning", quiet) as progress:
+        with bar(say("cli.bar.planning"), quiet) as progress:
             found, kept, warning = checked.check(
                 task,
                 store or stored.folder(),
@@ -388,7 +387,7 @@ def _walk(
 ) -> checked.Walk:
     """The path of the program, or what is left of it where a recorded run began; its notes are shown."""
     try:
-        with bar("planning", as_json) as progress:
+        with bar(say("cli.bar.planning"), as_json) as progress:
             walk = (
                 starts.path_from(task, kept, record.recorded.begin.start)
                 if record
@@ -422,7 +421,7 @@ def _run(
     """What came of it, and how long it took (s): the program or the record run to its end."""
     under.begin()
     began_s = time.perf_counter()
-    with bar("simulating", as_json) as progress:
+    with bar(say("cli.bar.simulating"), as_json) as progress:
         passed = lambda s: progress(_share(s, kept))  # noqa: E731
         run = record.run(bench, walk, task, passed) if record else bench.run(walk, requests, passed)
     return run, time.perf_counter() - began_s
@@ -555,7 +554,7 @@ def _demo(part: str, out: Path, made: Machine, store: Path | None, unchecked: bo
     picture, trace_file = out / f"{part}.png", out / f"{part}.npz"
     _writable(picture, trace_file)
     if not as_json:
-        tell.print(f"Starting the virtual bus, simulated drives, plan and tick; {file.name} on {made.name}.")
+        tell.print(say("cli.demo.starting", name=file.name, machine=made.name))
     cut = demos.cut(made, file, store or stored.folder(), unchecked, as_json)
     task = checked.task(file.read_bytes(), file.name, made)
     kept = None if unchecked else _kept(task, store, as_json)
@@ -590,7 +589,7 @@ def paper(as_json: Json = False) -> None:
     from controller.verify import paper_table
 
     with _refusals(as_json):
-        with bar("computing", as_json) as progress:
+        with bar(say("cli.bar.computing"), as_json) as progress:
             comparison = comparisons.compare(machine_file.load("trunnion"), progress)
         if as_json:
             print(json.dumps({"ok": True, **comparison.to_dict()}))

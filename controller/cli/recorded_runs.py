@@ -20,17 +20,13 @@ from controller.program import linked
 from controller.runtime import events
 from controller.runtime.checked import Task, Walk
 from controller.runtime.events import Recorded
-from controller.verify.console import Refused
+from controller.verify.console import Refused, say
 
 if TYPE_CHECKING:
     from controller.runtime.replay import Difference
     from controller.runtime.stepped import Run, SteppedMachine
 
 RUN, BEGUN = "run.json", "begun.json"  # beside the events of a run that was ended in order, or was not
-CAUSES = (
-    "Another version of this program, another computer's mathematics or a changed record make that; "
-    "use what the run was recorded with."
-)
 
 
 class RecordedRun:
@@ -48,9 +44,7 @@ class RecordedRun:
         try:
             self._wanted = replay.setpoints(file.parent)
         except (OSError, ValueError, KeyError) as error:
-            raise Refused(
-                f"{file.parent}: its setpoints cannot be read ({error}); give the record as it was written."
-            ) from error
+            raise Refused(say("cli.replay.unreadable", parent=file.parent, why=error)) from error
 
     @property
     def duration_s(self) -> float:
@@ -79,14 +73,24 @@ class RecordedRun:
             raise self._otherwise(found, run)
         if run.result != "completed" and self._ended_as() == "completed":
             raise Refused(
-                f"{self._file}: the recorded run came to the program's end after {len(self._wanted)} ticks; "
-                f"made again it did not ({run.result}). {CAUSES}"
+                say(
+                    "cli.replay.not_to_end",
+                    file=self._file,
+                    count=len(self._wanted),
+                    result=run.result,
+                    causes=say("cli.replay.causes"),
+                )
             )
         wanted = min(len(self._wanted), replay.off_path(self.recorded))
         if (made := int(np.count_nonzero(run.rows[:, COLUMN["sync_sent"]]))) < wanted:
             raise Refused(
-                f"{self._file}: made again the run ends after {made} ticks, and the recorded one went on "
-                f"to {wanted}. {CAUSES}"
+                say(
+                    "cli.replay.shorter",
+                    file=self._file,
+                    made=made,
+                    wanted=wanted,
+                    causes=say("cli.replay.causes"),
+                )
             )
         return {"recorded_ticks": len(self._wanted), "compared_ticks": wanted}
 
@@ -95,11 +99,24 @@ class RecordedRun:
         sent = run.rows[run.rows[:, COLUMN["sync_sent"]] != 0.0]
         line, axis = int(sent[found.tick, COLUMN["line"]]), self.machine.axes[found.axis]
         apart = abs((found.again - found.recorded) / axis.counts_per_unit * axis.shown_per_unit)
-        unit, at_s = "mm" if axis.kind is Kind.LINEAR else "degrees", found.tick * self.machine.period_s
+        unit, at_s = (
+            "mm" if axis.kind is Kind.LINEAR else say("unit.degrees"),
+            found.tick * self.machine.period_s,
+        )
         return Refused(
-            f"{self._file}: made again the run differs from the recorded one in tick {found.tick} (line "
-            f"{line}, at {at_s:.3f} s): {axis.name} was told {found.recorded} counts, and {found.again} now, "
-            f"{apart:.6f} {unit} apart. {CAUSES}",
+            say(
+                "cli.replay.differs",
+                file=self._file,
+                tick=found.tick,
+                line=line,
+                at_s=at_s,
+                name=axis.name,
+                recorded=found.recorded,
+                again=found.again,
+                apart=apart,
+                unit=unit,
+                causes=say("cli.replay.causes"),
+            ),
             tick=found.tick,
             time_s=at_s,
             line=line,
@@ -129,12 +146,16 @@ def read(file: Path, machine: Machine, program: bytes) -> RecordedRun | None:
     if found is None:
         return None
     for what, wanted, given in (
-        ("program", found.begin.program_sha256, (program,)),
+        ("cli.replay.program", found.begin.program_sha256, (program,)),
         # A machine file is the same with what lies beside it and without, as older versions recorded it.
-        ("machine file", found.begin.machine_sha256, (machine.text.encode(), written(machine.text).encode())),
+        (
+            "cli.replay.machine",
+            found.begin.machine_sha256,
+            (machine.text.encode(), written(machine.text).encode()),
+        ),
     ):
         if wanted not in [hashlib.sha256(text).hexdigest() for text in given]:
-            raise Refused(f"{file}: is the record of a run with another {what}; give the one that was run.")
+            raise Refused(say("cli.replay.other", file=file, what=say(what)))
     return RecordedRun(file, found, machine, program)
 
 
@@ -145,7 +166,7 @@ def whole(folder: Path, machine: str | None, program: Path | None) -> RecordedRu
     """
     file = folder / events.FILE
     if not file.is_file():
-        raise Refused(f"{folder}: there is no {events.FILE} in it; give the folder of a run's record.")
+        raise Refused(say("cli.replay.no_events", folder=folder, file=events.FILE))
     text = _part(folder, events.PROGRAM, "--program") if program is None else _linked(program)
     if machine is not None:
         built = machine_file.load(machine)
@@ -153,14 +174,14 @@ def whole(folder: Path, machine: str | None, program: Path | None) -> RecordedRu
         built = machine_file.read(_part(folder, events.MACHINE, "--machine").decode(), events.MACHINE, folder)
     found = read(file, built, text)
     if found is None or not found.duration_s:
-        raise Refused(f"{folder}: nothing of a run was recorded in it that could be compared; give another.")
+        raise Refused(say("cli.replay.nothing", folder=folder))
     return found
 
 
 def _part(folder: Path, name: str, option: str) -> bytes:
     """Raises Refused, and OSError."""
     if not (folder / name).is_file():
-        raise Refused(f"{folder}: has no {name}, as records of older versions; name the file with {option}.")
+        raise Refused(say("cli.replay.no_part", folder=folder, name=name, option=option))
     return own_files.read_bytes(folder / name, shared=True)
 
 

@@ -14,7 +14,7 @@ from controller.ipc import control_socket
 from controller.machine.toml_table import ConfigError
 from controller.runtime import checked, events, starts
 from controller.runtime.startup import SessionError
-from controller.verify.console import AS_ASKED, Refused, as_asked, bar, refusals, show, tell
+from controller.verify.console import AS_ASKED, Refused, as_asked, bar, refusals, say, show, tell
 
 RunName = Annotated[
     str,
@@ -72,10 +72,7 @@ def folder_of(run: str, state: Path | None) -> Path:
     where = state or control_socket.state_folder()
     name = _of_number(int(run), where) if run.isdecimal() else run
     if not (found := where / "runs" / name).is_dir():
-        raise Refused(
-            f"{run}: there is no record of such a run in {where}; give the folder of a record, or a number "
-            "as `directrix runs` lists it, with --state where another folder has it."
-        )
+        raise Refused(say("cli.replay.no_run", run=run, where=where))
     return found
 
 
@@ -85,14 +82,14 @@ def _of_number(number: int, state: Path) -> str:
     from controller.api.store import Store
 
     if not (state / FILE).is_file():
-        raise Refused(f"{number}: {state} has no store of runs; give the folder of the record, or --state.")
+        raise Refused(say("cli.replay.no_store", number=number, state=state))
     try:
         found = Store(state).runs.get(number)
     except StoreError as error:
         raise Refused(str(error)) from error
     name = str(found.facts.get("record", "")) if found is not None else ""
     if not name:
-        raise Refused(f"{number}: there is no record of such a run in {state}; `directrix runs` lists them.")
+        raise Refused(say("cli.replay.no_number", number=number, state=state))
     return name
 
 
@@ -105,12 +102,12 @@ def _made_again(record: RecordedRun, trace_file: Path | None, as_json: bool) -> 
     memory.collect_rarely()
     task = checked.task(record.text, record.name, record.machine)
     if not as_json:
-        tell.print(f"{record.name} on {record.machine.name}, as it was recorded", markup=False)
+        tell.print(say("cli.replay.title", name=record.name, machine=record.machine.name), markup=False)
     walk = starts.path_from(task, None, record.recorded.begin.start)
     bench = SteppedMachine(record.machine)
     bench.come_up()
     record.stand(bench)
-    with bar("replaying", as_json) as progress:
+    with bar(say("cli.bar.replaying"), as_json) as progress:
         run = record.run(bench, walk, task, lambda s: progress(s / max(record.duration_s, s, 1e-9)))
     if trace_file is not None:
         from controller.verify import trace as traces
@@ -131,7 +128,7 @@ def _made_again(record: RecordedRun, trace_file: Path | None, as_json: bool) -> 
 
 def _told(figures: dict[str, Any]) -> str:
     ticks, of = figures["compared_ticks"], figures["recorded_ticks"]
-    said = f"The same setpoints, bit for bit: {ticks} of {of} ticks ({ticks * figures['period_s']:.3f} s)."
+    said = say("cli.replay.same", ticks=ticks, of=of, time=ticks * figures["period_s"])
     if ticks < of:
-        said += " From there on the axes were off their path, and were told where the drives were."
-    return f"{said} Trace: {figures['trace']}" if figures["trace"] else said
+        said += say("cli.replay.off_path")
+    return f"{said} {say('cli.replay.trace', file=figures['trace'])}" if figures["trace"] else said

@@ -18,7 +18,6 @@ import subprocess
 import time
 from array import array
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -26,22 +25,15 @@ from controller.ipc import control_socket
 from controller.machine.model import Bus, Machine
 from controller.runtime import cores
 from controller.values import dataclass
+from controller.verify.console import say
 
 TICK_NAME = "directrix-tick"  # as `ps` shows it
-_ISOLATE = "isolcpus=3 nohz_full=3 rcu_nocbs=3 on the kernel's command line, with the number of one core"
-_MAY_HAVE_IT = (
-    "a tick takes one when it starts: let its control group have it (AllowedCPUs= of directrix.service and of"
-    " the slices above it), isolate one for each machine of this computer, then restart directrix.service"
-)
 AWAKE = "/dev/cpu_dma_latency"
-_GIVE_AWAKE = "'systemd-tmpfiles --create' gives the device to the group"
-UNDER_SYSTEMD = "run the machine by directrix.service, which permits it, and this as root"
 MIN_QUEUE = 128  # frames
 MIN_FREE = 1 << 30  # bytes
 ERRORS_ALLOWED = 96  # CiA 301 and ISO 11898: from here on a controller warns
 GOOD_CLOCKS = ("tsc", "arch_sys_counter", "kvm-clock", "hyperv_clocksource_tsc_page")
 MAY_BE_LATE = 1e-3  # share of the ticks
-QUICKER = "a PREEMPT_RT kernel, a core of its own (isolcpus=), the performance governor, or a longer period_s"
 ANSWER_S = 5.0
 _UNSYNCHRONISED = 0x40  # STA_UNSYNC, linux/timex.h
 _CURRENT = 1  # MCL_CURRENT
@@ -51,13 +43,24 @@ _CURRENT = 1  # MCL_CURRENT
 class Line:
     """One thing that was looked at."""
 
-    name: str
+    what: str
     passed: bool
     found: str
     remedy: str = ""  # "" where it passed
+    bus: str = ""  # whose it is, if of one
+
+    @property
+    def name(self) -> str:
+        """Of the line, whatever language is spoken."""
+        return f"{self.bus} {self.what}".strip()
+
+    @property
+    def shown(self) -> str:
+        """The name for people."""
+        return f"{self.bus} {_say('name.' + self.what.replace(' ', '_'))}".strip()
 
     def to_dict(self) -> dict[str, Any]:
-        return asdict(self)
+        return {"name": self.name, "passed": self.passed, "found": self.found, "remedy": self.remedy}
 
 
 def run(machine: Machine, state: Path, seconds: float, root: Path = Path("/")) -> list[Line]:
@@ -94,8 +97,12 @@ def _text(path: Path) -> str:
         return ""
 
 
-def _line(name: str, passed: bool, found: str, remedy: str) -> Line:
-    return Line(name, passed, found, "" if passed else remedy)
+def _line(what: str, passed: bool, found: str, remedy: str, bus: str = "") -> Line:
+    return Line(what, passed, found, "" if passed else remedy, bus)
+
+
+def _say(key: str, **values: object) -> str:
+    return say(f"self_test.{key}", **values)
 
 
 # --- the processor -------------------------------------------------------------------------
@@ -118,11 +125,9 @@ def _asked(state: Path) -> dict[str, float] | None:
 def kept(tick: dict[str, float]) -> Line:
     """The deadlines of a running tick: it has its core for itself, to measure beside it would say less."""
     skipped = tick["skips"] / max(tick["number"], 1)
-    found = (
-        f"the tick was {1e3 * tick['late_max_ms']:.0f} us late at worst;"
-        f" {100.0 * skipped:.2g} % of {tick['number']} ticks of {tick['period_ms']:g} ms were skipped"
-    )
-    return _line("latency", skipped <= MAY_BE_LATE, found, QUICKER)
+    figures = {"worst": 1e3 * tick["late_max_ms"], "percent": 100.0 * skipped, "period": tick["period_ms"]}
+    found = _say("kept", ticks=tick["number"], **figures)
+    return _line("latency", skipped <= MAY_BE_LATE, found, _say("quicker"))
 
 
 def _latency(period_s: float, seconds: float, root: Path) -> Line:
@@ -133,13 +138,10 @@ def _latency(period_s: float, seconds: float, root: Path) -> Line:
 def latency_line(measured: Measured, period_s: float) -> Line:
     """A tick more than a quarter of a period late is skipped: at most one in a thousand may be."""
     late = measured.share_over(period_s / 4.0)
-    found = (
-        f"woken {1e6 * measured.worst_s:.0f} us late at worst,"
-        f" {1e6 * measured.quantile_s(0.99):.0f} us at p99;"
-        f" {100.0 * late:.2g} % of {measured.count} ticks of {1e3 * period_s:g} ms would be skipped"
-        f"{'' if measured.real_time else ' (without real-time priority)'}"
-    )
-    return _line("latency", late <= MAY_BE_LATE, found, QUICKER)
+    figures = {"worst": 1e6 * measured.worst_s, "p99": 1e6 * measured.quantile_s(0.99)}
+    figures |= {"percent": 100.0 * late, "ticks": measured.count, "period": 1e3 * period_s}
+    found = _say("measured" if measured.real_time else "measured_without", **figures)
+    return _line("latency", late <= MAY_BE_LATE, found, _say("quicker"))
 
 
 def memory(tick: int | None, root: Path) -> Line:
@@ -147,11 +149,13 @@ def memory(tick: int | None, root: Path) -> Line:
     if tick is not None:
         locked = _field(_text(root / f"proc/{tick}/status"), "VmLck").split()
         kilobytes = int(locked[0]) if locked else 0
-        return _line("locked memory", kilobytes > 0, f"the tick has locked {kilobytes} kB", UNDER_SYSTEMD)
+        found = _say("locked", kilobytes=kilobytes)
+        return _line("locked memory", kilobytes > 0, found, _say("under_systemd"))
     libc = ctypes.CDLL(None, use_errno=True)
     locks = libc.mlockall(_CURRENT) == 0
     libc.munlockall()
-    return _line("locked memory", locks, "permitted" if locks else "not permitted", UNDER_SYSTEMD)
+    found = _say("permitted" if locks else "not_permitted")
+    return _line("locked memory", locks, found, _say("under_systemd"))
 
 
 def _field(text: str, name: str) -> str:
@@ -166,27 +170,24 @@ def priority(tick: int | None) -> Line:
     if tick is not None:
         fifo = os.sched_getscheduler(tick) & ~os.SCHED_RESET_ON_FORK == os.SCHED_FIFO
         level = os.sched_getparam(tick).sched_priority
-        found = f"the tick runs {'SCHED_FIFO' if fifo else 'without real-time'} priority {level}"
-        return _line("priority", fifo, found, UNDER_SYSTEMD)
+        found = _say("runs_fifo" if fifo else "runs_without", level=level)
+        return _line("priority", fifo, found, _say("under_systemd"))
     may = as_real_time()
-    return _line("priority", may, "SCHED_FIFO is" + " not" * (not may) + " permitted", UNDER_SYSTEMD)
+    return _line("priority", may, _say("may_fifo" if may else "may_not_fifo"), _say("under_systemd"))
 
 
 def own_core(tick: int | None, root: Path) -> Line:
     """A core that nobody else uses, for the tick alone."""
     alone = cores.isolated(root)
     where = sorted(os.sched_getaffinity(tick)) if tick is not None else _permitted_of(alone)
-    found = f"isolated: {_listed(alone)}"
-    if tick is not None:
-        found += f"; the tick on {_listed(where)}"
-    elif alone:
-        found += f"; permitted: {_listed(where)}"
+    key = "isolated_tick" if tick is not None else "isolated_permitted" if alone else "isolated"
+    found = _say(key, cores=_listed(alone), where=_listed(where))
     passed = bool(where) and set(where) <= set(alone)
-    return _line("own core", passed, found, _MAY_HAVE_IT if alone else _ISOLATE)
+    return _line("own core", passed, found, _say("may_have_it" if alone else "isolate"))
 
 
 def _listed(numbers: Sequence[int]) -> str:
-    return ", ".join(map(str, numbers)) or "none"
+    return ", ".join(map(str, numbers)) or _say("none")
 
 
 def _permitted_of(cpus: Sequence[int]) -> list[int]:
@@ -210,21 +211,20 @@ def governor(root: Path) -> Line:
     """A processor that first has to speed up is late."""
     files = (root / "sys/devices/system/cpu").glob("cpu[0-9]*/cpufreq/scaling_governor")
     kinds = sorted({_text(file) for file in files})
-    found = ", ".join(kinds) or "no frequency scaling"
-    remedy = "'cpupower frequency-set -g performance', or cpufreq.default_governor=performance at boot"
-    return _line("governor", kinds in ([], ["performance"]), found, remedy)
+    found = ", ".join(kinds) or _say("no_scaling")
+    return _line("governor", kinds in ([], ["performance"]), found, _say("governor"))
 
 
 def sleep_states(tick: int | None, root: Path) -> Line:
     """/dev/cpu_dma_latency: held at 0 it keeps the processors out of deep sleep."""
     if tick is not None:
         held = any(_points_to(file, AWAKE) for file in (root / f"proc/{tick}/fd").glob("*"))
-        found = f"the tick {'holds' if held else 'does not hold'} {AWAKE}"
-        return _line("deep sleep", held, found, f"{_GIVE_AWAKE}, then restart directrix.service")
+        found = _say("awake" if held else "not_awake", device=AWAKE)
+        return _line("deep sleep", held, found, _say("give_awake_restart"))
     device = root / AWAKE.lstrip("/")
     may = os.access(device, os.W_OK) and _for_a_group(device)
-    found = "may be held awake" if may else "no permission" if device.exists() else "not there"
-    return _line("deep sleep", may, found, f"{_GIVE_AWAKE}; or {UNDER_SYSTEMD}")
+    found = _say("may_be_awake" if may else "no_permission" if device.exists() else "not_there")
+    return _line("deep sleep", may, found, _say("give_awake", otherwise=_say("under_systemd")))
 
 
 def _points_to(link: Path, name: str) -> bool:
@@ -256,25 +256,18 @@ def told(bus: Bus) -> dict[str, Any]:
 def can(bus: Bus, link: dict[str, Any]) -> Iterator[Line]:
     """Lines on one CAN interface, as `ip` tells of it."""
     up = "UP" in link.get("flags", ())
-    bring = (
-        f"'ip link set {bus.channel} up type can bitrate {bus.bit_rate} restart-ms 100', or systemd-networkd"
-    )
-    yield _line(
-        f"{bus.name} up", up, f"{bus.channel} is {'up' if up else 'down' if link else 'absent'}", bring
-    )
+    bring = _say("bring_up", channel=bus.channel, bit_rate=bus.bit_rate)
+    found = _say("is_up" if up else "is_down" if link else "is_absent", channel=bus.channel)
+    yield _line("up", up, found, bring, bus.name)
     if not link:
         return
     length = int(link.get("txqlen", 0))
-    longer = (
-        f"TransmitQueueLength={MIN_QUEUE} in the .link file that is the first to match it ('udevadm"
-        f" test-builtin net_setup_link /sys/class/net/{bus.channel}' names it; 'directrix service install'"
-        f" writes one); until the next boot 'ip link set {bus.channel} txqueuelen {MIN_QUEUE}'"
-    )
-    yield _line(f"{bus.name} queue", length >= MIN_QUEUE, f"{length} frames", longer)
+    longer = _say("longer_queue", channel=bus.channel, frames=MIN_QUEUE)
+    yield _line("queue", length >= MIN_QUEUE, _say("frames", count=length), longer, bus.name)
     about = link.get("linkinfo", {}).get("info_data", {})
     rate = about.get("bittiming", {}).get("bitrate")
     if rate is not None:  # a virtual interface has none
-        yield _line(f"{bus.name} bit rate", rate == bus.bit_rate, f"{rate} bit/s", bring)
+        yield _line("bit rate", rate == bus.bit_rate, f"{rate} bit/s", bring, bus.name)
     yield _can_errors(bus, about, link.get("stats64", {}))
 
 
@@ -284,9 +277,9 @@ def _can_errors(bus: Bus, about: dict[str, Any], statistics: dict[str, Any]) -> 
     worst = max((int(counters.get(way, 0)) for way in ("tx", "rx")), default=0)
     lost = sum(int(statistics.get(way, {}).get("dropped", 0)) for way in ("tx", "rx"))
     errors = sum(int(statistics.get(way, {}).get("errors", 0)) for way in ("tx", "rx"))
-    found = f"{state}, error counter {worst}, {errors} errors and {lost} lost frames since it is up"
-    remedy = "termination (120 ohms at both ends), shield and earth, stubs, bit rate of every node"
-    return _line(f"{bus.name} errors", state == "ERROR-ACTIVE" and worst < ERRORS_ALLOWED, found, remedy)
+    found = _say("errors", state=state, worst=worst, errors=errors, lost=lost)
+    passed = state == "ERROR-ACTIVE" and worst < ERRORS_ALLOWED
+    return _line("errors", passed, found, _say("wiring"), bus.name)
 
 
 # --- the rest ------------------------------------------------------------------------------
@@ -296,18 +289,16 @@ def disk(state: Path) -> Line:
     """Room for programs, recordings and the journal."""
     folder = next(path for path in (state, *state.absolute().parents) if path.exists())
     free = shutil.disk_usage(folder).free
-    found = f"{free / 2**30:.1f} GiB free for {state}"
-    return _line("disk", free >= MIN_FREE, found, "1 GiB is needed there; delete recordings and old programs")
+    found = _say("free", gib=free / 2**30, folder=state)
+    return _line("disk", free >= MIN_FREE, found, _say("make_room"))
 
 
 def clock_source(root: Path) -> Line:
     """The tick asks for the time thousands of times a second."""
     folder = root / "sys/devices/system/clocksource/clocksource0"
     source, others = _text(folder / "current_clocksource"), _text(folder / "available_clocksource")
-    remedy = (
-        f"one of {', '.join(GOOD_CLOCKS)}; this kernel offers: {others or 'nothing'}; see its boot messages"
-    )
-    return _line("clock source", source in GOOD_CLOCKS, source or "unknown", remedy)
+    remedy = _say("clocks", good=", ".join(GOOD_CLOCKS), others=others or say("cli.nothing"))
+    return _line("clock source", source in GOOD_CLOCKS, source or _say("unknown"), remedy)
 
 
 def clock_set() -> Line:
@@ -316,8 +307,8 @@ def clock_set() -> Line:
     told = ctypes.CDLL(None, use_errno=True).adjtimex(status)
     flags = ctypes.c_int.from_buffer(status, _TIMEX_STATUS).value
     kept = told >= 0 and not flags & _UNSYNCHRONISED
-    remedy = "'timedatectl set-ntp true', or another time service"
-    return _line("time of day", kept, "synchronised" if kept else "not synchronised", remedy)
+    found = _say("synchronised" if kept else "not_synchronised")
+    return _line("time of day", kept, found, _say("set_time"))
 
 
 # struct timex: unsigned modes; long offset, freq, maxerror, esterror; int status.

@@ -18,7 +18,7 @@ from controller.machine import machine_file
 from controller.machine.model import Machine
 from controller.machine.toml_table import ConfigError
 from controller.runtime.startup import SessionError
-from controller.verify.console import Refused, refusals, tell
+from controller.verify.console import Refused, refusals, say, tell
 
 NOTIFY_S = 5.0  # for systemd to make room
 
@@ -59,7 +59,8 @@ def serve(
             _see_part(part, made, simulate)
         hand = None if pendant is None else read(pendant, tuple(axis.name for axis in made.axes))
         where = (state or control_socket.state_folder(), runtime or control_socket.runtime_folder())
-        tell.print(f"{made.name}: {'simulated, ' if simulate else ''}socket in {where[1]}", markup=False)
+        key = "cli.serve.simulated" if simulate else "cli.serve.serves"
+        tell.print(say(key, machine=made.name, folder=where[1]), markup=False)
         try:
             main.run(made, *where, simulate, _notifier(), group, hand, part)
         except OSError as error:
@@ -75,13 +76,10 @@ def _see_part(part: Path, made: Machine, simulate: bool) -> None:
 
     virtual = engine.simulated(made)
     if not simulate or simulated_bench.bus_of(virtual, part=True) is None:
-        raise Refused(
-            f"--part {part}: nothing can touch or cut it; give --simulate, and a machine file with [probe], "
-            "[setter] or a driven [spindle], whose axes are on one bus."
-        )
+        raise Refused(say("cli.serve.no_part", part=part))
     bench = simulated_bench.read(part, virtual)
     if bench.cut is not None and not simulated_bench.turns(virtual):
-        raise Refused(f"{part}: [cut] loads nothing: the machine file has no [spindle] with a drive.")
+        raise Refused(say("cli.serve.no_load", part=part))
 
 
 def _notifier() -> Callable[[str], None]:

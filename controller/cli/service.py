@@ -20,7 +20,7 @@ from controller.machine import machine_file
 from controller.machine.model import Machine
 from controller.machine.toml_table import ConfigError
 from controller.runtime import drive_sheets
-from controller.verify.console import Refused, refusals, show, tell
+from controller.verify.console import Refused, refusals, say, show, tell
 
 app = typer.Typer(
     add_completion=False,
@@ -90,42 +90,35 @@ def _may_install(machine: Machine, source: str) -> None:
     """Raises Refused, before anything is written. ``source``: path or name of the machine file."""
     _as_root("install")
     if not Path("/run/systemd/system").is_dir():
-        raise Refused(
-            "systemd does not run here, it is not process 1; use --root FOLDER to write the files only."
-        )
+        raise Refused(say("cli.service.no_systemd"))
     _seen_by_a_service(source)
     for bus in installation.interfaces(machine):
         if not bus.channel:
-            raise Refused(
-                f'bus {bus.name}: no channel is named; needed is a CAN interface, as channel = "can0".'
-            )
+            raise Refused(say("cli.service.no_channel", name=bus.name))
 
 
 def _seen_by_a_service(source: str) -> None:
     """Raises Refused."""
     for what, path in _needed(source):
         if path.startswith(tuple(f"{folder}/" for folder in HIDDEN)):
-            raise Refused(
-                f"{what} is {path}, which a service cannot see ({', '.join(HIDDEN)} are hidden from it);"
-                " put it elsewhere, for instance into /opt/directrix or /etc/directrix."
-            )
+            raise Refused(say("cli.service.hidden", what=what, path=path, names=", ".join(HIDDEN)))
 
 
 def _needed(source: str) -> Iterator[tuple[str, str]]:
     """What the services read, by the path that they are told and by the one where it ends."""
     python = Path(sys.executable).absolute()  # of a virtual environment: a link into the system's
     for path in dict.fromkeys((python, python.resolve())):
-        yield "This Python", str(path)
+        yield say("cli.service.python"), str(path)
     yield (
-        "The package",
+        say("cli.service.package"),
         str(Path(machine_file.__file__).resolve()),
     )  # perhaps a checkout, installed as editable
-    yield "The machine file", source
+    yield say("cli.service.machine"), source
 
 
 def _as_root(what: str) -> None:
     if os.geteuid() != 0:
-        raise Refused(f"directrix service {what} changes /etc; run it as root.")
+        raise Refused(say("cli.service.as_root", what=what))
 
 
 def _write(root: Path, machine: Machine, environment: str) -> list[Path]:
@@ -165,10 +158,10 @@ def _run(*command: str) -> str:
     try:
         done = subprocess.run(command, capture_output=True, text=True)
     except FileNotFoundError:
-        raise Refused(f"{command[0]} is not there; it belongs to systemd, install that.") from None
+        raise Refused(say("cli.service.no_command", command=command[0])) from None
     if done.returncode:
-        words = done.stderr.strip() or f"code {done.returncode}"
-        raise Refused(f"{' '.join(command)} failed: {words}")
+        words = done.stderr.strip() or say("cli.service.code", code=done.returncode)
+        raise Refused(say("cli.service.failed", command=" ".join(command), why=words))
     return done.stdout
 
 
@@ -179,7 +172,7 @@ def _tell_installed(as_json: bool, paths: list[Path], machine: Machine, hint: bo
     for path in paths:
         show.print(str(path), markup=False)
     if hint:
-        show.print(f"Start it with 'systemctl start {TARGET}'; see 'directrix service self-test' first.")
+        show.print(say("cli.service.start", target=TARGET))
 
 
 # --- uninstall ---------------------------------------------------------------------------
@@ -204,9 +197,9 @@ def uninstall(root: Root = None, as_json: Json = False) -> None:
         if as_json:
             print(json.dumps({"ok": True, "removed": list(map(str, paths))}))
         elif paths:
-            show.print(f"Removed {len(paths)} files; {ENVIRONMENT.parent} and {STATE} are left as they are.")
+            show.print(say("cli.service.removed", count=len(paths), parent=ENVIRONMENT.parent, state=STATE))
         else:
-            show.print("Nothing is installed.")
+            show.print(say("cli.service.nothing"))
 
 
 def _remove_empty(folder: Path) -> None:
@@ -242,12 +235,12 @@ def _shown(text: str) -> list[dict[str, str]]:
 
 def _sentence(unit: dict[str, str]) -> str:
     if unit.get("LoadState") == "not-found":
-        return f"{unit['Id']}: not installed; 'directrix service install' does it."
+        return say("cli.service.not_installed", unit=unit["Id"])
     words = [f"{unit['Id']}: {unit['ActiveState']} ({unit['SubState']})"]
     if unit.get("Result") not in (None, "", "success"):
-        words.append(f"ended by {unit['Result']}; 'journalctl -u {unit['Id']}' says more")
+        words.append(say("cli.service.ended_by", result=unit["Result"], unit=unit["Id"]))
     if unit.get("NRestarts", "0") not in ("0", ""):
-        words.append(f"restarted {unit['NRestarts']} times")
+        words.append(say("cli.service.restarted", count=unit["NRestarts"]))
     if unit.get("StatusText"):
         words.append(unit["StatusText"])
     return ", ".join(words)
@@ -269,7 +262,7 @@ def self_tests(
     """
     with refusals(as_json, lambda: (ConfigError,)):
         if not 0.0 < seconds <= 3600.0:
-            raise Refused(f"--seconds {seconds:g} is no time; allowed are numbers above 0 up to 3600.")
+            raise Refused(say("cli.service.seconds", seconds=seconds))
         named = _source(machine) or installation.machine_named_in(_present(Path("/")) or "")
         lines = self_test.run(machine_file.load(named), state, seconds)
         _report(lines, as_json)
@@ -283,11 +276,13 @@ def _report(lines: Sequence[self_test.Line], as_json: bool) -> None:
         print(json.dumps({"ok": not failed, "failed": failed, "lines": rows}))
     for line in () if as_json else lines:
         show.print(
-            f"{'pass' if line.passed else 'FAIL'}  {line.name:<16} {line.found}", markup=False, soft_wrap=True
+            f"{say('self_test.pass' if line.passed else 'self_test.fail')}  {line.shown:<16} {line.found}",
+            markup=False,
+            soft_wrap=True,
         )
         if line.remedy:
             show.print(f"      {'':<16} -> {line.remedy}", markup=False, soft_wrap=True)
     if failed:
         if not as_json:
-            tell.print(f"{failed} of {len(lines)} failed.")
+            tell.print(say("self_test.failed", count=failed, all=len(lines)))
         raise typer.Exit(1)

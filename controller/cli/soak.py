@@ -14,7 +14,7 @@ import typer
 from controller import memory
 from controller.cli import checkout, speech
 from controller.verify import console
-from controller.verify.console import Refused, bar, refusals, show, tell
+from controller.verify.console import Refused, bar, refusals, say, show, tell
 
 Hours = Annotated[float, typer.Option("--hours", min=0.0)]
 Seed = Annotated[int | None, typer.Option("--seed")]
@@ -52,7 +52,7 @@ def soak(
         drawn = random.randrange(10**6) if seed is None else seed
         if not as_json:
             tell.print(_say("begins", seed=drawn), markup=False)
-        with bar("soaking", as_json) as progress:
+        with bar(say("cli.bar.soaking"), as_json) as progress:
 
             def told(one: Any, came: Any, so_far: Any) -> None:
                 progress(0.0, f"{so_far.runs} ({len(so_far.kept)}) {one.title}")

@@ -14,6 +14,7 @@ from controller.cli.help_texts import ENVIRONMENT
 from controller.verify import console
 from controller.verify.console import spoken
 
+LANGUAGE = "language"  # the parameter
 Language = Annotated[str, typer.Option("--language", envvar=ENVIRONMENT)]
 
 
@@ -25,6 +26,16 @@ def header() -> dict[str, str]:
 def say(key: str, **values: object) -> str:
     """A text of the client's own."""
     return console.say(f"client.{key}", **values)
+
+
+def teach(app: typer.Typer) -> None:
+    """Gives every verb of an application, and of those below it, its ``--language``."""
+    for one in app.registered_commands:
+        if one.callback is not None and LANGUAGE not in inspect.signature(one.callback).parameters:
+            one.callback = speaking(one.callback)
+    for group in app.registered_groups:
+        if group.typer_instance is not None:
+            teach(group.typer_instance)
 
 
 def speaking(verb: Callable[..., None]) -> Callable[..., None]:
@@ -39,7 +50,7 @@ def speaking(verb: Callable[..., None]) -> Callable[..., None]:
             spoken.reset(before)
 
     own, kind = inspect.signature(verb, eval_str=True), inspect.Parameter.KEYWORD_ONLY
-    last = inspect.Parameter("language", kind, default=messages.DEFAULT, annotation=Language)
+    last = inspect.Parameter(LANGUAGE, kind, default=messages.DEFAULT, annotation=Language)
     told = own.replace(parameters=[*own.parameters.values(), last])
     with_language.__signature__ = told  # type: ignore[attr-defined]
     return with_language

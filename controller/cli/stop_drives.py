@@ -10,7 +10,7 @@ import typer
 from controller.machine import machine_file, nodes
 from controller.machine.model import Machine
 from controller.machine.toml_table import ConfigError
-from controller.verify.console import Refused, refusals, show
+from controller.verify.console import Refused, refusals, say, show
 from drives import bus as buses
 from drives import commission, pdo, quick_stop
 from drives.settings import BusSettings
@@ -53,18 +53,13 @@ def _report(as_json: bool, told: list[str], silent: list[str], unreachable: list
     facts = {"told": told, "silent": silent}
     sentences = list(unreachable)
     if silent:
-        sentences.append(
-            f"No answer from {', '.join(silent)}; drives that hear no controller stop by their own"
-            " supervision: see that they stand before anybody comes near."
-        )
+        sentences.append(say("cli.stop.silent", names=", ".join(silent)))
     if sentences:
         raise Refused("\n".join(sentences), **facts)
     if as_json:
         print(json.dumps({"ok": True, **facts}))
         return
-    show.print(
-        f"Told to stop: bus {', '.join(told)}." if told else "The machine has no bus but virtual ones."
-    )
+    show.print(say("cli.stop.told", names=", ".join(told)) if told else say("cli.stop.none"))
 
 
 if (

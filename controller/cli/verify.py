@@ -127,10 +127,10 @@ def verify(
         task = checked.task(text, str(part), replace(made, gouge="warn"))
         recorded = None if part is file else _recorded(file, task)
         with workers.spread(count, cluster) as spread:
-            with bar("verifying", as_json) as progress:
+            with bar(say("cli.bar.verifying"), as_json) as progress:
                 found = _found(task, recorded, commanded, progress, spread)
             if with_bound:
-                with bar("searching", as_json) as progress:
+                with bar(say("cli.bar.searching"), as_json) as progress:
                     found = replace(found, bounds=_bounds(found.judged, progress, spread))
         if plot:
             from controller.verify import cut_pictures
@@ -152,13 +152,12 @@ def _part(file: Path, program: Path | None, commanded: bool) -> Path:
     is_trace = file.suffix == ".npz"
     part = program if is_trace else file
     if part is None:
-        raise Refused(f"{file}: a trace holds no surfaces; give its program with --program.")
+        raise Refused(say("cli.verify.no_program", file=file))
     if not is_trace and (program is not None or commanded):
-        raise Refused(f"{file}: --program and --commanded belong to a trace (.npz), and this is none.")
+        raise Refused(say("cli.verify.no_trace", file=file))
     for one in (file, part):
         if not one.is_file():
-            what = "this is a folder" if one.is_dir() else "there is no such file"
-            raise Refused(f"{one}: {what}; give the path of a part program or of a trace.")
+            raise Refused(say("cli.verify.folder" if one.is_dir() else "cli.verify.no_file", file=one))
     return part
 
 
@@ -168,10 +167,7 @@ def _recorded(file: Path, task: checked.Task) -> trace.Trace:
             return trace.of_recording(file, task.machine, task.kinematics)
         return trace.load(file)
     except (ValueError, EOFError, KeyError, BadZipFile) as error:
-        raise Refused(
-            f"{file}: cannot be read as a trace ({error}); make one by simulate --trace, or give the folder "
-            f"of a recording, with its machine by --machine."
-        ) from error
+        raise Refused(say("cli.verify.unreadable", file=file, why=error)) from error
 
 
 def _found(
@@ -231,9 +227,7 @@ def _ways(
     axes = tuple(axis.name for axis in task.machine.axes)
     if recorded.axes != axes:
         ours, theirs = " ".join(axes), " ".join(recorded.axes)
-        raise Refused(
-            f"The trace is of a machine with {theirs}, this one has {ours}; give its own by --machine."
-        )
+        raise Refused(say("cli.verify.other_axes", theirs=theirs, ours=ours))
     return passes.traced(recorded, task.machine, fitted, task.kinematics, not commanded)
 
 
@@ -273,7 +267,7 @@ def _show(found: Found) -> None:
     for one in found.ends:
         _show_gouge(one, "gouge.overcut_on_line")
     for bounded in found.bounds or ():
-        show.print(f"Bound, line {bounded.line}: {bounded.sentence}", markup=False)
+        show.print(say("cli.verify.bound", line=bounded.line, sentence=bounded.sentence), markup=False)
     if found.bounds == []:
         show.print(say("table.no_bound"), markup=False)
     if sentence := messages.text(wording.summed(found.verdicts), spoken.get()):
