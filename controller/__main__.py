@@ -202,13 +202,13 @@ def main() -> None:
 
         sys.exit(internal_error.end(error, as_json))
     if code == ENDED_CODE:
-        words = ended()
+        words = ended_words()
         print(json.dumps({"ok": False, "error": words}) if as_json else words, file=_spoken(as_json))
     gc.freeze()  # what is left goes with the process: Python looks through all of it before
     sys.exit(code)
 
 
-def ended() -> str:
+def ended_words() -> str:
     """What is said after Ctrl-C."""
     return _text("cli.ended")
 

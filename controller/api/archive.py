@@ -29,6 +29,7 @@ from controller.machine import machine_file as config
 from controller.machine import setup_data, tool_store
 from controller.machine.model import Machine
 from controller.machine.toml_table import ConfigError
+from controller.messages import Key, Said, TextError, of_error, said
 from controller.values import dataclass
 
 FORMAT = 2
@@ -47,8 +48,8 @@ _PROGRAM = re.compile(r"programs/([0-9a-f]{64})\.ngc")
 _SETTING = re.compile(r"[a-z][a-z0-9_.]{0,63}")
 
 
-class BackupError(Exception):
-    """One sentence: which archive, what is wrong with it, what to do."""
+class BackupError(TextError):
+    """Which archive, what is wrong with it, what to do."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,43 +78,60 @@ def check(file: Path) -> Contents:
             _members(archive.infolist())
             return _contents(file, archive)
     except BackupError as error:
-        raise BackupError(f"{file}: {error}; use another back-up.") from error
+        raise BackupError(said("archive.unsound", file=file, what=error.said)) from error
     except UNREADABLE as error:
-        raise BackupError(f"{file}: cannot be read ({_said(error)}); use another back-up.") from error
+        raise BackupError(said("archive.unreadable", file=file, why=_said(error))) from error
     except WRONG as error:
-        raise BackupError(
-            f"{file}: is no back-up of this program ({_said(error)}); use another one."
-        ) from error
+        raise BackupError(said("archive.none", file=file, why=_said(error))) from error
     except (ConfigError, StoreError) as error:
-        raise BackupError(f"{file}: holds what this version does not take: {_said(error)}") from error
+        raise BackupError(said("archive.not_taken", file=file, why=_said(error))) from error
 
 
-def _said(error: BaseException) -> str:
-    """An error's words, fit for a sentence whatever of the archive they quote."""
-    words = " ".join("".join(c if c.isprintable() else " " for c in str(error)).split())
+def _said(error: BaseException) -> Said:
+    """What an error says, fit for a sentence whatever of the archive it quotes."""
+    found: Said = _plain(of_error(error))
+    return found
+
+
+def _plain(value: Any) -> Any:
+    """A text's values without what cannot be shown, and not too long."""
+    if isinstance(value, dict):
+        return {key: _plain(one) for key, one in value.items()}
+    if isinstance(value, list):
+        return [_plain(one) for one in value]
+    if not isinstance(value, str):
+        return value
+    words = " ".join("".join(c if c.isprintable() else " " for c in value).split())
     return words if len(words) <= 300 else f"{words[:297]}..."
 
 
 def _members(entries: Sequence[zipfile.ZipInfo]) -> None:
     """Raises BackupError for what the list of members tells already, before anything is unpacked."""
     if len(entries) > MAX_MEMBERS:
-        raise BackupError(f"holds {len(entries)} members, at most {MAX_MEMBERS} are taken")
+        raise BackupError(said("archive.members", count=len(entries), max_members=MAX_MEMBERS))
     known: set[str] = set()
     for entry in entries:
         name, shown = entry.filename, names.shown(entry.filename)
         if name not in (MANIFEST, *PARTS[FORMAT]) and not _PROGRAM.fullmatch(name):
-            raise BackupError(f"holds {shown}, which no back-up has")
+            raise BackupError(said("archive.foreign", shown=shown))
         if name in known:
-            raise BackupError(f"holds {shown} twice")
+            raise BackupError(said("archive.twice", shown=shown))
         if entry.compress_type not in KINDS or entry.flag_bits & 1:
-            raise BackupError(f"holds {shown} packed in a way, or encrypted, as no back-up is")
+            raise BackupError(said("archive.packed", shown=shown))
         if entry.file_size > MAX_PART_BYTES and not _PROGRAM.fullmatch(name):
-            raise BackupError(f"holds {shown} of {entry.file_size >> 20} MB, at most {MAX_PART_BYTES >> 20}")
+            raise BackupError(
+                said(
+                    "archive.part_large",
+                    shown=shown,
+                    file_size=entry.file_size >> 20,
+                    max_part_bytes=MAX_PART_BYTES >> 20,
+                )
+            )
         known.add(name)
     if MANIFEST not in known:
-        raise BackupError(f"has no {MANIFEST}")
+        raise BackupError(said("archive.no_part", name=MANIFEST))
     if sum(entry.file_size for entry in entries) > MAX_BYTES:
-        raise BackupError(f"holds more than {MAX_BYTES >> 30} GB unpacked")
+        raise BackupError(said("archive.large", max_bytes=MAX_BYTES >> 30))
 
 
 def _contents(file: Path, archive: zipfile.ZipFile) -> Contents:
@@ -121,7 +139,7 @@ def _contents(file: Path, archive: zipfile.ZipFile) -> Contents:
     _manifest(manifest)
     parts = {name: _part(archive, name) for name in PARTS[manifest["format"]]}
     if foreign := sorted({*PARTS[FORMAT]} - {*parts} & {*archive.namelist()}):
-        raise BackupError(f"holds {foreign[0]}, which no back-up of its format has")
+        raise BackupError(said("archive.foreign_of_format", shown=foreign[0]))
     for name, data in parts.items():
         _same(name, hashlib.sha256(data).hexdigest(), manifest["parts"].get(name))
     programs = {names.check(name): sha256 for name, sha256 in manifest["programs"].items()}
@@ -135,28 +153,28 @@ def _contents(file: Path, archive: zipfile.ZipFile) -> Contents:
 
 def _part(archive: zipfile.ZipFile, name: str) -> bytes:
     if name not in archive.namelist():
-        raise BackupError(f"has no {name}")
+        raise BackupError(said("archive.no_part", name=name))
     return archive.read(name)
 
 
 def _manifest(manifest: dict[str, Any]) -> None:
     """Raises BackupError for a value of the manifest that is not of its kind."""
     if type(found := manifest.get("format")) is not int or found not in PARTS:
-        allowed = " and ".join(map(str, PARTS))
-        raise BackupError(f"has format {_short(found)}, allowed are {allowed}: update this program first, or")
+        allowed = ", ".join(map(str, PARTS))
+        raise BackupError(said("archive.format", found=_short(found), allowed=allowed))
     made_s = manifest.get("made_s")
     if isinstance(made_s, bool) or not isinstance(made_s, int | float) or not 0.0 <= made_s < LATEST_S:
-        raise BackupError(f"{MANIFEST}: made_s is {_short(made_s)} and no time in seconds since 1970")
+        raise BackupError(said("archive.made", manifest=MANIFEST, found=_short(made_s)))
     for name in ("parts", "programs"):
         sums = manifest.get(name)
         if not isinstance(sums, dict) or not all(isinstance(value, str) for value in sums.values()):
-            raise BackupError(f"{MANIFEST}: {name} is {_short(sums)} and no table of checksums")
+            raise BackupError(said("archive.no_sums", manifest=MANIFEST, name=name, found=_short(sums)))
     path = manifest.get("machine_file", "/")
     if not isinstance(path, str) or "\0" in path:
-        raise BackupError(f"{MANIFEST}: machine_file is {_short(path)} and no path")
+        raise BackupError(said("archive.path", manifest=MANIFEST, found=_short(path)))
     known = {"format", "made_s", "parts", "programs", "machine_file"}
     if foreign := sorted(set(manifest) - known) or sorted(set(manifest["parts"]) - set(PARTS[found])):
-        raise BackupError(f"{MANIFEST}: names {names.shown(foreign[0])}, which no back-up has")
+        raise BackupError(said("archive.foreign_name", manifest=MANIFEST, shown=names.shown(foreign[0])))
 
 
 def _programs(archive: zipfile.ZipFile, wanted: set[str]) -> None:
@@ -164,16 +182,14 @@ def _programs(archive: zipfile.ZipFile, wanted: set[str]) -> None:
     there = {found[1] for name in archive.namelist() if (found := _PROGRAM.fullmatch(name))}
     for sha256 in sorted(wanted):
         if sha256 not in there:
-            raise BackupError(
-                f"has no program with the checksum {names.shown(sha256)} that its manifest names"
-            )
+            raise BackupError(said("archive.no_program", sum=names.shown(sha256)))
         summed = hashlib.sha256()
         with archive.open(member_of(sha256)) as part:
             while chunk := part.read(1 << 20):
                 summed.update(chunk)
         _same(member_of(sha256), summed.hexdigest(), sha256)
     if more := sorted(there - wanted):
-        raise BackupError(f"holds {member_of(more[0])}, which its manifest does not name")
+        raise BackupError(said("archive.unnamed", shown=member_of(more[0])))
 
 
 def _fitted(data: bytes, machine: Machine) -> dict[str, Any]:
@@ -181,7 +197,15 @@ def _fitted(data: bytes, machine: Machine) -> dict[str, Any]:
     for name, rows in fitted.items():
         if name not in setup_data.KINDS or not isinstance(rows, dict):
             allowed = ", ".join(setup_data.KINDS)
-            raise BackupError(f"{FITTING}: {names.shown(name)} is {_short(rows)}; allowed are {allowed}")
+            raise BackupError(
+                said(
+                    "archive.no_kind",
+                    fitting=FITTING,
+                    name=names.shown(name),
+                    found=_short(rows),
+                    allowed=allowed,
+                )
+            )
     setup_data.applied(machine, fitted)
     return fitted
 
@@ -190,11 +214,9 @@ def _settings(data: bytes) -> dict[str, Any]:
     settings = _object(SETTINGS, data)
     for name, value in settings.items():
         if not _SETTING.fullmatch(name):
-            raise BackupError(f"{SETTINGS}: {names.shown(name)} is no name of a setting")
+            raise BackupError(said("archive.no_setting", settings=SETTINGS, name=names.shown(name)))
         if not isinstance(value, str | bool | int | float | None):
-            raise BackupError(
-                f"{SETTINGS}: {name} is {_short(value)}; allowed are text, numbers, true and false"
-            )
+            raise BackupError(said("archive.setting", settings=SETTINGS, name=name, found=_short(value)))
     return settings
 
 
@@ -203,7 +225,7 @@ def _tools(data: bytes) -> bytes | None:
     try:
         return tool_store.file_of(rows) if rows else None
     except ValueError as error:
-        raise BackupError(f"{TOOLS}: {_said(error)}") from error
+        raise BackupError(said("archive.tools", part=TOOLS, why=_said(error))) from error
 
 
 def _object(part: str, data: bytes) -> dict[str, Any]:
@@ -211,11 +233,11 @@ def _object(part: str, data: bytes) -> dict[str, Any]:
     try:
         found = json.loads(data.decode(), object_pairs_hook=_once, parse_constant=_no_number)
     except (ValueError, RecursionError) as error:
-        raise BackupError(f"{part}: is no sound JSON ({_said(error)})") from error
+        raise BackupError(said("archive.no_json", part=part, why=_said(error))) from error
     if not isinstance(found, dict):
-        raise BackupError(f"{part}: is {_short(found)} and no JSON object")
+        raise BackupError(said("archive.no_object", part=part, found=_short(found)))
     if not all(math.isfinite(value) for value in found.values() if isinstance(value, float)):
-        raise BackupError(f"{part}: holds a number beyond all bounds")
+        raise BackupError(said("archive.number", part=part))
     return found
 
 
@@ -231,10 +253,13 @@ def _no_number(word: str) -> float:
 
 
 def _short(value: object) -> str:
-    kinds = {dict: "an object", list: "a list", type(None): "null"}
+    """In a sentence."""
+    kinds = {dict: Key("archive.object"), list: Key("archive.list")}
+    if value is None:
+        return "null"
     return kinds.get(type(value)) or names.shown(str(value)[:100])
 
 
 def _same(part: str, found: str, expected: object) -> None:
     if found != expected:
-        raise BackupError(f"{part} is not what was saved (its sha256 differs)")
+        raise BackupError(said("archive.other_sum", part=part))

@@ -53,6 +53,7 @@ from controller.machine import machine_file as config
 from controller.machine import setup_data, tool_store
 from controller.machine.model import Machine
 from controller.machine.toml_table import ConfigError
+from controller.messages import Said, said
 
 __all__ = ["BackupError", "Contents", "all_kept", "check", "keep", "restore", "save", "update"]
 
@@ -102,7 +103,9 @@ def _write(
     return file
 
 
-def restore(store: Store, contents: Contents, machine_file: Path | None, before: Machine | None) -> list[str]:
+def restore(
+    store: Store, contents: Contents, machine_file: Path | None, before: Machine | None
+) -> list[Said]:
     """Put back what an archive holds, all of it or nothing; what was done, a sentence each.
 
     ``machine_file``: where the service reads its machine file, None = left as it is; ``before``: the
@@ -118,7 +121,9 @@ def restore(store: Store, contents: Contents, machine_file: Path | None, before:
         texts[store.folder / setup_data.MACHINE] = setup_data.note_of(contents.machine)
     with contextlib.ExitStack() as work:
         replaced = machine_file if machine_file is not None and machine_file.exists() else None
-        done = [f"Kept what was: {work.enter_context(_kept(store, before, replaced))}."] if before else []
+        done = list[Said]()
+        if before:
+            done.append(said("backup.kept", kept=work.enter_context(_kept(store, before, replaced))))
         tool_store.settle(store.folder / tool_store.FILE)
         put = work.enter_context(atomic_file.all_or_none(texts))
         staged = work.enter_context(_unpacked(store, contents))
@@ -126,12 +131,12 @@ def restore(store: Store, contents: Contents, machine_file: Path | None, before:
             _enter(store, contents, staged, sql)
             put()
     _forget_old(store)
-    done.append(f"Programs: {len(contents.programs)}.")
+    done.append(said("backup.programs", count=len(contents.programs)))
     if machine_file is not None:
-        done.append(f"Machine file: {machine_file}.")
+        done.append(said("backup.machine", machine_file=machine_file))
     if tools is not None:
-        done.append("Tool changer: as in the back-up; confirm where every tool is before the first motion.")
-    return [*done, "Offsets and tools: as in the back-up, from the next start of the service on."]
+        done.append(said("backup.changer"))
+    return [*done, said("backup.offsets")]
 
 
 def _unconfirmed(store: Store, contents: Contents) -> bytes | None:
@@ -216,7 +221,7 @@ def _facts(file: Path, within: Path) -> tuple[int, int]:
     return size, ends + (last != b"\n")
 
 
-def update(store: Store, new: Path, machine_file: Path) -> list[str]:
+def update(store: Store, new: Path, machine_file: Path) -> list[Said]:
     """Replace the machine file by a new one, checked with what is fitted; what was done.
 
     Raises ConfigError, StoreError, OSError.
@@ -224,13 +229,13 @@ def update(store: Store, new: Path, machine_file: Path) -> list[str]:
     machine = config.load(new)
     setup_data.applied(machine, setup_data.load(store.folder))
     with contextlib.ExitStack() as work:
-        done = []
+        done = list[Said]()
         if machine_file.exists():
             kept = work.enter_context(_kept(store, config.load(machine_file), machine_file))
-            done.append(f"Kept what was: {kept}.")
+            done.append(said("backup.kept", kept=kept))
         work.enter_context(atomic_file.all_or_none({machine_file: config.alone(machine)}))()
     _forget_old(store)
-    return [*done, f"Machine file: {machine_file}, from the next start of the service on."]
+    return [*done, said("backup.machine_from_next", machine_file=machine_file)]
 
 
 def keep(store: Store, machine: Machine, machine_file: Path | None = None) -> Path:

@@ -240,8 +240,7 @@ def _migrate(database: Database) -> None:
     if version > newest:
         raise StoreError(
             "store",
-            f"{database.file}: has schema {version}, and this version of Directrix knows {newest} at most; "
-            f"run the newer version, or restore a back-up of before the update.",
+            messages.said("store.schema", file=database.file, version=version, newest=newest),
         )
     if version > 0:
         _copy_beside(database, version)

@@ -22,6 +22,7 @@ from typing import Protocol
 import serial
 
 from controller.api.dnc_format import DC1, DC2, DC3, DC4, Reader, Tape, TapeError, coded, programs
+from controller.messages import Said, chain, said
 from controller.values import dataclass
 
 BAUD_RATES = (1200, 2400, 4800, 9600, 19200, 38400, 57600, 115200)
@@ -34,7 +35,7 @@ REPEAT_S = 5.0  # of silence, then the start character is sent again: it may hav
 
 _TIOCGICOUNT = 0x545D
 _COUNTERS = struct.Struct("20i")  # linux/serial.h: cts dsr rng dcd rx tx frame overrun parity brk buf_overrun
-_BAD = {6: "framing errors", 7: "overruns", 8: "parity errors", 9: "breaks", 10: "buffer overruns"}
+_BAD = {6: "framing", 7: "overruns", 8: "parity", 9: "breaks", 10: "buffer"}
 
 
 class LineError(TapeError):
@@ -67,9 +68,7 @@ class LineSettings:
         for what, found, known in allowed:
             if found not in known:
                 listed = ", ".join(map(str, known))
-                raise TapeError(
-                    f"{self.port}: {what} {found} is not known; allowed are {listed}; choose one."
-                )
+                raise TapeError(said("dnc.setting", port=self.port, what=what, found=found, listed=listed))
 
 
 class Port(Protocol):
@@ -123,14 +122,9 @@ def opened(settings: LineSettings) -> Iterator[Line]:
             _mark_errors(port.fileno(), settings)
             yield Line(settings, port, Unmarked(settings.port).plain)
     except serial.SerialTimeoutException as error:
-        raise TapeError(
-            f"{settings.port}: the other end has not taken anything for {settings.silence_s:g} s; "
-            f"check that it is ready to receive and that both ends use the same flow control."
-        ) from error
+        raise TapeError(said("dnc.not_taken", port=settings.port, silence_s=settings.silence_s)) from error
     except (OSError, termios.error, ValueError) as error:  # SerialException is an OSError
-        raise LineError(
-            f"{settings.port}: the line failed ({error}); check port, cable and permission."
-        ) from error
+        raise LineError(said("dnc.failed", port=settings.port, why=error)) from error
 
 
 def _mark_errors(fd: int, settings: LineSettings) -> None:
@@ -158,14 +152,9 @@ class Unmarked:
         while pieces:
             piece = pieces.pop(0)
             if piece[:1] == b"\x00":
-                raise TapeError(
-                    f"{self._port}: a byte came without its stop bit, or the line was broken; "
-                    f"check cable, baud rate and format at both ends, then send again."
-                )
+                raise TapeError(said("dnc.no_stop_bit", port=self._port))
             if piece:
-                raise TapeError(
-                    f"{self._port}: a byte 0xFF came in a form that the kernel does not make; repeat."
-                )
+                raise TapeError(said("dnc.marked", port=self._port))
             if not pieces:
                 self._left = b"\xff"
                 break
@@ -175,10 +164,10 @@ class Unmarked:
 
 @dataclass(frozen=True, slots=True)
 class Received:
-    """The programs of one transmission, and why what came behind them was not kept ("": nothing came)."""
+    """The programs of one transmission, and why what came after them was not kept (None: nothing came)."""
 
     tapes: tuple[Tape, ...]
-    problem: str = ""
+    problem: Said | None = None
 
 
 def receive(line: Line, tell: Callable[[int], None] = lambda _: None) -> Received:
@@ -196,15 +185,12 @@ def receive(line: Line, tell: Callable[[int], None] = lambda _: None) -> Receive
     finally:
         with contextlib.suppress(OSError):
             line.control(DC3)
-    if lost := [name for at, name in _BAD.items() if _counters(line)[at] > before[at]]:
-        raise TapeError(
-            f"{settings.port}: the line had {' and '.join(lost)}; nothing was kept, check cable, baud rate "
-            f"and flow control, then send again."
-        )
+    if lost := [said(f"dnc.bad_{name}") for at, name in _BAD.items() if _counters(line)[at] > before[at]]:
+        raise TapeError(said("dnc.lost", port=settings.port, lost=chain("and", lost)))
     return Received(tuple(one for tape in tapes for one in programs(tape)), problem)
 
 
-def _and_others(line: Line, reader: Reader, tell: Callable[[int], None]) -> tuple[list[Tape], str]:
+def _and_others(line: Line, reader: Reader, tell: Callable[[int], None]) -> tuple[list[Tape], Said | None]:
     """The tape that was read, and those that follow it without a pause; why one of them was not kept."""
     assert reader.tape is not None
     tapes = [reader.tape]
@@ -213,13 +199,13 @@ def _and_others(line: Line, reader: Reader, tell: Callable[[int], None]) -> tupl
             rest, reader = reader.rest, Reader(line.settings.even_parity)
             reader.feed(rest)
             if not _until_end(line, reader, tell, follows=True) or reader.tape is None:
-                return tapes, ""
+                return tapes, None
             tapes.append(reader.tape)
     except OSError:  # the other end is gone, and its program was whole
-        return tapes, ""
+        return tapes, None
     except TapeError as error:
-        last = tapes[-1].name or "the program"
-        return tapes, f"Behind {last} another program began, of which nothing was kept: {error}"
+        last = tapes[-1].name or said("dnc.the_program")
+        return tapes, said("dnc.behind", last=last, why=error)
 
 
 def _until_end(line: Line, reader: Reader, tell: Callable[[int], None], follows: bool = False) -> bool:
@@ -248,13 +234,8 @@ def _until_end(line: Line, reader: Reader, tell: Callable[[int], None], follows:
 
 def _silence(settings: LineSettings, reader: Reader, silent_s: float) -> TapeError:
     if not reader.began:
-        return TapeError(
-            f"{settings.port}: no program began within {silent_s:.0f} s; start the sender, then repeat."
-        )
-    return TapeError(
-        f"{settings.port}: line {reader.line}: the line was silent for {silent_s:.0f} s before the closing "
-        f"%; nothing was kept, check the cable and send again."
-    )
+        return TapeError(said("dnc.none", port=settings.port, silent_s=silent_s))
+    return TapeError(said("dnc.silent", port=settings.port, line=reader.line, silent_s=silent_s))
 
 
 def send(
@@ -284,10 +265,7 @@ def _await_start(line: Line) -> None:
     start = coded(DC1, line.settings.even_parity)
     while start not in line.port.read(1):
         if time.monotonic() > ends_s:
-            raise TapeError(
-                f"{line.settings.port}: the reader sent no start character (DC1) within "
-                f"{line.settings.wait_s:.0f} s; start it, or send without waiting."
-            )
+            raise TapeError(said("dnc.no_start", port=line.settings.port, wait_s=line.settings.wait_s))
     state[0] = before
     termios.tcsetattr(fd, termios.TCSANOW, state)
 

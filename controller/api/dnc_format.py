@@ -27,6 +27,7 @@ import re
 from collections.abc import Iterator
 from dataclasses import replace
 
+from controller.messages import Said, TextError, said
 from controller.values import dataclass
 
 NUL, DC1, DC2, DC3, DC4, DEL = b"\x00", b"\x11", b"\x12", b"\x13", b"\x14", b"\x7f"
@@ -51,8 +52,8 @@ _LAST_BLOCK = re.compile(rb"M\s*0*(?:2|30|99)(?![\d.])", re.IGNORECASE)
 _CONTROL = re.compile(rb"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f]")
 
 
-class TapeError(Exception):
-    """One sentence: where, what was found, what is allowed, what to do."""
+class TapeError(TextError):
+    """Where, what was found, what is allowed, what to do."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +62,7 @@ class Tape:
 
     text: bytes
     name: str
-    told: tuple[str, ...] = ()  # what of it was left out, a sentence each
+    told: tuple[Said, ...] = ()  # what of it was left out, a sentence each
     is_one: bool = False  # by the checksum in its leader
 
 
@@ -131,19 +132,13 @@ class Reader:
     def _seven(self, chunk: bytes) -> bytes:
         if (at := chunk.translate(_ODD_ONES).find(1)) >= 0:
             line = self.line + len(_LINE_END.findall(chunk[:at].translate(_SEVEN)))
-            raise TapeError(
-                f"line {line}: a byte (0x{chunk[at]:02X}) has the wrong parity; allowed is even parity; "
-                f"check cable, baud rate and format at both ends, then send again."
-            )
+            raise TapeError(said("dnc.parity", line=line, byte=chunk[at]))
         return chunk.translate(_SEVEN)
 
     def _look_for_end(self) -> None:
         body = self._body or bytearray()
         if len(body) > self._most:
-            raise TapeError(
-                f"line {self.line}: more than the {self._most} bytes allowed came without a closing %; "
-                f"split the program."
-            )
+            raise TapeError(said("dnc.no_end", line=self.line, most=self._most))
         for found in _STOP.finditer(body, self._looked):
             if found.group() == b"%":
                 inside = bytes(body[: found.start()])
@@ -165,23 +160,17 @@ def _tape(leader: bytes, body: bytes) -> Tape:
         text = body.lstrip()
     text = _identical(leader, body, text) if (found := _SUM.search(leader)) else _LINE_END.sub(b"\n", text)
     if found and hashlib.sha256(text).hexdigest().encode() != found.group(1):
-        raise TapeError(
-            f"line {len(_LINE_END.findall(body)) + 1}: the program is not the one whose checksum its leader "
-            f"names; characters were lost on the way; send again, with flow control or at a lower baud rate."
-        )
+        raise TapeError(said("dnc.sum", line=len(_LINE_END.findall(body)) + 1))
     _sound(text)
     return Tape(text, _name(text), is_one=bool(found))
 
 
-def _told(body: bytes, left_out: list[tuple[int, int]]) -> Iterator[str]:
+def _told(body: bytes, left_out: list[tuple[int, int]]) -> Iterator[Said]:
     for at, sign in left_out[:MAX_TOLD]:
         line = len(_LINE_END.findall(body[:at])) + 1
-        yield (
-            f"line {line}: {SIGNS[sign]} (0x{sign:02X}) within the line was left out; a character may be "
-            "missing there: compare the line."
-        )
+        yield (said("dnc.left_out", line=line, name=SIGNS[sign], sign=sign))
     if len(left_out) > MAX_TOLD:
-        yield f"More of these than {MAX_TOLD} were left out; check cable, format and flow control."
+        yield said("dnc.more_left_out", max_told=MAX_TOLD)
 
 
 def programs(tape: Tape) -> list[Tape]:
@@ -201,9 +190,7 @@ def programs(tape: Tape) -> list[Tape]:
     found = [Tape(bytes(text), _name(text)) for text in parts]
     numbers = [one.name for one in found]
     if twice := [name for name in numbers if numbers.count(name) > 1]:
-        raise TapeError(
-            f"{twice[0]} stands on the tape twice; nothing was kept, give each program its number."
-        )
+        raise TapeError(said("dnc.twice", name=twice[0]))
     return [replace(found[0], name=tape.name, told=tape.told), *found[1:]]
 
 
@@ -233,19 +220,17 @@ def _candidates(body: bytes, text: bytes) -> Iterator[bytes]:
 def _sound(text: bytes) -> None:
     """Raises TapeError for what no program holds."""
     if not text.strip():
-        raise TapeError("line 1: nothing stands between the two %; send a program.")
+        raise TapeError(said("dnc.empty"))
     if found := _CONTROL.search(text):
-        raise TapeError(_strange(text, found.start(), "is a control character"))
+        raise TapeError(_strange(text, found.start(), "dnc.control_character"))
     try:
         text.decode("utf-8")
     except UnicodeDecodeError as error:
-        what = "is no text; if the sender has 7 bits and even parity, use the format 7E2 or 7E1 here, too"
-        raise TapeError(_strange(text, error.start, what)) from error
+        raise TapeError(_strange(text, error.start, "dnc.no_text")) from error
 
 
-def _strange(text: bytes, at: int, what: str) -> str:
-    line = len(_LINE_END.findall(text[:at])) + 1
-    return f"line {line}: byte 0x{text[at]:02X} {what}; allowed is plain text; check the format, send again."
+def _strange(text: bytes, at: int, key: str) -> Said:
+    return said(key, line=len(_LINE_END.findall(text[:at])) + 1, byte=text[at])
 
 
 def punched(
@@ -266,7 +251,7 @@ def punched(
     if not even_parity:
         return tape
     if (at := next((i for i, c in enumerate(text) if c > 127), -1)) >= 0:
-        raise TapeError(_strange(text, at, "does not go through 7 bits; take it out, or use the format 8N1"))
+        raise TapeError(_strange(text, at, "dnc.eight_bits"))
     return tape.translate(_EVEN + bytes(128))
 
 
@@ -288,10 +273,7 @@ def _framed(text: bytes) -> bytes:
     if len(marks) == 2 and not text[: marks[0]].strip() and not text[marks[1] + 1 :].strip():
         return text
     line = len(_LINE_END.findall(text[: marks[0]])) + 1
-    raise TapeError(
-        f"line {line}: % stands where it would end the program on the way; allowed is % as the first and "
-        f"last line; take the others out."
-    )
+    raise TapeError(said("dnc.percent", line=line))
 
 
 def coded(control: bytes, even_parity: bool) -> bytes:

@@ -27,13 +27,14 @@ from controller.api import names
 from controller.api.database import StoreError
 from controller.api.programs import Program
 from controller.api.uploads import Upload, Uploads
+from controller.messages import Key, said
 from controller.values import dataclass
 
 logging.getLogger("python_multipart").setLevel(logging.ERROR)  # what is sent wrong is told to its sender
 
 MAX_FIELDS = 16
 MAX_FIELD_BYTES = 1024
-SEND = "send one file as multipart/form-data"
+SEND = Key("upload.send")
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,13 +108,13 @@ class _Form:
         try:
             self._parser.write(chunk)
         except FormParserError as error:
-            raise StoreError("form", f"upload: is not a multipart form ({error}); {SEND}.") from error
+            raise StoreError("form", said("upload.no_form", why=error, send=SEND)) from error
 
     def finish(self, in_use: Callable[[], Collection[str]]) -> Received:
         if not self._ended:
             raise StoreError.told("form", "upload_cut")
         if self._upload is None:
-            raise StoreError("form", f"upload: the form holds no file; {SEND}.")
+            raise StoreError("form", said("upload.no_file", send=SEND))
         self._upload.named(self._fields.get("name"), _size(self._fields))
         sha256 = self._fields.get("sha256") or self._fields.get("checksum")
         return Received(self._upload.commit(in_use(), sha256), self._fields)
@@ -124,9 +125,7 @@ class _Form:
     def _made(self, content_type: str) -> MultipartParser:
         kind, options = parse_options_header(content_type)
         if kind != b"multipart/form-data" or not options.get(b"boundary"):
-            raise StoreError(
-                "form", f"upload: content type {names.shown(content_type)} is not taken; {SEND}."
-            )
+            raise StoreError("form", said("upload.content_type", found=names.shown(content_type), send=SEND))
         try:
             return MultipartParser(
                 options[b"boundary"],
@@ -142,13 +141,13 @@ class _Form:
                 },
             )
         except FormParserError as error:
-            raise StoreError("form", f"upload: {error}; {SEND}.") from error
+            raise StoreError("form", said("upload.wrong", why=error, send=SEND)) from error
 
     # ---- what the parser tells, in its order
 
     def _begin(self) -> None:
         if len(self._fields) >= MAX_FIELDS:
-            raise StoreError("form", f"upload: has more than the {MAX_FIELDS} fields allowed; {SEND}.")
+            raise StoreError("form", said("upload.fields", max_fields=MAX_FIELDS, send=SEND))
         self._part = _Part()
 
     def _collect(self, which: int, data: bytes, start: int, end: int) -> None:
@@ -163,7 +162,7 @@ class _Form:
         if self._part.file_name is None:
             return
         if self._upload is not None:
-            raise StoreError("form", f"upload: has more than one file; {SEND}.")
+            raise StoreError("form", said("upload.files", send=SEND))
         # A ``name`` that came before the file counts instead of the file's own.
         name = self._fields.get("name") or self._part.file_name
         self._upload = self._open.enter_context(self._uploads.begin(name, by=self._by))
@@ -174,9 +173,7 @@ class _Form:
             return
         self._part.text += data[start:end]
         if len(self._part.text) > MAX_FIELD_BYTES:
-            raise StoreError(
-                "form", f"upload: a field is longer than the {MAX_FIELD_BYTES} bytes allowed; {SEND}."
-            )
+            raise StoreError("form", said("upload.field_long", max_field_bytes=MAX_FIELD_BYTES, send=SEND))
 
     def _end(self) -> None:
         if self._part.file_name is None:
@@ -191,7 +188,7 @@ def _names(headers: list[tuple[bytes, bytes]]) -> tuple[str, str | None]:
     value = next((value for key, value in headers if key == b"content-disposition"), b"")
     kind, options = parse_options_header(value)
     if kind != b"form-data" or b"name" not in options:
-        raise StoreError("form", f"upload: a part without the name of its field; {SEND}.")
+        raise StoreError("form", said("upload.no_field", send=SEND))
     field_name = options[b"name"].decode("utf-8", "replace")
     if b"filename" in options:
         return field_name, options[b"filename"].decode("utf-8", "replace")
@@ -209,7 +206,5 @@ def _size(fields: dict[str, str]) -> int | None:
     if "size" not in fields:
         return None
     if not fields["size"].isascii() or not fields["size"].isdigit():
-        raise StoreError(
-            "form", f"upload: size = {names.shown(fields['size'])}; allowed is a number of bytes."
-        )
+        raise StoreError("form", said("upload.size", found=names.shown(fields["size"])))
     return int(fields["size"])

@@ -21,7 +21,7 @@ from controller import atomic_file, own_files
 from controller.api import names
 from controller.api.database import Database, StoreError
 from controller.api.records import Clock, Facts
-from controller.messages import Key
+from controller.messages import Key, said
 from controller.program import linked
 from controller.values import dataclass
 
@@ -62,9 +62,7 @@ class Programs:
         try:
             own_files.make_folder(self.incoming, folder.parent)
         except OSError as error:
-            raise StoreError(
-                "store", f"{folder}: cannot be made ({error.strerror}); check path and permission."
-            ) from error
+            raise StoreError("store", said("store.no_folder", folder=folder, why=error.strerror)) from error
 
     def now_s(self) -> float:
         return self._clock()

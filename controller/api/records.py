@@ -389,7 +389,7 @@ def _json(value: Any) -> str:
 
 def _role(role: str) -> None:
     if role not in ROLES:
-        raise StoreError("form", f"role {role!r}: is not known; allowed are {', '.join(ROLES)}; choose one.")
+        raise StoreError("form", said("store.role", role=role, names=", ".join(ROLES)))
 
 
 def _run(row: sqlite3.Row) -> Run:

@@ -9,6 +9,7 @@ from typing import Annotated, Any
 
 import typer
 
+from controller import messages
 from controller.api import backup
 from controller.api.backup import BackupError, Contents
 from controller.api.store import Store, StoreError
@@ -19,7 +20,7 @@ from controller.machine import setup_data
 from controller.machine.model import Machine
 from controller.machine.toml_table import ConfigError
 from controller.runtime.bus_load import overload
-from controller.verify.console import Refused, refusals, say, show
+from controller.verify.console import Refused, refusals, say, show, spoken
 
 app = typer.Typer(
     add_completion=False,
@@ -158,9 +159,9 @@ def _facts(contents: Contents) -> dict[str, Any]:
 
 
 def _show(as_json: bool, facts: dict[str, Any]) -> None:
+    done = [messages.text(one, spoken.get()) for one in facts.get("done") or ()]
     if as_json:
-        print(json.dumps({"ok": True, **facts}))
+        print(json.dumps({"ok": True, **facts, **({"done": done} if done else {})}))
         return
     listed = (say(f"cli.backup.fact.{name}", value=value) for name, value in facts.items() if name != "done")
-    words = facts.get("done") or [f"{', '.join(listed)}."]
-    show.print("\n".join(words), markup=False)
+    show.print("\n".join(done or [f"{', '.join(listed)}."]), markup=False)

@@ -11,12 +11,14 @@ from typing import Annotated, Any, Literal
 
 import typer
 
+from controller import messages
 from controller.api import dnc
 from controller.api.dnc import LineError, LineSettings
 from controller.api.dnc_format import Tape, TapeError, punched
 from controller.api.store import Program, Store, StoreError
 from controller.ipc import control_socket
-from controller.verify.console import Refused, bar, refusals, say, tell
+from controller.messages import Said, said
+from controller.verify.console import Refused, bar, refusals, say, spoken, tell
 
 app = typer.Typer(
     add_completion=False,
@@ -68,7 +70,7 @@ def receive(
             except (TapeError, StoreError) as error:
                 if not forever or isinstance(error, LineError):
                     raise
-                tell.print(str(error), markup=False)
+                tell.print(messages.text(error.said, spoken.get()), markup=False)
             if not forever:
                 return
 
@@ -81,7 +83,7 @@ def _take(
         came = dnc.receive(line, lambda count: progress(0.0, say("cli.dnc.bytes", count=count)))
     if name and len(came.tapes) > 1:
         listed = ", ".join(tape.name or say("cli.dnc.unnumbered") for tape in came.tapes)
-        raise TapeError(say("cli.dnc.several", port=settings.port, count=len(came.tapes), listed=listed))
+        raise TapeError(said("cli.dnc.several", port=settings.port, count=len(came.tapes), listed=listed))
     for tape in came.tapes:
         _say(kept(store, tape, name, in_use()), "cli.dnc.received", as_json, tape.told)
     if came.problem:
@@ -107,7 +109,7 @@ def _in_use(state: Path, runtime: Path | None) -> Callable[[], Collection[str]]:
         try:
             job = client.ask("status").get("job") or {}
         except control_socket.CommandRefused as error:
-            sentence = say("cli.dnc.unknown_use", why=error)
+            sentence = said("cli.dnc.unknown_use", why=error)
             raise StoreError("running", sentence) from error
         finally:
             client.close()
@@ -140,7 +142,7 @@ def send(
         try:
             tape = punched(text, settings.even_parity, LINE_ENDS[line_end], with_sum=checksum)
         except TapeError as error:
-            raise Refused(f"{program}: {error}") from error
+            raise Refused(f"{program}: {messages.text(error.said, spoken.get())}") from error
         with bar(say("cli.dnc.sending", port=port), as_json) as progress, dnc.opened(settings) as line:
             dnc.send(line, tape, lambda count: progress(count / len(tape)), await_start)
         _say({"program": program, "bytes": len(tape)}, "cli.dnc.sent", as_json)
@@ -151,16 +153,17 @@ def _of_store(name: str, state: Path | None) -> bytes:
     return store.programs.read(store.programs.get(name).sha256)
 
 
-def _say(told: Program | dict[str, Any], done: str, as_json: bool, left_out: Collection[str] = ()) -> None:
+def _say(told: Program | dict[str, Any], done: str, as_json: bool, left_out: Collection[Said] = ()) -> None:
+    sentences = [messages.text(one, spoken.get()) for one in left_out]
     facts = (
         {"program": told.name, "bytes": told.size, "lines": told.lines, "sha256": told.sha256}
         if isinstance(told, Program)
         else told
     )
     if as_json:
-        more = {"left_out": list(left_out)} if left_out else {}
+        more = {"left_out": sentences} if sentences else {}
         print(json.dumps({"ok": True, **facts, **more}), flush=True)
         return
     tell.print(say(done, program=facts["program"], bytes=facts["bytes"]), markup=False)
-    for sentence in left_out:
+    for sentence in sentences:
         tell.print(f"{facts['program']}: {sentence}", markup=False)

@@ -135,6 +135,15 @@ def of_error(error: BaseException) -> Said:
     return own or plain(str(error))
 
 
+class TextError(Exception):
+    """An error that is a text: ``said``; in words it is English, for logs."""
+
+    def __init__(self, what: Said | str) -> None:
+        """``what``: a sentence alone where it has no key."""
+        self.said = plain(what)
+        super().__init__(text(self.said))
+
+
 def several(*texts: Said | str) -> Said:
     """One after the other, without those that are empty."""
     return said("text", text=[plain(one) for one in texts if one])
@@ -153,7 +162,8 @@ def _value(value: object) -> Any:
         return Said(key=str(value), values={})
     if isinstance(value, list | tuple):
         return [_value(one) for one in value]
-    return value if isinstance(value, str | int | float | dict | None) else str(value)
+    own: Said | None = getattr(value, "said", None) if isinstance(value, BaseException) else None
+    return value if isinstance(value, str | int | float | dict | None) else own or str(value)
 
 
 def _is_said(value: object) -> bool:

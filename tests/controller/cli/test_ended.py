@@ -35,9 +35,9 @@ def test_ctrl_c_is_one_line_and_exit_code_130(
     out, err = capsys.readouterr()
     assert ended.value.code == 130 and not store.exists()
     if as_json:
-        assert json.loads(out) == {"ok": False, "error": __main__.ended()} and not err
+        assert json.loads(out) == {"ok": False, "error": __main__.ended_words()} and not err
     else:
-        assert err.splitlines() == [__main__.ended()]
+        assert err.splitlines() == [__main__.ended_words()]
 
 
 def test_a_check_tells_how_far_it_is_all_along(tmp_path: Path) -> None:
