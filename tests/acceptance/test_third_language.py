@@ -294,6 +294,35 @@ def test_the_command_line_speaks_it(
     assert set(status_view.COLUMNS) <= set(re.findall(r"⟦([a-z_]+)⟧", printed.replace("to go", "to_go")))
 
 
+# Verbs that ask no panel, and are refused before they begin: what they say is theirs.
+ALONE = (
+    *(("check", "none.ngc"), ("check", "."), ("verify", "none.ngc"), ("post", "none.ngc", "--chord", "0")),
+    *(
+        ("import", "none.step"),
+        ("import", "none.step", "--list"),
+        ("import", "x", "--list", "--tolerance", "0"),
+    ),
+    *(("replay", "none"), ("replay", "7"), ("backup", "check", "none.zip"), ("backup", "rollback")),
+    *(("users", "add", "a b"), ("users", "list"), ("tokens", "add", "x", "--days", "0"), ("tokens", "list")),
+    *(("drives", "scan"), ("drives", "scan", "--bus", "x"), ("drives", "simulate", "--nodes", "x")),
+    *(("drives", "simulate", "--nodes", ""), ("dnc", "send", "none", "--port", "/dev/none", "--baud", "1")),
+    *(("panel", "--host", "192.0.2.1"), ("service", "self-test", "--seconds", "0"), ("drives", "stop")),
+)
+
+
+@pytest.mark.parametrize("words", ALONE, ids=" ".join)
+def test_verbs_that_ask_no_panel_speak_it(
+    words: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("STATE_DIRECTORY", str(tmp_path / "state"))
+    monkeypatch.setenv("COLUMNS", "300")
+    ran = ASK.invoke(app, [*words, "--language", "xx"], input="n\n")
+    printed = ran.stdout + ran.stderr
+    assert ran.exit_code in (0, 1, 2), (words, printed, ran.exception)
+    assert "⟦" in printed and not PROSE.search(outside(printed)), printed
+
+
 def test_a_machine_file_is_refused_in_it(line: Callable[..., str], tmp_path: Path) -> None:
     shipped = (machine_file.SHIPPED / "trunnion.toml").read_text()
     for k, (was, wrong) in enumerate((("period_s", "periods_s"), ('kind = "', 'kind = "x'), ("", "[["))):

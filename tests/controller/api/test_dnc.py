@@ -17,6 +17,7 @@ from support.drives.serial_pty import Pty
 from support.suite.seed import SEED
 from typer.testing import CliRunner
 
+from controller import messages
 from controller.api import dnc, dnc_format
 from controller.api.dnc import LineSettings, Unmarked
 from controller.api.dnc_format import TapeError
@@ -129,8 +130,9 @@ def test_a_second_program_that_is_not_whole_is_told_and_the_first_is_kept(pty: P
     data = dnc_format.punched(program(3_000), True) + bytes(second)
     came = all_received(pty, settings(pty, silence_s=2.0), lambda: pty.write(data))
     assert [one.text for one in came.tapes] == [program(3_000)]
-    assert came.problem.startswith("Behind O4711 another program began, of which nothing was kept: ")
-    assert ("silent" if harm == "cut" else "wrong parity") in came.problem
+    problem = messages.text(came.problem)
+    assert problem.startswith("Behind O4711 another program began, of which nothing was kept: ")
+    assert ("silent" if harm == "cut" else "wrong parity") in problem
 
 
 @pytest.mark.parametrize("trailer", [b"", b"\r\n%\r\n", b"END OF TAPE\r\n", b"\0" * 500 + b"\x7f%"])

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from controller.api import dnc_format as tapes
 from controller.api.dnc_format import Reader, Tape, TapeError, punched
+from controller.messages import text
 
 
 def read(data: bytes, even: bool = False, chunk: int = 10**9) -> Tape:
@@ -31,7 +32,7 @@ def test_leader_and_trailer_are_left_out(even: bool, chunk: int) -> None:
     data = b"\0\0\x7fPART 12\r\n\0\x12%\r\nO1234 (50 % RED)\r\nG1 X1\x7f0 F5\r\n\r\nM30\r\n%\r\n\0\0junk%"
     found = read(coded(data) if even else data, even, chunk)
     assert (found.text, found.name) == (b"O1234 (50 % RED)\nG1 X10 F5\n\nM30\n", "O1234")
-    assert [said.partition(" within")[0] for said in found.told] == ["line 3: DEL (0x7F)"]
+    assert [text(said).partition(" within")[0] for said in found.told] == ["line 3: DEL (0x7F)"]
 
 
 @pytest.mark.parametrize("chunk", [1, 2, 1000])
@@ -45,7 +46,7 @@ def test_what_is_left_out_within_a_line_is_told_with_its_place(
     data = b"%%\r\nO1\r\nG1 X1%s5\r\nG1 X2%s\r\nM30\r\n%%" % (sign, sign)
     found = read(coded(data) if even else data, even, chunk)
     assert found.text == b"O1\nG1 X15\nG1 X2\nM30\n"
-    assert [said.split(" (")[0] for said in found.told] == [f"line 3: {name}", f"line 4: {name}"]
+    assert [text(said).split(" (")[0] for said in found.told] == [f"line 3: {name}", f"line 4: {name}"]
 
 
 def test_tape_feed_between_lines_and_around_the_program_is_no_news() -> None:
@@ -56,7 +57,7 @@ def test_tape_feed_between_lines_and_around_the_program_is_no_news() -> None:
 
 def test_a_line_of_nothing_but_noise_does_not_fill_the_memory_with_places() -> None:
     found = read(b"%\nO1\nG1" + b" \0" * 100_000 + b"X1\nM30\n%", chunk=4096)
-    assert len(found.told) == tapes.MAX_TOLD + 1 and found.told[-1].startswith("More of these than 20")
+    assert len(found.told) == tapes.MAX_TOLD + 1 and text(found.told[-1]).startswith("More of these than 20")
 
 
 @pytest.mark.parametrize(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import re
 import string
+from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
@@ -48,6 +49,55 @@ def test_no_sentence_is_handed_to_an_error_of_the_machine_file() -> None:
     for file, call in (*calls("ConfigError"), *calls("refuse")):
         for text in (one.value for one in ast.walk(call) if isinstance(one, ast.Constant)):
             assert not isinstance(text, str) or not SENTENCE.search(text), (file, call.lineno, text)
+
+
+# Rooms in which every sentence that a person reads is a text of the catalogue.
+DONE = ("cli", "api", "commands")
+SHOWS = ("print", "confirm", "prompt", "bar", "Refused", "Misunderstood", "BadParameter", "tell_done")
+# Raised at who programs, or caught where it is raised.
+OWN = {"ValueError", "TypeError", "RuntimeError", "AssertionError", "NotImplementedError", "KeyError"}
+OWN |= {"FileExistsError", "OSError"}
+PHRASE = re.compile(r"[A-Za-z]{2,},? [a-z]{2,}")
+
+
+def shown(tree: ast.AST) -> Iterator[ast.Call]:
+    """What is raised at somebody, printed or asked."""
+    for one in ast.walk(tree):
+        raised = one.exc if isinstance(one, ast.Raise) else None
+        if isinstance(raised, ast.Call) and ast.unparse(raised.func) not in OWN:
+            yield raised
+        if isinstance(one, ast.Call) and getattr(one.func, "attr", getattr(one.func, "id", "")) in SHOWS:
+            yield one
+
+
+def literals(call: ast.Call) -> list[str]:
+    """Phrases written where they are shown, in f-strings too."""
+    texts = [one.value for one in ast.walk(call) if isinstance(one, ast.Constant)]
+    return [text for text in texts if isinstance(text, str) and PHRASE.search(text)]
+
+
+def test_no_sentence_is_written_where_it_is_shown_or_raised() -> None:
+    files = [file for room in DONE for file in (CONTROLLER / room).rglob("*.py")]
+    found = [
+        f"{file}:{call.lineno}: {text}"
+        for file in files
+        for call in shown(ast.parse(file.read_text()))
+        for text in literals(call)
+    ]
+    assert len(files) > 100 and not found
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        'raise Refused("there is none")',
+        'raise StoreError("form", f"{name}: is no name")',
+        'show.print(f"{name} was removed.")',
+        'typer.confirm("Start at this line?")',
+    ],
+)
+def test_a_sentence_that_is_written_there_is_found(text: str) -> None:
+    assert any(map(literals, shown(ast.parse(text))))
 
 
 @pytest.mark.parametrize(
