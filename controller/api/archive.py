@@ -254,7 +254,7 @@ def _no_number(word: str) -> float:
 
 def _short(value: object) -> str:
     """In a sentence."""
-    kinds = {dict: Key("archive.object"), list: Key("archive.list")}
+    kinds: dict[type, Key] = {dict: Key("archive.object"), list: Key("archive.list")}
     if value is None:
         return "null"
     return kinds.get(type(value)) or names.shown(str(value)[:100])

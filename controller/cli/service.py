@@ -276,7 +276,7 @@ def _report(lines: Sequence[self_test.Line], as_json: bool) -> None:
         print(json.dumps({"ok": not failed, "failed": failed, "lines": rows}))
     for line in () if as_json else lines:
         show.print(
-            f"{say('self_test.pass' if line.passed else 'self_test.fail')}  {line.shown:<16} {line.found}",
+            f"{say('self_test.pass' if line.passed else 'self_test.fail'):<4}  {line.shown:<16} {line.found}",
             markup=False,
             soft_wrap=True,
         )
