@@ -29,14 +29,22 @@ from controller.tick.cycle import Cycle
 from controller.verify.console import EndedAsAsked
 
 SEED = 4711
-SOUND = next(n for n in range(100) if not drawn(SEED, n).script and drawn(SEED, n).kind == "rapids")
-FAULTY = next(n for n in range(100) if drawn(SEED, n).script and drawn(SEED, n).kind == "rapids")
+SOUND, FAULTY = 11, 43  # rapids at 5 ms; in the second something goes wrong
+SHORT_S = 4.0  # of the machine, after which the operator stops a run
 
 
 def test_what_is_drawn_depends_on_seed_and_number_alone() -> None:
     assert drawn(SEED, 7) == drawn(SEED, 7) != drawn(SEED, 8)
-    kinds = {drawn(SEED, n).kind for n in range(60)}
-    assert kinds == set(PARTS)
+    some = [drawn(SEED, n) for n in range(60)]
+    assert {one.kind for one in some} == set(PARTS)
+    assert some[SOUND].kind == some[FAULTY].kind == "rapids"
+    assert some[FAULTY].script and not some[SOUND].script
+
+
+@pytest.fixture(autouse=True)
+def short(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    if not request.node.get_closest_marker("slow"):
+        monkeypatch.setattr(stepped, "RUN_S", SHORT_S)
 
 
 @pytest.fixture(scope="module")
@@ -194,6 +202,7 @@ def test_any_run_holds(number: int, tmp_path: Path) -> None:
 def objects_after_runs(folder: str) -> list[int]:
     """How many there are after each of three runs, each with its replay."""
     counts: list[int] = []
+    stepped.RUN_S = SHORT_S
 
     def told(*_: object) -> None:
         counts.append(len(gc.get_objects()))

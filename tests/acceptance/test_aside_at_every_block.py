@@ -135,7 +135,6 @@ def undisturbed(name: str) -> Operator:
     [
         ("no spindle", "jog", 1),
         ("spindle", "jog", 2),
-        ("no spindle", "jog", 20),
         ("spindle", "retract", 1),
     ],
 )

@@ -181,7 +181,7 @@ def test_the_forward_kinematics_by_hand_agree_with_the_controllers() -> None:
 
 
 def test_an_operator_in_the_way_of_example_2_breaks_no_limit() -> None:
-    on_example("example2_ready.ngc", "3000.", shipped(), 1, 8)
+    on_example("example2_ready.ngc", "3000.", shipped(period_s=0.004), 1, 8)
 
 
 @pytest.mark.slow

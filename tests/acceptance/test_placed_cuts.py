@@ -28,6 +28,8 @@ from controller.plan.restart.program_position import Spot
 from controller.runtime.events import Event
 from controller.state.modes import Request
 
+PERIOD_S = 0.004
+
 
 def example_2(placement: int, feed: str) -> str:
     return program("example2_ready.ngc", feed).replace("G41", f"G41 P{placement}", 2)
@@ -51,11 +53,11 @@ def judged(source: str, machine: Machine, seed: int, count: int) -> Cut:
 
 @cache
 def small_cut(placement: int) -> Cut:
-    return cut(small(placement), shipped())
+    return cut(small(placement), shipped(period_s=PERIOD_S))
 
 
 def test_a_placed_cut_with_an_operator_keeps_the_limits_and_its_place() -> None:
-    judged(small(2), shipped(), 3, 4)
+    judged(small(2), shipped(period_s=PERIOD_S), 3, 4)
 
 
 @pytest.mark.slow
@@ -90,7 +92,7 @@ def test_a_restart_inside_a_placed_cut_goes_on_where_the_whole_would_have(fracti
 def test_after_a_hold_the_path_is_the_same() -> None:
     first = int(np.flatnonzero(small_cut(2).trace.cutting)[0])
     events = [Event(first + 60, Request.HOLD), Event(first + 400, Request.RESUME)]
-    done = cut(small(2), shipped(), events)
+    done = cut(small(2), shipped(period_s=PERIOD_S), events)
     assert done.run.result == "completed"
     wanted = stretches(small(2), done.machine)
     assert distance(done.rows, wanted, done.kinematics) < TIP_MM

@@ -41,7 +41,7 @@ def off(found: Frame, real: Frame) -> tuple[float, float]:
     return norm(subtract(found.origin, real.origin)), math.degrees(max(turns))
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(3))
 def test_a_part_on_two_twisted_surfaces_is_found_as_it_lies(seed):
     rng = random.Random(seed)
     shift, turn = ([rng.uniform(-most, most) for _ in range(3)] for most in (0.8, 0.5))
@@ -53,7 +53,7 @@ def test_a_part_on_two_twisted_surfaces_is_found_as_it_lies(seed):
     assert np.abs(found.deviations[~found.beside]).max() < 1e-5
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(3))
 def test_with_scatter_it_is_found_within_the_bounds_that_are_told(seed):
     rng = random.Random(100 + seed)
     real = moved(

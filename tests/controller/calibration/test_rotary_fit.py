@@ -80,7 +80,7 @@ def keeps_its_bounds(kind, machine, seeds, errors, count):
             assert found[0] <= mm and found[1] <= rad, (kind, k, machine.axes[index].name, found, (mm, rad))
 
 
-@pytest.mark.parametrize("kind", KINDS[::3])
+@pytest.mark.parametrize("kind", KINDS[::4])
 def test_with_measured_axes_centres_are_back_within_2_um_and_directions_within_their_bound(kind):
     for found, bound in keeps_its_bounds(kind, with_tables(machine_file.load(kind)), [0], MEASURED, 28):
         assert found[0] < 0.002 and found[1] < math.radians(0.0013)

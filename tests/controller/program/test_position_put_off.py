@@ -41,7 +41,7 @@ def tip_line(rng: random.Random, around: Modal) -> TipLine:
     return TipLine(Place(1, 1), follows, (x, y, z), turns, axis, rng.random() < 0.1, None, None)
 
 
-@pytest.mark.parametrize("seed", range(60))
+@pytest.mark.parametrize("seed", range(20))
 def test_the_place_is_that_of_going_line_by_line(seed: int) -> None:
     rng = random.Random(seed)
     built = machine("fig4a")

@@ -28,7 +28,7 @@ def observed(name: str, faults: str = "") -> tuple[Observer, Run, SteppedMachine
     return observer, stepped.run(checked.walk_of(task, None, False)), stepped
 
 
-@pytest.mark.parametrize("name", ["trunnion", "trunnion_two_buses"])
+@pytest.mark.parametrize("name", ["trunnion_two_buses"])
 def test_a_healthy_motor_is_its_servos_lag_behind_and_no_more(name: str) -> None:
     observer, run, stepped = observed(name)
     sight = observer.sight

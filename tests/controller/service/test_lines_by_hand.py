@@ -25,7 +25,7 @@ from controller.program.position import homed
 from controller.program.program import Block, ProgramError, Setting
 from controller.service.active_codes import active_codes
 
-RUNS, LINES = 40, 10
+RUNS, LINES = 20, 10
 # Codes that say how later words are meant, and what moves; all of them both interpreters know.
 _SETS = (
     *("G90", "G91", "G17", "G18", "G19", "G54", "G55", "G59.3", "G49", "G43 H1", "G43 H2"),

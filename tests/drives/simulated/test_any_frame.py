@@ -42,7 +42,7 @@ def enable(lone: Lone, mode: int) -> None:
         lone.put(SDO, bytes.fromhex("2b406000") + word.to_bytes(4, "little"), 0.03)
 
 
-@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("seed", range(1))
 def test_a_drive_survives_any_frame(seed: int) -> None:
     random_ = random.Random(seed)
     lone = Lone(node=NODE)
@@ -61,7 +61,7 @@ def test_a_drive_survives_any_frame(seed: int) -> None:
     assert lone.heard[-1][0] & 0x780 in (0x700, 0x080) or lone.drive.node == 255, f"seed {seed}"
 
 
-@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("seed", range(1))
 def test_inputs_and_outputs_survive_any_frame(seed: int) -> None:
     random_ = random.Random(seed)
     bus, node = SteppedBus(), IoNode(NODE)

@@ -174,7 +174,7 @@ def test_a_run_of_rows_keeps_the_limits_through_a_hold_and_another_feed() -> Non
     source = "".join(cam_lines.program(cam_lines.places(500, 0.02), False, "G21 G90 G54 G61 T2 M6"))
     plain = cut(source, machine)
     assert plain.run.result == "completed"
-    for tick in range(700, 1200, 130):
+    for tick in range(760, 1200, 260):
         done = cut(source, machine, [Event(tick, Request.HOLD), Event(tick + 200, Request.RESUME)])
         assert done.run.result == "completed"
         rates = np.abs(np.diff(done.joints, axis=0)).max(axis=1)

@@ -16,11 +16,12 @@ from controller.plan.restart.program_position import lines_along, part_at
 
 CLOSE = 0.005  # of the duration ...
 SHORT_S = 0.06  # ... or this: nobody sees it of a program of seconds
+PERIOD_S = 0.004
 
 
 def passing_of(text: str) -> tuple[Passing, float, dict[int, tuple[str, tuple]]]:
     """The marks, the duration, and of each motion its name and lines."""
-    asked = source(text, shipped())
+    asked = source(text, shipped(period_s=PERIOD_S))
 
     def chains():
         tracer = path.Tracer(asked.name, asked.machine, asked.kinematics, asked.start, asked.chosen or {})
@@ -40,7 +41,7 @@ def passing_of(text: str) -> tuple[Passing, float, dict[int, tuple[str, tuple]]]
 @pytest.mark.parametrize("text", [EXAMPLE_2, LINES, TIPS], ids=["surfaces", "lines", "tips"])
 def test_the_time_that_has_passed_at_a_place_is_that_of_the_run(text: str) -> None:
     made, duration_s, motions = passing_of(text)
-    machine = shipped()
+    machine = shipped(period_s=PERIOD_S)
     rows = cut(text, machine).rows
     off = []
     for tick, row in enumerate(rows):

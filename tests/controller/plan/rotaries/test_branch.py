@@ -44,7 +44,7 @@ def upright() -> RuledSurface:
     return RuledSurface(Bezier(tuple((x, y, z + 10.0) for x, y, z in low)), Bezier(low))
 
 
-SURFACES = [example_1(), *example_2(), *example_2(37.0), wall(0.01), wall(0.0), upright()]
+SURFACES = [example_1(), example_2()[0], example_2(37.0)[1], wall(0.01), wall(0.0), upright()]
 
 
 @pytest.mark.parametrize("surface", SURFACES)

@@ -92,7 +92,7 @@ def rates(stretch: Stretch, built: Machine, at_end: bool) -> tuple[np.ndarray, n
 
 
 @pytest.mark.parametrize(
-    "seed", [*range(5), *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(10, 60))]
+    "seed", [*range(3), *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(10, 60))]
 )
 def test_a_joint_of_rounding_runs_through_twice_smoothly(seed: int) -> None:
     surfaces, built, traced = traced_or_skipped(seed)
@@ -139,7 +139,7 @@ def test_the_same_joints_are_corners_without_the_blend() -> None:
     assert max(jumps) > 2e-4
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(2))
 def test_series_samples_and_floats_of_a_blended_cut_are_one(seed: int) -> None:
     _, built, traced = traced_or_skipped(seed)
     kinematics = kinematics_of(built)
@@ -231,7 +231,6 @@ def test_a_blend_adds_less_than_the_tolerance_by_brute_force(seed: int) -> None:
 @pytest.mark.parametrize(
     ("seed", "radius", "side"),
     [
-        (3016, 5.0, "G41"),
         (3058, 5.0, "G42"),
         (98_228, 8.0, "G41"),  # the deepest within 0.2 mm, two millimetres beside the joint
         *(
@@ -323,9 +322,7 @@ def hollow(seed: int, upper_deg: float, lower_deg: float) -> tuple[list[Pair], s
     return made, "G42"
 
 
-@pytest.mark.parametrize(
-    ("seed", "radius", "degrees"), [(11, 3.0, (0.6, 0.6)), (14, 8.0, (1.2, 0.5)), (17, 1.5, (0.6, 0.6))]
-)
+@pytest.mark.parametrize(("seed", "radius", "degrees"), [(14, 8.0, (1.2, 0.5)), (17, 1.5, (0.6, 0.6))])
 def test_the_overcut_of_a_concave_corner_is_that_of_an_envelope(
     seed: int, radius: float, degrees: tuple[float, float]
 ) -> None:

@@ -65,7 +65,7 @@ def test_a_lead_goes_on_with_the_rate_of_a_cut_that_ends_at_the_pole() -> None:
     assert a[1] == pytest.approx(b[1], abs=1e-5)
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(3))
 def test_the_machine_does_not_rest_at_the_first_and_the_last_ruling_of_twisted_surfaces(seed: int) -> None:
     built = shipped()
     home = tuple(axis.homing.position for axis in built.axes)
