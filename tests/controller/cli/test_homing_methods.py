@@ -42,7 +42,7 @@ def test_a_machine_that_homes_by_any_method_runs_from_where_it_ends(
     program.write_text("G53 G0 X10 Y10\nM30\n")
     file = homed_by(methods, "machining_centre", tmp_path)
     done = CliRunner().invoke(
-        command_line.app, ["simulate", str(program), "--machine", str(file), "--period-ms", "5", "--json"]
+        command_line.app, ["simulate", str(program), "--machine", str(file), "--period-ms", "10", "--json"]
     )
     told = json.loads(done.stdout)
     assert (done.exit_code, told["ok"], told["result"]) == (0, True, "completed"), told

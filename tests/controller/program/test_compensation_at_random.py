@@ -73,7 +73,7 @@ def test_so_it_is_beside_a_thousand_contours(part: int) -> None:
     assert outcomes["cut"] and outcomes["refused without need"] <= 1, outcomes
 
 
-@pytest.mark.parametrize("count", [20, pytest.param(400, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("count", [10, pytest.param(400, marks=pytest.mark.slow)])
 def test_a_contour_that_crosses_itself_on_purpose_is_cut_along_each_of_its_lines(count: int) -> None:
     print(f"seed {seed.SEED}")
     rng, cut = random.Random(seed.SEED), 0

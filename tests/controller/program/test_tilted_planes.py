@@ -204,8 +204,8 @@ def _assert_reached(case: Case, steps: list[Step], head: int) -> None:
 @pytest.mark.parametrize("dialect", DIALECTS)
 @pytest.mark.parametrize("name", SHIPPED)
 def test_tool_and_tip_are_where_matrices_put_them(name: str, dialect: str) -> None:
-    reached = [judged(name, dialect, number, number % 4 == 0) for number in range(20)]
-    assert sum(reached) > 6
+    reached = [judged(name, dialect, number, number % 4 == 0) for number in range(12)]
+    assert sum(reached) > 3
 
 
 @pytest.mark.slow

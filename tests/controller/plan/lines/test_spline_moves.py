@@ -63,7 +63,9 @@ CUSPS = {
 
 @pytest.mark.parametrize("text", CUSPS.values(), ids=CUSPS)
 def test_where_a_curve_turns_back_on_the_spot_the_limits_hold(text: str) -> None:
-    done = cut(f"G21 G90 G54 G61 G17\nG0 X0 Y0 Z40\nF3000\n{text}\nM30\n", shipped(spindle=None))
+    done = cut(
+        f"G21 G90 G54 G61 G17\nG0 X0 Y0 Z40\nF3000\n{text}\nM30\n", shipped(spindle=None, period_s=0.004)
+    )
     velocity, acceleration, jerk = largest(done.joints, done.machine)
     assert velocity < VELOCITY and acceleration < ACCELERATION and jerk < JERK
     assert off_the_plan(done, np.arange(0, len(done.joints), 7)) < 1e-6

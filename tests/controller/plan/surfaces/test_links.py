@@ -159,7 +159,7 @@ def test_random_surfaces_one_behind_the_other(seed: int) -> None:
     way = first[1][3] - first[1][2]
     by = rng.uniform(2.0, 7.0) * way / np.linalg.norm(way) + rng.uniform(-0.5, 0.5, 3) * (1.0, 1.0, 0.0)
     pairs = [first, moved(second, by)]
-    done, led = (cut(text(pairs, 600.0), replace(shipped(), link_mm=most)) for most in (LINK_MM, 0.0))
+    done, led = (cut(text(pairs, 600.0), shipped(link_mm=most, period_s=0.004)) for most in (LINK_MM, 0.0))
     assert done.run.result == "completed"
     assert_in_limits(done, seed)
     link = [i for i, stretch in done.stretches.items() if stretch.name == "link"]
