@@ -20,6 +20,7 @@ from controller.service.service import Service
 from controller.state.modes import Mode
 
 DOOR = "door"
+AT_ONCE = ("status", "alarms", "hold", "resume", "jog", "jog_stop", "override", "spindle", "stop", "estop")
 
 
 class Noted:
@@ -82,6 +83,19 @@ def at_the_door(desk: CommandHandlers, verb: str, args: dict[str, Any]) -> None:
     assert answers, f"{verb}: the door waits, or has failed"
     if isinstance(answers[0], Future):
         answers[0].exception(HANGS_S)
+
+
+@pytest.mark.parametrize("mode", [Mode.READY, Mode.HOLD])
+def test_what_must_not_wait_is_done_while_others_have_both_locks(
+    mode: Mode, noted: tuple[CommandHandlers, Service, Taken]
+) -> None:
+    desk, service, _ = noted
+    engine: FakeEngine = engine_of(service)
+    with service.set_up.lock, service.run.lock:
+        for verb in AT_ONCE:
+            engine.now = engine.now._replace(mode=mode)
+            for args in ARGUMENTS.get(verb, ({},)):
+                at_the_door(desk, verb, args)
 
 
 @pytest.mark.slow  # every command in four modes; some wait for a tick that is only made up
