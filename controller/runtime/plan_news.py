@@ -1,4 +1,4 @@
-"""What the plan's process tells while it works: where it is with the path, and how long the rest takes."""
+"""What the plan's process reports while it works: where it is with the path, and how long the rest takes."""
 
 from __future__ import annotations
 
@@ -37,9 +37,9 @@ class PathNotes:
         # By identity of a stretch: with which tool it is moved, and of which lines it is.
         self._known: dict[int, tuple[int | None, tuple[LinePart, ...]]] = {}
         self._heard: deque[Aside] = deque()  # messages and settings that no motion has come to
-        self._changes: dict[int, tuple[int, ...]] = {}  # to which tools, by line; until it is told
-        self._marks: list[Changing] = []  # of a tool changer, until they are told
-        self._said: list[Announcement] = []  # until it is told
+        self._changes: dict[int, tuple[int, ...]] = {}  # to which tools, by line; until it is reported
+        self._marks: list[Changing] = []  # of a tool changer, until they are reported
+        self._said: list[Announcement] = []  # until it is reported
 
     def hear(self, block: Block) -> None:
         """What is said and set aside of motions is noted."""
@@ -111,7 +111,7 @@ class PathNotes:
         self.in_force = InForce()
         return self.in_force
 
-    # -- until it is told
+    # -- until it is reported
 
     @property
     def has_news(self) -> bool:
@@ -122,7 +122,7 @@ class PathNotes:
         """As fields of ``News``, each once."""
         fresh = {"changes": self._changes, "messages": tuple(self._said), "marks": tuple(self._marks)}
         self._changes, self._said, self._marks = {}, [], []
-        while len(self._known) > MAX_KNOWN:  # of stretches that were told long ago
+        while len(self._known) > MAX_KNOWN:  # of stretches that were reported long ago
             del self._known[next(iter(self._known))]
         return fresh
 
@@ -136,38 +136,38 @@ class PathNotes:
         return Way(*shown, motion.end, arc, stretch.feed_steps, lines)
 
 
-class Teller:
+class Reporter:
     """To the parent: what is new, and nothing twice."""
 
     def __init__(self, parent: connections.Connection) -> None:
         self._parent = parent
-        self._told = News()
+        self._last = News()
         self._turns: list[Turn] = []
 
     def begin(self) -> None:
         """Another path is armed."""
         self._turns.clear()
-        self._told = News(finished=False)
+        self._last = News(finished=False)
 
     def note(self, turn: Turn) -> None:
-        """Told with what is told next."""
+        """Reported with what is reported next."""
         self._turns.append(turn)
 
-    def tell_turn(self, turn: Turn) -> None:
+    def report_turn(self, turn: Turn) -> None:
         """Before its message goes out: whatever the tick takes can then be planned again."""
-        self._parent.send(replace(self._told, turns=(*self._turns, turn)))
+        self._parent.send(replace(self._last, turns=(*self._turns, turn)))
         self._turns.clear()
 
-    def tell_progress(self, share: float | None, planner: Planner, notes: PathNotes) -> None:
+    def report_progress(self, share: float | None, planner: Planner, notes: PathNotes) -> None:
         """Of a check."""
-        self.tell(replace(self._told, checking=share), planner, notes)
+        self.report(replace(self._last, checking=share), planner, notes)
 
-    def tell(self, news: News, planner: Planner, notes: PathNotes) -> None:
+    def report(self, news: News, planner: Planner, notes: PathNotes) -> None:
         """``news`` with turns, ways, touches and notes, where any of it is new."""
         fresh, touches = planner.fresh, planner.touches
-        if news == self._told and not (self._turns or fresh or touches or notes.has_news):
+        if news == self._last and not (self._turns or fresh or touches or notes.has_news):
             return
-        self._told = news
+        self._last = news
         ways = {name: notes.way(stretch) for name, stretch in fresh.items()}
         turns, found = tuple(self._turns), tuple(touches)
         self._parent.send(replace(news, ways=ways, turns=turns, touches=found, **notes.taken()))
@@ -177,12 +177,12 @@ class Teller:
 
 
 class Foreseen:
-    """The foresight of what was armed; told when it is over, on the way each time it is twice as long."""
+    """The foresight of what was armed; reported when it is over, on the way each time it is twice as long."""
 
     def __init__(self) -> None:
         self._foresight: Foresight | None = None
         self._steps = 0  # since it was begun anew
-        self._told = 0  # of them
+        self._reported = 0  # of them
         self._begun: object = None
 
     def drop(self) -> None:
@@ -191,10 +191,10 @@ class Foreseen:
 
     def begin(self, foresight: Foresight) -> None:
         """Another path is armed."""
-        self._foresight, self._begun, self._steps, self._told = foresight, None, 0, 0
+        self._foresight, self._begun, self._steps, self._reported = foresight, None, 0, 0
 
     def look(self, planner: Planner, now: Snapshot) -> Timetable | None:
-        """One step more, while the queue lasts; the timetable where it is to be told.
+        """One step more, while the queue lasts; the timetable where it is to be reported.
 
         It moves nothing: no mistake of ours in it may end the plan of a machine in a cut.
         """
@@ -212,9 +212,9 @@ class Foreseen:
         if not foresight.look(planner.ahead, now):
             return None
         if foresight.begun is not self._begun:
-            self._begun, self._steps, self._told = foresight.begun, 0, 0
+            self._begun, self._steps, self._reported = foresight.begun, 0, 0
         self._steps += 1
-        if not foresight.over and self._steps < 2 * self._told:
+        if not foresight.over and self._steps < 2 * self._reported:
             return None
-        self._told = self._steps
+        self._reported = self._steps
         return foresight.timetable

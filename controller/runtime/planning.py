@@ -29,7 +29,7 @@ from controller.program.program import ProgramError
 from controller.runtime import children, cores, starts
 from controller.runtime.plan_end import EXPECTED, PLAN_TURN_S, REST_TURN_S, PlanEnd
 from controller.runtime.plan_messages import Answer, Awaited, News, Order, Program, Turn
-from controller.runtime.plan_news import Foreseen, PathNotes, Teller
+from controller.runtime.plan_news import Foreseen, PathNotes, Reporter
 from controller.runtime.program_checks import UNCHECKED, ProgramChecks, found, start_of
 from controller.runtime.startup import SessionError
 from controller.state.modes import Mode
@@ -68,13 +68,13 @@ class Planning:
         self._end, self._parent = end, parent
         self._asked = select.poll()  # a connection of its own makes a selector with every look
         self._asked.register(parent.fileno(), select.POLLIN)
-        self._teller, self._foreseen, self._notes = Teller(parent), Foreseen(), PathNotes(machine)
+        self._reporter, self._foreseen, self._notes = Reporter(parent), Foreseen(), PathNotes(machine)
         self._checks = ProgramChecks(
             end,
             folder,
             self._look,
             lambda block: self._notes.hear(block),
-            lambda share: self._teller.tell_progress(share, end.planner, self._notes),
+            lambda share: self._reporter.report_progress(share, end.planner, self._notes),
         )
         self._awaited: Awaited | None = None
         self._facts: dict[str, Any] = {}  # of what is being armed
@@ -155,7 +155,7 @@ class Planning:
     def _arm(self, order: Order) -> None:
         """From where the machine stands; answered when the first piece has been taken."""
         program = _program(order)
-        kept, task = None if program.unchecked else self._checks.kept(program), self._checks.task(program)
+        kept, task = None if program.unchecked else self._checks.stored(program), self._checks.task(program)
         now = self._end.snapshot()
         start = start_of(program, now)
         self._notes = PathNotes(program.machine)
@@ -168,7 +168,7 @@ class Planning:
         self._end.load(self._notes.watched(items, program.spot), now)
         track = self._end.planner.ahead.track
         self._foreseen.begin(Foresight(track, once_more, program.machine, task.kinematics))
-        self._teller.begin()
+        self._reporter.begin()
         known = UNCHECKED if kept is None else found(kept)
         self._facts = {name: known[name] for name in ("duration_s", "blocks", "marks", "events")}
         self._facts["start"] = start
@@ -186,7 +186,7 @@ class Planning:
     def _beside(self, order: Order) -> dict[str, Any]:
         """How far off the path the drives came to rest by themselves."""
         program, now = _program(order), self._end.snapshot()
-        rest = self._checks.rest(program, self._checks.kept(program))
+        rest = self._checks.rest(program, self._checks.stored(program))
         off = beside(rest, now.actual, kinematics_of(program.machine))
         return {"said": said("beside", **asdict(off)) if off is not None else None}
 
@@ -197,7 +197,7 @@ class Planning:
             task = self._checks.task(order.program)
             fitted = starts.back(task, order.tool).fitted
             reentry.see_free(now.joints, 0.0, fitted, task.kinematics)
-        self._teller.note(Turn(now.tick, order.distance_mm, "retract"))
+        self._reporter.note(Turn(now.tick, order.distance_mm, "retract"))
         self._end.planner.retract(now, order.distance_mm)
         self._await_taken(order, now)
 
@@ -213,7 +213,7 @@ class Planning:
         else:
             back = Back()
         now = self._end.snapshot()
-        self._teller.note(Turn(now.tick, float(order.tool), "return", refitted))
+        self._reporter.note(Turn(now.tick, float(order.tool), "return", refitted))
         planner.go_back(now, back)
         if order.program is not None:
             self._fitted = order.program.machine
@@ -222,7 +222,7 @@ class Planning:
     def _with_other_tool(self, program: Program, spot: Spot) -> Rest:
         """The rest as the new tool cuts it."""
         program = replace(program, spot=Spot(spot.line, spot.fraction, FORMER))
-        kept = self._checks.kept(program)
+        kept = self._checks.stored(program)
         rest = self._checks.rest(program, kept, self._notes.note_modal_anew())
         return replace(rest, items=self._notes.lines_noted(rest.items, rest.spot.fraction))
 
@@ -237,17 +237,17 @@ class Planning:
         """The planner acts on the newest snapshot, and what is new is told; True: there is nothing to do."""
         now, planner = self._end.snapshot(), self._end.planner
         before, turn = planner.marks, Turn(now.tick, planner.lead_s)
-        self._end.before_message = lambda: self._teller.tell_turn(turn)
+        self._end.before_message = lambda: self._reporter.report_turn(turn)
         sent = planner.work(now)
         if not sent and planner.marks != before:
-            self._teller.note(turn)
+            self._reporter.note(turn)
         self._end.flush()
         if self._awaited is not None:
             self._see_taken(self._awaited, now)
         news = self._news(now)
         if not sent:
             news = replace(news, timetable=self._foreseen.look(planner, now))
-        self._teller.tell(news, planner, self._notes)
+        self._reporter.report(news, planner, self._notes)
         return planner.finished and self._awaited is None and now.mode in (Mode.OFF, Mode.READY)
 
     def _see_taken(self, awaited: Awaited, now: Snapshot) -> None:

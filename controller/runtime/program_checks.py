@@ -26,7 +26,7 @@ from controller.runtime.starts import Start
 
 PROGRESS_S = 0.1
 MAX_NOTES = 100  # every status has them; all of them stand with the check
-# What is told of a program that nobody has looked at as a whole.
+# What is reported of a program that nobody has looked at as a whole.
 UNCHECKED: dict[str, Any] = {
     **dict.fromkeys(("duration_s", "blocks", "verdict", "timetable")),
     **{"restart": [], "notes": [], "marks": (), "events": (), "passed_s": 0.0},
@@ -49,13 +49,13 @@ class ProgramChecks:
         """
         self._end, self._folder, self._look, self._hear, self._progress = end, folder, look, hear, progress
         self._text = b""  # of the program that was checked or armed last
-        self._told_s = 0.0
+        self._reported_s = 0.0
 
     def check(self, program: Program) -> dict[str, Any]:
-        """What there is to be told of it. Raises ProgramError."""
+        """What there is to be reported of it. Raises ProgramError."""
         if program.unchecked:
             return dict(UNCHECKED)
-        kept = self.kept(program)
+        kept = self.stored(program)
         rest = self.rest(program, kept) if program.spot is not None else None
         here = place_of(rest.what, rest.order, rest.spot.fraction, rest.spot.s) if rest else None
         return {
@@ -64,7 +64,7 @@ class ProgramChecks:
             "timetable": self._timetable_from_here(program, kept),
             "restart": entry_state.told(rest) if rest else [],
             "notes": [note.facts for note in kept.notes[:MAX_NOTES]],
-            "verdict": checked.verdict_of(kept, most=0),  # the job is told many times a second
+            "verdict": checked.verdict_of(kept, most=0),  # the job is reported many times a second
         }
 
     def _timetable_from_here(self, program: Program, kept: Stored) -> Timetable | None:
@@ -103,7 +103,7 @@ class ProgramChecks:
         self._look()
         self._hear(block)
 
-    def kept(self, program: Program) -> Stored:
+    def stored(self, program: Program) -> Stored:
         """Its check. Raises ProgramError."""
         task = self.task(program)
         kept, _ = checked.find(task, self._folder)
@@ -118,8 +118,8 @@ class ProgramChecks:
 
     def _checked(self, share: float) -> None:
         now_s = time.monotonic()
-        if now_s - self._told_s >= PROGRESS_S:
-            self._told_s = now_s
+        if now_s - self._reported_s >= PROGRESS_S:
+            self._reported_s = now_s
             self._progress(min(share, 1.0))
 
     def rest(self, program: Program, kept: Stored, in_force: InForce | None = None) -> Rest:

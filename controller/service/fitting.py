@@ -81,7 +81,7 @@ def forget(service: Service, values: Values) -> Values:
         except KeyError:
             raise refused("not_set_here", code="bad", name=name) from None
         service.set_up.fit(service.set_up.applied(left), left)
-    return service.set_up.told()
+    return service.set_up.to_json()
 
 
 @contextlib.contextmanager
@@ -113,7 +113,7 @@ def _fit(
             values = {**(values if isinstance(values, dict) else {"origin_mm": values}), **rotary}
         fitted = set_up.fitted
         set_up.fit(machine, {**fitted, what: {**fitted.get(what, {}), key: values}})
-    return set_up.told()
+    return set_up.to_json()
 
 
 def _may_fit(service: Service, what: str, now: Snapshot) -> bool:

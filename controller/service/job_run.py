@@ -89,7 +89,7 @@ class JobRun:
         self.ended_early = None
 
     def arm(self, job: Job) -> None:
-        """What the plan tells from now on is of this job."""
+        """What the plan reports from now on is of this job."""
         service, engine = self._service, self._service.engine
         with self.lock:
             now = engine.snapshot()
@@ -148,7 +148,7 @@ class JobRun:
             self.recorder.end(result, job.duration_s, why or early)
             service.usage.ended(result == "completed" and not job.is_mdi)
             service.troubles.run_over()
-            # Last of all: who is told that it has ended may do at once what a run forbids.
+            # Last of all: who hears that it has ended may do at once what a run forbids.
             job.become(result, why)
         service.writer.submit(service.durations.save)
 

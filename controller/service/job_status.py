@@ -11,7 +11,7 @@ from controller.service.jobs import INTERRUPTED, MDI, Job
 from controller.service.journal import Entry
 from controller.service.time_left import Left
 
-MAX_TYPED = 1000  # bytes of a line typed by hand that are told
+MAX_TYPED = 1000  # bytes of a line typed by hand that are shown
 
 
 def to_dict(job: Job, now: Snapshot) -> dict[str, Any]:
@@ -78,7 +78,7 @@ def ended_early(job: Job, result: str, why: Said | None) -> Said | None:
 
 
 def _typed(job: Job) -> str | None:
-    """A line typed by hand is in no store, and told here."""
+    """A line typed by hand is in no store, and shown here."""
     if not job.is_mdi:
         return None
     return bytes(linked.parts(job.program.text)[0][:MAX_TYPED]).decode(errors="replace")

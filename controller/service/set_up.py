@@ -56,7 +56,7 @@ class SetUp:
         """Of the tool table as it is now."""
         return [tool.number for tool in self.machine.tools]
 
-    def told(self) -> dict[str, Any]:
+    def to_json(self) -> dict[str, Any]:
         """Offsets and tools as they are, and which of them were set here."""
         return setup_data.told(*self._fitted)
 

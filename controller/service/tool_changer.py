@@ -90,7 +90,7 @@ class _StepTime:
         """A step begins."""
         self._seen_tick, self._ran, self._told = now.tick, 0, False
 
-    def tell_again(self) -> None:
+    def report_again(self) -> None:
         """An operator lets it go on."""
         self._told = False
 
@@ -173,7 +173,7 @@ class Whereabouts:
         to = pocket if away else SPINDLE
         self._store.begin(Step(mark.tool_out, mark.tool_in, mark.step, step.name, carries, to))
 
-    def told(self, mark: Changing | None) -> dict[str, Any]:
+    def to_json(self, mark: Changing | None) -> dict[str, Any]:
         """For status, page and command line; ``mark``: of the change under way."""
         store, step, changer, unsure = self._store, self._store.step, self._changer(), self.unsure
         places = store.places if store.known else {}
@@ -224,7 +224,7 @@ class ToolChanger:
         """A run begins."""
         self._stops = _Stops()
         self._resume.forget()
-        self._time.tell_again()
+        self._time.report_again()
         self._now, self._keeps, self._worn_at, self._waits = None, False, None, False
         self.beside.end()
 
@@ -272,7 +272,7 @@ class ToolChanger:
     def resume(self, now: Snapshot) -> None:
         """The operator's RESUME in a hold, which goes out here or with the next look."""
         self._keeps = False
-        self._time.tell_again()
+        self._time.report_again()
         if self._stops.at(now) is None:
             self._resume.ask(now)
 
@@ -371,7 +371,7 @@ class ToolChanger:
     def told(self) -> dict[str, Any]:
         """For status, page and command line."""
         return {
-            **self.whereabouts.told(self._now),
+            **self.whereabouts.to_json(self._now),
             "held": self._keeps and (self._now is not None or self._worn_at is not None),
             **self.beside.told(),
             "doubt": self.doubt,

@@ -39,7 +39,7 @@ class Watch:
         service, lock, engine = self._service, self._run.lock, self._service.engine
         if not lock.acquire(timeout=POLL_S):  # a tick is being started: that takes long
             return engine.snapshot()
-        try:  # a tick that is gone is followed by another only when all of it was told
+        try:  # a tick that is gone is followed by another only when all of it was reported
             now = engine.snapshot()  # not before: what is concluded would be of a tick that is gone
             if now is None:
                 return None
@@ -64,7 +64,7 @@ class Watch:
 
     @contextmanager
     def between_ticks(self) -> Iterator[None]:
-        """While the block puts another tick in the place of the last, of which all is told before."""
+        """While the block puts another tick in the place of the last, of which all is reported before."""
         with self._run.lock:
             if (last := self._service.engine.snapshot()) is not None:
                 self._see_deaths(last)  # nobody may have drawn conclusions yet
@@ -99,7 +99,7 @@ class Watch:
             self._service.engine.request(request)
 
     def _feel_pulse(self, now: Snapshot) -> None:
-        """A tick that stands is told once, as soon as it is seen."""
+        """A tick that stands is reported once, as soon as it is seen."""
         if self._service.processes.pulse.stands_now(now.tick):
             stands = said("tick_stands", seconds=STANDS_S)
             self._service.alarms.add("TICK_STANDS", stands, **alarms.where(now))
@@ -131,7 +131,7 @@ class Watch:
         if job is None or record is None or not service.engine.tick_alive:
             return
         if now.tick < job.armed_tick:
-            return  # it took long to tell a fault, and meanwhile somebody has begun anew
+            return  # it took long to report a fault, and meanwhile somebody has begun anew
         if now.mode is Mode.FAULT:
             if now.at_rest or now.stopping is False:
                 run.lay(job, job.announced.say(now), now)

@@ -75,7 +75,7 @@ def _of_hung(seconds: float) -> Values:
 def facts(service: Service) -> Values:
     """What does not change while the service runs, and what is fitted."""
     return {
-        **machine_status.facts(service.engine.machine, service.set_up.told()),
+        **machine_status.facts(service.engine.machine, service.set_up.to_json()),
         "state": str(service.state),
         "pids": service.engine.pids,
     }

@@ -102,10 +102,10 @@ def test_a_program_of_which_much_is_to_be_noted_leaves_room_for_the_status(
     bench: Bench, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     program = Program(TEXT.encode(), "part.ngc", bench.machine)
-    kept = bench.planning._checks.kept(program)
+    kept = bench.planning._checks.stored(program)
     long = said("row.departs", line=99999, why=said("row.turns", turn=1 / 3, mm=1 / 3, degrees=1 / 3))
     much = replace(kept, notes=(Note(Place(1, 1), long),) * 5000)
-    monkeypatch.setattr(bench.planning._checks, "kept", lambda _: much)
+    monkeypatch.setattr(bench.planning._checks, "stored", lambda _: much)
     assert len(control_socket.packed(bench.order("check", program=program).facts)) < control_socket.MAX_BYTES
 
 
