@@ -220,7 +220,63 @@ class JointFacts(Told):
     actual: Number = Field(None, description="Where the drive says that it is, as machine.")
     error: Number = None
     homed: bool | None = None
-    limit: Any = None
+    limit: str | None = Field(None, description="The end of the travel at which it stands: + or -.")
+
+
+class TableFacts(Told):
+    """Of the tool in the spindle, seen from the table with its rotaries at zero."""
+
+    tip: list[float] | None = None
+    axis: list[float] | None = None
+    length_mm: Number = None
+
+
+class MotionFacts(Told):
+    what: str | None = Field(None, description="Of its kind: line, arc, cut, lead in ...")
+    fraction: Number = Field(None, description="So much of it is done.")
+    u: Number = Field(None, description="Along the surface that is cut.")
+
+
+class CoolantFacts(Told):
+    mist: bool | None = None
+    flood: bool | None = None
+
+
+class NoticeFacts(Told, Texts):
+    name: str
+
+
+class ToolChangeFacts(Told, Texts):
+    number: int = Field(
+        description="Of the tool that is to be put in; 0: the one that is in is to be taken out."
+    )
+
+
+class SequenceFacts(Told, Texts):
+    """Work that takes some time: homing, a load, a start ...; the texts say why it failed."""
+
+    name: str
+    state: str = Field(description="running, done or failed.")
+
+
+class PocketFacts(Told):
+    pocket: int
+    tool: int | None = Field(None, description="Whose it is.")
+    here: bool | None = Field(None, description="The tool is in it; null: not known, or nobody's.")
+
+
+class ChangerFacts(Told):
+    """Where the tools of a changer are, and what it does."""
+
+    spindle: int | None = Field(None, description="The tool in it, 0 = none; null: not known.")
+    pockets: list[PocketFacts] = []
+    away: list[int] = Field([], description="Tools out of the machine.")
+    unsure: list[int] = Field([], description="Tools of which nobody knows where they are.")
+    step: dict[str, Any] | None = Field(None, description="Of the change under way, or that was broken off.")
+    held: bool = Field(False, description="A change stands between two steps, and goes on by resume.")
+    preparing: dict[str, Any] | None = Field(None, description="The pocket that is brought to the front.")
+    ready: int | None = Field(None, description="The tool whose pocket is at the front.")
+    doubt: Texts | None = Field(None, description="Why a change is refused until somebody confirms.")
 
 
 class Status(OfTick, Told):
@@ -234,7 +290,7 @@ class Status(OfTick, Told):
     )
     tick_alive: bool | None = Field(None, description="Whether the tick's process is there.")
     plan_alive: bool | None = None
-    not_homed: Any = None
+    not_homed: list[str] | None = Field(None, description="Axes that are not, or whose place is not trusted.")
     control: str | None = Field(None, description="Who holds the control token; null: nobody.")
     fault: FaultFacts | None = None
     job: JobFacts | None = None
@@ -259,30 +315,36 @@ class Status(OfTick, Told):
     retract_room_mm: Number = Field(
         None, description="So far the tool can go off along its axis from here; null: not now."
     )
-    tip: Any = Field(None, description="Of the tool in the spindle, in the part frame that is in force.")
-    axis: Any = None
-    on_table: Any = Field(None, description="Tip and axis seen from the table with its rotaries at zero.")
-    limited_by: Any = Field(
+    tip: dict[str, Number] | None = Field(
+        None, description="X Y Z of the tool in the spindle, in the part frame that is in force."
+    )
+    axis: dict[str, Number] | None = Field(None, description="Its axis there, I J K.")
+    on_table: TableFacts | None = None
+    limited_by: str | None = Field(
         None, description="What holds the feed down now: feed, corner ... or an axis and its limit."
     )
-    in_block: Any = Field(None, description="What the motion is, the share of it that is done, and u.")
-    codes: Any = Field(
+    in_block: MotionFacts | None = Field(None, description="The motion under way, or the last of a run.")
+    codes: list[str] | None = Field(
         None,
         description="What is in force, one code of each group, and T H D F S: G1, G17, G21, G90 ... T1, F200",
     )
-    coolant: Any = None
-    inputs: Any = None
-    outputs: Any = None
-    analogue_outputs: Any = Field(None, description="Their values by name, as M67 and M68 said them.")
+    coolant: CoolantFacts | None = None
+    inputs: dict[str, bool | None] | None = Field(None, description="By their names.")
+    outputs: dict[str, bool | None] | None = None
+    analogue_outputs: dict[str, Number] | None = Field(
+        None, description="Their values by name, as M67 and M68 said them."
+    )
     drives: list[DriveFacts] = []
     commissioned: bool | None = Field(None, description="The drives' settings were written and read back.")
     tool: int | None = Field(None, description="In the spindle; null: not known.")
-    notices: Any = Field(None, description="What forbids motion, and what stopped nothing, as sentences.")
-    tool_change: Any = Field(None, description="The tool that the program waits for: number, sentence.")
+    notices: list[NoticeFacts] | None = Field(
+        None, description="What forbids motion, and what stopped nothing, as sentences."
+    )
+    tool_change: ToolChangeFacts | None = Field(None, description="The tool that the program waits for.")
     change: Texts | None = Field(None, description="The tool change under way: tools and step, in words.")
-    changer: Any = Field(None, description="Where the changer's tools are; null: tools are changed by hand.")
-    jogging: Any = None
-    sequence: Any = None
+    changer: ChangerFacts | None = Field(None, description="null: tools are changed by hand.")
+    jogging: bool | None = None
+    sequence: SequenceFacts | None = Field(None, description="What is, or was last, under way.")
 
 
 class SurfaceFacts(Told):

@@ -1,6 +1,7 @@
 // What the page knows, at one place: the status as it was heard last, and what all views share.
 //
 // The page is drawn from it: whoever changes it says so by ``changed``, and what is on the screen follows.
+/** @type {Record<string, any> & { status: PageStatus | null }} */
 export const dx = {
   status: null, // as GET /status has it, with ``shown``: what is wrong and under way, in words
   stale: true, // its figures are old
