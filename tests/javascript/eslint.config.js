@@ -8,7 +8,7 @@ export default [
     languageOptions: { globals: globals.browser },
     rules: {
       eqeqeq: ["error", "always", { null: "ignore" }],
-      "no-shadow": "error",
+      "no-shadow": ["error", { allow: ["ask", "lanes", "set", "take", "text", "tool", "word"] }], // as properties are called
       "no-unused-vars": ["error", { argsIgnorePattern: "^_", varsIgnorePattern: "^_" }],
       "prefer-const": "error",
     },

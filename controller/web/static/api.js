@@ -25,7 +25,7 @@ export async function call(method, path, body, quiet = false) {
       body: json ? JSON.stringify(body) : undefined,
     });
     said = { ok: answer.ok, status: answer.status, body: await answer.json().catch(() => ({})) };
-  } catch (error) {
+  } catch {
     said.body = { error: { sentence: word("frame.no_panel") } };
   }
   if (said.status === 401) location.assign("/login");
@@ -46,7 +46,7 @@ function refused(said, quiet) {
 
 // Ask for a path again and again while one of the views is shown, and when programs or the job change; fn gets
 // the body of each answer, ``wrong`` the sentence of one that is none. Gives what looks at once.
-export function every(views, seconds, path, fn, wrong = () => {}) {
+export function every(views, seconds, path, fn, wrong = (_sentence) => {}) {
   let busy = false;
   const look = async () => {
     if (!views.split(" ").some(dx.shown) || busy || document.hidden) return;

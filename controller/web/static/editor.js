@@ -66,10 +66,10 @@ async function read() {
 function picture() {
   let own = true;
   for (const line of draft.area?.above(LOOKS_UP) ?? []) {
-    const text = line.replace(/\([^)]*\)|;.*/g, "");
-    const probe = own && /^\s*o\s*<\s*probe_(\w+)\s*>\s*call/i.exec(text)?.[1].toLowerCase();
+    const source = line.replace(/\([^)]*\)|;.*/g, "");
+    const probe = own && /^\s*o\s*<\s*probe_(\w+)\s*>\s*call/i.exec(source)?.[1].toLowerCase();
     if (probe && probe !== "touch") return { code: `probe_${probe}`, path: `probing/${probe}` };
-    const codes = [...text.matchAll(/g\s*0*(\d+(?:\.\d+)?)/gi)].map(([, number]) => `G${number}`);
+    const codes = [...source.matchAll(/g\s*0*(\d+(?:\.\d+)?)/gi)].map(([, number]) => `G${number}`);
     const code = codes.find((one) => drawn.includes(one));
     if (code) return { code, path: `cycles/${code}` };
     if (codes.some((one) => ENDS_CYCLE.includes(one))) return null;

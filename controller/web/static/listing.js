@@ -22,7 +22,7 @@ async function fetched(name) {
   try {
     const answer = await fetch(`${API}programs/${encodeURIComponent(name)}/text`, { headers: headers() });
     return answer.ok ? (await answer.text()).split(/\r\n|\n|\r/) : [];
-  } catch (error) {
+  } catch {
     return []; // the panel is away; with it the figures are old
   }
 }

@@ -11,18 +11,21 @@ const AGAIN_MS = 400;
 let lastStatus = -Infinity;
 let lastTick = -Infinity; // when the machine was seen to have ticked on: never later than the last status
 let lastWord = performance.now();
-let told = {}; // the status as the machine told it
+let whole = {}; // the status as the machine told it
 
 // A copy with another value at a path; what is beside it stays the same object.
-const put = (object, [key, ...rest], value) => ({ ...object, [key]: rest.length ? put(object[key], rest, value) : value });
+function put(object, path, value) {
+  const [key, ...rest] = path;
+  return { ...object, [key]: rest.length ? put(object[key], rest, value) : value };
+}
 
 function heard(text) {
   const { event, data } = JSON.parse(text);
   lastWord = performance.now();
-  if (event === "status") return status((told = data));
+  if (event === "status") return status((whole = data));
   if (event === "changes") {
-    for (const [path, value] of Object.entries(data)) told = put(told, path.split("/"), value);
-    return status(told);
+    for (const [path, value] of Object.entries(data)) whole = put(whole, path.split("/"), value);
+    return status(whole);
   }
   if (event === "service") {
     dx.answers = data.answers;
@@ -75,8 +78,8 @@ function in_words({ fault, sequence, notices, interlock, warning, waiting, spind
 
 function age() {
   const now = performance.now();
-  const old = (since) => !dx.answers || now - since > STALE_MS;
-  const [stale, silent] = [lastTick, lastStatus].map(old);
+  const is_old = (since) => !dx.answers || now - since > STALE_MS;
+  const [stale, silent] = [lastTick, lastStatus].map(is_old);
   const turned = stale !== dx.stale;
   const other = turned || silent !== dx.silent;
   Object.assign(dx, { stale, silent });

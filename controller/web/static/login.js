@@ -16,7 +16,7 @@ function LogIn() {
       });
       if (answer.ok) location.assign("/");
       else say(sentence((await answer.json()).error));
-    } catch (error) {
+    } catch {
       say(word("frame.no_panel"));
     }
   }

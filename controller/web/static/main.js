@@ -43,6 +43,7 @@ document.addEventListener("pointerdown", (event) => {
 
 // ---- the machine file can be another one when its service comes back: then the page is made anew
 
+/** @param {Record<string, any>} facts */
 const made_of = ({ axes, buses, spindle, inputs, outputs, retract_mm, period_s }) =>
   JSON.stringify([axes, buses, spindle, inputs, outputs, retract_mm, period_s]);
 
@@ -70,7 +71,7 @@ async function begin() {
   dx.draw = draw; // not before there are words
   show(first.name);
   listen();
-  let off;
+  let off = () => {};
   await new Promise((go) => ((off = dx.on("status", go)), setTimeout(go, 1000))); // where there is no service none comes
   off();
   await Promise.all(VIEWS.map(load));

@@ -43,7 +43,7 @@ export const sequence_text = ({ name }) => word(`sequence.${name.replaceAll(" ",
 
 // A button: it asks ``call`` ("POST cycle/hold") with ``body`` when it is pressed, or does ``press``. One that
 // is off can still be reached and pressed, and then says why.
-export function Act({ text, call: asks, body, press, needs, command, modes, given, why, kind, ask: question, icon, small, keys, children, ...more }) {
+export function Act({ text, call: asks, body, press, needs, command, modes, given, why, kind, ask: question, icon, small: _small, keys, children, ...more }) {
   const rules = { needs, command, modes, given, why, takes: Boolean(question) };
   const off = reason(rules);
   async function pressed(event) {

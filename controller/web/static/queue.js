@@ -9,6 +9,7 @@ import { sentence, word as text } from "./texts.js";
 const word = (key, ...values) => text(`queue.${key}`, ...values);
 const MOST = 10000;
 const BUSY = ["loading", "starting", "running", "held", "stopping"];
+/** @type {any} */
 let told = { entries: [], next: null };
 every("programs run", 2, "queue", (body) => (told = body));
 

@@ -10,10 +10,10 @@ const AT_REST = ["OFF", "READY", "JOG", "STOPPING"]; // then a stop that is refu
 const CONFIRMED_MS = 500;
 
 // A stop that may not have come through is said at once, with what to press instead.
-async function sent(asked) {
+async function sent(request) {
   const not_sent = () => say(word("frame.not_sent"), "warn", true);
-  const late = dx.silent ? not_sent() : setTimeout(not_sent, CONFIRMED_MS);
-  const said = await asked;
+  const late = dx.silent ? (not_sent(), 0) : setTimeout(not_sent, CONFIRMED_MS);
+  const said = await request;
   clearTimeout(late);
   if (said.status === 0) not_sent();
   else if (dx.notice?.sentence === word("frame.not_sent")) say(said.ok ? word("frame.sent_late") : "", "info");

@@ -63,7 +63,7 @@ export function changed() {
 export function kept(key, otherwise) {
   try {
     return JSON.parse(localStorage.getItem(`directrix.${key}`)) ?? otherwise;
-  } catch (error) {
+  } catch {
     return otherwise;
   }
 }
@@ -71,7 +71,7 @@ export function kept(key, otherwise) {
 export function keep(key, value) {
   try {
     localStorage.setItem(`directrix.${key}`, JSON.stringify(value));
-  } catch (error) {
+  } catch {
     // it is asked for again
   }
 }

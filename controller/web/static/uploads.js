@@ -45,7 +45,7 @@ export function send(file, one, name) {
   form.append("file", file, file.name);
   const asking = new XMLHttpRequest();
   asking.open("POST", `${API}programs`);
-  for (const [name, value] of Object.entries(headers())) asking.setRequestHeader(name, value);
+  for (const header of Object.entries(headers())) asking.setRequestHeader(...header);
   asking.upload.onprogress = ({ loaded, total }) => {
     one.share = total ? loaded / total : 0;
     dx.draw();
@@ -59,7 +59,7 @@ export function send(file, one, name) {
 function refusal(asking) {
   try {
     return sentence(JSON.parse(asking.responseText).error) || word("frame.no_panel");
-  } catch (error) {
+  } catch {
     return word("frame.no_panel"); // no answer at all: the panel is gone
   }
 }

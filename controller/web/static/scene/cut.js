@@ -3,9 +3,13 @@ import { mixed, scale_um } from "../maps.js";
 import * as THREE from "../vendor/three.module.min.js";
 
 export class Cut {
+  full_um = 0;
+  tolerance_um = 0;
+  group = new THREE.Group();
+
   // ``surfaces`` of a check, those with ``rulings_mm``; drawn into ``parent``, the table's frame.
   constructor(surfaces, tolerance_um, parent) {
-    Object.assign(this, { full_um: scale_um(surfaces), tolerance_um, group: new THREE.Group() });
+    Object.assign(this, { full_um: scale_um(surfaces), tolerance_um });
     for (const one of surfaces) this.group.add(this.surface(one));
     this.group.visible = false;
     parent.add(this.group);

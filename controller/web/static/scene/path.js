@@ -8,9 +8,12 @@ const REACH_MM = 50;
 
 export class Path {
   at = 0; // the point that the tool has passed last
+  mesh = null;
+  ruled = null;
 
   constructor(shape, parent) {
-    Object.assign(this, { shape, parent, mesh: null, ruled: null });
+    this.shape = shape;
+    this.parent = parent;
     if (shape.rulings.length) this.surfaces(shape);
     const position = new THREE.BufferAttribute(new Float32Array(shape.tips.flat()), 3);
     this.ahead = this.line(position, true); // two lines over the same points

@@ -24,6 +24,7 @@ const MOVES = ["RUNNING", "HOMING", "JOG", "STOPPING"]; // then the machine is s
 
 export class MachinePicture {
   frame = "part";
+  name = ""; // of the program
   job = ""; // name and sum of the program whose path is shown
   tag = ""; // of the picture that is shown
   path = null;
@@ -173,7 +174,7 @@ export class MachinePicture {
       const said = answer.status === 304 ? null : await answer.json();
       if (said && job === this.job) this.show(answer, said); // else another one was loaded meanwhile
       else if (this.path && !this.cut) this.ask_cut();
-    } catch (error) {
+    } catch {
       // the panel is away; it is asked again
     } finally {
       if (this.asking === job) this.asking = "";

@@ -16,7 +16,7 @@ const COLUMNS = ["axis", "node d-node", "state", "mode d-mode", "target figures 
 // Of the tick's own values these have their form; what else the live state declares as tick.* is shown as it is,
 // under its text or else its name.
 const FORMS = { period_ms: ["period", forms.ms], late_max_ms: ["late_max", forms.ms], skips: ["skips", forms.int] };
-const tick_rows = ({ number, age_s, ...tick }) =>
+const tick_rows = ({ number: _number = 0, age_s: _age_s = 0, ...tick }) =>
   Object.entries({ period_ms: undefined, late_max_ms: undefined, skips: undefined, ...tick }).map(([name, value]) =>
     name in FORMS ? [word(FORMS[name][0]), FORMS[name][1](value)] : [known(`drives.${name}`, name), String(value)]);
 
@@ -77,13 +77,13 @@ function Bus({ bus, limits: { max_share: most, near_share: near } }) {
     <span class="dim">${word(key)}</span>
     <${Meter} label=${`${word(key)} ${percent(share)}`} share=${share} most=${most} tone=${typeof share !== "number" ? "" : share > most ? "stop" : share > near ? "hold" : "go"} />
     <${Figure}>${percent(share)}<//>`;
-  const known = typeof bus.transmit_errors === "number";
+  const counted = typeof bus.transmit_errors === "number";
   return html`<div class="bus">
     <div class="row spread"><strong>${bus.name}</strong>
       <span class="dim">${bus.interface} · ${bus.bit_rate ? `${bus.bit_rate / 1000} kbit/s` : word("untimed")}</span></div>
     <div class="meters">${row("budget", bus.budget_share)}${row("fullest", bus.fullest_share)}${row("measured", bus.measured_share)}</div>
     <div class="row spread"><span class="dim">${bus.frames_per_s} ${word("frames")}</span>
-      <span class=${bus.error_frames ? "wrong" : "dim"}>${bus.error_frames} ${word("error_frames")}${known && `  TEC ${bus.transmit_errors}  REC ${bus.receive_errors}`}</span>
+      <span class=${bus.error_frames ? "wrong" : "dim"}>${bus.error_frames} ${word("error_frames")}${counted && `  TEC ${bus.transmit_errors}  REC ${bus.receive_errors}`}</span>
       </div>
   </div>`;
 }

@@ -97,9 +97,9 @@ function Keyboard() {
 function Macros() {
   const { macros = [] } = dx.facts;
   if (!macros.length) return null;
-  const role = ({ role }) => (role === "set_up" ? { given: dx.user?.role === "set_up", why: "why.set_up" } : {});
+  const may = ({ role }) => (role === "set_up" ? { given: dx.user?.role === "set_up", why: "why.set_up" } : {});
   const lines = (macro) => macro.lines.join("\n");
-  return html`<div class="macros" role="group" aria-label=${word("macros")}>${macros.map((macro) => html`<${Act} key=${macro.name} text=${macro.name} data-macro=${macro.name} title=${lines(macro)} command="mdi" ...${role(macro)}
+  return html`<div class="macros" role="group" aria-label=${word("macros")}>${macros.map((macro) => html`<${Act} key=${macro.name} text=${macro.name} data-macro=${macro.name} title=${lines(macro)} command="mdi" ...${may(macro)}
     ask=${`${word("macro_ask", macro.name)}\n${lines(macro)}`} call=${`POST macros/${encodeURIComponent(macro.name)}`} />`)}</div>`;
 }
 
@@ -125,7 +125,7 @@ function Mdi() {
     if (said.ok) field.current.value = "";
   }
 
-  function typed(event) {
+  function recall(event) {
     const { value, selectionStart } = event.target;
     const above = value.slice(0, selectionStart).includes("\n"); // then the key moves within the text
     if (event.key === "Enter" && !event.shiftKey) {
@@ -145,7 +145,7 @@ function Mdi() {
     <${Codes} />
     <${Macros} />
     <form class="mdi" id="mdi" autocomplete="off" onsubmit=${(event) => event.preventDefault()}>
-      <textarea id="mdi-text" rows="2" maxlength="1000" spellcheck=${false} aria-label=${word("mdi")} placeholder="G0 X10." ref=${field} onkeydown=${typed}>
+      <textarea id="mdi-text" rows="2" maxlength="1000" spellcheck=${false} aria-label=${word("mdi")} placeholder="G0 X10." ref=${field} onkeydown=${recall}>
         </textarea>
       <${Act} id="mdi-run" text=${word("run")} kind="go" icon="play" ...${rules} press=${run} />
     </form>

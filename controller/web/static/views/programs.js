@@ -181,7 +181,8 @@ function Detail({ one }) {
     ${check.state === "passed" && html`<${Places} name=${one.name} lines=${one.lines} />`}`;
 }
 
-function Acts({ one, one: { name } }) {
+function Acts({ one }) {
+  const { name } = one;
   const path = path_of(name);
   async function rename() {
     const other = (await ask_for(word("rename_ask", name), "programs.rename", name, { maxlength: 200 }))?.trim();

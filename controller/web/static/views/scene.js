@@ -27,7 +27,7 @@ async function come(place) {
     picture.show_in(place, wrong);
     window.dxScene = shown.picture = picture;
     dx.draw();
-  } catch (error) {
+  } catch {
     wrong(word("no_gl"));
   }
 }

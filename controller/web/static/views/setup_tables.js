@@ -19,8 +19,8 @@ export const figure = (v) => (typeof v === "number" ? String(Number(v.toFixed(6)
 export const number = (typed) => (typed.trim() ? Number(typed.trim().replace(",", ".").replace("−", "-")) : NaN);
 const same = (name, a, b) => a === b || (name !== "name" && number(a) === number(b));
 
-async function ask_number(sentence, start) {
-  const given = await ask_for(sentence, "setup.set", start, { inputmode: "decimal" });
+async function ask_number(question, start) {
+  const given = await ask_for(question, "setup.set", start, { inputmode: "decimal" });
   if (given === null) return null;
   const value = number(given);
   return Number.isFinite(value) ? value : (say(word("number"), "warn"), null);
@@ -70,7 +70,8 @@ const of_offset = (values, field) => (field[0] === "r" ? (values.turned_deg ?? [
 const offset_body = (all) => ({ origin_mm: [all.X, all.Y, all.Z], turned_deg: [all.rX, all.rY, all.rZ] });
 
 // The tip is that of the tool in the spindle, whichever is picked.
-function tip({ tool: number_, on_table } = {}) {
+function tip(status) {
+  const { tool: number_, on_table } = status ?? {};
   const at = (on_table?.tip ?? []).map((v, i) => `${"XYZ"[i]} ${forms.mm(v)}`);
   return [number_ ? `T${number_}:` : "", ...at].join("   ").trim() || "–";
 }
@@ -79,7 +80,7 @@ export function Offsets() {
   const pick = (number_) => ((tool = Number(number_)), dx.draw());
   return html`
     <div class="row">
-      <span class="dim">${word("tip")}</span><span class="figures strong" id="setup-tip">${tip(dx.status ?? {})}</span>
+      <span class="dim">${word("tip")}</span><span class="figures strong" id="setup-tip">${tip(dx.status)}</span>
       <label class="row dim"><span>${word("touch_by")}</span>
         <${Select} id="setup-tool" options=${tools().map(([n]) => n)} text=${(n) => `T${n} ${told.tools[n].name ?? ""}`} value=${String(tool)} choose=${pick} /></label>
     </div>
@@ -114,9 +115,9 @@ async function forget_set(name) {
 
 // Which figure is set, it shows: in inches where figures are, of rotaries always degrees. What is typed goes as it
 // is, for the service does the arithmetic.
-async function ask_figure(sentence, axis) {
+async function ask_figure(question, axis) {
   const inch = dx.inch && "XYZ".includes(axis);
-  const typed = await ask_for(sentence, "setup.set", "0", { inputmode: "text" });
+  const typed = await ask_for(question, "setup.set", "0", { inputmode: "text" });
   if (typed === null || !inch) return typed;
   const more = typed.trim().startsWith("+") ? "+" : "";
   return `${more}(${typed.trim().slice(more.length)})*25.4`;
@@ -128,8 +129,8 @@ export async function touch(name, axis, by = tool) {
   const { work_offset, joints } = dx.status ?? {};
   const other = Boolean(by && spindle) && by !== spindle;
   const now = name === work_offset && !other ? forms["XYZ".includes(axis) ? "length" : "deg"](joints?.[axis]?.work) : "–";
-  const sentence = word("touch_ask", name, axis, unit_of(axis), now) + (other ? ` ${word("touch_other", by, spindle)}` : "");
-  const typed = await ask_figure(sentence, axis);
+  const question = word("touch_ask", name, axis, unit_of(axis), now) + (other ? ` ${word("touch_other", by, spindle)}` : "");
+  const typed = await ask_figure(question, axis);
   if (typed === null) return;
   const said = await call("POST", `offsets/${encodeURIComponent(name)}/touch_off`, { [axis]: typed, ...(other ? { tool: by } : {}) });
   if (said.ok) say(word("saved", name));
@@ -158,7 +159,7 @@ const tool_body = (all, values) => Object.fromEntries(Object.entries(all).filter
 export function Tools() {
   const n = [pictured, String(spindle), tools()[0]?.[0]].find((one) => told.tools[one]);
   return html`
-    <${ScrolledTable} word=${word} columns=${["tool", "name", ...FIELDS, "centre_cutting", ""]} body="setup-tools">${tools().map(([n]) => html`<${Tool} key=${n} n=${n} />`)}<//>
+    <${ScrolledTable} word=${word} columns=${["tool", "name", ...FIELDS, "centre_cutting", ""]} body="setup-tools">${tools().map(([number_]) => html`<${Tool} key=${number_} n=${number_} />`)}<//>
     <div class="row"><${Act} id="setup-add" text=${word("add")} press=${add_tool} />
       <${TextFile} text=${word("import")} accept=".tbl,.json" needs="control" modes="OFF READY FAULT" take=${import_tools} />
       <${Link} text="tool.tbl" path="tools.tbl" /><${Link} text="tools.json" path="tools.json" /></div>
