@@ -86,7 +86,7 @@ def test_a_change_that_was_interrupted_is_told_and_confirmed(page: Any, site: Si
     answer(page, "Which tool is in the spindle?", "0")
     answer(page, "Which tools are out of the machine?", "3, 1")
     assert len(site.asked("changer_confirm")) == before, "nothing is told before all was answered"
-    answer(page, "T0 is in the spindle")
+    answer(page, "In the spindle: no tool")
     made = until(lambda: site.asked("changer_confirm")[before:], "what was confirmed")[0][2]
     assert made == {"spindle": 0, "away": [3, 1], "clear": True}
 
