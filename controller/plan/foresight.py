@@ -20,7 +20,7 @@ from controller.machine.model import Machine
 from controller.plan.look_ahead import NoLaw, Orders, Place, Sent
 from controller.plan.planner import Ahead, orders_of
 from controller.plan.report.passing import OWN, place_of
-from controller.plan.report.planned import windows_along
+from controller.plan.report.planned import FULL, windows_along
 from controller.plan.restart.program_position import ENTRY_ID, lines_along, part_at
 from controller.plan.stretch import Chain, Pause, Stretch, Wait
 from controller.plan.timetable import MOST, Event, Passed, Timetable, event_of
@@ -59,12 +59,20 @@ def _raised(items: Iterable[Chain | Pause | _Broken]) -> Iterator[Chain | Pause]
         yield item
 
 
-def foreseen(items: Iterable[Chain | Pause], machine: Machine, kinematics: Kinematics) -> Timetable | None:
-    """Of a path that nobody runs yet, at 100 %, up to ``FIRST`` windows of it; None where it is refused."""
+def foreseen(
+    items: Iterable[Chain | Pause], machine: Machine, kinematics: Kinematics, orders: Orders = FULL
+) -> Timetable | None:
+    """Of a path that nobody runs yet, up to ``FIRST`` windows of it; None where it is refused.
+
+    ``orders``: the operator's; an override of nothing is taken for 100 %.
+    """
+    orders = orders._replace(
+        override=orders.override or 1.0, rapid_override=orders.rapid_override or 1.0, single_block=False
+    )
     track = Track((), machine, kinematics)
     foresight = Foresight(track, items, machine, kinematics)
     ahead = Ahead(track, (), Place(0, 0.0), 0.0)
-    while foresight.windows < FIRST and foresight.go_on(ahead, 0.0, Orders()):
+    while foresight.windows < FIRST and foresight.go_on(ahead, 0.0, orders):
         pass
     return None if foresight.refused else foresight.timetable or Timetable(0.0, 0.0)
 

@@ -12,6 +12,7 @@ from controller import memory
 from controller.ipc.handoff import Snapshot
 from controller.plan import waits
 from controller.plan.foresight import foreseen
+from controller.plan.planner import orders_of
 from controller.plan.report.passing import passed_s, place_of
 from controller.plan.report.stored import Stored
 from controller.plan.restart.restart import Rest
@@ -82,7 +83,8 @@ class ProgramChecks:
         begun = replace(start, in_spindle=program.in_spindle)
         walk = starts.path_from(task, kept, begun, program.cut_with)
         rev_min = program.begin.modal.spindle_rev_min if program.begin is not None else 0.0
-        return foreseen(waits.laid(walk.items, program.machine, rev_min), program.machine, task.kinematics)
+        items = waits.laid(walk.items, program.machine, rev_min)
+        return foreseen(items, program.machine, task.kinematics, orders_of(now))
 
     def task(self, program: Program) -> Task:
         """What was remembered of another program is forgotten."""

@@ -88,7 +88,7 @@ def _left(job: Job, now: Snapshot) -> Left:
     if job.state in ("loading", "completed"):
         return Left()
     if job.state in ("loaded", "starting"):
-        return job.time.before_start(job.before_s)
+        return job.time.before_start(job.before_s, now.override)
     if not job.active:
         return job.time.after_end(job.nominal_s)
     ends_s = now.queue_end_s if job.news.finished else None

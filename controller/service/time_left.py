@@ -94,10 +94,14 @@ class TimeLeft:
         """Of the whole program, by the clock of its path: without what it waits for."""
         return self._duration_s
 
-    def before_start(self, before_s: float) -> Left:
+    def before_start(self, before_s: float, override: float = 1.0) -> Left:
         """Of a program that is loaded; ``before_s``: what of the check's time lies before its place."""
-        here = self._here
-        return self.after_end(before_s) if here is None else self._of(here, here.from_s, 0.0, False, 1.0)
+        here, pace = self._here, 1.0 / (override or 1.0)
+        if here is not None:
+            return self._of(here, here.from_s, 0.0, False, pace)
+        if self._duration_s is None:
+            return Left()
+        return self._of(self._by_check(before_s, before_s, pace), before_s, 0.0, False, pace)
 
     def after_end(self, checked_s: float) -> Left:
         """Of one that ended before its end, at 100 %; ``checked_s``: where, by the clock of the check."""

@@ -33,6 +33,7 @@ class Watch:
         self._rows_s = 0.0  # when the tick's rows were looked at
         self._asked_tool: int | None = None  # that a program waited for at the last look ...
         self._asked_line = 0  # ... and on which line
+        self._stance: tuple[object, ...] = ()  # for which it is known how long a start would take
 
     def look(self) -> Snapshot | None:
         """Draw conclusions from the newest snapshot."""
@@ -60,6 +61,7 @@ class Watch:
             service.thread.look(now, self._run.job.program.name if self._run.job is not None else "")
         self._write_journal(now)
         self._look_at_job(now)
+        self._see_moved(now)
         return now
 
     @contextmanager
@@ -116,6 +118,17 @@ class Watch:
         self._run.take_rows(now)
 
     # -- the program
+
+    def _see_moved(self, now: Snapshot) -> None:
+        """What is loaded takes another time from another place, with another tool or override."""
+        service, job = self._service, self._run.loaded
+        rests = now.mode is Mode.READY and now.at_rest and self._run.job is None
+        if job is None or job.state != "loaded" or not rests or service.sequencer.busy:
+            return
+        stance = id(job), now.joints, service.set_up.tool, now.override, now.rapid_override
+        known, self._stance = self._stance, stance
+        if known[:1] == stance[:1] and known != stance:
+            service.sequencer.later(lambda: self._run.look_ahead(job))
 
     def _write_journal(self, now: Snapshot) -> None:
         """Once a second and at every standstill; a line typed by hand is no part of a program."""

@@ -6,12 +6,14 @@ from collections import deque
 from pathlib import Path
 
 import pytest
+from support.fakes import fake_engine
 from support.machines.stepped_runs import shipped
 
 from controller import messages
 from controller.ipc.control_socket import CommandRefused
 from controller.ipc.handoff import Snapshot, blank
 from controller.service import jobs, sequences
+from controller.service.command_handlers import CommandHandlers
 from controller.service.folders import Folders
 from controller.service.service import Service
 from controller.state.modes import Fault, Mode
@@ -104,3 +106,32 @@ def test_a_reset_before_anybody_saw_the_tick_die_loses_no_alarm(tmp_path: Path) 
     (alarm,) = service.alarms.list()
     assert alarm["name"] == "CONTROLLER_GONE"
     assert "SIGKILL" in messages.text(alarm)
+
+
+def test_how_long_what_is_loaded_would_take_is_known_anew_where_the_machine_has_moved_meanwhile(
+    tmp_path: Path,
+) -> None:
+    """By hand, with another tool, at another override; a look at a machine that stands asks nothing."""
+    service = fake_engine.served(tmp_path)
+    desk, engine = CommandHandlers(service), fake_engine.engine_of(service)
+    (service.state / "part.ngc").write_text("G1 X10 F600\nM30\n")
+    fake_engine.done(desk, "load", path=str(service.state / "part.ngc"))
+
+    def looks() -> int:
+        """So often the plan was asked in two looks."""
+        before = engine.orders.count("check")
+        for _ in range(2):
+            service.watch.look()
+        service.sequencer.to_its_end("nothing", dict)  # after all that is to be done later
+        return engine.orders.count("check") - before
+
+    assert looks() == 0, "it is known from the load"
+    x, *others = engine.now.joints
+    engine.now = engine.now._replace(joints=(x + 5.0, *others))
+    assert looks() == 1 and looks() == 0
+    service.set_up.put_in(2)
+    assert looks() == 1 and looks() == 0
+    engine.now = engine.now._replace(override=0.5)
+    assert looks() == 1 and looks() == 0
+    engine.now = engine.now._replace(mode=Mode.JOG, joints=(x + 9.0, *others))
+    assert looks() == 0, "not while it moves"

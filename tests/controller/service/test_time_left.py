@@ -168,6 +168,14 @@ def test_what_is_waited_for_is_counted_to_what_comes_behind_it() -> None:
     assert left == (10.0 + 2.25, 5.5, 7.0 + 2.25)
 
 
+def test_before_a_start_the_override_of_the_moment_counts() -> None:
+    made = TimeLeft()
+    made.check(20.0, (), (Event(5.0, 3, Wait("Grip", 0.5)),), None)
+    assert made.before_start(0.0).left_s == 20.5
+    assert made.before_start(0.0, 0.5).left_s == 40.5
+    assert made.before_start(0.0, 0.0).left_s == 20.5, "at no feed at all nobody knows"
+
+
 def test_a_change_by_hand_is_a_tool_and_a_stop() -> None:
     left = left_of([Event(3.0, 3, Wait(BY_HAND, 60.0, BY_HAND))]).before_start(0.0)
     assert left == (70.0, 3.0, 3.0)
