@@ -37,7 +37,7 @@ MEASURED = Errors(backlash_mm=5e-4, pitch_mm=5e-4, scale=2e-6)
 )
 def test_a_part_that_lies_turned_by_a_hair_is_cut_within_the_limits(turned_deg):
     """A rotary then turns half round within a hair of the begin: its rate there is taken there."""
-    machine = shipped("trunnion")
+    machine = shipped("trunnion", period_s=0.004)
     part = moved(machine.offsets[0], (0.0, 0.0, 0.0), (turned_deg, -0.7 * turned_deg, 0.0))
     text = PROGRAM.read_text().replace("F100.", "F600.")
     done = cut(text, replace(machine, offsets=(part, *machine.offsets[1:])))

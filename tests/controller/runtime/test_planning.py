@@ -238,12 +238,12 @@ def test_how_far_the_drives_stopped_beside_the_path_is_told(bench: Bench) -> Non
 
 
 def test_a_load_tells_whether_the_surfaces_keep_their_form_tolerance(bench: Bench) -> None:
+    before, _, first = program("example2_ready").replace("R1.", "P3").partition("N50")
+    wall = f"{before}N130 F100.{first.partition('N130')[2]}"  # the second surface of Example 2
+    cone = "S500 M3\nG42\nG51 X9. Y0. Z0. I0. J0. K0. H10. R9. D90. F900.\n"
     for tolerance_mm, gouge, within in ((0.02, "refuse", True), (0.001, "warn", False), (None, "warn", None)):
         machine = replace(bench.machine, tolerance_mm=tolerance_mm, gouge=gouge)
-        text = program("example2_ready").replace("R1.", "P3")
-        text = (
-            text if within is not True else "S500 M3\nG42\nG51 X9. Y0. Z0. I0. J0. K0. H10. R9. D90. F900.\n"
-        )
+        text = cone if within else wall
         facts = bench.order("check", program=Program(text.encode(), "part.ngc", machine)).facts
         assert (facts["verdict"] and facts["verdict"]["within"]) == within
     machine = replace(bench.machine, tolerance_mm=0.001, gouge="refuse")
