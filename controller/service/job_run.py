@@ -6,13 +6,11 @@ record. What it sets of offsets and tools is changed under the lock of ``SetUp``
 
 from __future__ import annotations
 
-import contextlib
 import threading
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from controller.ipc.control_socket import CommandRefused
 from controller.ipc.handoff import Snapshot
 from controller.machine.changes import Change
 from controller.messages import Said, said
@@ -153,15 +151,6 @@ class JobRun:
             # Last of all: who hears that it has ended may do at once what a run forbids.
             job.become(result, why)
         service.writer.submit(service.durations.save)
-
-    def look_ahead(self, job: Job) -> None:
-        """How long a start of what is loaded would take as the machine stands by now."""
-        program = replace(job.program, in_spindle=self._service.set_up.tool)
-        with contextlib.suppress(CommandRefused):  # a start says why
-            here = self._service.engine.line.order("check", program=program)["timetable"]
-            with self.lock:
-                if job.state == "loaded":
-                    job.time.stands(here)
 
     # -- what the plan and the tick say of it
 

@@ -6,6 +6,7 @@ import contextlib
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from controller.ipc.control_socket import CommandRefused
@@ -128,7 +129,16 @@ class Watch:
         stance = id(job), now.joints, service.set_up.tool, now.override, now.rapid_override
         known, self._stance = self._stance, stance
         if known[:1] == stance[:1] and known != stance:
-            service.sequencer.later(lambda: self._run.look_ahead(job))
+            service.sequencer.later(lambda: self._look_ahead(job))
+
+    def _look_ahead(self, job: Job) -> None:
+        """How long a start of what is loaded would take as the machine stands by now."""
+        program = replace(job.program, in_spindle=self._service.set_up.tool)
+        with contextlib.suppress(CommandRefused):  # a start says why
+            here = self._service.engine.line.order("check", program=program)["timetable"]
+            with self._run.lock:
+                if job.state == "loaded":
+                    job.time.stands(here)
 
     def _write_journal(self, now: Snapshot) -> None:
         """Once a second and at every standstill; a line typed by hand is no part of a program."""
