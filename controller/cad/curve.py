@@ -14,6 +14,7 @@ from scipy.interpolate import make_interp_spline
 
 from controller.geometry.splines import ORDERS, BadSpline, BSpline, check
 from controller.geometry.vectors import Vector
+from controller.messages import TextError, said
 
 Array = NDArray[np.float64]
 Shape = Callable[[Array], Array]  # shares (N,) from 0 to 1 -> points (N, 3)
@@ -25,7 +26,7 @@ SLOW = 2  # doublings that gain little, and a shape is taken not to be smooth
 BETWEEN = np.array([0.07, 0.23, 0.5, 0.77, 0.93])  # where a fit is looked at, shares of a span
 
 
-class NoFit(Exception):
+class NoFit(TextError):
     """A curve that no fit comes near enough to."""
 
 
@@ -122,7 +123,7 @@ def fit(shape: Shape, corners: Sequence[float] | Array = (0.0, 1.0), within_mm: 
             return made
         slow += off > 0.3 * before
         spans, before = 2 * spans, off
-    raise NoFit(f"no curve of {spans // 2} spans is within {within_mm * 1e3:g} um of it")
+    raise NoFit(said("cad.no_fit", spans=spans // 2, within_mm=within_mm * 1000.0))
 
 
 def _span(shape: Shape, a: float, b: float, spans: int) -> Nurbs:

@@ -39,6 +39,7 @@ from OCP.TopoDS import TopoDS
 
 from controller.cad.curve import Nurbs
 from controller.geometry.vectors import Frame
+from controller.messages import TextError, said
 
 Array = NDArray[np.float64]
 Box = tuple[float, float, float, float]  # u from, to, v from, to
@@ -60,8 +61,8 @@ NEAR_MM = 1e-3  # a foot that is nearer needs no second look
 OUTLINE = 65  # samples of an edge of the outline
 
 
-class CadError(Exception):
-    """One sentence on why a file is not imported."""
+class CadError(TextError):
+    """Why a file is not imported."""
 
 
 class Failure(Exception):
@@ -250,19 +251,19 @@ def read(path: Path, placed: Frame = Frame()) -> Part:  # noqa: B008  (frozen)
     _be_quiet()
     reader = STEPControl_Reader()
     if reader.ReadFile(str(path)) != IFSelect_ReturnStatus.IFSelect_RetDone:
-        raise CadError(f"{path}: is no STEP file that can be read; export the part as STEP AP214 or AP242.")
+        raise CadError(said("cad.no_step", path=path))
     unit = _unit(reader)
     reader.TransferRoots()
     shape = reader.OneShape()
     if shape is None or shape.IsNull():
-        raise CadError(f"{path}: holds no shape; export the part as a solid or as surfaces.")
+        raise CadError(said("cad.no_shape", path=path))
     shape = shape.Moved(TopLoc_Location(_moved(placed)))
     inside = ShapeMap()
     for solid in _mapped(shape, TopAbs_ShapeEnum.TopAbs_SOLID):
         TopExp.MapShapes_s(solid, TopAbs_ShapeEnum.TopAbs_FACE, inside)
     faces = _mapped(shape, TopAbs_ShapeEnum.TopAbs_FACE)
     if not faces:
-        raise CadError(f"{path}: holds no face; export the part as a solid or as surfaces.")
+        raise CadError(said("cad.no_face", path=path))
     made = [Face(i, TopoDS.Face(face), inside.Contains(face)) for i, face in enumerate(faces, start=1)]
     return Part(made, unit)
 

@@ -10,6 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
+from controller.messages import TextError, said
+
 if TYPE_CHECKING:
     from controller.cad.kernel import Box, Edge, Face
 
@@ -17,10 +19,10 @@ Array = NDArray[np.float64]
 
 ON_SIDE_MM = 5e-4  # an edge this near to a side of the box is on it
 STRAIGHT_MM = 1e-6
-NOT_RULINGS = "its outline does not begin and end on rulings"
+NOT_RULINGS = said("cad.not_rulings")
 
 
-class Trimmed(Exception):
+class Trimmed(TextError):
     """An outline that rulings do not fill."""
 
 
@@ -174,7 +176,7 @@ class Outline:
     def sides(self, along_u: bool) -> tuple[Side, Side]:
         """The ends of the rulings, low and high, where one wire leads there and back; raises Trimmed."""
         if self.has_hole:
-            raise Trimmed("it has a hole")
+            raise Trimmed(said("cad.hole"))
         column = 0 if along_u else 1
         low, high = self.box[2 * column], self.box[2 * column + 1]
         there: list[Edge | TurnedEdge] = []

@@ -18,6 +18,7 @@ from controller.cad import words
 from controller.cad.curve import Array, Nurbs
 from controller.cad.strip import Strip
 from controller.machine.model import Machine, Tool
+from controller.messages import TextError, said
 from controller.values import dataclass
 
 MEET_MM = 1e-3  # ends of rulings that are nearer are one
@@ -26,8 +27,8 @@ FITS = 0.999  # of the tightest hollow, for the largest cutter
 PLACEMENTS = {"single": 1, "double": 2, "optimal": 3}
 
 
-class NoTool(Exception):
-    """One sentence on why no tool of the table cuts these faces."""
+class NoTool(TextError):
+    """Why no tool of the table cuts these faces."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,10 +153,7 @@ def fitting(strips: Sequence[Strip], machine: Machine) -> Tool:
         if tool.radius_mm <= FITS * tightest and tool.flank_mm >= longest
     ]
     if not fits:
-        hollow = f"a radius of at most {FITS * tightest:.3f} mm and " if tightest < math.inf else ""
-        known = ", ".join(f"T{t.number} (r {t.radius_mm:g}, flute {t.flute_mm:g} mm)" for t in machine.tools)
-        raise NoTool(
-            f"These faces take a tool with {hollow}a flute of at least {longest:.3f} mm, and the tool table "
-            f"has {known}; add one, or choose one of them by --tool."
-        )
+        known = ", ".join(f"T{t.number} (r {t.radius_mm:g}, l {t.flute_mm:g} mm)" for t in machine.tools)
+        key = "cad.no_tool_in_hollow" if tightest < math.inf else "cad.no_tool"
+        raise NoTool(said(key, radius=FITS * tightest, flute=longest, known=known))
     return max(fits, key=lambda tool: (tool.radius_mm, -tool.length_mm))

@@ -22,7 +22,7 @@ from controller.cad.outline import NOT_RULINGS, Outline, Side, Trimmed, TurnedPl
 from controller.geometry.defects import concave_radius, defect
 from controller.geometry.surfaces import RuledSurface
 from controller.geometry.vectors import Vector
-from controller.messages import text
+from controller.messages import Said, TextError, said
 from controller.plan.surfaces.cuts import describe
 from controller.values import dataclass
 
@@ -36,7 +36,7 @@ SAME_SHARE = 1e-9  # of a side, far below what is built and far above its roundi
 LOOKS_ALONG, LOOKS_ACROSS = 41, 9  # samples between two knots are at least these over a face
 LEVEL = 1e-9  # sine of the angle between a cone's axis and Z
 LEVEL_MM = 1e-9
-FITTED = "trimmed along other curves than its surface's own, so its edges are fitted"
+FITTED = said("cad.fitted")
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +49,7 @@ class Strip:
     off_ruled_mm: float  # how far the face's own curves leave the rulings
     right: bool  # the material is on the left of the travel, the cutter on its right
     cone: Cone | None = None  # where G51 says it
-    remark: str = ""
+    remark: Said | None = None
     is_whole_box: bool = False  # more than the face is cut
 
     def turned(self) -> Strip:
@@ -113,12 +113,12 @@ class Cone:
         return replace(self, start=start, sweep_deg=-self.sweep_deg)
 
 
-class NotRuled(Exception):
+class NotRuled(TextError):
     """Why a face is not cut along rulings, and how far its curves leave straight lines."""
 
-    def __init__(self, reason: str, off_ruled_mm: float = math.inf) -> None:
+    def __init__(self, reason: Said, off_ruled_mm: float = math.inf) -> None:
         super().__init__(reason)
-        self.reason, self.off_ruled_mm = reason, off_ruled_mm
+        self.off_ruled_mm = off_ruled_mm
 
 
 def strip(face: Face, within_mm: float, whole: bool = False) -> Strip:
@@ -129,7 +129,7 @@ def strip(face: Face, within_mm: float, whole: bool = False) -> Strip:
     try:
         return _strip(face, within_mm, whole)
     except Trimmed as error:
-        raise NotRuled(str(error), 0.0) from None
+        raise NotRuled(error.said, 0.0) from None
 
 
 def _strip(face: Face, within_mm: float, whole: bool) -> Strip:
@@ -143,7 +143,7 @@ def _strip(face: Face, within_mm: float, whole: bool) -> Strip:
     straight = [one for one in found if one.off_mm <= within_mm]
     if not straight:
         off = min(one.off_mm for one in found)
-        raise NotRuled(f"its curves leave straight lines by {_words(off)}", off)
+        raise NotRuled(said("cad.not_straight", off=_words(off)), off)
     # An exact ruling before a nearly straight one; the steeper of two, since tools stand rather than lie.
     straight.sort(key=lambda one: (one.off_mm > EXACT_MM, -one.steepness))
     reasons = []
@@ -151,7 +151,7 @@ def _strip(face: Face, within_mm: float, whole: bool) -> Strip:
         try:
             return _sound(one.strip(whole))
         except Trimmed as error:
-            reasons.append(str(error))
+            reasons.append(error.said)
     raise NotRuled(reasons[0], straight[0].off_mm)
 
 
@@ -159,7 +159,7 @@ def _sound(made: Strip) -> Strip:
     """As it is; raises Trimmed where the reader would refuse its surface."""
     found = defect(made.surface)
     if found is not None:
-        raise Trimmed(text(describe(found)).split(";")[0])
+        raise Trimmed(describe(found))
     return made
 
 
@@ -168,7 +168,7 @@ def _quadrangle(face: Face, outline: Outline, corners: Array) -> Strip:
     sides = np.roll(corners, -1, axis=0) - corners
     turns = np.cross(np.roll(sides, 1, axis=0), sides)
     if (turns @ turns[0]).min() <= 0.0:
-        raise Trimmed("it has a corner that points inwards")
+        raise Trimmed(said("cad.inward_corner"))
     steep = np.abs(sides[:, 2]) / np.linalg.norm(sides, axis=1)
     a, b, c, d = np.roll(corners, -1, axis=0) if steep[0] + steep[2] > steep[1] + steep[3] else corners
     low, high = (_line(a, b), _line(d, c)) if a[2] + b[2] <= d[2] + c[2] else (_line(d, c), _line(a, b))
@@ -187,7 +187,7 @@ def _plane(face: Face, outline: Outline, whole: bool) -> Strip:
         except Trimmed:
             continue
     if not whole:
-        raise Trimmed("it has a hole" if outline.has_hole else NOT_RULINGS)
+        raise Trimmed(said("cad.hole") if outline.has_hole else NOT_RULINGS)
     spline = face.spline(outline.box)
     found = [_Direction(face, face, spline, outline, along_u) for along_u in (True, False)]
     return max(found, key=lambda one: one.steepness).strip(True)
@@ -239,7 +239,7 @@ class _Direction:
         share = np.linspace(0.02, 0.98, 25)
         way = high.at(share) - low.at(share)
         if float(np.linalg.norm(way, axis=1).max()) < LEVEL_MM:
-            raise Trimmed("its rulings have no length")
+            raise Trimmed(said("cad.no_length"))
         flipped = float(way[:, 2].mean()) < -1e-9 * float(np.linalg.norm(way, axis=1).mean())
         upper, lower = (low, high) if flipped else (high, low)
         made = Strip(
@@ -254,19 +254,19 @@ class _Direction:
         )
         stands = np.linalg.norm(made.lower.points - made.lower.points[0], axis=1).max() < LEVEL_MM
         if stands:
-            raise Trimmed("its lower edge is a point, and the cutter has no way along it")
+            raise Trimmed(said("cad.lower_point"))
         return made
 
-    def _directrices(self, whole: bool) -> tuple[Nurbs, Nurbs, str, bool]:
+    def _directrices(self, whole: bool) -> tuple[Nurbs, Nurbs, Said | None, bool]:
         """Curves at the low and the high end of the rulings, what is told of them, whether it is a box."""
         if self.outline.is_box and self.spline is not None:
-            return (*self._edges(self.spline), "", False)
+            return (*self._edges(self.spline), None, False)
         try:
             sides = self.outline.sides(self.along_u)
         except Trimmed as trimmed:
             if not whole or self.spline is None:
                 raise
-            return (*self._edges(self.spline), f"{trimmed}, so the whole box about it is cut", True)
+            return (*self._edges(self.spline), said("cad.whole_box", trimmed=trimmed), True)
         corners = _once(np.concatenate([sides[0].corners, sides[1].corners, self._knots()]))
         try:
             low, high = (fit(partial(self._points, side), corners) for side in sides)

@@ -12,13 +12,15 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
+from controller import messages
 from controller.cli.speech import speaking
 from controller.geometry.vectors import Frame, Vector, add, rotate
 from controller.machine import machine_file
 from controller.machine.model import Machine, Tool
 from controller.machine.toml_table import ConfigError
+from controller.messages import said
 from controller.program import blocks
-from controller.verify.console import Refused, bar, refusals, say
+from controller.verify.console import Refused, bar, refusals, say, spoken
 
 if TYPE_CHECKING:  # OpenCASCADE takes its time to load, and is an extra
     from controller.cad.curve import Array
@@ -183,7 +185,7 @@ def _part(file: Path, placed: Frame) -> Part:
         with kernel.failures():
             return kernel.read(file, placed)
     except kernel.CadError as error:
-        raise Refused(str(error)) from error
+        raise Refused(messages.text(error.said, spoken.get())) from error
     except kernel.Failure as error:
         raise Refused(say("cli.import.unreadable", file=file, why=error)) from error
 
@@ -228,12 +230,12 @@ def _look(face: Face, within_mm: float, whole: bool, fine_mm: float) -> Seen:
             shape = face.triangles(fine_mm)
             made = strip(face, within_mm, whole)
     except NotRuled as error:
-        return Seen(face, None, error.reason, error.off_ruled_mm, shape)
+        return Seen(face, None, error.said, error.off_ruled_mm, shape)
     except Failure as error:
-        return Seen(face, None, say("cli.import.not_evaluated", why=error), math.inf, shape)
+        return Seen(face, None, said("cli.import.not_evaluated", why=error), math.inf, shape)
     except (NoFit, ArithmeticError, ValueError) as error:  # degenerate numbers in the file
-        return Seen(face, None, say("cli.import.no_curves", why=error), math.inf, shape)
-    return Seen(face, made, "", made.off_ruled_mm, shape)
+        return Seen(face, None, said("cli.import.no_curves", why=error), math.inf, shape)
+    return Seen(face, made, None, made.off_ruled_mm, shape)
 
 
 def _cuttable(one: Seen, file: Path, other_side: bool) -> Strip:
@@ -250,7 +252,7 @@ def _tool(machine: Machine, number: int, strips: Sequence[Strip]) -> Tool:
         try:
             return fitting(strips, machine)
         except NoTool as error:
-            raise Refused(str(error)) from None
+            raise Refused(messages.text(error.said, spoken.get())) from None
     found = machine.tool(number)
     if found is None:
         known = ", ".join(f"T{tool.number}" for tool in machine.tools)

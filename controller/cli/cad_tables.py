@@ -8,10 +8,12 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from controller import messages
 from controller.cad import picture, words
 from controller.machine.model import Tool
+from controller.messages import Said
 from controller.values import dataclass
-from controller.verify.console import say, show, tell
+from controller.verify.console import say, show, spoken, tell
 from controller.verify.tables import headed
 
 if TYPE_CHECKING:
@@ -32,7 +34,7 @@ class Seen:
 
     face: Face
     strip: Strip | None
-    reason: str
+    reason: Said | None
     off_ruled_mm: float
     triangles: Array  # of the face, (N, 3, 3) mm
 
@@ -46,7 +48,7 @@ class Seen:
             "normal": _rounded(normal),
             "off_ruled_mm": _finite(self.off_ruled_mm),
             "cut_as": None,
-            "why_not": self.reason or None,
+            "why_not": messages.text(self.reason, spoken.get()) or None,
         }
         if self.strip is None:
             return facts
@@ -57,7 +59,7 @@ class Seen:
             "height_mm": height,
             "concave_radius_mm": _finite(self.strip.concave_mm()),
             "twist_deg": math.degrees(self.strip.twist_rad()),
-            "remark": self.strip.remark or None,
+            "remark": messages.text(self.strip.remark, spoken.get()) or None,
         }
 
 
@@ -144,7 +146,7 @@ def written(
             "cut_as": words.code(strip),
             "to_face_mm": one.to_face_mm,
             "to_written_mm": one.to_written_mm,
-            "remark": strip.remark or None,
+            "remark": messages.text(strip.remark, spoken.get()) or None,
         }
         for strip, one in zip(made.strips, found, strict=True)
     ]

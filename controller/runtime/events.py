@@ -28,6 +28,7 @@ from typing import Any
 
 from controller.commands.table import MAX_OVERRIDE, SWITCHED
 from controller.ipc.handoff import Jog
+from controller.messages import Key, TextError, said
 from controller.runtime.starts import Start
 from controller.state.modes import Fault, Request
 from controller.values import dataclass
@@ -62,14 +63,10 @@ TURNS = (PLAN, RETRACT, RETURN)
 _RANKS = {STAND: 0, PLAN: 1, RETRACT: 1, RETURN: 1, PIECES: 3}  # within a tick; all others between
 _KEYS = frozenset({"tick", "request", "value"})
 _RECORDED_KEYS = _KEYS | {"share", "at", "late"}
-_LED_ASIDE = (
-    "in this run the tool was led off the path by hand, which is not in this record; only a run without "
-    "a retract can be run again."
-)
 
 
-class EventError(Exception):
-    """One sentence on what is wrong in an events file, with file and line."""
+class EventError(TextError):
+    """What is wrong in an events file, with file and line."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,9 +137,9 @@ def _lines(path: Path) -> list[Line | Begin]:
     try:
         text = path.read_text(encoding="utf-8")
     except UnicodeDecodeError as error:
-        raise EventError(f"{path}: byte {error.start} is not UTF-8; give a file of JSON lines.") from error
+        raise EventError(said("events.no_text", path=path, start=error.start)) from error
     except OSError as error:
-        raise EventError(f"{path}: {error.strerror}; give a file of JSON lines.") from error
+        raise EventError(said("events.unreadable", path=path, why=error.strerror)) from error
     lines = text.splitlines()
     is_record = bool(lines) and '"request": "begin"' in lines[0]
     if is_record and not text.endswith("\n"):
@@ -155,16 +152,17 @@ def _line(where: str, line: str, keys: frozenset[str]) -> Line | Begin:
     try:
         data = json.loads(line)
     except (ValueError, RecursionError) as error:  # also numbers of thousands of digits
-        said = error.msg if isinstance(error, json.JSONDecodeError) else "too long"
-        raise EventError(f"{where}: this is not JSON ({said}); write one object per line.") from error
+        why = error.msg if isinstance(error, json.JSONDecodeError) else Key("events.too_long")
+        raise EventError(said("events.no_json", where=where, why=why)) from error
     if not isinstance(data, dict) or (unknown := set(data) - keys):
-        named = f"unknown key {sorted(unknown)[0]!r}" if isinstance(data, dict) else "no object"
-        raise EventError(f'{where}: {named}; allowed are "tick", "request" and "value".')
+        key = "events.unknown_key" if isinstance(data, dict) else "events.no_object"
+        found = sorted(unknown)[0] if isinstance(data, dict) else ""
+        raise EventError(said(key, where=where, name=found))
     request = data.get("request")
     if request == BEGIN:
         return _begin(where, data.get("value"))
     if request == ASIDE:
-        raise EventError(f"{where}: {_LED_ASIDE}")
+        raise EventError(said("events.led_aside", where=where))
     if request in (STAND, PIECES, WAIT, FAULT, OFF_PATH, THREAD, ADAPTIVE, *TURNS):
         return _happened(where, data)
     return _asked(where, data)
@@ -174,12 +172,10 @@ def _asked(where: str, data: dict[str, Any]) -> Line:
     """What an operator asked for."""
     tick, request, is_recorded = data.get("tick"), data.get("request"), "at" in data
     if not isinstance(tick, int) or isinstance(tick, bool) or tick < (-1 if is_recorded else 0):
-        raise EventError(
-            f'{where}: "tick" is {tick!r}; it must be a whole number from 0, counted from cycle start.'
-        )
+        raise EventError(said("events.tick", where=where, tick=tick))
     known = {**REQUESTS, **RECORDED} if is_recorded else REQUESTS
     if not isinstance(request, str) or request not in known:
-        raise EventError(f'{where}: "request" is {request!r}; allowed are {", ".join(REQUESTS)}.')
+        raise EventError(said("events.request", where=where, request=request, names=", ".join(REQUESTS)))
     jog = _jog(where, data.get("value")) if request == "jog" else None
     event = Event(tick, known[request], _value(where, request, data), jog)
     return Line(tick, request, *_when(where, data), event)
@@ -196,17 +192,14 @@ def _happened(where: str, data: dict[str, Any]) -> Line:
         THREAD: isinstance(value, list) and [type(x) for x in value] == [float, bool],
     }.get(kind, number)
     if type(tick) is not int or tick < -1 or not sound:
-        raise EventError(
-            f'{where}: "{kind}" of a recorded run has a whole "tick" from -1 and a "value" of its own; '
-            "give the file as the run's record has it."
-        )
+        raise EventError(said("events.recorded", where=where, kind=kind))
     return Line(tick, kind, *_when(where, data), value=value)
 
 
 def _when(where: str, data: dict[str, Any]) -> tuple[int | None, bool]:
     at, late = data.get("at"), data.get("late", False)
     if not (at is None or type(at) is int) or not isinstance(late, bool):
-        raise EventError(f'{where}: "at" or "late" is none; give the file as the run\'s record has it.')
+        raise EventError(said("events.when", where=where))
     return at, late
 
 
@@ -216,9 +209,7 @@ def _begin(where: str, value: Any) -> Begin:
         period_s = float(value["period_s"]) if "period_s" in value else None
         return Begin(Start.from_dict(value), dict(value["fitted"]), *sums, period_s)
     except (ValueError, KeyError, TypeError, AttributeError) as error:
-        raise EventError(
-            f"{where}: this is no beginning of a recorded run; give the file as the run's record has it."
-        ) from error
+        raise EventError(said("events.begin", where=where)) from error
 
 
 def _jog(where: str, value: Any) -> Jog:
@@ -226,10 +217,7 @@ def _jog(where: str, value: Any) -> Jog:
     try:
         speed, length, one, *others = (math.inf if x is None else float(x) for x in value)
     except (ValueError, TypeError) as error:
-        raise EventError(
-            f"{where}: a jog has a speed, a length and a number for each axis; give the file as the run's "
-            "record has it."
-        ) from error
+        raise EventError(said("events.jog", where=where)) from error
     return Jog((one, *others), speed, length)
 
 
@@ -239,11 +227,11 @@ def _value(where: str, request: str, data: dict[str, Any]) -> float:
     if request in OVERRIDES:
         most = MAX_OVERRIDE * 100.0
         if not number or not 0.0 <= value <= most:
-            raise EventError(f'{where}: "value" is {value!r}; {request} takes 0 to {most:.0f} (percent).')
+            raise EventError(said("events.percent", where=where, found=value, request=request, most=most))
         return float(data["share"]) if isinstance(data.get("share"), float) else float(value) / 100.0
     if request in SWITCHES:
         if not number or value not in (0, 1):
-            raise EventError(f'{where}: "value" is {value!r}; {request} takes 0 (off) or 1 (on).')
+            raise EventError(said("events.switch", where=where, found=value, request=request))
         return float(value)
     return float(value) if request in BY_HAND and number else 0.0
 

@@ -27,6 +27,7 @@ from controller.machine import arrangement as arranged
 from controller.machine import machine_file
 from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Machine
+from controller.messages import said
 from controller.plan.path.path import Chain, Pause
 from controller.plan.planner import Planner
 from controller.program.program import ProgramError
@@ -43,7 +44,7 @@ REST_TURN_S = 0.05  # where all is sent and nothing moves; an order is heard at 
 # bring the frames of serial and USB adapters: at -10 they wait 10 ms for a core that they share with a plan.
 NICE = -5
 SWITCH_S = 0.001  # the keepalive gets its turn so soon while a chain is planned
-STOPPED = "Homing was stopped before it was done; ask for it again."
+STOPPED = said("startup.homing_stopped")
 TELL_S = 2.0  # the tick takes requests with every turn
 COME_UP_S = 150.0  # longer than the tick itself waits for a drive to home
 
@@ -130,7 +131,7 @@ class PlanEnd:
         """The newest snapshot, waiting for the first. Raises SessionError when the tick is gone."""
         while (now := self._board.read()) is None:
             if self.alone:
-                raise SessionError("The tick process ended before its first tick.")
+                raise SessionError(said("startup.tick_ended"))
             time.sleep(PLAN_TURN_S)
         return now
 
@@ -160,7 +161,7 @@ class PlanEnd:
                 break
             except BlockingIOError:
                 if time.monotonic() > give_up_s:
-                    raise SessionError("The tick takes no requests; start the controller again.") from None
+                    raise SessionError(said("startup.tick_takes_none")) from None
                 time.sleep(PLAN_TURN_S)
             except OSError:  # it is gone, which others tell
                 break

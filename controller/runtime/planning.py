@@ -276,7 +276,7 @@ class Planning:
 
 def _program(order: Order) -> Program:
     if order.program is None:
-        raise SessionError("There is no program to be run; load one.")
+        raise SessionError(said("startup.no_program"))
     return order.program
 
 

@@ -7,8 +7,9 @@ from collections.abc import Callable, Mapping, Sequence
 from controller.ipc.handoff import Arrangement, Outcome, Snapshot
 from controller.machine import machine_file
 from controller.machine.model import Machine
+from controller.messages import Said, TextError, said, several
 from controller.state import stop_times
-from controller.state.modes import FAULTS, Fault, Mode, Request
+from controller.state.modes import Fault, Mode, Request
 from drives import commission
 from drives.arranged import Arranged
 from drives.settings import NodeSettings
@@ -21,8 +22,8 @@ Came = tuple[Mode, Fault]
 Ask = Callable[[Request, float, Mode], Came]
 
 
-class SessionError(Exception):
-    """The machine did not come up, or a part of it is gone; one sentence says which and what to do."""
+class SessionError(TextError):
+    """The machine did not come up, or a part of it is gone: which, and what to do."""
 
 
 def came_to(now: Snapshot, number: int, request: Request, value: float, wanted: Mode) -> Came | None:
@@ -45,14 +46,19 @@ def arrangement(machine: Machine, found: Sequence[Arranged]) -> Arrangement:
     return Arrangement(stop_times.quick_stop_s(machine, found), units.get("spindle", 1.0), axes)
 
 
-def no_start(machine: Machine, interlock: Fault, untrusted: int) -> str:
-    """Why a start is refused, as a sentence; "" where nothing of the machine forbids it."""
+def no_start(machine: Machine, interlock: Fault, untrusted: int) -> Said | None:
+    """Why a start is refused; None where nothing of the machine forbids it."""
     if interlock is not Fault.NONE:
-        return f"The machine does not start: {FAULTS[interlock].text} {FAULTS[interlock].remedy}"
+        return said("startup.barred", fault=_fault(interlock))
     if untrusted:
         names = " ".join(axis.name for i, axis in enumerate(machine.axes) if untrusted >> i & 1)
-        return f"The machine does not start: {names} must be homed first, for a fault has cost the position."
-    return ""
+        return said("startup.not_homed", axes=names)
+    return None
+
+
+def _fault(fault: Fault) -> Said:
+    """What it is, and what to do."""
+    return several(said(f"fault.{fault.name}"), said(f"remedy.{fault.name}"))
 
 
 class StartUp:
@@ -129,7 +135,5 @@ class StartUp:
             if fault is not Fault.IO_LOST or mode is Mode.FAULT:
                 break
         if mode is not wanted or fault is not Fault.NONE:
-            raise SessionError(
-                f"The machine did not become {wanted.name} after {request.name} but is in {mode.name}: "
-                f"{FAULTS[fault].text} {FAULTS[fault].remedy}"
-            )
+            modes = {"wanted": wanted.name, "request": request.name, "mode": mode.name}
+            raise SessionError(said("startup.not_become", fault=_fault(fault), **modes))

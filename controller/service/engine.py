@@ -39,6 +39,7 @@ from controller.ipc.handoff import (
     send_request,
 )
 from controller.machine.model import Bus, Machine
+from controller.messages import said
 from controller.runtime import children, simulated_bench, simulated_bus
 from controller.runtime.children import Child, Job
 from controller.runtime.plan_messages import News
@@ -302,7 +303,7 @@ def _wait_for_hub(hub: Child, path: Path) -> None:
     give_up_s = time.monotonic() + HUB_S
     while not path.exists():
         if not hub.is_alive() or time.monotonic() > give_up_s:
-            raise SessionError("The virtual bus did not start; see its message above.")
+            raise SessionError(said("startup.no_bus"))
         time.sleep(POLL_S)
 
 

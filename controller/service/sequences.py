@@ -52,7 +52,7 @@ def power_up(service: Service) -> None:
         service.sequencer.to_its_end("power up", work)
     except CommandRefused as error:
         if not service.engine.tick_alive:
-            raise SessionError(error.sentence) from error
+            raise SessionError(error.said) from error
 
 
 def start_engine(service: Service) -> None:

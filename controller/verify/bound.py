@@ -31,6 +31,7 @@ from controller.geometry.placement import AT_LOWER, Placed
 from controller.geometry.surfaces import Surface
 from controller.geometry.vectors import Vector
 from controller.values import dataclass
+from controller.verify.console import say
 from controller.verify.judge import INSIDE
 from controller.verify.nominal import Nominal, grid
 
@@ -69,10 +70,13 @@ class Bound:
     @property
     def sentence(self) -> str:
         """For people, with the reason where both differ."""
-        told = (
-            f"the flank is off by {_micro(self.off_mm)} at u = {self.off_u:.3f}; an independent search "
-            f"over windows of rulings comes to {_micro(self.best_mm)} (at u = {self.best_u:.3f}), "
-            f"ratio {self.ratio:.2f}"
+        told = say(
+            "bound.off",
+            off=_micro(self.off_mm),
+            off_u=self.off_u,
+            best=_micro(self.best_mm),
+            best_u=self.best_u,
+            ratio=self.ratio,
         )
         return f"{told}{self.why}."
 
@@ -82,13 +86,10 @@ class Bound:
         if self.ratio <= WHOLE:
             return ""
         if self.placed != "optimal":
-            return f": {self.placed} keeps the axis at the ruling's own normals; P3 (optimal) is freer"
+            return say("bound.placed", placed=self.placed)
         if self.narrow_mm < self.best_mm / 1.05:
-            return (
-                f": a window alone is freer than one smooth motion over all of the surface, the more the "
-                f"narrower it is ({_micro(self.narrow_mm)} at half the width)"
-            )
-        return ": the corrections have twelve spans and are to be smooth, and windows ask for neither"
+            return say("bound.window", narrow=_micro(self.narrow_mm))
+        return say("bound.smooth")
 
     def to_dict(self) -> dict[str, Any]:
         shown = {name: getattr(self, name) for name in self.__slots__}

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from controller.verify.console import say
 from drives.load import timeline
 from drives.load.budget import BusBudget
 from drives.load.timeline import Slot
@@ -28,7 +29,11 @@ LOOKS = {
     "heartbeat": ("#009E73", ""),
     "others": ("#BBBBBB", ""),
 }
-LANES = (("worst", timeline.worst), ("typical lengths", timeline.typical), ("all at once", timeline.crowded))
+LANES = (
+    ("worst", timeline.worst),
+    ("typical", timeline.typical),
+    ("at_once", timeline.crowded),
+)
 LETTER = 8  # pixels, about
 
 
@@ -41,7 +46,7 @@ def draw(budgets: Sequence[BusBudget], max_share: float, machine: str, path: str
     panels = [_place(figure, number, height) for number in range(len(budgets))]
     for axes, one in zip(panels, budgets, strict=True):
         _panel(axes, one, max_share)
-    panels[-1].set_xlabel("us since the start of SYNC", fontsize=11)
+    panels[-1].set_xlabel(say("bus_picture.time"), fontsize=11)
     _headline(figure, machine, height)
     figure.savefig(path, format="png", dpi=DPI)
 
@@ -56,7 +61,7 @@ def _place(figure: Figure, number: int, height: int) -> Axes:
 def _headline(figure: Figure, machine: str, height: int) -> None:
     from matplotlib.patches import Patch
 
-    title = f"One tick on the bus: {machine}"
+    title = say("bus_picture.title", machine=machine)
     figure.text(0.012, 1.0 - 28 / height, title, fontsize=17, color=INK, va="center", weight="bold")
     handles = [
         Patch(facecolor=colour, hatch=hatch, edgecolor="white", label=name)
@@ -78,7 +83,7 @@ def _panel(axes: Axes, one: BusBudget, max_share: float) -> None:
     axes.axvline(one.period_us, color="#D55E00", linewidth=2.0)
     axes.set_xlim(0.0, width_us)
     axes.set_ylim(len(LANES) - 0.5, -0.5)
-    axes.set_yticks(range(len(LANES)), [name for name, _ in LANES])
+    axes.set_yticks(range(len(LANES)), [say(f"bus_picture.{name}") for name, _ in LANES])
     axes.set_title(_title(one, max_share), loc="left", fontsize=11, color=INK, pad=5)
     axes.tick_params(labelsize=9.5, length=3)
     axes.spines[["top", "right"]].set_visible(False)
@@ -86,9 +91,9 @@ def _panel(axes: Axes, one: BusBudget, max_share: float) -> None:
 
 def _title(one: BusBudget, max_share: float) -> str:
     if not one.bit_rate:
-        return f"{one.bus}: no bit timing, frames take no time"
-    rate = f"{one.bit_rate // 1000} kbit/s, tick of {one.period_us:g} us"
-    full = f"fullest tick {one.total_us:.0f} us = {one.share:.1%}, typical {one.typical_us:.0f} us"
+        return say("bus_picture.untimed", bus=one.bus)
+    rate = say("bus_picture.rate", bit_rate=one.bit_rate // 1000, period_us=one.period_us)
+    full = say("bus_picture.fullest", total_us=one.total_us, share=one.share, typical_us=one.typical_us)
     return f"{one.bus}, {rate}: {full} (dashed: allowed {max_share:.0%}; red: next SYNC)"
 
 

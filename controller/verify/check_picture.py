@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from controller.plan.report.survey import BlockUse, Survey
+from controller.verify.console import say
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -45,7 +46,7 @@ def _blocks(axes: Axes, blocks: Sequence[BlockUse]) -> None:
     axes.set_yticks(places, [f"{one.line} {one.what}" for one in blocks])
     axes.invert_yaxis()
     axes.set_xlabel("s")
-    axes.set_title("line, time, and what holds it")
+    axes.set_title(say("check_picture.line"))
     for place, one, seconds in zip(places, blocks, taken, strict=True):
         if one.own.binds:
             bound = one.own.binds[0]
@@ -63,7 +64,7 @@ def _limits(axes: Axes, survey: Survey) -> None:
         axes.bar(places, [100.0 * share for share in shares], 0.25, color=colours, label=kind)
     axes.axhline(100.0, color=INK, linewidth=1.0)
     axes.set_xticks(range(len(survey.joints)), [joint.name for joint in survey.joints])
-    axes.set_ylabel("% of the limit")
+    axes.set_ylabel(say("check_picture.limit"))
     axes.legend(frameon=False, ncols=3, loc="lower center", bbox_to_anchor=(0.5, 1.0))
 
 
@@ -79,4 +80,4 @@ def _travel(axes: Axes, survey: Survey) -> None:
         axes.text(2.0, place - 0.45, words, va="bottom", fontsize=8, color=INK)
     axes.set_yticks(range(len(survey.joints)), [joint.name for joint in survey.joints])
     axes.invert_yaxis()
-    axes.set_xlabel("% of the travel")
+    axes.set_xlabel(say("check_picture.travel"))

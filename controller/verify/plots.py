@@ -17,6 +17,7 @@ from controller.geometry.surfaces import Surface
 from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Machine
 from controller.motion.motions import SurfaceCut
+from controller.verify.console import say
 from controller.verify.trace import HasMotion, Summary, Trace, following_error, speeds, summary
 
 if TYPE_CHECKING:
@@ -54,19 +55,22 @@ def cut_picture(trace: Trace, machine: Machine, stretches: Mapping[int, HasMotio
 
 def _headline(figure: Figure, trace: Trace, machine: Machine, cuts: list[SurfaceCut]) -> None:
     figures = summary(trace, machine, kinematics_of(machine), cuts[0].length_mm if cuts else 0.0)
-    figure.text(0.025, 0.962, f"Cut on {machine.name}", fontsize=19, color=INK, weight="bold", va="center")
+    figure.text(
+        0.025, 0.962, say("plot.title", name=machine.name), fontsize=19, color=INK, weight="bold", va="center"
+    )
     for height, line in zip((0.925, 0.899), _lines(figures, trace), strict=True):
         figure.text(0.025, height, line, fontsize=12, color="#444444", va="center")
 
 
 def _lines(figures: Summary, trace: Trace) -> tuple[str, str]:
     what = (
-        f"{figures.cut_length_mm:.4f} mm in {figures.cut_time_s:.3f} s" if figures.cut_length_mm else "no cut"
+        say("plot.cut", cut_length_mm=figures.cut_length_mm, cut_time_s=figures.cut_time_s)
+        if figures.cut_length_mm
+        else say("plot.no_cut")
     )
     return (
-        f"{what}, one setpoint per axis every {trace.period_s * 1e3:g} ms",
-        f"largest errors of the real tool: path {figures.path_error_mm * 1e3:.2f} µm, "
-        f"axis {figures.axis_error_deg * 1e3:.2f} mdeg",
+        say("plot.period", what=what, period=trace.period_s * 1000.0),
+        say("plot.errors", path=figures.path_error_mm * 1000.0, axis=figures.axis_error_deg * 1000.0),
     )
 
 
@@ -155,10 +159,10 @@ def _key() -> Iterator[Any]:
     from matplotlib.lines import Line2D
 
     blue, red = JOINT_COLOURS[0], JOINT_COLOURS[4]
-    yield Line2D([], [], color=blue, linewidth=2.2, label="ruled surface: directrices and rulings")
-    yield Line2D([], [], color=red, linewidth=1.8, marker="o", markersize=3.2, label="tool tip, cutting")
-    yield Line2D([], [], color=FAINT, linewidth=0.9, label="tool axis")
-    yield Line2D([], [], color=FAINT, linewidth=1.2, linestyle=(0, (3, 2)), label="tool tip, not cutting")
+    yield Line2D([], [], color=blue, linewidth=2.2, label=say("plot.surface"))
+    yield Line2D([], [], color=red, linewidth=1.8, marker="o", markersize=3.2, label=say("plot.cutting"))
+    yield Line2D([], [], color=FAINT, linewidth=0.9, label=say("plot.axis"))
+    yield Line2D([], [], color=FAINT, linewidth=1.2, linestyle=(0, (3, 2)), label=say("plot.not_cutting"))
 
 
 # ---- over time ---------------------------------------------------------------------
@@ -172,12 +176,12 @@ def _time_panels(figure: Figure, trace: Trace, machine: Machine) -> None:
     following = following_error(trace)
     share = np.abs(speeds(trace, machine)) * 100.0
     panels: list[tuple[str, Array, list[int]]] = [
-        ("linear joints, mm", trace.joint_command, linear),
-        ("rotary joints, deg", trace.joint_command, rotary),
-        ("joint speed, % of its limit", share, linear + rotary),
-        ("feed of the contact, mm/min", _contact_feed(trace)[:, None] * 60.0, []),
-        ("following error, µm", following * 1e3, linear),
-        ("following error, mdeg", following * 1e3, rotary),
+        (say("plot.linear"), trace.joint_command, linear),
+        (say("plot.rotary"), trace.joint_command, rotary),
+        (say("plot.speed"), share, linear + rotary),
+        (say("plot.feed"), _contact_feed(trace)[:, None] * 60.0, []),
+        (say("plot.error_um"), following * 1e3, linear),
+        (say("plot.error_mdeg"), following * 1e3, rotary),
     ]
     grid = figure.add_gridspec(len(panels), 1, left=0.625, right=0.982, top=0.955, bottom=0.058, hspace=0.42)
     first: Axes | None = None
@@ -186,7 +190,7 @@ def _time_panels(figure: Figure, trace: Trace, machine: Machine) -> None:
         first = first or axes
         _panel(axes, title, trace, values, columns, shown)
         axes.tick_params(labelbottom=row == len(panels) - 1)
-    axes.set_xlabel("time since cycle start, s", fontsize=11)
+    axes.set_xlabel(say("plot.time"), fontsize=11)
 
 
 def _window(trace: Trace) -> slice:

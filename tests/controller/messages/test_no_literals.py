@@ -52,7 +52,7 @@ def test_no_sentence_is_handed_to_an_error_of_the_machine_file() -> None:
 
 
 # Rooms in which every sentence that a person reads is a text of the catalogue.
-DONE = ("cli", "api", "commands")
+DONE = ("cli", "api", "commands", "service", "cad")
 SHOWS = ("print", "confirm", "prompt", "bar", "Refused", "Misunderstood", "BadParameter", "tell_done")
 # Raised at who programs, or caught where it is raised.
 OWN = {"ValueError", "TypeError", "RuntimeError", "AssertionError", "NotImplementedError", "KeyError"}
