@@ -8,6 +8,7 @@ from controller import messages
 from controller.machine import machine_file
 from controller.machine.model import Macro
 from controller.machine.toml_table import ConfigError
+from controller.runtime import checked
 from controller.service import status
 
 FILE = machine_file.load("trunnion").text
@@ -58,3 +59,11 @@ def test_a_macro_that_is_none_is_refused_with_its_line_in_each_language(table: s
         machine_file.read(with_macros(PARK, table), "m.toml")
     assert says in str(error.value) and str(error.value).startswith("m.toml:")
     assert messages.text(error.value.said, "de") not in ("", str(error.value))
+
+
+def test_the_macros_of_the_shop_are_programs_that_it_takes() -> None:
+    machine = machine_file.load("shop")
+    assert machine.macros
+    for macro in machine.macros:
+        task = checked.task("\n".join(macro.lines).encode(), macro.name, machine)
+        assert any(True for _ in checked.path_of(task).items), macro.name
