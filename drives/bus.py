@@ -23,6 +23,7 @@ from drives.ports.can_socket import CanSocket, cyclic_sync_request, kernel_filte
 from drives.ports.port import Buffer, BusError, FrameSocket, HubSocket, Port
 from drives.ports.slcan_port import SlcanPort, open_serial
 from drives.settings import BusSettings
+from drives.texts import said
 from drives.virtual import hub_protocol
 
 if TYPE_CHECKING:
@@ -96,7 +97,7 @@ class AdapterSocket:
         return True
 
     def start_cyclic_sync(self, period_s: float) -> None:
-        raise BusError(f'bus {self.name}: a python-can adapter has no kernel timer; use sync = "tick"')
+        raise BusError(said("bus.no_timer", name=self.name))
 
     def stop_cyclic_sync(self) -> None:
         """Nothing runs."""
@@ -137,8 +138,7 @@ def joined(settings: BusSettings, first: bytes) -> socket.socket:
         return hub_protocol.connect(settings.channel, first)
     except OSError as error:
         raise BusError(
-            f"bus {settings.name}: no virtual bus at {settings.channel}: {error.strerror};"
-            " start its hub first"
+            said("bus.no_hub", name=settings.name, channel=settings.channel, why=error.strerror)
         ) from error
 
 
@@ -157,8 +157,13 @@ def _open_adapter(settings: BusSettings, filters: Sequence[tuple[int, int]]) -> 
         )
     except (can.CanError, OSError, ValueError, TypeError, ImportError) as error:
         raise BusError(
-            f"bus {settings.name}: python-can cannot open interface {settings.interface!r},"
-            f" channel {settings.channel!r}: {error}"
+            said(
+                "bus.no_adapter",
+                name=settings.name,
+                interface=settings.interface,
+                channel=settings.channel,
+                why=error,
+            )
         ) from error
     return AdapterSocket(bus, settings.name)
 

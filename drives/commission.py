@@ -31,6 +31,7 @@ from drives.commissioning.values import shown
 from drives.commissioning.wanted import Setting, Settings, Step, interpolation_time, steps_of
 from drives.profile import Supervision
 from drives.settings import IoSettings, MasterSettings, NodeSettings, SpindleSettings
+from drives.texts import said
 
 __all__ = [
     "Arranged",
@@ -123,7 +124,7 @@ def _prepare(network: Network, drive: Drive, settings: Settings, master: MasterS
     try:
         _set_up(drive, settings, master)
     except UnitError as error:
-        raise CommissionError(f"{drive.title}: {error}") from error
+        raise CommissionError(said("drive.of", title=drive.title, why=error)) from error
 
 
 def _set_up(drive: Drive, settings: NodeSettings | SpindleSettings, master: MasterSettings) -> None:
@@ -152,10 +153,7 @@ def _see_undisturbed(network: Network, drives: Sequence[Drive]) -> None:
     again = [drive for drive in drives if drive.settings.node in network.booted]
     if again:
         _see_single(network, again)
-        raise CommissionError(
-            f"{again[0].title}: its boot-up message came while it was commissioned, so it has forgotten what"
-            " it was told; check its supply, and look for another master on the bus"
-        )
+        raise CommissionError(said("drive.booted_again", title=again[0].title))
 
 
 def _mode(settings: NodeSettings | SpindleSettings) -> int:
@@ -169,10 +167,7 @@ def _see_off(network: Network, drive: Drive) -> None:
         return drive.read(0x6041) & ENABLED_MASK != ENABLED
 
     if not network.wait(off):
-        raise CommissionError(
-            f"{drive.title}: object 6041h shows that it is enabled, needed is a drive that is switched off;"
-            " look for another controller on the bus, or switch its power off and on"
-        )
+        raise CommissionError(said("drive.enabled", title=drive.title))
 
 
 def _sends_heartbeats(settings: Settings) -> bool:
@@ -183,10 +178,7 @@ def _sends_heartbeats(settings: Settings) -> bool:
 def _see_operational(network: Network, drive: Drive) -> None:
     node = drive.settings.node
     if not network.wait(lambda: network.nmt_states.get(node) == pdo.NMT_OPERATIONAL):
-        raise CommissionError(
-            f"{drive.title}: its heartbeat does not show NMT state operational after the start command;"
-            " look for its error message, and for another master on the bus"
-        )
+        raise CommissionError(said("drive.not_operational", title=drive.title))
 
 
 def set_mode(network: Network, node: NodeSettings | SpindleSettings, mode: int) -> None:
@@ -199,9 +191,7 @@ def _identify(drive: Drive, settings: Settings) -> None:
     needed = 401 if isinstance(settings, IoSettings) else 402
     kind = drive.read(0x1000) & 0xFFFF
     if kind != needed:
-        raise CommissionError(
-            f"{drive.title}: object 1000h says device profile {kind}, needed is {needed}; check the node id"
-        )
+        raise CommissionError(said("drive.other_profile", title=drive.title, kind=kind, needed=needed))
     words = [word for word in identity.words_of(settings, drive.sheet) if drive.has(0x1018, word.sub)]
     found = {word.sub: drive.read(0x1018, word.sub) for word in words}
     for word in words:
@@ -212,7 +202,4 @@ def _identify(drive: Drive, settings: Settings) -> None:
         mode = _mode(settings)
         modes = drive.read(0x6502)
         if not modes & 1 << (mode - 1):
-            raise CommissionError(
-                f"{drive.title}: object 6502h is {modes:#x}, which shows no mode of operation {mode}; it"
-                " cannot be used here with this profile"
-            )
+            raise CommissionError(said("drive.no_mode", title=drive.title, modes=modes, mode=mode))

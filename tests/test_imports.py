@@ -71,6 +71,7 @@ OF_DRIVES = {
     *("settings", "arranged", "profile", "scale", "pdo", "cia402", "emergency_codes", "sheet_text"),
     "text_file",  # what a machine file names, as its text
     "values",  # how dataclasses are made
+    "texts",  # what an error says
 }
 
 # Room of a folder -> rooms of it that it may import; files beside the rooms may import all.

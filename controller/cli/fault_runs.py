@@ -6,12 +6,13 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from controller import messages
 from controller.machine.model import Machine
 from controller.runtime.observer import Observer
 from controller.runtime.startup import SessionError
 from controller.runtime.stepped import SteppedMachine
 from controller.verify import console
-from controller.verify.console import Misunderstood, Refused, say
+from controller.verify.console import Misunderstood, Refused, say, spoken
 from drives.commission import CommissionError
 
 if TYPE_CHECKING:
@@ -55,7 +56,8 @@ class FaultRun:
             self._bench.come_up()
         except (SessionError, CommissionError) as error:  # the latter: a drive no longer answers
             self._bench.stand_still()
-            raise self.ended(str(error), result="fault", **self.facts()) from error
+            why = messages.text(messages.of_error(error), spoken.get())
+            raise self.ended(why, result="fault", **self.facts()) from error
 
     def ended(self, sentence: str, **facts: Any) -> Refused:
         """A run that has ended in a fault: one that the script has planted before it was asked for."""

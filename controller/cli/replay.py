@@ -8,13 +8,14 @@ from typing import Annotated, Any
 
 import typer
 
+from controller import messages
 from controller.cli import recorded_runs
 from controller.cli.recorded_runs import RecordedRun
 from controller.ipc import control_socket
 from controller.machine.toml_table import ConfigError
 from controller.runtime import checked, events, starts
 from controller.runtime.startup import SessionError
-from controller.verify.console import AS_ASKED, Refused, as_asked, bar, refusals, say, show, tell
+from controller.verify.console import AS_ASKED, Refused, as_asked, bar, refusals, say, show, spoken, tell
 
 RunName = Annotated[
     str,
@@ -86,7 +87,7 @@ def _of_number(number: int, state: Path) -> str:
     try:
         found = Store(state).runs.get(number)
     except StoreError as error:
-        raise Refused(str(error)) from error
+        raise Refused(messages.text(error.said, spoken.get())) from error
     name = str(found.facts.get("record", "")) if found is not None else ""
     if not name:
         raise Refused(say("cli.replay.no_number", number=number, state=state))

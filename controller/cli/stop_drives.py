@@ -7,10 +7,11 @@ from typing import Annotated
 
 import typer
 
+from controller import messages
 from controller.machine import machine_file, nodes
 from controller.machine.model import Machine
 from controller.machine.toml_table import ConfigError
-from controller.verify.console import Refused, refusals, say, show
+from controller.verify.console import Refused, refusals, say, show, spoken
 from drives import bus as buses
 from drives import commission, pdo, quick_stop
 from drives.settings import BusSettings
@@ -34,7 +35,7 @@ def stop(machine: MachineFile = "trunnion", as_json: Json = False) -> None:
                 silent += _stopped(made, settings)
                 told.append(settings.name)
             except buses.BusError as error:
-                unreachable.append(str(error))
+                unreachable.append(messages.text(messages.of_error(error), spoken.get()))
         _report(as_json, told, silent, unreachable)
 
 

@@ -12,7 +12,7 @@ from controller.ipc.control_socket import CommandRefused
 from controller.ipc.handoff import Snapshot
 from controller.machine import machine_file
 from controller.machine.model import Machine
-from controller.messages import Key
+from controller.messages import Key, of_error
 from controller.runtime.listener import Listener
 from controller.runtime.recording import Keeper
 from controller.service import node_status
@@ -58,7 +58,7 @@ class Processes:
         try:
             self._listener = Listener(machine_file.bus_settings(self._engine.machine), node_status.LastFrames)
         except BusError as error:
-            raise CommandRefused("gone", str(error)) from error
+            raise CommandRefused("gone", of_error(error)) from error
         if (recorder := self._engine.recorder) is not None:
             self._troubles.record_by(Keeper(machine, recorder, self._listener.logs, self._recordings))
 

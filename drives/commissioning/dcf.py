@@ -16,6 +16,7 @@ from canopen.objectdictionary import ObjectDictionary, ODVariable, eds
 
 from drives.commissioning import sheet
 from drives.commissioning.sheet import INTEGERS, SheetError
+from drives.texts import said
 from drives.values import dataclass
 
 Value = int | float | str | bytes
@@ -90,7 +91,7 @@ def read(path: Path) -> Kept:
     try:
         text = path.read_bytes().decode("latin-1")
     except OSError as error:
-        raise SheetError(f"{path}: cannot be read: {error.strerror}; check path and permission") from error
+        raise SheetError(said("sheet.dcf_unreadable", path=path, why=error.strerror)) from error
     node = _node(text)
     about = sheet.read(text, path.name, node or 1)
     found = {

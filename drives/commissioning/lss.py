@@ -13,6 +13,7 @@ from struct import Struct
 
 from drives import pdo
 from drives.commissioning.network import CommissionError, Network
+from drives.texts import Said, said
 
 REQUEST, ANSWER = 0x7E5, pdo.LSS_ANSWER
 SWITCH_GLOBAL, SET_NODE, STORE = 0x04, 0x11, 0x17
@@ -51,15 +52,11 @@ class Lss:
             self._switch(WAITING)
             found = self._single_out(identity)
             before = self._present_node()
-            self._set(SET_NODE, node, f"node id {node}")
+            self._set(SET_NODE, node, said("lss.giving", node=node))
             self._switch(WAITING)
             self._boot(before, node)
             if identity is None and self._ask(bytes([WITHOUT_ID])):
-                raise CommissionError(
-                    f"node {node}: another drive without a node id is on the bus, so it is not known"
-                    " which one this is; switch their power on one by one, or name the serial number in the"
-                    " machine file"
-                )
+                raise CommissionError(said("lss.several", node=node))
             if store:
                 self._store(found)
             return found
@@ -87,16 +84,10 @@ class Lss:
     def _single_out(self, identity: Identity | None) -> Identity:
         found = self.scan() if identity is None else identity
         if found is None:
-            raise CommissionError(
-                "no drive without a node id answers on the bus; allowed is exactly one; look whether it has"
-                " LSS and whether its power is on, or name its serial number in the machine file"
-            )
+            raise CommissionError(said("lss.nobody"))
         if identity is not None and not self._select(identity):
             words = ", ".join(f"{name} {word:#x}" for name, word in zip(NAMES, identity, strict=True))
-            raise CommissionError(
-                f"no drive with {words} answers to LSS; check the serial number in the machine file,"
-                " power and bit rate"
-            )
+            raise CommissionError(said("lss.not_found", words=words))
         return found
 
     def _select(self, identity: Identity) -> bool:
@@ -127,11 +118,11 @@ class Lss:
         answer = self._ask(bytes([INQUIRE_NODE]))
         return answer[1] if answer[:1] == bytes([INQUIRE_NODE]) else UNCONFIGURED
 
-    def _set(self, command: int, value: int, what: str) -> None:
+    def _set(self, command: int, value: int, what: Said) -> None:
         answer = self._ask(bytes([command, value]))
         if answer[:1] != bytes([command]) or answer[1]:
-            why = f"refused with LSS error {answer[1]}" if answer else "not answered"
-            raise CommissionError(f"{what} was {why}; check that the drive supports LSS (CiA 305)")
+            why = said("lss.error", code=answer[1]) if answer else said("lss.silent")
+            raise CommissionError(said("lss.refused", what=what, why=why))
 
     def _boot(self, before: int, node: int) -> None:
         """A drive that had an id takes the new one with its next reset of communication."""
@@ -148,14 +139,9 @@ class Lss:
         booted = self._network.wait(lambda: bool(heard), BOOT_S)
         self._network.hearer = self._hear
         if not booted:
-            raise CommissionError(
-                f"node {node}: no boot-up message after it was given this node id; switch its power off"
-                " and on"
-            )
+            raise CommissionError(said("lss.no_boot_up", node=node))
 
     def _store(self, identity: Identity) -> None:
         if not self._select(identity):
-            raise CommissionError(
-                "the drive does not answer to LSS any more, so its node id is not stored; try again"
-            )
-        self._set(STORE, 0, "storing the node id")
+            raise CommissionError(said("lss.gone"))
+        self._set(STORE, 0, said("lss.storing"))

@@ -17,6 +17,7 @@ import canopen
 from drives import pdo
 from drives.commissioning import sheet
 from drives.text_file import Source
+from drives.texts import TextError, said
 
 SDO_REQUEST, SDO_ANSWER_BEFORE = 0x600, 0x80
 ABORT = 0x80
@@ -31,7 +32,7 @@ Pump = Callable[[], float]  # lets a little time pass, gives the present one (s)
 Hearer = Callable[[int, bytes], None]  # called with identifier and data of everything that arrives
 
 
-class CommissionError(Exception):
+class CommissionError(TextError):
     """A drive is not there, is another one, or does not take a setting: drive, object, what to do."""
 
 
@@ -110,7 +111,8 @@ class Network(canopen.Network):
         try:
             about = sheet.of(settings)
         except sheet.SheetError as error:
-            raise CommissionError(f"drive {settings.name} (node {settings.node}): {error}") from error
+            title = f"drive {settings.name} (node {settings.node})"
+            raise CommissionError(said("drive.of", title=title, why=error)) from error
         node = self._joined.get(about)
         if node is None:
             node = self._joined[about] = canopen.RemoteNode(settings.node, about.dictionary)
@@ -126,7 +128,7 @@ class Network(canopen.Network):
             if self._port.send(frame):
                 return
             self._pump()  # its queue may be short, and full
-        raise CommissionError("the bus does not take frames; see that it is up and that somebody is on it")
+        raise CommissionError(said("drive.bus_takes_none"))
 
     def send_message(self, can_id: int, data: bytes, remote: bool = False) -> None:
         """Send; an SDO request returns when its answer has come or the patience has ended."""

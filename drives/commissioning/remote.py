@@ -17,6 +17,7 @@ from drives.commissioning import sheet
 from drives.commissioning.network import CommissionError, Network, Node
 from drives.commissioning.values import told
 from drives.commissioning.wanted import Setting, Step
+from drives.texts import Said, said
 from drives.values import dataclass
 
 NMT_START, NMT_PRE_OPERATIONAL = 0x01, 0x80
@@ -103,17 +104,13 @@ class Drive:
         """Upload. Raises CommissionError."""
         if not self.has(index, sub):
             raise CommissionError(
-                f"{self.title}: its data sheet {self.settings.eds} has no object {index:04X}h:{sub:02X},"
-                " which must be read; a drive without it cannot be used here"
+                said("drive.no_object_to_read", title=self.title, eds=self.settings.eds, index=index, sub=sub)
             )
         try:
             return int(self._variable(index, sub).raw)
         except SdoAbortedError as error:
             kind = MissingObjectError if error.code in MISSING else RefusedError
-            raise kind(
-                f"{self.title}: reading object {index:04X}h:{sub:02X} was refused: {error};"
-                " check that drive and data sheet belong together"
-            ) from error
+            raise kind(said("drive.not_read", title=self.title, index=index, sub=sub, why=error)) from error
         except SdoCommunicationError as error:
             raise CommissionError(self._silent(index, sub)) from error
         except MISFITS as error:
@@ -266,17 +263,15 @@ class Drive:
         except MISFITS as error:
             raise CommissionError(self._misfit(index, sub, error)) from error
 
-    def _misfit(self, index: int, sub: int, error: Exception) -> str:
+    def _misfit(self, index: int, sub: int, error: Exception) -> Said:
         reason = " ".join(str(error).split())
-        return (
-            f"{self.title}: object {index:04X}h:{sub:02X} is not as its data sheet {self.settings.eds} says"
-            f" ({reason}); check that drive and data sheet belong together"
+        return said(
+            "drive.not_as_sheet", title=self.title, index=index, sub=sub, eds=self.settings.eds, reason=reason
         )
 
-    def _silent(self, index: int, sub: int) -> str:
-        return (
-            f"{self.title}: no answer to SDO (object {index:04X}h:{sub:02X}) within"
-            f" {self._network.patience_s:g} s; check power, wiring, bit rate and node id"
+    def _silent(self, index: int, sub: int) -> Said:
+        return said(
+            "drive.silent", title=self.title, index=index, sub=sub, patience_s=self._network.patience_s
         )
 
     def _variable(self, index: int, sub: int) -> Any:
@@ -305,18 +300,14 @@ class Drive:
         self._download(Setting(0x6060, 0, mode, why))
         if not self._network.wait(lambda: self.read(0x6061) == mode):
             raise CommissionError(
-                f"{self.title}: mode of operation {mode} was asked for, object 6061h still shows"
-                f" {self.read(0x6061)}; check that the drive supports it"
+                said("drive.mode_not_taken", title=self.title, mode=mode, shown=self.read(0x6061))
             )
         self.outcome.changes.append(Change(0x6060, 0, was, mode, why))
 
     def store(self) -> None:
         """Have the drive keep all parameters (1010h:01). Raises CommissionError."""
         if not self.has(0x1010, 1):
-            raise CommissionError(
-                f"{self.title}: its data sheet has no object 1010h:01, so it cannot store; commission"
-                " without storing, everything is written at each start"
-            )
+            raise CommissionError(said("drive.no_store", title=self.title))
         patience_s, self._network.patience_s = self._network.patience_s, STORE_S
         try:
             self._download(Setting(0x1010, 1, SAVE, "settings are to be kept"))

@@ -16,6 +16,7 @@ from drives.commissioning.dcf import Kept, Place, Value
 from drives.commissioning.network import CommissionError
 from drives.commissioning.remote import Drive
 from drives.commissioning.wanted import OFF, RPDO, TPDO
+from drives.texts import said
 from drives.values import dataclass
 
 ENABLED_MASK, ENABLED = 0x6F, 0x27  # statusword of operation enabled
@@ -164,9 +165,7 @@ def _of_node(index: int, sub: int, value: Value, before: int | None, now: int) -
 def see_off(drive: Drive) -> None:
     """Nothing is put back into a drive with torque. Raises CommissionError."""
     if drive.has(0x6041, 0) and drive.read(0x6041) & ENABLED_MASK == ENABLED:
-        raise CommissionError(
-            f"{drive.title}: object 6041h shows that it is enabled; switch it off before its set-up changes"
-        )
+        raise CommissionError(said("drive.on_at_set_up", title=drive.title))
 
 
 def restore(drive: Drive, kept: Kept, address: bool = False) -> list[Row]:

@@ -25,6 +25,7 @@ from drives import sheet_text
 from drives.commissioning import overrides
 from drives.profile import Override
 from drives.text_file import Source, text_of
+from drives.texts import TextError, said
 
 # What canopen would log, of data sheets as of drives, is raised as well or mended, and told in a sentence.
 logging.getLogger("canopen").setLevel(logging.CRITICAL)
@@ -73,7 +74,7 @@ INTEGERS = {
 }
 
 
-class SheetError(Exception):
+class SheetError(TextError):
     """A data sheet is not there or cannot be read; which, why, what to do."""
 
 
@@ -174,9 +175,7 @@ def _mended(path: Source) -> str:
     try:
         text = text_of(path)
     except OSError as error:
-        raise SheetError(
-            f"its data sheet {path} cannot be read: {error.strerror}; give the path of the maker's EDS file"
-        ) from error
+        raise SheetError(said("sheet.unreadable", path=path, why=error.strerror)) from error
     with _refusals(Path(path).name):
         return cleaned(text)
 
@@ -227,9 +226,7 @@ def _refusals(name: str) -> Iterator[None]:
         yield
     except (configparser.Error, canopen.ObjectDictionaryError, ValueError, KeyError, TypeError) as error:
         reason = " ".join(str(error).split())
-        raise SheetError(
-            f"the data sheet {name} cannot be read as EDS or DCF (CiA 306-1): {reason}; get it from the maker"
-        ) from error
+        raise SheetError(said("sheet.no_eds", name=name, reason=reason)) from error
 
 
 def cleaned(text: str) -> str:

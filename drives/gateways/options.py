@@ -15,6 +15,7 @@ from drives.gateways.slcan import SlcanTerminal
 from drives.gateways.socketcand import PORT, SocketcandServer
 from drives.log import candump
 from drives.settings import BusSettings
+from drives.texts import said
 from drives.virtual.error_counters import CONTROLLER, overflow_frame
 from drives.virtual.fault_script import FaultScript, ScriptError
 from drives.virtual.hub import Gateway
@@ -127,7 +128,7 @@ def equipped(
 def _adapter(host: Host, serial: str) -> SerialAdapter:
     channel, _, rate = serial.rpartition("=")
     if not channel or not rate.isdecimal():
-        raise BusError(f"{serial!r} is no serial adapter; write its port and bit rate: /dev/ttyACM0=1000000")
+        raise BusError(said("bus.no_serial", serial=serial))
     return SerialAdapter(host, channel, int(rate))
 
 

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from drives import pdo
 from drives.ports.port import BusError, FrameSocket
 from drives.settings import BusSettings
+from drives.texts import said
 
 # Error classes that end a motion (linux/can/error.h): controller problems, bus-off, restarted.
 ERROR_CLASSES = 0x004 | 0x040 | 0x100
@@ -75,7 +76,7 @@ class CanSocket(FrameSocket):
         except OSError as error:
             manager.close()
             raise BusError(
-                f"bus {self.name}: the kernel refuses cyclic SYNC on {self._channel}: {error}"
+                said("bus.no_cyclic_sync", name=self.name, channel=self._channel, why=error)
             ) from error
         self._manager = manager
 
@@ -106,7 +107,7 @@ def open_socket(settings: BusSettings, filters: Sequence[tuple[int, int]]) -> Ca
     try:
         sock = socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW)
     except OSError as error:
-        raise BusError(f"bus {settings.name}: this kernel has no CAN sockets: {error.strerror}") from error
+        raise BusError(said("bus.no_can", name=settings.name, why=error.strerror)) from error
     try:
         sock.setsockopt(socket.SOL_CAN_RAW, socket.CAN_RAW_FILTER, kernel_filters(filters))
         sock.setsockopt(socket.SOL_CAN_RAW, CAN_RAW_ERR_FILTER, ERROR_CLASSES)
@@ -114,8 +115,13 @@ def open_socket(settings: BusSettings, filters: Sequence[tuple[int, int]]) -> Ca
     except OSError as error:
         sock.close()
         raise BusError(
-            f"bus {settings.name}: cannot use {settings.channel}: {error.strerror}; bring it up with"
-            f" 'ip link set {settings.channel} up type can bitrate {settings.bit_rate}'"
+            said(
+                "bus.no_interface",
+                name=settings.name,
+                channel=settings.channel,
+                why=error.strerror,
+                bit_rate=settings.bit_rate,
+            )
         ) from error
     try:
         _lengthen_queue(sock, settings)
@@ -140,9 +146,14 @@ def _lengthen_queue(sock: socket.socket, settings: BusSettings) -> None:
         fcntl.ioctl(sock, SIOCSIFTXQLEN, request)
     except OSError as error:
         raise BusError(
-            f"bus {settings.name}: the transmit queue of {settings.channel} holds {length} frames, and at"
-            f" least {MIN_QUEUE} are needed; as root, 'ip link set {settings.channel} txqueuelen"
-            f" {MIN_QUEUE}' ({error.strerror})"
+            said(
+                "bus.short_queue",
+                name=settings.name,
+                channel=settings.channel,
+                length=length,
+                min_queue=MIN_QUEUE,
+                why=error.strerror,
+            )
         ) from error
 
 

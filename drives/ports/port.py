@@ -13,6 +13,7 @@ from collections.abc import Callable
 from typing import Protocol
 
 from drives import pdo
+from drives.texts import TextError, said
 from drives.virtual import hub_protocol
 
 Buffer = bytes | bytearray | memoryview
@@ -26,7 +27,7 @@ HUB_PACKET_BYTES = hub_protocol.MOST_FRAMES * pdo.FRAME_BYTES
 SENT_BYTES = hub_protocol.MOST_SENT * pdo.FRAME_BYTES
 
 
-class BusError(Exception):
+class BusError(TextError):
     """A bus cannot be opened or used as configured; the text says which and what to do."""
 
 
@@ -101,9 +102,7 @@ class FrameSocket:
 
     def start_cyclic_sync(self, period_s: float) -> None:
         """Has SYNC sent every ``period_s`` without us; BusError where nobody can do that."""
-        raise BusError(
-            f'bus {self.name}: sync = "kernel" needs socketcan or the virtual bus; use sync = "tick"'
-        )
+        raise BusError(said("bus.sync_needs", name=self.name))
 
     def stop_cyclic_sync(self) -> None:
         """Ends what ``start_cyclic_sync`` began; the next SYNC does not go out."""
@@ -221,9 +220,7 @@ class HubSocket(FrameSocket):
 
     def start_cyclic_sync(self, period_s: float) -> None:
         if not self.send(hub_protocol.cyclic_sync_frame(period_s)):
-            raise BusError(
-                f"bus {self.name}: the hub does not take the request for cyclic SYNC; is it running?"
-            )
+            raise BusError(said("bus.hub_refuses", name=self.name))
         self._cyclic_sync = True
 
     def stop_cyclic_sync(self) -> None:

@@ -17,6 +17,7 @@ from drives import pdo
 from drives.ports import slcan
 from drives.ports.port import Buffer, BusError
 from drives.settings import BusSettings
+from drives.texts import said
 
 READ_BYTES = 65536
 MAX_UNSENT = 4096  # bytes that may wait for the driver; some 150 frames
@@ -117,7 +118,7 @@ class SlcanPort:
     # -- the rest of a port
 
     def start_cyclic_sync(self, period_s: float) -> None:
-        raise BusError(f'bus {self.name}: a serial adapter has no timer for SYNC; use sync = "tick"')
+        raise BusError(said("bus.serial_no_timer", name=self.name))
 
     def stop_cyclic_sync(self) -> None:
         """Nothing runs."""
@@ -144,11 +145,11 @@ def open_serial(settings: BusSettings) -> SlcanPort:
     if settings.bit_rate not in slcan.BIT_RATES:
         rates = ", ".join(f"{rate}" for rate in slcan.BIT_RATES)
         raise BusError(
-            f"bus {settings.name}: slcan has no bit rate of {settings.bit_rate}; use one of {rates}"
+            said("bus.serial_bit_rate", name=settings.name, bit_rate=settings.bit_rate, rates=rates)
         )
     path, _, baud = settings.channel.partition("@")
     if baud and not baud.isdecimal():
-        raise BusError(f"bus {settings.name}: {baud!r} after @ is no baud rate; write {path}@1000000")
+        raise BusError(said("bus.serial_baud", name=settings.name, baud=baud, path=path))
     port = SlcanPort(_open_line(settings.name, path, int(baud or BAUD)), settings.name)
     try:
         _set_up(port, slcan.BIT_RATES[settings.bit_rate], settings)
@@ -166,19 +167,21 @@ def _open_line(name: str, path: str, baud: int) -> int:
         with serial.Serial(path, baud, timeout=0, exclusive=True) as line:
             return os.dup(line.fileno())
     except (serial.SerialException, OSError, ValueError) as error:
-        raise BusError(
-            f"bus {name}: cannot open the serial port {path}: {error}; is the adapter plugged in, free,"
-            " and yours to use (group dialout)?"
-        ) from error
+        raise BusError(said("bus.serial_not_open", name=name, path=path, why=error)) from error
 
 
 def _set_up(port: SlcanPort, rate: str, settings: BusSettings) -> None:
     """Close, bit rate, no time stamps, open. Only what comes after counts as refused or malformed."""
     for command in ("\r\rC", "Z0"):  # an adapter that is closed already, or has no time stamps, says BEL
         _tell(port, command)
-    for command, what in ((rate, f"a bit rate of {settings.bit_rate}"), ("O", "opening its channel")):
+    for command, what in (
+        (rate, said("bus.a_bit_rate", bit_rate=settings.bit_rate)),
+        ("O", said("bus.opening")),
+    ):
         if not _tell(port, command):
-            raise BusError(f"bus {settings.name}: the adapter at {settings.channel} refuses {what}")
+            raise BusError(
+                said("bus.serial_refuses", name=settings.name, channel=settings.channel, what=what)
+            )
     port.overflows = port.malformed = 0
 
 

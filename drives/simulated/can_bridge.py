@@ -18,6 +18,7 @@ from collections.abc import Callable
 
 from drives import pdo
 from drives.pdo import FRAME_BYTES
+from drives.texts import TextError, said
 from drives.virtual.fault_script import FaultScript
 from drives.virtual.hub import Gateway, SyncLog
 from drives.virtual.kernel_time import NOTE_BYTES, KernelTime, woken
@@ -27,7 +28,7 @@ RECEIVE_BYTES = 1 << 20  # room for what comes while this process sleeps
 MAX_WAITING = 1024  # frames that a full transmit queue may keep here; the oldest go first
 
 
-class InterfaceError(Exception):
+class InterfaceError(TextError):
     """A CAN interface cannot be used; the text says why and what to do."""
 
 
@@ -36,18 +37,12 @@ def open_interface(channel: str) -> socket.socket:
     try:
         raw = socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW)
     except OSError as error:
-        raise InterfaceError(
-            f"CAN interface {channel}: this kernel has no CAN sockets ({error.strerror}); load its module"
-            " with 'modprobe can', or serve on a virtual bus"
-        ) from error
+        raise InterfaceError(said("bus.bridge_no_can", channel=channel, why=error.strerror)) from error
     try:
         raw.bind((channel,))
     except OSError as error:
         raw.close()
-        raise InterfaceError(
-            f"CAN interface {channel}: {error.strerror}; for a virtual one: 'ip link add"
-            f" {channel} type vcan' and 'ip link set {channel} up'"
-        ) from error
+        raise InterfaceError(said("bus.bridge_interface", channel=channel, why=error.strerror)) from error
     return raw
 
 

@@ -185,7 +185,7 @@ def test_no_refusal_ends_where_its_reason_should_be(language: str, why: str | No
     with_reason = [key for key, words in texts.items() if "why" in placeholders(words)]
     assert len(with_reason) > 5
     for key in with_reason:
-        values = {**dict.fromkeys(placeholders(texts[key]), 1.0), "why": why}
+        values = {**dict.fromkeys(placeholders(texts[key]), 1), "why": why}
         words = text(said(key, **values), language)
         assert texts["no_why"] in words and "None" not in words and not words.endswith(" "), key
 

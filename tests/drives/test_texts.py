@@ -1,0 +1,26 @@
+"""What errors of drives say: texts of the catalogue, in English where nobody asks for another language."""
+
+from __future__ import annotations
+
+import json
+import pickle
+
+from controller import messages
+from drives import texts
+from drives.bus import BusError
+from drives.texts import TextError, said
+
+
+def test_an_error_is_english_in_words_and_a_text_in_every_language() -> None:
+    inner = BusError(said("bus.no_hub", name="can0", channel="/tmp/x", why="No such file"))
+    error = pickle.loads(pickle.dumps(TextError(said("drive.of", title="drive X", why=inner))))
+    assert str(error) == "drive X: bus can0: no virtual bus at /tmp/x: No such file; start its hub first"
+    assert messages.text(messages.of_error(error), "en") == str(error)
+    assert messages.text(messages.of_error(error), "de").startswith("drive X: Bus can0: kein virtueller Bus")
+    assert json.loads(json.dumps(error.said)) == error.said, "it goes through sockets and files"
+
+
+def test_what_has_no_text_is_a_sentence_and_no_reason_is_said_so() -> None:
+    assert str(TextError("Look at it.")) == "Look at it." == messages.text(TextError("Look at it.").said)
+    assert "not known" in str(TextError(said("drive.of", title="X", why=None)))
+    assert texts.english({"key": "none.such", "values": {"n": 1}}) == "none.such {'n': 1}"
