@@ -12,6 +12,7 @@ is wanted, what is possible, one drive's reads and writes.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 
 from drives import pdo
 from drives.arranged import Arranged
@@ -75,9 +76,10 @@ def commission(
     """
     drives = [Drive(network, settings) for settings in nodes]
     for drive, settings in zip(drives, nodes, strict=True):
-        if found := possible.problems(settings, master, drive.sheet, bit_rate):
+        found, warned = _of_paper(settings, master, drive.sheet, bit_rate)
+        if found:
             raise CommissionError(f"{drive.title}: {'. '.join(found)}.")
-        drive.outcome.warnings += possible.warnings(settings, master, drive.sheet)
+        drive.outcome.warnings += warned
     for drive in drives:
         if not drive.answers():
             # A stopped node is deaf to SDO; a moving one would have answered.
@@ -107,9 +109,18 @@ def on_paper(settings: Settings, master: MasterSettings, bit_rate: int = 0) -> t
         about = sheet.of(settings)
     except sheet.SheetError as error:
         return [f"{title}: {error}"], []
-    warned = [*possible.warnings(settings, master, about), *identity.contradictions(about)]
-    problems = possible.problems(settings, master, about, bit_rate)
-    return [f"{title}: {one}" for one in problems], [f"{title}: {one}" for one in warned]
+    problems, warned = _of_paper(settings, master, about, bit_rate)
+    told = [*warned, *identity.contradictions(about)]
+    return [f"{title}: {one}" for one in problems], [f"{title}: {one}" for one in told]
+
+
+@lru_cache(256)
+def _of_paper(
+    settings: Settings, master: MasterSettings, about: sheet.Sheet, bit_rate: int
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Problems and warnings; the same drives are looked at with every program of a folder, and each start."""
+    found = possible.problems(settings, master, about, bit_rate)
+    return tuple(found), tuple(possible.warnings(settings, master, about))
 
 
 def _prepare(network: Network, drive: Drive, settings: Settings, master: MasterSettings) -> None:
