@@ -483,6 +483,13 @@ Aside = Message | Setting | Select  # parts no motions
 Block = CutBlock | JointMotion | TipLine | Dwell | Await | Action | Remark | Aside
 
 
+def is_by_offset(block: Block) -> bool:
+    """Whether it moves to a place of the work offset, and not of the machine."""
+    if isinstance(block, JointLine):
+        return not block.machine_frame
+    return isinstance(block, CutCone | CutRuled | CutNurbs | JointArc | JointCurve | TipLine)
+
+
 @dataclass(frozen=True, slots=True)
 class Program:
     """A whole program, read and found sound as text."""

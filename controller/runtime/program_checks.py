@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import time
 from collections.abc import Callable
 from dataclasses import replace
@@ -10,6 +11,7 @@ from typing import Any
 
 from controller import memory
 from controller.ipc.handoff import Snapshot
+from controller.machine.model import OFFSETS
 from controller.plan import waits
 from controller.plan.foresight import foreseen
 from controller.plan.planner import orders_of
@@ -18,7 +20,7 @@ from controller.plan.report.stored import Stored
 from controller.plan.restart.restart import Rest
 from controller.plan.timetable import Timetable
 from controller.program.carried import InForce
-from controller.program.program import Block
+from controller.program.program import Block, is_by_offset
 from controller.runtime import checked, entry_state, starts
 from controller.runtime.checked import Task
 from controller.runtime.plan_end import PlanEnd
@@ -27,10 +29,11 @@ from controller.runtime.starts import Start
 
 PROGRESS_S = 0.1
 MAX_NOTES = 100  # every status has them; all of them stand with the check
+SOON = 200  # blocks of a program in which its first motion is looked for
 # What is reported of a program that nobody has looked at as a whole.
 UNCHECKED: dict[str, Any] = {
     **dict.fromkeys(("duration_s", "blocks", "verdict", "timetable")),
-    **{"restart": [], "notes": [], "marks": (), "events": (), "passed_s": 0.0},
+    **{"restart": [], "notes": [], "marks": (), "events": (), "passed_s": 0.0, "offset": None},
 }
 
 
@@ -62,11 +65,17 @@ class ProgramChecks:
         return {
             **found(kept),
             "passed_s": passed_s(kept.marks, here) if here else 0.0,
+            "offset": self._offset(program),
             "timetable": self._timetable_from_here(program, kept),
             "restart": entry_state.told(rest) if rest else [],
             "notes": [note.facts for note in kept.notes[:MAX_NOTES]],
             "verdict": checked.verdict_of(kept, most=0),  # the job is reported many times a second
         }
+
+    def _offset(self, program: Program) -> str | None:
+        """The work offset of its first motion by it; None where it has none, or that is far inside."""
+        begins = itertools.islice(self.task(program).read(), SOON)
+        return next((OFFSETS[block.modal.offset] for block in begins if is_by_offset(block)), None)
 
     def _timetable_from_here(self, program: Program, kept: Stored) -> Timetable | None:
         """Of a run from where the machine stands, with the way to the program or to its place.

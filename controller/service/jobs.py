@@ -163,6 +163,7 @@ class Job:
     notes: list[dict[str, Any]] = field(default_factory=list)
     verdict: dict[str, Any] | None = None  # on the form of its surfaces
     restart: list[Said] = field(default_factory=list)  # the state at the place where it begins
+    offset: str | None = None  # by which it moves first
     before_s: float = 0.0  # of a whole run at 100 %, before the place where this one begins
     # As it was started last:
     entry: journal.Entry | None = None  # of the journal, where it goes on with that
@@ -219,6 +220,7 @@ class Job:
         self.time.check(facts["duration_s"], facts.pop("marks"), facts.pop("events"), durations)
         self.time.stands(facts.pop("timetable"))
         self.verdict, self.restart, self.state = facts["verdict"], facts["restart"], "loaded"
+        self.offset = facts.pop("offset", None)
         return {"sha256": self.sha256, "name": self.program.name, **facts}
 
     def arm(self, tick: int, tools: tuple[Tool, ...] = (), before: State | None = None) -> None:

@@ -199,7 +199,7 @@ def _starts(service: Service, job: Job, now: Snapshot) -> Said | None:
     there = next((row["values"] for row in job.restart if row["key"] in ("at.tool", "at.sized_tool")), None)
     if there is None:
         begin = service.run.begins_with(job, now)
-        offset = OFFSETS[begin.modal.offset if begin is not None else 0]
+        offset = job.offset or OFFSETS[begin.modal.offset if begin is not None else 0]
         there = {"tool": service.set_up.tool, "offset": offset}
     line = job.program.spot.line if job.program.spot is not None else 1
     facts = {"program": job.program.name, "line": line, "tool": there["tool"], "offset": there["offset"]}
