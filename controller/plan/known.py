@@ -7,7 +7,7 @@ motions; of another program nothing is kept (``memory.forget``).
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, TypeVar
 
 from controller.ipc.handoff import StopTable
 from controller.memory import remembered
@@ -17,58 +17,54 @@ from controller.plan.feed.profile import Profile, State
 from controller.plan.feed.ticked import is_row
 from controller.plan.stops import table
 
-LAWS, STOPS = 64, 16  # windows; of each some kB, and up to a MB
+T = TypeVar("T")
+
+NUMBERS = 1_000_000  # that are kept, of 8 bytes: stops of a minute or two, and laws of many more
 MOST = 40  # stretches of one that is kept: to compare many lines takes as long as many a plan
 
 
-class _Asked:
-    """A question: equal to another where all that it depends on is. Once answered it keeps nothing else."""
+class _Newest:
+    """The newest answers by what they depend on, as long as all are not more than so many numbers."""
 
-    __slots__ = ("_answer", "_hash", "_on")
+    def __init__(self) -> None:
+        self._found: dict[tuple[object, ...], tuple[Any, int]] = {}
+        self._numbers = 0
 
-    def __init__(self, on: tuple[object, ...], answer: Callable[[], Any]) -> None:
-        self._on, self._hash = on, hash(on)
-        self._answer: Callable[[], Any] | None = answer
-
-    def __hash__(self) -> int:
-        return self._hash
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Asked) and self._on == other._on
-
-    def answered(self) -> Any:
-        """To be asked once: a cache keeps the question, and not the course that was asked about."""
-        answer, self._answer = self._answer, None
-        assert answer is not None
-        return answer()
+    def of(self, on: tuple[object, ...], answer: Callable[[], T], numbers: Callable[[T], int]) -> T:
+        if (known := self._found.get(on)) is None:
+            found = answer()
+            known = self._found[on] = found, numbers(found)
+            self._numbers += known[1]
+            while self._numbers > NUMBERS:
+                self._numbers -= self._found.pop(next(iter(self._found)))[1]
+        made: T = known[0]
+        return made
 
 
-@remembered(LAWS)
-def _law(asked: _Asked) -> Profile | None:
-    found: Profile | None = asked.answered()
-    return found
-
-
-@remembered(STOPS)
-def _stops(asked: _Asked) -> StopTable:
-    found: StopTable = asked.answered()
-    return found
+@remembered(1)
+def _newest() -> _Newest:
+    """Of the program at hand."""
+    return _Newest()
 
 
 def law(course: Course, begin: State, until: float | None, guess: Profile | None) -> Profile | None:
     """As ``profile.plan``."""
     if not _is_kept(course):
         return profile.plan(course, begin, until, guess)
-    on = (course.made_of, begin, until, _bytes(guess))
-    return _law(_Asked(on, lambda: profile.plan(course, begin, until, guess)))
+    on = ("law", course.made_of, begin, until, _bytes(guess))
+    return _newest().of(on, lambda: profile.plan(course, begin, until, guess), _size)
 
 
 def stops(course: Course, found: Profile, first_s: float, last_s: float, step_s: float) -> StopTable:
     """As ``stops.table.stops``."""
     if not _is_kept(course):
         return table.stops(course, found, first_s, last_s, step_s)
-    on = (course.made_of, _bytes(found), first_s, last_s, step_s)
-    return _stops(_Asked(on, lambda: table.stops(course, found, first_s, last_s, step_s)))
+    on = ("stops", course.made_of, _bytes(found), first_s, last_s, step_s)
+    return _newest().of(
+        on,
+        lambda: table.stops(course, found, first_s, last_s, step_s),
+        lambda made: len(made.jerks) + len(made),
+    )
 
 
 def _is_kept(course: Course) -> bool:
@@ -78,3 +74,7 @@ def _is_kept(course: Course) -> bool:
 
 def _bytes(found: Profile | None) -> tuple[bytes, bytes] | None:
     return None if found is None else (found.times.tobytes(), found.pieces.tobytes())
+
+
+def _size(found: Profile | None) -> int:
+    return 1 if found is None else found.times.size + found.pieces.size

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 from support.machines.interrupted_runs import assert_rest_is_cut, distance, program_rows, stretches
+from support.machines.stepped_runs import shipped
 
 from controller.ipc.handoff import COLUMN
 from controller.machine import machine_file, setup_data
@@ -51,7 +52,7 @@ def again(folder: Path, text: str, machine: Machine | None = None) -> Again:
     """As ``directrix simulate --events`` does it, at the period of the record."""
     recorded = events.recorded(folder / "events.jsonl")
     assert recorded is not None
-    built, begin = machine or machine_file.load("trunnion"), recorded.begin
+    built, begin = machine or shipped(), recorded.begin
     if begin.period_s is not None:
         built = machine_file.with_period(built, begin.period_s)
     made = setup_data.applied(built, begin.fitted)
