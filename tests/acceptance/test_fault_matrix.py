@@ -16,7 +16,7 @@ from support.faults.matrix import Cell
 BY_NAME = {case.name: case for case in CASES}
 SLICE = (
     ("TPDO dropped once", ("homing", "jog")),
-    ("TPDO dropped twice", ("homing", "jog")),
+    ("TPDO dropped twice", ("homing",)),
     ("SYNC dropped 10 times", ("idle", "jog")),
     ("node reset", ("idle",)),
     ("STO of one drive", ("jog",)),
