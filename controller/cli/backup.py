@@ -115,8 +115,8 @@ def _sound(machine: Machine, quiet: bool) -> None:
     A roll-back does not ask: what was in use before is taken as it was.
     """
     machine_check.sheets(machine, quiet)
-    if sentence := overload(machine):
-        raise Refused(sentence)
+    if why := overload(machine):
+        raise Refused(messages.text(why, spoken.get()))
 
 
 def _restored(store: Store, contents: Contents, machine_file: Path | None, as_json: bool) -> None:

@@ -8,6 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
+from controller import messages
 from controller.cli.speech import speaking
 from controller.machine import machine_file
 from controller.machine.model import Machine
@@ -15,7 +16,7 @@ from controller.machine.toml_table import ConfigError
 from controller.runtime import drive_sheets
 from controller.runtime.bus_load import budgets, overload
 from controller.verify import bus_tables
-from controller.verify.console import Refused, refusals, show
+from controller.verify.console import Refused, refusals, show, spoken
 from drives.load import timeline
 from drives.load.budget import BusBudget
 
@@ -51,7 +52,11 @@ def bus(
             for one in found:
                 show.print(bus_tables.bus(one, made.max_bus_share))
         facts = _facts(found, made)
-        sentences = [sentence for sentence in (overload(made), drive_sheets.refusal(made)) if sentence]
+        sentences = [
+            sentence
+            for sentence in (messages.text(overload(made), spoken.get()), drive_sheets.refusal(made))
+            if sentence
+        ]
         if sentences:
             raise Refused("\n".join(sentences), **facts)
         if as_json:

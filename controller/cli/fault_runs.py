@@ -33,7 +33,8 @@ def read(file: Path | None, origin: str, machine: Machine) -> MachineScript | No
     try:
         return MachineScript.load(file, machine)
     except ScriptError as error:
-        raise Misunderstood(f"{error}.") from error
+        why = messages.text(messages.of_error(error), spoken.get())
+        raise Misunderstood(f"{why}.") from error
 
 
 class FaultRun:

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import json
 
+from controller import messages
 from controller.machine.model import Axis, Machine
 from controller.runtime.bus_load import overload
-from controller.verify.console import Refused, say, show, tell
+from controller.verify.console import Refused, say, show, spoken, tell
 
 QUANTISATION_SHARE = 0.1  # of the jerk limit that rounding to counts may look like
 
@@ -46,8 +47,8 @@ def _resolution(axis: Axis, period_s: float) -> str | None:
 
 def alone(machine: Machine, warned: list[str], as_json: bool) -> None:
     """The rest of it where no program is named; ``warned`` by the sheets. Raises Refused."""
-    if sentence := overload(machine):
-        raise Refused(sentence)
+    if why := overload(machine):
+        raise Refused(messages.text(why, spoken.get()))
     told = warnings(machine)
     if as_json:
         print(json.dumps({"ok": True, "machine": machine.name, "sheets": warned, "warnings": told}))

@@ -26,7 +26,7 @@ def offsets(
     rotary: Annotated[list[str] | None, typer.Option("--rotary")] = None,
     touch: Annotated[list[str] | None, typer.Option("--touch")] = None,
     tool: Annotated[int | None, typer.Option("--tool")] = None,
-    forget: Annotated[str, typer.Option("--forget")] = "",
+    forget: Annotated[str | None, typer.Option("--forget")] = None,
     take_over: TakeOver = False,
     url: Url = remote.URL,
     as_json: Json = False,
@@ -34,6 +34,8 @@ def offsets(
     """Show offsets, shift, reference points and kept parameters, and where each comes from; set an offset."""
     if not name and (origin or turned or rotary or touch or tool):
         raise typer.BadParameter(speech.say("offset_no_name"))
+    if forget is not None and not forget.strip():
+        raise typer.BadParameter(speech.say("offset_forget_what"))
     with asked(url, as_json) as machine:
         if name:
             values = _values(machine, name, origin, turned, named(rotary))

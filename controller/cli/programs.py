@@ -96,8 +96,8 @@ def _notes(notes: Sequence[Note], machine: Machine) -> dict[str, Any]:
 
 
 def _budget_or_refuse(machine: Machine) -> None:
-    if sentence := overload(machine):
-        raise Refused(sentence)
+    if why := overload(machine):
+        raise Refused(messages.text(why, spoken.get()))
 
 
 def _read(file: Path) -> bytes:

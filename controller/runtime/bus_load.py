@@ -6,6 +6,7 @@ from typing import Any
 
 from controller.machine import machine_file
 from controller.machine.model import Machine
+from controller.messages import Said, several
 from drives.load import budget
 from drives.load.budget import BusBudget
 
@@ -15,9 +16,10 @@ def budgets(machine: Machine) -> list[BusBudget]:
     return budget.of(**_plan(machine))
 
 
-def overload(machine: Machine) -> str:
-    """A sentence for each bus that its tick does not fit on, with what would fit; "" if all fit."""
-    return " ".join(budget.advice(**_plan(machine), max_share=machine.max_bus_share))
+def overload(machine: Machine) -> Said | None:
+    """A text for each bus that its tick does not fit on, with what would fit; None if all fit."""
+    found = budget.advice(**_plan(machine), max_share=machine.max_bus_share)
+    return several(*(Said(key=one["key"], values=one["values"]) for one in found)) if found else None
 
 
 def _plan(machine: Machine) -> dict[str, Any]:

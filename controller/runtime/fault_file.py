@@ -19,6 +19,7 @@ from controller.machine import machine_file
 from controller.machine.model import Machine
 from controller.values import dataclass
 from drives import pdo
+from drives.texts import said
 from drives.virtual.fault_script import MASTER, Action, FaultScript, Injection, ScriptError, parse
 from drives.virtual.virtual_bus import SteppedBus
 
@@ -75,8 +76,8 @@ class MachineScript:
                 elif words:
                     found.append(Aimed(*_aimed(words, stations, buses), number))
             except ScriptError as error:
-                said = str(error).removeprefix("line 1: ")
-                raise ScriptError(f"line {number}: {said}") from None
+                own = error.said["values"]["why"] if error.said["key"] == "script.line" else error.said
+                raise ScriptError(said("script.line", line=number, why=own)) from None
         return MachineScript(tuple(found), seeds[-1] if seeds else 0)
 
     @staticmethod
@@ -85,9 +86,9 @@ class MachineScript:
         try:
             return MachineScript.read(path.read_text(encoding="utf-8"), machine)
         except UnicodeDecodeError as error:
-            raise ScriptError(f"{path}: byte {error.start} is not UTF-8; give a file of lines") from None
+            raise ScriptError(said("script.no_text", path=path, start=error.start)) from None
         except ScriptError as error:
-            raise ScriptError(f"{path}: {error}") from None
+            raise ScriptError(said("script.file", file=path, why=error)) from None
 
     def inject(self, buses: Mapping[str, SteppedBus], after_s: float = 0.0) -> Injected:
         """Have them happen on the machine's buses; times and SYNCs count from ``after_s`` on."""
@@ -144,13 +145,14 @@ def _aimed(words: str, stations: Sequence[Station], buses: Sequence[str]) -> tup
     node = _node_of(injection)
     if named is not None:
         if on not in ("", named.bus):
-            raise ScriptError(f"{named.name} is on {named.bus}, not on {on}")
+            raise ScriptError(said("script.other_bus", name=named.name, bus=named.bus, on=on))
         return named.bus, injection
     here = [s for s in stations if s.node == node and on in ("", s.bus)]
     must = injection.node is not None and injection.node != MASTER
     if must and not here:
         ids = ", ".join(f"{s.node} ({s.name})" for s in stations if on in ("", s.bus))
-        raise ScriptError(f"node {node} is not on {on or 'this machine'}; there are {ids}")
+        key = "script.not_on_bus" if on else "script.not_on_machine"
+        raise ScriptError(said(key, node=node, bus=on, known=ids))
     if on or len(buses) == 1:
         return on or buses[0], injection
     if len({s.bus for s in here}) != 1:
@@ -163,10 +165,10 @@ def _on(words: str, buses: Sequence[str]) -> tuple[str, str]:
     found = re.match(r"on\s+([^\s:]+)\s*:\s*", words)
     if found is None:
         if re.match(r"on\b", words):
-            raise ScriptError(f"'{words}': after 'on' stand a bus and a colon: 'on {buses[0]}: at ...'")
+            raise ScriptError(said("script.on", words=words, bus=buses[0]))
         return "", words
     if found[1] not in buses:
-        raise ScriptError(f"'{found[1]}' is no bus of this machine; there are {', '.join(buses)}")
+        raise ScriptError(said("script.no_bus", bus=found[1], names=", ".join(buses)))
     return found[1], words[found.end() :]
 
 
@@ -198,9 +200,6 @@ def _node_of(injection: Injection) -> int:
 
 def _refuse_bus(node: int, here: Sequence[Station], buses: Sequence[str]) -> NoReturn:
     if len(here) > 1:
-        names = " or ".join(s.name for s in here)
-        found = f"node {node} is on {', '.join(s.bus for s in here)}; name the axis ({names})"
-        raise ScriptError(f"{found}, or the bus: 'on {here[0].bus}: at ...'")
-    raise ScriptError(
-        f"the machine has several buses; say which: 'on {buses[0]}: at ...' ({', '.join(buses)})"
-    )
+        names, on = ", ".join(s.name for s in here), ", ".join(s.bus for s in here)
+        raise ScriptError(said("script.which_axis", node=node, on=on, names=names, bus=here[0].bus))
+    raise ScriptError(said("script.several_buses", bus=buses[0], names=", ".join(buses)))

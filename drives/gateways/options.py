@@ -137,4 +137,4 @@ def read_script(path: Path) -> FaultScript:
     try:
         return FaultScript.read(path.read_text())
     except ScriptError as error:
-        raise ScriptError(f"{path}: {error}") from None
+        raise ScriptError(said("script.file", file=path, why=error)) from None

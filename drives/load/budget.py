@@ -26,6 +26,7 @@ from drives.load.bus_frames import Kind, Row
 from drives.load.stuffing import worst_bits
 from drives.profile import Profile
 from drives.settings import BusSettings, IoSettings, MasterSettings, NodeSettings, SpindleSettings
+from drives.texts import Said, said
 from drives.values import dataclass
 
 __all__ = ["MAX_SHARE", "BusBudget", "Row", "advice", "of", "worst_bits"]
@@ -152,8 +153,8 @@ def advice(
     period_s: float | None = None,
     spindle: SpindleSettings | None = None,
     io: Sequence[IoSettings] = (),
-) -> list[str]:
-    """One sentence for each bus that does not fit, saying what would; empty if all fit."""
+) -> list[Said]:
+    """One text for each bus that does not fit, saying what would; empty if all fit."""
     plan = _Plan(tuple(nodes), tuple(buses), master, period_s or master.period_s, _others(spindle, io))
     return [
         _refusal(plan, bus, budget, max_share)
@@ -192,7 +193,7 @@ class _Plan:
 # --- what would fit ------------------------------------------------------------------------
 
 
-def _refusal(plan: _Plan, bus: BusSettings, budget: BusBudget, max_share: float) -> str:
+def _refusal(plan: _Plan, bus: BusSettings, budget: BusBudget, max_share: float) -> Said:
     found = (
         _longer_period(plan, bus, max_share),
         _more_buses(plan, bus, max_share),
@@ -200,29 +201,32 @@ def _refusal(plan: _Plan, bus: BusSettings, budget: BusBudget, max_share: float)
         _without_feed_forward(plan, bus, max_share),
         _faster(plan, bus, max_share),
     )
-    remedies = [text for text in found if text]
-    what_fits = f"what would fit: {', or '.join(remedies)}" if remedies else "nothing at this bus would fit"
-    return f"bus {budget.bus}: {_problem(budget, max_share)}; {what_fits}"
+    problem = _problem(budget, max_share)
+    remedies = [one for one in found if one is not None]
+    if not remedies:
+        return said("budget.nothing_fits", bus=budget.bus, problem=problem)
+    fits = remedies[-1]
+    for one in remedies[-2::-1]:
+        fits = said("budget.or", one=one, other=fits)
+    return said("budget.fits", bus=budget.bus, problem=problem, fits=fits)
 
 
-def _problem(budget: BusBudget, max_share: float) -> str:
+def _problem(budget: BusBudget, max_share: float) -> Said:
     needed_us, period_us = budget.total_us + budget.background_us, budget.period_us
-    drives = f"{budget.drives} {'drive needs' if budget.drives == 1 else 'drives need'}"
-    who = f"{drives} {needed_us:.0f} us of every {period_us:.0f} us at worst ({needed_us / period_us:.0%})"
+    key = "budget.drive_needs" if budget.drives == 1 else "budget.drives_need"
+    figures = {"needed": needed_us, "period": period_us, "share": needed_us / period_us}
+    who = said(key, drives=budget.drives, **figures)
     if needed_us > max_share * period_us:
-        return f"{who}, allowed are {max_share:.0%}"
-    return (
-        f"{who}, and with one heartbeat in the way the last setpoint is across after {budget.last_us:.0f} us,"
-        " when the next SYNC is due already"
-    )
+        return said("budget.over", who=who, allowed=max_share)
+    return said("budget.late", who=who, last=budget.last_us)
 
 
-def _longer_period(plan: _Plan, bus: BusSettings, max_share: float) -> str:
+def _longer_period(plan: _Plan, bus: BusSettings, max_share: float) -> Said | None:
     profiles = [node.profile for node in plan.nodes]
     periods = (p for p in PERIODS_S if p > plan.period_s and all(_takes(profile, p) for profile in profiles))
     longer = (replace(plan, period_s=period_s) for period_s in periods)
     fitting = next((p for p in longer if p.budget(bus).fits(max_share)), None)
-    return "" if fitting is None else f"a period of {fitting.period_s * 1000:g} ms"
+    return None if fitting is None else said("budget.period", period=fitting.period_s * 1000.0)
 
 
 def _takes(profile: Profile, period_s: float) -> bool:
@@ -232,7 +236,7 @@ def _takes(profile: Profile, period_s: float) -> bool:
     return whole and profile.period_min_s - 1e-9 <= period_s <= profile.period_max_s + 1e-9
 
 
-def _more_buses(plan: _Plan, bus: BusSettings, max_share: float) -> str:
+def _more_buses(plan: _Plan, bus: BusSettings, max_share: float) -> Said | None:
     """So many buses that each fits, the axes in their order; spindle and I/O stay on the last."""
     nodes = plan.nodes_on(bus)
     for count in range(2, len(nodes) + 1):
@@ -245,11 +249,12 @@ def _more_buses(plan: _Plan, bus: BusSettings, max_share: float) -> str:
         split = replace(plan, nodes=tuple(moved), buses=tuple(lanes))
         if all(one.fits(max_share) for one in split.budgets()):
             who = " | ".join(" ".join(node.name for node in few) for few in shares)
-            return f"{count} buses with at most {most} {'drive' if most == 1 else 'drives'} each ({who})"
-    return ""
+            key = "budget.buses_of_one" if most == 1 else "budget.buses"
+            return said(key, count=count, most=most, who=who)
+    return None
 
 
-def _other_bus(plan: _Plan, bus: BusSettings, max_share: float) -> str:
+def _other_bus(plan: _Plan, bus: BusSettings, max_share: float) -> Said | None:
     """One axis over to a bus that is there and has room."""
     for node in reversed(plan.nodes_on(bus)):
         for other in plan.buses:
@@ -257,20 +262,21 @@ def _other_bus(plan: _Plan, bus: BusSettings, max_share: float) -> str:
             there = replace(plan, nodes=moved)
             taken = any(n.node == node.node for n in plan.nodes_on(other))
             if other is not bus and all(there.budget(one).fits(max_share) for one in (bus, other)):
-                return f"{node.name} on bus {other.name}" + (", with another node number" if taken else "")
-    return ""
+                key = "budget.other_bus_renumbered" if taken else "budget.other_bus"
+                return said(key, name=node.name, bus=other.name)
+    return None
 
 
-def _without_feed_forward(plan: _Plan, bus: BusSettings, max_share: float) -> str:
+def _without_feed_forward(plan: _Plan, bus: BusSettings, max_share: float) -> Said | None:
     names = [node.name for node in plan.nodes_on(bus) if node.feed_forward]
     plain = replace(plan, nodes=tuple(replace(node, feed_forward=False) for node in plan.nodes))
     if not names or not plain.budget(bus).fits(max_share):
-        return ""
-    return f"feed_forward = false for {' '.join(names)}"
+        return None
+    return said("budget.no_feed_forward", names=" ".join(names))
 
 
-def _faster(plan: _Plan, bus: BusSettings, max_share: float) -> str:
+def _faster(plan: _Plan, bus: BusSettings, max_share: float) -> Said | None:
     fast = replace(bus, bit_rate=FASTEST_BIT_RATE)
     if bus.bit_rate >= FASTEST_BIT_RATE or not plan.budget(fast).fits(max_share):
-        return ""
-    return f"a bit rate of {FASTEST_BIT_RATE // 1000} kbit/s"
+        return None
+    return said("budget.bit_rate", rate=FASTEST_BIT_RATE // 1000)

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 from drives import pdo
+from drives.texts import said
 from drives.virtual.fault_kinds import MASTER, Action, Injection, ScriptError, When
 
 UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
@@ -27,11 +28,11 @@ WORDS = {
     Action.NMT: ("start", "stop", "preop", "reset", "reset_communication"),
 }
 NEEDS = {
-    Action.WEAK: "needs the torque that is left: write 'weak 3 to 20 %'",
-    Action.LIMIT: "needs its position in counts: write 'limit 3 at 12345'",
-    Action.SWITCH: "needs which one: write 'switch 3 high' or 'switch 3 low'",
-    Action.MODE: "needs the mode, 6060h: write 'mode 3 to 1'",
-    Action.NMT: f"needs the command: write 'nmt 3 stop', or another of {', '.join(WORDS[Action.NMT])}",
+    Action.WEAK: "script.weak",
+    Action.LIMIT: "script.limit",
+    Action.SWITCH: "script.switch",
+    Action.MODE: "script.mode",
+    Action.NMT: "script.nmt",
 }
 
 
@@ -39,12 +40,12 @@ def parse(line: str) -> Injection:
     """One line without its comment. Raises ScriptError."""
     head, colon, rest = line.partition(":")
     if not colon:
-        raise ScriptError(f"'{line}' has no colon; write 'at 2.5 s: drop 203 x 2'")
+        raise ScriptError(said("script.no_colon", line=line))
     tokens = iter(rest.split())
     name = next(tokens, "")
     actions = {action.value: action for action in Action}
     if name not in actions:
-        raise ScriptError(f"{name!r} is no fault; use one of {', '.join(actions)}")
+        raise ScriptError(said("script.no_fault", name=name, names=", ".join(actions)))
     injection = Injection(actions[name], when=_when(head))
     injection = _aimed(injection, tokens)
     injection = _told(injection, tokens)
@@ -57,15 +58,13 @@ def _when(head: str) -> When:
         return When(sync=int(words[2]))
     if words[:1] == ["at"] and len(words) > 1 and words[1] != "sync":
         return When(at_s=_seconds(" ".join(words[1:])))
-    raise ScriptError(
-        f"'{head.strip()}' is no time; write 'at 2.5 s' or 'at sync 1200' (the first SYNC is 1)"
-    )
+    raise ScriptError(said("script.when", head=head.strip()))
 
 
 def _seconds(text: str) -> float:
     found = re.fullmatch(r"(\d+\.?\d*|\.\d+)\s*(s|ms|us)", text)
     if found is None:
-        raise ScriptError(f"'{text}' is no time; write a number and s, ms or us, for example '500 us'")
+        raise ScriptError(said("script.time", text=text))
     return float(found[1]) * UNITS[found[2]]
 
 
@@ -79,20 +78,20 @@ def _aimed(injection: Injection, tokens: Iterator[str]) -> Injection:
             return replace(injection, can_id=MEANINGS[word] + _node(next(tokens, "")))
         if not re.fullmatch(r"[0-9A-Fa-f]{1,3}", word) or int(word, 16) > 0x7FF:
             names = "sync, rpdo 3, tpdo 3, heartbeat 3, emcy 3"
-            raise ScriptError(f"{word!r} is no identifier; use 000 to 7FF (hexadecimal), or {names}")
+            raise ScriptError(said("script.identifier", word=word, names=names))
         return replace(injection, can_id=int(word, 16))
     if word == "master":
         if injection.action is Action.NODE_RESET:
-            raise ScriptError("the master cannot be reset from the bus; use bus_off or silence")
+            raise ScriptError(said("script.master_reset"))
         if injection.action not in OF_THE_MASTER:
-            raise ScriptError(f"{injection.action.value} does not befall the master; name a node, 1 to 127")
+            raise ScriptError(said("script.not_the_master", action=injection.action.value))
         return replace(injection, node=MASTER)
     return replace(injection, node=_node(word))
 
 
 def _node(word: str) -> int:
     if not word.isdecimal() or not 1 <= int(word) <= 127:
-        raise ScriptError(f"{word!r} is no node; use 1 to 127 (decimal)")
+        raise ScriptError(said("script.node", word=word))
     return int(word)
 
 
@@ -101,7 +100,7 @@ def _told(injection: Injection, tokens: Iterator[str]) -> Injection:
     seen: set[str] = set()
     for word in tokens:
         if word in seen:
-            raise ScriptError(f"'{word}' stands twice")
+            raise ScriptError(said("script.twice", word=word))
         seen.add(word)
         injection = _with_word(injection, word, tokens)
     counts = injection.action.of_frames or injection.action is Action.FOREIGN
@@ -116,7 +115,7 @@ def _with_value(injection: Injection, word: str, tokens: Iterator[str]) -> Injec
     if word == "to" and action is Action.WEAK:
         share = next(tokens, "")
         if not share.endswith("%") and next(tokens, "") != "%":
-            raise ScriptError(f"{share!r} after 'to': write per cent, for example 'to 20 %'")
+            raise ScriptError(said("script.percent", share=share))
         return replace(injection, value=_whole(share.rstrip("%"), 1, 100, "to"))
     if word == "to" and action is Action.MODE:
         return replace(injection, value=_signed(next(tokens, ""), -128, 127, "to"))
@@ -146,9 +145,9 @@ def _with_word(injection: Injection, word: str, tokens: Iterator[str]) -> Inject
     if word == "byte" and action is Action.FALSIFY:
         byte = _whole(next(tokens, ""), 0, 7, "byte")
         if next(tokens, "") != "xor":
-            raise ScriptError("after 'byte N' stands 'xor' and two hexadecimal digits")
+            raise ScriptError(said("script.xor"))
         return replace(injection, byte=byte, mask=_mask(next(tokens, "")))
-    raise ScriptError(f"{word!r} does not go with {action.value}")
+    raise ScriptError(said("script.word", word=word, action=action.value))
 
 
 def _time_words(tokens: Iterator[str]) -> float:
@@ -159,31 +158,31 @@ def _time_words(tokens: Iterator[str]) -> float:
 
 def _whole(word: str, low: int, high: int, what: str) -> int:
     if not word.isdecimal() or not low <= int(word) <= high:
-        raise ScriptError(f"{word!r} after '{what}': a whole number from {low} to {high} is expected")
+        raise ScriptError(said("script.whole", word=word, what=what, low=low, high=high))
     return int(word)
 
 
 def _signed(word: str, low: int, high: int, what: str) -> int:
     if not re.fullmatch(r"[+-]?\d+", word) or not low <= int(word) <= high:
-        raise ScriptError(f"{word!r} after '{what}': a whole number from {low} to {high} is expected")
+        raise ScriptError(said("script.whole", word=word, what=what, low=low, high=high))
     return int(word)
 
 
 def _bytes(word: str) -> bytes:
     if not re.fullmatch(r"([0-9A-Fa-f]{2}){1,8}", word):
-        raise ScriptError(f"{word!r} after 'data': one to eight bytes are expected, for example 0F00")
+        raise ScriptError(said("script.data", word=word))
     return bytes.fromhex(word)
 
 
 def _odds(word: str) -> float:
     if not re.fullmatch(r"0?\.\d+|1|1\.0*|0", word):
-        raise ScriptError(f"{word!r} after 'odds': a number from 0 to 1 is expected")
+        raise ScriptError(said("script.odds", word=word))
     return float(word)
 
 
 def _mask(word: str) -> int:
     if not re.fullmatch(r"[0-9A-Fa-f]{2}", word):
-        raise ScriptError(f"{word!r} after 'xor': two hexadecimal digits are expected")
+        raise ScriptError(said("script.mask", word=word))
     return int(word, 16)
 
 
@@ -191,13 +190,13 @@ def _complete(injection: Injection) -> Injection:
     """What an action cannot do without."""
     action = injection.action
     if action is Action.DELAY and not injection.delay_s:
-        raise ScriptError("delay needs a time: write 'delay 203 by 500 us'")
+        raise ScriptError(said("script.delay"))
     if action is Action.BABBLE and not injection.duration_s:
-        raise ScriptError("babble needs an end: write 'babble 001 for 20 ms'")
+        raise ScriptError(said("script.babble"))
     if action is Action.QUEUE_FULL and not injection.duration_s:
-        raise ScriptError("queue_full needs an end: write 'queue_full master for 5 ms'")
+        raise ScriptError(said("script.queue_full"))
     if action is Action.FALSIFY and not injection.mask:
-        raise ScriptError("falsify needs the bits to turn: write 'falsify 183 byte 0 xor 08'")
+        raise ScriptError(said("script.falsify"))
     if action in NEEDS and injection.value is None and not injection.word:
-        raise ScriptError(f"{action.value} {NEEDS[action]}")
+        raise ScriptError(said(NEEDS[action], words=", ".join(WORDS.get(action, ()))))
     return injection

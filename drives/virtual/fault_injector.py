@@ -13,6 +13,7 @@ from random import Random
 
 from drives import pdo
 from drives.pdo import DATA_AT
+from drives.texts import said
 from drives.values import dataclass
 from drives.virtual.fault_kinds import Action, Injection, ScriptError
 from drives.virtual.fault_nodes import Nodes
@@ -62,7 +63,7 @@ class Injector:
         self._untouchable: set[int] = set()  # sequences of frames that have had their share
         self._nodes = Nodes(bus, self.silent, self._seen)
         if bus.faults is not None:
-            raise ScriptError("this bus has faults already: add to those")
+            raise ScriptError(said("script.bus_has_faults"))
         bus.faults = self
 
     def add(self, injection: Injection) -> None:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from enum import Enum
 
+from drives.texts import TextError
 from drives.values import dataclass
 
 MASTER = 0  # as a node: the CAN controller of who sends SYNC
 
 
-class ScriptError(ValueError):
+class ScriptError(TextError, ValueError):
     """A line of a fault script that cannot be understood; the text says which, and what can be."""
 
 

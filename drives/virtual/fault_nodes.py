@@ -7,6 +7,7 @@ from functools import partial
 from typing import Protocol, cast
 
 from drives import pdo
+from drives.texts import said
 from drives.virtual.fault_kinds import MASTER, Action, Injection, ScriptError
 from drives.virtual.virtual_bus import Node, SteppedBus
 
@@ -87,9 +88,7 @@ class Nodes:
             return
         device = self._bus.device(self._source(injection.node))
         if injection.action.of_drives and not hasattr(device, "jam"):
-            raise ScriptError(
-                f"node {injection.node} is no drive, and {injection.action.value} befalls drives only"
-            )
+            raise ScriptError(said("script.no_drive", node=injection.node, action=injection.action.value))
         if injection.action is Action.SECOND and injection.node not in self._twins:
             twin = self._twins[injection.node] = cast(Motorised, device).twin()
             self._bus.attach(twin)
@@ -232,4 +231,4 @@ class Nodes:
         try:
             return self._bus.source_of(node_id)
         except KeyError:
-            raise ScriptError(f"node {node_id} is not on this bus") from None
+            raise ScriptError(said("script.not_on_this_bus", node_id=node_id)) from None

@@ -42,6 +42,7 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING
 
+from drives.texts import said
 from drives.values import dataclass
 from drives.virtual.fault_grammar import parse
 from drives.virtual.fault_kinds import MASTER, Action, Injection, ScriptError, When
@@ -72,7 +73,7 @@ class FaultScript:
                 elif words:
                     found.append(parse(words))
             except ScriptError as error:
-                raise ScriptError(f"line {number}: {error}") from None
+                raise ScriptError(said("script.line", line=number, why=error)) from None
         return FaultScript(tuple(found), seed)
 
     def inject(self, bus: SteppedBus, origin_s: float = 0.0) -> Injector:
@@ -91,5 +92,5 @@ class FaultScript:
 def _seed(words: str) -> int:
     found = re.fullmatch(r"seed\s+(\d+)", words)
     if found is None:
-        raise ScriptError(f"'{words}': after 'seed' one whole number is expected")
+        raise ScriptError(said("script.seed", words=words))
     return int(found[1])

@@ -12,6 +12,7 @@ import pytest
 from support.machines.stepped_runs import cut, program, shipped
 from support.oracles.bus_times import Wire, take_the_worst
 
+from controller.messages import text
 from controller.runtime.bus_load import budgets, overload
 from controller.runtime.startup import SessionError
 from controller.runtime.stepped import SteppedMachine
@@ -93,7 +94,7 @@ def test_a_machine_whose_tick_is_refused_does_not_even_come_up(monkeypatch: pyte
     take_the_worst(monkeypatch)
     stepped = SteppedMachine(shipped("trunnion", period_s=0.001))
     (planned,) = budgets(stepped.machine)
-    assert "2 buses" in overload(stepped.machine)
+    assert "2 buses" in text(overload(stepped.machine))
     wire = Wire(stepped.rig.buses[planned.bus], planned)
     with pytest.raises(SessionError):
         stepped.come_up()

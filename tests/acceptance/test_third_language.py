@@ -35,6 +35,7 @@ from controller.service.command_handlers import CommandHandlers
 from controller.service.service import Service
 from controller.service.socket_server import Server
 from controller.state.modes import Mode
+from controller.verify import console
 from controller.web import server
 from controller.web.server import add_page
 
@@ -54,12 +55,15 @@ def source() -> str:
 
 
 @pytest.fixture(autouse=True)
-def third(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def third(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """The file is in the folder of the others, and nothing else is done for it."""
     folder = tmp_path / "messages"
     shutil.copytree(messages.FOLDER, folder)
     (folder / "xx.json").write_text(source(), encoding="utf-8")
     monkeypatch.setitem(LANGUAGES, "xx", messages.languages(folder)["xx"])
+    yield
+    for late in (console.show, console.tell):  # made as wide as these tests want it
+        late.__dict__.pop("console", None)
 
 
 def outside(text: str) -> str:

@@ -227,6 +227,7 @@ def test_an_offset_is_set_and_touched_off(panel: Panel, door: NotingDoor) -> Non
     assert ("set_tool", {"number": 3, "reads": {"Z": "2"}}) in door.asked
     for words, why in (
         (("--origin", "1,2,3"), "name it first"),
+        (("--forget", ""), "needs what is to be forgotten"),
         (("G55",), "nothing is said"),
         (("G55", "--origin", "1,2"), "three numbers"),
         (("G55", "--rotary", "C=low"), "write it as C=15"),

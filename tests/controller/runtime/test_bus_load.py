@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 from support.machines.stepped_runs import shipped
 
+from controller.messages import text
 from controller.runtime.bus_load import budgets, overload
 from controller.runtime.startup import SessionError
 from controller.service.folders import Folders
@@ -19,8 +20,8 @@ def test_a_machine_with_a_tick_too_short_for_its_bus_is_not_started(tmp_path: Pa
 
 
 def test_the_allowed_share_is_the_machine_files() -> None:
-    assert overload(shipped()) == ""
-    assert "allowed are 50%" in overload(shipped(max_bus_share=0.5))
+    assert overload(shipped()) is None
+    assert "allowed are 50%" in text(overload(shipped(max_bus_share=0.5)))
 
 
 def test_there_is_a_budget_for_each_bus_in_the_order_of_the_file() -> None:

@@ -59,7 +59,7 @@ def test_an_axis_names_its_bus_where_every_bus_has_a_node_1() -> None:
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("at 1 s: drop rpdo 1", r"line 1: node 1 is on can0, can1, can2, can3, can4; name the axis \(X or Y"),
+        ("at 1 s: drop rpdo 1", r"line 1: node 1 is on can0, can1, can2, can3, can4; name the axis \(X, Y"),
         ("\nat 1 s: drop sync", r"line 2: the machine has several buses; say which: 'on can0: at \.\.\.'"),
         ("at 1 s: bus_off master", "several buses"),
         ("on can9: at 1 s: drop sync", "line 1: 'can9' is no bus of this machine; there are can0, can1"),

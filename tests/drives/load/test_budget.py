@@ -11,6 +11,7 @@ from drives.load import budget, timeline
 from drives.load.bus_frames import Kind
 from drives.profile import Profile, Supervision
 from drives.settings import BusSettings, IoSettings, MasterSettings, NodeSettings, SpindleSettings
+from drives.texts import english
 
 MASTER = MasterSettings()
 SPINDLE = SpindleSettings("spindle", "can0", 20, "s.eds", 1000.0)
@@ -175,7 +176,7 @@ def test_the_last_setpoint_waits_for_what_goes_before_it_and_for_one_frame_on_th
 def test_a_tick_that_one_heartbeat_pushes_past_the_next_sync_is_refused_whatever_the_share():
     nodes, buses = axes(4)
     assert budget.of(nodes, buses, MASTER, 0.001)[0].share < 1.0
-    (sentence,) = budget.advice(nodes, buses, MASTER, 1.0, 0.001)
+    (sentence,) = map(english, budget.advice(nodes, buses, MASTER, 1.0, 0.001))
     assert "one heartbeat in the way" in sentence and "1040 us" in sentence
 
 
@@ -193,14 +194,14 @@ def test_sdo_is_paced_by_the_room_that_is_left():
 def test_five_drives_on_one_bus_do_not_fit_into_1_ms():
     nodes, buses = axes(5)
     assert not budget.of(nodes, buses, MASTER, 0.001)[0].fits()
-    (sentence,) = budget.advice(nodes, buses, MASTER, period_s=0.001)
+    (sentence,) = map(english, budget.advice(nodes, buses, MASTER, period_s=0.001))
     assert "a period of 2 ms" in sentence
     assert "2 buses with at most 3 drives each (X Y Z | A C)" in sentence
 
 
 def test_a_longer_period_is_one_that_the_drives_take():
     nodes, buses = axes(5, profile=Profile(period_min_s=0.001, period_step_s=0.005))
-    (sentence,) = budget.advice(nodes, buses, MASTER, period_s=0.001)
+    (sentence,) = map(english, budget.advice(nodes, buses, MASTER, period_s=0.001))
     assert "a period of 5 ms" in sentence
 
 
@@ -215,27 +216,27 @@ def test_two_buses_with_three_and_two_drives_fit_into_1_ms():
 def test_half_a_millisecond_takes_a_bus_per_axis():
     nodes, buses = axes(1, 1, 1, 1, 1)
     assert all(one.fits() for one in budget.of(nodes, buses, MASTER, 0.0005))
-    (sentence,) = budget.advice(*axes(5), MASTER, period_s=0.0005)
+    (sentence,) = map(english, budget.advice(*axes(5), MASTER, period_s=0.0005))
     assert "5 buses with at most 1 drive each" in sentence
 
 
 def test_a_slow_bus_is_told_the_bit_rate_that_fits():
     nodes, _ = axes(5)
     slow = [BusSettings("can0", "socketcan", "can0", 250_000)]
-    (sentence,) = budget.advice(nodes, slow, MASTER)
+    (sentence,) = map(english, budget.advice(nodes, slow, MASTER))
     assert "a bit rate of 1000 kbit/s" in sentence
 
 
 def test_a_bus_that_is_there_and_has_room_is_named():
     nodes, buses = axes(4, 1)
-    (sentence,) = budget.advice(nodes, buses, MASTER, period_s=0.001)
+    (sentence,) = map(english, budget.advice(nodes, buses, MASTER, period_s=0.001))
     assert "bus can0: 4 drives" in sentence and "A on bus can1" in sentence
     assert "with another node number" not in sentence
 
 
 def test_feed_forward_that_does_not_fit_is_named():
     nodes, buses = axes(3, feed_forward=True)
-    (sentence,) = budget.advice(nodes, buses, MASTER, period_s=0.001)
+    (sentence,) = map(english, budget.advice(nodes, buses, MASTER, period_s=0.001))
     assert "feed_forward = false for X Y Z" in sentence
 
 
@@ -245,4 +246,6 @@ def test_what_the_advice_names_does_fit():
             nodes, buses = axes(drives)
             if budget.advice(nodes, buses, MASTER, period_s=period_s):
                 longer = next(p for p in budget.PERIODS_S if budget.of(nodes, buses, MASTER, p)[0].fits())
-                assert f"{longer * 1000:g} ms" in budget.advice(nodes, buses, MASTER, period_s=period_s)[0]
+                assert f"{longer * 1000:g} ms" in english(
+                    budget.advice(nodes, buses, MASTER, period_s=period_s)[0]
+                )
