@@ -27,6 +27,10 @@ ALARM = {
     **told(Fault.FOLLOWING_ERROR, "Y"),
     "position_trusted": True,
 }
+CHANGER = {
+    **{"spindle": 1, "doubt": None, "step": None, "preparing": None, "ready": 3, "away": []},
+    "pockets": [{"pocket": 1, "tool": 12, "here": True}, {"pocket": 2, "tool": 3, "here": False}],
+}
 # What reaches over the right edge of page or card, or is cut off within its own box, where nothing scrolls.
 CLIPPED = """() => {
   const bad = [];
@@ -129,6 +133,9 @@ def everywhere(page: Any) -> Iterator[str]:
     for view in browser.VIEWS:
         page.evaluate("(name) => dx.show(name)", view)
         page.wait_for_selector(f"section[data-view={view}] .card")
+        if view == "programs":
+            page.evaluate("dx.tell('kept', 'fixtures/queued.ngc')")
+            page.wait_for_selector(".program-title:has-text('queued.ngc')")
         for part in PARTS.get(view, ("",)):
             if part:
                 page.click(f"[data-setup={part}]")
@@ -174,7 +181,9 @@ def read_by(axe: Any, page: Any) -> list[str]:
 def test_nothing_is_clipped_and_axe_finds_nothing(
     size: str, theme: str, language: str, chromium: Any, site: Site, tmp_path: Path
 ) -> None:
-    site.tell(fault=ALARM)  # and the mode as it is, so that what can be pressed is in its colours
+    site.tell(
+        fault=ALARM, changer=CHANGER
+    )  # and the mode as it is, so that what can be pressed is in its colours
     with looked_at(chromium, site, size, theme, language) as page:
         page.wait_for_selector(".line.alarm .strong:not(:empty)")
         found = findings(page, f"{size}-{theme}-{language}", tmp_path)

@@ -37,7 +37,7 @@ function Pocket({ row: { pocket, tool, here } }) {
   return html`<tr data-pocket=${pocket}><th scope="row">${pocket}</th>
     <td>${tool ? html`<${AxisName} name=${`T${tool}`} />` : "–"}</td>
     <td>${tool ? html`<${Chip} tone=${here ? "go" : "hold"}>${place(here)}<//>` : ""}</td>
-    <td><${Act} text=${word("tool")} aria-label=${word("pocket_ask", pocket)} press=${() => give(pocket, tool)} /></td></tr>`;
+    <td><${Act} icon="edit" title=${word("pocket_ask", pocket)} aria-label=${word("pocket_ask", pocket)} press=${() => give(pocket, tool)} /></td></tr>`;
 }
 
 export function Changer() {
