@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import math
 import sys
 from collections.abc import Callable, Iterator
 from contextvars import ContextVar
@@ -167,9 +168,18 @@ def _of_programs() -> type[ProgramError]:
     return ProgramError
 
 
+def _plain(value: Any) -> Any:
+    """For JSON, which has no number that is none, as somebody may have written it: that is a text."""
+    if isinstance(value, dict):
+        return {key: _plain(one) for key, one in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(one) for one in value]
+    return value if not isinstance(value, float) or math.isfinite(value) else str(value)
+
+
 def _refuse(as_json: bool, sentence: str, facts: dict[str, Any], exit_code: int = 1) -> NoReturn:
     if as_json:
-        print(json.dumps({"ok": False, "error": sentence, **messages.told(facts, spoken.get())}))
+        print(json.dumps({"ok": False, "error": sentence, **_plain(messages.told(facts, spoken.get()))}))
     else:
         tell.print(sentence, markup=False)
     raise typer.Exit(exit_code)
