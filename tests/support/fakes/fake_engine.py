@@ -51,6 +51,7 @@ class FakeEngine:
         self.number = 0  # of the last request
         self.asked: deque[object] = deque()
         self.answers: dict[str, Plan] = {"arm": self._arm, "check": lambda **_: dict(CHECKED)}
+        self.answers["beside"] = lambda **_: {"said": None}
         self.given_up = 0
         self.short = self.ran = False  # what is started is over before anybody looks; it has run
         self.aside = False  # a resume leads along a way beside the path, which ends at once
