@@ -199,6 +199,8 @@ def test_an_orderly_stop_leaves_the_drives_off_and_no_process(machine: Machine) 
 def test_the_controller_waits_for_its_interface_and_goes_and_comes_with_it(machine: Machine) -> None:
     services.stop()
     run("ip", "link", "del", services.INTERFACE)
+    device = f"sys-subsystem-net-devices-{services.INTERFACE}.device"
+    until(lambda: not active(device))  # systemd hears of it a moment later
     run("systemctl", "start", "--no-block", TARGET)
     until(lambda: active(PANEL))  # it waits for nobody
     assert shown("ActiveState") == "inactive"
