@@ -172,12 +172,15 @@ def _made(kind: Any, value: Any) -> Any:
         kinds = get_args(kind)
         return tuple(_made(kinds[0 if kinds[-1] is ... else i], one) for i, one in enumerate(value))
     if is_dataclass(kind) or hasattr(kind, "_fields"):
-        hints = _HINTS.get(kind) or get_type_hints(kind)
-        return kind(**{name: _made(hints[name], value[name]) for name in _names(kind)})
+        hints, later = _HINTS.get(kind) or get_type_hints(kind), _LATER.get(kind, ())
+        names = [name for name in _names(kind) if name in value or name not in later]
+        return kind(**{name: _made(hints[name], value[name]) for name in names})
     if kind is Any:  # of numbers that may be numpy's elsewhere
         return tuple(value) if isinstance(value, list) else value
     return kind(value)
 
 
+# What a state lacks that an earlier version has written: it is as by default.
+_LATER = {Cycle: ("mm_per_unit",)}
 # Resolved once: these name one another.
 _HINTS = {kind: get_type_hints(kind) for kind in (State, Modal, Origins, Plane, Cycle)}
