@@ -248,12 +248,13 @@ class Windows:
             inner = [end for end in ends if end > s + ROUNDING]
             if len(inner) > max(skipped, 0):
                 end = inner[max(skipped, 0)]
-                return _Reach(units, start + end, True, True, end in unit.optional_stops)
+                optional = end in unit.optional_stops
+                return _Reach(units, start + end, rests=True, marked=True, optional_stop=optional)
             skipped -= len(inner)
             if sum(takes) > WHOLE_SHARE * seconds and start + unit.length - place.s > least:
                 return self._cut(units, takes, place.s, seconds, least)
             if unit.rests or (at_end and skipped <= 0):
-                return _Reach(units, None, True, unit.block_end, unit.optional_stop)
+                return _whole(units)
             skipped -= at_end
             number, start = number + 1, start + unit.length
             s = ahead.begin if (ahead := track.at(number)) is not None else 0.0
@@ -441,8 +442,13 @@ def _first_of(reach: _Reach) -> _Reach:
     """Only the first unit, to a rest at its end: where no way is found to run on into the next."""
     if len(reach.units) == 1:
         return reach
-    unit = reach.units[0]
-    return _Reach([unit], None, True, unit.block_end, unit.optional_stop)
+    return _whole(reach.units[:1])
+
+
+def _whole(units: list[Unit]) -> _Reach:
+    """To a rest at the end of the last."""
+    last = units[-1]
+    return _Reach(units, None, rests=True, marked=last.block_end, optional_stop=last.optional_stop)
 
 
 def _stops_of(unit: Unit, orders: Orders) -> tuple[Sequence[float], bool]:

@@ -30,7 +30,7 @@ from controller.runtime import children, cores, starts
 from controller.runtime.plan_end import EXPECTED, PLAN_TURN_S, REST_TURN_S, PlanEnd
 from controller.runtime.plan_messages import Answer, Awaited, News, Order, Program, Turn
 from controller.runtime.plan_news import Foreseen, PathNotes, Reporter
-from controller.runtime.program_checks import UNCHECKED, ProgramChecks, found, start_of
+from controller.runtime.program_checks import UNCHECKED, ProgramChecks, figures_of, start_of
 from controller.runtime.startup import SessionError
 from controller.state.modes import Mode
 from controller.values import dataclass
@@ -169,7 +169,7 @@ class Planning:
         track = self._end.planner.ahead.track
         self._foreseen.begin(Foresight(track, once_more, program.machine, task.kinematics))
         self._reporter.begin()
-        known = UNCHECKED if kept is None else found(kept)
+        known = UNCHECKED if kept is None else figures_of(kept)
         self._facts = {name: known[name] for name in ("duration_s", "blocks", "marks", "events")}
         self._facts["start"] = start
         self._awaited = Awaited.of(order, now)

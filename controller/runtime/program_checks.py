@@ -63,7 +63,7 @@ class ProgramChecks:
         rest = self.rest(program, kept) if program.spot is not None else None
         here = place_of(rest.what, rest.order, rest.spot.fraction, rest.spot.s) if rest else None
         return {
-            **found(kept),
+            **figures_of(kept),
             "passed_s": passed_s(kept.marks, here) if here else 0.0,
             "offset": self._offset(program),
             "timetable": self._timetable_from_here(program, kept),
@@ -143,7 +143,7 @@ class ProgramChecks:
         return starts.rest(task, kept.choices, start_of(program, self._end.snapshot()))
 
 
-def found(kept: Stored) -> dict[str, Any]:
+def figures_of(kept: Stored) -> dict[str, Any]:
     """What a check says of length and time."""
     return {name: getattr(kept, name) for name in ("marks", "events", "duration_s", "blocks")}
 

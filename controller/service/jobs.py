@@ -137,7 +137,7 @@ class Announced:
         results, self._found = self._found, []
         return results
 
-    def asked(self, line: int, in_spindle: int) -> int | None:
+    def awaited_tool(self, line: int, in_spindle: int) -> int | None:
         """Number of the tool that a line at which it stands waits for."""
         return next((tool for tool in self._asked.get(line, ()) if tool != in_spindle), None)
 
@@ -307,7 +307,7 @@ class Job:
     def asked_tool(self, now: Snapshot, in_spindle: int) -> int | None:
         """Number of the tool that it stands and waits for."""
         waits = self.active and now.mode is Mode.HOLD and now.at_rest
-        return self.announced.asked(now.line, in_spindle) if waits else None
+        return self.announced.awaited_tool(now.line, in_spindle) if waits else None
 
     def elapsed_s(self, now: Snapshot) -> float:
         """Since the start, without what it was held."""

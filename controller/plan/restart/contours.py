@@ -75,16 +75,16 @@ def cut_deeper(source: Source, tool: Tool, thicker_mm: float, deeper_mm: float, 
     for axis in np.unique(np.round(fed.axes / SAME_AXIS), axis=0) * SAME_AXIS:
         here = np.abs(fed.axes - axis).max(axis=1) < 2.0 * SAME_AXIS
         one = Samples(*(part[here] for part in fed))
-        stands = np.asarray(now.tip) if np.abs(now.axis - axis).max() < 2.0 * SAME_AXIS else None
-        found = _deepest(one, axis, tool.radius_mm, thicker_mm, deeper_mm, stands)
+        tip = np.asarray(now.tip) if np.abs(now.axis - axis).max() < 2.0 * SAME_AXIS else None
+        found = _deepest(one, axis, tool.radius_mm, thicker_mm, deeper_mm, tip)
         worst, standing = max(worst, found[0]), max(standing, found[1])
-    return Found(*(found if found.depth_mm > deeper_mm else None for found in (worst, standing)))
+    return Found(*(one if one.depth_mm > deeper_mm else None for one in (worst, standing)))
 
 
 def _deepest(
-    fed: Samples, axis: Array, radius: float, thicker_mm: float, deeper_mm: float, now: Array | None
+    fed: Samples, axis: Array, radius: float, thicker_mm: float, deeper_mm: float, tip: Array | None
 ) -> tuple[Deeper, Deeper]:
-    """Of samples with one tool axis: on the way, and where the tip is ``now``."""
+    """Of samples with one tool axis: on the way, and with the tip where it is before; None: another axis."""
     from scipy.spatial import cKDTree  # its package takes long to load, and few need it
 
     axis = axis / np.linalg.norm(axis)
@@ -99,7 +99,7 @@ def _deepest(
     after = fed.tips @ plane.T
     levels = np.unique(np.round(high[contour] / LEVEL_MM))
     levels = levels[np.linspace(0, len(levels) - 1, min(len(levels), MOST_LEVELS)).astype(int)] * LEVEL_MM
-    beside_it = now is not None and float(now @ axis) < float(high.max())
+    is_low = tip is not None and float(tip @ axis) < float(high.max())
     for level in levels:
         low = high <= level + LEVEL_MM
         points = walls[high[contour] <= level + LEVEL_MM]
@@ -108,8 +108,8 @@ def _deepest(
             off, nearest = cKDTree(after[low]).query(points[stands])
             k = int(off.argmin())
             worst = max(worst, Deeper(radius - float(off[k]), int(fed.lines[low][nearest[k]])))
-            if beside_it:
-                away = np.linalg.norm(points[stands] - plane @ now, axis=1)
+            if is_low:
+                away = np.linalg.norm(points[stands] - plane @ tip, axis=1)
                 k = int(away.argmin())
                 line = int(fed.lines[contour][high[contour] <= level + LEVEL_MM][stands][k])
                 standing = max(standing, Deeper(radius - float(away[k]), line))

@@ -118,11 +118,11 @@ def see_cuts_no_deeper(before: Tool, after: Tool, rest: Rest, now: Joints) -> No
         fits_to[off_mm] = top_mm
     if beside and thicker > DEEPER_MM:
         pose = rest.source.kinematics.forward(now, after.length_mm)
-        hit, stands = contours.cut_deeper(rest.source, after, thicker, DEEPER_MM, pose)
+        hit, standing = contours.cut_deeper(rest.source, after, thicker, DEEPER_MM, pose)
         if hit is not None:
             raise NotPossible(said("aside.contour", tool=after.number, by=hit.depth_mm, line=hit.line))
-        if stands is not None:
-            where = {"tool": after.number, "by": stands.depth_mm, "line": stands.line}
+        if standing is not None:
+            where = {"tool": after.number, "by": standing.depth_mm, "line": standing.line}
             raise NotPossible(said("aside.stands_beside", **where))
 
 

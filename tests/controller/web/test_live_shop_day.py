@@ -88,6 +88,15 @@ class Day:
         if key != "next.enable":
             self.answers(*typed)
 
+    def comes_up(self) -> None:
+        """Homed where it has to be, and on, as the guide leads."""
+        if self.shop.status()["not_homed"]:
+            self.follows("next.home")
+            self.now(lambda now: not now["not_homed"] and now["sequence"]["state"] != "running", "homed")
+        if self.now(lambda now: now["mode"] in ("OFF", "READY"), "rest")["mode"] == "OFF":
+            self.follows("next.enable")
+        self.now(lambda now: now["mode"] == "READY", "ready")
+
     def types(self, line: str) -> dict[str, Any]:
         """A line by hand, and the machine as it leaves it."""
         before = self.shop.status()["run"]
@@ -165,11 +174,8 @@ def before_anything_moves(day: Day) -> None:
     day.follows("next.changer", "4", "")
     now = day.now(lambda now: now["changer"]["doubt"] is None, "the changer's tools")
     assert (now["tool"], now["changer"]["away"]) == (4, [])
-    day.follows("next.home")
-    day.now(lambda now: not now["not_homed"] and now["sequence"]["state"] != "running", "homed")
-    if day.now(lambda now: now["mode"] in ("OFF", "READY"), "rest")["mode"] == "OFF":
-        day.follows("next.enable")
-    day.now(lambda now: now["mode"] == "READY", "ready")
+    assert day.shop.status()["not_homed"] == ["X", "Y", "Z", "A", "C"]
+    day.comes_up()
 
 
 def by_hand(day: Day) -> None:
@@ -252,12 +258,7 @@ def the_change_is_broken_off(day: Day) -> None:
     day.view("run")
     day.follows("next.changer", "1", "")
     day.now(lambda now: now["tool"] == 1 and now["changer"]["doubt"] is None, "where the tools are")
-    if day.shop.status()["not_homed"]:
-        day.follows("next.home")
-        day.now(lambda now: not now["not_homed"] and now["sequence"]["state"] != "running", "homed")
-    if day.now(lambda now: now["mode"] in ("OFF", "READY"), "rest")["mode"] == "OFF":
-        day.follows("next.enable")
-    day.now(lambda now: now["mode"] == "READY", "ready")
+    day.comes_up()
 
 
 def to_the_end(day: Day) -> None:
