@@ -1,56 +1,138 @@
-"""What an error says to people: a key of the catalogue with its values, so that every language has it.
+"""How a text travels: by its key with its values, in no language; and how it becomes words.
 
-The catalogue is the controller's data; nothing of its code is needed here. Whoever shows an error takes the
-words by ``said`` in the reader's language. Scripts that use drives alone see the English ones.
+What drives and controller report is a text of the catalogue (``controller/messages``, which is data; nothing
+of the controller's code is needed here). Who shows it has the texts of a language and fills them in
+(``filled``). Scripts that use drives alone see the English ones (``english``).
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, TypedDict
 
-Said = dict[str, Any]  # key and values
+FOLDER = Path(__file__).parents[1] / "controller" / "messages"
+NONE_YET: Mapping[str, Any] = {}
 
-ENGLISH = Path(__file__).parents[1] / "controller" / "messages" / "en.json"
+
+class Said(TypedDict):
+    """A text in no language. A value is plain JSON, another ``Said``, or a list of them, which are read
+    one after the other; a text among the values may use the values beside it.
+    """
+
+    key: str
+    values: dict[str, Any]
+
+
+class Key(str):
+    """A value that is itself a text, by its key, for instance what was waited for."""
 
 
 def said(key: str, /, **values: object) -> Said:
-    """A text of the catalogue with what it has places for; an error among the values is its own text."""
+    """The text of a key, with what it has places for; an error among the values is its own text."""
     if "why" in values and not str(values["why"] or "").strip():  # an OSError may have no words, for one
-        values["why"] = {"key": "no_why", "values": {}}
-    return {"key": key, "values": {name: _value(one) for name, one in values.items()}}
+        values["why"] = Key("no_why")
+    return Said(key=key, values={name: _value(value) for name, value in values.items()})
 
 
-def _value(value: object) -> Any:
-    own = getattr(value, "said", None) if isinstance(value, BaseException) else None
-    return value if isinstance(value, str | int | float | dict | None) else own or str(value)
+def plain(sentence: Said | str) -> Said:
+    """Also of what is known as a sentence only, of a program's reader for one."""
+    return said("text", text=sentence) if isinstance(sentence, str) else sentence
+
+
+def of_error(error: BaseException) -> Said:
+    """What an error says: its own text, with its place where it has one; else its words."""
+    own: Said | None = getattr(error, "placed", None) or getattr(error, "said", None)
+    return own or plain(str(error))
 
 
 class TextError(Exception):
-    """An error that is such a text; in words it is English."""
+    """An error that is a text: ``said``; in words it is English, for logs."""
 
-    def __init__(self, what: Mapping[str, Any] | str) -> None:
+    def __init__(self, what: Said | str) -> None:
         """``what``: a sentence alone where it has no key."""
-        self.said = dict(what) if isinstance(what, Mapping) else said("text", text=what)
+        self.said = plain(what)
         super().__init__(english(self.said))
 
 
-def english(what: Mapping[str, Any]) -> str:
-    """In words; a text that the catalogue lacks is shown as it is, for this must not fail."""
-    values = {name: english(one) if isinstance(one, Mapping) else one for name, one in what["values"].items()}
+def several(*texts: Said | str) -> Said:
+    """One after the other, without those that are empty."""
+    return said("text", text=[plain(one) for one in texts if one])
+
+
+def chain(link: str, texts: Sequence[Said | str]) -> Said | str:
+    """Several as one: ``link`` is "and" or "or"; each is a key or plain words."""
+    last: Said | str = texts[-1]
+    for one in texts[-2::-1]:
+        last = said(link, one=one, other=last)
+    return last
+
+
+def once(texts: Iterable[Said]) -> list[Said]:
+    """Each of them at its first place only."""
+    found: list[Said] = []
+    for one in texts:
+        if one not in found:
+            found.append(one)
+    return found
+
+
+def _value(value: object) -> Any:
+    if isinstance(value, Key):
+        return Said(key=str(value), values={})
+    if isinstance(value, list | tuple):
+        return [_value(one) for one in value]
+    own: Said | None = getattr(value, "said", None) if isinstance(value, BaseException) else None
+    return value if isinstance(value, str | int | float | dict | None) else own or str(value)
+
+
+# ---- in words
+
+
+def is_said(value: object) -> bool:
+    return isinstance(value, Mapping) and "key" in value and "values" in value
+
+
+def filled(said: Mapping[str, Any], texts: Mapping[str, str], around: Mapping[str, Any] = NONE_YET) -> str:
+    """A text in words, by the texts of a language; ``around``: the values of the one that holds it.
+
+    A key of another version, and values that do not fit it, are shown as they are: it must not fail.
+    """
+
+    def words(value: Any) -> Any:
+        if is_said(value):
+            return filled(value, texts, figures)
+        return " ".join(map(words, value)) if isinstance(value, list) and all(map(is_said, value)) else value
+
+    key, values = str(said["key"]), {**around, **(said["values"] or {})}
+    figures = {name: value for name, value in values.items() if isinstance(value, str | int | float)}
     try:
-        return _texts()[what["key"]].format(**values)
+        return texts[key].format(**{name: words(value) for name, value in values.items()})
     except (KeyError, ValueError, IndexError, TypeError):
-        return f"{what['key']} {values}"
+        return f"{key} {figures}"
+
+
+def english(said: Mapping[str, Any]) -> str:
+    """In English words; as it is where there is no catalogue, for this must not fail."""
+    try:
+        texts = english_texts()
+    except (OSError, ValueError):
+        texts = {}
+    return filled(said, texts)
 
 
 @cache
-def _texts() -> dict[str, str]:
+def english_texts() -> dict[str, str]:
+    """Every English text by its key. Raises as ``read``."""
+    return read(FOLDER / "en.json")
+
+
+def read(file: Path) -> dict[str, str]:
+    """The texts of a language's file. Raises OSError, and ValueError that names the file, line and column."""
     try:
-        found: dict[str, str] = json.loads(ENGLISH.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return {}
-    return found
+        texts: dict[str, str] = json.loads(file.read_text(encoding="utf-8"))
+    except ValueError as error:
+        raise ValueError(f"{file}: {error}; a file of texts is a JSON object of key and text.") from error
+    return texts

@@ -71,7 +71,7 @@ OF_DRIVES = {
     *("settings", "arranged", "profile", "scale", "pdo", "cia402", "emergency_codes", "sheet_text"),
     "text_file",  # what a machine file names, as its text
     "values",  # how dataclasses are made
-    "texts",  # what an error says
+    "texts",  # how a text travels, and becomes words
 }
 
 # Room of a folder -> rooms of it that it may import; files beside the rooms may import all.
@@ -104,6 +104,7 @@ ROOMS: dict[str, dict[str, set[str]]] = {
 # Who may import which part of drives ("*" = all).
 TO_DRIVES: dict[str, set[str]] = {
     "values": {"values"},
+    "messages": {"texts"},
     "machine": {"settings", "profile", "arranged", "text_file"},
     "state": {"settings", "arranged"},  # what the stops take
     "tick": {"settings", "scale", "cia402", "pdo", "bus", "cyclic"},
