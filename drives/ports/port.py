@@ -136,7 +136,7 @@ class HubSocket(FrameSocket):
         self._at = 0
         self._end = 0
         self._cyclic_sync = False
-        self._lost = 0
+        self._lost = self._lost_before = 0  # frames, of every hub joined so far, and of those before this one
         self._place = place  # not the peer's name: a hub binds elsewhere and moves its socket
         self._wishes = wishes
         self.gone = False
@@ -214,7 +214,7 @@ class HubSocket(FrameSocket):
         if not self._end:
             self.gone = True
         elif self._packet[3] == LOST_FRAMES_BYTE:  # before what its queue had room for
-            self._lost = int.from_bytes(self._packet[8:12], "little")
+            self._lost = self._lost_before + int.from_bytes(self._packet[8:12], "little")
             self._at = pdo.FRAME_BYTES
         return not self.gone
 
@@ -238,4 +238,4 @@ class HubSocket(FrameSocket):
             return  # the next reset may find one
         self._socket.close()
         self._take(joined)
-        self.gone = False
+        self._lost_before, self.gone = self._lost, False

@@ -194,6 +194,67 @@ def test_a_python_can_adapter_carries_the_same_frames():
         ours.close()
 
 
+@pytest.fixture
+def adapters():
+    """A python-can adapter with the tick's filters, and another on the same bus."""
+    ours = bus.AdapterSocket(can.Bus(interface="virtual", channel="adapters"), "can0", pdo.TICK_FILTERS)
+    theirs = can.Bus(interface="virtual", channel="adapters")
+    yield ours, theirs
+    theirs.shutdown()
+    ours.close()
+
+
+def heard(port):
+    """Identifiers of what one tick takes."""
+    buffer, found = bytearray(16), []
+    while port.receive_into(buffer):
+        found.append(pdo.unpack(buffer)[0])
+    return found
+
+
+def message(can_id, data=b"", **kind):
+    return can.Message(arbitration_id=can_id, data=data, is_extended_id=kind.pop("extended", False), **kind)
+
+
+def test_a_frame_that_an_adapter_filters_out_does_not_keep_those_after_it_from_the_tick(adapters):
+    ours, theirs = adapters
+    for _ in range(50):
+        theirs.send(message(0x581, bytes(8)))
+    for unwanted in (message(0x181, extended=True), message(0x181, is_remote_frame=True), message(0x7E4)):
+        theirs.send(unwanted)
+    for node in range(1, 6):
+        theirs.send(message(0x180 + node, bytes(6)))
+    assert heard(ours) == [0x181, 0x182, 0x183, 0x184, 0x185]
+
+
+def test_who_babbles_what_nobody_wants_does_not_hold_the_tick(adapters):
+    ours, theirs = adapters
+    for _ in range(bus.MAX_UNWANTED + 1):
+        theirs.send(message(0x001))
+    theirs.send(message(0x181))
+    assert heard(ours) == []
+    assert heard(ours) == [0x181]
+
+
+@pytest.mark.parametrize("extended", [False, True], ids=["gs_usb", "socketcand"])
+def test_an_adapter_s_word_about_lost_frames_passes_its_filters_and_is_counted(adapters, extended):
+    ours, theirs = adapters
+    assert ours.overflows == 0
+    for classes, detail in ((0x004, 0x01), (0x044, 0x01), (0x004, 0x02), (0x040, 0x00), (0x004, 0x20)):
+        data = bytes((0, detail, *bytes(6)))
+        theirs.send(message(classes, data, extended=extended, is_error_frame=True))
+    assert len(heard(ours)) == 5
+    assert ours.overflows == 2
+
+
+def test_an_adapter_without_filters_hears_everything(adapters):
+    ours = bus.AdapterSocket(can.Bus(interface="virtual", channel="adapters"), "can0", [(0, 0)])
+    adapters[1].send(message(0x581))
+    adapters[1].send(message(0x18123, extended=True))
+    assert heard(ours) == [0x581, 0x18123 | pdo.EXTENDED_FLAG]
+    ours.close()
+
+
 def test_an_unknown_adapter_is_a_sentence():
     with pytest.raises(bus.BusError, match="python-can cannot open interface 'nonesuch'"):
         bus.open(BusSettings("can0", "nonesuch", "0", 1_000_000))
