@@ -19,12 +19,12 @@ from typing import TYPE_CHECKING, Any, Final
 from urllib.parse import parse_qsl
 
 from drives import pdo
+from drives.ports import hub_protocol
 from drives.ports.can_socket import CanSocket, cyclic_sync_request, kernel_filters, open_socket
 from drives.ports.port import Buffer, BusError, FrameSocket, HubSocket, Port
 from drives.ports.slcan_port import SlcanPort, open_serial
 from drives.settings import BusSettings
 from drives.texts import said
-from drives.virtual import hub_protocol
 
 if TYPE_CHECKING:
     import can

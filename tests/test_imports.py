@@ -92,12 +92,15 @@ ROOMS: dict[str, dict[str, set[str]]] = {
     "drives": {
         "load": OF_DRIVES,
         "log": OF_DRIVES,
-        "virtual": OF_DRIVES | {"load"},
-        "ports": OF_DRIVES | {"virtual"},
+        "ports": OF_DRIVES,
         "cyclic": OF_DRIVES | {"ports"},
         "commissioning": OF_DRIVES,
-        "gateways": OF_DRIVES | {"bus", "ports", "virtual", "log"},
-        "simulated": OF_DRIVES | {"virtual", "gateways"},
+        "bench": OF_DRIVES | {"bus", "ports", "load", "log"},
+    },
+    "drives/bench": {
+        "virtual": set(),
+        "gateways": {"virtual"},
+        "simulated": {"virtual"},
     },
 }
 
@@ -108,16 +111,21 @@ TO_DRIVES: dict[str, set[str]] = {
     "machine": {"settings", "profile", "arranged", "text_file"},
     "state": {"settings", "arranged"},  # what the stops take
     "tick": {"settings", "scale", "cia402", "pdo", "bus", "cyclic"},
-    "runtime": OF_DRIVES | {"bus", "cyclic", "load", "log", "commission", "simulated", "virtual"},
+    "runtime": OF_DRIVES | {"bus", "cyclic", "load", "log", "ports", "commission", "bench"},
     "service": OF_DRIVES | {"bus", "load", "log"},
     "verify": {"load"},  # to show it
     "cli": {"*"},
     "__main__": {"*"},
 }
 
+# Simulated devices, virtual buses and faults, and the only file outside of them that may import them: the
+# processes of a real machine load nothing of it.
+BENCH = ("drives/bench/", "controller/runtime/bench/")
+DOOR_TO_BENCH = "controller/runtime/simulation.py"
+
 # Outside package -> the only files that may import it.
 ONLY_IN: dict[str, set[str]] = {
-    "can": {"drives/bus.py", "drives/virtual/hub_bus.py"},
+    "can": {"drives/bus.py", "drives/bench/virtual/hub_bus.py"},
     "canopen": {
         "drives/commissioning/network.py",
         "drives/commissioning/remote.py",
@@ -179,7 +187,12 @@ def wrong_imports(source: str, path: str) -> list[str]:
     found = []
     for line, name in imports(source, path):
         top, *rest = name.split(".")
-        reason = _outside(top, path, home, part) or _inside(top, rest, home, part) or _room(name, path)
+        reason = (
+            _outside(top, path, home, part)
+            or _inside(top, rest, home, part)
+            or _room(name, path)
+            or _bench(name, path)
+        )
         if reason:
             found.append(f"{path}:{line}: imports {name}: {reason}")
     return found
@@ -219,6 +232,16 @@ def _room(name: str, path: str) -> str:
         if room in rooms and to not in rooms[room] | {room}:
             return f"no arrow from the room {room} to {to}"
     return ""
+
+
+def _bench(name: str, path: str) -> str:
+    """Into the bench."""
+    within = f"{name.replace('.', '/')}/".startswith(BENCH)
+    return (
+        f"only {DOOR_TO_BENCH} imports the bench"
+        if within and not path.startswith((*BENCH, DOOR_TO_BENCH))
+        else ""
+    )
 
 
 def test_no_file_imports_along_an_arrow_that_is_not_drawn() -> None:
@@ -345,14 +368,23 @@ PLANTED = [
         "from controller.plan.feed import profile",
         "first the way",
     ),
-    ("drives/cyclic/group.py", "from drives.virtual.hub import Hub", "the tick's side knows no hub"),
+    ("drives/cyclic/group.py", "from drives.bench.virtual.hub import Hub", "the tick's side knows no hub"),
     ("controller/unknown.py", "from controller.geometry.vectors import X", "a part that is not drawn"),
     ("drives/cyclic/group.py", "from controller.machine.model import Axis", "drives stand on their own"),
-    ("drives/simulated/node.py", "import importlib\nimportlib.import_module('controller')", "also by call"),
+    (
+        "drives/bench/simulated/node.py",
+        "import importlib\nimportlib.import_module('controller')",
+        "also by call",
+    ),
     ("drives/cyclic/group.py", "def f():\n    import can", "python-can has one door"),
-    ("drives/simulated/node.py", "import canopen.sdo", "canopen has one door"),
+    ("drives/bench/simulated/node.py", "import canopen.sdo", "canopen has one door"),
     ("controller/__main__.py", "import canopen", "for the command line, too"),
     ("controller/cad/strip.py", "from OCP.gp import gp_Pnt", "OpenCASCADE has one door"),
+    ("controller/runtime/stepped.py", "from drives.bench.simulated.rig import Rig", "the bench has one door"),
+    ("controller/cli/serve.py", "def f():\n    from controller.runtime.bench import bus", "for verbs, too"),
+    ("controller/runtime/replay.py", "from controller.runtime import bench", "also as a whole"),
+    ("drives/bus.py", "from drives.bench.virtual.hub import Hub", "the bus side knows no hub"),
+    ("drives/one_axis.py", "import drives.bench", "nor the bench as a whole"),
 ]
 
 
@@ -367,7 +399,9 @@ DRAWN = [
     ("controller/__main__.py", "from controller import machine, tick\nfrom drives import commission"),
     ("controller/machine/machine_file.py", "from drives.settings import NodeSettings"),
     ("drives/bus.py", "def f():\n    import can"),
-    ("drives/simulated/node.py", "from ..virtual.virtual_bus import connect"),
+    ("drives/bench/simulated/node.py", "from ..virtual.virtual_bus import connect"),
+    ("controller/runtime/simulation.py", "from drives.bench.simulated.rig import Rig"),
+    ("controller/runtime/bench/bus.py", "from drives.bench.virtual.hub import Hub"),
 ]
 
 

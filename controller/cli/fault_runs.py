@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from controller import messages
 from controller.machine.model import Machine
-from controller.runtime.observer import Observer
+from controller.runtime import simulation
 from controller.runtime.startup import SessionError
 from controller.runtime.stepped import SteppedMachine
 from controller.verify import console
@@ -18,7 +18,7 @@ from drives.commission import CommissionError
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from controller.runtime.fault_file import Injected, MachineScript
+    from controller.runtime.simulation import Injected, MachineScript, Observer
 
 Facts = dict[str, Any]
 
@@ -27,12 +27,9 @@ def read(file: Path | None, origin: str, machine: Machine) -> MachineScript | No
     """The script; None without a file. Raises Misunderstood, which ends with exit code 2."""
     if file is None:
         return None
-    from controller.runtime.fault_file import MachineScript
-    from drives.virtual.fault_script import ScriptError
-
     try:
-        return MachineScript.load(file, machine)
-    except ScriptError as error:
+        return simulation.script(file, machine)
+    except simulation.ScriptError as error:
         why = messages.text(messages.of_error(error), spoken.get())
         raise Misunderstood(f"{why}.") from error
 

@@ -42,7 +42,7 @@ from controller.workers import Spread
 if TYPE_CHECKING:
     from controller.cli.fault_runs import FaultRun
     from controller.cli.recorded_runs import RecordedRun
-    from controller.runtime.simulated_probe import Bench
+    from controller.runtime.simulation import Bench
     from controller.runtime.stepped import Run, SteppedMachine
     from controller.verify.trace import Trace
 
@@ -496,9 +496,9 @@ def _touched(part: Path | None, machine: Machine) -> Bench | None:
     """What the probe of a simulated machine finds."""
     if part is None:
         return None
-    from controller.runtime import simulated_probe
+    from controller.runtime import simulation
 
-    return simulated_probe.load(part, machine)
+    return simulation.bench(part, machine)
 
 
 def _share(seconds: float, kept: stored.Stored | None) -> float:

@@ -17,7 +17,7 @@ from controller.machine import machine_file, setup_data
 from controller.machine.machine_file import written
 from controller.machine.model import Kind, Machine
 from controller.program import linked
-from controller.runtime import events
+from controller.runtime import events, setpoints
 from controller.runtime.checked import Task, Walk
 from controller.runtime.events import Recorded
 from controller.verify.console import Refused, say
@@ -34,15 +34,13 @@ class RecordedRun:
 
     def __init__(self, file: Path, recorded: Recorded, built: Machine, text: bytes) -> None:
         """Raises Refused where its setpoints cannot be read, and ConfigError for a period that is none."""
-        from controller.runtime import replay
-
         period_s = recorded.begin.period_s
         self._built = built if period_s is None else machine_file.with_period(built, period_s)
         self.recorded, self._file, self.text = recorded, file, text
         self.name = str(_facts(file.parent).get("name") or events.PROGRAM)
         self.machine = setup_data.applied(self._built, recorded.begin.fitted)
         try:
-            self._wanted = replay.setpoints(file.parent)
+            self._wanted = setpoints.read(file.parent)
         except (OSError, ValueError, KeyError) as error:
             raise Refused(say("cli.replay.unreadable", parent=file.parent, why=error)) from error
 

@@ -71,14 +71,14 @@ def serve(
 
 def _see_part(part: Path, made: Machine, simulate: bool) -> None:
     """Raises ConfigError, or Refused where nothing of it would be touched or cut."""
-    from controller.runtime import simulated_bench
+    from controller.runtime import simulation
     from controller.service import engine
 
     virtual = engine.simulated(made)
-    if not simulate or simulated_bench.bus_of(virtual, part=True) is None:
+    if not simulate or simulation.bus_of(virtual, part=True) is None:
         raise Refused(say("cli.serve.no_part", part=part))
-    bench = simulated_bench.read(part, virtual)
-    if bench.cut is not None and not simulated_bench.turns(virtual):
+    bench = simulation.bench(part, virtual)
+    if bench.cut is not None and not simulation.turns(virtual):
         raise Refused(say("cli.serve.no_load", part=part))
 
 

@@ -13,18 +13,27 @@ from controller.cli.speech import speaking
 from controller.machine import drive_profiles, machine_file, nodes
 from controller.machine.toml_table import ConfigError
 from controller.runtime import simulation
+from controller.runtime.simulation import (
+    Hub,
+    InterfaceError,
+    IoNode,
+    LostSync,
+    Parameters,
+    ScriptError,
+    Server,
+    SimulatedDrive,
+    build,
+    equipped,
+    families,
+    family_sheet,
+    on_interface,
+    run,
+)
 from controller.verify.console import Refused, refusals, say, tell
-from drives.gateways import options
 from drives.profile import Profile
 from drives.settings import BusSettings, IoSettings, SpindleSettings
-from drives.simulated import IoNode, SimulatedDrive, build, families, family_sheet
-from drives.simulated.can_bridge import InterfaceError
-from drives.simulated.parameters import LostSync, Parameters
-from drives.simulated.serve import Server, on_interface, run
-from drives.virtual.fault_script import ScriptError
-from drives.virtual.hub import Hub
 
-LostSyncs = Literal["hold", "extrapolate", "fault", "quick_stop"]  # of drives.simulated
+LostSyncs = Literal["hold", "extrapolate", "fault", "quick_stop"]  # ``LostSync``
 
 BIT_RATE = 1_000_000
 COUNTS_PER_REV = 4096.0  # of a spindle that no machine file describes
@@ -73,7 +82,7 @@ def simulate(
             devices = _of_family(family, sheet, bare, ids, spindle, io, nature)
         server = _server(channel, interface, bit_rate, worst_stuffing)
         named = (None if log is None else str(log), socketcand, None if slcan is None else str(slcan))
-        with options.equipped(server, faults, *named):
+        with equipped(server, faults, *named):
             tell.print(say("sim_drives.serve", count=len(devices), path=server.path), markup=False)
             run(server, devices)
 

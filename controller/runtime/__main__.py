@@ -2,8 +2,8 @@
 
 tick JOB                the real-time process of a machine (tick_process.py)
 plan JOB                its plan (planning.py)
-bus JOB                 a virtual bus with the machine's simulated devices (simulated_bus.py)
-hub PATH OPTIONS        a virtual bus that shares a serial adapter (drives.simulated)
+bus JOB                 a virtual bus with the machine's simulated devices (bench/bus.py)
+hub PATH OPTIONS        a virtual bus that shares a serial adapter (drives.bench)
 """
 
 from __future__ import annotations
@@ -21,17 +21,17 @@ def main(arguments: Sequence[str]) -> int:
     children.end_with(int(parent))
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent ends us, in order
     if role == "hub":
-        from drives.simulated.__main__ import main as serve
+        from controller.runtime import simulation
 
         children.name_process("virtual-bus")
-        serve(rest)
+        simulation.serve_hub(rest)
         return 0
     if role == "bus":
         from controller.machine.toml_table import ConfigError
-        from controller.runtime import simulated_bus
+        from controller.runtime import simulation
 
         children.name_process("virtual-bus")
-        return children.run(role, simulated_bus.main, Path(rest[0]), (OSError, ConfigError))
+        return children.run(role, simulation.serve_bus, Path(rest[0]), (OSError, ConfigError))
     children.name_process(f"directrix-{role}")
     if role == "plan":
         from controller.runtime import plan_end, planning

@@ -17,8 +17,8 @@ from collections.abc import Callable, Sequence
 
 from drives import bus
 from drives.log.frame_log import FrameLog
+from drives.ports.hub_protocol import MOST_FRAMES, TIMED, TIMES_FRAME
 from drives.settings import BusSettings
-from drives.virtual.hub_protocol import MOST_FRAMES, TIMED, TIMES_FRAME
 
 EVERYTHING = ((0, 0),)  # identifier, mask
 SO_TIMESTAMPNS = 35

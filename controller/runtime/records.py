@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from controller.machine import machine_file
 from controller.machine.model import Kind
 from controller.messages import said, text
-from controller.runtime import events
+from controller.runtime import events, setpoints
 from controller.state.live_state import FIELDS, Field
 from controller.verify import trace as traces
 
@@ -88,15 +88,13 @@ def read(path: Path) -> Record:
 def _of_folder(folder: Path) -> Record:
     if (folder / TRACE).is_file():
         return read(folder / TRACE)
-    from controller.runtime import replay  # and with it the whole stepped machine
-
-    rows = replay.setpoints(folder)
+    rows = setpoints.read(folder)
     if rows is None or not (folder / events.MACHINE).is_file():
-        raise NoRecord("no_folder", folder=folder, trace=TRACE, run=replay.WHOLE, machine=events.MACHINE)
+        raise NoRecord("no_folder", folder=folder, trace=TRACE, run=setpoints.WHOLE, machine=events.MACHINE)
     machine = (folder / events.MACHINE).read_text(encoding="utf-8")
     begun = events.recorded(folder / events.FILE)
     period_s = begun.begin.period_s if begun is not None else None
-    columns = _named(replay.SETPOINTS[1:], rows.astype(np.float64), machine)
+    columns = _named(setpoints.SETPOINTS[1:], rows.astype(np.float64), machine)
     return Record("run", columns, period_s or machine_file.read(machine, events.MACHINE).period_s, machine)
 
 

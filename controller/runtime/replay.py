@@ -13,7 +13,6 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
 from itertools import groupby
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -31,18 +30,15 @@ from controller.program.program import ProgramError
 from controller.runtime import checked, events, starts
 from controller.runtime.checked import Task, Walk
 from controller.runtime.events import Line, Recorded
+from controller.runtime.setpoints import Counts
 from controller.runtime.stepped import PLAN_EVERY_S, Items, Run, SteppedMachine
 from controller.state.modes import MAX_AXES, Fault, Mode, Request
 from controller.tick.cycle import Again
 from controller.values import dataclass
 
-SETPOINTS = ("tick", *(f"setpoint_{i}" for i in range(MAX_AXES)))
-WHOLE, PART = "setpoints.npz", "setpoints.part"
-ROW_BYTES = 4 * len(SETPOINTS)
 ENDING = 5  # ticks after the last one that is recorded: the mode follows the standstill
 MAX_TICKS = 50_000_000
 
-Counts = npt.NDArray[np.int32]
 Rows = npt.NDArray[np.float64]
 
 
@@ -54,23 +50,6 @@ class Difference:
     axis: int
     recorded: int
     again: int
-
-
-def setpoints(folder: Path) -> Counts | None:
-    """The setpoints of a record, (N, MAX_AXES) counts, as far as written; None where there are none.
-
-    Those of axes that the machine has not are 0.
-
-    Raises OSError, and ValueError where the file is none.
-    """
-    if (folder / WHOLE).exists():
-        with np.load(folder / WHOLE) as file:
-            return np.asarray(file["rows"][:, 1:], dtype=np.int32)
-    if not (folder / PART).exists():
-        return None
-    data = (folder / PART).read_bytes()
-    data = data[: len(data) // ROW_BYTES * ROW_BYTES]  # the last row may be torn
-    return np.frombuffer(data, dtype="<i4").reshape(-1, len(SETPOINTS))[:, 1:]
 
 
 def difference(record: Recorded, wanted: Counts, rows: Rows) -> Difference | None:

@@ -1,92 +1,107 @@
-"""The simulated devices of a machine, and what is around them: closed doors, clamps with their switches.
+"""The one door to the bench: simulated devices, virtual buses, what is touched and cut there, and faults.
 
-They take as long as such devices are expected to (``usual_s`` of the machine).
+Its rooms are ``drives.bench`` and ``controller.runtime.bench``. Whoever simulates comes through here; the
+processes of a real machine load nothing of it.
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
-from typing import NamedTuple
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
 
-from controller.machine import nodes
-from controller.machine.equipment import SENSORS
-from controller.machine.model import Changer, Io, Machine
-from drives.settings import SpindleSettings
-from drives.simulated import build
-from drives.simulated.drive import SimulatedDrive
-from drives.simulated.io_node import IoNode
-from drives.simulated.parameters import Parameters
-from drives.simulated.spindle_motor import MotorParameters
+from controller.machine.model import Machine
+from controller.runtime.bench.bus import Job, bus_of, tell_tool, turns
+from controller.runtime.bench.surroundings import devices, rig_of
+from drives.bench.gateways.options import equipped
+from drives.bench.simulated import build, families, family_sheet
+from drives.bench.simulated.can_bridge import InterfaceError
+from drives.bench.simulated.drive import SimulatedDrive
+from drives.bench.simulated.io_node import IoNode
+from drives.bench.simulated.parameters import LostSync, Parameters
+from drives.bench.simulated.rig import Rig
+from drives.bench.simulated.serve import Server, on_interface, run
+from drives.bench.simulated.spindle_motor import MotorParameters
+from drives.bench.virtual.fault_kinds import ScriptError
+from drives.bench.virtual.hub import Hub
 
+if TYPE_CHECKING:
+    from controller.runtime.bench.fault_file import Injected, MachineScript
+    from controller.runtime.bench.observer import Observer
+    from controller.runtime.bench.probe import Bench, Wired
+    from controller.tick.cycle import Cycle
 
-class Wire(NamedTuple):
-    """An input that follows an output, ``delay_s`` later; ``inverted``: it is on when that is off."""
-
-    output: int
-    input: int
-    delay_s: float
-    inverted: bool
-
-
-def _healthy_inputs(machine: Machine) -> int:
-    """The inputs' word, electrically: circuits, doors and clamps closed, no probe touched."""
-    io = machine.io
-    if io is None:
-        return 0
-    return sum(1 << bit for name, bit in io.inputs if (name in SENSORS) == (name in io.inverted))
-
-
-def _wires(machine: Machine) -> tuple[Wire, ...]:
-    """From the valve of each clamp to its switch."""
-    io = machine.io
-    if io is None:
-        return ()
-    found = []
-    for clamp in (axis.clamp for axis in machine.axes if axis.clamp is not None):
-        valve, switch = io.output(clamp.output), io.input(clamp.input)
-        if valve is not None and switch is not None:
-            straight = (clamp.output in io.inverted) == (clamp.input in io.inverted)
-            found.append(Wire(valve, switch, clamp.usual_s, straight))
-    if io.orient is not None:
-        asked, there = io.output(io.orient.output) or 0, io.input(io.orient.input) or 0
-        turned = (io.orient.output in io.inverted) != (io.orient.input in io.inverted)
-        found.append(Wire(asked, there, io.orient.usual_s, turned))
-    return (*found, *_of_changer(machine.changer, io))
-
-
-def _of_changer(changer: Changer | None, io: Io) -> list[Wire]:
-    """Each switch of a tool changer follows the first output of the step that waits for it."""
-    found: dict[int, Wire] = {}
-    for step in (*changer.prepare, *changer.put_away, *changer.take) if changer is not None else ():
-        rows = [(name, True) for name in step.on] + [(name, False) for name in step.off]
-        output = io.output(rows[0][0]) if rows else None
-        switch = io.input(step.input) if step.input else None
-        if output is None or switch is None or switch in found:
-            continue
-        same = rows[0][1] is (step.level in ("rise", "on"))
-        turned = (rows[0][0] in io.inverted) != (step.input in io.inverted)
-        found[switch] = Wire(output, switch, step.usual_s, same is turned)
-    return list(found.values())
+__all__ = [
+    "Bench",
+    "Hub",
+    "Injected",
+    "InterfaceError",
+    "IoNode",
+    "Job",
+    "LostSync",
+    "MachineScript",
+    "MotorParameters",
+    "Observer",
+    "Parameters",
+    "Rig",
+    "ScriptError",
+    "Server",
+    "SimulatedDrive",
+    "Wired",
+    "build",
+    "bus_of",
+    "devices",
+    "equipped",
+    "families",
+    "family_sheet",
+    "on_interface",
+    "rig_of",
+    "run",
+    "tell_tool",
+    "turns",
+]
 
 
-def surround(node: IoNode, machine: Machine) -> None:
-    """All doors closed, and clamps that do as they are told."""
-    node.set_inputs(_healthy_inputs(machine), 0.0)
-    for wire in _wires(machine):
-        node.wire(*wire)
+def bench(part: Path | None, machine: Machine) -> Bench:
+    """What the tools of a machine can touch and cut: a simulation file's or usual. Raises ConfigError."""
+    from controller.runtime.bench import touching
+
+    return touching.read(part, machine)
 
 
-def devices(
-    machine: Machine, bus: str, nature: Parameters, motor: MotorParameters | None = None
-) -> list[SimulatedDrive | IoNode]:
-    """A device for each node of a bus, of its data sheet and profile, with what stands around it.
+def wired(bench: Bench, machine: Machine, rig: Rig) -> Wired:
+    """A machine on the stepped clock that touches and cuts what is on the bench; its probe."""
+    from controller.runtime.bench import touching
 
-    ``motor``: how a spindle lags and slips; None = it does not. Raises OSError where a data sheet is missing.
-    """
-    its = [node for node in nodes.all_settings(machine) if node.bus == bus]
-    natures = (replace(nature, motor=motor if isinstance(one, SpindleSettings) else None) for one in its)
-    made = [build.device(node, one) for node, one in zip(its, natures, strict=True)]
-    for device in made:
-        if isinstance(device, IoNode):
-            surround(device, machine)
-    return made
+    return touching.wired(bench, machine, rig)
+
+
+def observer(machine: Machine, cycle: Cycle, rig: Rig) -> Observer:
+    """Somebody who looks at the motors of a machine on the stepped clock."""
+    from controller.runtime.bench.observer import Observer
+
+    return Observer(machine, cycle, rig)
+
+
+def script(file: Path, machine: Machine) -> MachineScript:
+    """The faults of a run. Raises ScriptError."""
+    from controller.runtime.bench.fault_file import MachineScript
+
+    return MachineScript.load(file, machine)
+
+
+# -- of a process: its job is carried out until SIGTERM
+
+
+def serve_bus(job: Job) -> None:
+    """A virtual bus with a machine's devices. Raises OSError."""
+    from controller.runtime.bench import bus
+
+    bus.main(job)
+
+
+def serve_hub(arguments: Sequence[str]) -> None:
+    """A hub by itself, with the options of ``python -m drives.bench``."""
+    from drives.bench.__main__ import main
+
+    main(arguments)

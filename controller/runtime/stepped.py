@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, Protocol
 
@@ -30,7 +29,6 @@ from controller.ipc.handoff import (
     send_jog,
     send_request,
 )
-from controller.machine import machine_file
 from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Joints, Machine
 from controller.motion.pieces import FIRST_MARK
@@ -38,11 +36,10 @@ from controller.plan.path.path import Chain, Pause
 from controller.plan.planner import Planner
 from controller.plan.stretch import straight
 from controller.program.program import Place
-from controller.runtime import cyclic
+from controller.runtime import cyclic, simulation
 from controller.runtime.events import Event
-from controller.runtime.observer import Observer
 from controller.runtime.recording import Keeper
-from controller.runtime.simulation import surround
+from controller.runtime.simulation import LostSync, MotorParameters
 from controller.runtime.startup import Came, SessionError, StartUp, arrangement, came_to, no_start
 from controller.state import stop_times
 from controller.state.modes import Fault, Mode, Request, sentence
@@ -53,12 +50,9 @@ from controller.values import dataclass
 from drives import commission, pdo
 from drives.arranged import Arranged
 from drives.log.frame_log import FrameLog
-from drives.simulated.parameters import LostSync
-from drives.simulated.rig import Rig, rig
-from drives.simulated.spindle_motor import MotorParameters
 
 if TYPE_CHECKING:
-    from controller.runtime.simulated_probe import Bench, Wired
+    from controller.runtime.simulation import Bench, Observer
 
 PLAN_EVERY_S = 0.008  # between two turns of the planner, in whole ticks: an override shows soon
 KEEPALIVE_EVERY = 16  # turns of it
@@ -115,27 +109,6 @@ class Way:
     items: Sequence[Chain | Pause]
 
 
-def _rig(
-    machine: Machine,
-    stiffness: Mapping[str, float] | None,
-    lost_sync: LostSync,
-    motor: MotorParameters | None,
-) -> Rig:
-    """Buses with simulated devices, and what stands around them."""
-    made = rig(
-        machine_file.node_settings(machine),
-        machine_file.bus_settings(machine),
-        spindle=machine_file.spindle_settings(machine),
-        io=machine_file.io_settings(machine),
-        stiffness=stiffness,
-        lost_sync=lost_sync,
-        motor=motor,
-    )
-    for node in made.io.values():
-        surround(node, machine)
-    return made
-
-
 class SteppedMachine:
     """Powers up, commissions, homes and runs programs."""
 
@@ -160,8 +133,8 @@ class SteppedMachine:
         self.kinematics = kinematics_of(machine)
         if motor is None and bench is not None and bench.cut is not None:
             motor = MotorParameters()
-        self.rig = _rig(machine, stiffness, lost_sync, motor)
-        self.touch = None if bench is None else self._probed(bench)
+        self.rig = simulation.rig_of(machine, stiffness, lost_sync, motor)
+        self.touch = None if bench is None else simulation.wired(bench, machine, self.rig)
         self._ticks_in_sdo = False
         networks = {
             bus.name: commission.Network(self.rig.port(pdo.SERVICE_FILTERS, bus.name), self._pass_time())
@@ -199,22 +172,6 @@ class SteppedMachine:
         self._turns = 0  # of the planner
         self._idle = 0  # ticks in which nothing moved, and nothing was there that would
         self._skips_before = 0  # while coming up
-
-    def _probed(self, bench: Bench) -> Wired:
-        """A probe that touches what is on the bench."""
-        from controller.runtime.simulated_cut import Cutting
-        from controller.runtime.simulated_probe import Wired
-
-        drives = [self.rig.drives[axis.name] for axis in self.machine.axes]
-        io = next(iter(self.rig.io.values()), None)
-        touch = Wired(bench, self.machine, drives, io, self.machine.probe)
-        self.rig.watchers.append(touch.watch)
-        if bench.cut is not None and self.rig.spindle is not None and self.machine.spindle is not None:
-            feel = partial(self.rig.spindle.feel, counts_per_rev=abs(self.machine.spindle.counts_per_rev))
-            self.rig.watchers.append(Cutting(bench.cut, self.machine, drives, feel).watch)
-        if bench.setter is not None:
-            self.rig.watchers.append(Wired(bench.setter, self.machine, drives, io, self.machine.setter).watch)
-        return touch
 
     def _take_arranged(self, found: tuple[Arranged, ...]) -> None:
         self.times = stop_times.of(self.machine, found)
@@ -269,7 +226,7 @@ class SteppedMachine:
 
     def observe(self) -> Observer:
         """Somebody who looks at the motors with every tick from now on; a run waits until they stand."""
-        self._observer = Observer(self.machine, self.cycle, self.rig)
+        self._observer = simulation.observer(self.machine, self.cycle, self.rig)
         return self._observer
 
     def _kept(self) -> bool:

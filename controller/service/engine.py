@@ -40,7 +40,7 @@ from controller.ipc.handoff import (
 )
 from controller.machine.model import Bus, Machine
 from controller.messages import said
-from controller.runtime import children, simulated_bench, simulated_bus
+from controller.runtime import children
 from controller.runtime.children import Child, Job
 from controller.runtime.plan_messages import News
 from controller.runtime.planning import PlanJob
@@ -125,7 +125,10 @@ class Engine:
 
     def tell_tool(self, number: int) -> None:
         """Which is in the spindle of a simulated machine: it touches the setter, or as a probe the part."""
-        simulated_bus.tell_tool(self._folder, number)
+        if any(bus.interface == "virtual" for bus in self.machine.buses):
+            from controller.runtime import simulation
+
+            simulation.tell_tool(self._folder, number)
 
     def start(self) -> None:
         """Tick and plan, after ending those that were there."""
@@ -294,8 +297,10 @@ def hubs_started(
 
 
 def _hub(bus: Bus, machine: Machine, log: Path | None, folder: Path, part: Path | None) -> Child:
-    touching = simulated_bench.bus_of(machine, part is not None)
-    job = simulated_bus.Job(machine, bus, folder, touching, part, log)
+    from controller.runtime import simulation
+
+    touching = simulation.bus_of(machine, part is not None)
+    job = simulation.Job(machine, bus, folder, touching, part, log)
     return children.start("bus", job, folder, name=bus.name)
 
 

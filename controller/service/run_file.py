@@ -38,10 +38,10 @@ from controller.ipc.handoff import (
     Snapshot,
 )
 from controller.runtime import events
+from controller.runtime.setpoints import PART
 from controller.service.engine import Asked
 from controller.state.modes import Fault, Request
 
-PART = "setpoints.part"
 MAX_BYTES = 256 << 20  # of setpoints in one run: six hours at 2 ms
 LOOKED_AT = 3  # records before, whose files may be the same
 

@@ -37,11 +37,11 @@ from controller.machine.model import Machine
 from controller.runtime import events
 from controller.runtime.plan_messages import Program, Turn
 from controller.runtime.recording import forget_oldest, new_folder
-from controller.runtime.replay import SETPOINTS, WHOLE
+from controller.runtime.setpoints import PART, SETPOINTS, WHOLE
 from controller.runtime.starts import Start
 from controller.service.engine import Asked
 from controller.service.journal import sha256
-from controller.service.run_file import PART, RowEvents, RunEvents, RunFile
+from controller.service.run_file import RowEvents, RunEvents, RunFile
 from controller.state.modes import Mode
 
 FOLDER, RUN, BEGUN = "runs", "run.json", "begun.json"

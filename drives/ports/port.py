@@ -13,8 +13,8 @@ from collections.abc import Callable
 from typing import Protocol
 
 from drives import pdo
+from drives.ports import hub_protocol
 from drives.texts import TextError, said
-from drives.virtual import hub_protocol
 
 Buffer = bytes | bytearray | memoryview
 

@@ -10,7 +10,7 @@ BEL (07h)              the adapter refuses a command; CR alone, z, Z: it has tak
 from __future__ import annotations
 
 from drives.pdo import ERROR_FLAG, EXTENDED_FLAG, FRAME, REMOTE_FLAG
-from drives.virtual.error_counters import (
+from drives.ports.error_frames import (
     ACTIVE_AGAIN,
     BUS_OFF,
     CONTROLLER,

@@ -20,10 +20,11 @@ from controller.ipc.handoff import COLUMN, Snapshot, of_axes
 from controller.machine.model import Machine
 from controller.machine.toml_table import parse
 from controller.program.program import ProgramError
-from controller.runtime import checked, simulated_probe
+from controller.runtime import checked
+from controller.runtime.bench import probe
+from controller.runtime.bench.fault_file import MachineScript
+from controller.runtime.bench.probe import Bench
 from controller.runtime.events import Event
-from controller.runtime.fault_file import MachineScript
-from controller.runtime.simulated_probe import Bench
 from controller.runtime.stepped import Run, SteppedMachine
 from controller.state.modes import Fault, Mode, Request
 from controller.tick.adaptive import BAND, DEAF_SYNCS
@@ -72,7 +73,7 @@ def machine(overload: float = 140.0, more: str = "") -> Machine:
 def stock(made: Machine, rows: Sequence[tuple[float, float, float]]) -> Bench:
     """Boxes along X of the part: from, to, and the section of the chip."""
     text = PART + "".join(STOCK.format(a + X0, b + X0, section) for a, b, section in rows)
-    return simulated_probe.read(parse(text, "stock.toml"), made, Path())
+    return probe.read(parse(text, "stock.toml"), made, Path())
 
 
 PROFILE = ((4.0, 15.0, LIGHT), (15.0, 36.0, HEAVY), (36.0, 60.0, LIGHT))

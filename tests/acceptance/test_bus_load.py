@@ -18,9 +18,9 @@ from controller.runtime.startup import SessionError
 from controller.runtime.stepped import SteppedMachine
 from controller.state.modes import Fault
 from drives import pdo
+from drives.bench.virtual.virtual_bus import Handler, Link, SteppedBus
 from drives.load import budget
 from drives.settings import BusSettings, MasterSettings, NodeSettings
-from drives.virtual.virtual_bus import Handler, Link, SteppedBus
 
 MASTER = MasterSettings()
 BUS = BusSettings("can", "virtual", "", 1_000_000)

@@ -17,7 +17,7 @@ import pytest
 from support.live import browser, shop
 from support.live.shop import ROOT, Shop, Values
 
-from controller.runtime.simulated_bench import STOCK
+from controller.runtime.bench.touching import STOCK
 from controller.service.jobs import UNDER_WAY
 
 pytestmark = [pytest.mark.slow, pytest.mark.live, pytest.mark.calm]

@@ -13,7 +13,7 @@ from support.oracles import latched_setpoints
 from controller.ipc.handoff import COLUMN, STOOD, of_axes
 from controller.runtime.stepped import SteppedMachine
 from controller.state.modes import Fault, Mode
-from drives.simulated.parameters import LostSync
+from drives.bench.simulated.parameters import LostSync
 
 ACCELERATION = 1.002
 TIME_OUT = (LostSync.FAULT, LostSync.QUICK_STOP)  # drives with an interpolation time-out

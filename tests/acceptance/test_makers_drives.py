@@ -14,8 +14,8 @@ from controller.machine import drive_profiles, machine_file
 from controller.machine.model import Machine
 from controller.runtime.stepped import SteppedMachine
 from controller.state.modes import Fault, Mode, Request
+from drives.bench.simulated import family_sheet
 from drives.cia402 import State
-from drives.simulated import family_sheet
 
 PERIOD_S = 0.01
 HERE = (37, 35, 0)  # homing methods that need no switch, the best first

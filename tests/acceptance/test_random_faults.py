@@ -23,7 +23,7 @@ from typer.testing import CliRunner
 
 from controller import __main__ as command_line
 from controller.machine.model import Machine
-from controller.runtime.observer import LATENCY, Seen, Sight
+from controller.runtime.bench.observer import LATENCY, Seen, Sight
 from controller.state.modes import Fault, Mode
 
 IN_A_BATCH = 40

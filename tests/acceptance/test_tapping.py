@@ -10,7 +10,7 @@ from controller.ipc.handoff import COLUMN, SETTLED, WAITED
 from controller.runtime.events import Event
 from controller.state.modes import Fault, Mode, Request
 from controller.tick.cycle import Again
-from drives.simulated.spindle_motor import MotorParameters
+from drives.bench.simulated.spindle_motor import MotorParameters
 
 DEPTH_UM, PITCH_SHARE = 5.0, 0.01  # what must hold
 LAGGING = MotorParameters(lag_s=0.02, slip=0.02, strongest_rev_s2=200.0)

@@ -7,7 +7,7 @@ the computer was not there (its kernel was busy, or the host of a virtual comput
 
 An interval is the computer's where such an absence of a core of the tick's reaches into it; a fault is the
 computer's where in the second before it some core was away for longer than a drive bears without SYNC
-(``drives.simulated``: four periods). All others are ours. Rests between programs are measured, too.
+(``drives.bench.simulated``: four periods). All others are ours. Rests between programs are measured, too.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from support.suite.cyclictest import Watch  # noqa: E402
 from support.suite.figures import Figure, Report  # noqa: E402
 
 from controller.service.jobs import UNDER_WAY  # noqa: E402
-from drives.simulated.drive import QUIET_PERIODS  # noqa: E402
+from drives.bench.simulated.drive import QUIET_PERIODS  # noqa: E402
 
 SECONDS, SHORT_S = 600.0, 3.0
 BEFORE_S = 1.0  # a fault

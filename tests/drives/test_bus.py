@@ -9,9 +9,8 @@ import pytest
 
 from drives import bus, pdo
 from drives.log.frame_log import FrameLog
-from drives.ports import can_socket
+from drives.ports import can_socket, hub_protocol
 from drives.settings import BusSettings
-from drives.virtual import hub_protocol
 
 
 @pytest.fixture

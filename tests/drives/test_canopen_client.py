@@ -17,8 +17,8 @@ from support.drives.hub_process import ANSWER_S, served
 from support.drives.lone_drive import Lone
 from support.drives.stepped_drives import EDS
 
-from drives.simulated.io_node import IO_EDS
-from drives.virtual.hub_bus import HubBus
+from drives.bench.simulated.io_node import IO_EDS
+from drives.bench.virtual.hub_bus import HubBus
 
 NODE = 5
 NODES, IO = range(1, 6), 11

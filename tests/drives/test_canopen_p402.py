@@ -12,7 +12,7 @@ from canopen.profiles.p402 import BaseNode402
 from support.drives.hub_process import ANSWER_S, served
 from support.drives.stepped_drives import EDS
 
-from drives.virtual.hub_bus import HubBus
+from drives.bench.virtual.hub_bus import HubBus
 
 NODE = 1
 

@@ -10,14 +10,14 @@ from support.drives.group_bench import GroupBench, inputs_and_outputs
 from support.drives.stepped_drives import Bench, nodes
 
 from drives import commission, pdo
+from drives.bench.simulated import Parameters, rig
+from drives.bench.simulated.dictionary import Abort, Code, key
 from drives.cia402 import State, Wanted
 from drives.commission import CommissionError
 from drives.cyclic.drive import Drive
 from drives.cyclic.group import DriveFault, Group
 from drives.profile import GENERIC, CyclicMode, Supervision, Write
 from drives.settings import BusSettings, MasterSettings
-from drives.simulated import Parameters, rig
-from drives.simulated.dictionary import Abort, Code, key
 
 BUSES = [BusSettings("can", "virtual", "", 1_000_000)]
 

@@ -11,11 +11,11 @@ from support.drives.makers_sheets import SHEETS, sheet_of
 
 from controller.machine import drive_profiles
 from drives import commission, pdo
+from drives.bench.simulated import Rig, rig
 from drives.commissioning import possible, sheet
 from drives.cyclic.drive_fault import DriveFault
 from drives.profile import Supervision
 from drives.settings import BusSettings, MasterSettings, NodeSettings
-from drives.simulated import Rig, rig
 
 BUS = BusSettings("can", "virtual", "", 1_000_000)
 MASTER = MasterSettings(period_s=0.01)

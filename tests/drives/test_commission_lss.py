@@ -6,12 +6,12 @@ import pytest
 from support.drives.stepped_drives import EDS
 
 from drives import commission, pdo
+from drives.bench.simulated import SimulatedDrive
+from drives.bench.simulated.data_sheet import key
+from drives.bench.virtual.virtual_bus import SteppedBus
 from drives.commissioning import survey
 from drives.commissioning.lss import Lss
 from drives.settings import MasterSettings, NodeSettings
-from drives.simulated import SimulatedDrive
-from drives.simulated.data_sheet import key
-from drives.virtual.virtual_bus import SteppedBus
 
 UNCONFIGURED = 255
 

@@ -11,15 +11,15 @@ from support.drives.group_bench import GroupBench
 
 from controller.machine import drive_profiles
 from drives import commission, pdo
+from drives.bench.simulated import SimulatedDrive, families, family_sheet
+from drives.bench.simulated.dictionary import Abort, Code, key
+from drives.bench.simulated.io_node import IoNode
+from drives.bench.virtual.virtual_bus import SteppedBus
 from drives.commission import CommissionError
 from drives.commissioning import possible, sheet
 from drives.cyclic.drive_fault import DriveFault
 from drives.profile import GENERIC, Override, Supervision
 from drives.settings import IoSettings, MasterSettings, NodeSettings, SpindleSettings
-from drives.simulated import SimulatedDrive, families, family_sheet
-from drives.simulated.dictionary import Abort, Code, key
-from drives.simulated.io_node import IoNode
-from drives.virtual.virtual_bus import SteppedBus
 
 ROOT = Path(__file__).parents[2]
 EDS, IO_EDS = ROOT / "config" / "eds" / "simulated_drive.eds", ROOT / "config" / "eds" / "simulated_io.eds"

@@ -13,12 +13,12 @@ from support.drives.stepped_drives import Bench, nodes
 
 from controller.machine import drive_profiles
 from drives import commission, pdo
+from drives.bench.simulated import Rig, rig
+from drives.bench.simulated.dictionary import Abort, Code, key
 from drives.commission import CommissionError
 from drives.commissioning import dcf, setup, sheet
 from drives.profile import Profile
 from drives.settings import BusSettings, MasterSettings, NodeSettings
-from drives.simulated import Rig, rig
-from drives.simulated.dictionary import Abort, Code, key
 
 BUSES = [BusSettings("can", "virtual", "", 1_000_000)]
 

@@ -14,13 +14,13 @@ from support.drives.stepped_drives import EDS, Bench, nodes
 from controller.machine import drive_profiles
 from drives import commission, pdo
 from drives.arranged import Arranged
+from drives.bench.simulated import Rig, rig
+from drives.bench.simulated.dictionary import Abort, Code, key
 from drives.commission import CommissionError
 from drives.commissioning.stopping import stop_counts_s2
 from drives.commissioning.units import Units
 from drives.profile import GENERIC
 from drives.settings import BusSettings, MasterSettings, NodeSettings
-from drives.simulated import Rig, rig
-from drives.simulated.dictionary import Abort, Code, key
 
 BUS = BusSettings("can", "virtual", "", 1_000_000)
 # 200 mm/s and 2000 mm/s2 at 200 000 counts per mm.

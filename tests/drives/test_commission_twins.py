@@ -9,11 +9,11 @@ from support.drives.group_bench import inputs_and_outputs
 from support.drives.stepped_drives import Bench, nodes
 
 from drives import commission, pdo
+from drives.bench.simulated import IoNode, Rig, SimulatedDrive, rig
+from drives.bench.simulated.dictionary import key
 from drives.commission import CommissionError
 from drives.commissioning import survey, twins
 from drives.settings import BusSettings, MasterSettings
-from drives.simulated import IoNode, Rig, SimulatedDrive, rig
-from drives.simulated.dictionary import key
 
 BUSES = [BusSettings("can", "virtual", "", 1_000_000)]
 

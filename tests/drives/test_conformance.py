@@ -35,7 +35,7 @@ from support.oracles.conformance_log import (
     write_table,
 )
 
-from drives.simulated.data_sheet import EDS, key
+from drives.bench.simulated.data_sheet import EDS, key
 
 TABLE = Path(__file__).parent / "data" / "cia301_conformance.txt"
 LOG = "DIRECTRIX_CONFORMANCE_LOG"

@@ -14,12 +14,12 @@ from pathlib import Path
 import pytest
 
 from drives import pdo
+from drives.bench.simulated import Parameters, SimulatedDrive
+from drives.bench.virtual.stepped_port import Port
+from drives.bench.virtual.virtual_bus import SteppedBus
 from drives.commission import CommissionError, Pump, stepped_pump
 from drives.one_axis import AxisError, OneAxis, trapezoid
 from drives.settings import BusSettings
-from drives.simulated import Parameters, SimulatedDrive
-from drives.virtual.stepped_port import Port
-from drives.virtual.virtual_bus import SteppedBus
 
 ROOT = Path(__file__).parents[2]
 QUICK_STOP = 3_000_000

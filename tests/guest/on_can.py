@@ -45,7 +45,7 @@ def skip_if_away(away: bool) -> None:
         pytest.skip(f"the computer was away, {ATTEMPTS} times: {absence.figures()}")
 
 
-SIMULATED = (sys.executable, "-m", "drives.simulated", "--socketcan")
+SIMULATED = (sys.executable, "-m", "drives.bench", "--socketcan")
 
 
 def machine(interface: str = "vcan0", sync: str = "tick", period_s: float = PERIOD_S) -> Machine:

@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 
 from controller import __main__ as command_line
 from controller.machine import machine_file
-from drives.simulated.homing import KNOWN
+from drives.bench.simulated.homing import KNOWN
 
 # Five at a time, one for each axis of a machine, in an order that mixes limits, cams and index pulses.
 METHODS = sorted(KNOWN, key=lambda method: (method * 7 % 11, method))

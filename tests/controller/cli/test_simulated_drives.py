@@ -13,10 +13,10 @@ from typer.testing import CliRunner
 from controller.cli import simulated_drives
 from controller.cli.drives import app
 from drives import bus, commission, pdo
+from drives.bench import __main__ as drives_alone
+from drives.bench.simulated.serve import Server
 from drives.commissioning import sheet, survey
 from drives.settings import BusSettings
-from drives.simulated import __main__ as drives_alone
-from drives.simulated.serve import Server
 
 
 @contextmanager

@@ -12,9 +12,9 @@ from support.live.live_machines import until
 
 from controller.runtime.listener import Listener
 from drives import bus, pdo
+from drives.bench.virtual.hub import Hub
 from drives.ports.port import BusError
 from drives.settings import BusSettings
-from drives.virtual.hub import Hub
 
 
 @dataclass

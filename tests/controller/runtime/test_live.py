@@ -35,9 +35,9 @@ from controller.machine import drive_profiles, machine_file
 from controller.runtime.startup import SessionError
 from controller.state.modes import Fault, Mode
 from drives import cia402, pdo
+from drives.bench.simulated import family_sheet
 from drives.cia402 import State
 from drives.profile import Supervision
-from drives.simulated import family_sheet
 
 SEED = int(os.environ.get("DIRECTRIX_TEST_SEED", random.SystemRandom().randrange(10**6)))
 ON_PATH_MM = 1e-6

@@ -25,7 +25,7 @@ PERIOD_S = 0.010  # a serial adapter is of the slower class
 def far_end(tmp_path: Path) -> Iterator[str]:
     """Five drives on a virtual bus of another process; the terminal that leads there."""
     link = tmp_path / "adapter"
-    arguments = [sys.executable, "-m", "drives.simulated", str(tmp_path / "far"), "--slcan", str(link)]
+    arguments = [sys.executable, "-m", "drives.bench", str(tmp_path / "far"), "--slcan", str(link)]
     process = subprocess.Popen(arguments, cwd=ROOT)
     while not link.exists():
         assert process.poll() is None

@@ -9,10 +9,10 @@ from support.drives.makers_sheets import SHEETS, sheet_of
 
 from controller.machine import drive_profiles
 from drives import pdo
+from drives.bench.simulated import Parameters
 from drives.cia402 import Wanted
 from drives.cyclic.drive_fault import DriveFault
 from drives.profile import GENERIC, CyclicMode, Supervision
-from drives.simulated import Parameters
 
 WAYS = [
     ({}, {}, "as shipped"),

@@ -5,13 +5,13 @@ import struct
 import pytest
 
 from drives import pdo
+from drives.bench.simulated.drive import SimulatedDrive
+from drives.bench.simulated.parameters import Parameters
+from drives.bench.virtual.virtual_bus import SteppedBus
 from drives.cia402 import State, Wanted
 from drives.cyclic.drive import Drive, DriveFault
 from drives.cyclic.group import Group
 from drives.settings import MasterSettings, NodeSettings
-from drives.simulated.drive import SimulatedDrive
-from drives.simulated.parameters import Parameters
-from drives.virtual.virtual_bus import SteppedBus
 
 T = 0.002
 NODES = (1, 2, 3, 4, 5)

@@ -5,11 +5,11 @@ from dataclasses import replace
 import pytest
 from support.drives.group_bench import GroupBench, nodes
 
+from drives.bench.simulated import Parameters
 from drives.cia402 import State, Wanted
 from drives.cyclic.drive import Drive
 from drives.cyclic.enabling import MAX_WAIT_S, Enabling
 from drives.settings import NodeSettings
-from drives.simulated import Parameters
 
 GROUPS = {"X": 1, "Y": 1, "Z": 2, "A": 0, "C": 0}  # rotaries first, the gravity axis last
 

@@ -5,10 +5,10 @@ from dataclasses import replace
 import pytest
 from support.drives.group_bench import GroupBench, T, nodes
 
+from drives.bench.virtual.fault_script import FaultScript
 from drives.cia402 import Wanted
 from drives.cyclic.drive_fault import DriveFault
 from drives.profile import GENERIC, CyclicMode, Supervision
-from drives.virtual.fault_script import FaultScript
 
 STEP = 50  # counts per period in motion
 SETTLING = 1.15  # a servo catching up is a little faster than its path, and never more

@@ -8,9 +8,9 @@ import can
 import pytest
 
 from drives import pdo
+from drives.bench.virtual.virtual_bus import SteppedBus
 from drives.log import candump, frame_log
 from drives.log.frame_log import FrameLog
-from drives.virtual.virtual_bus import SteppedBus
 
 FRAMES = [
     # frame, the line's part behind the bus

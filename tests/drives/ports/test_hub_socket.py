@@ -10,8 +10,8 @@ import pytest
 from drives import bus, pdo
 from drives.cyclic.drive_fault import DriveFault
 from drives.cyclic.line import Line
+from drives.ports import hub_protocol
 from drives.settings import BusSettings
-from drives.virtual import hub_protocol
 
 
 def hub(path: Path) -> socket.socket:

@@ -12,10 +12,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drives import bus, pdo
+from drives.bench.virtual.error_counters import Controller
 from drives.ports import slcan, slcan_port
 from drives.ports.slcan_port import SlcanPort
 from drives.settings import BusSettings
-from drives.virtual.error_counters import Controller
 
 LINES = [
     (b"t1836370610270000", pdo.frame(0x183, bytes.fromhex("370610270000"))),

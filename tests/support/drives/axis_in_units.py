@@ -18,12 +18,12 @@ from support.drives.group_bench import EDS
 from controller.machine import drive_profiles, machine_file, nodes
 from drives import commission, pdo
 from drives.arranged import Arranged
+from drives.bench.simulated import Parameters, SimulatedDrive, family_sheet, rig
+from drives.bench.simulated.dictionary import Abort, Code
 from drives.cia402 import Wanted
 from drives.cyclic.drive import Drive
 from drives.cyclic.group import Group
 from drives.settings import BusSettings, MasterSettings, NodeSettings
-from drives.simulated import Parameters, SimulatedDrive, family_sheet, rig
-from drives.simulated.dictionary import Abort, Code
 
 PERIOD_S = 0.002
 SIGN = {0x00: 1, 0xC0: -1}

@@ -10,10 +10,10 @@ from pathlib import Path
 
 import can
 
-from drives.gateways.slcan import SlcanTerminal
-from drives.gateways.socketcand import SocketcandServer
-from drives.virtual.hub import Hub
-from drives.virtual.hub_bus import HubBus
+from drives.bench.gateways.slcan import SlcanTerminal
+from drives.bench.gateways.socketcand import SocketcandServer
+from drives.bench.virtual.hub import Hub
+from drives.bench.virtual.hub_bus import HubBus
 
 TIMEOUT_S = 20.0
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from drives import commission, pdo
+from drives.bench.simulated import Parameters, SimulatedDrive, rig
 from drives.cia402 import Wanted
 from drives.cyclic.drive import Drive
 from drives.cyclic.drive_fault import DriveFault
@@ -14,7 +15,6 @@ from drives.cyclic.group import Group
 from drives.cyclic.io_node import IoNode
 from drives.cyclic.spindle import SpindleDrive
 from drives.settings import BusSettings, IoSettings, MasterSettings, NodeSettings, SpindleSettings
-from drives.simulated import Parameters, SimulatedDrive, rig
 
 CONFIG = Path(__file__).parents[3] / "config"
 EDS, IO_EDS = str(CONFIG / "eds" / "simulated_drive.eds"), str(CONFIG / "eds" / "simulated_io.eds")

@@ -39,8 +39,8 @@ def running(path: Path, *command: str) -> Iterator[subprocess.Popen[bytes]]:
 
 @contextlib.contextmanager
 def served(path: Path, *options: str, nodes: Sequence[int] = ()) -> Iterator[subprocess.Popen[bytes]]:
-    """``python -m drives.simulated``; ``nodes`` have started up, and sent the last frame of it."""
-    with running(path, "drives.simulated", str(path), *options) as process:
+    """``python -m drives.bench``; ``nodes`` have started up, and sent the last frame of it."""
+    with running(path, "drives.bench", str(path), *options) as process:
         for node in nodes:
             profile(path, node)
         yield process

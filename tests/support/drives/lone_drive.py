@@ -6,9 +6,9 @@ import struct
 from pathlib import Path
 
 from drives import pdo
-from drives.simulated import Parameters, SimulatedDrive
-from drives.simulated.data_sheet import EDS
-from drives.virtual.virtual_bus import SteppedBus
+from drives.bench.simulated import Parameters, SimulatedDrive
+from drives.bench.simulated.data_sheet import EDS
+from drives.bench.virtual.virtual_bus import SteppedBus
 
 PERIOD_S = 0.002
 START, STOP, PRE_OPERATIONAL, RESET_NODE, RESET_COMMUNICATION = 0x01, 0x02, 0x80, 0x81, 0x82

@@ -8,8 +8,8 @@ from dataclasses import replace
 from pathlib import Path
 
 from drives import commission, pdo
+from drives.bench.simulated import LostSync, Parameters, SimulatedDrive, rig
 from drives.settings import BusSettings, MasterSettings, NodeSettings
-from drives.simulated import LostSync, Parameters, SimulatedDrive, rig
 
 EDS = str(Path(__file__).parents[3] / "config" / "eds" / "simulated_drive.eds")
 PERIOD_S = 0.002

@@ -10,7 +10,7 @@ from support.faults.scene import Scene
 
 from controller.state.modes import Fault, Request
 from drives import pdo
-from drives.virtual.stepped_port import PORT_LIMIT, SYNC_FRAME
+from drives.bench.virtual.stepped_port import PORT_LIMIT, SYNC_FRAME
 
 AXIS = 1  # Y: the one that faults are done to; it moves in every mode that moves
 AHEAD = 100  # counts

@@ -15,7 +15,7 @@ from support.faults.cases import AXIS, Case
 from support.faults.invariants import allowed, wrongs
 from support.faults.scene import MODES, Scene, jumps, stood_after_s
 
-from controller.runtime.observer import Sight
+from controller.runtime.bench.observer import Sight
 from controller.state.modes import FAULTS, Fault, Mode, Reaction, Recovery, Request, stands_within_s
 
 SLACK = 1.003  # rounding to counts

@@ -16,8 +16,8 @@ from support.faults.invariants import wrongs
 from support.machines.forked_machine import Forkable
 
 from controller.runtime import checked
+from controller.runtime.bench.fault_file import Injected, MachineScript
 from controller.runtime.events import REQUESTS, Event
-from controller.runtime.fault_file import Injected, MachineScript
 from controller.runtime.startup import SessionError
 from controller.runtime.stepped import Run
 from controller.verify import trace as traces

@@ -20,14 +20,14 @@ from controller.ipc.handoff import COLUMN, STOOD
 from controller.machine.model import Homing, Machine
 from controller.plan.path import path
 from controller.program import blocks
+from controller.runtime.bench.fault_file import MachineScript
 from controller.runtime.events import Event
-from controller.runtime.fault_file import MachineScript
 from controller.runtime.recording import Keeper
 from controller.runtime.startup import SessionError
 from controller.runtime.stepped import SteppedMachine
 from controller.state.modes import Fault, Mode, Request
+from drives.bench.simulated.drive import SimulatedDrive
 from drives.cia402 import Wanted
-from drives.simulated.drive import SimulatedDrive
 
 INDEX_SEARCH = 34  # homing on the next index pulse: it moves, and needs no switch
 SLOW = 0.2  # mm/s or rad/s

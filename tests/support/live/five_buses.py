@@ -21,8 +21,8 @@ from support.suite.cyclictest import Absence
 
 from controller.machine import setup_data
 from drives import pdo
-from drives.virtual import hub_protocol
-from drives.virtual.hub_protocol import FILTER, FILTERED, TIMED, TIMES_FRAME
+from drives.ports import hub_protocol
+from drives.ports.hub_protocol import FILTER, FILTERED, TIMED, TIMES_FRAME
 
 MACHINE, PERIOD_S = "trunnion_five_buses", 0.5e-3
 PART, TOOL = "example2_ready.ngc", 4

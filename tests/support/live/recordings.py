@@ -26,7 +26,7 @@ from support.machines.stepped_runs import program
 
 from controller.ipc.handoff import Jog
 from controller.machine import machine_file
-from controller.runtime.fault_file import MachineScript
+from controller.runtime.bench.fault_file import MachineScript
 from controller.state.modes import Mode, Request
 
 PERIOD_MS = 5.0

@@ -24,7 +24,7 @@ from controller.runtime.starts import Start
 from controller.runtime.stepped import SteppedMachine
 from controller.service.tool_changer import ToolChanger
 from controller.state.modes import Fault, Mode, Request
-from drives.simulated.io_node import IoNode
+from drives.bench.simulated.io_node import IoNode
 
 CHANGER = """
 [io]

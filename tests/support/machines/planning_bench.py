@@ -18,7 +18,7 @@ from controller.machine.model import Machine
 from controller.plan.path.path import Chain, Pause
 from controller.plan.planner import Planner
 from controller.plan.restart.program_position import Spot
-from controller.runtime import simulated_probe
+from controller.runtime.bench import probe
 from controller.runtime.plan_messages import Answer, News, Order, Program
 from controller.runtime.planning import Planning
 from controller.runtime.stepped import SteppedMachine
@@ -40,7 +40,7 @@ class Bench:
         folder: Path,
         machine: Machine | None = None,
         lateness: Callable[[int], float] | None = None,
-        around: simulated_probe.Bench | None = None,
+        around: probe.Bench | None = None,
     ) -> None:
         """``lateness`` as the stepped clock takes it; ``around``: what the spindle cuts."""
         machine = machine or shipped(period_s=PERIOD_S)

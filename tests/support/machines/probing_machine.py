@@ -8,7 +8,8 @@ from pathlib import Path
 from controller.machine import machine_file
 from controller.machine.model import Machine
 from controller.machine.toml_table import parse
-from controller.runtime import checked, simulated_probe
+from controller.runtime import checked
+from controller.runtime.bench import probe
 from controller.runtime.stepped import Run, SteppedMachine
 
 BUS_AND_IO = """
@@ -65,7 +66,7 @@ class Probed:
     said: list[str]
 
     @property
-    def touched(self) -> simulated_probe.Touched:
+    def touched(self) -> probe.Touched:
         assert self.stepped.touch is not None
         return self.stepped.touch.touched
 
@@ -73,7 +74,7 @@ class Probed:
 def up(part: str, made: Machine | None = None) -> SteppedMachine:
     """A machine that has come up; ``part``: the text of its simulation file."""
     made = made or machine()
-    bench = simulated_probe.read(parse(part, "part.toml"), made, Path())
+    bench = probe.read(parse(part, "part.toml"), made, Path())
     stepped = SteppedMachine(made, bench=bench)
     stepped.come_up()
     return stepped

@@ -113,8 +113,8 @@ def _built(machine: Machine) -> Machine:
 
 def sent(folder: Path) -> np.ndarray:
     """Setpoints of a record."""
-    from controller.runtime import replay
+    from controller.runtime import setpoints
 
-    found = replay.setpoints(folder)
+    found = setpoints.read(folder)
     assert found is not None
     return found

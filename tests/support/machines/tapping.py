@@ -15,7 +15,7 @@ from controller.machine.model import Machine
 from controller.runtime import checked
 from controller.runtime.events import Event
 from controller.runtime.stepped import Run, SteppedMachine
-from drives.simulated.spindle_motor import MotorParameters
+from drives.bench.simulated.spindle_motor import MotorParameters
 
 POSITION = "counts_per_rev = 4096\nposition = { acceleration_rev_s2 = 50.0, load = true }"
 

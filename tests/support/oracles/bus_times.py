@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from controller.runtime import stepped
 from drives import pdo
+from drives.bench.simulated.rig import rig
+from drives.bench.virtual.virtual_bus import SteppedBus
 from drives.load.budget import BusBudget
-from drives.simulated.rig import rig
-from drives.virtual.virtual_bus import SteppedBus
 
 ID_AND_FLAGS = 0xE000_07FF
 

@@ -26,7 +26,7 @@ from support.soak import judged
 from support.soak.scenarios import Scenario
 
 from controller.ipc.handoff import COLUMN, Jog
-from controller.runtime.fault_file import MachineScript
+from controller.runtime.bench.fault_file import MachineScript
 from controller.runtime.plan_messages import Answer, Order, Program
 from controller.runtime.startup import SessionError
 from controller.service.runs import RunRecord

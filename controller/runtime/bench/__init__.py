@@ -1,0 +1,1 @@
+"""The bench: simulated devices of a machine, what they touch and cut, and what is done to them."""

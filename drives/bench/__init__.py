@@ -1,0 +1,1 @@
+"""The bench: simulated devices, the virtual bus that they are on, and ways onto it for others."""

@@ -1,0 +1,81 @@
+"""``python -m drives.bench PATH``: a virtual bus with simulated drives, until SIGTERM.
+
+``python -m drives.bench --socketcan vcan0``: the same drives on a CAN interface.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+
+from drives.bench.gateways import options
+from drives.bench.simulated import build
+from drives.bench.simulated.can_bridge import InterfaceError
+from drives.bench.simulated.data_sheet import EDS
+from drives.bench.simulated.drive import SimulatedDrive
+from drives.bench.simulated.io_node import IoNode
+from drives.bench.simulated.parameters import LostSync, Parameters
+from drives.bench.simulated.serve import Server, on_interface, run
+from drives.bench.virtual.fault_script import ScriptError
+from drives.bench.virtual.hub import Hub
+from drives.settings import SpindleSettings
+
+COUNTS_PER_REV = 4096.0  # of spindles given by node id
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    parser = _parser()
+    chosen = parser.parse_args(arguments)
+    if (chosen.path is None) == (chosen.socketcan is None):
+        parser.error("give either the path of the virtual bus or --socketcan INTERFACE")
+    try:
+        with options.equipped(
+            _server(chosen), chosen.faults, chosen.log, chosen.socketcand, chosen.slcan, chosen.serial
+        ) as server:
+            run(server, _devices(chosen), sync_log=chosen.sync_log)
+    except (OSError, ScriptError, InterfaceError) as error:
+        parser.error(str(error))
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="python -m drives.bench", description=__doc__)
+    parser.add_argument("path", nargs="?", help="where the hub's UNIX socket is made")
+    parser.add_argument("--socketcan", metavar="INTERFACE", help="serve on this CAN interface instead")
+    parser.add_argument("--nodes", type=int, nargs="*", default=[1, 2, 3, 4, 5], help="ids of axis drives")
+    parser.add_argument("--spindle", type=int, nargs="*", default=[], help="ids of spindle drives")
+    parser.add_argument("--io", type=int, nargs="*", default=[], help="ids of CiA 401 nodes")
+    parser.add_argument(
+        "--bit-rate", type=int, help="bit/s; 0 = no bit timing; virtual bus: 1000000, CAN interface: 0"
+    )
+    parser.add_argument(
+        "--worst-stuffing",
+        action="store_true",
+        help="let every frame take as long as it can",
+    )
+    parser.add_argument("--lost-sync", choices=[kind.value for kind in LostSync], default="hold")
+    parser.add_argument("--eds", type=Path, default=EDS, help="data sheet the drives answer by")
+    options.add_options(parser)
+    parser.add_argument("--sync-log", metavar="FILE.npy", help="times of SYNC on the bus, written at the end")
+    return parser
+
+
+def _server(chosen: argparse.Namespace) -> Server:
+    logs = chosen.sync_log is not None
+    if chosen.socketcan is not None:
+        return on_interface(chosen.socketcan, chosen.bit_rate or 0, logs, chosen.worst_stuffing)
+    bit_rate = 1_000_000 if chosen.bit_rate is None else chosen.bit_rate
+    return Hub(chosen.path, bit_rate, sync_log=logs, worst_stuffing=chosen.worst_stuffing)
+
+
+def _devices(chosen: argparse.Namespace) -> list[SimulatedDrive | IoNode]:
+    nature = Parameters(lost_sync=LostSync(chosen.lost_sync))
+    made: list[SimulatedDrive | IoNode] = [SimulatedDrive(node, nature, chosen.eds) for node in chosen.nodes]
+    made += [
+        build.spindle(SpindleSettings("spindle", "", n, "", COUNTS_PER_REV), nature) for n in chosen.spindle
+    ]
+    return made + [IoNode(node, nature) for node in chosen.io]
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,140 @@
+"""The hub's options on a command line: faults, log and gateways, for every program that serves a hub."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Protocol, TypeVar
+
+from drives import bus, pdo
+from drives.bench.gateways.slcan import SlcanTerminal
+from drives.bench.gateways.socketcand import PORT, SocketcandServer
+from drives.bench.virtual.fault_script import FaultScript, ScriptError
+from drives.bench.virtual.hub import Gateway
+from drives.bench.virtual.intake import Host
+from drives.bus import BusError
+from drives.log import candump
+from drives.ports.error_frames import CONTROLLER, overflow_frame
+from drives.settings import BusSettings
+from drives.texts import said
+
+# A serial adapter shared by several processes: its CAN bus joined to the hub's.
+#
+# A serial port has one owner. The controller's processes each want a descriptor of
+# their own, so the hub (without bit timing and without drives) owns the adapter, and
+# they join the hub. What one of them sends goes to the adapter and to the others, as
+# SocketCAN does it on one interface.
+
+
+class SerialAdapter:
+    """The adapter at ``channel``, see ``drives.ports.slcan_port``. Raises BusError."""
+
+    def __init__(self, host: Host, channel: str, bit_rate: int) -> None:
+        self._host = host
+        self._port = bus.open(BusSettings(channel, "slcan", channel, bit_rate))
+        self._buffer = bytearray(pdo.FRAME_BYTES)
+        self._source = host.bus.connect(self._put)
+        host.listen(self._port.fileno(), self._read)
+
+    def _put(self, frame: bytes, at_s: float) -> None:
+        """To the adapter; who sent it is told as SocketCAN tells it: some time later, by an error frame."""
+        if not self._port.send(frame):
+            self._host.bus.submit(self._source, at_s, pdo.ERROR_FLAG | CONTROLLER, overflow_frame())
+
+    def _read(self) -> None:
+        stepped, buffer = self._host.bus, self._buffer
+        while self._port.receive_into(buffer):
+            can_id = int.from_bytes(buffer[:4], "little")
+            stepped.submit(self._source, stepped.now_s, can_id, bytes(buffer))
+
+    def restart(self) -> None:
+        """A client wants the adapter to leave bus-off."""
+        self._port.restart()
+
+    def close(self) -> None:
+        self._host.bus.disconnect(self._source)
+        self._host.forget(self._port.fileno())
+        self._port.close()
+
+
+class Served(Host, Protocol):
+    """A hub, or a bridge to a CAN interface."""
+
+    path: str
+
+    def plan_faults(self, faults: FaultScript) -> None: ...
+
+    def open_gateway(self, gateway: Gateway) -> None: ...
+
+
+S = TypeVar("S", bound=Served)
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """--faults, --log, --socketcand, --slcan."""
+    parser.add_argument(
+        "--faults", metavar="FILE", type=Path, help="a script of faults; times from the start"
+    )
+    parser.add_argument("--log", metavar="FILE", help="write every frame as a candump log")
+    parser.add_argument(
+        "--socketcand",
+        metavar="PORT",
+        type=int,
+        nargs="?",
+        const=PORT,
+        help=f"serve socketcand on 127.0.0.1 ({PORT})",
+    )
+    parser.add_argument("--slcan", metavar="LINK", help="make a pseudo terminal that speaks slcan")
+    parser.add_argument(
+        "--serial",
+        metavar="PORT=BIT_RATE",
+        help="share a serial adapter that speaks slcan, e.g. /dev/ttyACM0=1000000; use --bit-rate 0 with it",
+    )
+
+
+@contextlib.contextmanager
+def equipped(
+    hub: S,
+    faults: Path | None = None,
+    log: str | None = None,
+    socketcand: int | None = None,
+    slcan: str | None = None,
+    serial: str | None = None,
+) -> Iterator[S]:
+    """The hub with these options, until the end of the block.
+
+    Raises OSError for a file, port or link that cannot be had, BusError for a serial adapter,
+    ScriptError with the file's name.
+    """
+    with contextlib.ExitStack() as stack:
+        if faults is not None:
+            hub.plan_faults(read_script(faults))
+        if log is not None:
+            writer = candump.Writer(log, Path(hub.path).name, time.time() - time.monotonic())
+            stack.callback(writer.close)
+            hub.bus.watch_all(writer)
+        if socketcand is not None:
+            hub.open_gateway(SocketcandServer(hub, socketcand))
+        if slcan is not None:
+            hub.open_gateway(SlcanTerminal(hub, slcan))
+        if serial is not None:
+            hub.open_gateway(_adapter(hub, serial))
+        yield hub
+
+
+def _adapter(host: Host, serial: str) -> SerialAdapter:
+    channel, _, rate = serial.rpartition("=")
+    if not channel or not rate.isdecimal():
+        raise BusError(said("bus.no_serial", serial=serial))
+    return SerialAdapter(host, channel, int(rate))
+
+
+def read_script(path: Path) -> FaultScript:
+    """Raises OSError, and ScriptError with the name of the file and the line."""
+    try:
+        return FaultScript.read(path.read_text())
+    except ScriptError as error:
+        raise ScriptError(said("script.file", file=path, why=error)) from None

@@ -1,0 +1,112 @@
+"""python-can's plugin for the virtual bus: ``can.Bus(interface="directrix", channel=PATH)``.
+
+With it any python-can or canopen tool joins the hub. Not used by the controller,
+which talks to the hub directly.
+"""
+
+from __future__ import annotations
+
+import select
+import time
+from typing import Any
+
+import can
+
+from drives.pdo import ERROR_FLAG, EXTENDED_FLAG, FRAME, FRAME_BYTES, REMOTE_FLAG
+from drives.ports.error_frames import CONTROLLER, RX_OVERFLOW
+from drives.ports.hub_protocol import LOST_FRAMES, NO_FD, PATIENT_FRAME, connect
+
+STANDARD_MASK, ID_MASK = 0x7FF, 0x1FFF_FFFF
+MAX_BYTES = 8
+
+
+class HubBus(can.BusABC):
+    """One client of the hub at the path ``channel``. Filters are python-can's, in software."""
+
+    def __init__(
+        self,
+        channel: str,
+        can_filters: can.typechecking.CanFilters | None = None,
+        fd: bool = False,
+        **options: Any,
+    ) -> None:
+        """Raises can.CanInitializationError where there is no hub, or CAN FD is asked for."""
+        if fd or isinstance(options.get("timing"), can.BitTimingFd):
+            raise can.CanInitializationError(NO_FD)
+        try:
+            self._socket = connect(channel, PATIENT_FRAME)
+        except OSError as error:
+            raise can.CanInitializationError(
+                f"there is no virtual bus at {channel} ({error.strerror}); start 'directrix drives simulate'"
+            ) from error
+        self.channel_info = f"directrix virtual bus at {channel}"
+        super().__init__(channel=channel, can_filters=can_filters, **options)
+
+    def fileno(self) -> int:
+        return self._socket.fileno()
+
+    def send(self, msg: can.Message, timeout: float | None = None) -> None:
+        """Put a frame up for sending; without room for it, wait for ``timeout`` s, None = until there is.
+
+        Frames that were taken go out in the order of the arbitration, also after ``shutdown``. Raises
+        can.CanOperationError for a frame that was not taken in time, that is no frame of classic CAN,
+        and when the hub has gone.
+        """
+        packet = _packed(msg)
+        self._socket.settimeout(timeout)
+        try:
+            self._socket.send(packet)
+        except (TimeoutError, BlockingIOError) as error:
+            raise can.CanOperationError(
+                f"the virtual bus did not take the frame within {timeout:g} s: its queue is full"
+            ) from error
+        except OSError as error:
+            raise can.CanOperationError(f"the virtual bus did not take the frame: {error}") from error
+
+    def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
+        readable, _, _ = select.select([self._socket], [], [], timeout)
+        if not readable:
+            return None, False
+        packet = self._socket.recv(FRAME_BYTES)
+        if not packet:
+            raise can.CanOperationError("the virtual bus has closed")
+        return _message(packet), False
+
+    def shutdown(self) -> None:
+        super().shutdown()
+        self._socket.close()
+
+
+def _packed(msg: can.Message) -> bytes:
+    """The frame of a message. Raises can.CanOperationError where there is none."""
+    if msg.is_fd:
+        raise can.CanOperationError(NO_FD)
+    highest = ID_MASK if msg.is_extended_id or msg.is_error_frame else STANDARD_MASK
+    if not 0 <= msg.arbitration_id <= highest:
+        raise can.CanOperationError(
+            f"identifier {msg.arbitration_id:X}h: this kind of frame has one from 0 to {highest:X}h"
+        )
+    if not 0 <= msg.dlc <= MAX_BYTES or len(msg.data) > MAX_BYTES:
+        raise can.CanOperationError(f"length {msg.dlc}: a classic CAN frame has 0 to {MAX_BYTES} bytes")
+    flags = (
+        (EXTENDED_FLAG if msg.is_extended_id else 0)
+        | (REMOTE_FLAG if msg.is_remote_frame else 0)
+        | (ERROR_FLAG if msg.is_error_frame else 0)
+    )
+    return FRAME.pack(msg.arbitration_id | flags, msg.dlc, bytes(msg.data))
+
+
+def _message(packet: bytes) -> can.Message:
+    """A frame as python-can has it; the hub's word for frames lost here as SocketCAN's for an overflow."""
+    can_id, length, data = FRAME.unpack(packet)
+    if can_id == LOST_FRAMES:
+        can_id, length, data = ERROR_FLAG | CONTROLLER, MAX_BYTES, bytes((0, RX_OVERFLOW, *bytes(6)))
+    return can.Message(
+        timestamp=time.time(),
+        arbitration_id=can_id & ID_MASK,
+        is_extended_id=bool(can_id & EXTENDED_FLAG),
+        is_remote_frame=bool(can_id & REMOTE_FLAG),
+        is_error_frame=bool(can_id & ERROR_FLAG),
+        dlc=length,
+        data=None if can_id & REMOTE_FLAG else data[:length],
+    )
