@@ -33,6 +33,7 @@ from controller.runtime.events import Line, Recorded
 from controller.runtime.setpoints import Counts
 from controller.runtime.stepped import PLAN_EVERY_S, Items, Run, SteppedMachine
 from controller.state.modes import MAX_AXES, Fault, Mode, Request
+from controller.tick.coupling import Recorded as ThreadRecord
 from controller.tick.cycle import Again
 from controller.values import dataclass
 
@@ -103,7 +104,7 @@ class _Repetition:
         self._planner.go_on_from(max(now.accepted, now.rejected))
         self._fitted = bench.machine
         self._waits, self._fault = False, Fault.NONE
-        self._thread, self._share = (0.0, False), 1.0
+        self._thread, self._share = ThreadRecord(), 1.0
 
     def _send(self, message: PieceMessage) -> bool:
         if message.is_keepalive:
@@ -172,7 +173,8 @@ class _Repetition:
         elif line.kind == events.WAIT:
             self._waits = bool(line.value)
         elif line.kind == events.THREAD:
-            self._thread = float(line.value[0]), bool(line.value[1])
+            led_mm, settled = line.value
+            self._thread = ThreadRecord(float(led_mm), bool(settled))
         elif line.kind == events.ADAPTIVE:
             self._share = float(line.value)
         elif line.kind == events.FAULT:

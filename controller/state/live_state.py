@@ -71,9 +71,9 @@ class Snapshot(NamedTuple):
     tick: int = _value("cycle", "number of the tick", column="tick", status="tick.number")
     mode: Mode = _value("modes", "what the machine does", column="mode", status="mode", signal="mode")
     fault: Fault = _value("modes", "why it stopped", column="fault", signal="fault")
-    motion_id: int = _value("telling", "motion under the clock; below 0: none", column="motion_id")
+    motion_id: int = _value("status", "motion under the clock; below 0: none", column="motion_id")
     line: int = _value("follow", "line of the program, 0 = none", column="line", signal="line")
-    cutting: bool = _value("telling", "the motion cuts", column="cutting", signal="cutting")
+    cutting: bool = _value("status", "the motion cuts", column="cutting", signal="cutting")
     plan_time_s: float = _value("follow.tau", "the path clock", "s", "plan_time_s", signal="path_time s")
     s: float = _value("follow", "length along the motion", "mm", "s", signal="s mm")
     rate: float = _value(
@@ -129,7 +129,7 @@ class Snapshot(NamedTuple):
     )
     taken: int = _value("cycle", "number of the last request taken in this tick, 0 = none", column="request")
     bus_share: float = _value(
-        "telling",
+        "status",
         "of the period, that the frames of this tick take at most on the fullest bus",
         column="bus_share",
         signal="bus_load % 100",
@@ -161,7 +161,7 @@ class Snapshot(NamedTuple):
     )
     # From here on no recording has them.
     fault_axis: int = _value("modes", "index of its axis, -1 = none")
-    fault_off: float = _value("telling", "of a following error: commanded less actual of its axis", "mm, rad")
+    fault_off: float = _value("status", "of a following error: commanded less actual of its axis", "mm, rad")
     warning: Fault = _value("modes", "the last fault that stopped nothing", status="warning")
     interlock: Fault = _value("modes", "what forbids motion now", status="interlock")
     commit_s: float = _value("follow", "plan time from which on the queue may be replaced", "s")
@@ -171,8 +171,8 @@ class Snapshot(NamedTuple):
     epoch: int = _value("follow", "queues given up so far")
     homed: int = _value("modes", "axes that have their zero, bit mask")
     untrusted: int = _value("modes", "axes that must be homed before a start, bit mask")
-    drive_states: tuple[int, ...] = _value("telling", "of CiA 402", many=EACH_AXIS)
-    malformed: tuple[int, ...] = _value("telling", "frames of a wrong length from each drive", many=EACH_AXIS)
+    drive_states: tuple[int, ...] = _value("status", "of CiA 402", many=EACH_AXIS)
+    malformed: tuple[int, ...] = _value("status", "frames of a wrong length from each drive", many=EACH_AXIS)
     skips: int = _value("sync", "ticks that sent no SYNC", status="tick.skips")
     late_max_s: float = _value("sync", "the latest tick so far", "s", status="tick.late_max_ms ms 1e3")
     accepted: int = _value("cycle", "sequence of the last message taken")
@@ -330,7 +330,7 @@ def _declared() -> Iterator[Field]:
 
 FIELDS = tuple(_declared())
 Snapshot.__new__.__defaults__ = None  # they have been read: a value has no default
-PARTS = tuple(sorted({field.part for field in FIELDS}))  # of the tick, that write
+OWNERS = tuple(sorted({field.part for field in FIELDS}))  # of the tick, that write
 LAYOUT = struct.Struct("<" + "".join(f"{field.many}{field.code}" for field in FIELDS))
 ROW = tuple(column for field in FIELDS if field.value.column for column in field.columns)
 COLUMN = {name: i for i, name in enumerate(ROW)}
@@ -347,7 +347,7 @@ def _written(axes: int) -> str:
     """A function that takes the parts of the tick and gives the flat values."""
     left = ", 0" * (MAX_AXES - axes)
     values = (f"{'*' * (f.many > 1)}{f.part}.{f.attribute}{left * f.is_of_axes}" for f in FIELDS)
-    return f"lambda {', '.join(PARTS)}: ({', '.join(values)})"
+    return f"lambda {', '.join(OWNERS)}: ({', '.join(values)})"
 
 
 def _read(axes: int) -> str:
@@ -368,7 +368,7 @@ def _compiled(source: str) -> Any:
 
 @cache
 def gather(axes: int) -> Callable[..., Flat]:
-    """Of a machine of so many axes: takes the parts of the tick in the order of ``PARTS``."""
+    """Of a machine of so many axes: takes the parts of the tick in the order of ``OWNERS``."""
     return _compiled(_written(axes))  # type: ignore[no-any-return]
 
 

@@ -21,15 +21,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Joints, Machine
 from controller.motion.motions import ThreadMove
 
 # Of an alpha-beta filter over e and its rate: critically damped, some three ticks.
-STILL_TOLD = (0.0, 0.0)
-NO_TIE: tuple[Any, ...] = ()
 ALPHA = 0.4
 BETA = ALPHA * ALPHA / (2.0 - ALPHA)
 REMEMBERS = 0.998  # of the sums by which the spindle's answer is learnt, from tick to tick
@@ -51,6 +49,13 @@ STILL = 1e-9  # of s between two ticks: the law stands
 STILL_MM = 1e-3  # of the axes at rest: what the encoder's last count does moves no axis
 
 
+class Recorded(NamedTuple):
+    """A tick on a thread, of a run that is made again."""
+
+    led_mm: float = 0.0
+    settled: bool = False
+
+
 class Turning(Protocol):
     """What is needed of ``drives.cyclic.spindle``."""
 
@@ -61,6 +66,22 @@ class Turning(Protocol):
     def lead(self, rev_s: float, /) -> None: ...
 
 
+class Slope:
+    """Of the best line through 0, the older points forgotten little by little."""
+
+    __slots__ = ("_xx", "_xy")
+
+    def __init__(self, sure: float) -> None:
+        """``sure``: squares of x that must come together before much is believed."""
+        self._xy, self._xx = 0.0, sure
+
+    def learn(self, x: float, y: float) -> float:
+        """The slope, once another point has come."""
+        self._xy = REMEMBERS * self._xy + x * y
+        self._xx = REMEMBERS * self._xx + x * x
+        return self._xy / self._xx
+
+
 class Reply:
     """How the spindle answers: told - actual = ``slip`` speed + ``lag_s`` acceleration, the best of late.
 
@@ -69,22 +90,62 @@ class Reply:
 
     def __init__(self) -> None:
         self.slip = self.lag_s = 0.0
-        self._speeds, self._accelerations = [0.0, SURE_SPEED], [0.0, SURE_ACCELERATION]  # sums of x y, x x
+        self._speeds, self._accelerations = Slope(SURE_SPEED), Slope(SURE_ACCELERATION)
 
     def learn(self, speed: float, acceleration: float, less: float) -> None:
         """One tick: told ``speed`` (rev/s), its ``acceleration``, and ``less`` came of it by so much."""
         if acceleration == 0.0 and abs(less) < 1.5 * MAX_SLIP * abs(speed):  # else it is stuck, or starts
-            self.slip = max(-MAX_SLIP, min(MAX_SLIP, _learnt(self._speeds, speed, less)))
+            self.slip = max(-MAX_SLIP, min(MAX_SLIP, self._speeds.learn(speed, less)))
         less -= self.slip * speed
         if acceleration != 0.0 and abs(less) < 1.5 * MAX_LAG_S * abs(acceleration):
-            self.lag_s = max(0.0, min(MAX_LAG_S, _learnt(self._accelerations, acceleration, less)))
+            self.lag_s = max(0.0, min(MAX_LAG_S, self._accelerations.learn(acceleration, less)))
 
 
-def _learnt(sums: list[float], x: float, y: float) -> float:
-    """The slope of the best line through 0, once another point has come."""
-    sums[0] = REMEMBERS * sums[0] + x * y
-    sums[1] = REMEMBERS * sums[1] + x * x
-    return sums[0] / sums[1]
+class Led(NamedTuple):
+    """How the spindle was led in one tick."""
+
+    speed: float  # rev/s
+    acceleration: float  # rev/s^2
+
+
+class LedTicks(NamedTuple):
+    """Of the three ticks before: the oldest is the one that the spindle has answered."""
+
+    last: Led
+    before: Led
+    answered: Led
+
+
+STILL_LED = LedTicks(Led(0.0, 0.0), Led(0.0, 0.0), Led(0.0, 0.0))
+
+
+class Turns(NamedTuple):
+    """Revolutions wanted, of this tick and the three before."""
+
+    now: float
+    before: float
+    earlier: float
+    answered: float
+
+
+class Tie(NamedTuple):
+    """What a tick changes of the tie, so that it can be taken back; ``releasing`` ... as in ``Coupling``."""
+
+    releasing: bool
+    move: ThreadMove | None
+    s: float
+    zero: float
+    lag_rev: float
+    rate: float
+    off_mm: float
+    step_mm: float
+    rev_s: float
+    wanted: Turns
+    settled: int
+    late: int
+    led: LedTicks
+    turned: float
+    led_mm: float
 
 
 class Coupling:
@@ -110,10 +171,10 @@ class Coupling:
         self.move: ThreadMove | None = None
         self.rev_s = self.lag_rev = self.off_mm = 0.0
         self.depth_rev = self.pitch_mm = self.led_mm = 0.0
-        self.again: tuple[float, bool] | None = None  # of a run that is made again: led_mm, settled
+        self.again: Recorded | None = None  # of a run that is made again
         self._s = self._zero = self._rate = self._step_mm = self._axis_s = 0.0
-        self._wanted = (0.0, 0.0, 0.0, 0.0)  # revolutions, of this tick and the three before
-        self._told = (STILL_TOLD, STILL_TOLD, STILL_TOLD)  # speed and acceleration, of the three ticks before
+        self._wanted = Turns(0.0, 0.0, 0.0, 0.0)
+        self._led_before = STILL_LED
         self._turned = 0.0  # revolutions, as heard last
         self.reply = Reply()
         self._settled = self._late = self._beyond = 0  # ticks
@@ -124,7 +185,7 @@ class Coupling:
     def look(self) -> None:
         """Before a tick: whether it has settled; where the axes leave the thread, nothing is off any more."""
         if self.again is not None:
-            self.settled = self.again[1]
+            self.settled = self.again.settled
             return
         off = self.releasing and not self.off_mm == self._step_mm == 0.0
         self.settled = self.active and self._settled >= SETTLED_TICKS and not off
@@ -158,22 +219,38 @@ class Coupling:
         """The axes have stood meanwhile."""
         self._step_mm = 0.0
 
-    def save(self) -> tuple[Any, ...]:
+    def save(self) -> Tie | None:
+        """None where there is no tie."""
         if not self.active:
-            return NO_TIE
-        return (
-            *(self.active, self.releasing, self.move, self._s, self._zero, self.lag_rev, self._rate),
-            *(self.off_mm, self._step_mm, self.rev_s, self._wanted, self._settled, self._late),
-            *(self._told, self._turned, self.led_mm),
+            return None
+        return Tie(
+            self.releasing,
+            self.move,
+            self._s,
+            self._zero,
+            self.lag_rev,
+            self._rate,
+            self.off_mm,
+            self._step_mm,
+            self.rev_s,
+            self._wanted,
+            self._settled,
+            self._late,
+            self._led_before,
+            self._turned,
+            self.led_mm,
         )
 
-    def restore(self, saved: tuple[Any, ...]) -> None:
-        if not saved:
+    def restore(self, saved: Tie | None) -> None:
+        if saved is None:
             self.end()
             return
-        self.active, self.releasing, self.move, self._s, self._zero, self.lag_rev, self._rate = saved[:7]
-        self.off_mm, self._step_mm, self.rev_s, self._wanted, self._settled, self._late = saved[7:13]
-        self._told, self._turned, self.led_mm = saved[13:]
+        self.active, self.releasing, self.move = True, saved.releasing, saved.move
+        self._s, self._zero, self._wanted = saved.s, saved.zero, saved.wanted
+        self.lag_rev, self._rate = saved.lag_rev, saved.rate
+        self.off_mm, self._step_mm, self.led_mm = saved.off_mm, saved.step_mm, saved.led_mm
+        self.rev_s, self._led_before, self._turned = saved.rev_s, saved.led, saved.turned
+        self._settled, self._late = saved.settled, saved.late
 
     def lead(self) -> None:
         """Tells the spindle how fast to turn until the next tick."""
@@ -199,14 +276,14 @@ class Coupling:
             self.off_mm, self._step_mm = turned * self.off_mm, turned * self._step_mm
         stands = move is self.move and -STILL < s - self._s < STILL
         self.move, self._s = move, s
-        now, before, earlier, answered = wanted, *self._wanted[:3]
-        self._wanted = (now, before, earlier, answered)
+        before, earlier, answered = self._wanted.now, self._wanted.before, self._wanted.earlier
+        self._wanted = Turns(wanted, before, earlier, answered)
         self._measure(answered - (spindle.turns - self._zero), spindle.turns, spindle.unheard)
         self._watch()
         self._lead(wanted - before, wanted - 2.0 * before + earlier, stands)
         self.depth_rev, self.pitch_mm = wanted - self.lag_rev if wanted else 0.0, 1.0 / move.rev_per_mm
         if self.again is not None:
-            self.led_mm = self.again[0]
+            self.led_mm = self.again.led_mm
         else:
             self.led_mm = self._led(move, v, a, stands)
         return s + self.led_mm
@@ -222,24 +299,24 @@ class Coupling:
     def _begin(self, move: ThreadMove, wanted: float, turns: float) -> None:
         self.active, self.releasing, self.move = True, False, move
         self._zero = turns - wanted
-        self._wanted = (wanted, wanted, wanted, wanted)
+        self._wanted = Turns(wanted, wanted, wanted, wanted)
         self.lag_rev = self._rate = self.off_mm = self._step_mm = 0.0
         self._settled = self._late = self._beyond = 0
-        self._told, self._turned = (STILL_TOLD, STILL_TOLD, STILL_TOLD), turns
+        self._led_before, self._turned = STILL_LED, turns
         self._axis_s = self._axes_lag_s(move)
 
     def _axes_lag_s(self, move: ThreadMove) -> float:
         drives, x, y, z = self._drives, *move.direction
         if not drives:
             return 0.0
-        lags = [drives[i].following_error.lag_s for i in self._linear]
-        return float(x * x * lags[0] + y * y * lags[1] + z * z * lags[2])
+        along_x, along_y, along_z = (drives[i].following_error.lag_s for i in self._linear)
+        return float(x * x * along_x + y * y * along_y + z * z * along_z)
 
     def _measure(self, lag: float, turns: float, unheard: int) -> None:
         """Filters e; where no position has come it goes on as it did."""
         T = self._period_s
         turned, self._turned = (turns - self._turned) / T, turns
-        speed, acceleration = self._told[2]
+        speed, acceleration = self._led_before.answered
         if unheard <= 1 and speed != 0.0 and -TEACHES_REV < self.lag_rev < TEACHES_REV:
             self.reply.learn(speed, acceleration, speed - turned)
         self.lag_rev += self._rate * T
@@ -269,7 +346,8 @@ class Coupling:
         most = (FASTER - 1.0) * abs(asked) + LEAST_REV_S
         added = max(-most, min(most, self._gain * self.lag_rev))
         self.rev_s = asked * (1.0 + reply.slip) + reply.lag_s * acceleration + added
-        self._told = ((self.rev_s, acceleration), *self._told[:2])
+        led = self._led_before
+        self._led_before = LedTicks(Led(self.rev_s, acceleration), led.last, led.before)
         if not stands:
             self._settled = self._late = 0
         elif abs(self.lag_rev) <= self._near:

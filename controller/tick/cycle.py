@@ -17,7 +17,6 @@ from controller.ipc.handoff import (
     SETTLED,
     STOOD,
     WAITED,
-    Answers,
     Arrangement,
     Outcome,
     PieceInbox,
@@ -26,23 +25,16 @@ from controller.ipc.handoff import (
     RequestInbox,
     SnapshotBoard,
 )
-from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Joints, Machine
-from controller.state import stop_times
 from controller.state.modes import ALWAYS, BY_HAND, DROPS, Fault, Mode, Request, bars
 from controller.state.queue_refusals import QueueRefusal
-from controller.tick.adaptive import Adaptive
 from controller.tick.check import Check
-from controller.tick.coupling import Coupling
+from controller.tick.coupling import Recorded
 from controller.tick.drives import Drives
-from controller.tick.follow import Follow, Step
-from controller.tick.jog import Jogging
-from controller.tick.joints import Encoder
-from controller.tick.mode import Modes, Phase
-from controller.tick.peripherals import Peripherals
-from controller.tick.probing import Probing
-from controller.tick.status_publisher import Telling
-from controller.tick.sync_watch import SyncWatch
+from controller.tick.follow import Step
+from controller.tick.mode import Phase
+from controller.tick.parts import Parts
+from controller.tick.status_publisher import StatusPublisher
 
 MAX_REQUESTS: Final = 8  # taken in one tick
 # Looked up every tick, and an enum's members are slow to look up.
@@ -66,7 +58,7 @@ class Again(NamedTuple):
 
     waits: bool = False  # motion waited for spindle, coolant or clamps
     fault: Fault = Fault.NONE  # that came up
-    thread: tuple[float, bool] = (0.0, False)  # how far the axes were led beyond it, and that it has settled
+    thread: Recorded = Recorded()
     share: float = 1.0  # of the feed, by the load of the spindle
 
 
@@ -85,42 +77,18 @@ class Cycle:
     ) -> None:
         self.machine = machine
         self.group = group
-        stops_s = stop_times.path_stop_s(machine), stop_times.quick_stop_s(machine)
-        absolute = sum(1 << i for i, axis in enumerate(machine.axes) if axis.homing.absolute)
-        self.modes = Modes(group, machine.period_s, *stops_s, absolute)
-        self.coupling = Coupling(machine, group.spindle, group.drives)
-        self.follow = Follow(machine, kinematics_of(machine), self.coupling)
-        self.peripherals = Peripherals(machine, group.spindle, group.io, self.coupling)
-        self.adaptive = Adaptive(machine, group.spindle)
-        self.jogging = Jogging(machine, self.modes, self.follow)
+        parts = Parts(self, machine, group, now)
+        self.modes, self.follow, self.jogging = parts.modes, parts.follow, parts.jogging
+        self.coupling, self.peripherals, self.adaptive = parts.coupling, parts.peripherals, parts.adaptive
+        self.sync, self.probing, self.answers = parts.sync, parts.probing, parts.answers
+        self._encoder, self._check = parts.encoder, parts.check
+        self._status = StatusPublisher(parts, snapshot, recorder)
         self._masks = range(1, machine.every_axis + 1)  # of axes
         self._homing_asked = 0  # axes (bit mask) whose clamps must open before they home
         self._homing_number = 0  # of that request
-        self.answers = Answers()
         self._pieces = pieces
         self._requests = requests
         self._now = now
-        self.sync = SyncWatch(machine, group, self.modes, now)
-        self._encoder = Encoder(machine)
-        self.probing = Probing(machine, group, self.modes, self.follow, self._encoder, self.peripherals)
-        self._check = Check(machine)
-        self._telling = Telling(
-            machine,
-            group,
-            self.modes,
-            self.follow,
-            self.jogging,
-            self._encoder,
-            snapshot,
-            recorder,
-            cycle=self,
-            sync=self.sync,
-            peripherals=self.peripherals,
-            answers=self.answers,
-            probing=self.probing,
-            coupling=self.coupling,
-            adaptive=self.adaptive,
-        )
         self._silence_ticks = round(PLANNER_SILENCE_S / machine.period_s)
         self._silent = 0  # ticks that were run since the plan was last heard
         self._stood = False  # in this tick the path was stood still after a gap
@@ -153,11 +121,10 @@ class Cycle:
         self.group.fault(now_s)
         follow = self.follow
         follow.rehearse()
-        last, before = follow.last
-        self._check.judge(follow.joints, last, before)
+        self._check.judge(follow.joints, follow.last, follow.before)
         self._encoder.rehearse(follow.joints)
         self._switches()
-        self._telling.rehearse()
+        self._status.rehearse()
 
     def run(self, now_s: float, lateness_s: float, missed: int = 0) -> bool:
         """One tick: ``lateness_s`` after its deadline, ``missed`` deadlines after the last one.
@@ -178,7 +145,7 @@ class Cycle:
         if sent or self._stood:
             self.group.command(self._encoder.setpoints, now_s)
         self.switches = self._switches()
-        self._telling.record()
+        self._status.record()
         self._stood_before = False
         self._repeated = 0
         return sent
@@ -191,9 +158,9 @@ class Cycle:
         self.sync.count(self.sync_sent, 1, 0.0, False)
         self.group.command(self._encoder.setpoints, now_s)
         if before and self.sync_sent:
-            self._telling.repeat()
+            self._status.repeat()
         else:
-            self._telling.record()
+            self._status.record()
 
     def _switches(self) -> int:
         modes, stood = self.modes, self._stood or self._stood_before
@@ -228,7 +195,7 @@ class Cycle:
         return not self._stood and self.sync.send(self.tick, now_s, lateness_s)
 
     def _stops_within(self) -> float:
-        return self._check.stops_within(self.follow.joints, self.follow.last[0])
+        return self._check.stops_within(self.follow.joints, self.follow.last)
 
     def stand(self) -> None:
         """For a run that is made again: before its next SYNC there was a long gap."""
@@ -435,10 +402,10 @@ class Cycle:
             modes.path_stops()
         elif step is _END and modes.running:
             modes.path_ends()
-        elif step is _SET and follow.told is not None:
-            self.peripherals.tell(follow.told)
-            if follow.told.senses is not None:
-                self.probing.tell(follow.told.senses)
+        elif step is _SET and follow.setting is not None:
+            self.peripherals.tell(follow.setting)
+            if follow.setting.senses is not None:
+                self.probing.tell(follow.setting.senses)
 
     def _must_wait(self) -> bool:
         if self.again is not None:
@@ -470,9 +437,9 @@ class Cycle:
         """Checks the step and encodes it; a setpoint that fails stays the last good one."""
         if step is _LOST:
             return Fault.BRANCH_LOST, -1
-        last, before = self.follow.last
-        fault, axis = check.judge(self.follow.joints, last, before)
-        if fault is _NONE and not self._encoder.encode(self.follow.joints):
+        follow = self.follow
+        fault, axis = check.judge(follow.joints, follow.last, follow.before)
+        if fault is _NONE and not self._encoder.encode(follow.joints):
             return Fault.TRAVEL, -1
         return fault, axis
 
@@ -494,4 +461,4 @@ class Cycle:
 
     def publish(self) -> None:
         """What others see of it, where no tick was run."""
-        self._telling.publish()
+        self._status.publish()

@@ -16,17 +16,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from enum import IntEnum
-from typing import Final
+from typing import Final, NamedTuple
 
 from controller.geometry.vectors import ROUNDING
 from controller.ipc.handoff import Piece, PieceMessage
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Joints, Machine
-from controller.motion.motions import Motion
 from controller.motion.pieces import commit_lead_s
 from controller.state.queue_refusals import QueueRefusal
-from controller.tick.coupling import Coupling
-from controller.tick.queue import Brake, Entry, Stops, entries_of
+from controller.tick.brake import Brake
+from controller.tick.coupling import Coupling, Tie
+from controller.tick.path_clock import PathClock
+from controller.tick.queue import Entry, Queue
 
 SAME_PLACE = 1e-6  # mm or rad: a queue that begins elsewhere by more (and by a count) is refused
 
@@ -38,7 +39,7 @@ class Step(IntEnum):
     STOP = 1  # reached a program stop (M0), or one that the operator's switches ask for
     END = 2  # reached the end of the program
     LOST = 3  # the rotaries cannot reach the next tool axis; nothing has changed
-    SET = 4  # spindle, coolant or clamps are to be as ``told`` says before motion goes on
+    SET = 4  # spindle, coolant or clamps are to be as ``setting`` says before motion goes on
 
 
 _TAKEN: Final = QueueRefusal.NONE
@@ -46,61 +47,76 @@ _UNKNOWN_MOTION: Final = QueueRefusal.UNKNOWN_MOTION
 _MOVED: Final = Step.MOVED  # looked up every tick, and an enum's members are slow to look up
 
 
+class State(NamedTuple):
+    """What a step changes, so that it can be taken back."""
+
+    joints: Joints
+    last: Joints
+    before: Joints
+    clock: tuple[float, int]
+    rate: float
+    now: int
+    brake: tuple[bool, float, float, float, int, int]
+    tie: Tie | None
+
+
 class Follow:
-    """The queue and the clock. Read: ``tau``, ``rate``, ``joints``, ``s``, ``piece``, ``feed``, ``epoch``."""
+    """The joints along the queue. Read: ``tau``, ``rate``, ``joints``, ``s``, ``piece``, ``feed``, ``epoch``;
+    ``last`` and ``before``, the joints of the tick before, and of the one before that.
+    """
 
     def __init__(self, machine: Machine, kinematics: Kinematics, coupling: Coupling | None = None) -> None:
         self.coupling = Coupling(machine, None) if coupling is None else coupling
-        self._period_s = machine.period_s
         self._lead_s = commit_lead_s(machine.period_s)
         self._kinematics = kinematics
         self._rotaries = kinematics.rotaries
         self._same = tuple(max(SAME_PLACE, 1.0 / abs(a.counts_per_unit)) for a in machine.axes)
-        self._motions: dict[int, Motion] = {}
-        self._queue: list[Entry] = []
-        self._stops = Stops()
+        self._queue = Queue()
+        self._clock = PathClock(machine.period_s)
         self._brake = Brake(machine.period_s)
-        self._now = 0  # index in the queue of the entry under the clock
-        self._origin_s, self._ticks = 0.0, 0  # tau is their sum: no rounding piles up
+        self._now = 0  # number in the queue of the entry under the clock
         self._goes = False  # the clock was to run in the last step
         self._base: Joints = (0.0,) * len(machine.axes)  # where the queue begins
-        self.joints = self._base
-        self._before = (self._base, self._base)
-        self._saved = (self._base, self._before, 0.0, 0, 0.0, 0, self._brake.save(), self.coupling.save())
-        self.tau = 0.0
-        self.queue_end_s = 0.0
+        self.joints = self.last = self.before = self._base
         self.rate = 0.0
         self.s = 0.0
         self.feed = 0.0  # ds/dt, mm/s while cutting
         self.piece: Piece | None = None
-        self.told: Piece | None = None  # at the last Step.SET
+        self.setting: Piece | None = None  # at the last Step.SET
         self.line = 0  # of the program
         self.limited_by = 0
         self.epoch = 0  # queues given up so far
         self.refusal = _TAKEN  # of the last message
         self.optional_stop = self.single_block = False  # the operator's switches: which marks count
+        self._saved = self._state()
 
     # -- state
 
     @property
+    def tau(self) -> float:
+        """The path clock: plan time (s)."""
+        return self._clock.tau
+
+    @property
+    def queue_end_s(self) -> float:
+        """Plan time at which the queue ends, at rest."""
+        return self._queue.end_s
+
+    @property
     def commit_s(self) -> float:
         """From here on the queue may be replaced (plan time, s)."""
-        return min(self.queue_end_s, self.tau + self._lead_s) if self._goes else self.tau
+        tau = self._clock.tau
+        return min(self._queue.end_s, tau + self._lead_s) if self._goes else tau
 
     @property
     def at_rest(self) -> bool:
         """Whether the commanded joints stand, with no motion left over from the last ticks."""
-        return self.joints == self._before[0] == self._before[1]
-
-    @property
-    def last(self) -> tuple[Joints, Joints]:
-        """The joints of the tick before, and of the one before that."""
-        return self._before
+        return self.joints == self.last == self.before
 
     @property
     def pending(self) -> bool:
         """Whether planned motion lies ahead of the clock."""
-        return self.tau < self.queue_end_s
+        return self._clock.tau < self._queue.end_s
 
     @property
     def stopping(self) -> bool:
@@ -114,30 +130,28 @@ class Follow:
 
     def set_clock(self, tau: float) -> None:
         """At standstill without a queue: the clock of a run that is repeated."""
-        self._origin_s, self._ticks, self.tau, self.queue_end_s = tau, 0, tau, tau
+        self._clock.set(tau)
+        self._queue.clear(tau)
 
     def clear(self) -> None:
         """Drops the queue where the clock stands; only at standstill."""
-        if self._queue or self.piece is not None:
+        if len(self._queue) or self.piece is not None:
             self.epoch += 1
         self._empty()
-        self._before = (self.joints, self.joints)
+        self.last = self.before = self.joints
         self.piece, self.s, self.line = None, 0.0, 0
 
     def _empty(self) -> None:
-        self._queue.clear()
-        self._motions.clear()
-        self._stops.clear()
+        self._queue.clear(self._clock.tau)
         self._brake.active = self._goes = False
-        self._now = 0
+        self._now = self._queue.first
         self._base = self.joints
-        self.queue_end_s = self.tau
         self.rate = self.feed = 0.0
         self.limited_by = 0
 
     def give_up(self) -> None:
         """What is queued is void; only at standstill. Where it stands on the path stays known."""
-        if self._queue:
+        if len(self._queue):
             self.epoch += 1
             self._empty()
 
@@ -153,32 +167,29 @@ class Follow:
         It must be made for this queue (epoch), begin between the commit point and the queue's end,
         know its motions, and go on where the queue is.
         """
-        start = message.replace_from_s
-        appended = start >= self.queue_end_s - ROUNDING
+        queue, start = self._queue, message.replace_from_s
+        appended = start >= queue.end_s - ROUNDING
         self.refusal = self._refusal_of_time(message)
         if self.refusal is not _TAKEN:
             return False
-        entries = entries_of(message, self._motions, self.queue_end_s if appended else start)
+        entries = queue.entries_of(message, queue.end_s if appended else start)
         self.refusal = _UNKNOWN_MOTION if entries is None else self._refusal_of_place(entries)
         if entries is None or self.refusal is not _TAKEN:
             return False
         if not appended:
-            self._truncate(start)
+            self._now = queue.truncate(start, self._now)
         elif not self._goes and not self.pending:  # a run's clock does not depend on the runs before it
-            self._origin_s, self._ticks = self.tau, 0
+            self._clock.set(self._clock.tau)
         if message.alone:
             self._empty()
-        self._queue += entries
-        self.queue_end_s = entries[-1].end_s
-        self._motions.update(message.motions)
-        self._stops.add(message.stops, start, self.tau)
-        self._prune()
+        queue.add(message, entries, self._clock.tau)
+        queue.forget_before(self._now)
         return True
 
     def begins_here(self, message: PieceMessage) -> bool:
         """Whether an accepted message leaves nothing of the queue before it, and begins at these joints."""
-        moves = message.pieces[0].motion_id >= 0
-        return moves and message.replace_from_s <= self.tau + ROUNDING
+        piece, *_ = message.pieces
+        return piece.motion_id >= 0 and message.replace_from_s <= self.tau + ROUNDING
 
     def _refusal_of_time(self, message: PieceMessage) -> QueueRefusal:
         """Why a message is not for the queue as it is now."""
@@ -197,60 +208,36 @@ class Follow:
         first = next((entry for entry in entries if entry.motion is not None), None)
         if first is None or first.motion is None:
             return _TAKEN
-        paused, here = entries[0] is not first, entries[0].start_s <= self.tau + ROUNDING
+        begins, *_ = entries
+        paused, here = begins is not first, begins.start_s <= self.tau + ROUNDING
         if here and not (paused and self.coupling.active):
             near = self._rotaries(self.joints)
-            s = first.at(first.start_s)[0]
+            s, _, _ = first.at(first.start_s)
             if first.thread is not None:
                 s = self.coupling.place(first.thread, s)
             new = first.motion.joints(s, near, self._kinematics)
             if new is None:
                 return QueueRefusal.UNREACHABLE
             return _TAKEN if self.same_place(new, self.joints) else QueueRefusal.ELSEWHERE
-        old = self._entry_at(first.start_s)
+        old = self._queue.at(first.start_s, self._now)
         if paused or old is None or old.piece.motion_id != first.piece.motion_id:
             return _TAKEN  # a boundary of two motions far ahead: each setpoint is checked there
-        goes_on = abs(old.at(first.start_s)[0] - first.at(first.start_s)[0]) <= SAME_PLACE
+        (before, _, _), (after, _, _) = old.at(first.start_s), first.at(first.start_s)
+        goes_on = abs(before - after) <= SAME_PLACE
         return _TAKEN if goes_on else QueueRefusal.JUMP
-
-    def _entry_at(self, tau: float) -> Entry | None:
-        return next((e for e in self._queue[self._now :] if e.start_s <= tau < e.end_s), None)
-
-    def _truncate(self, start_s: float) -> None:
-        """Drops what begins at ``start_s`` or later and cuts the piece that lies across it."""
-        queue = self._queue
-        # A mark without duration just at that time belongs to what stays.
-        while queue and queue[-1].start_s > start_s - ROUNDING and queue[-1].end_s > start_s + ROUNDING:
-            queue.pop()
-        self._now = max(0, min(self._now, len(queue) - 1))
-        if queue and queue[-1].end_s > start_s + ROUNDING:
-            cut = queue[-1]
-            cut.end_s = start_s
-            cut.piece = cut.piece._replace(stop=False, optional_stop=False, block_end=False, end=False)
-
-    def _prune(self) -> None:
-        """Forgets entries behind the clock; a dwell keeps the motion before it, where it stands."""
-        keep = self._now
-        while keep > 0 and self._queue[keep].motion is None:
-            keep -= 1
-        del self._queue[:keep]
-        self._now -= keep
-        used = {entry.piece.motion_id for entry in self._queue}
-        for identity in [i for i in self._motions if i not in used]:
-            del self._motions[identity]
 
     # -- where the plan is at a plan time
 
     def _evaluate(self, tau: float) -> Joints | None:
         """Joints of the plan at ``tau``, on the branch of the present joints."""
         queue, i = self._queue, self._now
-        while i < len(queue) - 1 and tau >= queue[i].end_s - ROUNDING:
+        while i < queue.last and tau >= queue[i].end_s - ROUNDING:
             if self._halts(queue[i].piece) or not self._passes(i):
                 break
             i += 1
-        while i >= 0 and queue[i].motion is None:
+        while i >= queue.first and queue[i].motion is None:
             i -= 1  # a dwell stands where the motion before it ended
-        if i < 0:
+        if i < queue.first:
             return self.coupling.stay(self._base, self._kinematics) if self.coupling.active else self._base
         entry = queue[i]
         motion = entry.motion
@@ -267,17 +254,18 @@ class Follow:
             return coupling.follow(entry.thread, *place)
         if coupling.active:
             coupling.end()
-        return place[0]
+        s, _, _ = place
+        return s
 
     def _plan_rests(self) -> bool:
         """Whether the plan stands where the clock is, so that the clock may just stand, too."""
-        return not self._queue or self._queue[self._now].rests_at(self.tau)
+        return not len(self._queue) or self._queue[self._now].rests_at(self._clock.tau)
 
     # -- one tick
 
     def goes(self, running: bool, override: float, rapid_override: float) -> bool:
         """Whether the clock is to run; an override of 0 stops what it is for."""
-        piece = self._queue[self._now].piece if self._queue else self.piece
+        piece = self._queue[self._now].piece if len(self._queue) else self.piece
         if not running or piece is None or piece.motion_id < 0:
             return running
         return piece.own_feed or (rapid_override if piece.rapid else override) > 0.0
@@ -290,29 +278,29 @@ class Follow:
     @property
     def heeds_stop(self) -> bool:
         """Whether the input feed_stop does."""
-        piece = self._queue[self._now].piece if self._queue else self.piece
+        piece = self._queue[self._now].piece if len(self._queue) else self.piece
         return piece is None or piece.heeds_stop
 
     @property
     def ahead(self) -> Piece | None:
         """The piece under the clock; where that is over, the next."""
-        queue, i = self._queue, self._now
-        while i < len(queue) - 1 and self.tau >= queue[i].end_s - ROUNDING:
+        queue, i, tau = self._queue, self._now, self._clock.tau
+        while i < queue.last and tau >= queue[i].end_s - ROUNDING:
             i += 1
-        return queue[i].piece if queue else None
+        return queue[i].piece if len(queue) else None
 
     def step(self, go: bool) -> Step:
         """One tick: along the plan, along a stop, or standing; joints, s and feed are new."""
         if self._brake.active and self._brake.over:
             self._settle()
-        self._save()
+        self._saved = self._state()
         self.coupling.look()
         self._goes = go
         if not go and not self._brake.active and not self._plan_rests():
             self._leave()
         if self._brake.active:
             return self._brake_on()
-        if (go and self._queue) or not self._plan_rests():
+        if (go and len(self._queue)) or not self._plan_rests():
             return self._run(go)
         joints = self.coupling.stay(self.joints, self._kinematics) if self.coupling.active else self.joints
         self._take(joints, 1.0 if go else 0.0)
@@ -321,9 +309,9 @@ class Follow:
 
     def rehearse(self) -> None:
         """Evaluates the plan where the clock is, for the caches alone: nothing of it changes."""
-        if not self._queue:
+        if not len(self._queue):
             return
-        entry, tau = self._queue[self._now], self.tau
+        entry, tau = self._queue[self._now], self._clock.tau
         s, _, _ = entry.at(tau)
         if entry.motion is not None:
             entry.motion.joints(s, self._rotaries(self.joints), self._kinematics)
@@ -334,7 +322,7 @@ class Follow:
 
     def move_to(self, joints: Joints) -> None:
         """One tick by hand, beside the plan: the clock stands, and the queue stays."""
-        self._save()
+        self._saved = self._state()
         self._goes = False
         self._take(joints, 0.0)
         self.feed = 0.0
@@ -345,10 +333,12 @@ class Follow:
 
     def revert(self) -> None:
         """Takes the last step back: its joints must not be sent."""
-        self.joints, self._before, self._origin_s, self._ticks, self.rate, self._now, brake, tie = self._saved
-        self.tau = self._origin_s + self._ticks * self._period_s
-        self._brake.restore(brake)
-        self.coupling.restore(tie)
+        state = self._saved
+        self.joints, self.last, self.before = state.joints, state.last, state.before
+        self._clock.restore(state.clock)
+        self.rate, self._now = state.rate, state.now
+        self._brake.restore(state.brake)
+        self.coupling.restore(state.tie)
 
     def stand(self, back: bool) -> bool:
         """No SYNC came for so long that the drives stand: so does the path, at once, and goes on from rest.
@@ -358,15 +348,15 @@ class Follow:
         brake = self._brake
         if brake.over if brake.active else self._plan_rests():
             return False
-        forgotten = self._queue[0].start_s > self._saved[2] + self._saved[3] * self._period_s + ROUNDING
-        if back and not forgotten:
+        if back and self._saved.now >= self._queue.first:  # what it would go back to is still known
             self.revert()
         if brake.active:
             brake.stand(brake.s)
             self.piece, self.s = self._queue[self._now].piece, brake.s
         else:
-            ends = (i for i, entry in enumerate(self._queue) if self.tau < entry.end_s - ROUNDING)
-            self._now = next(ends, len(self._queue) - 1)
+            queue, tau = self._queue, self._clock.tau
+            ahead = (i for i in queue.numbers_from(queue.first) if tau < queue[i].end_s - ROUNDING)
+            self._now = next(ahead, queue.last)
             self._describe()
             if not self._plan_rests():
                 brake.stand(self.s)
@@ -375,57 +365,45 @@ class Follow:
 
     def put(self, joints: Joints) -> None:
         """At rest here, at once."""
-        self.joints, self._before = joints, (joints, joints)
+        self.joints = self.last = self.before = joints
         self.rate = self.feed = 0.0
         self.coupling.stood()
 
-    def _save(self) -> None:
-        self._saved = (
-            self.joints,
-            self._before,
-            self._origin_s,
-            self._ticks,
-            self.rate,
-            self._now,
-            self._brake.save(),
-            self.coupling.save(),
-        )
+    def _state(self) -> State:
+        clock, brake, tie = self._clock.save(), self._brake.save(), self.coupling.save()
+        return State(self.joints, self.last, self.before, clock, self.rate, self._now, brake, tie)
 
     def _take(self, joints: Joints, rate: float) -> None:
-        self._before = (self.joints, self._before[0])
-        self.joints = joints
+        self.before, self.last, self.joints = self.last, self.joints, joints
         self.rate = rate
 
     # -- along the plan
 
     def _run(self, go: bool) -> Step:
-        tau = self._reached(self.tau + self._period_s)
+        tau = self._reached(self._clock.next)
         joints = self._evaluate(tau)
         if joints is None:
             return Step.LOST
         self._take(joints, 1.0)
-        if tau < self.tau + self._period_s - ROUNDING:
-            self._origin_s, self._ticks = tau, 0
-        else:
-            self._ticks += 1
-        self.tau = self._origin_s + self._ticks * self._period_s
+        self._clock.advance(tau)
         return self._arrive(go)
 
     def _reached(self, tau: float) -> float:
         """The clock goes to ``tau``, but not past a mark that counts, nor past the queue's end."""
-        queue, i = self._queue, self._now
-        while i < len(queue) and queue[i].end_s < tau - ROUNDING:
-            if self._halts(queue[i].piece) or i == len(queue) - 1 or not self._passes(i):
+        queue, i, last = self._queue, self._now, self._queue.last
+        while i <= last and queue[i].end_s < tau - ROUNDING:
+            if self._halts(queue[i].piece) or i == last or not self._passes(i):
                 return queue[i].end_s
             i += 1
         return tau
 
     def _passes(self, i: int) -> bool:
         """Whether the clock may go past an entry: past a thread's end only once the spindle is there."""
-        entry, coupling = self._queue[i], self.coupling
-        if not (coupling.active and entry.leaves_thread):
+        queue, coupling = self._queue, self.coupling
+        if not (coupling.active and queue[i].leaves_thread):
             return True
-        after = (e for e in self._queue[i + 1 :] if e.motion is not None or e.piece.sets or e.piece.end)
+        later = (queue[j] for j in queue.numbers_from(i + 1))
+        after = (e for e in later if e.motion is not None or e.piece.sets or e.piece.end)
         following = next(after, None)
         coupling.releasing = following is None or following.thread is None
         return coupling.settled
@@ -445,10 +423,10 @@ class Follow:
         A mark is passed only when motion is ``wanted``: a machine that is not started yet, or
         is held, finds it when it goes on.
         """
-        queue, result = self._queue, _MOVED
-        while self._now < len(queue):
+        queue, tau, result = self._queue, self._clock.tau, _MOVED
+        while self._now <= queue.last:
             entry = queue[self._now]
-            if self.tau < entry.end_s - ROUNDING:
+            if tau < entry.end_s - ROUNDING:
                 break
             if not self._passes(self._now):
                 break
@@ -456,7 +434,7 @@ class Follow:
                 if not wanted:
                     break
                 result = self._pass_mark(entry)
-            if result is not _MOVED or self._now == len(queue) - 1:
+            if result is not _MOVED or self._now == queue.last:
                 break
             self._now += 1
         self._describe()
@@ -466,26 +444,27 @@ class Follow:
         """What spindle, coolant and clamps are told comes first, the other marks with the next step."""
         piece = entry.piece
         if piece.sets:
-            self.told = piece
+            self.setting = piece
             entry.piece = piece._replace(sets=False, outputs=(0, 0, ()))  # said once
             return Step.SET
         entry.piece = piece._replace(stop=False, optional_stop=False, block_end=False, end=False)
         return Step.END if piece.end else Step.STOP
 
     def _describe(self) -> None:
-        entry = self._queue[self._now]
+        entry, tau = self._queue[self._now], self._clock.tau
         self.piece = entry.piece
-        self.s, speed, _ = entry.at(self.tau)
-        self.feed = speed if self.tau < entry.end_s - ROUNDING else 0.0
-        self.line, self.limited_by = entry.line_at(self.s), entry.binding_at(self.tau)
+        self.s, speed, _ = entry.at(tau)
+        self.feed = speed if tau < entry.end_s - ROUNDING else 0.0
+        self.line, self.limited_by = entry.line_at(self.s), entry.binding_at(tau)
 
     # -- along a stop
 
     def _leave(self) -> None:
         """Leaves the plan, if a stop begins here."""
-        found = self._stops.row_at(self.tau)
+        tau = self._clock.tau
+        found = self._queue.stop_at(tau)
         if found is not None:
-            self._brake.begin(*found, self._queue[self._now].at(self.tau))
+            self._brake.begin(*found, self._queue[self._now].at(tau))
 
     def _brake_on(self) -> Step:
         brake = self._brake

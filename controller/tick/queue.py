@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 from controller.geometry.vectors import ROUNDING
 from controller.ipc.handoff import Piece, PieceMessage, StopTable
@@ -75,18 +75,6 @@ class Entry:
         return code
 
 
-def entries_of(message: PieceMessage, known: Mapping[int, Motion], start_s: float) -> list[Entry] | None:
-    """A message's pieces from ``start_s`` on; None if there are none, or one's motion is not ``known``."""
-    entries = []
-    for piece in message.pieces:
-        motion = message.motions.get(piece.motion_id, known.get(piece.motion_id))
-        if motion is None and piece.motion_id >= 0:
-            return None
-        entries.append(Entry(piece, motion, start_s))
-        start_s = entries[-1].end_s
-    return entries or None
-
-
 class Stops:
     """The stop tables of the messages in the queue, each as far as the plan is still what it was made for."""
 
@@ -113,69 +101,96 @@ class Stops:
         return None
 
 
-class Brake:
-    """A stop under way: jerk after jerk, from the plan's own s, v and a to rest."""
+class Queue:
+    """The entries in the order of their times. Read: ``end_s``, where it rests.
 
-    __slots__ = ("_held", "_jerks", "_k", "_last", "_n", "_period_s", "a", "active", "left_at", "s", "v")
+    An entry keeps its number for as long as it is here; the oldest are forgotten, and 0 is the first ever.
+    """
 
-    def __init__(self, period_s: float) -> None:
-        self._period_s = period_s
-        self._jerks = StopTable.of(0.0, 1.0, 1.0, ()).jerks
-        self._k = self._last = self._n = 0
-        self._held = 1  # ticks for which each jerk holds
-        self.active = False
-        self.left_at = 0.0  # speed at which the plan was left
-        self.s = self.v = self.a = 0.0
+    __slots__ = ("_entries", "_first", "_motions", "_stops", "end_s")
 
-    def begin(self, table: StopTable, row: int, state: tuple[float, float, float]) -> None:
-        """Leave the plan at ``state`` (s, v, a)."""
-        self.s, self.v, self.a = state
-        self.left_at = self.v
-        self._jerks, self._k, self._last = table.jerks, table.first[row], table.first[row + 1]
-        self._held = max(1, round(table.jerk_step_s / self._period_s))
-        self._n = 0
-        self.active = True
+    def __init__(self) -> None:
+        self._entries: list[Entry] = []
+        self._first = 0  # the number of the oldest
+        self._motions: dict[int, Motion] = {}
+        self._stops = Stops()
+        self.end_s = 0.0
 
-    def come_to(self, queue: Sequence[Entry], now: int) -> int:
-        """Index of the entry in which it is now; its s runs on from motion to motion, but past no rest."""
-        entry = queue[now]
-        while entry.motion is not None and self.s > entry.motion.end:
-            i = now + 1
-            while i < len(queue) and queue[i].piece.motion_id == entry.piece.motion_id:
-                i += 1
-            if i == len(queue) or queue[i - 1].rests_at(queue[i - 1].end_s):
-                self.s = entry.motion.end  # by rounding
-                break
-            self.s -= entry.motion.end
-            now, entry = i, queue[i]
-        return now
+    def __len__(self) -> int:
+        return len(self._entries)
 
-    def stand(self, s: float) -> None:
-        """At rest at ``s`` already, without a way to it."""
-        self.s, self.v, self.a, self.left_at = s, 0.0, 0.0, 0.0
-        self._k = self._last = self._n = 0
-        self.active = True
+    def __getitem__(self, number: int) -> Entry:
+        return self._entries[number - self._first]
 
     @property
-    def over(self) -> bool:
-        """At rest."""
-        return self._k >= self._last
+    def first(self) -> int:
+        return self._first
 
-    def step(self) -> None:
-        """One period on; with the last one speed and acceleration are nothing."""
-        h, v, a, j = self._period_s, self.v, self.a, self._jerks[self._k]
-        self.s += h * (v + h * (0.5 * a + h * j / 6.0))
-        self.v = v + h * (a + 0.5 * h * j)
-        self.a = a + h * j
-        self._n += 1
-        if self._n == self._held:
-            self._n = 0
-            self._k += 1
-            if self._k == self._last:
-                self.v = self.a = 0.0
+    @property
+    def last(self) -> int:
+        """One less than ``first`` where there is none."""
+        return self._first + len(self._entries) - 1
 
-    def save(self) -> tuple[bool, float, float, float, int, int]:
-        return self.active, self.s, self.v, self.a, self._k, self._n
+    def numbers_from(self, number: int) -> range:
+        return range(number, self._first + len(self._entries))
 
-    def restore(self, saved: tuple[bool, float, float, float, int, int]) -> None:
-        self.active, self.s, self.v, self.a, self._k, self._n = saved
+    def at(self, tau: float, now: int) -> Entry | None:
+        """The entry that ``tau`` lies in, from number ``now`` on."""
+        entries = self._entries[now - self._first :]
+        return next((entry for entry in entries if entry.start_s <= tau < entry.end_s), None)
+
+    def stop_at(self, tau: float) -> tuple[StopTable, int] | None:
+        """The table and row of the stop that begins at ``tau``; None where there is none."""
+        return self._stops.row_at(tau)
+
+    def clear(self, tau: float) -> None:
+        """It ends where the clock stands."""
+        self._first += len(self._entries)
+        self._entries.clear()
+        self._motions.clear()
+        self._stops.clear()
+        self.end_s = tau
+
+    def entries_of(self, message: PieceMessage, start_s: float) -> list[Entry] | None:
+        """A message's pieces from ``start_s`` on; None: there are none, or one's motion is not known."""
+        entries: list[Entry] = []
+        for piece in message.pieces:
+            motion = message.motions.get(piece.motion_id, self._motions.get(piece.motion_id))
+            if motion is None and piece.motion_id >= 0:
+                return None
+            entries.append(Entry(piece, motion, start_s))
+            start_s = entries[-1].end_s
+        return entries or None
+
+    def add(self, message: PieceMessage, entries: Sequence[Entry], tau: float) -> None:
+        """Takes a message's ``entries`` in, behind what is here."""
+        self._entries += entries
+        self.end_s = entries[-1].end_s
+        self._motions.update(message.motions)
+        self._stops.add(message.stops, message.replace_from_s, tau)
+
+    def truncate(self, start_s: float, now: int) -> int:
+        """Drops what begins at ``start_s`` or later and cuts the piece that lies across it.
+
+        The number of the entry under the clock, which was ``now``.
+        """
+        entries = self._entries
+        # A mark without duration just at that time belongs to what stays.
+        while entries and entries[-1].start_s > start_s - ROUNDING and entries[-1].end_s > start_s + ROUNDING:
+            entries.pop()
+        if entries and entries[-1].end_s > start_s + ROUNDING:
+            cut = entries[-1]
+            cut.end_s = start_s
+            cut.piece = cut.piece._replace(stop=False, optional_stop=False, block_end=False, end=False)
+        return max(self._first, min(now, self.last))
+
+    def forget_before(self, now: int) -> None:
+        """Entries behind the clock; a dwell keeps the motion before it, where it stands."""
+        entries, keep = self._entries, now - self._first
+        while keep > 0 and entries[keep].motion is None:
+            keep -= 1
+        del entries[:keep]
+        self._first += keep
+        used = {entry.piece.motion_id for entry in entries}
+        for identity in [i for i in self._motions if i not in used]:
+            del self._motions[identity]

@@ -10,42 +10,31 @@ from typing import Any, Final
 
 from controller.ipc.handoff import ROW, STANDSTILL, Recorder, SnapshotBoard
 from controller.machine.model import Machine
-from controller.state.live_state import PARTS, Flat, again, gather
+from controller.state.live_state import OWNERS, Flat, again, gather
 from controller.state.modes import Fault
-from controller.tick.drives import Drives
-from controller.tick.follow import Follow
-from controller.tick.jog import Jogging
-from controller.tick.joints import Encoder
-from controller.tick.mode import Modes
+from controller.tick.parts import Parts
 
 _COLUMNS: Final = len(ROW)
 _FOLLOWING_ERROR: Final = Fault.FOLLOWING_ERROR  # an enum's members are slow to look up
 
 
-class Telling:
+class StatusPublisher:
     """Reads the parts of the tick; changes none."""
 
-    def __init__(
-        self,
-        machine: Machine,
-        group: Drives,
-        modes: Modes,
-        follow: Follow,
-        jogging: Jogging,
-        encoder: Encoder,
-        snapshot: SnapshotBoard,
-        recorder: Recorder,
-        **others: Any,
-    ) -> None:
-        """``others``: the parts of the tick that ``live_state`` names besides these."""
-        self._group, self._modes, self._follow, self._jogging = group, modes, follow, jogging
-        self._encoder = encoder
-        others |= {"modes": modes, "follow": follow, "jogging": jogging, "encoder": encoder, "telling": self}
-        self._parts = tuple(others[name] for name in PARTS)
+    def __init__(self, parts: Parts, snapshot: SnapshotBoard, recorder: Recorder) -> None:
+        machine, group = parts.machine, parts.group
+        self._group, self._modes, self._follow, self._jogging = (
+            group,
+            parts.modes,
+            parts.follow,
+            parts.jogging,
+        )
+        self._encoder = parts.encoder
+        self._owners = tuple(self if name == "status" else getattr(parts, name) for name in OWNERS)
         self._gather = gather(len(machine.axes))
         self._snapshot, self._recorder = snapshot, recorder
         self._buses = _timed(machine, group.lines)
-        self._told: Flat = ()  # of the last tick
+        self._last: Flat = ()  # of the last tick
         self.motion_id = STANDSTILL
         self.cutting = False
         self.drive_states = [0] * len(group.drives)
@@ -56,27 +45,27 @@ class Telling:
     def publish(self) -> None:
         """The snapshot of this tick."""
         self._look()
-        self._snapshot.write(self._gather(*self._parts))
+        self._snapshot.write(self._gather(*self._owners))
 
     def record(self) -> None:
         """The snapshot of this tick and its row, which are the same values."""
         self._look()
         self._count_bits()
-        self._tell(self._gather(*self._parts))
+        self._leave(self._gather(*self._owners))
 
-    def _tell(self, values: Flat) -> None:
-        self._told = values
+    def _leave(self, values: Flat) -> None:
+        self._last = values
         self._snapshot.write(values)
         self._recorder.write(values[:_COLUMNS])
 
     def repeat(self) -> None:
         """Snapshot and row of the last tick, again with the number of this one."""
-        self._tell(again(self._told))
+        self._leave(again(self._last))
 
     def rehearse(self) -> None:
         """Writes snapshot and row where nobody reads yet, for the caches alone: ``record`` writes over it."""
         self._look()
-        values = self._gather(*self._parts)
+        values = self._gather(*self._owners)
         self._snapshot.fill(values)
         self._recorder.fill(values[:_COLUMNS])
 

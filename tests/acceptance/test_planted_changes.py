@@ -29,7 +29,7 @@ class Planted(NamedTuple):
 
 COLUMNS = (
     '    line: int = _value("follow", "line of the program, 0 = none", column="line", signal="line")\n',
-    '    cutting: bool = _value("telling", "the motion cuts", column="cutting", signal="cutting")\n',
+    '    cutting: bool = _value("status", "the motion cuts", column="cutting", signal="cutting")\n',
 )
 CHANGES = {
     "a share of the feed law": ("plan/junctions.py", "MARGIN = 0.998", "MARGIN = 0.997", "044"),

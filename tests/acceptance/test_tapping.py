@@ -9,6 +9,7 @@ from support.machines.tapping import Tapper, machine
 from controller.ipc.handoff import COLUMN, SETTLED, WAITED
 from controller.runtime.events import Event
 from controller.state.modes import Fault, Mode, Request
+from controller.tick.coupling import Recorded
 from controller.tick.cycle import Again
 from drives.bench.simulated.spindle_motor import MotorParameters
 
@@ -186,7 +187,7 @@ def test_the_record_of_a_thread_gives_the_same_setpoints_again_whatever_the_spin
 
     def as_recorded() -> None:
         if (now := next(recorded, None)) is not None:
-            thread = now.thread_mm, bool(now.switches & SETTLED)
+            thread = Recorded(now.thread_mm, bool(now.switches & SETTLED))
             again.bench.cycle.again = Again(bool(now.switches & WAITED), Fault.NONE, thread)
         tick()
 

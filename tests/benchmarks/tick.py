@@ -202,7 +202,7 @@ class Watches:
         self._watch(cycle.follow, "step", "follow + joints")
         self._watch(cycle, "_judge", "check + encode")
         self._watch(cycle.group, "command", "send")
-        self._watch(cycle._telling, "record", "snapshot + recorder")
+        self._watch(cycle._status, "record", "snapshot + recorder")
         for half in ("receive", "run"):
             self._watch(cycle, half, WHOLE)
 

@@ -23,7 +23,7 @@ from controller.ipc.handoff import COLUMN, ROW, Recorder, SnapshotBoard
 from controller.runtime.plan_messages import POWER_ON
 from controller.service import node_status, status
 from controller.state import live_state
-from controller.state.live_state import FIELDS, PARTS, Field, Snapshot
+from controller.state.live_state import FIELDS, OWNERS, Field, Snapshot
 from controller.state.modes import MAX_AXES
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -75,12 +75,12 @@ def unlike(n: int, field: Field, turn: int, axes: int = MAX_AXES) -> Any:
 @pytest.mark.parametrize("turn", range(5))
 def test_every_value_goes_from_its_owner_through_memory_to_its_own_name(turn: int, axes: int) -> None:
     values = {field.name: unlike(n, field, turn, axes) for n, field in enumerate(FIELDS)}
-    parts: dict[str, SimpleNamespace] = {name: SimpleNamespace() for name in PARTS}
+    parts: dict[str, SimpleNamespace] = {name: SimpleNamespace() for name in OWNERS}
     for field in FIELDS:
         part, _, attribute = OTHERWISE.get(field.name, f"{field.part}.{field.name}").partition(".")
         setattr(parts[part], attribute, values[field.name])
     board, recorder = SnapshotBoard(axes=axes), Recorder(rows=4)
-    flat = live_state.gather(axes)(*(parts[name] for name in PARTS))
+    flat = live_state.gather(axes)(*(parts[name] for name in OWNERS))
     board.write(flat)
     recorder.write(flat[: len(ROW)])
     found = board.read()
@@ -110,7 +110,7 @@ def test_columns_come_first_and_in_the_order_of_all_recordings() -> None:
 def test_what_a_tick_leaves_is_of_the_type_that_is_declared() -> None:
     bench = Bench()
     bench.enable()
-    parts = dict(zip(PARTS, bench.cycle._telling._parts, strict=True))
+    parts = dict(zip(OWNERS, bench.cycle._status._owners, strict=True))
     for field in FIELDS:
         value = getattr(parts[field.part], field.attribute)
         for one in value if field.many > 1 else (value,):

@@ -22,7 +22,6 @@ from controller.tick.coupling import (
     LEAST_REV_S,
     MAX_LAG_S,
     MAX_SLIP,
-    NO_TIE,
     PATIENCE_S,
     REMEMBERS,
     SETTLED_REV,
@@ -30,6 +29,7 @@ from controller.tick.coupling import (
     SURE_ACCELERATION,
     SURE_SPEED,
     Coupling,
+    Recorded,
     Reply,
 )
 
@@ -328,8 +328,8 @@ def test_a_tick_that_is_taken_back_and_done_again_is_the_same() -> None:
         found.append((at, coupling.save()))
         coupling.restore(saved)
     assert found[0][0] == found[1][0] and found[0][1] == found[1][1]
-    coupling.restore(NO_TIE)
-    assert not coupling.active and coupling.move is None and coupling.save() == NO_TIE
+    coupling.restore(None)
+    assert not coupling.active and coupling.move is None and coupling.save() is None
     assert (coupling.rev_s, coupling.lag_rev, coupling.off_mm, coupling.led_mm) == (0.0,) * 4
     assert coupling.place(move, 3.0) == 3.0
 
@@ -337,6 +337,6 @@ def test_a_tick_that_is_taken_back_and_done_again_is_the_same() -> None:
 def test_a_run_that_is_made_again_goes_where_it_went_whatever_the_spindle_does() -> None:
     thread = Thread()
     for led_mm, settled in ((0.25, True), (-0.5, False)):
-        thread.coupling.again = led_mm, settled
+        thread.coupling.again = Recorded(led_mm, settled)
         assert thread.run(1) == pytest.approx(thread.s + led_mm)
         assert thread.coupling.settled is settled

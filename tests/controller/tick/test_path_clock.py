@@ -98,7 +98,7 @@ def test_what_lies_behind_the_clock_is_forgotten_and_the_joints_are_right_all_th
         assert n == pytest.approx(0.55, abs=1e-9)
         assert follow.joints[0] == pytest.approx(begin + SPEED * n, abs=1e-6)
         steps(follow, 275)
-        assert len(follow._queue) <= 6 and len(follow._motions) <= 2
+        assert len(follow._queue) <= 6 and len(follow._queue._motions) <= 2
 
 
 def test_a_dwell_stands_where_the_motion_before_it_ended_also_when_that_is_long_ago() -> None:
@@ -163,7 +163,7 @@ def test_spindle_and_outputs_are_told_once_and_before_the_stop_of_the_same_piece
     told = first._replace(sets=True, stop=True, outputs=(4, 2, ((0, 1.5),)), spindle_rev_min=800.0)
     follow = loaded([told, second])
     assert steps(follow, 5) == [Step.MOVED] * 4 + [Step.SET]
-    assert follow.told == told
+    assert follow.setting == told
     assert follow.piece is not None and follow.piece.outputs == (0, 0, ()) and not follow.piece.sets
     assert [follow.step(True), follow.step(True)] == [Step.STOP, Step.MOVED]
 

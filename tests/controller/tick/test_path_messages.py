@@ -88,13 +88,13 @@ def test_a_step_that_is_taken_back_is_made_again_the_same() -> None:
         follow = loaded(plan(1.0), [stop_at(20 * T, 10)])
         for n in range(at):
             follow.step(n < 20)
-        before = follow.joints, follow.tau, follow.rate, follow.last
+        before = follow.joints, follow.tau, follow.rate, follow.last, follow.before
         follow.step(at < 20)
-        after = follow.joints, follow.tau, follow.rate, follow.last
+        after = follow.joints, follow.tau, follow.rate, follow.last, follow.before
         follow.revert()
-        assert (follow.joints, follow.tau, follow.rate, follow.last) == before
+        assert (follow.joints, follow.tau, follow.rate, follow.last, follow.before) == before
         follow.step(at < 20)
-        assert (follow.joints, follow.tau, follow.rate, follow.last) == after
+        assert (follow.joints, follow.tau, follow.rate, follow.last, follow.before) == after
 
 
 def test_put_to_rest_nothing_moves() -> None:

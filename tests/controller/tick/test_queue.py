@@ -8,7 +8,8 @@ from numpy.polynomial import Polynomial
 from controller.geometry.curves import Line
 from controller.ipc.handoff import Law, Piece, PieceMessage, StopTable, dwell
 from controller.motion.motions import JointMove, Motion, ThreadMove, ToolSpline
-from controller.tick.queue import Brake, Entry, Stops, entries_of
+from controller.tick.brake import Brake
+from controller.tick.queue import Entry, Queue, Stops
 
 T = 0.002
 ROWS = (  # of a law that goes on evenly at none of its knots: a look-up in the wrong polynomial is seen
@@ -117,12 +118,20 @@ def test_a_spline_tells_the_line_under_the_clock_and_another_motion_its_pieces()
 # ---- a message
 
 
+def queue_that_knows(motions: dict[int, Motion]) -> Queue:
+    """Of each motion it has a piece, up to 6 s."""
+    queue, pieces = Queue(), [piece_of(to_rest(0.0, 50.0, 6.0 / len(motions)), i) for i in motions]
+    message = PieceMessage(1, 0.0, motions, tuple(pieces))
+    queue.add(message, queue.entries_of(message, 0.0) or [], 0.0)
+    return queue
+
+
 def test_pieces_of_a_message_follow_one_another_from_its_time_on() -> None:
     first, second = move_of(), move_of(20.0)
     laws = to_rest(0.0, 50.0, 1.0), to_rest(0.0, 20.0, 0.5)
     pieces = (piece_of(laws[0], 4), dwell(0.25), piece_of(laws[1], 5))
     message = PieceMessage(1, 6.0, {5: second}, pieces)
-    found = entries_of(message, {4: first}, 6.0)
+    found = queue_that_knows({4: first}).entries_of(message, 6.0)
     assert found is not None
     assert [(e.start_s, e.end_s) for e in found] == [(6.0, 7.0), (7.0, 7.25), (7.25, 7.75)]
     assert [e.motion for e in found] == [first, None, second]
@@ -130,17 +139,17 @@ def test_pieces_of_a_message_follow_one_another_from_its_time_on() -> None:
 
 def test_a_motion_that_a_message_brings_again_counts_before_the_one_that_was_known() -> None:
     old, new = move_of(), move_of(20.0)
-    found = entries_of(PieceMessage(1, 0.0, {4: new}, (piece_of(to_rest(0.0, 20.0, 1.0), 4),)), {4: old}, 0.0)
+    message = PieceMessage(1, 0.0, {4: new}, (piece_of(to_rest(0.0, 20.0, 1.0), 4),))
+    found = queue_that_knows({4: old}).entries_of(message, 0.0)
     assert found is not None and found[0].motion is new
 
 
 def test_without_pieces_or_with_one_whose_motion_nobody_knows_there_is_nothing() -> None:
-    assert entries_of(PieceMessage(1, 0.0), {}, 0.0) is None
+    queue = Queue()
+    assert queue.entries_of(PieceMessage(1, 0.0), 0.0) is None
     known = piece_of(to_rest(0.0, 50.0, 1.0), 4)
-    assert (
-        entries_of(PieceMessage(1, 0.0, {4: move_of()}, (known, known._replace(motion_id=0))), {}, 0.0)
-        is None
-    )
+    pieces = (known, known._replace(motion_id=0))
+    assert queue.entries_of(PieceMessage(1, 0.0, {4: move_of()}, pieces), 0.0) is None
 
 
 # ---- where stops begin
@@ -265,13 +274,15 @@ def on_the_way(s: float) -> Brake:
     return brake
 
 
-def through(*speeds_at_end: float) -> list[Entry]:
+def through(*speeds_at_end: float) -> Queue:
     """A queue of motions of 50 mm, each as two pieces; at 0 mm/s the second ends at rest."""
-    queue: list[Entry] = []
+    queue, pieces = Queue(), []
     for identity, speed in enumerate(speeds_at_end):
         second = even(25.0, speed, 1.0) if speed else Law((0.0, 1.0), ((25.0, 50.0, -25.0, 0.0, 0.0, 0.0),))
-        for law in (even(0.0, 25.0, 1.0), second):
-            queue.append(Entry(piece_of(law, identity), move_of(), len(queue) * 1.0))
+        pieces += [piece_of(law, identity) for law in (even(0.0, 25.0, 1.0), second)]
+    motions = {identity: move_of() for identity in range(len(speeds_at_end))}
+    message = PieceMessage(1, 0.0, motions, tuple(pieces))
+    queue.add(message, queue.entries_of(message, 0.0) or [], 0.0)
     return queue
 
 

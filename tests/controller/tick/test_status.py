@@ -12,7 +12,7 @@ from support.machines.tick_bench import Bench, s_curve, stops, straight
 from controller.ipc.handoff import COLUMN, Jog, dwell
 from controller.motion.pieces import STANDSTILL
 from controller.state.modes import Fault, Mode, Request
-from controller.tick.status_publisher import Telling, _timed
+from controller.tick.status_publisher import StatusPublisher, _timed
 from drives.cyclic.drive import DriveFault
 
 HERE = (0.0, 0.0, 0.0, 0.0, 0.0)
@@ -40,8 +40,13 @@ def test_before_anything_is_planned_nothing_is_cut_and_nothing_is_under_the_cloc
 
 def test_before_the_first_tick_it_tells_of_nothing() -> None:
     bench = Bench()
-    telling: Telling = bench.cycle._telling
-    assert (telling.motion_id, telling.cutting, telling.fault_off, telling.bus_share) == (-1, False, 0.0, 0.0)
+    status: StatusPublisher = bench.cycle._status
+    assert (status.motion_id, status.cutting, status.fault_off, status.bus_share) == (
+        -1,
+        False,
+        0.0,
+        0.0,
+    )
     bench.close()
 
 
@@ -103,7 +108,7 @@ def buses(bench: Bench, *rates: int) -> list[SimpleNamespace]:
         bench.machine, buses=tuple(replace(plain, name=f"b{i}", bit_rate=r) for i, r in enumerate(rates))
     )
     lines = [SimpleNamespace(bus=bus.name, bits=0) for bus in made.buses]
-    bench.cycle._telling._buses = _timed(made, lines)
+    bench.cycle._status._buses = _timed(made, lines)
     return lines
 
 

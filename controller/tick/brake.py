@@ -1,0 +1,74 @@
+"""A stop under way: it leaves the plan where a stop begins, and comes to rest along the path."""
+
+from __future__ import annotations
+
+from controller.ipc.handoff import StopTable
+from controller.tick.queue import Queue
+
+
+class Brake:
+    """Jerk after jerk, from the plan's own s, v and a to rest."""
+
+    __slots__ = ("_held", "_jerks", "_k", "_last", "_n", "_period_s", "a", "active", "left_at", "s", "v")
+
+    def __init__(self, period_s: float) -> None:
+        self._period_s = period_s
+        self._jerks = StopTable.of(0.0, 1.0, 1.0, ()).jerks
+        self._k = self._last = self._n = 0
+        self._held = 1  # ticks for which each jerk holds
+        self.active = False
+        self.left_at = 0.0  # speed at which the plan was left
+        self.s = self.v = self.a = 0.0
+
+    def begin(self, table: StopTable, row: int, state: tuple[float, float, float]) -> None:
+        """Leave the plan at ``state`` (s, v, a)."""
+        self.s, self.v, self.a = state
+        self.left_at = self.v
+        self._jerks, self._k, self._last = table.jerks, table.first[row], table.first[row + 1]
+        self._held = max(1, round(table.jerk_step_s / self._period_s))
+        self._n = 0
+        self.active = True
+
+    def come_to(self, queue: Queue, now: int) -> int:
+        """Number of the entry in which it is now; its s runs on from motion to motion, but past no rest."""
+        entry, last = queue[now], queue.last
+        while entry.motion is not None and self.s > entry.motion.end:
+            i = now + 1
+            while i <= last and queue[i].piece.motion_id == entry.piece.motion_id:
+                i += 1
+            if i > last or queue[i - 1].rests_at(queue[i - 1].end_s):
+                self.s = entry.motion.end  # by rounding
+                break
+            self.s -= entry.motion.end
+            now, entry = i, queue[i]
+        return now
+
+    def stand(self, s: float) -> None:
+        """At rest at ``s`` already, without a way to it."""
+        self.s, self.v, self.a, self.left_at = s, 0.0, 0.0, 0.0
+        self._k = self._last = self._n = 0
+        self.active = True
+
+    @property
+    def over(self) -> bool:
+        """At rest."""
+        return self._k >= self._last
+
+    def step(self) -> None:
+        """One period on; with the last one speed and acceleration are nothing."""
+        h, v, a, j = self._period_s, self.v, self.a, self._jerks[self._k]
+        self.s += h * (v + h * (0.5 * a + h * j / 6.0))
+        self.v = v + h * (a + 0.5 * h * j)
+        self.a = a + h * j
+        self._n += 1
+        if self._n == self._held:
+            self._n = 0
+            self._k += 1
+            if self._k == self._last:
+                self.v = self.a = 0.0
+
+    def save(self) -> tuple[bool, float, float, float, int, int]:
+        return self.active, self.s, self.v, self.a, self._k, self._n
+
+    def restore(self, saved: tuple[bool, float, float, float, int, int]) -> None:
+        self.active, self.s, self.v, self.a, self._k, self._n = saved
