@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import ast
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 
 import pytest
@@ -332,6 +332,48 @@ def test_the_drawing_itself_has_no_way_round() -> None:
     while ends := {part for part, to in left.items() if not to & left.keys()}:
         left = {part: to for part, to in left.items() if part not in ends}
     assert not left, f"these point at each other: {sorted(left)}"
+
+
+def circles(tree: Mapping[str, str]) -> list[str]:
+    """Modules that import each other, straight or by others, for types or inside functions: their files.
+
+    ``tree``: source by file. Taking away what imports nothing that is left, and what nothing left imports,
+    leaves circles, and what is between two of them.
+    """
+    left = {file: set(_imported(source, file)) & tree.keys() - {file} for file, source in tree.items()}
+    while left:
+        imported = set().union(*left.values())
+        ends = {file for file, to in left.items() if not to or file not in imported}
+        if not ends:
+            break
+        left = {file: to - ends for file, to in left.items() if file not in ends}
+    return sorted(left)
+
+
+def _imported(source: str, path: str) -> Iterator[str]:
+    """The files that a module names, not the packages about them."""
+    for _, name in imports(source, path):
+        yield from list(_files(name))[-1:]
+
+
+def test_no_modules_import_each_other() -> None:
+    assert circles({path.relative_to(ROOT).as_posix(): path.read_text() for path in sources()}) == []
+
+
+FOLLOW, LOOP = "from controller.tick import follow", "from controller.tick.loop import Loop"
+LEADS_BACK = [
+    # file, source, why it must be found
+    ("controller/tick/follow.py", LOOP, "as it is loaded"),
+    ("controller/tick/follow.py", "if TYPE_CHECKING:\n    from . import loop", "for types alone"),
+    ("controller/tick/follow.py", "def f():\n    import controller.tick.loop", "inside a function"),
+]
+
+
+@pytest.mark.parametrize(("path", "source", "reason"), LEADS_BACK)
+def test_a_planted_circle_is_found(path: str, source: str, reason: str) -> None:
+    others = {"controller/tick/loop.py": FOLLOW, "controller/tick/cycle.py": LOOP}
+    assert circles({path: "", **others}) == []
+    assert circles({path: source, **others}) == sorted([path, "controller/tick/loop.py"]), reason
 
 
 PLANTED = [

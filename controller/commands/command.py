@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from enum import StrEnum
-from typing import TYPE_CHECKING, Any
+from enum import IntEnum, StrEnum
+from typing import Any
 
 from controller.commands.arguments import Argument
 from controller.values import dataclass
-
-if TYPE_CHECKING:
-    from controller.commands.table import Request
 
 
 class Access(StrEnum):
@@ -74,7 +71,7 @@ class Command:
     name: str
     access: Access
     arguments: tuple[Argument, ...] = ()
-    request: Request | None = None  # what the tick is asked for, at last
+    request: IntEnum | None = None  # of ``table.Request``: what the tick is asked for, at last
     needs: tuple[str, ...] = ()
     modes: tuple[str, ...] = ()  # in which it is possible besides those of ``request``
     rest: Rest | None = None

@@ -600,6 +600,6 @@ ALL: tuple[Command, ...] = (
 REPEATED = tuple([f"/{command.rest.path}" for command in ALL if command.rest and command.rest.seen_s])
 COMMANDS: dict[str, Command] = {command.name: command for command in ALL}
 SWITCHES: tuple[Command, ...] = tuple([command for command in ALL if command.is_switch])
-SWITCHED: dict[Request, Command] = {one.request: one for one in SWITCHES if one.request is not None}
+SWITCHED = {Request(one.request): one for one in SWITCHES if one.request is not None}
 OVERRIDES = (Request.OVERRIDE, Request.RAPID_OVERRIDE, Request.SPINDLE_OVERRIDE)
 ENDS = frozenset([command.name for command in ALL if command.way is Lane.STOP])  # a press that is held, too

@@ -31,6 +31,7 @@ from controller.program import (
     line_words,
     linked,
     modal,
+    modal_words,
     nurbs_words,
     offset_words,
     planar_words,
@@ -260,7 +261,9 @@ class _Turn:
         self._check_words()
         self._keep_number()
         sides = [letters for code, letters in self._takers() if code in SIDES]
-        self.state, self.made = modal.apply(self.ask, self._motion, self.state, self._machine, "".join(sides))
+        self.state, self.made = modal_words.apply(
+            self.ask, self._motion, self.state, self._machine, "".join(sides)
+        )
         self._check_frame()
         self._notes()
         self._origins()

@@ -9,15 +9,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 from types import MappingProxyType
-from typing import TYPE_CHECKING
 
 from controller.machine.model import MAX_WEAR_MM, Machine, Tool
 from controller.program.codes import Ask
+from controller.program.modal import State
 from controller.program.program import Modal, Planar, ProgramError, Side, Tip
 from controller.program.words import Word
-
-if TYPE_CHECKING:
-    from controller.program.modal import State
 
 WRITTEN = ("G41.1", "G42.1")  # D is the diameter itself
 # What must not change while the cutter runs beside a contour, and the groups of codes that change it.

@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from controller.commands.table import Request
 from controller.ipc.control_socket import Answer, Values
 from controller.messages import Key
+from controller.service.handler_context import HandlerContext
 from controller.service.jogging import slowed
 from controller.service.preconditions import permitted
 from controller.service.refusals import number, refused
 
-if TYPE_CHECKING:
-    from controller.service.command_handlers import CommandHandlers
 
-
-def hold(handlers: CommandHandlers, _: Values) -> Answer:
+def hold(handlers: HandlerContext, _: Values) -> Answer:
     """Also of what is only being prepared: it does not go out, which is what was asked for."""
     sequencer = handlers.service.sequencer
     given_up = "" if sequencer.busy == "home" else sequencer.give_up()  # drives home by themselves
@@ -26,7 +22,7 @@ def hold(handlers: CommandHandlers, _: Values) -> Answer:
     return handlers.ask(Request.HOLD, instead=_given_up(given_up))
 
 
-def stop(handlers: CommandHandlers, _: Values) -> Answer:
+def stop(handlers: HandlerContext, _: Values) -> Answer:
     """Also of what is only being prepared: a check, a start, the next axes that home."""
     if given_up := handlers.service.sequencer.give_up():
         handlers.plan_gives_up()
@@ -38,17 +34,17 @@ def _given_up(name: str) -> Values | None:
     return {"outcome": "given_up", "what": name} if name else None
 
 
-def estop(handlers: CommandHandlers, _: Values) -> Answer:
+def estop(handlers: HandlerContext, _: Values) -> Answer:
     handlers.service.sequencer.give_up()
     return handlers.ask(Request.ESTOP)
 
 
-def disable(handlers: CommandHandlers, _: Values) -> Answer:
+def disable(handlers: HandlerContext, _: Values) -> Answer:
     handlers.service.sequencer.give_up()
     return handlers.ask(Request.DISABLE)
 
 
-def resume(handlers: CommandHandlers, _: Values) -> Answer:
+def resume(handlers: HandlerContext, _: Values) -> Answer:
     """Along the program only from where it was held: off it the tool must return first."""
     service = handlers.service
     if not service.sequencer.busy and (why := service.run.no_resume):
@@ -62,7 +58,7 @@ def resume(handlers: CommandHandlers, _: Values) -> Answer:
 # ---- jogging
 
 
-def jog(handlers: CommandHandlers, values: Values) -> Answer:
+def jog(handlers: HandlerContext, values: Values) -> Answer:
     """Dead-man: without the next one within 200 ms the axes come to rest."""
     service, now = handlers.service, permitted(handlers.service, Request.JOG)
     frame, axis, share = values["frame"], values["axis"], values["speed"]
@@ -73,7 +69,7 @@ def jog(handlers: CommandHandlers, values: Values) -> Answer:
     return handlers.answer_of(service.engine.jog(line), Request.JOG)
 
 
-def jog_step(handlers: CommandHandlers, values: Values) -> Answer:
+def jog_step(handlers: HandlerContext, values: Values) -> Answer:
     service, now = handlers.service, permitted(handlers.service, Request.JOG)
     frame, axis, distance = values["frame"], values["axis"], values["distance"]
     line = handlers.jogging.step(service.set_up.machine, now, handlers.part(), frame, axis, distance)
@@ -84,7 +80,7 @@ def jog_step(handlers: CommandHandlers, values: Values) -> Answer:
 # ---- by hand
 
 
-def spindle(handlers: CommandHandlers, values: Values) -> Answer:
+def spindle(handlers: HandlerContext, values: Values) -> Answer:
     """Signed; 0 = off. Raises CommandRefused."""
     machine, tool = handlers.service.set_up.machine, handlers.service.set_up.tool
     assert machine.spindle is not None
@@ -94,7 +90,7 @@ def spindle(handlers: CommandHandlers, values: Values) -> Answer:
     return handlers.ask(Request.SPINDLE, rev_min, rev_min=rev_min)
 
 
-def coolant(handlers: CommandHandlers, values: Values) -> Answer:
+def coolant(handlers: HandlerContext, values: Values) -> Answer:
     """Raises CommandRefused."""
     io = handlers.service.set_up.machine.io
     outputs = dict(io.outputs) if io else {}
@@ -108,7 +104,7 @@ def coolant(handlers: CommandHandlers, values: Values) -> Answer:
     return handlers.ask(Request.COOLANT, float(wanted), mist=values["mist"], flood=values["flood"])
 
 
-def clamps(handlers: CommandHandlers, values: Values) -> Answer:
+def clamps(handlers: HandlerContext, values: Values) -> Answer:
     """``open``: names of the axes whose clamps are open, and of no other ones. Raises CommandRefused."""
     axes = handlers.service.set_up.machine.axes
     clamped = [axis.name for axis in axes if axis.clamp is not None]

@@ -6,15 +6,12 @@ what takes long goes to the sequencer, and what waits for a disk to the threads 
 
 from __future__ import annotations
 
-import contextlib
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any
 
 from controller.commands.arguments import ArgumentError
 from controller.commands.command import Command
 from controller.commands.table import COMMANDS, ENDS, Request
-from controller.geometry.vectors import Frame
 from controller.ipc.control_socket import Answer, CommandRefused, Values
 from controller.messages import said
 from controller.service import (
@@ -25,29 +22,22 @@ from controller.service import (
     preconditions,
     restart_preview,
     runs,
-    sequences,
     tool_places,
     usage,
     whole_status,
 )
-from controller.service.acknowledged import Acknowledged
-from controller.service.jobs import Job
-from controller.service.jogging import Jogging, Presses
+from controller.service.handler_context import HandlerContext
 from controller.service.refusals import refused
-from controller.service.sequencer import Going
 from controller.service.service import Service
-from controller.state.modes import MOVES, Mode
+from controller.state.modes import Mode
 
 
-class CommandHandlers:
+class CommandHandlers(HandlerContext):
     """Call it with a verb and its arguments."""
 
     def __init__(self, service: Service) -> None:
-        self.service = service
-        self.jogging, self.presses = Jogging(), Presses()
-        self._answers = Acknowledged(service.set_up.machine, lambda: service.engine)
+        super().__init__(service)
         self._errands = ThreadPoolExecutor(2, "errands")  # what waits for a disk
-        self._loading = Going()  # the last program that is loaded or let go of: only that counts
 
     def __call__(self, verb: str, args: Values) -> Answer:
         """The result, or a future of it. Raises CommandRefused."""
@@ -65,7 +55,7 @@ class CommandHandlers:
         if (handler := AT_ONCE.get(command.name)) is not None:
             return handler(self, values)
         assert command.request is not None  # the tick alone does it
-        return self.ask(command.request, float(next(iter(values.values()), 0.0)), **values)
+        return self.ask(Request(command.request), float(next(iter(values.values()), 0.0)), **values)
 
     def _instead(self, command: Command, values: Values) -> Command | None:
         """What is meant: a start in a hold goes on with the program, a jog at speed 0 ends."""
@@ -77,61 +67,8 @@ class CommandHandlers:
 
     def close(self) -> None:
         """Nobody asks any more; what waits for a disk is done first."""
-        self._answers.close()
+        super().close()
         self._errands.shutdown(wait=True)
-
-    # -- what the handlers do it with
-
-    def ask(self, request: Request, value: float = 0.0, instead: Values | None = None, **told: Any) -> Answer:
-        """A datagram to the tick, and what it answers; see ``Acknowledged``. Raises CommandRefused."""
-        now = self.service.processes.now()
-        if request in MOVES:
-            preconditions.tick_goes_on(self.service, now, request.name)
-        return self._answers.of(self.service.engine.request(request, value), request, told, instead)
-
-    def answer_of(self, number: int, request: Request) -> Answer:
-        """What the tick answers to a request that has gone out. Raises CommandRefused."""
-        return self._answers.of(number, request, {})
-
-    def part(self) -> Frame:
-        """The frame of the program's positions that is active."""
-        service = self.service
-        found = service.engine.snapshot()
-        if found is None:
-            return service.set_up.machine.part()
-        return service.run.in_force(found).modal.frame(service.set_up.machine)
-
-    def sequence(
-        self, name: str, work: Callable[[], Values], going: Going | None = None, behind: str = ""
-    ) -> Answer:
-        """What takes long. Raises CommandRefused where something else does."""
-        found = self.service.engine.snapshot()
-        mode = found.mode.name if found is not None else "OFF"
-        return self.service.sequencer.do(name, work, mode, going, behind)
-
-    def begin(self, name: str, job: Job) -> Answer:
-        """Start a job that is no loaded program. Raises CommandRefused."""
-        service, going = self.service, Going()
-        preconditions.permitted(service, Request.START)
-        preconditions.not_running(service, name.upper())
-        preconditions.changer_is_sure(service, name.upper())
-        return self.sequence(name, lambda: sequences.start(service, job, going), going)
-
-    def new_load(self) -> Going:
-        self._loading = Going()
-        return self._loading
-
-    def give_up_load(self) -> str:
-        """Whoever stops, unloads or loads something else has no use for a check that goes on; its verb."""
-        self._loading.give_up()
-        if self.service.sequencer.busy != "load":
-            return ""
-        self.plan_gives_up()
-        return "load"
-
-    def plan_gives_up(self) -> None:
-        with contextlib.suppress(CommandRefused):  # a plan that is gone has given it up
-            self.service.engine.line.give_up()
 
 
 def _read(command: Command, args: Values) -> Values:
@@ -153,7 +90,7 @@ def _buses(service: Service, _: Values) -> Values:
     return diagnostics.buses(service.set_up.machine, service.processes.logs, service.engine.recorder)
 
 
-AT_ONCE: dict[str, Callable[[CommandHandlers, Values], Answer]] = {
+AT_ONCE: dict[str, Callable[[HandlerContext, Values], Answer]] = {
     "status": lambda handlers, _: whole_status.status(handlers.service),
     "facts": lambda handlers, _: whole_status.facts(handlers.service),
     "probed": lambda handlers, _: {"found": handlers.service.probed.told()},

@@ -3,24 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 from controller.commands.table import Request
 from controller.ipc.control_socket import Answer, CommandRefused, Values
 from controller.machine.model import Machine
 from controller.plan.retract import RETRACT_MM_S
 from controller.service import jobs, preconditions, restart_preview, sequences, whole_status
+from controller.service.handler_context import HandlerContext
 from controller.service.preconditions import permitted
 from controller.service.refusals import by_fault, refused
 from controller.service.sequencer import Going
 from controller.service.thread_guard import way_out
 from controller.state.modes import Mode, bars
 
-if TYPE_CHECKING:
-    from controller.service.command_handlers import CommandHandlers
 
-
-def enable(handlers: CommandHandlers, _: Values) -> Answer:
+def enable(handlers: HandlerContext, _: Values) -> Answer:
     service, now = handlers.service, handlers.service.processes.now()
     if now.mode is Mode.READY:
         return {"done": True, "mode": now.mode.name}
@@ -28,7 +25,7 @@ def enable(handlers: CommandHandlers, _: Values) -> Answer:
     return handlers.sequence("enable", lambda: sequences.enable(service))
 
 
-def home(handlers: CommandHandlers, values: Values) -> Answer:
+def home(handlers: HandlerContext, values: Values) -> Answer:
     service, going = handlers.service, Going()
     axes = _axis_numbers(service.set_up.machine, values["axes"], service.processes.now().mode)
     return handlers.sequence("home", lambda: sequences.home(service, axes, going), going)
@@ -44,7 +41,7 @@ def _axis_numbers(machine: Machine, names: list[str] | None, mode: Mode) -> tupl
     return tuple(sorted({known.index(name) for name in names}))
 
 
-def reset(handlers: CommandHandlers, _: Values) -> Answer:
+def reset(handlers: HandlerContext, _: Values) -> Answer:
     service = handlers.service
     now = service.engine.snapshot()
     goes_on = service.engine.tick_alive and now is not None and not service.processes.stands(now)
@@ -56,7 +53,7 @@ def reset(handlers: CommandHandlers, _: Values) -> Answer:
 # ---- programs and lines
 
 
-def load(handlers: CommandHandlers, values: Values) -> Answer:
+def load(handlers: HandlerContext, values: Values) -> Answer:
     service = handlers.service
     given_up, going = handlers.give_up_load(), handlers.new_load()
 
@@ -79,7 +76,7 @@ def load(handlers: CommandHandlers, values: Values) -> Answer:
     return handlers.sequence("load", work, behind=given_up)
 
 
-def unload(handlers: CommandHandlers, _: Values) -> Answer:
+def unload(handlers: HandlerContext, _: Values) -> Answer:
     """A check of it that is under way is given up, and has come to its end with the answer."""
 
     def work() -> Values:
@@ -90,23 +87,23 @@ def unload(handlers: CommandHandlers, _: Values) -> Answer:
     return handlers.sequence("unload", work, behind=given_up) if given_up else work()
 
 
-def seen(handlers: CommandHandlers, _: Values) -> Answer:
+def seen(handlers: HandlerContext, _: Values) -> Answer:
     handlers.service.run.seen()
     return {}
 
 
-def start(handlers: CommandHandlers, values: Values) -> Answer:
+def start(handlers: HandlerContext, values: Values) -> Answer:
     service, going, job = handlers.service, Going(), handlers.service.run.loaded
     assert job is not None
     unrecorded = bool(values["unrecorded"])
     return handlers.sequence("start", lambda: sequences.start(service, job, going, unrecorded), going)
 
 
-def mdi(handlers: CommandHandlers, values: Values) -> Answer:
+def mdi(handlers: HandlerContext, values: Values) -> Answer:
     return handlers.begin("mdi", jobs.mdi(values["text"], handlers.service.set_up.machine))
 
 
-def probe(handlers: CommandHandlers, values: Values) -> Answer:
+def probe(handlers: HandlerContext, values: Values) -> Answer:
     """A probing cycle, from where the probe stands."""
     return handlers.begin(
         "probe", jobs.probing(values, handlers.service.set_up.machine, handlers.service.set_up.tool)
@@ -116,7 +113,7 @@ def probe(handlers: CommandHandlers, values: Values) -> Answer:
 # ---- off the path
 
 
-def retract(handlers: CommandHandlers, values: Values) -> Answer:
+def retract(handlers: HandlerContext, values: Values) -> Answer:
     """Off along the tool axis: out of a held program, or from READY, as after a fault."""
     service, now, mm = handlers.service, handlers.service.processes.now(), values["mm"]
     if now.mode not in (Mode.HOLD, Mode.READY) or not now.at_rest:
@@ -133,11 +130,11 @@ def retract(handlers: CommandHandlers, values: Values) -> Answer:
     return handlers.sequence("retract", lambda: sequences.retract(service, line, going), going)
 
 
-def return_(handlers: CommandHandlers, _: Values) -> Answer:
+def return_(handlers: HandlerContext, _: Values) -> Answer:
     return _aside(handlers, "return")
 
 
-def _aside(handlers: CommandHandlers, verb: str, distance_mm: float = 0.0) -> Answer:
+def _aside(handlers: HandlerContext, verb: str, distance_mm: float = 0.0) -> Answer:
     service, now = handlers.service, handlers.service.processes.now()
     if now.mode is not Mode.HOLD or not now.at_rest:
         raise refused("not_held", now.mode.name, verb.upper())
@@ -147,7 +144,7 @@ def _aside(handlers: CommandHandlers, verb: str, distance_mm: float = 0.0) -> An
     return handlers.sequence(verb, lambda: sequences.aside(service, verb, distance_mm, going), going)
 
 
-def withdraw(handlers: CommandHandlers, values: Values) -> Answer:
+def withdraw(handlers: HandlerContext, values: Values) -> Answer:
     """Out of a thread along it, by what is known of it or ``mm``; or it ``is_out`` already, by hand."""
     service, now = handlers.service, handlers.service.processes.now()
     machine, found = service.set_up.machine, service.thread.found

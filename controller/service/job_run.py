@@ -9,7 +9,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from controller.ipc.handoff import Snapshot
 from controller.machine.changes import Change
@@ -23,16 +23,14 @@ from controller.service.jobs import Job, journalled, whole_from
 from controller.service.journal import Entry
 from controller.service.last_run import NOT_STARTED, LastRun
 from controller.service.modal_state import ModalState
+from controller.service.owners import Owners
 from controller.service.run_recorder import RunRecorder
-
-if TYPE_CHECKING:
-    from controller.service.service import Service
 
 
 class JobRun:
     """One at a time; what it leaves in force is what the next begins with."""
 
-    def __init__(self, service: Service, recorder: RunRecorder, interrupted: Entry | None) -> None:
+    def __init__(self, service: Owners, recorder: RunRecorder, interrupted: Entry | None) -> None:
         """``interrupted``: by the end of a service before this one."""
         self._service, self.recorder = service, recorder
         self.loaded: Job | None = None

@@ -71,7 +71,7 @@ def _mode(service: Service, command: Command, _: Values) -> None:
     now = service.processes.now()
     tick_goes_on(service, now, command.title)
     if command.request is not None and now.mode.name not in command.modes:
-        permitted(service, command.request)
+        permitted(service, Request(command.request))
 
 
 def _loaded(service: Service, command: Command, _: Values) -> None:

@@ -7,19 +7,17 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 from controller.ipc.control_socket import CommandRefused
 from controller.ipc.handoff import Snapshot
 from controller.messages import said
 from controller.plan.restart.program_position import ENTRY_ID
 from controller.service import alarms, journal
+from controller.service.job_run import JobRun
 from controller.service.jobs import Job
+from controller.service.owners import Owners
 from controller.service.watchdog import STANDS_S, LastSecond
 from controller.state.modes import Mode, Request
-
-if TYPE_CHECKING:
-    from controller.service.service import Service
 
 POLL_S = 0.02
 ROWS_S = 0.2  # from one look at the tick's rows to the next, where no run is recorded
@@ -28,8 +26,8 @@ ROWS_S = 0.2  # from one look at the tick's rows to the next, where no run is re
 class Watch:
     """Looks some fifty times a second, by the main thread."""
 
-    def __init__(self, service: Service) -> None:
-        self._service, self._run = service, service.run
+    def __init__(self, service: Owners, run: JobRun) -> None:
+        self._service, self._run = service, run
         self.last_second = LastSecond()
         self._rows_s = 0.0  # when the tick's rows were looked at
         self._asked_tool: int | None = None  # that a program waited for at the last look ...

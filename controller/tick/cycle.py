@@ -77,12 +77,12 @@ class Cycle:
     ) -> None:
         self.machine = machine
         self.group = group
-        parts = Parts(self, machine, group, now)
+        parts = Parts(machine, group, now)
         self.modes, self.follow, self.jogging = parts.modes, parts.follow, parts.jogging
         self.coupling, self.peripherals, self.adaptive = parts.coupling, parts.peripherals, parts.adaptive
         self.sync, self.probing, self.answers = parts.sync, parts.probing, parts.answers
         self._encoder, self._check = parts.encoder, parts.check
-        self._status = StatusPublisher(parts, snapshot, recorder)
+        self._status = StatusPublisher(self, parts, snapshot, recorder)
         self._masks = range(1, machine.every_axis + 1)  # of axes
         self._homing_asked = 0  # axes (bit mask) whose clamps must open before they home
         self._homing_number = 0  # of that request

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 
 from controller.ipc.handoff import Answers
 from controller.machine.kinematics import kinematics_of
@@ -21,19 +20,15 @@ from controller.tick.peripherals import Peripherals
 from controller.tick.probing import Probing
 from controller.tick.sync_watch import SyncWatch
 
-if TYPE_CHECKING:
-    from controller.tick.cycle import Cycle
-
 
 class Parts:
-    """What ``live_state`` names as the owners of its values, and what else the cycle calls in each tick."""
+    """What ``live_state`` names as the owners of its values, but for the cycle; and what else that calls."""
 
     __slots__ = (
         "adaptive",
         "answers",
         "check",
         "coupling",
-        "cycle",
         "encoder",
         "follow",
         "group",
@@ -45,8 +40,8 @@ class Parts:
         "sync",
     )
 
-    def __init__(self, cycle: Cycle, machine: Machine, group: Drives, now: Callable[[], float]) -> None:
-        self.cycle, self.machine, self.group = cycle, machine, group
+    def __init__(self, machine: Machine, group: Drives, now: Callable[[], float]) -> None:
+        self.machine, self.group = machine, group
         stops_s = stop_times.path_stop_s(machine), stop_times.quick_stop_s(machine)
         absolute = sum(1 << i for i, axis in enumerate(machine.axes) if axis.homing.absolute)
         self.modes = Modes(group, machine.period_s, *stops_s, absolute)

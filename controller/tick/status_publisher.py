@@ -21,7 +21,8 @@ _FOLLOWING_ERROR: Final = Fault.FOLLOWING_ERROR  # an enum's members are slow to
 class StatusPublisher:
     """Reads the parts of the tick; changes none."""
 
-    def __init__(self, parts: Parts, snapshot: SnapshotBoard, recorder: Recorder) -> None:
+    def __init__(self, cycle: object, parts: Parts, snapshot: SnapshotBoard, recorder: Recorder) -> None:
+        """``cycle``: that of these parts, which owns values of the live state, too."""
         machine, group = parts.machine, parts.group
         self._group, self._modes, self._follow, self._jogging = (
             group,
@@ -30,7 +31,8 @@ class StatusPublisher:
             parts.jogging,
         )
         self._encoder = parts.encoder
-        self._owners = tuple(self if name == "status" else getattr(parts, name) for name in OWNERS)
+        others = {"status": self, "cycle": cycle}
+        self._owners = tuple([others.get(name) or getattr(parts, name) for name in OWNERS])
         self._gather = gather(len(machine.axes))
         self._snapshot, self._recorder = snapshot, recorder
         self._buses = _timed(machine, group.lines)

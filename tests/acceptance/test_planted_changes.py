@@ -85,7 +85,7 @@ CHANGES = {
         "refused/machine_files",
     ),
     "the name of the journal": (
-        "service/service.py",
+        "service/owners.py",
         'JOURNAL = "journal.json"',
         'JOURNAL = "interrupted.json"',
         "state/opened",

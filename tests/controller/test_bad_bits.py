@@ -40,7 +40,7 @@ from controller.messages import said
 from controller.runtime.startup import SessionError
 from controller.service import kept_file, runs
 from controller.service.command_handlers import CommandHandlers
-from controller.service.service import JOURNAL
+from controller.service.owners import JOURNAL
 from controller.service.whole_status import Kept
 
 SENTENCES = (ConfigError, SessionError, OSError, CommandRefused)  # what ``serve`` ends with; others: code 70

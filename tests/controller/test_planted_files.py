@@ -42,8 +42,9 @@ from controller.runtime import recording
 from controller.service import journal, runs
 from controller.service.alarms import Alarms
 from controller.service.folders import Folders
+from controller.service.owners import JOURNAL
 from controller.service.probed import Probed
-from controller.service.service import JOURNAL, Service
+from controller.service.service import Service
 from controller.service.thread_guard import InThread, ThreadGuard
 from controller.service.usage import Usage
 from controller.state.modes import Fault

@@ -15,8 +15,7 @@ import pytest
 
 from drives import pdo
 from drives.bench.simulated import Parameters, SimulatedDrive
-from drives.bench.virtual.stepped_port import Port
-from drives.bench.virtual.virtual_bus import SteppedBus
+from drives.bench.virtual.virtual_bus import Port, SteppedBus
 from drives.commission import CommissionError, Pump, stepped_pump
 from drives.one_axis import AxisError, OneAxis, trapezoid
 from drives.settings import BusSettings

@@ -12,7 +12,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -29,9 +29,6 @@ from controller.plan.stretch import Stretch
 from controller.plan.surfaces.rates import Derivatives, derivatives, kind, together
 from controller.values import dataclass
 
-if TYPE_CHECKING:
-    from controller.plan.feed.ticked import Ticked
-
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.intp]
 
@@ -40,6 +37,14 @@ THREAD_SHARE = 0.6  # of the axes' limits, along a thread; what is left follows 
 THREAD_RAMP_S = 0.06  # in which the spindle's acceleration may change by all of it
 FEW = 2  # stretches, of which each is looked at alone
 APART = 1e-3  # unit of s: of marks closer than that only the boundaries of stretches count
+
+
+class Allowed(Protocol):
+    """What is remembered of exact rows: the speeds that are allowed along them."""
+
+    def allowed_at(self, s: Array) -> Array:
+        """Of the places ``s`` (N,), in the unit of s per second."""
+        ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,7 +87,7 @@ class Course:
         self._jumps: dict[int, Jump] = {}
         self._kinds: dict[int, object] = {}
         self._ends: dict[int, Derivatives] = {}
-        self.ticked: Ticked | None = None  # what is remembered of its exact rows
+        self.ticked: Allowed | None = None  # where all of it is exact rows
 
     @property
     def length(self) -> float:

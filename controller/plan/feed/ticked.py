@@ -52,9 +52,10 @@ def is_row(course: Course) -> bool:
 def of(course: Course, first: float, last: float, v: float = 0.0) -> Ticked:
     """What is known of a course, or of all from ``first`` to ``last`` if nothing is."""
     known = course.ticked
-    if known is None or known.first > first + ROUNDING or known.last < last - ROUNDING:
-        known = course.ticked = Ticked(course, first, last, v)
-    return known
+    if isinstance(known, Ticked) and known.first <= first + ROUNDING and known.last >= last - ROUNDING:
+        return known
+    made = course.ticked = Ticked(course, first, last, v)
+    return made
 
 
 class Ticked:

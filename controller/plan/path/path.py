@@ -40,7 +40,7 @@ from controller.plan.surfaces import (
     train,
     unwind,
 )
-from controller.plan.surfaces.train import Leg
+from controller.plan.surfaces.legs import Leg
 from controller.program.block_look_ahead import Ahead
 from controller.program.program import (
     Act,

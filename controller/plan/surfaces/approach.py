@@ -30,7 +30,8 @@ from controller.plan.stretch import Chain, Stretch, joints_of, rotaries_of, roun
 from controller.plan.surfaces import audit
 from controller.plan.surfaces.cuts import Edge, beside, turn
 from controller.plan.surfaces.leads import Lead
-from controller.plan.surfaces.train import Leg, Meeting
+from controller.plan.surfaces.legs import Leg
+from controller.plan.surfaces.train import Meeting
 from controller.program.program import Place
 from controller.values import dataclass
 

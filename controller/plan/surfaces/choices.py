@@ -15,7 +15,7 @@ from controller.motion.motions import Rotaries
 from controller.plan.rotaries import winding
 from controller.plan.rotaries.winding import Row, Turned, Way
 from controller.plan.stretch import Voice, rotaries_of
-from controller.plan.surfaces import auto, cuts, train
+from controller.plan.surfaces import auto, cuts, legs, train
 from controller.program.program import Aside, Block, CutBlock, JointMotion, ProgramError, TipLine
 
 
@@ -62,14 +62,14 @@ def _ways(
     members: Sequence[cuts.Cut], machine: Machine, kinematics: Kinematics, voice: Voice
 ) -> Callable[[Rotaries], Sequence[Way]]:
     """The branches of a train; followed once, unless they depend on where the rotaries stand."""
-    fields = train.Fields(members, kinematics)
+    fields = legs.Fields(members, kinematics)
     known: list[Way] = []
 
     def ways(near: Rotaries) -> Sequence[Way]:
         if known and not fields.free:
             return known
         try:
-            found = [option.way for option in train.options(fields, machine, near, voice)]
+            found = [option.way for option in legs.options(fields, machine, near, voice)]
         except ProgramError:
             return []
         known[:] = found

@@ -33,7 +33,7 @@ from controller.plan.rotaries.branch import joints_along
 from controller.plan.stretch import Stretch, Voice, joints_of, motion_named, rotaries_of, straight
 from controller.plan.surfaces import audit, rates
 from controller.plan.surfaces.cuts import Edge, beside, gouge, tolerance_mm
-from controller.plan.surfaces.train import Leg
+from controller.plan.surfaces.legs import Leg
 from controller.program.program import Place
 from controller.values import dataclass
 

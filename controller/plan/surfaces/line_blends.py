@@ -43,8 +43,9 @@ from controller.plan.surfaces.blending import (
 from controller.plan.surfaces.blends import End, Rounding, with_blend
 from controller.plan.surfaces.cuts import Cut, edge
 from controller.plan.surfaces.leads import Room, beyond
+from controller.plan.surfaces.legs import Leg
 from controller.plan.surfaces.links import cubics
-from controller.plan.surfaces.train import Leg, choose
+from controller.plan.surfaces.train import choose
 from controller.program.program import Modal, ProgramError
 from controller.values import dataclass
 

@@ -25,7 +25,7 @@ from controller.plan.stretch import Stretch
 from controller.plan.surfaces import rates
 from controller.plan.surfaces.cuts import Cut
 from controller.plan.surfaces.leads import MAX_TURN_RAD, POSES, End, Room, lead_feed, spline_of
-from controller.plan.surfaces.train import Leg
+from controller.plan.surfaces.legs import Leg
 
 Array = npt.NDArray[np.float64]
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, NoReturn
+from typing import NoReturn
 
 import numpy as np
 import numpy.typing as npt
@@ -23,9 +23,7 @@ from controller.plan.rotaries.turns import TURN
 from controller.plan.rotaries.winding import Way
 from controller.plan.stretch import Voice
 from controller.plan.surfaces import audit
-
-if TYPE_CHECKING:
-    from controller.plan.surfaces.train import Leg, Option
+from controller.plan.surfaces.legs import Leg, Option
 
 Array = npt.NDArray[np.float64]
 

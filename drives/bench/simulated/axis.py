@@ -16,21 +16,15 @@ from collections.abc import Callable
 
 from drives.bench.simulated import homing
 from drives.bench.simulated.aborts import Abort, Code
-from drives.bench.simulated.brake import Brake
 from drives.bench.simulated.emergency import Emergencies
-from drives.bench.simulated.inputs import Inputs
 from drives.bench.simulated.machine402 import POWERED, Command, Power, command, following
 from drives.bench.simulated.modes import BIT_12, HALT, HALTABLE, HOMING, MODES, REACHED, CyclicPosition, Mode
-from drives.bench.simulated.motion import Demand
 from drives.bench.simulated.parameters import LostSync
-from drives.bench.simulated.published import publish
-from drives.bench.simulated.records import Records
-from drives.bench.simulated.sensors import Sensors
+from drives.bench.simulated.power_stage import PowerStage
 from drives.bench.simulated.servo import Servo
-from drives.bench.simulated.setpoints import LIMIT, NO_LIMIT, NO_TARGET_YET, Setpoints
+from drives.bench.simulated.setpoints import LIMIT, NO_LIMIT, NO_TARGET_YET
 from drives.bench.simulated.station import Station
 from drives.bench.simulated.stops import Stops
-from drives.settings import INT32_MAX, INT32_MIN
 
 REMOTE, VOLTAGE = 1 << 9, 1 << 4
 DEVIATES = 1 << 13
@@ -40,7 +34,7 @@ FOLLOWING_FAULT, LIMIT_SWITCH_FAULT, SYNC_LOST, EXTERNAL_FAULT = 0x8611, 0x8612,
 Moment = Callable[[float], None]  # called with the time
 
 
-class Axis(Setpoints):
+class Axis(PowerStage):
     """One motor with its power stage. ``alive``: periods must pass; ``faulted``: it has tripped."""
 
     def __init__(self, station: Station, emergencies: Emergencies, alive: Moment, faulted: Moment) -> None:
@@ -48,30 +42,19 @@ class Axis(Setpoints):
         self._emergencies = emergencies
         self._alive = alive
         self._faulted = faulted
-        self.brake = Brake(station, self.servo)
         self.stops = Stops(self)
-        self.sensors = Sensors(station, self.servo, self.brake, self._overrun)
         self.sensors.probes.told = self.units.told_position
         self.sensors.interlock = lambda: self.sto
-        self.inputs = Inputs(self)
-        self.records = Records(self.dictionary)
-        self.power = Power.NOT_READY
         self.mode = 0
         self._law: Mode = Mode(self)
-        self.controlword = 0
         self.unsettled = True  # the state has changed since the controlword was looked at
-        self.powered = False
         self.statusword = 0
         self.causes: set[int] = set()  # injected errors that are still there: no fault reset
         self._errors: set[int] = set()  # what the present fault is made of
         self.sto = False  # safe torque off
         self.homing_methods = homing.KNOWN  # what 6098h takes
-        self.home_offset = 0x607C  # object with the position at the homed point; 0 = there is none
-        self.offsets_mapped = False  # 60B0h, 60B1h or 60B2h comes by RPDO
-        self.generator: Demand | None = None
         self._deviates = self._halted = self._saturated = 0
         self._lagging_s: float | None = None
-        publish(self)
         self.configure()
         self.refresh()
 
@@ -96,10 +79,6 @@ class Axis(Setpoints):
             self.generator = law.begin()
         self.sensors.period_s = period_s
         self.sensors.watch()
-
-    def actual(self) -> int:
-        """Where the motor is, in whole increments."""
-        return max(INT32_MIN, min(INT32_MAX, round(self.servo.position)))
 
     # -- every period
 
@@ -168,7 +147,7 @@ class Axis(Setpoints):
             self._deviates = DEVIATES
             self.fail(FOLLOWING_FAULT, now_s)
 
-    def _overrun(self, now_s: float) -> None:
+    def overrun(self, now_s: float) -> None:
         """Further onto a pressed limit switch is a fault, or a quick stop; homing may."""
         if self.mode == HOMING or self.power is not Power.ENABLED:
             return
@@ -287,9 +266,6 @@ class Axis(Setpoints):
         self.refresh()
         if self.needs_periods:
             self._alive(self.station.now_s)
-
-    def hold(self) -> float:
-        return self.servo.end
 
     def halted(self) -> None:
         """The ramp of a halt has ended."""

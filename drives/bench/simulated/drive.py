@@ -18,10 +18,11 @@ from drives.bench.simulated import pdo_map
 from drives.bench.simulated.axis import Axis
 from drives.bench.simulated.data_sheet import EDS, key
 from drives.bench.simulated.device import APPLICATION, Device
-from drives.bench.simulated.inputs import NEGATIVE_LIMIT, POSITIVE_LIMIT, STO
+from drives.bench.simulated.inputs import NEGATIVE_LIMIT, POSITIVE_LIMIT, STO, Inputs
 from drives.bench.simulated.machine402 import POWERED
 from drives.bench.simulated.parameters import Parameters
 from drives.bench.simulated.pdo_map import Pdo
+from drives.bench.simulated.published import publish
 from drives.bench.simulated.spindle_motor import SpindleMotor
 from drives.bench.simulated.station import OPERATIONAL
 from drives.bench.virtual.virtual_bus import Handler
@@ -53,6 +54,8 @@ class SimulatedDrive(Device):
         self._fast_out = 0  # identifier of the standard TPDO, if it is as the controller maps it
         self._latched = self.process.latched  # one dict for ever: looked at with every SYNC
         self.axis = Axis(self, self.emergencies, self._alive, self._faulted)
+        self.inputs = Inputs(self.axis)
+        publish(self.axis)
         self.dictionary.readers[key(0x2000)] = lambda: self.lost_syncs
         self.dictionary.writers[key(0x2001)] = lambda code: self.inject(code, self.now_s)
         self.configure()
@@ -294,8 +297,8 @@ class SimulatedDrive(Device):
 
     def _set_terminal(self, bit: int, active: bool, now_s: float) -> None:
         self._live(now_s)
-        word = self.axis.inputs.word
-        self.axis.inputs.set(word | bit if active else word & ~bit, now_s)
+        word = self.inputs.word
+        self.inputs.set(word | bit if active else word & ~bit, now_s)
 
     def place_switch(self, counts: int | None, now_s: float) -> None:
         """A limit switch at this position, at the end beyond it; None takes it away."""

@@ -13,15 +13,13 @@ from __future__ import annotations
 
 import math
 from operator import itemgetter
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 from drives.bench.simulated.data_sheet import key
 from drives.bench.simulated.homing import HERE, Pace, Search
 from drives.bench.simulated.motion import Demand, Profile, Speed, ramp_down
+from drives.bench.simulated.power_stage import PowerStage
 from drives.settings import INT32_MAX, INT32_MIN
-
-if TYPE_CHECKING:
-    from drives.bench.simulated.axis import Axis
 
 PP, PV, HOMING, IP, CSP, CSV = 1, 3, 6, 7, 8, 9
 BIT_4, BIT_5, BIT_6, HALT = 1 << 4, 1 << 5, 1 << 6, 1 << 8
@@ -40,7 +38,7 @@ class Mode:
     cyclic: ClassVar[bool] = False  # the demand comes with every SYNC
     at_first: ClassVar[int] = 0  # of ``bits``
 
-    def __init__(self, axis: Axis) -> None:
+    def __init__(self, axis: PowerStage) -> None:
         self.axis = axis
         self.bits = self.at_first
 

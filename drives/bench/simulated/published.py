@@ -4,15 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
-from typing import TYPE_CHECKING
 
 from drives.bench.simulated.aborts import Abort, Code
+from drives.bench.simulated.axis import Axis
 from drives.bench.simulated.data_sheet import key
 from drives.bench.simulated.dictionary import Dictionary
 from drives.bench.simulated.units import OBJECTS
-
-if TYPE_CHECKING:
-    from drives.bench.simulated.axis import Axis
 
 RANGE_AT = 0x607B
 LOW, HIGH = 1, 2

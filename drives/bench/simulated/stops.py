@@ -15,13 +15,10 @@ a drive stops as hard as it can, here twice as hard as quick.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 
 from drives.bench.simulated import motion
 from drives.bench.simulated.machine402 import Power
-
-if TYPE_CHECKING:
-    from drives.bench.simulated.axis import Axis
+from drives.bench.simulated.power_stage import PowerStage
 
 AT_ONCE, SLOW, QUICK = 0, 1, 2
 STAYS = 5  # 605Ah from here on: remain in QUICK STOP ACTIVE
@@ -33,7 +30,7 @@ NOTHING, FAULT, DISABLE, QUICK_STOP = 0, 1, 2, 3  # 6007h
 class Stops:
     """Ways to standstill of one axis."""
 
-    def __init__(self, axis: Axis) -> None:
+    def __init__(self, axis: PowerStage) -> None:
         self._axis = axis
         self.leaving: Power | None = None  # where shutdown or disable operation leads
 

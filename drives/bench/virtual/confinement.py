@@ -3,20 +3,35 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Sequence
+from typing import Protocol
 
 from drives.bench.virtual.error_counters import RECOVERY_BITS, Controller, Level
+from drives.bench.virtual.nodes import Agenda
 from drives.ports.error_frames import restarted_frame
 
-if TYPE_CHECKING:
-    from drives.bench.virtual.virtual_bus import SteppedBus
+
+class Bus(Protocol):
+    """What is asked of the bus of these controllers; sources are as ``SteppedBus`` counts them."""
+
+    bit_rate: int
+    agenda: Agenda
+
+    def is_port(self, source: int) -> bool: ...
+
+    def mute(self, source: int) -> None: ...
+
+    def take_again(self, source: int) -> None: ...
+
+    def forget_routes(self) -> None: ...
+
+    def hand(self, frame: bytes, at_s: float, sources: Sequence[int]) -> None: ...
 
 
 class Confinement:
     """The CAN controllers of all that send on a bus, by source; several sources may share one."""
 
-    def __init__(self, bus: SteppedBus) -> None:
+    def __init__(self, bus: Bus) -> None:
         self.troubled = False  # some counter is not 0
         self.restart_s = math.inf  # a bus-off port is back after this; SocketCAN's restart-ms (0 = never)
         self._bus = bus

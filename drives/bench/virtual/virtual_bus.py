@@ -30,7 +30,7 @@ from typing import Final, Protocol
 from drives import pdo
 from drives.bench.virtual.confinement import Confinement
 from drives.bench.virtual.error_counters import Controller, Level
-from drives.bench.virtual.stepped_port import PORT_LIMIT, Agenda, Metronome, Port
+from drives.bench.virtual.nodes import Agenda, Handler, Link, Metronome, Node
 from drives.load import stuffing
 from drives.pdo import ERROR_FLAG, EXTENDED_FLAG, FRAME_BYTES, REMOTE_FLAG
 
@@ -62,14 +62,15 @@ def rank(can_id: int) -> int:
 __all__ = ["PORT_LIMIT", "QUEUE_LIMIT", "Fate", "Filters", "Handler", "Link", "Node", "Port", "SteppedBus"]
 
 ERROR_FRAME_BITS = 23  # error flags of all (12 at most), delimiter 8, intermission 3
+PORT_LIMIT: Final = 1024  # received frames kept for a port that does not read; the oldest go first
 QUEUE_LIMIT: Final = 256  # frames one sender may have waiting; SocketCAN's txqueuelen plays this part
 # Who may not send has so many frames "waiting": the queue's limit, looked at anyway, refuses more.
 MUTED: Final = 1 << 30
 
-Handler = Callable[[bytes, float], None]
 Log = Callable[[tuple[float, bytes]], object]
 Filters = Sequence[tuple[int, int]]
 Tamper = Callable[[float, int, bytes], Sequence[float]]
+_IDENTIFIER: Final = Struct("<I").unpack_from
 _IDENTIFIERS: Final = Struct("<I12x").iter_unpack
 _Ready = tuple[int, int, int, int, bytes]  # rank, sequence, source, id, frame
 _NOT_YET: Final = (b"", 0.0)  # carried
@@ -90,34 +91,6 @@ class Faults(Protocol):
 
     def judge(self, start_s: float, can_id: int, sequence: int, source: int, frame: bytes) -> bytes | Fate:
         """The frame to carry (the same, or falsified), or another fate."""
-
-
-class Node(Protocol):
-    """What can be attached to the bus: a device with identifiers it hears and a timer."""
-
-    due_s: float  # when ``timer`` wants to run next; inf = never
-
-    def join(self, link: Link, now_s: float) -> None:
-        """Called once with the way to the bus."""
-
-    def listens(self) -> dict[int, Handler]:
-        """Handlers by identifier; called again after ``link.relisten()``."""
-
-    def timer(self, now_s: float) -> None:
-        """Runs when ``due_s`` is reached."""
-
-
-class Link:
-    """A node's way to the bus."""
-
-    __slots__ = ("bit_rate", "relisten", "send", "wake")
-
-    def __init__(self, bus: SteppedBus, source: int) -> None:
-        self.bit_rate = bus.bit_rate  # 0 = without bit timing
-        # send(at_s, can_id, frame) -> bool: at_s may lie ahead (an answer that takes its time)
-        self.send: Callable[[float, int, bytes], bool] = partial(bus.submit, source)
-        self.wake: Callable[[float], None] = bus.wake  # the node's due_s has come nearer
-        self.relisten: Callable[[], None] = bus.forget_routes  # listens() gives something new
 
 
 class SteppedBus:
@@ -167,7 +140,8 @@ class SteppedBus:
         source = self._source()
         self._nodes[source] = node
         self.forget_routes()
-        node.join(Link(self, source), self.now_s)
+        send = partial(self.submit, source)
+        node.join(Link(self.bit_rate, send, self.wake, self.forget_routes), self.now_s)
         self.wake(node.due_s)
         return source
 
@@ -503,3 +477,51 @@ class SteppedBus:
 def passes(filters: Filters, can_id: int) -> bool:
     """CAN_RAW_FILTER's rule: one pair whose identifier agrees under its mask is enough."""
     return any(can_id & mask == wanted & mask for wanted, mask in filters)
+
+
+class Port:
+    """The controller's side of a stepped bus: the same calls as its frame sockets have."""
+
+    packs = True  # send takes several frames at once
+
+    def __init__(self, bus: SteppedBus, filters: Filters | None) -> None:
+        self.overflows = 0  # frames lost because nobody read
+        self._bus = bus
+        self._queue: deque[bytes] = deque(maxlen=PORT_LIMIT)
+        self._source = bus.connect(self._put, filters, bus.controller)
+
+    def _put(self, frame: bytes, _at_s: float) -> None:
+        queue = self._queue
+        if len(queue) == PORT_LIMIT:
+            self.overflows += 1
+        queue.append(frame)
+
+    def fileno(self) -> int:
+        return -1  # nothing to wait for: time passes by ``advance``
+
+    def send(self, frame: bytes | bytearray | memoryview) -> bool:
+        """Queue 16-byte frames, one or several, at the bus's present time; False when the queue is full."""
+        bus, packet = self._bus, bytes(frame)
+        if len(packet) == FRAME_BYTES:
+            return bus.submit(self._source, bus.now_s, _IDENTIFIER(packet)[0], packet)
+        return bus.submit_packet(self._source, bus.now_s, packet)
+
+    def receive_into(self, buffer: bytearray | memoryview) -> bool:
+        """The oldest received frame into ``buffer[:16]``; False when there is none."""
+        if not self._queue:
+            return False
+        buffer[:FRAME_BYTES] = self._queue.popleft()
+        return True
+
+    def start_cyclic_sync(self, period_s: float) -> None:
+        self._bus.cyclic_sync(self._source, period_s)
+
+    def stop_cyclic_sync(self) -> None:
+        self._bus.cyclic_sync(self._source, 0.0)
+
+    def restart(self) -> None:
+        """Has a bus-off controller take part again, as 'ip link set can0 type can restart' does."""
+        self._bus.errors.restart(self._bus.errors.of(self._source), self._bus.now_s)
+
+    def close(self) -> None:
+        self._bus.disconnect(self._source)

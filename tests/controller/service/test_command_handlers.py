@@ -27,7 +27,8 @@ from controller.messages import said
 from controller.plan.restart.program_position import FORMER, Spot
 from controller.service import acknowledged, jobs, journal, sequences, whole_status
 from controller.service.command_handlers import CommandHandlers
-from controller.service.service import JOURNAL, Service
+from controller.service.owners import JOURNAL
+from controller.service.service import Service
 from controller.service.set_up import Fitted
 from controller.service.thread_guard import InThread
 from controller.service.watchdog import LastSecond, Pulse

@@ -23,7 +23,8 @@ from controller.plan.report.passing import OWN
 from controller.plan.restart.program_position import LinePart
 from controller.runtime.plan_messages import Way
 from controller.service.command_handlers import CommandHandlers
-from controller.service.service import JOURNAL, Service
+from controller.service.owners import JOURNAL
+from controller.service.service import Service
 from controller.service.socket_server import Server
 from controller.service.whole_status import Kept
 from controller.state.modes import Mode

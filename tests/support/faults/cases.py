@@ -10,7 +10,8 @@ from support.faults.scene import Scene
 
 from controller.state.modes import Fault, Request
 from drives import pdo
-from drives.bench.virtual.stepped_port import PORT_LIMIT, SYNC_FRAME
+from drives.bench.virtual.nodes import SYNC_FRAME
+from drives.bench.virtual.virtual_bus import PORT_LIMIT
 
 AXIS = 1  # Y: the one that faults are done to; it moves in every mode that moves
 AHEAD = 100  # counts

@@ -170,7 +170,7 @@ class Scene(SteppedMachine):
         ):
             self.bus.errors.restart(source, self.bus.now_s)
         for drive in self.rig.drives.values():
-            drive.axis.inputs.set(0, self.rig.now_s)
+            drive.inputs.set(0, self.rig.now_s)
         self.settle(0.05)
 
 

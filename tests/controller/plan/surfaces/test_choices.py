@@ -14,7 +14,7 @@ from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Machine
 from controller.plan.path.path import Path
 from controller.plan.stretch import Voice
-from controller.plan.surfaces import auto, train
+from controller.plan.surfaces import auto, legs, train
 from controller.plan.surfaces.choices import choices
 from controller.program import blocks
 from controller.program.program import CutCone, ProgramError
@@ -68,7 +68,7 @@ def test_the_program_turns_no_farther_than_with_any_other_branches(leans: tuple[
         now, total = (0.0, 0.0), 0.0
         for bit, block in enumerate(blocks.read(text.encode(), built, "part.ngc").blocks[:-1]):
             (cut,) = auto.build(block, built, Voice("", lambda place, sentence: None))
-            ways = train.options(train.Fields([cut], kinematics), built, now, Voice("", lambda p, s: None))
+            ways = legs.options(legs.Fields([cut], kinematics), built, now, Voice("", lambda p, s: None))
             start = ways[code >> bit & 1].way.start
             total += abs(start[0] - now[0]) + abs(start[1] - now[1])
             now = start
@@ -112,8 +112,8 @@ def test_of_a_long_train_only_the_ends_of_its_cuts_are_kept() -> None:
     voice = Voice("part.ngc", lambda place, sentence: None)
     (block,) = blocks.read(CONE.format("90.").encode(), built, "part.ngc").blocks
     assert isinstance(block, CutCone)
-    fields = train.Fields(auto.build(block, built, voice), kinematics)
-    kept, whole = (train.options(fields, built, (0.0, 0.0), voice, whole) for whole in (False, True))
+    fields = legs.Fields(auto.build(block, built, voice), kinematics)
+    kept, whole = (legs.options(fields, built, (0.0, 0.0), voice, whole) for whole in (False, True))
     assert [one.way for one in kept] == [one.way for one in whole] and len(kept) == 2
     for one, other in zip(kept, whole, strict=True):
         assert len(one.legs[0].u) == 2 < len(other.legs[0].u)

@@ -10,8 +10,7 @@ import pytest
 
 from controller.machine import drive_profiles
 from drives.bench.simulated import SimulatedDrive, families, family_sheet
-from drives.bench.virtual.stepped_port import Port
-from drives.bench.virtual.virtual_bus import SteppedBus
+from drives.bench.virtual.virtual_bus import Port, SteppedBus
 from drives.commission import Pump, stepped_pump
 from drives.one_axis import OneAxis
 from drives.profile import CyclicMode, Profile, Supervision

@@ -30,7 +30,7 @@ ACTS: dict[str, Act] = {
     "safe torque off": lambda bench: bench.drive.torque_off(True, now_s(bench)),
     "a limit switch": lambda bench: bench.drive.press_switch(True, True, now_s(bench)),
     "a switch where it stands": lambda bench: bench.drive.place_switch(0, now_s(bench)),
-    "a terminal": lambda bench: bench.drive.axis.inputs.set(POSITIVE_LIMIT, now_s(bench)),
+    "a terminal": lambda bench: bench.drive.inputs.set(POSITIVE_LIMIT, now_s(bench)),
     "an error": lambda bench: bench.drive.inject(0x2310, now_s(bench)),
     "a panel": lambda bench: bench.drive.take_local_control(True),
     "a power failure": lambda bench: bench.drive.power_cycle(now_s(bench)),

@@ -1,0 +1,103 @@
+"""What a service is put together of: who owns what of one machine."""
+
+from __future__ import annotations
+
+import contextlib
+import tempfile
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+from controller import messages
+from controller.ipc.control_socket import CommandRefused
+from controller.machine import tool_store
+from controller.machine.model import Changer, Machine
+from controller.machine.tool_store import ToolStore
+from controller.messages import Said
+from controller.runtime.bus_load import overload
+from controller.runtime.plan_messages import News
+from controller.runtime.startup import SessionError
+from controller.service import journal, kept_file
+from controller.service.alarms import Alarms
+from controller.service.durations import Durations
+from controller.service.engine import Engine
+from controller.service.fault_reporter import Troubles
+from controller.service.folders import Folders
+from controller.service.journal import Journal
+from controller.service.probed import Probed
+from controller.service.processes import Processes
+from controller.service.sequencer import Sequencer
+from controller.service.set_up import SetUp
+from controller.service.thread_guard import ThreadGuard
+from controller.service.tool_changer import ToolChanger
+from controller.service.usage import Usage
+
+JOURNAL = "journal.json"
+
+
+class Owners:
+    """Who owns what of a machine, but for the run and who looks on; the folders must be writable."""
+
+    def __init__(
+        self, machine: Machine, kept: Folders, hear: Callable[[News], None], engine: Engine | None = None
+    ) -> None:
+        """``hear`` takes what the plan says; ``engine``: None makes one.
+
+        Raises SessionError, ConfigError, OSError.
+        """
+        if sentence := overload(machine):
+            raise SessionError(sentence)
+        kept.make()
+        self.state = state = kept.state
+        self.alarms = Alarms(state)
+        self._folder = tempfile.TemporaryDirectory(prefix="directrix-")
+        folder = Path(self._folder.name)
+        self.engine = engine or Engine(machine, folder, kept, hear)
+        self.set_up = SetUp(machine, state, self.alarms, self.engine.tell_tool)
+        self.usage = Usage(state, machine)
+        self.probed, self.durations = Probed(state), Durations(state)
+        self.thread = ThreadGuard(state)
+        self.sequencer = Sequencer(self._failed)
+        self.writer = ThreadPoolExecutor(1, "records")  # of what runs leave behind
+        entry, why = journal.read(state / JOURNAL)
+        unread = None if why is None else kept_file.put_aside(state / JOURNAL, messages.text(why))
+        self.interrupted = entry if entry is not None and not entry.ended else None  # a run, by the last end
+        self.journal = Journal(state / JOURNAL, last=entry)
+        files = (self.alarms, self.usage, self.probed, self.durations)
+        for damaged in (*(file.damaged for file in files), unread):
+            if damaged is not None:
+                self.alarms.add(kept_file.ALARM, damaged)
+        self.troubles = Troubles(self.set_up.machine, self.alarms, self.writer)
+        self.processes = Processes(self.engine, self.troubles, kept.recordings)
+        self.changer = self._opened_changer()
+
+    def _opened_changer(self) -> ToolChanger | None:
+        """Where the machine has one: which tool is in the spindle, its store says."""
+        set_up = self.set_up
+        if set_up.machine.changer is None:
+            return None
+
+        def changer() -> Changer:
+            """As its pockets are now."""
+            assert set_up.machine.changer is not None
+            return set_up.machine.changer
+
+        store = ToolStore(self.state / tool_store.FILE)
+        machine, add = set_up.machine, self.alarms.add
+        made = ToolChanger(store, changer, self.engine, add, machine.period_s, self._worn, machine.io)
+        set_up.find(made.whereabouts.spindle)
+        return made
+
+    def _worn(self, tool: int) -> Said | None:
+        """What is told before a tool comes whose life is over; None of any other."""
+        return self.usage.said_worn("change_worn", tool, self.set_up.tool_numbers)
+
+    def _save_usage(self, at_once: bool = False) -> None:
+        """Counters that cannot be kept are kept later."""
+        with contextlib.suppress(OSError):
+            self.usage.save(at_once)
+
+    def _failed(self, name: str, error: CommandRefused) -> None:
+        """Work that came to nothing after its answer may have gone out already."""
+        if error.code != "busy" and name in ("power up", "home", "enable", "reset"):
+            self.alarms.add(f"{name} failed".upper().replace(" ", "_"), error.said)
