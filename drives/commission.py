@@ -23,6 +23,7 @@ from drives.commissioning.network import (
     Port,
     Pump,
     Stepped,
+    of_drive,
     stepped_pump,
     wall_pump,
 )
@@ -32,7 +33,7 @@ from drives.commissioning.values import shown
 from drives.commissioning.wanted import Setting, Settings, Step, interpolation_time, steps_of
 from drives.profile import Supervision
 from drives.settings import IoSettings, MasterSettings, NodeSettings, SpindleSettings
-from drives.texts import said
+from drives.texts import Said, said
 
 __all__ = [
     "Arranged",
@@ -49,6 +50,7 @@ __all__ = [
     "Stepped",
     "commission",
     "interpolation_time",
+    "of_drive",
     "on_paper",
     "set_mode",
     "shown",
@@ -78,7 +80,7 @@ def commission(
     for drive, settings in zip(drives, nodes, strict=True):
         found, warned = _of_paper(settings, master, drive.sheet, bit_rate)
         if found:
-            raise CommissionError(f"{drive.title}: {'. '.join(found)}.")
+            raise CommissionError(drive.says(_sentences(found)))
         drive.outcome.warnings += warned
     for drive in drives:
         if not drive.answers():
@@ -102,22 +104,26 @@ def commission(
     return [drive.outcome for drive in drives]
 
 
-def on_paper(settings: Settings, master: MasterSettings, bit_rate: int = 0) -> tuple[list[str], list[str]]:
+def on_paper(settings: Settings, master: MasterSettings, bit_rate: int = 0) -> tuple[list[Said], list[Said]]:
     """What ``commission`` would refuse of a node before a frame is sent, and what it would warn of."""
-    title = f"drive {settings.name} (node {settings.node})"
     try:
         about = sheet.of(settings)
     except sheet.SheetError as error:
-        return [f"{title}: {error}"], []
+        return [of_drive(settings, error)], []
     problems, warned = _of_paper(settings, master, about, bit_rate)
-    told = [*warned, *identity.contradictions(about)]
-    return [f"{title}: {one}" for one in problems], [f"{title}: {one}" for one in told]
+    warned = (*warned, *identity.contradictions(about))
+    return [of_drive(settings, one) for one in problems], [of_drive(settings, one) for one in warned]
+
+
+def _sentences(found: Sequence[Said]) -> Said:
+    """Each with a full stop."""
+    return said("text", text=[said("sentence", text=one) for one in found])
 
 
 @lru_cache(256)
 def _of_paper(
     settings: Settings, master: MasterSettings, about: sheet.Sheet, bit_rate: int
-) -> tuple[tuple[str, ...], tuple[str, ...]]:
+) -> tuple[tuple[Said, ...], tuple[Said, ...]]:
     """Problems and warnings; the same drives are looked at with every program of a folder, and each start."""
     found = possible.problems(settings, master, about, bit_rate)
     return tuple(found), tuple(possible.warnings(settings, master, about))
@@ -135,7 +141,7 @@ def _prepare(network: Network, drive: Drive, settings: Settings, master: MasterS
     try:
         _set_up(drive, settings, master)
     except UnitError as error:
-        raise CommissionError(said("drive.of", title=drive.title, why=error)) from error
+        raise CommissionError(of_drive(settings, error)) from error
 
 
 def _set_up(drive: Drive, settings: NodeSettings | SpindleSettings, master: MasterSettings) -> None:
@@ -154,9 +160,10 @@ def _see_single(network: Network, drives: Sequence[Drive]) -> None:
     found = twins.doubled(network, [drive.settings.node for drive in drives])
     network.booted.clear()
     if found:
-        titles = {drive.settings.node: drive.title for drive in drives}
-        told = (f"{titles[node]}: {twins.sentence(serials)}" for node, serials in found.items())
-        raise CommissionError(". ".join(told))
+        by_node = {drive.settings.node: drive for drive in drives}
+        told = [by_node[node].says(twins.sentence(serials)) for node, serials in found.items()]
+        before = [said("sentence", text=one) for one in told[:-1]]
+        raise CommissionError(said("text", text=[*before, told[-1]]))
 
 
 def _see_undisturbed(network: Network, drives: Sequence[Drive]) -> None:
@@ -164,7 +171,7 @@ def _see_undisturbed(network: Network, drives: Sequence[Drive]) -> None:
     again = [drive for drive in drives if drive.settings.node in network.booted]
     if again:
         _see_single(network, again)
-        raise CommissionError(said("drive.booted_again", title=again[0].title))
+        raise CommissionError(again[0].says(said("drive.booted_again")))
 
 
 def _mode(settings: NodeSettings | SpindleSettings) -> int:
@@ -178,7 +185,7 @@ def _see_off(network: Network, drive: Drive) -> None:
         return drive.read(0x6041) & ENABLED_MASK != ENABLED
 
     if not network.wait(off):
-        raise CommissionError(said("drive.enabled", title=drive.title))
+        raise CommissionError(drive.says(said("drive.enabled")))
 
 
 def _sends_heartbeats(settings: Settings) -> bool:
@@ -189,7 +196,7 @@ def _sends_heartbeats(settings: Settings) -> bool:
 def _see_operational(network: Network, drive: Drive) -> None:
     node = drive.settings.node
     if not network.wait(lambda: network.nmt_states.get(node) == pdo.NMT_OPERATIONAL):
-        raise CommissionError(said("drive.not_operational", title=drive.title))
+        raise CommissionError(drive.says(said("drive.not_operational")))
 
 
 def set_mode(network: Network, node: NodeSettings | SpindleSettings, mode: int) -> None:
@@ -202,15 +209,15 @@ def _identify(drive: Drive, settings: Settings) -> None:
     needed = 401 if isinstance(settings, IoSettings) else 402
     kind = drive.read(0x1000) & 0xFFFF
     if kind != needed:
-        raise CommissionError(said("drive.other_profile", title=drive.title, kind=kind, needed=needed))
+        raise CommissionError(drive.says(said("drive.other_profile", kind=kind, needed=needed)))
     words = [word for word in identity.words_of(settings, drive.sheet) if drive.has(0x1018, word.sub)]
     found = {word.sub: drive.read(0x1018, word.sub) for word in words}
     for word in words:
         if sentence := word.mismatch(found[word.sub]):
-            raise CommissionError(f"{drive.title}: {sentence}")
+            raise CommissionError(drive.says(sentence))
     drive.outcome.warnings += identity.contradictions(drive.sheet, found)
     if not isinstance(settings, IoSettings) and drive.has(0x6502, 0):
         mode = _mode(settings)
         modes = drive.read(0x6502)
         if not modes & 1 << (mode - 1):
-            raise CommissionError(said("drive.no_mode", title=drive.title, modes=modes, mode=mode))
+            raise CommissionError(drive.says(said("drive.no_mode", modes=modes, mode=mode)))

@@ -6,133 +6,28 @@ digits; FFxxh and what no class covers is the manufacturer's own, in the drive's
 
 from __future__ import annotations
 
-TEXTS: dict[int, str] = {
-    0x0000: "error gone",
-    0x1000: "generic error",
-    0x2000: "current",
-    0x2100: "current on the device's input side",
-    0x2110: "short circuit or earth leakage on the input side",
-    0x2120: "earth leakage on the input side",
-    0x2130: "short circuit on the input side",
-    0x2200: "internal current",
-    0x2211: "internal overcurrent 1",
-    0x2212: "internal overcurrent 2",
-    0x2213: "overcurrent in the ramp",
-    0x2214: "overcurrent in the sequence",
-    0x2220: "continuous overcurrent",
-    0x2230: "short circuit or earth leakage inside the device",
-    0x2240: "earth leakage inside the device",
-    0x2250: "short circuit inside the device",
-    0x2300: "current on the device's output side",
-    0x2310: "continuous overcurrent of the motor",
-    0x2320: "short circuit or earth leakage at the motor",
-    0x2330: "earth leakage at the motor",
-    0x2340: "short circuit at the motor",
-    0x2350: "load of the motor too high for too long (I2t)",
-    0x3000: "voltage",
-    0x3100: "mains voltage",
-    0x3110: "mains overvoltage",
-    0x3120: "mains undervoltage",
-    0x3130: "phase failure",
-    0x3140: "mains frequency",
-    0x3200: "DC link voltage",
-    0x3210: "DC link overvoltage",
-    0x3220: "DC link undervoltage",
-    0x3230: "load error of the DC link",
-    0x3300: "output voltage",
-    0x3310: "output overvoltage",
-    0x3320: "armature circuit",
-    0x3330: "field circuit",
-    0x4000: "temperature",
-    0x4100: "ambient temperature",
-    0x4110: "ambient temperature too high",
-    0x4120: "ambient temperature too low",
-    0x4200: "temperature of the device",
-    0x4210: "device too hot",
-    0x4220: "device too cold",
-    0x4300: "temperature of the drive",
-    0x4310: "drive too hot",
-    0x4320: "drive too cold",
-    0x4400: "temperature of the supply",
-    0x5000: "device hardware",
-    0x5100: "supply inside the device",
-    0x5110: "low voltage supply",
-    0x5200: "measurement and control hardware",
-    0x5300: "operating unit",
-    0x5400: "power section",
-    0x5430: "input stage",
-    0x5440: "contactor",
-    0x5441: "safe torque off, or the enable input is open",
-    0x5450: "fuse",
-    0x5500: "data storage",
-    0x5530: "non-volatile memory",
-    0x6000: "device software",
-    0x6010: "software reset (watchdog)",
-    0x6100: "internal software",
-    0x6200: "user software",
-    0x6300: "data record",
-    0x6320: "parameter error",
-    0x7000: "additional modules",
-    0x7100: "power module",
-    0x7110: "brake chopper",
-    0x7120: "motor",
-    0x7121: "motor blocked",
-    0x7122: "motor or commutation",
-    0x7200: "measurement circuit",
-    0x7300: "sensor",
-    0x7305: "encoder 1",
-    0x7306: "encoder 2",
-    0x7310: "speed sensor",
-    0x7320: "position sensor",
-    0x7380: "resolver or encoder, second sensor",
-    0x7400: "computing circuit",
-    0x7500: "communication module",
-    0x7600: "data storage module",
-    0x8000: "monitoring",
-    0x8100: "communication",
-    0x8110: "CAN overrun: messages lost",
-    0x8120: "CAN in error passive mode",
-    0x8130: "life guard or heartbeat error: the controller was silent",
-    0x8140: "recovered from bus off",
-    0x8150: "CAN identifier collision",
-    0x8200: "protocol",
-    0x8210: "PDO not processed: too short",
-    0x8220: "PDO longer than mapped",
-    0x8230: "destination address of an MPDO not there",
-    0x8240: "SYNC of unexpected length",
-    0x8250: "RPDO did not come in time",
-    0x8300: "torque control",
-    0x8311: "excess torque",
-    0x8331: "torque error",
-    0x8400: "speed control",
-    0x8500: "position control",
-    0x8600: "positioning",
-    0x8611: "following error",
-    0x8612: "reference limit: beyond a limit switch or a position limit",
-    0x8700: "synchronisation",
-    0x8800: "winding control",
-    0x8900: "process data monitoring",
-    0x8A00: "control monitoring",
-    0x9000: "external error",
-    0xF000: "additional functions",
-    0xF001: "deceleration",
-    0xF002: "sub-synchronous run",
-    0xF003: "stroke operation",
-    0xF004: "control",
-    0xFF00: "specific to the device",
-}
+from drives.texts import Key, Said, said
+
+LISTED = """
+    0000 1000 2000 2100 2110 2120 2130 2200 2211 2212 2213 2214 2220 2230 2240 2250 2300 2310
+    2320 2330 2340 2350 3000 3100 3110 3120 3130 3140 3200 3210 3220 3230 3300 3310 3320 3330
+    4000 4100 4110 4120 4200 4210 4220 4300 4310 4320 4400 5000 5100 5110 5200 5300 5400 5430
+    5440 5441 5450 5500 5530 6000 6010 6100 6200 6300 6320 7000 7100 7110 7120 7121 7122 7200
+    7300 7305 7306 7310 7320 7380 7400 7500 7600 8000 8100 8110 8120 8130 8140 8150 8200 8210
+    8220 8230 8240 8250 8300 8311 8331 8400 8500 8600 8611 8612 8700 8800 8900 8A00 9000 F000
+    F001 F002 F003 F004 FF00
+"""
+CODES = frozenset(int(word, 16) for word in LISTED.split())  # each has a text, ``emcy.8611`` for one
 KEPT_DIGITS = (0xFFFF, 0xFFF0, 0xFF00, 0xF000)
-
-
-UNLISTED = "not in CiA 301 or CiA 402, see the drive's manual"
 
 
 def listed(code: int) -> int | None:
     """The code, or else its class, of which there is a text; None where there is none."""
-    return next((code & mask for mask in KEPT_DIGITS if code & mask in TEXTS), None)
+    return next((code & mask for mask in KEPT_DIGITS if code & mask in CODES), None)
 
 
-def text(code: int) -> str:
+def text(code: int) -> Said:
     """'8611h: following error'; an unlisted code has the text of its class, and says so by its digits."""
     known = listed(code)
-    return f"{code:04X}h: {UNLISTED if known is None else TEXTS[known]}"
+    what = Key("emcy.unlisted" if known is None else f"emcy.{known:04X}")
+    return said("emcy_code", code=code, what=what)

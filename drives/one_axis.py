@@ -21,6 +21,7 @@ import math
 import select
 import time
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from typing import Protocol, Self
 
 from drives import bus, commission, emergency_codes, pdo
@@ -32,6 +33,7 @@ from drives.cyclic.drive_fault import DriveFault
 from drives.cyclic.group import Group
 from drives.profile import GENERIC, Profile
 from drives.settings import INT32_MAX, INT32_MIN, BusSettings, MasterSettings, NodeSettings
+from drives.texts import Key, Said, TextError, said
 
 Filters = Sequence[tuple[int, int]]
 
@@ -39,7 +41,7 @@ CHANGE_S = 5.0  # longest a drive may take to enable or disable (brakes), counte
 SETTLE_S = 1.0  # longest it may take to arrive after the last setpoint
 
 
-class AxisError(Exception):
+class AxisError(TextError):
     """The axis does not do what it was told; the text says what is wrong."""
 
 
@@ -93,10 +95,7 @@ class OneAxis:
         Raises BusError, CommissionError, OSError.
         """
         if not quick_stop > 0.0:
-            raise commission.CommissionError(
-                f"node {node}: nobody says how hard it brakes in a quick stop (object 6085h:00); give OneAxis"
-                " quick_stop, in counts/s^2"
-            )
+            raise commission.CommissionError(said("axis.no_quick_stop", node=node))
         self._clock: Clock = clock or WallClock()
         where = BusSettings("can", interface, channel, bit_rate)
         settings = NodeSettings(
@@ -148,12 +147,12 @@ class OneAxis:
     def enable(self) -> None:
         """Torque on, standing where it is. Raises AxisError."""
         self._group.want(Wanted.ENABLED)
-        self._until(lambda: self._drive.following, CHANGE_S, "is not enabled", follow=True)
+        self._until(lambda: self._drive.following, CHANGE_S, "axis.not_enabled", follow=True)
 
     def disable(self) -> None:
         """Torque off. Raises AxisError when the drive does not say so."""
         self._group.want(Wanted.OFF)
-        self._until(self._is_off, CHANGE_S, "is not disabled")
+        self._until(self._is_off, CHANGE_S, "axis.not_disabled")
 
     def _is_off(self) -> bool:
         states = (State.SWITCH_ON_DISABLED, State.READY_TO_SWITCH_ON, State.SWITCHED_ON, State.FAULT)
@@ -168,27 +167,38 @@ class OneAxis:
         if not (INT32_MIN <= target <= INT32_MAX and speed > 0.0 and acceleration > 0.0):
             raise ValueError(f"target {target}, speed {speed}, acceleration {acceleration}: no such motion")
         if not self._drive.following:
-            raise AxisError(f"{self._drive.settings.name} is not enabled; call enable() first")
+            raise AxisError(said("axis.is_off", node=self._drive.settings.node))
         start, way = self._setpoint, target - self._setpoint
         for part in trapezoid(abs(way), speed, acceleration, self._period_s):
             self._setpoint = start + round(math.copysign(part, way))
             self._tick()
-        self._until(lambda: abs(self.position - target) <= window, SETTLE_S, f"did not arrive at {target}")
+        arrived = partial(self._is_near, target, window)
+        self._until(arrived, SETTLE_S, "axis.not_arrived", target=target)
+
+    def _is_near(self, target: int, window: int) -> bool:
+        return abs(self.position - target) <= window
 
     def hold(self, seconds: float) -> None:
         """Stand for a while, with everything that keeps the drive enabled. Raises AxisError."""
         for _ in range(math.ceil(seconds / self._period_s)):
             self._tick()
 
-    def _until(self, done: Callable[[], bool], patience_s: float, failure: str, follow: bool = False) -> None:
+    def _until(
+        self, done: Callable[[], bool], patience_s: float, failure: str, follow: bool = False, **facts: object
+    ) -> None:
+        """Tick until ``done``. Raises AxisError with the text ``failure`` when the patience ends."""
         for _ in range(math.ceil(patience_s / self._period_s)):
             self._tick(follow)
             if done():
                 return
-        drive = self._drive
-        known = f"it is {drive.state.name.lower().replace('_', ' ')}, at {self.position}"
-        found = known if drive.fresh else "it sends no feedback any more"
-        raise AxisError(f"{drive.settings.name} {failure} within {patience_s:g} s: {found}")
+        node = self._drive.settings.node
+        raise AxisError(said(failure, node=node, seconds=patience_s, found=self._found(), **facts))
+
+    def _found(self) -> Said:
+        if not self._drive.fresh:
+            return said("axis.no_feedback")
+        state = self._drive.state.name.lower().replace("_", " ")
+        return said("axis.found", state=state, position=self.position)
 
     def _tick(self, follow: bool = False) -> None:
         """``follow``: the setpoint is where the axis is."""
@@ -205,10 +215,11 @@ class OneAxis:
             self._give_up(fault)
 
     def _give_up(self, fault: DriveFault) -> None:
-        code = self._drive.emcy_code
-        said = f" ({emergency_codes.text(code)})" if code else ""
         self._group.want(Wanted.OFF)
-        raise AxisError(f"{self._drive.settings.name}: {fault.value}{said}; the drive is being switched off")
+        facts = {"node": self._drive.settings.node, "fault": Key(f"drive_fault.{fault.name}")}
+        if code := self._drive.emcy_code:
+            raise AxisError(said("axis.faulted_by", **facts, code=emergency_codes.text(code)))
+        raise AxisError(said("axis.faulted", **facts))
 
 
 def _unused_method(profile: Profile) -> int:

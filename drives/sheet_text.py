@@ -7,16 +7,22 @@ from __future__ import annotations
 
 import re
 
+from drives.texts import TextError, said
+
 BYTE_ORDER_MARK = "\xef\xbb\xbf"  # of UTF-8, read as Latin-1
 COMMENT = re.compile(r"(?:^|\s);.*")
 
 Sections = dict[str, dict[str, str]]
 
 
+class LineError(TextError, ValueError):
+    """A text is no data sheet: where, and why."""
+
+
 def sections(text: str) -> Sections:
     """Values by key and section, spelt as they are written; of what stands twice the last counts.
 
-    A line that says nothing is left out. Raises ValueError for one that stands before the first section.
+    A line that says nothing is left out. Raises LineError for one that stands before the first section.
     """
     found: Sections = {}
     values: dict[str, str] | None = None
@@ -27,7 +33,7 @@ def sections(text: str) -> Sections:
         if line[0] == "[" and "]" in line:
             values = found.setdefault(line[1 : line.rindex("]")], {})
         elif values is None:
-            raise ValueError(f"line {number} stands before the first section")
+            raise LineError(said("sheet.before_sections", line=number))
         else:
             name, equals, value = line.partition("=")
             if equals:

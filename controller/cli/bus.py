@@ -8,7 +8,6 @@ from typing import Annotated, Any
 
 import typer
 
-from controller import messages
 from controller.cli.speech import speaking
 from controller.machine import machine_file
 from controller.machine.model import Machine
@@ -16,7 +15,7 @@ from controller.machine.toml_table import ConfigError
 from controller.runtime import drive_sheets
 from controller.runtime.bus_load import budgets, overload
 from controller.verify import bus_tables
-from controller.verify.console import Refused, refusals, show, spoken
+from controller.verify.console import Refused, in_words, refusals, show
 from drives.load import timeline
 from drives.load.budget import BusBudget
 
@@ -52,11 +51,8 @@ def bus(
             for one in found:
                 show.print(bus_tables.bus(one, made.max_bus_share))
         facts = _facts(found, made)
-        sentences = [
-            sentence
-            for sentence in (messages.text(overload(made), spoken.get()), drive_sheets.refusal(made))
-            if sentence
-        ]
+        over = overload(made)
+        sentences = [in_words(one) for one in (*([over] if over else ()), *drive_sheets.refusal(made))]
         if sentences:
             raise Refused("\n".join(sentences), **facts)
         if as_json:

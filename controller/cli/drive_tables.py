@@ -12,13 +12,11 @@ from rich import box
 from rich.markup import escape
 from rich.table import Table
 
-from controller.verify.console import say
+from controller.verify.console import in_words, say, word
 from drives.commissioning.remote import Outcome
 from drives.commissioning.setup import Row
 from drives.commissioning.survey import Entry, Status
 from drives.commissioning.values import shown_at
-
-SHORT = {"pre-operational": "pre-op"}
 
 
 def outcomes(found: Sequence[Outcome]) -> Table:
@@ -28,7 +26,7 @@ def outcomes(found: Sequence[Outcome]) -> Table:
         for change in outcome.changes:
             at = change.index, change.sub
             was, now = _value(*at, change.was), _value(*at, change.now)
-            table.add_row(outcome.name, str(outcome.node), place(*at), was, now, escape(change.why))
+            table.add_row(outcome.name, str(outcome.node), place(*at), was, now, escape(in_words(change.why)))
         left = say("drive_table.so_and_stored" if outcome.stored else "drives.so", count=outcome.already_so)
         table.add_row(outcome.name, str(outcome.node), "", "", "", left)
     return table
@@ -54,12 +52,15 @@ def status(found: Sequence[Status]) -> Table:
         position = "-" if one.position_counts is None else str(one.position_counts)
         history = " ".join(f"{word & 0xFFFF:04X}" for word in one.history)
         error = f"{_hex(one.error_code)}, {_hex(one.error_register)}" + (f"\n{history}" if history else "")
-        word = "" if one.statusword is None else f"\n0x{one.statusword:04x}"
-        nmt = SHORT.get(one.nmt, one.nmt)
-        table.add_row(
-            one.name, str(one.node), nmt, f"{one.state or '-'}{word}", one.mode_name, position, error
-        )
+        bits = "" if one.statusword is None else f"\n0x{one.statusword:04x}"
+        nmt = say(f"drive_table.nmt.{one.nmt}")
+        state = f"{_state(one.state)}{bits}"
+        table.add_row(one.name, str(one.node), nmt, state, one.mode_name, position, error)
     return table
+
+
+def _state(state: str | None) -> str:
+    return "-" if state is None else word(f"drives.state.{state.upper().replace(' ', '_')}", state)
 
 
 def dump(entries: Sequence[Entry]) -> Table:
@@ -67,7 +68,7 @@ def dump(entries: Sequence[Entry]) -> Table:
     table = _table("objects", "object", "name", "access", "value", "hex", "default")
     for entry in entries:
         at = entry.index, entry.sub
-        value = entry.refused or _value(*at, entry.value)
+        value = in_words(entry.refused) or _value(*at, entry.value)
         hexadecimal = _hex(entry.value) if isinstance(entry.value, int) and entry.value >= 0 else ""
         default = "" if entry.default is None else _value(*at, entry.default)
         shown = "" if hexadecimal == value else hexadecimal
@@ -79,7 +80,7 @@ def differences(rows: Sequence[Row], file: str) -> Table:
     """What is other in a drive than in a file."""
     table = _table("differences", "object", "name", "file", "drive", file=file)
     for row in rows:
-        now = row.refused if row.now is None else _value(*row.place, row.now)
+        now = in_words(row.refused) if row.now is None else _value(*row.place, row.now)
         table.add_row(place(*row.place), escape(row.name), escape(_value(*row.place, row.kept)), escape(now))
     return table
 

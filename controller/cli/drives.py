@@ -16,7 +16,8 @@ from controller.cli.speech import speaking
 from controller.ipc import control_socket
 from controller.machine import arrangement, drive_profiles, nodes
 from controller.machine.model import Machine
-from controller.verify.console import Refused, refusals, say, show, tell
+from controller.messages import Said, is_said, said
+from controller.verify.console import Refused, in_words, refusals, say, show, tell
 from drives import commission as commissioning
 from drives.commissioning import identity, lss, possible, sheet, survey, twins
 from drives.commissioning.wanted import Settings
@@ -48,7 +49,8 @@ def check(
         period_s = _period_s(shortest_ms if period_ms is None else period_ms)
         master = MasterSettings(period_s=period_s)
         about = sheet.load(str(eds), 1, family.overrides)
-        found, remarks = possible.of_profile(family, about, master, bit_rate)
+        problems, remarked = possible.of_profile(family, about, master, bit_rate)
+        found, remarks = [*map(in_words, problems)], [*map(in_words, remarked)]
         facts = {"eds": str(eds), "profile": family.name, "period_s": period_s, "remarks": remarks}
         if not as_json:
             for remark in remarks:
@@ -100,18 +102,28 @@ def commission(
         found = [outcome.arranged for outcome in outcomes if outcome.arranged is not None]
         _keep(made, found)
         if as_json:
-            rows = [asdict(outcome) for outcome in outcomes]
+            rows = [_in_words(asdict(outcome)) for outcome in outcomes]
             print(json.dumps({"ok": True, "machine": made.name, "lss": given, "drives": rows}))
         else:
             if given:
                 show.print(say("cli.drives.node_set", set_node=set_node, node=given["node"]), markup=False)
             for outcome in outcomes:
                 for warning in outcome.warnings:
-                    tell.print(f"drive {outcome.name} (node {outcome.node}): {warning}.", markup=False)
+                    sentence = say("sentence", text=commissioning.of_drive(outcome, warning))
+                    tell.print(sentence, markup=False)
             show.print(drive_tables.outcomes(outcomes))
         for one in found:
             for note in one.notes if not as_json else ():
-                tell.print(note, markup=False)
+                tell.print(in_words(note), markup=False)
+
+
+def _in_words(tree: Any) -> Any:
+    """Values with the words of each text in its place, for JSON."""
+    if is_said(tree):
+        return in_words(tree)
+    if isinstance(tree, dict):
+        return {key: _in_words(value) for key, value in tree.items()}
+    return [*map(_in_words, tree)] if isinstance(tree, list | tuple) else tree
 
 
 def _keep(machine: Machine, found: Sequence[commissioning.Arranged]) -> None:
@@ -159,19 +171,23 @@ def scan(
         made = drive_buses.machine(machine)
         rows: list[dict[str, Any]] = []
         missing: list[str] = []
-        strangers: list[str] = []
+        strange: list[Said] = []
         with drive_buses.joined(made, bus, channel) as joined:
             for each in joined:
                 found = survey.scan(each.network)
                 names = {node.node: node.name for node in each.nodes}
                 rows += [{"bus": each.bus.name, **asdict(one), "name": names.get(one.node)} for one in found]
                 silent = names.keys() - {one.node for one in found}
-                missing += [f"{names[node]} (bus {each.bus.name}, node {node})" for node in sorted(silent)]
-                strangers += [*_twins(each, found), *_strangers(each, found)]
+                at = {"bus": each.bus.name}
+                missing += [
+                    say("cli.drives.missing", **at, name=names[node], node=node) for node in sorted(silent)
+                ]
+                strange += [*_twins(each, found), *_strangers(each, found)]
         if not as_json:
             show.print(drive_tables.found(rows))
+        strangers = [in_words(one) for one in strange]
         facts = {"machine": made.name, "found": rows, "missing": missing, "strangers": strangers}
-        sentences = [f"{sentence}." for sentence in strangers]
+        sentences = [say("sentence", text=one) for one in strange]
         if missing:
             sentences.append(say("cli.drives.silent", names=", ".join(missing)))
         if sentences:
@@ -180,25 +196,28 @@ def scan(
             print(json.dumps({"ok": True, **facts}))
 
 
-def _twins(joined: Joined, found: Sequence[survey.Found]) -> Iterator[str]:
-    """A sentence for every node id that more than one drive has."""
-    names = {node.node: f"drive {node.name} (node {node.node})" for node in joined.nodes}
+def _twins(joined: Joined, found: Sequence[survey.Found]) -> Iterator[Said]:
+    """What is to be said of every node id that more than one drive has."""
+    known = {node.node: node for node in joined.nodes}
     for one in found:
         if one.twins:
-            title = names.get(one.node, f"bus {joined.bus.name}, node {one.node}")
-            yield f"{title}: {twins.sentence(one.twins)}"
+            what = twins.sentence(one.twins)
+            if one.node in known:
+                yield commissioning.of_drive(known[one.node], what)
+            else:
+                yield said("cli.drives.of_node", bus=joined.bus.name, node=one.node, why=what)
 
 
-def _strangers(joined: Joined, found: Sequence[survey.Found]) -> Iterator[str]:
-    """A sentence for every node that is not who data sheet and machine file say."""
+def _strangers(joined: Joined, found: Sequence[survey.Found]) -> Iterator[Said]:
+    """What is to be said of every node that is not who data sheet and machine file say."""
     by_node = {one.node: one for one in found}
     for node in joined.nodes:
         if one := by_node.get(node.node):
             has = {1: one.vendor, 2: one.product, 4: one.serial}
             for word in identity.words_of(node, sheet.of(node)):
                 known = has[word.sub]
-                if known is not None and (sentence := word.mismatch(known)):
-                    yield f"drive {node.name} (node {node.node}): {sentence}"
+                if known is not None and (mismatch := word.mismatch(known)):
+                    yield commissioning.of_drive(node, mismatch)
 
 
 @app.command()
@@ -240,9 +259,13 @@ def dump(
                 entry for each in joined for node in each.nodes for entry in survey.dump(each.network, node)
             ]
         if as_json:
-            print(json.dumps({"ok": True, "drive": drive, "objects": [asdict(entry) for entry in entries]}))
+            print(json.dumps({"ok": True, "drive": drive, "objects": [_entry(entry) for entry in entries]}))
         else:
             show.print(drive_tables.dump(entries))
+
+
+def _entry(entry: survey.Entry) -> dict[str, Any]:
+    return {**asdict(entry), "refused": in_words(entry.refused)}
 
 
 # --- save, restore, compare, stop, simulate ------------------------------------------------

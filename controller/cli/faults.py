@@ -20,6 +20,8 @@ from controller.machine.toml_table import ConfigError
 from controller.state import stop_times
 from controller.state.modes import FAULTS, Fault, Times, stands_within_s
 from controller.verify.console import Refused, refusals, show
+from drives.arranged import Arranged
+from drives.texts import filled
 
 MachineArgument = Annotated[str, typer.Argument()]
 Language = Annotated[str, typer.Option("--language")]
@@ -44,7 +46,12 @@ def faults(
         taken = stop_times.of(made, found.drives if found else ())
         rows = [_row(fault, taken, said) for fault in Fault if fault is not Fault.NONE]
         if as_json:
-            facts = {"ok": True, "machine": made.name, "times": taken._asdict(), "drives": _drives(found)}
+            facts = {
+                "ok": True,
+                "machine": made.name,
+                "times": taken._asdict(),
+                "drives": _drives(found, said),
+            }
             print(json.dumps({**facts, "faults": rows}))
             return
         show.print(Text(said["faults.title"].format(machine=made.name), style="italic"))
@@ -53,8 +60,14 @@ def faults(
             show.print(*_paragraph(row, said))
 
 
-def _drives(found: Found | None) -> dict[str, Any] | None:
-    return {"read": found.at, "axes": [asdict(one) for one in found.drives]} if found else None
+def _drives(found: Found | None, said: Texts) -> dict[str, Any] | None:
+    if found is None:
+        return None
+    return {"read": found.at, "axes": [{**asdict(one), "notes": _notes(one, said)} for one in found.drives]}
+
+
+def _notes(one: Arranged, said: Texts) -> list[str]:
+    return [filled(note, said) for note in one.notes]
 
 
 def _basis(found: Found | None, said: Texts) -> Iterator[str]:
@@ -65,7 +78,7 @@ def _basis(found: Found | None, said: Texts) -> Iterator[str]:
     stops = ", ".join(f"{one.name} {1e3 * one.stop_s:.0f} ms" for one in found.drives if one.stop_s)
     yield said["faults.read"].format(at=found.at.replace("T", " "), stops=stops)
     for one in found.drives:
-        yield from one.notes
+        yield from _notes(one, said)
 
 
 def _texts(language: str) -> Texts:

@@ -14,7 +14,7 @@ import typer
 from controller.cli import drive_buses, drive_tables
 from controller.cli.drive_buses import EXPECTED, Channel, Json, MachineFile, OnBus
 from controller.machine import nodes
-from controller.verify.console import Refused, refusals, say, show, tell
+from controller.verify.console import Refused, in_words, refusals, say, show, tell
 from drives import commission as commissioning
 from drives.commissioning import dcf, setup, sheet
 from drives.commissioning.remote import NMT_PRE_OPERATIONAL
@@ -39,21 +39,20 @@ def save(
         _one(machine, bus, channel, drive) as (settings, here, rate),
     ):
         values, failed = setup.read(here)
-        left = setup.beside(here)
+        counts = {say(f"setup.{why}"): count for why, count in setup.beside(here).items()}
         about = sheet.own(settings.eds, settings.node, sheet.known_of(settings))
         text = dcf.written(about, settings.node, rate, values, file.name)
         _write(file, text)
         if as_json:
             facts = {"drive": settings.name, "node": settings.node, "file": str(file), "saved": len(values)}
-            unread = [asdict(row) for row in failed]
-            print(json.dumps({"ok": True, **facts, "left_out": left, "unread": unread}))
+            print(json.dumps({"ok": True, **facts, "left_out": counts, "unread": _rows(failed)}))
             return
         for row in failed:
             tell.print(
                 say("cli.kept.unread", place=drive_tables.place(row.index, row.sub), refused=row.refused),
                 markup=False,
             )
-        kinds = ", ".join(f"{count} {why}" for why, count in sorted(left.items()))
+        kinds = ", ".join(f"{count} {why}" for why, count in sorted(counts.items()))
         one = {"name": settings.name, "node": settings.node, "count": len(values)}
         show.print(
             say("cli.kept.saved", file=file, left=kinds or say("cli.nothing"), **one),
@@ -143,7 +142,7 @@ def _one(
         its = [(each, node) for each in found for node in each.nodes]
         if len(its) != 1:
             known = ", ".join(f"{node.name} (bus {each.bus.name})" for each, node in its)
-            raise Refused(say("cli.kept.one", drive=drive, known=known or "none"))
+            raise Refused(say("cli.kept.one", drive=drive, known=known or say("cli.nothing")))
         each, node = its[0]
         if alone:
             drive_buses.see_alone(each, nodes.master_settings(made))
@@ -165,4 +164,5 @@ def _rows(rows: Sequence[setup.Row]) -> list[dict[str, Any]]:
     def plain(value: Any) -> Any:
         return value.hex() if isinstance(value, bytes) else value
 
-    return [{key: plain(value) for key, value in asdict(row).items()} for row in rows]
+    rows_in_words = ({**asdict(row), "refused": in_words(row.refused)} for row in rows)
+    return [{key: plain(value) for key, value in row.items()} for row in rows_in_words]

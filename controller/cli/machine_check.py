@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import json
 
-from controller import messages
 from controller.machine.model import Axis, Machine
 from controller.runtime.bus_load import overload
-from controller.verify.console import Refused, say, show, spoken, tell
+from controller.verify.console import Refused, in_words, say, show, tell
 
 QUANTISATION_SHARE = 0.1  # of the jerk limit that rounding to counts may look like
 
@@ -18,11 +17,12 @@ def sheets(machine: Machine, quiet: bool) -> list[str]:
 
     problems, warned = drive_sheets.look(machine)
     if problems:
-        raise Refused("\n".join(f"{problem}." for problem in problems), sheets=problems)
+        whole = "\n".join(say("sentence", text=problem) for problem in problems)
+        raise Refused(whole, sheets=[in_words(problem) for problem in problems])
     if not quiet:
-        for sentence in warned:
-            tell.print(f"{sentence}.", markup=False)
-    return warned
+        for warning in warned:
+            tell.print(say("sentence", text=warning), markup=False)
+    return [in_words(warning) for warning in warned]
 
 
 def warnings(machine: Machine) -> list[str]:
@@ -48,7 +48,7 @@ def _resolution(axis: Axis, period_s: float) -> str | None:
 def alone(machine: Machine, warned: list[str], as_json: bool) -> None:
     """The rest of it where no program is named; ``warned`` by the sheets. Raises Refused."""
     if why := overload(machine):
-        raise Refused(messages.text(why, spoken.get()))
+        raise Refused(in_words(why))
     told = warnings(machine)
     if as_json:
         print(json.dumps({"ok": True, "machine": machine.name, "sheets": warned, "warnings": told}))

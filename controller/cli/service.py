@@ -20,7 +20,7 @@ from controller.machine import machine_file
 from controller.machine.model import Machine
 from controller.machine.toml_table import ConfigError
 from controller.runtime import drive_sheets
-from controller.verify.console import Refused, refusals, say, show, tell
+from controller.verify.console import Refused, in_words, refusals, say, show, tell
 
 app = typer.Typer(
     add_completion=False,
@@ -63,7 +63,7 @@ def install(
         named = source or installation.machine_named_in(present or "")
         made = machine_file.load(named)
         if problems := drive_sheets.refusal(made):
-            raise Refused(problems)
+            raise Refused("\n".join(map(in_words, problems)))
         if root is None:
             _may_install(made, named)
         serve = None if simulate is None else "--simulate" * simulate

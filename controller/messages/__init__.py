@@ -31,6 +31,7 @@ __all__ = [
     "Said",
     "TextError",
     "chain",
+    "is_said",
     "of_error",
     "once",
     "plain",

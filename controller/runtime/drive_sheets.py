@@ -4,15 +4,16 @@ from __future__ import annotations
 
 from controller.machine import machine_file
 from controller.machine.model import Machine
+from controller.messages import Said, said
 from drives import commission
 
 
-def look(machine: Machine) -> tuple[list[str], list[str]]:
+def look(machine: Machine) -> tuple[list[Said], list[Said]]:
     """What commissioning would refuse, and what it would warn of, drive by drive. Raises ConfigError."""
     master = machine_file.master_settings(machine)
     rates = {bus.name: bus.bit_rate for bus in machine.buses}
-    problems: list[str] = []
-    warnings: list[str] = []
+    problems: list[Said] = []
+    warnings: list[Said] = []
     for node in machine_file.all_settings(machine):
         against, warned = commission.on_paper(node, master, rates[node.bus])
         problems += against
@@ -20,6 +21,6 @@ def look(machine: Machine) -> tuple[list[str], list[str]]:
     return problems, warnings
 
 
-def refusal(machine: Machine) -> str:
-    """The problems as sentences, a line each; "" where there are none. Raises ConfigError."""
-    return "\n".join(f"{problem}." for problem in look(machine)[0])
+def refusal(machine: Machine) -> list[Said]:
+    """The problems as sentences; none where there are none. Raises ConfigError."""
+    return [said("sentence", text=problem) for problem in look(machine)[0]]

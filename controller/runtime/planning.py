@@ -16,7 +16,7 @@ from typing import Any
 from controller.ipc.handoff import Snapshot
 from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Machine
-from controller.messages import of_error, said
+from controller.messages import of_error, said, text
 from controller.plan import waits
 from controller.plan.foresight import Foresight, twice
 from controller.plan.off_path import Back
@@ -133,8 +133,8 @@ class Planning:
             self._carrying_out = False
 
     def _commission(self, _: Order) -> dict[str, Any]:
-        for sentence in self._end.start_up.commission():
-            print(sentence, file=sys.stderr, flush=True)
+        for warning in self._end.start_up.commission():
+            print(text(warning), file=sys.stderr, flush=True)
         return {}
 
     def _home(self, order: Order) -> dict[str, Any]:

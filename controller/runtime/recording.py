@@ -32,6 +32,7 @@ from drives import emergency_codes, pdo
 from drives.cia402 import State
 from drives.log import candump, frame_log
 from drives.log.frame_log import FrameLog
+from drives.texts import english
 
 KEPT_S = 10.0  # before the fault
 STOP_S = 3.0  # at most after it
@@ -94,7 +95,7 @@ def _emergencies(machine: Machine, logs: Logs) -> Iterator[str]:
                 codes[bus, can_id & NODE_BITS] = int.from_bytes(data[:2], "little")
     for axis in machine.axes:
         code = codes.get((axis.bus, axis.node), 0)
-        yield emergency_codes.text(code) if code else ""
+        yield english(emergency_codes.text(code)) if code else ""
 
 
 def folder() -> Path:

@@ -79,19 +79,19 @@ class StartUp:
         self._arranged = arranged
         self._nodes = machine_file.node_settings(machine)
 
-    def commission(self) -> list[str]:
+    def commission(self) -> list[Said]:
         """Write and read back every node's settings and start it. Raises CommissionError.
 
-        A sentence for everything that is accepted although sheet or drive speak against it.
+        What is to be said of everything that is accepted although sheet or drive speak against it.
         """
         master, nodes = machine_file.master_settings(self._machine), machine_file.all_settings(self._machine)
         rates = {bus.name: bus.bit_rate for bus in self._machine.buses}
         found: list[Arranged] = []
-        warnings: list[str] = []
+        warnings: list[Said] = []
         for name, network in self._networks.items():
             its = [node for node in nodes if node.bus == name]
             for done in commission.commission(network, its, master, bit_rate=rates[name]):
-                warnings += [f"drive {done.name} (node {done.node}): {warning}." for warning in done.warnings]
+                warnings += [said("sentence", text=commission.of_drive(done, one)) for one in done.warnings]
                 if done.arranged is not None:
                     found.append(done.arranged)
         self._arranged(tuple(found))

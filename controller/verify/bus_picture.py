@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from controller.verify.console import say
+from controller.verify.console import in_words, say
 from drives.load import timeline
 from drives.load.budget import BusBudget
 from drives.load.timeline import Slot
@@ -28,6 +28,11 @@ LOOKS = {
     "SDO": ("#CC79A7", ""),
     "heartbeat": ("#009E73", ""),
     "others": ("#BBBBBB", ""),
+}
+ALIKE = {  # frames with the look of another
+    "speed": "setpoint",
+    **dict.fromkeys(("controller_heartbeat", "guarding", "answer"), "heartbeat"),
+    **dict.fromkeys(("sdo_question", "sdo_answer"), "SDO"),
 }
 LANES = (
     ("worst", timeline.worst),
@@ -64,7 +69,7 @@ def _headline(figure: Figure, machine: str, height: int) -> None:
     title = say("bus_picture.title", machine=machine)
     figure.text(0.012, 1.0 - 28 / height, title, fontsize=17, color=INK, va="center", weight="bold")
     handles = [
-        Patch(facecolor=colour, hatch=hatch, edgecolor="white", label=name)
+        Patch(facecolor=colour, hatch=hatch, edgecolor="white", label=say(f"bus_picture.frames.{name}"))
         for name, (colour, hatch) in LOOKS.items()
     ]
     figure.legend(
@@ -102,13 +107,13 @@ def _frame(axes: Axes, slot: Slot, lane: int, width_us: float) -> None:
     long_us = slot.end_us - slot.start_us
     look: dict[str, Any] = {"color": colour, "edgecolor": "white", "hatch": hatch, "linewidth": 0.8}
     axes.barh(lane, long_us, left=slot.start_us, height=0.72, **look)
-    name = slot.row.what.split(" ")[-1]
+    name = slot.row.node or in_words(slot.row.text)
     if long_us / width_us * (WIDTH - LEFT - RIGHT) > LETTER * (len(name) + 1):
         middle_us = 0.5 * (slot.start_us + slot.end_us)
         axes.text(middle_us, lane, name, ha="center", va="center", fontsize=9.5, color=INK)
 
 
 def _look(slot: Slot) -> str:
-    kind = slot.row.what.split(" ")[0]
-    kind = {"speed": "setpoint", "guarding": "heartbeat", "answer": "heartbeat"}.get(kind, kind)
+    kind = slot.row.frame
+    kind = ALIKE.get(kind, kind)
     return kind if kind in LOOKS else "others"

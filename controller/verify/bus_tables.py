@@ -11,8 +11,8 @@ from rich.bar import Bar
 from rich.console import Group
 from rich.table import Table
 
-from controller.verify.console import say
-from drives.load import timeline
+from controller.verify.console import in_words, say
+from drives.load import bus_frames, timeline
 from drives.load.budget import BusBudget
 from drives.load.bus_frames import Row
 
@@ -39,7 +39,7 @@ def _tick(one: BusBudget) -> Table:
     title = say("bus_table.tick", bus=one.bus, rate=_rate(one), period=one.period_us)
     table = _table(title, "frame", ("id", "bytes", "worst", "mean", "from"))
     slots = timeline.worst(one)
-    names = [slot.row.what + _every(slot.row) for slot in slots]
+    names = [in_words(slot.row.text) + _every(slot.row) for slot in slots]
     width = max(SHORTEST_BAR, COLUMNS - NUMBERS - max(map(len, names)))
     size = max(one.period_us, one.total_us)
     to = say("bus_table.to")
@@ -75,13 +75,12 @@ def _alike(rows: Sequence[Row]) -> Iterator[tuple[str, list[Row]]]:
     """Rows of one kind together: heartbeats of X Y Z as one, in the order of the budget."""
 
     def kind(row: Row) -> tuple[str, int, float, str]:
-        return row.what.split(" of ")[0], row.data_bytes, row.per_tick, str(row.sender == "controller")
+        return row.frame, row.data_bytes, row.per_tick, str(row.sender == "controller")
 
     order = list(dict.fromkeys(map(kind, rows)))
     for key, found in groupby(sorted(rows, key=lambda row: order.index(kind(row))), kind):
         together = list(found)
-        names = " ".join(row.what.split(" of ")[1] for row in together if " of " in row.what)
-        yield f"{key[0]} of {names}" if names else key[0], together
+        yield in_words(bus_frames.text(key[0], " ".join(row.node for row in together))), together
 
 
 def sentences(one: BusBudget, max_share: float) -> Iterator[str]:

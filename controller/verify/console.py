@@ -74,7 +74,12 @@ spoken: ContextVar[str] = ContextVar("spoken", default=messages.DEFAULT)  # in w
 
 def say(key: str, **values: object) -> str:
     """A text of the catalogue in that language."""
-    return messages.text(messages.said(key, **values), spoken.get())
+    return in_words(messages.said(key, **values))
+
+
+def in_words(text: messages.Said | None) -> str:
+    """A text in that language; "" for none."""
+    return messages.text(text, spoken.get())
 
 
 def word(key: str, otherwise: str = "") -> str:

@@ -23,7 +23,6 @@ Value = int | float | str | bytes
 Place = tuple[int, int]  # index, sub-index
 
 HEADS = ("DeviceComissioning", "DeviceCommissioning")  # CiA 306 writes it with one m; people with two
-NO_VALUE = "it has no ParameterValue, so it is a data sheet and no set-up; name a file that save has written"
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,7 +99,7 @@ def read(path: Path) -> Kept:
         if entry.value is not None
     }
     if not found:
-        raise SheetError(f"{path.name}: {NO_VALUE}")
+        raise SheetError(said("sheet.no_values", name=path.name))
     return Kept(path.name, node, about.identities(1), about.identities(2), found)
 
 

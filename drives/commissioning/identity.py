@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping
 from drives.commissioning.sheet import Sheet
 from drives.commissioning.wanted import Settings
 from drives.settings import IoSettings, NodeSettings
+from drives.texts import Key, Said, chain, said
 from drives.values import dataclass
 
 
@@ -15,48 +16,46 @@ class Word:
     """One word of the identity that is asked for, and who says so."""
 
     sub: int
-    what: str
     wanted: tuple[int, ...]  # any of these: a sheet may contradict itself
-    source: str
+    source: Said
 
-    def mismatch(self, found: int) -> str:
-        """A sentence where another node answers; "" where it is the right one."""
+    def mismatch(self, found: int) -> Said | None:
+        """What is to be said where another node answers; None where it is the right one."""
         if found in self.wanted:
-            return ""
-        wanted = " or ".join(f"{word:#x}" for word in self.wanted)
-        return (
-            f"{self.what} (object 1018h:{self.sub:02X}) is {found:#x}, {self.source} says {wanted};"
-            " check node id and data sheet"
-        )
+            return None
+        wanted = chain("or", [f"{word:#x}" for word in self.wanted])
+        return said("identity.other", **named(self.sub), found=found, source=self.source, wanted=wanted)
+
+
+def named(sub: int) -> dict[str, object]:
+    """A word of 1018h as texts have places for it."""
+    return {"what": Key(f"identity.{sub}"), "sub": sub}
 
 
 def words_of(settings: Settings, sheet: Sheet) -> Iterator[Word]:
     """Vendor, product code and serial number, as far as anybody says them."""
     profile = None if isinstance(settings, IoSettings) else settings.profile
-    said = f"its data sheet {settings.eds}"
-    for sub, what, family in (
-        (1, "vendor", profile.vendor if profile else None),
-        (2, "product code", profile.product if profile else None),
-    ):
+    sheets = said("identity.by_sheet", eds=settings.eds)
+    for sub, family in ((1, profile.vendor if profile else None), (2, profile.product if profile else None)):
         if wanted := sheet.identities(sub):
-            yield Word(sub, what, wanted, said)
+            yield Word(sub, wanted, sheets)
         elif family:
-            yield Word(sub, what, (family,), "its profile")
+            yield Word(sub, (family,), said("identity.by_profile"))
     if isinstance(settings, NodeSettings) and settings.serial:
-        yield Word(4, "serial number", (settings.serial,), "the machine file")
+        yield Word(4, (settings.serial,), said("identity.by_file"))
 
 
-def contradictions(sheet: Sheet, found: Mapping[int, int] | None = None) -> Iterator[str]:
-    """A sentence for each word that the head of a sheet and its object 1018h say differently.
+def contradictions(sheet: Sheet, found: Mapping[int, int] | None = None) -> Iterator[Said]:
+    """What is to be said of each word that the head of a sheet and its object 1018h have differently.
 
     ``found``: what the drive says, by sub-index.
     """
-    for sub, what in ((1, "vendor"), (2, "product code")):
+    for sub in (1, 2):
         words = sheet.identities(sub)
         if len(words) > 1:
-            drives = f"; the drive says {found[sub]:#x}" if found and sub in found else "; either is accepted"
             head, entry = (f"{word:#x}" for word in words)
-            yield (
-                f"{what} (object 1018h:{sub:02X}): {sheet.name} says {head} in its head and {entry} in the"
-                f" object{drives}"
-            )
+            facts = {**named(sub), "sheet": sheet.name, "head": head, "entry": entry}
+            if found and sub in found:
+                yield said("identity.contradiction_judged", **facts, drives=f"{found[sub]:#x}")
+            else:
+                yield said("identity.contradiction", **facts)

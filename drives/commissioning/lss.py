@@ -12,8 +12,9 @@ from __future__ import annotations
 from struct import Struct
 
 from drives import pdo
+from drives.commissioning.identity import named
 from drives.commissioning.network import CommissionError, Network
-from drives.texts import Said, said
+from drives.texts import Said, chain, said
 
 REQUEST, ANSWER = 0x7E5, pdo.LSS_ANSWER
 SWITCH_GLOBAL, SET_NODE, STORE = 0x04, 0x11, 0x17
@@ -26,7 +27,6 @@ WAITING, CONFIGURATION = 0, 1
 RESET_COMMUNICATION, PRE_OPERATIONAL, ALL_NODES = 0x82, 0x80, 0
 ANSWER_S = 0.02  # CiA 305 names no time; drives answer within a few milliseconds
 BOOT_S = 5.0
-NAMES = ("vendor", "product code", "revision", "serial number")
 FRAME = Struct("<BI3x")
 SCAN = Struct("<BIBBB")
 
@@ -86,8 +86,8 @@ class Lss:
         if found is None:
             raise CommissionError(said("lss.nobody"))
         if identity is not None and not self._select(identity):
-            words = ", ".join(f"{name} {word:#x}" for name, word in zip(NAMES, identity, strict=True))
-            raise CommissionError(said("lss.not_found", words=words))
+            words = [said("identity.word", **named(sub), word=word) for sub, word in enumerate(identity, 1)]
+            raise CommissionError(said("lss.not_found", words=chain("comma", words)))
         return found
 
     def _select(self, identity: Identity) -> bool:

@@ -17,7 +17,7 @@ import canopen
 from drives import pdo
 from drives.commissioning import sheet
 from drives.text_file import Source
-from drives.texts import TextError, said
+from drives.texts import Said, TextError, plain, said
 
 SDO_REQUEST, SDO_ANSWER_BEFORE = 0x600, 0x80
 ABORT = 0x80
@@ -53,8 +53,8 @@ class Stepped(Protocol):
     def advance(self, now_s: float, /) -> None: ...
 
 
-class Node(Protocol):
-    """What any kind of node's settings tell of it."""
+class Named(Protocol):
+    """What has a name and a node id."""
 
     @property
     def name(self) -> str: ...
@@ -62,8 +62,27 @@ class Node(Protocol):
     @property
     def node(self) -> int: ...
 
+
+class Node(Named, Protocol):
+    """What any kind of node's settings tell of it."""
+
     @property
     def eds(self) -> Source: ...
+
+
+def title(drive: Named) -> Said:
+    """What a drive is called in sentences."""
+    return said("drive.title", name=drive.name, node=drive.node)
+
+
+def of_drive(drive: Named, what: Said | BaseException) -> Said:
+    """What is said of one drive."""
+    return said("drive.of", title=title(drive), why=what)
+
+
+def without_title(error: CommissionError) -> Said:
+    """What an error says, without the drive that it is of."""
+    return plain(error.said["values"]["why"] if error.said["key"] == "drive.of" else error.said)
 
 
 def wall_pump(fileno: int, slice_s: float = 0.01) -> Pump:
@@ -111,8 +130,7 @@ class Network(canopen.Network):
         try:
             about = sheet.of(settings)
         except sheet.SheetError as error:
-            title = f"drive {settings.name} (node {settings.node})"
-            raise CommissionError(said("drive.of", title=title, why=error)) from error
+            raise CommissionError(of_drive(settings, error)) from error
         node = self._joined.get(about)
         if node is None:
             node = self._joined[about] = canopen.RemoteNode(settings.node, about.dictionary)

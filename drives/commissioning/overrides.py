@@ -13,6 +13,7 @@ from canopen.objectdictionary import ObjectDictionary, ODRecord, ODVariable
 from canopen.objectdictionary.datatypes import SIGNED_TYPES
 
 from drives.profile import Override
+from drives.texts import Key, Said, said
 
 # Attribute of an entry as canopen has it, by the field of the override.
 WHAT = {
@@ -27,20 +28,20 @@ TOLD = {"data_type": "type"}  # as the tables call it
 IDENTITY, HEAD = 0x1018, {1: "vendor_number", 2: "product_number", 3: "revision_number"}
 
 
-def apply(dictionary: ObjectDictionary, wanted: Sequence[Override], sheet: str) -> tuple[str, ...]:
+def apply(dictionary: ObjectDictionary, wanted: Sequence[Override], sheet: str) -> tuple[Said, ...]:
     """Change the dictionary; a sentence for everything that the sheet says otherwise."""
     return tuple(sentence for one in wanted for sentence in _applied(dictionary, one, sheet))
 
 
-def _applied(dictionary: ObjectDictionary, one: Override, sheet: str) -> Iterator[str]:
-    where = f"object {one.index:04X}h:{one.sub:02X}"
+def _applied(dictionary: ObjectDictionary, one: Override, sheet: str) -> Iterator[Said]:
+    at = {"where": said("drive.object", index=one.index, sub=one.sub), "sheet": sheet}
     found = _find(dictionary, one)
     if found is None:
-        found = _added(dictionary, one, where)
+        found = _added(dictionary, one)
         if found is None:
-            yield f"{where} is not in {sheet}, so overriding it does nothing; name its type to add it"
+            yield said("sheet.override_of_nothing", **at)
             return
-        yield f"{where} is not in {sheet}, taken for granted: {one.reason}"
+        yield said("sheet.override_added", **at, reason=one.reason)
     for field, attribute in WHAT.items():
         value = getattr(one, field)
         before = getattr(found, attribute)
@@ -48,10 +49,8 @@ def _applied(dictionary: ObjectDictionary, one: Override, sheet: str) -> Iterato
             before = _whole(found)[field == "high"]
         if value is not None and value != before:
             setattr(found, attribute, value)
-            yield (
-                f"{where}: {sheet} says {TOLD.get(field, field)} {_shown(before)}, taken is"
-                f" {_shown(value)}: {one.reason}"
-            )
+            values = {"before": _shown(before), "taken": _shown(value)}
+            yield said("sheet.override", **at, field=TOLD.get(field, field), **values, reason=one.reason)
     if one.index == IDENTITY and one.default is not None and one.sub in HEAD:
         setattr(dictionary.device_information, HEAD[one.sub], one.default)  # the head of a sheet says it, too
 
@@ -71,12 +70,12 @@ def _find(dictionary: ObjectDictionary, one: Override) -> ODVariable | None:
     return None if found is None else found.subindices.get(one.sub)
 
 
-def _added(dictionary: ObjectDictionary, one: Override, where: str) -> ODVariable | None:
+def _added(dictionary: ObjectDictionary, one: Override) -> ODVariable | None:
     """An entry that the sheet lacks; None where it cannot be: without a type, or below a single object."""
     parent = dictionary.indices.get(one.index)
     if one.data_type is None or isinstance(parent, ODVariable):
         return None
-    made = ODVariable(where, one.index, one.sub)
+    made = ODVariable(f"object {one.index:04X}h:{one.sub:02X}", one.index, one.sub)
     made.data_type = one.data_type
     if parent is None and one.sub:
         parent = ODRecord(f"object {one.index:04X}h", one.index)
@@ -90,7 +89,7 @@ def _added(dictionary: ObjectDictionary, one: Override, where: str) -> ODVariabl
 
 def _shown(value: object) -> str:
     if value is None:
-        return "nothing"
+        return Key("sheet.nothing")
     if isinstance(value, bool):
         return "true" if value else "false"
     return f"{value} ({value:#x})" if isinstance(value, int) and value > 9 else str(value)

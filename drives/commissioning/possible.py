@@ -17,69 +17,63 @@ from canopen.objectdictionary import ODVariable
 from drives.commissioning import identity, wanted
 from drives.commissioning.sheet import INTEGERS, Sheet
 from drives.commissioning.values import shown_at
-from drives.commissioning.wanted import RPDO, Pdo, Setting, Settings
+from drives.commissioning.wanted import RPDO, Pdo, Setting, Settings, where
 from drives.profile import Profile, Supervision
 from drives.settings import IoSettings, MasterSettings, NodeSettings, SpindleSettings
+from drives.texts import Key, Said, once, plain, said
 
 INTO, OUT_OF = ("wo", "rw", "rww"), ("ro", "rw", "rwr")  # access of what an RPDO, a TPDO may hold
-PERIOD = 0x60C2
+PERIOD, PERIOD_PROBLEM = 0x60C2, "paper.period"
 MAX_BITS = 64  # of process data in a frame
 
-# What a person can change about a value that does not go, by object.
-REMEDIES = {
-    0x60C2: "change period_s",
-    0x6065: "change following_error of the axis",
-    0x607D: "change the travel of the axis",
-    0x6098: "choose another homing method",
-    0x6099: "change the homing speeds",
-    0x609A: "change the homing acceleration",
-    0x1800: "change feedback_every",
-    0x100C: "use a drive that notices a dead controller, or accept it with unsupervised = true",
-    0x100D: "use a drive that notices a dead controller, or accept it with unsupervised = true",
-    0x1016: "use a drive that notices a dead controller, or accept it with unsupervised = true",
-    0x6007: "use a drive that stops by itself, or accept it with unsupervised = true",
-}
-OTHERWISE = "another profile or another drive is needed"
-WRONG = "if the sheet is wrong about its drive, override it with a reason ([[override]])"
-UNNOTICED = "such a drive does not notice a dead controller (neither heartbeat nor node guarding)"
-MODE_UNSEEN = "that somebody else changes the drive's mode is noticed by its statusword and position only"
-ACCEPTED = "accepted with unsupervised = true; see that it can do no harm"
+# Objects of which a person can change the value: what, is the text ``paper.do.60C2`` for one.
+CHANGEABLE = (0x60C2, 0x6065, 0x607D, 0x6098, 0x6099, 0x609A, 0x1800, 0x100C, 0x100D, 0x1016, 0x6007)
+OTHERWISE = said("paper.do.other")
+WRONG = said("paper.do.override")
+UNNOTICED = said("paper.unnoticed")
 
 
-def problems(settings: Settings, master: MasterSettings, sheet: Sheet, bit_rate: int = 0) -> list[str]:
-    """A sentence for everything that this drive cannot be told; ``bit_rate`` 0 is not looked at."""
+def problems(settings: Settings, master: MasterSettings, sheet: Sheet, bit_rate: int = 0) -> list[Said]:
+    """What is to be said of everything that this drive cannot be told; ``bit_rate`` 0 is not looked at."""
     found = [*_of_family(settings, master)]
     found += _of_device(settings, sheet, bit_rate)
     found += _of_mapping(settings, sheet)
     found += _of_homing(settings, sheet) if isinstance(settings, NodeSettings) else ()
-    told = not any("60C2h" in sentence for sentence in found)  # otherwise there is no value to look up
+    told = all(one["key"] != PERIOD_PROBLEM for one in found)  # otherwise there is no value to look up
     for step in wanted.steps_of(settings, master, sheet):
         for setting in step.outcome:
             if not (_is_mapping(setting) or setting.waived) and (told or setting.index != PERIOD):
-                remedy = f"{REMEDIES.get(setting.index, OTHERWISE)}; {WRONG}"
-                found += (f"{problem}; {remedy}" for problem in _of_setting(setting, settings, sheet))
-    return list(dict.fromkeys(found))
+                do = said(f"paper.do.{setting.index:04X}") if setting.index in CHANGEABLE else OTHERWISE
+                found += (_to_do(problem, do, WRONG) for problem in _of_setting(setting, settings, sheet))
+    return once(found)
 
 
-def warnings(settings: Settings, master: MasterSettings, sheet: Sheet) -> list[str]:
-    """A sentence for everything that paper speaks against and somebody has accepted."""
+def _to_do(problem: Said, *remedies: Said) -> Said:
+    for do in remedies:
+        problem = said("paper.to_do", problem=problem, do=do)
+    return problem
+
+
+def warnings(settings: Settings, master: MasterSettings, sheet: Sheet) -> list[Said]:
+    """What is to be said of everything that paper speaks against and somebody has accepted."""
     found = list(sheet.overridden)
     family = None if isinstance(settings, IoSettings) else settings.profile
     if family and family.supervision is Supervision.NONE and settings.unsupervised:
-        found.append(f"profile {family.name}: {UNNOTICED}; {ACCEPTED}")
+        found.append(_of_profile(family, said("paper.accepted", problem=UNNOTICED)))
     for used in wanted.pdos_of(settings):
         if used.optional and not wanted.carries(used, sheet):
-            found.append(f"{used.title}: {sheet.name} does not let 6061h be mapped into it; {MODE_UNSEEN}")
+            found.append(said("paper.mode_unseen", pdo=used.title, sheet=sheet.name))
     for step in wanted.steps_of(settings, master, sheet):
         for setting in step.outcome:
             if setting.waived:
-                found += (f"{problem}; {ACCEPTED}" for problem in _of_setting(setting, settings, sheet))
-    return list(dict.fromkeys(found))
+                problems = _of_setting(setting, settings, sheet)
+                found += (said("paper.accepted", problem=problem) for problem in problems)
+    return once(found)
 
 
 def of_profile(
     profile: Profile, sheet: Sheet, master: MasterSettings, bit_rate: int = 0
-) -> tuple[list[str], list[str]]:
+) -> tuple[list[Said], list[Said]]:
     """Problems and remarks of a family against one of its data sheets, at the master's period."""
     methods = profile.homing_methods if sheet.writable(0x6098) else profile.homing_methods[:1]
     base = NodeSettings(profile.name, "", 1, sheet.name, period_s=master.period_s, profile=profile)
@@ -94,221 +88,183 @@ def of_profile(
     found += [problems(each, master, sheet, bit_rate) for each in chosen]
     beside = (sentence for each in found for sentence in each if sentence not in needed)
     told = [*warnings(base, master, sheet), *identity.contradictions(sheet)]
-    remarks = [*(f"{one}." for one in dict.fromkeys((*told, *beside))), *_remarks(profile, sheet)]
-    return needed, [*remarks, *profile.quirks]
+    remarks = [*(said("sentence", text=one) for one in once((*told, *beside))), *_remarks(profile, sheet)]
+    return needed, [*remarks, *map(plain, profile.quirks)]
 
 
-def _remarks(profile: Profile, sheet: Sheet) -> Iterator[str]:
+def _remarks(profile: Profile, sheet: Sheet) -> Iterator[Said]:
     """What is worth knowing and stops nobody."""
     for index in profile.optional:
         if not sheet.holds(index):
-            yield f"object {index:04X}h is not in the data sheet; the profile does without it."
+            yield said("paper.done_without", index=index)
     for index, code in ((0x6007, profile.abort_code), (0x605A, profile.quick_stop_code)):
         if code is None and sheet.holds(index):
-            yield f"object {index:04X}h is in the data sheet and the profile leaves it alone."
+            yield said("paper.left_alone", index=index)
     missing = [f"{index:04X}h" for index in (0x60B8, 0x60B9, 0x60BA) if not sheet.holds(index)]
     if missing:
-        yield f"the drive has no touch probe ({', '.join(missing)} not in the data sheet)."
+        yield said("paper.no_touch_probe", missing=", ".join(missing))
 
 
 # --- by the profile ------------------------------------------------------------------
 
 
-def _of_family(settings: Settings, master: MasterSettings) -> Iterator[str]:
+def _of_profile(profile: Profile, problem: Said) -> Said:
+    return said("paper.of_profile", profile=profile.name, problem=problem)
+
+
+def _of_family(settings: Settings, master: MasterSettings) -> Iterator[Said]:
     if isinstance(settings, IoSettings):
         return
     profile = settings.profile
     if isinstance(settings, NodeSettings):
         yield from _of_period(settings.period_s, profile)
-        yield from _of_axis(settings, profile)
+        yield from (_of_profile(profile, problem) for problem in _of_axis(settings, profile))
     else:
         yield from _of_period(master.period_s, profile)
     if profile.supervision is Supervision.NONE and not settings.unsupervised:
-        yield (
-            f"profile {profile.name}: {UNNOTICED}; allowed with unsupervised = true in its table; see that it"
-            " can do no harm"
-        )
+        yield _of_profile(profile, said("paper.unsupervised", problem=UNNOTICED))
 
 
-def _of_period(period_s: float, profile: Profile) -> Iterator[str]:
+def _of_period(period_s: float, profile: Profile) -> Iterator[Said]:
     steps = period_s / profile.period_step_s
     inside = profile.period_min_s - 1e-9 <= period_s <= profile.period_max_s + 1e-9
     fits = abs(steps - round(steps)) < 1e-6
     told = wanted.interpolation_time(period_s, profile.period_exponents)
     if not (inside and fits and told):
         units = ", ".join(f"10^{exponent} s" for exponent in profile.period_exponents)
-        yield (
-            f"profile {profile.name}: a period of {period_s * 1e3:g} ms cannot be told to the drive"
-            f" (object 60C2h); allowed are multiples of {profile.period_step_s * 1e3:g} ms from"
-            f" {profile.period_min_s * 1e3:g} to {profile.period_max_s * 1e3:g} ms that are 1 .. 255 times"
-            f" {units}; change period_s"
-        )
+        spans = {
+            "ms": period_s * 1e3,
+            "step": profile.period_step_s * 1e3,
+            "low": profile.period_min_s * 1e3,
+            "high": profile.period_max_s * 1e3,
+        }
+        yield said(PERIOD_PROBLEM, profile=profile.name, **spans, units=units)
 
 
-def _of_axis(node: NodeSettings, profile: Profile) -> Iterator[str]:
+def _of_axis(node: NodeSettings, profile: Profile) -> Iterator[Said]:
     if node.feed_forward and not profile.takes_feed_forward:
-        yield (
-            f"profile {profile.name}: such a drive takes no velocity beside the target (object 60B1h);"
-            " write feed_forward = false"
-        )
+        yield said("paper.no_feed_forward")
     if node.feedback_every > profile.most_feedback_every:
-        yield (
-            f"profile {profile.name}: feedback_every = {node.feedback_every} is too seldom; allowed are"
-            f" 1 .. {profile.most_feedback_every} SYNCs; change it"
-        )
+        yield said("paper.too_seldom", every=node.feedback_every, most=profile.most_feedback_every)
     homes = node.homing_method and not node.absolute
     if homes and node.homing_method not in profile.homing_methods:
         methods = ", ".join(map(str, profile.homing_methods))
-        yield (
-            f"profile {profile.name}: homing method {node.homing_method} (object 6098h) is not one of the"
-            f" drive's; allowed are {methods}; choose one of these"
-        )
+        yield said("paper.homing_method", method=node.homing_method, methods=methods)
     if node.following_error_counts > profile.most_following_error:
-        yield (
-            f"profile {profile.name}: a following error window of {node.following_error_counts} counts"
-            f" (object 6065h) is too large; allowed is up to {profile.most_following_error};"
-            " change following_error"
-        )
+        yield said("paper.window", counts=node.following_error_counts, most=profile.most_following_error)
     if node.probe_tpdo and node.probe_tpdo == profile.tpdo:
-        yield f"profile {profile.name}: TPDO {profile.tpdo} carries the feedback already; change probe_tpdo"
+        yield said("paper.probe_taken", tpdo=profile.tpdo)
     if node.temperature_tpdo and node.temperature_tpdo in (profile.tpdo, node.probe_tpdo):
-        yield (
-            f"profile {profile.name}: TPDO {node.temperature_tpdo} carries something else already;"
-            " change tpdo of temperature"
-        )
+        yield said("paper.temperature_taken", tpdo=node.temperature_tpdo)
 
 
 # --- by the data sheet ---------------------------------------------------------------
 
 
-def _of_device(settings: Settings, sheet: Sheet, bit_rate: int) -> Iterator[str]:
+def _of_device(settings: Settings, sheet: Sheet, bit_rate: int) -> Iterator[Said]:
     kind = 401 if isinstance(settings, IoSettings) else 402
-    said = sheet.default(0x1000)
-    if said is not None and said & 0xFFFF != kind:
-        yield (
-            f"object 1000h: {sheet.name} is of device profile {said & 0xFFFF}, needed is {kind};"
-            f" name this node's own data sheet; {WRONG}"
-        )
+    found = sheet.default(0x1000)
+    if found is not None and found & 0xFFFF != kind:
+        problem = said("paper.device_profile", sheet=sheet.name, found=found & 0xFFFF, needed=kind)
+        yield _to_do(problem, said("paper.do.own_sheet"), WRONG)
     needed = (0x1000,) if kind == 401 else (0x1000, 0x6040, 0x6041, 0x6060, 0x6061)
     for index in needed:
         if not sheet.has(index):
-            yield f"object {index:04X}h:00 is not in {sheet.name}; {OTHERWISE}"
+            yield _to_do(said("paper.not_in_sheet", where=where(index), sheet=sheet.name), OTHERWISE)
     rates = sheet.dictionary.device_information.allowed_baudrates
     if bit_rate and rates and bit_rate not in rates:
         allowed = ", ".join(f"{rate // 1000}" for rate in sorted(rates))
-        yield (
-            f"{sheet.name}: {bit_rate // 1000} kbit/s is none of its bit rates; allowed are {allowed};"
-            " change bit_rate of the bus"
-        )
+        yield said("paper.bit_rate", sheet=sheet.name, rate=bit_rate // 1000, allowed=allowed)
     if not isinstance(settings, IoSettings):
         yield from _of_kind(settings, sheet)
 
 
-def _of_kind(settings: NodeSettings | SpindleSettings, sheet: Sheet) -> Iterator[str]:
+def _of_kind(settings: NodeSettings | SpindleSettings, sheet: Sheet) -> Iterator[Said]:
     profile = settings.profile
     for sub, wants in ((1, profile.vendor), (2, profile.product)):
-        said = sheet.identities(sub)
-        if wants and said and wants not in said:
-            yield (
-                f"object 1018h:{sub:02X}: {sheet.name} says {said[0]:#x}, profile {profile.name} is for"
-                f" {wants:#x}; name the profile of this drive; {WRONG}"
-            )
+        found = sheet.identities(sub)
+        if wants and found and wants not in found:
+            facts = {"where": where(0x1018, sub), "sheet": sheet.name, "found": found[0], "wanted": wants}
+            problem = said("paper.other_kind", **facts, profile=profile.name)
+            yield _to_do(problem, said("paper.do.other_profile"), WRONG)
     mode = profile.mode.value if isinstance(settings, NodeSettings) else settings.mode
     modes = sheet.default(0x6502)
     if modes and not modes & 1 << (mode - 1):
-        yield (
-            f"object 6502h: {sheet.name} says {modes:#x}, which is without mode of operation {mode};"
-            f" {OTHERWISE}; {WRONG}"
-        )
+        yield _to_do(said("paper.no_mode", sheet=sheet.name, modes=modes, mode=mode), OTHERWISE, WRONG)
 
 
-def _of_homing(node: NodeSettings, sheet: Sheet) -> Iterator[str]:
+def _of_homing(node: NodeSettings, sheet: Sheet) -> Iterator[Said]:
     """60E3h lists the methods, where the sheet fills it in; some write them as unsigned."""
     listed = [sheet.default(0x60E3, sub) for sub in sheet.subs(0x60E3)]
     methods = [(method + 128) % 256 - 128 for method in listed if method]
     homes = node.homing_method and not node.absolute
     if methods and homes and node.homing_method not in methods:
         allowed = ", ".join(map(str, methods))
-        yield (
-            f"object 60E3h: {sheet.name} lists the homing methods {allowed}, wanted is {node.homing_method};"
-            f" choose one of these; {WRONG}"
-        )
+        problem = said("paper.homing_listed", sheet=sheet.name, allowed=allowed, wanted=node.homing_method)
+        yield _to_do(problem, said("paper.do.one_of_these"), WRONG)
 
 
-def _of_mapping(settings: Settings, sheet: Sheet) -> Iterator[str]:
+def _of_mapping(settings: Settings, sheet: Sheet) -> Iterator[Said]:
     for used in wanted.pdos_of(settings):
         if used.optional:
             continue
+        facts = {"pdo": used.title, "sheet": sheet.name}
         if not (sheet.holds(used.parameters) and sheet.holds(used.mapping)):
-            yield (
-                f"{used.title}: objects {used.parameters:04X}h and {used.mapping:04X}h are not both in"
-                f" {sheet.name}, but {used.what}; choose a PDO that the drive has"
-            )
+            objects = {"parameters": used.parameters, "mapping": used.mapping}
+            yield said("paper.no_pdo", **facts, **objects, need=used.what)
             continue
         room = len(sheet.subs(used.mapping))
         if len(used.entries) > room:
-            yield (
-                f"{used.title}: {len(used.entries)} objects are to be mapped, {sheet.name} has room for"
-                f" {room}; {OTHERWISE}"
-            )
+            yield _to_do(said("paper.no_room", **facts, count=len(used.entries), room=room), OTHERWISE)
         if sum(entry & 0xFF for entry in used.entries) > MAX_BITS:
-            yield f"{used.title}: more than {MAX_BITS} bits are to be mapped; map less"
+            yield said("paper.too_many_bits", pdo=used.title, most=MAX_BITS)
         for place, entry in enumerate(used.entries, 1):
             yield from _of_entry(used, place, entry, sheet)
 
 
-def _of_entry(used: Pdo, place: int, entry: int, sheet: Sheet) -> Iterator[str]:
+def _of_entry(used: Pdo, place: int, entry: int, sheet: Sheet) -> Iterator[Said]:
     index, sub, bits = entry >> 16, entry >> 8 & 0xFF, entry & 0xFF
-    where = f"object {index:04X}h:{sub:02X}"
+    facts = {"where": where(index, sub), "sheet": sheet.name, "need": used.what}
     found = sheet.find(index, sub)
     if found is None:
-        yield f"{where} is not in {sheet.name}, but {used.what}; {OTHERWISE}"
+        yield _to_do(said("paper.not_in_sheet_but", **facts), OTHERWISE)
         return
     if not found.pdo_mappable or found.access_type not in (INTO if used.kind is RPDO else OUT_OF):
-        yield (
-            f"{where}: {sheet.name} does not let it be mapped into {used.title} (access {found.access_type},"
-            f" mappable {'yes' if found.pdo_mappable else 'no'}), but {used.what}; {OTHERWISE}; {WRONG}"
-        )
+        mappable = Key("paper.yes" if found.pdo_mappable else "paper.no")
+        access = {"pdo": used.title, "access": found.access_type, "mappable": mappable}
+        yield _to_do(said("paper.not_mappable", **facts, **access), OTHERWISE, WRONG)
     if found.data_type not in INTEGERS or INTEGERS[found.data_type][0] != bits:
-        yield (
-            f"{where}: {sheet.name} gives it data type {found.data_type:#06x}, needed are {bits} bits;"
-            f" {OTHERWISE}; {WRONG}"
-        )
+        problem = said("paper.data_type", **facts, found=f"{found.data_type:#06x}", bits=bits)
+        yield _to_do(problem, OTHERWISE, WRONG)
     held = sheet.find(used.mapping, place)
     if held is not None and not held.writable and sheet.default(used.mapping, place) != entry:
-        yield (
-            f"object {used.mapping:04X}h:{place:02X}: {sheet.name} lets nobody change what is mapped, but"
-            f" {used.what}; {OTHERWISE}; {WRONG}"
-        )
+        problem = said("paper.mapping_fixed", **{**facts, "where": where(used.mapping, place)})
+        yield _to_do(problem, OTHERWISE, WRONG)
 
 
 def _is_mapping(setting: Setting) -> bool:
     return 0x1600 <= setting.index < 0x1800 or 0x1A00 <= setting.index < 0x1C00
 
 
-def _of_setting(setting: Setting, settings: Settings, sheet: Sheet) -> Iterator[str]:
+def _of_setting(setting: Setting, settings: Settings, sheet: Sheet) -> Iterator[Said]:
     """What is in the way of one value."""
     found = sheet.find(setting.index, setting.sub)
+    facts = {"where": setting.where, "sheet": sheet.name, "need": setting.why}
     if found is None:
         needed = setting.waived or not setting.optional
         if needed and not _may_be_missing(setting, settings):
-            yield f"{setting.where} is not in {sheet.name}, but {setting.why}"
+            yield said("paper.not_in_sheet_but", **facts)
         return
-    told = partial(shown_at, setting.index, setting.sub)
+    shown = partial(shown_at, setting.index, setting.sub)
     default = sheet.default(setting.index, setting.sub)
     if not found.writable:
         if default is not None and (default ^ setting.value) & setting.mask:
-            yield (
-                f"{setting.where}: {sheet.name} has it read only with {told(default)}, needed is"
-                f" {told(setting.value)}: {setting.why}"
-            )
+            yield said("paper.read_only", **facts, default=shown(default), wanted=shown(setting.value))
         return
     least, most = range_of(found)
     if least is not None and most is not None and not least <= setting.value <= most:
-        yield (
-            f"{setting.where}: {told(setting.value)} is needed ({setting.why}), {sheet.name} allows"
-            f" {told(least)} to {told(most)}"
-        )
+        values = {"wanted": shown(setting.value), "least": shown(least), "most": shown(most)}
+        yield said("paper.beyond_range", **facts, **values)
 
 
 def _may_be_missing(setting: Setting, settings: Settings) -> bool:

@@ -14,10 +14,10 @@ from canopen.sdo.exceptions import SdoAbortedError, SdoCommunicationError
 from drives import pdo
 from drives.arranged import Arranged
 from drives.commissioning import sheet
-from drives.commissioning.network import CommissionError, Network, Node
-from drives.commissioning.values import told
-from drives.commissioning.wanted import Setting, Step
-from drives.texts import Said, said
+from drives.commissioning.network import CommissionError, Network, Node, of_drive, title, without_title
+from drives.commissioning.values import in_words
+from drives.commissioning.wanted import Setting, Step, where
+from drives.texts import Key, Said, plain, said
 from drives.values import dataclass
 
 NMT_START, NMT_PRE_OPERATIONAL = 0x01, 0x80
@@ -45,7 +45,7 @@ class Change:
     sub: int
     was: int | None  # None: it cannot be read
     now: int
-    why: str
+    why: Said
 
 
 @dataclass(slots=True)
@@ -58,7 +58,7 @@ class Outcome:
     already_so: int = 0  # objects that were right before
     stored: bool = False
     arranged: Arranged | None = None  # its units, and how it stops; of drives only
-    warnings: list[str] = field(default_factory=list)  # what was accepted all the same
+    warnings: list[Said] = field(default_factory=list)  # what was accepted all the same
 
 
 class Drive:
@@ -72,8 +72,12 @@ class Drive:
         self.outcome = Outcome(settings.name, settings.node)
 
     @property
-    def title(self) -> str:
-        return f"drive {self.settings.name} (node {self.settings.node})"
+    def title(self) -> Said:
+        return title(self.settings)
+
+    def says(self, what: Said) -> Said:
+        """What is said of this drive."""
+        return of_drive(self.settings, what)
 
     def answers(self, tries: int = 1) -> bool:
         """Whether anybody is there at this moment."""
@@ -103,14 +107,14 @@ class Drive:
     def read(self, index: int, sub: int = 0) -> int:
         """Upload. Raises CommissionError."""
         if not self.has(index, sub):
-            raise CommissionError(
-                said("drive.no_object_to_read", title=self.title, eds=self.settings.eds, index=index, sub=sub)
-            )
+            eds = self.settings.eds
+            raise CommissionError(self.says(said("drive.no_object_to_read", eds=eds, index=index, sub=sub)))
         try:
             return int(self._variable(index, sub).raw)
         except SdoAbortedError as error:
             kind = MissingObjectError if error.code in MISSING else RefusedError
-            raise kind(said("drive.not_read", title=self.title, index=index, sub=sub, why=error)) from error
+            what = said("drive.not_read", index=index, sub=sub, why=_aborted(error))
+            raise kind(self.says(what)) from error
         except SdoCommunicationError as error:
             raise CommissionError(self._silent(index, sub)) from error
         except MISFITS as error:
@@ -126,37 +130,37 @@ class Drive:
         except MissingObjectError:
             return None
 
-    def offer(self, setting: Setting, at_least: bool = False) -> tuple[int | None, str]:
+    def offer(self, setting: Setting, at_least: bool = False) -> tuple[int | None, Said | None]:
         """Write what the drive may refuse, unless it is so: what it has then, and why it is not as offered.
 
         ``at_least``: more is as good. None: it has no such object, or keeps it to itself. Raises
         CommissionError for silence.
         """
+        place, at = setting.place, {"where": setting.where}
         try:
-            before = self.find(*setting.place)
+            before = self.find(*place)
         except RefusedError as error:
-            return None, f"{setting.where} cannot be read ({error.__cause__})"
+            return None, said("drive.cannot_be_read", **at, why=_aborted(error.__cause__))
         if before is None or before == setting.value or (at_least and before > setting.value):
             self.outcome.already_so += before is not None
-            return before, ""
-        wanted = told(*setting.place, setting.value)
-        if not self.sheet.writable(*setting.place):
-            return before, f"{setting.where} is read only and reads {told(*setting.place, before)}"
+            return before, None
+        wanted, reads = in_words(*place, setting.value), in_words(*place, before)
+        if not self.sheet.writable(*place):
+            return before, said("drive.reads_fixed", **at, reads=reads)
         try:
-            self._variable(*setting.place).raw = setting.value
+            self._variable(*place).raw = setting.value
         except SdoAbortedError as error:
-            reads = told(*setting.place, before)
-            return before, f"{setting.where} refuses {wanted} ({error}), reads {reads}"
+            return before, said("drive.offer_refused", **at, wanted=wanted, why=_aborted(error), reads=reads)
         except SdoCommunicationError as error:
-            raise CommissionError(self._silent(*setting.place)) from error
+            raise CommissionError(self._silent(*place)) from error
         except MISFITS as error:
-            raise CommissionError(self._misfit(*setting.place, error)) from error
-        found = self.read(*setting.place)
+            raise CommissionError(self._misfit(*place, error)) from error
+        found = self.read(*place)
         if found != before:
-            self.outcome.changes.append(Change(*setting.place, before, found, setting.why))
-        differs = found < setting.value if at_least else found != setting.value
-        reads = told(*setting.place, found)
-        return found, f"{setting.where} was set to {wanted}, reads {reads}" if differs else ""
+            self.outcome.changes.append(Change(*place, before, found, plain(setting.why)))
+        if found >= setting.value if at_least else found == setting.value:
+            return found, None
+        return found, said("drive.set_and_reads", **at, wanted=wanted, reads=in_words(*place, found))
 
     def write(self, setting: Setting) -> None:
         """Download and read back, unless it is so already. Raises CommissionError."""
@@ -172,8 +176,7 @@ class Drive:
         except RefusedError as error:
             if not all(setting.waived for setting in step.settings):
                 raise
-            reason = str(error).removeprefix(f"{self.title}: ")
-            self.outcome.warnings.append(f"{reason}; accepted with unsupervised = true")
+            self.outcome.warnings.append(said("drive.accepted", why=without_title(error)))
 
     def _apply(self, step: Step) -> None:
         outcome = [setting for setting in step.outcome if self._known(setting)]
@@ -210,15 +213,15 @@ class Drive:
             found = self.read(setting.index, setting.sub)
             if not _agrees(found, setting):
                 fixed = not self.sheet.writable(setting.index, setting.sub)
-                did = "is read only and must be" if fixed else "was set to"
-                raise RefusedError(
-                    f"{self.title}: {setting.where} {did} {told(*setting.place, setting.value)} but reads"
-                    f" {told(*setting.place, found)}; {setting.why}; check that the drive supports this value"
-                )
+                values = (in_words(*setting.place, value) for value in (setting.value, found))
+                facts = dict(zip(("wanted", "reads"), values, strict=True))
+                key = "drive.fixed_otherwise" if fixed else "drive.reads_otherwise"
+                what = said(key, where=setting.where, **facts, need=setting.why)
+                raise RefusedError(self.says(what))
             if was is not None and _agrees(was, setting):
                 self.outcome.already_so += 1
                 return
-        self.outcome.changes.append(Change(setting.index, setting.sub, was, setting.value, setting.why))
+        self.outcome.changes.append(Change(*setting.place, was, setting.value, plain(setting.why)))
 
     def _known(self, setting: Setting) -> bool:
         """Whether the drive has it; what it must have and has not is a CommissionError."""
@@ -226,10 +229,8 @@ class Drive:
             return True
         if setting.optional:
             return False
-        raise CommissionError(
-            f"{self.title}: its data sheet {self.settings.eds} has no {setting.where}, but {setting.why};"
-            " a drive without it cannot be used here"
-        )
+        facts = {"eds": self.settings.eds, "where": setting.where, "need": setting.why}
+        raise CommissionError(self.says(said("drive.no_such_object", **facts)))
 
     def _readable(self, setting: Setting) -> bool:
         found = self.sheet.find(setting.index, setting.sub)
@@ -240,19 +241,20 @@ class Drive:
         try:
             self._send(index, sub, value)
         except SdoAbortedError as error:
-            what = told(index, sub, value) if isinstance(value, int) else str(value)
-            raise RefusedError(
-                f"{self.title}: object {index:04X}h:{sub:02X} refuses {what}: {error}"
-            ) from error
+            words = in_words(index, sub, value) if isinstance(value, int) else str(value)
+            what = said("drive.refuses", where=where(index, sub), value=words, why=_aborted(error))
+            raise RefusedError(self.says(what)) from error
 
     def _download(self, setting: Setting) -> None:
         try:
             self._send(setting.index, setting.sub, setting.value)
         except SdoAbortedError as error:
-            raise RefusedError(
-                f"{self.title}: {setting.where} refuses {told(*setting.place, setting.value)}: {error};"
-                f" {setting.why}; choose a value the drive supports"
-            ) from error
+            value, facts = (
+                in_words(*setting.place, setting.value),
+                {"where": setting.where, "need": setting.why},
+            )
+            what = said("drive.refuses_needed", **facts, value=value, why=_aborted(error))
+            raise RefusedError(self.says(what)) from error
 
     def _send(self, index: int, sub: int, value: int | float | str | bytes) -> None:
         """Raises SdoAbortedError, and CommissionError for all else."""
@@ -265,14 +267,12 @@ class Drive:
 
     def _misfit(self, index: int, sub: int, error: Exception) -> Said:
         reason = " ".join(str(error).split())
-        return said(
-            "drive.not_as_sheet", title=self.title, index=index, sub=sub, eds=self.settings.eds, reason=reason
-        )
+        facts = {"index": index, "sub": sub, "eds": self.settings.eds, "reason": reason}
+        return self.says(said("drive.not_as_sheet", **facts))
 
     def _silent(self, index: int, sub: int) -> Said:
-        return said(
-            "drive.silent", title=self.title, index=index, sub=sub, patience_s=self._network.patience_s
-        )
+        patience_s = self._network.patience_s
+        return self.says(said("drive.silent", index=index, sub=sub, patience_s=patience_s))
 
     def _variable(self, index: int, sub: int) -> Any:
         entry = self._node.sdo[index]
@@ -283,7 +283,7 @@ class Drive:
         try:
             value: int | float | str | bytes = self._variable(index, sub).raw
         except SdoAbortedError as error:
-            raise CommissionError(str(error)) from error
+            raise CommissionError(_aborted(error)) from error
         except SdoCommunicationError as error:
             raise CommissionError(self._silent(index, sub)) from error
         except MISFITS as error:
@@ -296,21 +296,20 @@ class Drive:
         if was == mode:
             self.outcome.already_so += 1
             return
-        why = f"mode {mode} is needed"
+        why = said("setting.needed_mode", mode=mode)
         self._download(Setting(0x6060, 0, mode, why))
         if not self._network.wait(lambda: self.read(0x6061) == mode):
-            raise CommissionError(
-                said("drive.mode_not_taken", title=self.title, mode=mode, shown=self.read(0x6061))
-            )
+            what = said("drive.mode_not_taken", mode=mode, shown=self.read(0x6061))
+            raise CommissionError(self.says(what))
         self.outcome.changes.append(Change(0x6060, 0, was, mode, why))
 
     def store(self) -> None:
         """Have the drive keep all parameters (1010h:01). Raises CommissionError."""
         if not self.has(0x1010, 1):
-            raise CommissionError(said("drive.no_store", title=self.title))
+            raise CommissionError(self.says(said("drive.no_store")))
         patience_s, self._network.patience_s = self._network.patience_s, STORE_S
         try:
-            self._download(Setting(0x1010, 1, SAVE, "settings are to be kept"))
+            self._download(Setting(0x1010, 1, SAVE, said("setting.to_keep")))
         finally:
             self._network.patience_s = patience_s
         self.outcome.stored = True
@@ -318,3 +317,12 @@ class Drive:
 
 def _agrees(found: int, setting: Setting) -> bool:
     return not (found ^ setting.value) & setting.mask
+
+
+def _aborted(error: BaseException | None) -> Said:
+    """Why a drive refused (CiA 301, 7.2.4.3.17)."""
+    if not isinstance(error, SdoAbortedError):
+        return plain(str(error))
+    if error.code not in SdoAbortedError.CODES:
+        return said("abort.unknown", code=error.code)
+    return said("abort.code", code=error.code, what=Key(f"abort.{error.code:08X}"))

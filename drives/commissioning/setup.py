@@ -13,15 +13,18 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from drives.commissioning import dcf
 from drives.commissioning.dcf import Kept, Place, Value
-from drives.commissioning.network import CommissionError
+from drives.commissioning.identity import named
+from drives.commissioning.network import CommissionError, without_title
 from drives.commissioning.remote import Drive
 from drives.commissioning.wanted import OFF, RPDO, TPDO
-from drives.texts import said
+from drives.texts import Said, chain, said
 from drives.values import dataclass
 
 ENABLED_MASK, ENABLED = 0x6F, 0x27  # statusword of operation enabled
 DOMAIN = 0x0F
-COMMAND, PROCESS, HISTORY = "a command", "process data", "a history"
+# Why an object is not kept: the end of the key of a text, ``setup.command`` for one.
+COMMAND, PROCESS, HISTORY, A_DOMAIN = "command", "process", "history", "domain"
+READ_ONLY, WRITE_ONLY = "read_only", "write_only"
 LEFT_OUT: tuple[tuple[range, str], ...] = (
     (range(0x1002, 0x1004), HISTORY),
     (range(0x1010, 0x1012), COMMAND),  # store, restore
@@ -58,7 +61,7 @@ class Row:
     name: str
     kept: Value
     now: Value | None
-    refused: str = ""  # why it is still so
+    refused: Said | None = None  # why it is still so
 
     @property
     def place(self) -> Place:
@@ -66,11 +69,11 @@ class Row:
 
 
 def left_out(index: int, sub: int, access: str, data_type: int) -> str:
-    """Why an object is not kept; "" = it is."""
+    """Why an object is not kept, in a word; "" = it is."""
     if access not in ("rw", "rwr", "rww"):
-        return "read only" if access in ("ro", "const") else "write only"
+        return READ_ONLY if access in ("ro", "const") else WRITE_ONLY
     if data_type == DOMAIN:
-        return "a domain"
+        return A_DOMAIN
     if any(first <= index < last for first, last in OUTPUTS_KEPT):
         return ""
     if index == 0x60FE and sub == 2:
@@ -89,12 +92,12 @@ def read(drive: Drive) -> tuple[dict[Place, Value], list[Row]]:
         try:
             values[entry.index, entry.subindex] = drive.raw(entry.index, entry.subindex)
         except CommissionError as error:
-            failed.append(Row(entry.index, entry.subindex, entry.qualname, "", None, str(error)))
+            failed.append(Row(entry.index, entry.subindex, entry.qualname, "", None, error.said))
     return values, failed
 
 
 def beside(drive: Drive) -> dict[str, int]:
-    """How many objects that can be written are not kept, by reason."""
+    """How many objects that can be written are not kept, by the word why."""
     counts: dict[str, int] = {}
     for entry in dcf.variables(drive.sheet.dictionary):
         why = left_out(entry.index, entry.subindex, entry.access_type, entry.data_type or 0)
@@ -105,13 +108,11 @@ def beside(drive: Drive) -> dict[str, int]:
 
 def belongs(drive: Drive, kept: Kept) -> None:
     """The file is of such a drive. Raises CommissionError."""
-    for sub, what, words in ((1, "vendor", kept.vendor), (2, "product code", kept.product)):
+    for sub, words in ((1, kept.vendor), (2, kept.product)):
         if words and drive.has(0x1018, sub) and (found := drive.read(0x1018, sub)) not in words:
-            said = " or ".join(f"{word:#x}" for word in words)
-            raise CommissionError(
-                f"{drive.title}: {what} (object 1018h:{sub:02X}) is {found:#x}, {kept.name} is of {said};"
-                " name the file of such a drive"
-            )
+            its = chain("or", [f"{word:#x}" for word in words])
+            what = said("setup.of_another", **named(sub), found=found, file=kept.name, its=its)
+            raise CommissionError(drive.says(what))
 
 
 def differences(drive: Drive, kept: Kept, address: bool = False) -> Iterator[Row]:
@@ -123,12 +124,12 @@ def differences(drive: Drive, kept: Kept, address: bool = False) -> Iterator[Row
     for (index, sub), value in _wanted(drive, kept, address):
         entry = drive.sheet.find(index, sub)
         if entry is None:
-            yield Row(index, sub, "", value, None, f"it is not in {drive.sheet.name}")
+            yield Row(index, sub, "", value, None, said("setup.not_in_sheet", sheet=drive.sheet.name))
             continue
         try:
             now = drive.raw(index, sub)
         except CommissionError as error:
-            yield Row(index, sub, entry.qualname, value, None, str(error))
+            yield Row(index, sub, entry.qualname, value, None, error.said)
             continue
         if now != value:
             yield Row(index, sub, entry.qualname, value, now)
@@ -165,11 +166,11 @@ def _of_node(index: int, sub: int, value: Value, before: int | None, now: int) -
 def see_off(drive: Drive) -> None:
     """Nothing is put back into a drive with torque. Raises CommissionError."""
     if drive.has(0x6041, 0) and drive.read(0x6041) & ENABLED_MASK == ENABLED:
-        raise CommissionError(said("drive.on_at_set_up", title=drive.title))
+        raise CommissionError(drive.says(said("drive.on_at_set_up")))
 
 
 def restore(drive: Drive, kept: Kept, address: bool = False) -> list[Row]:
-    """Put back what differs and read it again: what differed, ``refused`` "" where it is right now.
+    """Put back what differs and read it again: what differed, ``refused`` None where it is right now.
 
     The drive must be pre-operational. Raises CommissionError where nobody answers.
     """
@@ -183,10 +184,10 @@ def restore(drive: Drive, kept: Kept, address: bool = False) -> list[Row]:
     return [_judged(row, still, refused) for row in rows]
 
 
-def _judged(row: Row, still: Mapping[Place, Row], refused: Mapping[Place, str]) -> Row:
+def _judged(row: Row, still: Mapping[Place, Row], refused: Mapping[Place, Said]) -> Row:
     if row.place not in still:
         return row
-    why = refused.get(row.place) or still[row.place].refused or "it was written and reads as before"
+    why = refused.get(row.place) or still[row.place].refused or said("setup.as_before")
     return Row(row.index, row.sub, row.name, row.kept, row.now, why)
 
 
@@ -194,10 +195,10 @@ def _is_pdo(index: int) -> bool:
     return any(index in span for span in COMMUNICATION)
 
 
-def _plain(drive: Drive, rows: Sequence[Row]) -> dict[Place, str]:
+def _plain(drive: Drive, rows: Sequence[Row]) -> dict[Place, Said]:
     """Write them, again where one needs another first; what was refused to the last."""
     left = [row for row in rows if row.name]  # what the sheet lacks cannot be written
-    refused: dict[Place, str] = {}
+    refused: dict[Place, Said] = {}
     for _ in range(TRIES):
         refused = {row.place: why for row in left if (why := _put(drive, row.place, row.kept))}
         if not refused or len(refused) == len(left):
@@ -206,15 +207,15 @@ def _plain(drive: Drive, rows: Sequence[Row]) -> dict[Place, str]:
     return refused
 
 
-def _put(drive: Drive, place: Place, value: Value) -> str:
-    """Write one object; why it is refused, "" = it is not. Raises CommissionError where nobody answers."""
+def _put(drive: Drive, place: Place, value: Value) -> Said | None:
+    """Write one object; why it is refused, None: it is not. Raises CommissionError where nobody answers."""
     try:
         drive.put(*place, value)
     except CommissionError as error:
         if not drive.answers():
             raise
-        return str(error).removeprefix(f"{drive.title}: ")
-    return ""
+        return without_title(error)
+    return None
 
 
 def _pdos(rows: Sequence[Row]) -> list[tuple[int, int]]:
@@ -228,9 +229,9 @@ def _pdos(rows: Sequence[Row]) -> list[tuple[int, int]]:
     return sorted(found)
 
 
-def _pdo(drive: Drive, parameters: int, mapping: int, values: Mapping[Place, Value]) -> dict[Place, str]:
+def _pdo(drive: Drive, parameters: int, mapping: int, values: Mapping[Place, Value]) -> dict[Place, Said]:
     """One PDO whole, whatever of it differs; what was refused."""
-    refused: dict[Place, str] = {}
+    refused: dict[Place, Said] = {}
 
     def put(index: int, sub: int, value: Value | None) -> None:
         entry = drive.sheet.find(index, sub)

@@ -25,7 +25,7 @@ from drives import sheet_text
 from drives.commissioning import overrides
 from drives.profile import Override
 from drives.text_file import Source, text_of
-from drives.texts import TextError, said
+from drives.texts import Said, TextError, said
 
 # What canopen would log, of data sheets as of drives, is raised as well or mended, and told in a sentence.
 logging.getLogger("canopen").setLevel(logging.CRITICAL)
@@ -82,11 +82,11 @@ class Sheet:
     """What a data sheet says about objects."""
 
     def __init__(
-        self, name: str, dictionary: canopen.ObjectDictionary, overridden: tuple[str, ...] = ()
+        self, name: str, dictionary: canopen.ObjectDictionary, overridden: tuple[Said, ...] = ()
     ) -> None:
         self.name = name
         self.dictionary = dictionary
-        self.overridden = overridden  # a sentence for everything that the drive is believed instead
+        self.overridden = overridden  # for everything that the drive is believed instead
 
     def find(self, index: int, sub: int = 0) -> ODVariable | None:
         """The entry; exactly this one, while canopen makes up members of arrays."""
@@ -224,20 +224,23 @@ def _refusals(name: str) -> Iterator[None]:
     """Whatever a parser says of a file that is none of its kind, in one sentence."""
     try:
         yield
-    except (configparser.Error, canopen.ObjectDictionaryError, ValueError, KeyError, TypeError) as error:
-        reason = " ".join(str(error).split())
-        raise SheetError(said("sheet.no_eds", name=name, reason=reason)) from error
+    except (
+        sheet_text.LineError,
+        *(configparser.Error, canopen.ObjectDictionaryError, ValueError, KeyError, TypeError),
+    ) as error:
+        own = error.said if isinstance(error, TextError) else " ".join(str(error).split())
+        raise SheetError(said("sheet.no_eds", name=name, reason=own)) from error
 
 
 def cleaned(text: str) -> str:
-    """The text without what canopen cannot read. Raises ValueError."""
+    """The text without what canopen cannot read. Raises sheet_text.LineError."""
     kept: sheet_text.Sections = {}
     for section, values in sheet_text.sections(text).items():
-        said = {KEYS.get(key.lower(), key): value for key, value in values.items() if value}
-        _keep(kept, KEYS.get(section.lower(), section), said)
+        written = {KEYS.get(key.lower(), key): value for key, value in values.items() if value}
+        _keep(kept, KEYS.get(section.lower(), section), written)
     kept.setdefault("DeviceInfo", {})
     if not any(SECTION.fullmatch(section) for section in kept):
-        raise ValueError("it has no objects")
+        raise sheet_text.LineError(said("sheet.no_objects"))
     return sheet_text.written(kept)
 
 

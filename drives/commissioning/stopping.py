@@ -31,9 +31,10 @@ from drives.arranged import Arranged
 from drives.commissioning.network import CommissionError
 from drives.commissioning.possible import range_of
 from drives.commissioning.remote import Drive, RefusedError
-from drives.commissioning.units import Units
-from drives.commissioning.wanted import Setting
+from drives.commissioning.units import RATE, SPEED, Units
+from drives.commissioning.wanted import Setting, where
 from drives.settings import NodeSettings, SpindleSettings
+from drives.texts import Said, chain, said
 from drives.values import dataclass
 
 QUICK_STOP, FAULT_REACTION = 0x605A, 0x605E  # option codes
@@ -59,40 +60,41 @@ class Offer:
 
     index: int
     value: int
-    why: str
+    why: Said
     at_least: bool = False
 
 
 def arrange(drive: Drive, node: NodeSettings, units: Units) -> Arranged:
     """Offer all of it and read it back. Raises CommissionError, UnitError."""
     if node.feed_forward:
-        units.see_fits(node.velocity_counts_s, "object 60B1h:00")
+        units.see_fits(node.velocity_counts_s, where(0x60B1))
     if not node.velocity_counts_s:
         return _quick_stop_alone(drive, node, units)
     _see_motor(drive, node, units)
     found: dict[int, int] = {}
     wanted = tuple(offers(node, units))
-    notes = [f"{drive.title}: {problem}." for offer in wanted for problem in _made(drive, offer, found)]
+    notes = [_note(drive, problem) for offer in wanted for problem in _made(drive, offer, found)]
     missing = [
         f"{one.index:04X}h" for one in wanted if one.index not in found and one.index not in UNIMPORTANT
     ]
     if missing:
-        notes.append(f"{drive.title}: it has no {', '.join(missing)}; there it stops as its makers have it.")
+        notes.append(_note(drive, said("stopping.missing", objects=", ".join(missing))))
     for index in (QUICK_STOP,) if 0x6084 in found else (QUICK_STOP, 0x6083):
         if (value := drive.find(index)) is not None:
             found[index] = value
     if held := _held_back(found, node, units):
-        raise CommissionError(f"{drive.title}: {held}")
+        raise CommissionError(drive.says(held))
     stop = stop_counts_s2(found, node, units)
     stop_s = node.velocity_counts_s / stop if stop else node.most_quick_stop_s
     if not stop:
-        notes.append(
-            f"{drive.title}: it does not tell how hard it brakes (objects 605Ah, 6085h); promised is the"
-            f" longest stop, {stop_s:g} s: measure it, and write quick_stop_mm_s2 or quick_stop_deg_s2."
-        )
+        notes.append(_note(drive, said("stopping.not_known", seconds=stop_s)))
     if stop_s > node.most_quick_stop_s:
-        raise CommissionError(f"{drive.title}: {_too_long(found, stop_s, node)}")
+        raise CommissionError(drive.says(_too_long(found, stop_s, node)))
     return _arranged(drive, units, stop, stop_s, found, notes)
+
+
+def _note(drive: Drive, what: Said) -> Said:
+    return said("sentence", text=drive.says(what))
 
 
 def _quick_stop_alone(drive: Drive, node: NodeSettings, units: Units) -> Arranged:
@@ -100,29 +102,29 @@ def _quick_stop_alone(drive: Drive, node: NodeSettings, units: Units) -> Arrange
     if not node.quick_stop_counts_s2:
         return _arranged(drive, units)
     found: dict[int, int] = {}
-    problems = [problem for problem in _made(drive, _quick_stop(node, units), found)]
+    problems = list(_made(drive, _quick_stop(node, units), found))
     if problems or 0x6085 not in found:
-        told = "; ".join(problems) or "it has no object 6085h:00, and so no quick stop that could be known"
-        raise CommissionError(f"{drive.title}: {told}")
+        raise CommissionError(drive.says(problems[0] if problems else said("stopping.no_quick_stop")))
     return _arranged(drive, units, found=found)
 
 
 def _quick_stop(node: NodeSettings, units: Units) -> Offer:
     """How hard the drive is to brake in it. Raises UnitError."""
-    quick = units.acceleration(node.quick_stop_counts_s2 or node.acceleration_counts_s2, "object 6085h:00")
-    return Offer(0x6085, quick, "a quick stop takes as long as is promised")
+    quick = units.acceleration(node.quick_stop_counts_s2 or node.acceleration_counts_s2, where(0x6085))
+    return Offer(0x6085, quick, said("setting.as_promised"))
 
 
-def _made(drive: Drive, offer: Offer, found: dict[int, int]) -> Iterator[str]:
+def _made(drive: Drive, offer: Offer, found: dict[int, int]) -> Iterator[Said]:
     """Offer one object; what it is then goes into ``found``, and why it is not as it should be comes out."""
     value = _within(drive, offer)
     have, problem = drive.offer(Setting(offer.index, 0, value, offer.why), offer.at_least)
     if have is not None:
         found[offer.index] = have
     if problem:
-        yield f"{problem}; {offer.why}"
+        yield said("stopping.problem", problem=problem, need=offer.why)
     elif have == value != offer.value and offer.index != FOLLOWING:
-        yield f"object {offer.index:04X}h:00 goes as far as {value}, {offer.value} is wanted; {offer.why}"
+        facts = {"where": where(offer.index), "most": value, "wanted": offer.value, "need": offer.why}
+        yield said("stopping.goes_as_far", **facts)
 
 
 def _arranged(
@@ -131,7 +133,7 @@ def _arranged(
     stop: float = 0.0,
     stop_s: float = 0.0,
     found: Read | None = None,
-    notes: list[str] | None = None,
+    notes: list[Said] | None = None,
 ) -> Arranged:
     objects = tuple((f"{index:04X}h:00", value) for index, value in sorted((found or {}).items()))
     sizes = units.velocity_counts_s, units.acceleration_counts_s2
@@ -142,7 +144,7 @@ def _arranged(
 
 def of_spindle(drive: Drive, node: SpindleSettings, units: Units) -> Arranged:
     """Its units; a spindle's ramps are its own. Raises UnitError."""
-    units.see_fits(abs(node.counts_per_rev) * node.most_rev_min / 60.0, "object 60FFh:00")
+    units.see_fits(abs(node.counts_per_rev) * node.most_rev_min / 60.0, where(0x60FF))
     return _arranged(drive, units)
 
 
@@ -151,23 +153,23 @@ def offers(node: NodeSettings, units: Units) -> Iterator[Offer]:
     most = node.acceleration_counts_s2
     quick = node.quick_stop_counts_s2 or most
     yield _quick_stop(node, units)
-    slow = units.acceleration(most, "object 6084h:00")
-    yield Offer(0x6084, slow, "the drive's own ramps are those of the axis")
+    slow = units.acceleration(most, where(0x6084))
+    yield Offer(0x6084, slow, said("setting.own_ramps"))
     for index, code, why in (
-        (0x605B, 1, "shutdown brakes before the power goes"),
-        (0x605C, 1, "disable operation brakes before the power goes"),
-        (0x605D, 1, "halt brakes"),
-        (FAULT_REACTION, 2, "a fault brakes before the power goes"),
+        (0x605B, 1, said("setting.shutdown_brakes")),
+        (0x605C, 1, said("setting.disable_brakes")),
+        (0x605D, 1, said("setting.halt_brakes")),
+        (FAULT_REACTION, 2, said("setting.fault_brakes")),
     ):
         yield Offer(index, code, why)
     late_ms = max(1, round(TIME_OUT_TICKS * node.period_s * 1e3))
-    yield Offer(FOLLOWING, late_ms, "the drive must trip before the axis has gone far")
+    yield Offer(FOLLOWING, late_ms, said("setting.trips"))
     fastest = _fastest(node.velocity_counts_s / units.velocity_counts_s)
-    yield Offer(0x607F, fastest, "no motor may be faster than its axis")
+    yield Offer(0x607F, fastest, said("setting.not_faster"))
     if speeds := units.motor_speeds_counts_s:
         most_turns = _fastest(node.velocity_counts_s / min(speeds))
-        yield Offer(MOTOR_SPEED, most_turns, "no motor may be faster than its axis")
-    why = "neither path nor quick stop may be held back"
+        yield Offer(MOTOR_SPEED, most_turns, said("setting.not_faster"))
+    why = said("setting.not_held_back")
     needed = math.ceil(HEADROOM * max(most, quick) / units.acceleration_counts_s2)
     yield Offer(0x60C5, min(needed, MOST), why, at_least=True)
     yield Offer(0x60C6, min(needed, MOST), why, at_least=True)
@@ -189,30 +191,24 @@ def _see_motor(drive: Drive, node: NodeSettings, units: Units) -> None:
         return
     most = max(most, drive.sheet.default(MOTOR_SPEED) or 0)
     if most * unit and most * unit < NEARLY * node.velocity_counts_s:
-        raise CommissionError(
-            f"{drive.title}: object 6080h lets the motor turn at {most}, which are {most * unit:.4g}"
-            f" counts/s; the axis is to go at {node.velocity_counts_s:.4g}; correct counts or velocity of the"
-            " axis in the machine file, or the motor's data in the drive"
-        )
+        speeds = {"speed": most * unit, "needed": node.velocity_counts_s}
+        raise CommissionError(drive.says(said("stopping.slow_motor", most=most, **speeds)))
 
 
-def _held_back(found: Read, node: NodeSettings, units: Units) -> str:
+def _held_back(found: Read, node: NodeSettings, units: Units) -> Said | None:
     """What keeps the axis from its speed or acceleration; 0 and FFFFFFFFh are none."""
     speed, rate = node.velocity_counts_s, node.acceleration_counts_s2
     for index, unit, needed, name in (
-        (0x607F, units.velocity_counts_s, speed, "counts/s"),
-        *((MOTOR_SPEED, unit, speed, "counts/s") for unit in units.motor_speeds_counts_s),
-        (0x60C5, units.acceleration_counts_s2, rate, "counts/s^2"),
-        (0x60C6, units.acceleration_counts_s2, rate, "counts/s^2"),
+        (0x607F, units.velocity_counts_s, speed, SPEED),
+        *((MOTOR_SPEED, unit, speed, SPEED) for unit in units.motor_speeds_counts_s),
+        (0x60C5, units.acceleration_counts_s2, rate, RATE),
+        (0x60C6, units.acceleration_counts_s2, rate, RATE),
     ):
         value = found.get(index)
         if value not in (None, 0, MOST) and value * unit < NEARLY * needed:
-            return (
-                f"object {index:04X}h reads {value}, which are {value * unit:.4g} {name}; the axis needs"
-                f" {needed:.4g}; let the drive have more, choose a coarser unit in it (60A9h, 60AAh), or"
-                " lower the limits of the axis"
-            )
-    return ""
+            facts = {"index": index, "value": value, "size": value * unit, "name": name}
+            return said("stopping.held_back", **facts, needed=needed)
+    return None
 
 
 def _within(drive: Drive, offer: Offer) -> int:
@@ -259,12 +255,11 @@ def _ramp(code: int | None, found: Read) -> float | None:
     return None
 
 
-def _too_long(found: Read, stop_s: float, node: NodeSettings) -> str:
-    told = ", ".join(
-        f"{index:04X}h reads {found[index]}" for index in (0x6085, 0x6084, 0x60C6) if index in found
-    )
-    return (
-        f"a quick stop from the largest speed would take {stop_s:.3g} s (object {told}), allowed is"
-        f" max_quick_stop_s = {node.most_quick_stop_s:g}; let the drive brake harder, or raise that in"
-        " [machine]"
-    )
+def _too_long(found: Read, stop_s: float, node: NodeSettings) -> Said:
+    reads = [
+        said("stopping.reads", index=index, value=found[index])
+        for index in (0x6085, 0x6084, 0x60C6)
+        if index in found
+    ]
+    objects = chain("comma", reads) if reads else ""
+    return said("stopping.too_long", seconds=stop_s, objects=objects, most=node.most_quick_stop_s)

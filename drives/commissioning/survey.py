@@ -9,6 +9,7 @@ from drives import cia402, pdo
 from drives.commissioning import twins
 from drives.commissioning.network import SDO_REQUEST, CommissionError, Network, Node
 from drives.commissioning.remote import Drive
+from drives.texts import Said
 from drives.values import dataclass
 
 NODES = range(1, 128)
@@ -162,7 +163,7 @@ class Entry:
     access: str
     value: int | float | str | None
     default: int | None  # by the data sheet
-    refused: str  # why there is no value; "" = there is one
+    refused: Said | None  # why there is no value; None: there is one
 
 
 def dump(network: Network, node: Node) -> Iterator[Entry]:
@@ -181,9 +182,9 @@ def dump(network: Network, node: Node) -> Iterator[Entry]:
                 yield Entry(index, sub, found.qualname, found.access_type, value, default, refused)
 
 
-def _shown_value(drive: Drive, index: int, sub: int) -> tuple[int | float | str | None, str]:
+def _shown_value(drive: Drive, index: int, sub: int) -> tuple[int | float | str | None, Said | None]:
     try:
         value = drive.raw(index, sub)
     except CommissionError as error:
-        return None, str(error)
-    return (value.hex(" ") if isinstance(value, bytes) else value), ""
+        return None, error.said
+    return (value.hex(" ") if isinstance(value, bytes) else value), None

@@ -12,6 +12,7 @@ from struct import Struct
 
 from drives import pdo
 from drives.commissioning.network import SDO_REQUEST, Network
+from drives.texts import Said, chain, said
 
 IDENTITY, SERIAL = 0x1018, 4
 FIRST_S = 0.15  # for all first answers
@@ -37,15 +38,12 @@ def doubled(network: Network, nodes: Sequence[int]) -> dict[int, Serials]:
     return found
 
 
-def sentence(serials: Serials) -> str:
+def sentence(serials: Serials) -> Said:
     """What is wrong and what to do, after the name of the drive."""
-    told = [f"{serial:#x}" for serial in serials if serial is not None]
-    which = f" (serial numbers {' and '.join(told)})" if told else ""
-    return (
-        f"{len(serials)} drives answer with this node id{which}; switch all of them off but one, and give the"
-        " others ids of their own, by their switches or by LSS (directrix drives commission --set-node, with"
-        " the serial number in the machine file)"
-    )
+    known = [f"{serial:#x}" for serial in serials if serial is not None]
+    if not known:
+        return said("drive.twins", count=len(serials))
+    return said("drive.twins_known", count=len(serials), serials=chain("and", known))
 
 
 def _asked(network: Network, nodes: Sequence[int]) -> dict[int, Serials]:

@@ -26,6 +26,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from drives.settings import INT32_MAX, NodeSettings, SpindleSettings
+from drives.texts import Key, Said, TextError, said
 from drives.values import dataclass
 
 # An object's value; None: the drive has no such object.
@@ -43,10 +44,10 @@ VELOCITY_FACTOR, ACCELERATION_FACTOR = 0x6096, 0x6097
 OLD_FACTORS = (0x6093, 0x6094)  # of CiA DSP 402 before version 2
 SAME = 1e-6  # two units that differ by less are the same
 FACTOR_SAME = 1e-3  # factors are ratios of integers, and rounded
-OWN_WORD = "or say velocity_unit_counts_s in the machine file"
+SPEED, RATE = Key("unit.counts_s"), Key("unit.counts_s2")  # what values are told in
 
 
-class UnitError(Exception):
+class UnitError(TextError):
     """A unit is not known, or a value cannot be told in it; the sentence names the object."""
 
 
@@ -66,38 +67,34 @@ class Units:
         readings = (self.rev_min_counts_s, self.velocity_counts_s if self.said else 0.0)
         return tuple(unit for unit in readings if unit)
 
-    def velocity(self, counts_s: float, where: str) -> int:
+    def velocity(self, counts_s: float, where: Said) -> int:
         """A speed in the drive's units. Raises UnitError where none is near it."""
-        return _nearest(counts_s, self.velocity_counts_s, where, "counts/s")
+        return _nearest(counts_s, self.velocity_counts_s, where, SPEED)
 
-    def acceleration(self, counts_s2: float, where: str) -> int:
+    def acceleration(self, counts_s2: float, where: Said) -> int:
         """Likewise an acceleration."""
-        return _nearest(counts_s2, self.acceleration_counts_s2, where, "counts/s^2")
+        return _nearest(counts_s2, self.acceleration_counts_s2, where, RATE)
 
-    def see_fits(self, counts_s: float, where: str) -> None:
+    def see_fits(self, counts_s: float, where: Said) -> None:
         """Raises UnitError for a speed that no INTEGER32 takes in this unit."""
         if counts_s / self.velocity_counts_s > INT32_MAX:
+            units, unit = counts_s / self.velocity_counts_s, self.velocity_counts_s
             raise UnitError(
-                f"{where}: {counts_s:g} counts/s are {counts_s / self.velocity_counts_s:.3g} units of"
-                f" {self.velocity_counts_s:g} counts/s, an INTEGER32 takes {INT32_MAX}; choose a coarser unit"
-                " in the drive (60A9h)"
+                said("unit.too_fine", where=where, speed=counts_s, units=units, unit=unit, most=INT32_MAX)
             )
 
 
 COARSEST = 0.25  # a value may be larger by this share than what is wanted, for want of a finer unit
 
 
-def _nearest(wanted: float, unit: float, where: str, name: str) -> int:
+def _nearest(wanted: float, unit: float, where: Said, name: Key) -> int:
     """Never 0, which many objects take for "none" or "as fast as it goes"; else less is safer than more."""
     exact = wanted / unit
     near = round(exact)
     if near > (1.0 + COARSEST) * exact:
         near = math.floor(exact)
     if near < 1:
-        raise UnitError(
-            f"{where}: {wanted:g} {name} are wanted, the drive's unit is {unit:g} {name}; choose a finer"
-            " unit in the drive (60A9h), or more in the machine file"
-        )
+        raise UnitError(said("unit.too_coarse", where=where, wanted=wanted, unit=unit, name=name))
     return near
 
 
@@ -144,17 +141,13 @@ class _Reading:
             self._see_position(self._position)
         velocity = self._told_velocity()
         sizes = self._sizes(velocity)
-        said = velocity is not None
-        return Units(*sizes, said, inverted, self._rev_min())
+        return Units(*sizes, velocity is not None, inverted, self._rev_min())
 
     def _sizes(self, told: float | None) -> tuple[float, float]:
         """Of velocity and acceleration; ``told``: the former by 60A9h."""
         own = self._own()
         if told is not None and own is not None and abs(told - own[0]) > SAME * own[0]:
-            raise UnitError(
-                f"object 60A9h is {self._word(0x60A9):08X}h, a unit of {told:g} counts/s; the machine file"
-                f" says velocity_unit_counts_s = {own[0]:g}; correct one of the two"
-            )
+            raise UnitError(said("unit.not_the_files", word=self._word(0x60A9), told=told, own=own[0]))
         if own is not None:
             return own
         velocity, acceleration = self._of_family() or self._of_factors()
@@ -190,7 +183,7 @@ class _Reading:
         if not above and not below:
             return None
         if not above or not below:
-            raise UnitError(f"object {index:04X}h is {above} / {below}; write a ratio into the drive")
+            raise UnitError(said("unit.no_ratio", index=index, above=str(above), below=str(below)))
         return above / below
 
     @property
@@ -202,10 +195,8 @@ class _Reading:
         polarity = self._word(POLARITY)
         position, velocity = bool(polarity & POSITION_BIT), bool(polarity & VELOCITY_BIT)
         if position != velocity and isinstance(self._settings, NodeSettings):
-            raise UnitError(
-                f"object 607Eh is {polarity:02X}h, which inverts {'position' if position else 'velocity'}"
-                " alone; write C0h or 0 into the drive, and let the machine file's counts have the sign"
-            )
+            what = Key("unit.position" if position else "unit.velocity")
+            raise UnitError(said("unit.half_inverted", polarity=polarity, what=what))
         return velocity
 
     # -- what says it
@@ -236,10 +227,7 @@ class _Reading:
     def _of_factors(self) -> tuple[float, float]:
         for index in OLD_FACTORS:
             if self._ratio(index) not in (None, 1.0):
-                raise UnitError(
-                    f"object {index:04X}h is {self._ratio(index):g}, a factor of the old CiA 402 that is not"
-                    f" understood here; write 1 / 1 into the drive, {OWN_WORD}"
-                )
+                raise UnitError(said("unit.old_factor", index=index, factor=self._ratio(index)))
         velocity = self._ratio(VELOCITY_FACTOR) or 1.0
         acceleration = self._ratio(ACCELERATION_FACTOR) or 1.0
         return 1.0 / velocity, 1.0 / acceleration
@@ -249,8 +237,7 @@ class _Reading:
         factor = self._ratio(index) or 1.0
         if factor != 1.0 and abs(factor * unit - 1.0) > FACTOR_SAME:
             raise UnitError(
-                f"object {index:04X}h is {factor:g}, a unit of {1.0 / factor:g} counts, and object"
-                f" {by:04X}h makes it {unit:g}; correct one of the two in the drive"
+                said("unit.other_factor", index=index, factor=factor, size=1.0 / factor, by=by, unit=unit)
             )
 
     # -- SI units
@@ -286,10 +273,7 @@ class _Reading:
         raise self._unknown(index, word)
 
     def _unknown(self, index: int, word: int) -> UnitError:
-        return UnitError(
-            f"object {index:04X}h is {word:08X}h, a unit that is not understood for such an axis; choose"
-            f" 00B44700h (1/min) in the drive, {OWN_WORD}"
-        )
+        return UnitError(said("unit.unknown", index=index, word=word))
 
     def _per_si(self, rotary: bool) -> float:
         """Counts per metre or radian of the axis; 0 = it is of the other kind, or nobody said."""
@@ -303,10 +287,11 @@ class _Reading:
         size = ANGLES.get(unit.numerator, 1.0) * unit.prefix
         known = self._per_si(unit.numerator in ANGLES) if unit.numerator in (METRE, *ANGLES) else 0.0
         if known and abs(known * size - 1.0) > SAME:
-            name = "radian" if unit.numerator in ANGLES else "metre"
+            name = Key("unit.radian" if unit.numerator in ANGLES else "unit.metre")
             raise UnitError(
-                f"object 60A8h is {self._word(0x60A8):08X}h, which is {1.0 / size:g} counts per {name}; the"
-                f" machine file's are {known:g}; correct one of the two"
+                said(
+                    "unit.other_position", word=self._word(0x60A8), counts=1.0 / size, name=name, known=known
+                )
             )
 
     @property
@@ -327,18 +312,18 @@ class _Reading:
         if position is None and feed in (None, 1.0):
             return 1.0
         if not self._resolution:
-            raise self._no_turn(index, word, "increments")
+            raise self._no_turn(index, word, Key("unit.increments"))
         return self._counts_per_turn(index, word) / self._resolution
 
     def _counts_per_turn(self, index: int, word: int) -> float:
         """Of the motor."""
         feed, position = self._ratio(FEED), self._position
-        if by := self._turn_by_feed() or (self._turn_said(position) if position is not None else 0.0):
+        if by := self._turn_by_feed() or (self._turn_by_position(position) if position is not None else 0.0):
             return by
         plain = position is None and (feed is None or self._ratio(RESOLUTION) in (None, 1.0))
         if plain and self._resolution:
             return self._resolution
-        raise self._no_turn(index, word, "revolutions")
+        raise self._no_turn(index, word, Key("unit.revolutions"))
 
     def _turn_by_feed(self) -> float:
         feed = self._ratio(FEED)
@@ -346,26 +331,22 @@ class _Reading:
 
     def _see_turn(self, position: Si) -> None:
         """What 60A8h says of a turn of the motor, and what the feed constant does, must agree."""
-        by_feed, said = self._turn_by_feed(), self._turn_said(position)
-        if by_feed and said and abs(by_feed / said - 1.0) > FACTOR_SAME:
+        by_feed, by_position = self._turn_by_feed(), self._turn_by_position(position)
+        if by_feed and by_position and abs(by_feed / by_position - 1.0) > FACTOR_SAME:
             raise UnitError(
-                f"object 60A8h is {self._word(0x60A8):08X}h, {said:g} counts per turn of the motor, and"
-                f" object 6092h makes it {by_feed:g}; correct one of the two in the drive"
+                said("unit.other_turn", word=self._word(0x60A8), counts=by_position, by_feed=by_feed)
             )
 
-    def _turn_said(self, position: Si) -> float:
+    def _turn_by_position(self, position: Si) -> float:
         """By 60A8h alone: positions are revolutions, or increments of the encoder."""
         if position.numerator == REVOLUTION:
             return 1.0 / position.prefix / self._turns
         return self._resolution / position.prefix if position.numerator == INCREMENT else 0.0
 
-    def _no_turn(self, index: int, word: int, way: str) -> UnitError:
-        told = (
-            f"608Fh is {self._ratio(RESOLUTION) or 'not there'}, 6092h is {self._ratio(FEED) or 'not there'}"
-        )
+    def _no_turn(self, index: int, word: int, way: Key) -> UnitError:
+        resolution, feed = (self._ratio(which) or Key("unit.not_there") for which in (RESOLUTION, FEED))
         return UnitError(
-            f"object {index:04X}h is {word:08X}h, in {way}, and nothing says how many counts one has"
-            f" ({told}); write 6092h (position units per revolution) into the drive, {OWN_WORD}"
+            said("unit.no_turn", index=index, word=word, way=way, resolution=resolution, feed=feed)
         )
 
     def _of_encoder(self) -> float:

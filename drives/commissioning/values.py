@@ -21,7 +21,7 @@ def shown_at(index: int, sub: int, value: int) -> str:
     return f"{value:#x}" if value >= 0 and (identifier or mapping or bits) else str(value)
 
 
-def told(index: int, sub: int, value: int) -> str:
+def in_words(index: int, sub: int, value: int) -> str:
     """The same in a sentence: other numbers in both forms."""
     hexadecimal = shown_at(index, sub, value)
     return hexadecimal if hexadecimal.startswith("0x") else shown(value)

@@ -2,35 +2,35 @@
 
 from __future__ import annotations
 
-from enum import Enum
+from enum import Enum, auto
 
 from drives.cia402 import FOLLOWING_ERROR, INTERNAL_LIMIT, State
 
 
 class DriveFault(Enum):
-    """Why the group cannot go on; the controller has the sentence and the remedy for each."""
+    """Why the group cannot go on: ``drive_fault.NAME`` is its text; the controller has a remedy for each."""
 
-    NONE = "none"
-    FEEDBACK_LOST = "feedback lost"  # two TPDOs in a row did not come
-    STATE_LOST = "state lost"  # left OPERATION_ENABLED, or stopped following, without being told to
-    TORQUE_OFF = "torque off"  # dropped to SWITCH_ON_DISABLED without a fault: STO or the enable input
-    FOLLOWING_ERROR = "following error"  # emergency 8611h, or not where it was told to be
-    SETPOINTS_LOST = "setpoints lost"  # emergency 8250h: the deadline of its RPDO (1400h:05) has passed
-    LIMIT_SWITCH = "limit switch"  # emergency 8612h
-    EMCY = "emergency"  # the drive reported any other error; see emcy_code
-    HEARTBEAT_LOST = "heartbeat lost"  # silent for consumer_s, or node guarding is not answered
-    MODE_LOST = "mode lost"  # its mode of operation (6061h) is no more the one in which setpoints come
-    NODE_RESET = "node reset"  # a boot-up message
-    NODE_STOPPED = "node stopped"  # NMT operational left without our doing
-    NODE_TWICE = "node twice"  # two different answers to one SYNC: two nodes have this identifier
-    BUS_OFF = "bus off"  # our controller has left the bus, or was restarted after that
-    BUS_ERROR = "bus error"  # error passive, or our controller's own buffers overflowed
-    RX_OVERFLOW = "receive overflow"  # frames were lost because we did not take them in time
-    FOREIGN_FRAMES = "foreign frames"  # somebody else sends setpoints, or the controller's heartbeat
-    SYNC_FOREIGN = "foreign sync"  # somebody else sends SYNC too
-    SEND_FAILED = "send failed"  # a frame did not go out: queue full, bus gone, or setpoint no int32
-    IO_LOST = "i/o lost"  # the input and output node is silent, restarted or in error
-    SPINDLE_LOST = "spindle lost"  # the spindle's drive is silent, restarted, in error or not enabled
+    NONE = auto()
+    FEEDBACK_LOST = auto()  # two TPDOs in a row did not come
+    STATE_LOST = auto()  # left OPERATION_ENABLED, or stopped following, without being told to
+    TORQUE_OFF = auto()  # dropped to SWITCH_ON_DISABLED without a fault: STO or the enable input
+    FOLLOWING_ERROR = auto()  # emergency 8611h, or not where it was told to be
+    SETPOINTS_LOST = auto()  # emergency 8250h: the deadline of its RPDO (1400h:05) has passed
+    LIMIT_SWITCH = auto()  # emergency 8612h
+    EMCY = auto()  # the drive reported any other error; see emcy_code
+    HEARTBEAT_LOST = auto()  # silent for consumer_s, or node guarding is not answered
+    MODE_LOST = auto()  # its mode of operation (6061h) is no more the one in which setpoints come
+    NODE_RESET = auto()  # a boot-up message
+    NODE_STOPPED = auto()  # NMT operational left without our doing
+    NODE_TWICE = auto()  # two different answers to one SYNC: two nodes have this identifier
+    BUS_OFF = auto()  # our controller has left the bus, or was restarted after that
+    BUS_ERROR = auto()  # error passive, or our controller's own buffers overflowed
+    RX_OVERFLOW = auto()  # frames were lost because we did not take them in time
+    FOREIGN_FRAMES = auto()  # somebody else sends setpoints, or the controller's heartbeat
+    SYNC_FOREIGN = auto()  # somebody else sends SYNC too
+    SEND_FAILED = auto()  # a frame did not go out: queue full, bus gone, or setpoint no int32
+    IO_LOST = auto()  # the input and output node is silent, restarted or in error
+    SPINDLE_LOST = auto()  # the spindle's drive is silent, restarted, in error or not enabled
 
 
 # Error codes of emergency messages that name their cause (CiA 402-1; 8250h, 9000h: CiA 301, "external

@@ -23,6 +23,7 @@ from drives.settings import (
     NodeSettings,
     SpindleSettings,
 )
+from drives.texts import Said, english, said
 from drives.values import dataclass
 
 CONTROLLER = "controller"
@@ -47,7 +48,8 @@ class Kind(Enum):
 class Row:
     """One kind of frame on one bus. Times in us, of one frame with interframe space."""
 
-    what: str
+    frame: str  # its text is ``frame.setpoint``, for one
+    node: str  # the name of the node that it is to or from; "" = all
     sender: str  # "controller" or the name of the node
     can_id: int
     data_bytes: int  # of a remote frame: its length code
@@ -56,6 +58,11 @@ class Row:
     bit_us: float  # 0 = a bus without bit timing
     fixed: bytes = b""  # the first data bytes, where operation does not change them
     remote: bool = False
+
+    @property
+    def text(self) -> Said:
+        """What it is, and whose."""
+        return text(self.frame, self.node)
 
     @property
     def worst_us(self) -> float:
@@ -87,7 +94,7 @@ class Row:
     def to_dict(self) -> dict[str, Any]:
         """Plain values, for JSON."""
         return {
-            "what": self.what,
+            "what": english(self.text),
             "sender": self.sender,
             "kind": self.kind.value,
             "can_id": self.can_id,
@@ -100,6 +107,11 @@ class Row:
         }
 
 
+def text(frame: str, names: str) -> Said:
+    """What a frame is, and whose; ``names`` of one node or several."""
+    return said(f"frame.{frame}", name=names)
+
+
 def of(
     bus: BusSettings,
     nodes: Sequence[NodeSettings],
@@ -109,8 +121,15 @@ def of(
 ) -> list[Row]:
     """All rows of one bus; ``nodes`` and ``others`` are those on it, ``period_s`` is the tick."""
     rows = _Rows(1e6 / bus.bit_rate if bus.bit_rate else 0.0, period_s)
-    rows.every_tick("SYNC", CONTROLLER, pdo.SYNC, 0)
-    rows.at_interval("heartbeat", CONTROLLER, pdo.HEARTBEAT + master.node_id, master.heartbeat_s, OPERATIONAL)
+    rows.every_tick("SYNC", "", CONTROLLER, pdo.SYNC, 0)
+    rows.at_interval(
+        "controller_heartbeat",
+        "",
+        CONTROLLER,
+        pdo.HEARTBEAT + master.node_id,
+        master.heartbeat_s,
+        OPERATIONAL,
+    )
     for node in nodes:
         _drive(rows, node, master)
     for other in others:
@@ -131,13 +150,24 @@ class _Rows:
         self._bit_us, self._period_s = bit_us, period_s
 
     def every_tick(
-        self, what: str, sender: str, can_id: int, data_bytes: int, fixed: bytes = b"", every: int = 1
+        self,
+        frame: str,
+        node: str,
+        sender: str,
+        can_id: int,
+        data_bytes: int,
+        fixed: bytes = b"",
+        every: int = 1,
     ) -> None:
-        self.rows.append(Row(what, sender, can_id, data_bytes, 1.0 / every, Kind.CYCLIC, self._bit_us, fixed))
+        per_tick = 1.0 / every
+        self.rows.append(
+            Row(frame, node, sender, can_id, data_bytes, per_tick, Kind.CYCLIC, self._bit_us, fixed)
+        )
 
     def at_interval(
         self,
-        what: str,
+        frame: str,
+        node: str,
         sender: str,
         can_id: int,
         interval_s: float,
@@ -148,78 +178,78 @@ class _Rows:
         """``fixed`` bytes that stay, and so many ``more``."""
         per_tick = self._period_s / interval_s
         size, kind = len(fixed) + more, Kind.BACKGROUND
-        self.rows.append(Row(what, sender, can_id, size, per_tick, kind, self._bit_us, fixed, remote))
+        self.rows.append(Row(frame, node, sender, can_id, size, per_tick, kind, self._bit_us, fixed, remote))
 
-    def on_event(self, what: str, sender: str, can_id: int, data_bytes: int) -> None:
-        self.rows.append(Row(what, sender, can_id, data_bytes, 0.0, Kind.OCCASIONAL, self._bit_us))
+    def on_event(self, frame: str, node: str, sender: str, can_id: int, data_bytes: int) -> None:
+        self.rows.append(Row(frame, node, sender, can_id, data_bytes, 0.0, Kind.OCCASIONAL, self._bit_us))
 
 
 def _drive(rows: _Rows, node: NodeSettings, master: MasterSettings) -> None:
     profile, name = node.profile, node.name
-    setpoint, what = pdo.rpdo(profile.rpdo, node.node), f"setpoint of {name}"
+    setpoint = pdo.rpdo(profile.rpdo, node.node)
     if node.feed_forward:
-        rows.every_tick(what, CONTROLLER, setpoint, pdo.TARGET.size)
+        rows.every_tick("setpoint", name, CONTROLLER, setpoint, pdo.TARGET.size)
         command = pdo.rpdo(profile.command_rpdo, node.node)
-        rows.at_interval(f"command of {name}", CONTROLLER, command, master.heartbeat_s, CONTROLWORD)
+        rows.at_interval("command", name, CONTROLLER, command, master.heartbeat_s, CONTROLWORD)
     else:
-        rows.every_tick(what, CONTROLLER, setpoint, pdo.PDO_BYTES, CONTROLWORD)
+        rows.every_tick("setpoint", name, CONTROLLER, setpoint, pdo.PDO_BYTES, CONTROLWORD)
     feedback = pdo.tpdo(profile.tpdo, node.node)
-    rows.every_tick(f"feedback of {name}", name, feedback, pdo.PDO_BYTES, STATUSWORD, node.feedback_every)
+    rows.every_tick("feedback", name, name, feedback, pdo.PDO_BYTES, STATUSWORD, node.feedback_every)
     if node.temperature_tpdo:
         warmth, size = pdo.tpdo(node.temperature_tpdo, node.node), (node.temperature_entry & 0xFF) // 8
-        rows.at_interval(f"temperature of {name}", name, warmth, TEMPERATURE_EVERY_MS / 1000, b"", more=size)
+        rows.at_interval("temperature", name, name, warmth, TEMPERATURE_EVERY_MS / 1000, b"", more=size)
     mode = pdo.tpdo(node.mode_tpdo, node.node)
-    rows.at_interval(f"mode of {name}", name, mode, MODE_EVERY_MS / 1000, bytes([profile.mode.value]))
+    rows.at_interval("mode", name, name, mode, MODE_EVERY_MS / 1000, bytes([profile.mode.value]))
     _supervised(rows, name, node.node, profile.supervision, master)
-    rows.on_event(f"emergency of {name}", name, pdo.EMCY + node.node, EMERGENCY_BYTES)
+    rows.on_event("emergency", name, name, pdo.EMCY + node.node, EMERGENCY_BYTES)
 
 
 def _supervised(rows: _Rows, name: str, node: int, supervision: Supervision, master: MasterSettings) -> None:
     """The node's own sign of life; guarding asks for it with a remote frame."""
     can_id = pdo.HEARTBEAT + node
     if supervision is Supervision.GUARDING:
-        rows.at_interval(
-            f"guarding of {name}", CONTROLLER, can_id, master.heartbeat_s, OPERATIONAL, remote=True
-        )
-        rows.at_interval(f"answer of {name}", name, can_id, master.heartbeat_s, OPERATIONAL)
+        rows.at_interval("guarding", name, CONTROLLER, can_id, master.heartbeat_s, OPERATIONAL, remote=True)
+        rows.at_interval("answer", name, name, can_id, master.heartbeat_s, OPERATIONAL)
     else:
-        rows.at_interval(f"heartbeat of {name}", name, can_id, master.heartbeat_s, OPERATIONAL)
+        rows.at_interval("heartbeat", name, name, can_id, master.heartbeat_s, OPERATIONAL)
 
 
 def _spindle(rows: _Rows, spindle: SpindleSettings, master: MasterSettings) -> None:
     """Its speed goes out on change: on the ramp of mode 9 that is every tick."""
     name, profile = spindle.name, spindle.profile
-    speed, what = pdo.rpdo(profile.rpdo, spindle.node), f"speed of {name}"
+    speed = pdo.rpdo(profile.rpdo, spindle.node)
     if spindle.mode == CYCLIC_VELOCITY:
-        rows.every_tick(what, CONTROLLER, speed, pdo.PDO_BYTES, CONTROLWORD)
+        rows.every_tick("speed", name, CONTROLLER, speed, pdo.PDO_BYTES, CONTROLWORD)
     else:
-        rows.at_interval(what, CONTROLLER, speed, master.heartbeat_s, CONTROLWORD, more=4)
+        rows.at_interval("speed", name, CONTROLLER, speed, master.heartbeat_s, CONTROLWORD, more=4)
     feedback = pdo.tpdo(profile.tpdo, spindle.node)
-    rows.every_tick(f"feedback of {name}", name, feedback, pdo.PDO_BYTES, STATUSWORD, spindle.feedback_every)
+    rows.every_tick("feedback", name, name, feedback, pdo.PDO_BYTES, STATUSWORD, spindle.feedback_every)
     if spindle.position_tpdo:
         turned, size = pdo.tpdo(spindle.position_tpdo, spindle.node), 6 if spindle.tells_load else 4
-        rows.every_tick(f"position of {name}", name, turned, size)
+        rows.every_tick("position", name, name, turned, size)
     _supervised(rows, name, spindle.node, profile.supervision, master)
-    rows.on_event(f"emergency of {name}", name, pdo.EMCY + spindle.node, EMERGENCY_BYTES)
+    rows.on_event("emergency", name, name, pdo.EMCY + spindle.node, EMERGENCY_BYTES)
 
 
 def _io(rows: _Rows, io: IoSettings, master: MasterSettings) -> None:
     """Inputs and outputs go on change, and are repeated at intervals."""
     name, inputs, outputs = io.name, pdo.tpdo(1, io.node), pdo.rpdo(1, io.node)
     if io.inputs_every_s > 0.0:
-        rows.at_interval(f"inputs of {name}", name, inputs, io.inputs_every_s, b"", more=io.inputs)
+        rows.at_interval("inputs", name, name, inputs, io.inputs_every_s, b"", more=io.inputs)
     else:
-        rows.on_event(f"inputs of {name}", name, inputs, io.inputs)
-    rows.at_interval(f"outputs of {name}", CONTROLLER, outputs, master.heartbeat_s, b"", more=io.outputs)
+        rows.on_event("inputs", name, name, inputs, io.inputs)
+    rows.at_interval("outputs", name, CONTROLLER, outputs, master.heartbeat_s, b"", more=io.outputs)
     if io.analogue:
-        what, size = f"analogue outputs of {name}", 2 * len(io.analogue)
-        rows.at_interval(what, CONTROLLER, pdo.rpdo(2, io.node), master.heartbeat_s, b"", more=size)
-    rows.at_interval(f"heartbeat of {name}", name, pdo.HEARTBEAT + io.node, io.heartbeat_s, OPERATIONAL)
-    rows.on_event(f"emergency of {name}", name, pdo.EMCY + io.node, EMERGENCY_BYTES)
+        size = 2 * len(io.analogue)
+        rows.at_interval(
+            "analogue", name, CONTROLLER, pdo.rpdo(2, io.node), master.heartbeat_s, b"", more=size
+        )
+    rows.at_interval("heartbeat", name, name, pdo.HEARTBEAT + io.node, io.heartbeat_s, OPERATIONAL)
+    rows.on_event("emergency", name, name, pdo.EMCY + io.node, EMERGENCY_BYTES)
 
 
 def _sdo(rows: _Rows, everybody: Sequence[NodeSettings | SpindleSettings | IoSettings]) -> None:
     """One question at a time on a bus; by the rule all nodes' are equally long, the last stands for it."""
     node = max(everybody, key=lambda one: one.node)
-    rows.on_event(f"SDO question to {node.name}", CONTROLLER, SDO_QUESTION + node.node, SDO_BYTES)
-    rows.on_event(f"SDO answer of {node.name}", node.name, pdo.SDO_ANSWER + node.node, SDO_BYTES)
+    rows.on_event("sdo_question", node.name, CONTROLLER, SDO_QUESTION + node.node, SDO_BYTES)
+    rows.on_event("sdo_answer", node.name, node.name, pdo.SDO_ANSWER + node.node, SDO_BYTES)

@@ -18,6 +18,7 @@ from typing import Any
 from drives import pdo
 from drives.load.budget import BusBudget
 from drives.load.bus_frames import Row
+from drives.texts import english
 from drives.values import dataclass
 
 
@@ -32,7 +33,7 @@ class Slot:
     def to_dict(self) -> dict[str, Any]:
         """Plain values, for JSON."""
         return {
-            "what": self.row.what,
+            "what": english(self.row.text),
             "sender": self.row.sender,
             "can_id": self.row.can_id,
             "start_us": self.start_us,

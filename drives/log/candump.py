@@ -13,6 +13,7 @@ import re
 from collections.abc import Iterable, Iterator
 
 from drives.pdo import ERROR_FLAG, EXTENDED_FLAG, FRAME, REMOTE_FLAG
+from drives.texts import TextError, said
 
 LINE = re.compile(
     r"\((\d+\.\d+)\)\s+(\S+)\s+([0-9A-Fa-f]{3}|[0-9A-Fa-f]{8})#(R[0-8]?|(?:[0-9A-Fa-f]{2}){0,8})(?: [RT])?\Z"
@@ -21,7 +22,7 @@ LINE = re.compile(
 Logged = tuple[float, str, bytes]  # time (s), bus, frame (16 bytes)
 
 
-class CandumpError(ValueError):
+class CandumpError(TextError, ValueError):
     """A line is not of a candump log; the text says which and why."""
 
 
@@ -39,9 +40,7 @@ def parse(text: str) -> Logged:
     """The frame of one line. Raises CandumpError."""
     found = LINE.match(text.strip())
     if found is None:
-        raise CandumpError(
-            f"{text.strip()!r} is no line of a candump log; expected '(1.000000) can0 183#3706'"
-        )
+        raise CandumpError(said("candump.no_line", text=text.strip()))
     at_s, bus, name, payload = found.groups()
     can_id = int(name, 16)
     if len(name) == 8 and not can_id & ERROR_FLAG:
@@ -59,7 +58,7 @@ def read(lines: Iterable[str]) -> Iterator[Logged]:
             try:
                 yield parse(text)
             except CandumpError as error:
-                raise CandumpError(f"line {number}: {error}") from None
+                raise CandumpError(said("candump.line", line=number, why=error)) from None
 
 
 def save(path: str | os.PathLike[str], frames: Iterable[Logged]) -> None:

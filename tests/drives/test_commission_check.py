@@ -10,6 +10,7 @@ import pytest
 from drives.commissioning import possible, sheet
 from drives.profile import GENERIC
 from drives.settings import IoSettings, MasterSettings, NodeSettings
+from drives.texts import english
 
 EDS = Path(__file__).parents[2] / "config" / "eds" / "simulated_drive.eds"
 MASTER = MasterSettings()
@@ -33,7 +34,7 @@ def changed(section: str, key: str, value: str) -> sheet.Sheet:
 
 def problems(found: sheet.Sheet, **changes: object) -> list[str]:
     node = NodeSettings("X", "can", 1, "mine.eds", **changes)  # type: ignore[arg-type]
-    return possible.problems(node, MASTER, found)
+    return [english(problem) for problem in possible.problems(node, MASTER, found)]
 
 
 def test_the_simulated_drive_can_all_of_it() -> None:
@@ -85,7 +86,7 @@ def test_every_mismatch_is_told_not_only_the_first() -> None:
         NodeSettings("X", "can", 1, "", period_s=0.00123), MASTER, sheet.read(text, "mine.eds")
     )
     for word in ("1.23 ms", "6007h", "605Ah", "6065h"):
-        assert any(word in sentence for sentence in found), word
+        assert any(word in english(problem) for problem in found), word
 
 
 def test_a_missing_object_that_the_profile_calls_optional_is_a_remark() -> None:
@@ -94,7 +95,7 @@ def test_a_missing_object_that_the_profile_calls_optional_is_a_remark() -> None:
     profile = replace(GENERIC, optional=(0x6065,))
     found, remarks = possible.of_profile(profile, changed("6065", "", ""), MASTER)
     assert found == []
-    assert "object 6065h is not in the data sheet; the profile does without it." in remarks
+    assert "object 6065h is not in the data sheet; the profile does without it." in map(english, remarks)
 
 
 def test_a_homing_method_that_the_sheet_does_not_list_is_told() -> None:
@@ -116,12 +117,10 @@ def test_a_bit_rate_the_drive_does_not_have_is_told() -> None:
     rates.clear()
     rates.add(500_000)
     node = NodeSettings("X", "can", 1, "")
-    assert (
-        "1000 kbit/s is none of its bit rates; allowed are 500"
-        in possible.problems(node, MASTER, found, 1_000_000)[0]
-    )
+    problem = possible.problems(node, MASTER, found, 1_000_000)[0]
+    assert "1000 kbit/s is none of its bit rates; allowed are 500" in english(problem)
 
 
 def test_a_drives_sheet_for_an_io_node_is_told() -> None:
     found = possible.problems(IoSettings("io", "can", 20, ""), MASTER, sheet.load(str(EDS), 1))
-    assert any("device profile 402, needed is 401" in sentence for sentence in found)
+    assert any("device profile 402, needed is 401" in english(problem) for problem in found)

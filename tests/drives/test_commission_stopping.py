@@ -21,6 +21,7 @@ from drives.commissioning.stopping import stop_counts_s2
 from drives.commissioning.units import Units
 from drives.profile import GENERIC
 from drives.settings import BusSettings, MasterSettings, NodeSettings
+from drives.texts import english
 
 BUS = BusSettings("can", "virtual", "", 1_000_000)
 # 200 mm/s and 2000 mm/s2 at 200 000 counts per mm.
@@ -121,7 +122,7 @@ def test_a_drive_that_brakes_softer_than_it_was_told_makes_the_promise_longer() 
     _, outcome = commissioned(fixed(0x6085, 100_000_000))
     found = arranged(outcome)
     assert found.stop_s == pytest.approx(0.4)
-    (note,) = found.notes
+    (note,) = map(english, found.notes)
     assert "drive X (node 1): object 6085h:00 was set to 400000000" in note and "reads 100000000" in note
 
 
@@ -137,7 +138,7 @@ def test_ten_seconds_are_promised_where_the_machine_file_allows_them_and_refused
 
 def test_a_refusal_is_told_with_the_drives_reason_and_what_it_has_counts() -> None:
     _, outcome = commissioned(refusing(0x6085), acceleration_counts_s2=3.5e8)
-    (note,) = arranged(outcome).notes
+    (note,) = map(english, arranged(outcome).notes)
     assert "6085h:00 refuses 350000000" in note and "0x06090030" in note and "reads 400000000" in note
     assert arranged(outcome).stop_s == pytest.approx(4e7 / 3.5e8), "the axis is not made for more"
 
@@ -153,7 +154,7 @@ def test_a_drive_without_the_object_is_promised_the_longest_stop_until_somebody_
     _, outcome = commissioned(without(0x6085))
     found = arranged(outcome)
     assert (found.stop_counts_s2, found.stop_s) == (0.0, 3.0)
-    missing, measure = found.notes
+    missing, measure = map(english, found.notes)
     assert "it has no 6085h;" in missing and "measure it" in measure
     _, measured = commissioned(without(0x6085), quick_stop_counts_s2=1e8)
     assert arranged(measured).stop_s == pytest.approx(0.4)
@@ -167,7 +168,7 @@ def test_an_object_that_cannot_be_read_is_told_and_stops_nobody() -> None:
         stepped.drives["X"].dictionary.readers[key(0x605B)] = refuse
 
     _, outcome = commissioned(secret)
-    assert any("605Bh:00 cannot be read" in note for note in arranged(outcome).notes)
+    assert any("605Bh:00 cannot be read" in english(note) for note in arranged(outcome).notes)
 
 
 def test_what_matters_little_may_be_missing_without_a_word() -> None:
@@ -354,5 +355,5 @@ def test_a_simpliq_is_told_in_counts() -> None:
 def test_a_joint_that_cannot_be_told_is_promised_the_longest_stop() -> None:
     _, (first, _) = family("pilz_prbt")
     assert arranged(first).stop_s == 3.0
-    assert any("measure it" in note for note in arranged(first).notes)
+    assert any("measure it" in english(note) for note in arranged(first).notes)
     assert GENERIC.quick_stop_code == 2

@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drives.commissioning.units import UnitError, Units, si, units_of
+from drives.commissioning.wanted import where
 from drives.profile import GENERIC, Encoder
 from drives.settings import NodeSettings, SpindleSettings
 
@@ -75,7 +76,7 @@ def test_a_unit_of_velocity_is_so_many_counts_per_second(objects: Objects, veloc
 def test_the_makers_example_is_met_by_a_whole_number() -> None:
     """EPOS4: 1000 1/min of an encoder with 4096 increments are 68266.67 increments per second."""
     units = of({0x60A9: RPM, 0x608F: (4096, 1)})
-    assert units.velocity(68_266.67, "6099h") == 1000
+    assert units.velocity(68_266.67, where(0x6099)) == 1000
     assert units.said and units.acceleration_counts_s2 == units.velocity_counts_s
 
 
@@ -124,7 +125,7 @@ def test_a_family_without_the_object_has_its_own_unit() -> None:
     """Technosoft: 1/65536 count per slow loop of a millisecond."""
     family = replace(GENERIC, velocity_unit_counts_s=1000 / 65536, acceleration_unit_counts_s2=1e6 / 65536)
     found = of({0x60A9: 0}, replace(LINEAR, profile=family))
-    assert found.velocity(1000.0, "") == 65536 and found.acceleration(1e6, "") == 65536
+    assert found.velocity(1000.0, where(0x6099)) == 65536 and found.acceleration(1e6, where(0x609A)) == 65536
     assert of({0x60A9: MM_S}, replace(LINEAR, profile=family)).velocity_counts_s == 200_000.0
 
 
@@ -215,16 +216,16 @@ def test_a_gear_is_as_the_standards_formula_has_it(
 )
 def test_a_value_is_told_by_the_nearest_unit_that_is_not_much_more(wanted: float, told: int) -> None:
     units = Units(10.0, 10.0)
-    assert units.velocity(wanted, "object 6099h:01") == told == units.acceleration(wanted, "")
+    assert units.velocity(wanted, where(0x6099, 1)) == told == units.acceleration(wanted, where(0x609A))
 
 
 @pytest.mark.parametrize("wanted", [0.1, 4.9, 7.0])
 def test_nothing_is_rounded_to_zero_or_far_up(wanted: float) -> None:
     with pytest.raises(UnitError, match=r"object 6099h:02: .* counts/s are wanted, .* unit is 10 counts/s"):
-        Units(10.0).velocity(wanted, "object 6099h:02")
+        Units(10.0).velocity(wanted, where(0x6099, 2))
 
 
 def test_a_speed_that_no_integer_takes_is_refused() -> None:
-    Units(1.0).see_fits(2e9, "object 60FFh:00")
+    Units(1.0).see_fits(2e9, where(0x60FF))
     with pytest.raises(UnitError, match=r"object 60FFh:00: .* INTEGER32 .* coarser"):
-        Units(1e-3).see_fits(4e6, "object 60FFh:00")
+        Units(1e-3).see_fits(4e6, where(0x60FF))

@@ -19,7 +19,7 @@ from drives.bus import BusError
 from drives.log import candump
 from drives.ports.error_frames import CONTROLLER, overflow_frame
 from drives.settings import BusSettings
-from drives.texts import said
+from drives.texts import english, said
 
 # A serial adapter shared by several processes: its CAN bus joined to the hub's.
 #
@@ -73,25 +73,28 @@ class Served(Host, Protocol):
 S = TypeVar("S", bound=Served)
 
 
+def helped(option: str, **values: object) -> str:
+    """What an option does, in English: nothing around it has another language."""
+    return english(said(f"help.hub.{option}", **values))
+
+
 def add_options(parser: argparse.ArgumentParser) -> None:
     """--faults, --log, --socketcand, --slcan."""
-    parser.add_argument(
-        "--faults", metavar="FILE", type=Path, help="a script of faults; times from the start"
-    )
-    parser.add_argument("--log", metavar="FILE", help="write every frame as a candump log")
+    parser.add_argument("--faults", metavar="FILE", type=Path, help=helped("faults"))
+    parser.add_argument("--log", metavar="FILE", help=helped("log"))
     parser.add_argument(
         "--socketcand",
         metavar="PORT",
         type=int,
         nargs="?",
         const=PORT,
-        help=f"serve socketcand on 127.0.0.1 ({PORT})",
+        help=helped("socketcand", port=PORT),
     )
-    parser.add_argument("--slcan", metavar="LINK", help="make a pseudo terminal that speaks slcan")
+    parser.add_argument("--slcan", metavar="LINK", help=helped("slcan"))
     parser.add_argument(
         "--serial",
         metavar="PORT=BIT_RATE",
-        help="share a serial adapter that speaks slcan, e.g. /dev/ttyACM0=1000000; use --bit-rate 0 with it",
+        help=helped("serial"),
     )
 
 

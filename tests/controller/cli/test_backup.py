@@ -18,6 +18,7 @@ from controller.cli import backup as command
 from controller.cli import bus as bus_command
 from controller.machine import machine_file as config
 from controller.machine import setup_data
+from controller.messages import plain
 
 
 @pytest.fixture
@@ -97,7 +98,7 @@ def test_a_machine_whose_drives_commissioning_would_refuse_is_not_put_in_use(
 ) -> None:
     from controller.runtime import drive_sheets
 
-    monkeypatch.setattr(drive_sheets, "look", lambda _: (["X (can0, node 1): has no 607Ah"], []))
+    monkeypatch.setattr(drive_sheets, "look", lambda _: ([plain("X (can0, node 1): has no 607Ah")], []))
     file = tmp_path / "machine.toml"
     file.write_text(config.alone(config.load("trunnion")))
     code, error = outcome(["update", str(file), "--machine", str(file)], state)

@@ -85,7 +85,7 @@ def test_tables_show_identifiers_mappings_and_words_in_hexadecimal(hub: str) -> 
     assert "0x201" in lines["1400h:01"] and "513" not in lines["1400h:01"]
     assert "0x607a0020" in lines["1600h:02"] and "0x7f00c8" in lines["1016h:01"]
     words = text("status")
-    assert "switch on" in words and "disabled" in words
+    assert "switch-on" in words and "disabled" in words
     assert len(re.findall(r"\b0x[0-9a-f]{4}\b", words)) == 5, "the statuswords"
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,8 +12,9 @@ from support.machines.shipped_kinds import machine
 from controller.machine import arrangement
 from controller.machine.model import Limits
 from drives.arranged import Arranged
+from drives.texts import plain
 
-X = Arranged("X", 1, 68.25, 68.25, 4e8, 0.1, (("6085h:00", 4000), ("605Ah:00", 2)), ("A sentence.",))
+X = Arranged("X", 1, 68.25, 68.25, 4e8, 0.1, (("6085h:00", 4000), ("605Ah:00", 2)), (plain("A sentence."),))
 Y = Arranged("Y", 2, stop_s=0.2)
 
 
@@ -41,3 +43,13 @@ def test_another_limit_is_another_machine_and_another_tool_is_not(tmp_path: Path
 def test_a_file_that_cannot_be_read_is_none(tmp_path: Path, text: str) -> None:
     arrangement.save(tmp_path, machine(), [X]).write_text(text)
     assert arrangement.load(tmp_path, machine()) is None
+
+
+def test_notes_of_before_they_had_keys_are_words(tmp_path: Path) -> None:
+    made = machine()
+    file = arrangement.save(tmp_path / "found", made, [X])
+    facts = json.loads(file.read_text())
+    facts["drives"][0]["notes"] = ["It stops late."]
+    file.write_text(json.dumps(facts))
+    found = arrangement.load(tmp_path / "found", made)
+    assert found is not None and found.drives[0].notes == (plain("It stops late."),)

@@ -31,7 +31,7 @@ def axes(*counts, **changes):
 
 
 def row_of(one, what):
-    (found,) = (row for row in one.rows if row.what == what)
+    (found,) = (row for row in one.rows if english(row.text) == what)
     return found
 
 
@@ -72,9 +72,9 @@ def test_each_row_is_as_long_as_its_frames_written_out():
             count = 1500 if free > 1 else 1
             lengths = [frame_bits.length(row.can_id, row.fixed + rng.randbytes(free)) for _ in range(count)]
         mean = sum(lengths) / len(lengths)
-        assert max(lengths) <= row.longest_us <= row.worst_us, row.what
+        assert max(lengths) <= row.longest_us <= row.worst_us, english(row.text)
         if free != 1:
-            assert row.typical_us == pytest.approx(mean, abs=0.4 if free else 1e-9), row.what
+            assert row.typical_us == pytest.approx(mean, abs=0.4 if free else 1e-9), english(row.text)
 
 
 def test_the_longest_tick_has_payloads_that_make_it_and_none_that_exceed_it():
@@ -131,7 +131,7 @@ def test_pdo_numbers_and_guarding_come_from_the_profile():
     asked, answer = row_of(one, "guarding of X"), row_of(one, "answer of X")
     assert asked.remote and asked.worst_us == 55.0 and answer.worst_us == 65.0
     assert asked.can_id == answer.can_id == 0x701
-    assert not any(row.what == "heartbeat of X" for row in one.rows)
+    assert not any(english(row.text) == "heartbeat of X" for row in one.rows)
 
 
 def test_spindle_and_inputs_and_outputs_take_their_share():
@@ -156,7 +156,7 @@ def test_nodes_count_on_their_own_bus_only():
 def test_the_tick_is_sync_feedback_setpoints_without_a_gap():
     (one,) = budget.of(*axes(2), MASTER)
     slots = timeline.worst(one)
-    assert [slot.row.what for slot in slots] == [
+    assert [english(slot.row.text) for slot in slots] == [
         "SYNC", "feedback of X", "feedback of Y", "setpoint of X", "setpoint of Y",
     ]  # fmt: skip
     assert [slot.start_us for slot in slots] == [0.0, 55.0, 170.0, 285.0, 400.0]

@@ -13,6 +13,7 @@ from drives.load import budget
 from drives.load.bus_frames import Kind
 from drives.profile import GENERIC, CyclicMode, Profile, Supervision
 from drives.settings import BusSettings
+from drives.texts import english
 
 GUARDED = replace(GENERIC, supervision=Supervision.GUARDING)
 TICKS = 1000
@@ -52,9 +53,9 @@ def assert_as_counted(wire: Wire) -> None:
         if row.kind is Kind.OCCASIONAL or row.remote:
             continue
         sent = len(wire.times_s[row.can_id])
-        assert sent <= ticks * row.per_tick * 1.01 + 2, row.what
-        if not row.what.startswith("speed"):  # which goes out while it changes
-            assert sent >= ticks * row.per_tick * 0.9 - 2, row.what
+        assert sent <= ticks * row.per_tick * 1.01 + 2, english(row.text)
+        if row.frame != "speed":  # which goes out while it changes
+            assert sent >= ticks * row.per_tick * 0.9 - 2, english(row.text)
 
 
 @pytest.mark.parametrize(("settings", "profile"), [way[1:] for way in WAYS], ids=[way[0] for way in WAYS])

@@ -57,7 +57,7 @@ class Wire:
         """Ticks in which not every setpoint and feedback of the budget was across before the next SYNC."""
         bad = np.zeros(len(self.syncs_s) - 1, dtype=bool)
         for row in self.budget.cyclic:
-            if row.what.startswith(("setpoint", "feedback")) and row.per_tick == 1.0:
+            if row.frame in ("setpoint", "feedback") and row.per_tick == 1.0:
                 bad |= self.per_tick(row.can_id) != 1
         return int(bad.sum())
 
