@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from drives.bench.gateways import options
+from drives.bench.gateways.options import helped
 from drives.bench.simulated import build
 from drives.bench.simulated.can_bridge import InterfaceError
 from drives.bench.simulated.data_sheet import EDS
@@ -20,6 +21,7 @@ from drives.bench.simulated.serve import Server, on_interface, run
 from drives.bench.virtual.fault_script import ScriptError
 from drives.bench.virtual.hub import Hub
 from drives.settings import SpindleSettings
+from drives.texts import english, said
 
 COUNTS_PER_REV = 4096.0  # of spindles given by node id
 
@@ -28,7 +30,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser = _parser()
     chosen = parser.parse_args(arguments)
     if (chosen.path is None) == (chosen.socketcan is None):
-        parser.error("give either the path of the virtual bus or --socketcan INTERFACE")
+        parser.error(english(said("bench.either")))
     try:
         with options.equipped(
             _server(chosen), chosen.faults, chosen.log, chosen.socketcand, chosen.slcan, chosen.serial
@@ -40,23 +42,21 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="python -m drives.bench", description=__doc__)
-    parser.add_argument("path", nargs="?", help="where the hub's UNIX socket is made")
-    parser.add_argument("--socketcan", metavar="INTERFACE", help="serve on this CAN interface instead")
-    parser.add_argument("--nodes", type=int, nargs="*", default=[1, 2, 3, 4, 5], help="ids of axis drives")
-    parser.add_argument("--spindle", type=int, nargs="*", default=[], help="ids of spindle drives")
-    parser.add_argument("--io", type=int, nargs="*", default=[], help="ids of CiA 401 nodes")
-    parser.add_argument(
-        "--bit-rate", type=int, help="bit/s; 0 = no bit timing; virtual bus: 1000000, CAN interface: 0"
-    )
+    parser.add_argument("path", nargs="?", help=helped("path"))
+    parser.add_argument("--socketcan", metavar="INTERFACE", help=helped("socketcan"))
+    parser.add_argument("--nodes", type=int, nargs="*", default=[1, 2, 3, 4, 5], help=helped("nodes"))
+    parser.add_argument("--spindle", type=int, nargs="*", default=[], help=helped("spindle"))
+    parser.add_argument("--io", type=int, nargs="*", default=[], help=helped("io"))
+    parser.add_argument("--bit-rate", type=int, help=helped("bit_rate"))
     parser.add_argument(
         "--worst-stuffing",
         action="store_true",
-        help="let every frame take as long as it can",
+        help=helped("worst_stuffing"),
     )
     parser.add_argument("--lost-sync", choices=[kind.value for kind in LostSync], default="hold")
-    parser.add_argument("--eds", type=Path, default=EDS, help="data sheet the drives answer by")
+    parser.add_argument("--eds", type=Path, default=EDS, help=helped("eds"))
     options.add_options(parser)
-    parser.add_argument("--sync-log", metavar="FILE.npy", help="times of SYNC on the bus, written at the end")
+    parser.add_argument("--sync-log", metavar="FILE.npy", help=helped("sync_log"))
     return parser
 
 

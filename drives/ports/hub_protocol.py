@@ -34,7 +34,7 @@ TIMED: Final = Struct("<d16s")  # when it left the wire (CLOCK_MONOTONIC, s), an
 FILTERED: Final = Struct("<II")
 GATHER_S = 0.05  # a log need not be woken more often
 
-NO_FD = "CAN FD frames are not carried: this bus is classic CAN; send frames of 8 bytes at most"
+NO_FD: Final = "bus.no_fd"  # the text of it
 
 
 def wishes(filters: Sequence[tuple[int, int]]) -> bytes:

@@ -75,7 +75,7 @@ S = TypeVar("S", bound=Served)
 
 def helped(option: str, **values: object) -> str:
     """What an option does, in English: nothing around it has another language."""
-    return english(said(f"help.hub.{option}", **values))
+    return english(said(f"help_bench.{option}", **values))
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:

@@ -18,6 +18,7 @@ from drives.bench.virtual.intake import Host, Intake
 from drives.pdo import ERROR_FLAG
 from drives.ports import slcan
 from drives.ports.hub_protocol import NO_FD
+from drives.texts import Key, english, said
 
 VERSION, SERIAL = b"V1013\r", b"NDX01\r"
 OK, REFUSED = b"\r", b"\a"
@@ -118,7 +119,7 @@ class SlcanTerminal:
     def _tell_of_fd(self) -> None:
         if not self._told_of_fd:
             self._told_of_fd = True
-            print(f"slcan at {self._link}: {NO_FD}", file=sys.stderr)
+            print(english(said("bus.slcan_no_fd", link=self._link, why=Key(NO_FD))), file=sys.stderr)
 
     def _put(self, frame: bytes, _at_s: float) -> None:
         is_error = int.from_bytes(frame[:4], "little") & ERROR_FLAG

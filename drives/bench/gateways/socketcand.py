@@ -26,6 +26,7 @@ from drives.bench.virtual.intake import Host, Intake
 from drives.pdo import ERROR_FLAG, EXTENDED_FLAG, FRAME, REMOTE_FLAG
 from drives.ports.error_frames import CONTROLLER
 from drives.ports.hub_protocol import NO_FD
+from drives.texts import Key, TextError, said
 
 LOOPBACK = "127.0.0.1"
 PORT = 29536  # socketcand's own
@@ -40,8 +41,8 @@ HEX = re.compile(rb"[0-9A-Fa-f]{1,8}")
 MAX_QUOTED = 60  # characters of a refused command
 
 
-class _Refused(Exception):
-    """A command that cannot be done; the text says why."""
+class _Refused(TextError):
+    """A command that cannot be done, and why: in English, as the whole protocol is."""
 
 
 class SocketcandServer:
@@ -154,10 +155,10 @@ class _Guest:
             elif command == b"send" and self._source >= 0:
                 return self._submit(_frame(words[1:]))
             elif command == b"fdsend":
-                raise _Refused(f"fdsend: {NO_FD}")
+                raise _Refused(said("socketcand.fdsend", why=Key(NO_FD)))
             else:
                 text = b" ".join(words)[:MAX_QUOTED].decode("ascii", "replace")
-                raise _Refused(f"{text}: not possible here; use open, rawmode, send, echo")
+                raise _Refused(said("socketcand.not_here", command=text))
         except _Refused as refusal:
             self._refuse(str(refusal))
         return True
@@ -174,7 +175,7 @@ class _Guest:
             return True
         if bus.is_full(self._source):
             return False
-        raise _Refused("send: the CAN controller takes no frame; it is bus-off, or its queue is stopped")
+        raise _Refused(said("socketcand.takes_none"))
 
     # -- frames
 
@@ -214,21 +215,19 @@ class _Guest:
 def _frame(words: list[bytes]) -> bytes:
     """The packed frame of < send id count byte byte ... >. Raises _Refused."""
     if len(words) < 2 or not all(HEX.fullmatch(word) for word in words):
-        raise _Refused("send: write identifier, count and bytes in hex: send 123 2 11 ff")
+        raise _Refused(said("socketcand.no_frame"))
     name, count, *payload = words
     data, length = [int(word, 16) for word in payload], int(count, 16)
     can_id, highest = int(name, 16), 0x1FFF_FFFF if len(name) > 3 else 0x7FF
     if can_id > highest:
-        raise _Refused(f"send: identifier {can_id:X}: with {len(name)} digits it is {highest:X} at most")
+        facts = {"can_id": can_id, "digits": len(name), "highest": highest}
+        raise _Refused(said("socketcand.identifier", **facts))
     if length > 8:
-        raise _Refused(f"send: {length} bytes: {NO_FD}")
+        raise _Refused(said("socketcand.too_long", length=length, why=Key(NO_FD)))
     if length and not data:
-        raise _Refused(
-            f"send: {length} bytes announced and none given: if this is a remote frame, this protocol has no"
-            " word for it; send it by slcan or python-can's interface directrix"
-        )
+        raise _Refused(said("socketcand.remote", length=length))
     if length != len(data) or max(data, default=0) > 0xFF:
-        raise _Refused(f"send: {length} bytes announced, {len(data)} given; each is 0 to ff")
+        raise _Refused(said("socketcand.other_length", length=length, given=len(data)))
     flag = EXTENDED_FLAG if len(name) > 3 else 0
     return FRAME.pack(can_id | flag, length, bytes(data))
 

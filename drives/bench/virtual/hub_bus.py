@@ -15,6 +15,7 @@ import can
 from drives.pdo import ERROR_FLAG, EXTENDED_FLAG, FRAME, FRAME_BYTES, REMOTE_FLAG
 from drives.ports.error_frames import CONTROLLER, RX_OVERFLOW
 from drives.ports.hub_protocol import LOST_FRAMES, NO_FD, PATIENT_FRAME, connect
+from drives.texts import english, said
 
 STANDARD_MASK, ID_MASK = 0x7FF, 0x1FFF_FFFF
 MAX_BYTES = 8
@@ -32,14 +33,13 @@ class HubBus(can.BusABC):
     ) -> None:
         """Raises can.CanInitializationError where there is no hub, or CAN FD is asked for."""
         if fd or isinstance(options.get("timing"), can.BitTimingFd):
-            raise can.CanInitializationError(NO_FD)
+            raise can.CanInitializationError(words(NO_FD))
         try:
             self._socket = connect(channel, PATIENT_FRAME)
         except OSError as error:
-            raise can.CanInitializationError(
-                f"there is no virtual bus at {channel} ({error.strerror}); start 'directrix drives simulate'"
-            ) from error
-        self.channel_info = f"directrix virtual bus at {channel}"
+            what = words("bus.no_hub_there", channel=channel, why=error.strerror)
+            raise can.CanInitializationError(what) from error
+        self.channel_info = words("bus.virtual", channel=channel)
         super().__init__(channel=channel, can_filters=can_filters, **options)
 
     def fileno(self) -> int:
@@ -57,11 +57,9 @@ class HubBus(can.BusABC):
         try:
             self._socket.send(packet)
         except (TimeoutError, BlockingIOError) as error:
-            raise can.CanOperationError(
-                f"the virtual bus did not take the frame within {timeout:g} s: its queue is full"
-            ) from error
+            raise can.CanOperationError(words("bus.hub_full", seconds=timeout)) from error
         except OSError as error:
-            raise can.CanOperationError(f"the virtual bus did not take the frame: {error}") from error
+            raise can.CanOperationError(words("bus.hub_takes_none", why=error)) from error
 
     def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
         readable, _, _ = select.select([self._socket], [], [], timeout)
@@ -69,7 +67,7 @@ class HubBus(can.BusABC):
             return None, False
         packet = self._socket.recv(FRAME_BYTES)
         if not packet:
-            raise can.CanOperationError("the virtual bus has closed")
+            raise can.CanOperationError(words("bus.hub_closed"))
         return _message(packet), False
 
     def shutdown(self) -> None:
@@ -77,17 +75,21 @@ class HubBus(can.BusABC):
         self._socket.close()
 
 
+def words(key: str, **values: object) -> str:
+    """A text in English, as python-can's own errors are."""
+    return english(said(key, **values))
+
+
 def _packed(msg: can.Message) -> bytes:
     """The frame of a message. Raises can.CanOperationError where there is none."""
     if msg.is_fd:
-        raise can.CanOperationError(NO_FD)
+        raise can.CanOperationError(words(NO_FD))
     highest = ID_MASK if msg.is_extended_id or msg.is_error_frame else STANDARD_MASK
     if not 0 <= msg.arbitration_id <= highest:
-        raise can.CanOperationError(
-            f"identifier {msg.arbitration_id:X}h: this kind of frame has one from 0 to {highest:X}h"
-        )
+        facts = {"identifier": msg.arbitration_id, "highest": highest}
+        raise can.CanOperationError(words("bus.no_identifier", **facts))
     if not 0 <= msg.dlc <= MAX_BYTES or len(msg.data) > MAX_BYTES:
-        raise can.CanOperationError(f"length {msg.dlc}: a classic CAN frame has 0 to {MAX_BYTES} bytes")
+        raise can.CanOperationError(words("bus.no_length", length=msg.dlc, most=MAX_BYTES))
     flags = (
         (EXTENDED_FLAG if msg.is_extended_id else 0)
         | (REMOTE_FLAG if msg.is_remote_frame else 0)
