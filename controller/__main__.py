@@ -62,6 +62,7 @@ FILES = {
     "dnc": ("dnc",),
     "backup": ("backup",),
     "service": ("service",),
+    "host": ("host",),
     "panel_users": ("users", "tokens"),
 }
 ENDED_CODE = 130  # as a shell has it: 128 + SIGINT

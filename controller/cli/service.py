@@ -15,6 +15,7 @@ from typing import Annotated, Any
 import typer
 
 from controller.cli import installation, self_test
+from controller.cli.host_lines import Line
 from controller.cli.installation import ENVIRONMENT, STATE, TARGET, UNITS
 from controller.machine import machine_file
 from controller.machine.model import Machine
@@ -263,25 +264,29 @@ def self_tests(
     with refusals(as_json, lambda: (ConfigError,)):
         if not 0.0 < seconds <= 3600.0:
             raise Refused(say("cli.service.seconds", seconds=seconds))
-        named = _source(machine) or installation.machine_named_in(_present(Path("/")) or "")
-        lines = self_test.run(machine_file.load(named), state, seconds)
+        lines = self_test.run(machine_of(machine), state, seconds)
         _report(lines, as_json)
 
 
-def _report(lines: Sequence[self_test.Line], as_json: bool) -> None:
+def machine_of(named: str | None) -> Machine:
+    """The machine that somebody names, else the installed one. Raises ConfigError."""
+    return machine_file.load(_source(named) or installation.machine_named_in(_present(Path("/")) or ""))
+
+
+def _report(lines: Sequence[Line], as_json: bool) -> None:
     """Exit code 1 when a line failed."""
-    failed = sum(not line.passed for line in lines)
+    failed = sum(not line.is_fit for line in lines)
     if as_json:
         rows: list[dict[str, Any]] = [line.to_dict() for line in lines]
         print(json.dumps({"ok": not failed, "failed": failed, "lines": rows}))
     for line in () if as_json else lines:
         show.print(
-            f"{say('self_test.pass' if line.passed else 'self_test.fail'):<4}  {line.shown:<16} {line.found}",
+            f"{say(f'host.{line.verdict}'):<4}  {line.shown:<16} {line.found}",
             markup=False,
             soft_wrap=True,
         )
-        if line.remedy:
-            show.print(f"      {'':<16} -> {line.remedy}", markup=False, soft_wrap=True)
+        if line.advice:
+            show.print(f"      {'':<16} -> {line.advice}", markup=False, soft_wrap=True)
     if failed:
         if not as_json:
             tell.print(say("self_test.failed", count=failed, all=len(lines)))

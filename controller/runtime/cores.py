@@ -23,12 +23,12 @@ ISOLATED = "sys/devices/system/cpu/isolated"
 def isolated(root: Path = Path("/")) -> list[int]:
     """Cores that the scheduler leaves alone, ascending."""
     try:
-        return _numbers((root / ISOLATED).read_text().strip())
+        return numbers((root / ISOLATED).read_text().strip())
     except OSError:
         return []
 
 
-def _numbers(text: str) -> list[int]:
+def numbers(text: str) -> list[int]:
     """A list of the kernel's, "2-3,7"."""
     spans = [part.split("-") for part in text.split(",") if part]
     return [number for span in spans for number in range(int(span[0]), int(span[-1]) + 1)]

@@ -3,15 +3,21 @@
 from __future__ import annotations
 
 import json
+import os
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 import pytest
+from support.fakes import computers
 from support.fakes.service_stand_ins import answering
 from typer.testing import CliRunner
 
-from controller.cli import self_test, service
+from controller.cli import host_findings, self_test, service
+from controller.cli.host_lines import Line
+from controller.cli.host_view import TICK_NAME, Host, permitted_of
 from controller.machine.model import Bus
+from controller.runtime.wake_ups import Histogram
 
 BUS = Bus("x", "socketcan", "can0", 1_000_000)
 
@@ -24,61 +30,63 @@ def computer(root: Path, files: dict[str, str]) -> Path:
     return root
 
 
+def histogram(*late_s: float) -> Histogram:
+    found = Histogram()
+    for one in late_s:
+        found.add(one)
+    return found
+
+
 def test_a_tick_in_a_thousand_may_be_late_and_no_more() -> None:
     quick, late = (1e-5,) * 999, (1e-3,)
-    assert self_test.latency_line(self_test.Measured(quick + late), 0.002).passed
-    missed = self_test.latency_line(self_test.Measured(quick + late * 2), 0.002)
+    assert self_test.latency_line(histogram(*quick, *late), 0.002).passed
+    missed = self_test.latency_line(histogram(*quick, *late * 2), 0.002)
     assert not missed.passed and "PREEMPT_RT" in missed.remedy
     assert "1000 us late at worst" in missed.found
-
-
-def test_a_quantile_is_of_the_measured() -> None:
-    measured = self_test.Measured(tuple(range(1000)))
-    assert (measured.quantile_s(0.99), measured.worst_s) == (990, 999)
-
-
-def test_latency_is_measured_at_every_deadline() -> None:
-    measured = self_test.measure(0.001, 0.05)
-    assert measured.count == 50
-    assert all(late >= 0.0 for late in measured.late_s)
 
 
 ISOLATED = "sys/devices/system/cpu/isolated"
 
 
-def test_a_core_of_its_own_is_wanted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    found = self_test.own_core(None, computer(tmp_path, {ISOLATED: ""}))
-    assert not found.passed and "isolcpus" in found.remedy
+CPUS = {"sys/devices/system/cpu/online": "0-7"}
+
+
+def own_core(root: Path, permitted: Callable[[Sequence[int]], list[int]] = list) -> Line:
+    (one,) = host_findings.own_core(Host(root, permitted))
+    return one
+
+
+def test_a_core_of_its_own_is_wanted(tmp_path: Path) -> None:
+    found = own_core(computer(tmp_path, {**CPUS, ISOLATED: ""}))
+    assert not found.passed and "isolcpus" in found.advice
     root = computer(tmp_path, {ISOLATED: "2-3,7"})
-    monkeypatch.setattr(self_test, "_permitted_of", lambda cpus: cpus[1:])
-    assert self_test.own_core(None, root).passed
-    monkeypatch.setattr(self_test, "_permitted_of", lambda _: [])
-    found = self_test.own_core(None, root)
-    assert not found.passed and "AllowedCPUs" in found.remedy
+    assert own_core(root, lambda cpus: list(cpus[1:])).passed
+    found = own_core(root, lambda _: [])
+    assert not found.passed and "AllowedCPUs" in found.advice
 
 
-@pytest.mark.parametrize(("where", "passed"), [({3}, True), ({0, 1}, False), ({3, 1}, False)])
-def test_of_a_running_tick_it_counts_where_it_runs(
-    where: set[int], passed: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(self_test.os, "sched_getaffinity", lambda _: where)
-    assert self_test.own_core(99, computer(tmp_path, {ISOLATED: "3"})).passed is passed
+@pytest.mark.parametrize(("where", "passed"), [("3", True), ("0-1", False), ("1,3", False)])
+def test_of_a_running_tick_it_counts_where_it_runs(where: str, passed: bool, tmp_path: Path) -> None:
+    root = computers.with_tick(computer(tmp_path, {**CPUS, ISOLATED: "3"}), where, 80, 1)
+    assert own_core(root).passed is passed
 
 
 def test_looking_for_a_permitted_core_leaves_this_process_where_it_was() -> None:
-    before = self_test.os.sched_getaffinity(0)
-    assert self_test._permitted_of([min(before), 10**6]) == [min(before)]
-    assert self_test.os.sched_getaffinity(0) == before
+    before = os.sched_getaffinity(0)
+    assert permitted_of([min(before), 10**6]) == [min(before)]
+    assert os.sched_getaffinity(0) == before
+
+
+def sleep_states(root: Path) -> Line:
+    (one,) = host_findings.sleep_states(Host(root))
+    return one
 
 
 @pytest.mark.parametrize("held", [True, False])
 def test_a_running_tick_is_asked_for_what_it_holds_against_deep_sleep(tmp_path: Path, held: bool) -> None:
     """Root may always open the device; that says nothing of the tick."""
-    (tmp_path / "proc/99/fd").mkdir(parents=True)
-    for number, file in enumerate(("/dev/null", self_test.AWAKE if held else "socket:[7]")):
-        (tmp_path / f"proc/99/fd/{number}").symlink_to(file)
-    line = self_test.sleep_states(99, tmp_path)
-    assert line.passed is held and ("restart" in line.remedy) is not held
+    one = sleep_states(computers.with_tick(tmp_path, "3", 80, 1, awake=held))
+    assert one.passed is held and ("restart" in one.remedy) is not held
 
 
 @pytest.mark.parametrize(("mode", "passed"), [(0o660, True), (0o600, False)])
@@ -87,8 +95,8 @@ def test_before_it_runs_the_device_has_to_be_the_groups(
 ) -> None:
     root = computer(tmp_path, {"dev/cpu_dma_latency": ""})
     (root / "dev/cpu_dma_latency").chmod(mode)
-    monkeypatch.setattr(self_test.os, "geteuid", lambda: 0)
-    line = self_test.sleep_states(None, root)
+    monkeypatch.setattr(os, "geteuid", lambda: 0)
+    line = sleep_states(root)
     assert line.passed is passed and ("systemd-tmpfiles" in line.remedy) is not passed
 
 
@@ -99,7 +107,7 @@ def test_a_running_tick_tells_its_own_lateness(
     """To measure on the core that it has for itself would find the tick, and elsewhere something else."""
     tick = {"number": 10_000, "skips": skips, "late_max_ms": 0.25, "period_ms": 2.0}
     with answering(tmp_path, runtime, tick=tick):
-        asked = self_test._asked(tmp_path)
+        asked = self_test.asked(tmp_path)
     assert asked == tick
     line = self_test.kept(asked)
     assert line.passed is passed and "250 us late at worst" in line.found
@@ -108,24 +116,31 @@ def test_a_running_tick_tells_its_own_lateness(
 @pytest.mark.parametrize(("kinds", "passed"), [([], True), (["performance"], True), (["powersave"], False)])
 def test_the_governor_is_looked_at_where_there_is_one(tmp_path: Path, kinds: list[str], passed: bool) -> None:
     files = {f"sys/devices/system/cpu/cpu{n}/cpufreq/scaling_governor": kind for n, kind in enumerate(kinds)}
-    assert self_test.governor(computer(tmp_path, files)).passed is passed
+    (one,) = host_findings.governor(Host(computer(tmp_path, {**CPUS, **files})))
+    assert one.passed is passed
 
 
 def test_a_running_tick_is_found_by_its_name_and_its_memory_looked_at(tmp_path: Path) -> None:
-    root = computer(tmp_path, {"proc/7/comm": "bash", "proc/99/comm": self_test.TICK_NAME})
+    root = computer(tmp_path, {"proc/7/comm": "bash", "proc/99/comm": TICK_NAME})
     computer(root, {"proc/99/status": "Name:\tx\nVmLck:\t  2048 kB"})
-    assert self_test.tick_process(root) == 99
-    line = self_test.memory(99, root)
+    assert Host(root).tick == 99
+    line = self_test.memory(Host(root))
     assert line.passed and "2048 kB" in line.found
     computer(root, {"proc/99/status": "VmLck:\t       0 kB"})
-    assert not self_test.memory(99, root).passed
+    assert not self_test.memory(Host(root)).passed
+
+
+@pytest.mark.parametrize(("priority", "passed"), [(80, True), (0, False)])
+def test_a_running_tick_is_asked_for_its_priority(priority: int, passed: bool, tmp_path: Path) -> None:
+    line = self_test.priority(Host(computers.with_tick(tmp_path, "3", priority, 1)))
+    assert line.passed is passed and str(priority) in line.found
 
 
 def test_only_a_clock_that_is_read_quickly_passes(tmp_path: Path) -> None:
     folder = "sys/devices/system/clocksource/clocksource0"
     files = {f"{folder}/current_clocksource": "hpet", f"{folder}/available_clocksource": "tsc hpet"}
-    line = self_test.clock_source(computer(tmp_path, files))
-    assert not line.passed and "tsc hpet" in line.remedy
+    (one,) = host_findings.clock_source(Host(computer(tmp_path, files)))
+    assert not one.passed and "tsc hpet" in one.remedy
 
 
 def link(**about: Any) -> dict[str, Any]:

@@ -1,0 +1,150 @@
+"""``directrix host``: whether a computer is made to hold 1 ms and 0.5 ms, and how long it really does."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from controller import atomic_file, messages
+from controller.cli import host_findings, host_lines, host_measure, host_report, self_test, service
+from controller.cli.host_lines import Line
+from controller.cli.host_measure import Measured
+from controller.cli.host_view import Host
+from controller.cli.installation import STATE
+from controller.machine import machine_file
+from controller.machine.model import Machine
+from controller.machine.toml_table import ConfigError
+from controller.runtime import wake_ups
+from controller.verify.console import Misunderstood, bar, refusals, say, show, spoken, tell
+from drives import bus
+from drives.bus import BusError
+
+app = typer.Typer(add_completion=False, no_args_is_help=True)
+
+Root = Annotated[Path, typer.Option("--root")]
+Json = Annotated[bool, typer.Option("--json")]
+MachineFile = Annotated[str | None, typer.Option("--machine")]
+PeriodMs = Annotated[float | None, typer.Option("--period-ms")]
+USUAL_S = 60.0  # of a measurement where nothing is said
+LONGEST_S = 31 * 24 * 3600.0
+
+
+@app.command()
+def check(root: Root = Path("/"), as_json: Json = False) -> None:
+    """What this computer lacks to hold 1 ms and 0.5 ms: what was found, what is good, what to write where.
+
+    It changes nothing. Exit code 1 when something that is needed is not good or cannot be seen.
+    """
+    lines = host_findings.look(Host(root))
+    failed = [one for one in lines if not one.is_fit]
+    if as_json:
+        hints = sum(one.verdict == "hint" for one in lines)
+        told = [one.to_dict() for one in lines]
+        print(json.dumps({"ok": not failed, "failed": len(failed), "hints": hints, "lines": told}))
+    else:
+        for row in (row for one in lines for row in host_lines.told(one)):
+            show.print(row, markup=False, soft_wrap=True)
+        tell.print(_summed(lines, len(failed)))
+    if failed:
+        raise typer.Exit(1)
+
+
+def _summed(lines: Sequence[Line], failed: int) -> str:
+    counts = {"failed": failed, "all": len(lines), "hints": sum(one.verdict == "hint" for one in lines)}
+    return _say("lacks" if failed else "is_fit", **counts)
+
+
+@app.command()
+def measure(
+    machine: MachineFile = None,
+    hours: Annotated[float | None, typer.Option("--hours")] = None,
+    seconds: Annotated[float | None, typer.Option("--seconds")] = None,
+    period_ms: PeriodMs = None,
+    report: Annotated[Path, typer.Option("--report", metavar="FILE")] = Path("host.html"),
+    send_sync: Annotated[bool, typer.Option("--send-sync")] = False,
+    state: Annotated[Path, typer.Option("--state")] = STATE,
+    as_json: Json = False,
+) -> None:
+    """How late this computer wakes the tick, for hours: histogram and percentiles as a page to publish.
+
+    Wake-ups, SYNC and cyclictest take turns on the same core. Beside a running machine its own SYNCs are
+    heard, and nothing is sent. Exit code 1 when the period is not held.
+    """
+    with refusals(as_json, lambda: ()):
+        lasts_s = _lasts_s(hours, seconds)
+        if not os.access(report.absolute().parent, os.W_OK):
+            raise Misunderstood(_say("no_folder", folder=report.absolute().parent))
+        host = Host()
+        try:
+            made = service.machine_of(machine)
+            made = made if period_ms is None else machine_file.with_period(made, period_ms / 1e3)
+            found = _measured(made, host, lasts_s, send_sync, state, as_json)
+        except (ConfigError, BusError) as error:
+            raise Misunderstood(messages.text(messages.of_error(error), spoken.get())) from error
+        lines = host_findings.look(host)
+        atomic_file.write(report, host_report.page(found, lines, host))
+        _tell(found, report, as_json)
+    if not found.is_fit:
+        raise typer.Exit(1)
+
+
+def _lasts_s(hours: float | None, seconds: float | None) -> float:
+    """Raises Misunderstood."""
+    if hours is not None and seconds is not None:
+        raise Misunderstood(_say("one_of_them"))
+    lasts_s = 3600.0 * hours if hours is not None else USUAL_S if seconds is None else seconds
+    if not 0.0 < lasts_s <= LONGEST_S:
+        raise Misunderstood(_say("too_long", days=LONGEST_S / 86400.0))
+    return lasts_s
+
+
+def _measured(
+    machine: Machine, host: Host, seconds: float, send_sync: bool, state: Path, quiet: bool
+) -> Measured:
+    """Raises BusError, Misunderstood where SYNC may not be sent."""
+    buses = machine_file.bus_settings(machine)
+    running = host.tick is not None
+    if send_sync and running:
+        raise Misunderstood(_say("it_runs"))
+    with contextlib.ExitStack() as ending:
+        progress = ending.enter_context(bar(say("cli.bar.measuring"), quiet))
+        heard = buses if running or send_sync else ()
+        echoes = ending.enter_context(wake_ups.echoes_of(heard, machine.period_s))
+        if running and not echoes:
+            raise Misunderstood(_say("nothing_measured"))
+        if running:
+            found = Measured(machine.period_s, host.core)
+            host_measure.listen(found, seconds, echoes, progress)
+            found.tick = self_test.asked(state)
+            return found
+        if send_sync and not host_measure.is_silent(echoes):
+            raise Misunderstood(_say("another_sync"))
+        senders = [
+            ending.enter_context(contextlib.closing(bus.open(one, ()))) for one in buses if one.name in echoes
+        ]
+        found = Measured(machine.period_s, next(iter(host.permitted(host.isolated)), None))
+        host_measure.run(found, seconds, echoes, senders, progress)
+        return found
+
+
+def _tell(found: Measured, report: Path, as_json: bool) -> None:
+    if as_json:
+        print(json.dumps({"ok": found.is_fit, "report": str(report), **found.to_dict()}))
+        return
+    for kind, name, counts in found.rows():
+        figures: dict[str, Any] = host_measure.figures(counts, found.limit_s)
+        values = {key.replace(".", "_"): value for key, value in figures.items()}
+        show.print(host_report.name_of(kind, name), markup=False)
+        show.print(f"  {_say('figures', **values)}", markup=False, soft_wrap=True)
+    tell.print(host_report.verdict(found), markup=False)
+    tell.print(_say("written", file=report), markup=False)
+
+
+def _say(key: str, **values: object) -> str:
+    return say(f"host.{key}", **values)

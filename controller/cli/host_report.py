@@ -1,0 +1,169 @@
+"""A measurement of a computer as one page of HTML to be published: histogram, percentiles, and what it is.
+
+It needs no other file, and names no computer, nobody and no folder of theirs.
+"""
+
+from __future__ import annotations
+
+import platform
+import re
+import time
+from collections.abc import Iterator, Sequence
+from html import escape
+
+from controller.cli import host_pictures
+from controller.cli.host_lines import Line
+from controller.cli.host_measure import SHARES, Measured
+from controller.cli.host_view import Host, field
+from controller.runtime.wake_ups import Histogram
+from controller.verify.console import say, spoken
+from controller.version import VERSION
+
+# Words of the kernel's command line that are facts of such a measurement; others may name disks and people.
+WORDS = re.compile(
+    r"^(isolcpus|nohz_full|rcu_nocbs|irqaffinity|nosmt|mitigations|idle|processor\.max_cstate"
+    r"|intel_idle\.max_cstate|cpufreq\.default_governor|transparent_hugepage|preempt|tsc|clocksource|threadirqs"
+    r"|skew_tick|nowatchdog|nmi_watchdog|intel_pstate|amd_pstate)(=|$)"
+)
+STYLE = (
+    "body{font:16px/1.45 sans-serif;margin:2rem auto;max-width:56rem;padding:0 1rem;color:#111;"
+    "background:#fff}"
+    "table{border-collapse:collapse;margin:.5rem 0 1.5rem;font-size:.92rem}"
+    "th,td{text-align:left;padding:.25rem .9rem .25rem 0;border-bottom:1px solid #bbb;vertical-align:top}"
+    "td{font-variant-numeric:tabular-nums}svg{max-width:100%;height:auto}text{font:12px sans-serif}"
+)
+
+
+def page(measured: Measured, lines: Sequence[Line], host: Host) -> str:
+    """The whole document, in the language that is spoken."""
+    title = escape(_say("title"))
+    parts = "".join(_parts(measured, lines, host))
+    return (
+        f'<!doctype html>\n<html lang="{spoken.get()}"><head><meta charset="utf-8"><title>{title}</title>'
+        f"<style>{STYLE}</style></head>\n<body><h1>{title}</h1>\n{parts}</body></html>\n"
+    )
+
+
+def _parts(measured: Measured, lines: Sequence[Line], host: Host) -> Iterator[str]:
+    yield f"<p>{escape(verdict(measured))}</p>\n"
+    yield f"<p>{escape(_how(measured))}</p>\n"
+    rows = measured.rows()
+    if rows:
+        names = [name_of(kind, bus) for kind, bus, _ in rows]
+        counts = [one for *_, one in rows]
+        yield host_pictures.histogram(names, counts, measured.limit_s)
+        yield _table(
+            _heads(), [_figures(name, one, measured) for name, one in zip(names, counts, strict=True)]
+        )
+        yield f"<p>{escape(_say('meaning', limit=1e6 * measured.limit_s))}</p>\n"
+    if len(measured.course) > 1:
+        yield f"<h2>{escape(_say('course'))}</h2>\n{host_pictures.course(measured.course, measured.limit_s)}"
+    yield f"<h2>{escape(_say('computer'))}</h2>\n{_table((), facts(host, measured))}"
+    found = [(_say_host(one.verdict), one.shown, one.found, one.good) for one in lines]
+    yield f"<h2>{escape(_say('check'))}</h2>\n{_table(_words('verdict', 'what', 'found', 'good'), found)}"
+
+
+def verdict(measured: Measured) -> str:
+    """Whether it holds its period, in a sentence."""
+    return _say("fit" if measured.is_fit else "unfit", period=1e3 * measured.period_s)
+
+
+def _how(measured: Measured) -> str:
+    told = [_say("measured_for", time=duration(measured.ran_s), kinds=_kinds(measured))]
+    if measured.tick is not None:
+        tick = measured.tick
+        figures = {"ticks": tick["number"], "skips": tick["skips"], "worst": 1e3 * tick["late_max_ms"]}
+        told.append(_say("of_tick", **figures))
+    if measured.late.count:
+        told.append(_say("faults", minor=measured.minor_faults, major=measured.major_faults))
+        told.append(_say("real_time" if measured.real_time else "no_real_time"))
+    if not measured.whole:
+        told.append(_say("ended"))
+    return " ".join(told)
+
+
+def _kinds(measured: Measured) -> str:
+    key = "beside_tick" if measured.from_tick else "in_turns" if len(measured.rows()) > 1 else "alone"
+    return _say(key)
+
+
+def duration(seconds: float) -> str:
+    """Hours, minutes and seconds, as far as there are any."""
+    minutes, rest = divmod(round(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    parts = ((hours, "h"), (minutes, "min"), (rest, "s"))
+    return " ".join(f"{value} {unit}" for value, unit in parts if value) or f"{seconds:.2g} s"
+
+
+def name_of(kind: str, bus: str) -> str:
+    """Of what was counted."""
+    return _say(f"kind.{kind}", bus=bus)
+
+
+def _heads() -> list[str]:
+    shares = [f"p{100.0 * share:g}" for share in SHARES]
+    return [_say("counted"), _say("number"), *shares, _say("worst"), _say("too_late")]
+
+
+def _figures(name: str, counts: Histogram, measured: Measured) -> list[str]:
+    shares = [f"{1e6 * counts.quantile_s(share):.0f}" for share in SHARES]
+    return [
+        name,
+        str(counts.count),
+        *shares,
+        f"{1e6 * counts.worst_s:.0f}",
+        str(counts.over(measured.limit_s)),
+    ]
+
+
+# --- the computer ----------------------------------------------------------------------------
+
+
+def facts(host: Host, measured: Measured) -> list[tuple[str, str]]:
+    """What the figures are of."""
+    marks = [host.text(f"sys/class/dmi/id/{name}") for name in ("sys_vendor", "product_name")]
+    board = " ".join(filter(None, marks)) or host.text("proc/device-tree/model")
+    words = [word for word in host.text("proc/cmdline").split() if WORDS.match(word)]
+    versions = host.text("proc/sys/kernel/version") or host.text("proc/version").partition("#")[2]
+    drivers = sorted({driver for one in host.can_interfaces() if (driver := host.driver(one))})
+    system = re.search(r'^PRETTY_NAME="?([^"\n]*)', host.text("etc/os-release"), re.M)
+    found = [
+        ("processor", f"{processor(host) or '–'}; {len(host.online)}"),
+        ("board", board),
+        ("system", system[1] if system else ""),
+        ("kernel", f"{host.text('proc/sys/kernel/osrelease')} {versions}".strip()),
+        ("command_line", " ".join(words)),
+        ("can", ", ".join(drivers)),
+        ("core", "" if measured.core is None else str(measured.core)),
+        ("versions", f"Directrix {VERSION}, Python {platform.python_version()}"),
+        ("cyclictest", measured.other_version),
+        ("day", time.strftime("%Y-%m-%d", time.gmtime())),
+    ]
+    return [(_say(f"fact.{key}"), value) for key, value in found if value]
+
+
+def processor(host: Host) -> str:
+    """Of what kind."""
+    text = re.sub(r"[\t ]+:", ":", host.text("proc/cpuinfo"))
+    return field(text, "model name") or field(text, "Model") or field(text, "Hardware")
+
+
+def _table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    head = "".join(f'<th scope="col">{escape(one)}</th>' for one in heads)
+    body = "".join(
+        f'<tr><th scope="row">{escape(first)}</th>{"".join(f"<td>{escape(cell)}</td>" for cell in more)}</tr>'
+        for first, *more in rows
+    )
+    return f"<table>{f'<thead><tr>{head}</tr></thead>' if head else ''}<tbody>{body}</tbody></table>\n"
+
+
+def _words(*keys: str) -> list[str]:
+    return [_say(f"head.{key}") for key in keys]
+
+
+def _say_host(key: str) -> str:
+    return say(f"host.{key}")
+
+
+def _say(key: str, **values: object) -> str:
+    return say(f"host.report.{key}", **values)
