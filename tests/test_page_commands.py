@@ -158,6 +158,14 @@ ELSEWHERE: dict[str, tuple[str, str]] = {
     "drives commission --set-node X": ("controller/cli/test_drives.py", '"--set-node"'),
     "drives save X FILE.dcf": ("controller/cli/test_kept_drives.py", '"save"'),
     "drives save X x.dcf --machine FILE": ("controller/cli/test_kept_drives.py", '"save"'),
+    **{
+        f"host measure {words}": ("controller/cli/test_host_measure.py", '"--period-ms", "1"')
+        for words in (
+            "--hours 8 --period-ms 1",
+            "--hours 1 --period-ms 1 --report before.html",
+            "--hours 8 --period-ms 1 --report after.html",
+        )
+    },
     "import part.step --list": ("controller/cli/test_cad.py", '"--list"'),
     "import part.step --faces 3,7,4 --turn X90 --move 0,0,12 --feed 400 --out part.ngc": (
         "controller/cli/test_cad.py",

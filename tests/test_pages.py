@@ -16,7 +16,8 @@ from controller.state.modes import Fault
 
 ROOT = Path(__file__).resolve().parent.parent
 ROOMS = (".", "config", "config/programs", "controller", "drives", "systemd", "tests")
-PAGES = {room: (ROOT / room / "README.md").read_text(encoding="utf-8") for room in ROOMS}
+FILES = {room: ROOT / room / "README.md" for room in ROOMS} | {"computer": ROOT / "systemd" / "COMPUTER.md"}
+PAGES = {name: file.read_text(encoding="utf-8") for name, file in FILES.items()}
 LONGEST = 150  # lines of the first page: what a person reads before deciding
 
 
@@ -45,10 +46,10 @@ def test_the_first_page_is_short() -> None:
     assert len(PAGES["."].splitlines()) <= LONGEST
 
 
-@pytest.mark.parametrize("room", ROOMS)
+@pytest.mark.parametrize("room", PAGES)
 def test_every_link_leads_somewhere(room: str) -> None:
     links = re.findall(r"\]\(([^)#]+)\)", PAGES[room])
-    assert not [link for link in links if "://" not in link and not (ROOT / room / link).exists()]
+    assert not [link for link in links if "://" not in link and not (FILES[room].parent / link).exists()]
 
 
 @pytest.mark.parametrize(("room", "line"), COMMANDS)
@@ -88,6 +89,6 @@ def test_every_input_and_output_is_described(name: str) -> None:
     assert f"`{name}`" in PAGES["config"]
 
 
-@pytest.mark.parametrize("room", ROOMS)
+@pytest.mark.parametrize("room", PAGES)
 def test_drawings_are_not_cut_by_a_page_of_120_columns(room: str) -> None:
     assert all(len(line) <= 120 for drawing in blocks(PAGES[room], "") for line in drawing.splitlines())

@@ -21,6 +21,7 @@ from rich.text import Text
 
 from controller import atomic_file
 from controller.cli import checkout, speech
+from controller.cli.host_view import Host
 from controller.verify import console
 from controller.verify.console import Refused, bar, refusals, say, show, tell
 
@@ -151,11 +152,7 @@ def _page(found: Mapping[str, Report], short: bool) -> str:
 def _processor() -> str:
     from controller import workers
 
-    rows = Path("/proc/cpuinfo").read_text(encoding="ascii", errors="replace").splitlines()
-    model = next(
-        (row.partition(":")[2].strip() for row in rows if row.startswith("model name")), "a processor"
-    )
-    return f"{workers.cores()} cores of {model}"
+    return f"{workers.cores()} cores of {Host().processor or 'a processor'}"
 
 
 def _draw(found: Mapping[str, Report], folder: Path) -> None:

@@ -11,6 +11,7 @@ import os
 import re
 import stat
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from pathlib import Path
 
 from controller.cli.host_lines import Line, Write, line
@@ -39,16 +40,19 @@ SCANNERS = {  # file: what it says where nothing scans, and the line for sysctl 
 
 
 def _finding(
-    what: str, passed: bool | None, found: str, remedy: str = "", *writes: Write, **more: str
+    what: str,
+    passed: bool | None,
+    found: str,
+    remedy: str = "",
+    *writes: Write,
+    bus: str = "",
+    needed: bool = True,
 ) -> Line:
     good = _say(f"good.{what.replace(' ', '_')}")
-    return line(what, passed, found, remedy, *writes, good=good, bus=more.get("bus", ""))
+    return line(what, passed, found, remedy, *writes, good=good, bus=bus, needed=needed)
 
 
-def _hint(what: str, passed: bool | None, found: str, remedy: str = "", *writes: Write, **more: str) -> Line:
-    """What helps, though a computer is fit without it."""
-    good = _say(f"good.{what.replace(' ', '_')}")
-    return line(what, passed, found, remedy, *writes, good=good, bus=more.get("bus", ""), needed=False)
+_hint = partial(_finding, needed=False)  # what helps, though a computer is fit without it
 
 
 def _say(key: str, **values: object) -> str:
@@ -73,7 +77,7 @@ def computer(host: Host) -> Iterator[Line]:
     """A virtual machine runs when its host lets it; what is written in a container is not its computer's."""
     marks = (host.text(f"sys/class/dmi/id/{name}") for name in ("sys_vendor", "product_name"))
     maker = " ".join(filter(None, (*marks, host.text("sys/hypervisor/type"))))
-    flags = f" {field(_without_tabs(host.text('proc/cpuinfo')), 'flags')} "
+    flags = f" {field(host.cpu, 'flags')} "
     is_virtual = " hypervisor " in flags or any(name in maker.lower() for name in VIRTUAL)
     if is_virtual or host.is_there("proc/device-tree/hypervisor"):
         yield _finding("computer", False, _say("virtual", maker=maker or _say("unknown")), _say("no_virtual"))
@@ -82,10 +86,6 @@ def computer(host: Host) -> Iterator[Line]:
     else:
         seen = bool(maker or flags.strip() or host.is_there("proc/device-tree/model"))
         yield _finding("computer", seen or None, _say("real" if seen else "unknown"))
-
-
-def _without_tabs(text: str) -> str:
-    return re.sub(r"[\t ]+:", ":", text)
 
 
 # --- the tick's core -------------------------------------------------------------------------
@@ -237,9 +237,8 @@ def _adapter(host: Host, channel: str) -> Line:
     driver = host.driver(channel)
     speed = next((text for one in (device, *device.parents) if (text := _usb_speed(one))), "")
     if speed:
-        found = _say("usb", driver=driver, speed=speed)
-        make = _finding if float(speed) <= FULL_SPEED else _hint
-        return make("adapter", False, found, _say("no_usb"), bus=channel)
+        found, slow = _say("usb", driver=driver, speed=speed), float(speed) <= FULL_SPEED
+        return _finding("adapter", False, found, _say("no_usb"), bus=channel, needed=slow)
     if device.name.startswith("spi"):
         return _hint("adapter", False, _say("spi", driver=driver), _say("no_spi"), bus=channel)
     return _finding("adapter", True, driver or _say("unknown"), bus=channel)

@@ -14,7 +14,7 @@ from html import escape
 from controller.cli import host_pictures
 from controller.cli.host_lines import Line
 from controller.cli.host_measure import SHARES, Measured
-from controller.cli.host_view import Host, field
+from controller.cli.host_view import Host
 from controller.runtime.wake_ups import Histogram
 from controller.verify.console import say, spoken
 from controller.version import VERSION
@@ -128,7 +128,7 @@ def facts(host: Host, measured: Measured) -> list[tuple[str, str]]:
     drivers = sorted({driver for one in host.can_interfaces() if (driver := host.driver(one))})
     system = re.search(r'^PRETTY_NAME="?([^"\n]*)', host.text("etc/os-release"), re.M)
     found = [
-        ("processor", f"{processor(host) or '–'}; {len(host.online)}"),
+        ("processor", f"{host.processor or '–'}; {len(host.online)}"),
         ("board", board),
         ("system", system[1] if system else ""),
         ("kernel", f"{host.text('proc/sys/kernel/osrelease')} {versions}".strip()),
@@ -140,12 +140,6 @@ def facts(host: Host, measured: Measured) -> list[tuple[str, str]]:
         ("day", time.strftime("%Y-%m-%d", time.gmtime())),
     ]
     return [(_say(f"fact.{key}"), value) for key, value in found if value]
-
-
-def processor(host: Host) -> str:
-    """Of what kind."""
-    text = re.sub(r"[\t ]+:", ":", host.text("proc/cpuinfo"))
-    return field(text, "model name") or field(text, "Model") or field(text, "Hardware")
 
 
 def _table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:

@@ -117,6 +117,16 @@ class Host:
                 return Write(f"/{file}", word, "one_line")
         return Write(GRUB_FILE, f'GRUB_CMDLINE_LINUX="$GRUB_CMDLINE_LINUX {word}"', "grub")
 
+    @cached_property
+    def cpu(self) -> str:
+        """/proc/cpuinfo, without the tabs before its colons."""
+        return re.sub(r"[\t ]+:", ":", self.text("proc/cpuinfo"))
+
+    @property
+    def processor(self) -> str:
+        """Of what kind; "" where nothing says it."""
+        return field(self.cpu, "model name") or field(self.cpu, "Model") or field(self.cpu, "Hardware")
+
     # --- interrupts ---
 
     @cached_property
