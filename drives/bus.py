@@ -3,7 +3,7 @@
     virtual     the hub's UNIX SEQPACKET socket (port.py)
     socketcan   a raw CAN socket of Linux (can_socket.py)
     slcan       a serial adapter that speaks slcan (slcan_port.py); it has one owner, so that
-                several processes use one by a hub that shares it (gateways/options.py)
+                several processes use one by a hub that shares it (drives/bench/options.py)
     shared      such a hub, or one in front of any other bus
     otherwise   any python-can adapter, by its interface name: slower, for long periods; its
                 channel may carry options, as "can0?host=127.0.0.1&port=29536"

@@ -99,7 +99,6 @@ ROOMS: dict[str, dict[str, set[str]]] = {
     },
     "drives/bench": {
         "virtual": set(),
-        "gateways": {"virtual"},
         "simulated": {"virtual"},
     },
 }

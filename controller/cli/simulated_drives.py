@@ -61,8 +61,6 @@ def simulate(
     lost_sync: Annotated[LostSyncs, typer.Option("--lost-sync")] = "hold",
     faults: Annotated[Path | None, typer.Option("--faults")] = None,
     log: Annotated[Path | None, typer.Option("--log")] = None,
-    socketcand: Annotated[int | None, typer.Option("--socketcand")] = None,
-    slcan: Annotated[Path | None, typer.Option("--slcan")] = None,
 ) -> None:
     """Simulated drives of a family or a machine, until Ctrl-C: on a virtual bus, or on a CAN interface."""
     expected = (ConfigError, ScriptError, InterfaceError)
@@ -81,8 +79,7 @@ def simulate(
             sheet = eds or _sheet(family, bare, Path(folder))
             devices = _of_family(family, sheet, bare, ids, spindle, io, nature)
         server = _server(channel, interface, bit_rate, worst_stuffing)
-        named = (None if log is None else str(log), socketcand, None if slcan is None else str(slcan))
-        with equipped(server, faults, *named):
+        with equipped(server, faults, None if log is None else str(log)):
             tell.print(say("sim_drives.serve", count=len(devices), path=server.path), markup=False)
             run(server, devices)
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from controller.machine.model import Machine
 from controller.runtime.bench.bus import Job, bus_of, tell_tool, turns
 from controller.runtime.bench.surroundings import devices, rig_of
-from drives.bench.gateways.options import equipped
+from drives.bench.options import equipped
 from drives.bench.simulated import build, families, family_sheet
 from drives.bench.simulated.can_bridge import InterfaceError
 from drives.bench.simulated.drive import SimulatedDrive

@@ -9,8 +9,8 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
-from drives.bench.gateways import options
-from drives.bench.gateways.options import helped
+from drives.bench import options
+from drives.bench.options import helped
 from drives.bench.simulated import build
 from drives.bench.simulated.can_bridge import InterfaceError
 from drives.bench.simulated.data_sheet import EDS
@@ -32,9 +32,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if (chosen.path is None) == (chosen.socketcan is None):
         parser.error(english(said("bench.either")))
     try:
-        with options.equipped(
-            _server(chosen), chosen.faults, chosen.log, chosen.socketcand, chosen.slcan, chosen.serial
-        ) as server:
+        with options.equipped(_server(chosen), chosen.faults, chosen.log, chosen.serial) as server:
             run(server, _devices(chosen), sync_log=chosen.sync_log)
     except (OSError, ScriptError, InterfaceError) as error:
         parser.error(str(error))

@@ -88,16 +88,3 @@ def _state(text: bytes | bytearray) -> bytes:
     receive, transmit = int(text[2:5]), int(text[5:8])
     counters = (min(255, transmit), min(255, receive))
     return FRAME.pack(ERROR_FLAG | error_class, 8, bytes((0, status, 0, 0, 0, 0, *counters)))
-
-
-def state_line(frame: bytes) -> bytes:
-    """The line that tells an error frame of bus-off or of the controller's status; else empty."""
-    can_id, _, data = FRAME.unpack(frame)
-    counters = f"{data[7]:03d}{data[6]:03d}"
-    if can_id & BUS_OFF:
-        return b"sb256256\r"
-    if not can_id & CONTROLLER:
-        return b""
-    passive, warning = data[1] & (RX_PASSIVE | TX_PASSIVE), data[1] & (RX_WARNING | TX_WARNING)
-    letter = "p" if passive else "w" if warning else "a"
-    return f"s{letter}{counters}\r".encode()

@@ -354,3 +354,18 @@ def test_a_short_transmit_queue_that_may_not_be_lengthened_is_a_sentence(monkeyp
 
 def test_a_filter_of_nothing_lets_every_kind_of_frame_through():
     assert struct.unpack("=II", bus.kernel_filters([(0, 0)])) == (0, 0)
+
+
+def test_an_adapter_of_python_can_takes_options_in_its_channel(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: dict[str, object] = {}
+
+    def opened(**options: object) -> can.BusABC:
+        asked.update(options)
+        return made
+
+    made = can.Bus(interface="virtual", channel="options")
+    monkeypatch.setattr(can, "Bus", opened)
+    port = bus.open(BusSettings("can0", "socketcand", "can0?host=127.0.0.1&port=29536", 1_000_000))
+    assert (asked["interface"], asked["channel"]) == ("socketcand", "can0")
+    assert (asked["host"], asked["port"], asked["bitrate"]) == ("127.0.0.1", 29536, 1_000_000)
+    port.close()

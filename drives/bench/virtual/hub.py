@@ -151,7 +151,7 @@ class Hub:
     """The server; ``turn`` does everything that is due and waits at most until ``until_s``.
 
     ``faults`` happen by the bus' clock from the beginning of ``run``; ``log`` gets every
-    frame (a ``FrameLog``, a ``candump.Writer``). Gateways (``drives.bench.gateways``) add their
+    frame (a ``FrameLog``, a ``candump.Writer``). Gateways (``drives.bench.options``) add their
     descriptors by ``listen``.
     """
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 import time
@@ -25,8 +26,9 @@ PERIOD_S = 0.010  # a serial adapter is of the slower class
 def far_end(tmp_path: Path) -> Iterator[str]:
     """Five drives on a virtual bus of another process; the terminal that leads there."""
     link = tmp_path / "adapter"
-    arguments = [sys.executable, "-m", "drives.bench", str(tmp_path / "far"), "--slcan", str(link)]
-    process = subprocess.Popen(arguments, cwd=ROOT)
+    arguments = [sys.executable, "-m", "support.drives.slcan_terminal", str(tmp_path / "far"), str(link)]
+    environment = {**os.environ, "PYTHONPATH": f"{ROOT}:{ROOT / 'tests'}"}
+    process = subprocess.Popen(arguments, cwd=ROOT, env=environment)
     while not link.exists():
         assert process.poll() is None
         time.sleep(0.01)

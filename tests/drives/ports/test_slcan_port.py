@@ -10,6 +10,7 @@ from collections.abc import Iterator
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from support.drives.slcan_terminal import state_line
 
 from drives import bus, pdo
 from drives.bench.virtual.error_counters import Controller
@@ -48,13 +49,13 @@ def test_the_state_of_the_controller_goes_over_the_line_as_error_frames() -> Non
     controller = Controller()
     for _ in range(16):
         controller.failed(sending=True)
-    line = slcan.state_line(controller.error_frame())
+    line = state_line(controller.error_frame())
     assert line == b"sp000128\r"
     can_id, data = pdo.unpack(slcan.frame(line[:-1]) or b"")
     assert can_id == pdo.ERROR_FLAG | 0x04
     assert data[1] & 0x20
     controller.switch_off()
-    can_id, _ = pdo.unpack(slcan.frame(slcan.state_line(controller.error_frame())[:-1]) or b"")
+    can_id, _ = pdo.unpack(slcan.frame(state_line(controller.error_frame())[:-1]) or b"")
     assert can_id == pdo.ERROR_FLAG | 0x40
 
 

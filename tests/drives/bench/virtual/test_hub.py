@@ -18,11 +18,11 @@ import canopen
 import numpy as np
 import pytest
 from support.drives import hub_process
-from support.drives.gateway_guests import by_hub
+from support.drives.hub_guests import by_hub
 from support.drives.stepped_drives import EDS, nodes
 
 from drives import bus, commission, pdo
-from drives.bench.gateways import options
+from drives.bench import options
 from drives.bench.virtual import kernel_time
 from drives.bench.virtual.fault_script import FaultScript, ScriptError
 from drives.bench.virtual.hub import MOST_AHEAD_S, Hub
@@ -244,11 +244,11 @@ def test_the_masters_bus_off_leaves_the_other_clients_alone(tmp_path: Path) -> N
         other.close()
 
 
-def test_a_served_hub_takes_a_script_a_log_and_gateways_from_its_options(tmp_path: Path) -> None:
+def test_a_served_hub_takes_a_script_and_a_log_from_its_options(tmp_path: Path) -> None:
     (tmp_path / "script").write_text("at 0 s: drop 703\n")
     parser = argparse.ArgumentParser()
     options.add_options(parser)
-    given = f"--faults {tmp_path}/script --log {tmp_path}/log --socketcand 0 --slcan {tmp_path}/tty"
+    given = f"--faults {tmp_path}/script --log {tmp_path}/log"
     chosen = parser.parse_args(given.split())
     here = InThread(tmp_path)
     with options.equipped(here.hub, **vars(chosen)), here:
@@ -256,7 +256,6 @@ def test_a_served_hub_takes_a_script_a_log_and_gateways_from_its_options(tmp_pat
         assert port.send(pdo.frame(0x703, b"\x05") + pdo.frame(0x704, b"\x05"))
         here.wait(lambda: here.hub.bus.frames == 2)
         here.settle()
-        assert (tmp_path / "tty").is_symlink()
         port.close()
     ((at_s, _, frame),) = candump.read((tmp_path / "log").read_text().splitlines())
     assert pdo.unpack(frame)[0] == 0x704

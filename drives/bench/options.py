@@ -1,4 +1,4 @@
-"""The hub's options on a command line: faults, log and gateways, for every program that serves a hub."""
+"""The hub's options on a command line, for every program that serves one: faults, log, a serial adapter."""
 
 from __future__ import annotations
 
@@ -10,8 +10,6 @@ from pathlib import Path
 from typing import Protocol, TypeVar
 
 from drives import bus, pdo
-from drives.bench.gateways.slcan import SlcanTerminal
-from drives.bench.gateways.socketcand import PORT, SocketcandServer
 from drives.bench.virtual.fault_script import FaultScript, ScriptError
 from drives.bench.virtual.hub import Gateway
 from drives.bench.virtual.intake import Host
@@ -73,24 +71,15 @@ class Served(Host, Protocol):
 S = TypeVar("S", bound=Served)
 
 
-def helped(option: str, **values: object) -> str:
+def helped(option: str) -> str:
     """What an option does, in English: nothing around it has another language."""
-    return english(said(f"help_bench.{option}", **values))
+    return english(said(f"help_bench.{option}"))
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
-    """--faults, --log, --socketcand, --slcan."""
+    """--faults, --log, --serial."""
     parser.add_argument("--faults", metavar="FILE", type=Path, help=helped("faults"))
     parser.add_argument("--log", metavar="FILE", help=helped("log"))
-    parser.add_argument(
-        "--socketcand",
-        metavar="PORT",
-        type=int,
-        nargs="?",
-        const=PORT,
-        help=helped("socketcand", port=PORT),
-    )
-    parser.add_argument("--slcan", metavar="LINK", help=helped("slcan"))
     parser.add_argument(
         "--serial",
         metavar="PORT=BIT_RATE",
@@ -103,13 +92,11 @@ def equipped(
     hub: S,
     faults: Path | None = None,
     log: str | None = None,
-    socketcand: int | None = None,
-    slcan: str | None = None,
     serial: str | None = None,
 ) -> Iterator[S]:
     """The hub with these options, until the end of the block.
 
-    Raises OSError for a file, port or link that cannot be had, BusError for a serial adapter,
+    Raises OSError for a file that cannot be had, BusError for a serial adapter,
     ScriptError with the file's name.
     """
     with contextlib.ExitStack() as stack:
@@ -119,10 +106,6 @@ def equipped(
             writer = candump.Writer(log, Path(hub.path).name, time.time() - time.monotonic())
             stack.callback(writer.close)
             hub.bus.watch_all(writer)
-        if socketcand is not None:
-            hub.open_gateway(SocketcandServer(hub, socketcand))
-        if slcan is not None:
-            hub.open_gateway(SlcanTerminal(hub, slcan))
         if serial is not None:
             hub.open_gateway(_adapter(hub, serial))
         yield hub

@@ -1,4 +1,4 @@
-"""A hub with its gateways in a thread of the test, and how python-can comes in."""
+"""A hub in a thread of the test, with an adapter that leads to it, and how python-can comes in."""
 
 from __future__ import annotations
 
@@ -9,9 +9,8 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import can
+from support.drives.slcan_terminal import SlcanTerminal
 
-from drives.bench.gateways.slcan import SlcanTerminal
-from drives.bench.gateways.socketcand import SocketcandServer
 from drives.bench.virtual.hub import Hub
 from drives.bench.virtual.hub_bus import HubBus
 
@@ -27,15 +26,13 @@ def let_in(hub: Hub) -> HubBus:
 
 
 class Served:
-    """A hub with both gateways, in a thread."""
+    """A hub in a thread, and a serial adapter on its bus."""
 
     def __init__(self, folder: Path, bit_rate: int = 1_000_000) -> None:
         self.path, self.link = str(folder / "hub"), str(folder / "tty")
         self.hub = Hub(self.path, bit_rate)
-        self.tcp = SocketcandServer(self.hub, port=0)
         self.terminal = SlcanTerminal(self.hub, self.link)
-        for gateway in (self.tcp, self.terminal):
-            self.hub.open_gateway(gateway)
+        self.hub.open_gateway(self.terminal)
         self._ends = False
         self._thread = threading.Thread(target=self.hub.run, args=(lambda: self._ends,))
         self._thread.start()
@@ -47,12 +44,6 @@ class Served:
 
     def native(self) -> HubBus:
         return let_in(self.hub)
-
-    def socketcand(self) -> can.BusABC:
-        return can.Bus(interface="socketcand", host="127.0.0.1", port=self.tcp.port, channel="can0")
-
-    def slcan(self) -> can.BusABC:
-        return can.Bus(interface="slcan", channel=self.link, bitrate=1_000_000, sleep_after_open=0.0)
 
 
 @contextmanager

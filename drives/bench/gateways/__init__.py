@@ -1,1 +1,0 @@
-"""Ways onto the virtual bus for tools that know other protocols. Off unless asked for."""

@@ -1,0 +1,94 @@
+"""A serial adapter whose bus a hub shares between processes. No time is asserted."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+
+import can
+import pytest
+from support.drives.hub_guests import (
+    Served,
+    by_hub,
+    heard,
+    heard_at_once,
+    let_in,
+    same,
+    serving,
+    until,
+)
+
+from drives import bus, pdo
+from drives.bench import options
+from drives.bench.virtual.hub import Hub
+from drives.ports import hub_protocol
+from drives.settings import BusSettings
+
+
+@pytest.fixture
+def served(tmp_path: Path) -> Iterator[Served]:
+    with serving(tmp_path) as made:
+        yield made
+
+
+MESSAGES = [
+    can.Message(arbitration_id=0x123, data=b"\x11\xff\x00", is_extended_id=False),
+    can.Message(arbitration_id=0x080, data=b"", is_extended_id=False),
+    can.Message(arbitration_id=0x1ABCDEF0, data=bytes(range(8)), is_extended_id=True),
+]
+
+
+def test_our_own_serial_adapter_port_speaks_with_the_terminal(served: Served) -> None:
+    port = bus.open(BusSettings("can0", "slcan", served.link, 1_000_000))
+    native = served.native()
+    try:
+        assert port.send(pdo.frame(0x201, b"\x0f\x00") + pdo.frame(0x202, b"\x0f\x01"))
+        assert [m.arbitration_id for m in heard(native, 2)] == [0x201, 0x202]
+        native.send(can.Message(arbitration_id=0x181, data=b"\x37\x06", is_extended_id=False))
+        buffer = bytearray(16)
+        until(lambda: port.receive_into(buffer))
+        assert pdo.unpack(buffer) == (0x181, b"\x37\x06")
+        assert port.overflows == 0
+    finally:
+        native.shutdown()
+        port.close()
+
+
+def test_a_serial_adapter_is_shared_by_a_hub(served: Served, tmp_path: Path) -> None:
+    shared = Hub(str(tmp_path / "shared"), bit_rate=0)
+    ends: list[bool] = []
+    with options.equipped(shared, serial=f"{served.link}=1000000"):
+        thread = threading.Thread(target=shared.run, args=(lambda: bool(ends),))
+        thread.start()
+        native, one, two = served.native(), let_in(shared), let_in(shared)
+        try:
+            native.send(MESSAGES[0])
+            assert same(heard(one, 1), MESSAGES[:1])
+            assert same(heard(two, 1), MESSAGES[:1])
+            one.send(MESSAGES[2])
+            assert same(heard(two, 1), MESSAGES[2:])
+            assert same(heard(native, 1), MESSAGES[2:])
+            far = served.hub.bus
+            opened = far.errors.of(served.terminal.source)
+            by_hub(served.hub, lambda: far.errors.switch_off(opened, far.now_s))
+            (error,) = heard(two, 1)
+            assert error.is_error_frame
+            assert error.arbitration_id == 0x40
+            one._socket.send(hub_protocol.RESTART_FRAME)
+            until(lambda: same(heard_at_once(native, one, MESSAGES[0]), MESSAGES[:1]))
+        finally:
+            for each in (native, one, two):
+                each.shutdown()
+            ends.append(True)
+            thread.join()
+            shared.close()
+
+
+@pytest.mark.parametrize("serial", ["/dev/ttyACM0", "=1000000", "/dev/ttyACM0=fast"])
+def test_a_serial_adapter_that_is_not_fully_named_is_a_sentence(tmp_path: Path, serial: str) -> None:
+    hub = Hub(str(tmp_path / "hub"))
+    refused = pytest.raises(bus.BusError, match="write its port and bit rate")
+    with refused, options.equipped(hub, serial=serial):
+        pass
+    hub.close()
