@@ -14,29 +14,25 @@ from controller.machine import drive_profiles, machine_file, nodes
 from controller.machine.toml_table import ConfigError
 from controller.runtime import simulation
 from controller.runtime.simulation import (
-    Hub,
     InterfaceError,
     IoNode,
     LostSync,
     Parameters,
     ScriptError,
-    Server,
     SimulatedDrive,
     build,
     equipped,
     families,
     family_sheet,
-    on_interface,
+    open_server,
     run,
 )
 from controller.verify.console import Refused, refusals, say, tell
 from drives.profile import Profile
-from drives.settings import BusSettings, IoSettings, SpindleSettings
+from drives.settings import BusSettings
 
 LostSyncs = Literal["hold", "extrapolate", "fault", "quick_stop"]  # ``LostSync``
 
-BIT_RATE = 1_000_000
-COUNTS_PER_REV = 4096.0  # of a spindle that no machine file describes
 LAST_NODE = 127
 
 Devices = list[SimulatedDrive | IoNode]
@@ -78,10 +74,12 @@ def simulate(
             family = drive_profiles.load(profile)
             sheet = eds or _sheet(family, bare, Path(folder))
             devices = _of_family(family, sheet, bare, ids, spindle, io, nature)
-        server = _server(channel, interface, bit_rate, worst_stuffing)
-        with equipped(server, faults, None if log is None else str(log)):
-            tell.print(say("sim_drives.serve", count=len(devices), path=server.path), markup=False)
-            run(server, devices)
+        if interface and channel:
+            raise Refused(say("sim_drives.two_places"))
+        made = open_server(channel or str(CHANNEL), interface, bit_rate, worst_stuffing=worst_stuffing)
+        with equipped(made, faults, None if log is None else str(log)):
+            tell.print(say("sim_drives.serve", count=len(devices), path=made.path), markup=False)
+            run(made, devices)
 
 
 def numbers(text: str, option: str) -> list[int]:
@@ -125,9 +123,8 @@ def _of_family(
     twice = sorted({node for node in every if every.count(node) > 1})
     if twice or not every:
         raise Refused(say("sim_drives.twice" if twice else "sim_drives.none", node=next(iter(twice), 0)))
-    made: Devices = [families.restrict(SimulatedDrive(node, nature, sheet), profile, bare) for node in axes]
-    made += [build.spindle(SpindleSettings("spindle", "", n, "", COUNTS_PER_REV), nature) for n in spindles]
-    return made + [build.inputs_and_outputs(IoSettings("io", "", node, ""), nature) for node in others]
+    drives = [families.restrict(SimulatedDrive(node, nature, sheet), profile, bare) for node in axes]
+    return [*drives, *build.beside(spindles, others, nature)]
 
 
 def _of_machine(file: str, bus: str, nature: Parameters) -> tuple[BusSettings, Devices]:
@@ -144,12 +141,3 @@ def _of_machine(file: str, bus: str, nature: Parameters) -> tuple[BusSettings, D
 def _place(bus: BusSettings) -> tuple[str, str]:
     """Path of the virtual bus, or the CAN interface, that a machine file names."""
     return ("", bus.channel) if bus.interface == "socketcan" else (bus.channel, "")
-
-
-def _server(channel: str, interface: str, bit_rate: int | None, worst_stuffing: bool) -> Server:
-    if interface and channel:
-        raise Refused(say("sim_drives.two_places"))
-    if interface:
-        return on_interface(interface, bit_rate or 0, worst_stuffing=worst_stuffing)
-    bit_rate = BIT_RATE if bit_rate is None else bit_rate
-    return Hub(channel or str(CHANNEL), bit_rate, sync_log=False, worst_stuffing=worst_stuffing)

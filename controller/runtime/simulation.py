@@ -20,10 +20,9 @@ from drives.bench.simulated.drive import SimulatedDrive
 from drives.bench.simulated.io_node import IoNode
 from drives.bench.simulated.parameters import LostSync, Parameters
 from drives.bench.simulated.rig import Rig
-from drives.bench.simulated.serve import Server, on_interface, run
+from drives.bench.simulated.serve import open_server, run
 from drives.bench.simulated.spindle_motor import MotorParameters
 from drives.bench.virtual.fault_kinds import ScriptError
-from drives.bench.virtual.hub import Hub
 
 if TYPE_CHECKING:
     from controller.runtime.bench.fault_file import Injected, MachineScript
@@ -33,7 +32,6 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Bench",
-    "Hub",
     "Injected",
     "InterfaceError",
     "IoNode",
@@ -45,7 +43,6 @@ __all__ = [
     "Parameters",
     "Rig",
     "ScriptError",
-    "Server",
     "SimulatedDrive",
     "Wired",
     "build",
@@ -54,7 +51,7 @@ __all__ = [
     "equipped",
     "families",
     "family_sheet",
-    "on_interface",
+    "open_server",
     "rig_of",
     "run",
     "tell_tool",

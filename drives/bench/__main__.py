@@ -17,13 +17,9 @@ from drives.bench.simulated.data_sheet import EDS
 from drives.bench.simulated.drive import SimulatedDrive
 from drives.bench.simulated.io_node import IoNode
 from drives.bench.simulated.parameters import LostSync, Parameters
-from drives.bench.simulated.serve import Server, on_interface, run
+from drives.bench.simulated.serve import Server, open_server, run
 from drives.bench.virtual.fault_script import ScriptError
-from drives.bench.virtual.hub import Hub
-from drives.settings import SpindleSettings
 from drives.texts import english, said
-
-COUNTS_PER_REV = 4096.0  # of spindles given by node id
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -32,8 +28,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if (chosen.path is None) == (chosen.socketcan is None):
         parser.error(english(said("bench.either")))
     try:
-        with options.equipped(_server(chosen), chosen.faults, chosen.log, chosen.serial) as server:
-            run(server, _devices(chosen), sync_log=chosen.sync_log)
+        with options.equipped(_server(chosen), chosen.faults, chosen.log, chosen.serial) as served:
+            run(served, _devices(chosen), sync_log=chosen.sync_log)
     except (OSError, ScriptError, InterfaceError) as error:
         parser.error(str(error))
 
@@ -60,19 +56,13 @@ def _parser() -> argparse.ArgumentParser:
 
 def _server(chosen: argparse.Namespace) -> Server:
     logs = chosen.sync_log is not None
-    if chosen.socketcan is not None:
-        return on_interface(chosen.socketcan, chosen.bit_rate or 0, logs, chosen.worst_stuffing)
-    bit_rate = 1_000_000 if chosen.bit_rate is None else chosen.bit_rate
-    return Hub(chosen.path, bit_rate, sync_log=logs, worst_stuffing=chosen.worst_stuffing)
+    return open_server(chosen.path, chosen.socketcan, chosen.bit_rate, logs, chosen.worst_stuffing)
 
 
 def _devices(chosen: argparse.Namespace) -> list[SimulatedDrive | IoNode]:
     nature = Parameters(lost_sync=LostSync(chosen.lost_sync))
-    made: list[SimulatedDrive | IoNode] = [SimulatedDrive(node, nature, chosen.eds) for node in chosen.nodes]
-    made += [
-        build.spindle(SpindleSettings("spindle", "", n, "", COUNTS_PER_REV), nature) for n in chosen.spindle
-    ]
-    return made + [IoNode(node, nature) for node in chosen.io]
+    axes = [SimulatedDrive(node, nature, chosen.eds) for node in chosen.nodes]
+    return [*axes, *build.beside(chosen.spindle, chosen.io, nature)]
 
 
 if __name__ == "__main__":

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import replace
 from typing import Any
 
@@ -13,6 +14,7 @@ from drives.bench.simulated.parameters import Parameters
 from drives.settings import IoSettings, NodeSettings, SpindleSettings
 
 NodeLike = NodeSettings | SpindleSettings | IoSettings
+COUNTS_PER_REV = 4096.0  # of a spindle that nobody describes
 SPINDLE_REV_S2 = 200.0  # a spindle motor's own limit, above what a controller asks of it
 # Of a motor over what its axis needs, where nothing else is said.
 QUICK_STOP_SHARE = 2.4  # of a quick stop that the machine file wants over the acceleration: the torque has it
@@ -100,6 +102,16 @@ def inputs_and_outputs(settings: IoSettings, parameters: Parameters) -> IoNode:
     made = IoNode(settings.node, parameters, settings.eds or IO_EDS)
     made.dictionary.believe(settings.overrides)
     return made
+
+
+def beside(
+    spindles: Iterable[int], others: Iterable[int], parameters: Parameters
+) -> list[SimulatedDrive | IoNode]:
+    """Spindles, and inputs and outputs, by their node ids, for who knows no more of them."""
+    made: list[SimulatedDrive | IoNode] = [
+        spindle(SpindleSettings("spindle", "", node, "", COUNTS_PER_REV), parameters) for node in spindles
+    ]
+    return made + [inputs_and_outputs(IoSettings("io", "", node, ""), parameters) for node in others]
 
 
 def device(settings: NodeLike, parameters: Parameters) -> SimulatedDrive | IoNode:

@@ -15,6 +15,8 @@ from drives.bench.virtual.hub import Hub
 
 PRIORITY = 30  # SCHED_FIFO; below the tick's, which spins for a tenth of a millisecond only
 
+BIT_RATE = 1_000_000  # of a virtual bus
+
 Server = Hub | CanBridge
 
 
@@ -35,11 +37,21 @@ def run(server: Server, devices: Sequence[SimulatedDrive | IoNode], sync_log: st
             server.syncs.save(sync_log)
 
 
-def on_interface(
-    channel: str, bit_rate: int = 0, sync_log: bool = False, worst_stuffing: bool = False
-) -> CanBridge:
-    """A server on a CAN interface; give it to ``run``. Raises InterfaceError."""
-    return CanBridge(open_interface(channel), bit_rate, sync_log, channel, worst_stuffing)
+def open_server(
+    path: str | None,
+    interface: str | None,
+    bit_rate: int | None = None,
+    sync_log: bool = False,
+    worst_stuffing: bool = False,
+) -> Server:
+    """A virtual bus at ``path``, or a CAN interface; give it to ``run``. Raises OSError, InterfaceError.
+
+    ``bit_rate``: None = ``BIT_RATE`` of a virtual bus, and no bit timing beside that of an interface.
+    """
+    if interface:
+        return CanBridge(open_interface(interface), bit_rate or 0, sync_log, interface, worst_stuffing)
+    bit_rate = BIT_RATE if bit_rate is None else bit_rate
+    return Hub(path or "", bit_rate, sync_log, worst_stuffing=worst_stuffing)
 
 
 def _hurry() -> None:

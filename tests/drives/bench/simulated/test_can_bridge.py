@@ -17,7 +17,7 @@ from support.drives.hub_process import ROOT, profile, served
 from drives import pdo
 from drives.bench.simulated import IoNode, SimulatedDrive
 from drives.bench.simulated.can_bridge import MAX_WAITING, CanBridge, InterfaceError
-from drives.bench.simulated.serve import on_interface
+from drives.bench.simulated.serve import open_server
 
 HAS_CAN = hasattr(socket, "AF_CAN")
 TIMEOUT_S = 20.0
@@ -115,7 +115,7 @@ def test_frames_wait_while_the_interface_takes_none_and_the_oldest_go_first() ->
 @pytest.mark.skipif(not HAS_CAN, reason="this Python has no CAN sockets")
 def test_an_interface_that_is_not_there_is_a_sentence() -> None:
     with pytest.raises(InterfaceError, match=r"no CAN sockets|ip link add nocan7 type vcan"):
-        on_interface("nocan7")
+        open_server(None, "nocan7")
 
 
 @pytest.mark.parametrize(
