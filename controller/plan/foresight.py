@@ -27,7 +27,7 @@ from controller.plan.timetable import MOST, Event, Passed, Timetable, event_of
 from controller.plan.track import Track, Unit
 from controller.plan.waits import OPTIONAL
 
-FIRST = 60  # windows that are planned of a path that nobody runs yet
+FIRST = 60  # windows that are planned of a path that nobody runs yet, or at another override than before
 MOST_AHEAD = 3000  # units beyond those of the planner: they are kept until it comes to them
 SAME_S = 1e-6
 
@@ -111,7 +111,8 @@ class Foresight:
         """
         if self._walk is None or self._is_between():
             return None
-        return Timetable(self._from_s, self._end_s, tuple(self._events), self._passed())
+        at = self._orders.override, self._orders.rapid_override
+        return Timetable(self._from_s, self._end_s, tuple(self._events), self._passed(), at)
 
     @property
     def refused(self) -> bool:

@@ -30,12 +30,16 @@ class Event(NamedTuple):
 
 
 class Timetable(NamedTuple):
-    """``to``: the place of the program at which it ends for now, as far as is known; None: with the path."""
+    """``to``: the place of the program at which it ends for now, as far as is known; None: with the path.
+
+    ``at``: the overrides of feed and of rapids at which it is planned.
+    """
 
     from_s: float
     end_s: float
     events: tuple[Event, ...] = ()
     to: Passed | None = None
+    at: tuple[float, float] = (1.0, 1.0)
 
 
 def event_of(pause: Pause, at_s: float) -> Event | None:

@@ -12,7 +12,7 @@ from typing import Any
 from controller.ipc.handoff import Snapshot
 from controller.machine.model import Machine
 from controller.motion.motions import SurfaceCut
-from controller.plan.foresight import Foresight
+from controller.plan.foresight import FIRST, Foresight
 from controller.plan.planner import Planner
 from controller.plan.restart.program_position import ENTRY_ID, LinePart, Spot, lines_along, order_of
 from controller.plan.stretch import Chain, Pause, Stretch
@@ -177,7 +177,9 @@ class Reporter:
 
 
 class Foreseen:
-    """The foresight of what was armed; reported when it is over, on the way each time it is twice as long."""
+    """The foresight of what was armed; reported when it is over, on the way from ``FIRST`` windows on, each
+    time it is twice as long: what is known of fewer is a worse guess than what was reported before.
+    """
 
     def __init__(self) -> None:
         self._foresight: Foresight | None = None
@@ -214,7 +216,7 @@ class Foreseen:
         if foresight.begun is not self._begun:
             self._begun, self._steps, self._reported = foresight.begun, 0, 0
         self._steps += 1
-        if not foresight.over and self._steps < 2 * self._reported:
+        if not foresight.over and self._steps < max(FIRST, 2 * self._reported):
             return None
         self._reported = self._steps
         return foresight.timetable

@@ -4,7 +4,7 @@ The plan says when the path clock will be where (``Timetable``), the rows of the
 stood where it stands. Motion and dwells are as long as they are planned at the overrides of the moment; what
 is waited for takes as long as it last took on this machine (``Durations``), else as the machine file makes
 likely. Where the plan has not come to the end yet, the check's timetable has the rest, at the pace of what is
-planned.
+planned. From a change of an override until the plan has foreseen enough at it, nobody knows.
 """
 
 from __future__ import annotations
@@ -73,7 +73,7 @@ class TimeLeft:
         """At a plan time; until the plan says more, it will take what was told before."""
         if (here := self._here) is not None:
             events = tuple(event._replace(at_s=event.at_s + at_s) for event in here.events)
-            self._table = Timetable(here.from_s + at_s, here.end_s + at_s, events, here.to)
+            self._table = here._replace(from_s=here.from_s + at_s, end_s=here.end_s + at_s, events=events)
 
     def hear(self, table: Timetable | None) -> None:
         """From the plan: of what is left."""
@@ -114,9 +114,10 @@ class TimeLeft:
     ) -> Left:
         """At a snapshot; ``checked_s``: by the clock of the check, at its place; ``ends_s``: plan time of the
         end, where all is sent; ``aside``: it is off the path."""
-        if now.override <= 0.0:
+        here_s, table, at = now.plan_time_s, self._table, (now.override, min(now.rapid_override, 1.0))
+        if now.override <= 0.0 or (table is not None and table.at != at):
             return Left()
-        here_s, pace, table = now.plan_time_s, 1.0 / now.override, self._table
+        pace = 1.0 / now.override
         if aside or table is None or not table.from_s - SAME_S <= here_s <= table.end_s + SAME_S:
             if ends_s is not None:
                 table = Timetable(here_s, max(here_s, ends_s))

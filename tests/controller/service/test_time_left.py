@@ -107,6 +107,19 @@ def test_an_override_is_told_as_it_will_be(share: float, plain: TimedRun) -> Non
     assert_told(run, OVERRIDE, 2.0 + SOON_S)
 
 
+@pytest.mark.parametrize("share", [0.25, 0.5, 1.2])
+def test_until_the_plan_has_heard_of_an_override_no_time_is_told(share: float, plain: TimedRun) -> None:
+    """Neither the old one for a moment, nor one that is scaled though limits do not scale."""
+    clicked_s = 2.0
+    run = plain.run(PLAIN, overrides={clicked_s: share})
+    after = [(run.took_s - at_s, left) for at_s, left in run.rows if clicked_s < at_s < run.took_s - 1.0]
+    known = [(truly_s, left.left_s) for truly_s, left in after if left.left_s is not None]
+    for truly_s, left_s in known:
+        assert left_s == pytest.approx(truly_s, abs=max(START * truly_s, TICKS_S))
+    assert run.took_s - clicked_s - known[0][0] < SOON_S
+    assert len(after) - len(known) < SOON_S / SLOW_S, "once it is known it stays so"
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(8))
 def test_overrides_at_random_moments_are_told_as_they_will_be(seed: int, plain: TimedRun) -> None:
