@@ -32,7 +32,8 @@ TELLS = frozenset(command.name for command in ALL if command.access is Access.LO
 # "bad" is no 422: what the schema cannot say (a word of a program, an axis that this machine
 # has not) depends on the machine, and so does whether it is refused.
 STATUSES = {
-    **dict.fromkeys(("refused", "busy", "bad", "unrecorded", "worn"), 409),
+    **dict.fromkeys(("refused", "busy", "bad", "unrecorded", "worn", "moves"), 409),
+    "role": 403,
     "missing": 404,
     "gone": 503,
 }

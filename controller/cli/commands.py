@@ -6,6 +6,7 @@ import contextlib
 import inspect
 from collections.abc import Callable
 from typing import Annotated, Any, Literal
+from urllib.parse import quote
 
 import typer
 
@@ -47,7 +48,7 @@ def verb(command: Command, client: Client, rest: Rest) -> Callable[..., None]:
         values = {one.name: _value(one, typed[name]) for name, one in taken.items()}
         with asked(url, as_json) as machine:
             with contextlib.nullcontext() if take_over is None else machine.control(take_over):
-                answer = _ask(machine, rest, values)
+                answer = _ask(machine, command, rest, values)
                 run = waiting.run_of(machine, answer) if wait else ""
             if wait:
                 waiting.to_its_end(machine, run, as_json)
@@ -93,10 +94,13 @@ def _value(argument: Argument, typed: Any) -> Any:
     return typed == "on" if isinstance(argument.kind, Switch) and isinstance(typed, str) else typed
 
 
-def _ask(machine: remote.Machine, rest: Rest, values: dict[str, Any]) -> Any:
+def _ask(machine: remote.Machine, command: Command, rest: Rest, values: dict[str, Any]) -> Any:
+    names = {one.name: one.in_path for one in command.arguments if one.in_path}
+    path = rest.path.format(**{place: quote(str(values[name]), "") for name, place in names.items()})
+    body = {name: value for name, value in values.items() if name not in names}
     if rest.method == "PUT":
-        return machine.put(rest.path, values)
-    return carried_out(machine, rest.path, values or None)
+        return machine.put(path, body)
+    return carried_out(machine, path, body or None)
 
 
 def _sentence(command: Command, client: Client, values: dict[str, Any], answer: Any) -> str:

@@ -154,6 +154,7 @@ class Argument:
     default: Any = NEEDED
     in_path: str = ""  # its name in the path of the REST route, where it stands there and not in the body
     is_local: bool = False  # of the socket alone
+    is_role: bool = False  # of whoever asks: the panel fills it in
 
     def read(self, values: Mapping[str, Any]) -> Any:
         """Its value among those that were sent; null is as if it were left out. Raises ArgumentError."""

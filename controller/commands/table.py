@@ -27,6 +27,7 @@ MAX_AXES = 5  # of a machine: for so many there is room in what is laid out once
 MAX_OVERRIDE = 2.0
 SPINDLE_OVERRIDES = (0.5, 1.5)  # below it is no override but a stop, which is another button
 MAX_TOOL = 99_999
+MAX_MACRO = 40  # letters of the name of one, so that it fits on a button
 MAX_WHOLE = 2**53  # JSON has no larger ones that are exact
 JOG_SEEN_S = 0.4  # age of the tick that whoever presses has seen; statuses come every 50 ms
 
@@ -80,6 +81,13 @@ JOG_FEED = Argument(
 )
 TOOL = Argument("tool", Whole(1, MAX_TOOL))
 ITEM = Argument("name", Text(60, 1))
+STILL = Argument(
+    "still",
+    Switch(),
+    'Refused with the code "moves" where an axis would move, the spindle turn, a tool be changed or '
+    "an output be switched.",
+    False,
+)
 FREE = ("OFF", "READY", "FAULT")  # modes in which offsets and tools may be changed
 
 
@@ -353,12 +361,35 @@ ALL: tuple[Command, ...] = (
     Command(
         "mdi",
         Access.MOVE,
-        (Argument("text", Text(1000, 1), "One or more blocks."),),
+        (Argument("text", Text(1000, 1), "One or more blocks."), STILL),
         Request.START,
         needs=("not_in_thread",),
         lane=Lane.SLOW,
         rest=Rest("POST", "mdi", "Run one or more blocks as they are given."),
         client=Client("mdi", "started", waits=True),
+        one_at_a_time=True,
+    ),
+    Command(
+        "macro",
+        Access.MOVE,
+        (
+            Argument("name", Text(MAX_MACRO, 1), "As `macros` of the facts has it.", in_path="name"),
+            STILL,
+            Argument(
+                "role", Choice(("view", "operate", "set_up")), default="set_up", is_local=True, is_role=True
+            ),
+        ),
+        Request.START,
+        needs=("not_in_thread",),
+        lane=Lane.SLOW,
+        rest=Rest(
+            "POST",
+            "macros/{name}",
+            "Run the lines of a macro of the machine file (`macros` of the facts) as if they were typed at "
+            "MDI.\n\nRefused to who has not the role that the macro asks for.",
+            bodiless=True,
+        ),
+        client=Client("macro", "started", waits=True),
         one_at_a_time=True,
     ),
     Command(

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from controller.commands.table import MAX_MACRO
 from controller.machine.model import MACRO_ROLES, Macro
 from controller.machine.toml_table import Table
 from controller.messages import said
 
-MAX_NAME = 40  # letters, so that it fits on a button
 MAX_TEXT = 1000  # letters of all lines, as of what is typed by hand
 
 
@@ -26,8 +26,8 @@ def macros(tables: Sequence[Table]) -> tuple[Macro, ...]:
 
 def _name(table: Table) -> str:
     name = table.text("name")
-    if not 0 < len(name) <= MAX_NAME or not name.isprintable() or "/" in name or name != name.strip():
-        table.refuse("name", "macro_name", most=MAX_NAME)
+    if not 0 < len(name) <= MAX_MACRO or not name.isprintable() or "/" in name or name != name.strip():
+        table.refuse("name", "macro_name", most=MAX_MACRO)
     return name
 
 

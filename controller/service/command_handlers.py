@@ -112,6 +112,7 @@ AT_ONCE: dict[str, Callable[[HandlerContext, Values], Answer]] = {
     "home": job_commands.home,
     "reset": job_commands.reset,
     "mdi": job_commands.mdi,
+    "macro": job_commands.macro,
     "probe": job_commands.probe,
     "retract": job_commands.retract,
     "withdraw": job_commands.withdraw,

@@ -58,12 +58,14 @@ class HandlerContext:
         mode = found.mode.name if found is not None else "OFF"
         return self.service.sequencer.do(name, work, mode, going, behind)
 
-    def begin(self, name: str, job: Job) -> Answer:
-        """Start a job that is no loaded program. Raises CommandRefused."""
+    def begin(self, name: str, job: Job, still: bool = False) -> Answer:
+        """Start a job that is no loaded program; ``still``: if nothing moves by it. Raises CommandRefused."""
         service, going = self.service, Going()
         preconditions.permitted(service, Request.START)
         preconditions.not_running(service, name.upper())
         preconditions.changer_is_sure(service, name.upper())
+        if still:
+            preconditions.stands_still(service, job, name.upper())
         return self.sequence(name, lambda: sequences.start(service, job, going), going)
 
     def new_load(self) -> Going:

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from controller.commands.table import Request
 from controller.ipc.control_socket import Answer, CommandRefused, Values
-from controller.machine.model import Machine
+from controller.machine.model import MACRO_ROLES, Machine
 from controller.plan.retract import RETRACT_MM_S
 from controller.service import jobs, preconditions, restart_preview, sequences, whole_status
 from controller.service.handler_context import HandlerContext
@@ -100,7 +100,19 @@ def start(handlers: HandlerContext, values: Values) -> Answer:
 
 
 def mdi(handlers: HandlerContext, values: Values) -> Answer:
-    return handlers.begin("mdi", jobs.mdi(values["text"], handlers.service.set_up.machine))
+    return handlers.begin("mdi", jobs.mdi(values["text"], handlers.service.set_up.machine), values["still"])
+
+
+def macro(handlers: HandlerContext, values: Values) -> Answer:
+    """Its lines as if they were typed."""
+    machine, name = handlers.service.set_up.machine, values["name"]
+    found = next((one for one in machine.macros if one.name == name), None)
+    if found is None:
+        allowed = ", ".join(one.name for one in machine.macros) or "–"
+        raise refused("no_macro", code="missing", name=name, allowed=allowed)
+    if values["role"] not in MACRO_ROLES[MACRO_ROLES.index(found.role) :]:
+        raise refused("macro_role", code="role", name=name, needs=found.role)
+    return handlers.begin("macro", jobs.mdi("\n".join(found.lines), machine), values["still"])
 
 
 def probe(handlers: HandlerContext, values: Values) -> Answer:

@@ -23,7 +23,7 @@ def to_dict(job: Job, now: Snapshot) -> dict[str, Any]:
     return {
         "name": program.name,
         "sha256": job.sha256,
-        "text": _typed(job),
+        "text": typed_text(job),
         "state": state,
         "line": now.line if shown else program.spot.line if program.spot else None,
         "restart": job.restart,
@@ -69,7 +69,7 @@ def ended_early(job: Job, result: str, why: Said | None) -> Said | None:
     """What a run that did not come to its end leaves to be read; None of one that did."""
     if result == "completed":
         return None
-    typed = (_typed(job) or "").strip().split("\n")[0]
+    typed = (typed_text(job) or "").strip().split("\n")[0]
     program = Key("ended.cycle") if job.is_own else f"{MDI} {typed}" if typed else job.program.name
     line = job.last.line if job.last is not None else 0
     if why is None:
@@ -77,7 +77,7 @@ def ended_early(job: Job, result: str, why: Said | None) -> Said | None:
     return said("ended.why", program=program, line=line, why=why)
 
 
-def _typed(job: Job) -> str | None:
+def typed_text(job: Job) -> str | None:
     """A line typed by hand is in no store, and shown here."""
     if not job.is_mdi:
         return None

@@ -3,17 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 from controller.commands.command import Command
 from controller.commands.table import Request
 from controller.ipc.control_socket import CommandRefused, Values
 from controller.ipc.handoff import Snapshot
+from controller.program import blocks
+from controller.program.effects import moves
+from controller.program.program import ProgramError
+from controller.service import job_status, jobs
 from controller.service.acknowledged import refusal
+from controller.service.jobs import Job
 from controller.service.refusals import refused
 from controller.service.service import Service
 from controller.service.usage import check_worn
 from controller.state.modes import Mode
+
+FEW_PASSES = 100  # of loops and calls in lines typed by hand, that are read before somebody is asked
 
 Need = Callable[[Service, Command, Values], Any]  # raises CommandRefused
 
@@ -64,6 +72,25 @@ def changer_is_sure(service: Service, title: str) -> None:
         raise refused("change_under_way", service.processes.now().mode.name, title)
     if (doubt := changer.doubt) is not None:
         raise CommandRefused("refused", doubt, service.processes.now().mode.name, title)
+
+
+def stands_still(service: Service, job: Job, title: str) -> None:
+    """Lines typed by hand move nothing. Raises CommandRefused; what is not read to its end may move."""
+    now, set_up = service.processes.now(), service.set_up
+    changer = set_up.machine.changer
+    machine = replace(set_up.machine, program_passes=FEW_PASSES)
+    if changer is not None:
+        machine = replace(machine, in_spindle=set_up.tool)
+    begin, data = service.run.begins_with(job, now), job.program.text
+    try:
+        found = moves(
+            blocks.stream(data, machine, jobs.MDI, start=now.joints, begin=begin),
+            bool(changer and changer.prepare),
+        )
+    except ProgramError:
+        found = True
+    if found:
+        raise refused("line_moves", now.mode.name, title, "moves", lines=job_status.typed_text(job))
 
 
 def _mode(service: Service, command: Command, _: Values) -> None:

@@ -14,7 +14,7 @@ from fastapi import APIRouter, Path, Request
 from pydantic import Field, create_model
 
 from controller.api import access, models
-from controller.api.access import needs
+from controller.api.access import needs, principal
 from controller.api.answers import Refusal, documented
 from controller.api.models import Sent, Told
 from controller.api.roles import Role
@@ -37,7 +37,13 @@ from controller.commands.table import ALL, AXIS
 from controller.state.modes import possible_in
 
 TAGS = {
-    **{"job": "cycle", "overrides": "machine", "mdi": "machine", "offsets": "offsets and tools"},
+    **{
+        "job": "cycle",
+        "overrides": "machine",
+        "mdi": "machine",
+        "macros": "machine",
+        "offsets": "offsets and tools",
+    },
     **{"changer": "tool changer"},
 }  # of the first word of a path, where they are not that word itself
 GUARDS: dict[Access, Callable[[], Any]] = {
@@ -47,6 +53,7 @@ GUARDS: dict[Access, Callable[[], Any]] = {
     Access.MOVE: access.moves,
     Access.SET_UP: lambda: needs(Role.SET_UP),
 }
+NAMED = documented(401, 403, 404, 409, 422, 503)  # what is named in the path may be missing
 ROLES = {Access.LOOK: Role.VIEW, Access.SET_UP: Role.SET_UP}  # all others: to operate
 
 
@@ -90,18 +97,21 @@ def _add(router: APIRouter, command: Command, rest: Rest) -> None:
         methods=[rest.method],
         tags=[TAGS.get(first, first)],
         dependencies=[guard],
-        responses=MOVES,
+        responses=NAMED if any(one.in_path for one in command.arguments) else MOVES,
     )
 
 
 def _endpoint(command: Command, rest: Rest) -> Callable[..., Awaitable[models.Done]]:
     in_path = [one for one in command.arguments if one.in_path]
+    of_role = [one.name for one in command.arguments if one.is_role]
     model = body_of(command, rest)
 
     async def asked(request: Request, body: Any = None, **path: Any) -> models.Done:
         values = {one.name: path[one.in_path] for one in in_path}
         if body is not None:
             values |= body.model_dump()
+        for one in of_role:
+            values[one] = (await principal(request)).role.label
         try:
             return await ask(request, command.name, **values)
         except Refusal as refusal:

@@ -1,4 +1,4 @@
-"""The machine itself: status, facts, drives on and off, homing, e-stop, overrides, MDI."""
+"""The machine itself: its status, its facts and its drives."""
 
 from __future__ import annotations
 
@@ -6,14 +6,13 @@ import asyncio
 from collections.abc import Awaitable
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Path, Query, Request
+from fastapi import APIRouter, Query, Request
 
 from controller.api import models
-from controller.api.access import moves, needs, panel_of, principal
+from controller.api.access import needs, panel_of
 from controller.api.answers import Answer, Refusal, documented
 from controller.api.roles import Role
 from controller.ipc import control_socket
-from controller.machine.macro_table import MAX_NAME
 
 router = APIRouter(tags=["machine"])
 MOVES = documented(401, 403, 409, 422, 503)
@@ -70,20 +69,3 @@ async def drives(request: Request) -> models.DriveList:
     """State, statusword, error and age of the heartbeat of every drive."""
     found = await panel_of(request).door.ask("drives")
     return models.DriveList(drives=list(found.get("drives") or []))
-
-
-@router.post("/macros/{name}", dependencies=[moves()], responses=documented(401, 403, 404, 409, 422, 503))
-async def macro(request: Request, name: Annotated[str, Path(max_length=MAX_NAME)]) -> models.Done:
-    """Run the lines of a macro of the machine file (`macros` of the facts) as if they were typed at MDI.
-
-    Refused to who has not the role that the macro asks for.
-    """
-    known = (await panel_of(request).door.ask("facts")).get("macros") or []
-    found = next((one for one in known if one["name"] == name), None)
-    if found is None:
-        allowed = ", ".join(one["name"] for one in known) or "–"
-        raise Refusal.told(404, "missing", "no_macro", name=name, allowed=allowed)
-    who, needed = await principal(request), Role.named(found["role"])
-    if who.role < needed:
-        raise Refusal.told(403, "role", "role", name=who.name, has=who.role.label, needs=needed.label)
-    return await ask(request, "mdi", text="\n".join(found["lines"]))

@@ -29,14 +29,16 @@ export async function call(method, path, body, quiet = false) {
     said.body = { error: { sentence: word("frame.no_panel") } };
   }
   if (said.status === 401) location.assign("/login");
-  if (!said.ok && !quiet && (await confirmed(said))) return call(method, path, { ...body, [said.body.error.code]: true });
+  const more = quiet || said.ok ? undefined : CONFIRMED[said.body.error?.code];
+  if (more) return (await confirmed(said.body.error)) ? call(method, path, { ...body, ...more }) : said;
   if (!said.ok) refused(said, quiet);
   return said;
 }
 
-// A run that cannot be kept, or cuts with a worn tool, starts only where somebody says so.
-const confirmed = async ({ body }) =>
-  ["unrecorded", "worn"].includes(body.error?.code) && ask(`${sentence(body.error)} ${word(`run.${body.error.code}_ask`)}`);
+// A run that cannot be kept, or cuts with a worn tool, and a typed line that moves something, start only where
+// somebody says so: by the code of the refusal what is asked with then.
+const CONFIRMED = { unrecorded: { unrecorded: true }, worn: { worn: true }, moves: { still: false } };
+const confirmed = (facts) => ask(`${sentence(facts)} ${word(`run.${facts.code}_ask`)}`);
 
 function refused(said, quiet) {
   const facts = said.body.error ?? {};

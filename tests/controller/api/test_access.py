@@ -22,7 +22,10 @@ from support.fakes.panels import PASSWORD, ROLES, Scene, sentence, take_control
 from controller.api import access, http, roles
 from controller.api.access import COOKIE
 from controller.api.roles import Principal, Role
+from controller.api.service_client import refusal
 from controller.api.users import CROWD_TRIES, FREE_TRIES, LONGEST_WAIT_S
+from controller.ipc.control_socket import CommandRefused
+from controller.messages import said
 
 # A body with which the route would do what it is for.
 BODIES: dict[str, Any] = {
@@ -241,45 +244,30 @@ def test_a_session_says_whether_a_stop_is_taken_from_it(shared: Scene, role: str
     assert (may_stop, status) == ((False, 403) if role == "view" else (True, 200))
 
 
-MACROS = [
-    {"name": "Park", "lines": ["G53 G0 Z0", "G53 G0 X0"], "role": "operate"},
-    {"name": "Warm up", "lines": ["M3 S500"], "role": "set_up"},
-]
+@pytest.mark.parametrize("role", ["view", "operate", "set_up"])
+def test_a_macro_is_asked_for_with_the_role_of_who_presses_it(shared: Scene, role: str) -> None:
+    """Which role it needs, the service knows: it reads the machine file."""
 
-
-@pytest.mark.parametrize(
-    ("role", "name", "status"),
-    [
-        ("view", "Park", 403),
-        ("operate", "Park", 200),
-        ("operate", "Warm up", 403),
-        ("set_up", "Warm up", 200),
-        ("set_up", "Of none", 404),
-    ],
-)
-def test_a_macro_is_run_as_typed_by_who_has_its_role(
-    shared: Scene, role: str, name: str, status: int
-) -> None:
     async def story() -> Any:
         async with shared.client(role) as client:
             if role != "view":
                 await take_control(client)
-            return await client.post(f"/api/v1/macros/{name}")
+            return await client.post("/api/v1/macros/Warm%20up", json={"still": True})
 
     shared.door.mode = "READY"
-    told = shared.door.facts
-    shared.door.facts = lambda: {**told(), "macros": MACROS}  # type: ignore[method-assign]
     before = len(shared.door.asked)
-    try:
-        answer = asyncio.run(story())
-    finally:
-        shared.door.facts = told  # type: ignore[method-assign]
-    assert answer.status_code == status, answer.text
-    asked = [args for verb, args in shared.door.asked[before:] if verb == "mdi"]
-    lines = {one["name"]: "\n".join(one["lines"]) for one in MACROS}
-    assert asked == ([{"text": lines[name]}] if status == 200 else [])
-    if status == 404:
-        assert "Park, Warm up" in answer.json()["error"]["sentence"]
+    answer = asyncio.run(story())
+    asked = [args for verb, args in shared.door.asked[before:] if verb == "macro"]
+    if role == "view":
+        assert answer.status_code == 403 and not asked
+    else:
+        assert answer.status_code == 200, answer.text
+        assert asked == [{"name": "Warm up", "still": True, "role": role}]
+
+
+@pytest.mark.parametrize(("code", "status"), [("role", 403), ("missing", 404), ("moves", 409)])
+def test_what_the_service_refuses_a_macro_for_has_its_status(code: str, status: int) -> None:
+    assert refusal(CommandRefused(code, said("no_macro", name="x", allowed="y"))).status == status
 
 
 # ---- without users

@@ -70,7 +70,9 @@ REQUESTS = [
     (("start", "--unrecorded"), "start", {"unrecorded": True, "worn": False}),
     (("home",), "home", {"axes": None}),
     (("home", "x", "C"), "home", {"axes": ["X", "C"]}),
-    (("mdi", "G0 Z50"), "mdi", {"text": "G0 Z50"}),
+    (("mdi", "G0 Z50"), "mdi", {"text": "G0 Z50", "still": False}),
+    (("mdi", "G91", "--still"), "mdi", {"text": "G91", "still": True}),
+    (("macro", "Warm up"), "macro", {"name": "Warm up", "still": False, "role": "set_up"}),
     (
         ("probe", "edge", "towards=X-", "most=7.5", "--offset", "G54"),
         "probe",

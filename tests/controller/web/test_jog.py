@@ -211,7 +211,9 @@ def test_a_change_of_the_step_ends_a_jog(page: Any, site: Site) -> None:
 # ---- MDI
 
 
-def test_a_line_is_run_after_its_question_and_kept_for_the_next_time(page: Any, site: Site) -> None:
+def test_a_line_that_moves_is_run_after_its_question_and_kept_for_the_next_time(
+    page: Any, site: Site
+) -> None:
     page.evaluate("dx.show('jog')")
     page.wait_for_selector("#mdi-run:not([aria-disabled=true])")
     for line in ("G0 X1", "G0 Y2"):
@@ -219,10 +221,11 @@ def test_a_line_is_run_after_its_question_and_kept_for_the_next_time(page: Any, 
         page.focus("#mdi-text")
         before = len(site.asked("mdi"))
         page.keyboard.press("Enter")
-        page.wait_for_selector(f".dx-ask >> text=Run this now? {line}")
-        assert len(site.asked("mdi")) == before
+        page.wait_for_selector(f".dx-ask >> text={line} This moves an axis")
+        assert [args["still"] for _, _, args in site.asked("mdi")[before:]] == [True]
         browser.yes(page)
-        assert until(lambda n=before: site.asked("mdi")[n:], "the line")[0][2] == {"text": line}
+        asked = until(lambda n=before: site.asked("mdi")[n + 1 :], "the line")
+        assert asked[0][2] == {"text": line, "still": False}
         page.wait_for_function("() => document.getElementById('mdi-text').value === ''")
     page.wait_for_function(
         "() => [...document.querySelectorAll('#mdi-history button')].map((b) => b.textContent).join()"
@@ -237,6 +240,18 @@ def test_a_line_is_run_after_its_question_and_kept_for_the_next_time(page: Any, 
     assert page.input_value("#mdi-text") == "G0 X1"
 
 
+@pytest.mark.parametrize("line", ["G91", "G21", "T2", "M8", "F500 G1"])
+def test_a_line_that_moves_nothing_is_run_at_once(line: str, page: Any, site: Site) -> None:
+    page.evaluate("dx.show('jog')")
+    page.wait_for_selector("#mdi-run:not([aria-disabled=true])")
+    before = len(site.asked("mdi"))
+    page.fill("#mdi-text", line)
+    page.press("#mdi-text", "Enter")
+    page.wait_for_function("() => document.getElementById('mdi-text').value === ''")
+    assert [args for _, _, args in site.asked("mdi")[before:]] == [{"text": line, "still": True}]
+    assert page.locator(".dx-ask").count() == 0
+
+
 def test_a_line_whose_question_is_answered_with_no_is_not_run_and_stays(page: Any, site: Site) -> None:
     page.evaluate("dx.show('jog')")
     page.wait_for_selector("#mdi-run:not([aria-disabled=true])")
@@ -246,7 +261,8 @@ def test_a_line_whose_question_is_answered_with_no_is_not_run_and_stays(page: An
     page.click(".dx-ask button >> nth=1")
     page.wait_for_selector(".dx-ask", state="detached")
     assert page.input_value("#mdi-text") == "G0 Z3"
-    assert len(site.asked("mdi")) == before
+    assert [args["still"] for _, _, args in site.asked("mdi")[before:]] == [True]
+    assert page.is_hidden("#dx-said"), "whoever says no need not be told so"
 
 
 def test_a_macro_is_a_button_that_asks_with_its_lines_and_is_grey_where_mdi_is_refused(
@@ -255,19 +271,19 @@ def test_a_macro_is_a_button_that_asks_with_its_lines_and_is_grey_where_mdi_is_r
     page.evaluate("dx.show('jog')")
     park = page.locator("[data-macro=Park]")
     page.wait_for_selector("[data-macro=Park]:not([aria-disabled])")
-    before = len(site.asked("mdi"))
+    before = len(site.asked("macro"))
     park.click()
-    page.wait_for_selector(".dx-ask >> text=Run Park now?")
-    assert page.inner_text(".dx-ask p").splitlines() == ["Run Park now?", "G53 G0 Z260", "G53 G0 X0 Y200"]
-    assert len(site.asked("mdi")) == before
+    page.wait_for_selector(".dx-ask >> text=Run it now?")
+    assert page.inner_text(".dx-ask p").splitlines()[:2] == ["G53 G0 Z260", "G53 G0 X0 Y200"]
+    assert [args["still"] for _, _, args in site.asked("macro")[before:]] == [True]
     browser.yes(page)
-    asked = until(lambda: site.asked("mdi")[before:], "the macro")
-    assert asked[0][2] == {"text": "G53 G0 Z260\nG53 G0 X0 Y200"}
+    asked = until(lambda: site.asked("macro")[before + 1 :], "the macro")
+    assert asked[0][2] == {"name": "Park", "still": False, "role": "set_up"}
     site.tell(mode="RUNNING")
     page.wait_for_selector("[data-macro=Park][aria-disabled=true][title*='Possible in']")
     park.click(force=True)
     page.wait_for_selector("#dx-said:has-text('Possible in')")
-    assert len(site.asked("mdi")) == before + 1
+    assert len(site.asked("macro")) == before + 2
 
 
 def test_a_macro_of_who_sets_up_is_grey_for_who_operates(page: Any) -> None:

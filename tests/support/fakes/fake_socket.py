@@ -45,6 +45,7 @@ TABLE: dict[str, tuple[set[str], str | None]] = {
     "jog_step": ({"READY"}, None),
     "jog_stop": (set(), None),
     "mdi": ({"READY"}, None),
+    "macro": ({"READY"}, None),
     "retract": ({"HOLD", "READY"}, None),
     "withdraw": ({"READY"}, None),
     "return": ({"HOLD"}, None),

@@ -29,6 +29,8 @@ from controller.machine import machine_file, setup_data
 from controller.messages import Key, said
 from controller.plan.report.picture import Shape
 from controller.plan.report.verdict import Verdict
+from controller.program import blocks
+from controller.program.effects import moves
 from controller.service import status, usage
 from controller.service.next_step import next_step
 from controller.service.refusals import refused
@@ -73,6 +75,8 @@ class MovingDoor(FakeDoor):
         if verb in ("jog_stop", "stop", "hold", "estop"):
             self._jogged()
             self._jog = None
+        if args.get("still") and moves(blocks.stream(_lines(verb, args).encode(), MACHINE, "MDI")):
+            raise refused("line_moves", self.mode, verb.upper(), "moves", lines=_lines(verb, args))
         if verb == "retract" and not args["mm"] <= (room := self._room_mm() or 0.0):
             raise refused("retract_room", self.mode, "RETRACT", mm=args["mm"], room=room)
         answer = super().answer(verb, args)
@@ -160,6 +164,15 @@ MACROS = [
     {"name": "Rotaries to zero", "lines": ["G90 G0 A0 C0"], "role": "operate"},
     {"name": "Warm up", "lines": ["M3 S6000", "G4 P60", "M5"], "role": "set_up"},
 ]
+
+
+def _lines(verb: str, args: dict[str, Any]) -> str:
+    """What is typed, or the macro has."""
+    if verb == "mdi":
+        return str(args["text"])
+    return "\n".join(next(one["lines"] for one in MACROS if one["name"] == args["name"]))
+
+
 # Of a status what the guide looks at and no test here tells.
 UNTOLD: dict[str, Any] = {
     **{"tick_alive": True, "plan_alive": True, "commissioned": True, "not_homed": [], "interlock": None},

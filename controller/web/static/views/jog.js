@@ -99,8 +99,8 @@ function Macros() {
   if (!macros.length) return null;
   const may = ({ role }) => (role === "set_up" ? { given: dx.user?.role === "set_up", why: "why.set_up" } : {});
   const lines = (macro) => macro.lines.join("\n");
-  return html`<div class="macros" role="group" aria-label=${word("macros")}>${macros.map((macro) => html`<${Act} key=${macro.name} text=${macro.name} data-macro=${macro.name} title=${lines(macro)} command="mdi" ...${may(macro)}
-    ask=${`${word("macro_ask", macro.name)}\n${lines(macro)}`} call=${`POST macros/${encodeURIComponent(macro.name)}`} />`)}</div>`;
+  return html`<div class="macros" role="group" aria-label=${word("macros")}>${macros.map((macro) => html`<${Act} key=${macro.name} text=${macro.name} data-macro=${macro.name} title=${lines(macro)} command="macro" ...${may(macro)}
+    body=${{ still: true }} call=${`POST macros/${encodeURIComponent(macro.name)}`} />`)}</div>`;
 }
 
 // ---- MDI, with what was typed before
@@ -116,12 +116,12 @@ function Mdi() {
 
   async function run() {
     const typed = field.current.value.trim();
-    if (!typed || reason(rules) || !(await ask(`${word("mdi_ask")}\n${typed}`, "jog.run"))) return;
+    if (!typed || reason(rules)) return;
     history = [typed, ...history.filter((old) => old !== typed)].slice(0, MOST);
     keep("mdi", history);
     back = -1;
     again((n) => n + 1);
-    const said = await call("POST", "mdi", { text: typed });
+    const said = await call("POST", "mdi", { text: typed, still: true });
     if (said.ok) field.current.value = "";
   }
 
