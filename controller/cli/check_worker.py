@@ -85,6 +85,8 @@ def check(
         )
     except ProgramError as error:
         place = {"file": error.file, "line": error.line, "column": error.column}
+        if error.file != name:
+            place["called_at"] = error.line_in(name)
         found_out = {**error.said, **place, **error.facts, **_others(error, task)}
         return "refused", {**found_out, **_drawn(task, found_out, state / PICTURES)}
     except (ConfigError, OSError) as error:
@@ -110,7 +112,7 @@ def _others(first: ProgramError, task: checked.Task) -> dict[str, Any]:
     found = refusals.of(task.text, task.machine, task.name, task.start)
     if not found or str(found[0]) != str(first):
         return {}
-    facts = refusals.facts(found, refusals.lines_of(task.text, task.name))
+    facts = refusals.facts(found, refusals.lines_of(task.text, task.name), task.name)
     if len(found) == 1:
         return facts
     return {**said("program.of_several", sentence=first.said, summed=refusals.summed(found)), **facts}
@@ -140,8 +142,8 @@ def _drawn(task: checked.Task, refused: Mapping[str, Any], folder: Path) -> dict
         if len(shape.tips):
             shape.save(folder / f"{task.key}.npz")
             places = refused.get("refusals") or [refused]
-            lines = sorted({int(one["line"]) for one in places if one["file"] == task.name})
-            return {"pictured": task.key, "guilty_lines": lines}
+            lines = {one["line"] if one["file"] == task.name else one["called_at"] for one in places}
+            return {"pictured": task.key, "guilty_lines": sorted(line for line in lines if line)}
     return {}
 
 

@@ -17,6 +17,7 @@ from typing import Any
 from controller.machine import setup_data
 from controller.program import linked, refusals
 from controller.program.position import homed
+from controller.program.program import ProgramError
 from controller.runtime import children
 
 
@@ -27,13 +28,21 @@ def main() -> None:
 
 
 def read(job: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """All lines that the reader refuses, those of called files left out. Raises ConfigError and OSError."""
+    """All that the reader refuses; of a called file with its place, at the line that calls it.
+
+    Raises ConfigError and OSError.
+    """
     files = {file: Path(at) for file, at in job["files"].items()}
     machine, name = setup_data.machine(Path(job["state"])), str(job["name"])
     text = linked.linked(str(job["text"]).encode(), linked.among(files))
     found = refusals.of(text, machine, name, homed(machine))
-    rows: list[dict[str, Any]] = refusals.facts([one for one in found if one.file == name], {})["refusals"]
-    return rows
+    return [_row(one, name) for one in found[: refusals.MOST]]
+
+
+def _row(error: ProgramError, name: str) -> dict[str, Any]:
+    if error.file == name:
+        return {"line": error.line, "column": error.column, **error.said}
+    return {"line": error.line_in(name) or 1, "column": 1, **error.placed}
 
 
 if __name__ == "__main__":

@@ -278,7 +278,9 @@ def _refuse_all(first: ProgramError, task: checked.Task, quiet: bool) -> NoRetur
         told.append(messages.text(refusals_of_text.summed(found), language))
     sentence = messages.text(first.placed, language) if quiet else "\n".join(told)
     place = {"file": first.file, "line": first.line, "column": first.column}
-    raise Refused(sentence, **place, **first.said, **refusals_of_text.facts(found, lines), **first.facts)
+    raise Refused(
+        sentence, **place, **first.said, **refusals_of_text.facts(found, lines, task.name), **first.facts
+    )
 
 
 def _show_notes(notes: Sequence[Note], task: checked.Task) -> None:

@@ -32,6 +32,7 @@ class ProgramError(Exception):
     """Why a program is refused, and where: file, 1-based line and column."""
 
     facts: Mapping[str, Any] = MappingProxyType({})  # beside the sentence, for JSON
+    callers: Callers = ()  # of the sub that it stands in
 
     def __init__(self, file: str, line: int, column: int, why: Said, about: str = "") -> None:
         """``about``: the code or letter that is to blame, for counts."""
@@ -61,8 +62,14 @@ class ProgramError(Exception):
             told.append(said("program.more_calls", more=more))
         why = said("program.within", sentence=self.said, calls=chain("program.listed", told))
         found = type(self)(self.file, self.line, self.column, why, self.about)
-        found.facts = self.facts
+        found.facts, found.callers = self.facts, callers
         return found
+
+    def line_in(self, file: str) -> int | None:
+        """Its line of a file: where it stands, else the one that has called what it stands in."""
+        if self.file == file:
+            return self.line
+        return next((one.line for one in self.callers if one.file == file), None)
 
 
 class GougeRefused(ProgramError):

@@ -70,11 +70,15 @@ def pointed(error: ProgramError, by_file: Mapping[str, Sequence[str]], language:
     return "\n    ".join([text(error.placed, language), *shown(error, by_file)])
 
 
-def facts(refused: Sequence[ProgramError], by_file: Mapping[str, Sequence[str]]) -> dict[str, Any]:
-    """The same for JSON."""
+def facts(
+    refused: Sequence[ProgramError], by_file: Mapping[str, Sequence[str]], program: str
+) -> dict[str, Any]:
+    """The same for JSON; ``called_at``: of what is in a called file, the line that calls it."""
 
     def row(one: ProgramError) -> dict[str, Any]:
         place = {"file": one.file, "line": one.line, "column": one.column, "code": one.about}
+        if one.file != program:
+            place["called_at"] = one.line_in(program)
         return {**place, **one.said, "shown": shown(one, by_file)}
 
     return {"refusals": [row(one) for one in refused[:MOST]], "counts": counts(refused)}

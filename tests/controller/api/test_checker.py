@@ -282,6 +282,14 @@ def test_a_sub_of_a_stored_program_is_known(store: Store) -> None:
     assert asyncio.run(Drafts(store).read("a.ngc", calls)) == []
 
 
+def test_what_is_refused_in_a_called_file_is_told_at_the_line_that_calls_it(store: Store) -> None:
+    with store.uploads.begin("lift.ngc") as upload:
+        upload.write(SUB.replace(b"Z5", b"Z5 QQ"))
+        upload.commit()
+    (found,) = asyncio.run(Drafts(store).read("a.ngc", "G21\nG90\no<lift> call\nM30\n"))
+    assert found["line"] == 3 and text(found).startswith("lift.ngc:2:")
+
+
 def test_one_is_read_at_a_time(store: Store) -> None:
     async def both() -> list[object]:
         drafts = Drafts(

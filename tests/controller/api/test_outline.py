@@ -149,10 +149,23 @@ def test_a_gouge_is_drawn_whole_with_its_own_line_in_red(store: Store) -> None:
     assert picture_of(store, result)["guilty"]
 
 
-def test_a_mistake_in_a_called_file_marks_no_line_of_the_program(store: Store) -> None:
+@pytest.mark.parametrize("wrong", ["G1 X1O", "G1 X9999"], ids=["unread", "beyond travel"])
+def test_a_mistake_in_a_called_file_marks_the_line_that_calls_it(store: Store, wrong: str) -> None:
     calls = HEAD + b"G1 Z0 F500\no5 call\nG1 X5\nM30\n"
-    state, result = checked(store, calls, {"5.ngc": b"o5 sub\nG1 X1O\no5 endsub\n"})
-    assert state == "refused" and result["file"] == "5.ngc" and result.get("guilty_lines") == []
+    state, result = checked(store, calls, {"5.ngc": f"o5 sub\n{wrong}\no5 endsub\n".encode()})
+    line = calls[: calls.index(b"o5 call")].count(b"\n") + 1
+    assert (state, result["file"], result["line"], result["called_at"]) == ("refused", "5.ngc", 2, line)
+    assert result["guilty_lines"] == [line]
+    shape = picture.load(store.folder / "pictures" / f"{result['pictured']}.npz")
+    assert outline.guilty_of(shape, result).any()
+
+
+def test_a_mistake_in_a_file_that_a_called_file_calls_marks_the_programs_own_line(store: Store) -> None:
+    calls = HEAD + b"o4 sub\no5 call\no4 endsub\nG1 Z0 F500\no4 call\nG1 X5\nM30\n"
+    files = {"5.ngc": b"o5 sub\no6 call\no5 endsub\n", "6.ngc": b"o6 sub\nG1 X1O\no6 endsub\n"}
+    state, result = checked(store, calls, files)
+    line = calls[: calls.index(b"o5 call")].count(b"\n") + 1
+    assert (state, result["file"], result["called_at"]) == ("refused", "6.ngc", line)
 
 
 def test_a_program_of_which_nothing_moves_has_no_picture(store: Store) -> None:

@@ -88,7 +88,7 @@ def test_a_refusal_is_shown_with_its_line_and_a_caret() -> None:
     sentence, line, caret = refusals.pointed(found, {"p": source.split("\n")}).split("\n")
     assert (sentence, line, line[caret.index("^")]) == (str(found), "     G0 X1O", "O")
     assert refusals.pointed(found, {"another": source.split("\n")}) == str(found)
-    (row,) = refusals.facts([found], refusals.lines_of(source.encode(), "p"))["refusals"]
+    (row,) = refusals.facts([found], refusals.lines_of(source.encode(), "p"), "p")["refusals"]
     assert row["shown"] == [" G0 X1O", "      ^"] and row["key"] == found.said["key"]
 
 

@@ -266,7 +266,9 @@ def test_a_mistake_in_a_called_file_is_shown_with_the_name_and_the_text_of_that_
     page.wait_for_selector("#programs-wrong:not(:empty)")
     shown = page.inner_text("#programs-wrong").splitlines()
     assert shown[-2].endswith("2  G1 wrong") and shown[-1].index("^") == shown[-2].index("wrong")
-    assert page.inner_text(".programs-detail .wrong").startswith("5.ngc:2: ")
+    assert page.inner_text(".programs-detail .wrong >> nth=1").startswith("5.ngc:2: ")
+    assert page.inner_text(".preview figcaption") == "Red: where it is refused, line 3"
+    assert page.inner_text("#programs-calls").splitlines()[-2].endswith("3  o5 call")
 
 
 @pytest.mark.slow

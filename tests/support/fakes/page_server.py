@@ -240,7 +240,9 @@ class ToldChecker(Checker):
         before, found, _ = text.partition("WRONG")
         state, result = ("refused", {**_wrong(before), **REFUSED}) if found else ("passed", PASSED)
         if "o5 call" in text:  # a place in the file of the sub
-            state, result = "refused", {**_wrong("o5 sub\nG1 "), "file": "5.ngc"}
+            called_at = text[: text.index("o5 call")].count("\n") + 1
+            result = {**_wrong("o5 sub\nG1 "), "file": "5.ngc", "called_at": called_at}
+            state, result = "refused", {**result, **REFUSED, "guilty_lines": [called_at]}
         if "TOO DEEP" in text:
             result = {**PASSED, "verdict": EXCEEDING, "joints": HARD}
         if "TOO FAST" in text:

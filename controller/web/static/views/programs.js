@@ -21,7 +21,7 @@ const path_of = (name) => `programs/${encodeURIComponent(name)}`;
 
 // ---- what is there: the list in brief, and all of the one that is chosen
 
-const told = { rows: [], wrong: "", wanted: "", chosen: "", one: null, around: [] };
+const told = { rows: [], wrong: "", wanted: "", chosen: "", one: null, around: [], calls: [] };
 
 const look = every("programs", 1, "programs?brief=true", (body) => take(body.programs), (wrong) => (told.wrong = wrong));
 dx.on("kept", (name) => {
@@ -43,12 +43,17 @@ function take(rows) {
 async function detail({ name }) {
   const said = await call("GET", path_of(name), null, true);
   if (!said.ok || name !== told.chosen) return;
-  const { file, line, column } = said.body.check.result;
-  const at = `line=${line}&column=${column ?? 0}&file=${encodeURIComponent(file ?? "")}`;
-  const place = line ? await call("GET", `${path_of(name)}/around?${at}`, null, true) : null;
+  const { file = "", line, column = 0, called_at } = said.body.check.result;
+  const [around, calls] = await Promise.all([lines_around(name, file, line, column), lines_around(name, "", called_at, 1)]);
   if (name !== told.chosen) return;
-  Object.assign(told, { one: said.body, around: place?.body.lines ?? [] });
+  Object.assign(told, { one: said.body, around, calls });
   dx.draw();
+}
+
+async function lines_around(name, file, line, column) {
+  if (!line) return [];
+  const said = await call("GET", `${path_of(name)}/around?line=${line}&column=${column}&file=${encodeURIComponent(file)}`, null, true);
+  return said.body.lines ?? [];
 }
 
 function choose(row) {
@@ -218,7 +223,8 @@ function Refused({ check }) {
 const named = ({ file, ...result }) => file && file !== told.chosen ? `${file}:${result.line}: ${sentence(result)}` : sentence(result);
 const RefusedOne = ({ check: { verdict, result } }) => html`
   ${verdict ? html`<${Verdict} told=${verdict} />` : html`<${Wrong} text=${named(result)} />`}
-  ${told.around.length > 0 && html`<pre class="listing caret" id="programs-wrong" tabindex="0">${told.around.join("\n")}</pre>`}`;
+  ${told.around.length > 0 && html`<pre class="listing caret" id="programs-wrong" tabindex="0">${told.around.join("\n")}</pre>`}
+  ${told.calls.length > 0 && html`<p class="note">${word("called", result.file)}</p><pre class="listing caret" id="programs-calls" tabindex="0">${told.calls.join("\n")}</pre>`}`;
 
 const SHARES = ["velocity", "acceleration", "jerk"];
 const OVER = 1.005; // of a limit, as the panel has it
