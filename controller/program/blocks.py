@@ -134,7 +134,8 @@ def stream(
     if in_force is not None:
         in_force.add(0, given.state)
     system = OF_FANUC if machine.dialect == "fanuc" else range(0)
-    parameters = Parameters(given, machine.parameters, machine.kept, system)
+    left = given.state.parameters
+    parameters = Parameters(given, machine.parameters, machine.kept, system, left)
     limits = Limits(machine.call_levels, machine.program_passes, machine.without_point)
     common = CommonLines(machine, given)
     read = words.read(text, name, block_delete, parameters, limits, files, refused, common.take)
@@ -157,14 +158,17 @@ def _blocks(
 ) -> Iterator[CommonRun | Sequence[Block]]:
     """Blocks of lines; ``given`` has the state and the position between two of them."""
     saved, functions, note = Saved(machine), common.functions, in_force or InForce()
+    order = 0
     for line in ahead.items:
         if ahead.told:
             yield _said(ahead.told, given.state)
         if isinstance(line, CommonRun):
             if in_force is not None:
                 in_force.add_run(line, given.state)
+            order = line.blocks[-1].place.order
             yield line
             continue
+        order = line.order
         if (quick := common.read(line)) is not None:
             note.add(line.order, given.state)
             yield (quick,)
@@ -199,6 +203,7 @@ def _blocks(
             break
     if ahead.told:
         yield _said(ahead.told, given.state)
+    note.add(order, given.state._replace(parameters=parameters.to_leave()))
 
 
 def _behind(line: Line, state: State, machine: Machine, ahead: Upcoming) -> State:

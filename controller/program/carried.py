@@ -113,7 +113,7 @@ def after_program(state: State, machine: Machine) -> State:
         feed_mm_s=None,
     )
     left = left._replace(modal=modal, motion="G1", cycle=None, absolute=True, inverse=False, per_turn=False)
-    left = left._replace(turn_feed=None, feed_deg_s=None, turning=0)
+    left = left._replace(turn_feed=None, feed_deg_s=None, turning=0, parameters=())
     return left.with_origins(_default(left.origins), machine)
 
 
@@ -181,6 +181,6 @@ def _made(kind: Any, value: Any) -> Any:
 
 
 # What a state lacks that an earlier version has written: it is as by default.
-_LATER = {Cycle: ("mm_per_unit",)}
+_LATER = {Cycle: ("mm_per_unit",), State: ("parameters",)}
 # Resolved once: these name one another.
 _HINTS = {kind: get_type_hints(kind) for kind in (State, Modal, Origins, Plane, Cycle)}

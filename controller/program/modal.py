@@ -91,6 +91,7 @@ class State(NamedTuple):
     marks: int = 0  # stops between the steps of a tool changer, so far
     length_tool: int = 0  # H: the tool whose length G43 adds; 0 = none, or a length as written
     radius_tool: int = 0  # D: the tool by whose radius G41 and G42 keep off; 0 = the one in the spindle
+    parameters: tuple[tuple[str, float], ...] = ()  # that lines by hand have left, by number or name
 
     def time(self, ask: Ask, code: str, word: Word) -> float | None:
         """Seconds that a feed motion takes under G93, None under G94; ProgramError for G93 without F."""

@@ -8,6 +8,7 @@ nobody has set is 0, a name that nobody has set has no value (both as LinuxCNC).
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import Protocol
 
 Name = int | str
@@ -20,6 +21,7 @@ OF_PROBING = range(5061, 5071)  # of the last probing move: what a program sets 
 OF_SKIPS = range(5061, 5067)  # where the last probing move was: of both dialects
 OF_FANUC = range(1000, 5161)  # its system variables: alarms, clocks, modal codes, positions
 RETURNED = ("_value", "_value_returned")  # what the last sub gave back, and whether it did
+_BEGUN: Mapping[Name, float] = MappingProxyType({**dict.fromkeys(RETURNED, 0.0), SAYS_DEBUG: 1.0})
 
 
 class NoValue(Exception):
@@ -53,18 +55,24 @@ class Parameters:
         begun: Sequence[tuple[int, float]] = (),
         kept: Sequence[tuple[int, int]] = (),
         system: range = range(0),
+        left: Sequence[tuple[str, float]] = (),
     ) -> None:
         """``begun``: what earlier programs have left; ``kept``: numbers, from to, that later ones find.
 
         ``system``: numbers that another control means itself by, and that a program cannot use for that.
+        ``left``: of the lines by hand before this one, as ``to_leave`` has it.
         """
         self._system = system
         self._vacant = VACANT if system else range(0)
         self._own = OF_MACRO if system else ARGUMENTS
         self._given = given or Nothing()
-        self._global: dict[Name, float] = {**dict.fromkeys(RETURNED, 0.0), SAYS_DEBUG: 1.0, **dict(begun)}
+        self._global: dict[Name, float] = {**_BEGUN, **dict(begun)}
         self._kept, self._fresh = kept, dict[int, float]()
         self._locals: list[dict[Name, float]] = [{}]  # of the program, and of each sub that runs in it
+        for name, value in left:
+            key = int(name) if name.isdigit() else name
+            if not (isinstance(key, int) and self._is_kept(key)):
+                self._room(key)[key] = value
 
     @property
     def of_fanuc(self) -> bool:
@@ -131,6 +139,23 @@ class Parameters:
         """Those that later programs find and that were set since this was asked last."""
         found, self._fresh = self._fresh, {}
         return found
+
+    def to_leave(self) -> tuple[tuple[str, float], ...]:
+        """What a line by hand leaves to the next one: what it has set and probed, but for what is kept for
+        good."""
+        probed: dict[Name, float] = {key: value for key in OF_PROBING if (value := self._probed(key))}
+        values = {**probed, **self._global, **self._locals[0]}
+        return tuple(
+            (str(key), value)
+            for key, value in values.items()
+            if not (isinstance(key, int) and self._is_kept(key)) and value != _BEGUN.get(key)
+        )
+
+    def _probed(self, key: int) -> float | None:
+        try:
+            return self._given.value(key)
+        except NoValue:
+            return None
 
     def enter(self, arguments: Sequence[float]) -> None:
         """A sub begins: its #1 to #30 are its arguments, those that are missing 0."""

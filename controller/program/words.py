@@ -137,7 +137,7 @@ class _Scan:
                 return None
             self._opened = True
             words = _Words(text, name, number, self.parameters).words()
-            self.found |= bool(words)
+            self.found |= bool(words) or "#" in text
         kept = self.parameters.fresh() if "#" in text else {}
         line = self._saying(Line(name, number, words), raw) if words or kept or "," in raw else None
         if line is not None:

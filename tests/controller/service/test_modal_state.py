@@ -7,6 +7,7 @@ import pickle
 from dataclasses import replace
 
 import pytest
+from support.machines.lines_by_hand import ByHand
 
 from controller.ipc.handoff import Snapshot, blank
 from controller.machine import machine_file
@@ -14,6 +15,8 @@ from controller.machine.model import Machine
 from controller.program import blocks, carried, modal
 from controller.program.carried import InForce
 from controller.program.modal import State
+from controller.runtime.plan_messages import Program
+from controller.service import jobs
 from controller.service.active_codes import active_codes
 from controller.service.modal_state import ModalState
 
@@ -127,3 +130,44 @@ def test_the_state_of_every_common_line_is_noted(program: str, machine: Machine)
     motions = {1: "G0", 2: "G1", 3: "G1", 4: "G0", 5: "G0", 6: "G1", 7: "G1", 8: "G1"}
     assert [m for m, _ in shown] == [motions[block.place.line] for block in read]
     assert [m for _, m in shown] == [block.modal for block in read]
+
+
+def test_a_length_that_a_line_writes_to_the_table_is_in_force_from_the_next_g43_on(machine: Machine) -> None:
+    hand = ByHand(machine)
+    for line in ("G43 H2", "G0 Z5", "G10 L1 P2 Z70"):
+        hand.type(line)
+    before = hand.state.modal.length_mm
+    assert before == machine.tools[1].length_mm and hand.machine.tools[1].length_mm == 70.0
+    hand.type("G43 H2")
+    assert hand.state.modal.length_mm == 70.0
+
+
+def test_the_length_of_the_sister_that_is_in_the_spindle_is_in_force_for_the_next_line(
+    machine: Machine,
+) -> None:
+    """T2 is worn, and T3 comes in its place."""
+    hand = ByHand(replace(machine, sisters=((2, 3),)))
+    for line in ("T2 M6", "G43 H2", "G91"):
+        hand.type(line)
+    lengths = [tool.length_mm for tool in machine.tools[1:3]]
+    assert (hand.tool, hand.state.modal.length_mm) == (3, lengths[1]) and lengths[0] != lengths[1]
+
+
+def test_parameters_hold_for_the_lines_that_follow_and_for_no_program(machine: Machine) -> None:
+    hand = ByHand(machine)
+    for line in ("#1=5", "#<_far>=#1 #2=[#1*2]", "G0 X#1 Y#<_far>", "G0 X[#1+#2]"):
+        hand.type(line)
+    assert (hand.work["X"], hand.work["Y"]) == (15.0, 5.0)
+    keeps = replace(hand.machine, start_state="keep")
+    program, line = (replace(jobs.mdi("G0 X#1", keeps), program=p) for p in _programs(keeps))
+    begun = [hand.modal.begin_of(job, hand.now, keeps, 1) for job in (program, line)]
+    assert [state is not None and len(state.parameters) for state in begun] == [0, 3]
+    assert begun[1] is not None
+    plain = json.loads(json.dumps(carried.to_json(begun[1])))
+    assert carried.from_json(plain).parameters == begun[1].parameters, "a record has them"
+    del plain["parameters"]
+    assert carried.from_json(plain).parameters == (), "an earlier version has written none"
+
+
+def _programs(machine: Machine) -> tuple[Program, Program]:
+    return Program(b"G0 X#1", "p", machine), Program(b"G0 X#1", "MDI", machine, typed=True)

@@ -12,7 +12,7 @@ import os
 import re
 import shutil
 import subprocess
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -26,6 +26,7 @@ from controller.program import blocks
 from controller.program.position import homed
 from controller.program.program import ProgramError
 
+SLOWEST = 0.1  # rs274 makes no feed of G93 slower
 ROUND = 3e-3  # rs274 prints four decimals, of inches where the program is in them
 _CALL = re.compile(r"N(?:\d+|\.+)\s*([A-Z][A-Z0-9_]*)\((.*)\)$")  # no gap behind numbers of six digits
 _PLACES = ("STRAIGHT_TRAVERSE", "STRAIGHT_FEED")
@@ -110,6 +111,72 @@ def run(text: str, folder: Path, *options: str, tools: str = "") -> subprocess.C
     return subprocess.run(command, cwd=folder, env=apart, capture_output=True, text=True, timeout=60)
 
 
+# What a line leaves in force, by the parameters in which the interpreter has it.
+_ASKED = {
+    "codes": "plane motion_mode coord_system ccomp absolute metric inverse_time units_per_rev",
+    "more": "retract_r_plane spindle_on spindle_cw mist flood feed_override tool_offset rpm",
+    "tool": "current_tool feed",
+}
+_PLACE = "(PRINT,@place #5420 #5421 #5422 #5423 #5425)\n"  # of X Y Z A C, in the unit in force
+_ASK = _PLACE + "".join(
+    f"(PRINT,@{row} {' '.join(f'#<_{name}>' for name in names.split())})\n" for row, names in _ASKED.items()
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Left:
+    """What the reference has in force after a line; ``moves``: all up to there."""
+
+    codes: frozenset[str]  # of the groups that both have
+    feed: float | None  # mm (degrees) a minute; None: under G93, where it is of its line, and where none is
+    speed: float
+    tool: int
+    places: tuple[float, ...]  # X Y Z A C as a program reads them, in the unit in force
+    moves: list[Move]
+
+
+def after_each(lines: Sequence[str], folder: Path, on: Machine) -> tuple[list[Left], str]:
+    """After each line of a program; and why it was refused then."""
+    text = "".join(f"{line}\n{_ASK}(PRINT,@end)\n" for line in lines)
+    told = with_tools(text + "M2\n", folder, on)
+    canon, moves, asked, left = _Canon(on), list[Move](), dict[str, float](), list[Left]()
+    for line in told.stdout.splitlines():
+        row, _, values = line.partition(" ")
+        if row == "@end":
+            left.append(_left(asked, canon.feed, _moving(moves)))
+        elif row.startswith("@"):
+            names = _ASKED[row[1:]].split() if row[1:] in _ASKED else "XYZAC"
+            asked |= dict(zip(names, map(float, values.split()), strict=True))
+        else:
+            moves += canon.moves([line])
+    refused = told.stderr.partition("executing")[2].strip()[-300:] if told.returncode else ""
+    return left, refused
+
+
+def _left(asked: Mapping[str, float], feed: float, moves: list[Move]) -> Left:
+    def either(name: str, on: str, off: str) -> str:
+        return on if asked[name] else off
+
+    numbered = {f"G{asked[name] / 10.0:g}" for name in ("plane", "coord_system", "ccomp")}
+    motion = asked["motion_mode"]
+    switched = {
+        "G80" if motion < 0.0 else f"G{motion / 10.0:g}",
+        either("absolute", "G90", "G91"),
+        either("metric", "G21", "G20"),
+        "G93" if asked["inverse_time"] else either("units_per_rev", "G95", "G94"),
+        either("retract_r_plane", "G99", "G98"),
+        either("spindle_cw", "M3", "M4") if asked["spindle_on"] else "M5",
+        ("M9", "M7", "M8", "M7 M8")[int(asked["mist"] + 2 * asked["flood"])],
+        either("feed_override", "M48", "M49"),
+        either("tool_offset", "G43", "G49"),
+    }
+    known = feed if asked["feed"] and not asked["inverse_time"] else None
+    places = tuple(asked[letter] for letter in "XYZAC")
+    return Left(
+        frozenset(numbered | switched), known, asked["rpm"], int(asked["current_tool"]), places, moves
+    )
+
+
 def reference(text: str, folder: Path, on: Machine) -> Reading:
     """What the interpreter of LinuxCNC says of a program, run in ``folder``."""
     told = with_tools(text, folder, on)
@@ -141,7 +208,7 @@ class _Canon:
 
     def __init__(self, on: Machine) -> None:
         self._rotaries = ["ABC".index(on.axes[i].name) for i in on.rotary()]
-        self.unit, self.turn, self.feed = 1.0, 0.0, 0.0
+        self.unit, self.turn, self.feed, self.slowest = 1.0, 0.0, 0.0, False
         self.offset, self.shift, self.length = [0.0] * 6, [0.0] * 6, 0.0
         self.plane = "CANON_PLANE_XY"
         self.place = [0.0] * 6  # program coordinates, canonical units
@@ -175,13 +242,13 @@ class _Canon:
         elif name == "USE_TOOL_LENGTH_OFFSET":
             self.length = numbers[2] * self.unit
         elif name == "SET_FEED_RATE":
-            self.feed = numbers[0] * self.unit
+            self.feed, self.slowest = numbers[0] * self.unit, numbers[0] <= SLOWEST
         elif name == "SELECT_PLANE":
             self.plane = told
 
     def _feed(self, name: str, turns: bool = False) -> float | None:
         """A minute; None where X Y Z stand to four decimals: whether degrees count is not to be seen."""
-        return None if name != "STRAIGHT_FEED" or turns else self.feed
+        return None if name != "STRAIGHT_FEED" or turns or self.slowest else self.feed
 
     def _arc(self, numbers: list[float]) -> None:
         first, second, _, _, _, along = numbers[:6]
