@@ -25,7 +25,7 @@ import typer  # noqa: E402
 from typer.core import TyperGroup  # noqa: E402
 
 from controller import messages, one_thread  # noqa: E402
-from controller.cli import declarations, help_texts, speech  # noqa: E402
+from controller.cli import declarations, help_texts, speech, usage_errors  # noqa: E402
 from controller.commands.table import ALL  # noqa: E402
 from controller.version import VERSION  # noqa: E402
 
@@ -78,12 +78,19 @@ class Commands(TyperGroup):
 
     def format_help(self, ctx: Any, formatter: Any) -> None:
         help_texts.put_own(self)
+        help_texts.put_frame(self, messages.of(self._language).texts)
         super().format_help(ctx, formatter)
+
+    def make_context(self, info_name: str | None, args: list[str], parent: Any = None, **extra: Any) -> Any:
+        self._language = help_texts.language(args)
+        with usage_errors.told_in(self._language):
+            return super().make_context(info_name, args, parent, **extra)
 
     def invoke(self, ctx: Any) -> Any:
         """A command that is ended by Ctrl-C ends so with every typer that there is."""
         try:
-            return super().invoke(ctx)
+            with usage_errors.told_in(self._language):
+                return super().invoke(ctx)
         except KeyboardInterrupt:
             raise typer.Exit(ENDED_CODE) from None
 
@@ -143,7 +150,6 @@ def _bare(holder: typer.Typer) -> None:
 
 
 app = typer.Typer(cls=Commands, no_args_is_help=True, pretty_exceptions_enable=False)
-USAGE: Any = typer.BadParameter.__mro__[1]  # click's UsageError, wherever this typer keeps it
 
 
 def _version(asked: bool) -> None:
@@ -190,7 +196,7 @@ def main() -> None:
         code = app(standalone_mode=not as_json)
     except SystemExit as ended:
         code = ended.code
-    except USAGE as error:
+    except usage_errors.USAGE as error:
         sentence = _text("cli.usage", why=error.format_message().rstrip("."))
         print(json.dumps({"ok": False, "error": sentence}))
         sys.exit(2)

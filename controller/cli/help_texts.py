@@ -11,6 +11,7 @@ from __future__ import annotations
 import os
 import sys
 import tempfile
+from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -18,16 +19,15 @@ from typing import Any
 import typer
 
 from controller import messages
-from controller.cli import declarations
 
 ENVIRONMENT = "DIRECTRIX_LANGUAGE"
 # Where simulated drives have their bus if nothing is said; a constant, for help imports nothing that works.
 CHANNEL = Path(tempfile.gettempdir()) / "directrix-can"
 
 
-def language() -> str:
-    """That help is read in: of --language on this command line, else of the environment."""
-    words = [word for one in sys.argv for word in one.split("=", 1)]
+def language(line: Sequence[str] | None = None) -> str:
+    """That help is read in: of --language on a command line, this process' own, else of the environment."""
+    words = [word for one in (sys.argv if line is None else line) for word in one.split("=", 1)]
     asked = [word for option, word in pairwise(words) if option == "--language"]
     return messages.chosen(*asked[-1:], os.environ.get(ENVIRONMENT, ""))
 
@@ -51,11 +51,22 @@ def put_own(command: Any, path: str = "") -> None:
     panel = getattr(command, "rich_help_panel", None)
     if isinstance(panel, str):
         command.rich_help_panel = texts.get(panel, panel)
-    if declarations.is_shown() and language() != messages.DEFAULT:
-        _put_frame(command, texts)
+    if language() != messages.DEFAULT:
+        _frame_when_shown(command, texts)
 
 
-def _put_frame(command: Any, texts: dict[str, str]) -> None:
+def _frame_when_shown(command: Any, texts: dict[str, str]) -> None:
+    """The frame needs what help is made of, which no other command is to wait for."""
+    shown = type(command).format_help
+
+    def format_help(ctx: Any, formatter: Any) -> None:
+        put_frame(command, texts)
+        shown(command, ctx, formatter)
+
+    command.format_help = format_help
+
+
+def put_frame(command: Any, texts: dict[str, str]) -> None:
     """What typer says around the texts, which has only English."""
     from typer import rich_utils  # of which help is made
 
@@ -71,6 +82,10 @@ def _put_frame(command: Any, texts: dict[str, str]) -> None:
     option = command.get_help_option(typer.Context(command))
     if option is not None:
         option.help = frame["help"]
+
+    command.options_metavar = f"[{frame['options_place']}]"
+    if hasattr(command, "subcommand_metavar"):
+        command.subcommand_metavar = frame["commands_place"]
 
     def format_usage(ctx: Any, formatter: Any) -> None:
         pieces = " ".join(command.collect_usage_pieces(ctx))

@@ -32,6 +32,7 @@ from controller.geometry.surfaces import Cone, RuledSurface, Surface
 from controller.geometry.vectors import Pose, Vector, angle_between, dot, norm, subtract
 from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Machine
+from controller.messages import said, text
 from controller.motion.motions import SurfaceCut
 from controller.values import dataclass
 
@@ -114,8 +115,11 @@ class PaperComparison:
     parts: tuple[Part, ...]
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain lists, dicts and numbers, for JSON."""
-        return asdict(self)
+        """Plain lists, dicts and numbers, for JSON; in English, as names of what was computed."""
+        found = asdict(self)
+        for row in (*found["methods"], *found["parts"]):
+            row |= {key: text(said(row[key])) for key in ("name", "note") if key in row}
+        return found
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,18 +163,18 @@ def compare(machine: Machine, progress: Callable[[float], None] = lambda _: None
     ``progress`` gets the share that is done.
     """
     bench = _Bench(machine)
-    chords = bench.method("22 chords", "orientation", None, bench.chords(), Printed(0.01, 0.016, 43.0))
+    chords = bench.method("paper.chords", "orientation", None, bench.chords(), Printed(0.01, 0.016, 43.0))
     stepped = bench.first_order(PAPER_PERIOD_S)
     printed = Printed(None, 0.00018, 0.49)
     methods = [
         chords,
-        bench.method("Eq. 3 step", "orientation", PAPER_PERIOD_S, bench.oriented(stepped), printed),
-        bench.method("Eq. 3 step", "joints", PAPER_PERIOD_S, bench.jointed(stepped, PAPER_PERIOD_S), printed),
+        bench.method("paper.step", "orientation", PAPER_PERIOD_S, bench.oriented(stepped), printed),
+        bench.method("paper.step", "joints", PAPER_PERIOD_S, bench.jointed(stepped, PAPER_PERIOD_S), printed),
     ]
     for k, period_s in enumerate(OUR_PERIODS_S):
         progress((k + 1) / (len(OUR_PERIODS_S) + 2))
         run = bench.jointed(bench.even(period_s), period_s)
-        methods.append(bench.method("arc length", "joints", period_s, run, None))
+        methods.append(bench.method("paper.arc_length", "joints", period_s, run, None))
     return PaperComparison(bench.cut.end, FEED_MM_S, tuple(methods), _parts())
 
 
@@ -179,8 +183,8 @@ def at_period(machine: Machine, period_s: float) -> tuple[Method, Method]:
     bench = _Bench(machine)
     ours, theirs = (bench.jointed(s, period_s) for s in (bench.even(period_s), bench.first_order(period_s)))
     return (
-        bench.method("arc length", "joints", period_s, ours, None),
-        bench.method("Eq. 3 step", "joints", period_s, theirs, None),
+        bench.method("paper.arc_length", "joints", period_s, ours, None),
+        bench.method("paper.step", "joints", period_s, theirs, None),
     )
 
 
@@ -340,9 +344,9 @@ def _whole(v: Vector, like: Array) -> Vector:
 def _parts() -> tuple[Part, ...]:
     slow, fast = "f10000", "f100000"
     return (
-        _part("Example 1, cone", example_1(), fast, 1000.0, 65.0, "feed as printed"),
-        _part("Example 1, cone", example_1(), slow, 100.0, 65.0, "feed that fits the report"),
-        _part("Example 2, ruled", example_2(), slow, 100.0, 60.0, "feed as printed"),
+        _part("paper.example_1", example_1(), fast, 1000.0, 65.0, "paper.as_printed"),
+        _part("paper.example_1", example_1(), slow, 100.0, 65.0, "paper.as_reported"),
+        _part("paper.example_2", example_2(), slow, 100.0, 60.0, "paper.as_printed"),
     )
 
 

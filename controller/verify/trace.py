@@ -29,6 +29,7 @@ from controller.ipc.handoff import COLUMN, of_axes, rows_of
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Machine
 from controller.machine.plain import plain
+from controller.messages import TextError, said
 from controller.motion.motions import Motion, SurfaceCut
 from controller.state.modes import MAX_AXES, Mode
 from controller.values import dataclass
@@ -50,6 +51,10 @@ class HasMotion(Protocol):
 
     @property
     def motion(self) -> Motion: ...
+
+
+class TraceError(TextError, ValueError):
+    """A file is no trace, or none of this machine: which, and why."""
 
 
 class Setup(NamedTuple):
@@ -100,11 +105,11 @@ def _write(file: BinaryIO, values: Mapping[str, Any]) -> None:
 
 
 def load(path: str | Path) -> Trace:
-    """Read a trace file; ValueError with a sentence when a field is missing."""
+    """Read a trace file; TraceError when a field is missing."""
     with np.load(path, allow_pickle=False) as file:
         names = {field.name for field in fields(Trace)}
         if missing := sorted(names - set(file.files)):
-            raise ValueError(f"{path} is not a trace: it has no {', '.join(missing)}.")
+            raise TraceError(said("trace.none", path=path, missing=", ".join(missing)))
         values = {name: file[name] for name in names}
     values |= {"axes": tuple(map(str, values["axes"])), "machine": str(values["machine"])}
     return Trace(**(values | {"period_s": float(values["period_s"])}))
@@ -118,12 +123,12 @@ def of_recording(path: str | Path, machine: Machine, kinematics: Kinematics) -> 
     """
     with np.load(path, allow_pickle=False) as file:
         if missing := sorted({"columns", "rows", "period_s"} - set(file.files)):
-            raise ValueError(f"{path} is no recording: it has no {', '.join(missing)}.")
+            raise TraceError(said("trace.no_recording", path=path, missing=", ".join(missing)))
         columns, rows, period_s = tuple(map(str, file["columns"])), file["rows"], float(file["period_s"])
     if not set(columns) >= _NEEDED:
-        raise ValueError(f"{path} was recorded by another version of Directrix")
+        raise TraceError(said("trace.other_version", path=path))
     if period_s != machine.period_s:
-        raise ValueError(f"{path} has a period of {period_s:g} s, the machine {machine.period_s:g} s")
+        raise TraceError(said("trace.other_period", path=path, found=period_s, machine=machine.period_s))
     rows = rows_of(columns, rows)
     first_tick = int(rows[0, COLUMN["tick"]]) if len(rows) else 0
     return from_rows(rows, machine, kinematics, {}, first_tick=first_tick)

@@ -104,7 +104,8 @@ def phrases(tree: ast.AST) -> Iterator[tuple[int, str]]:
 
 
 # Rooms without any phrase, and what looks like one in them and is read by no person as a sentence.
-BARE = (DRIVES,)
+VERIFY = CONTROLLER / "verify"
+BARE = (DRIVES, VERIFY, CONTROLLER / "cli" / "usage_errors.py")
 NOT_READ = {
     ("dcf.py", "Set-up of node "),  # in files: data sheets are English
     ("sheet.py", "Number of entries"),
@@ -118,6 +119,11 @@ NOT_READ = {
     ("fault_kinds.py", "at sync "),  # the grammar of a script of faults
     ("fault_grammar.py", "sync, rpdo 3, tpdo 3, heartbeat 3, emcy 3"),
     ("cia402.py", "quick stop"),  # a value of an enumeration
+    *((file, place) for file in ("bus_picture.py", "plots.py") for place in ("upper left", "lower right")),
+    ("check_picture.py", "lower center"),  # of a legend
+    ("fits.py", "bull nose"),  # of JSON
+    *(("forms.py", name) for name in ("lead in", "lead out")),  # by which texts are looked up
+    *((file, name) for file in ("gouges.py", "looks.py") for name in ("own cut", "other motion")),
     ("values.py", " is made_here else "),  # code
 }
 

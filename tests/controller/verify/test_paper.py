@@ -21,11 +21,11 @@ def comparison() -> PaperComparison:
 
 
 def ours(comparison: PaperComparison, period_s: float) -> Method:
-    return next(m for m in comparison.methods if m.name == "arc length" and m.period_s == period_s)
+    return next(m for m in comparison.methods if m.name == "paper.arc_length" and m.period_s == period_s)
 
 
 def step(comparison: PaperComparison, between: str) -> Method:
-    return next(m for m in comparison.methods if m.name == "Eq. 3 step" and m.between_samples == between)
+    return next(m for m in comparison.methods if m.name == "paper.step" and m.between_samples == between)
 
 
 def test_the_corrected_eq_7_is_a_frustum_like_surface_of_the_length_in_slip_1(comparison):
