@@ -119,16 +119,17 @@ def _measured(
         if running and not echoes:
             raise Misunderstood(_say("nothing_measured"))
         if running:
-            found = Measured(machine.period_s, host.core)
+            found, before = Measured(machine.period_s, host.core), host.tick_faults()
             host_measure.listen(found, seconds, echoes, progress)
-            found.tick = self_test.asked(state)
+            found.tick, after = self_test.asked(state), host.tick_faults()
+            found.minor_faults, found.major_faults = after[0] - before[0], after[1] - before[1]
             return found
         if send_sync and not host_measure.is_silent(echoes):
             raise Misunderstood(_say("another_sync"))
         senders = [
             ending.enter_context(contextlib.closing(bus.open(one, ()))) for one in buses if one.name in echoes
         ]
-        found = Measured(machine.period_s, next(iter(host.permitted(host.isolated)), None))
+        found = Measured(machine.period_s, host.core_for(wake_ups.may_be_real_time()))
         host_measure.run(found, seconds, echoes, senders, progress)
         return found
 

@@ -74,8 +74,8 @@ def _how(measured: Measured) -> str:
         tick = measured.tick
         figures = {"ticks": tick["number"], "skips": tick["skips"], "worst": 1e3 * tick["late_max_ms"]}
         told.append(_say("of_tick", **figures))
+    told.append(_say("faults", minor=measured.minor_faults, major=measured.major_faults))
     if measured.late.count:
-        told.append(_say("faults", minor=measured.minor_faults, major=measured.major_faults))
         told.append(_say("real_time" if measured.real_time else "no_real_time"))
     if not measured.whole:
         told.append(_say("ended"))

@@ -17,7 +17,7 @@ from controller.values import dataclass
 
 TICK_NAME = "directrix-tick"  # as `ps` shows it
 CAN_TYPE = "280"  # of an interface, ARPHRD_CAN
-PRIORITY, POLICY = 37, 38  # columns of /proc/PID/stat behind the name
+MINOR, MAJOR, PRIORITY, POLICY = 7, 9, 37, 38  # columns of /proc/PID/stat behind the name
 FIFO = "1"  # SCHED_FIFO there
 CPU = "sys/devices/system/cpu"
 GRUB_FILE = "/etc/default/grub.d/directrix.cfg"
@@ -96,6 +96,15 @@ class Host:
         if self.tick is not None and len(self.tick_cores) == 1:
             return self.tick_cores[0]
         return next(iter(cores.choice(self.online, self.isolated, real_time=True)), None)
+
+    def core_for(self, real_time: bool) -> int | None:
+        """That a tick would take here; None where it may have none, or takes none."""
+        return next(iter(self.permitted(cores.choice(self.online, self.isolated, real_time))), None)
+
+    def tick_faults(self) -> tuple[int, int]:
+        """Page faults of a running tick since its start: without the disk, and with it."""
+        row = self.text(f"proc/{self.tick}/stat").rpartition(")")[2].split()
+        return (int(row[MINOR]), int(row[MAJOR])) if len(row) > MAJOR else (0, 0)
 
     def siblings(self) -> list[int]:
         """Cores that are the same piece of silicon as the tick's, itself among them."""

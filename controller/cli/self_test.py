@@ -78,7 +78,7 @@ def kept(tick: dict[str, float]) -> Line:
 
 def _latency(period_s: float, seconds: float, host: Host) -> Line:
     late = wake_ups.Histogram()
-    given = wake_ups.turn(period_s, seconds, late, next(iter(host.permitted(host.isolated)), None))
+    given = wake_ups.turn(period_s, seconds, late, host.core_for(wake_ups.may_be_real_time()))
     return latency_line(late, period_s, given.real_time)
 
 

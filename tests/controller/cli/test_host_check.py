@@ -191,6 +191,13 @@ def test_a_running_tick_without_its_rights_is_found(tmp_path: Path) -> None:
     assert failed == {"own core", "privileges", "locked memory", "deep sleep"}
 
 
+def test_what_is_measured_is_the_core_that_the_tick_would_take(tmp_path: Path) -> None:
+    alone, shared = computers.industrial(tmp_path / "a"), computers.laptop(tmp_path / "b")
+    assert Host(alone).core_for(real_time=False) == Host(alone).core_for(real_time=True) == 3
+    assert Host(shared).core_for(real_time=True) == 7 and Host(shared).core_for(real_time=False) is None
+    assert Host(alone, permitted=lambda _: []).core_for(real_time=True) is None
+
+
 def test_on_the_only_core_there_is_none_for_the_tick(tmp_path: Path) -> None:
     root = computers.build(computers.virtual(tmp_path), {f"{computers.CPU}/online": "0"})
     found = look(root)

@@ -368,6 +368,8 @@ def test_beside_a_running_machine_its_syncs_are_heard_and_nothing_else_is_done(
 ) -> None:
     computers.with_tick(no_tick, "3", 80, 1)
     heard["main"] = Heard(each=1000)
+    faults = iter([(100, 7), (105, 8)])
+    monkeypatch.setattr(Host, "tick_faults", lambda _: next(faults))
     tick = {"number": 9000, "skips": 0, "late_max_ms": 0.1, "period_ms": 1.0}
     monkeypatch.setattr(self_test, "asked", lambda _: tick)
     report = tmp_path / "a.html"
@@ -376,6 +378,7 @@ def test_beside_a_running_machine_its_syncs_are_heard_and_nothing_else_is_done(
     assert done.exit_code == 0 and fake_turns == [] and told["sync_from"] == "tick"
     assert [(one["kind"], one["bus"], one["count"]) for one in told["measured"]] == [("sync", "main", 3000)]
     assert "9000 ticks, 0 left out" in report.read_text()
+    assert (told["minor_faults"], told["major_faults"]) == (5, 1)
 
 
 def test_a_running_machine_without_such_a_bus_leaves_nothing_to_measure(

@@ -136,6 +136,10 @@ def test_a_running_tick_is_asked_for_its_priority(priority: int, passed: bool, t
     assert line.passed is passed and str(priority) in line.found
 
 
+def test_page_faults_of_a_running_tick_are_told(tmp_path: Path) -> None:
+    assert Host(computers.with_tick(tmp_path, "3", 80, 1)).tick_faults() == (4096, 12)
+
+
 def test_only_a_clock_that_is_read_quickly_passes(tmp_path: Path) -> None:
     folder = "sys/devices/system/clocksource/clocksource0"
     files = {f"{folder}/current_clocksource": "hpet", f"{folder}/available_clocksource": "tsc hpet"}

@@ -220,6 +220,7 @@ def container(root: Path) -> Path:
 def with_tick(root: Path, cores: str, priority: int, locked_kb: int, awake: bool = True) -> Path:
     """The same with a tick that runs."""
     columns = ["0"] * 50
+    columns[7], columns[9] = "4096", "12"
     columns[37], columns[38] = str(priority), "1" if priority else "0"
     files = {
         f"proc/{TICK}/comm": "directrix-tick",
