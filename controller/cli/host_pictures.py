@@ -47,7 +47,8 @@ def histogram(names: Sequence[str], counts: Sequence[Histogram], limit_s: float)
     most = max(one.count for one in counts)
     axes = Axes(1.0, BEYOND_US, -0.5, max(math.ceil(math.log10(most + 1)), 1), is_log=True)
     parts = [*_decades(axes), *(_x_mark(axes, 10.0**n, f"{10**n}") for n in range(5))]
-    parts.append(_limit(axes.x(1e6 * limit_s), axes.x(1e6 * limit_s), TOP, HEIGHT - BOTTOM))
+    at = axes.x(1e6 * limit_s)
+    parts += [_limit(at, at, TOP, HEIGHT - BOTTOM), _text(at - 6, TOP + 14, _say("limit"), "end")]
     for n, (name, one) in enumerate(zip(names, counts, strict=True)):
         classes = [(low, min(high, BEYOND_US), count) for low, high, count in one.classes(PER_DECADE)]
         points = [(axes.x(at), axes.y(count)) for low, high, count in classes for at in (low, high)]
@@ -65,7 +66,7 @@ def course(turns: Sequence[Turn], limit_s: float) -> str:
     marks = [step * n for n in range(math.floor(axes.right / step) + 1)]
     parts = [*_decades(axes), *(_x_mark(axes, one, f"{one:g}") for one in marks)]
     at = axes.y(1e6 * limit_s)
-    parts.append(_limit(LEFT, WIDTH - RIGHT, at, at))
+    parts += [_limit(LEFT, WIDTH - RIGHT, at, at), _text(LEFT + 6, at - 5, _say("limit"), "start")]
     points = [(axes.x(one.ended_s / 60.0), axes.y(us)) for one, us in zip(turns, worst, strict=True)]
     parts += _curve(0, _say("worst"), points)
     parts.append(_words_below(_say("minutes")))

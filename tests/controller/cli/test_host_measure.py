@@ -230,7 +230,7 @@ def test_the_page_is_whole_and_needs_no_other_file(
     read.feed(text)
     assert not read.open and ("html", "lang", language) in read.attributes
     assert not [one for one in read.attributes if one[1] in ("src", "href") or one[0] in ("script", "link")]
-    assert text.count("<svg") == 2 and text.count("<polyline") == 4
+    assert text.count("<svg") == 2 and text.count("<polyline") == 4 and text.count('class="limit"') == 2
     assert "url(" not in text and "<table>" in text
 
 
