@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+import signal
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
@@ -113,6 +114,10 @@ def _measured(
     if send_sync and running:
         raise Misunderstood(_say("it_runs"))
     with contextlib.ExitStack() as ending:
+        before_term = signal.signal(
+            signal.SIGTERM, signal.default_int_handler
+        )  # as Ctrl-C: the page is written
+        ending.callback(signal.signal, signal.SIGTERM, before_term)
         progress = ending.enter_context(bar(say("cli.bar.measuring"), quiet))
         heard = buses if running or send_sync else ()
         echoes = ending.enter_context(wake_ups.echoes_of(heard, machine.period_s))

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import getpass
 import json
+import os
 import re
+import signal
 import socket
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -289,6 +291,25 @@ def test_its_exit_code_is_whether_the_period_is_held(
     )
     assert done.exit_code == code, done.output
     assert max(map(len, done.stdout.splitlines())) <= 80
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_whoever_ends_it_gets_the_page_of_what_was_measured(
+    number: signal.Signals, no_tick: Path, tmp_path: Path, fake_turns: list[str], monkeypatch: Any
+) -> None:
+    def turn(period_s: float, seconds: float, into: Histogram, cpu: int | None) -> Given:
+        quick(seconds, into)
+        os.kill(os.getpid(), number)
+        return Given(True)
+
+    monkeypatch.setattr(wake_ups, "turn", turn)
+    before = signal.getsignal(signal.SIGTERM)
+    report = tmp_path / "a.html"
+    done = invoke("--hours", "8", "--period-ms", "1", "--report", str(report))
+    told = json.loads(done.stdout)
+    assert done.exit_code == 0 and not told["whole"] and told["measured"][0]["count"] > 0
+    assert "ended before its time" in report.read_text()
+    assert signal.getsignal(signal.SIGTERM) == before
 
 
 USAGE = [
