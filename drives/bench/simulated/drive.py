@@ -34,6 +34,7 @@ FEEDBACK: Final = Struct("<IB3xHi2x")
 LATEST_PERIODS = 2.5  # drives with an interpolation time-out act this long after the last SYNC
 QUIET_PERIODS = 4.0  # without SYNC after which the others live on by their own clock
 MAX_CATCH_UP = 500  # periods made up for after a long silence; by then every ramp has ended
+TARGET = key(0x607A)
 OFFSETS = (key(0x60B0), key(0x60B1), key(0x60B2))
 
 
@@ -56,6 +57,7 @@ class SimulatedDrive(Device):
         self.axis = Axis(self, self.emergencies, self._alive, self._faulted)
         self.inputs = Inputs(self.axis)
         publish(self.axis)
+        self.process.taken = self._taken
         self.dictionary.readers[key(0x2000)] = lambda: self.lost_syncs
         self.dictionary.writers[key(0x2001)] = lambda code: self.inject(code, self.now_s)
         self.configure()
@@ -200,6 +202,18 @@ class SimulatedDrive(Device):
             self._received = frame
             if self._deadline is not None:
                 self.process.watch(self._deadline, now_s)
+
+    def _taken(self, used: Pdo, now_s: float) -> None:
+        """A target that does not wait for SYNC: what is left of this period leads towards it already."""
+        axis = self.axis
+        left = 1.0 - (now_s - self._sync_s) / axis.period_s
+        if (
+            left > 0.0
+            and axis.cyclic
+            and axis.follows
+            and any(where == TARGET for where, _, _ in used.fields)
+        ):
+            axis.servo.end += left * (axis.target - axis.servo.end)
 
     # -- what a drive adds to a device
 

@@ -55,6 +55,7 @@ class ProcessData:
         self._incoming: list[Pdo] = []
         self._watched: list[Pdo] = []
         self.overdue: Callable[[float], None] = lambda _now_s: None  # an RPDO has missed its deadline
+        self.taken: Callable[[Pdo, float], None] = lambda _pdo, _now_s: None  # an RPDO was used at once
         self.latched: dict[int, tuple[Pdo, bytes]] = {}
         self._came_s: dict[int, float] = {}  # RPDOs with a deadline, by identifier
         self.window_s = 0.0  # 1007h: synchronous data count only so long after SYNC; 0 = always
@@ -189,6 +190,7 @@ class ProcessData:
         else:
             self._station.now_s = now_s
             pdo.take(self._dictionary, frame)
+            self.taken(pdo, now_s)
             self.look(now_s)
 
     def _in_window(self, pdo: Pdo, now_s: float) -> bool:

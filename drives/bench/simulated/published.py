@@ -18,7 +18,7 @@ MAX_TORQUE = 0x7FFF
 
 def publish(axis: Axis) -> None:
     """Bind an axis to its drive's dictionary."""
-    dictionary, servo, station, units = axis.dictionary, axis.servo, axis.station, axis.units
+    dictionary, servo, units = axis.dictionary, axis.servo, axis.units
     readers: dict[int, Callable[[], int]] = {
         0x6040: lambda: axis.controlword,
         0x6041: lambda: axis.statusword,
@@ -33,7 +33,7 @@ def publish(axis: Axis) -> None:
         0x60F4: lambda: units.told_position(servo.start - servo.position),
     }
     writers: dict[int, Callable[[int], None]] = {
-        0x6040: lambda word: axis.command(word, station.now_s),
+        0x6040: lambda word: _command(axis, word),
         0x607A: lambda target: axis.aim(units.increments(target)),
         0x6060: axis.ask_mode,
         0x6098: lambda method: _known_method(axis, method),
@@ -45,6 +45,12 @@ def publish(axis: Axis) -> None:
             dictionary.writers[where] = lambda _value: _standing(axis)
     for sub in (LOW, HIGH):
         dictionary.writers[key(RANGE_AT, sub)] = partial(_check_range, dictionary, sub)
+
+
+def _command(axis: Axis, word: int) -> None:
+    """A ramp does not begin anew with a controlword that asks for it again."""
+    if word != axis.controlword or axis.stops.leaving is None:
+        axis.command(word, axis.station.now_s)
 
 
 def _check_range(dictionary: Dictionary, sub: int, value: int) -> None:

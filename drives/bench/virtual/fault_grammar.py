@@ -32,6 +32,7 @@ NEEDS = {
     Action.LIMIT: "script.limit",
     Action.SWITCH: "script.switch",
     Action.MODE: "script.mode",
+    Action.WRITE: "script.write",
     Action.NMT: "script.nmt",
 }
 
@@ -119,6 +120,10 @@ def _with_value(injection: Injection, word: str, tokens: Iterator[str]) -> Injec
         return replace(injection, value=_whole(share.rstrip("%"), 1, 100, "to"))
     if word == "to" and action is Action.MODE:
         return replace(injection, value=_signed(next(tokens, ""), -128, 127, "to"))
+    if action is Action.WRITE and re.fullmatch(r"[0-9A-Fa-f]{4}:[0-9A-Fa-f]{2}", word):
+        return replace(injection, word=word.upper())
+    if word == "to" and action is Action.WRITE:
+        return replace(injection, value=_signed(next(tokens, ""), -(2**31), 2**32 - 1, "to"))
     if word == "at" and action is Action.LIMIT:
         return replace(injection, value=_signed(next(tokens, ""), -(2**31), 2**31 - 1, "at"))
     if word == "data" and action is Action.FOREIGN:
@@ -197,6 +202,7 @@ def _complete(injection: Injection) -> Injection:
         raise ScriptError(said("script.queue_full"))
     if action is Action.FALSIFY and not injection.mask:
         raise ScriptError(said("script.falsify"))
-    if action in NEEDS and injection.value is None and not injection.word:
+    lacks = action is Action.WRITE and (injection.value is None or not injection.word)
+    if lacks or (action in NEEDS and injection.value is None and not injection.word):
         raise ScriptError(said(NEEDS[action], words=", ".join(WORDS.get(action, ()))))
     return injection

@@ -36,6 +36,7 @@ class Action(Enum):
     LIMIT = "limit"
     SWITCH = "switch"
     MODE = "mode"
+    WRITE = "write"
     NMT = "nmt"
     FOREIGN = "foreign"
     SECOND = "second"
@@ -58,7 +59,7 @@ class Action(Enum):
     @property
     def lasts(self) -> bool:
         """Whether it can have an end ("for"), and not just happen."""
-        return self not in (Action.NODE_RESET, Action.MODE, Action.NMT, Action.SECOND)
+        return self not in (Action.NODE_RESET, Action.MODE, Action.WRITE, Action.NMT, Action.SECOND)
 
 
 _OF_FRAMES = frozenset(
@@ -93,8 +94,8 @@ class Injection:
     odds: float = 1.0  # for each frame
     byte: int = 0  # FALSIFY: which, and the bits to turn
     mask: int = 0
-    value: int | None = None  # WEAK: per cent; LIMIT: counts; MODE: 6060h
-    word: str = ""  # SWITCH: which end; NMT: the command
+    value: int | None = None  # WEAK: per cent; LIMIT: counts; MODE: 6060h; WRITE: what is written
+    word: str = ""  # SWITCH: which end; NMT: the command; WRITE: index and sub-index
     data: bytes = b""  # FOREIGN; empty = zeros
 
     def text(self) -> str:
@@ -116,10 +117,10 @@ class Injection:
 
     def _how(self) -> list[str]:
         """What some actions are told besides."""
-        before = {Action.WEAK: "to", Action.LIMIT: "at", Action.MODE: "to"}
-        words = [] if self.value is None else [before[self.action], str(self.value)]
+        before = {Action.WEAK: "to", Action.LIMIT: "at", Action.MODE: "to", Action.WRITE: "to"}
+        words = [self.word] if self.word else []
+        words += [] if self.value is None else [before[self.action], str(self.value)]
         words += ["%"] if self.action is Action.WEAK else []
-        words += [self.word] if self.word else []
         return words + (["data", self.data.hex().upper()] if self.data else [])
 
     def _target(self) -> str:

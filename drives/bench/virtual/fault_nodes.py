@@ -15,6 +15,7 @@ BABBLE_EVERY_S = 135e-6  # a frame of eight bytes at 1 Mbit/s, where the bus has
 FOREIGN_EVERY_S = 1e-3
 SDO_REQUEST = 0x600
 WRITE_ONE_BYTE = 0x2F  # expedited download (CiA 301, 7.2.4.3.3)
+WRITE_WHOLE = 0x22  # likewise; as many bytes as the object has
 MODES_OF_OPERATION = 0x6060
 NMT_COMMANDS = {"start": 0x01, "stop": 0x02, "preop": 0x80, "reset": 0x81, "reset_communication": 0x82}
 
@@ -77,6 +78,7 @@ class Nodes:
             Action.LIMIT: self._place_switch,
             Action.SWITCH: self._press_switch,
             Action.MODE: self._write_mode,
+            Action.WRITE: self._write,
             Action.NMT: self._command,
             Action.FOREIGN: self._forge,
             Action.SECOND: lambda fault, now_s: self._twins[fault.node or 0].power_on(now_s),
@@ -152,6 +154,12 @@ class Nodes:
         mode = (injection.value or 0) & 0xFF
         head = bytes([WRITE_ONE_BYTE]) + MODES_OF_OPERATION.to_bytes(2, "little")
         self._say(SDO_REQUEST + (injection.node or 0), head + bytes([0, mode, 0, 0, 0]), now_s)
+
+    def _write(self, injection: Injection, now_s: float) -> None:
+        index, _, sub = injection.word.partition(":")
+        head = bytes([WRITE_WHOLE]) + int(index, 16).to_bytes(2, "little") + bytes([int(sub, 16)])
+        value = (injection.value or 0) & 0xFFFF_FFFF
+        self._say(SDO_REQUEST + (injection.node or 0), head + value.to_bytes(4, "little"), now_s)
 
     def _command(self, injection: Injection, now_s: float) -> None:
         self._say(pdo.NMT, bytes([NMT_COMMANDS[injection.word], injection.node or 0]), now_s)

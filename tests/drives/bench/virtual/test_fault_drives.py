@@ -27,6 +27,8 @@ READ = [
     ("at 2 s: repeat 203 x 4", Injection(Action.REPEAT, 0x203, count=4)),
     ("at 2 s: mode 3 to 1", Injection(Action.MODE, node=3, value=1)),
     ("at 2 s: mode 3 to -2", Injection(Action.MODE, node=3, value=-2)),
+    ("at 2 s: write 3 1400:02 to 255", Injection(Action.WRITE, node=3, word="1400:02", value=255)),
+    ("at 2 s: write 3 607a:00 to -5", Injection(Action.WRITE, node=3, word="607A:00", value=-5)),
     ("at 2 s: nmt 3 reset_communication", Injection(Action.NMT, node=3, word="reset_communication")),
     ("at 2 s: foreign rpdo 3", Injection(Action.FOREIGN, 0x203, count=1)),
     ("at 2 s: foreign 203 data 0f00 for 1 s",
@@ -50,6 +52,10 @@ REFUSED = [
     ("mode 3", "write 'mode 3 to 1'"),
     ("mode 3 to 200", "a whole number from -128 to 127"),
     ("mode 3 to 1 for 1 s", "'for' does not go with mode"),
+    ("write 3 1400:02", "write 'write 3 1400:02 to 255'"),
+    ("write 3 to 255", "write 'write 3 1400:02 to 255'"),
+    ("write 3 1400 to 255", "'1400' does not go with write"),
+    ("write 3 1400:02 to 4294967296", "a whole number from -2147483648 to 4294967295"),
     ("nmt 3", "write 'nmt 3 stop', or another of start, stop"),
     ("nmt 3 halt", "'halt' does not go with nmt"),
     ("nmt 3 stop start", "'start' does not go with nmt"),
@@ -190,6 +196,13 @@ def test_late_setpoints_are_as_late_as_is_said() -> None:
     late = Run("at 0 s: delay rpdo 1 by 40 ms for 10 s")
     usual = Run("at 0 s: drop 7FF")
     assert late.positions[150] == pytest.approx(usual.positions[130], abs=STEP)
+
+
+@pytest.mark.parametrize(("where", "value"), [("1400:02", 255), ("6065:00", 4711), ("60C2:02", -4)])
+def test_a_stranger_writes_an_object_of_any_size(where: str, value: int) -> None:
+    run = Run(f"at 100 ms: write 1 {where} to {value}")
+    index, sub = (int(part, 16) for part in where.split(":"))
+    assert run.bench.drive.dictionary.get(index, sub) == value
 
 
 def test_a_stranger_changes_the_mode() -> None:
