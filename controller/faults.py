@@ -62,6 +62,10 @@ class Fault(IntEnum):
     PROBE_LATCH = 47
     SPINDLE_OVERLOADED = 48
     LOAD_UNKNOWN = 49
+    SYNC_DOUBLED = 50
+    SETPOINTS_EARLY = 51
+    NODE_CHATTERS = 52
+    BUS_FLOODED = 53
 
 
 class Reaction(IntEnum):

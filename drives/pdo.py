@@ -46,6 +46,7 @@ EMCY = 0x080
 TPDO1 = 0x180
 RPDO1 = 0x200
 SDO_ANSWER = 0x580
+SDO_QUESTION = 0x600
 HEARTBEAT = 0x700
 LSS_ANSWER = 0x7E4  # CiA 305
 GROUP_MASK, NODE_MASK = 0x780, 0x7F  # the two parts of an identifier: function code, node
@@ -60,14 +61,9 @@ NMT_STOPPED: Final = 4
 NMT_OPERATIONAL: Final = 5
 NMT_PRE_OPERATIONAL: Final = 127
 
-# (identifier, mask) pairs: what the tick wants to hear, and nothing else. Setpoints are its own:
-# one that it hears is a stranger's.
-TICK_FILTERS: Sequence[tuple[int, int]] = (
-    *((TPDO1 + NEXT_PDO * n, GROUP_MASK) for n in range(4)),
-    *((RPDO1 + NEXT_PDO * n, GROUP_MASK) for n in range(4)),
-    (EMCY, GROUP_MASK),  # holds SYNC too, which shares the function code with node 0
-    (HEARTBEAT, GROUP_MASK),
-)
+# (identifier, mask) pairs: the tick hears everything, for what is nobody's may be what fills the bus, and
+# setpoints that are not its own are a stranger's ...
+TICK_FILTERS: Sequence[tuple[int, int]] = ((0, 0),)
 # ... and what the slow side's own descriptor wants: SDO answers, boot-up, emergencies. It is not read all
 # the time, so without SYNC: an emergency is of a node, which has some bit of its seven.
 SERVICE_FILTERS: Sequence[tuple[int, int]] = (
@@ -95,6 +91,11 @@ def group(can_id: int) -> int:
     A remote frame of 701h asks for a node's state: it is none of its heartbeats.
     """
     return can_id & ~NODE_MASK
+
+
+def node_of(can_id: int) -> int:
+    """The node whose frame one with this identifier is (pre-defined connection set); 0 = nobody's."""
+    return can_id & NODE_MASK if SYNC < can_id <= HEARTBEAT | NODE_MASK else 0
 
 
 def plain_mask(mask: int) -> int:

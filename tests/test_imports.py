@@ -108,7 +108,7 @@ TO_DRIVES: dict[str, set[str]] = {
     "values": {"values"},
     "messages": {"texts"},
     "machine": {"settings", "profile", "arranged", "text_file"},
-    "state": {"settings", "arranged"},  # what the stops take
+    "state": {"settings", "arranged", "pdo"},  # what the stops take; whose frames are whose
     "tick": {"settings", "scale", "cia402", "pdo", "bus", "cyclic"},
     "runtime": OF_DRIVES | {"bus", "cyclic", "load", "log", "ports", "commission", "bench"},
     "service": OF_DRIVES | {"bus", "load", "log"},

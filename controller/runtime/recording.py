@@ -26,6 +26,7 @@ import numpy.typing as npt
 from controller import own_files
 from controller.ipc.handoff import ROW, Recorder, Snapshot, of_axes
 from controller.machine.model import Machine
+from controller.state.fault_table import NOBODY, Sender
 from controller.state.modes import FAULTS, Fault, Mode, sentence
 from controller.values import dataclass
 from drives import emergency_codes, pdo
@@ -58,6 +59,7 @@ class Facts:
     drive_states: tuple[str, ...]
     emergencies: tuple[str, ...] = ()  # what each drive said last, "" = nothing
     axis_off: str = ""  # its name, and how far it is from its command
+    sender: Sender = NOBODY  # of too many frames
 
     @classmethod
     def of(cls, machine: Machine, now: Snapshot, logs: Logs) -> Facts:
@@ -65,7 +67,16 @@ class Facts:
         axis = machine.axis_off(now.fault_axis)
         off = machine.axis_off(now.fault_axis, now.fault_off)
         states = tuple(State(state).name for state in now.drive_states)
-        return cls(now.fault, axis, now.tick, now.homed, states, tuple(_emergencies(machine, logs)), off)
+        return cls(
+            now.fault,
+            axis,
+            now.tick,
+            now.homed,
+            states,
+            tuple(_emergencies(machine, logs)),
+            off,
+            Sender(now.chatter_id, now.chatter_per_s),
+        )
 
     def to_dict(self) -> dict[str, object]:
         row = FAULTS[self.fault]
@@ -83,7 +94,9 @@ class Facts:
     def sentence(self) -> str:
         """For the operator: the axis, what happened, what its drive said, what to do."""
         said = next((text for text in self.emergencies if text), "")
-        return sentence(self.fault, self.axis_off or self.axis) + (f" A drive said {said}." if said else "")
+        return sentence(self.fault, self.axis_off or self.axis, sender=self.sender) + (
+            f" A drive said {said}." if said else ""
+        )
 
 
 def _emergencies(machine: Machine, logs: Logs) -> Iterator[str]:

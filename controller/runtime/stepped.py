@@ -42,6 +42,7 @@ from controller.runtime.recording import Keeper
 from controller.runtime.simulation import LostSync, MotorParameters
 from controller.runtime.startup import Came, SessionError, StartUp, arrangement, came_to, no_start
 from controller.state import stop_times
+from controller.state.fault_table import NOBODY, Sender
 from controller.state.modes import Fault, Mode, Request, sentence
 from controller.state.queue_refusals import QueueRefusal
 from controller.tick.cycle import Cycle
@@ -431,7 +432,9 @@ class SteppedMachine:
             return ""
         now = self.board.read()
         axis = self.machine.axis_off(modes.fault_axis, now.fault_off if now is not None else 0.0)
-        return sentence(modes.fault, axis, modes.warning) + (self._keeper.told if self._keeper else "")
+        sender = NOBODY if now is None else Sender(now.chatter_id, now.chatter_per_s)
+        told = sentence(modes.fault, axis, modes.warning, sender=sender)
+        return told + (self._keeper.told if self._keeper else "")
 
     def stand_still(self) -> None:
         """After a fault the drives' own way to standstill belongs to what is kept of it, or looked at."""

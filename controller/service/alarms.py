@@ -20,6 +20,7 @@ from controller.machine.model import Machine
 from controller.messages import Said, said
 from controller.service import kept_file
 from controller.service.refusals import refused
+from controller.state.fault_table import NOBODY, Sender
 from controller.state.modes import FAULTS, Fault, told
 
 FILE = "alarms.jsonl"
@@ -112,15 +113,20 @@ def _read(file: Path) -> tuple[list[dict[str, Any]], Said | None]:
 
 
 def of(
-    machine: Machine, fault: Fault, axis: int, also: Fault = Fault.NONE, off: float = 0.0
+    machine: Machine,
+    fault: Fault,
+    axis: int,
+    also: Fault = Fault.NONE,
+    off: float = 0.0,
+    sender: Sender = NOBODY,
 ) -> dict[str, Any]:
-    """A fault as it is shown; ``off``: of a following error, mm or rad."""
+    """A fault as it is shown; ``off``: of a following error, mm or rad; ``sender``: of too many frames."""
     name = machine.axis_off(axis, off)
     row = FAULTS[fault]
     return {
         "name": fault.name,
         "axis": machine.axis_off(axis) or None,
-        **told(fault, name, also),
+        **told(fault, name, also, sender),
         "cause": said(f"cause.{fault.name}"),
         "remedy": said(f"remedy.{fault.name}"),
         "recovery": row.recovery.name.lower(),

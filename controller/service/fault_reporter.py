@@ -17,6 +17,7 @@ from controller.messages import Said, several
 from controller.runtime.recording import Keeper
 from controller.service import alarms as alarm_values
 from controller.service.alarms import Alarms
+from controller.state.fault_table import Sender
 from controller.state.modes import FAULTS, Fault, Mode, Reaction
 
 
@@ -66,7 +67,7 @@ class Troubles:
             self.shown = None
         self._fault = now.fault
         if now.warning is not self._warning and now.warning is not Fault.NONE:
-            self._tell_of(now.warning, now)
+            self._tell_of(now.warning, now, axis=now.warning_axis)
         self._warning = now.warning
         self._look_at_recording(now)
 
@@ -95,7 +96,9 @@ class Troubles:
         return _said(shown)
 
     def _of(self, now: Snapshot) -> dict[str, Any]:
-        known = alarm_values.of(self._machine, now.fault, now.fault_axis, now.warning, now.fault_off)
+        known = alarm_values.of(
+            self._machine, now.fault, now.fault_axis, now.warning, now.fault_off, _sender(now)
+        )
         return {**known, "recording": None}
 
     def _look_at_recording(self, now: Snapshot) -> None:
@@ -136,10 +139,10 @@ class Troubles:
         alarm = before if before and before["name"] == fault.name else self._tell(fault, shown, now, words)
         self.shown = {**shown, "number": alarm["id"], "time_s": alarm["time_s"]}
 
-    def _tell_of(self, fault: Fault, now: Snapshot, words: str = "") -> dict[str, Any]:
+    def _tell_of(self, fault: Fault, now: Snapshot, words: str = "", axis: int = -1) -> dict[str, Any]:
         """Of what is not, or not yet, the fault of a snapshot."""
-        shown = alarm_values.of(self._machine, fault, -1)
-        return self._tell(fault, shown, now._replace(fault_axis=-1), words)
+        shown = alarm_values.of(self._machine, fault, axis, sender=_sender(now))
+        return self._tell(fault, shown, now._replace(fault_axis=axis), words)
 
     def _tell(self, fault: Fault, shown: dict[str, Any], now: Snapshot, words: str = "") -> dict[str, Any]:
         """An alarm out of a fault, with the last words of a process."""
@@ -151,6 +154,10 @@ class Troubles:
             self._first = now._replace(fault=fault)
         self._owed.append(alarm["id"])
         return alarm
+
+
+def _sender(now: Snapshot) -> Sender:
+    return Sender(now.chatter_id, now.chatter_per_s)
 
 
 def _said(shown: dict[str, Any]) -> Said:

@@ -22,6 +22,7 @@ from controller.service.active_codes import active_codes
 from controller.service.jobs import UNDER_WAY
 from controller.service.usage import Usage
 from controller.state import figures, queue_refusals
+from controller.state.fault_table import Sender
 from controller.state.figures import Reading
 from controller.state.live_state import told as told_by_tick
 from controller.state.modes import Binding, Fault, Mode, binding_text, told
@@ -66,7 +67,7 @@ def machine_values(
         "analogue_outputs": _levels(machine, now),
         "tick": {**told["tick"], "period_ms": machine.period_s * 1e3, "age_s": age_s},
         "notices": [
-            *_notices(now),
+            *_notices(machine, now),
             *([{"name": "PLAN_SILENT", **said("plan_silent", seconds=ends_s)}] if ends_s is not None else []),
         ],
     }
@@ -115,10 +116,15 @@ def unknown(value: Any) -> Any:
     return [] if isinstance(value, list) else None
 
 
-def _notices(now: Snapshot) -> list[dict[str, Any]]:
+def _notices(machine: Machine, now: Snapshot) -> list[dict[str, Any]]:
     """What stands in the way, or stopped nothing."""
-    faults = [fault for fault in (now.interlock, now.warning) if fault is not Fault.NONE]
-    found = [{"name": fault.name, **told(fault)} for fault in faults]
+    axis, sender = machine.axis_off(now.warning_axis), Sender(now.chatter_id, now.chatter_per_s)
+    faults = ((now.interlock, ""), (now.warning, axis))
+    found = [
+        {"name": fault.name, **told(fault, of, sender=sender)}
+        for fault, of in faults
+        if fault is not Fault.NONE
+    ]
     stuck = now.mode is Mode.RUNNING and now.at_rest and now.refusal is not QueueRefusal.NONE
     return (
         [*found, {"name": f"QUEUE_{now.refusal.name}", **queue_refusals.told(now.refusal)}]

@@ -15,9 +15,12 @@ The time in which a machine stands is a sum, and the fault matrix measures it:
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 from controller import messages
 from controller.faults import Fault, FaultRow, Reaction, Recovery, Times, Wait, Words
 from controller.messages import DEFAULT, LANGUAGES, Key, Said, said, several
+from drives import pdo
 
 
 def words(fault: Fault, language: str = DEFAULT) -> Words:
@@ -70,6 +73,12 @@ _ROWS = (
     _row(Fault.BUS_ERROR, False, Reaction.QUICK_STOP, Recovery.COMMISSION, wait=Wait.CONSUMER),
     _row(Fault.RX_OVERFLOW, True, Reaction.PATH_STOP, Recovery.RESET),
     _row(Fault.SYNC_FOREIGN, True, Reaction.QUICK_STOP, Recovery.RESET),
+    # So many of them in a row, and two until their answers are there.
+    _row(Fault.SYNC_DOUBLED, True, Reaction.PATH_STOP, Recovery.RESET, syncs=12),
+    _row(Fault.SETPOINTS_EARLY, True, Reaction.WARN, Recovery.NOTHING),
+    _row(Fault.NODE_CHATTERS, True, Reaction.WARN, Recovery.NOTHING),
+    # Nothing gets through to the drives, they stop by their own supervision.
+    _row(Fault.BUS_FLOODED, False, Reaction.QUICK_STOP, Recovery.COMMISSION, syncs=4, wait=Wait.CONSUMER),
     # A drive obeys the stranger, too: one setpoint of his and it is on its way at full speed, maybe back.
     # The stop begins from there, with his last frame.
     _row(Fault.FOREIGN_FRAMES, True, Reaction.QUICK_STOP, Recovery.RESET, wait=Wait.CONSUMER),
@@ -101,21 +110,59 @@ _ROWS = (
     _row(Fault.IO_LOST, True, Reaction.PATH_STOP, Recovery.RESET, wait=Wait.CONSUMER),
 )
 FAULTS: dict[Fault, FaultRow] = dict(_ROWS)
+FRAMES = {  # by function code (CiA 301), what they are called
+    pdo.EMCY: "emcy",
+    pdo.HEARTBEAT: "heartbeat",
+    pdo.SDO_ANSWER: "sdo",
+    pdo.SDO_QUESTION: "sdo",
+    **{pdo.TPDO1 + pdo.NEXT_PDO * n: "tpdo" for n in range(4)},
+    **{pdo.RPDO1 + pdo.NEXT_PDO * n: "rpdo" for n in range(4)},
+    0x100: "other",  # function codes that CANopen leaves to nobody
+    0x680: "other",
+}
+IDENTIFIER = 0x1FFF_FFFF  # without Linux' flags
+OF_FRAMES = (Fault.NODE_CHATTERS, Fault.BUS_FLOODED)  # about frames of an identifier
 
 
-def told(fault: Fault, axis: str = "", also: Fault = Fault.NONE) -> Said:
-    """Text and remedy for the operator, with the axis concerned and what came on top."""
+class Sender(NamedTuple):
+    """Of frames that are too many: their identifier (-1: there are none), and how many come a second."""
+
+    can_id: int = -1
+    per_s: float = 0.0
+
+    def told(self) -> Said:
+        """Whose frames they are, which ones, and how many a second."""
+        shown, per_s = f"{self.can_id & IDENTIFIER:03X}", round(self.per_s)
+        if not (node := pdo.node_of(self.can_id)):
+            return said("frames.of_nobody", can_id=shown, per_s=per_s)
+        what = Key(f"frames.{FRAMES[pdo.group(self.can_id)]}")
+        return said("frames.of_node", node=node, what=what, can_id=shown, per_s=per_s)
+
+
+NOBODY = Sender()
+
+
+def told(fault: Fault, axis: str = "", also: Fault = Fault.NONE, sender: Sender = NOBODY) -> Said:
+    """Text and remedy for the operator, with the axis or the sender concerned and what came on top."""
     text, remedy = said(f"fault.{fault.name}"), said(f"remedy.{fault.name}")
     first = said("of_axis", axis=axis, text=text) if axis else text
-    if also in (Fault.NONE, fault):
+    if fault in OF_FRAMES and sender.can_id >= 0:
+        first = several(sender.told(), text)
+    if also in (Fault.NONE, fault) or (fault is Fault.BUS_FLOODED and also in OF_FRAMES):
         return several(first, remedy)
     more = said("also", text=Key(f"fault.{also.name}"), remedy=Key(f"remedy.{also.name}"))
     return several(first, remedy, more)
 
 
-def sentence(fault: Fault, axis: str = "", also: Fault = Fault.NONE, language: str = DEFAULT) -> str:
+def sentence(
+    fault: Fault,
+    axis: str = "",
+    also: Fault = Fault.NONE,
+    language: str = DEFAULT,
+    sender: Sender = NOBODY,
+) -> str:
     """The same in words. Raises ValueError where the catalogue has no such language."""
-    return messages.text(told(fault, axis, also), language)
+    return messages.text(told(fault, axis, also, sender), language)
 
 
 def stands_within_s(fault: Fault, times: Times) -> float:

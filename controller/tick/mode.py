@@ -64,6 +64,7 @@ _STOPPING: Final = Mode.STOPPING
 _FAULT: Final = Mode.FAULT
 _ENABLING: Final = Phase.ENABLING
 _QUICK_STOPPED: Final = Phase.QUICK_STOPPED
+_DRIVE_WARNING: Final = Fault.DRIVE_WARNING
 _NO_DRIVE_FAULT: Final = DriveFault.NONE
 
 
@@ -112,6 +113,10 @@ class Modes:
         self.homed = self.absolute = absolute
         self.untrusted = 0  # axes that a fault has cost their position; no start before they are homed
         self.warning = Fault.NONE  # the last fault that stopped nothing
+        self.warning_axis = -1
+        self._chatter = group.chatter
+        self._chatters = -1  # the identifier that was warned of
+        self._early = 0  # axes that were warned of, bit mask
         self.interlock = Fault.NONE  # what forbids motion at present (door, e-stop), see ``forbid``
         self.plan_lost = False  # nobody knows the program beyond what is queued
         self.stays_on = 0  # as START said (``StaysOn``)
@@ -240,6 +245,7 @@ class Modes:
             if not drive.cyclic:
                 drive.resume_cyclic()
         self._group.want(Wanted.ENABLED)
+        self._early = 0
         self.phase, self._waited = Phase.ENABLING, 0
 
     def _disable(self, _: float) -> None:
@@ -279,7 +285,7 @@ class Modes:
         self._go_on(0.0)
         self.homed |= self.absolute
         self.untrusted &= ~self.absolute
-        self.warning = Fault.NONE
+        self._warn(Fault.NONE)
 
     # -- faults
 
@@ -290,7 +296,7 @@ class Modes:
             self._hold(fault, axis, reaction)
             return
         if reaction is Reaction.WARN:
-            self.warning = fault
+            self._warn(fault, axis)
             return
         if self.mode in (Mode.OFF, Mode.HOMING):
             reaction = max(reaction, Reaction.QUICK_STOP)  # no path to stop on
@@ -314,7 +320,7 @@ class Modes:
         if self.mode is Mode.FAULT or reaction < self.reaction:
             return
         if self.mode not in (Mode.RUNNING, Mode.HOLD):
-            self.warning = fault
+            self._warn(fault, axis)
             if reaction is Reaction.HOLD:
                 self.end_jog()
             return
@@ -340,7 +346,10 @@ class Modes:
             self.fault = fault
         most = max(FAULTS[self.fault].recovery, FAULTS[self.warning].recovery)
         if FAULTS[fault].recovery > most:
-            self.warning = fault
+            self._warn(fault, axis)
+
+    def _warn(self, fault: Fault, axis: int = -1) -> None:
+        self.warning, self.warning_axis = fault, axis
 
     def quick_stop(self) -> None:
         """Out of FAULT: every drive stops by its own ramp; the path is given up."""
@@ -376,11 +385,19 @@ class Modes:
             self._name_more(DRIVE_FAULTS[fault], i)
 
     def _look_for_a_warning(self) -> None:
-        """One drive per tick: a warning may wait for a few."""
+        """One drive per tick: a warning may wait for a few. Each is given once, as long as it lasts."""
         drives = self._group.drives
         i = self._looked_at = (self._looked_at + 1) % len(drives)
-        if drives[i].statusword & WARNING:
-            self.warning = Fault.DRIVE_WARNING
+        drive = drives[i]
+        if drive.statusword & WARNING and self.warning is not _DRIVE_WARNING:
+            self._warn(_DRIVE_WARNING, i)
+        if drive.following_error.early and not self._early >> i & 1:
+            self._early |= 1 << i
+            self._warn(Fault.SETPOINTS_EARLY, i)
+        if self._chatter.can_id != self._chatters:
+            self._chatters = self._chatter.can_id
+            if self._chatters >= 0 and self.fault is not Fault.BUS_FLOODED:
+                self._warn(Fault.NODE_CHATTERS)
 
     # -- progress
 
@@ -396,7 +413,7 @@ class Modes:
         elif before is _FAULT:
             self._watch_stop(ticks, standing)
         elif before is _READY and self.fault is not Fault.NONE:
-            self.warning = self.fault  # the program ended before its block's end could be held
+            self._warn(self.fault, self.fault_axis)  # the program ended before its block's end could be held
             self._go_on(0.0)
         return self.mode is _READY and before is not _READY
 

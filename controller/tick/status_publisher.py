@@ -42,6 +42,7 @@ class StatusPublisher:
         self.drive_states = [0] * len(group.drives)
         self.malformed = [0] * len(group.drives)
         self.fault_off = 0.0
+        self.chatter_id, self.chatter_per_s = group.chatter.can_id, group.chatter.per_s
         self.bus_share = 0.0
 
     def publish(self) -> None:
@@ -78,6 +79,8 @@ class StatusPublisher:
         for i, drive in enumerate(self._group.drives):
             states[i], malformed[i] = drive.state, drive.malformed
         self.fault_off = self._off()
+        chatter = self._group.chatter
+        self.chatter_id, self.chatter_per_s = chatter.can_id, chatter.per_s
 
     def _off(self) -> float:
         """How far the axis is from its command that stopped for that reason."""

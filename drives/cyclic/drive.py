@@ -31,7 +31,11 @@ STALE_STATUSWORDS = 10
 STOOD_FEEDBACKS = 3  # "attained" counts where the motor stands, too
 
 # Different answers to one SYNC, so many SYNCs in a row, are those of two nodes.
-TWICE_IN_A_ROW = 3
+TWICE_IN_A_ROW: Final = 3
+# Between two answers the motor has gone less than this part of what it went before them: the SYNCs that they
+# answer were as close. So many counts at least, or it is the last ones before it stands.
+CLOSE: Final = 4
+MOVES: Final = 8
 
 # A controlword of its own RPDO is not repeated every tick: once more at once, for a lost
 # frame, then with our heartbeat.
@@ -56,7 +60,8 @@ class Drive(PowerStage):
 
     Read: ``position`` (counts), ``position_at_s``, ``following``, ``setpoint`` (as sent),
     ``homing_done``, ``homing_error``, ``refused`` (setpoints outside of int32, not sent),
-    ``following_error`` (command against position), ``probe``, and what `PowerStage` and `Supervised` have.
+    ``following_error`` (command against position), ``probe``, ``near`` (of two answers to one SYNC: the
+    motor was at rest between them, or almost), and what `PowerStage` and `Supervised` have.
     """
 
     def __init__(self, settings: NodeSettings, lost_after: int = LOST_IN_A_ROW) -> None:
@@ -84,6 +89,8 @@ class Drive(PowerStage):
         self._followed = False
         self._twice = 0  # SYNCs in a row
         self._twice_now = False
+        self.near = False
+        self._before = 0  # counts, where it was before its answer to this SYNC
         self._late = 0  # feedbacks that were missed and may come yet
         self._mode = profile.mode.value
         self._homing = False
@@ -101,7 +108,8 @@ class Drive(PowerStage):
         self._repeats = 0
         self.setpoint_bytes = pdo.TARGET.size if self.feed_forward else pdo.PDO_BYTES
         self._frame[pdo.LENGTH_AT] = self.setpoint_bytes
-        self.handlers[pdo.tpdo(profile.tpdo, node)] = self._feedback
+        self.with_sync = (pdo.tpdo(profile.tpdo, node),)
+        self.handlers[self.with_sync[0]] = self._feedback
         self.handlers[pdo.tpdo(settings.mode_tpdo, node)] = self._mode_display
         self.probe = TouchProbe(node, settings.probe_tpdo) if settings.probe_tpdo else None
         if self.probe is not None:
@@ -116,12 +124,16 @@ class Drive(PowerStage):
     def _feedback(self, data: memoryview, now_s: float) -> None:
         if len(data) != pdo.PDO_BYTES:
             self.malformed += 1
+            self.again += 1
+            self.answers.again += 1
             return
         statusword, position = _unpack_feedback(data)
         if self._arrived:
-            self._again(position != self.position or statusword != self.statusword)
-        elif self._twice:
-            self._twice, self._twice_now = self._twice if self._twice_now else 0, False
+            self._again(position, statusword)
+        else:
+            self._before = self.position
+            if self._twice:
+                self._twice, self._twice_now = self._twice if self._twice_now else 0, False
         self.position = position
         self.position_at_s = now_s
         self._arrived = True
@@ -134,6 +146,8 @@ class Drive(PowerStage):
             self._watch_homing()
 
     def _heard(self) -> None:
+        if self.again:
+            self._judge_again()
         lag = self._target_reached - self.position
         if not -self._rest <= lag <= self._rest and self.following:
             self._compare(lag)
@@ -173,16 +187,34 @@ class Drive(PowerStage):
             self._lose(DriveFault.FOLLOWING_ERROR)
             self._step()
 
-    def _again(self, differs: bool) -> None:
-        """A second feedback for one SYNC: one that is late, if one was missed, or another node's."""
+    def _again(self, position: int, statusword: int) -> None:
+        """A second feedback for one SYNC: one that is late, if one was missed, or one too many."""
+        moved, again = self.position - self._before, position - self.position
+        near = CLOSE * abs(again) <= abs(moved)
         if self._late:
             self._late -= 1
+            if near and abs(moved) >= MOVES:
+                self.answers.bunched = True
+                self.answers.again += 1
+            return
+        self.again += 1
+        self.answers.again += 1
+        differs = again != 0 or statusword != self.statusword
+        self.near = near and statusword == self.statusword
+        if self.again > 1:
+            self._twice, self._twice_now = 0, False  # of two nodes there would be two
         elif differs and not self._twice_now:
             self._twice_now = True
             self._twice += 1
-            if self._twice >= TWICE_IN_A_ROW and self._judged:
-                self._lose(DriveFault.NODE_TWICE)
-                self._step()
+
+    def _judge_again(self) -> None:
+        """Two different answers to each of the last SYNCs. Where all drives give two, SYNC came twice."""
+        self.again = 0
+        if self.answers.of_all:
+            self._twice, self._twice_now = 0, False
+        elif self._twice >= TWICE_IN_A_ROW and self._judged:
+            self._lose(DriveFault.NODE_TWICE)
+            self._step()
 
     def _mode_display(self, data: memoryview, now_s: float) -> None:
         """6061h: a drive that a stranger has put into another mode goes by other objects than ours."""

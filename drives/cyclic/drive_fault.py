@@ -28,6 +28,8 @@ class DriveFault(Enum):
     RX_OVERFLOW = auto()  # frames were lost because we did not take them in time
     FOREIGN_FRAMES = auto()  # somebody else sends setpoints, or the controller's heartbeat
     SYNC_FOREIGN = auto()  # somebody else sends SYNC too
+    SYNC_DOUBLED = auto()  # our SYNC reaches the drives twice, or two of them close together
+    BUS_FLOODED = auto()  # others are missed because one sender leaves them no room
     SEND_FAILED = auto()  # a frame did not go out: queue full, bus gone, or setpoint no int32
     IO_LOST = auto()  # the input and output node is silent, restarted or in error
     SPINDLE_LOST = auto()  # the spindle's drive is silent, restarted, in error or not enabled

@@ -18,6 +18,12 @@ times the window's own time: a first-order loop that takes half of the window at
 Where the part by speed is a default, and nobody's word, it is tightened by what is measured: over the
 first second of motion at speed since the drive was enabled, to twice the lag that was seen there.
 
+A drive cannot be ahead of what SYNC has given it. One that takes setpoints as they come, and not with
+SYNC, is: by what is left of the period then, so by up to one SYNC of its speed. That is seen of a drive that
+lags by less, as those do which are given the velocity, too, and whose setpoint is not among the last of the
+period; of a slower one only its parameters tell (1400h:02, which commissioning reads back). One that measures
+its position some time after SYNC seems to be ahead as well, so that ``AHEAD`` leaves room for it.
+
 What is within the part at rest costs the tick one comparison (``drive.py``); only what is beyond it is
 looked at here, and every so many SYNCs the speed.
 """
@@ -25,6 +31,7 @@ looked at here, and every so many SYNCs the speed.
 from __future__ import annotations
 
 import math
+from typing import Final
 
 from drives.settings import FollowingWindow
 
@@ -34,6 +41,9 @@ LEARN_S = 1.0  # of motion at speed, until the default is tightened
 AT_SPEED = 0.02  # share of the largest speed
 MARGIN = 2.0  # what is allowed beside what was measured
 FORGETS = 0.995  # of what was measured, from one measurement in motion to the next
+AHEAD: Final = 1.0 / 3.0  # SYNCs
+AHEAD_S = 0.2  # of motion at speed, without a break
+AHEAD_COUNTS: Final = 20  # in one SYNC, or the lead is too small to be known
 MIN_SYNCS = 2.0  # the part by speed is never less: setpoints that come one SYNC late, and one more
 
 
@@ -41,7 +51,7 @@ class FollowingError:
     """One drive's following error, in counts.
 
     Read: ``actual`` (commanded less actual as 60F4h, when it was last beyond the part at rest), ``window``
-    (allowed then).
+    (allowed then), ``early`` (it is ahead of what SYNC has given it, since it was enabled).
     """
 
     def __init__(self, window: FollowingWindow, period_s: float) -> None:
@@ -62,6 +72,9 @@ class FollowingError:
         self._largest = 0.0  # lag by speed, SYNCs
         self._lagged = self._squared = 0.0  # sums over what was measured of late, see ``lag_s``
         self._period_s = period_s
+        self.early = False
+        self._ahead = 0  # measurements in a row
+        self._most_ahead = round(AHEAD_S / period_s / MEASURE_EVERY)
 
     @property
     def lag_s(self) -> float:
@@ -70,7 +83,8 @@ class FollowingError:
 
     def forget(self) -> None:
         """Enabled anew: what was measured belongs to another day's load."""
-        self._beyond = 0
+        self._beyond = self._ahead = 0
+        self.early = False
         self._by_speed, self._learning, self._largest = self._given, self._to_learn, 0.0
 
     def beyond(self, lag: int, moved: int) -> bool:
@@ -94,6 +108,7 @@ class FollowingError:
         if moved:
             self._lagged = FORGETS * self._lagged + lag * moved
             self._squared = FORGETS * self._squared + moved * moved
+            self._look_ahead(lag * moved, moved * moved)
         speed = float(moved if moved >= 0 else -moved)
         late = self._speed * self._decay
         self._speed = speed = speed if speed > late else late
@@ -101,6 +116,14 @@ class FollowingError:
             self._beyond = 0
         if self._learning and speed > self._at_speed and not self._beyond:
             self._learn((lag if lag >= 0 else -lag) / speed)
+
+    def _look_ahead(self, lagged: int, squared: int) -> None:
+        """Both by the command's way in one SYNC."""
+        if squared < AHEAD_COUNTS * AHEAD_COUNTS:
+            return
+        self._ahead = self._ahead + 1 if lagged < -AHEAD * squared else 0
+        if self._ahead >= self._most_ahead:
+            self.early = True
 
     def _learn(self, lag: float) -> None:
         if lag > self._largest:

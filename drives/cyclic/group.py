@@ -21,6 +21,7 @@ from typing import Final
 
 from drives import pdo
 from drives.cia402 import Wanted
+from drives.cyclic.chatter import Chatter
 from drives.cyclic.drive import Drive
 from drives.cyclic.drive_fault import DriveFault
 from drives.cyclic.enabling import Enabling
@@ -35,6 +36,11 @@ from drives.settings import MasterSettings
 __all__ = ["MAX_FRAMES", "DriveFault", "Group"]
 
 _NONE: Final = DriveFault.NONE
+# What a drive is missed for, or says of us, on a bus on which frames do not get through: its emergencies for
+# our heartbeat (8130h) and SYNC (8100h; 8700h, CiA 402-1), and for the setpoints.
+MISSED: Final = (DriveFault.FEEDBACK_LOST, DriveFault.HEARTBEAT_LOST, DriveFault.SETPOINTS_LOST)
+UNHEARD: Final = (0x8100, 0x8130, 0x8700)
+_BUS_FLOODED: Final = DriveFault.BUS_FLOODED
 _FINE: Final = (_NONE, -1)
 
 
@@ -42,7 +48,8 @@ class Group:
     """The drives in the order of the axes, on one or more buses, with spindle and inputs and outputs.
 
     Read: ``positions`` (counts, per drive), ``sync_seen`` and ``syncs_seen`` (SYNC echoes in
-    the last ``receive``), ``drives``, ``spindle``, ``io``, ``lines`` (the buses).
+    the last ``receive``), ``drives``, ``spindle``, ``io``, ``lines`` (the buses),
+    ``chatter`` (who sends too much).
     """
 
     def __init__(
@@ -64,7 +71,9 @@ class Group:
         self.syncs_seen = 0
         self._kernel_sync = master.sync == "kernel"
         others = (*(() if spindle is None else (spindle,)), *self.io)
-        self.lines = _lines(self.drives, others, ports, self._kernel_sync, master)
+        self.chatter = Chatter()
+        self.lines = _lines(self.drives, others, ports, self._kernel_sync, master, self.chatter)
+        self._line_of = tuple(next(line for line in self.lines if d in line.drives) for d in self.drives)
         self._turns = tuple(
             (line, tuple((self.drives.index(drive), drive) for drive in line.drives)) for line in self.lines
         )
@@ -223,6 +232,7 @@ class Group:
 
     def _forget(self, reset: bool) -> None:
         self._send_failed = False
+        self.chatter.forget()
         for line in self.lines:
             line.forget()
             if reset:
@@ -243,20 +253,29 @@ class Group:
             return _FINE
         for line in self.lines:
             if line.fault is not _NONE:
-                return line.fault, line.first
+                return line.fault, -1 if line.fault is _BUS_FLOODED else line.first
         consumer_s = self.master.consumer_s
         for i, drive in enumerate(self.drives):
             fault = drive.fault(now_s, consumer_s)
             if fault is not _NONE:
-                return fault, i
+                missed = fault in MISSED or drive.emcy_code in UNHEARD
+                floods = missed and self._line_of[i].floods(now_s, fault, drive.node)
+                return (_BUS_FLOODED, -1) if floods else (fault, i)
+        found = self._fault_of_others(now_s, consumer_s)
+        if found is not _NONE and any(line.floods(now_s, found) for line in self.lines):
+            found = _BUS_FLOODED
+        if found is not _NONE:
+            return found, self._send_failed_at if found is DriveFault.SEND_FAILED else -1
+        return _FINE
+
+    def _fault_of_others(self, now_s: float, consumer_s: float) -> DriveFault:
+        """What is wrong besides the drives."""
         if self.spindle is not None and self.spindle.fault(now_s, consumer_s) is not _NONE:
-            return DriveFault.SPINDLE_LOST, -1
+            return DriveFault.SPINDLE_LOST
         for node in self.io:
             if node.fault(now_s, consumer_s) is not _NONE:
-                return DriveFault.IO_LOST, -1
-        if self._send_failed:
-            return DriveFault.SEND_FAILED, self._send_failed_at
-        return _FINE
+                return DriveFault.IO_LOST
+        return DriveFault.SEND_FAILED if self._send_failed else _NONE
 
     def fault_of(self, index: int, now_s: float) -> DriveFault:
         """What is wrong with one drive, whatever else is wrong."""
@@ -273,6 +292,7 @@ def _lines(
     ports: Mapping[str, Port],
     echoes: bool,
     master: MasterSettings,
+    told: Chatter,
 ) -> tuple[Line, ...]:
     """The buses in the order in which drives, spindle and inputs and outputs first name them."""
     lines = []
@@ -280,7 +300,8 @@ def _lines(
         here = [drive for drive in drives if drive.settings.bus == bus]
         more = [other for other in others if other.settings.bus == bus]
         first = drives.index(here[0]) if here else -1
-        lines.append(Line(ports[bus], here, first, more, echoes, bus, _own(here, master)))
+        own = _own(here, master)
+        lines.append(Line(ports[bus], here, first, more, echoes, bus, own, master.period_s, told))
     return tuple(lines)
 
 

@@ -5,15 +5,19 @@ Nothing here locks, logs, raises, or allocates anything that stays.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from typing import Final
 
 from drives import pdo
+from drives.cyclic import chatter
+from drives.cyclic.chatter import Bucket, Chatter, Strangers
 from drives.cyclic.drive import Drive
 from drives.cyclic.drive_fault import DriveFault
 from drives.cyclic.io_node import IoNode
 from drives.cyclic.spindle import SpindleDrive
-from drives.cyclic.supervised import Handler
+from drives.cyclic.supervised import Handler, Supervised
+from drives.cyclic.sync_answers import SyncAnswers
 from drives.ports.port import Port
 
 # Frames taken from one bus in one tick. At 1 Mbit/s 36 of the shortest fit into 2 ms; a
@@ -25,6 +29,12 @@ MAX_FRAMES: Final = 128
 _CLASSES: Final = pdo.ERROR_FLAG - 1
 _CONTROLLER, _BUS_OFF, _RESTARTED = 0x004, 0x040, 0x100
 _RX_OVERFLOW, _SEVERE = 0x01, 0x02 | 0x10 | 0x20  # TX overflow, error passive
+
+# SYNCs that were heard twice, or too close to one another, so many more than one in ``DOUBLED_IN``. A gateway
+# that joins the bus again may repeat a few.
+DOUBLED, DOUBLED_IN = 8.0, 16.0
+SYNC_PERIOD_S = 0.002  # where nobody says it
+THREE_TIMES = 3.0  # so many answers to SYNC as are owed are chatter
 
 # By data bytes, with the stuffing of the worst payload: as ``drives.load.stuffing.worst_bits`` counts.
 BITS: Final = tuple(55 + 10 * n for n in range(9))
@@ -39,7 +49,8 @@ class Line:
     outranks), ``off`` (our controller has left the bus: nothing may be sent), ``syncs``
     (SYNC frames heard in the last drain), ``foreign_syncs``, ``drives``, ``first`` (index
     in the group of its first drive, -1 without one), ``errors`` (error frames since start), ``bus``
-    (its name), ``bits`` (of all frames heard and sent here, until somebody sets it back to 0).
+    (its name), ``bits`` (of all frames heard and sent here, until somebody sets it back to 0), ``chatter``
+    (who sends too much, on any bus of the group).
     """
 
     def __init__(
@@ -51,10 +62,13 @@ class Line:
         echoes: bool = False,
         bus: str = "",
         own: frozenset[int] = frozenset(),
+        period_s: float = SYNC_PERIOD_S,
+        told: Chatter | None = None,
     ) -> None:
         """``echoes``: SYNC is the kernel's and comes back to us; otherwise a SYNC heard is a stranger's.
 
-        ``own``: identifiers that only the controller sends; heard, they are a stranger's, too.
+        ``own``: identifiers that only the controller sends; heard, they are a stranger's, too. ``told``:
+        the group's ``chatter``.
         """
         self.port = port
         self.bus = bus
@@ -76,9 +90,22 @@ class Line:
         # Of a port that has several frames in one packet: they need not be fetched one by one.
         self._receive_packet: Callable[[int], memoryview | None] | None
         self._receive_packet = getattr(port, "receive_packet", None)
+        self.chatter = told or Chatter()
+        self._drained_s = self._since_s = math.inf  # the last drain, and the one before it
+        self._answers = SyncAnswers()
+        self._each_sync = tuple(drive for drive in self.drives if drive.settings.feedback_every == 1)
+        self._doubled = Bucket(pdo.SYNC, 1.0 / (DOUBLED_IN * period_s), DOUBLED)
+        self._strangers = Strangers()
+        self._buckets: list[Bucket] = [self._strangers]
+        self._too_often = tuple(
+            (node, self._bucket(node.with_sync[0], THREE_TIMES / period_s, chatter.FEEDBACKS))
+            for node in self.owing
+        )
         self._handlers: dict[int, Handler] = {}
         for node in (*self.drives, *others):
-            self._handlers.update(node.handlers)
+            self._handlers.update(self._counted(node))
+        for drive in self.owing:
+            drive.answers = self._answers
         self._own = own
         self._buffer = bytearray(pdo.FRAME_BYTES)
         whole = memoryview(self._buffer)
@@ -96,6 +123,7 @@ class Line:
     def drain(self, now_s: float) -> None:
         """Takes what came in and, where SYNC is ours, settles whether the feedback owed has come."""
         self.syncs = 0
+        self._since_s, self._drained_s = min(self._drained_s, now_s), now_s
         if self._receive_packet is None:
             self._drain_frames(now_s)
         else:
@@ -104,9 +132,68 @@ class Line:
         if overflows != self._overflows:
             self._overflows = overflows
             self._fail(DriveFault.RX_OVERFLOW)
+        again = self._answers.again
+        if again:
+            self._judge_answers(now_s)
         if not self._echoes:
             for drive in self.owing:
                 drive.settle()
+        if again:
+            for drive in self.owing:
+                drive.again = 0
+
+    def _bucket(self, can_id: int, drains_per_s: float, most: float) -> Bucket:
+        bucket = Bucket(can_id, drains_per_s, most)
+        self._buckets.append(bucket)
+        return bucket
+
+    def _counted(self, node: Supervised) -> dict[int, Handler]:
+        """Its handlers; of all but what it sends with SYNC the frames are counted."""
+        seldom = (pdo.EMCY + node.node, pdo.HEARTBEAT + node.node)
+        found = {}
+        for can_id, handler in node.handlers.items():
+            if can_id in node.with_sync:
+                found[can_id] = handler
+                continue
+            often = (chatter.OFTEN_PER_S, chatter.OFTEN)
+            limits = (chatter.SELDOM_PER_S, chatter.SELDOM) if can_id in seldom else often
+            found[can_id] = self._counting(self._bucket(can_id, *limits), handler)
+        return found
+
+    def _counting(self, bucket: Bucket, handler: Handler) -> Handler:
+        def count(data: memoryview, now_s: float) -> None:
+            if bucket.count(now_s, self._since_s):
+                self.chatter.report(bucket, now_s)
+            handler(data, now_s)
+
+        return count
+
+    def _judge_answers(self, now_s: float) -> None:
+        """Somebody has answered a SYNC more than once."""
+        if self._answers.judge(self._each_sync) and self._doubled.count(now_s, now_s):
+            self._fail(DriveFault.SYNC_DOUBLED)
+        for node, bucket in self._too_often:
+            for _ in range(node.too_many()):
+                if bucket.count(now_s, self._since_s):
+                    self.chatter.report(bucket, now_s)
+
+    def floods(self, now_s: float, missed: DriveFault, node: int = 0) -> bool:
+        """Whether somebody else than ``node`` sends so much that it may be missed for that reason.
+
+        From then on this is the fault of the bus.
+        """
+        loudest, most = None, chatter.FLOODS
+        for bucket in self._buckets:
+            slow = chatter.is_slow(bucket.can_id) and missed is DriveFault.FEEDBACK_LOST
+            own = 0 < node == pdo.node_of(bucket.can_id)
+            level = bucket.level_at(now_s)
+            if level >= most and not (slow or own):
+                loudest, most = bucket, level
+        if loudest is None:
+            return False
+        self.chatter.report(loudest, now_s)
+        self._fail(DriveFault.BUS_FLOODED)
+        return True
 
     def _drain_frames(self, now_s: float) -> None:
         receive_into, handlers = self._receive_into, self._handlers
@@ -120,7 +207,7 @@ class Line:
             bits += BITS[length]
             handler = handlers.get(can_id)
             if handler is None:
-                self._heard(can_id, data[length])
+                self._heard(can_id, data[length], now_s)
                 continue
             handler(data[length], now_s)
             self.off = False  # whoever hears is on the bus again
@@ -142,31 +229,36 @@ class Line:
                 left -= 1
                 handler = handlers.get(can_id)
                 if handler is None:
-                    self._heard(can_id, data)
+                    self._heard(can_id, data, now_s)
                     continue
                 handler(data, now_s)
                 self.off = False  # whoever hears is on the bus again
         self.bits += bits
 
-    def _heard(self, can_id: int, data: memoryview) -> None:
+    def _heard(self, can_id: int, data: memoryview, now_s: float) -> None:
         """A frame of no node of ours."""
         if can_id == pdo.SYNC:
-            self._heard_sync()
+            self._heard_sync(now_s)
         elif can_id & pdo.ERROR_FLAG:
             self._heard_error(can_id & _CLASSES, data)
         elif can_id in self._own:
             self._fail(DriveFault.FOREIGN_FRAMES)
+        elif self._strangers.vote(can_id, now_s, self._since_s):
+            self.chatter.report(self._strangers, now_s)
 
-    def _heard_sync(self) -> None:
+    def _heard_sync(self, now_s: float) -> None:
         self.syncs += 1
         if not self._echoes:
             # A second producer makes drives latch in between: twice the speed, half the step.
             self.foreign_syncs += 1
             self._fail(DriveFault.SYNC_FOREIGN)
             return
+        if self._answers.again:
+            self._judge_answers(now_s)
         for drive in self.owing:
             drive.settle()
             drive.expect()
+            drive.again = 0
 
     def _heard_error(self, classes: int, data: memoryview) -> None:
         """An error frame of our CAN controller."""

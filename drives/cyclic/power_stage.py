@@ -15,6 +15,7 @@ from drives.cia402 import State, Wanted
 from drives.cyclic import drive_fault
 from drives.cyclic.drive_fault import DriveFault
 from drives.cyclic.supervised import Supervised
+from drives.cyclic.sync_answers import SyncAnswers
 
 # Feedback may tell of what was before ENABLED was wanted: a drive on its way to off still says that it
 # is enabled. So many later ones must have come before it can have dropped out.
@@ -32,7 +33,8 @@ class PowerStage(Supervised):
     """A drive from power-on to operation and back.
 
     Read: ``wanted``, ``state``, ``statusword``, ``fresh`` (the feedback owed came), ``lost``
-    (TPDOs lost since start), and what `Supervised` has.
+    (TPDOs lost since start), ``again`` (feedbacks in this tick beside the one that is owed, and those that
+    were late), and what `Supervised` has. ``answers`` are those of the whole bus.
     """
 
     def __init__(
@@ -45,6 +47,9 @@ class PowerStage(Supervised):
         self.state = State.UNKNOWN
         self.fresh = False
         self.lost = 0
+        self.again = 0
+        self._made_up = 0  # of ``lost``: that have come after all
+        self.answers = SyncAnswers()
         self._braked = braked
         self._every = every
         self._lost_after = lost_after
@@ -91,6 +96,12 @@ class PowerStage(Supervised):
         elif self._arrived:
             self._missed = 0  # late, in a tick that sent no SYNC: what is missed next is not in a row
         self._arrived = False
+
+    def too_many(self) -> int:
+        """Feedbacks of this tick, the one that is owed included, if more have come than were ever missed."""
+        missed = min(self.again, self.lost - self._made_up)
+        self._made_up += missed
+        return self.again - missed and self.again - missed + 1
 
     def _heard(self) -> None:
         """The feedback owed has come; of several that came at once the newest counts."""

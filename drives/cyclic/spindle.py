@@ -61,8 +61,10 @@ class SpindleDrive(PowerStage):
         self.unheard = 0
         self._turned: int | None = None  # counts, as heard last
         self._directly = False  # the wanted speed is led by somebody else: no ramp of ours
-        self.handlers[pdo.tpdo(profile.tpdo, node)] = self._feedback
+        self.with_sync = (pdo.tpdo(profile.tpdo, node),)
+        self.handlers[self.with_sync[0]] = self._feedback
         if settings.position_tpdo:
+            self.with_sync += (pdo.tpdo(settings.position_tpdo, node),)
             self._per_rev = settings.position_per_rev
             self.handlers[pdo.tpdo(settings.position_tpdo, node)] = self._position
 
@@ -136,6 +138,9 @@ class SpindleDrive(PowerStage):
         statusword, speed = _unpack_feedback(data)
         self.speed = speed * self._unit
         self.speed_at_s = now_s
+        if self._arrived:
+            self.again += 1
+            self.answers.again += 1
         self._arrived = True
         if statusword != self.statusword or self._pending:
             self.statusword = statusword

@@ -23,7 +23,7 @@ class Supervised:
 
     Read: ``emcy_code`` (the first error since the last that was taken back; 0 = none),
     ``heartbeat_at_s`` (of a guarding answer too), ``nmt_state`` (-1 = not heard of yet),
-    ``malformed`` (frames of wrong length).
+    ``malformed`` (frames of wrong length), ``with_sync`` (identifiers of what it sends with SYNC).
     """
 
     def __init__(self, node: int, guarded: bool = False) -> None:
@@ -40,6 +40,7 @@ class Supervised:
         self._watched = False
         self._toggle = -1  # that the next guarding answer must have; -1 = any
         self._left = DriveFault.NONE  # NODE_RESET by a boot-up message, NODE_STOPPED, while judged
+        self.with_sync: tuple[int, ...] = ()
         self.handlers: dict[int, Handler] = {
             pdo.EMCY + node: self._emergency,
             pdo.HEARTBEAT + node: self._heartbeat,

@@ -162,9 +162,9 @@ def test_the_broadcast_managers_request_has_the_layout_of_its_header_file():
 
 
 def test_kernel_filters_let_eleven_bit_data_frames_through_only():
-    can_id, mask = struct.unpack_from("=II", bus.kernel_filters(pdo.TICK_FILTERS))
-    assert can_id == 0x180
-    for heard, frame_id in [(True, 0x185), (False, 0x205), (False, 0x8000_0185), (False, 0x4000_0185)]:
+    can_id, mask = struct.unpack_from("=II", bus.kernel_filters(pdo.SERVICE_FILTERS))
+    assert can_id == 0x580
+    for heard, frame_id in [(True, 0x585), (False, 0x605), (False, 0x8000_0585), (False, 0x4000_0585)]:
         assert (frame_id & mask == can_id) is heard
 
 
@@ -195,8 +195,8 @@ def test_a_python_can_adapter_carries_the_same_frames():
 
 @pytest.fixture
 def adapters():
-    """A python-can adapter with the tick's filters, and another on the same bus."""
-    ours = bus.AdapterSocket(can.Bus(interface="virtual", channel="adapters"), "can0", pdo.TICK_FILTERS)
+    """A python-can adapter with the slow side's filters, and another on the same bus."""
+    ours = bus.AdapterSocket(can.Bus(interface="virtual", channel="adapters"), "can0", pdo.SERVICE_FILTERS)
     theirs = can.Bus(interface="virtual", channel="adapters")
     yield ours, theirs
     theirs.shutdown()
@@ -218,21 +218,21 @@ def message(can_id, data=b"", **kind):
 def test_a_frame_that_an_adapter_filters_out_does_not_keep_those_after_it_from_the_tick(adapters):
     ours, theirs = adapters
     for _ in range(50):
-        theirs.send(message(0x581, bytes(8)))
-    for unwanted in (message(0x181, extended=True), message(0x181, is_remote_frame=True), message(0x7E4)):
+        theirs.send(message(0x181, bytes(6)))
+    for unwanted in (message(0x701, extended=True), message(0x701, is_remote_frame=True), message(0x080)):
         theirs.send(unwanted)
     for node in range(1, 6):
-        theirs.send(message(0x180 + node, bytes(6)))
-    assert heard(ours) == [0x181, 0x182, 0x183, 0x184, 0x185]
+        theirs.send(message(0x700 + node, bytes(1)))
+    assert heard(ours) == [0x701, 0x702, 0x703, 0x704, 0x705]
 
 
-def test_who_babbles_what_nobody_wants_does_not_hold_the_tick(adapters):
+def test_who_babbles_what_nobody_wants_holds_nobody_up(adapters):
     ours, theirs = adapters
     for _ in range(bus.MAX_UNWANTED + 1):
         theirs.send(message(0x001))
-    theirs.send(message(0x181))
+    theirs.send(message(0x701))
     assert heard(ours) == []
-    assert heard(ours) == [0x181]
+    assert heard(ours) == [0x701]
 
 
 @pytest.mark.parametrize("extended", [False, True], ids=["gs_usb", "socketcand"])

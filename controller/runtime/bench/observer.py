@@ -55,6 +55,7 @@ class Seen(NamedTuple):
     zeros: tuple[float, ...]  # to be added for joints
     speeds: tuple[float, ...]  # of the motors, mm/s and rad/s
     told: tuple[float, ...]  # joints where the drives say they are, as the tick has heard it
+    warning_axis: int = -1
 
 
 class Raised(NamedTuple):
@@ -119,6 +120,7 @@ class Observer:
             self._turned(self._shift),
             self._turned([axis.servo.velocity for axis in self._axes]),
             tuple(n * size for n, size in zip(cycle.group.positions, self._per_count, strict=True)),
+            modes.warning_axis,
         )
         self._count(seen)
         self._seen.append(seen)
@@ -218,9 +220,12 @@ class Sight:
         """Every fault in the order of its first tick; also what stopped nothing, or came on top."""
         found: dict[tuple[Fault, int], Raised] = {}
         for seen in self.ticks:
-            for fault, axis in ((seen.fault, seen.fault_axis), (seen.warning, -1)):
-                told = any(fault is known for known, _ in found) if axis < 0 else (fault, axis) in found
-                if fault is not Fault.NONE and not told:
+            known = {fault for fault, _ in found}
+            told = seen.fault in known if seen.fault_axis < 0 else (seen.fault, seen.fault_axis) in found
+            new = [] if told else [(seen.fault, seen.fault_axis)]
+            new += [] if seen.warning in {*known, seen.fault} else [(seen.warning, seen.warning_axis)]
+            for fault, axis in new:
+                if fault is not Fault.NONE:
                     found[fault, axis] = Raised(seen.tick, seen.time_s, fault, axis)
         return tuple(found.values())
 

@@ -104,11 +104,20 @@ def test_the_work_position_follows_what_shifts_and_turns_the_coordinates(machine
 
 
 def test_what_stands_in_the_way_and_what_stopped_nothing_is_told(machine: Machine) -> None:
-    now = snapshot(interlock=Fault.DOOR_OPEN, warning=Fault.DRIVE_WARNING)
+    now = snapshot(interlock=Fault.DOOR_OPEN, warning=Fault.DRIVE_WARNING, warning_axis=1)
     notices = status.machine_values(machine, now, None, POWER_ON)["notices"]
-    assert notices == [
-        {"name": fault.name, **told(fault)} for fault in (Fault.DOOR_OPEN, Fault.DRIVE_WARNING)
-    ]
+    door, warning = Fault.DOOR_OPEN, Fault.DRIVE_WARNING
+    assert notices == [{"name": door.name, **told(door)}, {"name": warning.name, **told(warning, "Y")}]
+    loud = snapshot(warning=Fault.NODE_CHATTERS, warning_axis=-1, chatter_id=0x083, chatter_per_s=2400.4)
+    (notice,) = status.machine_values(machine, loud, None, POWER_ON)["notices"]
+    assert notice["key"] == "text"
+    sender = notice["values"]["text"][0]["values"]["text"][0]
+    assert sender["key"] == "frames.of_node"
+    assert (sender["values"]["node"], sender["values"]["can_id"], sender["values"]["per_s"]) == (
+        3,
+        "083",
+        2400,
+    )
     assert status.machine_values(machine, snapshot(), None, POWER_ON)["notices"] == []
 
 

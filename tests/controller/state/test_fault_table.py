@@ -10,6 +10,7 @@ from support.suite.cases import each
 
 from controller.machine.model import Stopping
 from controller.state import stop_times
+from controller.state.fault_table import Sender
 from controller.state.modes import (
     FAULTS,
     Fault,
@@ -78,6 +79,33 @@ def test_a_sentence_names_the_axis_and_what_came_on_top() -> None:
     assert said.startswith("Axis C: The axis is not where it was told")
     assert " Also: A drive started anew" in said
     assert " Also" not in sentence(Fault.EMCY, "C", Fault.EMCY)
+
+
+@pytest.mark.parametrize(
+    ("can_id", "begins"),
+    [
+        (0x083, "Node 3, emergencies (083h), 2400 a second: A node sends"),
+        (0x705, "Node 5, heartbeats (705h), 2400 a second: A node sends"),
+        (0x281, "Node 1, feedback (281h), 2400 a second: A node sends"),
+        (0x301, "Node 1, setpoints (301h), 2400 a second: A node sends"),
+        (0x602, "Node 2, SDO (602h), 2400 a second: A node sends"),
+        (0x001, "Frames 001h, of no node, 2400 a second: A node sends"),
+        (0x8001_2345, "Frames 12345h, of no node, 2400 a second: A node sends"),
+        (-1, "A node sends"),
+    ],
+)
+def test_a_sentence_names_who_sends_too_much_which_frames_and_how_many(can_id: int, begins: str) -> None:
+    sender = Sender(can_id, 2400.4)
+    assert sentence(Fault.NODE_CHATTERS, sender=sender).startswith(begins)
+    assert "a second" not in sentence(Fault.DRIVE_WARNING, sender=sender)
+    flooded = sentence(Fault.BUS_FLOODED, also=Fault.NODE_CHATTERS, sender=sender)
+    assert " Also" not in flooded and flooded.count("a second") == (can_id >= 0)
+
+
+def test_every_frame_of_a_node_has_a_name() -> None:
+    for can_id in range(0x800):
+        german = sentence(Fault.NODE_CHATTERS, language="de", sender=Sender(can_id, 1.0))
+        assert german.startswith(("Knoten ", "Telegramme ")) and "frames." not in german
 
 
 def test_a_drive_that_was_read_to_brake_softer_makes_the_promise_longer() -> None:

@@ -513,3 +513,48 @@ def test_what_has_been_homed_is_trusted_and_other_axes_are_what_they_were() -> N
     modes.progress(1, standing=True)
     assert (modes.mode, modes.phase, group.wanted) == (Mode.HOMING, Phase.SWITCHING_OFF, Wanted.OFF)
     assert (modes.homed, modes.untrusted) == (0x05, 0x02)
+
+
+def watched(modes: Modes, ticks: int = 5) -> tuple[Fault, int]:
+    """What is warned of after so many ticks, and its axis."""
+    for n in range(ticks):
+        modes.watch(0.002 * n)
+    assert (modes.mode, modes.fault) == (Mode.RUNNING, Fault.NONE)
+    return modes.warning, modes.warning_axis
+
+
+def test_a_drive_that_is_ahead_of_sync_is_warned_of_once_with_its_axis_until_it_is_enabled_anew() -> None:
+    modes, group = modes_in(Mode.RUNNING)
+    assert watched(modes) == (Fault.NONE, -1)
+    group.drives[3].following_error.early = True
+    assert watched(modes) == (Fault.SETPOINTS_EARLY, 3)
+    group.drives[1].statusword = 1 << 7
+    assert watched(modes, 10) == (Fault.DRIVE_WARNING, 1)
+    group.drives[1].statusword = 0
+    modes._warn(Fault.NONE)
+    assert watched(modes) == (Fault.NONE, -1)
+    modes.mode = Mode.OFF
+    assert modes.request(Request.ENABLE, 0.0, True)
+    modes._enter(Mode.RUNNING)
+    assert watched(modes) == (Fault.SETPOINTS_EARLY, 3)
+
+
+def test_who_sends_too_much_is_warned_of_once_and_again_after_it_was_forgotten() -> None:
+    modes, group = modes_in(Mode.RUNNING)
+    group.chatter.can_id = 0x083
+    assert watched(modes) == (Fault.NODE_CHATTERS, -1)
+    modes._warn(Fault.NONE)
+    assert watched(modes) == (Fault.NONE, -1)
+    group.chatter.forget()
+    assert watched(modes) == (Fault.NONE, -1)
+    group.chatter.can_id = 0x083
+    assert watched(modes) == (Fault.NODE_CHATTERS, -1)
+
+
+def test_who_leaves_others_no_room_is_the_fault_and_no_warning_beside_it() -> None:
+    modes, group = modes_in(Mode.RUNNING)
+    group.chatter.can_id, group.failure = 0x083, (DriveFault.BUS_FLOODED, -1)
+    for n in range(5):
+        modes.watch(0.002 * n)
+    assert (modes.fault, modes.fault_axis, modes.warning) == (Fault.BUS_FLOODED, -1, Fault.NONE)
+    assert modes.untrusted == (1 << len(group.drives)) - 1

@@ -95,7 +95,7 @@ def test_the_tie_goes_by_the_lag_that_the_drives_of_its_axes_show() -> None:
     """Along Z by that of Z alone."""
     shop = Shop()
     for drive, lag_s in zip(shop.group.drives, (0.5, 0.5, 0.01, 0.5, 0.5), strict=True):
-        drive.following_error = SimpleNamespace(lag_s=lag_s, actual=0)  # type: ignore[assignment]
+        drive.following_error = SimpleNamespace(lag_s=lag_s, actual=0, early=False)  # type: ignore[assignment]
     along_z = SimpleNamespace(direction=(0.0, 0.0, -1.0))
     assert shop.cycle.coupling._axes_lag_s(along_z) == 0.01  # type: ignore[arg-type]
     shop.close()

@@ -77,7 +77,7 @@ def test_a_jog_out_of_a_cut_does_not_cut() -> None:
 def test_an_axis_that_left_its_command_is_told_with_how_far_it_is_off_it(axis: int) -> None:
     bench = started(cutting=True)
     per_unit = bench.machine.axes[axis].counts_per_unit
-    bench.group.drives[axis].following_error = SimpleNamespace(actual=round(0.25 * per_unit))
+    bench.group.drives[axis].following_error = SimpleNamespace(actual=round(0.25 * per_unit), early=False)
     bench.group.failure = (DriveFault.FOLLOWING_ERROR, axis)
     bench.tick()
     assert (bench.snapshot.fault, bench.snapshot.fault_axis) == (Fault.FOLLOWING_ERROR, axis)
@@ -88,7 +88,7 @@ def test_an_axis_that_left_its_command_is_told_with_how_far_it_is_off_it(axis: i
 def test_for_another_fault_and_for_no_axis_nothing_is_off() -> None:
     bench = started(cutting=True)
     for drive in bench.group.drives:
-        drive.following_error = SimpleNamespace(actual=1000)
+        drive.following_error = SimpleNamespace(actual=1000, early=False)
     bench.tick()
     assert bench.snapshot.fault_off == 0.0
     bench.group.failure = (DriveFault.FEEDBACK_LOST, 1)

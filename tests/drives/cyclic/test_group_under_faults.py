@@ -30,7 +30,7 @@ ROWS = [
     ("bus_off 3 for 50 ms", [(DriveFault.FEEDBACK_LOST, 2)], "the drive's own controller is off"),
     ("bus_off master for 50 ms", [(DriveFault.BUS_OFF, 0)], "ours is off"),
     ("queue_full master for 5 ms", [(DriveFault.SEND_FAILED, 0), (DriveFault.SEND_FAILED, 1)], "ENOBUFS"),
-    ("babble 000 for 40 ms", [(DriveFault.FEEDBACK_LOST, 0)], "nobody else gets a word in"),
+    ("babble 000 for 40 ms", [(DriveFault.BUS_FLOODED, -1)], "nobody else gets a word in"),
 ]
 WAYS = {
     "plain": {},

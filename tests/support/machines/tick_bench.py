@@ -42,6 +42,7 @@ from controller.state.modes import Mode, Request
 from controller.tick.cycle import Cycle
 from controller.tick.loop import Loop, SteppedClock
 from drives.cia402 import State, Wanted
+from drives.cyclic.chatter import Chatter
 from drives.cyclic.drive import DriveFault
 
 Stops = Callable[[Piece, float, float], StopTable]  # of a piece that begins at a plan time; period
@@ -51,6 +52,7 @@ class FakeFollowingError:
     """Of a drive without lag."""
 
     actual = 0
+    early = False
 
 
 class FakeDrive:
@@ -116,6 +118,7 @@ class FakeGroup:
         self.spindle: Any = None
         self.io: Sequence[Any] = ()
         self.lines: Sequence[Any] = ()
+        self.chatter = Chatter()
         self.syncs: list[float] = []
         self.commands: list[tuple[float, tuple[int, ...]]] = []
 

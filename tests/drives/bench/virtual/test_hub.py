@@ -34,6 +34,7 @@ from drives.ports.hub_protocol import TIMED
 from drives.settings import BusSettings, MasterSettings
 
 FRAME_S = 0.001  # more than any takes
+SOME = pdo.SERVICE_FILTERS
 
 
 @pytest.fixture
@@ -498,7 +499,7 @@ def test_a_hub_kept_from_the_processor_once_it_is_awake_moves_no_frame(
 def test_a_port_hears_data_frames_of_11_bits_as_on_socketcan(tmp_path: Path) -> None:
     hub = Hub(str(tmp_path / "can"))
     settings = BusSettings("can", "virtual", hub.path, 1_000_000)
-    talker, hears, all_ears = bus.open(settings), bus.open(settings), bus.open(settings, ((0, 0),))
+    talker, hears, all_ears = (bus.open(settings, filters) for filters in (((0, 0),), SOME, ((0, 0),)))
     said = [0x701 | pdo.REMOTE_FLAG, 0x701 | pdo.EXTENDED_FLAG, 0x701]
     for can_id in said:
         assert talker.send(pdo.frame(can_id, b"\5"))
