@@ -27,7 +27,7 @@ from controller.plan.report.survey import Survey
 from controller.plan.stretch import Note
 from controller.program import linked
 from controller.program import refusals as refusals_of_text
-from controller.program.program import ProgramError
+from controller.program.program import ProgramError, refused_on_the_way
 from controller.runtime import checked, recording, records, starts
 from controller.runtime import events as event_files
 from controller.runtime.bus_load import overload
@@ -446,7 +446,7 @@ def _end_run(
     if run.fault is not Fault.NONE:  # also a hold that waits for somebody to close a door
         raise under.ended(run.fault_text, **figures)
     if refusal is not None:
-        why = messages.several(refusal.placed, messages.said("stands_before"))
+        why = refused_on_the_way(refusal.placed)
         place = {"line": refusal.line, "column": refusal.column}
         raise Refused(messages.text(why, spoken.get()), **figures, **place)
     if run.result in AS_ASKED:

@@ -38,8 +38,8 @@ BAR_CELLS = 30
 
 def view(status: Status, alarms: Sequence[Mapping[str, Any]] = ()) -> RenderableType:
     """The whole of it: mode, positions, feed, job, alarms."""
-    parts: list[RenderableType] = [_headline(status), _joints(status), _feed(status), *_bits(status)]
-    parts += _job(status)
+    parts: list[RenderableType] = [_headline(status), *_next(status), _joints(status), *_state(status)]
+    parts += [_feed(status), *_bits(status), *_job(status)]
     return Group(*parts, *_troubles(status), *_alarms(alarms))
 
 
@@ -91,6 +91,22 @@ def _headline(status: Status) -> Text:
     if holder := status.get("control"):
         told.append(f"  {say('control', holder=holder)}", "dim")
     return told
+
+
+def _next(status: Status) -> Iterator[Text]:
+    """What to do next, as the page has it."""
+    step = status.get("next")
+    if isinstance(step, Mapping) and step.get("sentence"):
+        yield Text(f" {step['sentence']}", "bold")
+
+
+def _state(status: Status) -> Iterator[Text]:
+    """Where the tip is in the part, and the codes that are in force."""
+    tip = status.get("tip")
+    if isinstance(tip, Mapping):
+        yield Text(say("tip", place="  ".join(f"{name} {number(value)}" for name, value in tip.items())))
+    if codes := status.get("codes"):
+        yield Text(" ".join(map(str, codes)), "dim")
 
 
 def _waits(status: Status) -> Iterator[str]:
@@ -170,11 +186,9 @@ def _bits(status: Status) -> Iterator[Text]:
 
 
 def done(job: Mapping[str, Any]) -> float | None:
-    """Share of the program's time that is behind; the planned duration is exact, so this is, too."""
-    left_s, duration_s = job.get("left_s"), job.get("duration_s")
-    if left_s is None or not duration_s:
-        return None
-    return min(max(1.0 - float(left_s) / float(duration_s), 0.0), 1.0)
+    """Share of the program that is done; by its own time, for what is left counts changes and waits, too."""
+    fraction = job.get("fraction")
+    return float(fraction) if isinstance(fraction, int | float) else None
 
 
 def _job(status: Status) -> Iterator[RenderableType]:

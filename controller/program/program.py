@@ -12,7 +12,7 @@ from controller.geometry.splines import BSpline
 from controller.geometry.vectors import Frame, Vector
 from controller.machine.changes import Change
 from controller.machine.model import Joints, Machine, Tool
-from controller.messages import Said, chain, said, text
+from controller.messages import Said, chain, said, several, text
 from controller.values import dataclass
 
 
@@ -70,6 +70,20 @@ class ProgramError(Exception):
         if self.file == file:
             return self.line
         return next((one.line for one in self.callers if one.file == file), None)
+
+
+PROBED_IN_VAIN = ("probe.not_touched", "probe.not_free")
+
+
+def refused_on_the_way(refusal: Said) -> Said:
+    """What is said of a program whose block was refused when the tool had come to it (``placed``): a probing
+    move is known to be in vain once it has been made."""
+    why = refusal["values"].get("sentence")
+    while isinstance(why, Mapping) and why["key"] == "program.within":  # subs
+        why = why["values"]["sentence"]
+    probed = isinstance(why, Mapping) and why["key"] in PROBED_IN_VAIN
+    stands = said("stands_after_probing" if probed else "stands_before")
+    return several(said("sentence", text=refusal), stands)
 
 
 class GougeRefused(ProgramError):

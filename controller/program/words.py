@@ -142,6 +142,7 @@ class _Scan:
         line = self._saying(Line(name, number, words), raw) if words or kept or "," in raw else None
         if line is not None:
             line.kept = kept
+            self.found |= bool(line.message)
         return line if line is not None and (words or line.says) else None
 
     def _saying(self, line: Line, raw: str) -> Line:

@@ -26,6 +26,8 @@ from controller.service.modal_state import ModalState
 from controller.service.owners import Owners
 from controller.service.run_recorder import RunRecorder
 
+GIVEN_UP = ("stopped", "given_up")  # keys of why a start went no further
+
 
 class JobRun:
     """One at a time; what it leaves in force is what the next begins with."""
@@ -112,9 +114,12 @@ class JobRun:
             self.job = job
 
     def not_started(self, job: Job, why: Said) -> None:
-        """It is as it was loaded, and what it was to run with is in force no more."""
+        """It is as it was loaded, and what it was to run with is in force no more.
+
+        Where the operator would not have it started, nothing is to be put right before the next start.
+        """
         with self.lock:
-            job.become("loaded", why)
+            job.become("loaded", None if why["key"] in GIVEN_UP else why)
             if self.job is job:
                 self.job = None
                 if job.state_before is not None:

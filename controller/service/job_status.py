@@ -33,7 +33,7 @@ def to_dict(job: Job, now: Snapshot) -> dict[str, Any]:
         "fraction": _share(job),
         "blocks": job.blocks,
         "duration_s": job.duration_s,
-        "elapsed_s": job.elapsed_s(now) if shown else None,
+        "elapsed_s": job.elapsed_s(now) if shown and job.taken else None,
         **left._asdict(),
         "checking": job.news.checking,
         "message": messages[-1] if messages else None,
@@ -71,7 +71,8 @@ def ended_early(job: Job, result: str, why: Said | None) -> Said | None:
         return None
     typed = (typed_text(job) or "").strip().split("\n")[0]
     program = Key("ended.cycle") if job.is_own else f"{MDI} {typed}" if typed else job.program.name
-    line = job.last.line if job.last is not None else 0
+    spot = job.program.spot  # where it goes on, or begins, as long as it is on the way there
+    line = job.last.line if job.last is not None and job.last.line else spot.line if spot is not None else 1
     if why is None:
         return said("ended.stopped", program=program, line=line)
     return said("ended.why", program=program, line=line, why=why)

@@ -15,12 +15,13 @@ from controller.ipc.control_socket import CommandRefused
 from controller.ipc.handoff import COLUMN, Snapshot
 from controller.machine.changes import Change
 from controller.machine.model import Joints, Machine, Tool
-from controller.messages import Said, said, several
+from controller.messages import Said
 from controller.plan.report.passing import Mark, passed_s
 from controller.plan.restart.program_position import ENTRY_ID, Spot
 from controller.plan.timetable import Passed
 from controller.program import carried, linked, probing_cycles
 from controller.program.modal import State
+from controller.program.program import refused_on_the_way
 from controller.runtime.plan_messages import Announcement, News, Program, Way
 from controller.runtime.starts import Start
 from controller.service import journal
@@ -254,8 +255,8 @@ class Job:
         self.lost = True
 
     def refuse_rest(self, refusal: Said) -> Said:
-        """The tool stands before a block that was refused; what is said of that."""
-        self.refused, self.said = True, several(refusal, said("stands_before"))
+        """The tool stands at a block that was refused; what is said of that."""
+        self.refused, self.said = True, refused_on_the_way(refusal)
         return self.said
 
     def take_tools(self, tools: tuple[Tool, ...]) -> None:

@@ -26,6 +26,8 @@ def restart(service: Service) -> dict[str, Any]:
     entry = service.journal.last
     if entry is None or entry.ended:
         return {"offered": False, **said("not_interrupted")}
+    if (job := service.run.job) is not None and not job.is_mdi:
+        return {"offered": False, **said("running", program=job.program.name)}
     why = _why_not(service, entry)
     return {
         "offered": why is None,

@@ -50,7 +50,18 @@ def test_mode_positions_feed_limit_progress_and_time_left_are_shown() -> None:
         assert wanted in told
     assert "override 80 %, rapid 100 %" in told
     assert "example2_ready.ngc: line 10, block 2 of 7, running" in told
-    assert "75 %" in told and "1:01 done, 0:31 left" in told and "control: page" in told
+    assert "40 %" in told and "1:01 done, 0:31 left" in told and "control: page" in told
+
+
+def test_the_next_step_the_tip_and_the_codes_are_those_of_the_page() -> None:
+    state = {
+        "next": {"sentence": "Home all axes."},
+        "tip": {"X": 1.0, "Y": -2.5, "Z": 30.0},
+        "codes": ["G1", "G55", "T2"],
+    }
+    told = shown({**RUNNING, **state})
+    for wanted in ("Home all axes.", "tip in the part:  X 1.000  Y -2.500  Z 30.000", "G1 G55 T2"):
+        assert wanted in told
 
 
 def test_load_and_share_of_adaptive_feed_are_shown_where_it_counts() -> None:
@@ -105,7 +116,7 @@ def test_inputs_outputs_and_what_drives_reported_are_shown() -> None:
 
 
 def test_a_line_for_scripts_says_mode_place_and_time_left() -> None:
-    assert status_view.line(RUNNING) == "RUNNING line 10 75 % left 0:31"
+    assert status_view.line(RUNNING) == "RUNNING line 10 40 % left 0:31"
     assert status_view.line({"mode": "FAULT", "fault": {"name": "EMCY"}}) == "FAULT EMCY"
 
 

@@ -11,6 +11,7 @@ from support.suite.cases import each
 
 from controller import messages
 from controller.messages import LANGUAGES, Key, chain, said, several, text, told
+from controller.program.program import Caller, ProgramError, refused_on_the_way
 from controller.state.fault_table import words as words_of
 from controller.state.modes import ALWAYS, FAULTS, Fault, Mode, Reaction, Recovery, Request, refusal, sentence
 from drives import emergency_codes
@@ -204,3 +205,13 @@ def test_every_emergency_code_of_the_drives_part_has_its_words() -> None:
     assert {f"emcy.{code:04X}" for code in emergency_codes.CODES} | {"emcy.unlisted"} == {
         key for key in own("en") if key.startswith("emcy.")
     }
+
+
+def test_what_was_refused_on_the_way_ends_with_where_the_tool_stands() -> None:
+    for key, calls, stands in (
+        ("probe.not_touched", (), "without. The tool stands at the end of that way."),
+        ("probe.not_touched", (Caller("o1 call", 3, ""),), "The tool stands at the end of that way."),
+        ("path.nothing", (), ". The tool stands on the path before that block."),
+    ):
+        error = ProgramError("p", 1, 1, said(key, code="G38.2", word="G38.2")).within(calls)
+        assert text(refused_on_the_way(error.placed)).endswith(stands)

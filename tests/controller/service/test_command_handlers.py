@@ -134,6 +134,26 @@ def test_a_stop_while_a_start_is_planned_is_the_end_of_it_and_nothing_goes_out(
     with pytest.raises(CommandRefused, match="stopped before it began"):
         start.result(HANGS_S)
     assert Request.START not in engine.requests and service.run.job is None
+    told = whole_status.status(service)
+    assert told["can_start"] and told["next"]["verb"] == "start", "nothing is to be put right"
+    assert told["job"]["elapsed_s"] is None
+
+
+def test_what_runs_is_not_offered_to_be_gone_on_with(
+    desk: CommandHandlers, service: Service, engine: FakeEngine
+) -> None:
+    interrupted(service)
+    assert done(desk, "restart")["offered"]
+    loaded(desk, service, restart=True)
+    done(desk, "start")
+    for mode in (Mode.RUNNING, Mode.HOLD):
+        assert engine.now.mode is mode
+        offer = done(desk, "restart")
+        assert (offer["offered"], offer["key"]) == (False, "running")
+        with pytest.raises(CommandRefused, match="is running; stop it"):
+            done(desk, "load", restart=True, path=str(service.state / "part.ngc"))
+        if mode is Mode.RUNNING:
+            done(desk, "hold")
 
 
 def test_a_reset_waits_until_the_run_is_told_to_be_over_by_the_fault(
@@ -1017,3 +1037,14 @@ def test_a_line_by_hand_that_ended_early_is_told_as_it_was_typed(
     assert messages.text(done(desk, "status")["ended_early"]).startswith("MDI G38.2 Z-5 F100 ended early")
     done(desk, "mdi", text="G0 X1")
     assert done(desk, "status")["ended_early"] is None, "another begins"
+
+
+def test_a_run_that_is_stopped_on_the_way_to_its_place_was_stopped_there(
+    desk: CommandHandlers, service: Service, engine: FakeEngine
+) -> None:
+    loaded(desk, service, line=3)
+    done(desk, "start")
+    done(desk, "hold")
+    done(desk, "stop")
+    ended(service, engine)
+    assert "in line 3" in messages.text(done(desk, "status")["ended_early"])
