@@ -172,9 +172,7 @@ def joined(settings: BusSettings, first: bytes) -> socket.socket:
     try:
         return hub_protocol.connect(settings.channel, first)
     except OSError as error:
-        raise BusError(
-            said("bus.no_hub", name=settings.name, channel=settings.channel, why=error.strerror)
-        ) from error
+        raise BusError(said("bus.no_hub", name=settings.name, channel=settings.channel, why=error)) from error
 
 
 def _open_adapter(settings: BusSettings, filters: Sequence[tuple[int, int]]) -> AdapterSocket:

@@ -7,7 +7,9 @@ of the controller's code is needed here). Who shows it has the texts of a langua
 
 from __future__ import annotations
 
+import errno
 import json
+import os
 from collections.abc import Iterable, Mapping, Sequence
 from functools import cache
 from pathlib import Path
@@ -31,7 +33,7 @@ class Key(str):
 
 
 def said(key: str, /, **values: object) -> Said:
-    """The text of a key, with what it has places for; an error among the values is its own text."""
+    """The text of a key, with what it has places for; an error among the values is its ``reason``."""
     if "why" in values and not str(values["why"] or "").strip():  # an OSError may have no words, for one
         values["why"] = Key("no_why")
     return Said(key=key, values={name: _value(value) for name, value in values.items()})
@@ -84,8 +86,22 @@ def _value(value: object) -> Any:
         return Said(key=str(value), values={})
     if isinstance(value, list | tuple):
         return [_value(one) for one in value]
-    own: Said | None = getattr(value, "said", None) if isinstance(value, BaseException) else None
-    return value if isinstance(value, str | int | float | dict | None) else own or str(value)
+    if isinstance(value, BaseException):
+        return reason(value)
+    return value if isinstance(value, str | int | float | dict | None) else str(value)
+
+
+def reason(error: BaseException) -> Said | str:
+    """What an error gives as its reason: its own text, or that of the operating system's number; else its
+    words.
+    """
+    own: Said | None = getattr(error, "said", None)
+    if own or not isinstance(error, OSError):
+        return own or str(error)
+    name = errno.errorcode.get(error.errno or 0, "")
+    if name and error.strerror == os.strerror(error.errno or 0) and f"errno.{name}" in _known():
+        return Said(key=f"errno.{name}", values={})
+    return error.strerror or str(error)
 
 
 # ---- in words
@@ -116,11 +132,14 @@ def filled(said: Mapping[str, Any], texts: Mapping[str, str], around: Mapping[st
 
 def english(said: Mapping[str, Any]) -> str:
     """In English words; as it is where there is no catalogue, for this must not fail."""
+    return filled(said, _known())
+
+
+def _known() -> Mapping[str, str]:
     try:
-        texts = english_texts()
+        return english_texts()
     except (OSError, ValueError):
-        texts = {}
-    return filled(said, texts)
+        return {}
 
 
 @cache

@@ -107,6 +107,8 @@ ROOMS: dict[str, dict[str, set[str]]] = {
 TO_DRIVES: dict[str, set[str]] = {
     "values": {"values"},
     "messages": {"texts"},
+    "own_files": {"texts"},
+    "own_database": {"texts"},
     "machine": {"settings", "profile", "arranged", "text_file"},
     "state": {"settings", "arranged", "pdo"},  # what the stops take; whose frames are whose
     "tick": {"settings", "scale", "cia402", "pdo", "bus", "cyclic"},

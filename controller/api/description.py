@@ -6,12 +6,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping
+from functools import cache
 from typing import Any
 
 from fastapi import FastAPI, Request
 from fastapi.responses import HTMLResponse, JSONResponse
 from fastapi.routing import APIRoute
 
+from controller import messages
 from controller.api import docs_page
 from controller.api.access import COOKIE, needs, panel_of
 from controller.api.answers import DESCRIPTIONS, VARY, spoken
@@ -19,25 +21,12 @@ from controller.api.examples import EXAMPLES
 from controller.api.roles import Role
 
 SCHEMES: dict[str, dict[str, str]] = {
-    "token": {
-        **{"type": "http", "scheme": "bearer"},
-        "description": "A script's token: directrix tokens add NAME, or POST /api/v1/tokens.",
-    },
-    "api_key": {
-        **{"type": "apiKey", "in": "header", "name": "X-Api-Key"},
-        "description": "The same token, as senders that speak OctoPrint's way have it.",
-    },
-    "session": {
-        **{"type": "apiKey", "in": "cookie", "name": COOKIE},
-        "description": "After POST /api/v1/session; all but GET needs its csrf as X-CSRF-Token, too.",
-    },
+    "token": {"type": "http", "scheme": "bearer"},
+    "api_key": {"type": "apiKey", "in": "header", "name": "X-Api-Key"},
+    "session": {"type": "apiKey", "in": "cookie", "name": COOKIE},
 }
-ABOUT = (
-    "REST interface of one machine. Lengths are mm, angles degrees, feeds mm/min, shares 0 to 1; whatever is "
-    "refused has one sentence why (ErrorAnswer), in the language of Accept-Language.\n\n"
-    "Without users only this computer is answered, and needs no log-in; with users a token or a session. "
-    "What moves the machine needs the control token, too: POST /api/v1/control; send it as X-Control-Token."
-)
+DECLARED = ("openapi.", "http.")  # keys of what routes, models and answers say of themselves
+NOT_TEXTS = ("examples", "example", "default")
 TOO_LARGE = {
     "413": {
         "description": DESCRIPTIONS[413],
@@ -57,44 +46,81 @@ def add(app: FastAPI, routes: Iterable[tuple[str, APIRoute, Rule]]) -> None:
 
     @app.get("/openapi.json", include_in_schema=False, dependencies=[needs(Role.VIEW)])
     async def openapi(request: Request) -> JSONResponse:
-        return JSONResponse(described(app.openapi(), rules, panel_of(request).users.any))
+        whole = described(app.openapi(), rules, panel_of(request).users.any, spoken.get())
+        return JSONResponse(whole, headers={"Vary": VARY, "Content-Language": spoken.get()})
 
     @app.get("/docs", include_in_schema=False, dependencies=[needs(Role.VIEW)], response_class=HTMLResponse)
     async def docs(request: Request) -> HTMLResponse:
-        whole = described(app.openapi(), rules, panel_of(request).users.any)
+        whole = described(app.openapi(), rules, panel_of(request).users.any, spoken.get())
         text = docs_page.page(whole, spoken.get())
         headers = {"Content-Security-Policy": docs_page.POLICY, "Vary": VARY}
         return HTMLResponse(text, headers={**headers, "Content-Language": spoken.get()})
 
 
 def described(
-    schema: Mapping[str, Any], rules: Mapping[tuple[str, str], Rule], log_in: bool
+    schema: Mapping[str, Any],
+    rules: Mapping[tuple[str, str], Rule],
+    log_in: bool,
+    language: str = messages.DEFAULT,
 ) -> dict[str, Any]:
-    """FastAPI's description with all that it does not know. ``log_in``: whether one has to."""
+    """FastAPI's description with all that it does not know, in a language. ``log_in``: whether one has to."""
+    texts = messages.of(language).texts
     paths = {
-        path: {method: _operation(one, rules.get((method, path))) for method, one in methods.items()}
+        path: {
+            method: _operation(one, rules.get((method, path)), language) for method, one in methods.items()
+        }
         for path, methods in schema["paths"].items()
     }
     models = {
-        name: {**model, "examples": [EXAMPLES[name]]} if name in EXAMPLES else model
+        name: {**in_language(model, language), **({"examples": [EXAMPLES[name]]} if name in EXAMPLES else {})}
         for name, model in schema["components"]["schemas"].items()
     }
+    schemes = {name: {**one, "description": texts[f"openapi.scheme.{name}"]} for name, one in SCHEMES.items()}
     anybody: list[dict[str, list[str]]] = [] if log_in else [{}]
     return {
         **schema,
-        "info": {**schema["info"], "description": ABOUT},
+        "info": {**schema["info"], "description": texts["openapi.about"]},
         "paths": paths,
-        "components": {**schema["components"], "schemas": models, "securitySchemes": SCHEMES},
+        "components": {**schema["components"], "schemas": models, "securitySchemes": schemes},
         "security": [*anybody, *({name: []} for name in SCHEMES)],
     }
 
 
-def _operation(operation: Mapping[str, Any], rule: Rule) -> dict[str, Any]:
+def _operation(operation: Mapping[str, Any], rule: Rule, language: str) -> dict[str, Any]:
     """With who may ask, where anybody may, without a log-in; and that a body may be too large."""
     if "requestBody" in operation:
         operation = {**operation, "responses": {**TOO_LARGE, **operation["responses"]}}
+    operation = in_language(operation, language)
+    about = str(operation.get("description", ""))
+    if language != messages.DEFAULT:  # FastAPI makes it of the function's name
+        operation = {**operation, "summary": re.split(r"[.;:]\s", f"{about} ", maxsplit=1)[0]}
     if rule is None:
         return {**operation, "security": []}
     role, control = rule
-    who = f"Role: {role.label}{', holding the control token' if control else ''}."
-    return {**operation, "description": f"{operation.get('description', '')}\n\n{who}".strip()}
+    key = "openapi.role_in_control" if control else "openapi.role"
+    whole = messages.text(messages.said(key, text=about, role=role.label), language)
+    return {**operation, "description": whole.strip()}
+
+
+def in_language(schema: Any, language: str) -> Any:
+    """A part of the description with each of its texts in a language.
+
+    What routes and models say of themselves is the English of a text of the catalogue: by that it is found.
+    """
+    if isinstance(schema, list):
+        return [in_language(one, language) for one in schema]
+    if not isinstance(schema, Mapping):
+        return schema
+    texts, keys = messages.of(language).texts, declared()
+    found = {name: one if name in NOT_TEXTS else in_language(one, language) for name, one in schema.items()}
+    about = schema.get("description")
+    if isinstance(about, str) and about in keys:
+        found["description"] = texts[keys[about]]
+    return found
+
+
+@cache
+def declared() -> dict[str, str]:
+    """The key of every text of the description, by its English."""
+    texts = messages.of(messages.DEFAULT).texts
+    return {text: key for key, text in texts.items() if key.startswith(DECLARED)}

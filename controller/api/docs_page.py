@@ -2,8 +2,8 @@
 
 html = page(openapi, "en")
 
-It needs no script and nothing from elsewhere, so it is there on a machine without a network, too. What routes
-and models say of themselves is English, as in ``/openapi.json``; the frame is in the reader's language.
+It needs no script and nothing from elsewhere, so it is there on a machine without a network, too. It is in
+the reader's language, as ``/openapi.json`` is.
 """
 
 from __future__ import annotations

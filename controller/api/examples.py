@@ -29,6 +29,7 @@ EXAMPLES: dict[str, dict[str, Any]] = {
     "Jog": {"frame": "joint", "axis": "X", "speed": 0.5, "press": "3f9c"},
     "JogStep": {"frame": "joint", "axis": "X", "distance": -0.1, "feed": 500.0},
     "JogStop": {"press": "3f9c"},
+    "Macro": {"still": True},
     # ---- offsets, tools, the changer
     "OffsetValues": {"origin_mm": [10.0, 20.0, -35.5], "turned_deg": [0.0, 0.0, 30.0]},
     "TouchOff": {"X": 0.0, "Z": "5/2", "tool": 3},

@@ -31,7 +31,7 @@ from controller.api.database import StoreError
 from controller.api.notice_settings import NoticeSettings
 from controller.api.service_client import Watch
 from controller.api.store import Alarm, Run, Store
-from controller.messages import Key, Said, kept, plain, said
+from controller.messages import Key, Said, kept, plain, reason, said
 from controller.values import dataclass
 
 POLL_S = 1.0
@@ -174,7 +174,7 @@ class Way:
             if self.deliver(notice, settings).sent or pause_s is None or self._ended.wait(pause_s):
                 return
 
-    def _note(self, why: str | None) -> Outcome:
+    def _note(self, why: Said | str | None) -> Outcome:
         told = None if why is None else said("notice_failed", way=Key(f"way.{self.name}"), why=why)
         self.last = Outcome(time.time(), why is None, told)
         return self.last
@@ -327,7 +327,7 @@ class _SmtpTls(_Bounded, smtplib.SMTP_SSL):
 # ---- what went wrong
 
 
-def why_not(error: Exception) -> str:
+def why_not(error: Exception) -> Said | str:
     """Without a word of the server's, nor the address that was asked."""
     if isinstance(error, NotTaken):
         return f"HTTP {error.status}"
@@ -338,7 +338,9 @@ def why_not(error: Exception) -> str:
     if isinstance(error, ssl.SSLError) and error.reason:
         return error.reason.lower().replace("_", " ")
     key = next((key for kind, key in KINDS.items() if isinstance(error, kind)), None)
-    return Key(key) if key else getattr(error, "strerror", None) or type(error).__name__
+    if key:
+        return Key(key)
+    return reason(error) if getattr(error, "strerror", None) else type(error).__name__
 
 
 KINDS: dict[type[Exception], str] = {

@@ -62,7 +62,7 @@ class Programs:
         try:
             own_files.make_folder(self.incoming, folder.parent)
         except OSError as error:
-            raise StoreError("store", said("store.no_folder", folder=folder, why=error.strerror)) from error
+            raise StoreError("store", said("store.no_folder", folder=folder, why=error)) from error
 
     def now_s(self) -> float:
         return self._clock()
@@ -130,7 +130,7 @@ class Programs:
             try:
                 return program, self.content(program.sha256)
             except OSError as error:
-                raise StoreError.told("store", "store_unread", file=name, why=error.strerror) from error
+                raise StoreError.told("store", "store_unread", file=name, why=error) from error
 
     def keep(self, new: Path, program: Program, in_use: Collection[str] = ()) -> Program:
         """Take a complete, synced file of the incoming folder over as ``program``, whole or not at all.

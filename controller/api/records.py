@@ -275,7 +275,7 @@ class Users:
         try:
             log_in_marker.write(self._state, count)
         except OSError as error:
-            raise StoreError.told("store", "store_unwritten", file=self._state, why=error.strerror) from error
+            raise StoreError.told("store", "store_unwritten", file=self._state, why=error) from error
 
     def get(self, name: str) -> User | None:
         return next((user for user in self.all() if user.name == name), None)

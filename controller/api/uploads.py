@@ -199,7 +199,7 @@ def _full(name: str) -> Iterator[None]:
     except OSError as error:
         full = error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
         code, remedy = ("space", "remedy.full") if full else ("store", "remedy.folder")
-        said = {"name": name, "why": error.strerror, "remedy": Key(remedy)}
+        said = {"name": name, "why": error, "remedy": Key(remedy)}
         raise StoreError.told(code, "upload_failed", **said) from error
 
 

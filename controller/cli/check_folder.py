@@ -16,7 +16,7 @@ from rich.text import Text
 from controller import messages
 from controller.cli import internal_error
 from controller.machine.model import Machine
-from controller.messages import said
+from controller.messages import Said, reason, said
 from controller.plan.report.stored import Stored
 from controller.plan.report.survey import Survey
 from controller.program import linked, refusals
@@ -38,7 +38,7 @@ class Job:
 
     name: str
     text: bytes
-    wrong: str = ""
+    wrong: Said | str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,7 +111,7 @@ class _Jobs(Sequence[Job]):
         try:
             text = linked.linked(file.read_bytes(), linked.beside(file))
         except OSError as error:
-            return Job(name, b"", str(error.strerror))
+            return Job(name, b"", reason(error))
         return Job(name, linked.without_deleted(text) if self._block_delete else bytes(text))
 
 

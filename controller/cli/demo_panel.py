@@ -52,7 +52,7 @@ def _free(port: int) -> None:
         try:
             probe.bind(("127.0.0.1", port))
         except OSError as error:
-            raise Refused(say("cli.demo.port", port=port, why=error.strerror)) from error
+            raise Refused(say("cli.demo.port", port=port, why=error)) from error
 
 
 def _stock(folder: Path) -> None:

@@ -132,7 +132,7 @@ def _keep(machine: Machine, found: Sequence[commissioning.Arranged]) -> None:
     try:
         arrangement.save(folder, machine, found)
     except OSError as error:
-        tell.print(say("cli.drives.not_kept", folder=folder, why=error.strerror), markup=False)
+        tell.print(say("cli.drives.not_kept", folder=folder, why=error), markup=False)
 
 
 def _set_node(joined: Sequence[Joined], name: str, store: bool) -> dict[str, Any]:

@@ -155,7 +155,7 @@ def _write(file: Path, text: str) -> None:
     try:
         file.write_bytes(text.encode("latin-1", "replace"))
     except OSError as error:
-        raise Refused(say("cli.kept.not_written", file=file, why=error.strerror)) from error
+        raise Refused(say("cli.kept.not_written", file=file, why=error)) from error
 
 
 def _rows(rows: Sequence[setup.Row]) -> list[dict[str, Any]]:

@@ -64,7 +64,7 @@ def serve(
         try:
             main.run(made, *where, simulate, _notifier(), group, hand, part)
         except OSError as error:
-            raise Refused(f"{error.filename or where[0]}: {error.strerror or error}.") from error
+            raise Refused(say("os_error_of", file=error.filename or where[0], why=error)) from error
         except control_socket.CommandRefused as error:
             raise Refused(error.sentence) from error
 

@@ -221,7 +221,7 @@ class Client:
             own.connect(str(self._path))
         except (FileNotFoundError, ConnectionError) as error:
             own.close()
-            raise CommandRefused("gone", said("no_service", path=self._path, why=error.strerror)) from error
+            raise CommandRefused("gone", said("no_service", path=self._path, why=error)) from error
         except OSError as error:
             own.close()
             raise self._silent(error) from error
@@ -239,7 +239,7 @@ class Client:
         """Somebody holds the socket: what is loaded there may be running."""
         if isinstance(error, PermissionError):
             return CommandRefused("silent", said("stranger", path=self._path))
-        why = error.strerror or Key("no_answer_within")
+        why = error if error.strerror else Key("no_answer_within")
         return CommandRefused(
             "silent", said("silent_door", path=self._path, why=why, seconds=self._longest_s)
         )

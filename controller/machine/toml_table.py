@@ -217,7 +217,7 @@ def read_text(path: Path, encoding: str = "utf-8") -> str:
     except UnicodeDecodeError as error:
         raise ConfigError(said("file.not_utf8", file=path.name, byte=error.start)) from error
     except OSError as error:
-        raise ConfigError(said("file.unread", file=path, why=error.strerror)) from error
+        raise ConfigError(said("file.unread", file=path, why=error)) from error
 
 
 def parse(text: str, file: str) -> Table:

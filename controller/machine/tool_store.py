@@ -306,5 +306,4 @@ def _checked(name: str, rows: object) -> list[list[Any]]:
 
 
 def _no_store(file: Path, error: OSError | ValueError | sqlite3.Error) -> ConfigError:
-    why = error.strerror if isinstance(error, OSError) else error
-    return ConfigError(said("file.no_tool_store", file=file, why=why))
+    return ConfigError(said("file.no_tool_store", file=file, why=error))

@@ -23,7 +23,20 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from drives import texts
-from drives.texts import FOLDER, Key, Said, TextError, chain, is_said, of_error, once, plain, said, several
+from drives.texts import (
+    FOLDER,
+    Key,
+    Said,
+    TextError,
+    chain,
+    is_said,
+    of_error,
+    once,
+    plain,
+    reason,
+    said,
+    several,
+)
 
 __all__ = [
     "FOLDER",
@@ -35,6 +48,7 @@ __all__ = [
     "of_error",
     "once",
     "plain",
+    "reason",
     "said",
     "several",
 ]

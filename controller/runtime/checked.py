@@ -400,7 +400,7 @@ def keep(kept: Stored, name: str, where: Path) -> Said | str:
     try:
         stored.save(kept, name, where)
     except OSError as error:
-        return said("stored.not_kept", folder=where, why=error.strerror)
+        return said("stored.not_kept", folder=where, why=error)
     return ""
 
 

@@ -24,6 +24,7 @@ from typing import Any
 from controller import one_thread
 from controller.ipc import internal_error
 from controller.machine.model import Machine
+from controller.messages import said, text
 from controller.values import dataclass
 
 END_S = 5.0  # to stand down; then it is killed
@@ -84,8 +85,8 @@ class Child:
             return self._words.read_text()
         code = self.process.poll()
         if code is not None and code < 0:
-            return f"The {self.role} process was killed by signal {signal.Signals(-code).name}."
-        return f"The {self.role} process ended with code {code}; see its message above." if code else ""
+            return text(said("process.killed", role=self.role, signal=signal.Signals(-code).name))
+        return text(said("process.ended", role=self.role, code=code)) if code else ""
 
     def end(self) -> None:
         """Ask it to end; kill it if it does not."""
@@ -169,7 +170,7 @@ def run(role: str, main: Callable[[Any], None], job_file: Path, expected: tuple[
 
 def own_error(role: str, error: Exception) -> str:
     """A mistake of ours in one sentence, with its place."""
-    return f"The {role} process met an error of its own; report this: {internal_error.told(error)}"
+    return text(said("process.own_error", role=role, error=internal_error.told(error)))
 
 
 class Asked:

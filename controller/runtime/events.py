@@ -139,7 +139,7 @@ def _lines(path: Path) -> list[Line | Begin]:
     except UnicodeDecodeError as error:
         raise EventError(said("events.no_text", path=path, start=error.start)) from error
     except OSError as error:
-        raise EventError(said("events.unreadable", path=path, why=error.strerror)) from error
+        raise EventError(said("events.unreadable", path=path, why=error)) from error
     lines = text.splitlines()
     is_record = bool(lines) and '"request": "begin"' in lines[0]
     if is_record and not text.endswith("\n"):

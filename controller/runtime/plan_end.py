@@ -27,7 +27,7 @@ from controller.machine import arrangement as arranged
 from controller.machine import machine_file
 from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Machine
-from controller.messages import said
+from controller.messages import said, text
 from controller.plan.path.path import Chain, Pause
 from controller.plan.planner import Planner
 from controller.program.program import ProgramError
@@ -168,7 +168,7 @@ class PlanEnd:
         try:
             arranged.save(self._kept, self._machine, found)
         except OSError as error:
-            print(f"{self._kept}: how the drives stop is not kept: {error.strerror}.", file=sys.stderr)
+            print(text(said("cli.drives.not_kept", folder=self._kept, why=error)), file=sys.stderr)
 
     def _ask(self, request: Request, value: float, wanted: Mode) -> Came:
         """Raises SessionError where somebody stopped the homing."""

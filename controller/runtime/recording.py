@@ -26,6 +26,7 @@ import numpy.typing as npt
 from controller import own_files
 from controller.ipc.handoff import ROW, Recorder, Snapshot, of_axes
 from controller.machine.model import Machine
+from controller.messages import said, text
 from controller.state.fault_table import NOBODY, Sender
 from controller.state.modes import FAULTS, Fault, Mode, sentence
 from controller.values import dataclass
@@ -93,10 +94,9 @@ class Facts:
     @property
     def sentence(self) -> str:
         """For the operator: the axis, what happened, what its drive said, what to do."""
-        said = next((text for text in self.emergencies if text), "")
-        return sentence(self.fault, self.axis_off or self.axis, sender=self.sender) + (
-            f" A drive said {said}." if said else ""
-        )
+        spoken = next((words for words in self.emergencies if words), "")
+        whole = sentence(self.fault, self.axis_off or self.axis, sender=self.sender)
+        return f"{whole} {text(said('recording.drive_said', words=spoken))}" if spoken else whole
 
 
 def _emergencies(machine: Machine, logs: Logs) -> Iterator[str]:
@@ -179,7 +179,7 @@ class Keeper:
         try:
             self.saved = self.save(now if fault is None else now._replace(fault=fault, fault_axis=-1))
         except OSError as error:
-            self.problem = f"The recording could not be written to {self._base}: {error.strerror}."
+            self.problem = text(said("recording.not_written", folder=self._base, why=error))
 
     def save(self, now: Snapshot) -> Path:
         """Save what was before this snapshot, named by its fault; any thread may. Raises OSError."""
@@ -190,7 +190,9 @@ class Keeper:
     @property
     def told(self) -> str:
         """Where the recording lies, or why there is none; to be put behind the fault's sentence."""
-        return f" Recording: {self.saved}" if self.saved else f" {self.problem}" if self.problem else ""
+        if self.saved:
+            return " " + text(said("recording.lies", folder=self.saved))
+        return f" {self.problem}" if self.problem else ""
 
 
 def stands(rows: Rows, machine: Machine) -> bool:

@@ -17,6 +17,7 @@ from controller.ipc.handoff import Recorder, RequestInbox, SnapshotBoard
 from controller.ipc.piece_socket import PACKETS_PER_S, PieceInbox
 from controller.machine import machine_file
 from controller.machine.model import Machine
+from controller.messages import chain, said, text
 from controller.runtime import children, cores, cyclic
 from controller.runtime.children import Job
 from controller.tick import loop
@@ -27,14 +28,8 @@ from drives import bus, pdo
 # heartbeats judge. On a real bus two lost feedbacks in a row are a fault.
 VIRTUAL_TIMEOUT_S = 0.150
 
-# Of ``loop.prepare`` and ``cores.take``, as an operator calls them.
-PRIVILEGES = {
-    "locked": "locked memory",
-    "slack": "exact timers",
-    "fifo": "real-time priority",
-    "awake": "processors that are kept awake",
-    "own core": "a core of its own",
-}
+# Of ``loop.prepare`` and ``cores.take``; the texts ``privilege.locked`` ... have what an operator calls them.
+PRIVILEGES = ("locked", "slack", "fifo", "awake", "own_core")
 
 # What messages of pieces are made of is loaded at once: taking one would load it within a tick.
 OF_MESSAGES = (surfaces, placement)
@@ -60,7 +55,7 @@ def main(job: Job) -> None:
     )
     group.start()
     granted = loop.prepare()
-    granted["own core"] = cores.take(granted["fifo"]) is not None
+    granted["own_core"] = cores.take(granted["fifo"]) is not None
     if missing := lacking(granted, _simulated(machine)):
         with contextlib.suppress(OSError):  # nobody may be there to read it
             print(missing, file=sys.stderr, flush=True)
@@ -79,13 +74,10 @@ def main(job: Job) -> None:
 
 def lacking(granted: loop.Granted, simulated: bool) -> str:
     """What a tick has to do without, in a sentence for the journal; "" where a simulated one bears it."""
-    missing = [PRIVILEGES[name] for name, given in granted.items() if not given]
+    missing = [said(f"privilege.{name}") for name, given in granted.items() if not given]
     if simulated or not missing:
         return ""
-    return (
-        f"The tick runs without {', '.join(missing)}, so it may be late more often: "
-        "'directrix service self-test' says what to do."
-    )
+    return text(said("privilege.missing", names=chain("comma", missing)))
 
 
 def _patience_s(machine: Machine) -> float:

@@ -344,7 +344,7 @@ def read(args: dict[str, Any], machine: Machine) -> Job:
                 raise refused("too_large", code="bad", path=path, most=MAX_BYTES >> 20)
             text = file.read()
     except OSError as error:
-        raise refused("unreadable", code="bad", path=path, why=error.strerror) from error
+        raise refused("unreadable", code="bad", path=path, why=error) from error
     found = hashlib.sha256(text).hexdigest()
     wanted = args.get("sha256")
     if wanted is not None and wanted != found:

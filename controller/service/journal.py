@@ -30,7 +30,7 @@ import numpy.typing as npt
 from controller import atomic_file, own_files
 from controller.ipc.handoff import COLUMN, Snapshot
 from controller.machine.model import REFERENCES, Joints, Machine
-from controller.messages import Key, Said, chain, said
+from controller.messages import Key, Said, chain, said, text
 from controller.plan.restart.program_position import AFTER_CHANGE, ENTRY_ID, FORMER, Spot
 from controller.program import carried
 from controller.state.modes import FAULTS, Mode, Reaction
@@ -158,7 +158,7 @@ def read(file: Path) -> tuple[Entry | None, Said | None]:
     except FileNotFoundError:
         return None, None
     except OSError as error:
-        return None, said("journal_unread", file=file, why=error.strerror)
+        return None, said("journal_unread", file=file, why=error)
     except (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError):
         return None, said("journal_of_other_version", file=file)
 
@@ -379,10 +379,7 @@ class Journal:
             write(entry, self._file)
             self.problem = ""
         except OSError as error:
-            self.problem = (
-                f"{self._file}: the journal could not be written ({error.strerror}); after a power loss this "
-                "program cannot be gone on with. Free space on the disk."
-            )
+            self.problem = text(said("journal_unwritten", file=self._file, why=error))
 
 
 def _is_programs(motion_id: int) -> bool:

@@ -28,5 +28,4 @@ def read(file: Path, taken: Callable[[Any], T], missing: T) -> tuple[T, Said | N
 def put_aside(file: Path, why: Exception | str) -> Said:
     """Gives a file that cannot be read another name; what an alarm says of it."""
     aside = own_files.put_aside(file)
-    words = why.strerror if isinstance(why, OSError) else f"{why}"
-    return said("file_damaged", file=file, why=words, aside=aside.name if aside else "-")
+    return said("file_damaged", file=file, why=why, aside=aside.name if aside else "-")

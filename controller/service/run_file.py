@@ -37,6 +37,7 @@ from controller.ipc.handoff import (
     Outcome,
     Snapshot,
 )
+from controller.messages import Said, reason
 from controller.runtime import events
 from controller.runtime.setpoints import PART
 from controller.service.engine import Asked
@@ -58,7 +59,7 @@ class RunFile:
         self._lock = threading.Lock()  # nobody closes what is just being told to the disk
         self._kept_bytes = 0
         self._is_new = {self._rows: False, self._events: False}
-        self.problem = ""  # why no more is written
+        self.problem: Said | str = ""  # why no more is written
 
     def rows(self, data: bytes) -> None:
         """Setpoints, in whole rows."""
@@ -75,9 +76,9 @@ class RunFile:
             return
         try:
             if file.write(data) != len(data):  # the disk took a part: what came behind it would be torn
-                self.problem = os.strerror(errno.ENOSPC)
+                self.problem = reason(OSError(errno.ENOSPC, os.strerror(errno.ENOSPC)))
         except OSError as error:
-            self.problem = error.strerror or str(error)
+            self.problem = reason(error)
         except ValueError as error:  # closed
             self.problem = str(error)
         self._is_new[file] = True
@@ -91,7 +92,7 @@ class RunFile:
                     try:
                         os.fdatasync(file.fileno())
                     except OSError as error:
-                        self.problem = error.strerror or str(error)
+                        self.problem = reason(error)
 
     def begin(self, sources: Mapping[str, bytes]) -> None:
         """The disk has the beginning, that there is such a run, and what is run. Raises OSError.

@@ -34,6 +34,7 @@ import numpy.typing as npt
 from controller import atomic_file, own_files
 from controller.ipc.handoff import COLUMN, Snapshot, of_axes
 from controller.machine.model import Machine
+from controller.messages import Said, reason
 from controller.runtime import events
 from controller.runtime.plan_messages import Program, Turn
 from controller.runtime.recording import forget_oldest, new_folder
@@ -74,7 +75,7 @@ class RunRecord:
         self._started_s = time.time()
         self._ticks = 0  # that sent a SYNC
         self._busy = (0, -1)  # how many of them belong to the run, and the last tick of it
-        self._problem = ""
+        self._problem: Said | str = ""
         self._state = state
         self.folder = state / FOLDER / _stem(str(what.get("name", "")))
         self._file: RunFile | None = None
@@ -82,10 +83,10 @@ class RunRecord:
             self.folder = new_folder(self.folder.parent, self.folder.name)
             self._file = RunFile(self.folder)
         except OSError as error:
-            self._problem = error.strerror or str(error)
+            self._problem = reason(error)
 
     @property
-    def problem(self) -> str:
+    def problem(self) -> Said | str:
         """Why nothing is kept, or no more of it; empty where all is well."""
         return self._problem or (self._file.problem if self._file is not None else "")
 
@@ -134,7 +135,7 @@ class RunRecord:
                 self._file.begin({events.PROGRAM: program.text, events.MACHINE: machine_text})
             atomic_file.sync(self.folder.parent, self.folder.parent.parent)
         except OSError as error:
-            self._problem = self._problem or error.strerror or str(error)
+            self._problem = self._problem or reason(error)
 
     def planned(self, turns: tuple[Turn, ...], fitted: dict[str, Any]) -> None:
         """When the planner acted, and on which tick's snapshot; ``fitted``: now."""

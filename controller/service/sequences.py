@@ -16,7 +16,7 @@ from controller import own_files
 from controller.ipc.control_socket import CommandRefused, Values
 from controller.ipc.handoff import Jog, Outcome, Snapshot
 from controller.machine import setup_data
-from controller.messages import Key, of_error
+from controller.messages import Key, of_error, said
 from controller.runtime.starts import Start
 from controller.runtime.startup import SessionError
 from controller.service import restart_preview, runs
@@ -292,7 +292,7 @@ def lacking(state: Path, needed: int) -> dict[str, Any]:
             _probe(folder, state)
             free = shutil.disk_usage(folder).free
         except OSError as error:
-            return {"why": f"{folder}: {error.strerror or error}"}
+            return {"why": said("of_place", place=folder, why=error)}
         if free < needed:
             return {
                 "why": Key("little_room"),

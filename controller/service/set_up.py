@@ -65,7 +65,7 @@ class SetUp:
         try:
             setup_data.save(self._state, values)
         except OSError as error:
-            raise refused("not_written", code="busy", path=self._state, why=error.strerror) from error
+            raise refused("not_written", code="busy", path=self._state, why=error) from error
         self.take(Fitted(machine, values))
 
     def applied(self, values: dict[str, Any]) -> Machine:
@@ -106,7 +106,7 @@ class SetUp:
             self._not_written("TOOL", error)
 
     def _not_written(self, what: str, error: OSError) -> None:
-        self._alarms.add(what, said("not_written", path=self._state, why=error.strerror))
+        self._alarms.add(what, said("not_written", path=self._state, why=error))
 
     def with_tools(self, fitted: dict[str, Any], tools: Iterable[Tool]) -> dict[str, Any]:
         """What a program was started with, and what an operator has changed of ``tools`` since."""

@@ -356,7 +356,7 @@ def _kept(usage: Usage) -> dict[str, Any]:
     try:
         usage.save(at_once=True)
     except OSError as error:
-        raise refused("not_written", code="busy", path=usage.file, why=error.strerror) from error
+        raise refused("not_written", code="busy", path=usage.file, why=error) from error
     return usage.told()
 
 

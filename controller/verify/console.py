@@ -156,7 +156,7 @@ def refusals(as_json: bool, expected: Callable[[], tuple[type[Exception], ...]])
         _refuse(as_json, str(error), error.facts, error.exit_code)
     except OSError as error:
         key = "os_error_of" if error.filename else "os_error"
-        why = messages.said(key, file=error.filename, why=error.strerror)
+        why = messages.said(key, file=error.filename, why=error)
         _refuse(as_json, messages.text(why, spoken.get()), {})
     except _of_programs() as error:
         place = {"file": error.file, "line": error.line, "column": error.column}

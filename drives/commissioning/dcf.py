@@ -90,7 +90,7 @@ def read(path: Path) -> Kept:
     try:
         text = path.read_bytes().decode("latin-1")
     except OSError as error:
-        raise SheetError(said("sheet.dcf_unreadable", path=path, why=error.strerror)) from error
+        raise SheetError(said("sheet.dcf_unreadable", path=path, why=error)) from error
     node = _node(text)
     about = sheet.read(text, path.name, node or 1)
     found = {

@@ -175,7 +175,7 @@ def _mended(path: Source) -> str:
     try:
         text = text_of(path)
     except OSError as error:
-        raise SheetError(said("sheet.unreadable", path=path, why=error.strerror)) from error
+        raise SheetError(said("sheet.unreadable", path=path, why=error)) from error
     with _refusals(Path(path).name):
         return cleaned(text)
 

@@ -107,7 +107,7 @@ def open_socket(settings: BusSettings, filters: Sequence[tuple[int, int]]) -> Ca
     try:
         sock = socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW)
     except OSError as error:
-        raise BusError(said("bus.no_can", name=settings.name, why=error.strerror)) from error
+        raise BusError(said("bus.no_can", name=settings.name, why=error)) from error
     try:
         sock.setsockopt(socket.SOL_CAN_RAW, socket.CAN_RAW_FILTER, kernel_filters(filters))
         sock.setsockopt(socket.SOL_CAN_RAW, CAN_RAW_ERR_FILTER, ERROR_CLASSES)
@@ -119,7 +119,7 @@ def open_socket(settings: BusSettings, filters: Sequence[tuple[int, int]]) -> Ca
                 "bus.no_interface",
                 name=settings.name,
                 channel=settings.channel,
-                why=error.strerror,
+                why=error,
                 bit_rate=settings.bit_rate,
             )
         ) from error
@@ -152,7 +152,7 @@ def _lengthen_queue(sock: socket.socket, settings: BusSettings) -> None:
                 channel=settings.channel,
                 length=length,
                 min_queue=MIN_QUEUE,
-                why=error.strerror,
+                why=error,
             )
         ) from error
 

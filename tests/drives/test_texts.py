@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 import json
+import os
 import pickle
 
 from controller import messages
@@ -24,3 +26,20 @@ def test_what_has_no_text_is_a_sentence_and_no_reason_is_said_so() -> None:
     assert str(TextError("Look at it.")) == "Look at it." == messages.text(TextError("Look at it.").said)
     assert "not known" in str(TextError(said("drive.of", title="X", why=None)))
     assert texts.english({"key": "none.such", "values": {"n": 1}}) == "none.such {'n': 1}"
+
+
+def test_a_reason_of_the_operating_system_has_its_words_in_every_language() -> None:
+    missing = OSError(errno.ENOENT, os.strerror(errno.ENOENT), "x")
+    assert said("drive.of", title="X", why=missing)["values"]["why"] == {"key": "errno.ENOENT", "values": {}}
+    text = said("drive.of", title="X", why=missing)
+    assert texts.english(text) == "X: No such file or directory"
+    assert messages.text(text, "de") == "X: Datei oder Ordner nicht vorhanden"
+    assert texts.reason(OSError(5, "could not open port")) == "could not open port"
+    assert texts.reason(ValueError("wrong")) == "wrong"
+
+
+def test_the_english_of_an_error_number_is_the_operating_system_s_own() -> None:
+    found = [key for key in texts.english_texts() if key.startswith("errno.")]
+    assert len(found) > 40
+    for key in found:
+        assert texts.english_texts()[key] == os.strerror(getattr(errno, key.removeprefix("errno."))), key

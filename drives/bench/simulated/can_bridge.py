@@ -37,12 +37,12 @@ def open_interface(channel: str) -> socket.socket:
     try:
         raw = socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW)
     except OSError as error:
-        raise InterfaceError(said("bus.bridge_no_can", channel=channel, why=error.strerror)) from error
+        raise InterfaceError(said("bus.bridge_no_can", channel=channel, why=error)) from error
     try:
         raw.bind((channel,))
     except OSError as error:
         raw.close()
-        raise InterfaceError(said("bus.bridge_interface", channel=channel, why=error.strerror)) from error
+        raise InterfaceError(said("bus.bridge_interface", channel=channel, why=error)) from error
     return raw
 
 

@@ -37,7 +37,7 @@ class HubBus(can.BusABC):
         try:
             self._socket = connect(channel, PATIENT_FRAME)
         except OSError as error:
-            what = words("bus.no_hub_there", channel=channel, why=error.strerror)
+            what = words("bus.no_hub_there", channel=channel, why=error)
             raise can.CanInitializationError(what) from error
         self.channel_info = words("bus.virtual", channel=channel)
         super().__init__(channel=channel, can_filters=can_filters, **options)

@@ -119,7 +119,7 @@ def test_the_isolated_cores_are_read_as_the_kernel_lists_them(tmp_path: Path) ->
 def test_what_a_tick_has_to_do_without_is_told_where_real_drives_hang_on_it() -> None:
     granted = loop.Granted(dict.fromkeys(tick_process.PRIVILEGES, True))
     assert tick_process.lacking(granted, simulated=False) == ""
-    granted |= {"fifo": False, "own core": False}
+    granted |= {"fifo": False, "own_core": False}
     told = tick_process.lacking(granted, simulated=False)
     assert "without real-time priority, a core of its own" in told and "self-test" in told
     assert tick_process.lacking(granted, simulated=True) == ""
@@ -156,4 +156,4 @@ def test_every_privilege_that_a_tick_asks_for_has_its_words() -> None:
     asked = "import json; from controller.tick import loop; print(json.dumps(loop.prepare()))"
     done = subprocess.run([sys.executable, "-c", asked], capture_output=True, text=True, check=True)
 
-    assert {*json.loads(done.stdout), "own core"} == set(tick_process.PRIVILEGES)
+    assert {*json.loads(done.stdout), "own_core"} == set(tick_process.PRIVILEGES)

@@ -22,6 +22,8 @@ MACHINE = shipped()
 WHAT = {"name": "part.ngc", "sha256": "00", "line": None}
 START = Start((0.0, 0.0, 0.0, 0.0, 0.0), 0.0)
 
+NO_SPACE = {"key": "errno.ENOSPC", "values": {}}
+
 
 def begun(state: Path, ticks: int = 0) -> RunRecord:
     """A run that has been cutting for so many ticks."""
@@ -146,7 +148,7 @@ def test_a_beginning_that_the_disk_does_not_take_is_told(
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(runs.atomic_file, "write", full)
-    assert begun(tmp_path).problem == "No space left on device"
+    assert begun(tmp_path).problem == NO_SPACE
 
 
 def test_a_run_under_way_is_told_from_one_that_has_ended_by_its_files(tmp_path: Path) -> None:
@@ -223,7 +225,7 @@ def test_what_a_full_disk_took_in_part_is_the_last_of_a_record(tmp_path: Path) -
     record._file._rows = Short()  # type: ignore[assignment]
     record._file._is_new[record._file._rows] = False
     record.take(running(101)[100:])
-    assert record.problem == "No space left on device"
+    assert record.problem == NO_SPACE
     record._file._rows = file
     record.take(running(200)[101:])
     kept = (record.folder / "setpoints.part").stat().st_size
