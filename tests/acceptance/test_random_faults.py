@@ -3,6 +3,7 @@
     pytest -m slow tests/acceptance/test_random_faults.py                            some hundred
     DIRECTRIX_FAULT_SCRIPTS=10000 pytest -m soak tests/acceptance/test_random_faults.py -n 2
     DIRECTRIX_HEALTHY_RUNS=1000 pytest -m soak tests/acceptance/test_random_faults.py -n 2 -k healthy
+    DIRECTRIX_HEALTHY_RUNS=1000 pytest -m soak tests/acceptance/test_random_faults.py -n 2 -k losses
 
 A case that fails says how ``directrix simulate`` makes it again; its files stay in pytest's folder.
 """
@@ -16,7 +17,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from support.faults import fault_scripts, invariants, random_batches
-from support.faults.fault_scripts import Batch
+from support.faults.fault_scripts import Batch, Draw
 from support.faults.random_batches import Came
 from support.machines.stepped_runs import shipped
 from typer.testing import CliRunner
@@ -47,10 +48,11 @@ def random_scripts(number: int, folder: Path) -> None:
     judge(of, random_batches.cases(of, IN_A_BATCH), folder)
 
 
-def healthy_runs(number: int, folder: Path) -> None:
+def healthy_runs(number: int, folder: Path, draw: Draw = fault_scripts.healthy_case) -> None:
     of = fault_scripts.healthy_batch(number)
-    came = random_batches.cases(of, IN_A_BATCH, draw=fault_scripts.healthy_case)
-    assert [one.fault for one in came] == ["NONE"] * (IN_A_BATCH + 1)
+    came = random_batches.cases(of, IN_A_BATCH, draw=draw)
+    wrong = [one for one in came if (one.fault, one.warned) != ("NONE", "NONE")]
+    assert len(came) == IN_A_BATCH + 1 and not wrong, wrong
     judge(of, came, folder)
 
 
@@ -64,6 +66,18 @@ def test_who_is_off_has_said_so_and_everything_stands_in_time(number: int, tmp_p
 @pytest.mark.parametrize("number", range(FEW_HEALTHY))
 def test_a_healthy_run_has_no_fault(number: int, tmp_path: Path) -> None:
     healthy_runs(number, tmp_path)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", range(FEW_HEALTHY))
+def test_a_run_with_single_losses_has_no_fault_and_no_warning(number: int, tmp_path: Path) -> None:
+    healthy_runs(number, tmp_path, fault_scripts.lossy_case)
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize("number", range(-(-HEALTHY // IN_A_BATCH)))
+def test_a_thousand_runs_with_single_losses(number: int, tmp_path: Path) -> None:
+    healthy_runs(FEW_HEALTHY + number, tmp_path, fault_scripts.lossy_case)
 
 
 @pytest.mark.soak

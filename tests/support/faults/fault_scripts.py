@@ -85,6 +85,36 @@ def healthy_case(rng: random.Random, machine: Machine, tick: int, _origin: str) 
     return Case(tick, (*events, *last), "")
 
 
+LOSSES = (  # of a sound bus with a bad contact: one frame at a time, and none a fault
+    "drop rpdo {axis} x 1",
+    "drop tpdo {axis} x 1",
+    "drop sync x 1",
+    "drop heartbeat {axis} x 1",
+    "delay tpdo {axis} by 1 ms x 1",
+    "delay rpdo {axis} by 1 ms x 1",
+    "delay tpdo {axis} by 2.5 ms x 1",
+    "delay sync by 300 us x 1",
+    "duplicate rpdo {axis} x 3",
+    "duplicate tpdo {axis} x 3",
+    "duplicate sync x 2",
+    "reorder tpdo {axis} x 1",
+    "corrupt tpdo {axis} x 1",
+    "corrupt rpdo {axis} x 1",
+)
+LOSS_EVERY = 25  # SYNCs at least
+
+
+def lossy_case(rng: random.Random, machine: Machine, tick: int, origin: str) -> Case:
+    """A healthy run on a bus that loses, delays and repeats a frame now and then."""
+    healthy = healthy_case(rng, machine, tick, origin)
+    at, last, lines = tick + 2, int(str(healthy.events[-1]["tick"])), [f"seed {rng.randrange(10**6)}"]
+    while (at := at + LOSS_EVERY + rng.randrange(4 * LOSS_EVERY)) < last:
+        axis, bus = rng.choice(machine.axes).name, rng.choice(machine.buses).name
+        words = rng.choice(LOSSES).format(axis=axis)
+        lines.append(f"{f'on {bus}: ' if ' sync ' in words else ''}at sync {at}: {words}")
+    return Case(tick, healthy.events, "\n".join([*lines, ""]))
+
+
 def rapids(rng: random.Random, machine: Machine) -> str:
     """Moves of all axes at once, to and fro."""
     lines = ["G21 G90 G54 G64"]

@@ -35,6 +35,7 @@ class Came(NamedTuple):
     wrongs: tuple[str, ...]
     fault: str  # at the run's end
     ticks: int
+    warned: str = "NONE"
 
 
 class Bench(Forkable):
@@ -76,12 +77,12 @@ class Bench(Forkable):
                 run.rows, self.machine, self.task.kinematics, stretches, first_tick=run.first_tick
             )
             seen.save(trace)
-        ticks, fault = self.tick_now, self.cycle.modes.fault.name
+        ticks, fault, warned = self.tick_now, self.cycle.modes.fault.name, self.cycle.modes.warning.name
         self.at_tick = lambda: None
         for _ in range(round(STILL_S / self.machine.period_s)):
             self.tick()
         found = wrongs(self.observer.sight, self.times)
-        return Came(one, tuple(found), fault, ticks)
+        return Came(one, tuple(found), fault, ticks, warned)
 
 
 def event(told: dict[str, object]) -> Event:
