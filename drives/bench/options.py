@@ -15,7 +15,7 @@ from drives.bench.virtual.hub import Gateway
 from drives.bench.virtual.intake import Host
 from drives.bus import BusError
 from drives.log import candump
-from drives.ports.error_frames import CONTROLLER, overflow_frame
+from drives.ports.error_frames import CONTROLLER, lost_frame, overflow_frame
 from drives.settings import BusSettings
 from drives.texts import english, said
 
@@ -43,10 +43,13 @@ class SerialAdapter:
             self._host.bus.submit(self._source, at_s, pdo.ERROR_FLAG | CONTROLLER, overflow_frame())
 
     def _read(self) -> None:
-        stepped, buffer = self._host.bus, self._buffer
+        """What has come, to everybody; and that frames were lost before they got here."""
+        stepped, buffer, lost = self._host.bus, self._buffer, self._port.overflows
         while self._port.receive_into(buffer):
             can_id = int.from_bytes(buffer[:4], "little")
             stepped.submit(self._source, stepped.now_s, can_id, bytes(buffer))
+        if self._port.overflows != lost:
+            stepped.submit(self._source, stepped.now_s, pdo.ERROR_FLAG | CONTROLLER, lost_frame())
 
     def restart(self) -> None:
         """A client wants the adapter to leave bus-off."""

@@ -18,3 +18,8 @@ def restarted_frame() -> bytes:
 def overflow_frame() -> bytes:
     """SocketCAN's word for a transmit queue that did not take a frame, where ``send`` could not tell."""
     return FRAME.pack(ERROR_FLAG | CONTROLLER, 8, bytes((0, TX_OVERFLOW, 0, 0, 0, 0, 0, 0)))
+
+
+def lost_frame() -> bytes:
+    """SocketCAN's word for received frames that were lost because nobody took them in time."""
+    return FRAME.pack(ERROR_FLAG | CONTROLLER, 8, bytes((0, RX_OVERFLOW, 0, 0, 0, 0, 0, 0)))

@@ -13,7 +13,7 @@ from typing import Any
 import can
 
 from drives.pdo import ERROR_FLAG, EXTENDED_FLAG, FRAME, FRAME_BYTES, REMOTE_FLAG
-from drives.ports.error_frames import CONTROLLER, RX_OVERFLOW
+from drives.ports.error_frames import lost_frame
 from drives.ports.hub_protocol import LOST_FRAMES, NO_FD, PATIENT_FRAME, connect
 from drives.texts import english, said
 
@@ -102,7 +102,7 @@ def _message(packet: bytes) -> can.Message:
     """A frame as python-can has it; the hub's word for frames lost here as SocketCAN's for an overflow."""
     can_id, length, data = FRAME.unpack(packet)
     if can_id == LOST_FRAMES:
-        can_id, length, data = ERROR_FLAG | CONTROLLER, MAX_BYTES, bytes((0, RX_OVERFLOW, *bytes(6)))
+        can_id, length, data = FRAME.unpack(lost_frame())
     return can.Message(
         timestamp=time.time(),
         arbitration_id=can_id & ID_MASK,

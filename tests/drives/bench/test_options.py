@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -18,10 +19,13 @@ from support.drives.hub_guests import (
     serving,
     until,
 )
+from support.drives.serial_pty import Pty
 
 from drives import bus, pdo
 from drives.bench import options
 from drives.bench.virtual.hub import Hub
+from drives.cyclic.drive_fault import DriveFault
+from drives.cyclic.line import Line
 from drives.ports import hub_protocol
 from drives.settings import BusSettings
 
@@ -83,6 +87,30 @@ def test_a_serial_adapter_is_shared_by_a_hub(served: Served, tmp_path: Path) -> 
             ends.append(True)
             thread.join()
             shared.close()
+
+
+def test_frames_that_a_shared_adapter_has_lost_are_raised_by_everybody_who_shares_it(tmp_path: Path) -> None:
+    shared, line_s_end = Hub(str(tmp_path / "shared"), bit_rate=0), Pty()
+    with options.equipped(shared, serial=f"{line_s_end.path}=1000000"):
+        port = bus.open(BusSettings("can0", "shared", shared.path, 1_000_000))
+        line = Line(port, [], -1)
+        line_s_end.write(b"t18121122\r")
+
+        def drained(fault: DriveFault) -> bool:
+            shared.turn(time.monotonic() + 0.01)
+            line.drain(0.0)
+            return line.fault is fault
+
+        until(lambda: drained(DriveFault.NONE) and line.bits > 0)
+        line_s_end.write(b"e1o\r")
+        until(lambda: drained(DriveFault.RX_OVERFLOW))
+        line.forget()
+        line_s_end.write(b"t18121122\r")
+        line.bits = 0
+        until(lambda: drained(DriveFault.NONE) and line.bits > 0)
+        port.close()
+    shared.close()
+    line_s_end.cut()
 
 
 @pytest.mark.parametrize("serial", ["/dev/ttyACM0", "=1000000", "/dev/ttyACM0=fast"])
