@@ -54,6 +54,13 @@ def _to_do(problem: Said, *remedies: Said) -> Said:
     return problem
 
 
+def _bare(problem: Said) -> Said:
+    """Without what is to be done about it: of what nobody has asked for."""
+    while problem["key"] == "on_paper.to_do":
+        problem = problem["values"]["problem"]
+    return problem
+
+
 def warnings(settings: Settings, master: MasterSettings, sheet: Sheet) -> list[Said]:
     """What is to be said of everything that paper speaks against and somebody has accepted."""
     found = list(sheet.overridden)
@@ -82,11 +89,17 @@ def of_profile(
     least = min(range(len(found)), key=lambda i: len(found[i]))
     base, needed = variants[least], found[least]
     # What a machine file may choose and need not: where the sheet has no room for it, that is a remark.
-    chosen = [replace(base, feedback_every=profile.most_feedback_every)]
+    seldom = f"feedback_every = {profile.most_feedback_every}"
+    chosen = [(f"method = {each.homing_method}", each) for each in variants]
+    chosen.append((seldom, replace(base, feedback_every=profile.most_feedback_every)))
     if profile.takes_feed_forward and (sheet.has(0x60B1) or 0x60B1 not in profile.optional):
-        chosen.append(replace(base, feed_forward=True))
-    found += [problems(each, master, sheet, bit_rate) for each in chosen]
-    beside = (sentence for each in found for sentence in each if sentence not in needed)
+        chosen.append(("feed_forward = true", replace(base, feed_forward=True)))
+    beside = (
+        said("on_paper.not_chosen", choice=choice, problem=_bare(one))
+        for choice, each in chosen
+        for one in problems(each, master, sheet, bit_rate)
+        if one not in needed
+    )
     told = [*warnings(base, master, sheet), *identity.contradictions(sheet)]
     remarks = [*(said("sentence", text=one) for one in once((*told, *beside))), *_remarks(profile, sheet)]
     return needed, [*remarks, *map(plain, profile.quirks)]
@@ -211,7 +224,8 @@ def _of_mapping(settings: Settings, sheet: Sheet) -> Iterator[Said]:
         facts = {"pdo": used.title, "sheet": sheet.name}
         if not (sheet.holds(used.parameters) and sheet.holds(used.mapping)):
             objects = {"parameters": used.parameters, "mapping": used.mapping}
-            yield said("on_paper.no_pdo", **facts, **objects, need=used.what)
+            problem = said("on_paper.no_pdo", **facts, **objects, need=used.what)
+            yield _to_do(problem, said("on_paper.do.other_pdo"))
             continue
         room = len(sheet.subs(used.mapping))
         if len(used.entries) > room:

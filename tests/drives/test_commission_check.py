@@ -98,6 +98,42 @@ def test_a_missing_object_that_the_profile_calls_optional_is_a_remark() -> None:
     assert "object 6065h is not in the data sheet; the profile does without it." in map(english, remarks)
 
 
+# What reads like a refusal: something that somebody is to do, or to give up.
+REFUSES = re.compile(r"is needed|override|choose|change |must ")
+
+
+@pytest.mark.parametrize(
+    ("section", "key", "value", "says"),
+    [
+        ("60B1", "PDOMapping", "0", r"object 60B1h:00: mine\.eds does not let it be mapped into RPDO 1"),
+        ("60B1", "", "", r"object 60B1h:00 is not in mine\.eds"),
+        ("1401", "", "", r"RPDO 2: objects 1401h and 1601h are not both in mine\.eds"),
+    ],
+)
+def test_a_velocity_that_cannot_go_beside_the_target_is_a_remark_and_reads_like_one(
+    section: str, key: str, value: str, says: str
+) -> None:
+    found, remarks = possible.of_profile(GENERIC, changed(section, key, value), MASTER)
+    assert found == []
+    told = [one for one in map(english, remarks) if "feed_forward" in one]
+    begins = "feed_forward = true is not for this drive, and is not needed: "
+    assert all(one.startswith(begins) for one in told)
+    assert any(re.match(says, one.removeprefix(begins)) for one in told), told
+    assert not any(REFUSES.search(one) for one in map(english, remarks)), remarks
+    (asked,) = (
+        one for one in problems(changed(section, key, value), feed_forward=True) if re.search(says, one)
+    )
+    assert REFUSES.search(asked), "who asks for it is refused, and told what to do"
+
+
+def test_other_choices_that_a_sheet_has_no_room_for_are_remarks_too() -> None:
+    found, remarks = possible.of_profile(GENERIC, changed("60E3sub1", "DefaultValue", "36"), MASTER)
+    assert found == []
+    assert not any(REFUSES.search(one) for one in map(english, remarks)), remarks
+    told = [one for one in map(english, remarks) if one.startswith("method = ")]
+    assert all(" is not for this drive, and is not needed: object 60E3h" in one for one in told)
+
+
 def test_a_homing_method_that_the_sheet_does_not_list_is_told() -> None:
     found = sheet.load(str(EDS), 1)
     assert problems(found, homing_method=24) == []
