@@ -31,7 +31,6 @@ CONTROLLER = "controller"
 # What operation does not change, for typical lengths: controlword "enabled"; statusword "enabled, follows".
 CONTROLWORD, STATUSWORD = (0x000F).to_bytes(2, "little"), (0x1237).to_bytes(2, "little")
 OPERATIONAL = bytes([pdo.NMT_OPERATIONAL])
-SDO_QUESTION = 0x600
 SDO_BYTES = EMERGENCY_BYTES = 8
 CYCLIC_VELOCITY = 9
 
@@ -89,7 +88,7 @@ class Row:
 
     @property
     def is_sdo(self) -> bool:
-        return self.can_id & pdo.GROUP_MASK in (SDO_QUESTION, pdo.SDO_ANSWER)
+        return self.can_id & pdo.GROUP_MASK in (pdo.SDO_QUESTION, pdo.SDO_ANSWER)
 
     def to_dict(self) -> dict[str, Any]:
         """Plain values, for JSON."""
@@ -251,5 +250,5 @@ def _io(rows: _Rows, io: IoSettings, master: MasterSettings) -> None:
 def _sdo(rows: _Rows, everybody: Sequence[NodeSettings | SpindleSettings | IoSettings]) -> None:
     """One question at a time on a bus; by the rule all nodes' are equally long, the last stands for it."""
     node = max(everybody, key=lambda one: one.node)
-    rows.on_event("sdo_question", node.name, CONTROLLER, SDO_QUESTION + node.node, SDO_BYTES)
+    rows.on_event("sdo_question", node.name, CONTROLLER, pdo.SDO_QUESTION + node.node, SDO_BYTES)
     rows.on_event("sdo_answer", node.name, node.name, pdo.SDO_ANSWER + node.node, SDO_BYTES)

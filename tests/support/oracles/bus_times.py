@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from controller.runtime import stepped
+from controller.runtime.bench import surroundings
 from drives import pdo
 from drives.bench.simulated.rig import rig
 from drives.bench.virtual.virtual_bus import SteppedBus
@@ -20,7 +20,7 @@ ID_AND_FLAGS = 0xE000_07FF
 
 def take_the_worst(monkeypatch: pytest.MonkeyPatch) -> None:
     """Have the buses of stepped machines take every frame at its worst, as the budget does."""
-    monkeypatch.setattr(stepped, "rig", partial(rig, worst_stuffing=True))
+    monkeypatch.setattr(surroundings, "rig", partial(rig, worst_stuffing=True))
 
 
 class Wire:
