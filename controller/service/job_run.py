@@ -152,7 +152,7 @@ class JobRun:
             service.usage.ended(result == "completed" and not job.is_mdi)
             service.troubles.run_over()
             # Last of all: who hears that it has ended may do at once what a run forbids.
-            job.become(result, why)
+            job.become(result, why or job.over(result))
         service.writer.submit(service.durations.save)
 
     # -- what the plan and the tick say of it

@@ -15,7 +15,7 @@ from controller.ipc.control_socket import CommandRefused
 from controller.ipc.handoff import COLUMN, Snapshot
 from controller.machine.changes import Change
 from controller.machine.model import Joints, Machine, Tool
-from controller.messages import Said
+from controller.messages import Said, said
 from controller.plan.report.passing import Mark, passed_s
 from controller.plan.restart.program_position import ENTRY_ID, Spot
 from controller.plan.timetable import Passed
@@ -245,6 +245,12 @@ class Job:
     def become(self, state: str, why: Said | None = None) -> None:
         """``why``: it ended, or was not loaded."""
         self.state, self.said = state, why
+
+    def over(self, result: str) -> Said | None:
+        """Why it is not started again as it was: the next part is not one whose beginning has been cut."""
+        if result != "completed" or self.entry is None or self.program.spot is None:
+            return None
+        return said("gone_on_over", program=self.program.name, line=self.program.spot.line)
 
     def take(self) -> None:
         """The tick has begun with it."""

@@ -223,6 +223,8 @@ def _ready(status: Status, job: Mapping[str, Any]) -> Iterator[Step]:
     why = Said(key=job["key"], values=job["values"]) if job.get("key") else None
     if state == "refused" or (state == "loaded" and why is not None):
         yield _by_hand("refused", "programs", program=name, why=why or "–")
+    if state == "completed" and why is not None:
+        yield _by_hand("notice", "programs", notice=why)
     starts = job.get("starts")
     if starts and job.get("restart") and status["changer"] and starts["values"]["tool"] != status["tool"]:
         tool = starts["values"]["tool"]

@@ -107,6 +107,8 @@ def _loaded(service: Service, command: Command, _: Values) -> None:
         raise refused("not_loaded", mode, command.title)
     if job.state == "loading":
         raise refused("still_loading", mode, command.title, program=job.program.name)
+    if job.state == "completed" and job.said is not None:
+        raise CommandRefused("refused", job.said, mode, command.title)
     if job.state == "refused":
         raise refused("not_ready", mode, command.title, program=job.program.name, why=job.said)
 

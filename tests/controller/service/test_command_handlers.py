@@ -1048,3 +1048,20 @@ def test_a_run_that_is_stopped_on_the_way_to_its_place_was_stopped_there(
     done(desk, "stop")
     ended(service, engine)
     assert "in line 3" in messages.text(done(desk, "status")["ended_early"])
+
+
+def test_what_was_gone_on_with_and_has_ended_is_loaded_again_before_the_next_part(
+    desk: CommandHandlers, service: Service, engine: FakeEngine
+) -> None:
+    """Else the tool would begin in the middle of a part whose beginning nobody has cut."""
+    interrupted(service)
+    loaded(desk, service, restart=True)
+    done(desk, "start")
+    ended(service, engine)
+    now = whole_status.status(service)
+    assert (now["job"]["state"], now["can_start"], now["next"]["place"]) == ("completed", False, "programs")
+    assert "load it again" in messages.text(now["next"])
+    with pytest.raises(CommandRefused, match="load it again to run it from its beginning"):
+        done(desk, "start")
+    loaded(desk, service)
+    done(desk, "start")
