@@ -56,17 +56,19 @@ def batch(number: int) -> Batch:
     origin = "home" if rng.random() < 0.1 else "program"
     example = rng.choice(("example1_ready", "example2_ready"))
     feed = f"{rng.choice((100, 300, 1000, 3000, rng.randint(100, 3000)))}."
-    text = program(example, feed) if rng.random() < 0.8 else rapids(rng, machine_file.load(machine))
+    made = machine_file.load(machine)
+    surfaces = rng.random() < 0.8 and bool(made.rotary())  # the paper's parts need a tool that leans
+    text = program(example, feed) if surfaces else rapids(rng, made)
     return Batch(number, machine, text, origin)
 
 
 def healthy_batch(number: int) -> Batch:
-    """The paper's parts at any feed."""
+    """The paper's parts at any feed; rapids where the tool cannot lean."""
     rng = random.Random(f"healthy {number}")
     example = ("example1_ready", "example2_ready")[number // len(MACHINES) % 2]
-    return Batch(
-        number, MACHINES[number % len(MACHINES)], program(example, f"{rng.randint(100, 3000)}."), "program"
-    )
+    machine, feed = MACHINES[number % len(MACHINES)], f"{rng.randint(100, 3000)}."
+    made = machine_file.load(machine)
+    return Batch(number, machine, program(example, feed) if made.rotary() else rapids(rng, made), "program")
 
 
 def healthy_case(rng: random.Random, machine: Machine, tick: int, _origin: str) -> Case:
