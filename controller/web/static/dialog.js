@@ -8,12 +8,10 @@ import { word } from "./texts.js";
 export const ask = (sentence, yes = "frame.yes", field = null, start = "") =>
   new Promise((resolve) => {
     dx.question?.end(false); // who asked it must not wait for ever
-    const before = document.activeElement;
     const end = (said) => {
       if (dx.question !== question) return;
       dx.question = null;
       dx.draw();
-      before?.focus?.({ preventScroll: true });
       resolve(said);
     };
     const question = { sentence, yes, field, start, end };
@@ -40,42 +38,52 @@ export const Notice = () =>
       <${Icon} name="close" /></button>
   </div>`;
 
+// The browser keeps the focus in it, and gives it back behind it; what is not in it cannot be reached meanwhile.
+// So the stops are, at their own place, and what is said of a stop (``children``).
 export class Question extends Component {
-  box = createRef();
+  dialog = createRef();
 
   componentDidMount() {
-    const field = this.box.current.querySelector("input");
+    this.dialog.current.showModal();
+    const field = this.dialog.current.querySelector("input");
     if (field) field.value = this.props.asked.start; // once: what is typed stays
     field?.select();
-    (field ?? this.box.current.querySelector("[data-kind=go]")).focus();
+    this.place();
+    window.addEventListener("resize", this.place);
   }
 
-  render({ asked: { sentence, yes, field, end } }) {
-    const typed = () => (field ? this.box.current.querySelector("input").value : true);
-    const key = (event) => {
-      if (event.key === "Escape") end(field ? null : false);
-      if (event.key === "Tab") go_round(event);
-      if (event.key !== "Enter" || event.target.tagName !== "INPUT") return;
-      event.preventDefault(); // else it would press what gets the focus back, and ask anew
-      end(typed());
+  componentDidUpdate() {
+    this.place();
+  }
+
+  componentWillUnmount() {
+    window.removeEventListener("resize", this.place);
+    this.dialog.current.close();
+  }
+
+  place = () => {
+    const { left, top, width, height } = document.querySelector("header .stops").getBoundingClientRect();
+    const px = Object.entries({ left, top, width, height }).map(([name, value]) => [name, `${value}px`]);
+    Object.assign(this.dialog.current.querySelector(".stops").style, Object.fromEntries(px));
+  };
+
+  render({ asked: { sentence, yes, field, end }, children }) {
+    const no = () => end(field ? null : false);
+    const answered = (event) => {
+      event.preventDefault(); // nothing is sent by it
+      end(field ? this.dialog.current.querySelector("input").value : true);
     };
-    // The focus stays with the question; hold and stop have their keys.
-    const go_round = (event) => {
-      event.preventDefault();
-      const all = [...this.box.current.querySelectorAll("input, button")];
-      const to = all.indexOf(document.activeElement) + (event.shiftKey ? -1 : 1);
-      all[(to + all.length) % all.length].focus();
-    };
-    return html`<div class="dx-ask" role="alertdialog" aria-modal="true" aria-label=${sentence} tabindex="-1" ref=${this.box} onkeydown=${key}>
-      <div class="card">
+    return html`<dialog class="dx-ask" role="alertdialog" aria-label=${sentence} ref=${this.dialog} oncancel=${no}>
+      <form class="card" method="dialog" onsubmit=${answered}>
         <p>${sentence}</p>
-        ${field && html`<input type="text" aria-label=${sentence} ...${field} />`}
+        ${field && html`<input type="text" aria-label=${sentence} autofocus ...${field} />`}
         <div class="row">
-          <button class="act" type="button" data-kind="go" onclick=${() => end(typed())}>${word(yes)}</button>
-          <button class="act" type="button" onclick=${() => end(field ? null : false)}>${word("frame.no")}</button>
+          <button class="act" data-kind="go" autofocus=${!field}>${word(yes)}</button>
+          <button class="act" type="button" onclick=${no}>${word("frame.no")}</button>
         </div>
-      </div>
-    </div>`;
+      </form>
+      ${children}
+    </dialog>`;
   }
 }
 

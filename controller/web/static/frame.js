@@ -12,20 +12,20 @@ import { known, languages, sentence, word } from "./texts.js";
 export function Page({ views }) {
   const built = views.filter(({ name }) => dx.shown(name) || seen.has(name));
   for (const { name } of built) seen.add(name);
-  const inert = Boolean(dx.question); // until it is answered nothing is reached but it, the stops, and what is said of a stop
+  const asked = dx.question;
   return html`
     <div class="shell">
-      <header><${Mode} /><${Program} /><${Control} inert=${inert} /><${Choices} inert=${inert} /><${Stops} /></header>
-      <${Lines} inert=${inert} />
-      <nav aria-label=${word("frame.views")} inert=${inert}>
+      <header><${Mode} /><${Program} /><${Control} /><${Choices} /><${Stops} away=${Boolean(asked)} /></header>
+      <${Lines} />
+      <nav aria-label=${word("frame.views")}>
         ${views.map(({ name }) => html`<button key=${name} class="tab" type="button" data-to=${name} aria-current=${dx.shown(name) ? "page" : undefined} onclick=${() => show(name)}>
           <${Icon} name=${name} /><span>${word(`view.${name}`)}</span>
         </button>`)}
       </nav>
-      <main class="views" inert=${inert}>${built.map((view) => html`<${Section} key=${view.name} view=${view} shown=${dx.shown(view.name)} />`)}</main>
-      <${Notice} />
+      <main class="views">${built.map((view) => html`<${Section} key=${view.name} view=${view} shown=${dx.shown(view.name)} />`)}</main>
+      ${!asked && html`<${Notice} />`}
     </div>
-    ${dx.question && html`<${Question} key=${dx.question.sentence} asked=${dx.question} />`}
+    ${asked && html`<${Question} asked=${asked}><${Stops} /><${Notice} /><//>`}
   `;
 }
 const seen = new Set();
@@ -71,21 +71,21 @@ function Program() {
   </div>`;
 }
 
-function Control({ inert }) {
+function Control() {
   const other = gone() ? word("frame.gone", dx.holder, Math.round(dx.silent_s)) : (dx.holder ?? word("frame.free"));
   const whose = dx.holds() ? word("frame.mine") : other;
-  return html`<button class="control" id="dx-control" type="button" inert=${inert} onclick=${() => (dx.holds() ? give() : take())}>
+  return html`<button class="control" id="dx-control" type="button" onclick=${() => (dx.holds() ? give() : take())}>
     <${Icon} name="hand" />
     <span class="control-words"><span class="dim">${word("frame.control")}</span><span class="strong" id="dx-holder">${whose}</span></span>
     <span class="control-act">${word(dx.holds() ? "frame.give" : "frame.take")}</span>
   </button>`;
 }
 
-function Choices({ inert }) {
+function Choices() {
   const out = `${word("frame.log_out")}: ${dx.user?.name}`;
   const there = languages();
   const other = there[(there.indexOf(dx.language) + 1) % there.length];
-  return html`<div class="choices" inert=${inert}>
+  return html`<div class="choices">
     <button class="small" id="dx-language" type="button" title=${word(`language.${other}`)} aria-label=${word(`language.${other}`)} onclick=${() => speak(other)}>${other.toUpperCase()}</button>
     <button class="small" id="dx-theme" type="button" title=${word("frame.theme")} aria-label=${word("frame.theme")} onclick=${theme}>
       <${Icon} name="contrast" /></button>
@@ -117,9 +117,10 @@ function inch() {
 }
 
 const KEYS = { hold: "F8", stop: "F9", estop: "" };
-const Stops = () => {
+// ``away``: they are in the question that is asked, and here is their place.
+const Stops = ({ away }) => {
   const off = no_stop();
-  return html`<div class="stops">${Object.entries(KEYS).map(([name, key]) => html`<button class=${name} id=${`dx-${name}`} type="button" aria-disabled=${off ? "true" : undefined} title=${off || word(`frame.${name}_title`)}>
+  return html`<div class="stops" data-away=${away ? "1" : undefined}>${Object.entries(KEYS).map(([name, key]) => html`<button class=${name} id=${away ? undefined : `dx-${name}`} type="button" aria-disabled=${off ? "true" : undefined} title=${off || word(`frame.${name}_title`)}>
     <span>${word(`frame.${name}`)}</span>${key && html`<kbd>${key}</kbd>`}</button>`)}</div>`;
 };
 
@@ -127,29 +128,32 @@ const Stops = () => {
 const WRONG = { fault: ["alarm", "error"], interlock: ["barred", "hand"], warning: ["warning", "error"], failed: ["failed", "info"] };
 let unfolded = false;
 
-function Lines({ inert }) {
+export function Lines() {
   const shown = dx.status?.shown ?? {};
   const there = Object.keys(WRONG).filter((what) => shown[what] && !(what === "failed" && shown.fault));
+  const opens = there.length > 1 || Boolean(shown.fault);
+  const open = unfolded && opens;
   const unfold = () => ((unfolded = !unfolded), dx.draw());
   const label = word("frame.messages", there.length);
-  const state = (what) => ({ "data-there": there.includes(what) && (unfolded || there[0] === what) ? "1" : undefined });
+  const state = (what) => ({ "data-there": there.includes(what) && (open || there[0] === what) ? "1" : undefined });
   const line = (what) => html`<div key=${what} class=${`line ${WRONG[what][0]}`} role="status" ...${state(what)}><${Icon} name=${WRONG[what][1]} /><${Figure}>${shown[what]}<//></div>`;
   return html`<div class="lines">
     <div class="line stale" role="alert"><${Icon} name="no_link" /><strong>${word("frame.stale")}</strong>
       <span id="dx-stale-text" title=${dx.why}>${dx.stale && old()}</span></div>
-    <div class="folded" inert=${inert} data-unfolded=${unfolded ? "1" : undefined}>
+    <div class="folded" data-unfolded=${open ? "1" : undefined}>
       <div class="wrongs">
         <div class="line alarm" role="alert" ...${state("fault")}><${Icon} name="error" />
           <span class="alarm-words"><${Figure} class="strong">${shown.fault}<//> <${Figure}>${shown.next}<//>
-            ${unfolded && html`<span class="remedy">${remedy(dx.status?.fault)}</span>`}</span>
+            ${open && html`<span class="remedy">${remedy(dx.status?.fault)}</span>`}</span>
           ${shown.fault && html`<${Act} text=${word("frame.reset")} call="POST machine/reset" command="reset" modes=${null} kind="warn" icon="reset" />`}
         </div>
         ${["interlock", "warning", "failed"].map(line)}
       </div>
-      ${(there.length > 1 || shown.fault) && html`<button class="act fold" id="dx-messages" type="button" aria-expanded=${String(unfolded)} aria-label=${label} title=${label} onclick=${unfold}><span>${there.length}</span><${Icon} name=${unfolded ? "fold" : "unfold"} /></button>`}
+      ${opens && html`<button class="act fold" id="dx-messages" type="button" aria-expanded=${String(unfolded)} aria-label=${label} title=${label} onclick=${unfold}><span>${there.length}</span><${Icon} name=${unfolded ? "fold" : "unfold"} /></button>`}
     </div>
   </div>`;
 }
 
-// Why it came, and what to do about it.
-const remedy = (fault) => fault && ["cause", "remedy"].map((what) => known(`alarms.${what}.${fault.name}`, sentence(fault[what]))).filter(Boolean).join(" ");
+// Why it came, and what to do about it; what the alarm itself says is not said twice.
+const remedy = (fault) => fault && ["cause", "remedy"].map((what) => known(`alarms.${what}.${fault.name}`, sentence(fault[what])))
+  .filter((text) => text && !sentence(fault).includes(text)).join(" ");

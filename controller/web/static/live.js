@@ -44,7 +44,7 @@ function status(data) {
   shown(data);
 }
 
-function shown(data) {
+export function shown(data) {
   dx.status = { ...data, control: dx.holder, shown: in_words(data) };
   dx.tell("status", dx.status);
   changed();

@@ -294,21 +294,6 @@ def test_keys_start_and_resume_as_their_buttons_do(page: Any, site: Site) -> Non
     page.wait_for_selector("body[data-mode=READY]")
 
 
-@pytest.mark.parametrize("key", ["Tab", "Shift+Tab"])
-def test_the_focus_stays_in_a_question_until_it_is_answered(key: str, page: Any) -> None:
-    page.evaluate("() => void dx.ask_for('A word?', 'frame.yes', 'typed')")
-    page.wait_for_selector(".dx-ask input:focus")
-    reached = []
-    for _ in range(6):
-        page.keyboard.press(key)
-        reached.append(
-            page.evaluate("document.activeElement.closest('.dx-ask') && document.activeElement.tagName")
-        )
-    assert sorted(reached) == ["BUTTON"] * 4 + ["INPUT"] * 2
-    page.keyboard.press("Escape")
-    page.wait_for_selector(".dx-ask", state="detached")
-
-
 OUTSIDE = """() => {
   const one = document.activeElement;
   const out = one && one !== document.body && !one.closest(".dx-ask, .stops, .said");

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from typing import Any
 
 import pytest
@@ -10,6 +11,7 @@ from support.live import browser
 from support.live.browser import Site
 
 from controller.state.modes import Fault, told
+from controller.web import files
 
 pytestmark = pytest.mark.slow
 
@@ -19,10 +21,15 @@ ALARM = {
     **told(Fault.FOLLOWING_ERROR, "Y"),
     "position_trusted": False,
 }
-CODES = [
-    *("G1", "G17", "G21", "G90", "G94", "G40", "G43.4", "G54", "G64", "G98", "G69", "M3", "M8", "M48"),
-    *("T1", "H1", "D1", "F1250", "S12000"),
+CODES = [  # of each group the longest
+    *("G38.2", "G17", "G21", "G90", "G94", "G42.1", "G43.4", "G54.1 P48", "G64 P0.0125", "G98", "G68.2"),
+    *("M3", "M7 M8", "M48", "T10045", "H10045", "D10045", "F12500.5", "S24000"),
 ]
+TOOL = {
+    **{"name": "Schaftfräser VHM Z4 D12 R0,5 lang, beschichtet", "length_mm": 155.25, "radius_mm": 6.0},
+    **{"flute_mm": 26.0, "corner_mm": 0.5},
+}
+LIFE = {"number": 10045, "cut_s": 3000.0, "most_cut_min": 60.0}
 FIGURE = -1234.567  # as long as they come
 JOINT = dict.fromkeys(("work", "machine", "to_go", "actual"), FIGURE) | {"error": 0.0123, "homed": False}
 RUNNING = {
@@ -31,7 +38,7 @@ RUNNING = {
     "interlock": "DOOR_OPEN",
     "notices": [{"name": "DOOR_OPEN", "sentence": "The door is open."}],
     "codes": CODES,
-    "tool": 1,
+    "tool": 10045,
     "limited_by": "Y acceleration",
     "feed_mm_min": {"programmed": 12500.0, "actual": 11593.0},
     "spindle": {"rev_min": 24000.0, "actual_rev_min": 23998.0, "load": 54.4, "override": 1.0},
@@ -55,14 +62,14 @@ CHOOSE = {
     "waits": False,
     "sentence": "Choose and load a program.",
 }
-READY = {"mode": "OFF", "codes": CODES, "tool": 1, "job": None, "not_homed": ["Y"], "next": CHOOSE}
+READY = {"mode": "OFF", "codes": CODES, "tool": 10045, "job": None, "not_homed": ["Y"], "next": CHOOSE}
 STATES = {"running": RUNNING, "off": READY}
 FOLD = {"touch": (1280, 720), "square": (1024, 768), "wide": (1920, 1080)}
 
 # What lies outside of the window, or of its card.
 OUTSIDE = """() => {
   const parts = "header button, nav button, .lines button, section[data-shown] :is(button, input, .card, td,"
-    + " .tfs, .notes, .tfs > *, .listing, .codes, .codes > *, .scene-place, canvas, .next, .times)";
+    + " .tfs, .tfs > *, .notes dd, .listing, .codes, .codes > *, .scene-place, canvas, .next, .times)";
   const bad = [];
   for (const one of document.querySelectorAll(parts)) {
     if (!one.checkVisibility() || one.closest(".listing") !== one.closest("pre")) continue;
@@ -79,9 +86,17 @@ OUTSIDE = """() => {
     if (one.scrollHeight > one.clientHeight + 2) bad.push(`${one.className} scrolls`);
   return bad;
 }"""
+# What holds more than it has room for; of large figures, higher than their line, the boxes are measured.
+CONTENTS = """() => [...document.querySelectorAll(".run, .run > .card, .notes, .notes dd, .codes, .next,"
+    + " .times, .cycle, .cycle > *, .program-head, .lines, .line, .alarm-words, header, nav, .tab")]
+  .filter((one) => one.checkVisibility() && one.clientHeight > 0 && !one.matches(".tool-name"))
+  .filter((one) => one.scrollHeight > one.clientHeight + 1 || one.scrollWidth > one.clientWidth + 1)
+  .map((one) => `${one.tagName}.${one.className} ${one.textContent.slice(0, 30)}:`
+    + ` ${one.scrollWidth} x ${one.scrollHeight} in ${one.clientWidth} x ${one.clientHeight}`)"""
 # Two texts of a row of figures that touch each other.
-TOUCHING = """() => [...document.querySelectorAll(".dro tbody tr")].flatMap((row) => {
-  const kinds = ".axis-name, .mark-home, .mark-limit, td.figures, .c-unit, .error-figure";
+TOUCHING = """() => [...document.querySelectorAll(".dro tbody tr, .run-tfs")].flatMap((row) => {
+  const kinds = ".axis-name, .mark-home, .mark-limit, td.figures, .c-unit, .error-figure, .letter,"
+    + " .tfs > .figures, .notes dd:not(.tool-name)"; // whose end is cut off
   const seen = (one) => one.checkVisibility() && one.textContent.trim();
   const texts = [...row.querySelectorAll(kinds)].filter(seen);
   const box = (one) => { const range = document.createRange(); range.selectNodeContents(one);
@@ -105,6 +120,17 @@ COVERED = """() => {
 }"""
 
 
+def answered(known: dict[str, Any]) -> Any:
+    return lambda route: route.fulfill(json=known)
+
+
+def unfold(page: Any, wanted: bool) -> None:
+    """The messages, where there are any to be folded."""
+    button = page.locator("#dx-messages")
+    if button.count() and (button.get_attribute("aria-expanded") == "true") != wanted:
+        button.click()
+
+
 @pytest.mark.parametrize("language", ("en", "de"))
 @pytest.mark.parametrize("theme", ("dark", "light"))
 def test_with_two_alarms_all_of_run_lies_inside_the_window(
@@ -113,18 +139,28 @@ def test_with_two_alarms_all_of_run_lies_inside_the_window(
     context = chromium.new_context(viewport={"width": 1280, "height": 720})
     cookies = {"directrix_theme": theme, "directrix_language": language}
     context.add_cookies([{"name": name, "value": value, "url": site.url} for name, value in cookies.items()])
+    for path, known in (("tools", {"tools": {"10045": TOOL}}), ("usage", {"tools": [LIFE]})):
+        context.route(f"**/api/v1/{path}", answered(known))
+    picture = (files.STATIC / "icon.svg").read_text()
+    drawn = {"body": picture, "content_type": "image/svg+xml"}
+    context.route("**/api/v1/tools/10045/**", lambda route: route.fulfill(**drawn))
     page = browser.opened(context, site)
     page.evaluate("dx.call('POST', 'control', {take_over: true}).then((s) => { dx.token = s.body.token; })")
     found = []
     for state, values in STATES.items():
         site.tell(**values)
         page.wait_for_function("(mode) => document.body.dataset.mode === mode", arg=values["mode"])
-        for name, (width, height) in FOLD.items():
+        for (name, (width, height)), unfolded in itertools.product(FOLD.items(), (False, True)):
+            if unfolded and "fault" not in values:
+                continue
             page.set_viewport_size({"width": width, "height": height})
             page.wait_for_selector(".run-scene canvas")
+            page.wait_for_selector(".tool-name")
+            unfold(page, unfolded)
             page.wait_for_function("() => !dx.stale")
-            where = f"{state} {name} {theme} {language}: "
-            found += [where + one for one in page.evaluate(OUTSIDE) + page.evaluate(TOUCHING)]
+            where = f"{state} {name}{' unfolded' * unfolded} {theme} {language}: "
+            for measured in (OUTSIDE, TOUCHING, CONTENTS):
+                found += [where + one for one in page.evaluate(measured)]
             sizes = page.evaluate(SIZES_PX)
             assert set(sizes) <= {"15px", "20px", "32px", "64px"}, where
             assert page.evaluate(COVERED) > 0.95, f"{where}something is empty"
@@ -153,7 +189,8 @@ def test_alarms_fold_to_a_line_and_open_with_what_to_do(page: Any, site: Site) -
     assert folded <= 64
     page.click("#dx-messages")
     page.wait_for_selector(".line.barred:visible >> text=The door is open.")
-    assert "Look for" in page.inner_text(".line.alarm .remedy")
+    words = page.inner_text(".line.alarm .alarm-words")
+    assert "A collision, a stiff or braked axis" in words and words.count("Look for") == 1
     assert page.get_attribute("#dx-messages", "aria-expanded") == "true"
     page.click("#dx-messages")
     page.wait_for_selector(".line.barred", state="hidden")
@@ -190,6 +227,7 @@ def test_at_twice_the_size_each_view_has_most_of_the_height(
     for view in browser.VIEWS:
         page.evaluate("(view) => dx.show(view)", view)
         page.wait_for_selector(f"section[data-view={view}] .card")
+        page.wait_for_function("() => !dx.stale")  # whose line is another one
         assert page.locator(".views").bounding_box()["height"] >= 0.6 * height, view
         assert page.eval_on_selector(".views", "(e) => e.scrollWidth <= e.clientWidth + 1"), view
         assert page.evaluate("document.documentElement.scrollWidth <= innerWidth"), view

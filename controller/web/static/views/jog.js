@@ -44,7 +44,7 @@ const moves = (axis) => chosen.frame === "joint" || axis.kind === "linear";
 const CROSS = ["X", "Y"];
 
 // As one looks at the table: X to the right, Y away; the diagonals between them, and the way to zero.
-const Cross = () => html`<div class="jog-cross">
+export const Cross = () => html`<div class="jog-cross">
   <${Held} axis="X-Y" sign="-" text="↖" /><${Held} axis="Y" sign="+" /><${Held} axis="X+Y" sign="+" text="↗" />
   <${Held} axis="X" sign="-" /><${Zero} axes=${CROSS} /><${Held} axis="X" sign="+" />
   <${Held} axis="X+Y" sign="-" text="↙" /><${Held} axis="Y" sign="-" /><${Held} axis="X-Y" sign="+" text="↘" />
@@ -94,7 +94,7 @@ function Keyboard() {
 
 // ---- lines of the machine file by name: asked for, refused and run as what is typed is
 
-function Macros() {
+export function Macros() {
   const { macros = [] } = dx.facts;
   if (!macros.length) return null;
   const may = ({ role }) => (role === "set_up" ? { given: dx.user?.role === "set_up", why: "why.set_up" } : {});

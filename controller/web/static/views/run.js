@@ -32,7 +32,7 @@ export default { name: "run", View };
 const LONG = 8; // signs of a figure for which a narrow screen has room
 const COLUMNS = ["axis", "work", "unit", "to_go", "machine", "actual", "error"];
 
-function Axes() {
+export function Axes() {
   const { joints, work_offset } = dx.status ?? {};
   const head = (name) => html`<th key=${name} class=${`c-${name}`} scope="col">${word(`run.${name}`)}${name === "work" && html` <${Figure} class="strong">${work_offset}<//>`}</th>`;
   return html`<${Card} class="run-axes">
@@ -93,7 +93,7 @@ const known = { tools: {}, used: [] };
 every("run", 5, "tools", (body) => (known.tools = body.tools));
 every("run", 5, "usage", (body) => (known.used = body.tools));
 
-const ToolFeedSpindle = () => html`<${Card} class="run-tfs"><${Tool} /><${Feed} /><${Spindle} /><//>`;
+export const ToolFeedSpindle = () => html`<${Card} class="run-tfs"><${Tool} /><${Feed} /><${Spindle} /><//>`;
 
 // One of the three: its letter, its figure, and what belongs to it.
 const Line = ({ letter, label, size, figure, picture, children, ...more }) => html`<div ...${more} class=${`tfs ${more.class ?? ""}`} role="group" aria-label=${label}>
@@ -106,7 +106,7 @@ function Tool() {
   const tool = known.tools[number];
   const words = [in_force("H"), in_force("D")].filter(Boolean).join(" ");
   return html`<${Line} letter="T" label=${word("run.tool")} size="middle" class="run-tool" figure=${forms.text(number)} picture=${tool && html`<${ToolPicture} n=${number} tool=${tool} />`}>
-    ${tool?.name && html`<dt>${word("setup.name")}</dt><dd class="tool-name">${tool.name}</dd>`}
+    ${tool?.name && html`<dt>${word("setup.name")}</dt><dd class="tool-name" title=${tool.name}>${tool.name}</dd>`}
     ${words && html`<dt>${word("run.words")}</dt><${Figure} tag="dd">${words}<//>`}
     <${Life} use=${known.used.find((one) => one.number === number)} />
   <//>`;
