@@ -20,7 +20,7 @@ import typer
 from controller.cli import remote, waiting
 from controller.cli.remote import Machine
 from controller.cli.speech import say, speaking
-from controller.verify.console import Refused, refusals, show, tell
+from controller.verify.console import Refused, agreed, refusals, show, tell
 
 Url = Annotated[str, typer.Option("--url", envvar="DIRECTRIX_URL")]
 TakeOver = Annotated[bool, typer.Option("--take-over")]
@@ -155,7 +155,7 @@ def _agreed(loaded: Any, line: int) -> None:
     """A start in mid program shows the state that it begins with, and asks."""
     for one in (loaded.get("result") or {}).get("restart") or ():
         tell.print(one["sentence"], markup=False)
-    if not typer.confirm(say("agree", line=line), err=True):
+    if not agreed(say("agree", line=line)):
         raise Refused(say("not_agreed"))
 
 

@@ -130,9 +130,9 @@ def _check(name: str) -> None:
 
 def _password() -> str:
     if sys.stdin.isatty():
-        password: str = typer.prompt(
-            say("cli.users.password"), hide_input=True, confirmation_prompt=say("cli.users.again")
-        )
+        password: str = typer.prompt(say("cli.users.password"), hide_input=True)
+        if password != typer.prompt(say("cli.users.again"), hide_input=True):
+            raise Refused(say("cli.users.not_the_same"))
     else:
         password = sys.stdin.readline().rstrip("\r\n")
     if not SHORTEST <= len(password) <= LONGEST:

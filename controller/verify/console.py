@@ -82,6 +82,13 @@ def in_words(text: messages.Said | None) -> str:
     return messages.text(text, spoken.get())
 
 
+def agreed(question: str) -> bool:
+    """Asks on standard error, and takes all that is no yes for a no."""
+    asked = say("console.asked", question=question)
+    answer: str = typer.prompt(asked, default="", show_default=False, err=True)
+    return answer.strip().lower() in say("console.yes").split()
+
+
 def word(key: str, otherwise: str = "") -> str:
     """A word that the page has, too, for instance of a result."""
     return messages.of(spoken.get()).page.get(key, otherwise)
