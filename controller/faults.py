@@ -66,6 +66,8 @@ class Fault(IntEnum):
     SETPOINTS_EARLY = 51
     NODE_CHATTERS = 52
     BUS_FLOODED = 53
+    STOCK_USED_UP = 54
+    TICK_LATE = 55
 
 
 class Reaction(IntEnum):

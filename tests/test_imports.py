@@ -93,7 +93,8 @@ ROOMS: dict[str, dict[str, set[str]]] = {
         "load": OF_DRIVES,
         "log": OF_DRIVES,
         "ports": OF_DRIVES,
-        "cyclic": OF_DRIVES | {"ports"},
+        "pump": {"pdo"},  # below the tick
+        "cyclic": OF_DRIVES | {"ports", "pump"},
         "commissioning": OF_DRIVES,
         "bench": OF_DRIVES | {"bus", "ports", "load", "log"},
     },
@@ -111,8 +112,8 @@ TO_DRIVES: dict[str, set[str]] = {
     "own_database": {"texts"},
     "machine": {"settings", "profile", "arranged", "text_file"},
     "state": {"settings", "arranged", "pdo"},  # what the stops take; whose frames are whose
-    "tick": {"settings", "scale", "cia402", "pdo", "bus", "cyclic"},
-    "runtime": OF_DRIVES | {"bus", "cyclic", "load", "log", "ports", "commission", "bench"},
+    "tick": {"settings", "scale", "cia402", "pdo", "bus", "cyclic", "pump"},
+    "runtime": OF_DRIVES | {"bus", "cyclic", "pump", "load", "log", "ports", "commission", "bench"},
     "service": OF_DRIVES | {"bus", "load", "log"},
     "verify": {"load"},  # to show it
     "cli": {"*"},

@@ -45,10 +45,12 @@ from controller.motion.pieces import (
 )
 from controller.state.live_state import (
     ANALOGUE,
+    BRAKED,
     COLUMN,
     EXPIRED,
     LAYOUT,
     OFF_PATH,
+    PLAYED,
     ROW,
     SETTLED,
     STOOD,
@@ -80,12 +82,14 @@ if TYPE_CHECKING:
 
 __all__ = [
     "ANALOGUE",
+    "BRAKED",
     "COLUMN",
     "DEAD_MAN_S",
     "EXPIRED",
     "OFF_PATH",
     "PLANNER_SILENCE_S",
     "PLAN_IDS",
+    "PLAYED",
     "ROW",
     "SETTLED",
     "STANDSTILL",

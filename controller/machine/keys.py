@@ -120,6 +120,7 @@ MEANINGS: Mapping[str, Mapping[str, str]] = {
         "kinematics": "what axes the machine has",
         "max_bus_share": "of a tick that the frames of a bus may take at their worst",
         "max_quick_stop_s": "a drive that takes longer to stop by itself is refused",
+        "stock_ms": "for which the drives get their setpoints on time though a tick is late; 0: no stock",
         "late": "what more late ticks than `skip_limit_per_s` do",
         "skip_limit_per_s": "late ticks within a second of running",
         "longest_program_h": "a program that takes longer at its feeds and with its dwells is refused",

@@ -534,6 +534,7 @@ class Machine:
     tolerance_mm: float | None = None  # of the form of surfaces, ends included; None: none is held
     max_overcut_mm: float | None = None  # deeper overcut than this is a gouge wherever it comes from
     longest_program_h: float = LONGEST_PROGRAM_H  # a program that takes longer is refused
+    stock_s: float = 0.016  # for which the pump can go on without a tick
     late: str = "stop"  # what more late ticks than ``skip_limit_per_s`` do; "count": they are told only
     # Surfaces that meet within both run through, blended, and leave themselves by the first at most.
     joint_tolerance_mm: float = JOINT_TOLERANCE_MM
@@ -617,6 +618,11 @@ class Machine:
     def every_axis(self) -> int:
         """Bit mask of all axes."""
         return (1 << len(self.axes)) - 1
+
+    @property
+    def has_pump(self) -> bool:
+        """Whether the setpoints come out of a stock, and not from the tick itself."""
+        return self.stock_s > 0.0 and self.sync == "tick"
 
     def linear(self) -> tuple[int, int, int]:
         """Indices of X, Y and Z in ``axes``."""

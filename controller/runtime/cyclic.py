@@ -12,6 +12,8 @@ from drives.cyclic.group import Group
 from drives.cyclic.io_node import IoNode
 from drives.cyclic.power_stage import LOST_IN_A_ROW
 from drives.cyclic.spindle import SpindleDrive
+from drives.pump.plan_memory import Memory
+from drives.pump.player import Player, beat_every
 
 
 def group(machine: Machine, ports: Mapping[str, Port], patience_s: float = 0.0) -> Group:
@@ -31,3 +33,15 @@ def group(machine: Machine, ports: Mapping[str, Port], patience_s: float = 0.0) 
         None if spindle is None else SpindleDrive(spindle, lost_after(spindle.feedback_every)),
         [IoNode(settings) for settings in machine_file.io_settings(machine)],
     )
+
+
+def plans(machine: Machine) -> Memory | None:
+    """Room for the plans of a pump of the same process; None where the tick sends by itself."""
+    return Memory(len(machine.axes)) if machine.has_pump else None
+
+
+def player(machine: Machine, group: Group, memory: Memory) -> Player:
+    """The pump of a machine's group, without its clock."""
+    master = group.master
+    beats = beat_every(machine.period_s, master.heartbeat_s)
+    return Player(memory, group.wires, machine.period_s, master.node_id, beats)

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from controller.ipc.handoff import COLUMN, PieceMessage, Snapshot, of_axes
+from controller.ipc.handoff import BRAKED, COLUMN, PLAYED, PieceMessage, Snapshot, of_axes
 from controller.machine.model import Machine
 from controller.messages import said
 from controller.plan.off_path import Back
@@ -103,7 +103,7 @@ class _Repetition:
         now = self._now()
         self._planner.go_on_from(max(now.accepted, now.rejected))
         self._fitted = bench.machine
-        self._waits, self._fault = False, Fault.NONE
+        self._waits, self._fault, self._played = False, Fault.NONE, 0
         self._thread, self._share = ThreadRecord(), 1.0
 
     def _send(self, message: PieceMessage) -> bool:
@@ -159,7 +159,7 @@ class _Repetition:
             self._make(line)
             recorded |= line.at is not None
         if recorded:
-            self._bench.cycle.again = Again(self._waits, self._fault, self._thread, self._share)
+            self._bench.cycle.again = Again(self._waits, self._fault, self._thread, self._share, self._played)
 
     def _make(self, line: Line) -> None:
         bench = self._bench
@@ -175,6 +175,8 @@ class _Repetition:
         elif line.kind == events.THREAD:
             led_mm, settled = line.value
             self._thread = ThreadRecord(float(led_mm), bool(settled))
+        elif line.kind == events.STOCK:
+            self._played = (0, PLAYED, PLAYED | BRAKED)[int(line.value)]
         elif line.kind == events.ADAPTIVE:
             self._share = float(line.value)
         elif line.kind == events.FAULT:

@@ -51,6 +51,8 @@ from controller.values import dataclass
 from drives import commission, pdo
 from drives.arranged import Arranged
 from drives.log.frame_log import FrameLog
+from drives.pump.plan_memory import Memory
+from drives.pump.stepped import SteppedPump
 
 if TYPE_CHECKING:
     from controller.runtime.simulation import Bench, Observer
@@ -152,7 +154,10 @@ class SteppedMachine:
         self._group = cyclic.group(machine, ports)
         self._plan_end, tick_end = piece_pair()
         self.board, self.recorder = OwnBoard(len(machine.axes)), Recorder()
-        self.clock = SteppedClock([self._advance], lateness)
+        self._offset_s = self.rig.now_s
+        plans = cyclic.plans(machine)
+        advance = self._advance if plans is None else self._pump(plans).advance
+        self.clock = SteppedClock([advance], lateness)
         self.cycle = Cycle(
             machine,
             self._group,
@@ -161,10 +166,10 @@ class SteppedMachine:
             self.board,
             self.recorder,
             self.clock.now_s,
+            plans,
         )
         self._group.start()
-        self._loop = Loop(self.cycle, self.clock)
-        self._offset_s = self.rig.now_s
+        self._loop = Loop(self.cycle, self.clock, with_pump=plans is not None)
         self.outbox = PieceOutbox(self._plan_end)
         self.planner = Planner(machine, self.kinematics, self.outbox.send, remember=True)
         self._keeper = None if recordings is None else self._keeping(recordings)
@@ -177,6 +182,11 @@ class SteppedMachine:
     def _take_arranged(self, found: tuple[Arranged, ...]) -> None:
         self.times = stop_times.of(self.machine, found)
         send_arrangement(self._operator, arrangement(self.machine, found))
+
+    def _pump(self, plans: Memory) -> SteppedPump:
+        return SteppedPump(
+            cyclic.player(self.machine, self._group, plans), self.machine.period_s, self._advance
+        )
 
     def _advance(self, now_s: float) -> None:
         self.rig.advance(now_s + self._offset_s)

@@ -27,10 +27,12 @@ import numpy.typing as npt
 from controller import atomic_file, own_files
 from controller.commands.table import SWITCHES
 from controller.ipc.handoff import (
+    BRAKED,
     COLUMN,
     EXPIRED,
     OFF_PATH,
     PLAN_IDS,
+    PLAYED,
     SETTLED,
     STOOD,
     WAITED,
@@ -257,12 +259,15 @@ class RowEvents:
 
     def _find_flags(self, sent: Rows) -> None:
         """Where motion begins to wait, or waits no more, and where the axes are off their path."""
-        flags = sent[:, COLUMN["switches"]].astype(np.int64) & (WAITED | OFF_PATH)
+        flags = sent[:, COLUMN["switches"]].astype(np.int64) & (WAITED | OFF_PATH | PLAYED | BRAKED)
         for i in _changes(flags, self._flags):
             changed, self._flags = int(flags[i]) ^ self._flags, int(flags[i])
             at = int(sent[i, COLUMN["tick"]])
             if changed & WAITED:
                 self._events.add(at, events.line_of(events.WAIT, int(bool(self._flags & WAITED))))
+            if changed & (PLAYED | BRAKED):
+                played = bool(self._flags & PLAYED) + bool(self._flags & BRAKED)
+                self._events.add(at, events.line_of(events.STOCK, played))
             if changed & self._flags & OFF_PATH:
                 self._events.add(at, events.line_of(events.OFF_PATH))
 

@@ -86,6 +86,9 @@ _ROWS = (
     _row(Fault.SYNC_LOST, False, Reaction.QUICK_STOP, Recovery.RESTART, syncs=4, wait=Wait.CONSUMER),
     # --- tick
     _row(Fault.TOO_MANY_SKIPS, True, Reaction.PATH_STOP, Recovery.RESET),
+    # On the path the axes stand by then: the stop is a part of the stock.
+    _row(Fault.STOCK_USED_UP, True, Reaction.QUICK_STOP, Recovery.RESET),
+    _row(Fault.TICK_LATE, True, Reaction.WARN, Recovery.NOTHING),
     _row(Fault.STOP_OVERDUE, True, Reaction.QUICK_STOP, Recovery.RESET, wait=Wait.STOP),
     _row(Fault.INTERNAL, False, Reaction.QUICK_STOP, Recovery.RESTART),
     _row(Fault.CONTROLLER_GONE, False, Reaction.QUICK_STOP, Recovery.RESTART, wait=Wait.CONSUMER),

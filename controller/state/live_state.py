@@ -60,6 +60,8 @@ WAITED = 8  # motion waited for spindle, coolant or clamps
 SETTLED = 32  # the spindle stands where its thread does, or there is none
 EXPIRED = 128  # in this tick a jog was ended that nobody asked for any more
 OFF_PATH = 16  # the setpoints are where the drives were
+PLAYED = 256  # played out of the stock: the tick of this period was late, and found it done
+BRAKED = 512  # likewise, and after the end of the stock: a part of its stop, or at rest
 
 
 class Snapshot(NamedTuple):
@@ -124,7 +126,7 @@ class Snapshot(NamedTuple):
     switches: int = _value(
         "cycle",
         "1 single block, 2 optional stop, 4 stood, 8 waited, 16 off path, 32 settled, 64 adaptive feed, "
-        "128 jog expired",
+        "128 jog expired, 256 played out of the stock, 512 after its end",
         column="switches",
     )
     taken: int = _value("cycle", "number of the last request taken in this tick, 0 = none", column="request")
@@ -178,6 +180,12 @@ class Snapshot(NamedTuple):
     malformed: tuple[int, ...] = _value("status", "frames of a wrong length from each drive", many=EACH_AXIS)
     skips: int = _value("sync", "ticks that sent no SYNC", status="tick.skips")
     late_max_s: float = _value("sync", "the latest tick so far", "s", status="tick.late_max_ms ms 1e3")
+    played: int = _value(
+        "sync", "periods that were played out of the stock, since their tick was late", status="tick.played"
+    )
+    braked: int = _value(
+        "sync", "times that the stock was not enough: the axes braked, and went on", status="tick.braked"
+    )
     accepted: int = _value("cycle", "sequence of the last message taken")
     rejected: int = _value("cycle", "sequence of the last message refused")
     refusal: QueueRefusal = _value("cycle", "why the last message was not taken, NONE: it was")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from controller.ipc.handoff import StopTable
 from controller.tick.queue import Queue
+from drives.pump.plan_memory import Stop
 
 
 class Brake:
@@ -39,7 +40,7 @@ class Brake:
             if i > last or queue[i - 1].rests_at(queue[i - 1].end_s):
                 self.s = entry.motion.end  # by rounding
                 break
-            self.s -= entry.motion.end
+            self.s += queue[i].begins_at - entry.motion.end
             now, entry = i, queue[i]
         return now
 
@@ -66,6 +67,18 @@ class Brake:
             self._k += 1
             if self._k == self._last:
                 self.v = self.a = 0.0
+
+    def go_on_as(self, other: Brake) -> None:
+        """Takes over where another stop is."""
+        self.active, self.left_at = other.active, other.left_at
+        self.s, self.v, self.a = other.s, other.v, other.a
+        self._jerks, self._k, self._last = other._jerks, other._k, other._last
+        self._held, self._n = other._held, other._n
+
+    @property
+    def rest(self) -> Stop:
+        """What is left of it, for the pump."""
+        return Stop(self._jerks[self._k : self._last], self._held, self._n, self.v, self.a)
 
     def save(self) -> tuple[bool, float, float, float, int, int]:
         return self.active, self.s, self.v, self.a, self._k, self._n

@@ -5,7 +5,8 @@ what the spindle makes of it:
 
     wanted     turns(s), so many revolutions from the thread's beginning
     lag        e = wanted - actual, of the same SYNC: a setpoint of tick k is reached at SYNC k + 2, the
-               angle that tick k reads was sampled at SYNC k - 1, so it answers the place of tick k - 3
+               angle that tick k reads was sampled at SYNC k - 1, so it answers the place of tick k - 3;
+               with a pump both are so many ticks later as a setpoint waits (``stock.DELAY``)
     spindle    turns at d/dt wanted + gain e, and as much faster as it slips and lags, which is measured
     axes       at s - e / (turns per mm), with e as it will be when they are there; and as much further on
                as their drives lag, which is measured
@@ -120,7 +121,7 @@ STILL_LED = LedTicks(Led(0.0, 0.0), Led(0.0, 0.0), Led(0.0, 0.0))
 
 
 class Turns(NamedTuple):
-    """Revolutions wanted, of this tick and the three before."""
+    """Revolutions wanted, of the tick whose setpoint goes out now and the three before."""
 
     now: float
     before: float
@@ -141,6 +142,7 @@ class Tie(NamedTuple):
     step_mm: float
     rev_s: float
     wanted: Turns
+    on_the_way: tuple[float, ...]
     settled: int
     late: int
     led: LedTicks
@@ -156,7 +158,10 @@ class Coupling:
     the law's place to that of the axes), ``settled`` (both stand where the thread's motion ends).
     """
 
-    def __init__(self, machine: Machine, spindle: Turning | None, drives: Sequence[Any] = ()) -> None:
+    def __init__(
+        self, machine: Machine, spindle: Turning | None, drives: Sequence[Any] = (), delay: int = 0
+    ) -> None:
+        """``delay``: ticks for which a setpoint waits before it goes out."""
         told = machine.spindle.position if machine.spindle is not None else None
         self._period_s = machine.period_s
         self._spindle = spindle if told is not None else None
@@ -173,7 +178,9 @@ class Coupling:
         self.depth_rev = self.pitch_mm = self.led_mm = 0.0
         self.again: Recorded | None = None  # of a run that is made again
         self._s = self._zero = self._rate = self._step_mm = self._axis_s = 0.0
+        self._delay = delay
         self._wanted = Turns(0.0, 0.0, 0.0, 0.0)
+        self._on_the_way: tuple[float, ...] = (0.0,) * delay  # wanted in the ticks whose setpoints wait
         self._led_before = STILL_LED
         self._turned = 0.0  # revolutions, as heard last
         self.reply = Reply()
@@ -234,6 +241,7 @@ class Coupling:
             self._step_mm,
             self.rev_s,
             self._wanted,
+            self._on_the_way,
             self._settled,
             self._late,
             self._led_before,
@@ -246,7 +254,8 @@ class Coupling:
             self.end()
             return
         self.active, self.releasing, self.move = True, saved.releasing, saved.move
-        self._s, self._zero, self._wanted = saved.s, saved.zero, saved.wanted
+        self._s, self._zero = saved.s, saved.zero
+        self._wanted, self._on_the_way = saved.wanted, saved.on_the_way
         self.lag_rev, self._rate = saved.lag_rev, saved.rate
         self.off_mm, self._step_mm, self.led_mm = saved.off_mm, saved.step_mm, saved.led_mm
         self.rev_s, self._led_before, self._turned = saved.rev_s, saved.led, saved.turned
@@ -276,11 +285,12 @@ class Coupling:
             self.off_mm, self._step_mm = turned * self.off_mm, turned * self._step_mm
         stands = move is self.move and -STILL < s - self._s < STILL
         self.move, self._s = move, s
+        *on_the_way, now = wanted, *self._on_the_way
         before, earlier, answered = self._wanted.now, self._wanted.before, self._wanted.earlier
-        self._wanted = Turns(wanted, before, earlier, answered)
+        self._on_the_way, self._wanted = tuple(on_the_way), Turns(now, before, earlier, answered)
         self._measure(answered - (spindle.turns - self._zero), spindle.turns, spindle.unheard)
         self._watch()
-        self._lead(wanted - before, wanted - 2.0 * before + earlier, stands)
+        self._lead(now - before, now - 2.0 * before + earlier, stands)
         self.depth_rev, self.pitch_mm = wanted - self.lag_rev if wanted else 0.0, 1.0 / move.rev_per_mm
         if self.again is not None:
             self.led_mm = self.again.led_mm
@@ -299,7 +309,7 @@ class Coupling:
     def _begin(self, move: ThreadMove, wanted: float, turns: float) -> None:
         self.active, self.releasing, self.move = True, False, move
         self._zero = turns - wanted
-        self._wanted = Turns(wanted, wanted, wanted, wanted)
+        self._wanted, self._on_the_way = Turns(wanted, wanted, wanted, wanted), (wanted,) * self._delay
         self.lag_rev = self._rate = self.off_mm = self._step_mm = 0.0
         self._settled = self._late = self._beyond = 0
         self._led_before, self._turned = STILL_LED, turns
@@ -361,7 +371,7 @@ class Coupling:
         """How far from the law's place the axes are to go (mm)."""
         T, measured_s = self._period_s, self._axes_lag_s(move)
         self._axis_s = axis_s = max(self._axis_s - LEARNS_S, min(self._axis_s + LEARNS_S, measured_s))
-        ahead_s = 3.0 * T + axis_s
+        ahead_s = (3 + self._delay) * T + axis_s
         off = (self.lag_rev + self._rate * ahead_s) / move.rev_per_mm
         if self.releasing and self._settled >= SETTLED_TICKS:
             off = 0.0

@@ -7,13 +7,16 @@ raises on what may happen on a machine.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Final, NamedTuple
 
 from controller.ipc.handoff import (
+    BRAKED,
     EXPIRED,
     OFF_PATH,
     PLANNER_SILENCE_S,
+    PLAYED,
     SETTLED,
     STOOD,
     WAITED,
@@ -32,9 +35,13 @@ from controller.tick.check import Check
 from controller.tick.coupling import Recorded
 from controller.tick.drives import Drives
 from controller.tick.follow import Step
+from controller.tick.lookahead import Conditions
 from controller.tick.mode import Phase
 from controller.tick.parts import Parts
 from controller.tick.status_publisher import StatusPublisher
+from controller.tick.stock import DELAY
+from drives.pump.plan_memory import Memory
+from drives.pump.plan_memory import Phase as PumpPhase
 
 MAX_REQUESTS: Final = 8  # taken in one tick
 # Looked up every tick, and an enum's members are slow to look up.
@@ -48,6 +55,8 @@ _LOST: Final = Step.LOST
 _STOP: Final = Step.STOP
 _END: Final = Step.END
 _SET: Final = Step.SET
+_SILENT: Final = PumpPhase.SILENT
+_GAP: Final = PumpPhase.GAP
 FOLLOWING: Final = (Mode.RUNNING, Mode.HOLD, Mode.STOPPING)  # the path, with its outputs
 IDLE: Final = (Mode.OFF, Mode.READY)
 MOVING: Final = (Mode.RUNNING, Mode.STOPPING, Mode.JOG)
@@ -60,6 +69,7 @@ class Again(NamedTuple):
     fault: Fault = Fault.NONE  # that came up
     thread: Recorded = Recorded()
     share: float = 1.0  # of the feed, by the load of the spindle
+    played: int = 0  # ``PLAYED``, ``BRAKED``: the tick was late, and found its period done
 
 
 class Cycle:
@@ -74,14 +84,22 @@ class Cycle:
         snapshot: SnapshotBoard,
         recorder: Recorder,
         now: Callable[[], float],
+        plans: Memory | None = None,
     ) -> None:
+        """``plans``: shared with the pump, which then sends SYNC and setpoints."""
         self.machine = machine
         self.group = group
-        parts = Parts(machine, group, now)
+        parts = Parts(machine, group, now, plans)
         self.modes, self.follow, self.jogging = parts.modes, parts.follow, parts.jogging
         self.coupling, self.peripherals, self.adaptive = parts.coupling, parts.peripherals, parts.adaptive
         self.sync, self.probing, self.answers = parts.sync, parts.probing, parts.answers
-        self._encoder, self._check = parts.encoder, parts.check
+        self._encoder, self._check, self.stock = parts.encoder, parts.check, parts.stock
+        self._replaced_s = math.inf  # plan time from which on the queue was replaced in this tick
+        self._went = False  # the clock was to run in the last tick
+        self._began = False  # the pump has had its first plan
+        self._moved = -1  # the period whose setpoints were computed last
+        self._played = 0  # ``PLAYED``, ``BRAKED`` of this period
+        self._braked = False  # in the period before this one
         self._status = StatusPublisher(self, parts, snapshot, recorder)
         self._masks = range(1, machine.every_axis + 1)  # of axes
         self._homing_asked = 0  # axes (bit mask) whose clamps must open before they home
@@ -150,6 +168,114 @@ class Cycle:
         self._repeated = 0
         return sent
 
+    def run_with_pump(self, now_s: float) -> bool:
+        """One tick where the pump sends: after it has handed a period over. False: it has handed over none.
+
+        Of the periods whose tick has not been run, the path takes what the pump has played meanwhile.
+        """
+        stock = self.stock
+        assert stock is not None
+        periods = stock.look()
+        self.group.receive(now_s, len(periods))
+        self._encoder.decode(self.group.positions)
+        if not periods:
+            return False
+        stock.account()
+        if self.again is not None and self.again.played:
+            self._played = self.again.played
+            self._go_on_as_played(stock.period)
+            self._played = 0
+            stock.publish(False)
+            return True
+        if stock.refused and stock.changed:
+            mover = self.jogging if self.jogging.active else self.follow
+            mover.revert()
+            self._play(periods[0] - 1)
+        braked = self.sync.braked
+        for period in periods[:-1]:
+            if period + DELAY < stock.stood_from:
+                self._play(period)
+        ticks = len(periods)
+        self.tick, self.sync_sent = stock.period, stock.phase is not _SILENT
+        felt = self.sync.braked != braked
+        if felt:
+            self.modes.fail(Fault.TICK_LATE, -1)
+        self.sync.count_with_pump(self.sync_sent, not stock.unsent, ticks, stock.lateness_s, felt)
+        anew = self._look_for_a_gap()
+        self._moved = stock.period
+        self.sync.look_for_our_silence(now_s, ticks - 1)
+        void = self._take_requests()
+        self._take_pieces(void)
+        if self._supervise(now_s, ticks) or void:
+            self._drop()
+        self._move()
+        self._look_ahead()
+        stock.publish(anew)
+        self.group.send_events(now_s)
+        self.switches = self._switches()
+        self._status.record()
+        return True
+
+    def _play(self, period: int) -> None:
+        """A period whose tick was not run: the path goes on as the pump was told to."""
+        stock = self.stock
+        assert stock is not None
+        braked = stock.brakes_in(period + DELAY)
+        self.sync.played += 1
+        self.sync.braked += braked and not self._braked
+        self._played = PLAYED | BRAKED * (braked or not stock.is_nominal(period + DELAY))
+        self._go_on_as_played(period)
+        self._played, self._braked = 0, braked
+
+    def _go_on_as_played(self, period: int) -> None:
+        """One period of the path, in which nothing else happens."""
+        stock, modes, braked = self.stock, self.modes, bool(self._played & BRAKED)
+        assert stock is not None
+        self.tick = self._moved = period
+        self.sync_sent = True
+        self.accepted_now = self.taken = 0
+        self._replaced_s = math.inf
+        if modes.on_path and self.jogging.active:
+            if braked:
+                modes.end_jog()
+            self._jog()
+            self._look_ahead()
+        elif modes.on_path:
+            self._along_path(self._went and not braked)
+            self._look_ahead()
+        else:
+            stock.moved_otherwise()
+        self.switches = self._switches()
+        self._status.record()
+
+    def _look_for_a_gap(self) -> bool:
+        """Whether the pump has stopped sending, or the motors have stood."""
+        stock = self.stock
+        assert stock is not None
+        self._stood = False
+        if stock.phase is _GAP and self.modes.on_path:
+            last = stock.stood_from - 1 - DELAY  # the tick whose setpoint went out last
+            self._stood = self._stand(max(0, self._moved - last))
+            return True
+        if stock.phase is _SILENT and self.modes.on_path and self._began:
+            self.modes.fail(Fault.STOCK_USED_UP, -1)
+        self._began = True
+        return stock.phase is _SILENT or stock.phase is _GAP
+
+    def _look_ahead(self) -> None:
+        """What the next ticks will send."""
+        stock, modes, follow = self.stock, self.modes, self.follow
+        assert stock is not None
+        if not modes.on_path:
+            stock.moved_otherwise()
+            return
+        if self.jogging.active:
+            stock.moved_by_hand(self.jogging, bool(self._played))
+            return
+        going, stops = modes.running and not self._waits, modes.single_block or modes.phase is _ENDING
+        feed, rapid = modes.override > 0.0, modes.rapid_override > 0.0
+        stock.moved(Conditions(going, feed, rapid, follow.optional_stop, stops), self._replaced_s)
+
     def repeat(self, now_s: float) -> None:
         """A tick in which nothing happens (``idle``): what the last one has said and left, again."""
         self.tick += 1
@@ -164,7 +290,7 @@ class Cycle:
 
     def _switches(self) -> int:
         modes, stood = self.modes, self._stood or self._stood_before
-        asked = modes.switched + EXPIRED * self.jogging.expired
+        asked = self._played + modes.switched + EXPIRED * self.jogging.expired
         settled = SETTLED * self.coupling.settled
         return asked + STOOD * stood + WAITED * self._waits + OFF_PATH * (not modes.on_path) + settled
 
@@ -207,10 +333,10 @@ class Cycle:
         self.run(self._now(), self.machine.period_s)
         self.sync.pass_over()
 
-    def _stand(self, back: bool) -> bool:
+    def _stand(self, back: int) -> bool:
         """The drives have stood: so does what they are told, and motion begins again from rest.
 
-        ``back``: they have not used what the last tick sent. False if nothing moved anyway.
+        ``back``: they have not used what the last so many ticks have sent. False if nothing moved anyway.
         """
         if not self.modes.on_path:
             return False
@@ -299,7 +425,7 @@ class Cycle:
         None with what is ``void``: it was made for a queue that is given up in this tick.
         Ticks that were missed do not count: what kept this process waiting kept the plan, too.
         """
-        self.accepted_now = 0
+        self.accepted_now, self._replaced_s = 0, math.inf
         message = self._pieces.take()
         if self._pieces.heard:
             self._pieces.heard = False
@@ -310,6 +436,7 @@ class Cycle:
             return
         self.refusal = self._refusal(message, void)
         if self.refusal is _TAKEN:
+            self._replaced_s = -math.inf if message.alone else message.replace_from_s
             self.accepted = self.accepted_now = message.sequence
             if self.jogging.away and self.follow.begins_here(message):
                 self.jogging.forget_hold()
@@ -391,7 +518,16 @@ class Cycle:
         self._waits = modes.running and self._must_wait()
         self.coupling.again = None if self.again is None else self.again.thread
         running = modes.running and not self._waits
-        step = follow.step(follow.goes(running, modes.override, modes.rapid_override))
+        self._along_path(follow.goes(running, modes.override, modes.rapid_override))
+
+    def _along_path(self, go: bool) -> None:
+        """One step of the path, and what comes of it."""
+        modes, follow = self.modes, self.follow
+        self._went = go
+        if self.stock is not None:
+            follow.foresee(self.stock.foreseen)
+        step = follow.step(go)
+        follow.foresee(None)
         if follow.piece is not None and not follow.piece.sets and modes.mode in FOLLOWING:
             self.peripherals.switch(follow.piece.outputs)
         fault, axis = self._judge(step, self._check)

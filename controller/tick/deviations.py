@@ -32,6 +32,11 @@ class AxisDeviation:
         self._from = self._to = self._sense = 0.0
         self._tick = len(self._ramp)  # of the ramp
 
+    def go_on_as(self, other: AxisDeviation) -> None:
+        """Takes over the sense and the ramp of another one."""
+        self.now, self._farthest, self._up = other.now, other._farthest, other._up
+        self._from, self._to, self._sense, self._tick = other._from, other._to, other._sense, other._tick
+
     def real(self, position: float) -> float:
         """Where the axis is where its drive says ``position``, near the last setpoint."""
         return position + self._at(position + self.now, self._sense)
@@ -68,6 +73,11 @@ class Deviations:
         self._crossings = compensation.crossings(machine)
         self._shift = tuple(zip(machine.linear(), machine.thermal_shift_mm, strict=True))
         self.found = bool(self._axes or self._crossings or any(machine.thermal_shift_mm))
+
+    def go_on_as(self, other: Deviations) -> None:
+        """What comes next follows what another one has sent last."""
+        for mine, others in zip(self._axes, other._axes, strict=True):
+            mine.go_on_as(others)
 
     def told(self, joints: Joints) -> Sequence[float]:
         """What the drives are told, once per tick, so that the axes come to be at ``joints``."""

@@ -14,14 +14,16 @@ Where no stop begins, the plan is followed: to the next one, or to the queue's e
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Sequence
 from enum import IntEnum
-from typing import Final, NamedTuple
+from typing import Final, NamedTuple, Protocol
 
 from controller.geometry.vectors import ROUNDING
 from controller.ipc.handoff import Piece, PieceMessage
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Joints, Machine
+from controller.motion.motions import Motion
 from controller.motion.pieces import commit_lead_s
 from controller.state.queue_refusals import QueueRefusal
 from controller.tick.brake import Brake
@@ -29,6 +31,7 @@ from controller.tick.coupling import Coupling, Tie
 from controller.tick.path_clock import PathClock
 from controller.tick.queue import Entry, Queue
 
+STEPS_BACK: Final = 6  # that can be taken back
 SAME_PLACE = 1e-6  # mm or rad: a queue that begins elsewhere by more (and by a count) is refused
 
 
@@ -60,18 +63,35 @@ class State(NamedTuple):
     tie: Tie | None
 
 
+class Foreseen(Protocol):
+    """The joints of the next step, if it leads to that place of that motion."""
+
+    @property
+    def joints(self) -> Joints: ...
+    @property
+    def motion(self) -> int: ...
+    @property
+    def place(self) -> float: ...
+
+
 class Follow:
     """The joints along the queue. Read: ``tau``, ``rate``, ``joints``, ``s``, ``piece``, ``feed``, ``epoch``;
     ``last`` and ``before``, the joints of the tick before, and of the one before that.
     """
 
-    def __init__(self, machine: Machine, kinematics: Kinematics, coupling: Coupling | None = None) -> None:
+    def __init__(
+        self,
+        machine: Machine,
+        kinematics: Kinematics,
+        coupling: Coupling | None = None,
+        queue: Queue | None = None,
+    ) -> None:
         self.coupling = Coupling(machine, None) if coupling is None else coupling
         self._lead_s = commit_lead_s(machine.period_s)
         self._kinematics = kinematics
         self._rotaries = kinematics.rotaries
         self._same = tuple(max(SAME_PLACE, 1.0 / abs(a.counts_per_unit)) for a in machine.axes)
-        self._queue = Queue()
+        self._queue = Queue() if queue is None else queue
         self._clock = PathClock(machine.period_s)
         self._brake = Brake(machine.period_s)
         self._now = 0  # number in the queue of the entry under the clock
@@ -88,9 +108,15 @@ class Follow:
         self.epoch = 0  # queues given up so far
         self.refusal = _TAKEN  # of the last message
         self.optional_stop = self.single_block = False  # the operator's switches: which marks count
-        self._saved = self._state()
+        self._foreseen: Foreseen | None = None
+        self._undo: deque[State] = deque(maxlen=STEPS_BACK)  # the last steps
 
     # -- state
+
+    @property
+    def queue(self) -> Queue:
+        """What it follows."""
+        return self._queue
 
     @property
     def tau(self) -> float:
@@ -158,6 +184,15 @@ class Follow:
     def heed(self, optional_stop: bool, single_block: bool) -> None:
         """Which marks of the pieces count from now on."""
         self.optional_stop, self.single_block = optional_stop, single_block
+
+    def go_on_as(self, other: Follow) -> None:
+        """Takes over where another one is that follows the same queue."""
+        self.joints, self.last, self.before = other.joints, other.last, other.before
+        self._clock.restore(other._clock.save())
+        self._brake.go_on_as(other._brake)
+        self._now, self._base, self._goes = other._now, other._base, other._goes
+        self.rate, self.s, self.feed, self.piece = other.rate, other.s, other.feed, other.piece
+        self.optional_stop, self.single_block = other.optional_stop, other.single_block
 
     # -- taking pieces
 
@@ -244,7 +279,13 @@ class Follow:
         if motion is None:
             return self._base
         place = entry.at(tau if tau < entry.end_s else entry.end_s)
-        s = self._along(entry, place)
+        return self._joints_at(entry, motion, self._along(entry, place))
+
+    def _joints_at(self, entry: Entry, motion: Motion, s: float) -> Joints | None:
+        """On the branch of the present joints; None where the rotaries cannot reach the next tool axis."""
+        foreseen = self._foreseen
+        if foreseen is not None and foreseen.place == s and foreseen.motion == entry.piece.motion_id:
+            return foreseen.joints
         return motion.joints(s, self._rotaries(self.joints), self._kinematics)
 
     def _along(self, entry: Entry, place: tuple[float, float, float]) -> float:
@@ -293,7 +334,7 @@ class Follow:
         """One tick: along the plan, along a stop, or standing; joints, s and feed are new."""
         if self._brake.active and self._brake.over:
             self._settle()
-        self._saved = self._state()
+        self._undo.append(self._state())
         self.coupling.look()
         self._goes = go
         if not go and not self._brake.active and not self._plan_rests():
@@ -306,6 +347,10 @@ class Follow:
         self._take(joints, 1.0 if go else 0.0)
         self.feed = 0.0
         return _MOVED
+
+    def foresee(self, found: Foreseen | None) -> None:
+        """What another follower has found for the next step, which is then not computed again."""
+        self._foreseen = found
 
     def rehearse(self) -> None:
         """Evaluates the plan where the clock is, for the caches alone: nothing of it changes."""
@@ -322,7 +367,7 @@ class Follow:
 
     def move_to(self, joints: Joints) -> None:
         """One tick by hand, beside the plan: the clock stands, and the queue stays."""
-        self._saved = self._state()
+        self._undo.append(self._state())
         self._goes = False
         self._take(joints, 0.0)
         self.feed = 0.0
@@ -333,23 +378,27 @@ class Follow:
 
     def revert(self) -> None:
         """Takes the last step back: its joints must not be sent."""
-        state = self._saved
+        if self._undo:
+            self._go_back_to(self._undo.pop())
+
+    def _go_back_to(self, state: State) -> None:
         self.joints, self.last, self.before = state.joints, state.last, state.before
         self._clock.restore(state.clock)
         self.rate, self._now = state.rate, state.now
         self._brake.restore(state.brake)
         self.coupling.restore(state.tie)
 
-    def stand(self, back: bool) -> bool:
+    def stand(self, back: int) -> bool:
         """No SYNC came for so long that the drives stand: so does the path, at once, and goes on from rest.
 
-        ``back``: no drive has used the last step, and it is taken back. False if it stood anyway.
+        ``back``: no drive has used the last so many steps, and they are taken back. False if it stood anyway.
         """
         brake = self._brake
         if brake.over if brake.active else self._plan_rests():
             return False
-        if back and self._saved.now >= self._queue.first:  # what it would go back to is still known
-            self.revert()
+        for _ in range(back):
+            if self._undo and self._undo[-1].now >= self._queue.first:  # it is still known
+                self.revert()
         if brake.active:
             brake.stand(brake.s)
             self.piece, self.s = self._queue[self._now].piece, brake.s
@@ -474,7 +523,7 @@ class Follow:
         if entry.motion is None:
             return Step.LOST
         place = self._along(entry, (brake.s, brake.v, brake.a))
-        joints = entry.motion.joints(place, self._rotaries(self.joints), self._kinematics)
+        joints = self._joints_at(entry, entry.motion, place)
         if joints is None:
             self.revert()
             return Step.LOST

@@ -14,12 +14,14 @@ axis that is not homed has no end that is known, and is slow.
 from __future__ import annotations
 
 import math
+from collections import deque
+from collections.abc import Iterator
 
 from controller.ipc.handoff import DEAD_MAN_S, Jog
 from controller.machine.model import Axis, Joints, Machine
 from controller.state.modes import Mode, Request
 from controller.tick.check import Check
-from controller.tick.follow import Follow, Step
+from controller.tick.follow import STEPS_BACK, Follow, Step
 from controller.tick.mode import Modes, Phase
 from controller.tick.ramp import Ramp
 
@@ -32,19 +34,22 @@ class Jogging:
     """One order at a time.
 
     Read ``active`` (something is under way), ``axes`` (that move, bit mask), ``check`` (for their joints),
-    ``away`` (the axes are off the place of the hold: no RESUME), ``expired`` (it was ended in this tick, for
-    nobody asks any more).
+    ``goes`` (the last step was towards the speed that is asked for), ``away`` (the axes are off the place of
+    the hold: no RESUME), ``expired`` (it was ended in this tick, for nobody asks any more).
     """
 
-    def __init__(self, machine: Machine, modes: Modes, follow: Follow) -> None:
+    def __init__(self, machine: Machine, modes: Modes, follow: Follow, delay: int = 0) -> None:
+        """``delay``: ticks for which a setpoint waits before it goes out."""
         self._machine, self._modes, self._follow = machine, modes, follow
-        self._most_age = max(1, math.floor(DEAD_MAN_S / machine.period_s) - _LATENCY_TICKS)
+        self._most_age = max(1, math.floor(DEAD_MAN_S / machine.period_s) - _LATENCY_TICKS - delay)
         self._age = 0  # ticks since it was asked for
         self._order = _NOTHING
         self._next: Jog | None = None  # another line, once this one is at rest
         self._back = Mode.READY
         self._base = self._held = follow.joints  # where the line begins; where the program is held
         self._ramp = Ramp(1.0, 1.0, 0.0)
+        self._undo: deque[Ramp] = deque(maxlen=STEPS_BACK)  # the last steps
+        self.goes = False
         self._speed = 0.0  # per tick
         self.axes = 0
         self.active = self.away = self.expired = False
@@ -93,6 +98,7 @@ class Jogging:
         acceleration = min(axis.limits.acceleration / d for axis, d in rows) * T**2
         jerk = min(axis.limits.jerk / d for axis, d in rows) * T**3
         self._ramp = Ramp(acceleration, jerk, min(order.length, self._room(order)))
+        self._undo.clear()
         self._speed = self._speed_of(order)
 
     def _room(self, order: Jog) -> float:
@@ -136,8 +142,10 @@ class Jogging:
         modes, ramp, follow = self._modes, self._ramp, self._follow
         ends = modes.mode is not Mode.JOG or modes.phase is Phase.HALTING
         goes = not ends and self._next is None and is_open
+        self.goes = goes
+        self._undo.append(ramp.copy())
         ramp.step(self._speed if goes else 0.0)
-        follow.move_to(self._place())
+        follow.move_to(self._place(ramp.p))
         if ramp.at_rest:
             if ends:
                 self._leave()
@@ -147,16 +155,34 @@ class Jogging:
                 modes.end_jog()  # arrived
         return Step.MOVED
 
-    def stand(self, back: bool) -> bool:
+    def revert(self) -> None:
+        """Takes the last step back: its joints must not be sent."""
+        if self._undo:
+            self._ramp = self._undo.pop()
+            self._follow.revert()
+
+    def ahead(self, periods: int) -> Iterator[Joints]:
+        """The next so many steps, if nothing changes, and then a stop."""
+        ramp, speed = self._ramp.copy(), self._speed if self.goes else 0.0
+        for _ in range(periods):
+            ramp.step(speed)
+            yield self._place(ramp.p)
+        while not ramp.at_rest:
+            ramp.step(0.0)
+            yield self._place(ramp.p)
+
+    def stand(self, back: int) -> bool:
         """The drives have stood, as ``Follow.stand`` says it: the line goes on from rest."""
         if self._ramp.at_rest:
             return False
-        self._ramp.stand(back)
-        self._follow.put(self._place())
+        for _ in range(back - 1):
+            self.revert()
+        self._ramp.stand(back > 0)
+        self._follow.put(self._place(self._ramp.p))
         return True
 
-    def _place(self) -> Joints:
-        p, q, d = self._ramp.p, self._base, self._order.direction
+    def _place(self, p: float) -> Joints:
+        q, d = self._base, self._order.direction
         return tuple([a + p * b for a, b in zip(q, d, strict=True)])
 
     def _leave(self) -> None:

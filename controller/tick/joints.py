@@ -21,27 +21,39 @@ class Encoder:
         deviations = Deviations(machine)
         self._deviations = deviations if deviations.found else None
         axes = len(machine.axes)
-        self._rounded = _of_each("round(a[{0}] * b[{0}])", axes)
+        self._rounded = _of_each("round(a[{0}])", axes)
         self._products = _of_each("a[{0}] * b[{0}]", axes)
         self._encoded: Joints | None = None  # where setpoints depend on joints alone
         self.setpoints: Sequence[int] = (0,) * axes
+        self.exact: tuple[float, ...] = (0.0,) * axes  # the same before it was rounded
         self.actual: Sequence[float] = (0.0,) * axes
 
     def encode(self, joints: Joints) -> bool:
         """Rounds to counts; False (and nothing changed) if one does not fit into an int32."""
         if joints is self._encoded:
             return True
-        told = joints if self._deviations is None else self._deviations.told(joints)
-        counts = self._rounded(told, self._counts_per_unit)
+        exact = self.counts(joints)
+        counts = self._rounded(exact, exact)
         if min(counts) < -INT32 or max(counts) >= INT32:
             return False
-        self.setpoints = counts
+        self.exact, self.setpoints = exact, counts
         self._encoded = joints if self._deviations is None else None
         return True
 
+    def counts(self, joints: Joints) -> tuple[float, ...]:
+        """Where the drives are to go next, for the axes to be at ``joints``: before it is rounded."""
+        sent = joints if self._deviations is None else self._deviations.told(joints)
+        return self._products(sent, self._counts_per_unit)
+
+    def go_on_as(self, other: Encoder) -> None:
+        """What comes next follows the last setpoints of another one."""
+        if self._deviations is not None and other._deviations is not None:
+            self._deviations.go_on_as(other._deviations)
+
     def rehearse(self, joints: Joints) -> None:
         """Rounds for the caches alone: nothing changes."""
-        self._rounded(joints, self._counts_per_unit)
+        products = self._products(joints, self._counts_per_unit)
+        self._rounded(products, products)
 
     def to_units(self, i: int, counts: int) -> float:
         """Counts of one axis in mm or rad."""

@@ -141,12 +141,14 @@ class Loop:
         filenos: Sequence[int] = (),
         eased: bool = False,
         ahead: Sequence[Keeping] = (),
+        with_pump: bool = False,
     ) -> None:
         """``filenos`` of the buses are only needed for sync = "kernel".
 
         ``ahead``: the buses that take frames ahead of their time, which all of simulated drives do.
         """
         self._cycle = cycle
+        self._with_pump = with_pump
         self._clock = clock
         self._period_s = cycle.machine.period_s
         self._early_s = early_s(self._period_s)
@@ -170,6 +172,8 @@ class Loop:
         """Waits for the next deadline and runs the cycle; True if SYNC went out."""
         if self._kernel_sync:
             return self._echo_tick()
+        if self._with_pump:
+            return self._tick_with_pump()
         n = self._n + 1
         deadline_s = self._start_s + n * self._period_s
         if self._eased and self._cycle.at_rest:
@@ -185,6 +189,14 @@ class Loop:
         earliest_s = self._cycle.sync.earliest_s
         waits = deadline_s < earliest_s <= deadline_s + self._latest_s
         return self._run(n, self._clock.spin(earliest_s if waits else deadline_s))
+
+    def _tick_with_pump(self) -> bool:
+        """One tick after the pump's next period, however late; nothing depends on when it comes."""
+        clock, cycle, deadline_s = self._clock, self._cycle, self._start_s + (self._n + 1) * self._period_s
+        clock.wake(deadline_s, 0.0)
+        now_s = clock.now_s()
+        self._n = max(self._n + 1, int((now_s - self._start_s) / self._period_s + 1e-9))
+        return cycle.run_with_pump(now_s)
 
     def _run(self, n: int, now_s: float) -> bool:
         """The tick of the deadline that was reached, which is ``n`` or later."""

@@ -15,10 +15,13 @@ from controller.tick.drives import Drives
 from controller.tick.follow import Follow
 from controller.tick.jog import Jogging
 from controller.tick.joints import Encoder
+from controller.tick.lookahead import Lookahead
 from controller.tick.mode import Modes
 from controller.tick.peripherals import Peripherals
 from controller.tick.probing import Probing
+from controller.tick.stock import DELAY, Stock
 from controller.tick.sync_watch import SyncWatch
+from drives.pump.plan_memory import Memory
 
 
 class Parts:
@@ -37,21 +40,29 @@ class Parts:
         "modes",
         "peripherals",
         "probing",
+        "stock",
         "sync",
     )
 
-    def __init__(self, machine: Machine, group: Drives, now: Callable[[], float]) -> None:
+    def __init__(
+        self, machine: Machine, group: Drives, now: Callable[[], float], plans: Memory | None = None
+    ) -> None:
         self.machine, self.group = machine, group
         stops_s = stop_times.path_stop_s(machine), stop_times.quick_stop_s(machine)
         absolute = sum(1 << i for i, axis in enumerate(machine.axes) if axis.homing.absolute)
         self.modes = Modes(group, machine.period_s, *stops_s, absolute)
-        self.coupling = Coupling(machine, group.spindle, group.drives)
+        delay = DELAY if plans is not None else 0
+        self.coupling = Coupling(machine, group.spindle, group.drives, delay)
         self.follow = Follow(machine, kinematics_of(machine), self.coupling)
         self.peripherals = Peripherals(machine, group.spindle, group.io, self.coupling)
         self.adaptive = Adaptive(machine, group.spindle)
-        self.jogging = Jogging(machine, self.modes, self.follow)
+        self.jogging = Jogging(machine, self.modes, self.follow, delay)
         self.answers = Answers()
         self.sync = SyncWatch(machine, group, self.modes, now)
         self.encoder = Encoder(machine)
-        self.probing = Probing(machine, group, self.modes, self.follow, self.encoder, self.peripherals)
+        self.probing = Probing(machine, group, self.modes, self.follow, self.encoder, self.peripherals, delay)
         self.check = Check(machine)
+        self.stock: Stock | None = None
+        if plans is not None:
+            ahead = Lookahead(machine, self.follow, self.encoder, round(machine.stock_s / machine.period_s))
+            self.stock = Stock(machine, group, ahead, self.encoder, plans)

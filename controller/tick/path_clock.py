@@ -6,19 +6,19 @@ from controller.geometry.vectors import ROUNDING
 
 
 class PathClock:
-    """An origin and the SYNCs since: no rounding piles up. Read ``tau`` (plan time, s)."""
+    """An origin and the SYNCs since: no rounding piles up. Read ``tau`` (plan time, s), ``period_s``."""
 
-    __slots__ = ("_origin_s", "_period_s", "_syncs", "tau")
+    __slots__ = ("_origin_s", "_syncs", "period_s", "tau")
 
     def __init__(self, period_s: float) -> None:
-        self._period_s = period_s
+        self.period_s = period_s
         self._origin_s, self._syncs = 0.0, 0
         self.tau = 0.0
 
     @property
     def next(self) -> float:
         """Where it is one period on."""
-        return self.tau + self._period_s
+        return self.tau + self.period_s
 
     def set(self, tau: float) -> None:
         """Counts from there."""
@@ -26,15 +26,15 @@ class PathClock:
 
     def advance(self, reached: float) -> None:
         """One SYNC on, to ``reached``: ``next``, or a mark before it, from which it counts anew."""
-        if reached < self.tau + self._period_s - ROUNDING:
+        if reached < self.tau + self.period_s - ROUNDING:
             self.set(reached)
             return
         self._syncs += 1
-        self.tau = self._origin_s + self._syncs * self._period_s
+        self.tau = self._origin_s + self._syncs * self.period_s
 
     def save(self) -> tuple[float, int]:
         return self._origin_s, self._syncs
 
     def restore(self, saved: tuple[float, int]) -> None:
         self._origin_s, self._syncs = saved
-        self.tau = self._origin_s + self._syncs * self._period_s
+        self.tau = self._origin_s + self._syncs * self.period_s

@@ -72,7 +72,10 @@ class Probing:
         follow: Follow,
         encoder: Encoder,
         peripherals: Peripherals,
+        delay: int = 0,
     ) -> None:
+        """``delay``: ticks for which a setpoint waits before it goes out."""
+        self._late_ticks = LATE_TICKS + delay
         self._modes, self._follow, self._encoder = modes, follow, encoder
         self._group, self._peripherals = group, peripherals
         self._linear = machine.linear()
@@ -136,7 +139,7 @@ class Probing:
             self.phase, self._seen = Phase.TOUCHED, self._tick
         elif self.phase is Phase.ENDING:
             self._late += 1
-            if self._late > LATE_TICKS + sensing.late_ticks:
+            if self._late > self._late_ticks + sensing.late_ticks:
                 self._end(2, self._follow.joints)
 
     def _arm(self, sensing: Sensing, on: bool) -> None:
@@ -152,7 +155,7 @@ class Probing:
     def _tell_touch(self, sensing: Sensing) -> None:
         """At rest, and not before the positions of the edge have come."""
         follow = self._follow
-        if not follow.at_rest or follow.stopping or self._tick - self._seen < LATE_TICKS:
+        if not follow.at_rest or follow.stopping or self._tick - self._seen < self._late_ticks:
             return
         found = self._where(sensing)
         if found is None:

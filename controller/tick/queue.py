@@ -48,6 +48,12 @@ class Entry:
             2.0 * c2 + x * (6.0 * c3 + x * (12.0 * c4 + x * 20.0 * c5)),
         )
 
+    @property
+    def begins_at(self) -> float:
+        """Where along its motion it begins: a way back to the path comes to the middle of one."""
+        s, _, _ = self.at(self.start_s)
+        return s
+
     def line_at(self, s: float) -> int:
         """Line of the program at ``s``; a spline has many."""
         motion = self.motion

@@ -54,6 +54,15 @@ class Ramp:
     def at_rest(self) -> bool:
         return self.v == 0.0 and self.a == 0.0
 
+    def copy(self) -> Ramp:
+        """One that goes on from here by itself."""
+        found = Ramp(self._most_a, self._most_j, self._end)
+        found.p, found.v, found.a, found._share = self.p, self.v, self.a, self._share
+        if self._landing is not None:
+            now, later = self._landing
+            found._landing = _Stop(now.p, now.v, now.a), _Stop(later.p, later.v, later.a)
+        return found
+
     def stand(self, back: bool) -> None:
         """At rest at once, with the last step taken back if ``back``."""
         if back:

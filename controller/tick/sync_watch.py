@@ -52,6 +52,7 @@ class SyncWatch:
         self._deaf_s = stop_times.deaf_s(machine)
         self._blamed = 0  # ticks in which what the drives have to say is of our silence
         self.skips = 0
+        self.played = self.braked = 0
         self.late_max_s = 0.0
         self.lateness_s = 0.0  # of this tick
 
@@ -105,15 +106,28 @@ class SyncWatch:
             self._echoes_missed = 0 if sent else self._echoes_missed + 1
             if self._echoes_missed >= LOST_ECHOES and self._modes.on_path:
                 self._modes.fail(Fault.SYNC_LOST, -1)
+        self.skips += skips
+        self._measure(lateness_s, ticks, skips - kept_back)
+
+    def count_with_pump(self, sent: bool, heard: bool, periods: int, lateness_s: float, felt: bool) -> None:
+        """The tick of the last of so many periods: the pump has ``sent`` SYNC in it, and all buses took it.
+
+        ``lateness_s`` of that SYNC; ``felt``: the tick was so late that the axes have braked. That is counted
+        as one late tick, and one that nobody has felt as none.
+        """
+        self._unsent = 0 if heard else self._unsent + periods
+        self.skips += not sent
+        self._measure(lateness_s, periods, felt + (not sent))
+
+    def _measure(self, lateness_s: float, ticks: int, late: int) -> None:
         self.lateness_s = lateness_s
         if lateness_s > self.late_max_s:
             self.late_max_s = lateness_s
-        self.skips += skips
         if self._modes.mode is not _RUNNING:
             self._skip_level = 0.0  # what came late at rest does no harm, now or later
             return
         drained = self._skip_level - self._skip_limit * self._period_s * ticks
-        self._skip_level = (drained if drained > 0.0 else 0.0) + skips - kept_back
+        self._skip_level = (drained if drained > 0.0 else 0.0) + late
         if self._skip_level > self._skip_limit:
             self._modes.fail(Fault.TOO_MANY_SKIPS, -1)
 

@@ -19,6 +19,9 @@ from drives.cyclic.power_stage import LOST_IN_A_ROW, PowerStage
 from drives.cyclic.supervised import NEVER_S, Handler
 from drives.cyclic.touch_probe import TouchProbe
 from drives.profile import CyclicMode, Supervision
+from drives.pump.plan_memory import FOLLOWS
+from drives.pump.setpoint_frame import SetpointFrame
+from drives.pump.wires import DriveWire
 from drives.settings import INT32_MAX, INT32_MIN, NodeSettings
 
 __all__ = ["Drive", "DriveFault", "Handler"]
@@ -50,8 +53,6 @@ _FOLLOWS: Final = cia402.FOLLOWS_COMMAND
 # up: after a lost setpoint at full speed. How far it is off then is the following error's matter.
 _FOLLOWS_SLOWLY: Final = cia402.FOLLOWS_COMMAND | cia402.INTERNAL_LIMIT
 _unpack_feedback: Final = pdo.FEEDBACK.unpack
-_pack_command_into: Final = pdo.COMMAND.pack_into
-_pack_target_into: Final = pdo.TARGET.pack_into
 _pack_controlword_into: Final = pdo.CONTROLWORD.pack_into
 
 
@@ -92,6 +93,7 @@ class Drive(PowerStage):
         self.near = False
         self._before = 0  # counts, where it was before its answer to this SYNC
         self._late = 0  # feedbacks that were missed and may come yet
+        self._unheard = 0  # SYNCs after which nobody has listened yet, but for the last one
         self._mode = profile.mode.value
         self._homing = False
         self._homing_statuswords = 0
@@ -100,14 +102,13 @@ class Drive(PowerStage):
         self._stood = 0  # feedbacks in a row
         self._interpolates = profile.mode is CyclicMode.IP
         self._goes_on = _FOLLOWS if self._interpolates else _FOLLOWS_SLOWLY
-        self._frame: bytearray | memoryview = pdo.command_frame(node, profile.rpdo)
         self.feed_forward = settings.feed_forward
+        self._frame = SetpointFrame(node, profile.rpdo, self.feed_forward)
         self.set_velocity_units(settings.velocity_units)
         self._word_frame = pdo.frame(pdo.rpdo(profile.command_rpdo, node), bytes(2))
         self._word_due_s = NEVER_S
         self._repeats = 0
-        self.setpoint_bytes = pdo.TARGET.size if self.feed_forward else pdo.PDO_BYTES
-        self._frame[pdo.LENGTH_AT] = self.setpoint_bytes
+        self.setpoint_bytes = self._frame.bytes
         self.with_sync = (pdo.tpdo(profile.tpdo, node),)
         self.handlers[self.with_sync[0]] = self._feedback
         self.handlers[pdo.tpdo(settings.mode_tpdo, node)] = self._mode_display
@@ -117,7 +118,7 @@ class Drive(PowerStage):
 
     def set_velocity_units(self, per_count_s: float) -> None:
         """How many of its units of velocity (60B1h) one count per second is, as commissioning read."""
-        self._per_period = per_count_s / self.settings.period_s
+        self.velocity_per_period = per_count_s / self.settings.period_s
 
     # -- in
 
@@ -152,6 +153,12 @@ class Drive(PowerStage):
         if not -self._rest <= lag <= self._rest and self.following:
             self._compare(lag)
 
+    def settle(self) -> None:
+        super().settle()
+        while self._unheard:
+            self._unheard -= 1
+            self._later()
+
     def _miss(self) -> None:
         super()._miss()
         self._twice, self._twice_now = 0, False
@@ -164,7 +171,7 @@ class Drive(PowerStage):
 
     def expect(self) -> None:
         if self._awaiting:  # a late tick has not listened: that feedback comes with the next
-            self._later()
+            self._unheard += 1
         self._awaiting = True
         self._target_reached, self._target_latched = self._target_latched, self.setpoint
 
@@ -191,6 +198,9 @@ class Drive(PowerStage):
         """A second feedback for one SYNC: one that is late, if one was missed, or one too many."""
         moved, again = self.position - self._before, position - self.position
         near = CLOSE * abs(again) <= abs(moved)
+        if self._unheard:
+            self._unheard -= 1
+            return
         if self._late:
             self._late -= 1
             if near and abs(moved) >= MOVES:
@@ -303,8 +313,7 @@ class Drive(PowerStage):
 
     def place(self, room: memoryview) -> None:
         """Packs its frame into ``room`` (16 bytes) from now on: neighbours can go out in one packet."""
-        room[:] = self._frame
-        self._frame = room
+        self._frame.place(room)
 
     def frame(self, setpoint: int, now_s: float) -> bytearray | memoryview:
         """The synchronous RPDO, packed: the setpoint (counts) or the actual position, and with it
@@ -318,20 +327,32 @@ class Drive(PowerStage):
             self.refused += 1
             setpoint = self.setpoint
         if self.feed_forward:
-            _pack_target_into(self._frame, 8, setpoint, self._velocity(setpoint))
+            # A drive goes from the last target to this one in a straight line: this is its slope.
+            slope = round((setpoint - self.setpoint) * self.velocity_per_period) if self.following else 0
+            self._frame.pack_velocity(setpoint, slope)
         else:
             word = self._controlword
-            _pack_command_into(self._frame, 8, word, setpoint)
+            self._frame.pack_word(word, setpoint)
             self._sent_controlword = word
         self.setpoint = setpoint
-        return self._frame
+        return self._frame.buffer
 
-    def _velocity(self, setpoint: int) -> int:
-        """A drive goes from the last target to this one in a straight line: this is its slope."""
-        if not self.following:
-            return 0
-        velocity = round((setpoint - self.setpoint) * self._per_period)
-        return max(INT32_MIN, min(INT32_MAX, velocity))
+    @property
+    def wire(self) -> DriveWire:
+        """What the pump sends its setpoints by."""
+        profile = self.settings.profile
+        return DriveWire(self.node, profile.rpdo, self.feed_forward)
+
+    @property
+    def word(self) -> int:
+        """The controlword that is due, with whether it goes by its target, as the pump reads them."""
+        return self._controlword | FOLLOWS * self.following
+
+    def was_sent(self, setpoint: int) -> None:
+        """The pump has sent this setpoint (counts), or the position where it does not follow."""
+        self.setpoint = setpoint if self.following else self.position
+        if not self.feed_forward:
+            self._sent_controlword = self._controlword
 
     def event_frame(self, now_s: float, heartbeat_s: float) -> bytearray | None:
         """With feed-forward: the controlword's own RPDO where it is due, else None."""

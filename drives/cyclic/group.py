@@ -27,10 +27,12 @@ from drives.cyclic.drive_fault import DriveFault
 from drives.cyclic.enabling import Enabling
 from drives.cyclic.following_error import MEASURE_EVERY
 from drives.cyclic.io_node import IoNode
-from drives.cyclic.line import BITS, MAX_FRAMES, Line
+from drives.cyclic.line import BITS, MAX_FRAMES, MAX_PERIODS, Line
 from drives.cyclic.spindle import SpindleDrive
 from drives.cyclic.supervised import Supervised
 from drives.ports.port import Port
+from drives.pump.plan_memory import Memory
+from drives.pump.wires import BusWire
 from drives.settings import MasterSettings
 
 __all__ = ["MAX_FRAMES", "DriveFault", "Group"]
@@ -128,10 +130,14 @@ class Group:
 
     # -- every tick
 
-    def receive(self, now_s: float) -> None:
-        """Takes what came in on every bus, and settles whether the feedback owed has come."""
+    def receive(self, now_s: float, periods: int = 1) -> None:
+        """Takes what came in on every bus, and settles whether the feedback owed has come.
+
+        ``periods`` since it was done last.
+        """
+        most = MAX_FRAMES * max(1, min(periods, MAX_PERIODS))
         for line in self.lines:
-            line.drain(now_s)
+            line.drain(now_s, most)
         if self._kernel_sync:
             self.syncs_seen = self.lines[0].syncs
             self.sync_seen = self.syncs_seen > 0
@@ -174,6 +180,55 @@ class Group:
             line.bits += line.setpoint_bits
             if line.packs and not line.send(line.packet):
                 good = self._failed(line.first)
+        good = self._send_events(now_s) and good
+        if now_s >= self._heartbeat_due_s:
+            good = self._beat(now_s) and good
+        if now_s >= self._guard_due_s:
+            good = self._guard(now_s) and good
+        return good
+
+    # -- with a pump, which sends SYNC, setpoints and our heartbeat in place of ``sync`` and ``command``
+
+    @property
+    def wires(self) -> tuple[BusWire, ...]:
+        """What the pump sends by, in the order of ``lines``."""
+        return tuple(
+            BusWire(line.port, [(place, drive.wire) for place, drive in turns], line.packs)
+            for line, turns in self._turns
+        )
+
+    def show(self, memory: Memory) -> None:
+        """Controlwords, positions and silent buses, as the pump is to have them from its next period on."""
+        words, positions, units = memory.words, memory.positions, memory.velocity_units
+        for i, drive in enumerate(self.drives):
+            words[i], positions[i], units[i] = drive.word, drive.position, drive.velocity_per_period
+        memory.muted = sum([1 << i for i, line in enumerate(self.lines) if line.off])
+
+    def was_played(self, setpoints: Sequence[int], beat: bool) -> None:
+        """One period has gone out: SYNC, then these setpoints, and our heartbeat if ``beat``."""
+        for line in self.lines:
+            if not line.off:
+                line.expect()
+                line.bits += BITS[0] + line.setpoint_bits + BITS[1] * beat
+        for drive, setpoint in zip(self.drives, setpoints, strict=True):
+            drive.was_sent(setpoint)
+
+    def look_for_unsent(self, buses: int) -> None:
+        """What the pump could not send: bit n, the n-th bus took nothing."""
+        for i, line in enumerate(self.lines):
+            if buses >> i & 1:
+                self._failed(line.first)
+
+    def send_events(self, now_s: float) -> None:
+        """What is due besides: event-driven controlwords, spindle, outputs, guarding."""
+        self._send_events(now_s)
+        if now_s >= self._guard_due_s:
+            self._guard(now_s)
+
+    # -- what is due besides
+
+    def _send_events(self, now_s: float) -> bool:
+        good = True
         for line, node in self._talkers:
             if not line.off:
                 event = node.event_frame(now_s, self.master.heartbeat_s)
@@ -182,10 +237,6 @@ class Group:
                 line.bits += BITS[event[pdo.LENGTH_AT]]
                 if not line.send(event):
                     good = self._failed(line.first)
-        if now_s >= self._heartbeat_due_s:
-            good = self._beat(now_s) and good
-        if now_s >= self._guard_due_s:
-            good = self._guard(now_s) and good
         return good
 
     def _beat(self, now_s: float) -> bool:

@@ -23,6 +23,7 @@ from drives.ports.port import Port
 # Frames taken from one bus in one tick. At 1 Mbit/s 36 of the shortest fit into 2 ms; a
 # babbling node must not hold the tick, and what is left comes with the next.
 MAX_FRAMES: Final = 128
+MAX_PERIODS: Final = 300  # of a late tick, for which so many more are taken
 
 # Error frames (linux/can/error.h): classes, and byte 1 of a controller problem. Its warnings
 # pass, and so do single errors on the wire, which the controllers repair by sending again.
@@ -120,14 +121,17 @@ class Line:
             for i, drive in enumerate(self.drives):
                 drive.place(room[i * pdo.FRAME_BYTES : (i + 1) * pdo.FRAME_BYTES])
 
-    def drain(self, now_s: float) -> None:
-        """Takes what came in and, where SYNC is ours, settles whether the feedback owed has come."""
+    def drain(self, now_s: float, most: int = MAX_FRAMES) -> None:
+        """Takes what came in and, where SYNC is ours, settles whether the feedback owed has come.
+
+        ``most``: frames.
+        """
         self.syncs = 0
         self._since_s, self._drained_s = min(self._drained_s, now_s), now_s
         if self._receive_packet is None:
-            self._drain_frames(now_s)
+            self._drain_frames(now_s, most)
         else:
-            self._drain_packets(self._receive_packet, now_s)
+            self._drain_packets(self._receive_packet, now_s, most)
         overflows = self.port.overflows
         if overflows != self._overflows:
             self._overflows = overflows
@@ -195,10 +199,10 @@ class Line:
         self._fail(DriveFault.BUS_FLOODED)
         return True
 
-    def _drain_frames(self, now_s: float) -> None:
+    def _drain_frames(self, now_s: float, most: int) -> None:
         receive_into, handlers = self._receive_into, self._handlers
         buffer, data, bits = self._buffer, self._data, 0
-        for _ in range(MAX_FRAMES):
+        for _ in range(most):
             if not receive_into(buffer):
                 break
             can_id, length = _HEADER(buffer)
@@ -213,8 +217,8 @@ class Line:
             self.off = False  # whoever hears is on the bus again
         self.bits += bits
 
-    def _drain_packets(self, receive: Callable[[int], memoryview | None], now_s: float) -> None:
-        handlers, bits, left = self._handlers, 0, MAX_FRAMES
+    def _drain_packets(self, receive: Callable[[int], memoryview | None], now_s: float, left: int) -> None:
+        handlers, bits = self._handlers, 0
         while left:
             packet = receive(left)
             if packet is None:

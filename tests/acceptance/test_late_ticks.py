@@ -1,4 +1,4 @@
-"""Ticks that come late: SYNCs keep their distance, steps stay single, drives do not trip."""
+"""Late ticks without a stock: SYNCs keep their distance, steps stay single, drives do not trip."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class Listener(SteppedMachine):
 def run_late(
     lateness: Callable[[int], float], lost_sync: LostSync, feed: str = "1000."
 ) -> tuple[Cut, Listener]:
-    stepped = Listener(shipped(), lateness=lateness, lost_sync=lost_sync)
+    stepped = Listener(shipped(stock_s=0.0), lateness=lateness, lost_sync=lost_sync)
     stepped.come_up()
     return cut(program("example2_ready.ngc", feed), stepped=stepped), stepped
 
@@ -127,7 +127,7 @@ def rapids(period_s: float, gap_s: float) -> Cut:
     """Rapids of a simulated machine, with a tick that comes so late while they are at full speed."""
     waits: list[int] = []
     stepped = SteppedMachine(
-        shipped("trunnion_five_buses", period_s=period_s),
+        shipped("trunnion_five_buses", period_s=period_s, stock_s=0.0),
         lateness=lambda n: gap_s if [n] == waits else 0.0,
     )
     stepped.come_up()

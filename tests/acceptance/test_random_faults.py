@@ -24,7 +24,7 @@ from typer.testing import CliRunner
 
 from controller import __main__ as command_line
 from controller.machine.model import Machine
-from controller.runtime.bench.observer import LATENCY, Seen, Sight
+from controller.runtime.bench.observer import Seen, Sight, latency
 from controller.state.modes import Fault, Mode
 
 IN_A_BATCH = 40
@@ -141,7 +141,7 @@ def sight(machine: Machine, off: float = 0.0, fault_at: int = 10**9, **last: obj
     v, ticks = 50.0 * machine.period_s, []
     place = [min(n, 200) * v for n in range(500)]
     for n in range(500):
-        motor = place[max(0, n - LATENCY)] + (off if n >= 100 else 0.0)
+        motor = place[max(0, n - latency(machine))] + (off if n >= 100 else 0.0)
         failed = n >= fault_at
         ticks.append(
             Seen(

@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 from support.live.recordings import MILLED
 from support.live.replayed_runs import again, assert_same_setpoints
+from support.machines.planning_bench import PERIOD_S
 from support.machines.recording_bench import RecordedBench, sent
 from support.machines.spindle_machine import DOOR, mill
 from support.machines.stepped_runs import shipped
@@ -199,10 +200,11 @@ def test_a_plan_that_was_killed(bench: RecordedBench) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(4))
 def test_late_ticks_at_whatever_moment(tmp_path: Path, seed: int) -> None:
-    """A third of the ticks send no SYNC, and requests come in those, too."""
+    """Without a stock a third of the ticks send no SYNC, and requests come in those, too."""
     rng = random.Random(seed)
     late = [False]
-    bench = RecordedBench(tmp_path, None, lambda _: 0.0007 * (late[0] and rng.random() < 0.33))
+    alone = shipped(period_s=PERIOD_S, stock_s=0.0)
+    bench = RecordedBench(tmp_path, alone, lambda _: 0.0007 * (late[0] and rng.random() < 0.33))
     bench.stepped.cycle.sync._skip_limit = math.inf
     late[0] = True
     bench.request(Request.OVERRIDE, 0.7)
@@ -216,6 +218,31 @@ def test_late_ticks_at_whatever_moment(tmp_path: Path, seed: int) -> None:
     bench.led("return")
     bench.request(Request.RESUME)
     bench.until(Mode.READY)
+    assert_comes_again(bench.ended())
+
+
+@pytest.mark.parametrize("longest_s", [0.012, 0.1])
+def test_ticks_that_come_late_within_the_stock_and_beyond_it(tmp_path: Path, longest_s: float) -> None:
+    """What the pump has played meanwhile stands in the record, the stops at the end of the stock among it."""
+    rng = random.Random(round(1000 * longest_s))
+    late = [False]
+    bench = RecordedBench(
+        tmp_path, None, lambda _: rng.uniform(0.0, longest_s) * (late[0] and rng.random() < 0.05)
+    )
+    bench.request(Request.OVERRIDE, 0.7)
+    bench.started(TEXT)
+    late[0] = True
+    bench.until_line(4)
+    for share in (0.4, 1.7, 0.9):
+        bench.request(Request.OVERRIDE, share)
+        bench.rows.append(bench.stepped.go(rng.randrange(20, 80)))
+    bench.held(5)
+    bench.led("retract", distance_mm=5.0)
+    bench.led("return")
+    bench.request(Request.RESUME)
+    bench.until(Mode.READY)
+    sync = bench.stepped.cycle.sync
+    assert sync.played > 20 and bool(sync.braked) is (longest_s > 0.05)
     assert_comes_again(bench.ended())
 
 

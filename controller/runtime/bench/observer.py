@@ -25,11 +25,12 @@ from controller.geometry.vectors import ROUNDING
 from controller.machine.model import Machine
 from controller.state.modes import FAULTS, Fault, Mode, Reaction
 from controller.tick.cycle import Cycle
+from controller.tick.stock import DELAY
 from drives.bench.simulated.plant import Plant
 from drives.bench.simulated.rig import Rig
 from drives.bench.simulated.servo import Servo
 
-LATENCY = 3  # ticks from a setpoint to the motor that should be there, as both are noted
+LATENCY = 3  # ticks from a setpoint to the motor that should be there, as both are noted, without a pump
 STANDS = 0.5  # mm/s or degrees/s: below this a motor stands
 STANDS_FOR_S = 0.1  # so long; a drive that is about to be switched off stands no longer
 LONGEST_STOP_S = 10.0  # a motor without torque may coast for long, not for ever
@@ -156,6 +157,11 @@ class Observer:
         return Sight(self._machine, tuple(self._seen))
 
 
+def latency(machine: Machine) -> int:
+    """Ticks from a setpoint to the motor that should be there."""
+    return LATENCY + DELAY * machine.has_pump
+
+
 def _true_counts(servo: Servo) -> float:
     """Where the motor is; of a plant with an encoder of its own, not what that reads."""
     return servo.motor if isinstance(servo, Plant) else servo.position
@@ -185,10 +191,10 @@ class Sight:
 
     @cached_property
     def followed(self) -> npt.NDArray[np.bool_]:
-        """Ticks in which the motors should be where the path was ``LATENCY`` ticks before, shape (N,)."""
+        """Ticks in which the motors should be where the path was ``latency`` ticks before, shape (N,)."""
         on = np.array([seen.on_path for seen in self.ticks])
         whole = on.copy()
-        for lag in range(1, LATENCY + 1):
+        for lag in range(1, latency(self.machine) + 1):
             whole[lag:] &= on[:-lag]
             whole[:lag] = False
         return whole
@@ -197,7 +203,8 @@ class Sight:
     def distance(self) -> Array:
         """From the command to the motor, shape (N, axes), mm and rad; 0 where no path is followed."""
         off = np.zeros_like(self.motors)
-        off[LATENCY:] = np.abs(self.command[:-LATENCY] - self.motors[LATENCY:])
+        late = latency(self.machine)
+        off[late:] = np.abs(self.command[:-late] - self.motors[late:])
         off[~self.followed] = 0.0
         return off
 

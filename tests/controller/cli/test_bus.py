@@ -74,7 +74,7 @@ def test_a_machine_with_a_spindle_and_inputs_counts_them(tmp_path: Path) -> None
     file = tmp_path / "full.toml"
     file.write_text(f"{text}\n{spindle}{io}")
     (one,) = budgets(machine_file.load(file))
-    names = {row.what for row in one.rows}
+    names = {f"{row.frame} {row.node}" for row in one.rows}
     assert {"speed of spindle", "feedback of spindle", "inputs of io", "outputs of io"} <= names
 
 

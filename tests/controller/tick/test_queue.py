@@ -300,6 +300,15 @@ def test_a_stop_runs_on_by_what_it_is_beyond_the_motions_end_over_all_pieces_of_
     assert brake.come_to(through(25.0, 25.0, 25.0), 1) == 4 and brake.s == pytest.approx(11.0)
 
 
+def test_a_stop_goes_on_where_the_next_motion_is_entered_which_may_be_in_its_middle() -> None:
+    """As behind a way back to the path."""
+    queue, first, second = Queue(), piece_of(even(0.0, 25.0, 2.0), 0), piece_of(even(20.0, 25.0, 1.0), 1)
+    message = PieceMessage(1, 0.0, {0: move_of(), 1: move_of()}, (first, second))
+    queue.add(message, queue.entries_of(message, 0.0) or [], 0.0)
+    brake = on_the_way(53.0)
+    assert brake.come_to(queue, 0) == 1 and brake.s == pytest.approx(23.0)
+
+
 def test_a_stop_ends_where_the_plan_rests_or_the_queue_is_over() -> None:
     """It was made to: what is beyond is rounding."""
     brake = on_the_way(50.0 + 1e-9)

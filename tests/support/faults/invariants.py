@@ -20,7 +20,7 @@ import numpy as np
 import numpy.typing as npt
 
 from controller.machine.model import Axis
-from controller.runtime.bench.observer import LATENCY, STANDS, Sight
+from controller.runtime.bench.observer import STANDS, Sight, latency
 from controller.state import stop_times
 from controller.state.modes import Fault, Mode, Times, stands_within_s
 
@@ -40,10 +40,13 @@ class Window(NamedTuple):
     at_rest: float
     by_speed_s: float
 
-    def allowed(self, command: Array, period_s: float) -> Array:
-        """For the motors as they are seen with each tick; ``command``: the joint, shape (N,), mm or rad."""
+    def allowed(self, command: Array, period_s: float, late: int) -> Array:
+        """For the motors as they are seen with each tick, ``late`` ticks after their command.
+
+        ``command``: the joint, shape (N,), mm or rad.
+        """
         speed = np.abs(np.diff(command, prepend=command[:1])) / period_s
-        then = np.concatenate([np.zeros(LATENCY), speed[: len(speed) - LATENCY]])
+        then = np.concatenate([np.zeros(late), speed[: len(speed) - late]])
         ticks = max(1, math.ceil(OF_LATE * self.by_speed_s / period_s))
         past = np.concatenate([np.zeros(ticks - 1), then])
         of_late = np.lib.stride_tricks.sliding_window_view(past, ticks).max(axis=1)
@@ -89,8 +92,8 @@ def _unnoticed(sight: Sight) -> Iterator[Wrong]:
 
 def allowed(sight: Sight) -> Array:
     """The windows of all axes, tick by tick, shape (N, 5), mm and rad."""
-    windows = [window_of(axis) for axis in sight.machine.axes]
-    columns = [w.allowed(sight.command[:, i], sight.machine.period_s) for i, w in enumerate(windows)]
+    windows, late = [window_of(axis) for axis in sight.machine.axes], latency(sight.machine)
+    columns = [w.allowed(sight.command[:, i], sight.machine.period_s, late) for i, w in enumerate(windows)]
     return np.stack(columns, axis=1)
 
 

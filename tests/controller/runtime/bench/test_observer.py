@@ -10,9 +10,10 @@ from support.machines.stepped_runs import program, shipped
 
 from controller.runtime import checked
 from controller.runtime.bench.fault_file import MachineScript
-from controller.runtime.bench.observer import Observer
+from controller.runtime.bench.observer import Observer, latency
 from controller.runtime.stepped import Run, SteppedMachine
 from controller.state.modes import Fault, Mode
+from controller.tick.stock import DELAY
 from drives.bench.simulated.servo import DAMPING, NATURAL_FREQUENCY_HZ
 
 
@@ -53,9 +54,10 @@ def test_a_motor_whose_setpoints_are_lost_is_seen_where_it_is() -> None:
     per_unit = stepped.machine.axes[1].counts_per_unit
     assert sight.motors[-1, 1] == pytest.approx(drive.servo.position / per_unit)
     here = [seen.tick for seen in sight.ticks].index(1030)
-    # What the tick had commanded at the first loss is all that the motor knows of.
-    assert sight.motors[here, 1] == pytest.approx(sight.command[999, 1], abs=0.02)
-    assert sight.distance[here, 1] == pytest.approx(abs(sight.command[1027, 1] - sight.motors[here, 1]))
+    # What had gone out before the first loss is all that the motor knows of.
+    assert sight.motors[here, 1] == pytest.approx(sight.command[999 - DELAY, 1], abs=0.02)
+    then = 1030 - latency(stepped.machine)
+    assert sight.distance[here, 1] == pytest.approx(abs(sight.command[then, 1] - sight.motors[here, 1]))
 
 
 def test_faults_and_standstill_are_told_by_tick() -> None:

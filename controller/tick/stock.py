@@ -1,0 +1,214 @@
+"""The stock of setpoints that the pump plays: what the tick publishes, and what it learns was played.
+
+The pump sends SYNC and setpoints at t0 + m T, also where the tick is late. What the tick of period n has
+computed goes out in period n + ``DELAY``: by then the plan that has it is there, for the next period may be
+on its way already. After it stand the periods that ``Lookahead`` sees, and the stop after them.
+
+```
+   period      n - 1      n            n + 1          n + 2          n + 3 ...
+   the pump               sends n - 2  sends n - 1    sends n        sends what is ahead
+   the tick               computes n ---- publishes ---^
+```
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final, NamedTuple
+
+from controller.machine.model import Machine
+from controller.tick.drives import Drives
+from controller.tick.jog import Jogging
+from controller.tick.joints import Encoder
+from controller.tick.lookahead import Conditions, Lookahead, Row
+from drives.pump.braking import Braking
+from drives.pump.plan_memory import Memory, Phase, PlanWriter, Stop
+from drives.pump.player import beat_every
+
+NEVER: Final = 1 << 60  # period
+DELAY: Final = 2  # periods from a tick to the period that sends what it has computed
+STOPPED_S: Final = 0.1  # a tick that does not run is tolerated for so long at rest; then nothing is sent
+
+
+class Published(NamedTuple):
+    """A plan: ``rows`` of the periods from ``first`` on, of which ``nominal`` are played as they are."""
+
+    number: int
+    first: int
+    nominal: int
+    rows: Sequence[Row]
+    stop: Stop | None
+    same_until: int  # up to here the next plan is the same, if nothing changes
+
+    def is_nominal(self, period: int) -> bool:
+        return period - self.first < self.nominal
+
+
+class Stock:
+    """Read ``period``, the newest that was played, its ``phase``, ``lateness_s`` of its SYNC."""
+
+    def __init__(
+        self, machine: Machine, group: Drives, ahead: Lookahead, encoder: Encoder, memory: Memory
+    ) -> None:
+        self.ahead = ahead
+        self.memory = memory
+        self.period = -1
+        self.phase = Phase.SILENT
+        self.since = -1
+        self.lateness_s = 0.0
+        self.slips = 0
+        self.unsent = 0  # buses that took nothing of it, bit mask
+        self.braked = 0  # times that the stock was not enough
+        self.ridden = 0  # periods that were played without a tick of theirs
+        self._group, self._encoder = group, encoder
+        self._writer = PlanWriter(memory)
+        self._period_s = machine.period_s
+        self._hold = round(STOPPED_S / machine.period_s)
+        self._beat_every = beat_every(machine.period_s, group.master.heartbeat_s)
+        self._plan: Published | None = None
+        self._before: Published | None = None  # the plan before it
+        self._braking: Braking | None = None
+        self._braked_at = 0
+        self._last: Row = ahead.here  # of the tick before
+        self._tail = 0  # first period whose row has not been written yet
+        self._same = False  # what was ahead of the last plan still holds
+        self._refused = self._changed = False
+
+    # -- what was played
+
+    def look(self) -> Sequence[int]:
+        """The periods that have been handed over since the last look: the drives are held against them."""
+        played = self._writer.played()
+        if played.period <= self.period:
+            return ()
+        self._refused = False
+        if self._plan is not None and played.number != self._plan.number:
+            self._refused = self._before is not None and played.number == self._before.number
+            if self._refused:
+                self._plan, self._braking = self._before, None
+        periods = range(self.period + 1, played.period + 1)
+        self.period, self.phase, self.since = played.period, played.phase, played.since
+        self.lateness_s, self.slips = played.late_ns * 1e-9, played.slips
+        for period in periods[:-1]:
+            self._account_for(period)
+        self.unsent = played.unsent
+        if played.unsent:
+            self._group.look_for_unsent(played.unsent)
+        return periods
+
+    def account(self) -> None:
+        """From now on the drives owe their answers to the newest period: what came before has been heard."""
+        self._account_for(self.period)
+
+    def _account_for(self, period: int) -> None:
+        self._group.was_played(self.counts(period), period % self._beat_every == 0)
+
+    @property
+    def foreseen(self) -> Row | None:
+        """What the next step of the path comes to, if nothing has changed."""
+        ahead = self.ahead
+        return ahead.rows[0] if ahead.rows and ahead.before_stop is None else None
+
+    @property
+    def changed(self) -> bool:
+        """Whether the last plan that was made was another than what was ahead before."""
+        return self._changed
+
+    @property
+    def refused(self) -> bool:
+        """Whether the last plan came too late, so that the one before it was played on."""
+        return self._refused
+
+    @property
+    def stood_from(self) -> int:
+        """The first period in which the pump repeated the last one, since the motors have stood meanwhile."""
+        return self.since if self.phase is Phase.GAP else NEVER
+
+    def counts(self, period: int) -> Sequence[int]:
+        """What the pump has sent in a period, or will."""
+        plan, period = self._plan, min(period, self.stood_from - 1)
+        if plan is None:
+            return tuple(self._encoder.setpoints)
+        i = period - plan.first
+        if i < plan.nominal or plan.stop is None:
+            return _rounded(plan.rows[max(0, min(i, plan.nominal - 1))].counts)
+        if self._braking is None:
+            rows = plan.rows
+            self._braking = Braking(
+                plan.stop,
+                self._period_s,
+                lambda n: (rows[n].s, *rows[n].counts),
+                plan.nominal - 1,
+                len(rows),
+            )
+            self._braked_at = plan.nominal - 1
+        while self._braked_at < i and not self._braking.over:
+            self._braking.step()
+            self._braked_at += 1
+        return _rounded(self._braking.counts)
+
+    def is_nominal(self, period: int) -> bool:
+        """Whether the plan has it as a row of its own, and not as a part of the stop."""
+        return self._plan is None or self._plan.is_nominal(period)
+
+    def brakes_in(self, period: int) -> bool:
+        """Whether the plan sends a part of its stop then."""
+        plan, before_stop = self._plan, self.ahead.before_stop
+        if before_stop is not None:
+            return before_stop <= 0
+        return plan is not None and plan.stop is not None and not plan.is_nominal(period)
+
+    # -- what is to be played
+
+    def moved(self, conditions: Conditions, replaced_s: float) -> None:
+        """After each step along the path; ``replaced_s``: see ``Lookahead.go_on``."""
+        self._last = self.ahead.here
+        self._same = self.ahead.go_on(conditions, replaced_s) and self._same
+
+    def moved_by_hand(self, jogging: Jogging, played: bool) -> None:
+        """After each step of a jog; ``played``: it was one that the pump has played meanwhile."""
+        self._last = self.ahead.here
+        self._same = self.ahead.go_on_by_hand(jogging, played) and self._same
+
+    def moved_otherwise(self) -> None:
+        """After each step that is none along the path."""
+        self._last, self._same = self.ahead.here, False
+        self.ahead.forget()
+
+    def publish(self, anew: bool) -> None:
+        """After the tick of ``period``. ``anew``: the pump has fallen silent, or the motors have stood."""
+        ahead, here, writer, old = self.ahead, self.ahead.here, self._writer, self._plan
+        nominal, stop = ahead.fill()
+        first = self.period - 1 + DELAY
+        rows = [self._last, here, *ahead.rows]
+        if old is None or anew:
+            rows[0] = here
+            changes = begin = first
+        elif self._same:
+            changes, begin = old.same_until, max(first, self._tail if not ahead.renewed else first)
+        else:
+            changes, begin = self.period + DELAY, first
+        tail = first + len(rows)
+        for period in range(begin, tail):
+            row = rows[period - first]
+            writer.put(period, row.s, row.counts)
+        self._tail = tail
+        writer.end_at(tail)
+        if ahead.path:
+            s = rows[-1].s
+            further = [row for row in ahead.path if row.s > s]
+            for period, row in enumerate(further, tail):
+                writer.put(period, row.s, row.counts)
+            rows += further
+        writer.publish(first, changes, DELAY + nominal, self._hold, stop, anew)
+        played = DELAY + nominal
+        before_stop = played if ahead.before_stop is None else DELAY + ahead.before_stop
+        self._before, self._braking = old, None
+        self._plan = Published(writer.number, first, played, rows, stop, first + before_stop)
+        ahead.renewed = False
+        self._changed, self._same = not self._same, True
+        self._group.show(self.memory)
+
+
+def _rounded(counts: Sequence[float]) -> Sequence[int]:
+    return tuple([round(one) for one in counts])

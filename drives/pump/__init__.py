@@ -1,0 +1,1 @@
+"""The stock of setpoints below the tick, and the pump that plays it."""

@@ -1,0 +1,79 @@
+"""The stop at the end of a plan: along its rows, by the jerks of the planner's own stop.
+
+The rows are the path at the speed of the plan: places s with the counts of each drive. The stop is of s: it
+was made for the axes' limits where it begins. Between two rows the counts go by a cubic, through both and
+their neighbours.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from drives.pump.plan_memory import Stop
+
+SAME_PLACE = 1e-9  # of s: two rows that are nearer to one another are one
+
+
+class Braking:
+    """One stop under way. Read: ``over``, at rest."""
+
+    def __init__(
+        self, stop: Stop, period_s: float, row: Callable[[int], Sequence[float]], at: int, rows: int
+    ):
+        """``row(i)``: s and counts of the i-th of ``rows``; the stop begins at the row ``at``."""
+        self._stop, self._period_s, self._row = stop, period_s, row
+        self._i, self._last = at, rows - 1
+        self._begin = at
+        self._k, self._used = 0, stop.used
+        self._s, self._v, self._a = row(at)[0], stop.v, stop.a
+        self.counts: Sequence[float] = row(at)[1:]
+
+    @property
+    def over(self) -> bool:
+        """At rest."""
+        return self._k >= len(self._stop.jerks)
+
+    def step(self) -> Sequence[float]:
+        """The counts one period on."""
+        h, v, a, j = self._period_s, self._v, self._a, self._stop.jerks[self._k]
+        self._s += h * (v + h * (0.5 * a + h * j / 6.0))
+        self._v = v + h * (a + 0.5 * h * j)
+        self._a = a + h * j
+        self._used += 1
+        if self._used == self._stop.held:
+            self._used = 0
+            self._k += 1
+        self.counts = self._at(self._s)
+        return self.counts
+
+    def _at(self, s: float) -> Sequence[float]:
+        """The counts at a place, which no stop goes back from."""
+        row, i, last = self._row, self._i, self._last
+        while i < last and s > row(i + 1)[0]:
+            i += 1
+        self._i = i
+        here = row(i)
+        if i == last or row(i + 1)[0] - here[0] < SAME_PLACE:
+            return here[1:]
+        after = row(i + 1)
+        before = row(i - 1) if i > 0 and here[0] - row(i - 1)[0] > SAME_PLACE else None
+        beyond = row(i + 2) if i + 2 <= last and row(i + 2)[0] - after[0] > SAME_PLACE else None
+        h = after[0] - here[0]
+        x = (s - here[0]) / h
+        found = []
+        for n in range(1, len(here)):
+            slope = (after[n] - here[n]) / h
+            begin = end = slope
+            if before is not None:
+                h0 = here[0] - before[0]
+                begin = (slope * h0 + (here[n] - before[n]) / h0 * h) / (h0 + h)
+            if beyond is not None:
+                h2 = beyond[0] - after[0]
+                end = (slope * h2 + (beyond[n] - after[n]) / h2 * h) / (h2 + h)
+            if before is None:
+                begin = 2.0 * slope - end
+            if beyond is None:
+                end = 2.0 * slope - begin
+            c2, c3 = 3.0 * slope - 2.0 * begin - end, begin + end - 2.0 * slope
+            found.append(here[n] + h * x * (begin + x * (c2 + x * c3)))
+        return found

@@ -1,0 +1,277 @@
+"""Plans of setpoints, from the tick to the pump, and what was played, back: shared memory, no lock, no call.
+
+A plan says what each period of the near future sends. Periods are counted from the pump's start; period m is
+played at t0 + m T. Of the rows of a plan the first ones are played as they are, the rest is the path along
+which the axes come to rest if no newer plan comes:
+
+```
+   first                      first + nominal - 1                        + rows
+     |--- played as they are ---|--- a stop by ``jerks``, along these rows ---|--- held --|  silence
+```
+It is published whole at every tick into one of two areas in turn, sealed by a CRC-32, so a reader sees a
+whole plan or none: a half-written head has no number. ``changes`` is the first period whose contents differ
+from the plan that it was built on; a plan that would change what has been handed over already is refused.
+
+A row's place in its area goes by its period, so that only what is new is written.
+
+What acts at once goes past the plan, each in one machine word that is read with every period: the
+controlwords, where a drive is that does not follow, and which buses must be left alone.
+"""
+
+from __future__ import annotations
+
+import mmap
+import os
+from array import array
+from collections.abc import Sequence
+from enum import IntEnum
+from struct import Struct
+from typing import Final, NamedTuple
+from zlib import crc32
+
+ROWS: Final = 2048  # places of an area: more than a plan's rows
+MAX_JERKS: Final = 2048
+FOLLOWS: Final = 1 << 16  # beside a controlword: the drive goes by its target
+_HEAD = Struct("<QqqIIIIIIdd")  # number, first, changes, nominal, rows, hold, jerks, held, used, v, a
+_SEAL = Struct("<I")
+_HEAD_BYTES: Final = (_HEAD.size + _SEAL.size + 7) // 8 * 8
+_DOUBLE: Final = 8
+_SCALARS: Final = 16  # of the record, and ...
+_MUTED: Final = 15  # ... beside it, of the tick
+_ANEW: Final = 1 << 63  # of the number: a beginning
+
+
+class Phase(IntEnum):
+    """What the pump sends in a period."""
+
+    NOMINAL = 0  # the plan's row
+    BRAKING = 1  # the plan is used up: its stop
+    HOLDING = 2  # at rest at its end
+    GAP = 3  # the pump itself was late by so much that the motors stand: the last row, until a new beginning
+    SILENT = 4  # nothing
+
+
+class Stop(NamedTuple):
+    """A stop along the rows, from the last one that is played as it is."""
+
+    jerks: Sequence[float]  # in units of s per s^3, each for ``held`` periods, the first for ``held - used``
+    held: int
+    used: int
+    v: float  # of s, per s
+    a: float
+
+
+class Played(NamedTuple):
+    """The pump's newest word: ``period`` has been handed over, by plan ``number``."""
+
+    period: int
+    number: int
+    phase: Phase
+    slips: int  # times that t0 was moved on, since the pump itself was late
+    unsent: int  # bit n: the n-th bus took nothing in this period
+    due_ns: int  # when the next period is due (CLOCK_MONOTONIC)
+    refused: int  # plans that came too late
+    late_ns: int  # of this period
+    since: int  # the first period of this phase, in a row
+
+
+NOTHING_PLAYED = Played(-1, 0, Phase.SILENT, 0, 0, 0, 0, 0, -1)
+
+
+class Memory:
+    """The mapped bytes.
+
+    ``words``: of each drive its controlword, with ``FOLLOWS``; ``positions``: where it is (counts), which is
+    the target of one that does not follow; ``velocity_units`` in one count per period; ``muted``: bit n,
+    nothing goes out on the n-th bus but the heartbeat.
+    """
+
+    def __init__(self, drives: int, descriptor: int = -1) -> None:
+        """``descriptor`` of a file in memory (``create``); without one it is of this process alone."""
+        self.row = Struct(f"<{1 + drives}d")
+        self.rows_at = _HEAD_BYTES + MAX_JERKS * _DOUBLE
+        self.area_bytes = self.rows_at + ROWS * self.row.size
+        words_at = _SCALARS * _DOUBLE
+        positions_at = words_at + (4 * drives + 7) // 8 * 8
+        units_at = positions_at + (4 * drives + 7) // 8 * 8
+        self.areas_at = units_at + _DOUBLE * drives
+        size = self.areas_at + 2 * self.area_bytes
+        flags = mmap.MAP_SHARED if descriptor >= 0 else mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS
+        self.bytes = mmap.mmap(descriptor, size, flags)
+        view = memoryview(self.bytes)
+        self.record = view[: _SCALARS * _DOUBLE].cast("q")
+        self.words = view[words_at : words_at + 4 * drives].cast("I")
+        self.positions = view[positions_at : positions_at + 4 * drives].cast("i")
+        self.velocity_units = view[units_at : self.areas_at].cast("d")
+        self.areas = tuple(
+            view[at : at + self.area_bytes] for at in (self.areas_at, self.areas_at + self.area_bytes)
+        )
+
+    @property
+    def muted(self) -> int:
+        return int(self.record[_MUTED])
+
+    @muted.setter
+    def muted(self, buses: int) -> None:
+        self.record[_MUTED] = buses
+
+    @classmethod
+    def create(cls, drives: int) -> tuple[Memory, int]:
+        """A new one that another process can map, and the descriptor for it."""
+        descriptor = os.memfd_create("directrix-plans")
+        os.ftruncate(descriptor, len(cls(drives).bytes))
+        return cls(drives, descriptor), descriptor
+
+    def seal(self, area: memoryview, head: bytes | memoryview, first: int, rows: int, jerks: int) -> int:
+        """CRC-32 of a head, its jerks and its rows."""
+        size, at = self.row.size, self.rows_at
+        found = crc32(area[_HEAD_BYTES : _HEAD_BYTES + jerks * _DOUBLE], crc32(head))
+        begin = first % ROWS
+        before_the_end = min(rows, ROWS - begin)
+        found = crc32(area[at + begin * size : at + (begin + before_the_end) * size], found)
+        return crc32(area[at : at + (rows - before_the_end) * size], found)
+
+
+class PlanWriter:
+    """The tick's side."""
+
+    def __init__(self, memory: Memory) -> None:
+        self._memory = memory
+        self.number = 0
+        self._new_from = [0, 0]  # of each area: the first period whose row it does not have yet
+        self._rows = memoryview(bytearray(ROWS * memory.row.size))
+        self._next = 0  # period after the last row
+        self._last = NOTHING_PLAYED
+
+    def put(self, period: int, s: float, counts: Sequence[float]) -> None:
+        """The row of a period, for the next plan; those after it are void."""
+        row = self._memory.row
+        row.pack_into(self._rows, period % ROWS * row.size, s, *counts)
+        new = self._new_from
+        for i in (0, 1):
+            if period < new[i]:
+                new[i] = period
+        self._next = period + 1
+
+    def end_at(self, period: int) -> None:
+        """No row from ``period`` on counts."""
+        self._next = period
+
+    def publish(
+        self, first: int, changes: int, nominal: int, hold: int, stop: Stop | None = None, anew: bool = False
+    ) -> None:
+        """All rows from ``first`` on, of which ``nominal`` are played as they are.
+
+        ``anew``: after silence or a gap; the rows are then not measured by what was played before.
+        """
+        memory = self._memory
+        self.number += 1
+        area = memory.areas[self.number & 1]
+        _HEAD.pack_into(area, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0.0, 0.0)
+        self._copy(area, max(first, self._new_from[self.number & 1]))
+        self._new_from[self.number & 1] = self._next
+        jerks = 0 if stop is None else len(stop.jerks)
+        held, used, v, a = (1, 0, 0.0, 0.0) if stop is None else (stop.held, stop.used, stop.v, stop.a)
+        if stop is not None:
+            area[_HEAD_BYTES : _HEAD_BYTES + jerks * _DOUBLE] = memoryview(array("d", stop.jerks)).cast("B")
+        number, rows = self.number | _ANEW * anew, self._next - first
+        head = _HEAD.pack(number, first, changes, nominal, rows, hold, jerks, held, used, v, a)
+        area[_HEAD.size : _HEAD.size + 4] = _SEAL.pack(memory.seal(area, head, first, rows, jerks))
+        area[: _HEAD.size] = head
+
+    def _copy(self, area: memoryview, period: int) -> None:
+        """The rows from ``period`` on, which may go over the end of the area."""
+        size, at = self._memory.row.size, self._memory.rows_at
+        while period < self._next:
+            begin = period % ROWS
+            many = min(self._next - period, ROWS - begin)
+            area[at + begin * size : at + (begin + many) * size] = self._rows[
+                begin * size : (begin + many) * size
+            ]
+            period += many
+
+    def played(self) -> Played:
+        """What the pump has said last; the word before it where it is just being written."""
+        record = self._memory.record
+        for _ in range(3):
+            count = record[0]
+            found = record[1 : 1 + len(Played._fields)].tolist()
+            if count & 1 == 0 and record[0] == count:
+                if count:
+                    period, number, phase, *rest = found
+                    self._last = Played(period, number, Phase(phase), *rest)
+                break
+        return self._last
+
+
+class PlanReader:
+    """The pump's side. Read: ``number`` and what else the plan that was taken says."""
+
+    def __init__(self, memory: Memory) -> None:
+        self._memory = memory
+        self.number = self.first = self.nominal = self.rows = self.hold = 0
+        self.changes = -1
+        self.anew = False
+        self.stop: Stop | None = None
+        self.refused = 0
+        self._seen = 0  # newest number that was looked at
+        self._rows = b""
+
+    def take(self, period: int, begins: bool) -> bool:
+        """Takes the newest whole plan that may be played from ``period`` on; whether there was one.
+
+        ``begins``: only a beginning will do.
+        """
+        for area in sorted(self._memory.areas, key=_number, reverse=True):
+            head = bytes(area[: _HEAD.size])
+            number, first, changes, nominal, rows, hold, jerks, held, used, v, a = _HEAD.unpack(head)
+            anew, number = number >= _ANEW, number & ~_ANEW
+            if number <= self._seen:
+                return False
+            if not (0 < nominal <= rows <= ROWS and jerks <= MAX_JERKS):
+                continue
+            copied, jerked, sealed = self._copied(area, head, first, rows, jerks)
+            if not sealed:
+                continue
+            self._seen = number
+            if first > period or (begins and not anew) or (changes < period and not anew):
+                self.refused += 1
+                return False
+            self.number, self.first, self.changes, self.nominal = number, first, changes, nominal
+            self.rows, self.hold, self.anew, self._rows = rows, hold, anew, copied
+            self.stop = Stop(jerked, held, used, v, a) if jerks else None
+            return True
+        return False
+
+    def _copied(
+        self, area: memoryview, head: bytes, first: int, rows: int, jerks: int
+    ) -> tuple[bytes, array[float], bool]:
+        """Its rows in their order and its jerks, and whether they are whole, and the head's."""
+        size, at = self._memory.row.size, self._memory.rows_at
+        begin = first % ROWS
+        many = min(rows, ROWS - begin)
+        copied = bytes(area[at + begin * size : at + (begin + many) * size]) + bytes(
+            area[at : at + (rows - many) * size]
+        )
+        jerked = bytes(area[_HEAD_BYTES : _HEAD_BYTES + jerks * _DOUBLE])
+        seal = _SEAL.unpack_from(area, _HEAD.size)[0]
+        whole = crc32(copied, crc32(jerked, crc32(head))) == seal and bytes(area[: _HEAD.size]) == head
+        return copied, array("d", jerked), whole
+
+    def row(self, i: int) -> tuple[float, ...]:
+        """(s, counts of each drive) of the i-th row."""
+        row = self._memory.row
+        return row.unpack_from(self._rows, i * row.size)
+
+    def report(self, played: Played) -> None:
+        """The record; whoever reads sees it whole."""
+        record = self._memory.record
+        count = record[0]
+        record[0] = count + 1
+        for i, value in enumerate(played):
+            record[i + 1] = value
+        record[0] = count + 2
+
+
+def _number(area: memoryview) -> int:
+    return int.from_bytes(area[:8], "little") & ~_ANEW

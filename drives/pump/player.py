@@ -1,0 +1,134 @@
+"""What the pump does in one period: SYNC, the setpoints, our heartbeat; and it says so.
+
+It decides nothing: what is sent in which period the plan says, also what comes after its end. Times are its
+caller's, so that it is the same on a stepped clock.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+from drives import pdo
+from drives.pump.braking import Braking
+from drives.pump.plan_memory import FOLLOWS, Memory, Phase, PlanReader, Played
+from drives.pump.setpoint_frame import INT32_MAX, INT32_MIN, SetpointFrame
+from drives.pump.wires import BusWire
+
+LONG_GAP: Final = 4  # periods: drives that had no SYNC for longer have stopped meanwhile
+
+
+class _Bus:
+    def __init__(self, wire: BusWire) -> None:
+        self.send = wire.port.send
+        self.frames = [(place, SetpointFrame(*one)) for place, one in wire.drives]
+        self.packet = bytearray(pdo.FRAME_BYTES * len(self.frames)) if wire.packs else None
+        if self.packet is not None:
+            room = memoryview(self.packet)
+            for i, (_, frame) in enumerate(self.frames):
+                frame.place(room[i * pdo.FRAME_BYTES : (i + 1) * pdo.FRAME_BYTES])
+
+
+class Player:
+    """The pump without its clock."""
+
+    def __init__(
+        self, memory: Memory, buses: Sequence[BusWire], period_s: float, master: int, beat_every: int
+    ) -> None:
+        """``master``: our node; ``beat_every``: periods from one of its heartbeats to the next."""
+        self._memory, self._plan, self._period_s = memory, PlanReader(memory), period_s
+        self._buses = [_Bus(wire) for wire in buses]
+        self._sync = pdo.frame(pdo.SYNC)
+        self._heartbeat = pdo.frame(pdo.HEARTBEAT + master, bytes([pdo.NMT_OPERATIONAL]))
+        self._beat_every = beat_every
+        self._braking: Braking | None = None
+        self._held = 0  # periods at the end of the plan
+        self._counts: Sequence[int] = ()
+        self._before: Sequence[int] = ()
+        self.phase = Phase.SILENT
+        self._since, self._phase_before = -1, Phase.SILENT
+        self.period = -1
+        self.slips = 0
+
+    def slip(self, periods: float) -> None:
+        """The pump was late by so much, and every later period is: after a long gap the motors stand."""
+        self.slips += 1
+        if periods > LONG_GAP and self.phase is not Phase.SILENT:
+            self.phase, self._held = Phase.GAP, 0
+
+    def prepare(self) -> None:
+        """What the next period sends, from the newest plan: before its time."""
+        self.period += 1
+        plan = self._plan
+        begins = self.phase in (Phase.SILENT, Phase.GAP)
+        if plan.take(self.period, begins):
+            self._braking, self._held = None, 0
+            if begins:
+                self.phase = Phase.NOMINAL
+        self._before = self._counts
+        if self.phase is Phase.GAP:
+            self._hold()
+        elif self.phase is not Phase.SILENT:
+            self._choose(self.period - plan.first)
+
+    def _choose(self, i: int) -> None:
+        plan = self._plan
+        if i < plan.nominal:
+            self.phase, self._counts = Phase.NOMINAL, _rounded(plan.row(i)[1:])
+            return
+        if plan.stop is not None and self._braking is None:
+            self._braking = Braking(plan.stop, self._period_s, plan.row, plan.nominal - 1, plan.rows)
+        if self._braking is not None and not self._braking.over:
+            self.phase, self._counts = Phase.BRAKING, _rounded(self._braking.step())
+            return
+        self.phase = Phase.HOLDING
+        self._hold()
+
+    def _hold(self) -> None:
+        self._held += 1
+        if self._held > self._plan.hold:
+            self.phase = Phase.SILENT
+
+    def send(self, due_ns: int, late_ns: int) -> None:
+        """Hands the period over, and records it; ``due_ns``: when the next one is due."""
+        unsent, muted = 0, self._memory.muted
+        if self.phase is not Phase.SILENT:
+            for i, bus in enumerate(self._buses):
+                if not muted >> i & 1 and not bus.send(self._sync):
+                    unsent |= 1 << i
+            for i, bus in enumerate(self._buses):
+                if not muted >> i & 1 and not self._send_setpoints(bus):
+                    unsent |= 1 << i
+            if self.period % self._beat_every == 0:
+                for i, bus in enumerate(self._buses):
+                    if not bus.send(self._heartbeat):
+                        unsent |= 1 << i
+        if self.phase is not self._phase_before:
+            self._phase_before, self._since = self.phase, self.period
+        plan = self._plan
+        played = self.period, plan.number, self.phase, self.slips, unsent, due_ns, plan.refused, late_ns
+        plan.report(Played(*played, self._since))
+
+    def _send_setpoints(self, bus: _Bus) -> bool:
+        memory, counts, before, good = self._memory, self._counts, self._before, True
+        for i, frame in bus.frames:
+            word = memory.words[i]
+            follows = word & FOLLOWS
+            setpoint = counts[i] if follows else memory.positions[i]
+            if frame.feed_forward:
+                moved = setpoint - before[i] if before and follows else 0
+                frame.pack_velocity(setpoint, round(moved * memory.velocity_units[i]))
+            else:
+                frame.pack_word(word & 0xFFFF, setpoint)
+            if bus.packet is None:
+                good = bus.send(frame.buffer) and good
+        return good if bus.packet is None else bus.send(bus.packet)
+
+
+def beat_every(period_s: float, heartbeat_s: float) -> int:
+    """Periods from one of our heartbeats to the next."""
+    return max(1, int(heartbeat_s / period_s + 1e-9))
+
+
+def _rounded(counts: Sequence[float]) -> Sequence[int]:
+    return [max(INT32_MIN, min(INT32_MAX, round(one))) for one in counts]

@@ -1,0 +1,25 @@
+"""The pump on a stepped clock: each period at just its time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from drives.pump.player import Player
+
+
+class SteppedPump:
+    """Plays a period each ``period_s``, from the first on that ``advance`` comes to."""
+
+    def __init__(self, player: Player, period_s: float, advance: Callable[[float], None]) -> None:
+        """``advance``: lets the bus pass time, up to a time of the clock (s)."""
+        self._player, self._period_s, self._advance = player, period_s, advance
+        self._played = 0
+
+    def advance(self, now_s: float) -> None:
+        """All periods that are due until then, and the bus."""
+        while (due_s := (self._played + 1) * self._period_s) <= now_s + 1e-9:
+            self._advance(due_s)
+            self._played += 1
+            self._player.prepare()
+            self._player.send(round((due_s + self._period_s) * 1e9), 0)
+        self._advance(now_s)
