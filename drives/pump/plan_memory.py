@@ -37,7 +37,8 @@ _SEAL = Struct("<I")
 _HEAD_BYTES: Final = (_HEAD.size + _SEAL.size + 7) // 8 * 8
 _DOUBLE: Final = 8
 _SCALARS: Final = 16  # of the record, and ...
-_MUTED: Final = 15  # ... beside it, of the tick
+_MUTED: Final = 15  # ... beside it, of the tick ...
+_AT_ONCE: Final = 14  # ... likewise
 _ANEW: Final = 1 << 63  # of the number: a beginning
 
 
@@ -83,7 +84,8 @@ class Memory:
 
     ``words``: of each drive its controlword, with ``FOLLOWS``; ``positions``: where it is (counts), which is
     the target of one that does not follow; ``velocity_units`` in one count per period; ``muted``: bit n,
-    nothing goes out on the n-th bus but the heartbeat.
+    nothing goes out on the n-th bus but the heartbeat; ``at_once``: periods that may be handed to the buses
+    ahead of their time, where simulated drives stand; with 1 a period may be late by the wake-up, with 0 not.
     """
 
     def __init__(self, drives: int, descriptor: int = -1) -> None:
@@ -114,6 +116,14 @@ class Memory:
     @muted.setter
     def muted(self, buses: int) -> None:
         self.record[_MUTED] = buses
+
+    @property
+    def at_once(self) -> int:
+        return int(self.record[_AT_ONCE])
+
+    @at_once.setter
+    def at_once(self, periods: int) -> None:
+        self.record[_AT_ONCE] = periods
 
     @classmethod
     def create(cls, drives: int) -> tuple[Memory, int]:

@@ -49,6 +49,8 @@ class Player:
         self._since, self._phase_before = -1, Phase.SILENT
         self.period = -1
         self.slips = 0
+        self._finishing = False
+        self.unsent = 0  # bit n: the n-th bus took nothing in this period
 
     def slip(self, periods: float) -> None:
         """The pump was late by so much, and every later period is: after a long gap the motors stand."""
@@ -56,12 +58,16 @@ class Player:
         if periods > LONG_GAP and self.phase is not Phase.SILENT:
             self.phase, self._held = Phase.GAP, 0
 
+    def finish(self) -> None:
+        """No further plan is taken: what is there is played to its end."""
+        self._finishing = True
+
     def prepare(self) -> None:
         """What the next period sends, from the newest plan: before its time."""
         self.period += 1
         plan = self._plan
         begins = self.phase in (Phase.SILENT, Phase.GAP)
-        if plan.take(self.period, begins):
+        if not self._finishing and plan.take(self.period, begins):
             self._braking, self._held = None, 0
             if begins:
                 self.phase = Phase.NOMINAL
@@ -106,6 +112,7 @@ class Player:
         if self.phase is not self._phase_before:
             self._phase_before, self._since = self.phase, self.period
         plan = self._plan
+        self.unsent = unsent
         played = self.period, plan.number, self.phase, self.slips, unsent, due_ns, plan.refused, late_ns
         plan.report(Played(*played, self._since))
 
