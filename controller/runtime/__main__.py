@@ -14,6 +14,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from controller.runtime import children
+from drives import real_time
 
 
 def main(arguments: Sequence[str]) -> int:
@@ -23,16 +24,16 @@ def main(arguments: Sequence[str]) -> int:
     if role == "hub":
         from controller.runtime import simulation
 
-        children.name_process("virtual-bus")
+        real_time.name_process("virtual-bus")
         simulation.serve_hub(rest)
         return 0
     if role == "bus":
         from controller.machine.toml_table import ConfigError
         from controller.runtime import simulation
 
-        children.name_process("virtual-bus")
+        real_time.name_process("virtual-bus")
         return children.run(role, simulation.serve_bus, Path(rest[0]), (OSError, ConfigError))
-    children.name_process(f"directrix-{role}")
+    real_time.name_process(f"directrix-{role}")
     if role == "plan":
         from controller.runtime import plan_end, planning
 

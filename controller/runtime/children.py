@@ -30,7 +30,6 @@ from controller.values import dataclass
 END_S = 5.0  # to stand down; then it is killed
 
 _PR_SET_PDEATHSIG = 1
-_PR_SET_NAME = 15
 _STDERR = 2
 
 
@@ -43,6 +42,12 @@ class Job:
     requests: int
     snapshot_path: str
     recorder_path: str
+
+
+def environment() -> dict[str, str]:
+    """Of a fresh interpreter that is to find what we find."""
+    path = os.pathsep.join(map(os.path.abspath, sys.path))
+    return {**os.environ, **one_thread.ENVIRONMENT, "PYTHONPATH": path}
 
 
 class Child:
@@ -64,11 +69,7 @@ class Child:
             stdin=subprocess.DEVNULL,
             stdout=_STDERR,  # standard output is the command's own
             pass_fds=descriptors,
-            env={
-                **os.environ,
-                **one_thread.ENVIRONMENT,
-                "PYTHONPATH": os.pathsep.join(map(os.path.abspath, sys.path)),
-            },
+            env=environment(),
             process_group=0,
         )
 
@@ -190,11 +191,6 @@ def end_with(parent: int) -> None:
     ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM, 0, 0, 0)
     if os.getppid() != parent:
         sys.exit(1)  # it was gone before we could ask
-
-
-def name_process(name: str) -> None:
-    """The name that ``ps`` shows (15 characters)."""
-    ctypes.CDLL(None).prctl(_PR_SET_NAME, name.encode(), 0, 0, 0)
 
 
 def joined(descriptor: int, kind: socket.SocketKind) -> socket.socket:

@@ -1,4 +1,4 @@
-"""Which core the tick has to itself, and who stays off it.
+"""Which cores tick and pump have to themselves, and who stays off them.
 
 A core that the kernel was told to isolate (isolcpus=) is made for it: nothing runs there that has not
 asked for it by name, which is why a process does not inherit it and has to ask. Without
@@ -55,12 +55,28 @@ def take(real_time: bool) -> int | None:
     return None
 
 
+def give(process: int, real_time: bool) -> int | None:
+    """Move another process (the pump) to a further such core; None where there is none for it.
+
+    This process holds the claim, whose own core is left out by it.
+    """
+    permitted = os.sched_getaffinity(process)
+    for cpu in choice(permitted, isolated(), real_time):
+        if _moved({cpu}, process) and _claimed(cpu):
+            return cpu
+    _moved(permitted, process)
+    return None
+
+
 def leave() -> None:
-    """Keep this process, and those that it starts, off the tick's core; only where two others are left."""
+    """Keep this process and those that it starts off the cores of tick and pump; only where two are left."""
     permitted = os.sched_getaffinity(0)
-    others = permitted - set(choice(permitted, isolated(), True)[:1])
-    if len(others) >= 2:
-        _moved(others)
+    best = choice(permitted, isolated(), True)
+    for taken in (best[:2], best[:1]):
+        others = permitted - set(taken)
+        if len(others) >= 2:
+            _moved(others)
+            return
 
 
 def _claimed(cpu: int) -> bool:
@@ -74,10 +90,10 @@ def _claimed(cpu: int) -> bool:
     return True
 
 
-def _moved(cpus: Collection[int]) -> bool:
+def _moved(cpus: Collection[int], process: int = 0) -> bool:
     """Whether the kernel permits it; a control group may know fewer cores than the computer has."""
     try:
-        os.sched_setaffinity(0, cpus)
+        os.sched_setaffinity(process, cpus)
     except OSError:
         return False
     return True

@@ -2,7 +2,8 @@
 
 The plan's process (``planning``) owns SDO, this one the cyclic frames. They meet in the piece socket
 and the snapshot alone, so either may be killed: without the plan the tick stops on the path; without the tick
-the drives stop by their own supervision.
+the pump (``pump_process``) brakes on the path and is silent; without the pump the drives stop by their own
+supervision.
 """
 
 from __future__ import annotations
@@ -18,17 +19,18 @@ from controller.ipc.piece_socket import PACKETS_PER_S, PieceInbox
 from controller.machine import machine_file
 from controller.machine.model import Machine
 from controller.messages import chain, said, text
-from controller.runtime import children, cores, cyclic
+from controller.runtime import children, cores, cyclic, pump_process
 from controller.runtime.children import Job
 from controller.tick import loop
 from controller.tick.cycle import Cycle
-from drives import bus, pdo
+from drives import bus, pdo, real_time
+from drives.pump.plan_memory import Memory
 
 # A busy computer has been seen to hold a process back for 20 ms and more; beyond this the
 # heartbeats judge. On a real bus two lost feedbacks in a row are a fault.
 VIRTUAL_TIMEOUT_S = 0.150
 
-# Of ``loop.prepare`` and ``cores.take``; the texts ``privilege.locked`` ... have what an operator calls them.
+# Of ``real_time.prepare`` and ``cores.take``; the texts ``privilege.locked`` ... have what an operator calls them.
 PRIVILEGES = ("locked", "slack", "fifo", "awake", "own_core")
 
 # What messages of pieces are made of is loaded at once: taking one would load it within a tick.
@@ -37,11 +39,16 @@ OF_MESSAGES = (surfaces, placement)
 
 def main(job: Job) -> None:
     """The real-time process: opens the buses and ticks until SIGTERM. Raises BusError."""
-    machine = job.machine
+    machine, asked = job.machine, children.Asked()
     ports = {
         settings.name: bus.open(settings, pdo.TICK_FILTERS) for settings in machine_file.bus_settings(machine)
     }
     group = cyclic.group(machine, ports, _patience_s(machine))
+    simulated = _simulated(machine)
+    plans = pump = None
+    if machine.has_pump and pump_process.possible(ports):
+        plans, descriptor = Memory.create(len(machine.axes))
+        pump = pump_process.PumpProcess(machine, group, descriptor, _patience_s(machine))
     cycle = Cycle(
         machine,
         group,
@@ -52,27 +59,32 @@ def main(job: Job) -> None:
         SnapshotBoard(job.snapshot_path, create=False),
         Recorder(job.recorder_path, create=False),
         time.monotonic,
+        plans,
     )
     group.start()
-    granted = loop.prepare()
+    of_pump = pump.wait_until_ready() if pump is not None else real_time.Granted()
+    granted = of_pump & real_time.prepare()
     granted["own_core"] = cores.take(granted["fifo"]) is not None
-    if missing := lacking(granted, _simulated(machine)):
+    if pump is not None:
+        cores.give(pump.pid, granted["fifo"])
+    if missing := lacking(granted, simulated):
         with contextlib.suppress(OSError):  # nobody may be there to read it
             print(missing, file=sys.stderr, flush=True)
-    asked = children.Asked()
     filenos = [port.fileno() for port in ports.values() if port.fileno() >= 0]
     hubs = [port for port in ports.values() if isinstance(port, bus.HubSocket)]
-    turning = loop.Loop(cycle, loop.WallClock(), filenos, _simulated(machine), hubs)
+    turning = loop.Loop(cycle, loop.WallClock(), filenos, simulated, hubs, pump is not None, pump)
     turning.run(lambda: not asked.yes)
     if turning.error is None:
         turning.stand_down()
+    if pump is not None:
+        pump.end()
     group.stop_sync()
     group.close()
     if turning.error is not None:
         raise turning.error
 
 
-def lacking(granted: loop.Granted, simulated: bool) -> str:
+def lacking(granted: real_time.Granted, simulated: bool) -> str:
     """What a tick has to do without, in a sentence for the journal; "" where a simulated one bears it."""
     missing = [said(f"privilege.{name}") for name, given in granted.items() if not given]
     if simulated or not missing:

@@ -216,6 +216,15 @@ class Cycle:
         self._status.record()
         return True
 
+    def starve(self) -> None:
+        """The pump's record stands still: it is dead or held back, and the drives stop by themselves."""
+        if self.modes.mode is not Mode.FAULT:
+            self.modes.fail(Fault.SYNC_LOST, -1)
+            self.modes.quick_stop()
+        assert self.stock is not None
+        self.group.show(self.stock.memory)
+        self.publish()
+
     def _play(self, period: int) -> None:
         """A period whose tick was not run: the path goes on as the pump was told to."""
         stock = self.stock

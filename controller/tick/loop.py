@@ -31,9 +31,6 @@ they are due, for to be woken costs more than what is done then:
 from __future__ import annotations
 
 import contextlib
-import ctypes
-import gc
-import os
 import select
 import time
 from collections.abc import Callable, Sequence
@@ -41,6 +38,7 @@ from typing import Protocol
 
 from controller.state.modes import Fault, Request
 from controller.tick.cycle import Cycle
+from controller.tick.stock import Stock
 from controller.tick.sync_watch import LATE_SHARE
 from drives.cia402 import State, Wanted
 from drives.cyclic.line import MAX_FRAMES
@@ -52,11 +50,10 @@ FORGETS = 0.999  # in each tick, of the longest time that a rehearsal and the dr
 AHEAD_S = 40e-3  # for which a tick stands in which nothing happens; an operator does not feel it
 CALM_S = 0.2  # nothing has happened for so long
 EASED_PERIOD_S = 2e-3  # of a shorter one a quarter, which is the most that SYNC may be late, is soon gone
+PUMP_TAKES_S = 80e-6  # to hand a period over
+RETRY_SHARE = 0.125  # of the period, to look again for one that was late
 STAND_DOWN_S = 1.0  # for each step of an orderly end
 LAST_TICKS_S = 0.5  # after an error of our own the drives are still told to stop for this long
-
-_PR_SET_TIMERSLACK = 29
-_MCL_CURRENT_AND_FUTURE = 3
 
 
 def early_s(period_s: float) -> float:
@@ -131,6 +128,15 @@ class Keeping(Protocol):
     def hand_over(self) -> None: ...
 
 
+class Pump(Protocol):
+    """The process that plays what the cycle publishes."""
+
+    starved_s: float  # a record that stands still for so long is a fault
+
+    def ended(self) -> Exception | None:
+        """How it has ended, if it has."""
+
+
 class Loop:
     """Runs a cycle on a clock, one ``tick`` at a time or until told to stop."""
 
@@ -142,9 +148,11 @@ class Loop:
         eased: bool = False,
         ahead: Sequence[Keeping] = (),
         with_pump: bool = False,
+        pump: Pump | None = None,
     ) -> None:
         """``filenos`` of the buses are only needed for sync = "kernel".
 
+        ``pump``: the process that plays what the cycle publishes, where it is one of its own.
         ``ahead``: the buses that take frames ahead of their time, which all of simulated drives do.
         """
         self._cycle = cycle
@@ -162,6 +170,8 @@ class Loop:
         for fileno in filenos[:1]:
             self._poll.register(fileno, select.POLLIN)
         self._start_s = clock.now_s()
+        self._pump = pump
+        self._wake_s = self._start_s + self._period_s
         self._n = 0
         self._latest_s = LATE_SHARE * self._period_s
         self._listened = False  # before the last SYNC
@@ -192,11 +202,28 @@ class Loop:
 
     def _tick_with_pump(self) -> bool:
         """One tick after the pump's next period, however late; nothing depends on when it comes."""
-        clock, cycle, deadline_s = self._clock, self._cycle, self._start_s + (self._n + 1) * self._period_s
-        clock.wake(deadline_s, 0.0)
+        clock, cycle, stock, pump = self._clock, self._cycle, self._cycle.stock, self._pump
+        assert stock is not None
+        clock.wake(self._wake_s, 0.0)
         now_s = clock.now_s()
-        self._n = max(self._n + 1, int((now_s - self._start_s) / self._period_s + 1e-9))
-        return cycle.run_with_pump(now_s)
+        if not cycle.run_with_pump(now_s):
+            self._wake_s = now_s + RETRY_SHARE * self._period_s
+            due_s = stock.due_s or self._start_s
+            if pump is not None and now_s - due_s > pump.starved_s:
+                if (error := pump.ended()) is not None:
+                    raise error
+                cycle.starve()
+            return False
+        stock.memory.at_once = self._at_once_now() if self._eased else 0
+        self._wake_s = stock.due_s + (PUMP_TAKES_S if pump is not None else 0.0)
+        return True
+
+    def _at_once_now(self) -> int:
+        """Periods that the pump may play at once."""
+        if not self._cycle.at_rest:
+            self._calm = 0
+            return 0
+        return self._at_once if self._is_calm() else 1
 
     def _run(self, n: int, now_s: float) -> bool:
         """The tick of the deadline that was reached, which is ``n`` or later."""
@@ -295,6 +322,10 @@ class Loop:
         cycle.modes.quick_stop()
         with contextlib.suppress(Exception):
             cycle.peripherals.coolant_off()
+        stock = cycle.stock if self._with_pump else None
+        if stock is not None and (self._pump is None or self._pump.ended() is None):
+            self._stop_by_pump(stock)
+            return
         for _ in range(round(LAST_TICKS_S / self._period_s)):
             with contextlib.suppress(Exception):
                 self._n += 1
@@ -307,44 +338,20 @@ class Loop:
         with contextlib.suppress(Exception):
             group.stop_sync()  # the kernel's SYNC would go on without us
 
+    def _stop_by_pump(self, stock: Stock) -> None:
+        """Quick stop for all by the pump, whose last plan brings it to silence."""
+        cycle, group = self._cycle, self._cycle.group
+        for _ in range(round(LAST_TICKS_S / self._period_s)):
+            with contextlib.suppress(Exception):
+                self._clock.wake(self._clock.now_s() + self._period_s, 0.0)
+                now_s = self._clock.now_s()
+                group.receive(now_s)
+                group.show(stock.memory)
+                group.send_events(now_s)
+                cycle.publish()
+
 
 def _at_once(cycle: Cycle, period_s: float) -> int:
     """Ticks that may be said at once: what answers to them on one bus is taken in one drain."""
     fullest = max((len(line.drives) + len(line.others) for line in cycle.group.lines), default=0)
     return max(1, min(int(AHEAD_S / period_s + 0.5), MAX_FRAMES // (fullest + 1)))
-
-
-class Granted(dict[str, bool]):
-    """Which of the real-time privileges this process was given."""
-
-
-def prepare(priority: int = 80) -> Granted:
-    """Makes this process as real-time as it may be; call it once, when everything is built.
-
-    What is not permitted is left out, and told by what is returned: the loop runs without, only less evenly.
-    """
-    gc.collect()
-    gc.freeze()
-    gc.disable()
-    libc = ctypes.CDLL(None, use_errno=True)
-    granted = Granted(
-        locked=libc.mlockall(_MCL_CURRENT_AND_FUTURE) == 0,
-        slack=libc.prctl(_PR_SET_TIMERSLACK, 1, 0, 0, 0) == 0,
-        fifo=_permitted(lambda: os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))),
-    )
-    granted["awake"] = _permitted(_stay_awake)
-    return granted
-
-
-def _stay_awake() -> None:
-    """Keeps the processors out of deep sleep, as long as this process lives: waking up costs time."""
-    descriptor = os.open("/dev/cpu_dma_latency", os.O_WRONLY)  # kept open: closing it takes the wish back
-    os.write(descriptor, bytes(4))
-
-
-def _permitted(act: Callable[[], None]) -> bool:
-    try:
-        act()
-    except OSError:
-        return False
-    return True

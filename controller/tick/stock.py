@@ -45,7 +45,8 @@ class Published(NamedTuple):
 
 
 class Stock:
-    """Read ``period``, the newest that was played, its ``phase``, ``lateness_s`` of its SYNC."""
+    """Read ``period``, the newest that was played, its ``phase``, ``lateness_s`` of its SYNC, when the next
+    one is due."""
 
     def __init__(
         self, machine: Machine, group: Drives, ahead: Lookahead, encoder: Encoder, memory: Memory
@@ -56,6 +57,7 @@ class Stock:
         self.phase = Phase.SILENT
         self.since = -1
         self.lateness_s = 0.0
+        self.due_s = 0.0
         self.slips = 0
         self.unsent = 0  # buses that took nothing of it, bit mask
         self.braked = 0  # times that the stock was not enough
@@ -89,6 +91,7 @@ class Stock:
         periods = range(self.period + 1, played.period + 1)
         self.period, self.phase, self.since = played.period, played.phase, played.since
         self.lateness_s, self.slips = played.late_ns * 1e-9, played.slips
+        self.due_s = played.due_ns * 1e-9
         for period in periods[:-1]:
             self._account_for(period)
         self.unsent = played.unsent

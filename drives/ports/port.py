@@ -71,9 +71,10 @@ class FrameSocket:
 
     def __init__(self, sock: socket.socket, name: str) -> None:
         self.name = name
-        self._take(sock)
+        self.take(sock)
 
-    def _take(self, sock: socket.socket) -> None:
+    def take(self, sock: socket.socket) -> None:
+        """Goes by this socket from now on."""
         sock.setblocking(False)
         sock.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BYTES)
         self._socket = sock
@@ -139,13 +140,14 @@ class HubSocket(FrameSocket):
         self._lost = self._lost_before = 0  # frames, of every hub joined so far, and of those before this one
         self._place = place  # not the peer's name: a hub binds elsewhere and moves its socket
         self._wishes = wishes
+        self.joined_anew: Callable[[int], None] = _nobody_shares  # called with the descriptor
         self.gone = False
         self._kept = bytearray()  # for one packet
         self._refused = False
         self._later = b""  # stands before what is kept now
 
-    def _take(self, sock: socket.socket) -> None:
-        super()._take(sock)
+    def take(self, sock: socket.socket) -> None:
+        super().take(sock)
         self._poll = select.poll()  # a third of what it costs to receive nothing
         self._poll.register(sock, select.POLLIN)
 
@@ -237,5 +239,10 @@ class HubSocket(FrameSocket):
         except OSError:
             return  # the next reset may find one
         self._socket.close()
-        self._take(joined)
+        self.take(joined)
         self._lost_before, self.gone = self._lost, False
+        self.joined_anew(self.fileno())
+
+
+def _nobody_shares(_descriptor: int) -> None:
+    """The port has its bus for itself."""

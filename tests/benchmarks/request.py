@@ -43,7 +43,7 @@ from controller.machine.model import Machine  # noqa: E402
 from controller.state.modes import Request  # noqa: E402
 from controller.tick import loop  # noqa: E402
 from controller.tick.cycle import Cycle  # noqa: E402
-from drives import pdo  # noqa: E402
+from drives import pdo, real_time  # noqa: E402
 from drives.bus import HubSocket  # noqa: E402
 from drives.cyclic.drive import Drive  # noqa: E402
 from drives.cyclic.group import Group  # noqa: E402
@@ -70,7 +70,7 @@ def tick_process(machine: Machine, near: socket.socket, requests: socket.socket,
         Recorder(),
         clock.now_s,
     )
-    loop.prepare(PRIORITY)
+    real_time.prepare(PRIORITY)
     loop.Loop(cycle, clock).run(lambda: not stop.poll())
 
 

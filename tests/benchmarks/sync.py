@@ -43,7 +43,7 @@ from controller.machine.model import Machine  # noqa: E402
 from controller.state.modes import Request  # noqa: E402
 from controller.tick import loop  # noqa: E402
 from controller.tick.cycle import Cycle  # noqa: E402
-from drives import pdo  # noqa: E402
+from drives import pdo, real_time  # noqa: E402
 from drives.bus import HubSocket  # noqa: E402
 from drives.cyclic.drive import Drive  # noqa: E402
 from drives.cyclic.group import Group  # noqa: E402
@@ -80,7 +80,7 @@ def tick_process(
         clock.now_s,
     )
     send_request(operator, Request.ENABLE)
-    granted = loop.prepare(priority)
+    granted = real_time.prepare(priority)
     ends_s = time.monotonic() + seconds
     loop.Loop(cycle, clock).run(lambda: time.monotonic() < ends_s)
     rows = recorder.drain()[cyclictest.WARM_UP :]

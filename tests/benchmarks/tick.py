@@ -46,7 +46,7 @@ from controller.machine.model import Machine  # noqa: E402
 from controller.state.modes import Mode, Request  # noqa: E402
 from controller.tick import loop  # noqa: E402
 from controller.tick.cycle import Cycle  # noqa: E402
-from drives import pdo  # noqa: E402
+from drives import pdo, real_time  # noqa: E402
 from drives.bus import HubSocket  # noqa: E402
 from drives.cyclic.drive import Drive  # noqa: E402
 from drives.cyclic.group import Group  # noqa: E402
@@ -229,7 +229,7 @@ def report(short: bool) -> Report:
     """Back to back, and paced: the same tick with the caches of a machine."""
     rig = Rig(make_machine(period_s=PERIOD_S))
     rig.start()
-    loop.prepare()
+    real_time.prepare()
     ticks = 80 if short else 8000
     measure(rig, ticks // 4, paced=False)
     together = measure(rig, ticks, paced=False)[:, 0]

@@ -17,7 +17,7 @@ from support.machines.stepped_runs import shipped
 from controller.machine.model import Bus
 from controller.runtime import cores, planning, tick_process
 from controller.runtime.children import Job
-from controller.tick import loop
+from drives import real_time
 
 CHOICES = [
     # permitted, isolated, real time: the best first
@@ -117,7 +117,7 @@ def test_the_isolated_cores_are_read_as_the_kernel_lists_them(tmp_path: Path) ->
 
 
 def test_what_a_tick_has_to_do_without_is_told_where_real_drives_hang_on_it() -> None:
-    granted = loop.Granted(dict.fromkeys(tick_process.PRIVILEGES, True))
+    granted = real_time.Granted(dict.fromkeys(tick_process.PRIVILEGES, True))
     assert tick_process.lacking(granted, simulated=False) == ""
     granted |= {"fifo": False, "own_core": False}
     told = tick_process.lacking(granted, simulated=False)
@@ -153,7 +153,7 @@ def test_a_plan_leaves_the_ticks_core_before_anything_else(monkeypatch: pytest.M
 
 
 def test_every_privilege_that_a_tick_asks_for_has_its_words() -> None:
-    asked = "import json; from controller.tick import loop; print(json.dumps(loop.prepare()))"
+    asked = "import json; from drives import real_time; print(json.dumps(real_time.prepare()))"
     done = subprocess.run([sys.executable, "-c", asked], capture_output=True, text=True, check=True)
 
     assert {*json.loads(done.stdout), "own_core"} == set(tick_process.PRIVILEGES)
