@@ -93,7 +93,7 @@ ROOMS: dict[str, dict[str, set[str]]] = {
         "load": OF_DRIVES,
         "log": OF_DRIVES,
         "ports": OF_DRIVES,
-        "pump": {"pdo"},  # below the tick
+        "pump": OF_DRIVES | {"ports", "real_time"},  # below the tick
         "cyclic": OF_DRIVES | {"ports", "pump"},
         "commissioning": OF_DRIVES,
         "bench": OF_DRIVES | {"bus", "ports", "load", "log"},
@@ -113,7 +113,8 @@ TO_DRIVES: dict[str, set[str]] = {
     "machine": {"settings", "profile", "arranged", "text_file"},
     "state": {"settings", "arranged", "pdo"},  # what the stops take; whose frames are whose
     "tick": {"settings", "scale", "cia402", "pdo", "bus", "cyclic", "pump"},
-    "runtime": OF_DRIVES | {"bus", "cyclic", "pump", "load", "log", "ports", "commission", "bench"},
+    "runtime": OF_DRIVES
+    | {"bus", "cyclic", "pump", "load", "log", "ports", "commission", "bench", "real_time"},
     "service": OF_DRIVES | {"bus", "load", "log"},
     "verify": {"load"},  # to show it
     "cli": {"*"},

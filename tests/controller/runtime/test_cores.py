@@ -80,13 +80,14 @@ def test_a_tick_for_which_there_is_no_core_may_go_where_it_could(monkeypatch: py
 @pytest.mark.parametrize(
     ("permitted", "alone", "left"),
     [
-        ({0, 1, 2, 3}, [], {0, 1, 2}),
+        ({0, 1, 2, 3}, [], {0, 1}),
+        ({0, 1, 2}, [], {0, 1}),  # tick and pump share one: the others have two
         ({0, 1}, [], {0, 1}),  # one core is too little for all the others
         ({0}, [], {0}),
         ({0, 1, 2}, [3], {0, 1, 2}),  # the kernel keeps them off it
     ],
 )
-def test_the_others_stay_off_the_ticks_core_where_two_are_left(
+def test_the_others_stay_off_the_cores_of_tick_and_pump_where_two_are_left(
     permitted: set[int], alone: list[int], left: set[int], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     kernel = on(Kernel(permitted), monkeypatch, alone)
@@ -128,18 +129,23 @@ def test_what_a_tick_has_to_do_without_is_told_where_real_drives_hang_on_it() ->
 def test_the_tick_asks_for_its_core_when_it_has_its_priority_and_tells_what_it_lacks(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    for name in ("bus", "machine_file", "cyclic", "children", "Cycle", "loop"):
+    for name in ("bus", "machine_file", "cyclic", "children", "Cycle", "loop", "pump_process", "Memory"):
         monkeypatch.setattr(tick_process, name, MagicMock())
     for name in ("PieceInbox", "RequestInbox", "SnapshotBoard", "Recorder"):
         monkeypatch.setattr(tick_process, name, MagicMock())
-    tick_process.loop.prepare.return_value = {"locked": False, "fifo": True}  # type: ignore[attr-defined]
+    of_tick, of_pump = real_time.Granted(locked=True, fifo=True), real_time.Granted(locked=False, fifo=True)
+    pump = tick_process.pump_process.PumpProcess.return_value  # type: ignore[attr-defined]
+    pump.wait_until_ready.return_value = of_pump
+    monkeypatch.setattr(tick_process.real_time, "prepare", lambda: of_tick)
+    tick_process.Memory.create.return_value = (None, -1)  # type: ignore[attr-defined]
     tick_process.loop.Loop.return_value.error = None  # type: ignore[attr-defined]
     asked: list[bool] = []
     monkeypatch.setattr(tick_process.cores, "take", asked.append)  # and there is none
+    monkeypatch.setattr(tick_process.cores, "give", lambda _, fifo: asked.append(fifo))
     tick_process.main(
         Job(replace(shipped(), buses=(Bus("x", "socketcan", "can0", 1_000_000),)), 0, 0, "", "")
     )
-    assert asked == [True]
+    assert asked == [True, True]
     assert "without locked memory, a core of its own" in capsys.readouterr().err
 
 

@@ -12,13 +12,13 @@ from typing import Any
 
 import pytest
 
-from controller.tick import loop
+from drives import real_time
 
 # In a process of its own: what it gets it keeps.
 LOOK = """
 import gc, json, os
-from controller.tick import loop
-granted = loop.prepare()
+from drives import real_time
+granted = real_time.prepare()
 files = [os.path.realpath(f"/proc/self/fd/{n}") for n in os.listdir("/proc/self/fd")]
 print(json.dumps({
     "granted": granted, "files": files, "scheduler": os.sched_getscheduler(0), "collects": gc.isenabled(),
@@ -57,8 +57,8 @@ def test_the_wish_to_stay_awake_is_a_zero_in_a_file_that_stays_open(
         kept.append(opened(device, flags))
         return kept[-1]
 
-    monkeypatch.setattr(loop.os, "open", open_it)
-    assert loop._permitted(loop._stay_awake)
+    monkeypatch.setattr(real_time.os, "open", open_it)
+    assert real_time._permitted(real_time._stay_awake)
     assert device.read_bytes() == bytes(4)  # a 32-bit number of microseconds
     os.close(kept[0])  # raises where it was closed already
 
@@ -67,5 +67,5 @@ def test_a_device_that_is_not_ours_is_left_out(monkeypatch: pytest.MonkeyPatch) 
     def refuse(path: str, flags: int) -> int:
         raise PermissionError(13, "Permission denied", path)
 
-    monkeypatch.setattr(loop.os, "open", refuse)
-    assert not loop._permitted(loop._stay_awake)
+    monkeypatch.setattr(real_time.os, "open", refuse)
+    assert not real_time._permitted(real_time._stay_awake)
