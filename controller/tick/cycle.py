@@ -203,7 +203,7 @@ class Cycle:
         self.sync.count_with_pump(self.sync_sent, not stock.unsent, ticks, stock.lateness_s, felt)
         anew = self._look_for_a_gap()
         self._moved = stock.period
-        self.sync.look_for_our_silence(now_s, ticks - 1)
+        self.sync.look_for_our_silence(now_s, ticks - 1 + round(stock.moved_s / self.machine.period_s))
         void = self._take_requests()
         self._take_pieces(void)
         if self._supervise(now_s, ticks) or void:

@@ -58,6 +58,7 @@ class Stock:
         self.since = -1
         self.lateness_s = 0.0
         self.due_s = 0.0
+        self.moved_s = 0.0  # by which the pump itself was late since the last look
         self.slips = 0
         self.unsent = 0  # buses that took nothing of it, bit mask
         self.braked = 0  # times that the stock was not enough
@@ -91,7 +92,9 @@ class Stock:
         periods = range(self.period + 1, played.period + 1)
         self.period, self.phase, self.since = played.period, played.phase, played.since
         self.lateness_s, self.slips = played.late_ns * 1e-9, played.slips
-        self.due_s = played.due_ns * 1e-9
+        due_s = played.due_ns * 1e-9
+        self.moved_s = due_s - self.due_s - len(periods) * self._period_s if self.due_s else 0.0
+        self.due_s = due_s
         for period in periods[:-1]:
             self._account_for(period)
         self.unsent = played.unsent

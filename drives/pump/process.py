@@ -120,22 +120,25 @@ class Pump:
         left_ns = self._due_ns - early_ns - now_ns()
         if left_ns > 0:
             time.sleep(left_ns * 1e-9)
-        self._move_on_if_late(now_ns())
+        moved_ns = self._move_on_if_late(now_ns())
         self._player.prepare()
         due_ns = self._due_ns
         t_ns = now_ns()
         while t_ns < due_ns:
             t_ns = now_ns()
-        self._move_on_if_late(t_ns)
-        late_ns = t_ns - self._due_ns
+        moved_ns += self._move_on_if_late(t_ns)
+        late_ns = moved_ns + t_ns - self._due_ns
         self._due_ns += self._period_ns
         self._player.send(self._due_ns, late_ns)
 
-    def _move_on_if_late(self, now_ns: int) -> None:
+    def _move_on_if_late(self, now_ns: int) -> int:
+        """Time (ns) by which this period and all later ones move on."""
         late_ns = now_ns - self._due_ns
-        if late_ns > self._latest_ns:
-            self._player.slip(late_ns / self._period_ns)
-            self._due_ns = now_ns
+        if late_ns <= self._latest_ns:
+            return 0
+        self._player.slip(late_ns / self._period_ns)
+        self._due_ns = now_ns
+        return late_ns
 
     def _play_ahead(self, periods: int) -> None:
         """One period, and the next ones, which the hubs send when they are due."""

@@ -200,11 +200,12 @@ def test_every_period_of_a_plan_goes_out_once_in_its_order_and_then_there_is_sil
 
 def test_plans_that_follow_each_other_lose_and_double_nothing_whenever_they_come(tick: Tick) -> None:
     first = begun(tick)
-    tick.publish(first - 8, 30)
+    tick.publish(first - 8, 60)
+    until(lambda: tick.writer.played().number == 1)
     for turn in range(60):
         time.sleep(0.001 * (turn % 13))
         played = tick.writer.played().period
-        tick.publish(max(played, first - 8), 30, anew=turn % 7 == 0, changes=played + 1000)
+        tick.publish(played, 60, anew=turn % 7 == 0, changes=played + 1000)
     tick.until_silent()
     played = [cycle[0] for cycle in tick.cycles()]
     last = played[-1]
