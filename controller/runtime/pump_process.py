@@ -25,7 +25,7 @@ from drives.pump.process import BusJob, Job
 from drives.texts import said
 
 READY_S = 30.0  # for it to be there, the end of the one before it included
-END_S = 3.0  # for the end of its plan, at rest; then it is killed
+END_S = 1.0  # for the end of its plan, at rest; then it is killed
 STARVED_PERIODS = 2.0
 
 # By which a descriptor is shared. Another python-can adapter is an object of its process alone.

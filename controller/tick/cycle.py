@@ -192,9 +192,10 @@ class Cycle:
             mover.revert()
             self._play(periods[0] - 1)
         braked = self.sync.braked
+        play = self._play_again if self.idle and stock.memory.at_once > 1 else self._play
         for period in periods[:-1]:
             if period + DELAY < stock.stood_from:
-                self._play(period)
+                play(period)
         ticks = len(periods)
         self.tick, self.sync_sent = stock.period, stock.phase is not _SILENT
         felt = self.sync.braked != braked
@@ -224,6 +225,11 @@ class Cycle:
         assert self.stock is not None
         self.group.show(self.stock.memory)
         self.publish()
+
+    def _play_again(self, period: int) -> None:
+        """A period that was played ahead of its time, since nothing happens (``idle``): as the one before."""
+        self.tick = self._moved = period
+        self._status.repeat()
 
     def _play(self, period: int) -> None:
         """A period whose tick was not run: the path goes on as the pump was told to."""
