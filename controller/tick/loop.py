@@ -318,14 +318,16 @@ class Loop:
     def _stop_drives(self) -> None:
         """Quick stop for all, with as little of ours as possible between it and the bus."""
         cycle, group = self._cycle, self._cycle.group
-        cycle.modes.fail(Fault.INTERNAL, -1)
+        ended = self._pump is not None and self._pump.ended() is not None
+        cycle.modes.fail(Fault.SYNC_LOST if ended else Fault.INTERNAL, -1)
         cycle.modes.quick_stop()
         with contextlib.suppress(Exception):
             cycle.peripherals.coolant_off()
         stock = cycle.stock if self._with_pump else None
-        if stock is not None and (self._pump is None or self._pump.ended() is None):
+        if stock is not None and not ended:
             self._stop_by_pump(stock)
             return
+        self._n = max(self._n, int((self._clock.now_s() - self._start_s) / self._period_s))
         for _ in range(round(LAST_TICKS_S / self._period_s)):
             with contextlib.suppress(Exception):
                 self._n += 1
@@ -334,6 +336,7 @@ class Loop:
                 group.receive(now_s)
                 group.sync(now_s)
                 group.command(group.positions, now_s)
+                cycle.tick += 1  # it lives
                 cycle.publish()
         with contextlib.suppress(Exception):
             group.stop_sync()  # the kernel's SYNC would go on without us
@@ -348,6 +351,7 @@ class Loop:
                 group.receive(now_s)
                 group.show(stock.memory)
                 group.send_events(now_s)
+                cycle.tick += 1  # it lives
                 cycle.publish()
 
 
