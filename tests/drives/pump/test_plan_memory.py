@@ -8,11 +8,21 @@ from collections.abc import Iterator
 
 import pytest
 
-from drives.pump.plan_memory import MAX_JERKS, ROWS, Memory, Phase, PlanReader, PlanWriter, Played, Stop
+from drives.pump.plan_memory import (
+    MAX_JERKS,
+    NOTHING_PLAYED,
+    ROWS,
+    Memory,
+    Phase,
+    PlanReader,
+    PlanWriter,
+    Played,
+    Stop,
+)
 
 DRIVES = 3
 STOP = Stop((-4.0, 0.5, 4.0), 2, 1, 10.0, -0.25)
-NOTHING = Played(-1, 0, Phase.SILENT, 0, 0, 0, 0, 0)
+NOTHING = NOTHING_PLAYED
 
 
 def row_of(period: int, plan: int = 0) -> tuple[float, ...]:
@@ -222,7 +232,7 @@ def test_what_was_played_is_read_whole_or_as_it_was_before() -> None:
     memory = Memory(DRIVES)
     writer, reader = PlanWriter(memory), PlanReader(memory)
     assert writer.played() == NOTHING
-    words = Played(12, 3, Phase.BRAKING, 2, 1, 123_456_789_012, 4, 55_000)
+    words = Played(12, 3, Phase.BRAKING, 2, 1, 123_456_789_012, 4, 55_000, 9)
     reader.report(words)
     assert writer.played() == words
     memory.record[0] += 1  # in the middle of the next
