@@ -256,7 +256,7 @@ def _usb_speed(device: Path) -> str:
 def privileges(host: Host) -> Iterator[Line]:
     """SCHED_FIFO and locked memory: of a running tick what it has, before that what its unit grants."""
     if host.tick is not None:
-        level = host.tick_priority()
+        level = host.priority_of(host.tick)
         found = say("self_test.runs_fifo" if level else "self_test.runs_without", level=level)
         yield _finding("privileges", level >= TICK_PRIORITY, found, _say("by_service"))
         return

@@ -15,7 +15,7 @@ from controller.cli.host_lines import Write
 from controller.runtime import cores
 from controller.values import dataclass
 
-TICK_NAME = "directrix-tick"  # as `ps` shows it
+TICK_NAME, PUMP_NAME = "directrix-tick", "directrix-pump"  # as `ps` shows them
 CAN_TYPE = "280"  # of an interface, ARPHRD_CAN
 MINOR, MAJOR, PRIORITY, POLICY = 7, 9, 37, 38  # columns of /proc/PID/stat behind the name
 FIFO = "1"  # SCHED_FIFO there
@@ -81,13 +81,18 @@ class Host:
         return next((number for number, name in self.names.items() if name == TICK_NAME), None)
 
     @cached_property
+    def pump(self) -> int | None:
+        """Process id of a running pump."""
+        return next((number for number, name in self.names.items() if name == PUMP_NAME), None)
+
+    @cached_property
     def tick_cores(self) -> list[int]:
         """Where a running tick may run."""
         return cores.numbers(field(self.text(f"proc/{self.tick}/status"), "Cpus_allowed_list"))
 
-    def tick_priority(self) -> int:
-        """Of a running tick under SCHED_FIFO; 0 under any other scheduler."""
-        row = self.text(f"proc/{self.tick}/stat").rpartition(")")[2].split()
+    def priority_of(self, process: int | None) -> int:
+        """Of a running process under SCHED_FIFO; 0 under any other scheduler."""
+        row = self.text(f"proc/{process}/stat").rpartition(")")[2].split()
         return int(row[PRIORITY]) if len(row) > POLICY and row[POLICY] == FIFO else 0
 
     @cached_property

@@ -103,11 +103,12 @@ def memory(host: Host) -> Line:
 
 
 def priority(host: Host) -> Line:
-    """SCHED_FIFO, so that only interrupts go before the tick."""
+    """SCHED_FIFO, so that only interrupts go before the tick, and the pump that plays what it publishes."""
     if host.tick is not None:
-        level = host.tick_priority()
-        found = _say("runs_fifo" if level else "runs_without", level=level)
-        return line("priority", level > 0, found, _say("under_systemd"))
+        level, above = host.priority_of(host.tick), host.priority_of(host.pump)
+        key = "runs_without" if not level else "runs_fifo" if host.pump is None else "runs_with_pump"
+        passed = level > 0 and (host.pump is None or above > level)
+        return line("priority", passed, _say(key, level=level, above=above), _say("under_systemd"))
     may = wake_ups.may_be_real_time()
     return line("priority", may, _say("may_fifo" if may else "may_not_fifo"), _say("under_systemd"))
 

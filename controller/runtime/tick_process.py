@@ -30,7 +30,7 @@ from drives.pump.plan_memory import Memory
 # heartbeats judge. On a real bus two lost feedbacks in a row are a fault.
 VIRTUAL_TIMEOUT_S = 0.150
 
-# Of ``real_time.prepare`` and ``cores.take``; as an operator calls them: texts ``privilege.locked`` ...
+# Of ``real_time.prepare`` and ``cores.take``; the texts ``privilege.locked`` ... have an operator's words.
 PRIVILEGES = ("locked", "slack", "fifo", "awake", "own_core")
 
 # What messages of pieces are made of is loaded at once: taking one would load it within a tick.

@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 
 from controller.cli import host_findings, self_test, service
 from controller.cli.host_lines import Line
-from controller.cli.host_view import TICK_NAME, Host, permitted_of
+from controller.cli.host_view import PUMP_NAME, TICK_NAME, Host, permitted_of
 from controller.machine.model import Bus
 from controller.runtime.wake_ups import Histogram
 
@@ -134,6 +134,16 @@ def test_a_running_tick_is_found_by_its_name_and_its_memory_looked_at(tmp_path: 
 def test_a_running_tick_is_asked_for_its_priority(priority: int, passed: bool, tmp_path: Path) -> None:
     line = self_test.priority(Host(computers.with_tick(tmp_path, "3", priority, 1)))
     assert line.passed is passed and str(priority) in line.found
+
+
+@pytest.mark.parametrize(("above", "passed"), [(81, True), (80, False), (0, False)])
+def test_a_running_pump_is_to_go_before_its_tick(above: int, passed: bool, tmp_path: Path) -> None:
+    root = computers.with_tick(tmp_path, "3", 80, 1)
+    columns = ["0"] * 50
+    columns[37], columns[38] = str(above), "1" if above else "0"
+    computer(root, {"proc/98/comm": PUMP_NAME, "proc/98/stat": f"98 ({PUMP_NAME}) {' '.join(columns)}"})
+    line = self_test.priority(Host(root))
+    assert line.passed is passed and f"80, its pump {above}" in line.found
 
 
 def test_page_faults_of_a_running_tick_are_told(tmp_path: Path) -> None:

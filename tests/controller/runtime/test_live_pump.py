@@ -5,6 +5,7 @@ What is asserted is which frames there are, and in which order; ``tests/guest/te
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 import os
 import signal
@@ -34,7 +35,7 @@ def struck(strike: Callable[[Live], None]) -> tuple[Snapshot | str, Cycles, list
     began: list[int] = []
     with session(CUT, shipped()) as running:
         running.ready()
-        listener = Listener(running.machine)
+        listener, pump = Listener(running.machine), pump_of(running.tick.pid)
 
         def act() -> None:
             listener.listen()
@@ -43,10 +44,13 @@ def struck(strike: Callable[[Live], None]) -> tuple[Snapshot | str, Cycles, list
             time.sleep(0.3)
 
         last: Snapshot | str
-        try:
+        with contextlib.suppress(SessionError):
             _, last = run(running, at(running, STRUCK_S, act))
-        except SessionError:
-            until(lambda: running.service.run.job is None and not running.tick.is_alive())
+        if not is_alive(pump):  # the tick ends by itself
+            until(lambda: not running.tick.is_alive())
+        if not running.tick.is_alive():
+            until(lambda: running.service.alarms.list())
+            time.sleep(0.5)  # for the service to have found out why
             last = " ".join(messages.text(one) for one in running.service.alarms.list())
         listener.listen()
     frames = listener.frames[began[0] :]
