@@ -15,11 +15,11 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 from guest import absence, on_can
 from support.live.live_machines import Live, at, now_of, run, until
+from support.live.pumps import CUT, is_alive, pump_of
 
 from controller.ipc.handoff import Snapshot
 from controller.machine.model import Machine
@@ -30,7 +30,6 @@ from drives.pump.process import LATE_SHARE
 
 T = on_can.PERIOD_S
 BEAT = pdo.HEARTBEAT + 127
-CUT = "G21 G90 G54 G1 X150. F2400.\nM30\n"  # 40 mm/s along X: the same number of counts in every period
 DRY = "G21 G90 G54 G0 X5.\nM30\n"
 STRUCK_S = 1.0  # of the path clock, at full feed
 HELD_S = 0.1  # a tick that does not run is tolerated for so long at rest (tick/stock.STOPPED_S)
@@ -90,23 +89,6 @@ def ear() -> Iterator[Ear]:
         listening.close()
 
 
-def pump_of(running: Live) -> int:
-    """Process id of the tick's pump."""
-    for folder in Path("/proc").glob("[0-9]*"):
-        with contextlib.suppress(OSError):
-            parent = int((folder / "stat").read_text().rsplit(")", 1)[1].split()[1])
-            if parent == running.tick.pid and (folder / "comm").read_text() == "directrix-pump\n":
-                return int(folder.name)
-    raise AssertionError("there is no pump")
-
-
-def lives(pid: int) -> bool:
-    try:
-        return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0] != "Z"
-    except OSError:
-        return False
-
-
 def steps_of_x(cycles: list[tuple[float, list[int]]]) -> list[int]:
     return [b[1][0] - a[1][0] for a, b in itertools.pairwise(cycles) if len(b[1]) == 5]
 
@@ -118,6 +100,7 @@ def struck(
 
     One that the computer was away from is begun anew.
     """
+    last: Snapshot | str
     for left in reversed(range(attempts)):
         began: list[int] = []
         with ear() as heard, on_can.ready(CUT, machine) as (running, _):
@@ -126,10 +109,13 @@ def struck(
                 began.append(len(heard.frames))
                 strike(running, heard)
 
-            try:
-                last: Snapshot | str = run(running, at(running, STRUCK_S, act))[1]
-            except SessionError as error:
-                last = str(error)
+            pump, last = pump_of(running.tick.pid), ""
+            with contextlib.suppress(SessionError):
+                _, last = run(running, at(running, STRUCK_S, act))
+            if not is_alive(pump):  # then the tick ends by itself
+                until(lambda running=running: not running.tick.is_alive())
+            if not running.tick.is_alive():
+                last = running.tick.last_words()
         away = absence.figures().away()
         if began and not (left and away):
             break
@@ -252,9 +238,9 @@ def test_a_tick_that_is_killed_ends_in_rest_and_silence_and_another_may_begin() 
     pumps: list[int] = []
 
     def strike(running: Live, heard: Ear) -> None:
-        pumps.append(pump_of(running))
+        pumps.append(pump_of(running.tick.pid))
         os.kill(running.tick.pid, signal.SIGKILL)
-        until(lambda: not lives(pumps[-1]))
+        until(lambda: not is_alive(pumps[-1]))
         time.sleep(0.1)
 
     with on_can.drives():
@@ -267,7 +253,7 @@ def test_a_tick_that_is_killed_ends_in_rest_and_silence_and_another_may_begin() 
 
 def test_a_pump_that_is_killed_is_told_and_the_drives_stop() -> None:
     with on_can.drives():
-        last, _, _ = struck(machine(), lambda running, _: os.kill(pump_of(running), signal.SIGKILL))
+        last, _, _ = struck(machine(), lambda running, _: os.kill(pump_of(running.tick.pid), signal.SIGKILL))
         assert isinstance(last, str) and "directrix-pump" in last
         assert on_can.stopped(machine())
         assert comes_up_again(machine())
@@ -277,7 +263,7 @@ def test_a_pump_that_is_stopped_is_told_and_goes_nowhere_when_it_goes_on() -> No
     marks: list[tuple[int, int]] = []
 
     def strike(running: Live, heard: Ear) -> None:
-        pump = pump_of(running)
+        pump = pump_of(running.tick.pid)
         os.kill(pump, signal.SIGSTOP)
         until(lambda: now_of(running).mode is Mode.FAULT)
         time.sleep(0.5)
@@ -294,7 +280,7 @@ def test_a_pump_that_is_stopped_is_told_and_goes_nowhere_when_it_goes_on() -> No
 
 def test_where_both_are_killed_the_drives_stop_by_their_own_supervision() -> None:
     def strike(running: Live, _: Ear) -> None:
-        pump = pump_of(running)
+        pump = pump_of(running.tick.pid)
         os.kill(running.tick.pid, signal.SIGKILL)
         os.kill(pump, signal.SIGKILL)
 
