@@ -19,7 +19,7 @@ from controller.program.modal import State
 from controller.runtime.plan_messages import News, Program
 from controller.runtime.starts import Start
 from controller.service.job_status import ended_early
-from controller.service.jobs import Job, journalled, whole_from
+from controller.service.jobs import Job, bars_the_next, journalled, whole_from
 from controller.service.journal import Entry
 from controller.service.last_run import NOT_STARTED, LastRun
 from controller.service.modal_state import ModalState
@@ -152,7 +152,7 @@ class JobRun:
             service.usage.ended(result == "completed" and not job.is_mdi)
             service.troubles.run_over()
             # Last of all: who hears that it has ended may do at once what a run forbids.
-            job.become(result, why or job.over(result))
+            job.become(result, why or bars_the_next(job, result))
         service.writer.submit(service.durations.save)
 
     # -- what the plan and the tick say of it

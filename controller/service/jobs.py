@@ -246,12 +246,6 @@ class Job:
         """``why``: it ended, or was not loaded."""
         self.state, self.said = state, why
 
-    def over(self, result: str) -> Said | None:
-        """Why it is not started again as it was: the next part is not one whose beginning has been cut."""
-        if result != "completed" or self.entry is None or self.program.spot is None:
-            return None
-        return said("gone_on_over", program=self.program.name, line=self.program.spot.line)
-
     def take(self) -> None:
         """The tick has begun with it."""
         self.taken = True
@@ -330,6 +324,14 @@ class Job:
             self.elapsed_s(self.last) if self.last is not None else None,
             way.in_block(s) if way is not None else None,
         )
+
+
+def bars_the_next(job: Job, result: str) -> Said | None:
+    """Why it is not started again as it was: the next part is not one whose beginning has been cut."""
+    spot = job.program.spot
+    if result != "completed" or job.entry is None or spot is None:
+        return None
+    return said("gone_on_over", program=job.program.name, line=spot.line)
 
 
 def journalled(job: Job, now: Machine) -> journal.Job:

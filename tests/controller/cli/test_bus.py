@@ -11,6 +11,7 @@ from typer.testing import CliRunner
 from controller import __main__ as command_line
 from controller.machine import machine_file
 from controller.runtime.bus_load import budgets
+from drives.texts import english
 
 TRUNNION = machine_file.SHIPPED / "trunnion.toml"
 
@@ -74,7 +75,7 @@ def test_a_machine_with_a_spindle_and_inputs_counts_them(tmp_path: Path) -> None
     file = tmp_path / "full.toml"
     file.write_text(f"{text}\n{spindle}{io}")
     (one,) = budgets(machine_file.load(file))
-    names = {f"{row.frame} {row.node}" for row in one.rows}
+    names = {english(row.text) for row in one.rows}
     assert {"speed of spindle", "feedback of spindle", "inputs of io", "outputs of io"} <= names
 
 
