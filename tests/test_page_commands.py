@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import json
+import contextlib
 import os
 import re
 import shutil
@@ -11,6 +11,7 @@ import sys
 import time
 from pathlib import Path
 
+import httpx
 import pytest
 from support.live.ports import free_port
 from support.live.shop import HANGS_S
@@ -252,10 +253,10 @@ def test_the_commands_of_a_shop_do_what_they_say_one_after_another(tmp_path: Pat
             line = [sys.executable, "-m", "controller", *words.split()]
             with open(tmp_path / "log", "ab") as log:
                 begun.append(subprocess.Popen(line, cwd=tmp_path, env=environment, stdout=log, stderr=log))
-        awaited(tmp_path, more)
+        awaited(more["DIRECTRIX_URL"], tmp_path / "log")
         for words, instead, mode in SHOP:
             ran(instead or words, "", tmp_path, **more)
-            awaited(tmp_path, more, mode)
+            awaited(more["DIRECTRIX_URL"], tmp_path / "log", mode)
     finally:
         for process in reversed(begun):
             process.terminate()
@@ -264,14 +265,14 @@ def test_the_commands_of_a_shop_do_what_they_say_one_after_another(tmp_path: Pat
         ran(words.format(machine="config/machining_centre.toml"), "", tmp_path, **more)
 
 
-def awaited(folder: Path, more: dict[str, str], mode: str = "") -> None:
+def awaited(url: str, log: Path, mode: str = "") -> None:
     """Until nothing is under way, in this mode; ``HANGS_S`` only ends what hangs."""
-    give_up_s = time.monotonic() + HANGS_S
+    give_up_s, now = time.monotonic() + HANGS_S, {}
     while time.monotonic() < give_up_s:
-        done = shell("directrix status --json", folder, **more)
-        now = json.loads(done.stdout) if done.returncode == 0 else {}
-        busy = not now or (now.get("sequence") or {}).get("state") == "running"
-        if not busy and mode in ("", now["mode"]):
-            return
+        with contextlib.suppress(httpx.TransportError, httpx.HTTPStatusError):
+            now = httpx.get(f"{url}/api/v1/status").raise_for_status().json()
+            busy = (now["sequence"] or {}).get("state") == "running"
+            if not busy and mode in ("", now["mode"]):
+                return
         time.sleep(0.2)
-    raise AssertionError((mode, done.stdout, done.stderr, (folder / "log").read_text()))
+    raise AssertionError((mode, now, log.read_text()))

@@ -21,6 +21,7 @@ from controller.service.jobs import UNDER_WAY
 
 ROOT = Path(__file__).resolve().parents[3]
 HANGS_S = 120.0  # no test is meant to come near
+POLL_S = 0.02  # two or three ticks; at 5 ms the answers cost twice of what the machine does
 CALM_S = 0.008  # a period that also a busy computer keeps
 
 Values = dict[str, Any]
@@ -83,7 +84,7 @@ class Serving:
                 assert time.monotonic() < give_up_s, f"waited for {what} in vain: {now}"
             assert self.process.poll() is None, self.log.read_text()
             assert time.monotonic() < give_up_s, f"waited for {what} in vain"
-            time.sleep(0.005)
+            time.sleep(POLL_S)
 
     def done(self, verb: str, **args: Any) -> Values:
         """Ask for what takes long, and wait for its end."""
