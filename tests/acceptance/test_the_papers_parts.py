@@ -188,12 +188,12 @@ def random_oblique(seed: int) -> object:
 
 
 @pytest.mark.slow
-def test_random_oblique_machines_cut_example_2() -> None:
-    """Those that can tilt the tool to all its rulings; the rest must say so in a sentence."""
+@pytest.mark.parametrize("number", range(4))
+def test_random_oblique_machines_cut_example_2(number: int) -> None:
+    """The first of a hundred that can tilt the tool to all its rulings; others must say so in a sentence."""
     from controller.program.program import ProgramError
 
-    cuts = 0
-    for seed in range(12):
+    for seed in range(100 * number, 100 * number + 100):
         machine = random_oblique(seed)
         try:
             done = cut(program("example2_ready.ngc", "1000."), machine)  # type: ignore[arg-type]
@@ -204,8 +204,8 @@ def test_random_oblique_machines_cut_example_2() -> None:
         assert_accurate(done, ruled(), -1.5)
         first, second, third = largest(done.joints, done.machine)
         assert first <= 1.0005 and second <= 1.002 and third <= 1.05, (seed, first, second, third)
-        cuts += 1
-    assert cuts >= 2
+        return
+    pytest.fail("none of a hundred machines can cut it")
 
 
 @pytest.mark.slow

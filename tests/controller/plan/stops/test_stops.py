@@ -294,7 +294,7 @@ def test_stops_are_hardly_longer_than_the_shortest_there_are() -> None:
 @pytest.mark.parametrize(("feed", "machine"), [("1000.", "slow"), ("3000.", "slow"), ("3000.", "shipped")])
 def test_stops_anywhere_on_example_2_are_hardly_longer_than_the_shortest(feed: str, machine: str) -> None:
     built = slow(shipped()) if machine == "slow" else shipped()
-    judge(planned(program("example2_ready.ngc", feed), built, "cut"), f"{machine} {feed}", 5)
+    judge(planned(program("example2_ready.ngc", feed), built, "cut"), f"{machine} {feed}", 3)
 
 
 @pytest.mark.slow
@@ -302,7 +302,7 @@ def test_stops_anywhere_on_example_2_are_hardly_longer_than_the_shortest(feed: s
 def test_stops_on_unseen_surfaces_are_hardly_longer_than_the_shortest(seed: int) -> None:
     feed = 10.0 ** random.Random(seed + 1).uniform(2.5, 3.7)
     try:
-        judge(unseen(seed, feed), f"seed {seed} at {feed:.0f}", 5)
+        judge(unseen(seed, feed), f"seed {seed} at {feed:.0f}", 3)
     except ProgramError:
         pytest.skip("refused")
 
