@@ -201,7 +201,8 @@ class Cycle:
         felt = self.sync.braked != braked
         if felt:
             self.modes.fail(Fault.TICK_LATE, -1)
-        self.sync.count_with_pump(self.sync_sent, not stock.unsent, ticks, stock.lateness_s, felt)
+        sent = self.sync_sent or not self._began
+        self.sync.count_with_pump(sent, not stock.unsent, ticks, stock.lateness_s, felt)
         anew = self._look_for_a_gap()
         self._moved = stock.period
         self.sync.look_for_our_silence(now_s, ticks - 1 + round(stock.moved_s / self.machine.period_s))
