@@ -39,7 +39,7 @@ def _stat(folder: Path) -> list[str]:
 class Cycles:
     """What was heard, SYNC by SYNC: ``steps`` of X from one to the next, its ``words``.
 
-    ``whole``: each SYNC but the last is followed by the setpoints of all drives, in their order.
+    ``torn``: SYNCs but for the last that are not followed by the setpoints of all drives, in their order.
     """
 
     def __init__(self, frames: Sequence[tuple[int, bytes]]) -> None:
@@ -50,7 +50,7 @@ class Cycles:
             elif can_id & ~0xF == pdo.RPDO1 and heard:
                 heard[-1].append((can_id, data))
         wanted = [pdo.rpdo(1, node) for node in range(1, DRIVES + 1)]
-        self.whole = all([can_id for can_id, _ in cycle] == wanted for cycle in heard[:-1])
+        self.torn = sum([can_id for can_id, _ in cycle] != wanted for cycle in heard[:-1])
         self.words, places = [], []
         for cycle in heard:
             if cycle:
@@ -70,7 +70,7 @@ def full_feed(steps: Sequence[int]) -> Sequence[int]:
 def assert_braked(cycles: Cycles) -> None:
     """Full feed, a ramp to rest that never goes back, rest, and nothing of ours any more."""
     steps = cycles.steps
-    assert cycles.whole
+    assert not cycles.torn
     rest = steps.index(0)
     assert steps[0] > 1000
     assert all(b <= a + 1 for a, b in itertools.pairwise(steps)), steps
