@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import random
+import subprocess
+import sys
 from collections.abc import Iterator
 
 import pytest
@@ -254,3 +256,38 @@ def test_two_mappings_of_one_file_are_one_memory() -> None:
     assert (theirs.muted, theirs.at_once, theirs.words[2], theirs.positions[1]) == (5, 20, 0x1000F, -7)
     PlanReader(theirs).report(NOTHING._replace(period=3))
     assert PlanWriter(ours).played().period == 3
+
+
+PUBLISHES = """
+import itertools, sys
+from drives.pump.plan_memory import Memory, PlanWriter
+writer = PlanWriter(Memory(3, int(sys.argv[1])))
+print(flush=True)
+for plan in itertools.count(1):
+    for period in range(2040, 2060):
+        writer.put(period, float(plan), (float(plan), 0.0, float(period)))
+    writer.publish(2040, 2040, 20, 5, None, True)
+"""
+
+
+def test_a_tick_that_is_killed_while_it_publishes_leaves_a_whole_plan_or_none() -> None:
+    for _ in range(8):
+        memory, descriptor = Memory.create(DRIVES)
+        with subprocess.Popen(
+            [sys.executable, "-c", PUBLISHES, str(descriptor)],
+            pass_fds=(descriptor,),
+            stdout=subprocess.PIPE,
+            env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
+        ) as tick:
+            os.close(descriptor)
+            assert tick.stdout is not None
+            tick.stdout.readline()
+            reader, taken = PlanReader(memory), 0
+            while taken < 50:  # meanwhile it is read as well
+                taken += reader.take(2040, True)
+            tick.kill()
+            tick.wait()
+            reader.take(2040, True)
+        (plan,) = {row[0] for row in read(reader)}
+        assert plan == reader.number
+        assert [row[3] for row in read(reader)] == list(range(2040, 2060))

@@ -213,6 +213,34 @@ def test_plans_that_follow_each_other_lose_and_double_nothing_whenever_they_come
     assert tick.writer.played().refused == 0
 
 
+def test_a_thread_that_keeps_the_interpreter_lock_beside_the_tick_is_not_seen_on_the_bus(tick: Tick) -> None:
+    first, over = begun(tick), threading.Event()
+    tick.publish(first - 8, 120)
+    until(lambda: tick.writer.played().number == 1)
+
+    def compute() -> None:
+        while not over.is_set():
+            sum(range(20_000))
+
+    threads = [threading.Thread(target=compute) for _ in range(2)]
+    for thread in threads:
+        thread.start()
+    try:
+        for _ in range(60):
+            time.sleep(0.001)  # gives the lock away, as a tick does when it sleeps
+            played = tick.writer.played().period
+            tick.publish(played, 120, anew=False, changes=played + 1000)
+    finally:
+        over.set()
+        for thread in threads:
+            thread.join()
+    tick.until_silent()
+    cycles = tick.cycles()
+    assert all(cycle == [cycle[0]] * DRIVES for cycle in cycles)
+    sent = [cycle[0] for cycle in cycles]
+    assert sent == [*range(sent[0], sent[-1] + 1), *[sent[-1]] * HOLD]
+
+
 def test_nothing_that_it_sends_comes_back_to_the_tick(tick: Tick) -> None:
     tick.publish(begun(tick) - 8, 50)
     tick.until_silent()
