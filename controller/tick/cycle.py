@@ -98,6 +98,7 @@ class Cycle:
         self._went = False  # the clock was to run in the last tick
         self._began = False  # the pump has had its first plan
         self._moved = -1  # the period whose setpoints were computed last
+        self._recorded = -1  # the last period that has its row
         self._played = 0  # ``PLAYED``, ``BRAKED`` of this period
         self._braked = False  # in the period before this one
         self._status = StatusPublisher(self, parts, snapshot, recorder)
@@ -190,7 +191,7 @@ class Cycle:
         if stock.refused and stock.changed:
             mover = self.jogging if self.jogging.active else self.follow
             mover.revert()
-            self._play(periods[0] - 1)
+            self._play(stock.period - len(periods))  # what its tick has recorded was not sent
         braked = self.sync.braked
         play = self._play_again if self.idle and stock.memory.at_once > 1 else self._play
         for period in periods[:-1]:
@@ -215,6 +216,7 @@ class Cycle:
         stock.publish(anew)
         self.group.send_events(now_s)
         self.switches = self._switches()
+        self._recorded = stock.period
         self._status.record()
         return True
 
@@ -262,7 +264,9 @@ class Cycle:
         else:
             stock.moved_otherwise()
         self.switches = self._switches()
-        self._status.record()
+        if period > self._recorded:
+            self._recorded = period
+            self._status.record()
 
     def _look_for_a_gap(self) -> bool:
         """Whether the pump has stopped sending, or the motors have stood."""
