@@ -334,7 +334,7 @@ class Follow:
         """One tick: along the plan, along a stop, or standing; joints, s and feed are new."""
         if self._brake.active and self._brake.over:
             self._settle()
-        self._undo.append(self._state())
+        self._remember()
         self.coupling.look()
         self._goes = go
         if not go and not self._brake.active and not self._plan_rests():
@@ -367,7 +367,7 @@ class Follow:
 
     def move_to(self, joints: Joints) -> None:
         """One tick by hand, beside the plan: the clock stands, and the queue stays."""
-        self._undo.append(self._state())
+        self._remember()
         self._goes = False
         self._take(joints, 0.0)
         self.feed = 0.0
@@ -417,6 +417,10 @@ class Follow:
         self.joints = self.last = self.before = joints
         self.rate = self.feed = 0.0
         self.coupling.stood()
+
+    def _remember(self) -> None:
+        """Where it is, so that the next step can be taken back."""
+        self._undo.append(self._state())
 
     def _state(self) -> State:
         clock, brake, tie = self._clock.save(), self._brake.save(), self.coupling.save()

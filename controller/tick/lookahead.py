@@ -70,6 +70,9 @@ class Ghost(Follow):
     def _arrive(self, wanted: bool) -> Step:
         return super()._arrive(False)
 
+    def _remember(self) -> None:
+        """Nothing: its steps are not taken back."""
+
     def _passes(self, i: int) -> bool:
         return not self._queue[i].leaves_thread
 
@@ -144,6 +147,7 @@ class Lookahead:
         self.path: list[Row] = []
         self.here = self._standing()
         self.before_stop: int | None = None  # rows of a jog before its stop begins
+        self._known_stop: tuple[Row | None, Stop | None] = (None, None)  # of the row that was looked at last
         self._stops = False  # all rows are those of a jog's stop
         self.renewed = False  # rows of a jog are others than in the last plan; set back by who writes them
         self._ended = False
@@ -203,6 +207,7 @@ class Lookahead:
         self.rows.clear()
         ghost.go_on_as(self._follow)
         self._conditions, self._ended, self.before_stop = conditions, False, None
+        self._known_stop = None, None
         self._encoder.go_on_as(self._real_encoder)
         self.here = ghost.row(self._real_encoder.exact, before)
 
@@ -220,7 +225,10 @@ class Lookahead:
                 break
             if ghost.rests_at(row):
                 return n, None
-            stop = ghost.stop_at(row)
+            known, stop = self._known_stop
+            if known is not row:
+                stop = ghost.stop_at(row)
+                self._known_stop = row, stop
             if stop is not None and len(stop.jerks) and self._covers(row.s + self._at_most(stop)):
                 return n, stop
             if n == len(rows) and not self._extend():

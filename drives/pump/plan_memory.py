@@ -76,6 +76,8 @@ class Played(NamedTuple):
     since: int  # the first period of this phase, in a row
 
 
+_PLAYED = Struct(f"<{len(Played._fields)}q")
+_PHASES: Final = tuple(Phase)
 NOTHING_PLAYED = Played(-1, 0, Phase.SILENT, 0, 0, 0, 0, 0, -1)
 
 
@@ -205,11 +207,11 @@ class PlanWriter:
         record = self._memory.record
         for _ in range(3):
             count = record[0]
-            found = record[1 : 1 + len(Played._fields)].tolist()
+            found = _PLAYED.unpack_from(self._memory.bytes, _DOUBLE)
             if count & 1 == 0 and record[0] == count:
                 if count:
                     period, number, phase, *rest = found
-                    self._last = Played(period, number, Phase(phase), *rest)
+                    self._last = Played(period, number, _PHASES[phase], *rest)
                 break
         return self._last
 
@@ -232,7 +234,9 @@ class PlanReader:
 
         ``begins``: only a beginning will do.
         """
-        for area in sorted(self._memory.areas, key=_number, reverse=True):
+        one, other = self._memory.areas
+        newest = (one, other) if _number(one) > _number(other) else (other, one)
+        for area in newest:
             head = bytes(area[: _HEAD.size])
             number, first, changes, nominal, rows, hold, jerks, held, used, v, a = _HEAD.unpack(head)
             anew, number = number >= _ANEW, number & ~_ANEW
@@ -278,8 +282,7 @@ class PlanReader:
         record = self._memory.record
         count = record[0]
         record[0] = count + 1
-        for i, value in enumerate(played):
-            record[i + 1] = value
+        _PLAYED.pack_into(self._memory.bytes, _DOUBLE, *played)
         record[0] = count + 2
 
 
