@@ -176,8 +176,8 @@ def listening(interface: str) -> socket.socket:
 
 
 def came(bus: socket.socket) -> Iterator[tuple[float, int]]:
-    """Frames that have come, each with its time (s) and identifier."""
-    with contextlib.suppress(BlockingIOError):
+    """Frames that have come, each with its time (s) and identifier, as long as the interface is up."""
+    with contextlib.suppress(OSError):
         while True:
             frame, stamps, _, _ = bus.recvmsg(pdo.FRAME.size, 64)
             seconds, nanoseconds = struct.unpack("qq", stamps[0][2])
