@@ -448,8 +448,13 @@ class Modes:
     def _watch_homing(self, ticks: int) -> None:
         self._waited += ticks
         if self.phase is Phase.SWITCHING_OFF:
-            if not any(drive.state == State.OPERATION_ENABLED for drive in self._group.drives):
+            on = self._first_on()
+            if on < 0:
                 self._enter(Mode.OFF)
+            elif (
+                self._waited > self._enable_ticks
+            ):  # nobody sees it: it started anew, or is silent
+                self.fail(Fault.HOMING_FAILED, on)
             return
         busy = -1
         for i, drive in enumerate(self._group.drives):
@@ -466,9 +471,14 @@ class Modes:
             self.homed |= self._homing_mask
             self.untrusted &= ~self._homing_mask
             self._end_homing()
-            self.phase = Phase.SWITCHING_OFF
+            self.phase, self._waited = Phase.SWITCHING_OFF, 0
         elif self._waited > self._homing_ticks:
             self.fail(Fault.HOMING_FAILED, busy)
+
+    def _first_on(self) -> int:
+        """Index of a drive that is in operation, as far as it has been heard, or -1."""
+        drives = self._group.drives
+        return next((i for i, drive in enumerate(drives) if drive.state == State.OPERATION_ENABLED), -1)
 
     def _first_off(self) -> int:
         """Index of a drive without torque, or -1."""

@@ -93,7 +93,7 @@ try:
 except CommandRefused as error:
     made["refused"] = error.sentence
 desk.close(), service.close()
-modes = Modes(SimpleNamespace(drives=[]), 0.002)
+modes = Modes(SimpleNamespace(drives=[], chatter=None), 0.002)
 made["tick"] = modes.request(Request.QUIET_RAPIDS, 1.0, standing=False), modes.quiet_rapids, modes.switched
 made["status"] = live_state.told(live_state.blank()._replace(switched=256))["quiet_rapids"]
 made["replayed"] = events.REQUESTS["quiet_rapids"].name

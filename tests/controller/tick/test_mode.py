@@ -515,6 +515,18 @@ def test_what_has_been_homed_is_trusted_and_other_axes_are_what_they_were() -> N
     assert (modes.homed, modes.untrusted) == (0x05, 0x02)
 
 
+def test_a_drive_that_nobody_sees_switch_off_after_homing_is_a_fault_in_time() -> None:
+    """It has started anew meanwhile, or its bus is off: HOMING had no end."""
+    modes, group = modes_in(Mode.OFF)
+    modes.request(Request.HOME, 4.0, standing=True)
+    group.drives[2].homing_done, group.drives[2].state = True, State.OPERATION_ENABLED
+    modes.progress(1, standing=True)
+    modes.progress(round(ENABLE_S / 0.002), standing=True)
+    assert modes.mode is Mode.HOMING
+    modes.progress(1, standing=True)
+    assert (modes.mode, modes.fault, modes.fault_axis) == (Mode.FAULT, Fault.HOMING_FAILED, 2)
+
+
 def watched(modes: Modes, ticks: int = 5) -> tuple[Fault, int]:
     """What is warned of after so many ticks, and its axis."""
     for n in range(ticks):
