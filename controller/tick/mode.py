@@ -451,9 +451,7 @@ class Modes:
             on = self._first_on()
             if on < 0:
                 self._enter(Mode.OFF)
-            elif (
-                self._waited > self._enable_ticks
-            ):  # nobody sees it: it started anew, or is silent
+            elif self._waited > self._enable_ticks:  # nobody sees it: it started anew, or is silent
                 self.fail(Fault.HOMING_FAILED, on)
             return
         busy = -1

@@ -22,7 +22,9 @@ class _Bus:
     def __init__(self, wire: BusWire) -> None:
         self.send = wire.port.send
         self.frames = [(place, SetpointFrame(*one)) for place, one in wire.drives]
-        self.packet = bytearray(pdo.FRAME_BYTES * len(self.frames)) if wire.packs else None
+        # None on a bus without drives, too: an empty packet is what a hub takes for our end.
+        packs = wire.packs and bool(self.frames)
+        self.packet = bytearray(pdo.FRAME_BYTES * len(self.frames)) if packs else None
         if self.packet is not None:
             room = memoryview(self.packet)
             for i, (_, frame) in enumerate(self.frames):

@@ -219,6 +219,16 @@ def test_setpoints_of_a_bus_that_packs_go_in_one_packet() -> None:
     assert port.heard[1:3] == [command(0, 5), (pdo.rpdo(3, 2), pdo.COMMAND.pack(WORD, 6))]
 
 
+def test_a_bus_that_packs_and_has_no_drive_gets_sync_alone() -> None:
+    """An empty packet would be the end of its client to a hub."""
+    bench, port = Bench(), Port()
+    bench.player = Player(bench.memory, [BusWire(port, [], True)], T, MASTER, 1000)
+    bench.publish(0, 2)
+    for _ in range(2):
+        assert bench.play().unsent == 0
+    assert port.packets == 3 and port.last() == [SYNC, SYNC], "and one heartbeat"
+
+
 def test_feed_forward_is_the_slope_of_the_setpoints() -> None:
     bench = Bench(feed_forward=True)
     for i in range(3):
