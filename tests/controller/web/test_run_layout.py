@@ -112,6 +112,10 @@ SIZES_PX = """() => {
     && [...one.childNodes].some((node) => node.nodeType === 3 && node.textContent.trim()));
   return [...new Set(written.map((one) => getComputedStyle(one).fontSize))].sort();
 }"""
+# The picture follows its card with the next frame that is drawn.
+DRAWN = """() => { const picture = document.querySelector(".run-scene canvas");
+  const [inner, outer] = [picture, picture.closest(".card")].map((one) => one.getBoundingClientRect());
+  return inner.bottom <= outer.bottom + 1 && inner.right <= outer.right + 1; }"""
 # The share of the view that its cards cover.
 COVERED = """() => {
   const view = document.querySelector(".views").getBoundingClientRect();
@@ -158,6 +162,7 @@ def test_with_two_alarms_all_of_run_lies_inside_the_window(
             page.wait_for_selector(".tool-name")
             unfold(page, unfolded)
             page.wait_for_function("() => !dx.stale")
+            page.wait_for_function(DRAWN)
             where = f"{state} {name}{' unfolded' * unfolded} {theme} {language}: "
             for measured in (OUTSIDE, TOUCHING, CONTENTS):
                 found += [where + one for one in page.evaluate(measured)]
@@ -238,7 +243,7 @@ def test_at_twice_the_size_each_view_has_most_of_the_height(
 
 
 def test_a_tool_says_what_is_left_of_its_life(page: Any, site: Site) -> None:
-    site.tell(tool=1, codes=CODES)
+    site.tell(tool=1, codes=[code.replace("10045", "1") for code in CODES])
     page.evaluate("dx.call('PUT', 'usage/tools/1', {cut_min: 10, cut_m: null, parts: null, sister: null})")
     page.evaluate("dx.tell('job', null)")  # asked for again
     page.wait_for_selector("#run-life >> text=100 %")
