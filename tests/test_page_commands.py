@@ -273,6 +273,8 @@ def awaited(url: str, log: Path, mode: str = "") -> None:
             now = httpx.get(f"{url}/api/v1/status").raise_for_status().json()
             busy = (now["sequence"] or {}).get("state") == "running"
             if not busy and mode in ("", now["mode"]):
+                # What is stopped before its first cut is not gone on with: an operator is not that quick.
+                time.sleep(1.5 if mode == "RUNNING" else 0.0)
                 return
         time.sleep(0.2)
     raise AssertionError((mode, now, log.read_text()))
