@@ -59,7 +59,7 @@ def struck(strike: Callable[[Live], None]) -> tuple[Snapshot | str, Cycles, list
 
 def test_a_tick_that_is_stopped_again_and_again_is_not_seen_by_the_drives() -> None:
     """At the feed each setpoint is as far from the one before: none is missing, or there twice."""
-    machine = shipped(late="count")
+    machine = shipped()
     with session(CUT, machine) as running:
         running.ready()
         listener = Listener(running.machine)
