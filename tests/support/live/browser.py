@@ -20,8 +20,7 @@ import pytest
 from support.live.ports import free_port
 
 ROOT = Path(__file__).resolve().parents[3]
-# The first opens a page in half of the CPU time of the others, which build windows that nobody sees.
-NAMES = ("chromium-headless-shell", "chromium", "chromium-browser", "google-chrome")
+NAMES = ("chromium", "chromium-browser", "google-chrome")
 HANGS_S = 90.0  # no test is meant to come near
 REQUIRED = os.environ.get("DIRECTRIX_BROWSER") == "required"  # where one was installed, no test is skipped
 VIEWS = ("run", "scene", "programs", "jog", "setup", "drives", "scope", "alarms", "runs")  # in their order
@@ -45,24 +44,18 @@ def needed(module: str, reason: str) -> Any:
     return importlib.import_module(module) if REQUIRED else pytest.importorskip(module, reason=reason)
 
 
-def installed() -> str | None:
-    """The path of the first browser there is; playwright looks for its own where there is none."""
-    return next((found for name in NAMES if (found := shutil.which(name))), None)
-
-
 @contextlib.contextmanager
 def browser() -> Iterator[Any]:
     """Chromium; the test is skipped where there is none, or fails where one is required."""
     sync = needed("playwright.sync_api", "needs playwright: pip install '.[test]'")
-    path = installed()
+    path = next((found for name in NAMES if (found := shutil.which(name))), None)
     with sync.sync_playwright() as playwright:
         try:
             made = playwright.chromium.launch(executable_path=path, args=list(OPTIONS))
         except sync.Error as error:
             if REQUIRED:
                 raise
-            missing = str(error).splitlines()[0]
-            pytest.skip(f"no browser: install Debian's chromium-headless-shell ({missing})")
+            pytest.skip(f"no browser: install Debian's chromium ({str(error).splitlines()[0]})")
         try:
             yield made
         finally:
