@@ -1,6 +1,6 @@
 """Tick and pump of a live machine on the virtual bus, each stopped or killed in a cut: what is on the bus.
 
-What is asserted is which frames there are, and in which order; ``tests/guest/test_pump.py`` has a kernel's.
+What is asserted is which frames there are, and in which order.
 """
 
 from __future__ import annotations
