@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from controller.ipc.handoff import StopTable
 from controller.tick.queue import Queue
+from drives.pump.braking import moved_by
 from drives.pump.plan_memory import Stop
 
 
@@ -57,10 +58,8 @@ class Brake:
 
     def step(self) -> None:
         """One period on; with the last one speed and acceleration are nothing."""
-        h, v, a, j = self._period_s, self.v, self.a, self._jerks[self._k]
-        self.s += h * (v + h * (0.5 * a + h * j / 6.0))
-        self.v = v + h * (a + 0.5 * h * j)
-        self.a = a + h * j
+        now = self.s, self.v, self.a
+        self.s, self.v, self.a = moved_by(self._jerks[self._k], self._period_s, *now)
         self._n += 1
         if self._n == self._held:
             self._n = 0

@@ -8,8 +8,9 @@ from typing import Any, Final
 
 from controller.machine.model import Joints, Machine
 from controller.tick.deviations import Deviations
+from drives.pdo import INT32_MAX
 
-INT32: Final = 1 << 31
+INT32: Final = INT32_MAX + 1
 
 
 class Encoder:

@@ -23,7 +23,7 @@ from controller.tick.joints import Encoder
 from controller.tick.lookahead import Conditions, Lookahead, Row
 from drives.pump.braking import Braking
 from drives.pump.plan_memory import Memory, Phase, PlanWriter, Stop
-from drives.pump.player import beat_every
+from drives.pump.player import beat_every, to_counts
 
 NEVER: Final = 1 << 60  # period
 DELAY: Final = 2  # periods from a tick to the period that sends what it has computed
@@ -45,8 +45,11 @@ class Published(NamedTuple):
 
 
 class Stock:
-    """Read ``period``, the newest that was played, its ``phase``, ``lateness_s`` of its SYNC, when the next
-    one is due."""
+    """The tick's end of the plans.
+
+    Read: ``period``, the newest that was played; its ``phase``; ``lateness_s`` of its SYNC; ``due_s``, when
+    the next one is due.
+    """
 
     def __init__(
         self, machine: Machine, group: Drives, ahead: Lookahead, encoder: Encoder, memory: Memory
@@ -59,10 +62,7 @@ class Stock:
         self.lateness_s = 0.0
         self.due_s = 0.0
         self.moved_s = 0.0  # by which the pump itself was late since the last look
-        self.slips = 0
         self.unsent = 0  # buses that took nothing of it, bit mask
-        self.braked = 0  # times that the stock was not enough
-        self.ridden = 0  # periods that were played without a tick of theirs
         self._group, self._encoder = group, encoder
         self._writer = PlanWriter(memory)
         self._period_s = machine.period_s
@@ -91,7 +91,7 @@ class Stock:
                 self._plan, self._braking = self._before, None
         periods = range(self.period + 1, played.period + 1)
         self.period, self.phase, self.since = played.period, played.phase, played.since
-        self.lateness_s, self.slips = played.late_ns * 1e-9, played.slips
+        self.lateness_s = played.late_ns * 1e-9
         due_s = played.due_ns * 1e-9
         self.moved_s = due_s - self.due_s - len(periods) * self._period_s if self.due_s else 0.0
         self.due_s = due_s
@@ -137,7 +137,7 @@ class Stock:
             return tuple(self._encoder.setpoints)
         i = period - plan.first
         if i < plan.nominal or plan.stop is None:
-            return _rounded(plan.rows[max(0, min(i, plan.nominal - 1))].counts)
+            return to_counts(plan.rows[max(0, min(i, plan.nominal - 1))].counts)
         if self._braking is None:
             rows = plan.rows
             self._braking = Braking(
@@ -151,7 +151,7 @@ class Stock:
         while self._braked_at < i and not self._braking.over:
             self._braking.step()
             self._braked_at += 1
-        return _rounded(self._braking.counts)
+        return to_counts(self._braking.counts)
 
     def is_nominal(self, period: int) -> bool:
         """Whether the plan has it as a row of its own, and not as a part of the stop."""
@@ -214,7 +214,3 @@ class Stock:
         ahead.renewed = False
         self._changed, self._same = not self._same, True
         self._group.show(self.memory)
-
-
-def _rounded(counts: Sequence[float]) -> Sequence[int]:
-    return tuple([round(one) for one in counts])

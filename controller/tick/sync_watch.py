@@ -17,16 +17,14 @@ from controller.state.modes import Fault, Mode
 from controller.tick.drives import Drives
 from controller.tick.mode import Modes
 from drives.cyclic.drive_fault import DriveFault
+from drives.pump.player import LATE_SHARE as LATE_SHARE
+from drives.pump.player import LONG_GAP as LONG_GAP
 
-LATE_SHARE = 0.25  # of the period: a later tick sends nothing
 NEAREST_SHARE = 0.75  # of the period: no two SYNCs are closer
 LOST_ECHOES = 3  # of the kernel's SYNC, in a row
-# SYNCs in a row that did not come: drives that hold their last setpoint have stopped meanwhile, and
-# to go on at full feed would be a step for them. Fewer are a dip that a servo smooths.
-LONG_GAP: Final = 4
-# So is a gap in which no motor can have stopped, however many SYNCs it has: an axis at speed v that may be
-# accelerated by a is given some 3 a by its motor, has lost half of v after v / 6a, and to stand is the
-# smaller step only from then on.
+# More SYNCs than ``LONG_GAP`` are a dip, too, where no motor can have stopped meanwhile: an axis at speed v
+# that may be accelerated by a is given some 3 a by its motor, has lost half of v after v / 6a, and to stand
+# is the smaller step only from then on.
 STOPS_SHARE: Final = 1.0 / 6.0
 _RUNNING: Final = Mode.RUNNING  # an enum's members are slow to look up
 BLAMED_TICKS = 3  # the silence may have begun after the buses were drained

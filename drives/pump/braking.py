@@ -14,6 +14,11 @@ from drives.pump.plan_memory import Stop
 SAME_PLACE = 1e-9  # of s: two rows that are nearer to one another are one
 
 
+def moved_by(jerk: float, t: float, s: float, v: float, a: float) -> tuple[float, float, float]:
+    """The place, speed and acceleration after a time ``t`` (s) of one jerk."""
+    return s + t * (v + t * (0.5 * a + t * jerk / 6.0)), v + t * (a + 0.5 * t * jerk), a + t * jerk
+
+
 class Braking:
     """One stop under way. Read: ``over``, at rest."""
 
@@ -23,7 +28,6 @@ class Braking:
         """``row(i)``: s and counts of the i-th of ``rows``; the stop begins at the row ``at``."""
         self._stop, self._period_s, self._row = stop, period_s, row
         self._i, self._last = at, rows - 1
-        self._begin = at
         self._k, self._used = 0, stop.used
         self._s, self._v, self._a = row(at)[0], stop.v, stop.a
         self.counts: Sequence[float] = row(at)[1:]
@@ -35,10 +39,8 @@ class Braking:
 
     def step(self) -> Sequence[float]:
         """The counts one period on."""
-        h, v, a, j = self._period_s, self._v, self._a, self._stop.jerks[self._k]
-        self._s += h * (v + h * (0.5 * a + h * j / 6.0))
-        self._v = v + h * (a + 0.5 * h * j)
-        self._a = a + h * j
+        now = self._s, self._v, self._a
+        self._s, self._v, self._a = moved_by(self._stop.jerks[self._k], self._period_s, *now)
         self._used += 1
         if self._used == self._stop.held:
             self._used = 0

@@ -10,12 +10,17 @@ from collections.abc import Sequence
 from typing import Final
 
 from drives import pdo
+from drives.pdo import INT32_MAX, INT32_MIN
 from drives.pump.braking import Braking
 from drives.pump.plan_memory import FOLLOWS, Memory, Phase, PlanReader, Played
-from drives.pump.setpoint_frame import INT32_MAX, INT32_MIN, SetpointFrame
+from drives.pump.setpoint_frame import SetpointFrame
 from drives.pump.wires import BusWire
 
-LONG_GAP: Final = 4  # periods: drives that had no SYNC for longer have stopped meanwhile
+# SYNCs in a row that did not come: drives that hold their last setpoint have stopped meanwhile, and
+# to go on at full feed would be a step for them. Fewer are a dip that a servo smooths.
+LONG_GAP: Final = 4
+LATE_SHARE: Final = 0.25  # of the period: a SYNC that is later would shift the drives' interpolation
+EARLY_SHARE: Final = 0.2  # of the period: what it sends is chosen so long before
 
 
 class _Bus:
@@ -82,12 +87,12 @@ class Player:
     def _choose(self, i: int) -> None:
         plan = self._plan
         if i < plan.nominal:
-            self.phase, self._counts = Phase.NOMINAL, _rounded(plan.row(i)[1:])
+            self.phase, self._counts = Phase.NOMINAL, to_counts(plan.row(i)[1:])
             return
         if plan.stop is not None and self._braking is None:
             self._braking = Braking(plan.stop, self._period_s, plan.row, plan.nominal - 1, plan.rows)
         if self._braking is not None and not self._braking.over:
-            self.phase, self._counts = Phase.BRAKING, _rounded(self._braking.step())
+            self.phase, self._counts = Phase.BRAKING, to_counts(self._braking.step())
             return
         self.phase = Phase.HOLDING
         self._hold()
@@ -139,5 +144,6 @@ def beat_every(period_s: float, heartbeat_s: float) -> int:
     return max(1, int(heartbeat_s / period_s + 1e-9))
 
 
-def _rounded(counts: Sequence[float]) -> Sequence[int]:
+def to_counts(counts: Sequence[float]) -> Sequence[int]:
+    """As they go out: rounded, and within 32 bits."""
     return [max(INT32_MIN, min(INT32_MAX, round(one))) for one in counts]

@@ -27,12 +27,10 @@ from zlib import crc32
 from drives import real_time
 from drives.ports.port import FrameSocket, HubSocket
 from drives.pump.plan_memory import Memory, Phase
-from drives.pump.player import Player
+from drives.pump.player import EARLY_SHARE, LATE_SHARE, Player
 from drives.pump.wires import BusWire, DriveWire, Sends
 
-LATE_SHARE: Final = 0.25  # of the period
-EARLY_SHARE: Final = 0.2  # of the period: awake so long before, to be on time, but ...
-EARLY_S: Final = (150e-6, 300e-6)  # ... within this
+EARLY_S: Final = (150e-6, 300e-6)  # within this it is awake ``EARLY_SHARE`` of the period before its time
 CLAIM_S: Final = 5.0  # in which the pump of a tick that has died comes to its end
 NAME: Final = "directrix-pump"  # as ``ps`` shows it
 CLAIMED: Final = 3  # exit code: another pump plays on one of the buses

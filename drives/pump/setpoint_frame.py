@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from drives import pdo
+from drives.pdo import INT32_MAX, INT32_MIN
 
-INT32_MIN, INT32_MAX = -(1 << 31), (1 << 31) - 1
 _pack_command_into = pdo.COMMAND.pack_into
 _pack_target_into = pdo.TARGET.pack_into
 
