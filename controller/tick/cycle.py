@@ -35,7 +35,7 @@ from controller.tick.check import Check
 from controller.tick.coupling import Recorded
 from controller.tick.drives import Drives
 from controller.tick.follow import Step
-from controller.tick.lookahead import Conditions
+from controller.tick.lookahead import STANDING, Conditions
 from controller.tick.mode import Phase
 from controller.tick.parts import Parts
 from controller.tick.status_publisher import StatusPublisher
@@ -95,7 +95,9 @@ class Cycle:
         self.sync, self.probing, self.answers = parts.sync, parts.probing, parts.answers
         self._encoder, self._check, self.stock = parts.encoder, parts.check, parts.stock
         self._replaced_s = math.inf  # plan time from which on the queue was replaced in this tick
-        self._went = False  # the clock was to run in the last tick
+        self._assumed = STANDING  # by what the last tick has published
+        self._assumed_before = STANDING  # by what the tick before it has
+        self._arrived = False  # the last step came to a mark, or ended a jog: only a tick goes on from there
         self._began = False  # the pump has had its first plan
         self._moved = -1  # the period whose setpoints were computed last
         self._recorded = -1  # the last period that has its row
@@ -188,10 +190,8 @@ class Cycle:
             self._played = 0
             stock.publish(False)
             return True
-        if stock.refused and stock.changed:
-            mover = self.jogging if self.jogging.active else self.follow
-            mover.revert()
-            self._play(stock.period - len(periods))  # what its tick has recorded was not sent
+        if stock.refused and self.modes.on_path and self._moved + DELAY < stock.stood_from:
+            self._take_back()
         braked = self.sync.braked
         play = self._play_again if self.idle and stock.memory.at_once > 1 else self._play
         for period in periods[:-1]:
@@ -212,7 +212,7 @@ class Cycle:
         if self._supervise(now_s, ticks) or void:
             self._drop()
         self._move()
-        self._look_ahead()
+        self._assumed_before, self._assumed = self._assumed, self._look_ahead()
         stock.publish(anew)
         self.group.send_events(now_s)
         self.switches = self._switches()
@@ -229,13 +229,22 @@ class Cycle:
         self.group.show(self.stock.memory)
         self.publish()
 
+    def _take_back(self) -> None:
+        """The last step was not sent, though its row says so: the pump has played on by the plan before."""
+        if self._arrived:
+            return
+        self._assumed = self._assumed_before
+        mover = self.jogging if self.jogging.active else self.follow
+        mover.revert()
+        self._play(self._moved)
+
     def _play_again(self, period: int) -> None:
         """A period that was played ahead of its time, since nothing happens (``idle``): as the one before."""
         self.tick = self._moved = period
         self._status.repeat()
 
     def _play(self, period: int) -> None:
-        """A period whose tick was not run: the path goes on as the pump was told to."""
+        """A period whose tick was not run: the path goes on by the plan that the pump had."""
         stock = self.stock
         assert stock is not None
         braked = stock.brakes_in(period + DELAY)
@@ -246,23 +255,28 @@ class Cycle:
         self._played, self._braked = 0, braked
 
     def _go_on_as_played(self, period: int) -> None:
-        """One period of the path, in which nothing else happens."""
+        """One period of the path, in which nothing else happens: by what the plan of it has assumed."""
         stock, modes, braked = self.stock, self.modes, bool(self._played & BRAKED)
+        assumed, goes = self._assumed, not braked and not self._arrived
         assert stock is not None
         self.tick = self._moved = period
         self.sync_sent = True
         self.accepted_now = self.taken = 0
         self._replaced_s = math.inf
-        if modes.on_path and self.jogging.active:
+        if not modes.on_path:
+            stock.moved_otherwise()
+        elif assumed.by_hand and self.jogging.active:
             if braked:
                 modes.end_jog()
-            self._jog()
-            self._look_ahead()
-        elif modes.on_path:
-            self._along_path(self._went and not braked)
+            self._jog(assumed.jog_speed if goes else 0.0)
             self._look_ahead()
         else:
-            stock.moved_otherwise()
+            follow = self.follow
+            follow.heed(assumed.optional_stop, assumed.single_block)
+            goes = goes and not assumed.by_hand
+            feed, rapid = float(assumed.feed), float(assumed.rapid)
+            self._along_path(goes and follow.goes(assumed.running, feed, rapid))
+            self._look_ahead()
         self.switches = self._switches()
         if period > self._recorded:
             self._recorded = period
@@ -282,19 +296,21 @@ class Cycle:
         self._began = True
         return stock.phase is _SILENT or stock.phase is _GAP
 
-    def _look_ahead(self) -> None:
-        """What the next ticks will send."""
+    def _look_ahead(self) -> Conditions:
+        """What the next ticks will send, if what is returned does not change."""
         stock, modes, follow = self.stock, self.modes, self.follow
         assert stock is not None
         if not modes.on_path:
             stock.moved_otherwise()
-            return
+            return STANDING
         if self.jogging.active:
             stock.moved_by_hand(self.jogging, bool(self._played))
-            return
+            return Conditions(jog_speed=self.jogging.speed, by_hand=True)
         going, stops = modes.running and not self._waits, modes.single_block or modes.phase is _ENDING
         feed, rapid = modes.override > 0.0, modes.rapid_override > 0.0
-        stock.moved(Conditions(going, feed, rapid, follow.optional_stop, stops), self._replaced_s)
+        found = Conditions(going and not self._arrived, feed, rapid, follow.optional_stop, stops)
+        stock.moved(found, self._replaced_s)
+        return found
 
     def repeat(self, now_s: float) -> None:
         """A tick in which nothing happens (``idle``): what the last one has said and left, again."""
@@ -543,10 +559,10 @@ class Cycle:
     def _along_path(self, go: bool) -> None:
         """One step of the path, and what comes of it."""
         modes, follow = self.modes, self.follow
-        self._went = go
         if self.stock is not None:
             follow.foresee(self.stock.foreseen)
         step = follow.step(go)
+        self._arrived = step is _STOP or step is _END or step is _SET
         follow.foresee(None)
         if follow.piece is not None and not follow.piece.sets and modes.mode in FOLLOWING:
             self.peripherals.switch(follow.piece.outputs)
@@ -570,11 +586,15 @@ class Cycle:
         stopped = peripherals.feed_stopped and self.follow.heeds_stop
         return peripherals.waiting or self.probing.holds or stopped
 
-    def _jog(self) -> None:
-        """A step by hand; it cannot fail but by an error of ours, and then no path is left."""
+    def _jog(self, played: float | None = None) -> None:
+        """A step by hand; it cannot fail but by an error of ours, and then no path is left.
+
+        ``played``: see ``Jogging.step``.
+        """
         jogging = self.jogging
-        is_open = self.modes.mode is Mode.JOG and self._opens(jogging.axes)
-        fault, axis = self._judge(jogging.step(is_open), jogging.check)
+        is_open = played is None and self.modes.mode is Mode.JOG and self._opens(jogging.axes)
+        fault, axis = self._judge(jogging.step(is_open, played), jogging.check)
+        self._arrived = not jogging.active
         if fault is not Fault.NONE:
             self.modes.fail(fault, axis)
             self.follow.revert()

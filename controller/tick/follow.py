@@ -61,6 +61,8 @@ class State(NamedTuple):
     now: int
     brake: tuple[bool, float, float, float, int, int]
     tie: Tie | None
+    piece: Piece | None
+    s: float
 
 
 class Foreseen(Protocol):
@@ -150,8 +152,9 @@ class Follow:
         return self._brake.active
 
     def set_joints(self, joints: Joints) -> None:
-        """Takes a position over (drives enabled, homed): no motion, no queue."""
+        """Takes a position over (drives enabled, homed): no motion, no queue, no step to take back."""
         self.joints = joints
+        self._undo.clear()
         self.clear()
 
     def set_clock(self, tau: float) -> None:
@@ -384,7 +387,7 @@ class Follow:
     def _go_back_to(self, state: State) -> None:
         self.joints, self.last, self.before = state.joints, state.last, state.before
         self._clock.restore(state.clock)
-        self.rate, self._now = state.rate, state.now
+        self.rate, self._now, self.piece, self.s = state.rate, state.now, state.piece, state.s
         self._brake.restore(state.brake)
         self.coupling.restore(state.tie)
 
@@ -424,7 +427,8 @@ class Follow:
 
     def _state(self) -> State:
         clock, brake, tie = self._clock.save(), self._brake.save(), self.coupling.save()
-        return State(self.joints, self.last, self.before, clock, self.rate, self._now, brake, tie)
+        here = self.joints, self.last, self.before
+        return State(*here, clock, self.rate, self._now, brake, tie, self.piece, self.s)
 
     def _take(self, joints: Joints, rate: float) -> None:
         self.before, self.last, self.joints = self.last, self.joints, joints

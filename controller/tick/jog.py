@@ -50,7 +50,8 @@ class Jogging:
         self._ramp = Ramp(1.0, 1.0, 0.0)
         self._undo: deque[Ramp] = deque(maxlen=STEPS_BACK)  # the last steps
         self.goes = False
-        self._speed = 0.0  # per tick
+        self.speed = 0.0  # per tick, that the last step was towards
+        self._speed = 0.0  # likewise, that is asked for
         self.axes = 0
         self.active = self.away = self.expired = False
         self.check = Check(machine)
@@ -137,14 +138,21 @@ class Jogging:
         """The joints are where the drives are from now on."""
         self.active = False
 
-    def step(self, is_open: bool) -> Step:
-        """The joints of the next SYNC; ``is_open``: no clamp holds an axis."""
+    def step(self, is_open: bool, played: float | None = None) -> Step:
+        """The joints of the next SYNC; ``is_open``: no clamp holds an axis.
+
+        ``played``: in a period that has passed, the speed (per tick) that was taken for granted then.
+        """
         modes, ramp, follow = self._modes, self._ramp, self._follow
         ends = modes.mode is not Mode.JOG or modes.phase is Phase.HALTING
         goes = not ends and self._next is None and is_open
+        if played is None:
+            self.speed = self._speed if goes else 0.0
+        else:
+            goes, self.speed = played > 0.0, played
         self.goes = goes
         self._undo.append(ramp.copy())
-        ramp.step(self._speed if goes else 0.0)
+        ramp.step(self.speed)
         follow.move_to(self._place(ramp.p))
         if ramp.at_rest:
             if ends:
@@ -163,9 +171,9 @@ class Jogging:
 
     def ahead(self, periods: int) -> Iterator[Joints]:
         """The next so many steps, if nothing changes, and then a stop."""
-        ramp, speed = self._ramp.copy(), self._speed if self.goes else 0.0
+        ramp = self._ramp.copy()
         for _ in range(periods):
-            ramp.step(speed)
+            ramp.step(self.speed)
             yield self._place(ramp.p)
         while not ramp.at_rest:
             ramp.step(0.0)

@@ -47,11 +47,16 @@ class Row(NamedTuple):
 class Conditions(NamedTuple):
     """What the path ahead depends on besides the queue."""
 
-    running: bool
-    feed: bool  # the override is not 0
-    rapid: bool
-    optional_stop: bool
-    single_block: bool
+    running: bool = False
+    feed: bool = False  # the override is not 0
+    rapid: bool = False
+    optional_stop: bool = False
+    single_block: bool = False
+    jog_speed: float = 0.0  # per tick; then all others are nothing
+    by_hand: bool = False
+
+
+STANDING: Final = Conditions()
 
 
 class Ghost(Follow):
@@ -148,7 +153,7 @@ class Lookahead:
         self.here = self._standing()
         self.before_stop: int | None = None  # rows of a jog before its stop begins
         self._known_stop: tuple[Row | None, Stop | None] = (None, None)  # of the row that was looked at last
-        self._stops = False  # all rows are those of a jog's stop
+        self._jog_speed = 0.0  # per tick, that the rows of a jog are towards; 0: all are those of its stop
         self.renewed = False  # rows of a jog are others than in the last plan; set back by who writes them
         self._ended = False
 
@@ -169,8 +174,8 @@ class Lookahead:
         ``replaced_s``: plan time from which on the queue was replaced in this tick; infinite: it was not.
         """
         follow, rows = self._follow, self.rows
-        same = conditions == self._conditions and bool(rows) and rows[0].joints == follow.joints
-        if same and self._ghost.knows_its_place:
+        same = conditions == self._conditions and bool(rows) and self._ghost.knows_its_place
+        if same and rows[0].joints == follow.joints and rows[0].tau == follow.tau:  # in a dwell all stand
             self.here = rows.popleft()
             last = rows[-1] if rows else self.here
             if math.isinf(replaced_s) or (replaced_s > last.tau - ROUNDING and not last.rests):
@@ -185,7 +190,8 @@ class Lookahead:
         if same and before_stop is not None:
             self.here = rows.popleft()
             self.before_stop = before_stop = before_stop - 1
-            if played or (before_stop >= self._periods if jogging.goes else self._stops):
+            same = jogging.speed == self._jog_speed  # towards two of them it can go alike for a while
+            if same and (played or not jogging.goes or before_stop >= self._periods):
                 return True
         else:
             self._conditions = None
@@ -197,8 +203,8 @@ class Lookahead:
             before = rows[-1] if rows else self.here
             counts = self._encoder.counts(joints)
             rows.append(before._replace(joints=joints, counts=counts, s=before.s + 1.0, rests=False))
-        self.renewed, self._stops = True, not jogging.goes
-        self.before_stop = len(rows) if self._stops else self._periods + EXTRA
+        self.renewed, self._jog_speed = True, jogging.speed
+        self.before_stop = self._periods + EXTRA if jogging.goes else len(rows)
         return same and jogging.goes
 
     def _begin(self, conditions: Conditions) -> None:

@@ -22,7 +22,7 @@ from controller.tick.jog import Jogging
 from controller.tick.joints import Encoder
 from controller.tick.lookahead import Conditions, Lookahead, Row
 from drives.pump.braking import Braking
-from drives.pump.plan_memory import Memory, Phase, PlanWriter, Stop
+from drives.pump.plan_memory import Memory, Phase, PlanWriter, Played, Stop
 from drives.pump.player import beat_every, to_counts
 
 NEVER: Final = 1 << 60  # period
@@ -39,6 +39,14 @@ class Published(NamedTuple):
     rows: Sequence[Row]
     stop: Stop | None
     same_until: int  # up to here the next plan is the same, if nothing changes
+    changes: int  # the first period in which it differs from the plan that it was built on
+    anew: bool
+    by_hand: bool  # the stop is among its rows, from ``same_until`` on
+
+    @property
+    def newest(self) -> int:
+        """The period that has the setpoints of the tick by which it was published."""
+        return self.first + 1
 
     def is_nominal(self, period: int) -> bool:
         return period - self.first < self.nominal
@@ -75,7 +83,7 @@ class Stock:
         self._last: Row = ahead.here  # of the tick before
         self._tail = 0  # first period whose row has not been written yet
         self._same = False  # what was ahead of the last plan still holds
-        self._refused = self._changed = False
+        self.refused = False  # the step of the tick before was not sent: its plan came too late
 
     # -- what was played
 
@@ -84,11 +92,11 @@ class Stock:
         played = self._writer.played()
         if played.period <= self.period:
             return ()
-        self._refused = False
-        if self._plan is not None and played.number != self._plan.number:
-            self._refused = self._before is not None and played.number == self._before.number
-            if self._refused:
-                self._plan, self._braking = self._before, None
+        self.refused = False
+        plan = self._plan
+        if plan is not None and self._before is not None and _is_refused(plan, played):
+            self._plan, self._braking = self._before, None
+            self.refused = plan.changes <= plan.newest
         periods = range(self.period + 1, played.period + 1)
         self.period, self.phase, self.since = played.period, played.phase, played.since
         self.lateness_s = played.late_ns * 1e-9
@@ -114,16 +122,6 @@ class Stock:
         """What the next step of the path comes to, if nothing has changed."""
         ahead = self.ahead
         return ahead.rows[0] if ahead.rows and ahead.before_stop is None else None
-
-    @property
-    def changed(self) -> bool:
-        """Whether the last plan that was made was another than what was ahead before."""
-        return self._changed
-
-    @property
-    def refused(self) -> bool:
-        """Whether the last plan came too late, so that the one before it was played on."""
-        return self._refused
 
     @property
     def stood_from(self) -> int:
@@ -159,10 +157,8 @@ class Stock:
 
     def brakes_in(self, period: int) -> bool:
         """Whether the plan sends a part of its stop then."""
-        plan, before_stop = self._plan, self.ahead.before_stop
-        if before_stop is not None:
-            return before_stop <= 0
-        return plan is not None and plan.stop is not None and not plan.is_nominal(period)
+        plan = self._plan
+        return plan is not None and (plan.by_hand or plan.stop is not None) and period >= plan.same_until
 
     # -- what is to be played
 
@@ -210,7 +206,21 @@ class Stock:
         played = DELAY + nominal
         before_stop = played if ahead.before_stop is None else DELAY + ahead.before_stop
         self._before, self._braking = old, None
-        self._plan = Published(writer.number, first, played, rows, stop, first + before_stop)
-        ahead.renewed = False
-        self._changed, self._same = not self._same, True
+        by_hand = ahead.before_stop is not None
+        until = first + before_stop
+        self._plan = Published(writer.number, first, played, rows, stop, until, changes, anew, by_hand)
+        ahead.renewed, self._same = False, True
         self._group.show(self.memory)
+
+
+def _is_refused(plan: Published, played: Played) -> bool:
+    """Whether the pump goes on by the plan before, or will: it takes none that comes too late.
+
+    One that it has not looked at yet it looks at for the next period.
+    """
+    if played.number == plan.number or plan.anew:
+        return False
+    if played.seen >= plan.number:
+        return True
+    begins = played.phase is Phase.SILENT or played.phase is Phase.GAP
+    return begins or plan.changes <= played.prepared

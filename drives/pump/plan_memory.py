@@ -40,6 +40,7 @@ _SCALARS: Final = 16  # of the record, and ...
 _MUTED: Final = 15  # ... beside it, of the tick ...
 _AT_ONCE: Final = 14  # ... likewise
 _ANEW: Final = 1 << 63  # of the number: a beginning
+_LOOKS: Final = 1000  # at a record that is being written: some 50 us
 
 
 class Phase(IntEnum):
@@ -63,10 +64,10 @@ class Stop(NamedTuple):
 
 
 class Played(NamedTuple):
-    """The pump's newest word: ``period`` has been handed over, by plan ``number``."""
+    """The pump's newest word: ``period`` has been handed over."""
 
     period: int
-    number: int
+    number: int  # of the plan that it goes by
     phase: Phase
     slips: int  # times that t0 was moved on, since the pump itself was late
     unsent: int  # bit n: the n-th bus took nothing in this period
@@ -74,6 +75,8 @@ class Played(NamedTuple):
     refused: int  # plans that came too late
     late_ns: int  # of this period
     since: int  # the first period of this phase, in a row
+    prepared: int = -1  # the newest period that has been chosen, by plan ``number``
+    seen: int = 0  # the newest plan that was looked at for it, whether it was taken or came too late
 
 
 _PLAYED = Struct(f"<{len(Played._fields)}q")
@@ -203,12 +206,17 @@ class PlanWriter:
             period += many
 
     def played(self) -> Played:
-        """What the pump has said last; the word before it where it is just being written."""
+        """What the pump has said last.
+
+        While it looks at a plan that is waited for; the word before it where that lasts.
+        """
         record = self._memory.record
-        for _ in range(3):
+        for _ in range(_LOOKS):
             count = record[0]
+            if count & 1:
+                continue
             found = _PLAYED.unpack_from(self._memory.bytes, _DOUBLE)
-            if count & 1 == 0 and record[0] == count:
+            if record[0] == count:
                 if count:
                     period, number, phase, *rest = found
                     self._last = Played(period, number, _PHASES[phase], *rest)
@@ -222,11 +230,10 @@ class PlanReader:
     def __init__(self, memory: Memory) -> None:
         self._memory = memory
         self.number = self.first = self.nominal = self.rows = self.hold = 0
-        self.changes = -1
         self.anew = False
         self.stop: Stop | None = None
         self.refused = 0
-        self._seen = 0  # newest number that was looked at
+        self.seen = 0  # newest number that was looked at
         self._rows = b""
 
     def take(self, period: int, begins: bool) -> bool:
@@ -240,18 +247,18 @@ class PlanReader:
             head = bytes(area[: _HEAD.size])
             number, first, changes, nominal, rows, hold, jerks, held, used, v, a = _HEAD.unpack(head)
             anew, number = number >= _ANEW, number & ~_ANEW
-            if number <= self._seen:
+            if number <= self.seen:
                 return False
             if not (0 < nominal <= rows <= ROWS and jerks <= MAX_JERKS):
                 continue
             copied, jerked, sealed = self._copied(area, head, first, rows, jerks)
             if not sealed:
                 continue
-            self._seen = number
+            self.seen = number
             if first > period or (begins and not anew) or (changes < period and not anew):
                 self.refused += 1
                 return False
-            self.number, self.first, self.changes, self.nominal = number, first, changes, nominal
+            self.number, self.first, self.nominal = number, first, nominal
             self.rows, self.hold, self.anew, self._rows = rows, hold, anew, copied
             self.stop = Stop(jerked, held, used, v, a) if jerks else None
             return True
@@ -277,13 +284,17 @@ class PlanReader:
         row = self._memory.row
         return row.unpack_from(self._rows, i * row.size)
 
+    def begin_report(self) -> None:
+        """Until ``report`` nobody reads: what is chosen meanwhile and what is said of it are one."""
+        self._memory.record[0] |= 1
+
     def report(self, played: Played) -> None:
         """The record; whoever reads sees it whole."""
         record = self._memory.record
-        count = record[0]
-        record[0] = count + 1
+        count = record[0] | 1
+        record[0] = count
         _PLAYED.pack_into(self._memory.bytes, _DOUBLE, *played)
-        record[0] = count + 2
+        record[0] = count + 1
 
 
 def _number(area: memoryview) -> int:

@@ -12,7 +12,7 @@ from typing import Final
 from drives import pdo
 from drives.pdo import INT32_MAX, INT32_MIN
 from drives.pump.braking import Braking
-from drives.pump.plan_memory import FOLLOWS, Memory, Phase, PlanReader, Played
+from drives.pump.plan_memory import FOLLOWS, NOTHING_PLAYED, Memory, Phase, PlanReader, Played
 from drives.pump.setpoint_frame import SetpointFrame
 from drives.pump.wires import BusWire
 
@@ -54,6 +54,7 @@ class Player:
         self._before: Sequence[int] = ()
         self.phase = Phase.SILENT
         self._since, self._phase_before = -1, Phase.SILENT
+        self._played = NOTHING_PLAYED
         self.period = -1
         self.slips = 0
         self._finishing = False
@@ -73,11 +74,13 @@ class Player:
         """What the next period sends, from the newest plan: before its time."""
         self.period += 1
         plan = self._plan
+        plan.begin_report()
         begins = self.phase in (Phase.SILENT, Phase.GAP)
         if not self._finishing and plan.take(self.period, begins):
             self._braking, self._held = None, 0
             if begins:
                 self.phase = Phase.NOMINAL
+        plan.report(self._chosen(self._played))
         self._before = self._counts
         if self.phase is Phase.GAP:
             self._hold()
@@ -121,7 +124,12 @@ class Player:
         plan = self._plan
         self.unsent = unsent
         played = self.period, plan.number, self.phase, self.slips, unsent, due_ns, plan.refused, late_ns
-        plan.report(Played(*played, self._since))
+        self._played = self._chosen(Played(*played, self._since))
+        plan.report(self._played)
+
+    def _chosen(self, played: Played) -> Played:
+        plan = self._plan
+        return played._replace(number=plan.number, refused=plan.refused, prepared=self.period, seen=plan.seen)
 
     def _send_setpoints(self, bus: _Bus) -> bool:
         memory, counts, before, good = self._memory, self._counts, self._before, True

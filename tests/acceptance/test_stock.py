@@ -9,6 +9,7 @@ import random
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
+from itertools import count
 
 import numpy as np
 import pytest
@@ -25,6 +26,25 @@ from drives.pump.stepped import SteppedPump
 STOCK_S = 0.016
 ROUNDED = 1.002  # of an acceleration: counts, and what the limits are held by in a healthy run
 Lateness = Callable[[int], float]
+WITH_MARKS = """G21 G90 G54 G61 G94
+T2 M6
+S12000 M3
+G0 X0 Y0 Z50
+G1 X5 F6000
+M8
+G1 X10
+M0
+G1 Y5
+G4 P0.05
+G1 X0
+M9
+G1 X3
+M5
+G1 X7
+M0
+G1 Y0
+M30
+"""
 
 
 class Listening(SteppedMachine):
@@ -32,7 +52,27 @@ class Listening(SteppedMachine):
 
     def __init__(self, *given: object, **how: object) -> None:
         self.played: dict[int, tuple[Phase, tuple[int, ...]]] = {}
+        self.refused = 0  # steps that were not sent, since their plan came too late
         super().__init__(*given, **how)  # type: ignore[arg-type]
+
+    def be_slow(self, slow: Lateness) -> None:
+        """The n-th tick from here on takes ``slow(n)`` seconds from its look at the pump to its plan."""
+        stock, clock, ticks = self.cycle.stock, self.clock, count()
+        assert stock is not None
+        look, publish = stock.look, stock.publish
+
+        def looked() -> Sequence[int]:
+            found = look()
+            self.refused += stock.refused
+            return found
+
+        def published(anew: bool) -> None:
+            clock._now_s += slow(next(ticks))
+            for step in clock.steppers:
+                step(clock._now_s)
+            publish(anew)
+
+        stock.look, stock.publish = looked, published  # type: ignore[method-assign]
 
     def _pump(self, plans: object) -> SteppedPump:
         made = super()._pump(plans)  # type: ignore[arg-type]
@@ -80,9 +120,9 @@ def ran(
     text: str,
     lateness: Lateness | None = None,
     events: Sequence[Event] = (),
-    stock_s: float = STOCK_S,
+    slow: Lateness | None = None,
 ) -> Ran:
-    """``lateness`` counts the ticks of the run, from 0."""
+    """``lateness`` counts the ticks of the run, from 0; ``slow``: see ``Listening.be_slow``."""
     begin: list[int] = []
     stepped = Listening(
         shipped(name, stock_s=STOCK_S),
@@ -90,6 +130,8 @@ def ran(
     )
     stepped.come_up()
     begin.append(stepped.clock.waits)
+    if slow is not None:
+        stepped.be_slow(slow)
     done = cut(text, stepped=stepped, events=events)
     return Ran(done, int(done.run.rows[0, COLUMN["tick"]]) + DELAY)
 
@@ -113,6 +155,16 @@ def trains(seed: int, longest_s: float, share: float) -> Lateness:
         return rng.uniform(0.0, longest_s)
 
     return late
+
+
+def holds_and_overrides(seed: int) -> list[Event]:
+    """At random ticks, and all of it over in the end."""
+    rng = random.Random(seed)
+    ticks = sorted(rng.sample(range(20, 1200), 8))
+    words = (Event(t, Request.HOLD if i % 2 == 0 else Request.RESUME) for i, t in enumerate(ticks))
+    turns = (Event(t, Request.OVERRIDE, rng.choice((0.0, 0.4, 1.5))) for t in rng.sample(range(20, 1200), 3))
+    back = Event(1300, Request.OVERRIDE, 1.0)
+    return sorted([*words, *turns, back], key=lambda event: event.tick)
 
 
 def assert_within_limits(ran: Ran) -> None:
@@ -160,13 +212,8 @@ def test_ticks_late_within_the_stock_are_not_felt(name: str, feed: str) -> None:
 @pytest.mark.parametrize("seed", range(6))
 def test_holds_and_overrides_with_late_ticks_keep_the_path_and_the_limits(seed: int) -> None:
     """When they act depends on when the tick comes; how does not."""
-    rng = random.Random(seed)
-    ticks = sorted(rng.sample(range(20, 1200), 8))
-    words = (Event(t, Request.HOLD if i % 2 == 0 else Request.RESUME) for i, t in enumerate(ticks))
-    turns = (Event(t, Request.OVERRIDE, rng.choice((0.0, 0.4, 1.5))) for t in rng.sample(range(20, 1200), 3))
-    back = Event(1300, Request.OVERRIDE, 1.0)
-    events = sorted([*words, *turns, back], key=lambda event: event.tick)
-    late = ran("trunnion", program("example2_ready", "6000."), trains(seed, STOCK_S - 2.1e-3, 0.05), events)
+    lateness = trains(seed, STOCK_S - 2.1e-3, 0.05)
+    late = ran("trunnion", program("example2_ready", "6000."), lateness, holds_and_overrides(seed))
     assert late.cut.run.result == "completed", late.cut.run.fault_text
     assert_within_limits(late)
     assert off_the_path(late.cut)[0] < 1e-6
@@ -201,7 +248,75 @@ def test_a_stock_that_is_used_up_is_a_fault_and_nothing_begins_by_itself() -> No
     assert largest(before * units, late.cut.machine)[1] <= 1.01
 
 
+# ---- slow between the look at the pump and the plan: the plan comes too late, or just in time
+
+
+@pytest.mark.parametrize("words", [False, True])
+@pytest.mark.parametrize("seed", range(6))
+def test_a_plan_that_comes_too_late_is_as_if_its_tick_had_not_been(seed: int, words: bool) -> None:
+    events = holds_and_overrides(seed) if words else ()
+    lateness, slow = trains(seed, 0.02, 0.03), trains(seed + 100, 0.02, 0.03)
+    late = ran("trunnion", program("example2_ready", "12000."), lateness, events, slow)
+    assert late.cut.run.result == "completed", late.cut.run.fault_text
+    assert_within_limits(late)
+    assert off_the_path(late.cut)[0] < 1e-6
+    stepped = late.cut.stepped
+    assert isinstance(stepped, Listening) and stepped.refused > 10
+    assert (late.setpoints[-1] == in_time("trunnion", "12000.").setpoints[-1]).all()
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_what_only_a_tick_decides_waits_for_it(seed: int) -> None:
+    """At M0, at M8 and in a dwell the axes rest, whatever of it falls between two ticks."""
+    lateness, slow = trains(seed, 0.014, 0.15), trains(seed + 100, 0.014, 0.1 * (seed % 2))
+    late = ran("trunnion", WITH_MARKS, lateness, (), slow)
+    assert late.cut.run.result == "completed", late.cut.run.fault_text
+    assert_within_limits(late)
+    mode, played = late.rows[:, COLUMN["mode"]], late.played()
+    held = np.flatnonzero(mode[: len(played)] == Mode.HOLD)
+    stops = np.split(held, np.flatnonzero(np.diff(held) > 1) + 1)
+    assert len(stops) == 2 and all((played[one] == played[one[0]]).all() for one in stops)
+
+
 # ---- by hand
+
+
+def changing_its_mind(seed: int, lateness: Lateness, slow: Lateness) -> Listening:
+    """Jogs in other directions and at other speeds, let go now and then, and at the end."""
+    rng, begin = random.Random(seed), list[int]()
+    stepped = Listening(
+        shipped("trunnion", stock_s=STOCK_S), lateness=lambda n: lateness(n - begin[0]) if begin else 0.0
+    )
+    stepped.come_up()
+    begin.append(stepped.clock.waits)
+    stepped.be_slow(slow)
+    stepped.played.clear()
+    first, direction, speed = stepped.cycle.tick, (1.0, 0.0, 0.0, 0.0, 0.0), 30.0
+    while stepped.cycle.tick < first + 1500:
+        if rng.random() < 0.02:
+            speed = rng.choice((10.0, 30.0, 80.0))
+        if rng.random() < 0.01:
+            x, y = rng.choice(((1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.7, -0.7)))
+            direction = x, y, 0.0, 0.0, 0.0
+        if rng.random() < 0.01 or 0 <= stepped.cycle.tick - first - 1200 < 20:
+            stepped.request(Request.JOG_STOP)
+        elif stepped.cycle.tick < first + 1200:
+            stepped.send(Event(0, Request.JOG, jog=Jog(direction, speed)))
+        stepped.tick()
+    return stepped
+
+
+@pytest.mark.parametrize("seed", range(16))
+def test_jogs_that_change_with_late_and_slow_ticks_keep_the_limits(seed: int) -> None:
+    stepped = changing_its_mind(seed, trains(seed, 0.02, 0.05), trains(seed + 99, 0.02, 0.05))
+    machine, T = stepped.machine, stepped.machine.period_s
+    assert stepped.cycle.modes.fault is Fault.NONE and stepped.refused
+    units = np.array([1.0 / axis.counts_per_unit for axis in machine.axes])
+    played = np.array([stepped.played[period][1] for period in sorted(stepped.played)]) * units
+    most = np.array([axis.limits.acceleration * T**2 for axis in machine.axes])
+    assert (np.abs(np.diff(played, 2, axis=0)) <= ROUNDED * most + 4.0 * np.abs(units)).all()
+    assert np.ptp(played[:, 0]) > 1.0
+    assert stepped.cycle.modes.mode is Mode.READY and stepped.cycle.follow.at_rest
 
 
 def jogged(lateness: Lateness | None) -> Listening:
