@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller.geometry.arrays import columns, distinct
+from controller.geometry.passing_place import passing
 from controller.geometry.placement import Placed
 from controller.geometry.vectors import Frame, Pose, Vector, angle_between, scale, subtract
 from controller.ipc.handoff import COLUMN, of_axes, rows_of
@@ -297,7 +298,7 @@ def path_errors(trace: Trace, machine: Machine, kinematics: Kinematics, length_m
     )
     n = len(trace.time_s)
     tips, axes, tip = _stack(commanded.tip, n), _stack(commanded.axis, n), _stack(actual.tip, n)
-    place = _nearest_place(tips, tip, int(np.ceil(LOOK_BACK_S / trace.period_s)))
+    place = passing(tips, tip, int(np.ceil(LOOK_BACK_S / trace.period_s)), LOOK_AHEAD_TICKS).place
     index = np.minimum(place.astype(np.int64), max(n - 2, 0))
     after = np.minimum(index + 1, n - 1)
     share = (place - index)[:, None]
@@ -305,31 +306,6 @@ def path_errors(trace: Trace, machine: Machine, kinematics: Kinematics, length_m
     nearest_axis = axes[index] + share * (axes[after] - axes[index])
     angle = angle_between(tuple(nearest_axis.T), actual.axis, np)
     return PathErrors(np.linalg.norm(tip - nearest_tip, axis=1), np.degrees(angle))
-
-
-def _nearest_place(path: Array, points: Array, look_back: int) -> Array:
-    """Row number with its fraction at which ``path`` passes nearest each of ``points``, near its own row."""
-    n = len(path)
-    rows, best = np.arange(n), np.full(n, np.inf)
-    place = np.zeros(n)
-    chords = path[np.minimum(rows + 1, n - 1)] - path
-    squares = np.einsum("ij,ij->i", chords, chords)
-    # Beyond its ends the path is continued by its ends: every lag is a slice of the same arrays.
-    padded = [
-        np.concatenate([x[:1].repeat(look_back, 0), x, x[-1:].repeat(LOOK_AHEAD_TICKS, 0)])
-        for x in (rows, path, chords, squares)
-    ]
-    for lag in range(-LOOK_AHEAD_TICKS, look_back + 1):
-        start, a, chord, square = (x[look_back - lag : look_back - lag + n] for x in padded)
-        gap = points - a
-        along = np.einsum("ij,ij->i", chord, gap)
-        share = np.clip(np.divide(along, square, out=np.zeros(n), where=square > 0.0), 0.0, 1.0)
-        off = gap - share[:, None] * chord
-        distance = np.einsum("ij,ij->i", off, off)
-        nearer = distance < best
-        best = np.where(nearer, distance, best)
-        place = np.where(nearer, start + share, place)
-    return place
 
 
 @dataclass(frozen=True, slots=True)
