@@ -63,6 +63,7 @@ def _parts(told: Facts, word: Mapping[str, str], language: str) -> Iterator[str]
     errors = run.facts.get("following_error") or {}
     yield f"<h2>{word['following_error']} ({word['unit']})</h2>"
     yield _table([(axis, _figure(value)) for axis, value in errors.items()]) or f"<p>{word['none']}</p>"
+    yield from _contour(run.facts.get("contour_error") or {}, word)
     if told.check:
         yield from _check(told.check, word, language)
     yield f"<h2>{word['alarms']}</h2>"
@@ -73,6 +74,22 @@ def _parts(told: Facts, word: Mapping[str, str], language: str) -> Iterator[str]
     yield _table(alarms) or f"<p>{word['none']}</p>"
     yield f"<h2>{word['files']}</h2>"
     yield "".join(f"<p>{escape(file)}</p>" for file in told.files) or f"<p>{word['none']}</p>"
+
+
+def _contour(error: Mapping[str, Any], word: Mapping[str, str]) -> Iterator[str]:
+    """How far the drives have led the tool off its path: the largest, and what was beyond its tolerance."""
+    if not (largest := error.get("largest")):
+        return
+    rows = [_off(word["contour.largest"], largest)]
+    rows += [_off(word["contour.beyond"], one) for one in error["excesses"]]
+    heads = (word["contour.what"], word["contour.line"], word["joint"], "mm", word["contour.tolerance"])
+    yield f"<h2>{word['contour']}</h2>{_table(rows, heads)}"
+
+
+def _off(what: str, error: Mapping[str, Any]) -> tuple[str, ...]:
+    tolerance = error["tolerance_mm"]
+    allowed = "–" if tolerance is None else _figure(tolerance)
+    return what, str(error["line"]), str(error["axis"]), f"{error['largest_mm']:.4f}", allowed
 
 
 def _check(check: Mapping[str, Any], word: Mapping[str, str], language: str) -> Iterator[str]:

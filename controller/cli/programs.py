@@ -320,6 +320,7 @@ def simulate(
     memory.keep_freed()
     memory.collect_rarely()
     from controller.cli import fault_runs, recorded_runs
+    from controller.runtime.contour_error import Demands
     from controller.runtime.stepped import SteppedMachine
 
     with _refusals(as_json):
@@ -337,15 +338,20 @@ def simulate(
         bench = SteppedMachine(task.machine, recordings=recording.folder(), bench=touched)
         under = fault_runs.FaultRun(bench, script, faults_from)
         memory.collect_rarely()  # machine and path stay to the end
+        demands = Demands(task.read(), bench.planner.stretches, task.machine)
+        watch = bench.watch_contour(demands, acts=record is None)  # what a record has of it comes again
         joints = _up(bench, under, record)
         walk = walk if record is not None else checked.walk_from(task, walk, joints, unchecked)
         run, took_s = _run(bench, under, walk, task, requests, record, kept, as_json)
         figures = {
             **_figures(task, "refused" if bench.planner.error else run.result, run.fault, unchecked),
             **_run_figures(run, outputs.write(run, bench, task), task, bench.planner.stretches, took_s),
+            "contour_error": watch.to_dict(),
             **_notes(walk.notes, task.machine),
             **under.facts(),
         }
+        for excess in () if as_json else watch.excesses:
+            tell.print(messages.text(excess.sentence(task.machine), spoken.get()), markup=False)
         if script is not None and not as_json:
             fault_runs.show(figures["faults"])
         _end_run(run, bench.planner.error, record, under, figures, as_json)

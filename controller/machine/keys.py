@@ -109,6 +109,7 @@ MEANINGS: Mapping[str, Mapping[str, str]] = {
         "rapid_share": "of the axes' limits that rapids use",
         "gouge": "what overcut, and a form tolerance that is exceeded, do to a program",
         "tolerance_mm": "of the form of surfaces, ends included; left out: none is held",
+        "contour_error": "what is done where drives lead the tool off its path by more than `tolerance_mm`",
         "max_overcut_mm": "what is deeper is a gouge wherever it comes from",
         "placement": "of the cutter on surfaces",
         "tool_lines": "how the tool's axis goes between rotary words under G43.4",

@@ -74,6 +74,7 @@ PLACEMENTS = ("single", "double", "optimal", "auto")  # of the cutter on surface
 PERIODS_S = (0.0005, 0.01)
 STOCK_MS, MAX_STOCK_MS = 16.0, 500.0
 LATE = ("stop", "count")  # what too many late ticks do
+CONTOUR_ERROR = ("warn", "slow", "hold")  # what the tool off its path by more than its tolerance does
 BIT_RATES = (10_000, 20_000, 50_000, 125_000, 250_000, 500_000, 800_000, 1_000_000)  # CiA 301, table 1
 PARALLEL = 1e-6
 
@@ -143,6 +144,7 @@ def read_table(top: Table, text: str, folder: Path | None = None) -> Machine:
         max_bus_share=general.number("max_bus_share", 0.01, 1.0, default=0.8),
         stock_s=general.number("stock_ms", 0.0, MAX_STOCK_MS, default=STOCK_MS) / 1000.0,
         late=general.text("late", LATE, "stop"),
+        contour_error=general.text("contour_error", CONTOUR_ERROR, CONTOUR_ERROR[0]),
         skip_limit_per_s=general.number("skip_limit_per_s", 0.0, default=25.0),
         axes=axes,
         buses=buses,

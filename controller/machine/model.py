@@ -536,6 +536,7 @@ class Machine:
     longest_program_h: float = LONGEST_PROGRAM_H  # a program that takes longer is refused
     stock_s: float = 0.016  # for which the pump can go on without a tick
     late: str = "stop"  # what more late ticks than ``skip_limit_per_s`` do; "count": they are told only
+    contour_error: str = "warn"  # what the tool off its path by more than its tolerance does
     # Surfaces that meet within both run through, blended, and leave themselves by the first at most.
     joint_tolerance_mm: float = JOINT_TOLERANCE_MM
     joint_tolerance_deg: float = JOINT_TOLERANCE_DEG

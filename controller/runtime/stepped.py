@@ -37,6 +37,8 @@ from controller.plan.planner import Planner
 from controller.plan.stretch import straight
 from controller.program.program import Place
 from controller.runtime import cyclic, simulation
+from controller.runtime.contour_error import DemandOf
+from controller.runtime.contour_watch import ContourWatch, reaction
 from controller.runtime.events import Event
 from controller.runtime.recording import Keeper
 from controller.runtime.simulation import LostSync, MotorParameters
@@ -174,6 +176,8 @@ class SteppedMachine:
         self.planner = Planner(machine, self.kinematics, self.outbox.send, remember=True)
         self._keeper = None if recordings is None else self._keeping(recordings)
         self._observer: Observer | None = None
+        self.contour: ContourWatch | None = None  # of the run under way
+        self._held = self._reacts = False  # it was held for its contour error, or would be
         self._rows: list[Rows] = []
         self._turns = 0  # of the planner
         self._idle = 0  # ticks in which nothing moved, and nothing was there that would
@@ -239,6 +243,12 @@ class SteppedMachine:
         """Somebody who looks at the motors with every tick from now on; a run waits until they stand."""
         self._observer = simulation.observer(self.machine, self.cycle, self.rig)
         return self._observer
+
+    def watch_contour(self, demand_of: DemandOf, acts: bool = True) -> ContourWatch:
+        """Looks at the contour error of the next run, and ``acts`` as the machine file says."""
+        self.contour, self._held = ContourWatch(self.machine, demand_of), False
+        self._reacts = acts
+        return self.contour
 
     def _kept(self) -> bool:
         """Whether nothing is left to be recorded of a fault."""
@@ -353,13 +363,29 @@ class SteppedMachine:
 
     def keep_rows(self, n: int, progress: Callable[[float], None]) -> None:
         """After the n-th tick; ``progress`` gets the seconds of motion."""
-        if n % DRAIN_EVERY == 0:
-            self._rows.append(self.recorder.drain())
+        if n % self._drain_every == 0:
+            self._drain()
             progress(n * self.machine.period_s)
+
+    @property
+    def _drain_every(self) -> int:
+        """Ticks."""
+        return DRAIN_EVERY if self.contour is None else self.contour.portion
+
+    def _drain(self) -> None:
+        rows = self.recorder.drain()
+        self._rows.append(rows)
+        for excess in self.contour.take(rows) if self.contour is not None else ():
+            asked = reaction(self.machine, self.cycle.modes.override)
+            if asked is not None and self._reacts and not excess.over:
+                self._held |= asked[0] is Request.HOLD
+                self.request(*asked)
 
     def kept_rows(self) -> Rows:
         """All since ``begin_rows``."""
-        self._rows.append(self.recorder.drain())
+        self._drain()
+        if self.contour is not None:
+            self.contour.see_all()
         return np.concatenate(self._rows)
 
     def see_started(self, number: int) -> None:
@@ -429,7 +455,7 @@ class SteppedMachine:
 
     def _was_asked(self, events: Sequence[Event], n: int) -> bool:
         """Whether this standstill is an operator's hold, and not a program stop."""
-        if self.cycle.modes.fault is not Fault.NONE:
+        if self.cycle.modes.fault is not Fault.NONE or self._held:
             return True  # a door, for example: nobody resumes that by himself
         asked = [e.request for e in events if e.tick <= n and e.request in (Request.HOLD, Request.RESUME)]
         return bool(asked) and asked[-1] is Request.HOLD

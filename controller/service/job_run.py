@@ -18,6 +18,7 @@ from controller.program import modal
 from controller.program.modal import State
 from controller.runtime.plan_messages import News, Program
 from controller.runtime.starts import Start
+from controller.service.contour_guard import ContourGuard
 from controller.service.job_status import ended_early
 from controller.service.jobs import Job, bars_the_next, journalled, whole_from
 from controller.service.journal import Entry
@@ -41,6 +42,7 @@ class JobRun:
         self.ended_early: Said | None = None  # of the last run, until somebody has seen it or another begins
         self.last: LastRun | None = None  # that under way, or the last; of this service
         self.modal = ModalState(service.set_up.machine)
+        self._contour = ContourGuard(service.alarms, service.engine)
         self.lock = threading.RLock()  # the door's thread never takes it
 
     # -- what is
@@ -96,6 +98,7 @@ class JobRun:
             machine = service.set_up.machine
             job.arm(now.tick if now is not None else -1, machine.tools, self.modal.left)
             self.job, self.ended_early = job, None
+            self._contour.begin(machine)
             if service.changer is not None:
                 service.changer.arm()
             self.last = LastRun(self.recorder.begin(job, machine, engine, now), job.program.name)
@@ -148,7 +151,7 @@ class JobRun:
             if self.last is not None:
                 line = job.last.line if job.last is not None else None
                 self.last = self.last._replace(result=result, line=line, said=early)
-            self.recorder.end(result, job.duration_s, why or early)
+            self.recorder.end(result, job.duration_s, why or early, self._contour.end())
             service.usage.ended(result == "completed" and not job.is_mdi)
             service.troubles.run_over()
             # Last of all: who hears that it has ended may do at once what a run forbids.
@@ -164,6 +167,7 @@ class JobRun:
             job = self.job or self.loaded
             if job is not None:
                 job.hear(news)
+                self._contour.hear(news.ways, service.set_up.machine)
             if service.changer is not None:
                 service.changer.hear(news.marks)
             if news.touches:
@@ -188,6 +192,7 @@ class JobRun:
             usage.take(rows, set_up.tool, now.spindle_actual_rev_min != 0.0, fed)
             for key, values in usage.due():
                 self._service.alarms.add(key.upper(), said(key, **values))
+            self._contour.take(rows, set_up.machine, now)
             self.recorder.take(rows, engine, engine.snapshot())
 
     def lose_plan(self) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from pathlib import Path
 from typing import Any
@@ -78,10 +78,10 @@ class RunRecorder:
         record, self.record = self.record, None
         return record
 
-    def end(self, result: str, planned_s: float | None, why: Said | None) -> None:
-        """The run is over."""
+    def end(self, result: str, planned_s: float | None, why: Said | None, more: Mapping[str, Any]) -> None:
+        """The run is over; ``more``: facts that others have."""
         if (record := self.release()) is not None:
-            self._writer.submit(record.end, result, planned_s=planned_s, **messages.facts(why))
+            self._writer.submit(record.end, result, planned_s=planned_s, **more, **messages.facts(why))
 
     def close(self) -> None:
         """All is over: nothing goes to the disk beside the run any more."""

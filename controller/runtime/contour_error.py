@@ -1,0 +1,236 @@
+"""How far the real tool is off the path it was to cut, row by row, from what the drives report.
+
+Being late is no contour error: the tip, and the top of the flute, are compared with the nearest place of
+the way that each of them was told within ``LOOK_BACK_S`` before.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import math
+from bisect import bisect_right
+from collections.abc import Callable, Iterator, Mapping
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from controller.geometry.arrays import Array, columns, distinct
+from controller.geometry.passing_place import passing
+from controller.ipc.handoff import COLUMN, of_axes
+from controller.machine.kinematics import Kinematics, kinematics_of
+from controller.machine.model import Machine
+from controller.plan.stretch import Stretch
+from controller.plan.surfaces.cuts import tolerance_mm
+from controller.program.program import Block, Modal, ProgramError
+from controller.state.live_state import OFF_PATH
+from controller.values import dataclass
+
+Flags = NDArray[np.bool_]
+Whole = NDArray[np.int64]
+
+LOOK_BACK_S = 0.100  # a servo of 40 Hz with two ticks of transport is some 15 ms behind its command
+MAX_REPEATS = 2  # rows in which the position of a drive that moves was not heard: they show no error
+ON_PATH_SHARE = 0.25  # of the tolerance: within it the tool is where it should be, but late
+MOVES_COUNTS = 4.0  # in a tick: of what stands, or creeps, nobody sees how late it is
+LAG_ROWS = 2000  # over which it is averaged how late: one drive that is later is not taken for all
+
+
+class Demand(NamedTuple):
+    """What is asked of a motion at feed."""
+
+    length_mm: float  # of its tool, from the gauge line to the tip
+    flute_mm: float
+    tolerance_mm: float  # infinite: none is held
+
+
+DemandOf = Callable[[int], Demand | None]  # of a motion by its id; None: it is none at feed
+
+
+def demand(modal: Modal, machine: Machine) -> Demand:
+    """Of a motion at feed in that state of the program; without a tool the spindle's nose is looked at."""
+    tool = modal.tool_in(machine)
+    if tool is None:
+        return Demand(0.0, 0.0, machine.tolerance_mm or math.inf)
+    return Demand(tool.length_mm, tool.flute_mm, tolerance_mm(modal, tool, machine) or math.inf)
+
+
+class Demands:
+    """Of the motions of a planned path, by its program, which is read beside it as far as it is needed."""
+
+    def __init__(self, blocks: Iterator[Block], stretches: Mapping[int, Stretch], machine: Machine) -> None:
+        """``stretches``: by motion id, which may come later."""
+        self._blocks, self._stretches, self._machine = blocks, stretches, machine
+        self._orders: list[int] = []
+        self._demands: list[Demand] = []
+        self._read_to = -1  # ``Place.order``
+
+    def __call__(self, motion_id: int) -> Demand | None:
+        stretch = self._stretches.get(motion_id)
+        if stretch is None or stretch.feed_mm_s is None:
+            return None
+        self._read(stretch.place.order)
+        found = bisect_right(self._orders, stretch.place.order)
+        return self._demands[max(0, found - 1)] if self._demands else None
+
+    def _read(self, order: int) -> None:
+        with contextlib.suppress(ProgramError):  # the run itself comes to what is refused, or does not
+            while self._read_to < order and (block := next(self._blocks, None)) is not None:
+                self._read_to = block.place.order
+                found = demand(block.modal, self._machine)
+                if not self._demands or found != self._demands[-1]:
+                    self._orders.append(self._read_to)
+                    self._demands.append(found)
+
+
+class Columns(NamedTuple):
+    """Of rows of the recorder what is needed of them."""
+
+    ticks: Array  # (N,)
+    motion_ids: Whole  # (N,)
+    lines: Whole  # (N,)
+    s: Array  # (N,)
+    commands: Array  # (N, axes) mm and rad
+    actual: Array  # (N, axes)
+    followed: Flags  # (N,) the drives are to follow the commands; else the commands follow them
+
+    def then(self, more: Columns) -> Columns:
+        return Columns._make(map(np.concatenate, zip(self, more, strict=True)))
+
+    def last(self, rows: int) -> Columns:
+        return Columns._make(column[-rows:] for column in self)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Measured:
+    """The M newest rows, all with one tool; line, motion and s are those where the path is nearest to it."""
+
+    ticks: Array  # (M,)
+    lines: Whole  # (M,) at that place
+    motion_ids: Whole  # (M,)
+    s: Array  # (M,)
+    mm: Array  # (M,) contour error
+    tolerance_mm: Array  # (M,) infinite where none is held
+    cutting: Flags  # (M,) a motion at feed
+    heard: Flags  # (M,) the positions of all axes are new
+    off: Array  # (M, axes) mm and rad, from where the command was when the drives should have followed it
+    at: Array  # (M, axes) mm and rad, that command
+    tool_mm: tuple[float, float]  # length and flute
+
+
+class ContourErrors:
+    """Looks at every row once, in whatever portions they come."""
+
+    def __init__(self, machine: Machine, demand_of: DemandOf) -> None:
+        self.kinematics = kinematics_of(machine)
+        self._demand_of = demand_of
+        self._look_back = math.ceil(LOOK_BACK_S / machine.period_s)
+        self._count = np.array([1.0 / abs(axis.counts_per_unit) for axis in machine.axes])
+        axes = len(machine.axes)
+        self._command, self._actual = of_axes("joint_command", axes), of_axes("actual", axes)
+        self._before: Columns | None = None
+        self._tool_mm = (0.0, 0.0)
+        self._demands: dict[int, Demand | None] = {}  # of the motions in the rows before, by id
+        self._lag = 0.0  # rows from a command to the drives, the mean ...
+        self._lags = 0  # ... of so many
+        self._repeats = 0  # rows in a row in which an axis that moves was not heard
+
+    def measure(self, rows: Array) -> Iterator[Measured]:
+        """The next rows of the recorder, (N, len(ROW)); portions in which nothing is cut are left out."""
+        motion_ids = rows[:, COLUMN["motion_id"]].astype(np.int64)
+        known, self._demands = self._demands, {}
+        for one in map(int, distinct(motion_ids)):
+            self._demands[one] = self._demand_of(one)
+        self._demands = known | self._demands
+        for first, end in self._with_one_tool(motion_ids):
+            found = self._measured(self._columns(rows[first:end], motion_ids[first:end]))
+            if found is not None:
+                yield found
+        left = {int(one) for one in distinct(self._before.motion_ids)} if self._before is not None else set()
+        self._demands = {one: found for one, found in self._demands.items() if one in left}
+
+    def _with_one_tool(self, motion_ids: Whole) -> Iterator[tuple[int, int]]:
+        """From row to row; a motion that is not at feed goes with the tool of the one before."""
+        first = 0
+        changes = np.flatnonzero(np.diff(motion_ids, prepend=motion_ids[:1] - 1))
+        for row in map(int, changes):
+            found = self._demands[int(motion_ids[row])]
+            if found is None or found[:2] == self._tool_mm:
+                continue
+            if row > first:
+                yield first, row
+            first, self._tool_mm, self._before = row, found[:2], None
+        if len(motion_ids) > first:
+            yield first, len(motion_ids)
+
+    def _columns(self, rows: Array, motion_ids: Whole) -> Columns:
+        ticks, lines, s, switches = (rows[:, COLUMN[name]] for name in ("tick", "line", "s", "switches"))
+        commands, actual = rows[:, self._command], rows[:, self._actual]
+        followed = switches.astype(np.int64) & OFF_PATH == 0
+        return Columns(ticks, motion_ids, lines.astype(np.int64), s, commands, actual, followed)
+
+    def _measured(self, new: Columns) -> Measured | None:
+        count = len(new.ticks)
+        all_of = new if self._before is None else self._before.then(new)
+        self._before = all_of.last(self._look_back + 1)
+        fed = [one for one, found in self._demands.items() if found is not None]
+        if not np.isin(all_of.motion_ids, fed).any():
+            return None
+        mm, place = self._errors(all_of, count)
+        nearest = place.astype(np.int64)
+        motion_ids = all_of.motion_ids[nearest]
+        cutting = np.isin(motion_ids, fed) & new.followed
+        heard, tolerance = self._heard(all_of, nearest), self._tolerances(motion_ids)
+        lag = np.arange(len(all_of.ticks) - count, len(all_of.ticks)) - place
+        step = np.abs(all_of.commands[nearest] - all_of.commands[np.maximum(nearest - 1, 0)])
+        moves = (step > MOVES_COUNTS * self._count).any(axis=1)
+        on_path = cutting & heard & moves & (mm <= ON_PATH_SHARE * tolerance)
+        at = self._commanded(all_of.commands, lag, on_path)
+        return Measured(
+            new.ticks, all_of.lines[nearest], motion_ids, all_of.s[nearest],
+            mm, tolerance, cutting, heard, new.actual - at, at, self._tool_mm,
+        )  # fmt: skip
+
+    def _errors(self, rows: Columns, count: int) -> tuple[Array, Array]:
+        """(contour error in mm, nearest place) of the last ``count`` rows, each (M,)."""
+        paths = ends(self.kinematics, rows.commands, self._tool_mm)
+        points = ends(self.kinematics, rows.actual[-count:], self._tool_mm)
+        tip, top = (passing(*pair, self._look_back, -1) for pair in zip(paths, points, strict=True))
+        return np.maximum(tip.distance, top.distance), tip.place
+
+    def _tolerances(self, motion_ids: Whole) -> Array:
+        most = np.full(len(motion_ids), math.inf)
+        for one in distinct(motion_ids):
+            if (found := self._demands.get(int(one))) is not None:
+                most[motion_ids == one] = found.tolerance_mm
+        return most
+
+    def _heard(self, rows: Columns, nearest: Whole) -> Flags:
+        """Whether the drives' positions are new: a lost frame leaves the one before."""
+        count, last = len(nearest), len(rows.ticks) - 1
+        before = np.maximum(np.arange(last + 1 - count, last + 1) - 1, 0)
+        moves = np.abs(rows.commands[np.minimum(nearest + 1, last)] - rows.commands[nearest]) > self._count
+        repeats = ((rows.actual[-count:] == rows.actual[before]) & moves).any(axis=1)
+        heard = np.ones(count, dtype=np.bool_)
+        for k, repeated in enumerate(repeats):
+            self._repeats = self._repeats + 1 if repeated else 0
+            heard[k] = not 0 < self._repeats <= MAX_REPEATS
+        return heard
+
+    def _commanded(self, commands: Array, lag: Array, on_path: Flags) -> Array:
+        """(M, axes) where the drives should be by now: as late as they mostly are on their path."""
+        if found := int(np.count_nonzero(on_path)):
+            self._lags = min(self._lags + found, LAG_ROWS)
+            self._lag += (float(lag[on_path].mean()) - self._lag) * min(1.0, found / self._lags)
+        at = np.maximum(np.arange(len(commands) - len(lag), len(commands)) - self._lag, 0.0)
+        row = np.minimum(at.astype(np.int64), max(len(commands) - 2, 0))
+        after = np.minimum(row + 1, len(commands) - 1)
+        return np.asarray(commands[row] + (at - row)[:, None] * (commands[after] - commands[row]))
+
+
+def ends(kinematics: Kinematics, joints: Array, tool_mm: tuple[float, float]) -> tuple[Array, Array]:
+    """Tip and top of the flute in the table frame, each (N, 3) in mm, of joints (N, axes)."""
+    length_mm, flute_mm = tool_mm
+    pose = kinematics.forward([*joints.T], length_mm, np)
+    tip, axis = columns(pose.tip, len(joints)), columns(pose.axis, len(joints))
+    return tip, tip + flute_mm * axis
