@@ -16,15 +16,18 @@ from controller.ipc.handoff import COLUMN
 from controller.machine import machine_file, setup_data
 from controller.machine.machine_file import written
 from controller.machine.model import Kind, Machine
+from controller.machine.toml_table import ConfigError
 from controller.program import linked
-from controller.runtime import events, setpoints
+from controller.runtime import events
 from controller.runtime.checked import Task, Walk
 from controller.runtime.events import Recorded
+from controller.runtime.setpoints import ACTUAL, SETPOINTS, Counts, counts_per_unit
 from controller.verify.console import Refused, say
 
 if TYPE_CHECKING:
     from controller.runtime.replay import Difference
     from controller.runtime.stepped import Run, SteppedMachine
+    from controller.verify.trace import Trace
 
 RUN, BEGUN = "run.json", "begun.json"  # beside the events of a run that was ended in order, or was not
 
@@ -40,7 +43,7 @@ class RecordedRun:
         self.name = str(_facts(file.parent).get("name") or events.PROGRAM)
         self.machine = setup_data.applied(self._built, recorded.begin.fitted)
         try:
-            self._wanted = setpoints.read(file.parent)
+            self._wanted = SETPOINTS.read(file.parent)
         except (OSError, ValueError, KeyError) as error:
             raise Refused(say("cli.replay.unreadable", parent=file.parent, why=error)) from error
 
@@ -59,6 +62,39 @@ class RecordedRun:
 
         part = replay.Part(task, lambda values: setup_data.applied(self._built, dict(values)))
         return replay.again(bench, walk, part, self.recorded, self._wanted, progress)
+
+    def repeat(self, task: Task, progress: Callable[[float], None]) -> tuple[SteppedMachine, Run]:
+        """The run on a machine of its own; ``progress`` gets the share that is done."""
+        from controller.runtime import starts
+        from controller.runtime.stepped import SteppedMachine
+
+        walk = starts.path_from(task, None, self.recorded.begin.start)
+        bench = SteppedMachine(self.machine)
+        bench.come_up()
+        self.stand(bench)
+        of_all = lambda s: progress(s / max(self.duration_s, s, 1e-9))  # noqa: E731
+        return bench, self.run(bench, walk, task, of_all)
+
+    def positions(self) -> Counts | None:
+        """That the drives reported, (N, MAX_AXES) counts; None where an earlier version kept none.
+
+        Raises Refused.
+        """
+        try:
+            return ACTUAL.read(self._file.parent)
+        except (OSError, ValueError, KeyError) as error:
+            raise Refused(say("cli.replay.unreadable", parent=self._file.parent, why=error)) from error
+
+    def trace(self, task: Task, bench: SteppedMachine, run: Run, positions: Counts | None) -> Trace:
+        """Of the repetition, with ``positions`` of the drives in place of those of the simulated ones."""
+        from controller.runtime import replay
+        from controller.verify import trace as traces
+
+        rows, machine = run.rows, self.machine
+        if positions is not None:
+            rows = replay.as_driven(rows, positions, counts_per_unit(machine))
+        stretches, first = bench.planner.stretches, run.first_tick
+        return traces.from_rows(rows, machine, task.kinematics, stretches, first_tick=first)
 
     def judge(self, run: Run) -> dict[str, Any]:
         """How much of it came again. Raises Refused where it came out otherwise."""
@@ -126,6 +162,15 @@ class RecordedRun:
     def _ended_as(self) -> str:
         """ "" where nobody lived to write it."""
         return str(_facts(self._file.parent).get("result", ""))
+
+
+def expected() -> tuple[type[Exception], ...]:
+    """What a record, and the machine on which it is made again, may raise."""
+    from controller.runtime.startup import SessionError
+    from drives.bus import BusError
+    from drives.commission import CommissionError
+
+    return ConfigError, SessionError, events.EventError, BusError, CommissionError
 
 
 def _facts(folder: Path) -> dict[str, Any]:

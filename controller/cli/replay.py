@@ -12,9 +12,7 @@ from controller import messages
 from controller.cli import recorded_runs
 from controller.cli.recorded_runs import RecordedRun
 from controller.ipc import control_socket
-from controller.machine.toml_table import ConfigError
-from controller.runtime import checked, events, starts
-from controller.runtime.startup import SessionError
+from controller.runtime import checked
 from controller.verify.console import AS_ASKED, Refused, as_asked, bar, refusals, say, show, spoken, tell
 
 RunName = Annotated[
@@ -45,7 +43,7 @@ def replay(
     Exit code 0: the same setpoints. 1: others, with the first tick, time, axis and difference; or no
     record to be made again. 4: the same setpoints, of a run that was held or stopped before its end.
     """
-    with refusals(as_json, _expected):
+    with refusals(as_json, recorded_runs.expected):
         folder = folder_of(run, state)
         record = recorded_runs.whole(folder, machine, program)
         if trace_file is not None:
@@ -57,13 +55,6 @@ def replay(
             print(json.dumps({"ok": True, **figures}))
         else:
             show.print(_told(figures), markup=False)
-
-
-def _expected() -> tuple[type[Exception], ...]:
-    from drives.bus import BusError
-    from drives.commission import CommissionError
-
-    return ConfigError, SessionError, events.EventError, BusError, CommissionError
 
 
 def folder_of(run: str, state: Path | None) -> Path:
@@ -97,32 +88,24 @@ def _of_number(number: int, state: Path) -> str:
 def _made_again(record: RecordedRun, trace_file: Path | None, as_json: bool) -> dict[str, Any]:
     """What came of it. Raises Refused where it is another run."""
     from controller import memory
-    from controller.runtime.stepped import SteppedMachine
 
     memory.keep_freed()
     memory.collect_rarely()
     task = checked.task(record.text, record.name, record.machine)
     if not as_json:
         tell.print(say("cli.replay.title", name=record.name, machine=record.machine.name), markup=False)
-    walk = starts.path_from(task, None, record.recorded.begin.start)
-    bench = SteppedMachine(record.machine)
-    bench.come_up()
-    record.stand(bench)
     with bar(say("cli.bar.replaying"), as_json) as progress:
-        run = record.run(bench, walk, task, lambda s: progress(s / max(record.duration_s, s, 1e-9)))
+        bench, run = record.repeat(task, progress)
+    figures = record.judge(run)
     if trace_file is not None:
-        from controller.verify import trace as traces
-
-        stretches, first = bench.planner.stretches, run.first_tick
-        made = traces.from_rows(run.rows, record.machine, task.kinematics, stretches, first_tick=first)
-        made.save(trace_file)
+        record.trace(task, bench, run, record.positions()).save(trace_file)
     return {
         "program": record.name,
         "machine": record.machine.name,
         "period_s": record.machine.period_s,
         "result": run.result,
         "line": run.line,
-        **record.judge(run),
+        **figures,
         "trace": str(trace_file) if trace_file is not None else None,
     }
 

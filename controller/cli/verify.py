@@ -17,12 +17,11 @@ from controller import messages
 from controller.cli import speech, workers
 from controller.machine import machine_file
 from controller.machine.model import Machine, Tool
-from controller.machine.toml_table import ConfigError
 from controller.plan.report.verdict import Verdict
 from controller.plan.stretch import Note, Stretch
 from controller.program import blocks, linked
 from controller.program.program import Block, Place
-from controller.runtime import checked
+from controller.runtime import checked, events
 from controller.values import dataclass
 from controller.verify import forms, passes, tables, trace, wording
 from controller.verify.audit import Watched
@@ -117,15 +116,20 @@ def verify(
     as_json: Json = False,
 ) -> None:
     """Compute the surface as cut: overcut and undercut along the normal, gouges, collisions."""
-    with refusals(as_json, lambda: (ConfigError,)):
-        made = machine_file.load(machine)
+    with refusals(as_json, _expected):
+        recorded: trace.Trace | None = None
+        if (file / events.FILE).is_file():
+            task, recorded = _run_again(file, as_json)
+            made = task.machine
+        else:
+            made = machine_file.load(machine)
+            file = file / TRACE if (file / TRACE).is_file() else file
+            part = _part(file, program, commanded)
+            text = linked.linked(part.read_bytes(), linked.beside(part))
+            task = checked.task(text, str(part), made)
+            recorded = None if part is file else _recorded(file, task)
+        task = replace(task, machine=replace(made, gouge="warn"))  # to be seen here, not refused before it is
         refuses = (gouge or made.gouge) == "refuse"
-        file = file / TRACE if (file / TRACE).is_file() else file
-        part = _part(file, program, commanded)
-        # What gouges is to be seen here, not to be refused before it is.
-        text = linked.linked(part.read_bytes(), linked.beside(part))
-        task = checked.task(text, str(part), replace(made, gouge="warn"))
-        recorded = None if part is file else _recorded(file, task)
         with workers.spread(count, cluster) as spread:
             with bar(say("cli.bar.verifying"), as_json) as progress:
                 found = _found(task, recorded, commanded, progress, spread)
@@ -135,8 +139,9 @@ def verify(
         if plot:
             from controller.verify import cut_pictures
 
-            cut_pictures.picture(found.judged, plot, f"{part.name}, {found.of}, on {made.name}")
-        figures = {"program": str(part), **found.to_dict(made)}
+            name = Path(task.name).name
+            cut_pictures.picture(found.judged, plot, f"{name}, {found.of}, on {made.name}")
+        figures = {"program": task.name, **found.to_dict(made)}
         bad = refuses and bool(found.gouges or found.exceeding)
         if as_json and not bad:
             print(json.dumps({"ok": True, **figures}))
@@ -144,7 +149,31 @@ def verify(
         if not as_json:
             _show(found)
         if bad:
-            raise Refused(f"{part}: {found.wrong}", **figures)
+            raise Refused(f"{task.name}: {found.wrong}", **figures)
+
+
+def _expected() -> tuple[type[Exception], ...]:
+    from controller.cli import recorded_runs
+
+    return recorded_runs.expected()
+
+
+def _run_again(folder: Path, as_json: bool) -> tuple[checked.Task, trace.Trace]:
+    """What was run, and the trace of it: the record made again, with the positions that the drives reported.
+
+    Raises Refused where it comes out otherwise, or holds no positions.
+    """
+    from controller.cli import recorded_runs
+
+    record = recorded_runs.whole(folder, None, None)
+    positions = record.positions()
+    if positions is None:
+        raise Refused(say("cli.replay.no_positions", parent=folder))
+    task = checked.task(record.text, record.name, record.machine)
+    with bar(say("cli.bar.replaying"), as_json) as progress:
+        bench, run = record.repeat(task, progress)
+    record.judge(run)
+    return task, record.trace(task, bench, run, positions)
 
 
 def _part(file: Path, program: Path | None, commanded: bool) -> Path:

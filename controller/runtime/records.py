@@ -2,7 +2,7 @@
 
     simulate --trace t.npz          "trace": setpoints, positions and the tool on the part, from cycle start
     a folder of a fault, its .npz   "recording": the recorder's rows, the last seconds before it and the stop
-    a folder of a run               "run": the setpoints of every tick that sent a SYNC
+    a folder of a run               "run": setpoints and positions of every tick that sent a SYNC
 
 A column of an axis has its name behind a dot (``actual.X``). Names, units and meanings of a recorder's
 columns are those of ``state.live_state``. In Parquet they stand with each column (``unit``, ``meaning``),
@@ -23,7 +23,8 @@ from numpy.typing import NDArray
 from controller.machine import machine_file
 from controller.machine.model import Kind
 from controller.messages import said, text
-from controller.runtime import events, setpoints
+from controller.runtime import events
+from controller.runtime.setpoints import ACTUAL, SETPOINTS, counts_per_unit
 from controller.state.live_state import FIELDS, Field
 from controller.verify import trace as traces
 
@@ -88,14 +89,17 @@ def read(path: Path) -> Record:
 def _of_folder(folder: Path) -> Record:
     if (folder / TRACE).is_file():
         return read(folder / TRACE)
-    rows = setpoints.read(folder)
+    rows, name = SETPOINTS.read(folder), SETPOINTS.whole
     if rows is None or not (folder / events.MACHINE).is_file():
-        raise NoRecord("no_folder", folder=folder, trace=TRACE, run=setpoints.WHOLE, machine=events.MACHINE)
+        raise NoRecord("no_folder", folder=folder, trace=TRACE, run=name, machine=events.MACHINE)
     machine = (folder / events.MACHINE).read_text(encoding="utf-8")
     begun = events.recorded(folder / events.FILE)
     period_s = begun.begin.period_s if begun is not None else None
-    columns = _named(setpoints.SETPOINTS[1:], rows.astype(np.float64), machine)
-    return Record("run", columns, period_s or machine_file.read(machine, events.MACHINE).period_s, machine)
+    columns = _named(SETPOINTS.columns[1:], rows.astype(np.float64), machine)
+    built = machine_file.read(machine, events.MACHINE)
+    if (actual := ACTUAL.read(folder)) is not None and len(actual) == len(rows):
+        columns |= _named(ACTUAL.columns[1:], actual / counts_per_unit(built), machine)
+    return Record("run", columns, period_s or built.period_s, machine)
 
 
 def _of_recording(path: Path, values: Mapping[str, Array]) -> Record:

@@ -65,6 +65,18 @@ def difference(record: Recorded, wanted: Counts, rows: Rows) -> Difference | Non
     return None
 
 
+def as_driven(rows: Rows, actual: Counts, per_unit: npt.NDArray[np.float64]) -> Rows:
+    """The rows of a repetition with the recorded positions of the drives, as far as both go.
+
+    ``actual``: (N, MAX_AXES) counts of the ticks that sent a SYNC; ``per_unit``: (MAX_AXES,) of mm and rad.
+    """
+    sent = np.cumsum(rows[:, COLUMN["sync_sent"]] != 0.0)
+    found = rows[(sent > 0) & (sent <= len(actual))].copy()
+    nth = np.cumsum(found[:, COLUMN["sync_sent"]] != 0.0) - 1
+    found[:, of_axes("actual", MAX_AXES)] = actual[nth] / per_unit
+    return found
+
+
 def off_path(record: Recorded) -> int:
     """The tick from which on nothing can be made again: the setpoints are where the drives were."""
     return next((line.tick for line in record.lines if line.kind == events.OFF_PATH), MAX_TICKS)

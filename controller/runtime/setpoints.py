@@ -1,33 +1,60 @@
-"""The setpoints of a run as its record keeps them: a row of int32 for each tick that sent a SYNC."""
+"""What the record of a run keeps of every tick that sent a SYNC: setpoints and positions, in counts."""
 
 from __future__ import annotations
 
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
+from controller.machine.model import Machine
 from controller.state.modes import MAX_AXES
 
-SETPOINTS = ("tick", *(f"setpoint_{i}" for i in range(MAX_AXES)))  # columns
-WHOLE, PART = "setpoints.npz", "setpoints.part"  # files, once the run has ended and while it goes on
-ROW_BYTES = 4 * len(SETPOINTS)
-
 Counts = npt.NDArray[np.int32]
+Values = npt.NDArray[np.float64]
 
 
-def read(folder: Path) -> Counts | None:
-    """The setpoints of a record, (N, MAX_AXES) counts, as far as written; None where there are none.
+class Table(NamedTuple):
+    """Rows of int32 in a file; those of axes that the machine has not are 0."""
 
-    Those of axes that the machine has not are 0.
+    columns: tuple[str, ...]  # of the recorder
+    whole: str  # file, once the run has ended
+    part: str  # file, while it goes on or where it was lost
 
-    Raises OSError, and ValueError where the file is none.
-    """
-    if (folder / WHOLE).exists():
-        with np.load(folder / WHOLE) as file:
-            return np.asarray(file["rows"][:, 1:], dtype=np.int32)
-    if not (folder / PART).exists():
-        return None
-    data = (folder / PART).read_bytes()
-    data = data[: len(data) // ROW_BYTES * ROW_BYTES]  # the last row may be torn
-    return np.frombuffer(data, dtype="<i4").reshape(-1, len(SETPOINTS))[:, 1:]
+    @property
+    def row_bytes(self) -> int:
+        return 4 * len(self.columns)
+
+    def of_part(self, data: bytes) -> Counts:
+        """(N, columns) of what was written while the run went on; the last row may be torn."""
+        whole = data[: len(data) // self.row_bytes * self.row_bytes]
+        return np.frombuffer(whole, dtype="<i4").reshape(-1, len(self.columns))
+
+    def read(self, folder: Path) -> Counts | None:
+        """Of a record, (N, MAX_AXES) counts, as far as written; None where there are none.
+
+        Raises OSError, and ValueError where the file is none.
+        """
+        if (folder / self.whole).exists():
+            with np.load(folder / self.whole) as file:
+                return np.asarray(file["rows"][:, 1:], dtype=np.int32)
+        if not (folder / self.part).exists():
+            return None
+        return self.of_part((folder / self.part).read_bytes())[:, 1:]
+
+
+def _table(name: str, column: str) -> Table:
+    columns = ("tick", *(f"{column}_{i}" for i in range(MAX_AXES)))
+    return Table(columns, f"{name}.npz", f"{name}.part")
+
+
+SETPOINTS, ACTUAL = _table("setpoints", "setpoint"), _table("actual", "actual")
+TABLES = (SETPOINTS, ACTUAL)
+
+
+def counts_per_unit(machine: Machine) -> Values:
+    """(MAX_AXES,) counts of mm and rad; 1 where the machine has no axis."""
+    found = np.ones(MAX_AXES)
+    found[: len(machine.axes)] = [axis.counts_per_unit for axis in machine.axes]
+    return found

@@ -41,11 +41,11 @@ from controller.ipc.handoff import (
 )
 from controller.messages import Said, reason
 from controller.runtime import events
-from controller.runtime.setpoints import PART
+from controller.runtime.setpoints import TABLES, Table
 from controller.service.engine import Asked
 from controller.state.modes import Fault, Request
 
-MAX_BYTES = 256 << 20  # of setpoints in one run: six hours at 2 ms
+MAX_BYTES = 512 << 20  # of setpoints and actual positions in one run: six hours at 2 ms
 LOOKED_AT = 3  # records before, whose files may be the same
 
 
@@ -56,18 +56,18 @@ class RunFile:
         """Raises OSError."""
         self._folder = folder
         state = folder.parent.parent
-        self._rows = own_files.new(folder / PART, state, buffering=0)
+        self._rows = {table: own_files.new(folder / table.part, state, buffering=0) for table in TABLES}
         self._events = own_files.new(folder / events.FILE, state, buffering=0)
         self._lock = threading.Lock()  # nobody closes what is just being told to the disk
         self._kept_bytes = 0
-        self._is_new = {self._rows: False, self._events: False}
+        self._is_new = dict.fromkeys((*self._rows.values(), self._events), False)
         self.problem: Said | str = ""  # why no more is written
 
-    def rows(self, data: bytes) -> None:
-        """Setpoints, in whole rows."""
+    def rows(self, table: Table, data: bytes) -> None:
+        """Whole rows of setpoints, or of actual positions."""
         if self._kept_bytes <= MAX_BYTES:
             self._kept_bytes += len(data)
-            self._write(self._rows, data)
+            self._write(self._rows[table], data)
 
     def events(self, lines: Iterable[dict[str, Any]]) -> None:
         """Events, a line each."""
@@ -88,7 +88,7 @@ class RunFile:
     def sync(self) -> None:
         """Returns when the disk has all that was written before."""
         with self._lock:
-            for file in (self._rows, self._events):
+            for file in (*self._rows.values(), self._events):
                 if self._is_new[file] and not file.closed:
                     self._is_new[file] = False
                     try:
@@ -111,8 +111,8 @@ class RunFile:
         """Nothing more comes."""
         self.sync()
         with self._lock:
-            self._rows.close()
-            self._events.close()
+            for file in (*self._rows.values(), self._events):
+                file.close()
 
 
 def _keep(file: Path, data: bytes) -> None:

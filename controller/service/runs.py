@@ -10,6 +10,8 @@ A folder per run in the state folder:
         machine.toml     the machine file, with its tool table
         setpoints.part   tick and the setpoints of every tick (int32), while it is under way or lost
         setpoints.npz    the same rows of a run that was ended
+        actual.part      of the same ticks where the drives said that they were (int32 counts)
+        actual.npz       the same rows of a run that was ended
 
 Ticks count from cycle start, and those alone that sent a SYNC: the path clock counts no others.
 Which tick took a request is read from the recorder's rows, where its number stands, and not from
@@ -38,7 +40,7 @@ from controller.messages import Said, reason
 from controller.runtime import events
 from controller.runtime.plan_messages import Program, Turn
 from controller.runtime.recording import forget_oldest, new_folder
-from controller.runtime.setpoints import PART, SETPOINTS, WHOLE
+from controller.runtime.setpoints import ACTUAL, SETPOINTS, TABLES, Table, counts_per_unit
 from controller.runtime.starts import Start
 from controller.service.engine import Asked
 from controller.service.journal import sha256
@@ -52,7 +54,7 @@ LAG_TICKS = 2  # from a setpoint to the feedback that can have followed it
 
 Rows = npt.NDArray[np.float64]
 
-_TAKEN = [COLUMN[name] for name in SETPOINTS]
+_TAKEN = {table: [COLUMN[name] for name in table.columns] for table in TABLES}
 
 
 class RunRecord:
@@ -68,6 +70,7 @@ class RunRecord:
         self._cut_ticks = 0
         axes = len(machine.axes)
         self._command, self._actual = of_axes("joint_command", axes), of_axes("actual", axes)
+        self._per_unit = counts_per_unit(machine)
         self._errors = np.zeros(axes)
         self._commands = np.zeros((0, axes))
         self._events = RunEvents()
@@ -167,8 +170,10 @@ class RunRecord:
         """A full disk costs the record, not the run."""
         self._events.pass_rows(rows)
         sent = rows[rows[:, COLUMN["sync_sent"]] != 0.0]
-        taken = sent[:, _TAKEN].copy()
-        taken[:, 0] = np.arange(self._ticks, self._ticks + len(sent))
+        taken = {table: sent[:, columns].copy() for table, columns in _TAKEN.items()}
+        taken[ACTUAL][:, 1:] = np.round(taken[ACTUAL][:, 1:] * self._per_unit)
+        for rows_of in taken.values():
+            rows_of[:, 0] = np.arange(self._ticks, self._ticks + len(sent))
         busy = np.flatnonzero(sent[:, COLUMN["mode"]] != Mode.READY)
         if len(busy):  # what stands behind the end is only the looking whether it stands
             last = min(int(busy[-1]) + 1, len(sent) - 1)
@@ -176,7 +181,8 @@ class RunRecord:
         self._ticks += len(sent)
         self._write_events()  # first: what is recorded of setpoints can be made again
         if self._file is not None:
-            self._file.rows(taken.astype("<i4").tobytes())
+            for table, rows_of in taken.items():
+                self._file.rows(table, rows_of.astype("<i4").tobytes())
 
     def _write_events(self, is_last: bool = False) -> None:
         if self._file is not None:
@@ -223,8 +229,9 @@ class RunRecord:
     def _throw_away_halves(self) -> None:
         """What the disk did not take whole; and all of it where it took no setpoint."""
         with contextlib.suppress(OSError):
-            own_files.remove(self.folder / WHOLE, self._state)
-        rows = self.folder / PART
+            for table in TABLES:
+                own_files.remove(self.folder / table.whole, self._state)
+        rows = self.folder / SETPOINTS.part
         if not rows.exists() or not rows.stat().st_size:
             own_files.remove_tree(self.folder, self._state)
 
@@ -233,19 +240,19 @@ class RunRecord:
         if self._file is not None:
             self._write_events(is_last=True)
             self._file.close()
-            self._write_setpoints()
+            for table in TABLES:
+                self._write_rows(table)
         _write_facts(self.folder / RUN, facts)
-        own_files.remove(self.folder / PART, self._state)
+        for table in TABLES:
+            own_files.remove(self.folder / table.part, self._state)
         own_files.remove(self.folder / BEGUN, self._state)
         forget_oldest(self.folder.parent, KEPT)
 
-    def _write_setpoints(self) -> None:
+    def _write_rows(self, table: Table) -> None:
         """All rows once more, as one file that takes less room; the disk has it before the other goes."""
-        rows = np.frombuffer(own_files.read_bytes(self.folder / PART, self._state), dtype=np.uint8)
-        rows = rows[: len(rows) // 4 * 4].view("<i4")
-        rows = rows[: len(rows) // len(SETPOINTS) * len(SETPOINTS)].reshape(-1, len(SETPOINTS))
-        with own_files.new(self.folder / WHOLE, self._state) as file:
-            np.savez_compressed(file, columns=np.array(SETPOINTS), rows=rows[: self._busy[0]])
+        rows = table.of_part(own_files.read_bytes(self.folder / table.part, self._state))
+        with own_files.new(self.folder / table.whole, self._state) as file:
+            np.savez_compressed(file, columns=np.array(table.columns), rows=rows[: self._busy[0]])
             file.flush()
             os.fsync(file.fileno())
 

@@ -23,7 +23,8 @@ from typer.testing import CliRunner
 
 from controller import __main__ as command_line
 from controller.ipc.handoff import Jog
-from controller.runtime import events, replay, setpoints
+from controller.runtime import events, replay
+from controller.runtime.setpoints import SETPOINTS
 from controller.state.modes import Fault, Mode, Request
 
 TEXT = """G21 G90 G55 T2 M6
@@ -303,7 +304,7 @@ def test_a_setpoint_that_differs_is_told_by_tick_and_axis(bench: RecordedBench) 
     bench.started(TEXT)
     bench.until(Mode.READY)
     folder = bench.ended()
-    record, live = events.recorded(folder / "events.jsonl"), setpoints.read(folder)
+    record, live = events.recorded(folder / "events.jsonl"), SETPOINTS.read(folder)
     assert record is not None and live is not None
     rows = again(folder, TEXT).run.rows
     other = np.array(live)

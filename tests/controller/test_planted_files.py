@@ -39,6 +39,7 @@ from controller.machine.tool_store import ToolStore
 from controller.messages import said
 from controller.plan.report import stored
 from controller.runtime import recording
+from controller.runtime.setpoints import SETPOINTS
 from controller.service import journal, runs
 from controller.service.alarms import Alarms
 from controller.service.folders import Folders
@@ -126,7 +127,7 @@ def _runs(state: Path, _: Path) -> None:
     record = runs.RunRecord(state, shipped(), {"name": "a.ngc", "sha256": "0" * 64})
     if record._file is not None:
         record._file.begin({"program.ngc": b"M2\n", "machine.toml": b"x"})
-        record._file.rows(b"\0" * 48)
+        record._file.rows(SETPOINTS, b"\0" * 48)
     record.end("stopped")
 
 

@@ -63,7 +63,7 @@ def test_a_run_whose_service_was_killed_is_lost_and_not_forgotten(tmp_path: Path
     run = told(tmp_path)
     assert (run["id"], run["name"], run["sha256"], run["result"]) == (folder.name, "part.ngc", "00", "lost")
     assert run["started_s"] <= run["ended_s"]
-    kept = np.fromfile(folder / "setpoints.part", dtype="<i4").reshape(-1, len(runs.SETPOINTS))
+    kept = np.fromfile(folder / "setpoints.part", dtype="<i4").reshape(-1, len(runs.SETPOINTS.columns))
     assert kept[:, 0].tolist() == list(range(1000))
 
 
@@ -157,6 +157,7 @@ def test_a_run_under_way_is_told_from_one_that_has_ended_by_its_files(tmp_path: 
     assert (facts["id"], facts["name"]) == (record.folder.name, "part.ngc")
     record.end("completed")
     assert sorted(file.name for file in record.folder.iterdir()) == [
+        "actual.npz",
         "events.jsonl",
         "machine.toml",
         "program.ngc",
@@ -168,7 +169,8 @@ def test_a_run_under_way_is_told_from_one_that_has_ended_by_its_files(tmp_path: 
 def test_what_was_taken_can_be_read_before_anybody_closes_the_files(tmp_path: Path) -> None:
     """So it outlives a kill at any moment; a loss of power once the disk was told."""
     record = begun(tmp_path, 1000)
-    assert (record.folder / "setpoints.part").stat().st_size == 1000 * 4 * len(runs.SETPOINTS)
+    for table in runs.TABLES:
+        assert (record.folder / table.part).stat().st_size == 1000 * table.row_bytes
     record.planned((Turn(500, 0.05),), {})
     (begin, plan) = [json.loads(line) for line in (record.folder / "events.jsonl").read_text().splitlines()]
     assert begin["request"] == "begin" and begin["value"]["machine_sha256"]
@@ -186,10 +188,10 @@ def test_the_disk_is_told_of_all_that_was_written_and_not_twice(
     record.take(running(3))
     record.sync()
     record.sync()
-    assert told == ["events.jsonl", "setpoints.part"]
+    assert told == ["events.jsonl", "setpoints.part", "actual.part"]
     record.planned((Turn(1, 0.05),), {})
     record.sync()
-    assert told[2:] == ["events.jsonl"]
+    assert told[3:] == ["events.jsonl"]
 
 
 def test_a_turn_that_is_told_late_is_of_the_tick_that_it_was_made_before(tmp_path: Path) -> None:
@@ -213,7 +215,8 @@ def test_what_a_full_disk_took_in_part_is_the_last_of_a_record(tmp_path: Path) -
     """Room that comes later is not written behind half a row: what there is stays whole."""
     record = begun(tmp_path, 100)
     assert record._file is not None and not record.problem
-    file, size = record._file._rows, 4 * len(runs.SETPOINTS)
+    files, size = record._file._rows, runs.SETPOINTS.row_bytes
+    file = files[runs.SETPOINTS]
 
     class Short:
         closed = False
@@ -222,11 +225,11 @@ def test_what_a_full_disk_took_in_part_is_the_last_of_a_record(tmp_path: Path) -
         def write(self, data: bytes) -> int:
             return int(file.write(data[: len(data) // 2 + 1]))
 
-    record._file._rows = Short()  # type: ignore[assignment]
-    record._file._is_new[record._file._rows] = False
+    files[runs.SETPOINTS] = Short()  # type: ignore[assignment]
+    record._file._is_new[files[runs.SETPOINTS]] = False
     record.take(running(101)[100:])
     assert record.problem == NO_SPACE
-    record._file._rows = file
+    files[runs.SETPOINTS] = file
     record.take(running(200)[101:])
     kept = (record.folder / "setpoints.part").stat().st_size
     assert 100 * size < kept < 101 * size

@@ -15,7 +15,8 @@ from controller.ipc.handoff import COLUMN
 from controller.machine import machine_file, setup_data
 from controller.machine.model import Machine
 from controller.plan.restart.program_position import Spot
-from controller.runtime import checked, events, replay, setpoints, starts
+from controller.runtime import checked, events, replay, starts
+from controller.runtime.setpoints import SETPOINTS
 from controller.runtime.stepped import Run, SteppedMachine
 
 FIRST = COLUMN["setpoint_0"]
@@ -61,7 +62,7 @@ def again(folder: Path, text: str, machine: Machine | None = None) -> Again:
     bench.come_up()
     bench.stand_at(begin.start.joints, begin.start.plan_time_s)
     walk = starts.path_from(task, None, begin.start)
-    live = setpoints.read(folder)
+    live = SETPOINTS.read(folder)
     assert live is not None
     part = replay.Part(task, lambda fitted: setup_data.applied(built, dict(fitted)))
     run = replay.again(bench, walk, part, recorded, live)

@@ -113,8 +113,8 @@ def _built(machine: Machine) -> Machine:
 
 def sent(folder: Path) -> np.ndarray:
     """Setpoints of a record."""
-    from controller.runtime import setpoints
+    from controller.runtime.setpoints import SETPOINTS
 
-    found = setpoints.read(folder)
+    found = SETPOINTS.read(folder)
     assert found is not None
     return found

@@ -26,7 +26,7 @@ from controller.ipc.handoff import COLUMN
 from controller.machine import keys as machine_keys
 from controller.machine import machine_file
 from controller.machine.toml_table import parse
-from controller.runtime import setpoints
+from controller.runtime.setpoints import TABLES
 from controller.service.command_handlers import CommandHandlers
 from controller.service.thread_guard import InThread
 from controller.state.modes import Mode
@@ -231,7 +231,7 @@ def texts() -> str:
 def columns() -> str:
     """In their order: of the recorder, of a run's record, of a trace; and the names of signals."""
     rows = [f"recorder {k:03d} = {name}\n" for name, k in COLUMN.items()]
-    rows += [f"run {k:03d} = {name}\n" for k, name in enumerate(setpoints.SETPOINTS)]
+    rows += [f"run {k:03d} = {name}\n" for table in TABLES for k, name in enumerate(table.columns)]
     rows += [f"trace {k:03d} = {one.name}\n" for k, one in enumerate(fields(Trace))]
     told = signals.names(machine_file.load("machining_centre"))
     return "".join([*rows, *(f"signal {name} = {unit}\n" for name, unit in sorted(told.items()))])

@@ -44,7 +44,7 @@ from controller.ipc.handoff import COLUMN, OFF_PATH, PLAN_IDS, of_axes
 from controller.ipc.packed_rows import unpacked
 from controller.machine import machine_file
 from controller.machine.model import Machine
-from controller.runtime import setpoints
+from controller.runtime.setpoints import SETPOINTS
 from controller.service.jobs import UNDER_WAY
 from controller.state.modes import Fault, Mode
 from drives import bus, pdo
@@ -452,7 +452,7 @@ def _skips(rows: np.ndarray, before: Values, stood: Values) -> list[judged.Wrong
 def _of_record(folder: Path, parts: list[np.ndarray]) -> list[judged.Wrong]:
     """It has what was seen, runs on its program's motions, and comes again."""
     facts = json.loads((folder / "run.json").read_text())
-    sent = setpoints.read(folder)
+    sent = SETPOINTS.read(folder)
     if facts.get("first_tick", -1) < 0 or sent is None or not len(sent):
         return []
     whole = recorded_runs.whole(folder, None, None)
