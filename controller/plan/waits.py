@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
 
-from controller.machine.model import Machine
+from controller.machine.model import Machine, Spindle
 from controller.plan.stretch import Chain, Pause, Wait
 from controller.program.program import Act, Changing, Level, Place
 from controller.program.tool_change_words import steps_of
@@ -36,6 +36,13 @@ def laid(items: Iterable[Chain | Pause], machine: Machine, rev_min: float = 0.0)
     waits = _Waits(machine, rev_min)
     for item in items:
         yield item if isinstance(item, Chain) else replace(item, wait=waits.of(item))
+
+
+def ramp_s(spindle: Spindle, before: float, after: float) -> float:
+    """How long it takes from one speed to another (rev/min, signed), and is then at speed."""
+    near = max(spindle.at_speed_share * abs(after) / 60.0, STOPPED_REV_S)
+    seconds = max(0.0, abs(after - before) / 60.0 - near) / spindle.acceleration_rev_s2
+    return min(seconds, spindle.spin_up_s)
 
 
 class _Waits:
@@ -93,9 +100,7 @@ class _Waits:
         spindle, before, after = self._machine.spindle, self._rev_min, pause.modal.spindle_rev_min
         if spindle is None or not spindle.is_driven or before == after:
             return Wait()
-        near = max(spindle.at_speed_share * abs(after) / 60.0, STOPPED_REV_S)
-        ramp_s = max(0.0, abs(after - before) / 60.0 - near) / spindle.acceleration_rev_s2
-        return Wait(f"spindle {before:g} to {after:g}", min(ramp_s, spindle.spin_up_s))
+        return Wait(f"spindle {before:g} to {after:g}", ramp_s(spindle, before, after))
 
     def _clamps(self, pause: Pause) -> Wait:
         """They move side by side."""

@@ -103,12 +103,12 @@ class JobRun:
                 service.changer.arm()
             self.last = LastRun(self.recorder.begin(job, machine, engine, now), job.program.name)
 
-    def begin(self, job: Job, facts: dict[str, Any]) -> None:
+    def begin(self, job: Job, facts: dict[str, Any], now: Snapshot) -> None:
         """The start goes out next."""
         service = self._service
         with self.lock:
             start: Start = facts["start"]
-            job.begin(facts, service.durations)
+            job.begin(facts, service.durations, now)
             self.modal.see(start.begin or modal.begun(job.program.machine))
             if not job.is_mdi:
                 set_up = service.set_up

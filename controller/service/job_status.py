@@ -7,7 +7,7 @@ from typing import Any
 from controller.ipc.handoff import Snapshot
 from controller.messages import Key, Said, facts, said
 from controller.program import linked
-from controller.service.jobs import INTERRUPTED, MDI, Job
+from controller.service.jobs import INTERRUPTED, MDI, Job, settles_s
 from controller.service.journal import Entry
 from controller.service.time_left import Left
 
@@ -89,7 +89,7 @@ def _left(job: Job, now: Snapshot) -> Left:
     if job.state in ("loading", "completed"):
         return Left()
     if job.state in ("loaded", "starting"):
-        return job.time.before_start(job.before_s, now.override)
+        return job.time.before_start(job.before_s, now.override, settles_s(job, now))
     if not job.active:
         return job.time.after_end(job.nominal_s)
     ends_s = now.queue_end_s if job.news.finished else None

@@ -19,6 +19,7 @@ from controller.messages import Said, said
 from controller.plan.report.passing import Mark, passed_s
 from controller.plan.restart.program_position import ENTRY_ID, Spot
 from controller.plan.timetable import Passed
+from controller.plan.waits import ramp_s
 from controller.program import carried, linked, probing_cycles
 from controller.program.modal import State
 from controller.program.program import refused_on_the_way
@@ -233,12 +234,12 @@ class Job:
         self.nominal_s, self._seen_s, self.last = self.before_s, None, None
         self.time.begin()
 
-    def begin(self, facts: dict[str, Any], durations: Durations) -> None:
+    def begin(self, facts: dict[str, Any], durations: Durations, now: Snapshot) -> None:
         """It is planned: from where, and what is known of it."""
         self.start, self.blocks, self.said = facts["start"], facts["blocks"], None
         self.origin_s = facts["start"].plan_time_s
         self.time.check(facts["duration_s"], facts["marks"], facts["events"], durations)
-        self.time.starts(self.origin_s)
+        self.time.starts(self.origin_s, settles_s(self, now))
 
     # -- what becomes of it
 
@@ -324,6 +325,18 @@ class Job:
             self.elapsed_s(self.last) if self.last is not None else None,
             way.in_block(s) if way is not None else None,
         )
+
+
+def settles_s(job: Job, now: Snapshot) -> float:
+    """What the spindle takes at a start now, until it turns as it is told before the first motion: it stops,
+    but where the run goes on with what is on.
+    """
+    machine = job.program.machine
+    if machine.spindle is None or not machine.spindle.is_driven:
+        return 0.0
+    keeps = job.program.begin is not None or (machine.start_state == "keep" and not job.is_own)
+    told = now.spindle_rev_min if keeps else 0.0
+    return ramp_s(machine.spindle, now.spindle_actual_rev_min, told)
 
 
 def bars_the_next(job: Job, result: str) -> Said | None:

@@ -187,7 +187,7 @@ def _go(service: Service, job: Job, facts: Values, going: Going) -> None:
         now = service.processes.now()
         if now.mode is not Mode.READY:
             raise by_now(now, "START")
-        service.run.begin(job, facts)
+        service.run.begin(job, facts, now)
         begun: Start = facts["start"]
         asked = going.send(lambda: service.engine.request(Request.START, float(begun.stays_on)))
     if asked is None:

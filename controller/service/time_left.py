@@ -5,6 +5,9 @@ stood where it stands. Motion and dwells are as long as they are planned at the 
 is waited for takes as long as it last took on this machine (``Durations``), else as the machine file makes
 likely. Where the plan has not come to the end yet, the check's timetable has the rest, at the pace of what is
 planned. From a change of an override until the plan has foreseen enough at it, nobody knows.
+
+The path of a run begins once the spindle turns as it is told at the start. Whatever it does before, running
+down from another program say, is waited for at first: ``settles_s``.
 """
 
 from __future__ import annotations
@@ -15,6 +18,7 @@ from typing import NamedTuple
 from controller.ipc.handoff import COLUMN, WAITED, Snapshot
 from controller.motion.pieces import FIRST_MARK
 from controller.plan.report.passing import Mark, passed_s
+from controller.plan.stretch import Wait
 from controller.plan.timetable import Event, Timetable
 from controller.plan.waits import BY_HAND, CHANGE, JOURNAL, OPTIONAL, STOP
 from controller.service.durations import Durations
@@ -45,6 +49,8 @@ class TimeLeft:
         self._duration_s: float | None = None  # ... by that clock
         self._here: Timetable | None = None  # of a run from where the machine stands, which begins at 0
         self._table: Timetable | None = None  # of what is left
+        self._begins_s = 0.0  # plan time of the start ...
+        self._settles_s = 0.0  # ... at which the spindle takes so long
         self._stands = _Standing()
         self.stood_s = 0.0  # since the start, while the path clock stood and nobody held it
 
@@ -69,8 +75,9 @@ class TimeLeft:
         """From the plan, before a start: of a run from where the machine stands; None: it is as checked."""
         self._here = here
 
-    def starts(self, at_s: float) -> None:
+    def starts(self, at_s: float, settles_s: float = 0.0) -> None:
         """At a plan time; until the plan says more, it will take what was told before."""
+        self._begins_s, self._settles_s = at_s, settles_s
         if (here := self._here) is not None:
             events = tuple(event._replace(at_s=event.at_s + at_s) for event in here.events)
             self._table = here._replace(from_s=here.from_s + at_s, end_s=here.end_s + at_s, events=events)
@@ -94,14 +101,13 @@ class TimeLeft:
         """Of the whole program, by the clock of its path: without what it waits for."""
         return self._duration_s
 
-    def before_start(self, before_s: float, override: float = 1.0) -> Left:
+    def before_start(self, before_s: float, override: float = 1.0, settles_s: float = 0.0) -> Left:
         """Of a program that is loaded; ``before_s``: what of the check's time lies before its place."""
-        here, pace = self._here, 1.0 / (override or 1.0)
-        if here is not None:
-            return self._of(here, here.from_s, 0.0, False, pace)
-        if self._duration_s is None:
+        table, pace = self._here, 1.0 / (override or 1.0)
+        if table is None and self._duration_s is None:
             return Left()
-        return self._of(self._by_check(before_s, before_s, pace), before_s, 0.0, False, pace)
+        table = self._by_check(before_s, before_s, pace) if table is None else table
+        return self._of(_settled(table, table.from_s, settles_s), table.from_s, 0.0, False, pace)
 
     def after_end(self, checked_s: float) -> Left:
         """Of one that ended before its end, at 100 %; ``checked_s``: where, by the clock of the check."""
@@ -128,6 +134,7 @@ class TimeLeft:
         elif table.to is not None and (seen_s := passed_s(self.marks, table.to) - checked_s) > ENOUGH_S:
             pace = min(max((table.end_s - here_s) / seen_s, min(1.0, pace)), max(1.0, pace))
         stood_s = self._stands.stood_s if self._stands.at(here_s) else 0.0
+        table = _settled(table, self._begins_s, self._settles_s)
         return self._of(table, here_s, stood_s, now.is_on(Request.OPTIONAL_STOP), pace)
 
     def _by_check(self, checked_s: float, here_s: float, pace: float) -> Timetable:
@@ -181,6 +188,11 @@ class TimeLeft:
         events = [event for event in self._table.events if abs(event.at_s - at_s) <= SAME_S]
         for name, seconds in _taken_by(events, episodes):
             self.durations.learn(name, seconds)
+
+
+def _settled(table: Timetable, at_s: float, settles_s: float) -> Timetable:
+    """The same, where the spindle takes so long at the start: never the same twice, it has no name."""
+    return table._replace(events=(Event(at_s, 0, Wait(seconds=settles_s)), *table.events))
 
 
 # -- how long the path clock stands

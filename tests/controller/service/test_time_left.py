@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -15,8 +16,12 @@ from controller.plan.restart.program_position import Spot
 from controller.plan.stretch import Wait
 from controller.plan.timetable import Event, Timetable
 from controller.plan.waits import BY_HAND, CHANGE, OPTIONAL, STOP
+from controller.program.modal import power_on
+from controller.runtime.plan_messages import Program
 from controller.service.durations import Durations
+from controller.service.jobs import Job, settles_s
 from controller.service.time_left import TimeLeft
+from controller.state.modes import Request
 
 SLOW_S = 0.01  # a tick of the machines here: a fifth of what shipped ones cost
 START, OVERRIDE, SHOP = 0.005, 0.001, 0.03  # shares of what is left by which it may be told wrong
@@ -56,6 +61,17 @@ S4000
 M0
 X10
 M5 M9
+M30
+"""
+
+
+# Nothing stops the spindle before its end: it runs down afterwards, in READY.
+TURNING = """G21 G90 G54 G94 G17
+G0 X0 Y0 Z160
+{spindle}
+G1 X30 F1500
+Y20
+G1 X0 F900
 M30
 """
 
@@ -158,6 +174,39 @@ def test_m1_is_a_stop_where_it_is_switched_on_alone(shop: TimedRun) -> None:
     told = [next(left for at_s, left in run.rows if at_s > SOON_S).next_stop_s for run in (off, on)]
     assert told[0] == pytest.approx(off.stops_s[0] - SOON_S, abs=0.3)
     assert told[1] == pytest.approx(on.stops_s[0] - SOON_S, abs=0.3)
+
+
+@pytest.mark.parametrize("before", ["S12000 M3", "S9000 M4"])
+def test_a_start_waits_for_the_spindle_that_runs_down_from_the_last_program(
+    before: str, shop: TimedRun
+) -> None:
+    shop.run(TURNING.format(spindle=before))
+    turns = shop.snapshot().spindle_actual_rev_min
+    assert abs(turns) > 5000.0 and (turns > 0.0) is before.endswith("M3")
+    run = shop.run(TURNING.format(spindle="S6000 M3"))
+    assert run.loaded.left_s == pytest.approx(run.took_s, rel=SHOP)
+    assert_told(run, SHOP, often_s=0.05)
+
+
+def test_a_start_waits_for_the_spindle_that_was_switched_on_by_hand(shop: TimedRun) -> None:
+    shop.stepped.request(Request.SPINDLE, -9000.0)
+    shop.stepped.go(round(1.5 / SLOW_S))
+    assert shop.snapshot().spindle_actual_rev_min == pytest.approx(-9000.0, rel=0.05)
+    run = shop.run(TURNING.format(spindle="S6000 M3"))
+    assert run.loaded.left_s == pytest.approx(run.took_s, rel=SHOP)
+    assert_told(run, SHOP, often_s=0.05)
+
+
+@pytest.mark.parametrize(("keeps", "takes_s"), [(False, 0.75), (True, 0.0)])
+def test_of_a_spindle_that_stays_on_nothing_is_waited_for(
+    keeps: bool, takes_s: float, shop: TimedRun
+) -> None:
+    turns = shop.snapshot()._replace(spindle_rev_min=-9000.0, spindle_actual_rev_min=-8990.0)
+    kept = replace(shop.machine, start_state="keep" if keeps else shop.machine.start_state)
+    job = Job(Program(b"M30\n", "part.ngc", kept), "")
+    assert settles_s(job, turns) == pytest.approx(takes_s, abs=0.01)
+    by_hand = replace(job.program, begin=power_on()) if keeps else job.program
+    assert settles_s(Job(by_hand, ""), turns) == pytest.approx(takes_s, abs=0.01)
 
 
 # ---- what is told of a timetable

@@ -17,7 +17,7 @@ from controller.plan.restart.program_position import Spot
 from controller.runtime.plan_messages import Answer, Program
 from controller.service.durations import Durations
 from controller.service.job_status import _left
-from controller.service.jobs import Job
+from controller.service.jobs import Job, settles_s
 from controller.service.time_left import Left
 from controller.service.tool_changer import ToolChanger
 from controller.state.modes import Mode, Request
@@ -103,7 +103,7 @@ class TimedRun(Bench):
         facts = self._answered("arm", job.program)
         job.arm(self.snapshot().tick)
         job.origin_s = facts["start"].plan_time_s
-        job.time.starts(job.origin_s)
+        job.time.starts(job.origin_s, settles_s(job, self.snapshot()))
         self._hear(job)
         stepped.recorder.drain()
         stepped.request(Request.START)
