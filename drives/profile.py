@@ -37,7 +37,7 @@ class Write:
     index: int
     sub: int
     value: int
-    why: str  # completes "node 3: object 2xxxh: ..." in a sentence
+    why: str  # completes "node 3: object 2xxxh: ..." in a sentence; a Key (``texts``): of the catalogue
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,7 +55,7 @@ class Override:
 
     index: int
     sub: int
-    reason: str  # who says so, for the person who commissions it
+    reason: str  # who says so, for the person who commissions it; a Key as of a Write
     low: int | None = None
     high: int | None = None
     access: str | None = None  # as in a data sheet: "ro", "rw", ...
@@ -96,7 +96,7 @@ class Profile:
     revolution: str = "motor"  # of which 60A9h speaks, before or behind 6091h: "motor" or "shaft"
     encoder_resolution: tuple[Encoder, ...] = ()  # instead of 608Fh; the first that is not 0
     overrides: tuple[Override, ...] = ()  # where the family's data sheets are wrong
-    quirks: tuple[str, ...] = ()  # sentences for the person who commissions it
+    quirks: tuple[str, ...] = ()  # sentences for the person who commissions it; Keys as of a Write
 
 
 GENERIC = Profile()

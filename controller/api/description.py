@@ -106,13 +106,18 @@ def in_language(schema: Any, language: str) -> Any:
     """A part of the description with each of its texts in a language.
 
     What routes and models say of themselves is the English of a text of the catalogue: by that it is found.
+    Titles are left out: FastAPI makes them of the names, and would have them in English.
     """
     if isinstance(schema, list):
         return [in_language(one, language) for one in schema]
     if not isinstance(schema, Mapping):
         return schema
     texts, keys = messages.of(language).texts, declared()
-    found = {name: one if name in NOT_TEXTS else in_language(one, language) for name, one in schema.items()}
+    found = {
+        name: one if name in NOT_TEXTS else in_language(one, language)
+        for name, one in schema.items()
+        if name != "title" or not isinstance(one, str)
+    }
     about = schema.get("description")
     if isinstance(about, str) and about in keys:
         found["description"] = texts[keys[about]]

@@ -2,7 +2,7 @@
 
 Names keep to Prometheus' own rules (prometheus.io/docs/practices/naming): base units, the unit behind the
 name, ``_total`` for what only counts up. So lengths are in metres and angles in radians here, and
-nowhere else outside.
+nowhere else outside. What a metric is stands in the messages, under ``metrics.`` and its name.
 """
 
 from __future__ import annotations
@@ -20,8 +20,9 @@ from prometheus_client import CollectorRegistry, generate_latest
 from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily
 from prometheus_client.registry import Collector
 
+from controller import messages
 from controller.api.access import needs, panel_of
-from controller.api.answers import Refusal, documented
+from controller.api.answers import VARY, Refusal, documented, spoken
 from controller.api.app_state import Panel
 from controller.api.database import StoreError
 from controller.api.roles import Role
@@ -34,26 +35,23 @@ ENDS = ("completed", "stopped", "refused", "fault", "interrupted", "lost")  # of
 
 Family = GaugeMetricFamily | CounterMetricFamily
 
-# Name, what it is, where it stands in the status, factor to the base unit.
+# Name, where it stands in the status, factor to the base unit.
 GAUGES = (
-    ("override_ratio", "Feed override; 1 = 100 %.", ("override",), 1.0),
-    ("rapid_override_ratio", "Rapid override; 1 = 100 %.", ("rapid_override",), 1.0),
-    ("feed_meters_per_second", "Actual feed.", ("feed_mm_min", "actual"), 1e-3 / 60.0),
-    ("job_left_seconds", "Time left of the job.", ("job", "left_s"), 1.0),
-    ("job_elapsed_seconds", "Time since the start of the job.", ("job", "elapsed_s"), 1.0),
-    ("tick_late_max_seconds", "By how much the latest tick was late.", ("tick", "late_max_ms"), 1e-3),
-    ("tick_age_seconds", "Since the newest tick; of many periods: it stands.", ("tick", "age_s"), 1.0),
-    ("tick_period_seconds", "Period of the tick.", ("tick", "period_ms"), 1e-3),
-    ("tick_alive", "Whether the tick's process is there.", ("tick_alive",), 1.0),
+    ("override_ratio", ("override",), 1.0),
+    ("rapid_override_ratio", ("rapid_override",), 1.0),
+    ("feed_meters_per_second", ("feed_mm_min", "actual"), 1e-3 / 60.0),
+    ("job_left_seconds", ("job", "left_s"), 1.0),
+    ("job_elapsed_seconds", ("job", "elapsed_s"), 1.0),
+    ("tick_late_max_seconds", ("tick", "late_max_ms"), 1e-3),
+    ("tick_age_seconds", ("tick", "age_s"), 1.0),
+    ("tick_period_seconds", ("tick", "period_ms"), 1e-3),
+    ("tick_alive", ("tick_alive",), 1.0),
 )
 COUNTERS = (
-    ("ticks", "Ticks since the tick's process began.", ("tick", "number")),
-    ("tick_skips", "Ticks that were too late and sent nothing.", ("tick", "skips")),
+    ("ticks", ("tick", "number")),
+    ("tick_skips", ("tick", "skips")),
 )
-BY_JOINT = (
-    ("position", "Position as the drive says, in the sense that is shown", "actual"),
-    ("following_error", "Following error", "error"),
-)
+BY_JOINT = (("position", "actual"), ("following_error", "error"))
 UNITS = {"mm": ("meters", 1e-3), "deg": ("radians", math.radians(1.0))}
 
 
@@ -85,7 +83,8 @@ async def metrics(request: Request) -> Response:
     kept = await asyncio.to_thread(_kept, panel.store, panel.sizes)
     registry = CollectorRegistry(auto_describe=False)
     registry.register(_Figures(status, facts, kept, panel, request.app.version))
-    return Response(generate_latest(registry), media_type=KIND)
+    headers = {"Vary": VARY, "Content-Language": spoken.get()}
+    return Response(generate_latest(registry), media_type=KIND, headers=headers)
 
 
 def _kept(store: Store, sizes: Sizes) -> Kept:
@@ -108,10 +107,10 @@ class _Figures(Collector):
         self._version = version
 
     def collect(self) -> Iterator[Family]:
-        yield _gauge("build_info", "Always 1; the version is its label.", "version", {self._version: 1.0})
-        yield _gauge("up", "Whether the controller's service answers.", "", {"": bool(self._status)})
-        yield _gauge("store_up", "Whether the store can be read.", "", {"": self._kept.readable})
-        yield _gauge("listeners", "Listeners to events.", "", {"": self._panel.events.listeners})
+        yield _gauge("build_info", "version", {self._version: 1.0})
+        yield _gauge("up", "", {"": bool(self._status)})
+        yield _gauge("store_up", "", {"": self._kept.readable})
+        yield _gauge("listeners", "", {"": self._panel.events.listeners})
         yield from self._machine()
         yield from self._joints()
         yield from self._of_runs()
@@ -120,34 +119,34 @@ class _Figures(Collector):
 
     def _machine(self) -> Iterator[Family]:
         status = self._status
-        for name, text, path, factor in GAUGES:
+        for name, path, factor in GAUGES:
             if (value := _number(_at(status, path))) is not None:
-                yield _gauge(name, text, "", {"": value * factor})
-        for name, text, path in COUNTERS:
+                yield _gauge(name, "", {"": value * factor})
+        for name, path in COUNTERS:
             if (value := _number(_at(status, path))) is not None:
-                yield _counter(name, text, "", {"": max(0.0, value)})
+                yield _counter(name, "", {"": max(0.0, value)})
         now = status.get("mode")
         modes = {mode: mode == now for mode in SHOWN_MODES} if now else {}
-        yield _gauge("mode", "1 for the present mode, 0 for the others.", "mode", modes)
+        yield _gauge("mode", "mode", modes)
         fault = _at(status, ("fault", "name"))
-        yield _gauge("fault", "1 for the present fault.", "fault", {str(fault): 1.0} if fault else {})
+        yield _gauge("fault", "fault", {str(fault): 1.0} if fault else {})
         yield from self._drives()
 
     def _drives(self) -> Iterator[Family]:
         rows = {str(row.get("axis")): row for row in self._status.get("drives") or ()}
         ages = {axis: row.get("heartbeat_age_s") for axis, row in rows.items()}
-        yield _gauge("drive_heartbeat_age_seconds", "Age of the last heartbeat.", "axis", ages)
+        yield _gauge("drive_heartbeat_age_seconds", "axis", ages)
         frames = {axis: row.get("malformed") for axis, row in rows.items()}
-        yield _counter("drive_malformed_frames", "Frames of a wrong length from a drive.", "axis", frames)
+        yield _counter("drive_malformed_frames", "axis", frames)
 
     def _joints(self) -> Iterator[Family]:
         joints: Mapping[str, Any] = self._status.get("joints") or {}
         for unit, (word, factor) in UNITS.items():
             axes = [str(axis["name"]) for axis in self._facts.get("axes") or () if axis["unit"] == unit]
-            for name, text, key in BY_JOINT:
+            for name, key in BY_JOINT:
                 found = {axis: _number(_at(joints, (axis, key))) for axis in axes}
                 values = {axis: value * factor for axis, value in found.items() if value is not None}
-                yield _gauge(f"joint_{name}_{word}", f"{text}.", "axis", values)
+                yield _gauge(f"joint_{name}_{word}", "axis", values)
 
     def _of_runs(self) -> Iterator[Family]:
         """All ends from the first scrape on: a counter that comes with 1 has no increase to be seen."""
@@ -156,40 +155,39 @@ class _Figures(Collector):
         none = (0, 0.0, 0.0)
         sums = {end: self._kept.runs.get(end, none) for end in dict.fromkeys((*ENDS, *self._kept.runs))}
         sums.pop("running", None)  # one that ends would count down
-        for i, (name, text) in enumerate(
-            (
-                ("runs", "Runs of programs, by how they ended."),
-                ("run_seconds", "Time in motion of ended runs."),
-                ("cut_seconds", "Time of cutting in ended runs."),
-            )
-        ):
-            yield _counter(name, text, "result", {end: row[i] for end, row in sums.items()})
+        for i, name in enumerate(("runs", "run_seconds", "cut_seconds")):
+            yield _counter(name, "result", {end: row[i] for end, row in sums.items()})
 
     def _of_alarms(self) -> Iterator[Family]:
         if self._kept.readable:
             rows = self._kept.alarms
             told = {name: row[0] for name, row in rows.items()}
-            yield _counter("alarms", "Alarms that were told, by name.", "name", told)
+            yield _counter("alarms", "name", told)
             waiting = {name: row[1] for name, row in rows.items()}
-            yield _gauge("alarms_open", "Alarms that nobody has acknowledged.", "name", waiting)
+            yield _gauge("alarms_open", "name", waiting)
 
     def _disk(self) -> Iterator[Family]:
         if self._kept.disk is not None:
             size, free = self._kept.disk
-            yield _gauge("disk_size_bytes", "Of the disk that the state folder is on.", "", {"": size})
-            yield _gauge("disk_free_bytes", "Free on that disk.", "", {"": free})
-            yield _gauge("state_bytes", "Used by parts of the state folder.", "part", self._kept.parts)
+            yield _gauge("disk_size_bytes", "", {"": size})
+            yield _gauge("disk_free_bytes", "", {"": free})
+            yield _gauge("state_bytes", "part", self._kept.parts)
 
 
-def _gauge(name: str, text: str, label: str, values: Mapping[str, Any]) -> Family:
-    family = GaugeMetricFamily(f"directrix_{name}", text, labels=[label] if label else [])
+def _gauge(name: str, label: str, values: Mapping[str, Any]) -> Family:
+    family = GaugeMetricFamily(f"directrix_{name}", _help(name), labels=[label] if label else [])
     return _filled(family, label, values)
 
 
-def _counter(name: str, text: str, label: str, values: Mapping[str, Any]) -> Family:
+def _counter(name: str, label: str, values: Mapping[str, Any]) -> Family:
     """The library puts ``_total`` behind the name."""
-    family = CounterMetricFamily(f"directrix_{name}", text, labels=[label] if label else [])
+    family = CounterMetricFamily(f"directrix_{name}", _help(name), labels=[label] if label else [])
     return _filled(family, label, values)
+
+
+def _help(name: str) -> str:
+    """What a metric is, in the language of who asks."""
+    return messages.of(spoken.get()).texts[f"metrics.{name}"]
 
 
 def _filled(family: Family, label: str, values: Mapping[str, Any]) -> Family:

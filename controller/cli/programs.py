@@ -518,7 +518,7 @@ def _write(
     trace: Any, machine: Machine, stretches: dict[int, Stretch], trace_file: Path | None, plot: Path | None
 ) -> None:
     if trace_file and trace_file.suffix == records.PARQUET:
-        records.write(records.of_trace(trace), trace_file)
+        records.write(records.of_trace(trace), trace_file, spoken.get())
     elif trace_file:
         trace.save(trace_file)
     if plot:

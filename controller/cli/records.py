@@ -41,7 +41,7 @@ def export(
             raise Refused(_say("suffix", file=out))
         found = _read(recording)
         try:
-            records.write(found, out)
+            records.write(found, out, spoken.get())
         except NoRecord as error:
             raise _refused(error) from error
         facts = {"kind": found.kind, "rows": found.rows, "columns": _facts(found)}
@@ -97,7 +97,7 @@ def _say(key: str, **values: object) -> str:
 
 def _facts(found: Record) -> list[dict[str, Any]]:
     return [
-        {"name": name, "unit": one.unit, "meaning": one.meaning, "type": str(one.values.dtype)}
+        {"name": name, "unit": one.unit, "meaning": one.told(spoken.get()), "type": str(one.values.dtype)}
         for name, one in found.columns.items()
     ]
 

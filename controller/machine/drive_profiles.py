@@ -5,16 +5,22 @@ drive must be told ``[[write]]`` tables, for makers' objects with the counts of 
 ``[[encoder_resolution]]``, and ``[[override]]`` tables where its data sheets are wrong;
 ``config/drives`` holds the shipped ones.
 Every refusal is a ``ConfigError`` in the form of ``toml_table``, and no key goes unread.
+
+What is told with every commissioning (``quirks``, ``why``, ``reason``) are words of whoever writes the file,
+and shown as they are. The shipped ones name texts of the catalogue instead, for every language:
+``quirks = [{ text = "profile.elmo.pdos_fixed" }]``.
 """
 
 from __future__ import annotations
 
 import difflib
+from collections.abc import Mapping
 from functools import cache, lru_cache
 from pathlib import Path
+from typing import Any
 
 from controller.machine.toml_table import ConfigError, Table, is_number, parse, read_text
-from controller.messages import Key, said
+from controller.messages import DEFAULT, LANGUAGES, Key, said
 from drives.profile import CyclicMode, Encoder, Override, Profile, Supervision, Write
 from drives.text_file import Source, TextFile
 
@@ -80,7 +86,7 @@ def _override(table: Table) -> Override:
 
     found = Override(
         *where,
-        reason=table.text("reason").strip(),
+        reason=_words(table, "reason"),
         low=number("low"),
         high=number("high"),
         access=table.text("access", ACCESS) if table.has("access") else None,
@@ -94,6 +100,22 @@ def _override(table: Table) -> Override:
         table.refuse("low", "low_above", high=found.high)
     table.finish()
     return found
+
+
+TEXTS = frozenset(key for key in LANGUAGES[DEFAULT].texts if key.startswith("profile."))
+
+
+def _words(table: Table, key: str) -> str:
+    value = table.get(key, said("file.may.text"))
+    return _named(table, key, value) if isinstance(value, dict) else table.text(key).strip()
+
+
+def _named(table: Table, key: str, value: Mapping[str, Any]) -> Key:
+    """A text of the catalogue, by ``{ text = "profile.elmo.pdos_fixed" }``."""
+    named = str(value.get("text"))
+    if len(value) != 1 or named not in TEXTS:
+        table.refuse(key, "no_such_text")
+    return Key(named)
 
 
 SHIPPED = Path(__file__).resolve().parent.parent.parent / "config" / "drives"
@@ -171,7 +193,7 @@ def read(text: str, file: str, folder: Path, name: str, sheet: TextFile | None =
         revolution=table.text("revolution", ("motor", "shaft"), GENERAL.revolution),
         encoder_resolution=tuple(_encoder(entry) for entry in top.tables("encoder_resolution")),
         overrides=overrides(top),
-        quirks=_sentences(table, "quirks"),
+        quirks=_quirks(table),
     )
     _audit(profile, table)
     table.finish()
@@ -224,15 +246,22 @@ def _integers(table: Table, key: str, lower: int, upper: int, default: tuple[int
     return tuple(values)
 
 
-def _sentences(table: Table, key: str) -> tuple[str, ...]:
-    values = table.get(key, said("file.may.texts"), ())
+def _quirks(table: Table) -> tuple[str, ...]:
+    values = table.get("quirks", said("file.may.texts"), ())
+    if isinstance(values, list):
+        values = [_named(table, "quirks", one) if isinstance(one, dict) else one for one in values]
+    return _texts(table, "quirks", values)
+
+
+def _texts(table: Table, key: str, values: Any) -> tuple[str, ...]:
     if not isinstance(values, list | tuple) or not all(isinstance(v, str) for v in values):
         table.refuse(key, "no_texts")
     return tuple(values)
 
 
 def _objects(table: Table, key: str) -> tuple[int, ...]:
-    found = tuple(object_index(text) for text in _sentences(table, key))
+    values = _texts(table, key, table.get(key, said("file.may.texts"), ()))
+    found = tuple(map(object_index, values))
     if None in found:
         table.refuse(key, "no_objects", object=OBJECT)
     return tuple(index for index in found if index is not None)
@@ -261,6 +290,6 @@ def _write(table: Table) -> Write:
     value = table.get("value", said("file.may.whole"))
     if not is_number(value) or type(value) is not int:
         table.refuse("value", "not_whole")
-    write = Write(*where, value, table.text("why"))
+    write = Write(*where, value, _words(table, "why"))
     table.finish()
     return write

@@ -8,6 +8,7 @@ A column of an axis has its name behind a dot (``actual.X``). Names, units and m
 columns are those of ``state.live_state``. In Parquet they stand with each column (``unit``, ``meaning``),
 and ``kind``, ``period_s`` and the machine (a trace: its JSON, else its file's text) with the whole under
 ``directrix.``, so that whoever opens the file needs nothing else; numbers are the same to the last bit.
+Meanings are texts of the catalogue (``column.``), in a file they are words of one language.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from numpy.typing import NDArray
 
 from controller.machine import machine_file
 from controller.machine.model import Kind
-from controller.messages import said, text
+from controller.messages import DEFAULT, Key, Said, plain, said, text
 from controller.runtime import events
 from controller.runtime.setpoints import ACTUAL, SETPOINTS, counts_per_unit
 from controller.state.live_state import FIELDS, Field
@@ -40,7 +41,11 @@ class Column(NamedTuple):
 
     values: Array
     unit: str
-    meaning: str
+    meaning: Said | str  # words where it is read from a file that has them
+
+    def told(self, language: str) -> str:
+        """Its meaning in words."""
+        return text(plain(self.meaning), language)
 
 
 class Record(NamedTuple):
@@ -123,9 +128,9 @@ def _named(names: tuple[str, ...], rows: Array, machine: str) -> dict[str, Colum
             if field.is_of_axes:
                 unit = ("mm" if axes[i].kind is Kind.LINEAR else "rad") if "rad" in value.unit else value.unit
                 named = f"{value.column}.{axes[i].name}"
-                found[named] = Column(_typed(values, field), unit, f"{value.meaning}: {axes[i].name}")
+                found[named] = Column(_typed(values, field), unit, _part(value.column, axes[i].name))
             else:
-                found[name] = Column(_typed(values, field), value.unit, value.meaning)
+                found[name] = Column(_typed(values, field), value.unit, said(f"column.{name}"))
     return found
 
 
@@ -136,18 +141,23 @@ def _typed(values: Array, field: Field) -> Array:
     return values != 0.0 if field.type is bool else values.astype(np.int64)
 
 
-OF_TRACE = {
-    "time_s": ("s", "from cycle start"),
-    "joint_command": ("", "commanded, before it is rounded to counts"),
-    "joint_setpoint": ("counts", "as sent to the drive"),
-    "joint_actual": ("", "position that the drive has told"),
-    "tool_tip": ("mm", "commanded, part frame"),
-    "tool_axis": ("", "commanded unit vector from tip to spindle, part frame"),
-    "contact": ("mm", "of the cutter with the lower directrix, part frame; NaN when not cutting"),
-    "u": ("", "the block's own parameter; NaN when not cutting"),
-    "feed_mm_s": ("mm/s", "speed along the path"),
-    "line": ("", "line of the program, 0 = none"),
-    "cutting": ("", "the motion cuts"),
+def _part(name: str, part: str) -> Said:
+    """The meaning of what is of one axis, or of one part of a vector."""
+    return said("column.part", meaning=Key(f"column.{name}"), part=part)
+
+
+OF_TRACE = {  # and their units; positions of axes have their own
+    "time_s": "s",
+    "joint_command": "",
+    "joint_setpoint": "counts",
+    "joint_actual": "",
+    "tool_tip": "mm",
+    "tool_axis": "",
+    "contact": "mm",
+    "u": "",
+    "feed_mm_s": "mm/s",
+    "line": "",
+    "cutting": "",
 }
 SHORT = {"joint_setpoint": "setpoint", "joint_actual": "actual"}  # as the recorder calls them
 
@@ -159,15 +169,15 @@ def of_trace(trace: traces.Trace) -> Record:
 
 def _columns_of(trace: traces.Trace) -> Iterator[tuple[str, Column]]:
     rotary = {axis["name"]: axis["kind"] != Kind.LINEAR.value for axis in json.loads(trace.machine)["axes"]}
-    for name, (unit, meaning) in OF_TRACE.items():
+    for name, unit in OF_TRACE.items():
         values = getattr(trace, name)
         if values.ndim == 1:
-            yield name, Column(values, unit, meaning)
+            yield name, Column(values, unit, said(f"column.trace.{name}"))
             continue
         of_axes = name.startswith("joint_")
         for i, part in enumerate(trace.axes if of_axes else "XYZ"):
             own = unit or (("deg" if rotary[part] else "mm") if of_axes else "")
-            yield f"{SHORT.get(name, name)}.{part}", Column(values[:, i], own, f"{meaning}: {part}")
+            yield f"{SHORT.get(name, name)}.{part}", Column(values[:, i], own, _part(f"trace.{name}", part))
 
 
 # ---- Parquet ------------------------------------------------------------------------
@@ -183,12 +193,15 @@ def needed() -> Any:
     return pyarrow
 
 
-def write(record: Record, path: Path) -> None:
-    """Into a Parquet file, whole or not at all. Raises NoRecord without pyarrow, and OSError."""
+def write(record: Record, path: Path, language: str = DEFAULT) -> None:
+    """Into a Parquet file, whole or not at all; ``language``: of the meanings.
+
+    Raises NoRecord without pyarrow, and OSError.
+    """
     arrow = needed()
     fields = []
     for name, one in record.columns.items():
-        told = {"unit": one.unit, "meaning": one.meaning}
+        told = {"unit": one.unit, "meaning": one.told(language)}
         fields.append(arrow.field(name, arrow.from_numpy_dtype(one.values.dtype), True, told))
     facts = {"kind": record.kind, "period_s": repr(record.period_s), "machine": record.machine}
     schema = arrow.schema(fields, {f"{PREFIX}{name}": fact for name, fact in facts.items()})

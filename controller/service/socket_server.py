@@ -7,6 +7,7 @@ cannot answer at once gives a ``Future``. The protocol is told in ``controller.i
 from __future__ import annotations
 
 import contextlib
+import errno
 import os
 import pwd
 import selectors
@@ -20,6 +21,7 @@ from concurrent.futures import Future
 from pathlib import Path
 from typing import Any
 
+from controller import own_files
 from controller.ipc.control_socket import (
     BUFFER_BYTES,
     MAX_ANSWER,
@@ -33,6 +35,7 @@ from controller.ipc.control_socket import (
     packed,
     unpacked,
 )
+from controller.messages import said
 from controller.service.refusals import refused
 
 Handler = Callable[[str, Values], Answer]
@@ -157,7 +160,7 @@ def _packet(number: int | str | None, outcome: Values | BaseException) -> bytes:
             packet = packed({"id": number, "ok": True, "result": outcome})
             if len(packet) <= MAX_ANSWER:
                 return packet
-            outcome = ValueError(f"an answer of {len(packet)} bytes is longer than {MAX_ANSWER}")
+            outcome = refused("long_answer", code="busy", bytes=len(packet), most=MAX_ANSWER)
         except (TypeError, ValueError, RecursionError) as error:
             outcome = error
     known = outcome if isinstance(outcome, CommandRefused) else own_error(outcome)
@@ -184,7 +187,7 @@ def _listening(path: Path, group: str) -> socket.socket:
     """The socket, readable for user and group alone; one that was left behind is replaced."""
     path.parent.mkdir(parents=True, exist_ok=True, mode=0o750)
     if is_served(path):
-        raise FileExistsError(f"{path}: another service is there; stop it first.")
+        raise own_files.refusal(errno.EEXIST, said("another_service"), path)
     with contextlib.suppress(FileNotFoundError):
         if stat.S_ISSOCK(path.lstat().st_mode):
             path.unlink()

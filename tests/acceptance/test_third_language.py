@@ -29,7 +29,7 @@ from controller.api.service_client import SocketServiceClient
 from controller.cli import remote, status_view
 from controller.faults import Fault
 from controller.ipc.control_socket import Client, CommandRefused
-from controller.machine import machine_file
+from controller.machine import drive_profiles, machine_file
 from controller.messages import LANGUAGES, Key, plain, said, told
 from controller.service.command_handlers import CommandHandlers
 from controller.service.service import Service
@@ -43,6 +43,7 @@ XX = {"Accept-Language": "xx"}
 PROGRAM = b"G21\nG1 X1 F100\nM2\n"
 # Words that follow each other in small letters: a phrase, and no name or code.
 PROSE = re.compile(r"[A-Za-z]*[a-z]{2,},? [a-z]{2,}")
+VALUE = re.compile(r"\{\w+\}")  # a text that has no word of its own: what it holds must be one itself
 NAMES = {"values", "key", "name", "program", "by"}  # of JSON: what stands there is no text
 ASK = CliRunner()
 
@@ -50,7 +51,9 @@ ASK = CliRunner()
 def source() -> str:
     """The one file."""
     english = json.loads((messages.FOLDER / "en.json").read_text(encoding="utf-8"))
-    texts = {key: f"⟦{text}⟧" if text else "" for key, text in english.items()}
+    texts = {
+        key: f"⟦{text}⟧" if text and not VALUE.fullmatch(text) else text for key, text in english.items()
+    }
     return json.dumps({**texts, "language": "⟦X⟧"})
 
 
@@ -220,6 +223,16 @@ def test_rest_answers_in_the_language_asked_for(scene: Scene, service: Service, 
     rest(scene, story)
 
 
+def test_metrics_say_what_they_are_in_it(scene: Scene, service: Service, engine: FakeEngine) -> None:
+    in_trouble(service, engine)
+
+    async def story(client: httpx.AsyncClient) -> None:
+        told = [one for one in (await client.get("/metrics")).text.split("\n") if one.startswith("# HELP ")]
+        assert len(told) > 25 and not [one for one in told if not re.fullmatch(r"# HELP \w+ ⟦.*⟧", one)]
+
+    rest(scene, story)
+
+
 def test_events_come_in_the_language_asked_for(scene: Scene, service: Service, engine: FakeEngine) -> None:
     in_trouble(service, engine)
     with (
@@ -320,6 +333,7 @@ SHEET = machine_file.SHIPPED / "eds" / "simulated_drive.eds"
 OF_DRIVES = (
     ("drives", "check", "--eds", str(SHEET), "--profile", "elmo_gold"),
     ("drives", "check", "--eds", str(SHEET), "--profile", "generic", "--period-ms", "1.23"),
+    *(("drives", "check", "--eds", str(SHEET), "--profile", name) for name in drive_profiles.shipped()),
     ("drives", "check", "--eds", "none.eds", "--profile", "generic"),
     ("bus", "trunnion"),
     ("paper",),
@@ -352,4 +366,4 @@ def test_a_machine_file_is_refused_in_it(line: Callable[..., str], tmp_path: Pat
 def test_a_sentence_of_the_programs_reader_is_the_value_of_a_text_of_its_own() -> None:
     """Its hundreds of refusals have no keys yet: they come through whole, in whatever language."""
     sentence = "part.ngc:3:1: G99 is no code; correct it."
-    assert messages.text(plain(sentence), "xx") == f"⟦{sentence}⟧"
+    assert messages.text(plain(sentence), "xx") == sentence

@@ -16,6 +16,7 @@ from prometheus_client.parser import text_string_to_metric_families
 from support.fakes.fake_socket import FakeDoor
 from support.fakes.panels import Scene
 
+from controller.messages import LANGUAGES
 from controller.state.modes import Mode
 
 # As promtool has them (client_golang, prometheus/promlint): a name is in base units, not abbreviated.
@@ -69,14 +70,15 @@ def filled(scene: Scene) -> None:
     scene.store.alarms.acknowledge(first, "me")
 
 
-def scraped(folder: Path, door: FakeDoor | None = None) -> str:
+def scraped(folder: Path, door: FakeDoor | None = None, language: str = "en") -> str:
     async def story() -> str:
         scene = Scene(folder, door=door or Moving())
         if not scene.store.runs.list():
             filled(scene)
         async with scene.client() as client:
-            answer = await client.get("/metrics")
+            answer = await client.get("/metrics", headers={"Accept-Language": language})
             assert answer.status_code == 200, answer.text
+            assert answer.headers["Content-Language"] == language
             return answer.text
 
     return asyncio.run(story())
@@ -150,6 +152,18 @@ def test_a_tick_that_is_gone_is_told(tmp_path: Path) -> None:
     assert (found["directrix_tick_alive"], found["directrix_tick_age_seconds"]) == (0.0, 4.5)
     assert found["directrix_mode FAULT"] == 1.0 and "directrix_feed_meters_per_second" not in found
     assert found["directrix_ticks_total"] == 0.0, "no tick yet is none, not less"
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_what_each_of_them_is_stands_in_the_catalogue_in_the_language_of_who_asks(
+    tmp_path: Path, language: str
+) -> None:
+    texts = LANGUAGES[language].texts
+    told = {
+        f"metrics.{family.name.removeprefix('directrix_')}": family.documentation
+        for family in families(scraped(tmp_path, language=language))
+    }
+    assert told == {key: text for key, text in texts.items() if key.startswith("metrics.")}
 
 
 def complaints(family: Metric) -> list[str]:

@@ -13,6 +13,7 @@ from typer.testing import CliRunner
 
 from controller.__main__ import app
 from controller.machine import machine_file
+from controller.messages import LANGUAGES
 from controller.runtime import records
 from controller.state.live_state import COLUMN, ROW
 from controller.verify import trace as traces
@@ -74,6 +75,27 @@ def test_another_tool_reads_columns_units_and_meanings(trace: Path, tmp_path: Pa
         assert np.array_equal(table[f"setpoint.{axis}"].to_numpy(), source.joint_setpoint[:, i])
 
 
+def test_meanings_are_in_the_language_that_is_asked_for(trace: Path, fault: Path, tmp_path: Path) -> None:
+    out, texts = tmp_path / "m.parquet", LANGUAGES["de"].texts
+    for recording in (trace, fault):
+        code, found = told("export", recording, out, "--language", "de")
+        meanings = {one["name"]: one["meaning"] for one in found["columns"]}
+        assert code == 0 and meanings["feed_mm_s"] == texts["column.feed_mm_s"]
+        assert meanings["actual.X"].endswith(": X") and meanings["line"] == texts["column.line"]
+        metadata = {field.name: field.metadata[b"meaning"].decode() for field in parquet.read_schema(out)}
+        assert metadata == meanings
+
+
+def test_every_column_has_a_meaning_in_the_catalogue_and_none_is_of_one_that_is_gone(
+    trace: Path, fault: Path
+) -> None:
+    said = [one.meaning for path in (trace, fault) for one in records.read(path).columns.values()]
+    parts = [one["values"].get("meaning", one) for one in said]
+    found = {one["key"] for one in (*said, *parts)}
+    texts = {key for key in LANGUAGES["en"].texts if key.startswith("column.")}
+    assert found == texts
+
+
 def test_simulate_writes_it_itself(trace: Path, tmp_path: Path) -> None:
     out = tmp_path / "t.parquet"
     code, _ = told("simulate", trace.parent / "part.ngc", "--trace", out, "--store", tmp_path)
@@ -96,7 +118,7 @@ def test_a_recording_of_a_fault_has_the_units_of_the_live_state(fault: Path, tmp
     assert again.machine == source.machine and again.period_s == source.period_s
     for name, column in source.columns.items():
         assert again.columns[name].values.tobytes() == column.values.tobytes(), name
-        assert again.columns[name][1:] == column[1:]
+        assert again.columns[name][1:] == (column.unit, column.told("en")), name
 
 
 def test_every_shipped_record_of_a_run_is_read(tmp_path: Path) -> None:

@@ -16,11 +16,12 @@ import pytest
 
 from controller.ipc import control_socket
 from controller.ipc.control_socket import Answer, Client, CommandRefused, Values
-from controller.messages import plain, text
+from controller.messages import LANGUAGES, of_error, plain, text
 from controller.service import socket_server
 from controller.service.socket_server import Server
 
 NO_ANSWERS: dict[str, Values] = {"no json": {"where": Path()}, "endless": {"words": "x" * 500_000}}
+TOLD = {"no json": "own_error", "endless": "long_answer"}  # instead of them
 
 
 class Handler:
@@ -88,7 +89,7 @@ def test_an_error_of_the_handlers_own_is_told_and_the_door_stays_open(opened: Op
 
 @pytest.mark.parametrize("verb", NO_ANSWERS)
 @pytest.mark.parametrize("late", [False, True])
-def test_an_answer_that_no_packet_can_hold_is_an_error_of_ours(opened: Opened, verb: str, late: bool) -> None:
+def test_of_an_answer_that_no_packet_can_hold_that_is_told(opened: Opened, verb: str, late: bool) -> None:
     handler, client, path = opened
     own = raw(path)
     own.send(json.dumps({"id": 1, "verb": "late" if late else verb}).encode())
@@ -96,7 +97,7 @@ def test_an_answer_that_no_packet_can_hold_is_an_error_of_ours(opened: Opened, v
         client.ask("status")
         handler.late[0].set_result(NO_ANSWERS[verb])
     answer = json.loads(own.recv(1 << 20))
-    assert answer["id"] == 1 and answer["error"]["key"] == "own_error"
+    assert answer["id"] == 1 and answer["error"]["key"] == TOLD[verb]
     own.close()
     assert client.ask("status")
 
@@ -243,8 +244,9 @@ def test_only_user_and_group_may_open_it_and_what_was_left_behind_is_replaced(tm
     left.close()
     server = Server(path, Handler())
     assert stat.S_IMODE(path.stat().st_mode) == 0o660
-    with pytest.raises(FileExistsError):
+    with pytest.raises(FileExistsError) as refused:
         Server(path, Handler())
+    assert text(of_error(refused.value), "de") == LANGUAGES["de"].texts["another_service"]
     server.close()
     assert not path.exists()
 

@@ -6,8 +6,10 @@ from pathlib import Path
 
 import pytest
 
+from controller import messages
 from controller.machine import drive_profiles, machine_file, nodes
 from controller.machine.toml_table import ConfigError, parse
+from controller.messages import LANGUAGES, Key
 from drives.profile import CyclicMode, Override, Supervision, Write
 
 LEAST = '[drive]\nsupervision = "heartbeat"\n'
@@ -58,6 +60,29 @@ def test_a_data_sheet_is_looked_for_beside_the_profile(tmp_path: Path) -> None:
     assert found.eds == str((tmp_path / "drive.eds").resolve())
 
 
+def sentences(name: str) -> list[str]:
+    """What a profile tells whoever commissions."""
+    found = drive_profiles.load(name)
+    whys = [one.why for one in found.writes]
+    return [*found.quirks, *whys, *(one.reason for one in found.overrides)]
+
+
+def test_what_shipped_profiles_say_are_texts_of_the_catalogue_and_none_is_of_one_that_is_gone() -> None:
+    said_by = [one for name in drive_profiles.shipped() for one in sentences(name)]
+    assert all(isinstance(one, Key) for one in said_by), said_by
+    assert set(said_by) == drive_profiles.TEXTS and len(said_by) > 10
+
+
+def test_what_somebody_else_writes_in_his_profile_is_shown_as_it_is(tmp_path: Path) -> None:
+    file = tmp_path / "mine.toml"
+    write = '[[write]]\nobject = "2210:01"\nvalue = 1\nwhy = "file.add"\n'
+    override = '[[override]]\nobject = "6085"\nhigh = 9\nreason = " profile.elmo.buffer_clear "\n'
+    file.write_text(LEAST + 'quirks = ["no_why", { text = "profile.pilz_prbt.rpdos" }]\n' + write + override)
+    words = [messages.text(messages.plain(one), "de") for one in sentences(str(file))]
+    named = LANGUAGES["de"].texts["profile.pilz_prbt.rpdos"]
+    assert words == ["no_why", named, "file.add", "profile.elmo.buffer_clear"]
+
+
 @pytest.mark.parametrize(
     ("text", "sentence"),
     [
@@ -80,10 +105,18 @@ def test_a_data_sheet_is_looked_for_beside_the_profile(tmp_path: Path) -> None:
         (LEAST + 'home_offset = "hello"\n', 'home_offset = "hello": is no object'),
         (LEAST + 'optional = ["60Z4"]\n', "optional = .*: is not a list of objects"),
         (LEAST + "quirks = [3]\n", "quirks = .*: is not a list of texts"),
+        (
+            LEAST + 'quirks = [{ text = "no_why" }]\n',
+            "quirks = .*: is no text; allowed: a text in quotes, or",
+        ),
+        (LEAST + 'quirks = [{ text = ["profile."] }]\n', "quirks = .*: is no text"),
+        (LEAST + "quirks = [{}]\n", "quirks = .*: is no text"),
         (LEAST + 'eds = "gone.eds"\n', "eds = .*there is no file .*gone.eds"),
         (LEAST + '[[write]]\nobject = "22:1"\nvalue = 1\nwhy = "x"\n', r'object = "22:1": is no object'),
         (LEAST + '[[write]]\nobject = "2210:01"\nvalue = 1.5\nwhy = "x"\n', "value = 1.5: is not a whole"),
         (LEAST + '[[write]]\nobject = "2210:01"\nvalue = 1\n', "why: is missing"),
+        (LEAST + '[[write]]\nobject = "2210:01"\nvalue = 1\nwhy = { a = 1 }\n', "why = .*: is no text"),
+        (LEAST + '[[write]]\nobject = "2210:01"\nvalue = 1\nwhy = 3\n', "why = 3: is not a text"),
         (LEAST + '[[write]]\nobject = "2210:01"\nvalue = 1\nwhy = "x"\nwhen = 1\n', "when = 1: this key"),
         (LEAST + "acceleration_unit_counts_s2 = 2.0\n", "velocity_unit_counts_s is missing"),
         (LEAST + "velocity_unit_counts_s = 0\n", "velocity_unit_counts_s = 0: is not above zero"),

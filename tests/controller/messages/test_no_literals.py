@@ -105,7 +105,15 @@ def phrases(tree: ast.AST) -> Iterator[tuple[int, str]]:
 
 # Rooms without any phrase, and what looks like one in them and is read by no person as a sentence.
 VERIFY = CONTROLLER / "verify"
-BARE = (DRIVES, VERIFY, CONTROLLER / "cli" / "usage_errors.py", CONTROLLER / "own_files.py")
+BARE = (
+    *(DRIVES, VERIFY, CONTROLLER / "cli" / "usage_errors.py", CONTROLLER / "own_files.py"),
+    *(
+        CONTROLLER / "api" / "metrics.py",
+        CONTROLLER / "runtime" / "records.py",
+        CONTROLLER / "cli" / "records.py",
+    ),
+    *(CONTROLLER / "service" / "socket_server.py", CONTROLLER / "ipc" / "control_socket.py"),
+)
 NOT_READ = {
     ("dcf.py", "Set-up of node "),  # in files: data sheets are English
     ("sheet.py", "Number of entries"),

@@ -20,6 +20,7 @@ from support.machines.tick_bench import Bench
 from controller.api import metrics, models, signals
 from controller.api.models_of_tick import DriveFacts, OfTick
 from controller.ipc.handoff import COLUMN, ROW, Recorder, SnapshotBoard
+from controller.messages import LANGUAGES
 from controller.runtime.plan_messages import POWER_ON
 from controller.service import node_status, status
 from controller.state import live_state
@@ -201,10 +202,16 @@ def test_scripts_of_the_page_take_nothing_of_a_status_that_is_not_described() ->
 
 def test_metrics_take_nothing_of_a_status_that_is_not_described() -> None:
     fields = described(models.Status.model_json_schema())
-    assert {".".join(path) for _, _, path, *_ in (*metrics.GAUGES, *metrics.COUNTERS)} <= fields
+    assert {".".join(path) for _, path, *_ in (*metrics.GAUGES, *metrics.COUNTERS)} <= fields
 
 
 # --- the page for people
+
+
+def test_what_a_column_means_is_a_text_of_the_catalogue() -> None:
+    texts = LANGUAGES["en"].texts
+    for value in (field.value for field in FIELDS if field.value.column):
+        assert texts[f"column.{value.column}"] == value.meaning.replace("``", ""), value.column
 
 
 def test_the_readme_has_the_table() -> None:
@@ -252,7 +259,9 @@ print(json.dumps([
 
 
 def test_a_new_value_of_the_tick_needs_its_owner_and_its_row_alone(tmp_path: Path) -> None:
-    """Two files; with the page, which shows what the status tells, and the table of the README: four."""
+    """Two files; with the page, which shows what the status tells, and the table of the README: four. And
+    the words for its column.
+    """
     for part in ("controller", "drives", "config"):
         shutil.copytree(ROOT / part, tmp_path / part, ignore=shutil.ignore_patterns("__pycache__"))
     for path, before, new in (OWNER, SCHEMA):
