@@ -14,6 +14,7 @@ from controller.api.events import Events
 from controller.api.go_on import GoOn
 from controller.api.notices import Notices
 from controller.api.roles import Control
+from controller.api.run_verdicts import RunVerdicts
 from controller.api.service_client import ServiceClient, Watch
 from controller.api.service_sync import Gatherer
 from controller.api.store import Sizes, Store
@@ -40,6 +41,7 @@ class Panel:
         self.saving = asyncio.Lock()  # a back-up
         self.measuring = Errand(MEASURE_WORKER, LONGEST_MEASUREMENT_S)
         self.gatherer = Gatherer(store.database, store.folder)
+        self.verdicts = RunVerdicts(store)
         self.latest = Latest(door)  # ticks for scopes
         self.users = Users(store.users)
         self.sizes = Sizes(store.folder)
@@ -75,6 +77,7 @@ class Panel:
             self.checker.tell = lambda name: loop.call_soon_threadsafe(self._tell_check, name)
         works = (
             *(self.events.run, self.notices.run, self.go_on.run),
+            *((self.verdicts.run,) if self.checker is not None else ()),
             *(self._look, self._refresh_users, self._write_notes),
         )
         tasks = [asyncio.create_task(_kept(work)) for work in works]

@@ -114,6 +114,14 @@ class Runs:
                 (result, self._clock(), told, run),
             )
 
+    def add_facts(self, run: int, **facts: Any) -> None:
+        """What becomes known of a run after its end."""
+        with self._database.write() as sql:
+            row = sql.execute("SELECT facts FROM runs WHERE id = ?", (run,)).fetchone()
+            if row is not None:
+                told = _json({**json.loads(row["facts"]), **facts})
+                sql.execute("UPDATE runs SET facts = ? WHERE id = ?", (told, run))
+
     def list(self, most: int = 100, before: int | None = None) -> list[Run]:
         """The latest first; ``before`` a number, for the next page."""
         rows = self._database.rows(

@@ -15,6 +15,7 @@ from controller import messages
 from controller.api.records import Alarm, Run
 from controller.values import dataclass
 
+AS_CUT = "as_cut"  # of a run's facts, see ``run_verdicts``
 OF_RUN = ("duration_s", "planned_s", "cut_time_s", "ticks", "skips", "line")
 OF_CHECK = ("duration_s", "cut_length_mm", "blocks")
 SHARES = ("velocity_share", "acceleration_share", "jerk_share")
@@ -66,6 +67,8 @@ def _parts(told: Facts, word: Mapping[str, str], language: str) -> Iterator[str]
     yield from _contour(run.facts.get("contour_error") or {}, word)
     if told.check:
         yield from _check(told.check, word, language)
+    if cut := run.facts.get(AS_CUT):
+        yield from _as_cut(cut, word, language)
     yield f"<h2>{word['alarms']}</h2>"
     alarms = [
         (f"{_moment(one.at_s)} {one.name} {one.axis}", messages.text(asdict(one), language))
@@ -108,6 +111,18 @@ def _check(check: Mapping[str, Any], word: Mapping[str, str], language: str) -> 
     ]
     if joints:
         yield _table(joints, (word["joint"], *(word[key] for key in SHARES)))
+
+
+def _as_cut(cut: Mapping[str, Any], word: Mapping[str, str], language: str) -> Iterator[str]:
+    """What the drives have cut, beside the check, which is of the plan."""
+    yield f"<h2>{word['as_cut']}</h2>"
+    if said := cut.get("refused") or cut.get("verdict"):
+        yield f"<p>{escape(messages.text(said, language))}</p>"
+    rows = [
+        (str(one["line"]), *(f"{one[key]:.4f}" for key in ("overcut_mm", "undercut_mm")))
+        for one in cut.get("surfaces") or ()
+    ]
+    yield _table(rows, (word["contour.line"], word["check.overcut_mm"], word["check.undercut_mm"]))
 
 
 def _table(rows: Sequence[tuple[str, ...]], heads: tuple[str, ...] = ()) -> str:

@@ -31,7 +31,7 @@ from controller.verify.gouges import Gouge, gouges, in_table
 from controller.verify.judge import SETTLED_MM, Judged, Worst, Zone, judge
 from controller.verify.nominal import Nominal
 from controller.verify.sweep import FIT_MM, Pass
-from controller.workers import Spread
+from controller.workers import Spread, here
 
 Argument = Annotated[Path, typer.Argument()]
 Program = Annotated[Path | None, typer.Option("--program")]
@@ -46,6 +46,7 @@ Plot = Annotated[Path | None, typer.Option("--plot")]
 Json = Annotated[bool, typer.Option("--json")]
 
 MAX_ROWS = 40  # of the table
+MAX_SURFACES = 1000  # of a run, that are listed
 BOUND_S = 5.0  # that the search for one surface takes, about
 TRACE = "trace.npz"  # in the folder of a recording
 
@@ -150,6 +151,29 @@ def verify(
             _show(found)
         if bad:
             raise Refused(f"{task.name}: {found.wrong}", **figures)
+
+
+def of_run(folder: Path) -> dict[str, Any]:
+    """A recorded run as its drives have cut it: verdict, how many gouges, and each surface in mm.
+
+    Raises what ``expected`` of recorded runs has, Refused, ProgramError, OSError.
+    """
+    task, recorded = _run_again(folder, as_json=True)
+    task = replace(task, machine=replace(task.machine, gouge="warn"))
+    found = _found(task, recorded, False, lambda _: None, here)
+    surfaces = [
+        {
+            "line": one.nominal.line,
+            "overcut_mm": -_mm(one.whole.overcut),
+            "undercut_mm": _mm(one.whole.undercut),
+        }
+        for one in found.judged[:MAX_SURFACES]
+    ]
+    return {"verdict": wording.told(found.verdicts), "gouges": len(found.gouges), "surfaces": surfaces}
+
+
+def _mm(worst: Worst | None) -> float:
+    return worst.mm if worst is not None else 0.0
 
 
 def _expected() -> tuple[type[Exception], ...]:

@@ -9,7 +9,6 @@ rest_of(...) what is left of it from a place on
 from __future__ import annotations
 
 import contextlib
-import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import field, replace
 from functools import partial
@@ -38,6 +37,7 @@ from controller.program.carried import InForce
 from controller.program.modal import State
 from controller.program.position import homed
 from controller.program.program import Act, Block, CutBlock, GougeRefused, Place, ProgramError
+from controller.program.surface_codes import may_cut
 from controller.values import dataclass
 from controller.verify import wording
 from controller.verify.audit import Audit, FormRefused, Watched, audit
@@ -45,9 +45,6 @@ from controller.workers import Spread, here
 
 # Share of a check that is done when cutters are placed, when branches are chosen, and when all is planned.
 PLACED, CHOSEN, PLANNED = 0.1, 0.2, 0.6
-CUTS = re.compile(
-    rb"[gG][ \t]*0*(?:5[12]|6\.2)"
-)  # what may cut a surface: a long program of lines is not read twice
 MOST_KEPT = 1000  # motions of a path that is not laid once more for its run: it bounds the memory
 PLACING_S = 0.4  # that a search for one surface takes, about
 
@@ -158,7 +155,7 @@ def _source(asked: Task, chosen: Mapping[int, Rotaries] | None, dry_run_mm: floa
 
 def walls_of(asked: Task) -> Walls:
     """All surfaces that a program cuts, read once more. Raises ProgramError where it is refused."""
-    if not CUTS.search(asked.text):
+    if not may_cut(asked.text):
         return NONE
     return Walls.of(asked.read(), asked.machine)
 
@@ -379,7 +376,7 @@ def place_ahead(asked: Task, spread: Spread, progress: Progress = lambda _: None
 
     Nothing where nobody else searches. A program that is refused somewhere is placed up to there.
     """
-    if spread is here or not CUTS.search(asked.text):
+    if spread is here or not may_cut(asked.text):
         return
     wanted: dict[str, placing.Wanted] = {}
     with contextlib.suppress(ProgramError):

@@ -1,0 +1,70 @@
+"""Runs that have cut surfaces are judged as their drives have cut them, by a process behind all else.
+
+What comes of it stands with the facts of the run, beside the verdict on the plan that its check has.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import sys
+from pathlib import Path
+from typing import Any
+
+from controller.api.answers import Refusal
+from controller.api.checker import Errand
+from controller.api.records import Run
+from controller.api.run_report import AS_CUT
+from controller.api.store import Store
+from controller.program.surface_codes import may_cut
+
+WORKER = (sys.executable, "-m", "controller.cli.verdict_worker")
+LONGEST_S = 3600.0
+LOOK_S = 5.0  # between two looks at what has ended
+NEWEST = 20  # runs that are looked at: what is older when a panel begins stays as it is
+POSITIONS, PROGRAM = "actual.npz", "program.ngc"  # of a record
+
+
+class RunVerdicts:
+    """One run after another."""
+
+    def __init__(self, store: Store, worker: tuple[str, ...] = WORKER) -> None:
+        self._store, self._errand = store, Errand(worker, LONGEST_S)
+        self._left: set[int] = set()  # runs that are not judged: they cut nothing, or it has failed
+
+    async def run(self) -> None:
+        """Never ends."""
+        while True:
+            if not await self.judge_next():
+                await asyncio.sleep(LOOK_S)
+
+    async def judge_next(self) -> bool:
+        """Whether there was one. Raises StoreError."""
+        found = await asyncio.to_thread(self._next)
+        if found is None:
+            return False
+        failed = Refusal.told(503, "unread", "no_verdict")
+        self._left.add(found.id)  # whatever comes of it, it is asked for once
+        with contextlib.suppress(Refusal):
+            job = {"record": str(self._record(found))}
+            answer: dict[str, Any] = await self._errand.run(job, failed, failed)
+            await asyncio.to_thread(self._store.runs.add_facts, found.id, **{AS_CUT: answer})
+        return True
+
+    def _next(self) -> Run | None:
+        for one in self._store.runs.list(NEWEST):
+            if one.id in self._left or one.result == "running" or AS_CUT in one.facts:
+                continue
+            if self._cuts(self._record(one)):
+                return one
+            self._left.add(one.id)
+        return None
+
+    def _record(self, run: Run) -> Path:
+        return self._store.folder / "runs" / Path(str(run.facts.get("record", ""))).name
+
+    def _cuts(self, record: Path) -> bool:
+        """Whether a record says where the drives were, of a program that may cut a surface."""
+        with contextlib.suppress(OSError):
+            return (record / POSITIONS).is_file() and may_cut((record / PROGRAM).read_bytes())
+        return False
