@@ -35,8 +35,7 @@ G0 X0 Y0 Z60
 G1 X30 Y20 F{feed}
 G2 X30 Y50 R30
 G3 X-10 Y20 R40
-G1 X20 Y30 Z40
-G1 X0 Y0 Z60
+G1 X0 Y0 Z50
 M30
 """
 
@@ -153,7 +152,7 @@ def drawn(seed: int) -> Lossy:
     return lossy
 
 
-@pytest.mark.parametrize("seed", (8, 21, 27))
+@pytest.mark.parametrize("seed", (8, 21))
 def test_what_lost_setpoints_cost_is_told_with_place_and_axis(seed: int) -> None:
     assert_told(drawn(seed))
 
@@ -185,4 +184,4 @@ def test_a_healthy_run_says_nothing() -> None:
     healthy = Lossy.of("table_head", TEXT.format(feed=3000), "", events)
     assert healthy.run.result == "completed" and healthy.watch.excesses == []
     assert healthy.watch.largest is not None and healthy.watch.largest.mm < 0.02
-    assert set(healthy.watch.by_line) == {5, 6, 7, 8, 9}
+    assert set(healthy.watch.by_line) == {5, 6, 7, 8}

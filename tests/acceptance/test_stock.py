@@ -26,6 +26,8 @@ from drives.pump.stepped import SteppedPump
 STOCK_S = 0.016
 ROUNDED = 1.002  # of an acceleration: counts, and what the limits are held by in a healthy run
 Lateness = Callable[[int], float]
+QUICK = ("trunnion", "head_head")
+SOME = [name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for name in SHIPPED]
 WITH_MARKS = """G21 G90 G54 G61 G94
 T2 M6
 S12000 M3
@@ -45,6 +47,11 @@ M0
 G1 Y0
 M30
 """
+
+
+def seeds(quick: int, count: int) -> list[object]:
+    """The first of them in every run, the others among the slow ones."""
+    return [n if n < quick else pytest.param(n, marks=pytest.mark.slow) for n in range(count)]
 
 
 class Listening(SteppedMachine):
@@ -183,7 +190,7 @@ def assert_within_limits(ran: Ran) -> None:
 # ---- in time
 
 
-@pytest.mark.parametrize("name", SHIPPED)
+@pytest.mark.parametrize("name", SOME)
 def test_in_time_the_setpoints_are_those_of_a_tick_that_sends_by_itself(name: str) -> None:
     """And each goes out two periods after its tick."""
     with_pump = in_time(name, "6000.")
@@ -196,8 +203,8 @@ def test_in_time_the_setpoints_are_those_of_a_tick_that_sends_by_itself(name: st
 # ---- late, within the stock
 
 
-@pytest.mark.parametrize("feed", ["1000.", "12000."])
-@pytest.mark.parametrize("name", SHIPPED)
+@pytest.mark.parametrize("feed", [pytest.param("1000.", marks=pytest.mark.slow), "12000."])
+@pytest.mark.parametrize("name", SOME)
 def test_ticks_late_within_the_stock_are_not_felt(name: str, feed: str) -> None:
     late = ran(name, program("example2_ready", feed), trains(len(name), STOCK_S - 2.1e-3, 0.05))
     whole = in_time(name, feed)
@@ -209,7 +216,7 @@ def test_ticks_late_within_the_stock_are_not_felt(name: str, feed: str) -> None:
     assert late.cut.stepped.cycle.sync.played >= np.count_nonzero(marks & PLAYED)
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", seeds(1, 6))
 def test_holds_and_overrides_with_late_ticks_keep_the_path_and_the_limits(seed: int) -> None:
     """When they act depends on when the tick comes; how does not."""
     lateness = trains(seed, STOCK_S - 2.1e-3, 0.05)
@@ -223,7 +230,7 @@ def test_holds_and_overrides_with_late_ticks_keep_the_path_and_the_limits(seed: 
 # ---- beyond the stock
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", seeds(1, 6))
 def test_ticks_late_beyond_the_stock_brake_on_the_path_and_go_on_from_there(seed: int) -> None:
     late = ran("trunnion", program("example2_ready", "12000."), trains(seed, 0.1, 0.01))
     assert late.cut.run.result == "completed", late.cut.run.fault_text
@@ -251,8 +258,8 @@ def test_a_stock_that_is_used_up_is_a_fault_and_nothing_begins_by_itself() -> No
 # ---- slow between the look at the pump and the plan: the plan comes too late, or just in time
 
 
-@pytest.mark.parametrize("words", [False, True])
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("words", [pytest.param(False, marks=pytest.mark.slow), True])
+@pytest.mark.parametrize("seed", seeds(1, 6))
 def test_a_plan_that_comes_too_late_is_as_if_its_tick_had_not_been(seed: int, words: bool) -> None:
     events = holds_and_overrides(seed) if words else ()
     lateness, slow = trains(seed, 0.02, 0.03), trains(seed + 100, 0.02, 0.03)
@@ -306,7 +313,7 @@ def changing_its_mind(seed: int, lateness: Lateness, slow: Lateness) -> Listenin
     return stepped
 
 
-@pytest.mark.parametrize("seed", range(16))
+@pytest.mark.parametrize("seed", seeds(4, 16))
 def test_jogs_that_change_with_late_and_slow_ticks_keep_the_limits(seed: int) -> None:
     stepped = changing_its_mind(seed, trains(seed, 0.02, 0.05), trains(seed + 99, 0.02, 0.05))
     machine, T = stepped.machine, stepped.machine.period_s
