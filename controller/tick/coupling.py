@@ -41,6 +41,7 @@ SETTLED_TICKS = 4  # in a row
 LATE_S = 3.0  # not settled by then: it is lost as one that lags
 CLOSING_REV_S = 0.1  # a lag beyond the window that shrinks by so much is on its way back
 PATIENCE_S = 0.2  # for one that does neither
+ANSWERS_IN = 3  # ticks, from a speed that the spindle is told to its answer
 TEACHES_REV = 0.2  # a spindle that is further off is hindered, and teaches nothing
 DEAF_SYNCS = 5  # without a position: the thread is left to nobody's guess
 FASTER = 1.2  # than the law asks for: what the loop may add to catch up, and in any case ...
@@ -148,6 +149,8 @@ class Tie(NamedTuple):
     led: LedTicks
     turned: float
     led_mm: float
+    led_step_mm: float
+    axis_s: float
 
 
 class Coupling:
@@ -156,6 +159,9 @@ class Coupling:
     Read: ``active``, ``rev_s`` (the spindle is led at), ``lag_rev`` (e), ``off_mm`` (of the axes),
     ``depth_rev`` and ``pitch_mm`` of the thread that the tool is in, 0 where it is in none; ``led_mm`` (from
     the law's place to that of the axes), ``settled`` (both stand where the thread's motion ends).
+
+    ``unseen``: in a period without a tick nobody looks at the spindle, nor tells it anything, and the law
+    leads the axes alone; so it is in a look ahead.
     """
 
     def __init__(
@@ -177,6 +183,9 @@ class Coupling:
         self.rev_s = self.lag_rev = self.off_mm = 0.0
         self.depth_rev = self.pitch_mm = self.led_mm = 0.0
         self.again: Recorded | None = None  # of a run that is made again
+        self.unseen = False
+        self._led_step_mm = 0.0  # of ``led_mm``, in the last period
+        self._untaught = 0  # periods for which what the spindle answers is to what nobody has told it
         self._s = self._zero = self._rate = self._step_mm = self._axis_s = 0.0
         self._delay = delay
         self._wanted = Turns(0.0, 0.0, 0.0, 0.0)
@@ -187,6 +196,12 @@ class Coupling:
         self._settled = self._late = self._beyond = 0  # ticks
         self._most_beyond = round(PATIENCE_S / machine.period_s)
 
+    def unseen_twin(self, machine: Machine) -> Coupling:
+        """For a look ahead."""
+        made = Coupling(machine, self._spindle, self._drives, self._delay)
+        made.unseen = True
+        return made
+
     # -- what others ask
 
     def look(self) -> None:
@@ -195,7 +210,7 @@ class Coupling:
             self.settled = self.again.settled
             return
         off = self.releasing and not self.off_mm == self._step_mm == 0.0
-        self.settled = self.active and self._settled >= SETTLED_TICKS and not off
+        self.settled = self.active and self._settled >= SETTLED_TICKS and not (off or self.unseen)
 
     @property
     def lags(self) -> bool:
@@ -205,6 +220,11 @@ class Coupling:
     @property
     def deaf(self) -> bool:
         return self.active and self._spindle is not None and self._spindle.unheard > DEAF_SYNCS
+
+    @property
+    def dies_away(self) -> bool:
+        """Whether the axes still go on beside the law by what has led them last."""
+        return self.active and self._led_step_mm != 0.0
 
     @property
     def turns(self) -> float:
@@ -220,11 +240,12 @@ class Coupling:
         """The spindle is its own again; where the tool is in a thread stays known."""
         self.active = self.releasing = False
         self.move = None
-        self.rev_s = self.lag_rev = self.off_mm = self._rate = self._step_mm = self.led_mm = 0.0
+        self.rev_s = self.lag_rev = self.off_mm = self._rate = self._step_mm = 0.0
+        self.led_mm = self._led_step_mm = 0.0
 
     def stood(self) -> None:
         """The axes have stood meanwhile."""
-        self._step_mm = 0.0
+        self._step_mm = self._led_step_mm = 0.0
 
     def save(self) -> Tie | None:
         """None where there is no tie."""
@@ -247,6 +268,8 @@ class Coupling:
             self._led_before,
             self._turned,
             self.led_mm,
+            self._led_step_mm,
+            self._axis_s,
         )
 
     def restore(self, saved: Tie | None) -> None:
@@ -260,6 +283,7 @@ class Coupling:
         self.off_mm, self._step_mm, self.led_mm = saved.off_mm, saved.step_mm, saved.led_mm
         self.rev_s, self._led_before, self._turned = saved.rev_s, saved.led, saved.turned
         self._settled, self._late = saved.settled, saved.late
+        self._led_step_mm, self._axis_s = saved.led_step_mm, saved.axis_s
 
     def lead(self) -> None:
         """Tells the spindle how fast to turn until the next tick."""
@@ -283,19 +307,25 @@ class Coupling:
         if self.move is not None and move is not self.move:  # the same angle is so much of the other way
             turned = self.move.rev_per_mm / move.rev_per_mm
             self.off_mm, self._step_mm = turned * self.off_mm, turned * self._step_mm
+            self.led_mm, self._led_step_mm = turned * self.led_mm, turned * self._led_step_mm
         stands = move is self.move and -STILL < s - self._s < STILL
         self.move, self._s = move, s
         *on_the_way, now = wanted, *self._on_the_way
         before, earlier, answered = self._wanted.now, self._wanted.before, self._wanted.earlier
         self._on_the_way, self._wanted = tuple(on_the_way), Turns(now, before, earlier, answered)
-        self._measure(answered - (spindle.turns - self._zero), spindle.turns, spindle.unheard)
-        self._watch()
-        self._lead(now - before, now - 2.0 * before + earlier, stands)
+        if self.unseen:
+            self._untaught = ANSWERS_IN
+            self._led_before = LedTicks(Led(self.rev_s, 0.0), self._led_before.last, self._led_before.before)
+        else:
+            self._measure(answered - (spindle.turns - self._zero), spindle.turns, spindle.unheard)
+            self._watch()
+            self._lead(now - before, now - 2.0 * before + earlier, stands)
         self.depth_rev, self.pitch_mm = wanted - self.lag_rev if wanted else 0.0, 1.0 / move.rev_per_mm
         if self.again is not None:
             self.led_mm = self.again.led_mm
         else:
-            self.led_mm = self._led(move, v, a, stands)
+            led_mm = self._led_alone(move, v, a) if self.unseen else self._led(move, v, a, stands)
+            self._led_step_mm, self.led_mm = led_mm - self.led_mm, led_mm
         return s + self.led_mm
 
     def stay(self, joints: Joints, kinematics: Kinematics) -> Joints:
@@ -327,7 +357,9 @@ class Coupling:
         T = self._period_s
         turned, self._turned = (turns - self._turned) / T, turns
         speed, acceleration = self._led_before.answered
-        if unheard <= 1 and speed != 0.0 and -TEACHES_REV < self.lag_rev < TEACHES_REV:
+        sure = unheard <= 1 and not self._untaught
+        self._untaught = max(0, self._untaught - 1)
+        if sure and speed != 0.0 and -TEACHES_REV < self.lag_rev < TEACHES_REV:
             self.reply.learn(speed, acceleration, speed - turned)
         self.lag_rev += self._rate * T
         if unheard <= 1:
@@ -379,6 +411,14 @@ class Coupling:
             off = self.off_mm
         self._approach(off, move.give_mm_s2 * T * T, move.give_mm_s * T)
         return axis_s * (v + 0.5 * axis_s * a) - self.off_mm
+
+    def _led_alone(self, move: ThreadMove, v: float, a: float) -> float:
+        """Likewise with no look at the spindle: what it went by per period dies away."""
+        step, bend = self._led_step_mm, move.give_mm_s2 * self._period_s**2
+        led_mm = self.led_mm + math.copysign(max(0.0, abs(step) - bend), step)
+        off = self._axis_s * (v + 0.5 * self._axis_s * a) - led_mm  # from where the next look goes on
+        self.off_mm, self._step_mm = off, off - self.off_mm
+        return led_mm
 
     def _approach(self, off: float, bend: float, most: float) -> None:
         """``off_mm`` one tick nearer to ``off``: no step bends by more than ``bend``, and it can stop."""

@@ -263,6 +263,8 @@ class Cycle:
         self.sync_sent = True
         self.accepted_now = self.taken = 0
         self._replaced_s = math.inf
+        coupling = self.coupling
+        coupling.unseen, coupling.again = True, None if self.again is None else self.again.thread
         if not modes.on_path:
             stock.moved_otherwise()
         elif assumed.by_hand and self.jogging.active:
@@ -277,6 +279,7 @@ class Cycle:
             feed, rapid = float(assumed.feed), float(assumed.rapid)
             self._along_path(goes and follow.goes(assumed.running, feed, rapid))
             self._look_ahead()
+        coupling.unseen = False
         self.switches = self._switches()
         if period > self._recorded:
             self._recorded = period

@@ -195,6 +195,8 @@ class Follow:
         self._brake.go_on_as(other._brake)
         self._now, self._base, self._goes = other._now, other._base, other._goes
         self.rate, self.s, self.feed, self.piece = other.rate, other.s, other.feed, other.piece
+        if self.coupling.active or other.coupling.active:
+            self.coupling.restore(other.coupling.save())
         self.optional_stop, self.single_block = other.optional_stop, other.single_block
 
     # -- taking pieces

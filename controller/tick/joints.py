@@ -21,7 +21,7 @@ class Encoder:
         self._units_per_count = tuple(1.0 / axis.counts_per_unit for axis in machine.axes)
         deviations = Deviations(machine)
         self._deviations = deviations if deviations.found else None
-        axes = len(machine.axes)
+        axes, self._linear = len(machine.axes), machine.linear()
         self._rounded = _of_each("round(a[{0}])", axes)
         self._products = _of_each("a[{0}] * b[{0}]", axes)
         self._encoded: Joints | None = None  # where setpoints depend on joints alone
@@ -45,6 +45,11 @@ class Encoder:
         """Where the drives are to go next, for the axes to be at ``joints``: before it is rounded."""
         sent = joints if self._deviations is None else self._deviations.told(joints)
         return self._products(sent, self._counts_per_unit)
+
+    def per_mm(self, direction: Sequence[float]) -> Sequence[float]:
+        """Counts of each axis for a mm along a direction of X, Y and Z."""
+        linear = dict(zip(self._linear, direction, strict=True))
+        return [linear.get(i, 0.0) * counts for i, counts in enumerate(self._counts_per_unit)]
 
     def go_on_as(self, other: Encoder) -> None:
         """What comes next follows the last setpoints of another one."""

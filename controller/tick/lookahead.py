@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 from controller.geometry.vectors import ROUNDING
@@ -20,7 +21,6 @@ from controller.tick.check import Check
 from controller.tick.follow import Follow, Step
 from controller.tick.jog import Jogging
 from controller.tick.joints import INT32, Encoder
-from controller.tick.queue import Entry
 from drives.pump.plan_memory import Stop
 
 EXTRA: Final = 8  # periods of a jog that are looked ahead beyond the stock, so that it need not be each tick
@@ -42,6 +42,14 @@ class Row(NamedTuple):
     now: int  # number in the queue
     stop: Stop | None  # what is left of one that is under way
     rests: bool  # at rest, and nothing goes on by itself
+    led_mm: float = 0.0  # along a thread, beyond its law ...
+    led_on: bool = False  # ... and still on the move there: no stop begins
+
+    def led_to(self, led_mm: float, per_mm: Sequence[float]) -> Row:
+        """On its thread, with the axes led so far; ``per_mm``: counts."""
+        by = led_mm - self.led_mm
+        counts = tuple([count + by * one for count, one in zip(self.counts, per_mm, strict=True)])
+        return self._replace(counts=counts, led_mm=led_mm)
 
 
 class Conditions(NamedTuple):
@@ -63,8 +71,7 @@ class Ghost(Follow):
     """Runs ahead of ``follow`` on its queue."""
 
     def __init__(self, machine: Machine, follow: Follow) -> None:
-        super().__init__(machine, kinematics_of(machine), queue=follow.queue)
-        self._real = follow
+        super().__init__(machine, kinematics_of(machine), follow.coupling.unseen_twin(machine), follow.queue)
 
     def step(self, go: bool) -> Step:
         if self._brake.active and self._brake.over:  # what comes after a stop is the first one's to say
@@ -86,10 +93,6 @@ class Ghost(Follow):
         self.piece = entry.piece
         self.s, _, _ = entry.at(self._clock.tau)
 
-    def _along(self, entry: Entry, place: tuple[float, float, float]) -> float:
-        s, _, _ = place
-        return s + self._real.coupling.led_mm if entry.thread is not None else s
-
     @property
     def knows_its_place(self) -> bool:
         """Whether the entry that it is in is still there."""
@@ -104,7 +107,7 @@ class Ghost(Follow):
         if not len(queue) or queue[now].motion is None:
             rests = stands and (not len(queue) or tau >= queue[now].end_s - ROUNDING or not self._goes)
             stands_at = before._replace(joints=self.joints, counts=counts, stop=None)
-            return stands_at._replace(tau=tau, now=now, rests=rests)
+            return stands_at._replace(tau=tau, now=now, rests=rests, led_on=False)
         entry = queue[now]
         assert entry.motion is not None
         motion, place, end = entry.piece.motion_id, self.s, entry.motion.end
@@ -116,12 +119,14 @@ class Ghost(Follow):
         halted = not self._goes or tau == before.tau
         stopped = self._brake.active and self._brake.over
         rests = stopped or (stands and stop is None and halted)
-        return Row(self.joints, counts, before.s + far, motion, place, end, tau, self._now, stop, rests)
+        tie, s = self.coupling, before.s + far
+        led = tie.led_mm, tie.dies_away
+        return Row(self.joints, counts, s, motion, place, end, tau, self._now, stop, rests, *led)
 
     def stop_at(self, row: Row) -> Stop | None:
         """The stop that begins at a row; None: none does."""
-        if row.stop is not None:
-            return row.stop
+        if row.stop is not None or row.led_on:
+            return None if row.led_on else row.stop
         found = self._queue.stop_at(row.tau)
         if found is None or row.now > self._queue.last:
             return None
@@ -133,6 +138,8 @@ class Ghost(Follow):
     def rests_at(self, row: Row) -> bool:
         """Whether the plan itself rests at a row, so that it can simply end there."""
         queue = self._queue
+        if row.led_on:
+            return False
         return row.rests or not len(queue) or (row.stop is None and queue[row.now].rests_at(row.tau))
 
 
@@ -216,6 +223,15 @@ class Lookahead:
         self._known_stop = None, None
         self._encoder.go_on_as(self._real_encoder)
         self.here = ghost.row(self._real_encoder.exact, before)
+
+    def further(self) -> list[Row]:
+        """Rows to brake along behind ``rows``; on a thread they go on as the last one is led."""
+        last, move = self.rows[-1] if self.rows else self.here, self._ghost.coupling.move
+        found = [row for row in self.path if row.s > last.s]
+        if move is None:
+            return found
+        per_mm = self._encoder.per_mm(move.direction)
+        return [row.led_to(last.led_mm, per_mm) for row in found]
 
     def fill(self) -> tuple[int, Stop | None]:
         """Looks as far ahead as the stock needs it: rows that may be played, and the stop after them."""

@@ -197,8 +197,7 @@ class Stock:
         self._tail = tail
         writer.end_at(tail)
         if ahead.path:
-            s = rows[-1].s
-            further = [row for row in ahead.path if row.s > s]
+            further = ahead.further()
             for period, row in enumerate(further, tail):
                 writer.put(period, row.s, row.counts)
             rows += further
