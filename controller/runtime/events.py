@@ -15,6 +15,8 @@ such a file, too, with more kinds of lines, so that every setpoint comes again:
     fault               in this tick drives or devices had the fault ``value``
     stock               from this tick on each was late and found its period played out of the stock (1), or
                         after its end, braking or at rest (2), or no more (0)
+    taken_back          before this tick the step of the one before was taken back: the stock was played
+                        instead, as with ``stock``
     off_path            from this tick on the setpoints are where the drives were, and are not made again
 
 Tick -1 is before the start. ``at`` is the machine's own count of ticks, which orders the lines, and ``late``
@@ -60,7 +62,7 @@ BY_HAND = ("spindle_override", "spindle", "coolant", "clamps", "prepare")  # not
 SWITCHES = tuple([switch.name for switch in SWITCHED.values()])
 STAND, PLAN, RETRACT, RETURN, ASIDE = "stand", "plan", "retract", "return", "aside"
 WAIT, FAULT, OFF_PATH, PIECES, BEGIN = "wait", "fault", "off_path", "pieces", "begin"
-THREAD, ADAPTIVE, STOCK = "thread", "adaptive", "stock"
+THREAD, ADAPTIVE, STOCK, TAKEN_BACK = "thread", "adaptive", "stock", "taken_back"
 TURNS = (PLAN, RETRACT, RETURN)
 _RANKS = {STAND: 0, PLAN: 1, RETRACT: 1, RETURN: 1, PIECES: 3}  # within a tick; all others between
 _KEYS = frozenset({"tick", "request", "value"})
@@ -165,7 +167,7 @@ def _line(where: str, line: str, keys: frozenset[str]) -> Line | Begin:
         return _begin(where, data.get("value"))
     if request == ASIDE:
         raise EventError(said("events.led_aside", where=where))
-    if request in (STAND, PIECES, WAIT, FAULT, OFF_PATH, THREAD, ADAPTIVE, STOCK, *TURNS):
+    if request in (STAND, PIECES, WAIT, FAULT, OFF_PATH, THREAD, ADAPTIVE, STOCK, TAKEN_BACK, *TURNS):
         return _happened(where, data)
     return _asked(where, data)
 
@@ -192,6 +194,7 @@ def _happened(where: str, data: dict[str, Any]) -> Line:
         FAULT: isinstance(value, str) and value in Fault.__members__,
         PLAN: number and value < 60.0,
         STOCK: value in (0, 1, 2),
+        TAKEN_BACK: value in (1, 2),
         THREAD: isinstance(value, list) and [type(x) for x in value] == [float, bool],
     }.get(kind, number)
     if type(tick) is not int or tick < -1 or not sound:

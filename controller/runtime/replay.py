@@ -39,6 +39,7 @@ from controller.values import dataclass
 
 ENDING = 5  # ticks after the last one that is recorded: the mode follows the standstill
 MAX_TICKS = 50_000_000
+_STOCK = 0, PLAYED, PLAYED | BRAKED  # by the value of a line
 
 Rows = npt.NDArray[np.float64]
 
@@ -115,7 +116,7 @@ class _Repetition:
         now = self._now()
         self._planner.go_on_from(max(now.accepted, now.rejected))
         self._fitted = bench.machine
-        self._waits, self._fault, self._played = False, Fault.NONE, 0
+        self._waits, self._fault, self._played, self._taken_back = False, Fault.NONE, 0, 0
         self._thread, self._share = ThreadRecord(), 1.0
 
     def _send(self, message: PieceMessage) -> bool:
@@ -166,12 +167,14 @@ class _Repetition:
 
     def _make_all(self, lines: Iterable[Line]) -> None:
         """What came from drives and devices is told to the tick; old records do not have it."""
-        self._fault, recorded = Fault.NONE, self._bench.cycle.again is not None
+        self._fault, self._taken_back = Fault.NONE, 0
+        recorded = self._bench.cycle.again is not None
         for line in lines:
             self._make(line)
             recorded |= line.at is not None
         if recorded:
-            self._bench.cycle.again = Again(self._waits, self._fault, self._thread, self._share, self._played)
+            said = self._waits, self._fault, self._thread, self._share, self._played, self._taken_back
+            self._bench.cycle.again = Again(*said)
 
     def _make(self, line: Line) -> None:
         bench = self._bench
@@ -188,7 +191,9 @@ class _Repetition:
             led_mm, settled = line.value
             self._thread = ThreadRecord(float(led_mm), bool(settled))
         elif line.kind == events.STOCK:
-            self._played = (0, PLAYED, PLAYED | BRAKED)[int(line.value)]
+            self._played = _STOCK[int(line.value)]
+        elif line.kind == events.TAKEN_BACK:
+            self._taken_back = _STOCK[int(line.value)]
         elif line.kind == events.ADAPTIVE:
             self._share = float(line.value)
         elif line.kind == events.FAULT:

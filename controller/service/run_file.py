@@ -35,6 +35,8 @@ from controller.ipc.handoff import (
     PLAYED,
     SETTLED,
     STOOD,
+    TAKEN_BACK,
+    TAKEN_BACK_BRAKED,
     WAITED,
     Outcome,
     Snapshot,
@@ -248,6 +250,9 @@ class RowEvents:
             self._fault = Fault(int(faults[i]))
             if self._fault not in _OWN_FAULTS:
                 self._events.add(int(rows[i, COLUMN["tick"]]), events.line_of(events.FAULT, self._fault.name))
+        for row in rows[switches & (TAKEN_BACK | TAKEN_BACK_BRAKED) != 0]:
+            braked = int(row[COLUMN["switches"]]) & TAKEN_BACK_BRAKED != 0
+            self._events.add(int(row[COLUMN["tick"]]), events.line_of(events.TAKEN_BACK, 1 + braked))
         sent = rows[rows[:, COLUMN["sync_sent"]] != 0.0]
         self._find_flags(sent)
         self._find_threads(sent)

@@ -62,6 +62,8 @@ EXPIRED = 128  # in this tick a jog was ended that nobody asked for any more
 OFF_PATH = 16  # the setpoints are where the drives were
 PLAYED = 256  # played out of the stock: the tick of this period was late, and found it done
 BRAKED = 512  # likewise, and after the end of the stock: a part of its stop, or at rest
+TAKEN_BACK = 1024  # the step of the row before was not sent: the pump has gone on by the plan before, ...
+TAKEN_BACK_BRAKED = 2048  # ... and that after the end of the stock
 
 
 class Snapshot(NamedTuple):
@@ -126,7 +128,8 @@ class Snapshot(NamedTuple):
     switches: int = _value(
         "cycle",
         "1 single block, 2 optional stop, 4 stood, 8 waited, 16 off path, 32 settled, 64 adaptive feed, "
-        "128 jog expired, 256 played out of the stock, 512 after its end",
+        "128 jog expired, 256 played out of the stock, 512 after its end, "
+        "1024 the step before was taken back, 2048 for one after its end",
         column="switches",
     )
     taken: int = _value("cycle", "number of the last request taken in this tick, 0 = none", column="request")

@@ -19,6 +19,8 @@ from controller.ipc.handoff import (
     PLAYED,
     SETTLED,
     STOOD,
+    TAKEN_BACK,
+    TAKEN_BACK_BRAKED,
     WAITED,
     Arrangement,
     Outcome,
@@ -70,6 +72,7 @@ class Again(NamedTuple):
     thread: Recorded = Recorded()
     share: float = 1.0  # of the feed, by the load of the spindle
     played: int = 0  # ``PLAYED``, ``BRAKED``: the tick was late, and found its period done
+    taken_back: int = 0  # likewise of the tick before, whose plan came too late
 
 
 class Cycle:
@@ -102,6 +105,7 @@ class Cycle:
         self._moved = -1  # the period whose setpoints were computed last
         self._recorded = -1  # the last period that has its row
         self._played = 0  # ``PLAYED``, ``BRAKED`` of this period
+        self._taken_back = 0  # bits of ``switches`` for the next row
         self._braked = False  # in the period before this one
         self._status = StatusPublisher(self, parts, snapshot, recorder)
         self._masks = range(1, machine.every_axis + 1)  # of axes
@@ -184,14 +188,14 @@ class Cycle:
         if not periods:
             return False
         stock.account()
+        if self.again is not None and self.again.taken_back:
+            self._take_back(self.again.taken_back)
         if self.again is not None and self.again.played:
-            self._played = self.again.played
-            self._go_on_as_played(stock.period)
-            self._played = 0
+            self._go_on_as_played(stock.period, self.again.played)
             stock.publish(False)
             return True
         if stock.refused and self.modes.on_path and self._moved + DELAY < stock.stood_from:
-            self._take_back()
+            self._take_back(self._how(self._moved))
         braked = self.sync.braked
         play = self._play_again if self.idle and stock.memory.at_once > 1 else self._play
         for period in periods[:-1]:
@@ -215,9 +219,7 @@ class Cycle:
         self._assumed_before, self._assumed = self._assumed, self._look_ahead()
         stock.publish(anew)
         self.group.send_events(now_s)
-        self.switches = self._switches()
-        self._recorded = stock.period
-        self._status.record()
+        self._record(stock.period)
         return True
 
     def starve(self) -> None:
@@ -229,34 +231,45 @@ class Cycle:
         self.group.show(self.stock.memory)
         self.publish()
 
-    def _take_back(self) -> None:
-        """The last step was not sent, though its row says so: the pump has played on by the plan before."""
+    def _take_back(self, played: int) -> None:
+        """The last step was not sent, though its row says so: the pump has gone on by the plan before.
+
+        ``played``: how, as of ``_how``.
+        """
         if self._arrived:
             return
         self._assumed = self._assumed_before
         mover = self.jogging if self.jogging.active else self.follow
         mover.revert()
-        self._play(self._moved)
+        self._taken_back = TAKEN_BACK_BRAKED if played & BRAKED else TAKEN_BACK
+        self._play(self._moved, played)
 
     def _play_again(self, period: int) -> None:
         """A period that was played ahead of its time, since nothing happens (``idle``): as the one before."""
         self.tick = self._moved = period
         self._status.repeat()
 
-    def _play(self, period: int) -> None:
+    def _how(self, period: int) -> int:
+        """``PLAYED``, ``BRAKED``: what the pump has sent instead of the step of this period."""
+        stock = self.stock
+        assert stock is not None
+        sends = period + DELAY
+        return PLAYED | BRAKED * (stock.brakes_in(sends) or not stock.is_nominal(sends))
+
+    def _play(self, period: int, played: int = 0) -> None:
         """A period whose tick was not run: the path goes on by the plan that the pump had."""
         stock = self.stock
         assert stock is not None
         braked = stock.brakes_in(period + DELAY)
         self.sync.played += 1
         self.sync.braked += braked and not self._braked
-        self._played = PLAYED | BRAKED * (braked or not stock.is_nominal(period + DELAY))
-        self._go_on_as_played(period)
-        self._played, self._braked = 0, braked
+        self._go_on_as_played(period, played or self._how(period))
+        self._braked = braked
 
-    def _go_on_as_played(self, period: int) -> None:
+    def _go_on_as_played(self, period: int, played: int) -> None:
         """One period of the path, in which nothing else happens: by what the plan of it has assumed."""
-        stock, modes, braked = self.stock, self.modes, bool(self._played & BRAKED)
+        stock, modes, braked = self.stock, self.modes, bool(played & BRAKED)
+        self._played = played
         assumed, goes = self._assumed, not braked and not self._arrived
         assert stock is not None
         self.tick = self._moved = period
@@ -280,10 +293,15 @@ class Cycle:
             self._along_path(goes and follow.goes(assumed.running, feed, rapid))
             self._look_ahead()
         coupling.unseen = False
-        self.switches = self._switches()
         if period > self._recorded:
-            self._recorded = period
-            self._status.record()
+            self._record(period)
+        self._played = 0
+
+    def _record(self, period: int) -> None:
+        """The row of a period."""
+        self.switches = self._switches()
+        self._recorded, self._taken_back = period, 0
+        self._status.record()
 
     def _look_for_a_gap(self) -> bool:
         """Whether the pump has stopped sending, or the motors have stood."""
@@ -329,7 +347,7 @@ class Cycle:
 
     def _switches(self) -> int:
         modes, stood = self.modes, self._stood or self._stood_before
-        asked = self._played + modes.switched + EXPIRED * self.jogging.expired
+        asked = self._played + self._taken_back + modes.switched + EXPIRED * self.jogging.expired
         settled = SETTLED * self.coupling.settled
         return asked + STOOD * stood + WAITED * self._waits + OFF_PATH * (not modes.on_path) + settled
 

@@ -247,6 +247,47 @@ def test_ticks_that_come_late_within_the_stock_and_beyond_it(tmp_path: Path, lon
     assert_comes_again(bench.ended())
 
 
+@pytest.mark.parametrize("longest_s", [0.006, 0.03])
+def test_ticks_whose_plan_came_too_late_and_was_refused(tmp_path: Path, longest_s: float) -> None:
+    """Their own step was not sent: the record says so, and how the pump has gone on instead."""
+    rng = random.Random(round(1000 * longest_s))
+    late = [False]
+    bench = RecordedBench(
+        tmp_path, None, lambda _: rng.uniform(0.0, longest_s) * (late[0] and rng.random() < 0.05)
+    )
+    cycle, clock = bench.stepped.cycle, bench.stepped.clock
+    stock, refused = cycle.stock, [0]
+    assert stock is not None
+    publish, take_back = stock.publish, cycle._take_back
+
+    def published(anew: bool) -> None:
+        clock._now_s += rng.uniform(0.0, 0.014) * (late[0] and rng.random() < 0.2)
+        for step in clock.steppers:
+            step(clock._now_s)
+        publish(anew)
+
+    def taken_back(played: int) -> None:
+        refused[0] += 1
+        take_back(played)
+
+    stock.publish, cycle._take_back = published, taken_back  # type: ignore[method-assign]
+    bench.request(Request.OVERRIDE, 0.7)
+    bench.started(TEXT)
+    late[0] = True
+    bench.until_line(4)
+    for share in (0.4, 1.7, 0.9):
+        bench.request(Request.OVERRIDE, share)
+        bench.rows.append(bench.stepped.go(rng.randrange(20, 80)))
+    bench.held(5)
+    bench.led("retract", distance_mm=5.0)
+    bench.jogged_to_rest(ASIDE)
+    bench.led("return")
+    bench.request(Request.RESUME)
+    bench.until(Mode.READY)
+    assert refused[0] > 2
+    assert_comes_again(bench.ended())
+
+
 def test_waits_for_the_spindle_and_an_open_door_with_a_resume_that_was_refused(tmp_path: Path) -> None:
     """The spindle of the run took longer than that of the bench on which it is made again."""
     bench = RecordedBench(tmp_path, mill())
