@@ -317,7 +317,9 @@ class Coupling:
             self._untaught = ANSWERS_IN
             self._led_before = LedTicks(Led(self.rev_s, 0.0), self._led_before.last, self._led_before.before)
         else:
-            self._measure(answered - (spindle.turns - self._zero), spindle.turns, spindle.unheard)
+            # A late tick has heard the answer to its own SYNC already.
+            told = answered if spindle.unheard > 0 else earlier
+            self._measure(told - (spindle.turns - self._zero), spindle.turns, spindle.unheard)
             self._watch()
             self._lead(now - before, now - 2.0 * before + earlier, stands)
         self.depth_rev, self.pitch_mm = wanted - self.lag_rev if wanted else 0.0, 1.0 / move.rev_per_mm
@@ -357,8 +359,8 @@ class Coupling:
         T = self._period_s
         turned, self._turned = (turns - self._turned) / T, turns
         speed, acceleration = self._led_before.answered
+        self._untaught = max(0, self._untaught - 1, 2 * (unheard < 1))  # two answers at once, and then none
         sure = unheard <= 1 and not self._untaught
-        self._untaught = max(0, self._untaught - 1)
         if sure and speed != 0.0 and -TEACHES_REV < self.lag_rev < TEACHES_REV:
             self.reply.learn(speed, acceleration, speed - turned)
         self.lag_rev += self._rate * T

@@ -20,6 +20,7 @@ STANDING_REV_S = 0.1  # slower than this it stands
 LONGEST_STEP_S = 0.1  # of the ramp, after a pause in the ticks
 HALF, WHOLE = 2**31, 2**32  # of what a position can count
 FULL_LOAD = 1000.0  # of 6077h
+MOST_AHEAD = 50  # SYNCs in a row whose position was there at once: rather, one came twice
 REPEATS = 1  # a command whose frame was lost is there with the next tick
 
 _unpack_feedback = pdo.FEEDBACK.unpack
@@ -31,7 +32,8 @@ class SpindleDrive(PowerStage):
 
     Read: ``speed`` (counts/s, actual), ``speed_at_s``, ``rev_min``, ``at_speed``, ``standing``; where it
     tells its position ``turns`` (revolutions since the first one was heard, signed), ``unheard`` (SYNCs since
-    the last one) and ``load`` (share of the rated torque); and what `PowerStage` and `Supervised` have.
+    the one that it answers: 0 where that is the newest) and ``load`` (share of the rated torque); and what
+    `PowerStage` and `Supervised` have.
     """
 
     def __init__(self, settings: SpindleSettings, lost_after: int = LOST_IN_A_ROW) -> None:
@@ -59,6 +61,8 @@ class SpindleDrive(PowerStage):
         self._repeats = 0
         self.turns = self.load = 0.0
         self.unheard = 0
+        self._placed = False  # a position, since the last SYNC
+        self._ahead = 0  # SYNCs in a row whose position was there at once
         self._turned: int | None = None  # counts, as heard last
         self._directly = False  # the wanted speed is led by somebody else: no ramp of ours
         self.with_sync = (pdo.tpdo(profile.tpdo, node),)
@@ -123,13 +127,20 @@ class SpindleDrive(PowerStage):
         counts, torque = pdo.TURNED_AND_LOAD.unpack(data) if both else (*pdo.TURNED.unpack(data), 0)
         if self._turned is not None:
             self.turns += ((counts - self._turned + HALF) % WHOLE - HALF) / self._per_rev
-        self._turned, self.unheard = counts, 0
+        self._turned, self._placed = counts, True
+        self.unheard = max(self.unheard - 1, -1)
         self.load = torque / FULL_LOAD
 
     def expect(self) -> None:
         """As of every drive; and a position is owed for each SYNC."""
         super().expect()
+        if self._placed and self.unheard > 0:
+            self.unheard = 0  # those before it were lost
+        self._placed = False
         self.unheard += 1
+        self._ahead = self._ahead + 1 if self.unheard < 1 else 0
+        if self._ahead > MOST_AHEAD:
+            self.unheard = 1
 
     def _feedback(self, data: memoryview, now_s: float) -> None:
         if len(data) != pdo.PDO_BYTES:

@@ -41,7 +41,7 @@ LATE = 3  # ticks from a place to its answer
 
 class Spindle:
     def __init__(self) -> None:
-        self.turns, self.unheard, self.load, self.led = 100.0, 0, 0.25, math.nan
+        self.turns, self.unheard, self.load, self.led = 100.0, 1, 0.25, math.nan
 
     def lead(self, rev_s: float, /) -> None:
         self.led = rev_s

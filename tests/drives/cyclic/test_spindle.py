@@ -10,7 +10,7 @@ from support.drives.group_bench import GroupBench, T, nodes, spindle
 from drives import pdo
 from drives.cia402 import State, Wanted
 from drives.cyclic.drive_fault import DriveFault
-from drives.cyclic.spindle import SpindleDrive
+from drives.cyclic.spindle import MOST_AHEAD, SpindleDrive
 from drives.profile import GENERIC, Supervision
 from drives.settings import SpindleSettings
 
@@ -278,7 +278,6 @@ def test_its_turns_go_on_where_its_counts_wrap_and_the_load_is_the_share_of_the_
 
     def hear(data):
         drive.expect()
-        drive.expect()
         assert drive.receive(0x28A, memoryview(data), 0.0)
         return drive.turns, drive.load, drive.unheard
 
@@ -287,7 +286,23 @@ def test_its_turns_go_on_where_its_counts_wrap_and_the_load_is_the_share_of_the_
     assert hear(pdo.TURNED_AND_LOAD.pack(-(2**31) + 6048, -1500)) == (1.5, -1.5, 0)
     assert hear(pdo.TURNED.pack(2**31 - 96 - 4096)) == (-1.0, 0.0, 0)
     for count in (1, 2):
-        assert hear(bytes(5)) == (-1.0, 0.0, 2 * count) and drive.malformed == count
+        assert hear(bytes(5)) == (-1.0, 0.0, count) and drive.malformed == count
+
+
+def test_which_sync_its_position_answers_is_known_where_one_is_early_lost_or_there_twice():
+    drive = alone(position_tpdo=2, position_per_rev=4096.0)
+
+    def after(positions):
+        for _ in range(positions):
+            drive.receive(0x28A, memoryview(pdo.TURNED.pack(0)), 0.0)
+        drive.expect()
+        return drive.unheard
+
+    assert [after(n) for n in (0, 1, 1)] == [1, 1, 1]
+    assert [after(n) for n in (2, 0, 1)] == [0, 1, 1]  # a late look finds the answer to its own SYNC
+    assert [after(n) for n in (0, 0, 1, 1)] == [2, 3, 1, 1]  # two were lost
+    assert after(2) == 0
+    assert [after(1) for _ in range(MOST_AHEAD)][-2:] == [0, 1]  # so long: one was there twice
 
 
 def test_a_spindle_s_feedback_of_wrong_length_is_counted_and_not_used():
