@@ -24,10 +24,11 @@ MAX_BYTES = 1 << 20  # of a message
 class Forkable(SteppedMachine):
     """``at_tick`` is called behind every tick; there ``fork`` may be used."""
 
-    def __init__(self, machine: Machine) -> None:
+    def __init__(self, machine: Machine, **how: Any) -> None:
+        """``how`` goes to the SteppedMachine."""
         self.at_tick: Callable[[], None] = lambda: None
         self._to_parent = -1  # of a child: where its report goes
-        super().__init__(machine)
+        super().__init__(machine, **how)
         self.observer = self.observe()
         for shared in (self.board, self.recorder):  # memory that a child would share with its parent
             shared._memory = bytearray(shared._memory)  # type: ignore[assignment]

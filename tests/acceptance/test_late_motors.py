@@ -1,0 +1,132 @@
+"""Late ticks drawn at random, judged by the motors: every shipped machine, and whatever a program has.
+
+Within the stock motors are where they would have been in time, bit for bit; beyond it they brake on the path
+within the limits, and that is told. What the axes rest for, a tick decides, and they wait for it.
+
+    pytest -m slow tests/acceptance/test_late_motors.py            a thousand cases
+"""
+
+from __future__ import annotations
+
+import contextlib
+import random
+from collections.abc import Callable
+from dataclasses import replace
+from itertools import count
+
+import pytest
+from support.faults.fault_scripts import rapids
+from support.machines import late_runs, tapping
+from support.machines.late_runs import Healthy
+from support.machines.stepped_runs import program, shipped
+from support.net import drawn
+
+from controller.machine import machine_file
+from controller.machine.model import Machine
+from controller.program.program import ProgramError
+from controller.runtime.bus_load import overload
+from controller.runtime.startup import SessionError
+
+MACHINES = machine_file.shipped()
+TAPS = "tapping"  # beside the shipped ones: a spindle whose angle the axes follow
+FEEDS = (300.0, 1000.0, 3000.0, 6000.0, 12000.0)
+PERIODS_S = (None, None, 0.001, 0.002, 0.005)
+STOCKS_S = (0.016, 0.016, 0.016, 0.008, 0.03, 0.1)
+LONGEST = 6000  # ticks of a run
+BATCHES, IN_A_BATCH = 60, 17
+
+
+def marked(rng: random.Random, _: Machine) -> str:
+    """What only a tick decides: coolant, spindle, stops, dwells."""
+    rows = ["M8", "M9", "M0", f"G4 P{rng.uniform(0.01, 0.1):.3f}", "S5000", "M5"]
+    rng.shuffle(rows)
+    moves = [f"G1 X{rng.uniform(-20, 20):.3f} Y{rng.uniform(-10, 10):.3f} F6000\n{row}" for row in rows]
+    return "\n".join(["G21 G90 G54 G61\nT2 M6\nS6000 M3\nG0 X0 Y0 Z50", *moves, "G1 X0\nM30\n"])
+
+
+def blended(rng: random.Random, _: Machine) -> str:
+    """Short lines through rounded corners."""
+    rows = [f"G21 G90 G54 G64 P{rng.choice((0.01, 0.05, 0.2))}\nT2 M6\nS5000 M3\nG0 X0 Y0 Z40\nG1 Z30 F3000"]
+    for _line in range(rng.randrange(5, 40)):
+        rows.append(f"G1 X{rng.uniform(-40, 40):.3f} Y{rng.uniform(-40, 40):.3f} F{rng.choice(FEEDS):g}")
+    return "\n".join([*rows, "M5\nM30\n"])
+
+
+def example(rng: random.Random, _: Machine) -> str:
+    return program(f"example{rng.choice('12')}_ready", f"{rng.choice(FEEDS):g}.")
+
+
+def tapped(rng: random.Random, _: Machine) -> str:
+    rev_min, depth = rng.choice((200.0, 600.0, 1500.0)), rng.uniform(4.0, 10.0)
+    head = f"G21 G90 G54 G40\nS{rev_min} M3\nG0 X5. Y-50.\nG0 Z40\nF{rev_min}\n"
+    return f"{head}G84 Z{40.0 - depth:.2f} R40\nG80\nG0 Z60.\nM30\n"
+
+
+FLAT: dict[str, Callable[[random.Random, Machine], str]] = {
+    "marks": marked,
+    "blended lines": blended,
+    "lines and arcs": drawn.PROGRAMS["lines and arcs"],
+    "rapids": rapids,
+}
+TILTED = {
+    "example of the paper": example,
+    **{name: drawn.PROGRAMS[name] for name in ("rotary lines", "tool centre", "tilted plane", "cone")},
+    "five-axis cloud": drawn.PROGRAMS["five-axis cloud"],
+}
+
+
+def machine_of(rng: random.Random, name: str) -> Machine:
+    """At a period that its buses carry, with a stock of some length."""
+    made = replace(tapping.machine(), gouge="warn") if name == TAPS else shipped(name)
+    period_s = rng.choice(PERIODS_S)
+    if period_s is not None and not overload(machine_file.with_period(made, period_s)):
+        made = machine_file.with_period(made, period_s)
+    stock_s = 0.016 if name == TAPS else rng.choice(STOCKS_S)
+    return replace(made, stock_s=stock_s, late=rng.choice(("stop", "count")))
+
+
+def in_time(rng: random.Random, name: str) -> Healthy:
+    """A run that comes to its end, and is not too long."""
+    for _ in count():
+        machine = machine_of(rng, name)
+        kinds = {**FLAT, **TILTED} if machine.rotary() else FLAT
+        write = tapped if name == TAPS else kinds[rng.choice(sorted(kinds))]
+        with contextlib.suppress(ProgramError, SessionError):
+            made = Healthy(machine, write(rng, machine))
+            if made.run.result == "completed" and made.ticks <= LONGEST:
+                return made
+    raise AssertionError
+
+
+def judge(rng: random.Random, healthy: Healthy, cases: int) -> None:
+    lates = sorted((late_runs.drawn(rng, healthy.machine, healthy.ticks) for _ in range(cases)), key=at)
+    verdicts = list(late_runs.cases(healthy, lates))
+    assert len(verdicts) == cases
+    wrongs = [f"fork at {one.fork}, {one.late}: {one.wrongs}" for one in verdicts if one.wrongs]
+    assert not wrongs, "\n".join([f"{healthy.machine.name}, {healthy.machine.period_s} s:", *wrongs])
+
+
+def at(case: tuple[int, late_runs.Late]) -> int:
+    return case[0]
+
+
+TEXTS = {
+    "trunnion": program("example2_ready", "12000."),
+    "three_axes": marked(random.Random(0), shipped("three_axes")),
+    TAPS: "G21 G90 G54 G40\nS900 M3\nG0 X5. Y-50.\nG0 Z40\nF900\nG84 Z34. R40\nG80\nM30\n",
+}
+
+
+@pytest.mark.parametrize("name", sorted(TEXTS))
+def test_a_few_late_ticks_on_three_machines(name: str) -> None:
+    rng = random.Random(f"late motors {name}")
+    machine = replace(tapping.machine() if name == TAPS else shipped(name), stock_s=0.016)
+    judge(rng, Healthy(machine, TEXTS[name]), 6)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", range(BATCHES))
+def test_late_ticks_of_any_length_anywhere(number: int) -> None:
+    rng = random.Random(f"late motors {number}")
+    names = (*MACHINES, TAPS)
+    judge(rng, in_time(rng, names[number % len(names)]), IN_A_BATCH)
