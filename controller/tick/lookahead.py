@@ -216,7 +216,11 @@ class Lookahead:
 
     def _begin(self, conditions: Conditions) -> None:
         ghost, before = self._ghost, self.here
-        self.path = [*self.rows, *self.path] if self._follow.stopping else []
+        if self._follow.stopping:
+            s = self.rows[-1].s if self.rows else before.s
+            self.path = [*self.rows, *(row for row in self.path if row.s > s)]
+        else:
+            self.path = []
         self.rows.clear()
         ghost.go_on_as(self._follow)
         self._conditions, self._ended, self.before_stop = conditions, False, None
