@@ -2,7 +2,8 @@
 
 After a long gap the tick takes back what no SYNC has latched and begins again from rest, for the
 drives have stood meanwhile. So a run is a row of parts, each of them smooth, and each after the
-first out of rest.
+first out of rest. Where a plan came too late for its step, the row of that step is none of what was
+sent, and no row has what was: there a part ends, too, and the next begins as it is.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from support.machines.stepped_runs import shares
 
-from controller.ipc.handoff import COLUMN, STOOD
+from controller.ipc.handoff import COLUMN, STOOD, TAKEN_BACK, TAKEN_BACK_BRAKED
 from controller.machine.model import Machine
 
 REST = 3  # places in a row that are the same
@@ -21,13 +22,15 @@ def parts(rows: np.ndarray, first: str = "joint_command_0") -> list[np.ndarray]:
 
     A part after a gap begins with the place of the last one before it, three times: at rest.
     """
-    sent = rows[1:, COLUMN["sync_sent"]] != 0.0
+    switches = rows[:, COLUMN["switches"]].astype(int)
+    taken_back = switches & (TAKEN_BACK | TAKEN_BACK_BRAKED) != 0
+    sent = (rows[1:, COLUMN["sync_sent"]] != 0.0) & ~taken_back[1:]
     used = rows[:-1, COLUMN[first] : COLUMN[first] + 5]
-    gaps = np.flatnonzero(rows[:, COLUMN["switches"]].astype(int) & STOOD)
+    gaps = np.flatnonzero((switches & STOOD != 0) | taken_back)
     found, begin = [], 0
     for end in [*gaps, len(rows)]:
         here = used[begin:end][sent[begin:end]]
-        if found and len(found[-1]):
+        if found and len(found[-1]) and not (begin < len(rows) and taken_back[begin]):
             here = np.concatenate([np.repeat(found[-1][-1:], REST, axis=0), here])
         found.append(here)
         begin = end
