@@ -20,7 +20,7 @@ from urllib.parse import parse_qsl
 
 from drives import pdo
 from drives.ports import hub_protocol
-from drives.ports.can_socket import CanSocket, cyclic_sync_request, kernel_filters, open_socket
+from drives.ports.can_socket import CanSocket, kernel_filters, open_socket
 from drives.ports.port import Buffer, BusError, FrameSocket, HubSocket, Port
 from drives.ports.slcan_port import SlcanPort, open_serial
 from drives.settings import BusSettings
@@ -39,7 +39,6 @@ __all__ = [
     "HubSocket",
     "Port",
     "SlcanPort",
-    "cyclic_sync_request",
     "joined",
     "kernel_filters",
     "open",
@@ -120,12 +119,6 @@ class AdapterSocket:
                 pdo.FRAME.pack_into(buffer, 0, can_id, message.dlc, data)
                 return True
         return False
-
-    def start_cyclic_sync(self, period_s: float) -> None:
-        raise BusError(said("bus.no_timer", name=self.name))
-
-    def stop_cyclic_sync(self) -> None:
-        """Nothing runs."""
 
     def restart(self) -> None:
         """Nothing: python-can has no word for it."""

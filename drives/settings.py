@@ -148,10 +148,9 @@ class IoSettings:
 
 @dataclass(frozen=True, slots=True)
 class MasterSettings:
-    """The controller as a CANopen node: heartbeats both ways and who sends SYNC."""
+    """The controller as a CANopen node: heartbeats both ways, and the period of its SYNC."""
 
     node_id: int = 127
     heartbeat_s: float = 0.05  # produced by us, and asked of the drives (1017h)
     consumer_s: float = 0.2  # silence after which either side takes the other for dead (1016h)
     period_s: float = 0.002
-    sync: str = "tick"  # or "kernel": SocketCAN's broadcast manager, see bus.py

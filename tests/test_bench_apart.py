@@ -31,7 +31,7 @@ silent = []
 def open_socket(settings, filters):
     own, far = socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)
     silent.append(far)
-    return CanSocket(own, settings.name, settings.channel)
+    return CanSocket(own, settings.name)
 
 ways.open_socket = open_socket
 """

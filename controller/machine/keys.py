@@ -100,7 +100,7 @@ MEANINGS: Mapping[str, Mapping[str, str]] = {
     "machine": {
         "name": "as page and records call it",
         "period_s": "one tick: a setpoint of every axis",
-        "sync": "who sends SYNC: the tick, or SocketCAN's broadcast manager in the kernel",
+        "sync": "nothing is left to choose: `directrix-pump` sends SYNC, without a stock the tick",
         "clearance_mm": "above a block's highest point, where the tool goes down with feed",
         "lead_mm": "so far off a surface its leads begin and end",
         "lead_feed": "of the tip on leads, mm/min; left out: as fast as the limits allow",

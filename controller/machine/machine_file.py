@@ -129,12 +129,12 @@ def read_table(top: Table, text: str, folder: Path | None = None) -> Machine:
     axes = tuple(_axis(table, buses, files) for table in top.tables("axis"))
     offsets = top.table("offsets", "[offsets]", optional=True)
     found = offset_table.offsets(offsets, axes)
+    _sync(general)
     dialect = general.text("dialect", DIALECTS, DIALECTS[0])
     machine = Machine(
         **_equipment(top, buses, axes, files),
         name=general.text("name"),
         period_s=general.number("period_s", *PERIODS_S, default=0.002),
-        sync=general.text("sync", ("tick", "kernel"), "tick"),
         clearance_mm=general.positive("clearance_mm"),
         lead_mm=general.positive("lead_mm"),
         retract_mm=general.number("retract_mm"),
@@ -181,6 +181,12 @@ def read_table(top: Table, text: str, folder: Path | None = None) -> Machine:
         table.finish()
     _audit(machine, top, general)
     return machine
+
+
+def _sync(general: Table) -> None:
+    """Nobody chooses it, but files from before the pump have the key."""
+    if general.get("sync", '"tick"', "tick") != "tick":
+        general.refuse("sync", "sync_chosen")
 
 
 def _equipment(

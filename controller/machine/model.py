@@ -506,7 +506,6 @@ class Machine:
 
     name: str
     period_s: float
-    sync: str  # "tick" or "kernel"
     clearance_mm: float
     lead_mm: float
     retract_mm: float
@@ -623,7 +622,7 @@ class Machine:
     @property
     def has_pump(self) -> bool:
         """Whether the setpoints come out of a stock, and not from the tick itself."""
-        return self.stock_s > 0.0 and self.sync == "tick"
+        return self.stock_s > 0.0
 
     def linear(self) -> tuple[int, int, int]:
         """Indices of X, Y and Z in ``axes``."""

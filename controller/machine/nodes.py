@@ -33,7 +33,7 @@ def bus_settings(machine: Machine) -> tuple[BusSettings, ...]:
 
 def master_settings(machine: Machine) -> MasterSettings:
     """The controller as a CANopen node on every bus."""
-    return MasterSettings(period_s=machine.period_s, sync=machine.sync)
+    return MasterSettings(period_s=machine.period_s)
 
 
 def node_settings(machine: Machine) -> tuple[NodeSettings, ...]:

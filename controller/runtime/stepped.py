@@ -170,7 +170,6 @@ class SteppedMachine:
             self.clock.now_s,
             plans,
         )
-        self._group.start()
         self._loop = Loop(self.cycle, self.clock, with_pump=plans is not None)
         self.outbox = PieceOutbox(self._plan_end)
         self.planner = Planner(machine, self.kinematics, self.outbox.send, remember=True)

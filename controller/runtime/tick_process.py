@@ -62,7 +62,6 @@ def main(job: Job) -> None:
         time.monotonic,
         plans,
     )
-    group.start()
     of_pump = pump.wait_until_ready() if pump is not None else real_time.Granted()
     granted = of_pump & real_time.prepare()
     granted["own_core"] = cores.take(granted["fifo"]) is not None
@@ -71,15 +70,13 @@ def main(job: Job) -> None:
     if missing := lacking(granted, simulated):
         with contextlib.suppress(OSError):  # nobody may be there to read it
             print(missing, file=sys.stderr, flush=True)
-    filenos = [port.fileno() for port in ports.values() if port.fileno() >= 0]
     hubs = [port for port in ports.values() if isinstance(port, bus.HubSocket)]
-    turning = loop.Loop(cycle, loop.WallClock(), filenos, simulated, hubs, pump is not None, pump)
+    turning = loop.Loop(cycle, loop.WallClock(), simulated, hubs, pump is not None, pump)
     turning.run(lambda: not asked.yes)
     if turning.error is None:
         turning.stand_down()
     if pump is not None:
         pump.end()
-    group.stop_sync()
     group.close()
     if turning.error is not None:
         raise turning.error

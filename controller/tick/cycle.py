@@ -370,11 +370,7 @@ class Cycle:
 
         After a long gap that would be a step: they are told first to stand where they are.
         """
-        if self.sync.by_kernel:
-            sent = self.sync.send(self.tick, now_s, lateness_s)
-            self._stood = self.sync.is_after_a_gap(self.tick, self._stops_within) and self._stand(False)
-            return sent
-        self._stood = self.sync.is_after_a_gap(self.tick, self._stops_within) and self._stand(True)
+        self._stood = self.sync.is_after_a_gap(self.tick, self._stops_within) and self._stand(1)
         return not self._stood and self.sync.send(self.tick, now_s, lateness_s)
 
     def _stops_within(self) -> float:
@@ -382,7 +378,7 @@ class Cycle:
 
     def stand(self) -> None:
         """For a run that is made again: before its next SYNC there was a long gap."""
-        self._stood_before = self._stand(not self.sync.by_kernel)
+        self._stood_before = self._stand(1)
         self.group.command(self._encoder.setpoints, self._now())
 
     def pass_by(self) -> None:

@@ -13,9 +13,6 @@ from drives.pump.plan_memory import Memory
 class Drives(Protocol):
     """What the tick needs of ``drives.cyclic.group.Group``."""
 
-    sync_seen: bool
-    syncs_seen: int
-
     @property
     def drives(self) -> Sequence[Any]: ...
     @property
@@ -39,7 +36,6 @@ class Drives(Protocol):
     def fault(self, now_s: float) -> tuple[DriveFault, int]: ...
     def fault_of(self, index: int, now_s: float) -> DriveFault: ...
     def out_of_sight(self, index: int, now_s: float) -> DriveFault: ...
-    def stop_sync(self) -> None: ...
 
     # With a pump.
     @property

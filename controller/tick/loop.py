@@ -31,7 +31,6 @@ they are due, for to be woken costs more than what is done then:
 from __future__ import annotations
 
 import contextlib
-import select
 import time
 from collections.abc import Callable, Sequence
 from typing import Protocol
@@ -144,16 +143,14 @@ class Loop:
         self,
         cycle: Cycle,
         clock: Clock,
-        filenos: Sequence[int] = (),
         eased: bool = False,
         ahead: Sequence[Keeping] = (),
         with_pump: bool = False,
         pump: Pump | None = None,
     ) -> None:
-        """``filenos`` of the buses are only needed for sync = "kernel".
+        """``ahead``: the buses that take frames ahead of their time, which all of simulated drives do.
 
         ``pump``: the process that plays what the cycle publishes, where it is one of its own.
-        ``ahead``: the buses that take frames ahead of their time, which all of simulated drives do.
         """
         self._cycle = cycle
         self._with_pump = with_pump
@@ -165,10 +162,6 @@ class Loop:
         self._at_once = _at_once(cycle, self._period_s) if self._eased and ahead else 1
         self._calm = 0  # ticks in a row in which nothing has happened
         self._most_calm = round(CALM_S / self._period_s)
-        self._kernel_sync = cycle.machine.sync == "kernel" and len(filenos) > 0
-        self._poll = select.poll()
-        for fileno in filenos[:1]:
-            self._poll.register(fileno, select.POLLIN)
         self._start_s = clock.now_s()
         self._pump = pump
         self._wake_s = self._start_s + self._period_s
@@ -180,8 +173,6 @@ class Loop:
 
     def tick(self) -> bool:
         """Waits for the next deadline and runs the cycle; True if SYNC went out."""
-        if self._kernel_sync:
-            return self._echo_tick()
         if self._with_pump:
             return self._tick_with_pump()
         n = self._n + 1
@@ -279,19 +270,6 @@ class Loop:
         took_s = min(now_s() - began_s, self._early_s)
         self._longest_s = max(took_s, FORGETS * self._longest_s)
 
-    def _echo_tick(self) -> bool:
-        """One tick at the echo of the kernel's SYNC; without one, after a period and a half."""
-        give_up_s = self._clock.now_s() + 1.5 * self._period_s
-        while True:
-            left_s = give_up_s - self._clock.now_s()
-            if left_s <= 0.0:
-                break
-            self._poll.poll(left_s * 1000.0)
-            self._cycle.receive(self._clock.now_s())
-            if self._cycle.group.sync_seen:
-                break
-        return self._cycle.run(self._clock.now_s(), 0.0)
-
     def run(self, go_on: Callable[[], bool]) -> Fault:
         """Ticks while ``go_on()``; INTERNAL if an error of our own ended it, after stopping the drives."""
         try:
@@ -338,8 +316,6 @@ class Loop:
                 group.command(group.positions, now_s)
                 cycle.tick += 1  # it lives
                 cycle.publish()
-        with contextlib.suppress(Exception):
-            group.stop_sync()  # the kernel's SYNC would go on without us
 
     def _stop_by_pump(self, stock: Stock) -> None:
         """Quick stop for all by the pump, whose last plan brings it to silence."""

@@ -21,7 +21,6 @@ from drives.pump.player import LATE_SHARE as LATE_SHARE
 from drives.pump.player import LONG_GAP as LONG_GAP
 
 NEAREST_SHARE = 0.75  # of the period: no two SYNCs are closer
-LOST_ECHOES = 3  # of the kernel's SYNC, in a row
 # More SYNCs than ``LONG_GAP`` are a dip, too, where no motor can have stopped meanwhile: an axis at speed v
 # that may be accelerated by a is given some 3 a by its motor, has lost half of v after v / 6a, and to stand
 # is the smaller step only from then on.
@@ -35,7 +34,6 @@ class SyncWatch:
 
     def __init__(self, machine: Machine, group: Drives, modes: Modes, now: Callable[[], float]) -> None:
         self._group, self._modes, self._now = group, modes, now
-        self.by_kernel = machine.sync == "kernel"
         self._period_s = machine.period_s
         self._latest_s = LATE_SHARE * machine.period_s - ROUNDING
         self._nearest_s = NEAREST_SHARE * machine.period_s - ROUNDING
@@ -46,7 +44,6 @@ class SyncWatch:
         self._most_unsent = round(stop_times.LOST_BUS_S / machine.period_s)
         self._skip_level = 0.0  # a bucket that skips fill and ticks drain
         self._skip_limit = max(machine.skip_limit_per_s, 1.0) if machine.late == "stop" else math.inf
-        self._echoes_missed = 0
         self._deaf_s = stop_times.deaf_s(machine)
         self._blamed = 0  # ticks in which what the drives have to say is of our silence
         self.skips = 0
@@ -59,7 +56,7 @@ class SyncWatch:
 
         ``stops_within``: ticks in which the axes could be at rest; asked where that matters.
         """
-        gap = self._group.syncs_seen if self.by_kernel else tick - self._synced_tick
+        gap = tick - self._synced_tick
         return gap > LONG_GAP and gap > STOPS_SHARE * stops_within()
 
     @property
@@ -73,9 +70,7 @@ class SyncWatch:
         return self._unsent > self._most_unsent
 
     def send(self, tick: int, now_s: float, lateness_s: float) -> bool:
-        """SYNC, unless this tick is too late for one; of the kernel's: whether it was heard."""
-        if self.by_kernel:
-            return self._group.sync(now_s)
+        """SYNC, unless this tick is too late for one; whether it left."""
         if lateness_s > self._latest_s or now_s - self._synced_s < self._nearest_s:
             return False
         sent = self._group.sync(now_s)
@@ -99,11 +94,6 @@ class SyncWatch:
         ``kept_back``: it was we who left SYNC out in this tick.
         """
         skips = ticks - 1 + (not sent)
-        if self.by_kernel:
-            skips += max(self._group.syncs_seen - 1, 0)
-            self._echoes_missed = 0 if sent else self._echoes_missed + 1
-            if self._echoes_missed >= LOST_ECHOES and self._modes.on_path:
-                self._modes.fail(Fault.SYNC_LOST, -1)
         self.skips += skips
         self._measure(lateness_s, ticks, skips - kept_back)
 

@@ -6,9 +6,7 @@
     fault(now)                what is wrong, as a value
 
 SYNC goes out first, into an empty queue, so that it waits for one frame at most; on
-several buses each gets its own. A TPDO is owed for each SYNC sent: a skipped SYNC owes
-none. With sync = "kernel" the SYNC is the broadcast manager's; it comes back as an echo
-(`sync_seen`), and a TPDO is owed from one echo to the next.
+several buses each gets its own. A TPDO is owed for each SYNC sent: a skipped one owes none.
 
 Nothing here locks, logs, raises, or allocates anything that stays.
 """
@@ -49,9 +47,8 @@ _FINE: Final = (_NONE, -1)
 class Group:
     """The drives in the order of the axes, on one or more buses, with spindle and inputs and outputs.
 
-    Read: ``positions`` (counts, per drive), ``sync_seen`` and ``syncs_seen`` (SYNC echoes in
-    the last ``receive``), ``drives``, ``spindle``, ``io``, ``lines`` (the buses),
-    ``chatter`` (who sends too much).
+    Read: ``positions`` (counts, per drive), ``drives``, ``spindle``, ``io``, ``lines`` (the
+    buses), ``chatter`` (who sends too much).
     """
 
     def __init__(
@@ -69,12 +66,9 @@ class Group:
         self.master = master
         self.wanted = Wanted.OFF
         self.positions = [0] * len(self.drives)
-        self.sync_seen = False
-        self.syncs_seen = 0
-        self._kernel_sync = master.sync == "kernel"
         others = (*(() if spindle is None else (spindle,)), *self.io)
         self.chatter = Chatter()
-        self.lines = _lines(self.drives, others, ports, self._kernel_sync, master, self.chatter)
+        self.lines = _lines(self.drives, others, ports, master, self.chatter)
         self._line_of = tuple(next(line for line in self.lines if d in line.drives) for d in self.drives)
         self._turns = tuple(
             (line, tuple((self.drives.index(drive), drive) for drive in line.drives)) for line in self.lines
@@ -109,20 +103,6 @@ class Group:
         """SYNCs of another producer since start."""
         return sum(line.foreign_syncs for line in self.lines)
 
-    # -- once
-
-    def start(self) -> None:
-        """Starts the kernel's SYNC where configured. Raises BusError."""
-        if self._kernel_sync:
-            for line in self.lines:
-                line.port.start_cyclic_sync(self.master.period_s)
-
-    def stop_sync(self) -> None:
-        """Ends the kernel's SYNC, so that the drives' own supervision takes over."""
-        if self._kernel_sync:
-            for line in self.lines:
-                line.port.stop_cyclic_sync()
-
     def close(self) -> None:
         """Leaves every bus; silence makes the drives stop by their own supervision."""
         for line in self.lines:
@@ -138,9 +118,6 @@ class Group:
         most = MAX_FRAMES * max(1, min(periods, MAX_PERIODS))
         for line in self.lines:
             line.drain(now_s, most)
-        if self._kernel_sync:
-            self.syncs_seen = self.lines[0].syncs
-            self.sync_seen = self.syncs_seen > 0
         positions = self.positions
         for i, drive in enumerate(self.drives):
             positions[i] = drive.position
@@ -151,9 +128,7 @@ class Group:
             self._enabling.progress(now_s)
 
     def sync(self, now_s: float) -> bool:
-        """Sends SYNC on every bus; True if it went out. With sync = "kernel" it sends nothing."""
-        if self._kernel_sync:
-            return self.sync_seen
+        """Sends SYNC on every bus; True if it went out."""
         good = True
         for line in self.lines:
             if line.off:
@@ -341,7 +316,6 @@ def _lines(
     drives: Sequence[Drive],
     others: Sequence[SpindleDrive | IoNode],
     ports: Mapping[str, Port],
-    echoes: bool,
     master: MasterSettings,
     told: Chatter,
 ) -> tuple[Line, ...]:
@@ -352,7 +326,7 @@ def _lines(
         more = [other for other in others if other.settings.bus == bus]
         first = drives.index(here[0]) if here else -1
         own = _own(here, master)
-        lines.append(Line(ports[bus], here, first, more, echoes, bus, own, master.period_s, told))
+        lines.append(Line(ports[bus], here, first, more, bus, own, master.period_s, told))
     return tuple(lines)
 
 

@@ -47,11 +47,11 @@ _HEADERS: Final = pdo.HEADERS
 
 class Line:
     """Read: ``fault`` (the first thing wrong with this bus, kept until ``forget``; bus-off
-    outranks), ``off`` (our controller has left the bus: nothing may be sent), ``syncs``
-    (SYNC frames heard in the last drain), ``foreign_syncs``, ``drives``, ``first`` (index
-    in the group of its first drive, -1 without one), ``errors`` (error frames since start), ``bus``
-    (its name), ``bits`` (of all frames heard and sent here, until somebody sets it back to 0), ``chatter``
-    (who sends too much, on any bus of the group).
+    outranks), ``off`` (our controller has left the bus: nothing may be sent), ``foreign_syncs``
+    (heard here: another's), ``drives``, ``first`` (index in the group of its first drive, -1
+    without one), ``errors`` (error frames since start), ``bus`` (its name), ``bits`` (of all frames
+    heard and sent here, until somebody sets it back to 0), ``chatter`` (who sends too much, on any
+    bus of the group).
     """
 
     def __init__(
@@ -60,16 +60,14 @@ class Line:
         drives: Sequence[Drive],
         first: int,
         others: Sequence[SpindleDrive | IoNode] = (),
-        echoes: bool = False,
         bus: str = "",
         own: frozenset[int] = frozenset(),
         period_s: float = SYNC_PERIOD_S,
         told: Chatter | None = None,
     ) -> None:
-        """``echoes``: SYNC is the kernel's and comes back to us; otherwise a SYNC heard is a stranger's.
+        """``own``: identifiers that only the controller sends; heard, they are a stranger's, as a SYNC is.
 
-        ``own``: identifiers that only the controller sends; heard, they are a stranger's, too. ``told``:
-        the group's ``chatter``.
+        ``told``: the group's ``chatter``.
         """
         self.port = port
         self.bus = bus
@@ -82,10 +80,8 @@ class Line:
         self.fault = _NONE
         self.off = False
         self._restarting = False  # we have asked for it: the controller's word of it is no fault
-        self.syncs = 0
         self.foreign_syncs = 0
         self.errors = 0
-        self._echoes = echoes
         self._overflows = port.overflows
         self._receive_into = port.receive_into
         # Of a port that has several frames in one packet: they need not be fetched one by one.
@@ -122,11 +118,7 @@ class Line:
                 drive.place(room[i * pdo.FRAME_BYTES : (i + 1) * pdo.FRAME_BYTES])
 
     def drain(self, now_s: float, most: int = MAX_FRAMES) -> None:
-        """Takes what came in and, where SYNC is ours, settles whether the feedback owed has come.
-
-        ``most``: frames.
-        """
-        self.syncs = 0
+        """Takes what came in, ``most`` frames of it, and settles whether the feedback owed has come."""
         self._since_s, self._drained_s = min(self._drained_s, now_s), now_s
         if self._receive_packet is None:
             self._drain_frames(now_s, most)
@@ -139,9 +131,8 @@ class Line:
         again = self._answers.again
         if again:
             self._judge_answers(now_s)
-        if not self._echoes:
-            for drive in self.owing:
-                drive.settle()
+        for drive in self.owing:
+            drive.settle()
         if again:
             for drive in self.owing:
                 drive.again = 0
@@ -242,27 +233,15 @@ class Line:
     def _heard(self, can_id: int, data: memoryview, now_s: float) -> None:
         """A frame of no node of ours."""
         if can_id == pdo.SYNC:
-            self._heard_sync(now_s)
+            # A second producer makes drives latch in between: twice the speed, half the step.
+            self.foreign_syncs += 1
+            self._fail(DriveFault.SYNC_FOREIGN)
         elif can_id & pdo.ERROR_FLAG:
             self._heard_error(can_id & _CLASSES, data)
         elif can_id in self._own:
             self._fail(DriveFault.FOREIGN_FRAMES)
         elif self._strangers.vote(can_id, now_s, self._since_s):
             self.chatter.report(self._strangers, now_s)
-
-    def _heard_sync(self, now_s: float) -> None:
-        self.syncs += 1
-        if not self._echoes:
-            # A second producer makes drives latch in between: twice the speed, half the step.
-            self.foreign_syncs += 1
-            self._fail(DriveFault.SYNC_FOREIGN)
-            return
-        if self._answers.again:
-            self._judge_answers(now_s)
-        for drive in self.owing:
-            drive.settle()
-            drive.expect()
-            drive.again = 0
 
     def _heard_error(self, classes: int, data: memoryview) -> None:
         """An error frame of our CAN controller."""

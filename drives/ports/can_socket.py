@@ -28,19 +28,11 @@ MIN_QUEUE = 128  # frames
 
 
 class CanSocket(FrameSocket):
-    """A raw CAN socket; cyclic SYNC comes from the kernel's broadcast manager.
+    """A raw CAN socket, which tells what the kernel knows: when a frame came, and how many it has refused."""
 
-    The broadcast manager's timer runs in the kernel and goes on when we hang: the
-    drives would hold a stale target under a healthy SYNC. Closing its socket ends it,
-    which the kernel does for us when the process dies.
-    """
-
-    def __init__(self, sock: socket.socket, name: str, channel: str) -> None:
+    def __init__(self, sock: socket.socket, name: str) -> None:
         super().__init__(sock, name)
         sock.setsockopt(socket.SOL_SOCKET, SO_TIMESTAMPNS, 1)
-        self._socket = sock
-        self._channel = channel
-        self._manager: socket.socket | None = None
 
     @property
     def overflows(self) -> int:
@@ -66,37 +58,6 @@ class CanSocket(FrameSocket):
                 seconds, nanoseconds = _TIME_STAMP.unpack(data)
                 return float(seconds + nanoseconds * 1e-9)
         return time.time()
-
-    def start_cyclic_sync(self, period_s: float) -> None:
-        self.stop_cyclic_sync()
-        manager = socket.socket(socket.AF_CAN, socket.SOCK_DGRAM, socket.CAN_BCM)
-        try:
-            manager.connect((self._channel,))
-            manager.send(cyclic_sync_request(period_s))
-        except OSError as error:
-            manager.close()
-            raise BusError(
-                said("bus.no_cyclic_sync", name=self.name, channel=self._channel, why=error)
-            ) from error
-        self._manager = manager
-
-    def stop_cyclic_sync(self) -> None:
-        if self._manager is not None:
-            self._manager.close()
-            self._manager = None
-
-
-def cyclic_sync_request(period_s: float) -> bytes:
-    """The broadcast manager's TX_SETUP (linux/can/bcm.h) for an empty SYNC frame every ``period_s``.
-
-    struct bcm_msg_head: opcode, flags, count, ival1, ival2 (timevals), can_id, nframes; a
-    count of 0 goes to ival2 at once and stays there. The frame follows, 8-byte aligned.
-    """
-    seconds, microseconds = divmod(round(period_s * 1e6), 1_000_000)
-    flags = socket.CAN_BCM_SETTIMER | socket.CAN_BCM_STARTTIMER
-    setup = socket.CAN_BCM_TX_SETUP
-    head = struct.pack("@IIIllllII0q", setup, flags, 0, 0, 0, seconds, microseconds, pdo.SYNC, 1)
-    return head + bytes(pdo.frame(pdo.SYNC))
 
 
 def open_socket(settings: BusSettings, filters: Sequence[tuple[int, int]]) -> CanSocket:
@@ -128,7 +89,7 @@ def open_socket(settings: BusSettings, filters: Sequence[tuple[int, int]]) -> Ca
     except BusError:
         sock.close()
         raise
-    return CanSocket(sock, settings.name, settings.channel)
+    return CanSocket(sock, settings.name)
 
 
 def kernel_filters(filters: Sequence[tuple[int, int]]) -> bytes:

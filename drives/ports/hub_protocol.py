@@ -15,7 +15,6 @@ from typing import Final
 
 from drives.pdo import ERROR_FLAG, FRAME, plain_mask
 
-CYCLIC_SYNC = ERROR_FLAG | 1  # to the hub: data u32 = period in us, 0 = stop
 RESTART = ERROR_FLAG | 2  # to the hub: the client's CAN controller is to leave bus-off
 PATIENT = ERROR_FLAG | 3  # to the hub: leave unread what does not fit into the client's queue, and it waits
 LOST_FRAMES = ERROR_FLAG | 0x1000_0000  # from the hub: data u32 = frames the client's queue refused
@@ -59,11 +58,6 @@ def connect(path: str, first: bytes) -> socket.socket:
         joined.close()
         raise
     return joined
-
-
-def cyclic_sync_frame(period_s: float) -> bytes:
-    """The control frame that asks the hub for a cyclic SYNC (0 = stop)."""
-    return FRAME.pack(CYCLIC_SYNC, 4, round(period_s * 1e6).to_bytes(4, "little"))
 
 
 def ahead_frame(at_s: float) -> bytes:

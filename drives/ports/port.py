@@ -14,7 +14,7 @@ from typing import Protocol
 
 from drives import pdo
 from drives.ports import hub_protocol
-from drives.texts import TextError, said
+from drives.texts import TextError
 
 Buffer = bytes | bytearray | memoryview
 
@@ -45,14 +45,6 @@ class Port(Protocol):
 
     def receive_into(self, buffer: bytearray, /) -> bool:
         """Puts the next frame into the first 16 bytes of ``buffer``; False if there is none."""
-        ...
-
-    def start_cyclic_sync(self, period_s: float, /) -> None:
-        """Has SYNC sent every ``period_s`` without us; BusError where nobody can do that."""
-        ...
-
-    def stop_cyclic_sync(self) -> None:
-        """Ends what ``start_cyclic_sync`` began; the next SYNC does not go out."""
         ...
 
     def restart(self) -> None:
@@ -101,18 +93,10 @@ class FrameSocket:
         except OSError:
             return False
 
-    def start_cyclic_sync(self, period_s: float) -> None:
-        """Has SYNC sent every ``period_s`` without us; BusError where nobody can do that."""
-        raise BusError(said("bus.sync_needs", name=self.name))
-
-    def stop_cyclic_sync(self) -> None:
-        """Ends what ``start_cyclic_sync`` began; the next SYNC does not go out."""
-
     def restart(self) -> None:
         """Nothing: that of a SocketCAN interface is its administrator's, who gives it a ``restart-ms``."""
 
     def close(self) -> None:
-        self.stop_cyclic_sync()
         self._socket.close()
 
 
@@ -136,7 +120,6 @@ class HubSocket(FrameSocket):
         self._view = memoryview(self._packet)
         self._at = 0
         self._end = 0
-        self._cyclic_sync = False
         self._lost = self._lost_before = 0  # frames, of every hub joined so far, and of those before this one
         self._place = place  # not the peer's name: a hub binds elsewhere and moves its socket
         self._wishes = wishes
@@ -219,16 +202,6 @@ class HubSocket(FrameSocket):
             self._lost = self._lost_before + int.from_bytes(self._packet[8:12], "little")
             self._at = pdo.FRAME_BYTES
         return not self.gone
-
-    def start_cyclic_sync(self, period_s: float) -> None:
-        if not self.send(hub_protocol.cyclic_sync_frame(period_s)):
-            raise BusError(said("bus.hub_refuses", name=self.name))
-        self._cyclic_sync = True
-
-    def stop_cyclic_sync(self) -> None:
-        if self._cyclic_sync:
-            self._cyclic_sync = False
-            self.send(hub_protocol.cyclic_sync_frame(0.0))
 
     def restart(self) -> None:
         if not self.gone:

@@ -117,12 +117,6 @@ class SlcanPort:
 
     # -- the rest of a port
 
-    def start_cyclic_sync(self, period_s: float) -> None:
-        raise BusError(said("bus.serial_no_timer", name=self.name))
-
-    def stop_cyclic_sync(self) -> None:
-        """Nothing runs."""
-
     def restart(self) -> None:
         """Closes and opens the adapter's channel: slcan knows no other way out of bus-off."""
         self._unsent += b"\rC\rO\r"

@@ -1,5 +1,4 @@
 import contextlib
-import ctypes
 import socket
 import struct
 import time
@@ -120,45 +119,9 @@ def test_a_dead_hub_and_a_full_queue_are_false_and_not_exceptions(hub_end):
     assert not port.receive_into(buffer)
 
 
-def test_cyclic_sync_is_asked_of_the_hub_and_taken_back_once(hub_end):
-    port, theirs = hub_end
-    port.stop_cyclic_sync()  # never started: another client's SYNC is not ours to stop
-    port.start_cyclic_sync(0.002)
-    assert pdo.unpack(theirs.recv(64)) == (0x2000_0001, struct.pack("<I", 2000))
-    port.stop_cyclic_sync()
-    assert pdo.unpack(theirs.recv(64)) == (0x2000_0001, bytes(4))
-
-
 def test_no_hub_is_a_sentence(tmp_path):
     with pytest.raises(bus.BusError, match=r"no virtual bus at .* start its hub first"):
         bus.open(BusSettings("can0", "virtual", str(tmp_path / "none"), 1_000_000))
-
-
-class Timeval(ctypes.Structure):
-    _fields_ = [("seconds", ctypes.c_long), ("microseconds", ctypes.c_long)]
-
-
-class CanFrame(ctypes.Structure):
-    _fields_ = [("id", ctypes.c_uint32), ("length", ctypes.c_uint8), ("pad", ctypes.c_uint8 * 3),
-                ("data", ctypes.c_uint64)]  # fmt: skip  # 8-byte aligned, as in linux/can.h
-
-
-class BroadcastMessage(ctypes.Structure):
-    """struct bcm_msg_head with one frame, as the C compiler lays it out."""
-
-    _fields_ = [("opcode", ctypes.c_uint32), ("flags", ctypes.c_uint32), ("count", ctypes.c_uint32),
-                ("interval1", Timeval), ("interval2", Timeval), ("id", ctypes.c_uint32),
-                ("frames", ctypes.c_uint32), ("frame", CanFrame)]  # fmt: skip
-
-
-def test_the_broadcast_managers_request_has_the_layout_of_its_header_file():
-    request = bus.cyclic_sync_request(1.002)
-    assert len(request) == ctypes.sizeof(BroadcastMessage)
-    message = BroadcastMessage.from_buffer_copy(request)
-    assert (message.opcode, message.flags, message.count) == (1, 3, 0)  # TX_SETUP, SETTIMER | STARTTIMER
-    assert (message.interval1.seconds, message.interval1.microseconds) == (0, 0)
-    assert (message.interval2.seconds, message.interval2.microseconds) == (1, 2000)
-    assert (message.frames, message.frame.id, message.frame.length) == (1, 0x80, 0)
 
 
 def test_kernel_filters_let_eleven_bit_data_frames_through_only():
@@ -186,8 +149,6 @@ def test_a_python_can_adapter_carries_the_same_frames():
         theirs.send(can.Message(arbitration_id=0x181, data=b"\x37\x12", is_extended_id=False))
         assert ours.receive_into(buffer)
         assert pdo.unpack(buffer) == (0x181, b"\x37\x12")
-        with pytest.raises(bus.BusError, match='use sync = "tick"'):
-            ours.start_cyclic_sync(0.002)
     finally:
         theirs.shutdown()
         ours.close()
@@ -278,7 +239,7 @@ def datagrams(receive_bytes):
     """A CanSocket on a datagram socket of another family, whose queue overflows like a CAN socket's."""
     ours = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     ours.bind(("127.0.0.1", 0))
-    port = bus.CanSocket(ours, "can0", "none")
+    port = bus.CanSocket(ours, "can0")
     ours.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, receive_bytes)
     theirs = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     theirs.connect(ours.getsockname())

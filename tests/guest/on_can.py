@@ -48,10 +48,10 @@ def skip_if_away(away: bool) -> None:
 SIMULATED = (sys.executable, "-m", "drives.bench", "--socketcan")
 
 
-def machine(interface: str = "vcan0", sync: str = "tick", period_s: float = PERIOD_S) -> Machine:
+def machine(interface: str = "vcan0", period_s: float = PERIOD_S) -> Machine:
     """The shipped trunnion on a CAN interface."""
     bus = Bus("can0", "socketcan", interface, 1_000_000)
-    return shipped(period_s=period_s, sync=sync, buses=(bus,), skip_limit_per_s=50.0)
+    return shipped(period_s=period_s, buses=(bus,), skip_limit_per_s=50.0)
 
 
 @contextlib.contextmanager

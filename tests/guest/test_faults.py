@@ -103,8 +103,8 @@ def test_an_interface_that_goes_down_stops_the_machine() -> None:
         assert on_can.stopped(machine)
 
 
-def test_the_kernels_sync_ends_with_the_tick_and_the_drives_stop_by_themselves() -> None:
-    machine = on_can.machine(sync="kernel")
+def test_sync_ends_with_the_tick_and_the_drives_stop() -> None:
+    machine = on_can.machine()
     with on_can.drives():
         with pytest.raises(SessionError, match="SIGKILL"):
             struck(machine, lambda running: os.kill(running.tick.pid, signal.SIGKILL))

@@ -52,14 +52,6 @@ class Confinement:
         """The sources that send by one CAN controller."""
         return [source for source, used in enumerate(self._controllers) if used is controller]
 
-    def adopt(self, source: int, controller: Controller) -> None:
-        """Let a source use another's controller, with what that may do now."""
-        self._controllers[source] = controller
-        if controller.level is Level.OFF:
-            self._bus.mute(source)
-        else:
-            self._bus.take_again(source)
-
     # -- counting
 
     def spoilt(self, source: int, now_s: float) -> None:

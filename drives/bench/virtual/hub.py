@@ -334,9 +334,7 @@ class Hub:
 
     def _order(self, client: Client, can_id: int, frame: bytes) -> bool:
         """What a control frame asks for; False where it is none."""
-        if can_id == hub_protocol.CYCLIC_SYNC:
-            self.bus.cyclic_sync(client.source, int.from_bytes(frame[8:12], "little") * 1e-6)
-        elif can_id == hub_protocol.RESTART:
+        if can_id == hub_protocol.RESTART:
             self._restart(client)
         elif can_id == hub_protocol.PATIENT:
             client.patient = True

@@ -1,4 +1,4 @@
-"""What a stepped bus needs of a node, and two that every bus has: cyclic SYNC, and an agenda."""
+"""What a stepped bus needs of a node, and the one that every bus has: an agenda."""
 
 from __future__ import annotations
 
@@ -6,10 +6,6 @@ import math
 from collections.abc import Callable
 from heapq import heappop, heappush
 from typing import Protocol
-
-from drives import pdo
-
-SYNC_FRAME = bytes(pdo.frame(pdo.SYNC))
 
 Handler = Callable[[bytes, float], None]  # called with a frame, and the time at which it has arrived
 
@@ -45,40 +41,6 @@ class Link:
         self.send = send  # (at_s, can_id, frame) -> bool: at_s may lie ahead (an answer that takes its time)
         self.wake = wake  # the node's due_s has come nearer
         self.relisten = relisten  # listens() gives something new
-
-
-class Metronome:
-    """The kernel's cyclic SYNC: exact deadlines, stopped when its owner leaves."""
-
-    def __init__(self) -> None:
-        self.due_s = math.inf
-        self._owner = -1
-        self._period_s = 0.0
-        self._link: Link | None = None
-
-    def join(self, link: Link, _now_s: float) -> None:
-        self._link = link
-
-    def listens(self) -> dict[int, Handler]:
-        return {}
-
-    def run(self, owner: int, period_s: float, now_s: float) -> None:
-        self._owner, self._period_s = owner, period_s
-        self.due_s = now_s + period_s if period_s > 0.0 else math.inf
-        if self._link is not None:
-            self._link.wake(self.due_s)
-
-    def release(self, owner: int) -> bool:
-        """End it if this owner's SYNC is running; whether it was."""
-        was_running = owner == self._owner
-        if was_running:
-            self.run(-1, 0.0, 0.0)
-        return was_running
-
-    def timer(self, now_s: float) -> None:
-        self.due_s = now_s + self._period_s
-        if self._link is not None:
-            self._link.send(now_s, pdo.SYNC, SYNC_FRAME)
 
 
 class Agenda:

@@ -30,7 +30,7 @@ from typing import Final, Protocol
 from drives import pdo
 from drives.bench.virtual.confinement import Confinement
 from drives.bench.virtual.error_counters import Controller, Level
-from drives.bench.virtual.nodes import Agenda, Handler, Link, Metronome, Node
+from drives.bench.virtual.nodes import Agenda, Handler, Link, Node
 from drives.load import stuffing
 from drives.pdo import ERROR_FLAG, EXTENDED_FLAG, FRAME_BYTES, REMOTE_FLAG
 
@@ -130,8 +130,6 @@ class SteppedBus:
         self._sync_source = -1
         self.agenda = Agenda()
         self.attach(self.agenda)
-        self._metronome = Metronome()
-        self._metronome_source = self.attach(self._metronome)
 
     # -- who is on the bus
 
@@ -164,7 +162,7 @@ class SteppedBus:
     def disconnect(self, source: int) -> None:
         """Take a connection off the bus; its waiting frames still go out."""
         self._ports.pop(source, None)
-        if self._metronome.release(source) or source == self._sync_source:
+        if source == self._sync_source:
             self._sync_source = -1
         self.forget_routes()
 
@@ -202,11 +200,6 @@ class SteppedBus:
     def masters(self) -> Controller:
         """The CAN controller of who sends SYNC; of the ports, as long as nobody has."""
         return self.errors.of(self._sync_source) if self._sync_source >= 0 else self.controller
-
-    def cyclic_sync(self, source: int, period_s: float) -> None:
-        """Send SYNC every ``period_s`` from now on, as SocketCAN's broadcast manager does; 0 stops it."""
-        self.errors.adopt(self._metronome_source, self.errors.of(source))
-        self._metronome.run(source, period_s, self.now_s)
 
     # -- frames
 
@@ -512,12 +505,6 @@ class Port:
             return False
         buffer[:FRAME_BYTES] = self._queue.popleft()
         return True
-
-    def start_cyclic_sync(self, period_s: float) -> None:
-        self._bus.cyclic_sync(self._source, period_s)
-
-    def stop_cyclic_sync(self) -> None:
-        self._bus.cyclic_sync(self._source, 0.0)
 
     def restart(self) -> None:
         """Has a bus-off controller take part again, as 'ip link set can0 type can restart' does."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -179,6 +180,11 @@ def test_another_period_is_taken_in_range_only() -> None:
         machine_file.with_period(machine, 0.1)
 
 
+def test_a_file_from_before_the_pump_that_says_who_sends_sync_is_the_same_machine() -> None:
+    before = machine_file.read(changed(("gouge =", 'sync = "tick"\ngouge =')), "m.toml")
+    assert replace(before, text=COMPLETE) == machine_file.read(COMPLETE, "m.toml")
+
+
 # ---- the drives' side --------------------------------------------------------------
 
 
@@ -239,8 +245,13 @@ REFUSED = [
         'axis_speed_deg_s = "fast"\ngouge =',
         'axis_speed_deg_s = "fast": is not a finite number',
     ),
-    ('sync = "tick"', 'sync = "tick"\nlate = "ignore"', 'late = "ignore": .* allowed: "stop" or "count"'),
-    ('sync = "tick"', 'sync = "tik"', 'sync = "tik": .* allowed: "tick" or "kernel"; write \'tick\''),
+    ("gouge =", 'late = "ignore"\ngouge =', 'late = "ignore": .* allowed: "stop" or "count"'),
+    ("gouge =", 'sync = "tik"\ngouge =', 'sync = "tik": .* allowed: "tick"; leave the key out'),
+    (
+        "gouge =",
+        'sync = "kernel"\ngouge =',
+        '[machine]: sync = "kernel": is not to be chosen any more, .*; leave the key out',
+    ),
     ('kind = "linear"', 'kind = "liner"', "[[axis]] X: kind = \"liner\": .*'linear'"),
     ("direction = [1, 0, 0]", "direction = [-1, 0, 0]", "X: direction = [-1, .*: X Y Z are the machine"),
     ("direction = [1, 0, 0]", "direction = [0, 0, 0]", "X: direction = [0, 0, 0]: has no length"),

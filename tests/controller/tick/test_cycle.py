@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import random
-import socket
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -16,7 +15,7 @@ from support.oracles import latched_setpoints
 from controller.ipc.handoff import COLUMN, PLANNER_SILENCE_S, STOOD, Arrangement, Law, dwell, send_arrangement
 from controller.machine.model import Joints
 from controller.state.modes import Fault, Mode, Request
-from controller.tick.loop import Loop, WallClock
+from controller.tick.loop import Loop
 from controller.tick.sync_watch import LONG_GAP
 from drives.cia402 import Wanted
 from drives.cyclic.drive import DriveFault
@@ -448,35 +447,7 @@ def test_an_error_of_our_own_stops_the_drives_and_is_named() -> None:
     bench.cycle._requests.take = broken  # type: ignore[assignment]
     assert bench.loop.run(lambda: True) is Fault.INTERNAL
     assert bench.group.wanted is Wanted.QUICK_STOP and bench.snapshot.fault is Fault.INTERNAL
-    assert bench.group.sync_stopped
     assert bench.loop.error is not None  # kept, so that the process can say what it was
-    bench.close()
-
-
-def test_with_the_kernels_sync_each_echo_is_one_step_and_its_loss_a_quick_stop() -> None:
-    bench = moving(ticks=30, sync="kernel")
-    before = len(bench.group.syncs)
-    bench.tick(10)
-    assert len(bench.group.syncs) == before + 10
-    bench.group.syncs_seen = 2  # two echoes waited: one step was lost, none is made up for
-    bench.tick()
-    assert bench.snapshot.skips == 1
-    bench.group.syncs_seen, bench.group.sync_seen = 0, False
-    bench.tick(3)
-    assert bench.snapshot.fault is Fault.SYNC_LOST and bench.group.wanted is Wanted.QUICK_STOP
-    bench.close()
-
-
-def test_the_loop_gives_up_on_an_echo_after_a_period_and_a_half() -> None:
-    near, far = socket.socketpair()
-    bench = moving(ticks=5, sync="kernel")
-    loop = Loop(bench.cycle, WallClock(), (near.fileno(),))
-    far.send(b"x")  # readable, so that the poll itself never waits
-    assert loop.tick()
-    bench.group.sync_seen, bench.group.syncs_seen = False, 0
-    assert not loop.tick()
-    for end in (near, far):
-        end.close()
     bench.close()
 
 

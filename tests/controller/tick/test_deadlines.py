@@ -1,9 +1,8 @@
-"""The loop by itself: deadlines on their grid, what is done before one, the kernel's echo, how it ends."""
+"""The loop by itself: deadlines on their grid, what is done before one, how it ends."""
 
 from __future__ import annotations
 
 import itertools
-import socket
 from types import SimpleNamespace
 from typing import Any
 
@@ -22,7 +21,6 @@ from controller.tick.loop import (
     STAND_DOWN_S,
     Loop,
     SteppedClock,
-    WallClock,
 )
 from drives.cia402 import State, Wanted
 from drives.cyclic.line import MAX_FRAMES
@@ -34,9 +32,7 @@ THERE = (100.0, 60.0, -80.0, 1.0, 2.0)
 
 
 class Group:
-    """Of a bus on which the kernel sends SYNC."""
-
-    sync_seen = False
+    """No bus."""
 
     def __init__(self) -> None:
         self.lines: list[Any] = []
@@ -51,8 +47,8 @@ class Sync:
 class Stage:
     """A cycle and a clock in one, in which only what the test says takes time."""
 
-    def __init__(self, period_s: float = T, begins_s: float = 7.0, sync: str = "tick") -> None:
-        self.machine = machine(period_s=period_s, sync=sync)
+    def __init__(self, period_s: float = T, begins_s: float = 7.0) -> None:
+        self.machine = machine(period_s=period_s)
         self.group, self.sync = Group(), Sync()
         self.at_rest = self.idle = True
         self.time_s = begins_s
@@ -62,7 +58,6 @@ class Stage:
         self.waits: list[tuple[float, float]] = []  # deadline, and how long before it was to be woken
         self.called: list[str] = []
         self.runs: list[tuple[float, float, int]] = []  # time, lateness, deadlines missed
-        self.echo_after = 1 << 30  # calls of receive
 
     def now_s(self) -> float:
         return self.time_s
@@ -85,8 +80,6 @@ class Stage:
         assert now_s == self.time_s
         self.called.append("receive")
         self.time_s += self.drain_s
-        self.echo_after -= 1
-        self.group.sync_seen = self.echo_after <= 0
 
     def run(self, now_s: float, lateness_s: float, missed: int = 0) -> bool:
         self.called.append("run")
@@ -109,8 +102,8 @@ class Stage:
         self.called.append("hand over")
 
 
-def staged(stage: Stage, filenos: tuple[int, ...] = (), **more: Any) -> Loop:
-    return Loop(stage, stage, filenos, **more)  # type: ignore[arg-type]
+def staged(stage: Stage, **more: Any) -> Loop:
+    return Loop(stage, stage, **more)  # type: ignore[arg-type]
 
 
 # ---- deadlines
@@ -324,59 +317,6 @@ def test_one_rehearsal_beyond_all_measure_is_remembered_as_the_longest_there_is_
         assert ("rehearse" in stage.called) is rehearses
 
 
-# ---- the kernel's SYNC
-
-
-def ends() -> tuple[socket.socket, socket.socket]:
-    return socket.socketpair()
-
-
-def test_with_the_kernels_sync_a_tick_runs_at_the_echo_and_waits_for_no_deadline() -> None:
-    near, far = ends()
-    far.send(b"x")
-    stage = Stage(sync="kernel")
-    stage.drain_s, stage.echo_after = 0.1 * T, 3
-    staged(stage, (near.fileno(),)).tick()
-    assert stage.runs == [(pytest.approx(7.0 + 0.3 * T), 0.0, 0)] and not stage.waits
-    near.close()
-    far.close()
-
-
-@pytest.mark.parametrize(("sync", "watched"), [("tick", True), ("kernel", False)])
-def test_without_the_kernel_or_a_bus_to_hear_it_on_the_deadline_counts(sync: str, watched: bool) -> None:
-    near, far = ends()
-    stage = Stage(sync=sync)
-    staged(stage, (near.fileno(),) if watched else ()).tick()
-    assert stage.waits
-    near.close()
-    far.close()
-
-
-def test_an_echo_that_does_not_come_is_given_up_after_a_period_and_a_half() -> None:
-    near, far = ends()
-    far.send(b"x")  # readable, so that the poll itself never waits
-    stage = Stage(sync="kernel")
-    stage.drain_s = 0.1 * T
-    staged(stage, (near.fileno(),)).tick()
-    assert len(stage.called) in (15, 16) and len(stage.runs) == 1
-    near.close()
-    far.close()
-
-
-def test_an_echo_is_waited_for_by_what_can_be_read_of_the_first_bus_alone() -> None:
-    """Each of these sockets may be written to, and from the second may be read: neither wakes the tick."""
-    near, far = ends()
-    second, other = ends()
-    other.send(b"x")
-    stage = Stage(sync="kernel")
-    loop = Loop(stage, WallClock(), (near.fileno(), second.fileno()))  # type: ignore[arg-type]
-    stage.receive = lambda now_s: stage.called.append("receive")  # type: ignore[method-assign]
-    loop.tick()
-    assert 1 <= len(stage.called) <= 5
-    for end in (near, far, second, other):
-        end.close()
-
-
 # ---- the end
 
 
@@ -436,7 +376,7 @@ def test_after_an_error_of_our_own_the_drives_are_told_to_stop_sync_by_sync_for_
     assert bench.loop.run(lambda: True) is Fault.INTERNAL
     assert (bench.snapshot.fault, bench.snapshot.fault_axis) == (Fault.INTERNAL, -1)
     assert isinstance(bench.loop.error, ZeroDivisionError), "kept for whoever asks"
-    assert bench.group.wanted is Wanted.QUICK_STOP and bench.group.sync_stopped
+    assert bench.group.wanted is Wanted.QUICK_STOP
     syncs = bench.group.syncs[before - 1 :]
     assert len(syncs) - 2 == LAST_TICKS_S / T, "but for the tick that failed"
     gaps = [b - a for a, b in itertools.pairwise(syncs)]
@@ -455,7 +395,7 @@ def test_an_error_in_the_last_ticks_does_not_end_them() -> None:
     bench.group.command = broken  # type: ignore[assignment]
     before = len(bench.group.syncs)
     assert bench.loop.run(lambda: True) is Fault.INTERNAL
-    assert len(bench.group.syncs) - before >= LAST_TICKS_S / T and bench.group.sync_stopped
+    assert len(bench.group.syncs) - before >= LAST_TICKS_S / T
     bench.close()
 
 

@@ -151,17 +151,6 @@ def test_a_jog_without_end_is_over_when_its_order_is_too_old() -> None:
     bench.close()
 
 
-def test_with_the_kernels_sync_the_drives_have_used_the_last_setpoints() -> None:
-    bench, _, _ = gapped(0.0, sync="kernel")
-    bench.group.syncs_seen = 25
-    told = tuple(bench.group.commands[-1][1])
-    bench.tick()
-    bench.group.syncs_seen = 1
-    bench.tick(3)
-    assert tuple(bench.group.commands[-1][1]) == told and bench.snapshot.at_rest
-    bench.close()
-
-
 @pytest.mark.parametrize("silent_s", [0.05, 0.5])
 def test_drives_that_missed_our_heartbeat_are_not_what_is_at_fault(silent_s: float) -> None:
     bench, left = late(silent_s)

@@ -15,7 +15,6 @@ from controller.tick.sync_watch import (
     BLAMED_TICKS,
     LATE_SHARE,
     LONG_GAP,
-    LOST_ECHOES,
     NEAREST_SHARE,
     SyncWatch,
 )
@@ -52,7 +51,7 @@ class Watched:
 def test_before_the_first_tick_nothing_was_late_and_nothing_left_out() -> None:
     watch = Watched().watch
     assert (watch.skips, watch.late_max_s, watch.lateness_s) == (0, 0.0, 0.0)
-    assert not watch.by_kernel and not watch.is_unheard
+    assert not watch.is_unheard
     assert not watch.is_after_a_gap(LONG_GAP, at_rest) and watch.is_after_a_gap(LONG_GAP + 1, at_rest)
 
 
@@ -114,15 +113,15 @@ def test_a_gap_is_not_long_before_motors_can_have_lost_half_of_their_speed(stops
 
 def test_a_bus_that_takes_none_for_its_time_is_unheard_and_heard_again_with_the_next() -> None:
     watched = Watched()
-    watched.group.sync_seen = False
+    watched.group.deaf = True
     most = round(stop_times.LOST_BUS_S / T)
     for i in range(most):
         assert not watched.send(i * T) and not watched.watch.is_unheard
     watched.send(most * T)
     assert watched.watch.is_unheard
-    watched.group.sync_seen = True
+    watched.group.deaf = False
     assert watched.send((most + 1) * T) and not watched.watch.is_unheard
-    watched.group.sync_seen = False
+    watched.group.deaf = True
     for i in range(most + 2, 2 * most + 2):
         watched.send(i * T)
     assert not watched.watch.is_unheard  # as long as at first
@@ -179,29 +178,6 @@ def test_what_we_have_kept_back_ourselves_or_came_late_at_rest_does_no_harm_now_
     watched = Watched(late="count")
     for _ in range(50):
         assert watched.skip()[0] is Fault.NONE
-
-
-def test_of_the_kernel_s_sync_the_echoes_say_what_came() -> None:
-    watched = Watched(Mode.READY, sync="kernel")
-    watch, group = watched.watch, watched.group
-    assert watch.by_kernel and watched.send(0.0, 1.0)  # however late the tick: it was not we who sent it
-    for seen, long in ((LONG_GAP, False), (LONG_GAP + 1, True)):
-        group.syncs_seen = seen
-        assert watch.is_after_a_gap(1, at_rest) is long
-    watch.count(True, 1, 0.0, False)
-    assert watch.skips == LONG_GAP
-    group.syncs_seen = 1
-    watch.count(True, 3, 0.0, False)
-    assert watch.skips == LONG_GAP + 2
-    group.syncs_seen = 0
-    for _ in range(2):
-        for _ in range(LOST_ECHOES - 1):
-            watch.count(False, 1, 0.0, False)
-            assert watched.modes.fault is Fault.NONE
-        watch.count(True, 1, 0.0, False)  # in a row is meant
-    for _ in range(LOST_ECHOES):
-        watch.count(False, 1, 0.0, False)
-    assert (watched.modes.fault, watched.modes.fault_axis) == (Fault.SYNC_LOST, -1)
 
 
 @pytest.mark.parametrize("after", range(BLAMED_TICKS + 1))

@@ -31,14 +31,14 @@ DOWNLOAD = {1: 0x2F, 2: 0x2B, 4: 0x23}
 class Bench:
     """A group, its bus and the drives, advanced one period at a time."""
 
-    def __init__(self, sync="tick"):
+    def __init__(self):
         self.bus = SteppedBus()
         self.devices = [SimulatedDrive(node, Parameters(position_counts=1000 * node)) for node in NODES]
         for device in self.devices:
             self.bus.attach(device)
         self.service = self.bus.port()
         drives = [Drive(NodeSettings(f"axis {n}", "can0", n, "a.eds")) for n in NODES]
-        master = MasterSettings(period_s=T, sync=sync)
+        master = MasterSettings(period_s=T)
         self.group = Group(drives, {"can0": self.bus.port(pdo.TICK_FILTERS)}, master)
         self.now_s = 0.0
         self.setpoints = [0] * 5
@@ -56,7 +56,6 @@ class Bench:
                 self._wait(0.002)
         self.service.send(pdo.frame(0x000, b"\x01\x00"))
         self._wait(0.01)
-        self.group.start()
 
     def _wait(self, seconds):
         self.now_s += seconds
@@ -90,10 +89,7 @@ def bench():
     return bench
 
 
-@pytest.mark.parametrize("sync", ["tick", "kernel"])
-def test_five_drives_enable_without_moving_a_count_and_then_follow(sync):
-    bench = Bench(sync)
-    bench.tick(3)
+def test_five_drives_enable_without_moving_a_count_and_then_follow(bench):
     assert [drive.state for drive in bench.group.drives] == [State.SWITCH_ON_DISABLED] * 5
     bench.enable()
     assert bench.group.positions == [1000, 2000, 3000, 4000, 5000]

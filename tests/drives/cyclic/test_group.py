@@ -29,7 +29,6 @@ class ListPort:
         self.incoming = []
         self.outgoing = []
         self.refuse = False
-        self.cyclic_sync_s = None
         self.overflows = 0
         self.restarts = 0
 
@@ -46,12 +45,6 @@ class ListPort:
         buffer[:16] = self.incoming.pop(0)
         return True
 
-    def start_cyclic_sync(self, period_s):
-        self.cyclic_sync_s = period_s
-
-    def stop_cyclic_sync(self):
-        self.cyclic_sync_s = None
-
     def close(self):
         pass
 
@@ -63,13 +56,13 @@ class ListPort:
             self.incoming.append(pdo.frame(0x180 + node, pdo.FEEDBACK.pack(statusword, position + node)))
 
 
-def five(port, sync="tick", buses=("can0",) * 5):
+def five(port, buses=("can0",) * 5):
     nodes = [
         NodeSettings(name, bus, i + 1, "a.eds")
         for i, (name, bus) in enumerate(zip("XYZAC", buses, strict=True))
     ]
     ports = port if isinstance(port, dict) else {"can0": port}
-    return Group([Drive(node) for node in nodes], ports, MasterSettings(period_s=T, sync=sync))
+    return Group([Drive(node) for node in nodes], ports, MasterSettings(period_s=T))
 
 
 def running(port, **kind):
@@ -264,7 +257,7 @@ def test_error_frames_are_counted_and_a_port_need_not_take_packets():
     port = ListPort()
     del port.packs
     (line,) = running(port).lines
-    assert (line.errors, line.syncs, line.off, line.packs, line.bus) == (0, 0, False, False, "can0")
+    assert (line.errors, line.off, line.packs, line.bus) == (0, False, False, "can0")
     for count in (1, 2):
         port.incoming.append(error_frame(0x008))
         line.drain(T)
@@ -330,40 +323,6 @@ def test_a_babbling_bus_does_not_hold_the_tick():
     assert len(port.incoming) == 7
 
 
-def test_kernel_sync_is_started_stopped_and_never_sent_by_us():
-    port = ListPort()
-    group = running(port, sync="kernel")
-    group.start()
-    assert port.cyclic_sync_s == T
-    group.sync(0.0)
-    assert port.outgoing == []
-    group.stop_sync()
-    assert port.cyclic_sync_s is None
-
-
-def test_the_echo_of_kernel_sync_is_reported_and_bounds_the_feedback():
-    port = ListPort()
-    group = running(port, sync="kernel")
-    for i, answering in enumerate([(1, 2, 3, 4, 5), (1, 2, 3, 4), (1, 2, 3, 4), ()]):
-        port.incoming.append(pdo.frame(0x80))
-        port.feedback(answering)
-        group.receive(i * T)
-        assert group.sync_seen
-        assert group.sync(i * T)
-        assert group.fault(i * T)[0] is (DriveFault.FEEDBACK_LOST if i == 3 else DriveFault.NONE)
-    assert group.fault(3 * T) == (DriveFault.FEEDBACK_LOST, 4)
-    group.receive(4 * T)
-    assert not group.sync_seen
-
-
-def test_two_echoes_in_one_tick_are_counted():
-    port = ListPort()
-    group = running(port, sync="kernel")
-    port.incoming += [pdo.frame(0x80), pdo.frame(0x80)]
-    group.receive(T)
-    assert group.syncs_seen == 2
-
-
 def test_two_buses_get_a_sync_each_and_their_own_drives():
     ports = {"can0": ListPort(packs=True), "can1": ListPort(packs=True)}
     group = five(ports, buses=("can0", "can1", "can0", "can1", "can0"))
@@ -404,12 +363,7 @@ def test_a_tick_keeps_no_memory():
 def test_before_anything_is_heard_or_wanted_nothing_is_told_and_nothing_wrong():
     port = ListPort()
     group = five(port)
-    assert (group.positions, group.wanted, group.sync_seen, group.syncs_seen) == (
-        [0] * 5,
-        Wanted.OFF,
-        False,
-        0,
-    )
+    assert (group.positions, group.wanted) == ([0] * 5, Wanted.OFF)
     port.incoming.append(pdo.frame(0x80))
     group.receive(0.0)
     assert group.fault(0.0) == (DriveFault.NONE, -1)

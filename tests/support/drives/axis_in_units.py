@@ -184,7 +184,6 @@ class Bench:
         self.drive = Drive(self.node)
         self.drive.set_velocity_units(self.found.velocity_units)
         self.group = Group([self.drive], {"can0": self.rig.port(pdo.TICK_FILTERS)}, self.master, None, [])
-        self.group.start()
         self.setpoint = 0.0
 
     @property

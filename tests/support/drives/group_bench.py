@@ -44,13 +44,12 @@ class GroupBench:
         spindle: SpindleSettings | None = None,
         io: Sequence[IoSettings] = (),
         parameters: Parameters | None = None,
-        sync: str = "tick",
         bit_rate: int = 1_000_000,
     ) -> None:
         everybody = [*drives, *([] if spindle is None else [spindle]), *io]
         names = list(dict.fromkeys(node.bus for node in everybody))
         self.period_s = drives[0].period_s if drives else T
-        self.master = MasterSettings(period_s=self.period_s, sync=sync)
+        self.master = MasterSettings(period_s=self.period_s)
         self.rig = rig(
             drives,
             [BusSettings(name, "virtual", "", bit_rate) for name in names],
@@ -70,7 +69,6 @@ class GroupBench:
         self.group = Group([Drive(node) for node in drives], self.ports, self.master, self.spindle, self.io)
         self.setpoints = [0] * len(drives)
         self.fault = (DriveFault.NONE, -1)
-        self.group.start()
 
     @property
     def now_s(self) -> float:

@@ -10,7 +10,6 @@ from support.faults.scene import Scene
 
 from controller.state.modes import Fault, Request
 from drives import pdo
-from drives.bench.virtual.nodes import SYNC_FRAME
 from drives.bench.virtual.virtual_bus import PORT_LIMIT
 
 AXIS = 1  # Y: the one that faults are done to; it moves in every mode that moves
@@ -76,9 +75,9 @@ def emergency_stop(scene: Scene) -> None:
 def foreign_sync(scene: Scene) -> None:
     """Another node sends SYNC in the middle of each of the next ticks."""
     stranger = scene.bus.connect(lambda _frame, _at_s: None, ())
-    T = scene.machine.period_s
+    T, sync = scene.machine.period_s, bytes(pdo.frame(pdo.SYNC))
     for n in range(5):
-        scene.bus.submit(stranger, scene.rig.now_s + (n + 0.5) * T, pdo.SYNC, SYNC_FRAME)
+        scene.bus.submit(stranger, scene.rig.now_s + (n + 0.5) * T, pdo.SYNC, sync)
 
 
 def of(*faults: Fault) -> Named:

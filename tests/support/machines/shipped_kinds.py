@@ -82,7 +82,6 @@ def _build(
     built = Machine(
         name=name,
         period_s=0.002,
-        sync="tick",
         clearance_mm=2.0,
         lead_mm=3.0,
         retract_mm=200.0,

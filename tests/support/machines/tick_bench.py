@@ -109,12 +109,10 @@ class FakeGroup:
     def __init__(self, positions: Sequence[int]) -> None:
         self.drives = [FakeDrive(p) for p in positions]
         self.positions = list(positions)
-        self.sync_seen = True
-        self.syncs_seen = 1
+        self.deaf = False  # the bus takes no SYNC
         self.failure: tuple[DriveFault, int] = (DriveFault.NONE, -1)
         self.unseen: dict[int, DriveFault] = {}
         self.wanted = Wanted.OFF
-        self.sync_stopped = False
         self.spindle: Any = None
         self.io: Sequence[Any] = ()
         self.lines: Sequence[Any] = ()
@@ -126,7 +124,7 @@ class FakeGroup:
         self.positions[:] = [drive.position for drive in self.drives]
 
     def sync(self, now_s: float) -> bool:
-        if not self.sync_seen:  # sync = "kernel": no echo came
+        if self.deaf:
             return False
         self.syncs.append(now_s)
         for drive in self.drives:
@@ -155,9 +153,6 @@ class FakeGroup:
 
     def out_of_sight(self, index: int, now_s: float) -> DriveFault:
         return self.unseen.get(index, DriveFault.NONE)
-
-    def stop_sync(self) -> None:
-        self.sync_stopped = True
 
 
 class Bench:

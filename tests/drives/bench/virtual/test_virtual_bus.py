@@ -1,8 +1,6 @@
-"""The wire: arbitration, frame times, queues, filters, injected faults, cyclic SYNC."""
+"""The wire: arbitration, frame times, queues, filters, injected faults."""
 
 from __future__ import annotations
-
-from itertools import pairwise
 
 from support.drives.stepped_drives import Bench
 
@@ -130,21 +128,6 @@ def test_the_tamper_hook_loses_delays_and_doubles_frames() -> None:
     assert received(listener) == [0x182, 0x182, 0x184]
     bus.advance(0.02)
     assert received(listener) == [0x183]
-
-
-def test_cyclic_sync_keeps_exact_deadlines_comes_back_as_echo_and_ends_with_its_owner() -> None:
-    bus = SteppedBus()
-    owner = bus.port([(0x80, 0x7FF)])
-    times: list[float] = []
-    bus.watch(0x80, lambda _frame, at_s: times.append(at_s))
-    owner.start_cyclic_sync(0.002)
-    for n in range(1, 101):
-        bus.advance(n * 0.001)
-    assert len(received(owner)) == 49
-    assert max(abs(b - a - 0.002) for a, b in pairwise(times)) < 1e-12
-    owner.close()
-    bus.advance(1.0)
-    assert len(times) <= 50
 
 
 def test_a_port_that_does_not_read_counts_what_it_has_lost() -> None:
