@@ -1,8 +1,9 @@
 """What one tick costs, wake-up excluded: five drives on a socket, cutting Example 2.
 
-The tick is the real one (cycle, group, drives, sockets); the far end of the socket is
-filled with the drives' answers before each tick and emptied after it, outside of the
-measured time. Paced it goes as ``loop.Loop`` does: it sleeps to shortly before the deadline, so that caches
+The tick is the real one (cycle, group, drives, sockets, the plans of a pump); the far end of the socket is
+filled with the drives' answers before each tick and emptied after it, outside of the measured time. There
+the pump plays its period, too, which on a machine is another process. In turn with it goes a tick that has
+no pump and sends by itself. Paced it goes as ``loop.Loop`` does: it sleeps to shortly before the deadline, so that caches
 are as cold as in production, rehearses, drains the bus, spins to the deadline and runs. The tick is the drain
 and the run; the rehearsal, for which the loop would spin otherwise, stands beside it. So does the paced tick
 without one, taken in turn with it, for other work on the computer changes both. Others on the same hardware
@@ -43,6 +44,7 @@ from controller.ipc.handoff import (  # noqa: E402
     send_request,
 )
 from controller.machine.model import Machine  # noqa: E402
+from controller.runtime import cyclic  # noqa: E402
 from controller.state.modes import Mode, Request  # noqa: E402
 from controller.tick import loop  # noqa: E402
 from controller.tick.cycle import Cycle  # noqa: E402
@@ -50,6 +52,7 @@ from drives import pdo, real_time  # noqa: E402
 from drives.bus import HubSocket  # noqa: E402
 from drives.cyclic.drive import Drive  # noqa: E402
 from drives.cyclic.group import Group  # noqa: E402
+from drives.pump.plan_memory import Memory  # noqa: E402
 from drives.settings import MasterSettings, NodeSettings  # noqa: E402
 
 KEEPALIVE_TICKS = 10
@@ -63,7 +66,7 @@ OPERATION_ENABLED = 0x1237  # with voltage, remote and "follows command"
 class Rig:
     """The tick and, at the far end of its socket, drives that are where they were told to be."""
 
-    def __init__(self, machine: Machine) -> None:
+    def __init__(self, machine: Machine, with_pump: bool = True) -> None:
         near, self.far = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         self.far.setblocking(False)
         nodes = [NodeSettings(a.name, a.bus, a.node, "", period_s=machine.period_s) for a in machine.axes]
@@ -79,6 +82,8 @@ class Rig:
             {machine.axes[0].bus: HubSocket(near, "main")},
             MasterSettings(period_s=machine.period_s),
         )
+        plans = Memory(len(machine.axes)) if with_pump else None
+        self.pump = cyclic.player(machine, group, plans) if plans is not None else None
         plan_end, piece_end = piece_pair()
         self.operator, request_end = request_pair()
         self.plan = PieceOutbox(plan_end)
@@ -91,6 +96,7 @@ class Rig:
             SnapshotBoard(),
             Recorder(),
             time.monotonic,
+            plans,
         )
         self.sequence = 0
 
@@ -124,6 +130,9 @@ class Rig:
         period_s = cycle.machine.period_s
         self.answer()
         self.now_s += period_s
+        if self.pump is not None:
+            self.pump.prepare()
+            self.pump.send(round((self.now_s + period_s) * 1e9), 0)
         cycle.sync._synced_s = self.now_s - period_s  # the pace is ours, not the wall clock's
         if deadline_s:
             CLOCK.wake(deadline_s, loop.early_s(period_s))
@@ -181,11 +190,12 @@ def measure(rig: Rig, ticks: int, paced: bool, rehearses: bool = False) -> np.nd
     return costs
 
 
-def in_turn(rig: Rig, ticks: int) -> tuple[list[np.ndarray], list[np.ndarray]]:
-    """Paced ticks with and without a rehearsal, in ``TURNS`` turns each."""
-    kinds: tuple[list[np.ndarray], list[np.ndarray]] = [], []
-    for turn in range(2 * TURNS):
-        kinds[turn % 2].append(measure(rig, ticks // TURNS, paced=True, rehearses=turn % 2 == 0))
+def in_turn(rig: Rig, alone: Rig, ticks: int) -> tuple[list[np.ndarray], ...]:
+    """Paced ticks with and without a rehearsal, and of one without a pump, in ``TURNS`` turns each."""
+    kinds: tuple[list[np.ndarray], ...] = [], [], []
+    for _ in range(TURNS):
+        for found, one, rehearses in zip(kinds, (rig, rig, alone), (True, False, True), strict=True):
+            found.append(measure(one, ticks // TURNS, paced=True, rehearses=rehearses))
     return kinds
 
 
@@ -227,14 +237,16 @@ class Watches:
 
 def report(short: bool) -> Report:
     """Back to back, and paced: the same tick with the caches of a machine."""
-    rig = Rig(make_machine(period_s=PERIOD_S))
+    rig, alone = (Rig(make_machine(period_s=PERIOD_S), with_pump) for with_pump in (True, False))
     rig.start()
+    alone.start()
     real_time.prepare()
     ticks = 80 if short else 8000
     measure(rig, ticks // 4, paced=False)
     together = measure(rig, ticks, paced=False)[:, 0]
-    turns, others = in_turn(rig, ticks)
-    rehearsed, without = np.concatenate(turns), np.concatenate(others)
+    measure(alone, ticks // 4, paced=False)
+    turns, others, sending = in_turn(rig, alone, ticks)
+    rehearsed, without, by_itself = (np.concatenate(one) for one in (turns, others, sending))
     watches = Watches(rig.cycle)
     measure(rig, ticks, paced=True, rehearses=True)
     paced = rehearsed[:, 0]
@@ -244,6 +256,9 @@ def report(short: bool) -> Report:
         *figures.percentiles("paced tick", paced, together, "us", 1e6, "back to back"),
         *figures.percentiles(
             "paced tick without rehearsal", without[:, 0], together, "us", 1e6, "back to back"
+        ),
+        *figures.percentiles(
+            "paced tick that sends by itself", by_itself[:, 0], paced, "us", 1e6, "with a pump"
         ),
         *figures.percentiles("rehearsal", rehearsed[:, 1], None, "us", 1e6, ""),
         Figure("paced tick, share of the period", float(np.mean(paced)) / PERIOD_S, ""),
