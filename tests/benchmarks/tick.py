@@ -3,13 +3,13 @@
 The tick is the real one (cycle, group, drives, sockets, the plans of a pump); the far end of the socket is
 filled with the drives' answers before each tick and emptied after it, outside of the measured time. There
 the pump plays its period, too, which on a machine is another process. In turn with it goes a tick that has
-no pump and sends by itself. Paced it goes as ``loop.Loop`` does: it sleeps to shortly before the deadline, so that caches
-are as cold as in production, rehearses, drains the bus, spins to the deadline and runs. The tick is the drain
-and the run; the rehearsal, for which the loop would spin otherwise, stands beside it. So does the paced tick
-without one, taken in turn with it, for other work on the computer changes both. Others on the same hardware
-make every turn slower and none faster: what is promised is of the calmest turn (by its median), and all turns
-together stand beside it. The share of each step is taken in a last pass, whose stop watches cost a little
-themselves.
+no pump and sends by itself. Paced it goes as ``loop.Loop`` does: it sleeps to shortly before the deadline, so
+that caches are as cold as in production, rehearses, drains the bus, spins to the deadline and runs. The tick
+is the drain and the run; the rehearsal, for which the loop would spin otherwise, stands beside it. So does
+the paced tick without one, taken in turn with it, for other work on the computer changes both. Others on the
+same hardware make every turn slower and none faster: what is promised is of the calmest turn (by its median),
+and all turns together stand beside it. The share of each step is taken in a last pass, whose stop watches
+cost a little themselves.
 """
 
 from __future__ import annotations
