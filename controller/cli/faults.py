@@ -19,12 +19,11 @@ from controller.machine.arrangement import Found
 from controller.machine.toml_table import ConfigError
 from controller.state import stop_times
 from controller.state.modes import FAULTS, Fault, Times, stands_within_s
-from controller.verify.console import Refused, refusals, show
+from controller.verify.console import refusals, show, spoken
 from drives.arranged import Arranged
 from drives.texts import filled
 
 MachineArgument = Annotated[str, typer.Argument()]
-Language = Annotated[str, typer.Option("--language")]
 State = Annotated[Path | None, typer.Option("--state")]
 Json = Annotated[bool, typer.Option("--json")]
 
@@ -34,13 +33,12 @@ INDENT = (0, 0, 0, 4)  # columns of what stands under a fault's name
 
 def faults(
     machine: MachineArgument = "trunnion",
-    language: Language = "en",
     state: State = None,
     as_json: Json = False,
 ) -> None:
     """Every fault: its class, what happened, what to do, and within which time the axes stand."""
     with refusals(as_json, lambda: (ConfigError,)):
-        said = _texts(language)
+        said = messages.of(spoken.get()).texts
         made = machine_file.load(machine)
         found = arrangement.load((state or control_socket.state_folder()) / arrangement.FOLDER, made)
         taken = stop_times.of(made, found.drives if found else ())
@@ -79,13 +77,6 @@ def _basis(found: Found | None, said: Texts) -> Iterator[str]:
     yield said["faults.read"].format(at=found.at.replace("T", " "), stops=stops)
     for one in found.drives:
         yield from _notes(one, said)
-
-
-def _texts(language: str) -> Texts:
-    try:
-        return messages.of(language).texts
-    except ValueError as error:
-        raise Refused(f"--{error}") from error
 
 
 def _row(fault: Fault, taken: Times, said: Texts) -> dict[str, Any]:

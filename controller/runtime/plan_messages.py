@@ -7,6 +7,7 @@ by itself how far it is.
 from __future__ import annotations
 
 import time
+from bisect import bisect_right
 from dataclasses import field
 from typing import Any
 
@@ -87,11 +88,12 @@ class Way:
     feed_mm_s: float | None  # programmed; None = rapid. Degrees a second where only rotaries turn
     name: str  # 'cut', 'lead in', 'retract' ...
     tool: int | None = None  # number of the one that the program has changed to; None: the one it began with
-    state: State = POWER_ON  # the modal state in which it runs
+    state: State = POWER_ON  # the modal state in which it begins
     end_s: float = 0.0  # of the motion, in the unit of the snapshot's s
     arc: ArcLength | None = None  # of a surface: which u an s is
     feed_steps: tuple[tuple[float, float], ...] = ()  # (s, feed) where lines of a row have others
     lines: tuple[LinePart, ...] = ()  # of which program lines it is; a way aside is of none
+    states: tuple[tuple[float, State], ...] = ()  # (s from which it is in force, state) where lines differ
 
     def place(self, s: float) -> Passed | None:
         """Of the program, as a check marks it."""
@@ -99,6 +101,11 @@ class Way:
             return None
         part, fraction = part_at(self.lines, s)
         return place_of(self.name, part.order, fraction, s)
+
+    def state_at(self, s: float) -> State:
+        """The modal state of the line that is under way there."""
+        found = bisect_right(self.states, s, key=lambda one: one[0])
+        return self.states[found - 1][1] if found else self.state
 
     def fraction(self, s: float) -> float:
         """Of the program line that is done at ``s``."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import multiprocessing.connection as connections
 import sys
 from collections import deque
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -18,6 +18,7 @@ from controller.plan.restart.program_position import ENTRY_ID, LinePart, Spot, l
 from controller.plan.stretch import Chain, Pause, Stretch
 from controller.plan.timetable import Timetable
 from controller.program.carried import InForce
+from controller.program.modal import State
 from controller.program.program import Act, Aside, Block, Changing, Message, Select
 from controller.runtime import children
 from controller.runtime.plan_messages import POWER_ON, Announcement, News, Turn, Way
@@ -133,7 +134,16 @@ class PathNotes:
         state = self.in_force.at(stretch.place.order) or POWER_ON
         shown = (stretch.end, stretch.feed_mm_s, stretch.name, tool, state)
         arc = motion.arc if isinstance(motion, SurfaceCut) else None
-        return Way(*shown, motion.end, arc, stretch.feed_steps, lines)
+        return Way(*shown, motion.end, arc, stretch.feed_steps, lines, self._states(lines))
+
+    def _states(self, lines: Sequence[LinePart]) -> tuple[tuple[float, State], ...]:
+        """Of a motion of several lines: from which s on which modal state is in force."""
+        found: list[tuple[float, State]] = []
+        for part in lines if len(lines) > 1 else ():
+            state = self.in_force.at(part.order) or POWER_ON
+            if not found or state != found[-1][1]:
+                found.append((part.from_s, state))
+        return tuple(found) if len(found) > 1 else ()
 
 
 class Reporter:

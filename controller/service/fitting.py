@@ -93,7 +93,8 @@ def at_rest(service: Service, what: str, request: str) -> Iterator[None]:
     with service.set_up.lock:  # one change at a time, and no start in the middle of one
         now = service.engine.snapshot()
         if now is not None and not _may_fit(service, what, now):
-            raise refused("not_fitted", now.mode.name, request, what=Key(what))
+            key = "not_fitted_yet" if now.mode in AT_REST else "not_fitted"
+            raise refused(key, now.mode.name, request, what=Key(what))
         try:
             yield
         except ConfigError as error:

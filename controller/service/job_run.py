@@ -70,7 +70,7 @@ class JobRun:
         job, set_up = self.job, self._service.set_up
         way = job.motions.under_way(now.motion_id) if job is not None and job.active else None
         if way is not None:
-            return way.state
+            return way.state_at(now.s)
         if job is not None and job.taken:
             return self.modal.left
         return self.modal.at(now, set_up.machine, set_up.tool)

@@ -160,7 +160,7 @@ class Watch:
         elif now.mode in (Mode.RUNNING, Mode.HOLD, Mode.STOPPING, Mode.JOG):
             job.follow(now)
             if (way := job.motions.ways.get(now.motion_id)) is not None and now.motion_id < ENTRY_ID:
-                run.modal.see(way.state)
+                run.modal.see(way.state_at(now.s))
             run.lay(job, job.announced.say(now), now)
             self._see_tool(now, job)
             self._see_refused(now, job)

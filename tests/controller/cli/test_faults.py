@@ -77,6 +77,10 @@ def test_the_texts_are_told_in_german_too() -> None:
     assert row["class"] == "Halt auf der Bahn" and row["recovery"] == "resume"
 
 
-def test_a_language_that_is_not_there_is_refused() -> None:
-    ran = ASK.invoke(app, ["faults", "--language", "fr"])
-    assert ran.exit_code == 1 and "allowed are en and de" in ran.stderr
+def test_it_speaks_the_language_of_the_environment_as_every_verb_does() -> None:
+    """One that there is not is English."""
+    german, other = (
+        ASK.invoke(app, ["faults", "none"], env={"DIRECTRIX_LANGUAGE": one}) for one in ("de", "fr")
+    )
+    assert german.exit_code == other.exit_code == 1 and german.stderr != other.stderr
+    assert "Faults of trunnion" in ASK.invoke(app, ["faults", "--language", "fr"]).stdout

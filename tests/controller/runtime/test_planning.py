@@ -353,3 +353,28 @@ def test_a_typed_line_is_checked_with_the_tool_of_the_changer_and_from_where_it_
     program = Program(text, "MDI", bench.machine, typed=True, in_spindle=99)
     error = bench.order("check", program=program).error
     assert (error is None) if not why else error is not None and why in messages.text(error[1]), error
+
+
+def test_in_a_row_of_lines_the_modal_state_is_that_of_the_line_under_way(bench: Bench) -> None:
+    """G64 P makes one motion of them; F and the motion's code are of each."""
+    cut = "G1 X10 F3000\nG2 X20 Y10 I0 J10 F2000\nG1 Y20 F1000\nG1 X0\n"
+    text = f"G21 G90 G55 G64 P0.02\nG0 X0 Y0 Z60\n{cut}M30\n"
+    program = Program(text.encode(), "part.ngc", bench.machine, in_spindle=1)
+    assert bench.order("arm", program=program).error is None
+    bench.request(Request.START)
+    ways, seen = {}, {}
+    codes = {3: ("G1", 3000.0), 4: ("G2", 2000.0), 5: ("G1", 1000.0), 6: ("G1", 1000.0)}
+
+    def over() -> bool:
+        for news in bench.news:
+            ways.update(news.ways)
+        now = bench.snapshot()
+        if now.line in codes and now.motion_id in ways:
+            state = ways[now.motion_id].state_at(now.s)
+            feed = round(60.0 * (state.modal.feed_mm_s or 0.0), 6)
+            seen.setdefault(now.line, set()).add((state.motion, feed))
+        return now.mode is Mode.READY and bool(seen)
+
+    bench.go(over)
+    assert any(len(way.states) > 1 for way in ways.values()), "no row of lines"
+    assert seen == {line: {wanted} for line, wanted in codes.items()}
