@@ -40,7 +40,7 @@ function Next() {
   const control = button && dx.user?.role !== "view" && needs_control(next.verb, button);
   return html`<p class="next" data-verb=${next.verb} data-place=${next.place} data-waits=${next.waits ? "1" : undefined}>
     <span>${word("run.next")}</span> <strong>${control ? word("next.control") : (next.verb === "load" && not_offered()) || sentence(next)}</strong>
-    ${control ? html` <${Act} text=${word("frame.take")} needs="role" icon="hand" press=${take} />` : button && html` <${Act} ...${button} />`}
+    ${control ? html` <${Act} text=${word("frame.take")} needs="role" class="next-take" icon="hand" press=${take} />` : button && html` <${Act} ...${button} />`}
     ${next.place === "programs" && html` <${Choose} />`}
   </p>`;
 }
