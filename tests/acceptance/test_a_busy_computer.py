@@ -64,10 +64,10 @@ def looked_at(shop: Shop, name: str) -> None:
 
 
 def in_cut(share: float, now: Values) -> bool:
-    """Between the steps of a changer the mode is HOLD, before there is any cut; within one it never is."""
+    """While the tool is changed the mode is another, before there is any cut; within one it never is."""
     under_way = now["in_block"]
     cuts = bool(under_way and under_way["what"] == "cut")
-    assert now["mode"] == "RUNNING" or (now["mode"] == "HOLD" and not cuts), now
+    assert now["mode"] == "RUNNING" or (now["mode"] in ("HOLD", "TOOL_CHANGE") and not cuts), now
     return cuts and under_way["fraction"] >= share
 
 
