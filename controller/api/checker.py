@@ -185,7 +185,7 @@ class Errand:
     def __init__(self, worker: tuple[str, ...], longest_s: float) -> None:
         self._worker, self.longest_s, self._busy = worker, longest_s, False
 
-    async def run(self, job: dict[str, Any], busy: Refusal, failed: Refusal) -> dict[str, Any]:
+    async def run(self, job: dict[str, Any], busy: Exception, failed: Exception) -> dict[str, Any]:
         """Raises ``busy`` while it has another one, ``failed`` where it gives no answer in time."""
         if self._busy:
             raise busy

@@ -105,22 +105,13 @@ class Runs:
     def end(self, run: int, result: str, **facts: Any) -> None:
         """A run ends; ``facts`` add to those of its beginning."""
         with self._database.write() as sql:
-            row = sql.execute("SELECT facts FROM runs WHERE id = ?", (run,)).fetchone()
-            if row is None:
-                raise StoreError.told("missing", "missing", what=Key("what.run"), name=run)
-            told = _json({**json.loads(row["facts"]), **facts})
-            sql.execute(
-                "UPDATE runs SET result = ?, ended_s = ?, facts = ? WHERE id = ?",
-                (result, self._clock(), told, run),
-            )
+            _add_facts(sql, run, facts)
+            sql.execute("UPDATE runs SET result = ?, ended_s = ? WHERE id = ?", (result, self._clock(), run))
 
     def add_facts(self, run: int, **facts: Any) -> None:
         """What becomes known of a run after its end."""
         with self._database.write() as sql:
-            row = sql.execute("SELECT facts FROM runs WHERE id = ?", (run,)).fetchone()
-            if row is not None:
-                told = _json({**json.loads(row["facts"]), **facts})
-                sql.execute("UPDATE runs SET facts = ? WHERE id = ?", (told, run))
+            _add_facts(sql, run, facts)
 
     def list(self, most: int = 100, before: int | None = None) -> list[Run]:
         """The latest first; ``before`` a number, for the next page."""
@@ -151,6 +142,14 @@ class Runs:
             "SELECT * FROM runs WHERE program = ? ORDER BY id DESC LIMIT 1", (program,)
         )
         return next((_run(r) for r in rows), None)
+
+
+def _add_facts(sql: sqlite3.Connection, run: int, facts: Facts) -> None:
+    """Adds to those that the run has. Raises StoreError where it is gone."""
+    row = sql.execute("SELECT facts FROM runs WHERE id = ?", (run,)).fetchone()
+    if row is None:
+        raise StoreError.told("missing", "missing", what=Key("what.run"), name=run)
+    sql.execute("UPDATE runs SET facts = ? WHERE id = ?", (_json({**json.loads(row["facts"]), **facts}), run))
 
 
 @dataclass(slots=True)

@@ -11,7 +11,6 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from controller.api.answers import Refusal
 from controller.api.checker import Errand
 from controller.api.records import Run
 from controller.api.run_report import AS_CUT
@@ -25,8 +24,12 @@ NEWEST = 20  # runs that are looked at: what is older when a panel begins stays 
 POSITIONS, PROGRAM = "actual.npz", "program.ngc"  # of a record
 
 
+class NoAnswer(Exception):
+    """The process has died, or taken too long."""
+
+
 class RunVerdicts:
-    """One run after another."""
+    """Has one run after another judged."""
 
     def __init__(self, store: Store, worker: tuple[str, ...] = WORKER) -> None:
         self._store, self._errand = store, Errand(worker, LONGEST_S)
@@ -43,11 +46,10 @@ class RunVerdicts:
         found = await asyncio.to_thread(self._next)
         if found is None:
             return False
-        failed = Refusal.told(503, "unread", "no_verdict")
         self._left.add(found.id)  # whatever comes of it, it is asked for once
-        with contextlib.suppress(Refusal):
+        with contextlib.suppress(NoAnswer):
             job = {"record": str(self._record(found))}
-            answer: dict[str, Any] = await self._errand.run(job, failed, failed)
+            answer: dict[str, Any] = await self._errand.run(job, NoAnswer(), NoAnswer())
             await asyncio.to_thread(self._store.runs.add_facts, found.id, **{AS_CUT: answer})
         return True
 

@@ -9,6 +9,9 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from controller.geometry.arrays import Array
 
+# How late a joint may follow its command and still find its place on the path (s): a servo of 40 Hz with two
+# ticks of transport is some 15 ms late.
+LOOK_BACK_S = 0.100
 _AT_ONCE = 256  # points: what is worked with stays in the cache
 
 

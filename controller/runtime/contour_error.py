@@ -15,8 +15,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.geometry.arrays import Array, columns, distinct
-from controller.geometry.passing_place import passing
+from controller.geometry.arrays import Array, distinct
+from controller.geometry.passing_place import LOOK_BACK_S, passing
 from controller.ipc.handoff import COLUMN, of_axes
 from controller.machine.kinematics import Kinematics, kinematics_of
 from controller.machine.model import Machine
@@ -25,11 +25,11 @@ from controller.plan.surfaces.cuts import tolerance_mm
 from controller.program.program import Block, Modal, ProgramError
 from controller.state.live_state import OFF_PATH
 from controller.values import dataclass
+from controller.verify.passes import forward
 
 Flags = NDArray[np.bool_]
 Whole = NDArray[np.int64]
 
-LOOK_BACK_S = 0.100  # a servo of 40 Hz with two ticks of transport is some 15 ms behind its command
 MAX_REPEATS = 2  # rows in which the position of a drive that moves was not heard: they show no error
 ON_PATH_SHARE = 0.25  # of the tolerance: within it the tool is where it should be, but late
 MOVES_COUNTS = 4.0  # in a tick: of what stands, or creeps, nobody sees how late it is
@@ -48,7 +48,7 @@ DemandOf = Callable[[int], Demand | None]  # of a motion by its id; None: it is 
 
 
 def demand(modal: Modal, machine: Machine) -> Demand:
-    """Of a motion at feed in that state of the program; without a tool the spindle's nose is looked at."""
+    """What is asked of a motion at feed in a modal state; without a tool the spindle's nose is looked at."""
     tool = modal.tool_in(machine)
     if tool is None:
         return Demand(0.0, 0.0, machine.tolerance_mm or math.inf)
@@ -56,7 +56,7 @@ def demand(modal: Modal, machine: Machine) -> Demand:
 
 
 class Demands:
-    """Of the motions of a planned path, by its program, which is read beside it as far as it is needed."""
+    """Finds what is asked of a motion of a planned path: its program is read beside it, as far as needed."""
 
     def __init__(self, blocks: Iterator[Block], stretches: Mapping[int, Stretch], machine: Machine) -> None:
         """``stretches``: by motion id, which may come later."""
@@ -84,7 +84,7 @@ class Demands:
 
 
 class Columns(NamedTuple):
-    """Of rows of the recorder what is needed of them."""
+    """The columns of the recorder that a contour error is made of."""
 
     ticks: Array  # (N,)
     motion_ids: Whole  # (N,)
@@ -119,7 +119,7 @@ class Measured:
 
 
 class ContourErrors:
-    """Looks at every row once, in whatever portions they come."""
+    """Measures the contour error of every row once, in whatever portions rows come."""
 
     def __init__(self, machine: Machine, demand_of: DemandOf) -> None:
         self.kinematics = kinematics_of(machine)
@@ -138,10 +138,7 @@ class ContourErrors:
     def measure(self, rows: Array) -> Iterator[Measured]:
         """The next rows of the recorder, (N, len(ROW)); portions in which nothing is cut are left out."""
         motion_ids = rows[:, COLUMN["motion_id"]].astype(np.int64)
-        known, self._demands = self._demands, {}
-        for one in map(int, distinct(motion_ids)):
-            self._demands[one] = self._demand_of(one)
-        self._demands = known | self._demands
+        self._demands |= {one: self._demand_of(one) for one in map(int, distinct(motion_ids))}
         for first, end in self._with_one_tool(motion_ids):
             found = self._measured(self._columns(rows[first:end], motion_ids[first:end]))
             if found is not None:
@@ -231,6 +228,5 @@ class ContourErrors:
 def ends(kinematics: Kinematics, joints: Array, tool_mm: tuple[float, float]) -> tuple[Array, Array]:
     """Tip and top of the flute in the table frame, each (N, 3) in mm, of joints (N, axes)."""
     length_mm, flute_mm = tool_mm
-    pose = kinematics.forward([*joints.T], length_mm, np)
-    tip, axis = columns(pose.tip, len(joints)), columns(pose.axis, len(joints))
+    tip, axis = forward(joints, length_mm, kinematics)
     return tip, tip + flute_mm * axis

@@ -1,4 +1,4 @@
-"""What is told of the contour error of a run: the largest of each line, and what stays beyond its tolerance.
+"""Reports the contour error of a run: the largest of each line, and what stays beyond its tolerance.
 
 A watch takes every newest rows of the recorder in their order, ``see_all`` ends it.
 """
@@ -12,7 +12,6 @@ import numpy as np
 
 from controller.geometry.arrays import Array, distinct
 from controller.ipc.handoff import ROW
-from controller.machine.machine_file import CONTOUR_ERROR
 from controller.machine.model import Machine
 from controller.messages import Said, said
 from controller.runtime.contour_error import ContourErrors, DemandOf, Measured, ends
@@ -28,7 +27,7 @@ MAX_LINES = 1000  # of a run, whose errors are kept: those with the largest ...
 SHOWN_LINES = 100  # ... and shown
 
 
-class Error(NamedTuple):
+class ContourError(NamedTuple):
     """A contour error at one tick; place and axis are those on the path that it is off."""
 
     tick: int  # of the machine
@@ -56,7 +55,7 @@ class Excess:
 
     tick: int  # of the machine, the first
     ticks: int
-    largest: Error
+    largest: ContourError
     over: bool = False  # the tool is back within the tolerance
 
     def to_dict(self, machine: Machine) -> dict[str, Any]:
@@ -79,14 +78,14 @@ def reaction(machine: Machine, override: float) -> tuple[Request, float] | None:
 
 
 class ContourWatch:
-    """Of one run."""
+    """Watches over one run."""
 
     def __init__(self, machine: Machine, demand_of: DemandOf) -> None:
         self.excesses: list[Excess] = []  # that lasted long enough, the first of them
         self.by_line: dict[int, float] = {}  # the largest error, mm
-        self.largest: Error | None = None  # of all ticks at feed
+        self.largest: ContourError | None = None  # of all ticks at feed
         self._machine = machine
-        acts = machine.contour_error != CONTOUR_ERROR[0]
+        acts = reaction(machine, 1.0) is not None
         self.portion = max(1, round((ACT_S if acts else PORTION_S) / machine.period_s))  # rows
         self._errors = ContourErrors(machine, demand_of)
         self._waiting: list[Array] = []
@@ -162,10 +161,10 @@ class ContourWatch:
             if len(self.excesses) < MAX_EXCESSES:
                 self.excesses.append(now)
 
-    def _error(self, rows: Measured, row: int) -> Error:
+    def _error(self, rows: Measured, row: int) -> ContourError:
         tick, line, motion_id = (int(column[row]) for column in (rows.ticks, rows.lines, rows.motion_ids))
         s, mm, most = (float(column[row]) for column in (rows.s, rows.mm, rows.tolerance_mm))
-        return Error(tick, line, motion_id, s, self._axis(rows, row), mm, most)
+        return ContourError(tick, line, motion_id, s, self._axis(rows, row), mm, most)
 
     def _axis(self, rows: Measured, row: int) -> int:
         """The one that, alone off its command, moves tip or top of the flute furthest."""

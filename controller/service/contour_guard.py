@@ -27,7 +27,7 @@ MAX_ALARMS = 50  # of a run; the record of it has more
 
 
 class ContourGuard:
-    """Of one run after another."""
+    """Watches over one run after another."""
 
     def __init__(self, alarms: Alarms, engine: Engine) -> None:
         self._alarms, self._engine = alarms, engine

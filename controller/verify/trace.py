@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller.geometry.arrays import columns, distinct
-from controller.geometry.passing_place import passing
+from controller.geometry.passing_place import LOOK_BACK_S, passing
 from controller.geometry.placement import Placed
 from controller.geometry.vectors import Frame, Pose, Vector, angle_between, scale, subtract
 from controller.ipc.handoff import COLUMN, of_axes, rows_of
@@ -37,9 +37,6 @@ from controller.values import dataclass
 
 Array = NDArray[np.float64]
 
-# How far behind its command a joint may be and still find its place on the path (s).
-# A servo of 40 Hz with two ticks of transport is some 15 ms behind.
-LOOK_BACK_S = 0.100
 LOOK_AHEAD_TICKS = 2
 
 _NEEDED = {"tick", "mode", "motion_id", "line", "cutting", "s", "feed_mm_s"} | {  # of a recording

@@ -53,6 +53,21 @@ def assert_comes_again(folder: Path, ended: str = "completed", itself: bool = Tr
     assert_same_setpoints(done, itself)
 
 
+def disturbed(bench: RecordedBench, rng: random.Random, aside: Jog | None = None) -> None:
+    """The run goes on to its end: overrides, a hold, off the path (``aside``: and a jog), and back."""
+    bench.until_line(4)
+    for share in (0.4, 1.7, 0.9):
+        bench.request(Request.OVERRIDE, share)
+        bench.rows.append(bench.stepped.go(rng.randrange(20, 80)))
+    bench.held(5)
+    bench.led("retract", distance_mm=5.0)
+    if aside is not None:
+        bench.jogged_to_rest(aside)
+    bench.led("return")
+    bench.request(Request.RESUME)
+    bench.until(Mode.READY)
+
+
 def test_overrides_and_switches_that_were_set_before_the_start(bench: RecordedBench) -> None:
     bench.request(Request.RAPID_OVERRIDE, 0.5)
     bench.request(Request.OVERRIDE, 1.0 / 3.0)
@@ -210,15 +225,7 @@ def test_late_ticks_at_whatever_moment(tmp_path: Path, seed: int) -> None:
     late[0] = True
     bench.request(Request.OVERRIDE, 0.7)
     bench.started(TEXT)
-    bench.until_line(4)
-    for share in (0.4, 1.7, 0.9):
-        bench.request(Request.OVERRIDE, share)
-        bench.rows.append(bench.stepped.go(rng.randrange(20, 80)))
-    bench.held(5)
-    bench.led("retract", distance_mm=5.0)
-    bench.led("return")
-    bench.request(Request.RESUME)
-    bench.until(Mode.READY)
+    disturbed(bench, rng)
     assert_comes_again(bench.ended())
 
 
@@ -233,15 +240,7 @@ def test_ticks_that_come_late_within_the_stock_and_beyond_it(tmp_path: Path, lon
     bench.request(Request.OVERRIDE, 0.7)
     bench.started(TEXT)
     late[0] = True
-    bench.until_line(4)
-    for share in (0.4, 1.7, 0.9):
-        bench.request(Request.OVERRIDE, share)
-        bench.rows.append(bench.stepped.go(rng.randrange(20, 80)))
-    bench.held(5)
-    bench.led("retract", distance_mm=5.0)
-    bench.led("return")
-    bench.request(Request.RESUME)
-    bench.until(Mode.READY)
+    disturbed(bench, rng)
     sync = bench.stepped.cycle.sync
     assert sync.played > 20 and bool(sync.braked) is (longest_s > 0.05)
     assert_comes_again(bench.ended())
@@ -274,16 +273,7 @@ def test_ticks_whose_plan_came_too_late_and_was_refused(tmp_path: Path, longest_
     bench.request(Request.OVERRIDE, 0.7)
     bench.started(TEXT)
     late[0] = True
-    bench.until_line(4)
-    for share in (0.4, 1.7, 0.9):
-        bench.request(Request.OVERRIDE, share)
-        bench.rows.append(bench.stepped.go(rng.randrange(20, 80)))
-    bench.held(5)
-    bench.led("retract", distance_mm=5.0)
-    bench.jogged_to_rest(ASIDE)
-    bench.led("return")
-    bench.request(Request.RESUME)
-    bench.until(Mode.READY)
+    disturbed(bench, rng, ASIDE)
     assert refused[0] > 2
     assert_comes_again(bench.ended())
 

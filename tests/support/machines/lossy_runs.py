@@ -27,12 +27,12 @@ from controller.state.modes import Fault
 
 LONG = REPORTED_TICKS + 1  # "more than 10 ticks"
 LATER = 15  # ticks from a motor to the row in which its place was heard, lost frames among them
-LOOK_BACK_S = 0.1
+LOOK_BACK_S = 0.1  # as the controller looks: how late a motor may be
 COUNTS_MM = 0.002  # of a place that is heard in counts, at the end of a flute
-TOOL = 2
+TOOL = 3  # 50 mm long
 TEXT = """G21 G90 G54 G61 G94
-T2 M6
-G43 H2
+T3 M6
+G43 H3
 G0 X0 Y0 Z60
 G1 X30 Y20 F{feed}
 G2 X30 Y50 R30
