@@ -34,10 +34,10 @@ TEXT = """G21 G90 G54 G61 G94
 T3 M6
 G43 H3
 G0 X0 Y0 Z60
-G1 X30 Y20 F{feed}
+G1 X30 Y20 {first}6 {second}15 F{feed}
 G2 X30 Y50 R30
 G3 X-10 Y20 R40
-G1 X0 Y0 Z50
+G1 X0 Y0 Z50 {first}-4 {second}-20
 M30
 """
 
@@ -51,9 +51,9 @@ KINDS: tuple[Kind, ...] = (
 )
 
 
-def script(rng: random.Random, most: int, seconds: float) -> tuple[str, set[str]]:
+def script(rng: random.Random, names: Sequence[str], most: int, seconds: float) -> tuple[str, set[str]]:
     """What a bus does to frames of some axes, within so many seconds; and these axes."""
-    axes = [rng.choice("XYZ") for _ in range(rng.randint(1, most))]
+    axes = [rng.choice(names) for _ in range(rng.randint(1, most))]
     lines = [f"at {rng.uniform(0.01, seconds):.4f} s: {rng.choice(KINDS)(rng, axis)}" for axis in axes]
     return "\n".join([f"seed {rng.randrange(1000)}", *lines]), set(axes)
 
@@ -69,7 +69,9 @@ class Watched(Forkable):
     def up(cls, name: str, feed: int, **how: object) -> Watched:
         """With its program read, but not begun."""
         bench = cls(shipped(name, **how))
-        bench.task = checked.task(TEXT.format(feed=feed).encode(), "part.ngc", bench.machine)
+        first, second = (bench.machine.axes[i].name for i in bench.machine.rotary())
+        text = TEXT.format(feed=feed, first=first, second=second)
+        bench.task = checked.task(text.encode(), "part.ngc", bench.machine)
         bench.walk = checked.walk_of(bench.task, None, unchecked=False)
         demands = Demands(bench.task.read(), bench.planner.stretches, bench.machine)
         bench.watch = bench.watch_contour(demands)
@@ -197,8 +199,9 @@ AFTER_S = 0.9  # that a child goes on, of which 0.3 s are for what befalls it to
 
 def cases(name: str, feed: int, rng: random.Random, count: int, ticks: tuple[int, int]) -> list[Case]:
     """``ticks``: of the run, between which they fork off."""
-    drawn = [Case(tick, *script(rng, 3, 0.3)) for tick in sorted(rng.sample(range(*ticks), count))]
-    bench, waiting, done = Watched.up(name, feed), list(drawn), list[Case]()
+    bench, done = Watched.up(name, feed), list[Case]()
+    names = [axis.name for axis in bench.machine.axes]
+    waiting = [Case(tick, *script(rng, names, 3, 0.3)) for tick in sorted(rng.sample(range(*ticks), count))]
     first = bench.cycle.tick
 
     def ended(case: Case) -> None:
