@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 from drives.texts import Said
-from drives.values import dataclass
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,10 +6,10 @@ which option codes), never about a machine. ``config/drives/*.toml`` are the shi
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from enum import Enum
 
 from drives.text_file import Source
-from drives.values import dataclass
 
 # Methods of CiA 402-2; 15, 16, 31, 32 are reserved, 36 was never given.
 STANDARD_HOMING = (*range(1, 15), *range(17, 31), 33, 34, 35, 37)

@@ -8,12 +8,12 @@ commissioning and the simulated drives may share them.
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 from drives.pdo import INT32_MAX as INT32_MAX
 from drives.pdo import INT32_MIN as INT32_MIN
 from drives.profile import GENERIC, Override, Profile
 from drives.text_file import Source
-from drives.values import dataclass
 
 MODE_EVERY_MS = 50  # a drive tells its mode when it changes, and so often where it can
 TEMPERATURE_EVERY_MS = 500  # a drive tells its temperature at most so often

@@ -20,6 +20,7 @@ import re
 import zipfile
 import zlib
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -30,7 +31,6 @@ from controller.machine import setup_data, tool_store
 from controller.machine.model import Machine
 from controller.machine.toml_table import ConfigError
 from controller.messages import Key, Said, TextError, of_error, said
-from controller.values import dataclass
 
 FORMAT = 2
 MANIFEST, MACHINE, FITTING, SETTINGS = "manifest.json", "machine.toml", "fitting.json", "settings.json"

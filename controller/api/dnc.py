@@ -17,13 +17,13 @@ import struct
 import termios
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from typing import Protocol
 
 import serial
 
 from controller.api.dnc_format import DC1, DC2, DC3, DC4, Reader, Tape, TapeError, coded, programs
 from controller.messages import Said, chain, said
-from controller.values import dataclass
 
 BAUD_RATES = (1200, 2400, 4800, 9600, 19200, 38400, 57600, 115200)
 FORMATS = {"7E2": (True, 2), "7E1": (True, 1), "8N1": (False, 1)}  # even parity in 7 bits; stop bits

@@ -25,10 +25,9 @@ from __future__ import annotations
 import hashlib
 import re
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from controller.messages import Said, TextError, said
-from controller.values import dataclass
 
 NUL, DC1, DC2, DC3, DC4, DEL = b"\x00", b"\x11", b"\x12", b"\x13", b"\x14", b"\x7f"
 LEADER = 32  # NULs before and behind, enough for a reader to start up

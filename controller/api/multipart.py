@@ -16,7 +16,7 @@ import contextlib
 import logging
 import time
 from collections.abc import AsyncIterator, Callable, Collection
-from dataclasses import field
+from dataclasses import dataclass, field
 from email.message import Message
 from functools import partial
 
@@ -28,7 +28,6 @@ from controller.api.database import StoreError
 from controller.api.programs import Program
 from controller.api.uploads import Upload, Uploads
 from controller.messages import Key, said
-from controller.values import dataclass
 
 logging.getLogger("python_multipart").setLevel(logging.ERROR)  # what is sent wrong is told to its sender
 

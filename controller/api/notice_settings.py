@@ -7,14 +7,13 @@ again, stands in no log, and goes into no back-up.
 from __future__ import annotations
 
 import re
-from dataclasses import asdict, fields
+from dataclasses import asdict, dataclass, fields
 from typing import Any, Literal
 from urllib.parse import urlsplit
 
 from controller import messages
 from controller.api.database import StoreError
 from controller.api.records import Facts, Values
-from controller.values import dataclass
 
 PREFIX = "notices."
 PASSWORD = f"{PREFIX}password"

@@ -19,7 +19,7 @@ import ssl
 import threading
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from email.message import EmailMessage
 from typing import Any
 from urllib.parse import urlsplit
@@ -32,7 +32,6 @@ from controller.api.notice_settings import NoticeSettings
 from controller.api.service_client import Watch
 from controller.api.store import Alarm, Run, Store
 from controller.messages import Key, Said, kept, plain, reason, said
-from controller.values import dataclass
 
 POLL_S = 1.0
 TRIES = 3

@@ -9,11 +9,11 @@ from __future__ import annotations
 
 import sqlite3
 import time
+from dataclasses import dataclass
 
 from controller.api.database import Database, StoreError
 from controller.api.records import Clock
 from controller.messages import Key
-from controller.values import dataclass
 
 MOST = 100  # entries
 COUNTED = "queue.run"  # the mark: the newest run that was looked at

@@ -14,6 +14,7 @@ import os
 import sqlite3
 import time
 from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -23,7 +24,6 @@ from controller.api.database import Database, StoreError
 from controller.api.records import Clock, Facts
 from controller.messages import Key, said
 from controller.program import linked
-from controller.values import dataclass
 
 INCOMING, CONTENT = ".incoming", ".ngc"
 RECOVERED = "recovered"  # folder of contents whose names were lost

@@ -9,14 +9,13 @@ import json
 import sqlite3
 import time
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import field
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from controller.api import log_in_marker
 from controller.api.database import Database, StoreError
 from controller.messages import Key, Said, plain, said
-from controller.values import dataclass
 
 Facts = Mapping[str, Any]
 Clock = Callable[[], float]

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import secrets
 import time
-from dataclasses import field
+from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import Literal, cast
 
 from controller.api.answers import Refusal
 from controller.messages import Key
-from controller.values import dataclass
 
 RoleName = Literal["view", "operate", "set_up"]
 

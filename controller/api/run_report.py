@@ -7,13 +7,12 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from html import escape
 from typing import Any
 
 from controller import messages
 from controller.api.records import Alarm, Run
-from controller.values import dataclass
 
 AS_CUT = "as_cut"  # of a run's facts, see ``run_verdicts``
 OF_RUN = ("duration_s", "planned_s", "cut_time_s", "ticks", "skips", "line")

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import io
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
@@ -18,7 +19,6 @@ from numpy.typing import NDArray
 from controller.ipc.handoff import rows_of
 from controller.machine.model import Machine
 from controller.state.live_state import COLUMN, SIGNALS
-from controller.values import dataclass
 
 Array = NDArray[np.float64]
 

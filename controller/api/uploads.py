@@ -20,6 +20,7 @@ import shutil
 import threading
 import time
 from collections.abc import Collection, Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
 
@@ -28,7 +29,6 @@ from controller.api import names
 from controller.api.database import StoreError
 from controller.api.programs import Program, Programs
 from controller.messages import Key
-from controller.values import dataclass
 
 LOOK_EVERY = 1 << 22  # bytes between two looks at the free space
 JUST_MADE_S = 60.0

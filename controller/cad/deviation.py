@@ -7,6 +7,7 @@ a low-discrepancy sequence: none of them is a place at which anything was fitted
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,7 +17,6 @@ from scipy.spatial import cKDTree
 from controller.cad.outline import Outline
 from controller.geometry.surfaces import Surface
 from controller.program.program import Block, CutCone, CutNurbs, CutRuled
-from controller.values import dataclass
 
 if TYPE_CHECKING:
     from controller.cad.kernel import Face

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -19,7 +19,6 @@ from controller.cad.curve import Array, Nurbs
 from controller.cad.strip import Strip
 from controller.machine.model import Machine, Tool
 from controller.messages import TextError, said
-from controller.values import dataclass
 
 MEET_MM = 1e-3  # ends of rulings that are nearer are one
 TWISTED_RAD = 1e-5

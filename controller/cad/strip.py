@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -24,7 +24,6 @@ from controller.geometry.surfaces import RuledSurface
 from controller.geometry.vectors import Vector
 from controller.messages import Said, TextError, said
 from controller.plan.surfaces.cuts import describe
-from controller.values import dataclass
 
 if TYPE_CHECKING:
     from controller.cad.kernel import Face, Spline

@@ -15,6 +15,7 @@ to be.
 from __future__ import annotations
 
 from collections import defaultdict
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -25,7 +26,6 @@ from controller.calibration.csv_table import number
 from controller.calibration.refusal import Refusal
 from controller.machine import compensation
 from controller.machine.model import Axis
-from controller.values import dataclass
 
 Array = NDArray[np.float64]
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +20,6 @@ from controller.calibration.touch_table import Touches
 from controller.geometry.vectors import Vector, add, dot, norm, rotate, scale, unit
 from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Machine
-from controller.values import dataclass
 
 Array = NDArray[np.float64]
 

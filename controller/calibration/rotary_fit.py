@@ -17,7 +17,7 @@ Linear least squares with priors, repeated (Gauss-Newton); the covariance is tha
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -28,7 +28,6 @@ from controller.calibration.touch_table import Touches, positions
 from controller.geometry.vectors import Number, Vector, X, Y, Z, add, cross, dot, norm, scale, unit
 from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Axis, Machine
-from controller.values import dataclass
 
 Array = NDArray[np.float64]
 
@@ -132,7 +131,7 @@ def fit(
     touches: Touches,
     machine: Machine,
     sphere_radius_mm: float,
-    known: Known = Known(),  # noqa: B008 (frozen)
+    known: Known = Known(),
 ) -> Fit:
     """Rotaries of a machine from touches on one sphere. Raises Refusal where they are too few."""
     rotaries = machine.rotary()

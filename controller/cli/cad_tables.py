@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,7 +13,6 @@ from controller import messages
 from controller.cad import picture, words
 from controller.machine.model import Tool
 from controller.messages import Said
-from controller.values import dataclass
 from controller.verify.console import say, show, spoken, tell
 from controller.verify.tables import headed
 

@@ -6,6 +6,7 @@ import html
 import json
 import os
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any, overload
@@ -22,7 +23,6 @@ from controller.plan.report.survey import Survey
 from controller.program import linked, refusals
 from controller.program.program import ProgramError
 from controller.runtime import checked
-from controller.values import dataclass
 from controller.verify import console, wording
 from controller.verify.console import Refused, bar, say, show, spoken, tell
 from controller.workers import Spread

@@ -12,6 +12,7 @@ import tempfile
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -31,7 +32,6 @@ from controller.service.folders import Folders
 from controller.service.jobs import UNDER_WAY
 from controller.service.service import Service
 from controller.state.modes import Binding, Fault, binding_text
-from controller.values import dataclass
 from controller.verify.console import Refused, bar, say, spoken
 
 POLL_S = 0.5

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Annotated
 
 import typer
@@ -13,7 +13,6 @@ from controller.cli.help_texts import CHANNEL
 from controller.machine import machine_file, nodes
 from controller.machine.model import Machine
 from controller.machine.toml_table import ConfigError
-from controller.values import dataclass
 from controller.verify.console import Refused, say
 from drives import bus as buses
 from drives import commission as commissioning

@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import Any
 
-from controller.values import dataclass
 from controller.verify import console
 
 WIDTH = 80  # columns of a terminal

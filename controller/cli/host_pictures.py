@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from html import escape
 
 from controller.cli.host_measure import Turn
 from controller.runtime.wake_ups import BINS, Histogram
-from controller.values import dataclass
 from controller.verify.console import say
 
 WIDTH, HEIGHT = 860, 340

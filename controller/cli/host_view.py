@@ -8,12 +8,12 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
 from controller.cli.host_lines import Write
 from controller.runtime import cores
-from controller.values import dataclass
 
 TICK_NAME, PUMP_NAME = "directrix-tick", "directrix-pump"  # as `ps` shows them
 CAN_TYPE = "280"  # of an interface, ARPHRD_CAN

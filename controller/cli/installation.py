@@ -8,12 +8,12 @@ under /etc, so that one list says what an installation writes and what its end t
 from __future__ import annotations
 
 import sys
+from dataclasses import dataclass
 from fnmatch import fnmatch
 from pathlib import Path
 
 from controller.machine import machine_file
 from controller.machine.model import Bus, Machine
-from controller.values import dataclass
 
 SERVICE, PANEL, TARGET = "directrix.service", "directrix-panel.service", "directrix.target"
 UNITS = (TARGET, SERVICE, PANEL)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -26,7 +26,6 @@ from controller.post.text import Asked, post
 from controller.program import blocks, linked
 from controller.program.program import CutBlock
 from controller.runtime import checked
-from controller.values import dataclass
 from controller.verify import passes, tables
 from controller.verify.audit import Watched
 from controller.verify.console import Refused, bar, refusals, say, show

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 from zipfile import BadZipFile
@@ -22,7 +22,6 @@ from controller.plan.stretch import Note, Stretch
 from controller.program import blocks, linked
 from controller.program.program import Block, Place
 from controller.runtime import checked, events
-from controller.values import dataclass
 from controller.verify import forms, passes, tables, trace, wording
 from controller.verify.audit import Watched
 from controller.verify.bound import Bound, bound

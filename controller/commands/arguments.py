@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
-
-from controller.values import dataclass
 
 NEEDED: Any = object()  # in place of a default: it must be given
 

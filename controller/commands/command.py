@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from enum import IntEnum, StrEnum
 from typing import Any
 
 from controller.commands.arguments import Argument
-from controller.values import dataclass
 
 
 class Access(StrEnum):

@@ -8,14 +8,13 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_right
-from dataclasses import field
+from dataclasses import dataclass, field
 from itertools import pairwise
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, Protocol
 
 from controller.geometry.vectors import ZERO, Number, Vector, add, dot, norm, scale, subtract
 from controller.messages import said, text
-from controller.values import dataclass
 
 if TYPE_CHECKING:
     import numpy as np

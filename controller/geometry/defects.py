@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import dataclass
 from enum import Enum
 from functools import partial
 
@@ -15,7 +16,6 @@ from controller.geometry.curves import Arc, Bezier, Curve, Line
 from controller.geometry.splines import BSpline
 from controller.geometry.surfaces import Surface
 from controller.geometry.vectors import Vector, add, cross, dot, norm, scale, subtract
-from controller.values import dataclass
 
 Array = NDArray[np.float64]
 

@@ -25,7 +25,7 @@ for the normal of a cone meets its axis so far away; t = 0 gives r everywhere.
 from __future__ import annotations
 
 import math
-from dataclasses import field, fields
+from dataclasses import dataclass, field, fields
 from enum import Enum
 from itertools import pairwise
 from types import ModuleType
@@ -45,7 +45,6 @@ from controller.geometry.vectors import (
     subtract,
     unit,
 )
-from controller.values import dataclass
 
 ENDS = (0.0, 1.0)
 AT_LOWER = (1.0, 1.0)

@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import dataclass
 from itertools import pairwise
 from types import ModuleType
 
 from controller.geometry.curves import Bezier, Curve, Line, Points, Polynomial
 from controller.geometry.splines import BSpline, Weights, simplest
 from controller.geometry.vectors import ZERO, Number, Vector, subtract
-from controller.values import dataclass
 
 
 @dataclass(frozen=True, slots=True)

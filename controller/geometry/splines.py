@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 from bisect import bisect_right
 from collections.abc import Sequence
-from dataclasses import field
+from dataclasses import dataclass, field
 from itertools import groupby, pairwise
 from types import ModuleType
 from typing import Any
@@ -22,7 +22,6 @@ from typing import Any
 from controller.geometry.curves import Bezier, Curve, Points
 from controller.geometry.vectors import ZERO, Number, Vector, add, scale, subtract
 from controller.messages import Said, said, text
-from controller.values import dataclass
 
 Weights = tuple[float, ...]
 Rows = tuple[tuple[float, ...], ...]

@@ -7,14 +7,13 @@ axis is parallel to the ruling.
 from __future__ import annotations
 
 import math
-from dataclasses import field
+from dataclasses import dataclass, field
 from types import ModuleType
 from typing import Any
 
 from controller.geometry.curves import Arc, Curve
 from controller.geometry.rulings import difference
 from controller.geometry.vectors import Number, Pose, Vector, add, cross, dot, norm, scale, subtract, unit
-from controller.values import dataclass
 
 
 class Surface:

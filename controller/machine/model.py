@@ -9,12 +9,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from enum import Enum
 from typing import TypeVar
 
 from controller.geometry.vectors import ZERO, Frame, Vector
-from controller.values import dataclass
 from drives.profile import Override
 from drives.text_file import Source
 

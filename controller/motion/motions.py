@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from array import array
 from bisect import bisect_right
+from dataclasses import dataclass
 from types import ModuleType
 
 from controller.geometry.curves import ArcLength, Curve
@@ -18,7 +19,6 @@ from controller.geometry.touches import Seen, Touch, seen_along, seen_at
 from controller.geometry.vectors import Frame, Number, Pose, Vector, scale
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Joints
-from controller.values import dataclass
 
 Rotaries = tuple[float, float]
 

@@ -12,11 +12,10 @@ import math
 from array import array
 from bisect import bisect_right
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import field
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from controller.motion.motions import Motion
-from controller.values import dataclass
 
 DEAD_MAN_S = 0.200  # a jog without length that is not asked for again stops after this
 STANDSTILL = -1  # motion id of a dwell: no motion, the joints stay

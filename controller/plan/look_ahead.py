@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import NamedTuple, Protocol
 
@@ -30,7 +30,6 @@ from controller.plan.path.path import Chain, Pause, Stretch
 from controller.plan.track import Unit
 from controller.plan.waits import SETTING
 from controller.program.program import UNSAID, Act, Await, Level, Outputs, Probing
-from controller.values import dataclass
 
 FIRST_S = 2.5  # of motion in a window that must be ready soon ...
 WINDOW_S = 8.0  # ... and in others

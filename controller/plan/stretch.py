@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import field
+from dataclasses import dataclass, field
 from typing import NamedTuple, NoReturn
 
 import numpy as np
@@ -34,7 +34,6 @@ from controller.program.program import (
     Place,
     Probing,
 )
-from controller.values import dataclass
 
 Array = npt.NDArray[np.float64]
 

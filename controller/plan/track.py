@@ -10,7 +10,7 @@ from __future__ import annotations
 import itertools
 from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Joints, Machine
@@ -22,7 +22,6 @@ from controller.plan.restart.reentry import is_free
 from controller.plan.restart.tops import Tops
 from controller.plan.stretch import Chain, Pause, Stretch
 from controller.program.program import Act, Probed, Probing, ProgramError
-from controller.values import dataclass
 
 TINY = 1e-9  # of s
 STANDS = -1  # motion id of a pause ...

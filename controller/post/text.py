@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -18,7 +19,6 @@ from controller.motion.motions import SurfaceCut
 from controller.plan.stretch import Chain, Pause, Stretch
 from controller.post.chords import Array, Form, corners, poses
 from controller.program.program import Act
-from controller.values import dataclass
 
 PLACES = {Form.TIP: "G43.4", Form.JOINTS: "G49"}
 DIGITS = 5  # of mm and degrees

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from enum import Enum
 
 from controller.messages import Key, Said, said, text
-from controller.values import dataclass
 
 AXES = "@"  # in ``letters``: the axes of the machine
 

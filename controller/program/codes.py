@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from functools import cache
 
 from controller.machine.model import Machine
@@ -15,7 +15,6 @@ from controller.program.code_rows import AXES, Code, Fate, key_of
 from controller.program.code_table import BY_DIALECT
 from controller.program.program import Place, ProgramError
 from controller.program.words import Line, Word
-from controller.values import dataclass
 
 SIDES = ("G40", "G41", "G42")
 SURFACES = ("G51", "G52", "G6.2")

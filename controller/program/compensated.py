@@ -5,7 +5,7 @@ from __future__ import annotations
 import cmath
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from controller.geometry.vectors import ROUNDING
 from controller.machine.model import Machine
@@ -25,7 +25,6 @@ from controller.program.program import (
     Targets,
     TipLine,
 )
-from controller.values import dataclass
 
 MOTIONS = (JointLine, JointArc, TipLine)
 MAX_BETWEEN = 1000  # blocks between two moves in the plane

@@ -9,11 +9,11 @@ from __future__ import annotations
 import codecs
 import re
 from collections.abc import Iterator
+from dataclasses import dataclass
 from mmap import mmap
 
 from controller.messages import Said, said
 from controller.program.program import Place, ProgramError
-from controller.values import dataclass
 
 _AROUND = bytes([0x00, 0x11, 0x12, 0x13, 0x14, 0x7F])
 _BEHIND = frozenset(_AROUND + b"\x1a \t\r\n")

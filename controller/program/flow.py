@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import field
+from dataclasses import dataclass, field
 
 from controller.machine.model import CALL_LEVELS, PROGRAM_PASSES
 from controller.messages import Key, said
@@ -22,7 +22,6 @@ from controller.program.macro_calls import Macro
 from controller.program.marks import ALONE, COMPUTED, STRUCTURES, Mark, Marks
 from controller.program.parameters import ARGUMENTS, Name, Parameters
 from controller.program.program import Caller, Callers, ProgramError
-from controller.values import dataclass
 
 CALLS, RETURNS, RESTORES = 98.0, 99.0, 73.0  # M98, M99, M73
 SPLIT = 10_000  # P of M98 in eight digits: how often, and which of four digits

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from functools import cache
 from types import MappingProxyType
 from typing import NamedTuple
 
 from controller.messages import said
 from controller.program.program import Block, Callers, Place, ProgramError
-from controller.values import dataclass
 
 # A common line as programs from CAM systems have them in millions: an N, G0 to G3, words in the usual order,
 # one M of spindle or coolant, a comment. Nothing in it can be refused as text, or says something. Nine digits

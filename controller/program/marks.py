@@ -13,14 +13,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import field
+from dataclasses import dataclass, field
 
 from controller.messages import Key, said
 from controller.program.comments import without_comments
 from controller.program.decoding import NEWLINE, Text
 from controller.program.expressions import GAPS
 from controller.program.program import ProgramError
-from controller.values import dataclass
 
 ENDS = {"endsub": "sub", "endif": "if", "endwhile": "while", "endrepeat": "repeat"}
 LOOPS = ("while", "do", "repeat")

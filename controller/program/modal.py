@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import NamedTuple
 
@@ -18,7 +18,6 @@ from controller.program.program import (
     Tip,
 )
 from controller.program.words import Word
-from controller.values import dataclass
 
 TIPS = MappingProxyType(
     {

@@ -18,7 +18,7 @@ are plain numbers. The surface joins points of equal share of the two knot range
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import field
+from dataclasses import dataclass, field
 
 from controller.geometry.splines import ORDERS, BadSpline, BSpline
 from controller.geometry.vectors import Vector
@@ -30,7 +30,6 @@ from controller.program.modal import State
 from controller.program.program import CutNurbs, ProgramError
 from controller.program.surface_words import feed_of, missing, point_of
 from controller.program.words import Line, Word
-from controller.values import dataclass
 
 MAX_POINTS = 5000
 SEEN_AT = 32  # rulings that are looked at to see which curve is above

@@ -10,12 +10,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
 from controller.geometry.vectors import ZERO, Frame, Vector, X, Y, Z, add, rotate
 from controller.machine.model import OFFSETS, Machine, Offset, Pair, Shift
-from controller.values import dataclass
 
 NONE = Shift()
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 from controller import messages
@@ -37,7 +37,6 @@ from controller.program.offset_words import Here
 from controller.program.origins import within
 from controller.program.program import Block, ProgramError, Remark
 from controller.program.words import Word
-from controller.values import dataclass
 
 AXES = (X, Y, Z)
 EULER = ("121", "131", "212", "232", "313", "323")

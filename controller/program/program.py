@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import field
+from dataclasses import dataclass, field
 from enum import Enum
 from types import MappingProxyType
 from typing import Any, NamedTuple
@@ -13,7 +13,6 @@ from controller.geometry.vectors import Frame, Vector
 from controller.machine.changes import Change
 from controller.machine.model import Joints, Machine, Tool
 from controller.messages import Said, chain, said, several, text
-from controller.values import dataclass
 
 
 class Caller(NamedTuple):

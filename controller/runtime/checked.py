@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -38,7 +38,6 @@ from controller.program.modal import State
 from controller.program.position import homed
 from controller.program.program import Act, Block, CutBlock, GougeRefused, Place, ProgramError
 from controller.program.surface_codes import may_cut
-from controller.values import dataclass
 from controller.verify import wording
 from controller.verify.audit import Audit, FormRefused, Watched, audit
 from controller.workers import Spread, here

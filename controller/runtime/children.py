@@ -18,6 +18,7 @@ import socket
 import subprocess
 import sys
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +26,6 @@ from controller import one_thread
 from controller.ipc import internal_error
 from controller.machine.model import Machine
 from controller.messages import said, text
-from controller.values import dataclass
 
 END_S = 5.0  # to stand down; then it is killed
 

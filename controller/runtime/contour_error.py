@@ -10,6 +10,7 @@ import contextlib
 import math
 from bisect import bisect_right
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -24,7 +25,6 @@ from controller.plan.stretch import Stretch
 from controller.plan.surfaces.cuts import tolerance_mm
 from controller.program.program import Block, Modal, ProgramError
 from controller.state.live_state import OFF_PATH
-from controller.values import dataclass
 from controller.verify.passes import forward
 
 Flags = NDArray[np.bool_]

@@ -6,6 +6,7 @@ A watch takes every newest rows of the recorder in their order, ``see_all`` ends
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,7 +17,6 @@ from controller.machine.model import Machine
 from controller.messages import Said, said
 from controller.runtime.contour_error import ContourErrors, DemandOf, Measured, ends
 from controller.state.modes import Request
-from controller.values import dataclass
 
 PORTION_S = 0.5  # of rows that are looked at together: a few cost as much as many
 ACT_S = 0.05  # likewise, where the machine file wants more than a warning

@@ -27,6 +27,7 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -35,7 +36,6 @@ from controller.ipc.handoff import Jog
 from controller.messages import Key, TextError, said
 from controller.runtime.starts import Start
 from controller.state.modes import Fault, Request
-from controller.values import dataclass
 
 REQUESTS = {
     "hold": Request.HOLD,

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import time
 from bisect import bisect_right
-from dataclasses import field
+from dataclasses import dataclass, field
 from typing import Any
 
 from controller.geometry.curves import ArcLength
@@ -23,7 +23,6 @@ from controller.plan.timetable import Passed, Timetable
 from controller.program.modal import State, power_on
 from controller.program.program import Changing
 from controller.state.modes import Fault, Mode, told
-from controller.values import dataclass
 
 POWER_ON = power_on()
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import multiprocessing.connection as connections
 import select
 import sys
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -33,7 +33,6 @@ from controller.runtime.plan_news import Foreseen, PathNotes, Reporter
 from controller.runtime.program_checks import UNCHECKED, ProgramChecks, figures_of, start_of
 from controller.runtime.startup import SessionError
 from controller.state.modes import Mode
-from controller.values import dataclass
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,7 +17,7 @@ import json
 import os
 import time
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
@@ -29,7 +29,6 @@ from controller.machine.model import Machine
 from controller.messages import said, text
 from controller.state.fault_table import NOBODY, Sender
 from controller.state.modes import FAULTS, Fault, Mode, sentence
-from controller.values import dataclass
 from drives import emergency_codes, pdo
 from drives.cia402 import State
 from drives.log import candump, frame_log

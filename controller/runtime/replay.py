@@ -11,7 +11,7 @@ from __future__ import annotations
 import contextlib
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import groupby
 from typing import Any
 
@@ -35,7 +35,6 @@ from controller.runtime.stepped import PLAN_EVERY_S, Items, Run, SteppedMachine
 from controller.state.modes import MAX_AXES, Fault, Mode, Request
 from controller.tick.coupling import Recorded as ThreadRecord
 from controller.tick.cycle import Again
-from controller.values import dataclass
 
 ENDING = 5  # ticks after the last one that is recorded: the mode follows the standstill
 MAX_TICKS = 50_000_000

@@ -7,7 +7,7 @@ elsewhere when a rest of it is gone on with: then an entry leads to that rest.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import fields, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 from controller.machine.model import Joints, Machine
@@ -22,7 +22,6 @@ from controller.program.modal import State
 from controller.runtime import checked
 from controller.runtime.checked import Task, Walk
 from controller.state.modes import StaysOn
-from controller.values import dataclass
 
 
 @dataclass(frozen=True, slots=True)

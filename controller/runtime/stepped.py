@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, Protocol
 
@@ -49,7 +50,6 @@ from controller.state.modes import Fault, Mode, Request, sentence
 from controller.state.queue_refusals import QueueRefusal
 from controller.tick.cycle import Cycle
 from controller.tick.loop import Loop, SteppedClock
-from controller.values import dataclass
 from drives import commission, pdo
 from drives.arranged import Arranged
 from drives.log.frame_log import FrameLog

@@ -19,11 +19,11 @@ import select
 import time
 from array import array
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 
 from controller.tick import loop
 from controller.tick.sync_watch import LATE_SHARE as LATE_SHARE
-from controller.values import dataclass
 from drives import bus, pdo
 from drives.settings import BusSettings
 

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 
 from controller import own_files
 from controller.machine import arrangement
-from controller.values import dataclass
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,7 +20,7 @@ import json
 import time
 from collections import deque
 from collections.abc import Callable
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -34,7 +34,6 @@ from controller.messages import Key, Said, chain, said, text
 from controller.plan.restart.program_position import AFTER_CHANGE, ENTRY_ID, FORMER, Spot
 from controller.program import carried
 from controller.state.modes import FAULTS, Mode, Reaction
-from controller.values import dataclass
 
 EVERY_S = 0.5  # between two entries of a run; with writing, never more than a second of cut is lost
 LAG_S = 0.05  # longer than drives lag behind and a tick may be late

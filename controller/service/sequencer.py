@@ -9,12 +9,11 @@ import contextlib
 import threading
 from collections.abc import Callable
 from concurrent.futures import Future, InvalidStateError, ThreadPoolExecutor
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from controller import messages
 from controller.ipc.control_socket import CommandRefused, Values, own_error
 from controller.service.refusals import refused
-from controller.values import dataclass
 
 ANSWER_S = 4.0  # an answer comes so soon, with {"done": false} where the work goes on
 

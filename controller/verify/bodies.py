@@ -22,13 +22,12 @@ A tool is a row of such bodies from the tip upwards, and only the first of them 
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from controller.machine.model import Tool
-from controller.values import dataclass
 
 Array = NDArray[np.float64]
 

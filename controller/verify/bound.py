@@ -20,6 +20,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -30,7 +31,6 @@ from controller.geometry.arrays import columns
 from controller.geometry.placement import AT_LOWER, Placed
 from controller.geometry.surfaces import Surface
 from controller.geometry.vectors import Vector
-from controller.values import dataclass
 from controller.verify.console import say
 from controller.verify.judge import INSIDE
 from controller.verify.nominal import Nominal, grid

@@ -12,11 +12,12 @@ bounds, and around the best sample the place is made exact with the cubics of th
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
 from controller.geometry.arrays import distinct
-from controller.values import dataclass
 from controller.verify.bodies import Body
 from controller.verify.sweep import Around, Sweep
 

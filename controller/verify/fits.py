@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -24,7 +24,6 @@ from controller.geometry.surfaces import Surface
 from controller.geometry.vectors import Frame
 from controller.machine.model import Tool
 from controller.plan.surfaces.placing import Cutter, place
-from controller.values import dataclass
 from controller.verify import forms
 from controller.verify.looks import NOT_CUT, Look, blunts_of
 from controller.verify.nominal import Nominal, grid

@@ -18,6 +18,7 @@ Depth is that of the nominal point in the tool, so it needs no normal and no edg
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import Any
 
@@ -31,7 +32,6 @@ from controller.plan.report.stored import Overcut
 from controller.plan.report.verdict import Verdict
 from controller.plan.stretch import motion_named
 from controller.plan.surfaces.leads import LEADS
-from controller.values import dataclass
 from controller.verify import forms
 from controller.verify.bodies import Body, whole
 from controller.verify.looks import MIN_MM, NOT_CUT, Hurt, Look, blunts_of

@@ -11,7 +11,7 @@ whole of it with everything else that the program does beside it.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import field
+from dataclasses import dataclass, field
 from functools import cached_property, partial
 from typing import Any
 
@@ -21,7 +21,6 @@ from numpy.typing import NDArray
 from controller.geometry.arrays import columns, distinct
 from controller.geometry.vectors import Vector
 from controller.machine.model import Tool
-from controller.values import dataclass
 from controller.verify.bodies import cutter
 from controller.verify.envelope import deviation
 from controller.verify.nominal import Nominal, grid

@@ -22,7 +22,7 @@ cutter has taken up to then. The end of a mill that does not cut over its centre
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -32,7 +32,6 @@ from controller.geometry import arc_length
 from controller.geometry.arrays import distinct
 from controller.geometry.curves import ArcLength
 from controller.machine.model import Tool
-from controller.values import dataclass
 from controller.verify.bodies import Body, blunt, cutter
 from controller.verify.envelope import PATCH, at_least, deviation, nearest
 from controller.verify.nominal import Nominal, grid

@@ -20,7 +20,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
@@ -34,7 +34,6 @@ from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Machine
 from controller.messages import said, text
 from controller.motion.motions import SurfaceCut
-from controller.values import dataclass
 
 Array = NDArray[np.float64]
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -25,7 +25,6 @@ from controller.plan.stretch import Stretch
 from controller.plan.surfaces.blending import allowed_by
 from controller.plan.surfaces.cuts import strategy, tolerance_mm
 from controller.program.program import Block
-from controller.values import dataclass
 from controller.verify.bodies import whole
 from controller.verify.nominal import Nominal
 from controller.verify.sweep import FIT_MM, Pass, Poses, sampled

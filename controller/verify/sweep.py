@@ -9,14 +9,13 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from controller.geometry.arrays import distinct
-from controller.values import dataclass
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]

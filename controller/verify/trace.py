@@ -15,7 +15,7 @@ import json
 import os
 import zipfile
 from collections.abc import Mapping
-from dataclasses import asdict, fields
+from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple, Protocol
 
@@ -33,7 +33,6 @@ from controller.machine.plain import plain
 from controller.messages import TextError, said
 from controller.motion.motions import Motion, SurfaceCut
 from controller.state.modes import MAX_AXES, Mode
-from controller.values import dataclass
 
 Array = NDArray[np.float64]
 

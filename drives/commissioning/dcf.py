@@ -10,6 +10,7 @@ import configparser
 import io
 import time
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
 from canopen.objectdictionary import ObjectDictionary, ODVariable, eds
@@ -17,7 +18,6 @@ from canopen.objectdictionary import ObjectDictionary, ODVariable, eds
 from drives.commissioning import sheet
 from drives.commissioning.sheet import INTEGERS, SheetError
 from drives.texts import said
-from drives.values import dataclass
 
 Value = int | float | str | bytes
 Place = tuple[int, int]  # index, sub-index

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 
 from drives.commissioning.sheet import Sheet
 from drives.commissioning.wanted import Settings
 from drives.settings import IoSettings, NodeSettings
 from drives.texts import Key, Said, chain, said
-from drives.values import dataclass
 
 
 @dataclass(frozen=True, slots=True)

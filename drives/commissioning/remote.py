@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import struct
 from collections.abc import Sequence
-from dataclasses import field
+from dataclasses import dataclass, field
 from typing import Any
 
 from canopen import ObjectDictionaryError
@@ -18,7 +18,6 @@ from drives.commissioning.network import CommissionError, Network, Node, of_driv
 from drives.commissioning.values import in_words
 from drives.commissioning.wanted import Setting, Step, where
 from drives.texts import Key, Said, plain, said
-from drives.values import dataclass
 
 NMT_START, NMT_PRE_OPERATIONAL = 0x01, 0x80
 BOOT_TRIES, BOOT_TRY_S = 20, 0.1  # a drive may be starting up when we look for it

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 
 from drives.commissioning import dcf
 from drives.commissioning.dcf import Kept, Place, Value
@@ -18,7 +19,6 @@ from drives.commissioning.network import CommissionError, without_title
 from drives.commissioning.remote import Drive
 from drives.commissioning.wanted import OFF, RPDO, TPDO
 from drives.texts import Said, chain, said
-from drives.values import dataclass
 
 ENABLED_MASK, ENABLED = 0x6F, 0x27  # statusword of operation enabled
 DOMAIN = 0x0F

@@ -26,6 +26,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 
 from drives.arranged import Arranged
 from drives.commissioning.network import CommissionError
@@ -35,7 +36,6 @@ from drives.commissioning.units import RATE, SPEED, Units
 from drives.commissioning.wanted import Setting, where
 from drives.settings import NodeSettings, SpindleSettings
 from drives.texts import Said, chain, said
-from drives.values import dataclass
 
 QUICK_STOP, FAULT_REACTION = 0x605A, 0x605E  # option codes
 SLOW, QUICK = (1, 5), (2, 6)  # their ramps: by 6084h, by 6085h

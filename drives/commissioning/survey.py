@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from struct import Struct
 
 from drives import cia402, pdo
@@ -10,7 +11,6 @@ from drives.commissioning import twins
 from drives.commissioning.network import SDO_REQUEST, CommissionError, Network, Node
 from drives.commissioning.remote import Drive
 from drives.texts import Said
-from drives.values import dataclass
 
 NODES = range(1, 128)
 ANSWER_S = 0.15  # for a whole bus of drives that answer SDO within some milliseconds

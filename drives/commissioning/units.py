@@ -23,11 +23,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import NamedTuple
 
 from drives.settings import INT32_MAX, NodeSettings, SpindleSettings
 from drives.texts import Key, Said, TextError, said
-from drives.values import dataclass
 
 # An object's value; None: the drive has no such object.
 Read = Callable[[int, int], int | None]

@@ -8,6 +8,7 @@ settings of their own.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
 
 from drives import pdo
 from drives.commissioning.sheet import NO_REMOTE, Sheet
@@ -22,7 +23,6 @@ from drives.settings import (
     SpindleSettings,
 )
 from drives.texts import Said, said
-from drives.values import dataclass
 
 Settings = NodeSettings | SpindleSettings | IoSettings
 

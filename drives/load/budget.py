@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 from drives.load import bus_frames
@@ -27,7 +27,6 @@ from drives.load.stuffing import worst_bits
 from drives.profile import Profile
 from drives.settings import BusSettings, IoSettings, MasterSettings, NodeSettings, SpindleSettings
 from drives.texts import Said, said
-from drives.values import dataclass
 
 __all__ = ["MAX_SHARE", "BusBudget", "Row", "advice", "of", "worst_bits"]
 

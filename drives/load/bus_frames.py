@@ -8,6 +8,7 @@ counted here is what ``drives.cyclic.group`` and the nodes send once they are co
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from enum import Enum
 from typing import Any
 
@@ -24,7 +25,6 @@ from drives.settings import (
     SpindleSettings,
 )
 from drives.texts import Said, english, said
-from drives.values import dataclass
 
 CONTROLLER = "controller"
 

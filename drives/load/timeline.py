@@ -13,13 +13,13 @@ is the same.
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import dataclass
 from typing import Any
 
 from drives import pdo
 from drives.load.budget import BusBudget
 from drives.load.bus_frames import Row
 from drives.texts import english
-from drives.values import dataclass
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,13 +19,13 @@ Newton's matrix has five diagonals, and a step costs time proportional to the in
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from controller.plan import banded
-from controller.values import dataclass
 
 Array = npt.NDArray[np.float64]
 

@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -28,7 +29,6 @@ from controller.plan.feed.course import Course
 from controller.plan.feed.law import along
 from controller.plan.surfaces.rates import Derivatives
 from controller.state.modes import Binding, axis_binding
-from controller.values import dataclass
 
 Array = npt.NDArray[np.float64]
 Codes = npt.NDArray[np.int64]

@@ -8,7 +8,7 @@ the knot z' = 4/3 z / s, which ties the spline's outermost coefficient to its ne
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -21,7 +21,6 @@ from controller.plan.feed.mesh import Parts
 from controller.plan.feed.tool_limits import ToolRates
 from controller.plan.junctions import JUMP_SHARE, MARGIN, SPREAD
 from controller.plan.surfaces.rates import Derivatives
-from controller.values import dataclass
 
 Array = npt.NDArray[np.float64]
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Protocol
 
@@ -27,7 +27,6 @@ from controller.plan.feed.limits import JointLimits
 from controller.plan.junctions import MARGIN
 from controller.plan.stretch import Stretch
 from controller.plan.surfaces.rates import Derivatives, derivatives, kind, together
-from controller.values import dataclass
 
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.intp]

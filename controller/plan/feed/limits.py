@@ -9,13 +9,13 @@ speed is zero, and plain differences of w are accurate everywhere.
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
 from controller.machine.model import Machine
 from controller.plan.surfaces.rates import Derivatives
-from controller.values import dataclass
 
 Array = npt.NDArray[np.float64]
 

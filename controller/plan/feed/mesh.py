@@ -9,6 +9,7 @@ short it is. Where the feed alone holds the speed, knots lie further and further
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -23,7 +24,6 @@ from controller.plan.feed.limits import JointLimits, ramp_length
 from controller.plan.rotaries.branch import beside_pole
 from controller.plan.stretch import Stretch
 from controller.plan.surfaces.rates import Derivatives
-from controller.values import dataclass
 
 Array = npt.NDArray[np.float64]
 

@@ -12,6 +12,7 @@ nothing, and a course on which the feed alone counts (``cruise``); everything el
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -28,7 +29,6 @@ from controller.plan.feed.law import split, straight
 from controller.plan.feed.tool_limits import has_limits
 from controller.plan.junctions import STOP_SHARE
 from controller.plan.stretch import Stretch
-from controller.values import dataclass
 
 Array = npt.NDArray[np.float64]
 Run = tuple[Stretch, ...]

@@ -8,6 +8,8 @@ and the search goes on from where it was.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 import numpy.typing as npt
 
@@ -18,7 +20,6 @@ from controller.plan.feed.course import Course, Index
 from controller.plan.feed.law import straight, through
 from controller.plan.junctions import MARGIN
 from controller.plan.surfaces.rates import Derivatives
-from controller.values import dataclass
 
 Array = npt.NDArray[np.float64]
 Law = tuple[Array, Array]  # times (n + 1,) and pieces (n, 6)

@@ -13,6 +13,7 @@ about that plane's circle makes it a row of linear limits; it lies inside the ci
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -22,7 +23,6 @@ from controller.geometry.arrays import distinct
 from controller.plan.feed.course import Course, Index
 from controller.plan.rotaries.branch import joints_along
 from controller.plan.surfaces.rates import Derivatives, derivatives
-from controller.values import dataclass
 
 Array = npt.NDArray[np.float64]
 

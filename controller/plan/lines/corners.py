@@ -6,6 +6,7 @@ Between two corners all of them run evenly; a line whose great circle is not so 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -20,7 +21,6 @@ from controller.plan.lines.lines import Stand
 from controller.plan.rotaries.tool_axes import AxisLost, GreatCircles, follow
 from controller.plan.stretch import Voice, joints_of, rotaries_of, xyz_of
 from controller.program.program import JointArc, JointLine, Modal, Tip, TipLine
-from controller.values import dataclass
 
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.intp]

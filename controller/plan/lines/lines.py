@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import NoReturn
 
 import numpy as np
@@ -25,7 +26,6 @@ from controller.plan.rotaries.turns import SAME_ROTARY_RAD
 from controller.plan.stretch import STANDS_MM, Stretch, Voice, joints_of, rotaries_of, straight
 from controller.program.block_look_ahead import AHEAD_LINES
 from controller.program.program import Place, TipLine
-from controller.values import dataclass
 
 Array = npt.NDArray[np.float64]
 

@@ -18,13 +18,13 @@ these bounds it everywhere, not at samples only. Both are compared at the same l
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
 from controller.geometry.arrays import distinct
 from controller.plan import banded
-from controller.values import dataclass
 
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.intp]

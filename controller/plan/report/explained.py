@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
 from typing import Any
 
 from controller.geometry.curves import Arc
@@ -40,7 +41,6 @@ from controller.program.program import (
     Setting,
     TipLine,
 )
-from controller.values import dataclass
 
 _KINDS = {
     Act.SPINDLE: "spindle",

@@ -15,7 +15,7 @@ import contextlib
 import os
 import tempfile
 from collections.abc import Iterable, Iterator
-from dataclasses import field
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -29,7 +29,6 @@ from controller.motion.motions import JointMove, SurfaceCut, ToolLine
 from controller.plan.path.path import joints_along
 from controller.plan.stretch import Chain, Pause, Stretch
 from controller.program.program import Act
-from controller.values import dataclass
 
 Array = NDArray[np.float64]
 Whole = NDArray[np.int64]

@@ -12,7 +12,7 @@ import json
 import os
 import secrets
 from collections.abc import Mapping
-from dataclasses import field
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -28,7 +28,6 @@ from controller.plan.stretch import Note
 from controller.plan.surfaces.placements import Recipe
 from controller.plan.timetable import Event
 from controller.program.program import Place
-from controller.values import dataclass
 from controller.version import VERSION
 
 FORMAT = 6  # of the files

@@ -12,7 +12,7 @@ are reported together, as one block with its range and number of lines.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import field
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -36,7 +36,6 @@ from controller.plan.restart.program_position import BESIDE
 from controller.plan.surfaces import rates
 from controller.plan.waits import laid
 from controller.program.program import Act
-from controller.values import dataclass
 
 Array = npt.NDArray[np.float64]
 

@@ -7,7 +7,7 @@ per change of what binds; so a part of any length fits.
 from __future__ import annotations
 
 import math
-from dataclasses import field
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -16,7 +16,6 @@ import numpy.typing as npt
 from controller.machine.model import Machine
 from controller.plan.feed.binding import NUMBER_OF_CODES
 from controller.state.modes import AXIS_KINDS, Binding, binding_text
-from controller.values import dataclass
 
 Array = npt.NDArray[np.float64]
 Codes = npt.NDArray[np.int64]

@@ -7,11 +7,10 @@ and all of the surface, its ends included.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from typing import Any
 
 from controller.geometry.vectors import Vector
-from controller.values import dataclass
 
 ROUNDING_MM = 1e-6  # a surface that is off by its very tolerance is within it
 

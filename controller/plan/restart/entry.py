@@ -11,7 +11,7 @@ retract height   --------<------- position --------.      rotaries turn only her
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Joints, Machine
@@ -23,7 +23,6 @@ from controller.plan.stretch import Chain, Pause, Stretch, motion_named, straigh
 from controller.plan.surfaces import audit
 from controller.plan.surfaces.approach import at_height
 from controller.program.program import UNSAID, Act, Modal, Place
-from controller.values import dataclass
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,6 +7,7 @@ distance is the tip's, with the tool that cuts there; the angle is that of the t
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -17,7 +18,6 @@ from controller.plan.restart.program_position import line_of
 from controller.plan.restart.restart import Rest
 from controller.plan.rotaries.branch import joints_along
 from controller.plan.stretch import Chain, Stretch
-from controller.values import dataclass
 
 Array = npt.NDArray[np.float64]
 

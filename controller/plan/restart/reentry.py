@@ -16,7 +16,7 @@ Every way is looked at against the surfaces of the whole program, as thick as th
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -34,7 +34,6 @@ from controller.plan.surfaces.cuts import edge
 from controller.plan.surfaces.leads import LEADS, End
 from controller.plan.surfaces.walls import NONE, Walls
 from controller.program.program import Place
-from controller.values import dataclass
 
 Array = npt.NDArray[np.float64]
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -53,7 +53,6 @@ from controller.program.program import (
     ProgramError,
     TipLine,
 )
-from controller.values import dataclass
 
 Array = npt.NDArray[np.float64]
 

@@ -9,6 +9,7 @@ left is a passage through the pole itself, where the other branch goes on.
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -24,7 +25,6 @@ from controller.motion.motions import JointMove, Rotaries, SurfaceCut, ToolLine,
 from controller.plan.rotaries import tool_paths
 from controller.plan.rotaries.turns import JUMP_RAD, NAN, SAME_AXIS_RAD, TURN, wrapped
 from controller.plan.stretch import Stretch, rotaries_of
-from controller.values import dataclass
 
 Array = npt.NDArray[np.float64]
 

@@ -10,6 +10,7 @@ standing tool (a swivel).
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -19,7 +20,6 @@ from controller.geometry.vectors import Vector
 from controller.machine.kinematics import Kinematics
 from controller.motion.motions import Rotaries
 from controller.plan.rotaries.turns import JUMP_RAD, NAN, SAME_AXIS_RAD, TURN, wrapped
-from controller.values import dataclass
 
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.intp]

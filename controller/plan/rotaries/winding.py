@@ -18,13 +18,13 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
 from typing import NamedTuple
 
 from controller.geometry.vectors import ROUNDING
 from controller.machine.model import Machine
 from controller.motion.motions import Rotaries
 from controller.plan.rotaries.turns import SAME_ROTARY_RAD, TURN
-from controller.values import dataclass
 
 MAX_STATES = 64  # places of the rotaries that are kept in mind; the least travelled ones
 

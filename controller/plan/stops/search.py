@@ -20,13 +20,13 @@ that the stop must not be below when it comes there.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from controller.plan.stops.way import ACCELERATION, JERK, SPEED, STILL, Way
-from controller.values import dataclass
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.intp]

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -33,7 +34,6 @@ from controller.plan.surfaces.leads import Lead
 from controller.plan.surfaces.legs import Leg
 from controller.plan.surfaces.train import Meeting
 from controller.program.program import Place
-from controller.values import dataclass
 
 Array = npt.NDArray[np.float64]
 

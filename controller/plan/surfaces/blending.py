@@ -12,7 +12,7 @@ longer where the limits of the joints would slow the contact down on it.
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from enum import Enum
 from functools import lru_cache
 from typing import NamedTuple
@@ -31,7 +31,6 @@ from controller.plan.surfaces.blends import End, Looked, Rounding, between, led_
 from controller.plan.surfaces.cuts import MAX_KNOWN, REMEMBERED, SAME_RAD, Cut, apart, edge, turned
 from controller.plan.surfaces.placements import name_of
 from controller.program.program import Modal
-from controller.values import dataclass
 
 Array = npt.NDArray[np.float64]
 

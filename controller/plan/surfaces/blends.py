@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -19,7 +19,6 @@ from controller.geometry.vectors import Vector, add, dot, rotate, subtract, unit
 from controller.memory import remembered
 from controller.motion.motions import SurfaceCut
 from controller.plan.surfaces import deviation
-from controller.values import dataclass
 
 Array = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
 from controller.geometry import arc_length
@@ -27,7 +28,6 @@ from controller.plan.surfaces.placements import name_of
 from controller.plan.surfaces.placing import CHOSEN_FROM, Cutter, Wanted, off_mm, place_all
 from controller.plan.surfaces.touching import touched
 from controller.program.program import CutBlock, CutCone, CutNurbs, CutRuled, GougeRefused, Modal
-from controller.values import dataclass
 
 FREE = (Strategy.OPTIMAL, Strategy.AUTO)  # leave the ruling: they take any twist
 

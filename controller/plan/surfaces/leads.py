@@ -16,7 +16,7 @@ from __future__ import annotations
 import math
 from array import array
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from operator import itemgetter
 
 import numpy as np
@@ -35,7 +35,6 @@ from controller.plan.surfaces import audit, rates
 from controller.plan.surfaces.cuts import Edge, beside, gouge, tolerance_mm
 from controller.plan.surfaces.legs import Leg
 from controller.program.program import Place
-from controller.values import dataclass
 
 Array = npt.NDArray[np.float64]
 

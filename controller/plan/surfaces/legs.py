@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -19,7 +20,6 @@ from controller.plan.stretch import Stretch, Voice
 from controller.plan.surfaces import audit
 from controller.plan.surfaces.cuts import Cut, turn
 from controller.program.program import ProgramError
-from controller.values import dataclass
 
 Array = npt.NDArray[np.float64]
 

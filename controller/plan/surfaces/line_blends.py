@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from array import array
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -47,7 +47,6 @@ from controller.plan.surfaces.legs import Leg
 from controller.plan.surfaces.links import cubics
 from controller.plan.surfaces.train import choose
 from controller.program.program import Modal, ProgramError
-from controller.values import dataclass
 
 Array = npt.NDArray[np.float64]
 Follow = Callable[[SurfaceCut], Stretch | None]

@@ -10,7 +10,7 @@ from __future__ import annotations
 import hashlib
 import pickle
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from typing import Any
 
 from controller.geometry.placement import Placed
@@ -19,7 +19,6 @@ from controller.geometry.surfaces import Surface
 from controller.geometry.vectors import Vector
 from controller.motion.motions import SurfaceCut
 from controller.plan.stretch import Chain, Pause
-from controller.values import dataclass
 
 FORMAT = 2  # another one where the same numbers would mean another pose
 MOST = 20_000  # that are known at once, of 4 kB each at most

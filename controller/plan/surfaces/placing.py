@@ -26,7 +26,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -40,7 +40,6 @@ from controller.geometry.vectors import Vector
 from controller.machine.model import Tool
 from controller.memory import remembered
 from controller.plan.surfaces import deviation, placements
-from controller.values import dataclass
 
 Array = npt.NDArray[np.float64]
 

@@ -13,7 +13,7 @@ so every joint limit is a limit on (v, a, j) at each place of the path.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -34,7 +34,6 @@ from controller.plan.rotaries import tool_paths
 from controller.plan.rotaries.branch import joints_along, one_branch
 from controller.plan.stretch import Stretch
 from controller.plan.surfaces.blends import in_arc_length
-from controller.values import dataclass
 
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.intp]

@@ -18,7 +18,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -32,7 +32,6 @@ from controller.geometry.surfaces import Surface
 from controller.geometry.touches import Touch, seen_at
 from controller.machine.kinematics import NEAR_POLE, Kinematics
 from controller.motion.motions import SurfaceCut
-from controller.values import dataclass
 
 Array = npt.NDArray[np.float64]
 

@@ -10,10 +10,9 @@ import cmath
 import math
 from collections import deque
 from collections.abc import Iterator
-from dataclasses import field
+from dataclasses import dataclass, field
 
 from controller.geometry.vectors import ROUNDING
-from controller.values import dataclass
 
 TURN = 2.0 * math.pi
 

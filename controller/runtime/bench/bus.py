@@ -12,12 +12,12 @@ import contextlib
 import os
 import socket
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
 from controller.machine.model import Bus, Machine
 from controller.runtime.bench import surroundings
-from controller.values import dataclass
 from drives.bench.simulated.drive import SimulatedDrive
 from drives.bench.simulated.io_node import IoNode
 from drives.bench.simulated.parameters import Parameters

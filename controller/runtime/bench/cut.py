@@ -23,13 +23,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from controller.geometry.vectors import Frame, Vector, norm, subtract
 from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Machine
 from controller.machine.toml_table import Table
-from controller.values import dataclass
 
 if TYPE_CHECKING:
     from drives.bench.simulated.drive import SimulatedDrive

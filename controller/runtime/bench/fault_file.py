@@ -12,12 +12,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple, NoReturn
 
 from controller.machine import machine_file
 from controller.machine.model import Machine
-from controller.values import dataclass
 from drives import pdo
 from drives.bench.virtual.fault_script import MASTER, Action, FaultScript, Injection, ScriptError, parse
 from drives.bench.virtual.virtual_bus import SteppedBus

@@ -28,6 +28,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -39,7 +40,6 @@ from controller.machine.toml_table import ConfigError, Table, parse, read_text
 from controller.plan.surfaces.cuts import surface_of
 from controller.program import blocks
 from controller.program.program import CutCone, CutNurbs, CutRuled, ProgramError, Side
-from controller.values import dataclass
 
 Distance = Callable[[Vector], float]
 

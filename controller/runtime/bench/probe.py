@@ -30,7 +30,7 @@ from __future__ import annotations
 import math
 import random
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Protocol
 
@@ -42,7 +42,6 @@ from controller.runtime.bench import cut as cuts
 from controller.runtime.bench import part as parts
 from controller.runtime.bench.cut import Cut
 from controller.runtime.bench.part import Part
-from controller.values import dataclass
 from drives.bench.simulated.drive import SimulatedDrive
 
 NEAR_MM = 0.2  # nearer than that the direction of the contact is looked at

@@ -5,13 +5,12 @@ The key of an entry is index * 256 + sub-index.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 
 from drives import sheet_text
 from drives.text_file import Source, text_of
-from drives.values import dataclass
 
 EDS = Path(__file__).parents[3] / "config" / "eds" / "simulated_drive.eds"
 

@@ -20,10 +20,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import dataclass
 from enum import Enum, auto
 
 from drives.bench.simulated.servo import Servo
-from drives.values import dataclass
 
 HERE = (35, 37)
 LEFT, RIGHT = 0, 1  # edges of the window in which a switch is pressed

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from enum import Enum
 
 from drives.bench.simulated.plant import PlantParameters
 from drives.bench.simulated.servo import DAMPING, NATURAL_FREQUENCY_HZ
 from drives.bench.simulated.spindle_motor import MotorParameters
-from drives.values import dataclass
 
 USUALLY_GUESSED = 2  # periods
 STRONGEST_COUNTS_S2 = 2e9  # five times the quick stop of the simulated drive's data sheet

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import partial
 
 from drives.bench.simulated import identifiers
@@ -17,7 +18,6 @@ from drives.bench.simulated.data_sheet import WRITABLE, key
 from drives.bench.simulated.dictionary import Dictionary
 from drives.bench.simulated.identifiers import BIT_30, IDENTIFIER, INVALID
 from drives.pdo import DATA_AT, FRAME
-from drives.values import dataclass
 
 COUNT = 4  # RPDOs and TPDOs each, at most
 RPDO_AT, RPDO_MAP_AT = 0x1400, 0x1600

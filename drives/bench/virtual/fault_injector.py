@@ -8,7 +8,7 @@ decided by the bus' clock, by counts and by a seed: the same run has the same fa
 from __future__ import annotations
 
 import math
-from dataclasses import field
+from dataclasses import dataclass, field
 from random import Random
 
 from drives import pdo
@@ -17,7 +17,6 @@ from drives.bench.virtual.fault_nodes import Nodes
 from drives.bench.virtual.virtual_bus import Fate, SteppedBus
 from drives.pdo import DATA_AT
 from drives.texts import said
-from drives.values import dataclass
 
 ROUNDING_S = 1e-6  # a frame takes longer
 REMEMBERING = (Action.REPEAT, Action.FOREIGN)

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from enum import Enum
 
 from drives.texts import TextError
-from drives.values import dataclass
 
 MASTER = 0  # as a node: the CAN controller of who sends SYNC
 

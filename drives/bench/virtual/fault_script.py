@@ -40,12 +40,12 @@ times are seconds of the bus' clock since the script was injected at its origin.
 from __future__ import annotations
 
 import re
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from drives.bench.virtual.fault_grammar import parse
 from drives.bench.virtual.fault_kinds import MASTER, Action, Injection, ScriptError, When
 from drives.texts import said
-from drives.values import dataclass
 
 if TYPE_CHECKING:
     from drives.bench.virtual.fault_injector import Injector
