@@ -6,31 +6,20 @@ not wait for what plans and simulates.
 
 from __future__ import annotations
 
-import atexit
-import contextlib
-import gc
 import importlib
 import inspect
 import json
-import os
 import sys
-import threading
 from types import ModuleType
 from typing import Annotated, Any, NoReturn, TextIO
 
-_COLLECTS = gc.isenabled()
-gc.disable()  # what is imported stays: thirty looks through it find nothing
+import typer
+from typer.core import TyperCommand, TyperGroup
 
-import typer  # noqa: E402
-from typer.core import TyperGroup  # noqa: E402
-
-from controller import messages, one_thread  # noqa: E402
-from controller.cli import declarations, help_texts, speech, usage_errors  # noqa: E402
-from controller.commands.table import ALL  # noqa: E402
-from controller.version import VERSION  # noqa: E402
-
-if _COLLECTS:
-    gc.enable()
+from controller import messages, one_thread
+from controller.cli import help_texts, speech, usage_errors
+from controller.commands.table import ALL
+from controller.version import VERSION
 
 # File of controller/cli: the commands that it adds, as --help lists them. It has a function of that
 # name, or a Typer called ``app`` or like the command; or ``register(app)`` where there is more to say.
@@ -69,12 +58,16 @@ ENDED_CODE = 130  # as a shell has it: 128 + SIGINT
 COMMANDS = {command: file for file, commands in FILES.items() for command in commands}
 
 
+OF_A_RUNNING_CONTROLLER = ("client", "commands", "client_lists")  # files whose commands --help lists apart
+PANEL = "help_frame.production"  # their headline
+
+
 class Commands(TyperGroup):
-    """The commands of ``FILES``, each imported when it is asked for."""
+    """The commands of ``FILES``: listed by their texts, each imported when it is asked for."""
 
     def __init__(self, **attributes: Any) -> None:
         super().__init__(**attributes)
-        self.commands: dict[str, Any] = dict.fromkeys(COMMANDS)  # by their names a mistyped one is helped
+        self.commands: dict[str, Any] = {name: _listed(name) for name in COMMANDS}
 
     def format_help(self, ctx: Any, formatter: Any) -> None:
         help_texts.put_own(self)
@@ -94,42 +87,37 @@ class Commands(TyperGroup):
         except KeyboardInterrupt:
             raise typer.Exit(ENDED_CODE) from None
 
-    def get_command(self, ctx: Any, cmd_name: str) -> Any:
-        if cmd_name in COMMANDS and self.commands[cmd_name] is None:
-            self.commands.update(_loaded(COMMANDS[cmd_name], cmd_name))
-        return self.commands.get(cmd_name)
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        if args and args[0] in COMMANDS:
+            self.load(args[0])
+        return super().resolve_command(ctx, args)
+
+    def load(self, name: str) -> Any:
+        """The command itself, with those that its file registers beside it."""
+        self.commands.update(_loaded(COMMANDS[name], name))
+        return self.commands[name]
+
+
+def _listed(name: str) -> TyperCommand:
+    """What stands for a command in a list."""
+    listed = TyperCommand(name, rich_help_panel=PANEL if COMMANDS[name] in OF_A_RUNNING_CONTROLLER else None)
+    help_texts.put_own(listed, name)
+    return listed
 
 
 def _loaded(file: str, command: str) -> dict[str, Any]:
     """A command of one file by its name, with others where the file registers them together."""
-    with declarations.only() if declarations.asked_for() else contextlib.nullcontext():
-        module = _imported(f"controller.cli.{file}")
+    module = importlib.import_module(f"controller.cli.{file}")
     holder = typer.Typer()
     if hasattr(module, "register"):
         module.register(holder)
     else:
         _add(holder, command, module)
-    if declarations.are_listed():
-        _bare(holder)
-    else:
-        speech.teach(holder)
+    speech.teach(holder)
     found = dict(typer.main.get_group(holder).commands)
     for name, one in found.items():
         help_texts.put(one, name)
     return found
-
-
-def _imported(name: str) -> ModuleType:
-    """A module, the collector resting meanwhile: what is imported stays, and is never looked through."""
-    if name in sys.modules or not gc.isenabled():
-        return importlib.import_module(name)
-    gc.disable()
-    try:
-        module = importlib.import_module(name)
-        gc.freeze()
-    finally:
-        gc.enable()
-    return module
 
 
 def _add(holder: typer.Typer, name: str, module: ModuleType) -> None:
@@ -138,15 +126,6 @@ def _add(holder: typer.Typer, name: str, module: ModuleType) -> None:
         holder.command(name)(found)
     else:  # what else has that name may be a module of another room
         holder.add_typer(found if isinstance(found, typer.Typer) else module.app, name=name)
-
-
-def _bare(holder: typer.Typer) -> None:
-    """Leaves of the commands what a list of them shows: their options would take most of the time."""
-    for one in holder.registered_commands:
-        one.help, one.callback = one.help or inspect.getdoc(one.callback), lambda: None
-    for group in holder.registered_groups:
-        if group.typer_instance is not None:
-            group.typer_instance.registered_commands.clear()
 
 
 app = typer.Typer(cls=Commands, no_args_is_help=True, pretty_exceptions_enable=False)
@@ -165,30 +144,7 @@ def directrix(
     """A five-axis controller that cuts ruled surfaces themselves."""
 
 
-def script() -> NoReturn:
-    """Entry point of ``directrix``."""
-    try:
-        main()
-    except SystemExit as ended:
-        leave(ended.code)
-    leave(None)
-
-
-def leave(code: str | int | None) -> NoReturn:
-    """End this process: Python would take apart, for 20 ms, all that goes with it anyway.
-
-    In Python's own way where another thread is at work, or what was said cannot be written.
-    """
-    if threading.active_count() == 1 and not isinstance(code, str):
-        with contextlib.suppress(OSError):
-            atexit._run_exitfuncs()
-            sys.stdout.flush()
-            sys.stderr.flush()
-            os._exit(code or 0)
-    sys.exit(code)
-
-
-def main() -> None:
+def main() -> NoReturn:
     """The command line; a script that asks for JSON gets it whatever is wrong. Raises SystemExit."""
     one_thread.set_default()
     as_json = "--json" in sys.argv[1:]
@@ -202,8 +158,6 @@ def main() -> None:
         sys.exit(2)
     except (typer.Abort, KeyboardInterrupt):
         code = ENDED_CODE
-    except declarations.Undeclared:
-        declarations.begin_again()
     except Exception as error:  # nobody reads a traceback
         from controller.cli import internal_error
 
@@ -211,7 +165,6 @@ def main() -> None:
     if code == ENDED_CODE:
         words = ended_words()
         print(json.dumps({"ok": False, "error": words}) if as_json else words, file=_spoken(as_json))
-    gc.freeze()  # what is left goes with the process: Python looks through all of it before
     sys.exit(code)
 
 

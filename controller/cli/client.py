@@ -30,7 +30,6 @@ Seconds = Annotated[float | None, typer.Option("--seconds")]
 Frame = Annotated[str, typer.Option("--frame")]
 Wait = Annotated[bool, typer.Option("--wait")]
 
-PANEL = "help_frame.production"  # headline in --help
 REFRESH_S = 0.08  # of a jog: it comes to rest 200 ms after the last one
 POLL_S = 0.2  # between two looks at what takes long
 LONGEST_JOG_S = 600.0
@@ -254,7 +253,7 @@ def _pressed(machine: Machine, where: dict[str, Any], seconds: float) -> None:
 def register(app: typer.Typer) -> None:
     """Adds these verbs to the command line; those that only ask for one thing are in ``cli.commands``."""
     for verb in (start, override):
-        app.command(verb.__name__, rich_help_panel=PANEL)(speaking(verb))
+        app.command(verb.__name__)(speaking(verb))
     # A distance such as -10 is no option.
     loose = {"ignore_unknown_options": True}
-    app.command("jog", context_settings=loose, rich_help_panel=PANEL)(speaking(jog))
+    app.command("jog", context_settings=loose)(speaking(jog))

@@ -18,7 +18,7 @@ from rich.live import Live
 from rich.text import Text
 
 from controller.cli import remote, status_view
-from controller.cli.client import PANEL, Json, Url, asked, tell_done
+from controller.cli.client import Json, Url, asked, tell_done
 from controller.cli.remote import Machine
 from controller.cli.speech import say, speaking
 from controller.verify.console import Refused, bar, show, tell, word
@@ -224,4 +224,4 @@ def _when(at_s: float) -> str:
 def register(app: typer.Typer) -> None:
     """Adds these verbs to the command line."""
     for verb in (status, upload, runs, alarms):
-        app.command(verb.__name__, rich_help_panel=PANEL)(speaking(verb))
+        app.command(verb.__name__)(speaking(verb))

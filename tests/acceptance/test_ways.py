@@ -86,10 +86,9 @@ def routes() -> dict[str, list[str]]:
 def commands() -> dict[str, click.Command]:
     """By name, those below others too."""
     top: Any = typer.main.get_command(app)
-    context = click.Context(top)
     found: dict[str, click.Command] = {}
     for name in (one for names in FILES.values() for one in names):
-        found[name] = command = top.get_command(context, name)
+        found[name] = command = top.load(name)
         for below, one in getattr(command, "commands", {}).items():
             found[f"{name} {below}"] = one
     return found

@@ -26,7 +26,7 @@ ROOT = Path(messages.__file__).parent.parent.parent
 def every() -> Iterator[tuple[str, Any]]:
     """Every command with its path."""
     top: Any = typer.main.get_command(app)
-    left = [(name, top.get_command(None, name)) for name in COMMANDS]
+    left = [(name, top.load(name)) for name in COMMANDS]
     while left:
         path, command = left.pop()
         yield path, command

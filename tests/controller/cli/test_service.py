@@ -147,9 +147,10 @@ def test_a_serial_line_that_somebody_enabled_outlives_another_installation_and_n
 
 def options(words: list[str]) -> set[str]:
     """Of a command."""
-    command = typer.main.get_command(app)
-    for word in words:
-        command = command.get_command(None, word)  # type: ignore[attr-defined]
+    name, *below = words
+    command = typer.main.get_command(app).load(name)  # type: ignore[attr-defined]
+    for word in below:
+        command = command.get_command(None, word)
     return {name for parameter in command.params for name in parameter.opts}
 
 

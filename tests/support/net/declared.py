@@ -178,7 +178,7 @@ def help_texts() -> str:
     sys.argv = ["directrix", "check"]  # a command line of which only help is asked knows no bodies
     try:
         group: Any = typer.main.get_command(app)
-        rows = (_of_command(name, group.get_command(None, name)) for name in sorted(COMMANDS))
+        rows = (_of_command(name, group.load(name)) for name in sorted(COMMANDS))
         return "".join(f"{line}\n" for one in rows for line in one)
     finally:
         sys.argv = before
