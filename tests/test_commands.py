@@ -103,7 +103,9 @@ def test_the_list_of_commands_is_shown_where_nothing_is_asked() -> None:
     shown = {**os.environ, "COLUMNS": "120"}
     run = CliRunner(env=shown).invoke
     bare, asked = (run(app, words, prog_name="directrix") for words in ([], ["--help"]))
-    assert bare.output.split() == asked.output.split() and all(f" {name} " in asked.output for name in COMMANDS)
+    assert bare.output.split() == asked.output.split() and all(
+        f" {name} " in asked.output for name in COMMANDS
+    )
 
 
 COMPLETED = [

@@ -29,6 +29,7 @@ from typing import Any
 
 from controller import messages
 from controller.api.answers import Refusal
+from controller.api.roles import Principal, Role
 from controller.api.service_client import Watch
 from controller.api.store import Store
 
@@ -38,6 +39,8 @@ SPOKEN_S = 1.0  # after a request something is about to move
 STORE_EVERY_S = 1.0  # from one look at the list of alarms to the next
 MAX_WAITING = 500
 MAX_LISTENERS = 100
+FOR_OPERATORS = 20  # of them: who may only look cannot keep out who may operate
+MAX_OF_ONE = 20  # of a user at one address
 RESTS = ("OFF", "READY")  # modes in which no axis moves before somebody asks for it
 TOPICS = ("status", "job", "alarm", "alarms", "control", "programs", "service")
 
@@ -47,6 +50,7 @@ class Listener:
     """One who is told."""
 
     topics: frozenset[str]
+    owner: tuple[str, str] = ("", "")  # name and address
     language: str = messages.DEFAULT
     changes: bool = False  # of the status what is new
     lost: bool = False  # did not read for too long
@@ -99,12 +103,16 @@ class Events:
 
     @contextmanager
     def listening(
-        self, topics: frozenset[str], language: str = messages.DEFAULT, changes: bool = False
+        self,
+        topics: frozenset[str],
+        who: Principal,
+        address: str = "",
+        language: str = messages.DEFAULT,
+        changes: bool = False,
     ) -> Iterator[Listener]:
-        """A listener, told at once what holds now. Raises Refusal."""
-        if len(self._listeners) >= MAX_LISTENERS:
-            raise Refusal.told(429, "too_often", "many_listeners", most=MAX_LISTENERS)
-        listener = Listener(topics, language, changes)
+        """A listener, which gets at once what holds now. Raises Refusal."""
+        self._check_room(who, address)
+        listener = Listener(topics, (who.name, address), language, changes)
         for topic, data in self._told.items() if self._listeners else ():
             listener.tell(topic, _text(topic, messages.told(data, language)))
         self._listeners.append(listener)
@@ -114,6 +122,15 @@ class Events:
             yield listener
         finally:
             self._listeners.remove(listener)
+
+    def _check_room(self, who: Principal, address: str) -> None:
+        """Raises Refusal where the asker, or all of its role, have as many listeners as they may."""
+        own = sum(one.owner == (who.name, address) for one in self._listeners)
+        if own >= MAX_OF_ONE:
+            raise Refusal.told(429, "too_often", "many_listeners_of_one", name=who.name, most=MAX_OF_ONE)
+        most = MAX_LISTENERS - (0 if who.role >= Role.OPERATE else FOR_OPERATORS)
+        if len(self._listeners) >= most:
+            raise Refusal.told(429, "too_often", "many_listeners", most=most)
 
     def tell(self, topic: str, data: Any) -> None:
         """Tell all listeners of the topic."""

@@ -21,7 +21,7 @@ from starlette.requests import ClientDisconnect, HTTPConnection
 from starlette.routing import BaseRoute, compile_path
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from controller.api import description, metrics, octoprint
+from controller.api import description, health, metrics, octoprint
 from controller.api.answers import DESCRIPTIONS, Answer, Refusal, language_of, of_form, spoken
 from controller.api.app_state import Panel
 from controller.api.database import StoreError
@@ -67,9 +67,11 @@ PARTS = (
     *((API, part) for part in (diagnostics, session, users, notices, queue, usage, changer, probing)),
     *((API, part) for part in (canned_cycles, calibration, backups, listen)),
     ("", metrics),
+    ("", health),
     ("", octoprint),
 )
-PUBLIC = {("POST", f"{API}/session")}  # one who is not logged in yet may log in
+# Who is not logged in yet may log in, and who watches over processes needs no log-in.
+PUBLIC = {("POST", f"{API}/session"), ("GET", health.ALIVE), ("GET", health.READY)}
 HEADERS = (
     (b"x-content-type-options", b"nosniff"),
     (b"x-frame-options", b"DENY"),

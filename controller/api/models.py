@@ -466,6 +466,10 @@ class RecordingFacts(Told):
     bytes: int
 
 
+class Health(Told):
+    ok: bool
+
+
 class RecordingList(Told):
     recordings: list[RecordingFacts]
 

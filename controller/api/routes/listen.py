@@ -9,7 +9,7 @@ from anyio import create_task_group, sleep
 from fastapi import APIRouter, WebSocket, WebSocketDisconnect
 
 from controller import messages
-from controller.api.access import needs, panel_of, principal
+from controller.api.access import address, needs, panel_of, principal
 from controller.api.answers import Refusal, language_of
 from controller.api.events import TOPICS, Listener
 from controller.api.roles import Role
@@ -37,7 +37,8 @@ async def events(
     if unknown := sorted(wanted - set(TOPICS)):
         raise Refusal.told(422, "topics", "no_topic", name=repr(unknown[0][:40]), allowed=", ".join(TOPICS))
     chosen = messages.chosen(language, language_of(websocket))
-    with panel.events.listening(wanted, chosen, changes) as listener:
+    who = await principal(websocket)
+    with panel.events.listening(wanted, who, address(websocket), chosen, changes) as listener:
         await websocket.accept()
         async with create_task_group() as tasks:
 

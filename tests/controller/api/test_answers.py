@@ -14,6 +14,7 @@ from support.fakes.panels import Scene, take_control
 
 from controller import api
 from controller.api import events
+from controller.api.access import LOCAL
 from controller.api.answers import of_form
 from controller.messages import LANGUAGES, text
 
@@ -125,7 +126,8 @@ def test_every_listener_hears_in_a_language_of_its_own_that_the_service_is_gone(
         scene = Scene(tmp_path, FakeDoor())
         scene.door.there = False
         topics, own = frozenset(events.TOPICS), scene.panel.events
-        with own.listening(topics, "de") as german, own.listening(topics, "en") as english:
+        both = [own.listening(topics, LOCAL, language=language) for language in ("de", "en")]
+        with both[0] as german, both[1] as english:
             running = asyncio.create_task(own.run())
             told = ["".join(await asyncio.wait_for(one.next(), 30.0)) for one in (german, english)]
             running.cancel()

@@ -8,7 +8,7 @@ import json
 import random
 import time
 from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
+from contextlib import ExitStack, asynccontextmanager
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +21,10 @@ from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from controller.api import events
-from controller.api.events import INTERVAL_S, MAX_WAITING, Listener
+from controller.api.access import LOCAL
+from controller.api.answers import Refusal
+from controller.api.events import FOR_OPERATORS, INTERVAL_S, MAX_LISTENERS, MAX_OF_ONE, MAX_WAITING, Listener
+from controller.api.roles import Principal, Role
 from controller.api.routes import listen
 
 TIMEOUT_S = 20.0
@@ -148,7 +151,7 @@ def test_nothing_is_asked_of_the_machine_while_nobody_listens_and_once_for_twent
             await asyncio.sleep(0.2)
             before = door.count
             events = scene.panel.events
-            contexts = [events.listening(frozenset({"status"})) for _ in range(20)]
+            contexts = [events.listening(frozenset({"status"}), LOCAL) for _ in range(20)]
             listeners = [context.__enter__() for context in contexts]
             began_s = time.monotonic()
             heard = [await listener.next() for listener in listeners]
@@ -162,6 +165,30 @@ def test_nothing_is_asked_of_the_machine_while_nobody_listens_and_once_for_twent
     assert before == 0
     assert heard == [1] * 20
     assert asked <= 5 + took_s / INTERVAL_S
+
+
+def test_who_may_only_look_cannot_keep_out_who_operates_and_one_has_so_many_at_an_address(
+    tmp_path: Path,
+) -> None:
+    told = Scene(tmp_path).panel.events
+    anna, viewers = Principal("anna", Role.OPERATE, "session"), range(MAX_LISTENERS // MAX_OF_ONE)
+    crowd = [(Principal(f"view {n}", Role.VIEW, "token"), f"10.0.0.{n}") for n in viewers]
+    topics = frozenset({"status"})
+    with ExitStack() as there:
+        came = 0
+        for who, address in crowd:
+            for _ in range(MAX_OF_ONE + 1):
+                try:
+                    there.enter_context(told.listening(topics, who, address))
+                    came += 1
+                except Refusal as refusal:
+                    assert refusal.status == 429
+        assert came == MAX_LISTENERS - FOR_OPERATORS
+        for _ in range(FOR_OPERATORS):
+            there.enter_context(told.listening(topics, anna, "10.0.0.99"))
+        with pytest.raises(Refusal):
+            there.enter_context(told.listening(topics, anna, "10.0.0.99"))
+    assert told.listeners == 0
 
 
 def test_one_who_does_not_read_misses_statuses_first_and_is_let_go_when_too_much_waits() -> None:

@@ -151,6 +151,7 @@ class FakeDoor:
         return {
             "time_s": 1.0,
             "mode": self.mode,
+            "tick_alive": True,
             "at_rest": self.at_rest,
             "fault": fault if self.mode == "FAULT" else None,
             "job": self.job,
