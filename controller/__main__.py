@@ -50,6 +50,7 @@ FILES = {
     "drives": ("drives",),
     "dnc": ("dnc",),
     "backup": ("backup",),
+    "support": ("support",),
     "service": ("service",),
     "host": ("host",),
     "panel_users": ("users", "tokens"),

@@ -7,15 +7,19 @@ import os
 import platform
 import sys
 import tempfile
+import time
 import traceback
 from datetime import UTC, datetime
 from pathlib import Path
 
-from controller.ipc import internal_error
+from controller import own_files
+from controller.ipc import control_socket, internal_error
 from controller.verify.console import say
 from controller.version import VERSION
 
 EXIT_CODE = 70  # EX_SOFTWARE of sysexits.h
+FOLDER = "crashes"  # in the state folder; ``directrix support`` takes it along
+MOST = 20  # files there
 
 
 def sentence(error: BaseException) -> str:
@@ -38,10 +42,14 @@ def end(error: BaseException, as_json: bool) -> int:
 
 
 def _kept(text: str) -> Path | None:
-    """A file of what is needed to find it, for this user alone; None where there is no room."""
+    """A file of what is needed to find it: of the state folder, or for this user alone; None: no room."""
     of = f"directrix {VERSION}, Python {platform.python_version()}"
     now = datetime.now(UTC).isoformat(timespec="seconds")
     head = f"{of}, {platform.platform()}\n{now}\n{' '.join(sys.argv)}\n\n"
+    try:
+        return _in_state(head + text)
+    except OSError:
+        pass  # there is none, or it is another's
     try:
         handle, name = tempfile.mkstemp(prefix="directrix-error-", suffix=".txt")
         with os.fdopen(handle, "w", encoding="utf-8", errors="backslashreplace") as file:
@@ -49,3 +57,18 @@ def _kept(text: str) -> Path | None:
     except OSError:
         return None
     return Path(name)
+
+
+def _in_state(text: str) -> Path:
+    """A file in the state folder, of which the oldest ones go. Raises OSError."""
+    state = control_socket.state_folder()
+    folder = state / FOLDER
+    if not state.is_dir():
+        raise FileNotFoundError(str(state))
+    own_files.make_folder(folder, state)
+    file = folder / f"{time.time_ns()}-{os.getpid()}.txt"
+    with own_files.new(file, state, mode=0o640) as out:
+        out.write(text.encode("utf-8", errors="backslashreplace"))
+    for name in own_files.names(folder, state)[:-MOST]:
+        own_files.remove(folder / name, state)
+    return file

@@ -1,0 +1,182 @@
+"""``directrix support``: one archive of what somebody who helps from afar needs to see, and no secrets.
+
+    facts.json        versions of all packages, system, boot, clock, room on the disk
+    host.json         what ``directrix host check`` finds
+    machine.toml      complete, it needs no other file
+    state/            what the service keeps of the machine, as it stands there
+    store.json        latest runs, alarms, programs by name and sum, settings
+    runs/             records of the latest runs
+    recordings/       of the latest faults
+    crashes/          what went wrong in our own code
+    journal.txt       the units' latest lines, where systemd keeps them
+
+Users, tokens, sessions, the audit log and what the settings hide (``notice_settings.SECRETS``) stay out:
+the store's own file is not among it, and nothing of the panel's but what is named here.
+"""
+
+from __future__ import annotations
+
+import json
+import platform
+import shutil
+import subprocess
+import time
+import zipfile
+from collections.abc import Callable, Iterator
+from dataclasses import asdict
+from functools import partial
+from importlib import metadata
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from controller import own_files
+from controller.api import notice_settings
+from controller.api.database import StoreError
+from controller.api.store import Store
+from controller.cli import host_findings, installation, internal_error
+from controller.cli.host_view import Host
+from controller.ipc import control_socket
+from controller.machine import machine_file, setup_data, tool_store
+from controller.machine.toml_table import ConfigError
+from controller.service import alarms, durations, owners, probed, runs, thread_guard, usage
+from controller.verify.console import Refused, refusals, say, show
+
+STATE_FILES = (
+    *(owners.JOURNAL, usage.FILE, probed.FILE, alarms.FILE, durations.FILE, thread_guard.FILE),
+    *(setup_data.FILE, tool_store.FILE),
+)
+RECORDINGS = "recordings"
+LATEST = 3  # runs and faults whose records go along
+LATEST_ROWS = 200  # of runs and alarms
+MAX_BYTES = 64 << 20  # of one record; a larger one is named instead
+KIND = zipfile.ZIP_DEFLATED
+JOURNAL_LINES, JOURNAL_TIMEOUT_S = 5000, 20.0
+BOOT = Path("/proc/sys/kernel/random/boot_id")
+
+Part = tuple[str, bytes]
+
+
+def support(
+    archive: Annotated[Path, typer.Argument()],
+    state: Annotated[Path | None, typer.Option("--state")] = None,
+    records: Annotated[int, typer.Option("--records", min=0, max=100)] = LATEST,
+    as_json: Annotated[bool, typer.Option("--json")] = False,
+) -> None:
+    """Write one archive for who helps from afar; no secrets are in it."""
+    with refusals(as_json, lambda: (StoreError, ConfigError)):
+        folder = state or control_socket.state_folder()
+        if not folder.is_dir():
+            raise Refused(say("cli.support.no_state", folder=folder))
+        missing: list[str] = []
+        with (
+            own_files.new(archive.absolute()) as out,
+            zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED) as file,
+        ):
+            for name, data in _parts(folder, records, missing):
+                file.writestr(name, data)
+            file.writestr("missing.txt", "\n".join([*missing, ""]))
+        size = archive.stat().st_size
+        if as_json:
+            print(json.dumps({"ok": True, "archive": str(archive), "bytes": size, "missing": missing}))
+        else:
+            words = say("cli.support.done", archive=archive, mb=f"{size / 1e6:.1f}")
+            show.print("\n".join([words, *missing]), markup=False)
+
+
+def _parts(folder: Path, records: int, missing: list[str]) -> Iterator[Part]:
+    """Name and content of each; what cannot be read is named in ``missing``."""
+    yield "facts.json", _json(_facts(folder))
+    yield "host.json", _json([line.to_dict() for line in host_findings.look(Host(Path("/")))])
+    yield from _readable("machine.toml", lambda: _machine(folder), missing)
+    for name in STATE_FILES:
+        if (folder / name).exists():
+            yield from _readable(f"state/{name}", partial(_read, folder / name, folder), missing)
+    yield from _readable("store.json", lambda: _json(_stored(folder)), missing)
+    for kind in (runs.FOLDER, RECORDINGS):
+        for one in _latest(folder / kind, folder, records):
+            yield from _folder(one, folder, missing)
+    yield from _folder(folder / internal_error.FOLDER, folder, missing)
+    if journal := _journal():
+        yield "journal.txt", journal
+
+
+def _readable(name: str, make: Callable[[], bytes], missing: list[str]) -> Iterator[Part]:
+    try:
+        yield name, make()
+    except (OSError, ValueError, StoreError, ConfigError) as error:
+        missing.append(f"{name}: {error}")
+
+
+def _read(file: Path, within: Path) -> bytes:
+    """Raises OSError, also of what is too large."""
+    if (size := file.lstat().st_size) > MAX_BYTES:
+        raise OSError(f"{size >> 20} MB, of at most {MAX_BYTES >> 20}")
+    return own_files.read_bytes(file, within, shared=True)
+
+
+def _folder(folder: Path, within: Path, missing: list[str]) -> Iterator[Part]:
+    """The files of one folder, none below it, and no link."""
+    for name in _names(folder, within):
+        file = folder / name
+        yield from _readable(str(file.relative_to(within)), partial(_read, file, within), missing)
+
+
+def _latest(folder: Path, within: Path, count: int) -> list[Path]:
+    """The folders in it that were written last."""
+    found = sorted((folder / name for name in _names(folder, within)), key=lambda one: one.lstat().st_mtime)
+    return found[len(found) - min(count, len(found)) :]
+
+
+def _names(folder: Path, within: Path) -> list[str]:
+    try:
+        return own_files.names(folder, within)
+    except OSError:  # a file, or a link
+        return []
+
+
+def _machine(folder: Path) -> bytes:
+    if (machine := setup_data.noted(folder)) is None:
+        raise OSError(say("cli.backup.no_machine", folder=folder))
+    return machine_file.alone(machine).encode()
+
+
+def _facts(folder: Path) -> dict[str, Any]:
+    packages = {one.name: one.version for one in metadata.distributions()}
+    disk = shutil.disk_usage(folder) if folder.is_dir() else None
+    return {
+        "packages": dict(sorted(packages.items())),
+        "python": platform.python_version(),
+        "system": platform.platform(),
+        "at_s": time.time(),
+        "since_boot_s": time.monotonic(),
+        "boot": BOOT.read_text().strip() if BOOT.exists() else None,
+        "state": str(folder),
+        "disk_bytes": None if disk is None else disk._asdict(),
+    }
+
+
+def _stored(folder: Path) -> dict[str, Any]:
+    """Raises StoreError."""
+    store = Store(folder)
+    return {
+        "runs": [asdict(one) for one in store.runs.list(LATEST_ROWS)],
+        "alarms": [asdict(one) for one in store.alarms.list(LATEST_ROWS)],
+        "programs": [asdict(one) for one in store.programs.list()],
+        "settings": notice_settings.without_secrets(store.settings.all()),
+    }
+
+
+def _journal() -> bytes:
+    """What systemd has of our units; nothing where there is no systemd, or it does not answer."""
+    units = [word for unit in installation.UNITS for word in ("-u", unit)]
+    asked = ["journalctl", "--no-pager", "-o", "short-iso", "-n", str(JOURNAL_LINES), *units]
+    try:
+        return subprocess.run(asked, capture_output=True, timeout=JOURNAL_TIMEOUT_S, check=True).stdout
+    except (OSError, subprocess.SubprocessError):
+        return b""
+
+
+def _json(value: Any) -> bytes:
+    return json.dumps(value, indent=1, default=str).encode()
