@@ -12,24 +12,24 @@ ROOT = Path(__file__).resolve().parent.parent
 
 # Room of controller -> rooms of controller that it may import; a file beside the rooms is a room of its own,
 # and every room may import itself.
-# How dataclasses are made, and of which Directrix; how files and databases are opened.
-FOR_ALL = {"values", "version", "own_files", "own_database", "commands"}
+# Of which Directrix; how files and databases are opened.
+FOR_ALL = {"version", "own_files", "own_database", "commands"}
 VALUES = {"faults", "geometry", "machine", "motion", "state", "messages"}
 ARROWS: dict[str, set[str]] = {
     "own_files": set(),  # no link of others is followed
     "own_database": set(),  # nor in the place of a SQLite file
     "atomic_file": set(),  # files replaced whole
+    "sealed_file": {"atomic_file", "messages"},  # with a checksum, and the one before
     "commands": set(),  # what can be asked of the machine: one table, for all
     "faults": set(),  # what a fault is made of: words for all
     "geometry": {"messages"},
-    "machine": {"geometry", "atomic_file", "messages"},
+    "machine": {"geometry", "atomic_file", "sealed_file", "messages"},
     "memory": set(),  # what a process keeps, and gives back
     "motion": {"geometry", "machine"},  # what both sides compute alike
     "messages": set(),  # texts, a file per language
     "state": {"faults", "geometry", "machine", "motion", "messages"},
     "ipc": {"motion", "state", "messages", "atomic_file"},  # between the processes
     "one_thread": set(),  # numpy's libraries, before they are loaded
-    "values": set(),
     "version": set(),
     "workers": {"messages", "one_thread"},  # work that is spread over processes
     "program": {"geometry", "machine", "messages"},
@@ -41,8 +41,8 @@ ARROWS: dict[str, set[str]] = {
     # Puts the parts together: clock, tick, plan and drives.
     "runtime": VALUES | {"workers", "memory", "ipc", "program", "plan", "tick", "verify", "one_thread"},
     # The process of `serve`: parent of tick and plan, and the far side of the control socket.
-    "service": VALUES | {"atomic_file", "memory", "ipc", "program", "plan", "tick", "runtime"},
-    "api": VALUES | {"atomic_file", "ipc", "program", "plan", "verify", "calibration"},
+    "service": VALUES | {"atomic_file", "sealed_file", "memory", "ipc", "program", "plan", "tick", "runtime"},
+    "api": VALUES | {"atomic_file", "sealed_file", "ipc", "program", "plan", "verify", "calibration"},
     "web": {"api", "messages"},
     "cad": {"geometry", "machine", "messages", "program", "plan"},  # faces of a CAD file as a program
     "post": {"geometry", "machine", "motion", "program", "plan"},  # a planned path as lines

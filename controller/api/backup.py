@@ -31,7 +31,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
-from controller import atomic_file, own_files
+from controller import atomic_file, own_files, sealed_file
 from controller.api import notice_settings
 from controller.api.archive import (
     FITTING,
@@ -112,7 +112,8 @@ def restore(
     machine now, for the back-up that is made first. Programs that the archive does not hold stay.
     Raises StoreError, ConfigError, BackupError, OSError.
     """
-    texts: dict[Path, str | bytes] = {store.folder / setup_data.FILE: setup_data.text_of(contents.fitted)}
+    fitting = store.folder / setup_data.FILE
+    texts: dict[Path, str | bytes] = {fitting: sealed_file.next_text(fitting, contents.fitted)}
     if (tools := _unconfirmed(store, contents)) is not None:
         texts[store.folder / tool_store.FILE] = tools
     if machine_file is not None:

@@ -154,7 +154,7 @@ ALL: tuple[Command, ...] = (
             ),
         ),
         Request.START,
-        needs=("loaded", "mode", "not_in_thread", "not_worn", "not_running", "changer"),
+        needs=("loaded", "mode", "not_in_thread", "not_worn", "not_running", "changer", "damage"),
         rest=Rest(
             "POST",
             "cycle/start",
@@ -363,7 +363,7 @@ ALL: tuple[Command, ...] = (
         Access.MOVE,
         (Argument("text", Text(1000, 1), "One or more blocks."), STILL),
         Request.START,
-        needs=("not_in_thread",),
+        needs=("not_in_thread", "damage"),
         lane=Lane.SLOW,
         rest=Rest("POST", "mdi", "Run one or more blocks as they are given."),
         client=Client("mdi", "started", waits=True),
@@ -380,7 +380,7 @@ ALL: tuple[Command, ...] = (
             ),
         ),
         Request.START,
-        needs=("not_in_thread",),
+        needs=("not_in_thread", "damage"),
         lane=Lane.SLOW,
         rest=Rest(
             "POST",

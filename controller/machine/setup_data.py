@@ -25,7 +25,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from controller import atomic_file, own_files
+from controller import atomic_file, own_files, sealed_file
 from controller.geometry.vectors import ZERO, Frame
 from controller.machine import machine_file, offset_table
 from controller.machine.changes import located
@@ -39,7 +39,7 @@ from controller.machine.model import (
     Shift,
 )
 from controller.machine.toml_table import ConfigError, Table
-from controller.messages import said
+from controller.messages import Said, of_error, said
 
 FILE = "fitting.json"
 IN_SPINDLE = "in_spindle"
@@ -61,11 +61,16 @@ def load(state: Path) -> dict[str, Any]:
 def read(file: Path, missing: dict[str, Any] | None = None) -> dict[str, Any]:
     """What a file keeps; ``missing``: what there is without one. Raises ConfigError."""
     try:
-        values = json.loads(own_files.read_text(file))
-    except (OSError, ValueError, RecursionError) as error:
+        values = sealed_file.read(file, FILE)
+    except (OSError, ValueError) as error:
         if missing is not None and isinstance(error, FileNotFoundError):
             return missing
-        raise ConfigError(said("file.kept_unread", file=file, why=error)) from error
+        raise ConfigError(said("file.kept_unread", file=file, why=of_error(error))) from error
+    return sound(values, file)
+
+
+def sound(values: Any, file: Path) -> dict[str, Any]:
+    """What a file keeps, if it is of the kinds that are kept. Raises ConfigError."""
     if not isinstance(values, dict):
         raise ConfigError(said("file.no_json", file=file))
     for kind, rows in values.items():
@@ -76,28 +81,33 @@ def read(file: Path, missing: dict[str, Any] | None = None) -> dict[str, Any]:
 
 def save(state: Path, values: Values) -> None:
     """Keep it, whole or not at all. Raises OSError."""
-    own_files.make_folder(state)
-    atomic_file.write(state / FILE, text_of(values))
-
-
-def text_of(values: Values) -> str:
-    """What is kept, as it stands in its file."""
-    return json.dumps(values, indent=1)
+    sealed_file.write(state / FILE, values)
 
 
 def in_spindle(state: Path) -> int:
     """Number of the tool that is in the spindle: T1 where nobody has changed it yet; 0 = not known."""
     try:
-        return int(own_files.read_text(state / IN_SPINDLE))
+        return int(sealed_file.read(state / IN_SPINDLE))
     except FileNotFoundError:
         return TOOL_AT_POWER_ON
-    except (OSError, ValueError):
+    except (OSError, ValueError, TypeError):
         return 0
+
+
+def not_in_spindle(state: Path) -> Said | None:
+    """Why nobody can read which tool is in the spindle; None where that can be read."""
+    try:
+        int(sealed_file.read(state / IN_SPINDLE))
+    except FileNotFoundError:
+        return None
+    except (OSError, ValueError, TypeError) as error:
+        return of_error(error)
+    return None
 
 
 def put_in(state: Path, number: int) -> None:
     """Keep which tool is in the spindle, 0 = not known. Raises OSError."""
-    atomic_file.write(state / IN_SPINDLE, f"{number}\n")
+    sealed_file.write(state / IN_SPINDLE, number)
 
 
 def note(state: Path, machine: Machine) -> None:

@@ -7,14 +7,13 @@ the machine file makes likely (``plan/waits``).
 from __future__ import annotations
 
 import contextlib
-import json
 import statistics
 import threading
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from controller import atomic_file, own_files
+from controller import sealed_file
 from controller.messages import Said
 from controller.plan.timetable import Event
 from controller.service import kept_file
@@ -42,7 +41,7 @@ class Durations:
         if own:
             return kept_file.read(self._file, _taken, missing)
         try:
-            return _taken(json.loads(own_files.read_text(self._file))), None
+            return _taken(sealed_file.read(self._file)), None
         except kept_file.WRONG:
             return missing, None
 
@@ -68,7 +67,7 @@ class Durations:
         """What the disk does not take is learned anew. Waits for the disk."""
         with self._lock, contextlib.suppress(OSError):
             if self._changed:
-                atomic_file.write(self._file, json.dumps(self._known))
+                sealed_file.write(self._file, self._known)
                 self._changed = False
 
 

@@ -16,7 +16,6 @@ says whether a restart may be offered, and from where.
 from __future__ import annotations
 
 import hashlib
-import json
 import time
 from collections import deque
 from collections.abc import Callable
@@ -27,12 +26,13 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from controller import atomic_file, own_files
+from controller import sealed_file
 from controller.ipc.handoff import COLUMN, Snapshot
 from controller.machine.model import REFERENCES, Joints, Machine
 from controller.messages import Key, Said, chain, said, text
 from controller.plan.restart.program_position import AFTER_CHANGE, ENTRY_ID, FORMER, Spot
 from controller.program import carried
+from controller.service import kept_file
 from controller.state.modes import FAULTS, Mode, Reaction
 
 EVERY_S = 0.5  # between two entries of a run; with writing, never more than a second of cut is lost
@@ -145,21 +145,12 @@ def fitted_sha256(machine: Machine) -> tuple[str, str]:
 
 def write(entry: Entry, file: Path) -> None:
     """Replace the file, whole or not at all, and not before the disk has it. Raises OSError."""
-    text = json.dumps({"format": FORMAT, **asdict(entry), "spot": list(entry.spot)})
-    own_files.make_folder(file.parent)
-    atomic_file.write(file, text)
+    sealed_file.write(file, {"format": FORMAT, **asdict(entry), "spot": list(entry.spot)})
 
 
 def read(file: Path) -> tuple[Entry | None, Said | None]:
-    """The entry and None, or None and why; neither where there is no journal."""
-    try:
-        return _entry(json.loads(own_files.read_text(file))), None
-    except FileNotFoundError:
-        return None, None
-    except OSError as error:
-        return None, said("journal_unread", file=file, why=error)
-    except (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError):
-        return None, said("journal_of_other_version", file=file)
+    """The entry, or the one before it where that is damaged, and what an alarm says then."""
+    return kept_file.read(file, _entry, None)
 
 
 def _entry(values: Any) -> Entry:

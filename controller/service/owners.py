@@ -8,16 +8,16 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-from controller import messages
+from controller import sealed_file
 from controller.ipc.control_socket import CommandRefused
-from controller.machine import tool_store
+from controller.machine import setup_data, tool_store
 from controller.machine.model import Changer, Machine
 from controller.machine.tool_store import ToolStore
 from controller.messages import Said
 from controller.runtime.bus_load import overload
 from controller.runtime.plan_messages import News
 from controller.runtime.startup import SessionError
-from controller.service import journal, kept_file
+from controller.service import durations, journal, kept_file, probed, thread_guard, usage
 from controller.service.alarms import Alarms
 from controller.service.durations import Durations
 from controller.service.engine import Engine
@@ -33,6 +33,10 @@ from controller.service.tool_changer import ToolChanger
 from controller.service.usage import Usage
 
 JOURNAL = "journal.json"
+SEALED = (
+    *(JOURNAL, usage.FILE, probed.FILE, durations.FILE, thread_guard.FILE),
+    *(setup_data.FILE, setup_data.IN_SPINDLE),
+)  # what the service keeps of a machine as JSON
 
 
 class Owners:
@@ -59,14 +63,14 @@ class Owners:
         self.thread = ThreadGuard(state)
         self.sequencer = Sequencer(self._failed)
         self.writer = ThreadPoolExecutor(1, "records")  # of what runs leave behind
-        entry, why = journal.read(state / JOURNAL)
-        unread = None if why is None else kept_file.put_aside(state / JOURNAL, messages.text(why))
+        entry, unread = journal.read(state / JOURNAL)
         self.interrupted = entry if entry is not None and not entry.ended else None  # a run, by the last end
         self.journal = Journal(state / JOURNAL, last=entry)
-        files = (self.alarms, self.usage, self.probed, self.durations)
-        for damaged in (*(file.damaged for file in files), unread):
+        files = (self.alarms, self.usage, self.probed, self.durations, self.thread)
+        for damaged in (*(file.damaged for file in files), *self.set_up.damaged, unread):
             if damaged is not None:
                 self.alarms.add(kept_file.ALARM, damaged)
+        sealed_file.adopt(state, SEALED)
         self.troubles = Troubles(self.set_up.machine, self.alarms, self.writer)
         self.processes = Processes(self.engine, self.troubles, kept.recordings)
         self.changer = self._opened_changer()

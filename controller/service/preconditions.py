@@ -13,7 +13,7 @@ from controller.ipc.handoff import Snapshot
 from controller.program import blocks
 from controller.program.effects import moves
 from controller.program.program import ProgramError
-from controller.service import job_status, jobs
+from controller.service import job_status, jobs, kept_file
 from controller.service.acknowledged import refusal
 from controller.service.jobs import Job
 from controller.service.refusals import refused
@@ -72,6 +72,15 @@ def changer_is_sure(service: Service, title: str) -> None:
         raise refused("change_under_way", service.processes.now().mode.name, title)
     if (doubt := changer.doubt) is not None:
         raise CommandRefused("refused", doubt, service.processes.now().mode.name, title)
+
+
+def damage_is_confirmed(service: Service, title: str) -> None:
+    """What was found damaged in the state folder has been looked at. Raises CommandRefused."""
+    for alarm in service.alarms.list():
+        if alarm["name"] == kept_file.ALARM and alarm["acknowledged_s"] is None:
+            what = {"key": alarm["key"], "values": alarm["values"]}
+            mode = service.processes.now().mode.name
+            raise refused("damage_not_confirmed", mode, title, number=alarm["id"], what=what)
 
 
 def stands_still(service: Service, job: Job, title: str) -> None:
@@ -148,6 +157,7 @@ NEEDS: dict[str, Need] = {
     "not_running": _by_title(not_running),
     "not_in_thread": _by_title(not_in_thread),
     "changer": _by_title(changer_is_sure),
+    "damage": _by_title(damage_is_confirmed),
     "not_worn": _not_worn,
     "spindle": _has_spindle,
     "adaptive": _has_adaptive,

@@ -9,7 +9,6 @@ Beside them the last touches themselves, as measuring takes them: a CSV in the s
 from __future__ import annotations
 
 import contextlib
-import json
 import re
 import threading
 import time
@@ -17,7 +16,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from controller import atomic_file, own_files
+from controller import atomic_file, own_files, sealed_file
 from controller.machine.model import Machine
 from controller.plan.planner import Touch
 from controller.runtime import touch_table
@@ -83,4 +82,4 @@ class Probed:
     def save(self) -> None:
         """What the disk does not take is only told. Waits for the disk."""
         with self._lock, contextlib.suppress(OSError):
-            atomic_file.write(self._file, json.dumps(self._rows))
+            sealed_file.write(self._file, self._rows)

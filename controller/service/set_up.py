@@ -12,6 +12,7 @@ from controller.machine.changes import Change, laid
 from controller.machine.model import Machine, Tool
 from controller.machine.toml_table import ConfigError
 from controller.messages import of_error, said
+from controller.service import kept_file
 from controller.service.alarms import Alarms
 from controller.service.refusals import refused
 
@@ -35,10 +36,14 @@ class SetUp:
         """
         self._state, self._alarms, self._tell_tool = state, alarms, tell_tool
         self.file = file
-        values = setup_data.load(state)
+        kept, none = state / setup_data.FILE, dict[str, Any]()
+        values, damaged = kept_file.read(kept, lambda found: setup_data.sound(found, kept), none)
         setup_data.note(state, file)
         self._fitted = Fitted(self.applied(values), values)  # replaced as a whole
-        self.tool = setup_data.in_spindle(state)  # number of the one in the spindle; 0 = not known
+        self.tool, tool_damaged = setup_data.in_spindle(state), None  # number of the one there; 0: not known
+        if not self.tool and (why := setup_data.not_in_spindle(state)) is not None:
+            tool_damaged = kept_file.put_aside(state / setup_data.IN_SPINDLE, why)
+        self.damaged = tuple(one for one in (damaged, tool_damaged) if one is not None)
         self.lock = threading.Lock()  # taken before that of a run
 
     @property

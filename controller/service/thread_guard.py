@@ -12,14 +12,14 @@ the spindle back and takes the axis along.
 from __future__ import annotations
 
 import contextlib
-import json
 import math
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from controller import atomic_file, own_files
+from controller import own_files, sealed_file
 from controller.ipc.handoff import Snapshot
 from controller.machine.model import Machine
+from controller.service import kept_file
 
 FILE = "thread.json"
 REV_MIN = 60.0  # of the spindle on the way out
@@ -50,7 +50,9 @@ class ThreadGuard:
 
     def __init__(self, state: Path) -> None:
         self._file = state / FILE
-        self.found = _read(self._file)
+        self.found, self.damaged = kept_file.read(self._file, _taken, None)
+        if self.damaged is not None:
+            self.found = self.found or InThread(0.0, 0.0, 0, "")  # it was in one, and nobody knows how far
         self._saved = self.found
 
     def look(self, now: Snapshot, program: str) -> None:
@@ -66,26 +68,24 @@ class ThreadGuard:
         """It has been withdrawn, by us or by hand."""
         self.found = self._saved = None
         with contextlib.suppress(OSError):
+            own_files.remove(sealed_file.before(self._file))
             own_files.remove(self._file)
 
     def _save(self) -> None:
         self._saved = self.found
         if self.found is not None:
             with contextlib.suppress(OSError):
-                atomic_file.write(self._file, json.dumps(self.found._asdict()))
+                sealed_file.write(self._file, self.found._asdict())
 
 
-def _read(file: Path) -> InThread | None:
-    try:
-        values = json.loads(own_files.read_text(file))
-        found = InThread(
-            float(values["turns"]), float(values["pitch_mm"]), int(values["line"]), str(values["program"])
-        )
-        return found if math.isfinite(found.depth_mm) else InThread(0.0, 0.0, 0, "")
-    except FileNotFoundError:
-        return None
-    except (OSError, ValueError, KeyError, TypeError, OverflowError, RecursionError):
-        return InThread(0.0, 0.0, 0, "")  # it was in one, and nobody knows how far
+def _taken(values: Any) -> InThread | None:
+    """Raises ValueError, KeyError or TypeError for anything but what is saved."""
+    found = InThread(
+        float(values["turns"]), float(values["pitch_mm"]), int(values["line"]), str(values["program"])
+    )
+    if not math.isfinite(found.depth_mm):
+        raise ValueError("a depth that is no number")
+    return found
 
 
 def way_out(machine: Machine, found: InThread, millimetres: float | None = None) -> str:

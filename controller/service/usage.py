@@ -8,7 +8,6 @@ confirmed, and a change to one waits for Resume.
 
 from __future__ import annotations
 
-import json
 import math
 import threading
 import time
@@ -20,7 +19,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from controller import atomic_file
+from controller import sealed_file
 from controller.ipc.control_socket import Values
 from controller.ipc.handoff import COLUMN, of_axes
 from controller.machine.model import Machine
@@ -292,9 +291,9 @@ class Usage:
             return
         self._saved_s = now_s
         with self._lock:
-            text, self._changed = json.dumps(asdict(self._kept), indent=1), False
+            values, self._changed = asdict(self._kept), False
         try:
-            atomic_file.write(self.file, text)
+            sealed_file.write(self.file, values)
         except OSError:
             self._changed = True
             raise

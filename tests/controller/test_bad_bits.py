@@ -31,6 +31,7 @@ from controller.api.database import StoreError
 from controller.api.http import make_app
 from controller.api.store import DAMAGED, Store
 from controller.api.users import Users, new_token
+from controller.commands.table import COMMANDS
 from controller.ipc import control_socket
 from controller.ipc.control_socket import CommandRefused
 from controller.machine import setup_data, tool_store
@@ -41,6 +42,7 @@ from controller.runtime.startup import SessionError
 from controller.service import kept_file, runs
 from controller.service.command_handlers import CommandHandlers
 from controller.service.owners import JOURNAL
+from controller.service.preconditions import NEEDS
 from controller.service.whole_status import Kept
 
 SENTENCES = (ConfigError, SessionError, OSError, CommandRefused)  # what ``serve`` ends with; others: code 70
@@ -390,13 +392,31 @@ def test_an_alarm_that_cannot_be_read_costs_no_other(folder: Path) -> None:
     assert {alarm["name"] for alarm in started(folder)} == {"TEST"}
 
 
-@pytest.mark.parametrize(("old", "new"), [("offsets", "ofgsets"), ('"o', "'o"), ("{", "[")])
-def test_offsets_that_cannot_be_read_start_no_service(folder: Path, old: str, new: str) -> None:
+@pytest.mark.parametrize("name", [setup_data.FILE, setup_data.IN_SPINDLE])
+@pytest.mark.parametrize("cut", [1, 9])
+def test_nothing_starts_with_damaged_offsets_or_an_unknown_tool_before_somebody_has_confirmed_it(
+    folder: Path, name: str, cut: int
+) -> None:
     """With others than those that were set it would cut elsewhere."""
-    file = folder / "state" / setup_data.FILE
-    file.write_text(file.read_text().replace(old, new, 1))
-    with pytest.raises(ConfigError, match="restore it from a backup or remove it"):
-        started(folder)
+    state = folder / "state"
+    if name == setup_data.FILE:
+        setup_data.save(state, {"offsets": {"G55": {"origin_mm": [7, 8, 9]}}})
+    (state / name).write_bytes((state / name).read_bytes()[:-cut])
+    service = served(folder, MACHINE)
+    desk = CommandHandlers(service)
+    alarm = next(one for one in service.alarms.list() if one["name"] == kept_file.ALARM)
+    assert alarm["values"]["file"] == str(state / name)
+    if name == setup_data.FILE:
+        assert alarm["key"] == "file_before"
+        assert service.set_up.fitted["offsets"] == {"G55": {"origin_mm": [1, 2, 3]}}
+    for verb, args in (("mdi", {"text": "G1 X1 F100"}), ("mdi", {"text": "M5"})):
+        with pytest.raises(CommandRefused, match="onfirm alarm"):
+            done(desk, verb, **args)
+    done(desk, "acknowledge", id=alarm["id"])
+    with contextlib.suppress(CommandRefused):  # whatever else holds it back
+        done(desk, "mdi", text="M5")
+    NEEDS["damage"](service, COMMANDS["start"], {})
+    desk.close()
 
 
 def test_tools_of_which_a_bad_bit_has_cost_the_last_step_must_be_confirmed(folder: Path) -> None:

@@ -40,7 +40,7 @@ def left(text: str, on: Machine, values: Mapping[str, Any]) -> dict[str, Any]:
     for block in blocks.stream(text.encode(), setup_data.applied(on, values), "p.ngc"):
         if isinstance(block, Setting):
             made = changes.laid(made, setup_data.applied(on, made), block.changes)
-    return dict(json.loads(setup_data.text_of(made)))
+    return dict(json.loads(json.dumps(made)))
 
 
 def axes(text: str, on: Machine) -> list[dict[str, float | None]]:

@@ -135,16 +135,16 @@ def test_a_file_that_is_not_sound_is_begun_anew(tmp_path: Path, text: str) -> No
 def test_it_is_kept_now_and_then_and_a_full_disk_loses_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    usage, real = Usage(tmp_path, MACHINE), module.atomic_file.write
+    usage, real = Usage(tmp_path, MACHINE), module.sealed_file.write
 
     def full(*_: Any) -> None:
         raise OSError("full")
 
     usage.take(rows(walk(10)), 1, turning=False, fed={FED})
-    monkeypatch.setattr(module.atomic_file, "write", full)
+    monkeypatch.setattr(module.sealed_file, "write", full)
     with pytest.raises(OSError):
         usage.save(at_once=True)
-    monkeypatch.setattr(module.atomic_file, "write", real)
+    monkeypatch.setattr(module.sealed_file, "write", real)
     usage.save()
     assert not (tmp_path / module.FILE).exists(), "a moment after the last try"
     usage.save(at_once=True)

@@ -1,0 +1,145 @@
+"""JSON files of the state folder that carry their own checksum, with the generation before beside them.
+
+    sealed_file.write(file, values)     # {..., "seal": {"generation": 8, "at_s": 1.8e9, "sha256": "..."}}
+    sealed_file.read(file)              # values without the seal, or Damaged
+    sealed_file.read(sealed_file.before(file))
+
+The sum is of the file's name, generation, time and values, so that a file that stands in another's place is
+none of it either; one that is older than what was there before it was put there. A folder of a version
+without seals is taken as it is, once: from ``adopt`` on, which leaves ``MARK`` there, a file without a seal
+is a damaged one. One writer a file.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import json
+import time
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+from controller import atomic_file, own_files
+from controller.messages import TextError, said
+
+SEAL, VALUE = "seal", "value"  # VALUE: of what is no JSON object
+BEFORE = ".before"  # behind the name of a file: the generation before
+MARK = "sealed"  # in a folder whose files all have seals
+UNREADABLE = (OSError, ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError)
+
+
+class Damaged(TextError, ValueError):
+    """A file that is not as it was written: ``said`` is why."""
+
+
+def write(file: Path, values: Any) -> None:
+    """Replaces a file, whole or not at all, and keeps the one before. Raises OSError."""
+    new = next_text(file, values)
+    own_files.make_folder(file.parent)
+    with contextlib.suppress(FileNotFoundError):
+        _keep(file)
+    atomic_file.write(file, new)
+
+
+def _keep(file: Path) -> None:
+    """Gives what is there the name of the generation before, too: no moment is without the file."""
+    try:
+        own_files.share(file, before(file))
+    except FileNotFoundError:
+        raise
+    except OSError:  # a file system without second names
+        atomic_file.write(before(file), own_files.read_bytes(file))
+
+
+def next_text(file: Path, values: Any) -> str:
+    """What is written next into a file."""
+    return _text(values, file, _generation(file) + 1)
+
+
+def _text(values: Any, file: Path, generation: int) -> str:
+    whole = json.loads(json.dumps(values))  # as it is read again
+    at_s = time.time()
+    seal = {"generation": generation, "at_s": at_s, "sha256": _sum(file.name, generation, at_s, whole)}
+    return json.dumps({**_as_object(whole), SEAL: seal})
+
+
+def read(file: Path, name: str = "") -> Any:
+    """The values of a file; ``name``: that it was written by, if it is a copy.
+
+    Raises Damaged, FileNotFoundError or another OSError.
+    """
+    values, seal = _parted(file, name)
+    if seal is None:
+        if (file.parent / MARK).exists():
+            raise Damaged(said("sealed.none"))
+        return values
+    earlier = None
+    with contextlib.suppress(*UNREADABLE):
+        earlier = _parted(before(file))[1]
+    if earlier is not None and earlier["generation"] > seal["generation"]:
+        raise Damaged(said("sealed.older"))
+    return values
+
+
+def before(file: Path) -> Path:
+    """The generation before, if there is one."""
+    return file.with_name(f"{file.name}{BEFORE}")
+
+
+def written_s(file: Path) -> float:
+    """When a sealed file was written (s since 1970). Raises as ``read``."""
+    seal = _parted(file)[1]
+    return float(seal["at_s"]) if seal is not None else file.lstat().st_mtime
+
+
+def adopt(folder: Path, names: Iterable[str]) -> None:
+    """Seals what an older version has written, and marks the folder. Raises OSError."""
+    if (folder / MARK).exists():
+        return
+    for name in names:
+        with contextlib.suppress(FileNotFoundError, Damaged):
+            values, seal = _parted(folder / name)
+            if seal is None:
+                atomic_file.write(folder / name, _text(values, folder / name, 1))
+    atomic_file.write(folder / MARK, "1\n")
+
+
+def _parted(file: Path, name: str = "") -> tuple[Any, dict[str, Any] | None]:
+    """Values and seal, which fits them; None: it has none. Raises as ``read``."""
+    name = name or file.name.removesuffix(BEFORE)
+    try:
+        whole = json.loads(own_files.read_text(file))
+    except (ValueError, RecursionError) as error:
+        raise Damaged(said("sealed.unread", why=str(error))) from error
+    if not isinstance(whole, dict) or SEAL not in whole:
+        return whole, None
+    seal = whole.pop(SEAL)
+    values = whole[VALUE] if whole.keys() == {VALUE} else whole
+    try:
+        fits = seal["sha256"] == _sum(name, seal["generation"], seal["at_s"], values)
+    except (KeyError, TypeError):
+        fits = False
+    if not fits:
+        raise Damaged(said("sealed.other"))
+    return values, seal
+
+
+def _generation(file: Path) -> int:
+    with contextlib.suppress(*UNREADABLE):
+        seal = _parted(file)[1]
+        return 0 if seal is None else int(seal["generation"])
+    with contextlib.suppress(*UNREADABLE):
+        seal = _parted(before(file))[1]
+        return 0 if seal is None else int(seal["generation"]) + 1
+    return 0
+
+
+def _as_object(values: Any) -> dict[str, Any]:
+    plain = isinstance(values, dict) and values.keys() != {VALUE}
+    return values if plain else {VALUE: values}
+
+
+def _sum(name: str, generation: object, at_s: object, values: Any) -> str:
+    canonical = json.dumps([name, generation, at_s, values], sort_keys=True, separators=(",", ":"))
+    return hashlib.sha256(canonical.encode()).hexdigest()

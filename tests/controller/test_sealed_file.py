@@ -1,0 +1,107 @@
+"""Sealed files: whatever becomes of their bytes, no other values than those that were written come out."""
+
+from __future__ import annotations
+
+import contextlib
+import random
+from pathlib import Path
+from typing import Any
+
+import pytest
+from support.suite import seed
+
+from controller import sealed_file
+from controller.sealed_file import Damaged
+from controller.service import kept_file
+
+FIRST: dict[str, Any] = {"tools": {"2": {"radius_mm": 1.5}}, "on": [True, None, -0.0, 1e-7], "text": "Fräser"}
+SECOND = {**FIRST, "tools": {"2": {"radius_mm": 2.5}}}
+HARMED = (Damaged, OSError)
+
+
+def written(folder: Path, name: str = "fitting.json") -> Path:
+    """Two generations of a file in a folder that is sealed."""
+    file = folder / name
+    sealed_file.write(file, FIRST)
+    sealed_file.write(file, SECOND)
+    sealed_file.adopt(folder, [name])
+    return file
+
+
+@pytest.mark.parametrize("values", [FIRST, [1, "a"], 7, None, "", {"value": 3}, {}, 0.1 + 0.2])
+def test_what_was_written_is_read_and_so_is_the_generation_before(values: Any, tmp_path: Path) -> None:
+    file = tmp_path / "any.json"
+    sealed_file.write(file, values)
+    assert sealed_file.read(file) == values
+    sealed_file.write(file, SECOND)
+    assert sealed_file.read(file) == SECOND and sealed_file.read(sealed_file.before(file)) == values
+
+
+def test_no_flip_of_a_bit_changes_what_is_read(tmp_path: Path) -> None:
+    file = written(tmp_path)
+    whole, found = file.read_bytes(), 0
+    for at in range(8 * len(whole)):
+        flipped = bytearray(whole)
+        flipped[at // 8] ^= 1 << at % 8
+        file.write_bytes(flipped)
+        try:
+            assert sealed_file.read(file) == SECOND
+        except HARMED:
+            found += 1
+    assert found > 7 * len(whole)  # some only change the case of a hex digit in an escape, or a space
+
+
+def test_no_cut_swap_or_older_file_is_read(tmp_path: Path) -> None:
+    file, other = written(tmp_path), written(tmp_path, "usage.json")
+    whole = file.read_bytes()
+    for length in range(len(whole)):
+        file.write_bytes(whole[:length])
+        with pytest.raises(HARMED):
+            sealed_file.read(file)
+    for data in (other.read_bytes(), b"{}", b"3", b"null", b"\xff"):
+        file.write_bytes(data)
+        with pytest.raises(HARMED):
+            sealed_file.read(file)
+    file.write_bytes(sealed_file.before(file).read_bytes())
+    sealed_file.before(file).write_bytes(whole)
+    with pytest.raises(HARMED):
+        sealed_file.read(file)
+
+
+def test_pieces_of_sealed_files_put_together_are_none(tmp_path: Path) -> None:
+    rng = random.Random(seed.SEED)
+    file, other = written(tmp_path), written(tmp_path, "usage.json")
+    texts = [one.read_bytes() for one in (file, other, sealed_file.before(file))]
+    for _ in range(500):
+        first, last = rng.choice(texts), rng.choice(texts)
+        file.write_bytes(first[: rng.randrange(len(first))] + last[rng.randrange(len(last)) :])
+        with contextlib.suppress(HARMED):
+            assert sealed_file.read(file) in (FIRST, SECOND)
+
+
+def test_a_folder_of_a_version_without_seals_is_taken_once(tmp_path: Path) -> None:
+    file = tmp_path / "usage.json"
+    file.write_text('{"a": 1}')
+    assert sealed_file.read(file) == {"a": 1}
+    sealed_file.adopt(tmp_path, ["usage.json", "none.json"])
+    assert sealed_file.read(file) == {"a": 1} and not (tmp_path / "none.json").exists()
+    file.write_text('{"a": 2}')
+    with pytest.raises(Damaged):
+        sealed_file.read(file)
+
+
+def test_where_a_file_is_damaged_the_one_before_counts_and_is_reported(tmp_path: Path) -> None:
+    file = written(tmp_path)
+    file.write_bytes(file.read_bytes()[:-9])
+    values, alarm = kept_file.read(file, lambda found: found, None)
+    assert values == FIRST and alarm is not None and alarm["key"] == "file_before"
+    assert (tmp_path / "fitting.json.damaged1").exists()
+    file = written(tmp_path)
+    for one in (file, sealed_file.before(file)):
+        one.write_bytes(b"{")
+    values, alarm = kept_file.read(file, lambda found: found, None)
+    assert values is None and alarm is not None and alarm["key"] == "file_damaged"
+    file = written(tmp_path)
+    file.unlink()
+    values, alarm = kept_file.read(file, lambda found: found, None)
+    assert values == FIRST and alarm is not None and alarm["key"] == "file_before"
