@@ -4,9 +4,10 @@
     ---- R       clearance; rapids go down to here, G99 ends here
     ---- Z       bottom
 
-Each line drills once, or L times (K under fanuc). Its words stay for the next line of the same cycle, but L.
-Z of G17 is the axis across the plane; under G18 and G19 Y and X take its place. Under G91 X and Y are steps,
-R counts from the level and Z from R.
+A series is all cycles between two other motions (or G80), of whichever code. From hole to hole a rapid goes
+at the height where the last one was left. Each line drills once, or L times (K under fanuc). Its words stay
+for the next line of the same cycle, but L. Z of G17 is the axis across the plane; under G18 and G19 Y and X
+take its place. Under G91 X and Y are steps, R counts from the level and Z from R.
 """
 
 from __future__ import annotations
@@ -122,7 +123,7 @@ MAX_PECKS = 10_000  # ... in all of them
 def blocks(here: Here, code: str, word: Word) -> tuple[list[Block], State]:
     """The moves of one line of a cycle, and the state after them."""
     _check(here, code, word)
-    cycle, start = _cycle(here, code, word)
+    cycle, now = _cycle(here, code, word)
     feed = here.state.feed(here.ask, code, word)
     way = Way(here, here.ask.place(word), feed, line_words.targets(here))
     before = here.state.motion
@@ -132,11 +133,8 @@ def blocks(here: Here, code: str, word: Word) -> tuple[list[Block], State]:
     if code in TAPS and not rigid:
         state = _told_floating(way, state, code)
     clearance, bottom = _heights(here, cycle)
-    if abs(start - clearance) < ROUNDING:
-        start = clearance
-    if start < clearance:
-        way.rapid(None, None, start := clearance)
-    way.end = clearance if here.state.to_clearance else max(start, clearance)
+    start = _start(way, now, clearance, cycle.level)
+    way.end = clearance if here.state.to_clearance else max(cycle.level, clearance)
     relative = not here.state.absolute
     x, y = way.begin
     way.repeats = _repeats(here.ask, way)
@@ -149,6 +147,20 @@ def blocks(here: Here, code: str, word: Word) -> tuple[list[Block], State]:
         way.rapid(None, None, way.end)
         start = way.end
     return way.made, state._replace(modal=replace(state.modal, outputs=way.modal.outputs))
+
+
+def _start(way: Way, now: float, clearance: float, level: float) -> float:
+    """The height of the rapid over the first hole, mm: where the axis is, and not below R.
+
+    From R or below, G98 goes over to the hole at the level again, and G99 goes straight up to R first.
+    """
+    if now > clearance + ROUNDING:
+        return now
+    if not way.here.state.to_clearance and level >= clearance:
+        return level
+    if now < clearance - ROUNDING:
+        way.rapid(None, None, clearance)
+    return clearance
 
 
 def _check(here: Here, code: str, word: Word) -> None:
@@ -187,7 +199,7 @@ def _check_along(here: Here, code: str, word: Word) -> None:
 
 
 def _cycle(here: Here, code: str, word: Word) -> tuple[Cycle, float]:
-    """What the words say and what is kept, and the height from which the line begins."""
+    """What the words say and what is kept, and where the axis across the plane is, mm."""
     before, state = here.state.cycle, here.state
     keeps = before is not None and (before.code == code or here.machine.dialect == "fanuc")
     normal = PLANES[state.modal.plane][2]
@@ -201,12 +213,11 @@ def _cycle(here: Here, code: str, word: Word) -> tuple[Cycle, float]:
         what = Key("cycle.bottom" if bottom is None else "cycle.clearance")
         raise here.ask.refusal(word, "cycle.no_height", code=code, lacks=lacks, what=what)
     (now,) = here.known(word, here.position.in_frame(state.modal)[normal : normal + 1], code)
-    start = before.level if before is not None and keeps and not state.to_clearance else now
-    level = before.level if before is not None and keeps else now
+    level = before.level if before is not None else now
     old = before if before is not None and keeps else None
     depth, seconds = _depth(here, code, word, old), _seconds(here, code, word, old)
     shift = bore_shift(here, code, word, old)
-    return Cycle(code, bottom, clearance, level, depth, seconds, shift, state.mm_per_unit), start
+    return Cycle(code, bottom, clearance, level, depth, seconds, shift, state.mm_per_unit), now
 
 
 def _check_unit(here: Here, code: str, word: Word, before: Cycle) -> None:

@@ -52,6 +52,26 @@ def told(text: str, dialect: str = "rs274") -> list[str]:
             "G99 G81 X1 Z-5 R2\nG98 X3",
             "r 1 0 10, r 1 0 2, f 1 0 -5, r 1 0 2, r 3 0 10, r 3 0 2, f 3 0 -5, r 3 0 10",
         ),
+        # another cycle goes on with the series
+        (
+            "G99 G81 X1 Z-5 R2\nG98 G82 X3 Z-5 R2 P1",
+            "r 1 0 10, r 1 0 2, f 1 0 -5, r 1 0 2, r 3 0 10, r 3 0 2, f 3 0 -5, d 1, r 3 0 10",
+        ),
+        # over to the next hole where the last one was left, then down to a lower R, and back to the level
+        (
+            "G99 G81 X1 Z-5 R2\nG98 X3 R1",
+            "r 1 0 10, r 1 0 2, f 1 0 -5, r 1 0 2, r 3 0 2, r 3 0 1, f 3 0 -5, r 3 0 10",
+        ),
+        # the same where the series began below R, with a lower R ...
+        (
+            "G0 Z1\nG98 G81 X1 Z-5 R6\nX3 R1",
+            "r 0 0 1, r 0 0 6, r 1 0 6, f 1 0 -5, r 1 0 6, r 3 0 6, r 3 0 1, f 3 0 -5, r 3 0 1",
+        ),
+        # ... and where a shift of Z has put the axis at another figure
+        (
+            "G98 G81 X1 Z-5 R2\nG92 Z3\nX3",
+            "r 1 0 10, r 1 0 2, f 1 0 -5, r 1 0 10, r 3 0 10, r 3 0 9, f 3 0 2, r 3 0 17",
+        ),
         # in steps, R from the level and Z from R; L times
         ("G99 G91 G81 X1 Y1 Z-3 R-8 L2", "r 1 1 10, r 1 1 2, f 1 1 -1, r 1 1 2, r 2 2 2, f 2 2 -1, r 2 2 2"),
         ("G99 G82 X1 Z-5 R2 P.5", "r 1 0 10, r 1 0 2, f 1 0 -5, d 0.5, r 1 0 2"),

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from support.oracles import reference_interpreter
 from support.oracles.reference_interpreter import Move
-from support.parts import random_codes, random_grammar, random_planar
+from support.parts import random_codes, random_cycles, random_grammar, random_planar
 from support.suite import seed
 
 NO_ROOM = ("leaves standing", "vanishes behind the cutter", "cannot be reached")
@@ -34,7 +34,7 @@ def without_slight_corners(moves: Sequence[Move]) -> list[Move]:
 @pytest.mark.skipif(
     reference_interpreter.program() is None, reason="rs274 (linuxcnc-uspace) is not installed"
 )
-@pytest.mark.parametrize("make", [random_codes.program, random_grammar.program])
+@pytest.mark.parametrize("make", [random_codes.program, random_grammar.program, random_cycles.program])
 @pytest.mark.parametrize(("count", "part"), PARTS)
 def test_random_programs_lead_where_the_reference_interpreter_leads(
     make: Callable[[random.Random], str], count: int, part: int, tmp_path: Path

@@ -8,13 +8,14 @@ of the programs tells.
 from __future__ import annotations
 
 import random
+import re
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 from support.machines.lines_by_hand import ByHand
 from support.oracles import reference_interpreter as oracle
-from support.parts.random_lines import Lines
+from support.parts.random_lines import ARCS, Lines
 from support.suite import seed
 
 from controller.machine.model import Machine
@@ -27,6 +28,11 @@ from controller.service.active_codes import active_codes
 README = (Path(__file__).parents[3] / "config/programs/README.md").read_text(encoding="utf-8")
 RUNS, LINES, SLOW_RUNS = 40, 10, 400
 BEGIN = ("G21 G98 F100 T1 M6",)  # as ours at power-on
+DRILLS = (
+    "G7",
+    "G8",
+    *(f"{letter}{sign}" for letter in "XYZA" for sign in "-0123456789[#"),
+)  # while a cycle is on
 PLACE = 2e-3  # of six decimals of inches, and their sums
 
 # What leads elsewhere, or is refused by one of both, on purpose: where the README has the reason, and of
@@ -40,12 +46,7 @@ REASONS: dict[str, Callable[[str, State], bool]] = {
         at.per_turn and line not in ("G94", "G93")
     ),
     "goes on with lengths of a line in another unit": lambda line, at: (
-        at.cycle is not None
-        and at.cycle.mm_per_unit != at.mm_per_unit
-        and (line[0] in "XYZA" or line.startswith(at.cycle.code))
-    ),
-    "Another cycle after a cycle begins a series of its own": lambda line, at: (
-        at.cycle is not None and line[:2] in ("G8", "G7") and not line.startswith((at.cycle.code, "G80"))
+        at.cycle is not None and at.cycle.mm_per_unit != at.mm_per_unit and line[:2] in DRILLS
     ),
     "G53 under G91 is a position as under G90": lambda line, at: "G53" in line and not at.absolute,
     "G10 L2 R, while a shift of G92 is in force": lambda line, at: (
@@ -61,6 +62,8 @@ REASONS: dict[str, Callable[[str, State], bool]] = {
 }
 
 
+RISES = "Where R rises from one line of a cycle to the next under G99"
+BEGAN_BELOW = "In a series of cycles that began below R"
 TURN_IS_LOST = "the turn of an offset that no motion has followed yet"
 
 
@@ -72,12 +75,26 @@ def joined(text: str, machine: Machine) -> tuple[list[oracle.Move], State]:
     return moves.moves, seen.last
 
 
+def of_series(line: str, hand: ByHand) -> str:
+    """Where R of a line that goes on with a series of cycles lies above its beginning, or above the axis."""
+    at = hand.state
+    if at.cycle is None or line[:2] not in DRILLS:
+        return ""
+    given = re.search(r"R(\S+)", line)
+    r = at.cycle.clearance if given is None else float(given[1]) * at.mm_per_unit
+    r += 0.0 if at.absolute else at.cycle.level
+    z = hand.work[ARCS[at.modal.plane][4]]
+    if z < r <= at.cycle.level and at.to_clearance:
+        return RISES
+    return BEGAN_BELOW if at.cycle.level < r < z else ""
+
+
 def reason(line: str, hand: ByHand) -> str:
     """Where the README has why it may lead elsewhere; "" where it may not."""
     state = hand.state
     if "M6" in line and hand.machine.offset(state.modal.offset).frame.x[0] != 1.0:
         return TURN_IS_LOST
-    return next((text for text, holds in REASONS.items() if holds(line, state)), "")
+    return next((text for text, holds in REASONS.items() if holds(line, state)), of_series(line, hand))
 
 
 @pytest.fixture(scope="module")
@@ -86,7 +103,11 @@ def machine() -> Machine:
 
 
 def test_every_reason_is_told() -> None:
-    assert [text for text in (*REASONS, TURN_IS_LOST) if text not in README.replace("\n  ", " ")] == []
+    assert [
+        text
+        for text in (*REASONS, RISES, BEGAN_BELOW, TURN_IS_LOST)
+        if text not in README.replace("\n  ", " ")
+    ] == []
 
 
 @pytest.mark.parametrize("run", range(RUNS // 2))
