@@ -389,7 +389,9 @@ class CheckFacts(Told):
     result: dict[str, Any] = {}
     verdict: VerdictFacts | None = None  # none has a form tolerance
     over_limit: bool = Field(
-        False, description="Whether an axis goes beyond its velocity, acceleration or jerk by 0.5 % or more."
+        False,
+        description="Whether an axis goes beyond its velocity, acceleration or jerk: `over` of its row in "
+        "`joints`.",
     )
 
 

@@ -14,7 +14,7 @@ from controller.machine.model import Machine
 from controller.messages import said
 from controller.plan.feed.binding import NUMBER_OF_CODES
 from controller.plan.report.stored import Overcut
-from controller.plan.report.survey import BlockUse, Survey
+from controller.plan.report.survey import MAX_SHARES, BlockUse, Survey
 from controller.plan.report.tally import Bound, Part, bounds
 from controller.plan.stretch import motion_named
 from controller.verify.console import say, word
@@ -136,13 +136,16 @@ def joints(found: Survey) -> Table:
     heads = ("axis", "from", "to", "travel", "velocity", "acceleration", "jerk")
     table = headed("table.joints", heads, left=("axis",))
     for use in found.joints:
-        shares = (use.velocity_share, use.acceleration_share, use.jerk_share)
+        shares = {kind: f"{100 * getattr(use, f'{kind}_share'):.1f} %" for kind in MAX_SHARES}
         table.add_row(
             use.name,
             f"{use.lowest:.3f}",
             f"{use.highest:.3f}",
             f"{use.travel[0]:g} .. {use.travel[1]:g}",
-            *(f"{100 * share:.1f} %" for share in shares),
+            *(
+                f"{share} {word('programs.over_limit')}" * (kind in use.over) or share
+                for kind, share in shares.items()
+            ),
         )
     return table
 

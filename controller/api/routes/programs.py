@@ -27,8 +27,6 @@ router = APIRouter(tags=["programs"])
 Place = Annotated[int, Query(ge=0, le=10**9)]
 IN_USE_S = 10.0
 IN_LISTS = ("duration_s", "takes_s", "stored", "pictured")  # of what a check found
-SHARES = ("velocity_share", "acceleration_share", "jerk_share")
-OVER = 1.005  # of a limit: shown as 101 %, and from here on said to be over it
 FORM = {
     "type": "object",
     "required": ["file"],
@@ -240,7 +238,7 @@ def _check(panel: Panel, program: Program) -> models.CheckFacts:
         return models.CheckFacts(state="none", over_limit=False)
     result = dict(known.result)
     verdict = result.get("verdict")
-    over = any(row.get(name, 0.0) >= OVER for row in result.get("joints") or () for name in SHARES)
+    over = any(row.get("over") for row in result.get("joints") or ())
     return models.CheckFacts(
         state=known.state, progress=known.progress, result=result, verdict=verdict, over_limit=over
     )

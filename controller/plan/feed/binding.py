@@ -76,14 +76,19 @@ def windows(span: Span) -> int:
     return max(1, math.ceil(length / SHOWN_S - 1e-9)) if length > 0.0 else 0
 
 
+def middles(span: Span, count: int) -> Array:
+    """The middles of ``count`` equal parts of a span, in the time of its law."""
+    dt = (span.to_s - span.from_s) / max(1, count)
+    return np.asarray(span.from_s + (np.arange(count) + 0.5) * dt)
+
+
 def moments(
     course: Course, row: Sequence[Span], per_window: int = PER_WINDOW, counts: Sequence[int] | None = None
 ) -> Motion:
     """``per_window`` moments in each window of each span; ``counts`` windows instead of their own number."""
     counts, parts = [windows(span) for span in row] if counts is None else counts, []
     for span, n in zip(row, counts, strict=True):
-        dt = (span.to_s - span.from_s) / max(1, n * per_window)
-        t: Array = np.asarray(span.from_s + (np.arange(n * per_window) + 0.5) * dt)
+        dt, t = (span.to_s - span.from_s) / max(1, n * per_window), middles(span, n * per_window)
         s, v, a, j = along(span.law, t)
         parts.append((np.full(len(t), dt), s + course.zeros[span.stretch], v, a, j))
     return Motion(tuple(counts), per_window, *(np.concatenate(p) for p in zip(*parts, strict=True)))

@@ -31,6 +31,7 @@ from controller.plan.path.path import Chain, Pause, Stretch, joints_along
 from controller.plan.report import moments
 from controller.plan.report.passing import Passing
 from controller.plan.report.planned import Planned, planned
+from controller.plan.report.setpoints import Setpoints
 from controller.plan.report.tally import Bound, Part, Tally, bounds
 from controller.plan.restart.program_position import BESIDE
 from controller.plan.surfaces import rates
@@ -40,9 +41,17 @@ from controller.program.program import Act
 Array = npt.NDArray[np.float64]
 
 
+# To so much of a limit the laws of the plan keep an axis: that of jerk is met at the knots of a law, nearly
+# between them. A larger share is a fault of the plan.
+MAX_SHARES = {"velocity": 1.002, "acceleration": 1.002, "jerk": 1.015}
+
+
 @dataclass(frozen=True, slots=True)
 class JointUse:
-    """Range of one joint over the path, and the largest shares of its limits (1.0 = the limit)."""
+    """Range of one joint over the path, and the largest shares of its limits (1.0 = the limit).
+
+    They are those of the setpoints where the law's own derivatives are above a limit (``setpoints``).
+    """
 
     name: str
     lowest: float  # mm or degrees, as shown outside
@@ -52,8 +61,14 @@ class JointUse:
     acceleration_share: float
     jerk_share: float
 
+    @property
+    def over(self) -> tuple[str, ...]:
+        """The limits that it goes beyond: kinds of ``MAX_SHARES``."""
+        return tuple(kind for kind, most in MAX_SHARES.items() if getattr(self, f"{kind}_share") > most)
+
     def to_dict(self) -> dict[str, Any]:
-        return {name: getattr(self, name) for name in self.__slots__}
+        plain = {name: getattr(self, name) for name in self.__slots__}
+        return {**plain, "over": self.over} if self.over else plain
 
 
 @dataclass(frozen=True, slots=True)
@@ -208,8 +223,9 @@ class _Look:
         self._marked = True
 
     def _motion(self, course: Course, spans: Sequence[Span], took_s: float) -> None:
+        setpoints = Setpoints(course, spans)
         for row in moments.rows(course, spans, self._limits):
-            self._moments(course, row)
+            self._moments(course, row, setpoints)
         for span in spans:
             motion = course.stretches[span.stretch].motion
             cutting = course.stretches[span.stretch].cutting
@@ -268,12 +284,12 @@ class _Look:
 
     # ---- moments
 
-    def _moments(self, course: Course, row: Sequence[moments.Look]) -> None:
+    def _moments(self, course: Course, row: Sequence[moments.Look], setpoints: Setpoints) -> None:
         motion = moments.of(course, row)
         use = binding.used(motion, course.derivatives(motion.s))
         found = binding.codes(course, motion, use)
         shown = binding.shown(motion, found)
-        ratio, feed = use / self._limits, course.feed(motion.s)
+        ratio, feed = self._ratios(row, use / self._limits, setpoints), course.feed(motion.s)
         self._seconds += np.bincount(found, motion.dt, binding.NUMBER_OF_CODES)
         fed = np.isfinite(feed)
         self._fed_seconds += np.bincount(found[fed], motion.dt[fed], binding.NUMBER_OF_CODES)
@@ -293,6 +309,18 @@ class _Look:
                 self._joints(stretch, s)
             self._cut_time_s += (span.to_s - span.from_s) * stretch.cutting
             window, first = window + n, here.stop
+
+    def _ratios(self, row: Sequence[moments.Look], ratio: Array, setpoints: Setpoints) -> Array:
+        """Shares of limits (N, axes, 3); where a derivative is above its limit, as the drives get them."""
+        first = 0
+        for span, n in row:
+            here = ratio[first : (first := first + n * moments.PER_WINDOW)]
+            above = np.flatnonzero((here > 1.0).any(axis=(1, 2)))
+            if len(above):
+                times = binding.middles(span, len(here))[above]
+                asked = np.minimum(here[above], setpoints.shares(span.stretch, times, self._limits))
+                here[above] = np.where(here[above] > 1.0, asked, here[above])
+        return ratio
 
     def _joints(self, stretch: Stretch, s: Array) -> None:
         s = np.clip(s[:: max(1, len(s) // 400)], 0.0, stretch.motion.end)

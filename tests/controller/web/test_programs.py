@@ -239,7 +239,10 @@ def test_a_refused_program_is_shown_with_its_guilty_place(page: Any) -> None:
 def test_a_program_that_takes_an_axis_over_a_limit_has_no_green_word_beside_it(page: Any, site: Site) -> None:
     drop(page, "fast.ngc", "(TOO FAST)\nM2\n")
     choose(page, "fast.ngc")
-    page.wait_for_selector(".programs-detail .box >> text=101 % over the limit")
+    page.wait_for_selector(".programs-detail .box >> text=102 % over the limit")
+    assert page.locator(".programs-detail .box .wrong").count() == 1, (
+        "101 % of a jerk is as near as laws come"
+    )
     chip = page.locator("tr[data-program='fast.ngc'] .p-check .chip")
     assert (chip.inner_text(), chip.get_attribute("data-tone")) == ("over a limit", "stop")
     assert site.ask("programs/fast.ngc/check")["over_limit"] is True

@@ -310,7 +310,10 @@ PASSED = {
 }
 
 
-HARD = [{**row, "jerk_share": 1.012 if row["name"] == "X" else 0.9} for row in PASSED["joints"]]  # type: ignore[attr-defined]
+HARD = [
+    {**row, **({"jerk_share": 1.023, "over": ["jerk"]} if row["name"] == "X" else {"jerk_share": 1.009})}
+    for row in PASSED["joints"]  # type: ignore[attr-defined]
+]
 EXCEEDING = wording.told(
     [Verdict(19, 2, 0.05, 0.4831, 0.0, 1.0, 0.0, 10.0, (38.0, 22.0, 10.0), "lead out", 19, ("double",), 0.0)]
 )

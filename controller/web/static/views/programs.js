@@ -227,7 +227,6 @@ const RefusedOne = ({ check: { verdict, result } }) => html`
   ${told.calls.length > 0 && html`<p class="note">${word("called", result.file)}</p><pre class="listing caret" id="programs-calls" tabindex="0">${told.calls.join("\n")}</pre>`}`;
 
 const SHARES = ["velocity", "acceleration", "jerk"];
-const OVER = 1.005; // of a limit, as the panel has it
 
 function Found({ check, made }) {
   const binds = (check.cut_binds ?? []).filter(({ share }) => share >= 0.01).map(({ what, share }) => `${forms.bound(what)} ${forms.percent(share)}`);
@@ -249,14 +248,14 @@ function Found({ check, made }) {
     ${(check.notes ?? []).map((one) => html`<p class="dim note">${text("run.line")} ${one.line}: ${sentence(one)}</p>`)}`;
 }
 
-const Share = ({ share }) => html`<td class=${`figures ${share >= OVER ? "wrong" : ""}`}>${forms.percent(share)}${share >= OVER && html` <span class="note">${word("over_limit")}</span>`}</td>`;
+const Share = ({ share, over }) => html`<td class=${`figures ${over ? "wrong" : ""}`}>${forms.percent(share)}${over && html` <span class="note">${word("over_limit")}</span>`}</td>`;
 
 // What each axis does; a share of more than its limit is said in colour and word.
 const BOX = ["run.axis", ...["from", "to", ...SHARES].map((one) => `programs.${one}`)];
 const Box = ({ joints }) => html`<${ScrolledTable} class="box" word=${text} columns=${BOX}>${joints.map((joint) => html`<tr key=${joint.name}>
     <th scope="row">${joint.name}</th>
     <td class="figures">${joint.lowest.toFixed(2)}</td><td class="figures">${joint.highest.toFixed(2)}</td>
-    ${SHARES.map((one) => html`<${Share} key=${one} share=${joint[`${one}_share`]} />`)}
+    ${SHARES.map((one) => html`<${Share} key=${one} share=${joint[`${one}_share`]} over=${joint.over?.includes(one)} />`)}
   </tr>`)}<//>`;
 
 // To begin elsewhere; what will be in force there is shown once it is loaded.
