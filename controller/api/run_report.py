@@ -16,7 +16,7 @@ from controller.api.records import Alarm, Run
 
 AS_CUT = "as_cut"  # of a run's facts, see ``run_verdicts``
 OF_RUN = ("duration_s", "planned_s", "cut_time_s", "ticks", "skips", "line")
-OF_CHECK = ("duration_s", "cut_length_mm", "blocks")
+OF_CHECK = ("duration_s", "blocks")
 SHARES = ("velocity_share", "acceleration_share", "jerk_share")
 _STYLE = (
     "body{font:16px/1.4 sans-serif;margin:2rem auto;max-width:52rem;padding:0 1rem;color:#111;"
@@ -97,6 +97,9 @@ def _off(what: str, error: Mapping[str, Any]) -> tuple[str, ...]:
 def _check(check: Mapping[str, Any], word: Mapping[str, str], language: str) -> Iterator[str]:
     verified = check.get("verified") or {}
     rows = [(word[f"check.{key}"], _figure(check[key])) for key in OF_CHECK if check.get(key) is not None]
+    rows += [
+        (word[f"check.work.{one['what']}"], _figure(one["length_mm"])) for one in check.get("work") or ()
+    ]
     verdict = check.get("verdict") or {}
     if verdict:
         rows.append((word["check.form"], messages.text(verdict, language)))

@@ -81,6 +81,7 @@ class Stretch:
     guarded: bool = False  # a probe in the spindle must not touch
     # A spline of many lines with all their corners (``lines.exact_rows``): its law and its stops know them.
     is_exact_row: bool = False
+    hole: str = ""  # as ``JointLine.hole``
 
     def scale(
         self, override: float, rapid_override: float, adaptive: float = 1.0, everywhere: float = 1.0

@@ -28,8 +28,9 @@ PLANES = MappingProxyType({"G17": (0, 1, 2), "G18": (2, 0, 1), "G19": (1, 2, 0)}
 class Way:
     """Collects the moves of one line, in program coordinates of the plane: first, second and normal axis."""
 
-    def __init__(self, here: Here, place: Place, feed: float, targets: Targets) -> None:
-        self.here, self.place, self.feed = here, place, feed
+    def __init__(self, here: Here, place: Place, feed: float, targets: Targets, hole: str = "drill") -> None:
+        """``hole``: what is done at feed, as ``JointLine.hole``."""
+        self.here, self.place, self.feed, self._hole = here, place, feed, hole
         self.targets = targets  # of the line's words
         self.made: list[Block] = []
         self.modal = here.state.modal  # as the spindle turns just now
@@ -79,7 +80,8 @@ class Way:
                 made[i] = self.targets[i]
         for axis, value in zip(PLANES[modal.plane], (x, y, height), strict=True):
             made[machine.linear()[axis]] = value
-        line = JointLine(self.place, modal, tuple(made), False, False, feed, feed)
+        hole = "" if feed is None else self._hole
+        line = JointLine(self.place, modal, tuple(made), False, False, feed, feed, hole=hole)
         self.made.append(line)
 
     def thread(

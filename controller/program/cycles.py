@@ -125,7 +125,8 @@ def blocks(here: Here, code: str, word: Word) -> tuple[list[Block], State]:
     _check(here, code, word)
     cycle, now = _cycle(here, code, word)
     feed = here.state.feed(here.ask, code, word)
-    way = Way(here, here.ask.place(word), feed, line_words.targets(here))
+    hole = "tap" if code in TAPS else "drill"
+    way = Way(here, here.ask.place(word), feed, line_words.targets(here), hole)
     before = here.state.motion
     beneath = here.state.beneath if before in CYCLES else before
     state = here.state._replace(cycle=cycle, motion=code, beneath=beneath)

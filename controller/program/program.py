@@ -311,6 +311,7 @@ class JointLine:
     time_s: float | None = None  # G93: what the whole block takes; both feeds are 0 then
     thread: Thread | None = None  # the spindle leads it
     probe: Probing | None = None  # G38.2 to G38.5, G31
+    hole: str = ""  # "drill", "tap" or "thread": what is done at feed by a cycle, G33 or G33.1
 
 
 @dataclass(slots=True, unsafe_hash=True)

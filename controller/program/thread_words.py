@@ -34,7 +34,13 @@ def blocks(here: Here, code: str, word: Word) -> tuple[list[Block], State]:
     normal = PLANES[here.state.modal.plane][2]
     _check(here, code, word, "XYZ"[normal])
     pitch = _pitch_mm(here, code, word)
-    way = Way(here, here.ask.place(word), here.state.feed_of_pitch(pitch), _no_targets(here))
+    way = Way(
+        here,
+        here.ask.place(word),
+        here.state.feed_of_pitch(pitch),
+        _no_targets(here),
+        "tap" if code == "G33.1" else "thread",
+    )
     (now,) = here.known(word, here.position.in_frame(here.state.modal)[normal : normal + 1], code)
     target = here.length_mm("XYZ"[normal]) or 0.0
     if not here.state.absolute:

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from controller.ipc.handoff import COLUMN
 from controller.machine.model import Machine
-from controller.messages import said
 from controller.plan.feed.binding import NUMBER_OF_CODES
 from controller.plan.report.stored import Overcut
 from controller.plan.report.survey import MAX_SHARES, BlockUse, Survey
@@ -104,8 +103,8 @@ def _bound(bound: Bound) -> str:
 
 def whole(found: Survey, program: str, machine: str) -> str:
     """The last lines of ``check``."""
-    cut = said("table.cut_part", time=found.cut_time_s, length=found.cut_length_mm)
-    part = cut if found.cuts_mm else said("table.no_cut")
+    works = [say(f"table.work.{one.what}", time=one.time_s, length=one.length_mm) for one in found.work]
+    part = say("table.work_part", parts=", ".join(works)) if works else say("table.no_cut")
     rows = [say("table.can_run", program=program, machine=machine)]
     rows.append(say("table.in_all", time=found.duration_s, part=part))
     if found.waits_s:

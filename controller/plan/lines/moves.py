@@ -24,9 +24,13 @@ def line(block: JointLine, machine: Machine, kinematics: Kinematics, now: Joints
     """The stretch of a G0 or G1; None where nothing moves."""
     end = target(block, machine, kinematics, now)
     found = straight("line", block.place, now, end, block.feed_mm_s, kinematics, block.feed_deg_s)
-    if found is not None and block.thread is not None:
+    if found is None:
+        return None
+    if block.hole:
+        found = replace(found, hole=block.hole)
+    if block.thread is not None:
         return _tied(found, block.thread, machine)
-    return found if found is None or block.time_s is None else timed(found, block.time_s)
+    return found if block.time_s is None else timed(found, block.time_s)
 
 
 def _tied(stretch: Stretch, thread: Thread, machine: Machine) -> Stretch:

@@ -19,7 +19,7 @@ from controller.plan.lines.corners import Feed
 from controller.plan.rotaries import tool_paths
 from controller.plan.stretch import MIN_TIP_RATE, STANDS_MM, Stretch, Voice
 from controller.plan.surfaces import audit
-from controller.program.program import JointArc, Place
+from controller.program.program import JointArc, JointLine, Place
 
 Array = npt.NDArray[np.float64]
 
@@ -83,6 +83,7 @@ class RowMotions:
             _turning(starts, [stands for _, stands in begun.feeds]),
             tuple(block.place.order for block in here) if here[0].place.step else (),
             is_exact_row=exact,
+            hole=_hole(here),
         )
         self.audit(lambda s: here[motion.index_at(s)].place, places, joints)
         return found
@@ -120,6 +121,12 @@ def _turning(starts: list[float], stands: list[bool]) -> tuple[tuple[float, floa
     changes = [0, *(k for k in range(1, len(stands)) if stands[k] != stands[k - 1]), len(stands)]
     bounds = [-math.inf, *starts[1:], math.inf]
     return tuple((bounds[i], bounds[k]) for i, k in itertools.pairwise(changes) if stands[i])
+
+
+def _hole(blocks: list[Feed]) -> str:
+    """What all of them do in holes, as ``JointLine.hole``; "" where it is not one thing."""
+    found = {block.hole if isinstance(block, JointLine) else "" for block in blocks}
+    return found.pop() if len(found) == 1 else ""
 
 
 def _feed_steps(starts: list[float], feeds: list[float]) -> tuple[tuple[float, float], ...]:

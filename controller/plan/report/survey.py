@@ -18,15 +18,18 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from controller.geometry.curves import Line
 from controller.geometry.placement import Placed
 from controller.geometry.surfaces import Cone
+from controller.geometry.vectors import norm, subtract
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Machine
-from controller.motion.motions import SurfaceCut, ToolSpline
+from controller.motion.motions import JointMove, SurfaceCut, ToolSpline
 from controller.plan.feed import binding
 from controller.plan.feed.binding import Span
 from controller.plan.feed.course import Course
 from controller.plan.feed.law import along
+from controller.plan.path.outputs import PROBE
 from controller.plan.path.path import Chain, Pause, Stretch, joints_along
 from controller.plan.report import moments
 from controller.plan.report.passing import Passing
@@ -34,6 +37,7 @@ from controller.plan.report.planned import Planned, planned
 from controller.plan.report.setpoints import Setpoints
 from controller.plan.report.tally import Bound, Part, Tally, bounds
 from controller.plan.restart.program_position import BESIDE
+from controller.plan.stretch import STANDS_MM
 from controller.plan.surfaces import rates
 from controller.plan.waits import laid
 from controller.program.program import Act
@@ -96,6 +100,24 @@ class BlockUse:
 
 
 @dataclass(frozen=True, slots=True)
+class Work:
+    """How far and how long a program works in one way: ways of the tip at a programmed feed."""
+
+    what: str  # of WORKS
+    length_mm: float
+    time_s: float
+
+    def to_dict(self) -> dict[str, Any]:
+        return {name: getattr(self, name) for name in self.__slots__}
+
+
+LISTS = ("binds", "cut_binds", "joints", "work")  # of a survey
+
+# On surfaces, along lines and arcs, down and up holes of cycles, and beside threads.
+WORKS = ("surface", "mill", "drill", "tap", "thread")
+
+
+@dataclass(frozen=True, slots=True)
 class Survey:
     """What ``check`` tells of a program that can run, but for its blocks."""
 
@@ -109,10 +131,11 @@ class Survey:
     cut_binds: tuple[Bound, ...]  # over the cuts and programmed feeds alone
     joints: tuple[JointUse, ...]
     waits_s: float = 0.0  # for spindle, clamps, changes and inputs, as expected; no part of ``duration_s``
+    work: tuple[Work, ...] = ()  # what there is of it, in the order of WORKS
 
     def to_dict(self) -> dict[str, Any]:
         plain = {name: getattr(self, name) for name in self.__slots__}
-        lists = {name: [one.to_dict() for one in plain[name]] for name in ("binds", "cut_binds", "joints")}
+        lists = {name: [one.to_dict() for one in plain[name]] for name in LISTS}
         return {**plain, **lists}
 
 
@@ -155,7 +178,7 @@ class _Open:
     def tally(self, stretch: Stretch) -> Tally:
         """Where a stretch counts: ways before the block's own motion are its approach."""
         if stretch.cutting or stretch.name not in BESIDE:
-            name, self.what = "own", self.what or _kind_of(stretch)
+            name, self.what = "own", stretch.hole or self.what or _kind_of(stretch)
         else:
             name = "departure" if "own" in self.parts else "approach"
         return self.parts.setdefault(name, Tally(self.machine))
@@ -175,6 +198,23 @@ def _kind_of(stretch: Stretch) -> str:
     return "rapid" if stretch.feed_mm_s is None and stretch.name == "line" else stretch.name
 
 
+def _work_of(stretch: Stretch) -> str:
+    """One of WORKS; "" of rapids, the controller's own ways, probing, and turns of rotaries alone."""
+    if stretch.cutting:
+        return "surface"
+    if stretch.feed_mm_s is None or stretch.name in {*BESIDE, PROBE} or _turns_alone(stretch):
+        return ""
+    return stretch.hole or "mill"
+
+
+def _turns_alone(stretch: Stretch) -> bool:
+    """Whether only rotaries move."""
+    motion = stretch.motion
+    if not isinstance(motion, JointMove) or not isinstance(motion.curve, Line):
+        return False
+    return bool(norm(subtract(motion.curve.end, motion.curve.start)) < STANDS_MM)
+
+
 class _Look:
     """Takes what is planned in the order of the path, and sums it up."""
 
@@ -189,6 +229,7 @@ class _Look:
         self._cut_time_s = 0.0
         self._last_cut: SurfaceCut | None = None
         self._cuts: list[float] = []
+        self._work = {what: [0.0, 0.0] for what in WORKS}  # mm, s
         self._seconds = np.zeros(binding.NUMBER_OF_CODES)
         self._fed_seconds = np.zeros(binding.NUMBER_OF_CODES)
         self._ratio = np.zeros(self._limits.shape)
@@ -257,6 +298,7 @@ class _Look:
             bounds(self._fed_seconds, self._machine),
             self._uses(),
             self._waits_s,
+            tuple(Work(what, *found) for what, found in self._work.items() if found[0]),
         )
 
     # ---- blocks
@@ -306,9 +348,15 @@ class _Look:
                 dt, ds = _windows(span, n)
                 tip = rate.reshape(n, motion.per_window).mean(axis=1)
                 tally.windows(dt, tip * ds, shown[window : window + n])
+                self._works(_work_of(stretch), float((tip * ds).sum()), float(dt.sum()))
                 self._joints(stretch, s)
             self._cut_time_s += (span.to_s - span.from_s) * stretch.cutting
             window, first = window + n, here.stop
+
+    def _works(self, what: str, length_mm: float, time_s: float) -> None:
+        if what:
+            self._work[what][0] += length_mm
+            self._work[what][1] += time_s
 
     def _ratios(self, row: Sequence[moments.Look], ratio: Array, setpoints: Setpoints) -> Array:
         """Shares of limits (N, axes, 3); where a derivative is above its limit, as the drives get them."""

@@ -162,7 +162,15 @@ def test_what_a_check_found_is_shown_with_its_units(page: Any, site: Site) -> No
     choose(page, "sound.ngc")
     page.wait_for_selector(".programs-detail .facts")
     told = page.inner_text(".programs-detail .facts").split("\n")
-    for shown in ("1:08", "87.3 mm, 0:52", "6", "programmed feed 93 %, Y velocity 7 %", "250.2 µm"):
+    for shown in (
+        "1:08",
+        "87.3 mm, 0:52",
+        "210.0 mm, 0:13",
+        "36.0 mm, 0:22",
+        "6",
+        "programmed feed 93 %, Y velocity 7 %",
+        "250.2 µm",
+    ):
         assert shown in told, told
     box = page.inner_text(".programs-detail .box tbody tr:nth-child(2)").split()
     assert box == ["Y", "-27.60", "150.00", "42", "%", "30", "%", "90", "%"]

@@ -275,6 +275,11 @@ PASSED = {
     "duration_s": 67.7,
     "cut_time_s": 52.4,
     "cut_length_mm": 87.27,
+    "work": [
+        {"what": "surface", "length_mm": 87.27, "time_s": 52.4},
+        {"what": "mill", "length_mm": 210.0, "time_s": 12.6},
+        {"what": "drill", "length_mm": 36.0, "time_s": 21.6},
+    ],
     "blocks": 6,
     "cut_binds": [{"what": "feed", "share": 0.93}, {"what": "Y velocity", "share": 0.07}],
     "joints": [

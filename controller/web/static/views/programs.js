@@ -233,7 +233,7 @@ function Found({ check, made }) {
   const overcut = check.verified?.overcut_mm;
   const facts = [
     ["time", forms.time(check.takes_s ?? check.duration_s)],
-    ["cut", `${(check.cut_length_mm ?? 0).toFixed(1)} mm, ${forms.time(check.cut_time_s)}`],
+    ...(check.work ?? []).map(({ what, length_mm, time_s }) => [`work.${what}`, `${length_mm.toFixed(1)} mm, ${forms.time(time_s)}`]),
     ["blocks", check.blocks ?? "–"],
     ["binds", binds.join(", ")],
     ["made", made || ""],

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import json
+import math
 from dataclasses import replace
 
 import pytest
@@ -62,6 +63,34 @@ def test_a_cut_is_reported_at_the_contact_with_its_ways_apart() -> None:
     assert cone.own.feed_mean == pytest.approx(60.0 * cone.own.length_mm / cone.own.time_s)
     assert cone.approach and cone.departure
     assert cone.approach.feed_max > 600.0, "rapids are in it"
+
+
+WORKING = f"""S100 M3 F600
+G0 X0 Y0 Z50
+G1 X30
+G2 X40 Y10 J10
+G99 G81 X41 Y12 Z40 R48
+X45
+G83 X50 Z42 R48 Q4
+G84 X55 Z40 R48
+G80
+G1 C10
+{CONE}"""
+
+
+def test_a_survey_names_what_is_milled_drilled_tapped_and_cut_each_with_its_length_and_time() -> None:
+    found, blocks = looked_at(WORKING)
+    cone_mm = math.radians(20.0) * 15.0
+    lengths = {"surface": cone_mm, "mill": 30.0 + 15.0 * math.pi, "drill": 16.0 + 6.254, "tap": 16.0}
+    assert {one.what: one.length_mm for one in found.work} == pytest.approx(lengths, abs=1e-3)
+    assert all(one.time_s >= one.length_mm / 10.0 - 1e-9 for one in found.work)
+    assert [(b.line, b.what) for b in blocks if b.line in (5, 6, 7, 8)] == [
+        *((line, "drill") for line in (5, 6, 7)),
+        (8, "tap"),
+    ]
+    last = tables.whole(found, "p.ngc", "mill")
+    assert "drill 22.3 mm" in last and "tap 16.0 mm" in last and "mill 77.1 mm" in last
+    assert "nothing is cut" in tables.whole(looked_at("G0 X10\n")[0], "p.ngc", "mill")
 
 
 def test_the_times_of_all_parts_are_the_duration() -> None:
