@@ -21,7 +21,7 @@ from controller.machine.model import TOOL_AT_POWER_ON, Joints, Machine
 from controller.messages import Said, said
 from controller.motion.motions import Rotaries
 from controller.plan.look_ahead import NoLaw
-from controller.plan.path import path, plunges, spindle_off, tool_changes
+from controller.plan.path import changed_rotaries, path, plunges, spindle_off, tool_changes
 from controller.plan.report import duration, stored, survey
 from controller.plan.report.passing import Passing
 from controller.plan.report.stored import Stored
@@ -120,6 +120,7 @@ def path_of(
     elif not dry_run_mm:
         items = spindle_off.noted(items, source.machine, tracer.notes.append)
         items = plunges.noted(items, asked.machine, asked.kinematics, tracer.notes.append)
+        items = changed_rotaries.noted(items, asked.machine, asked.start, tracer.notes.append)
     if in_spindle is not None:
         note = tracer.notes.append
         before = None if asked.begin is None else modal.begun(asked.machine, asked.begin).modal
