@@ -326,7 +326,8 @@ class Status(OfTick, Told):
     in_block: MotionFacts | None = Field(None, description="The motion under way, or the last of a run.")
     codes: list[str] | None = Field(
         None,
-        description="What is in force, one code of each group, and T H D F S: G1, G17, G21, G90 ... T1, F200",
+        description="What is in force, one code of each group, and T H D F S: G1, G17, G21, G90 ... T1, F200"
+        "; G43.1 Z20 instead of G43 and H where the length is by words",
     )
     coolant: CoolantFacts | None = None
     inputs: dict[str, bool | None] | None = Field(None, description="By their names.")

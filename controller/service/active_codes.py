@@ -14,6 +14,8 @@ TIPS = {Tip.ROTARIES: "G43.4", Tip.VECTORS: "G43.5"}
 def active_codes(state: State) -> tuple[str, ...]:
     """Motion, plane, unit, distance, feed mode, side, length, offset, path, cycles' return, turned and tilted
     planes, spindle, coolant, overrides; then the words T, H, D, F (as written: unit a minute, or a turn), S.
+
+    A length that is no tool's own, by G43.1 or a sum of G43.2, is G43.1 with it, and there is no H.
     """
     modal, turned = state.modal, state.origins.turn is not None
     return (
@@ -23,7 +25,7 @@ def active_codes(state: State) -> tuple[str, ...]:
         "G90" if state.absolute else "G91",
         "G93" if state.inverse else "G95" if state.per_turn else "G94",
         _side(state),
-        TIPS.get(modal.tip, "G43" if modal.length_mm else "G49"),
+        _length(state),
         OFFSETS[modal.offset],
         _path(state),
         "G99" if state.to_clearance else "G98",
@@ -32,11 +34,22 @@ def active_codes(state: State) -> tuple[str, ...]:
         COOLANT_CODES[modal.coolant],
         "M48" if modal.overrides.feed else "M49",
         f"T{modal.tool}",
-        f"H{state.length_tool}",
+        *([] if _is_by_words(state) else [f"H{state.length_tool}"]),
         f"D{state.radius_tool}",
         _feed(state),
         f"S{state.speed_rev_min:.12g}",
     )
+
+
+def _is_by_words(state: State) -> bool:
+    """Whether the length in force is no tool's own."""
+    return state.modal.tip is Tip.OFF and bool(state.modal.length_mm) and not state.length_tool
+
+
+def _length(state: State) -> str:
+    if _is_by_words(state):
+        return f"G43.1 Z{state.modal.length_mm / state.mm_per_unit:.6g}"
+    return TIPS.get(state.modal.tip, "G43" if state.modal.length_mm else "G49")
 
 
 def _side(state: State) -> str:

@@ -20,6 +20,7 @@ from controller.service import jobs
 from controller.service.active_codes import active_codes
 from controller.service.modal_state import ModalState
 
+BY_WORDS = "G80 G17 G21 G90 G94 G40 G43.1 Z20.5 G54 G61 G98 G69 M5 M9 M48 T1 D0 F0 S0"
 USUAL = "G80 G17 G21 G90 G94 G40 G49 G54 G61 G98 G69 M5 M9 M48 T1 H0 D0 F0 S0"
 
 
@@ -51,6 +52,11 @@ def lines(machine: Machine, *typed: str) -> State:
         ((), USUAL),
         (("G91", "G0 X1"), USUAL.replace("G80", "G0").replace("G90", "G91")),
         (("G43 H2", "G0 Z60"), USUAL.replace("G80", "G0").replace("G49", "G43").replace("H0", "H2")),
+        (("G43.1 Z20.5", "G91"), BY_WORDS.replace("G90", "G91")),
+        (("G43.1 Z25.4", "G20"), BY_WORDS.replace("G21", "G20").replace("Z20.5", "Z1")),
+        (("G43 H2", "G43.2 H2"), BY_WORDS.replace("Z20.5", "Z110")),
+        (("G43.1 Z20", "G43 H2"), USUAL.replace("G49", "G43").replace("H0", "H2")),
+        (("G43.1 Z20", "G49"), USUAL),
         (("G20 G1 X1 F10",), USUAL.replace("G80", "G1").replace("G21", "G20").replace("F0", "F10")),
         (
             ("G55", "G18 G64 P0.01"),

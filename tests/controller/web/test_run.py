@@ -274,6 +274,9 @@ def test_modal_codes_and_parts_made_are_shown(page: Any, site: Site) -> None:
     site.tell(codes=["G17", "G41", "G54", "T3", "S8000", "M3"])
     page.wait_for_selector(".codes .chip:text-is('G41')")
     assert page.locator(".codes .chip").all_inner_texts() == ["G17", "G41", "G54", "T3", "S8000", "M3"]
+    for codes, shown in ((["H2", "D1"], "H2 D1"), (["G43.1 Z20.5", "D1"], "G43.1 Z20.5 D1")):
+        site.tell(codes=codes)
+        page.wait_for_selector(f".run-tool dd:text-is('{shown}')")
     site.tell(codes=[])
     page.wait_for_selector(".codes", state="detached")
 

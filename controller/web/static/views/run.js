@@ -104,7 +104,7 @@ const in_force = (letter) => dx.status?.codes?.find((code) => code.startsWith(le
 function Tool() {
   const { tool: number } = dx.status ?? {};
   const tool = known.tools[number];
-  const words = [in_force("H"), in_force("D")].filter(Boolean).join(" ");
+  const words = [in_force("H") ?? in_force("G43.1"), in_force("D")].filter(Boolean).join(" ");
   return html`<${Line} letter="T" label=${word("run.tool")} size="middle" class="run-tool" figure=${forms.text(number)} picture=${tool && html`<${ToolPicture} n=${number} tool=${tool} />`}>
     ${tool?.name && html`<dt>${word("setup.name")}</dt><dd class="tool-name" title=${tool.name}>${tool.name}</dd>`}
     ${words && html`<dt>${word("run.words")}</dt><${Figure} tag="dd">${words}<//>`}
