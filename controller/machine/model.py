@@ -623,6 +623,11 @@ class Machine:
         """Whether the setpoints come out of a stock, and not from the tick itself."""
         return self.stock_s > 0.0
 
+    @property
+    def has_threads(self) -> bool:
+        """Whether the axes can follow the spindle's angle."""
+        return self.spindle is not None and self.spindle.position is not None
+
     def linear(self) -> tuple[int, int, int]:
         """Indices of X, Y and Z in ``axes``."""
         names = [axis.name for axis in self.axes]

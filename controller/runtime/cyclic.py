@@ -37,7 +37,7 @@ def group(machine: Machine, ports: Mapping[str, Port], patience_s: float = 0.0) 
 
 def plans(machine: Machine) -> Memory | None:
     """Room for the plans of a pump of the same process; None where the tick sends by itself."""
-    return Memory(len(machine.axes)) if machine.has_pump else None
+    return Memory(len(machine.axes), thread=machine.has_threads) if machine.has_pump else None
 
 
 def player(machine: Machine, group: Group, memory: Memory) -> Player:

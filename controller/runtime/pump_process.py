@@ -107,6 +107,7 @@ def _job(machine: Machine, group: Group, plans: int, control: int) -> Job:
             line.bus,
             channels[line.bus],
             wire.drives,
+            wire.spindle,
         )
         for line, wire in zip(group.lines, group.wires, strict=True)
     ]

@@ -48,7 +48,7 @@ def main(job: Job) -> None:
     plans = pump = None
     only_counts = simulated and machine.late == "count"  # of such a computer nobody asks to be in time
     if machine.has_pump and not only_counts and pump_process.possible(ports):
-        plans, descriptor = Memory.create(len(machine.axes))
+        plans, descriptor = Memory.create(len(machine.axes), machine.has_threads)
         pump = pump_process.PumpProcess(machine, group, descriptor, _patience_s(machine))
     cycle = Cycle(
         machine,

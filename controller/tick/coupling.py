@@ -6,10 +6,15 @@ what the spindle makes of it:
     wanted     turns(s), so many revolutions from the thread's beginning
     lag        e = wanted - actual, of the same SYNC: a setpoint of tick k is reached at SYNC k + 2, the
                angle that tick k reads was sampled at SYNC k - 1, so it answers the place of tick k - 3;
-               with a pump both are so many ticks later as a setpoint waits (``stock.DELAY``)
+               with a pump all are so many ticks later as a setpoint waits (``stock.DELAY``)
     spindle    turns at d/dt wanted + gain e, and as much faster as it slips and lags, which is measured
     axes       at s - e / (turns per mm), with e as it will be when they are there; and as much further on
                as their drives lag, which is measured
+
+Where a pump has a stock of periods, what is led beside the law (``Correction``) is foreseen for all of them:
+each tick adds the farthest one, and the others stay as they are. So a tick that is late changes nothing, for
+in time it would have added the same. Only where the spindle is not where it was foreseen to be, by more than
+``FORESEEN_MM`` of the axes' way, they are all made anew, from the next period that can be changed.
 
 So a spindle that lags, slips, stalls or is braked takes the axes along, as fast as their limits let it;
 a hold or a stop on the path slows the law down, and both come to rest on the thread. At rest e is worked
@@ -27,6 +32,7 @@ from typing import Any, NamedTuple, Protocol
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Joints, Machine
 from controller.motion.motions import ThreadMove
+from drives.pump.plan_memory import Stop
 
 # Of an alpha-beta filter over e and its rate: critically damped, some three ticks.
 ALPHA = 0.4
@@ -35,6 +41,7 @@ REMEMBERS = 0.998  # of the sums by which the spindle's answer is learnt, from t
 SURE_SPEED, SURE_ACCELERATION = 10.0, 200.0  # (rev/s)^2, (rev/s^2)^2: below them little is believed
 MAX_SLIP, MAX_LAG_S = 0.2, 0.1
 EVEN = 0.1  # rev/s^2: an even speed
+DRIFTS_REV_S = 1.0  # faster than this, what is not explained is taken for a share of the speed
 SETTLED_REV = 0.002  # of e at rest, and ...
 SETTLED_COUNTS = 2.0  # ... not below what the encoder can tell
 SETTLED_TICKS = 4  # in a row
@@ -49,6 +56,7 @@ LEAST_REV_S = 1.0  # ... so much
 LEARNS_S = 1e-5  # of the axes' lag, in a tick: what is learnt on the thread comes without a jerk
 STILL = 1e-9  # of s between two ticks: the law stands
 STILL_MM = 1e-3  # of the axes at rest: what the encoder's last count does moves no axis
+FORESEEN_MM = 2e-3  # of the axes' way: so far off, or by ``SETTLED_COUNTS``, what was foreseen holds
 
 
 class Recorded(NamedTuple):
@@ -65,7 +73,7 @@ class Turning(Protocol):
     unheard: int
     load: float
 
-    def lead(self, rev_s: float, /) -> None: ...
+    def lead(self, rev_s: float, by_plan: bool, /) -> None: ...
 
 
 class Slope:
@@ -110,28 +118,54 @@ class Led(NamedTuple):
     acceleration: float  # rev/s^2
 
 
-class LedTicks(NamedTuple):
-    """Of the three ticks before: the oldest is the one that the spindle has answered."""
+class Correction(NamedTuple):
+    """How one tick leads the axes and the spindle beside the law."""
 
-    last: Led
-    before: Led
-    answered: Led
+    off_rev: float = 0.0  # the axes stay behind by so much of the spindle's turn, ...
+    step_rev: float = 0.0  # ... which is so much more than in the tick before
+    added_rev_s: float = 0.0  # of the spindle
+    turned_rev: float = 0.0  # what has been added by it so far
+    drift_rev_s: float = 0.0  # by which the spindle would fall behind, if nothing were added
+    slip: float = 0.0  # of the spindle's answer, as far as it is known ...
+    lag_s: float = 0.0
+    axis_s: float = 0.0  # ... and of the axes'
+
+    def prolonged(self, bend: float, period_s: float) -> Correction:
+        """The tick after it, where nothing is known of the spindle: what the axes went by dies away."""
+        step = math.copysign(max(0.0, abs(self.step_rev) - bend), self.step_rev)
+        drift, turned_rev = self.drift_rev_s, self.turned_rev + period_s * self.drift_rev_s
+        return self._replace(
+            off_rev=self.off_rev + step, step_rev=step, added_rev_s=drift, turned_rev=turned_rev
+        )
+
+    def approach(self, off_rev: float, bend: float, most: float) -> tuple[float, float]:
+        """(off, step) of the tick after it, nearer to ``off_rev``.
+
+        No step bends by more than ``bend`` or is larger than ``most``, and it can stop.
+        """
+        gap = off_rev - self.off_rev
+        if -bend <= gap - self.step_rev <= bend and -most <= gap <= most:
+            return off_rev, gap
+        # n steps of bend, 2 bend .. n bend stop within n (n + 1) / 2 bend.
+        far = 0.5 * (math.sqrt(1.0 + 8.0 * abs(gap) / bend) - 1.0) * bend
+        step = math.copysign(min(far, most), gap)
+        step = max(self.step_rev - bend, min(self.step_rev + bend, step))
+        return self.off_rev + step, step
 
 
-STILL_LED = LedTicks(Led(0.0, 0.0), Led(0.0, 0.0), Led(0.0, 0.0))
+class Past(NamedTuple):
+    """The ticks before this one, the newest first, as far back as the one before that which was answered."""
 
+    wanted: tuple[float, ...]  # rev
+    turned: tuple[float, ...]  # ``Correction.turned_rev``
+    led: tuple[Led, ...]
 
-class Turns(NamedTuple):
-    """Revolutions wanted, of the tick whose setpoint goes out now and the three before."""
-
-    now: float
-    before: float
-    earlier: float
-    answered: float
+    def with_newest(self, wanted: float, turned: float, led: Led) -> Past:
+        return Past((wanted, *self.wanted[:-1]), (turned, *self.turned[:-1]), (led, *self.led[:-1]))
 
 
 class Tie(NamedTuple):
-    """What a tick changes of the tie, so that it can be taken back; ``releasing`` ... as in ``Coupling``."""
+    """What a tick changes of the tie, so that it can be taken back; the fields as in ``Coupling``."""
 
     releasing: bool
     move: ThreadMove | None
@@ -139,18 +173,15 @@ class Tie(NamedTuple):
     zero: float
     lag_rev: float
     rate: float
-    off_mm: float
-    step_mm: float
     rev_s: float
-    wanted: Turns
-    on_the_way: tuple[float, ...]
+    past: Past
+    now: Correction
+    stock: tuple[Correction, ...]
     settled: int
     late: int
-    led: LedTicks
     turned: float
     led_mm: float
-    led_step_mm: float
-    axis_s: float
+    ahead_mm: float
 
 
 class Coupling:
@@ -158,16 +189,22 @@ class Coupling:
 
     Read: ``active``, ``rev_s`` (the spindle is led at), ``lag_rev`` (e), ``off_mm`` (of the axes),
     ``depth_rev`` and ``pitch_mm`` of the thread that the tool is in, 0 where it is in none; ``led_mm`` (from
-    the law's place to that of the axes), ``settled`` (both stand where the thread's motion ends).
+    the law's place to that of the axes), ``ahead_mm`` (of that: since their drives lag), ``settled`` (both
+    stand where the thread's motion ends).
 
-    ``unseen``: in a period without a tick nobody looks at the spindle, nor tells it anything, and the law
-    leads the axes alone; so it is in a look ahead.
+    ``unseen``: nobody looks at the spindle, and the law leads the axes alone; so it is in a look ahead.
+    ``committed``: so many ticks, this one and those after it, have been sent as they were foreseen.
     """
 
     def __init__(
-        self, machine: Machine, spindle: Turning | None, drives: Sequence[Any] = (), delay: int = 0
+        self,
+        machine: Machine,
+        spindle: Turning | None,
+        drives: Sequence[Any] = (),
+        delay: int = 0,
+        periods: int = 0,
     ) -> None:
-        """``delay``: ticks for which a setpoint waits before it goes out."""
+        """``delay``: ticks for which a setpoint waits before it goes out; ``periods`` of the stock."""
         told = machine.spindle.position if machine.spindle is not None else None
         self._period_s = machine.period_s
         self._spindle = spindle if told is not None else None
@@ -176,21 +213,24 @@ class Coupling:
         self._gain = told.gain_per_s if told is not None else 0.0
         self._most_lag = told.most_lag_rev if told is not None else math.inf
         counts = abs(told.counts_per_rev) if told is not None else 1.0
-        self._near = max(SETTLED_REV, SETTLED_COUNTS / counts)
+        self._least_rev = SETTLED_COUNTS / counts  # that the encoder can tell
+        self._near = max(SETTLED_REV, self._least_rev)
         self._most_late = round(LATE_S / machine.period_s)
         self.active = self.releasing = self.settled = False
         self.move: ThreadMove | None = None
         self.rev_s = self.lag_rev = self.off_mm = 0.0
-        self.depth_rev = self.pitch_mm = self.led_mm = 0.0
+        self.depth_rev = self.pitch_mm = self.led_mm = self.ahead_mm = 0.0
         self.again: Recorded | None = None  # of a run that is made again
         self.unseen = False
-        self._led_step_mm = 0.0  # of ``led_mm``, in the last period
-        self._untaught = 0  # periods for which what the spindle answers is to what nobody has told it
-        self._s = self._zero = self._rate = self._step_mm = self._axis_s = 0.0
-        self._delay = delay
-        self._wanted = Turns(0.0, 0.0, 0.0, 0.0)
-        self._on_the_way: tuple[float, ...] = (0.0,) * delay  # wanted in the ticks whose setpoints wait
-        self._led_before = STILL_LED
+        self.committed = 0
+        self._asked_rev_s = 0.0  # by the law
+        self._untaught = 0  # ticks for which what the spindle answers is to what nobody has told it
+        self._s = self._zero = self._rate = 0.0  # ``_rate``: of e, rev/s, if nothing were added
+        self._delay, self._periods = delay, periods
+        self._answers_in = ANSWERS_IN + delay
+        self._past = self._still(0.0)
+        self._now = Correction()
+        self._stock: tuple[Correction, ...] = ()  # of the ticks to come
         self._turned = 0.0  # revolutions, as heard last
         self.reply = Reply()
         self._settled = self._late = self._beyond = 0  # ticks
@@ -198,8 +238,8 @@ class Coupling:
 
     def unseen_twin(self, machine: Machine) -> Coupling:
         """For a look ahead."""
-        made = Coupling(machine, self._spindle, self._drives, self._delay)
-        made.unseen = True
+        made = Coupling(machine, self._spindle, self._drives, self._delay, self._periods)
+        made.unseen, made.reply = True, self.reply
         return made
 
     # -- what others ask
@@ -209,8 +249,9 @@ class Coupling:
         if self.again is not None:
             self.settled = self.again.settled
             return
-        off = self.releasing and not self.off_mm == self._step_mm == 0.0
-        self.settled = self.active and self._settled >= SETTLED_TICKS and not (off or self.unseen)
+        here = self._settled >= SETTLED_TICKS and not self.unseen and not self.committed
+        off = self.releasing and any([c.off_rev or c.step_rev for c in (self._now, *self._stock)])
+        self.settled = self.active and here and not off
 
     @property
     def lags(self) -> bool:
@@ -224,7 +265,12 @@ class Coupling:
     @property
     def dies_away(self) -> bool:
         """Whether the axes still go on beside the law by what has led them last."""
-        return self.active and self._led_step_mm != 0.0
+        return self.active and self._now.step_rev != 0.0
+
+    @property
+    def goes_on(self) -> bool:
+        """Whether the ticks to come lead the axes beside the law."""
+        return self.active and any([c.step_rev for c in self._stock])
 
     @property
     def turns(self) -> float:
@@ -236,16 +282,41 @@ class Coupling:
         """Share of the spindle's rated torque, where it tells it."""
         return 0.0 if self._spindle is None else self._spindle.load
 
+    def stop_of(self, stop: Stop) -> Stop:
+        """A stop of the law, with how axes and spindle answer along it."""
+        if not self.active:
+            return stop
+        now, asked = self._now, self._asked_rev_s
+        slip = now.slip + (now.drift_rev_s / asked if abs(asked) > DRIFTS_REV_S else 0.0)
+        slip = max(-MAX_SLIP, min(MAX_SLIP, slip))
+        return stop._replace(axis_lag_s=now.axis_s, spindle_slip=slip, spindle_lag_s=now.lag_s)
+
     def end(self) -> None:
         """The spindle is its own again; where the tool is in a thread stays known."""
         self.active = self.releasing = False
         self.move = None
-        self.rev_s = self.lag_rev = self.off_mm = self._rate = self._step_mm = 0.0
-        self.led_mm = self._led_step_mm = 0.0
+        self.rev_s = self.lag_rev = self.off_mm = self._rate = 0.0
+        self.led_mm = self.ahead_mm = 0.0
+        self._now, self._stock, self._asked_rev_s = Correction(), (), 0.0
 
     def stood(self) -> None:
         """The axes have stood meanwhile."""
-        self._step_mm = self._led_step_mm = 0.0
+        self._now = self._now._replace(step_rev=0.0, drift_rev_s=0.0)
+        self._stock = (self._now._replace(added_rev_s=0.0),) * len(self._stock)
+
+    @property
+    def foreseen(self) -> tuple[Correction, ...]:
+        """The corrections of the last tick and of those to come, as a plan goes by them."""
+        return (self._now, *self._stock)
+
+    def go_by(self, foreseen: tuple[Correction, ...], ticks: int) -> None:
+        """The ticks to come are those of a plan that was made ``ticks`` before the last one."""
+        if not self.active or self.move is None:
+            return
+        chain, bend = list(foreseen), self._bend(self.move)
+        while len(chain) <= ticks + self._periods:
+            chain.append(chain[-1].prolonged(bend, self._period_s))
+        self._stock = tuple(chain[ticks + 1 : ticks + 1 + self._periods])
 
     def save(self) -> Tie | None:
         """None where there is no tie."""
@@ -258,18 +329,15 @@ class Coupling:
             self._zero,
             self.lag_rev,
             self._rate,
-            self.off_mm,
-            self._step_mm,
             self.rev_s,
-            self._wanted,
-            self._on_the_way,
+            self._past,
+            self._now,
+            self._stock,
             self._settled,
             self._late,
-            self._led_before,
             self._turned,
             self.led_mm,
-            self._led_step_mm,
-            self._axis_s,
+            self.ahead_mm,
         )
 
     def restore(self, saved: Tie | None) -> None:
@@ -277,18 +345,16 @@ class Coupling:
             self.end()
             return
         self.active, self.releasing, self.move = True, saved.releasing, saved.move
-        self._s, self._zero = saved.s, saved.zero
-        self._wanted, self._on_the_way = saved.wanted, saved.on_the_way
-        self.lag_rev, self._rate = saved.lag_rev, saved.rate
-        self.off_mm, self._step_mm, self.led_mm = saved.off_mm, saved.step_mm, saved.led_mm
-        self.rev_s, self._led_before, self._turned = saved.rev_s, saved.led, saved.turned
-        self._settled, self._late = saved.settled, saved.late
-        self._led_step_mm, self._axis_s = saved.led_step_mm, saved.axis_s
+        self._s, self._zero, self._past = saved.s, saved.zero, saved.past
+        self.lag_rev, self._rate, self.rev_s = saved.lag_rev, saved.rate, saved.rev_s
+        self._now, self._stock = saved.now, saved.stock
+        self._settled, self._late, self._turned = saved.settled, saved.late, saved.turned
+        self.led_mm, self.ahead_mm = saved.led_mm, saved.ahead_mm
 
     def lead(self) -> None:
-        """Tells the spindle how fast to turn until the next tick."""
+        """Tells the spindle how fast to turn until the next tick; with a pump, the plan does."""
         if self.active and self._spindle is not None:
-            self._spindle.lead(self.rev_s)
+            self._spindle.lead(self.rev_s, self._periods > 0)
 
     def place(self, move: ThreadMove, s: float) -> float:
         """Where along ``move`` the axes are now, when the law is at ``s``: for a queue that goes on here."""
@@ -304,30 +370,26 @@ class Coupling:
         wanted = move.begin_rev + move.rev_per_mm * s
         if not self.active:
             self._begin(move, wanted, spindle.turns)
-        if self.move is not None and move is not self.move:  # the same angle is so much of the other way
-            turned = self.move.rev_per_mm / move.rev_per_mm
-            self.off_mm, self._step_mm = turned * self.off_mm, turned * self._step_mm
-            self.led_mm, self._led_step_mm = turned * self.led_mm, turned * self._led_step_mm
         stands = move is self.move and -STILL < s - self._s < STILL
         self.move, self._s = move, s
-        *on_the_way, now = wanted, *self._on_the_way
-        before, earlier, answered = self._wanted.now, self._wanted.before, self._wanted.earlier
-        self._on_the_way, self._wanted = tuple(on_the_way), Turns(now, before, earlier, answered)
+        before, earlier, *_ = self._past.wanted
+        self._asked_rev_s = asked = (wanted - before) / self._period_s
+        self.lag_rev += self._rate * self._period_s - self._added_rev
         if self.unseen:
-            self._untaught = ANSWERS_IN
-            self._led_before = LedTicks(Led(self.rev_s, 0.0), self._led_before.last, self._led_before.before)
+            self._untaught = self._answers_in
         else:
-            # A late tick has heard the answer to its own SYNC already.
-            told = answered if spindle.unheard > 0 else earlier
-            self._measure(told - (spindle.turns - self._zero), spindle.turns, spindle.unheard)
+            self._measure(spindle)
             self._watch()
-            self._lead(now - before, now - 2.0 * before + earlier, stands)
+            self._settle(stands)
+        self._shift(move, asked, stands)
+        self._lead(wanted, asked, wanted - 2.0 * before + earlier)
         self.depth_rev, self.pitch_mm = wanted - self.lag_rev if wanted else 0.0, 1.0 / move.rev_per_mm
+        axis_s = self._now.axis_s
+        self.ahead_mm = axis_s * (v + 0.5 * axis_s * a)
         if self.again is not None:
-            self.led_mm = self.again.led_mm
-        else:
-            led_mm = self._led_alone(move, v, a) if self.unseen else self._led(move, v, a, stands)
-            self._led_step_mm, self.led_mm = led_mm - self.led_mm, led_mm
+            self._lead_again(move, self.again)
+        self.off_mm = self._now.off_rev / move.rev_per_mm
+        self.led_mm = self.ahead_mm - self.off_mm if self.again is None else self.again.led_mm
         return s + self.led_mm
 
     def stay(self, joints: Joints, kinematics: Kinematics) -> Joints:
@@ -341,11 +403,17 @@ class Coupling:
     def _begin(self, move: ThreadMove, wanted: float, turns: float) -> None:
         self.active, self.releasing, self.move = True, False, move
         self._zero = turns - wanted
-        self._wanted, self._on_the_way = Turns(wanted, wanted, wanted, wanted), (wanted,) * self._delay
-        self.lag_rev = self._rate = self.off_mm = self._step_mm = 0.0
+        self._past = self._still(wanted)
+        self.lag_rev = self._rate = 0.0
         self._settled = self._late = self._beyond = 0
-        self._led_before, self._turned = STILL_LED, turns
-        self._axis_s = self._axes_lag_s(move)
+        self._turned, reply = turns, self.reply
+        self._now = Correction(slip=reply.slip, lag_s=reply.lag_s, axis_s=self._axes_lag_s(move))
+        self._stock = (self._now,) * self._periods
+
+    def _still(self, wanted: float) -> Past:
+        """The spindle has stood."""
+        ticks = self._answers_in + 1
+        return Past((wanted,) * ticks, (0.0,) * ticks, (Led(0.0, 0.0),) * ticks)
 
     def _axes_lag_s(self, move: ThreadMove) -> float:
         drives, x, y, z = self._drives, *move.direction
@@ -354,18 +422,25 @@ class Coupling:
         along_x, along_y, along_z = (drives[i].following_error.lag_s for i in self._linear)
         return float(x * x * along_x + y * y * along_y + z * z * along_z)
 
-    def _measure(self, lag: float, turns: float, unheard: int) -> None:
+    @property
+    def _added_rev(self) -> float:
+        """By how much what was added has changed e in the tick that is answered now."""
+        after, before = self._past.turned[-2:]
+        return after - before
+
+    def _measure(self, spindle: Turning) -> None:
         """Filters e; where no position has come it goes on as it did."""
-        T = self._period_s
+        T, turns, unheard, past = self._period_s, spindle.turns, spindle.unheard, self._past
         turned, self._turned = (turns - self._turned) / T, turns
-        speed, acceleration = self._led_before.answered
+        speed, acceleration = past.led[self._answers_in - 1]
         self._untaught = max(0, self._untaught - 1, 2 * (unheard < 1))  # two answers at once, and then none
         sure = unheard <= 1 and not self._untaught
         if sure and speed != 0.0 and -TEACHES_REV < self.lag_rev < TEACHES_REV:
             self.reply.learn(speed, acceleration, speed - turned)
-        self.lag_rev += self._rate * T
         if unheard <= 1:
-            off = lag - self.lag_rev
+            # A late tick may have heard the answer to its own SYNC already.
+            told = past.wanted[self._answers_in - (1 if unheard > 0 else 2)]
+            off = told - (turns - self._zero) - self.lag_rev
             self.lag_rev += ALPHA * off
             self._rate += BETA / T * off
 
@@ -375,23 +450,15 @@ class Coupling:
         if -self._most_lag <= lag <= self._most_lag:
             self._beyond = 0
             return
-        away = self._rate if lag > 0.0 else -self._rate
+        rate = self._rate - self._added_rev / self._period_s
+        away = rate if lag > 0.0 else -rate
         if away > CLOSING_REV_S:
             self._beyond = self._most_beyond + 1
         elif away > -CLOSING_REV_S:
             self._beyond += 1
 
-    def _lead(self, turned: float, bent: float, stands: bool) -> None:
-        """How fast the spindle is to turn, and whether it has come to where the law stands."""
-        T, reply = self._period_s, self.reply
-        asked, acceleration = turned / T, bent / (T * T)
-        if -EVEN < acceleration < EVEN:
-            acceleration = 0.0
-        most = (FASTER - 1.0) * abs(asked) + LEAST_REV_S
-        added = max(-most, min(most, self._gain * self.lag_rev))
-        self.rev_s = asked * (1.0 + reply.slip) + reply.lag_s * acceleration + added
-        led = self._led_before
-        self._led_before = LedTicks(Led(self.rev_s, acceleration), led.last, led.before)
+    def _settle(self, stands: bool) -> None:
+        """Whether the spindle has come to where the law stands."""
         if not stands:
             self._settled = self._late = 0
         elif abs(self.lag_rev) <= self._near:
@@ -401,35 +468,71 @@ class Coupling:
             self._settled = 0
             self._late += 1
 
-    def _led(self, move: ThreadMove, v: float, a: float, stands: bool) -> float:
-        """How far from the law's place the axes are to go (mm)."""
-        T, measured_s = self._period_s, self._axes_lag_s(move)
-        self._axis_s = axis_s = max(self._axis_s - LEARNS_S, min(self._axis_s + LEARNS_S, measured_s))
-        ahead_s = (3 + self._delay) * T + axis_s
-        off = (self.lag_rev + self._rate * ahead_s) / move.rev_per_mm
-        if self.releasing and self._settled >= SETTLED_TICKS:
-            off = 0.0
-        elif stands and abs(off - self.off_mm) < STILL_MM:
-            off = self.off_mm
-        self._approach(off, move.give_mm_s2 * T * T, move.give_mm_s * T)
-        return axis_s * (v + 0.5 * axis_s * a) - self.off_mm
+    def _shift(self, move: ThreadMove, asked: float, stands: bool) -> None:
+        """One tick on: what was foreseen for it is its own, and the farthest is foreseen."""
+        bend = self._bend(move)
+        chain, last, first = list(self._stock), self._periods, self.committed
+        chain.append((chain[-1] if chain else self._now).prolonged(bend, self._period_s))
+        if not self.unseen and first <= last:
+            n = last
+            before = chain[first - 1] if first else self._now
+            off_rev = self._wanted_off(before, chain[first].added_rev_s, first, move, stands)
+            foreseen = max(FORESEEN_MM * abs(move.rev_per_mm), self._least_rev)
+            if abs(off_rev - chain[first].off_rev) > (0.0 if self._leaves else foreseen):
+                n = first
+            for i in range(n, last + 1):
+                before = chain[i - 1] if i else self._now
+                chain[i] = self._next(before, i, move, asked, stands)
+        self._now, *stock = chain
+        self._stock = tuple(stock)
 
-    def _led_alone(self, move: ThreadMove, v: float, a: float) -> float:
-        """Likewise with no look at the spindle: what it went by per period dies away."""
-        step, bend = self._led_step_mm, move.give_mm_s2 * self._period_s**2
-        led_mm = self.led_mm + math.copysign(max(0.0, abs(step) - bend), step)
-        off = self._axis_s * (v + 0.5 * self._axis_s * a) - led_mm  # from where the next look goes on
-        self.off_mm, self._step_mm = off, off - self.off_mm
-        return led_mm
+    def _bend(self, move: ThreadMove) -> float:
+        """By how much a step of the axes' correction may differ from the one before it (rev)."""
+        return move.give_mm_s2 * self._period_s**2 * abs(move.rev_per_mm)
 
-    def _approach(self, off: float, bend: float, most: float) -> None:
-        """``off_mm`` one tick nearer to ``off``: no step bends by more than ``bend``, and it can stop."""
-        gap = off - self.off_mm
-        if -bend <= gap - self._step_mm <= bend and -most <= gap <= most:
-            step = gap
-        else:
-            # n steps of bend, 2 bend .. n bend stop within n (n + 1) / 2 bend.
-            far = 0.5 * (math.sqrt(1.0 + 8.0 * abs(gap) / bend) - 1.0) * bend
-            step = math.copysign(min(far, most), gap)
-        self._step_mm = max(self._step_mm - bend, min(self._step_mm + bend, step))
-        self.off_mm = off if step == gap == self._step_mm else self.off_mm + self._step_mm
+    @property
+    def _leaves(self) -> bool:
+        return self.releasing and self._settled >= SETTLED_TICKS
+
+    def _lag_in(self, before: Correction, ticks: int) -> float:
+        """What e will be in so many ticks, after ``before``, if nothing is added in the last of them."""
+        pending = before.turned_rev - self._past.turned[self._answers_in - 1]
+        return self.lag_rev + self._rate * (self._answers_in + ticks) * self._period_s - pending
+
+    def _wanted_off(
+        self, before: Correction, added: float, ticks: int, move: ThreadMove, stands: bool
+    ) -> float:
+        """How far the axes are to be behind then, if so much is ``added`` (rev/s)."""
+        if self._leaves:
+            return 0.0
+        meanwhile = before.axis_s * (self._rate - added)
+        off_rev = self._lag_in(before, ticks) - self._period_s * added + meanwhile
+        still = stands and abs(off_rev - before.off_rev) < STILL_MM * abs(move.rev_per_mm)
+        return before.off_rev if still else off_rev
+
+    def _next(
+        self, before: Correction, ticks: int, move: ThreadMove, asked: float, stands: bool
+    ) -> Correction:
+        """The correction in so many ticks, after ``before``."""
+        T, reply, measured_s = self._period_s, self.reply, self._axes_lag_s(move)
+        axis_s = max(before.axis_s - LEARNS_S, min(before.axis_s + LEARNS_S, measured_s))
+        most = (FASTER - 1.0) * abs(asked) + LEAST_REV_S
+        added = max(-most, min(most, self._gain * self._lag_in(before, ticks)))
+        give, off_rev = T * abs(move.rev_per_mm), self._wanted_off(before, added, ticks, move, stands)
+        off = before.approach(off_rev, self._bend(move), move.give_mm_s * give)
+        turned, drift = before.turned_rev + T * added, max(-most, min(most, self._rate))
+        return Correction(*off, added, turned, drift, reply.slip, reply.lag_s, axis_s)
+
+    def _lead(self, wanted: float, asked: float, bent: float) -> None:
+        """How fast the spindle is to turn."""
+        now, acceleration = self._now, bent / self._period_s**2
+        if -EVEN < acceleration < EVEN:
+            acceleration = 0.0
+        self.rev_s = asked * (1.0 + now.slip) + now.lag_s * acceleration + now.added_rev_s
+        self._past = self._past.with_newest(wanted, now.turned_rev, Led(self.rev_s, acceleration))
+
+    def _lead_again(self, move: ThreadMove, again: Recorded) -> None:
+        """In a run that is made again the axes are as far off as they were."""
+        off_rev = (self.ahead_mm - again.led_mm) * move.rev_per_mm
+        self._now = self._now._replace(off_rev=off_rev, step_rev=off_rev - self._now.off_rev)
+        self.stood()

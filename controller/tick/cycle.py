@@ -41,7 +41,7 @@ from controller.tick.lookahead import STANDING, Conditions
 from controller.tick.mode import Phase
 from controller.tick.parts import Parts
 from controller.tick.status_publisher import StatusPublisher
-from controller.tick.stock import DELAY
+from controller.tick.stock import DELAY, Stock
 from drives.pump.plan_memory import Memory
 from drives.pump.plan_memory import Phase as PumpPhase
 
@@ -100,6 +100,7 @@ class Cycle:
         self._replaced_s = math.inf  # plan time from which on the queue was replaced in this tick
         self._assumed = STANDING  # by what the last tick has published
         self._assumed_before = STANDING  # by what the tick before it has
+        self._foreseen = self._foreseen_before = (-1, self.coupling.foreseen)  # likewise, with the tick
         self._arrived = False  # the last step came to a mark, or ended a jog: only a tick goes on from there
         self._began = False  # the pump has had its first plan
         self._moved = -1  # the period whose setpoints were computed last
@@ -183,25 +184,28 @@ class Cycle:
         stock = self.stock
         assert stock is not None
         periods = stock.look()
-        self.group.receive(now_s, len(periods))
-        self._encoder.decode(self.group.positions)
         if not periods:
+            self.receive(now_s)
             return False
-        stock.account()
         if self.again is not None and self.again.taken_back:
             self._take_back(self.again.taken_back)
+        elif stock.refused and self.modes.on_path and self._moved + DELAY < stock.stood_from:
+            self._take_back(self._how(self._moved))
+        braked, ticks = self.sync.braked, len(periods)
+        is_ahead = self.idle and stock.memory.at_once > 1
+        for period in periods[:-1]:
+            if not is_ahead and self.group.receive_answers(now_s, ticks):
+                self._encoder.decode(self.group.positions)
+            stock.account_for(period)
+            if period + DELAY < stock.stood_from:
+                (self._play_again if is_ahead else self._play)(period)
+        self.group.receive(now_s, ticks, stock.is_late(now_s))
+        self._encoder.decode(self.group.positions)
+        stock.account_for(stock.period)
         if self.again is not None and self.again.played:
             self._go_on_as_played(stock.period, self.again.played)
-            stock.publish(False)
+            self._publish(stock, False)
             return True
-        if stock.refused and self.modes.on_path and self._moved + DELAY < stock.stood_from:
-            self._take_back(self._how(self._moved))
-        braked = self.sync.braked
-        play = self._play_again if self.idle and stock.memory.at_once > 1 else self._play
-        for period in periods[:-1]:
-            if period + DELAY < stock.stood_from:
-                play(period)
-        ticks = len(periods)
         self.tick, self.sync_sent = stock.period, stock.phase is not _SILENT
         felt = self.sync.braked != braked
         if felt:
@@ -217,10 +221,15 @@ class Cycle:
             self._drop()
         self._move()
         self._assumed_before, self._assumed = self._assumed, self._look_ahead()
-        stock.publish(anew)
+        self._publish(stock, anew)
         self.group.send_events(now_s)
         self._record(stock.period)
         return True
+
+    def _publish(self, stock: Stock, anew: bool) -> None:
+        stock.publish(anew)
+        self._foreseen_before = self._foreseen
+        self._foreseen = stock.period, self.coupling.foreseen
 
     def starve(self) -> None:
         """The pump's record stands still: it is dead or held back, and the drives stop by themselves."""
@@ -238,9 +247,11 @@ class Cycle:
         """
         if self._arrived:
             return
-        self._assumed = self._assumed_before
+        self._assumed, self._foreseen = self._assumed_before, self._foreseen_before
         mover = self.jogging if self.jogging.active else self.follow
         mover.revert()
+        tick, foreseen = self._foreseen
+        self.coupling.go_by(foreseen, self._moved - 1 - tick)
         self._taken_back = TAKEN_BACK_BRAKED if played & BRAKED else TAKEN_BACK
         self._play(self._moved, played)
 
@@ -277,7 +288,8 @@ class Cycle:
         self.accepted_now = self.taken = 0
         self._replaced_s = math.inf
         coupling = self.coupling
-        coupling.unseen, coupling.again = True, None if self.again is None else self.again.thread
+        coupling.committed = stock.period - period
+        coupling.again = None if self.again is None else self.again.thread
         if not modes.on_path:
             stock.moved_otherwise()
         elif assumed.by_hand and self.jogging.active:
@@ -292,7 +304,7 @@ class Cycle:
             feed, rapid = float(assumed.feed), float(assumed.rapid)
             self._along_path(goes and follow.goes(assumed.running, feed, rapid))
             self._look_ahead()
-        coupling.unseen = False
+        coupling.committed = 0
         if period > self._recorded:
             self._record(period)
         self._played = 0

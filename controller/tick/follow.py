@@ -288,7 +288,7 @@ class Follow:
 
     def _joints_at(self, entry: Entry, motion: Motion, s: float) -> Joints | None:
         """On the branch of the present joints; None where the rotaries cannot reach the next tool axis."""
-        foreseen = self._foreseen
+        foreseen = None if self.coupling.active else self._foreseen  # on a thread its place is the law's
         if foreseen is not None and foreseen.place == s and foreseen.motion == entry.piece.motion_id:
             return foreseen.joints
         return motion.joints(s, self._rotaries(self.joints), self._kinematics)

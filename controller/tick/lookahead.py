@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Sequence
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 from controller.geometry.vectors import ROUNDING
 from controller.machine.kinematics import kinematics_of
@@ -44,12 +44,20 @@ class Row(NamedTuple):
     rests: bool  # at rest, and nothing goes on by itself
     led_mm: float = 0.0  # along a thread, beyond its law ...
     led_on: bool = False  # ... and still on the move there: no stop begins
+    rev_s: float = 0.0  # that the spindle is led at ...
+    turn: float = 0.0  # ... its revolutions in one mm, 0: it is not led ...
+    ahead_mm: float = 0.0  # ... and how far the axes are ahead of the law, since their drives lag
 
-    def led_to(self, led_mm: float, per_mm: Sequence[float]) -> Row:
-        """On its thread, with the axes led so far; ``per_mm``: counts."""
-        by = led_mm - self.led_mm
+    def columns(self, thread: bool) -> tuple[float, ...]:
+        """As a plan has them."""
+        row = (self.s, *self.counts)
+        return (*row, self.rev_s, self.turn, self.ahead_mm) if thread else row
+
+    def led_as(self, last: Row, per_mm: Sequence[float]) -> Row:
+        """On its thread, with the axes as far from the law as in ``last``; ``per_mm``: counts."""
+        by = last.led_mm - self.led_mm
         counts = tuple([count + by * one for count, one in zip(self.counts, per_mm, strict=True)])
-        return self._replace(counts=counts, led_mm=led_mm)
+        return self._replace(counts=counts, led_mm=last.led_mm, turn=last.turn, ahead_mm=last.ahead_mm)
 
 
 class Conditions(NamedTuple):
@@ -107,7 +115,8 @@ class Ghost(Follow):
         if not len(queue) or queue[now].motion is None:
             rests = stands and (not len(queue) or tau >= queue[now].end_s - ROUNDING or not self._goes)
             stands_at = before._replace(joints=self.joints, counts=counts, stop=None)
-            return stands_at._replace(tau=tau, now=now, rests=rests, led_on=False)
+            led = self._led(False)
+            return stands_at._replace(tau=tau, now=now, rests=rests and not self.coupling.goes_on, **led)
         entry = queue[now]
         assert entry.motion is not None
         motion, place, end = entry.piece.motion_id, self.s, entry.motion.end
@@ -118,22 +127,32 @@ class Ghost(Follow):
             far = max(0.0, before.end - before.place) + place - queue[now].begins_at
         halted = not self._goes or tau == before.tau
         stopped = self._brake.active and self._brake.over
-        rests = stopped or (stands and stop is None and halted)
-        tie, s = self.coupling, before.s + far
-        led = tie.led_mm, tie.dies_away
-        return Row(self.joints, counts, s, motion, place, end, tau, self._now, stop, rests, *led)
+        rests = stopped or (stands and stop is None and halted and not self.coupling.goes_on)
+        led = self._led(self.coupling.dies_away)
+        return Row(
+            self.joints, counts, before.s + far, motion, place, end, tau, self._now, stop, rests, **led
+        )
+
+    def _led(self, led_on: bool) -> dict[str, Any]:
+        """What a row has of the tie to a spindle."""
+        tie, move = self.coupling, self.coupling.move
+        if not tie.active or move is None:
+            return {"led_mm": 0.0, "led_on": False, "rev_s": 0.0, "turn": 0.0, "ahead_mm": 0.0}
+        led = {"led_mm": tie.led_mm, "led_on": led_on, "rev_s": tie.rev_s}
+        return {**led, "turn": move.rev_per_mm, "ahead_mm": tie.ahead_mm}
 
     def stop_at(self, row: Row) -> Stop | None:
         """The stop that begins at a row; None: none does."""
         if row.stop is not None or row.led_on:
-            return None if row.led_on else row.stop
+            return None if row.led_on or row.stop is None else self.coupling.stop_of(row.stop)
         found = self._queue.stop_at(row.tau)
         if found is None or row.now > self._queue.last:
             return None
         table, i = found
         _, v, a = self._queue[row.now].at(row.tau)
         held = max(1, round(table.jerk_step_s / self._clock.period_s))
-        return Stop(table.jerks[table.first[i] : table.first[i + 1]], held, 0, v, a)
+        stop = Stop(table.jerks[table.first[i] : table.first[i + 1]], held, 0, v, a)
+        return self.coupling.stop_of(stop)
 
     def rests_at(self, row: Row) -> bool:
         """Whether the plan itself rests at a row, so that it can simply end there."""
@@ -182,6 +201,7 @@ class Lookahead:
         """
         follow, rows = self._follow, self.rows
         same = conditions == self._conditions and bool(rows) and self._ghost.knows_its_place
+        same = same and not follow.coupling.active  # on a thread the farthest row has been foreseen anew
         if same and rows[0].joints == follow.joints and rows[0].tau == follow.tau:  # in a dwell all stand
             self.here = rows.popleft()
             last = rows[-1] if rows else self.here
@@ -235,7 +255,7 @@ class Lookahead:
         if move is None:
             return found
         per_mm = self._encoder.per_mm(move.direction)
-        return [row.led_to(last.led_mm, per_mm) for row in found]
+        return [row.led_as(last, per_mm) for row in found]
 
     def fill(self) -> tuple[int, Stop | None]:
         """Looks as far ahead as the stock needs it: rows that may be played, and the stop after them."""

@@ -52,7 +52,8 @@ class Parts:
         absolute = sum(1 << i for i, axis in enumerate(machine.axes) if axis.homing.absolute)
         self.modes = Modes(group, machine.period_s, *stops_s, absolute)
         delay = DELAY if plans is not None else 0
-        self.coupling = Coupling(machine, group.spindle, group.drives, delay)
+        periods = round(machine.stock_s / machine.period_s) if plans is not None else 0
+        self.coupling = Coupling(machine, group.spindle, group.drives, delay, periods)
         self.follow = Follow(machine, kinematics_of(machine), self.coupling)
         self.peripherals = Peripherals(machine, group.spindle, group.io, self.coupling)
         self.adaptive = Adaptive(machine, group.spindle)
@@ -64,5 +65,5 @@ class Parts:
         self.check = Check(machine)
         self.stock: Stock | None = None
         if plans is not None:
-            ahead = Lookahead(machine, self.follow, self.encoder, round(machine.stock_s / machine.period_s))
+            ahead = Lookahead(machine, self.follow, self.encoder, periods)
             self.stock = Stock(machine, group, ahead, self.encoder, plans)

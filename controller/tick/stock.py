@@ -27,6 +27,7 @@ from drives.pump.player import beat_every, to_counts
 
 NEVER: Final = 1 << 60  # period
 DELAY: Final = 2  # periods from a tick to the period that sends what it has computed
+ANSWERS_S: Final = 150e-6  # after SYNC: no drive has answered before
 STOPPED_S: Final = 0.1  # a tick that does not run is tolerated for so long at rest; then nothing is sent
 
 
@@ -103,19 +104,19 @@ class Stock:
         due_s = played.due_ns * 1e-9
         self.moved_s = due_s - self.due_s - len(periods) * self._period_s if self.due_s else 0.0
         self.due_s = due_s
-        for period in periods[:-1]:
-            self._account_for(period)
         self.unsent = played.unsent
         if played.unsent:
             self._group.look_for_unsent(played.unsent)
         return periods
 
-    def account(self) -> None:
-        """From now on the drives owe their answers to the newest period: what came before has been heard."""
-        self._account_for(self.period)
+    def account_for(self, period: int) -> None:
+        """From now on the drives owe their answers to this period: what came before has been heard."""
+        counts, rev_s = self._sent(period)
+        self._group.was_played(counts, period % self._beat_every == 0, rev_s)
 
-    def _account_for(self, period: int) -> None:
-        self._group.was_played(self.counts(period), period % self._beat_every == 0)
+    def is_late(self, now_s: float) -> bool:
+        """Whether the drives may have answered the newest SYNC already."""
+        return now_s > self.due_s - self._period_s + ANSWERS_S
 
     @property
     def foreseen(self) -> Row | None:
@@ -130,26 +131,28 @@ class Stock:
 
     def counts(self, period: int) -> Sequence[int]:
         """What the pump has sent in a period, or will."""
+        return self._sent(period)[0]
+
+    def _sent(self, period: int) -> tuple[Sequence[int], float | None]:
+        """Likewise, with how fast it has led the spindle; None: it has not."""
         plan, period = self._plan, min(period, self.stood_from - 1)
         if plan is None:
-            return tuple(self._encoder.setpoints)
-        i = period - plan.first
+            return tuple(self._encoder.setpoints), None
+        i, thread = period - plan.first, self.memory.thread
         if i < plan.nominal or plan.stop is None:
-            return to_counts(plan.rows[max(0, min(i, plan.nominal - 1))].counts)
+            row = plan.rows[max(0, min(i, plan.nominal - 1))]
+            rev_s = None if not row.turn else row.rev_s if i < plan.nominal else 0.0
+            return to_counts(row.counts), rev_s
         if self._braking is None:
-            rows = plan.rows
+            rows, at = plan.rows, plan.nominal - 1
             self._braking = Braking(
-                plan.stop,
-                self._period_s,
-                lambda n: (rows[n].s, *rows[n].counts),
-                plan.nominal - 1,
-                len(rows),
+                plan.stop, self._period_s, lambda n: rows[n].columns(thread), at, len(rows), thread
             )
-            self._braked_at = plan.nominal - 1
+            self._braked_at = at
         while self._braked_at < i and not self._braking.over:
             self._braking.step()
             self._braked_at += 1
-        return to_counts(self._braking.counts)
+        return to_counts(self._braking.counts), self._braking.rev_s
 
     def is_nominal(self, period: int) -> bool:
         """Whether the plan has it as a row of its own, and not as a part of the stop."""
@@ -190,16 +193,15 @@ class Stock:
             changes, begin = old.same_until, max(first, self._tail if not ahead.renewed else first)
         else:
             changes, begin = self.period + DELAY, first
-        tail = first + len(rows)
+        tail, thread = first + len(rows), self.memory.thread
         for period in range(begin, tail):
-            row = rows[period - first]
-            writer.put(period, row.s, row.counts)
+            writer.put(period, rows[period - first].columns(thread))
         self._tail = tail
         writer.end_at(tail)
         if ahead.path:
             further = ahead.further()
             for period, row in enumerate(further, tail):
-                writer.put(period, row.s, row.counts)
+                writer.put(period, row.columns(thread))
             rows += further
         writer.publish(first, changes, DELAY + nominal, self._hold, stop, anew)
         played = DELAY + nominal

@@ -110,14 +110,34 @@ class Group:
 
     # -- every tick
 
-    def receive(self, now_s: float, periods: int = 1) -> None:
+    def receive(self, now_s: float, periods: int = 1, late: bool = False) -> None:
         """Takes what came in on every bus, and settles whether the feedback owed has come.
 
-        ``periods`` since it was done last.
+        ``periods`` since it was done last; ``late``: the answers to the newest SYNC may be there already, and
+        are left for the next time.
         """
         most = MAX_FRAMES * max(1, min(periods, MAX_PERIODS))
         for line in self.lines:
-            line.drain(now_s, most)
+            if late and line.has_answers(most):
+                line.drain_answers(now_s)
+            else:
+                line.drain(now_s, most)
+        self._received(now_s)
+
+    def receive_answers(self, now_s: float, periods: int) -> bool:
+        """For a period whose tick has not been run: what the drives have answered to one SYNC.
+
+        ``periods`` since anything was received. False: nothing has come, and nothing is judged to be missing.
+        """
+        most = MAX_FRAMES * min(periods, MAX_PERIODS)
+        if not any([line.has_answers(most) for line in self.lines]):
+            return False
+        for line in self.lines:
+            line.drain_answers(now_s)
+        self._received(now_s)
+        return True
+
+    def _received(self, now_s: float) -> None:
         positions = self.positions
         for i, drive in enumerate(self.drives):
             positions[i] = drive.position
@@ -168,7 +188,12 @@ class Group:
     def wires(self) -> tuple[BusWire, ...]:
         """What the pump sends by, in the order of ``lines``."""
         return tuple(
-            BusWire(line.port, [(place, drive.wire) for place, drive in turns], line.packs)
+            BusWire(
+                line.port,
+                [(place, drive.wire) for place, drive in turns],
+                line.packs,
+                self.spindle.wire if self.spindle is not None and self.spindle in line.others else None,
+            )
             for line, turns in self._turns
         )
 
@@ -177,16 +202,24 @@ class Group:
         words, positions, units = memory.words, memory.positions, memory.velocity_units
         for i, drive in enumerate(self.drives):
             words[i], positions[i], units[i] = drive.word, drive.position, drive.velocity_per_period
+        if self.spindle is not None:
+            words[memory.drives], units[memory.drives] = self.spindle.word, self.spindle.units_per_rev_s
         memory.muted = sum([1 << i for i, line in enumerate(self.lines) if line.off])
 
-    def was_played(self, setpoints: Sequence[int], beat: bool) -> None:
-        """One period has gone out: SYNC, then these setpoints, and our heartbeat if ``beat``."""
+    def was_played(self, setpoints: Sequence[int], beat: bool, rev_s: float | None = None) -> None:
+        """One period has gone out: SYNC, then these setpoints, and our heartbeat if ``beat``.
+
+        ``rev_s``: the spindle was led; None: it was not.
+        """
         for line in self.lines:
             if not line.off:
                 line.expect()
                 line.bits += BITS[0] + line.setpoint_bits + BITS[1] * beat
         for drive, setpoint in zip(self.drives, setpoints, strict=True):
             drive.was_sent(setpoint)
+        if self.spindle is not None and rev_s is not None and self.spindle.was_led(rev_s):
+            for line in self.lines:
+                line.bits += BITS[pdo.PDO_BYTES] * (self.spindle in line.others)
 
     def look_for_unsent(self, buses: int) -> None:
         """What the pump could not send: bit n, the n-th bus took nothing."""

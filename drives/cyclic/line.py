@@ -6,6 +6,7 @@ Nothing here locks, logs, raises, or allocates anything that stays.
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Callable, Sequence
 from typing import Final
 
@@ -104,6 +105,8 @@ class Line:
         for drive in self.owing:
             drive.answers = self._answers
         self._own = own
+        self._waiting = deque[tuple[int, bytes]]()  # frames that a late tick has fetched and not taken yet
+        self._with_sync = frozenset(can_id for node in self.owing for can_id in node.with_sync)
         self._buffer = bytearray(pdo.FRAME_BYTES)
         whole = memoryview(self._buffer)
         # A view per length, so that a handler sees exactly the bytes that were sent.
@@ -120,10 +123,45 @@ class Line:
     def drain(self, now_s: float, most: int = MAX_FRAMES) -> None:
         """Takes what came in, ``most`` frames of it, and settles whether the feedback owed has come."""
         self._since_s, self._drained_s = min(self._drained_s, now_s), now_s
+        while self._waiting:
+            self._take(*self._waiting.popleft(), now_s)
         if self._receive_packet is None:
             self._drain_frames(now_s, most)
         else:
             self._drain_packets(self._receive_packet, now_s, most)
+        self._settle(now_s)
+
+    def has_answers(self, most: int) -> bool:
+        """Whether an answer to SYNC has come in; fetches ``most`` frames of what is there."""
+        waiting, buffer, receive_into = self._waiting, self._buffer, self._receive_into
+        for _ in range(most - len(waiting)):
+            if not receive_into(buffer):
+                break
+            can_id, length = _HEADER(buffer)
+            waiting.append((can_id, bytes(self._data[min(length, 8)])))
+        return any(can_id in self._with_sync for can_id, _ in waiting)
+
+    def drain_answers(self, now_s: float) -> None:
+        """Of what was fetched, up to where somebody answers once more: that is of the next SYNC."""
+        self._since_s, self._drained_s = min(self._drained_s, now_s), now_s
+        waiting, answered = self._waiting, set[int]()
+        while waiting and waiting[0][0] not in answered:
+            can_id, data = waiting.popleft()
+            if can_id in self._with_sync:
+                answered.add(can_id)
+            self._take(can_id, data, now_s)
+        self._settle(now_s)
+
+    def _take(self, can_id: int, data: bytes, now_s: float) -> None:
+        self.bits += BITS[len(data)]
+        handler = self._handlers.get(can_id)
+        if handler is None:
+            self._heard(can_id, memoryview(data), now_s)
+            return
+        handler(memoryview(data), now_s)
+        self.off = False  # whoever hears is on the bus again
+
+    def _settle(self, now_s: float) -> None:
         overflows = self.port.overflows
         if overflows != self._overflows:
             self._overflows = overflows

@@ -13,6 +13,9 @@ from drives.cia402 import State, Wanted
 from drives.cyclic.power_stage import LOST_IN_A_ROW, PowerStage
 from drives.cyclic.supervised import NEVER_S
 from drives.profile import Supervision
+from drives.pump.plan_memory import FOLLOWS
+from drives.pump.player import to_speed
+from drives.pump.wires import DriveWire
 from drives.settings import INT32_MAX, INT32_MIN, SpindleSettings
 
 CYCLIC_VELOCITY = 9
@@ -65,8 +68,10 @@ class SpindleDrive(PowerStage):
         self._ahead = 0  # SYNCs in a row whose position was there at once
         self._turned: int | None = None  # counts, as heard last
         self._directly = False  # the wanted speed is led by somebody else: no ramp of ours
+        self._by_plan = False  # it goes out with the setpoints of the pump
         self.with_sync = (pdo.tpdo(profile.tpdo, node),)
         self.handlers[self.with_sync[0]] = self._feedback
+        self._turns_are_told = settings.position_tpdo != 0
         if settings.position_tpdo:
             self.with_sync += (pdo.tpdo(settings.position_tpdo, node),)
             self._per_rev = settings.position_per_rev
@@ -83,10 +88,13 @@ class SpindleDrive(PowerStage):
         self._wanted_speed = rev_min / 60.0 * self.settings.counts_per_rev
         self._directly = False
 
-    def lead(self, rev_s: float) -> None:
-        """Turn just so fast in the period to come, rev/s: a path leads it, and keeps to its acceleration."""
+    def lead(self, rev_s: float, by_plan: bool = False) -> None:
+        """Turn just so fast in the period to come, rev/s: a path leads it, and keeps to its acceleration.
+
+        ``by_plan``: the pump tells it, in the period whose plan has it.
+        """
         self._wanted_speed = rev_s * self.settings.counts_per_rev
-        self._directly = True
+        self._directly, self._by_plan = True, by_plan
 
     def stop(self) -> None:
         """Come to a standstill, and stay enabled."""
@@ -160,8 +168,36 @@ class SpindleDrive(PowerStage):
 
     # -- out
 
+    @property
+    def wire(self) -> DriveWire | None:
+        """What the pump leads it by; None where it tells no angle that axes could be tied to."""
+        return DriveWire(self.node, self.settings.profile.rpdo, False) if self._turns_are_told else None
+
+    @property
+    def units_per_rev_s(self) -> float:
+        """Of velocity (60FFh) in one rev/s."""
+        return self.settings.counts_per_rev * self._units
+
+    @property
+    def word(self) -> int:
+        """The controlword that is due, and whether the pump may lead it."""
+        word = self._controlword
+        turns = self.state is State.OPERATION_ENABLED and word == cia402.ENABLE_OPERATION
+        return word | FOLLOWS * turns
+
+    def was_led(self, rev_s: float) -> bool:
+        """The pump has told it this speed in a period, if it could be led."""
+        if not self.word & FOLLOWS:
+            return False
+        self._sent_controlword = self._controlword
+        self._sent_speed = to_speed(rev_s, self.units_per_rev_s)
+        return True
+
     def event_frame(self, now_s: float, heartbeat_s: float) -> bytearray | None:
         """Its RPDO where there is something to tell, else None."""
+        if self._directly and self._by_plan and self.word & FOLLOWS:
+            self._led_speed, self._stepped_s = self._wanted_speed, now_s
+            return None
         word, speed = self._controlword, self._lead(now_s)
         if word != self._sent_controlword or speed != self._sent_speed:
             self._repeats = REPEATS

@@ -14,6 +14,10 @@ from the plan that it was built on; a plan that would change what has been hande
 
 A row's place in its area goes by its period, so that only what is new is written.
 
+On a machine whose axes can be tied to the spindle a row has ``THREAD`` columns more: how fast the spindle is
+led (rev/s), its revolutions in one mm of s (0: nobody leads it), and how far (mm of s) the axes are sent
+ahead, since their drives lag. A stop has the spindle's answer, so that along it both stay together.
+
 What acts at once goes past the plan, each in one machine word that is read with every period: the
 controlwords, where a drive is that does not follow, and which buses must be left alone.
 """
@@ -32,7 +36,8 @@ from zlib import crc32
 ROWS: Final = 2048  # places of an area: more than a plan's rows
 MAX_JERKS: Final = 2048
 FOLLOWS: Final = 1 << 16  # beside a controlword: the drive goes by its target
-_HEAD = Struct("<QqqIIIIIIdd")  # number, first, changes, nominal, rows, hold, jerks, held, used, v, a
+THREAD: Final = 3  # columns of a row beside s and counts
+_HEAD = Struct("<QqqIIIIIIddddd")  # number, first, changes, nominal, rows, hold, and the ``Stop``
 _SEAL = Struct("<I")
 _HEAD_BYTES: Final = (_HEAD.size + _SEAL.size + 7) // 8 * 8
 _DOUBLE: Final = 8
@@ -61,6 +66,12 @@ class Stop(NamedTuple):
     used: int
     v: float  # of s, per s
     a: float
+    axis_lag_s: float = 0.0  # on a thread: of the axes' drives ...
+    spindle_slip: float = 0.0  # ... and how the spindle answers: less by this share of its speed ...
+    spindle_lag_s: float = 0.0  # ... and by so much of its acceleration
+
+
+NO_STOP: Final = Stop((), 1, 0, 0.0, 0.0)
 
 
 class Played(NamedTuple):
@@ -87,27 +98,32 @@ NOTHING_PLAYED = Played(-1, 0, Phase.SILENT, 0, 0, 0, 0, 0, -1)
 class Memory:
     """The mapped bytes.
 
-    ``words``: of each drive its controlword, with ``FOLLOWS``; ``positions``: where it is (counts), which is
-    the target of one that does not follow; ``velocity_units`` in one count per period; ``muted``: bit n,
+    ``words``: of each drive its controlword, with ``FOLLOWS``, and last that of the spindle; ``positions``:
+    where it is (counts), which is the target of one that does not follow; ``velocity_units`` in one count per
+    period, and last those of the spindle in one rev/s; ``muted``: bit n,
     nothing goes out on the n-th bus but the heartbeat; ``at_once``: periods that may be handed to the buses
     ahead of their time, where simulated drives stand; with 1 a period may be late by the wake-up, with 0 not.
     """
 
-    def __init__(self, drives: int, descriptor: int = -1) -> None:
-        """``descriptor`` of a file in memory (``create``); without one it is of this process alone."""
-        self.row = Struct(f"<{1 + drives}d")
+    def __init__(self, drives: int, descriptor: int = -1, thread: bool = False) -> None:
+        """``descriptor`` of a file in memory (``create``); without one it is of this process alone.
+
+        ``thread``: axes can be tied to the spindle.
+        """
+        self.drives, self.thread = drives, thread
+        self.row = Struct(f"<{1 + drives + THREAD * thread}d")
         self.rows_at = _HEAD_BYTES + MAX_JERKS * _DOUBLE
         self.area_bytes = self.rows_at + ROWS * self.row.size
         words_at = _SCALARS * _DOUBLE
-        positions_at = words_at + (4 * drives + 7) // 8 * 8
+        positions_at = words_at + (4 * (drives + 1) + 7) // 8 * 8
         units_at = positions_at + (4 * drives + 7) // 8 * 8
-        self.areas_at = units_at + _DOUBLE * drives
+        self.areas_at = units_at + _DOUBLE * (drives + 1)
         size = self.areas_at + 2 * self.area_bytes
         flags = mmap.MAP_SHARED if descriptor >= 0 else mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS
         self.bytes = mmap.mmap(descriptor, size, flags)
         view = memoryview(self.bytes)
         self.record = view[: _SCALARS * _DOUBLE].cast("q")
-        self.words = view[words_at : words_at + 4 * drives].cast("I")
+        self.words = view[words_at : words_at + 4 * (drives + 1)].cast("I")
         self.positions = view[positions_at : positions_at + 4 * drives].cast("i")
         self.velocity_units = view[units_at : self.areas_at].cast("d")
         self.areas = tuple(
@@ -131,11 +147,11 @@ class Memory:
         self.record[_AT_ONCE] = periods
 
     @classmethod
-    def create(cls, drives: int) -> tuple[Memory, int]:
+    def create(cls, drives: int, thread: bool = False) -> tuple[Memory, int]:
         """A new one that another process can map, and the descriptor for it."""
         descriptor = os.memfd_create("directrix-plans")
-        os.ftruncate(descriptor, len(cls(drives).bytes))
-        return cls(drives, descriptor), descriptor
+        os.ftruncate(descriptor, len(cls(drives, thread=thread).bytes))
+        return cls(drives, descriptor, thread), descriptor
 
     def seal(self, area: memoryview, head: bytes | memoryview, first: int, rows: int, jerks: int) -> int:
         """CRC-32 of a head, its jerks and its rows."""
@@ -158,10 +174,10 @@ class PlanWriter:
         self._next = 0  # period after the last row
         self._last = NOTHING_PLAYED
 
-    def put(self, period: int, s: float, counts: Sequence[float]) -> None:
+    def put(self, period: int, columns: Sequence[float]) -> None:
         """The row of a period, for the next plan; those after it are void."""
         row = self._memory.row
-        row.pack_into(self._rows, period % ROWS * row.size, s, *counts)
+        row.pack_into(self._rows, period % ROWS * row.size, *columns)
         new = self._new_from
         for i in (0, 1):
             if period < new[i]:
@@ -182,15 +198,15 @@ class PlanWriter:
         memory = self._memory
         self.number += 1
         area = memory.areas[self.number & 1]
-        _HEAD.pack_into(area, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0.0, 0.0)
+        area[: _HEAD.size] = bytes(_HEAD.size)
         self._copy(area, max(first, self._new_from[self.number & 1]))
         self._new_from[self.number & 1] = self._next
-        jerks = 0 if stop is None else len(stop.jerks)
-        held, used, v, a = (1, 0, 0.0, 0.0) if stop is None else (stop.held, stop.used, stop.v, stop.a)
+        of_jerks, *rest = NO_STOP if stop is None else stop
+        jerks = len(of_jerks)
         if stop is not None:
-            area[_HEAD_BYTES : _HEAD_BYTES + jerks * _DOUBLE] = memoryview(array("d", stop.jerks)).cast("B")
+            area[_HEAD_BYTES : _HEAD_BYTES + jerks * _DOUBLE] = memoryview(array("d", of_jerks)).cast("B")
         number, rows = self.number | _ANEW * anew, self._next - first
-        head = _HEAD.pack(number, first, changes, nominal, rows, hold, jerks, held, used, v, a)
+        head = _HEAD.pack(number, first, changes, nominal, rows, hold, jerks, *rest)
         area[_HEAD.size : _HEAD.size + 4] = _SEAL.pack(memory.seal(area, head, first, rows, jerks))
         area[: _HEAD.size] = head
 
@@ -245,7 +261,7 @@ class PlanReader:
         newest = (one, other) if _number(one) > _number(other) else (other, one)
         for area in newest:
             head = bytes(area[: _HEAD.size])
-            number, first, changes, nominal, rows, hold, jerks, held, used, v, a = _HEAD.unpack(head)
+            number, first, changes, nominal, rows, hold, jerks, *rest = _HEAD.unpack(head)
             anew, number = number >= _ANEW, number & ~_ANEW
             if number <= self.seen:
                 return False
@@ -260,7 +276,7 @@ class PlanReader:
                 return False
             self.number, self.first, self.nominal = number, first, nominal
             self.rows, self.hold, self.anew, self._rows = rows, hold, anew, copied
-            self.stop = Stop(jerked, held, used, v, a) if jerks else None
+            self.stop = Stop(jerked, *rest) if jerks else None
             return True
         return False
 
@@ -280,7 +296,7 @@ class PlanReader:
         return copied, array("d", jerked), whole
 
     def row(self, i: int) -> tuple[float, ...]:
-        """(s, counts of each drive) of the i-th row."""
+        """(s, counts of each drive, and those of a thread) of the i-th row."""
         row = self._memory.row
         return row.unpack_from(self._rows, i * row.size)
 

@@ -11,7 +11,7 @@ from typing import Final
 
 from drives import pdo
 from drives.pdo import INT32_MAX, INT32_MIN
-from drives.pump.braking import Braking
+from drives.pump.braking import Braking, led_rev_s
 from drives.pump.plan_memory import FOLLOWS, NOTHING_PLAYED, Memory, Phase, PlanReader, Played
 from drives.pump.setpoint_frame import SetpointFrame
 from drives.pump.wires import BusWire
@@ -27,6 +27,7 @@ class _Bus:
     def __init__(self, wire: BusWire) -> None:
         self.send = wire.port.send
         self.frames = [(place, SetpointFrame(*one)) for place, one in wire.drives]
+        self.spindle = None if wire.spindle is None else SetpointFrame(*wire.spindle)
         # None on a bus without drives, too: an empty packet is what a hub takes for our end.
         packs = wire.packs and bool(self.frames)
         self.packet = bytearray(pdo.FRAME_BYTES * len(self.frames)) if packs else None
@@ -51,6 +52,7 @@ class Player:
         self._braking: Braking | None = None
         self._held = 0  # periods at the end of the plan
         self._counts: Sequence[int] = ()
+        self._rev_s: float | None = None  # of the spindle; None: nobody leads it
         self._before: Sequence[int] = ()
         self.phase = Phase.SILENT
         self._since, self._phase_before = -1, Phase.SILENT
@@ -90,17 +92,23 @@ class Player:
     def _choose(self, i: int) -> None:
         plan = self._plan
         if i < plan.nominal:
-            self.phase, self._counts = Phase.NOMINAL, to_counts(plan.row(i)[1:])
+            row, drives = plan.row(i), self._memory.drives
+            self.phase, self._counts = Phase.NOMINAL, to_counts(row[1 : 1 + drives])
+            self._rev_s = led_rev_s(row[1 + drives :])
             return
         if plan.stop is not None and self._braking is None:
-            self._braking = Braking(plan.stop, self._period_s, plan.row, plan.nominal - 1, plan.rows)
+            at, thread = plan.nominal - 1, self._memory.thread
+            self._braking = Braking(plan.stop, self._period_s, plan.row, at, plan.rows, thread)
         if self._braking is not None and not self._braking.over:
             self.phase, self._counts = Phase.BRAKING, to_counts(self._braking.step())
+            self._rev_s = self._braking.rev_s
             return
         self.phase = Phase.HOLDING
         self._hold()
 
     def _hold(self) -> None:
+        if self._rev_s is not None:
+            self._rev_s = 0.0
         self._held += 1
         if self._held > self._plan.hold:
             self.phase = Phase.SILENT
@@ -144,7 +152,13 @@ class Player:
                 frame.pack_word(word & 0xFFFF, setpoint)
             if bus.packet is None:
                 good = bus.send(frame.buffer) and good
-        return good if bus.packet is None else bus.send(bus.packet)
+        if bus.packet is not None:
+            good = bus.send(bus.packet)
+        spindle, word = bus.spindle, memory.words[memory.drives]
+        if spindle is not None and self._rev_s is not None and word & FOLLOWS:
+            spindle.pack_word(word & 0xFFFF, to_speed(self._rev_s, memory.velocity_units[memory.drives]))
+            good = bus.send(spindle.buffer) and good
+        return good
 
 
 def beat_every(period_s: float, heartbeat_s: float) -> int:
@@ -155,3 +169,8 @@ def beat_every(period_s: float, heartbeat_s: float) -> int:
 def to_counts(counts: Sequence[float]) -> Sequence[int]:
     """As they go out: rounded, and within 32 bits."""
     return [max(INT32_MIN, min(INT32_MAX, round(one))) for one in counts]
+
+
+def to_speed(rev_s: float, units: float) -> int:
+    """A spindle's speed as it goes out; ``units`` in one rev/s."""
+    return max(INT32_MIN, min(INT32_MAX, round(rev_s * units)))

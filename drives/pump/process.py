@@ -45,6 +45,7 @@ class BusJob(NamedTuple):
     name: str
     claim: str  # what no other pump may play on
     drives: Sequence[tuple[int, DriveWire]]  # with the place of each in the order of the axes
+    spindle: DriveWire | None = None
 
 
 class Job(NamedTuple):
@@ -69,10 +70,18 @@ class Job(NamedTuple):
         buses = [BusJob(*bus) for bus in job.buses]
         return job._replace(
             buses=[
-                bus._replace(drives=[(place, DriveWire(*wire)) for place, wire in bus.drives])
+                bus._replace(
+                    drives=[(place, DriveWire(*wire)) for place, wire in bus.drives],
+                    spindle=None if bus.spindle is None else DriveWire(*bus.spindle),
+                )
                 for bus in buses
             ]
         )
+
+    @property
+    def thread(self) -> bool:
+        """Whether axes can be tied to the spindle."""
+        return any(bus.spindle is not None for bus in self.buses)
 
     @property
     def descriptors(self) -> tuple[int, ...]:
@@ -220,9 +229,12 @@ def main(job: Job) -> int:
     control.setblocking(False)
     if not claimed(sorted({bus.claim for bus in job.buses})):
         return CLAIMED
-    memory = Memory(job.axes, job.plans)
+    memory = Memory(job.axes, job.plans, job.thread)
     ports = [_port(bus) for bus in job.buses]
-    wires = [BusWire(port, bus.drives, bus.kind != "raw") for port, bus in zip(ports, job.buses, strict=True)]
+    wires = [
+        BusWire(port, bus.drives, bus.kind != "raw", bus.spindle)
+        for port, bus in zip(ports, job.buses, strict=True)
+    ]
     player = Player(memory, wires, job.period_s, job.master, job.beat_every)
     hubs = [port for port in ports if isinstance(port, HubSocket)]
     pump = Pump(

@@ -1,7 +1,8 @@
 """Late ticks drawn at random, judged by the motors: every shipped machine, and whatever a program has.
 
-Within the stock motors are where they would have been in time, bit for bit; beyond it they brake on the path
-within the limits, and that is told. What the axes rest for, a tick decides, and they wait for it.
+Within the stock motors are where they would have been in time, bit for bit, the spindle of a thread included;
+beyond it they brake on the path within the limits, spindle and axes together, and that is told. What the axes
+rest for, a tick decides, and they wait for it. How a spindle answers is known from the threads before.
 
     pytest -m slow tests/acceptance/test_late_motors.py            a thousand cases
 """
@@ -26,6 +27,7 @@ from controller.machine.model import Machine
 from controller.program.program import ProgramError
 from controller.runtime.bus_load import overload
 from controller.runtime.startup import SessionError
+from drives.bench.simulated.spindle_motor import MotorParameters
 
 MACHINES = machine_file.shipped()
 TAPS = "tapping"  # beside the shipped ones: a spindle whose angle the axes follow
@@ -57,9 +59,19 @@ def example(rng: random.Random, _: Machine) -> str:
 
 
 def tapped(rng: random.Random, _: Machine) -> str:
-    rev_min, depth = rng.choice((200.0, 600.0, 1500.0)), rng.uniform(4.0, 10.0)
-    head = f"G21 G90 G54 G40\nS{rev_min} M3\nG0 X5. Y-50.\nG0 Z40\nF{rev_min}\n"
-    return f"{head}G84 Z{40.0 - depth:.2f} R40\nG80\nG0 Z60.\nM30\n"
+    """Two threads: by the first the answer of the spindle is learnt."""
+    rev_min, depth, pitch = rng.choice((200.0, 600.0, 1500.0)), rng.uniform(4.0, 10.0), rng.uniform(0.5, 1.75)
+    word, way, bottom = *rng.choice((("G84", "M3"), ("G74", "M4"), ("G33.1", "M3"))), f"Z{40.0 - depth:.2f}"
+    pecks = rng.choice(("", "", f" Q{0.6 * depth:.2f}"))
+    hole = f"G33.1 {bottom} K{pitch:.3f}" if word == "G33.1" else f"{word} {bottom} R40{pecks}\nG80"
+    head = f"G21 G90 G54 G40\nS{rev_min} {way}\nF{rev_min * pitch:.1f}\nG0 X5. Y-50.\nG0 Z40\n"
+    return f"{head}{hole}\nG0 X15.\n{hole}\nG0 Z60.\nM30\n"
+
+
+def turning(rng: random.Random) -> MotorParameters | None:
+    """How the spindle lags and slips; None: not at all."""
+    nature = MotorParameters(rng.uniform(0.004, 0.02), rng.uniform(0.0, 0.03), 200.0)
+    return rng.choice((None, nature))
 
 
 FLAT: dict[str, Callable[[random.Random, Machine], str]] = {
@@ -91,15 +103,18 @@ def in_time(rng: random.Random, name: str) -> Healthy:
         machine = machine_of(rng, name)
         kinds = {**FLAT, **TILTED} if machine.rotary() else FLAT
         write = tapped if name == TAPS else kinds[rng.choice(sorted(kinds))]
+        motor = turning(rng) if name == TAPS else None
         with contextlib.suppress(ProgramError, SessionError):
-            made = Healthy(machine, write(rng, machine))
+            made = Healthy(machine, write(rng, machine), motor=motor)
             if made.run.result == "completed" and made.ticks <= LONGEST:
                 return made
     raise AssertionError
 
 
 def judge(rng: random.Random, healthy: Healthy, cases: int) -> None:
-    lates = sorted((late_runs.drawn(rng, healthy.machine, healthy.ticks) for _ in range(cases)), key=at)
+    learnt = healthy.cuts[-1][0] if healthy.threads and healthy.how["motor"] is not None else 0
+    drawn = (late_runs.drawn(rng, healthy.machine, healthy.ticks, learnt) for _ in range(cases))
+    lates = sorted(drawn, key=at)
     verdicts = list(late_runs.cases(healthy, lates))
     assert len(verdicts) == cases
     wrongs = [f"fork at {one.fork}, {one.late}: {one.wrongs}" for one in verdicts if one.wrongs]
@@ -121,7 +136,15 @@ TEXTS = {
 def test_a_few_late_ticks_on_three_machines(name: str) -> None:
     rng = random.Random(f"late motors {name}")
     machine = replace(tapping.machine() if name == TAPS else shipped(name), stock_s=0.016)
-    judge(rng, Healthy(machine, TEXTS[name]), 6)
+    judge(rng, Healthy(machine, TEXTS[name], motor=None), 6)
+
+
+def test_a_few_late_ticks_on_a_thread_of_a_spindle_that_lags_and_slips() -> None:
+    rng = random.Random("late motors, a lagging spindle")
+    machine = replace(tapping.machine(), stock_s=0.016)
+    hole = "G84 Z36. R40\nG80"
+    text = f"G21 G90 G54 G40\nS600 M3\nF600\nG0 X5. Y-50.\nG0 Z40\n{hole}\nG0 X15.\n{hole}\nM30\n"
+    judge(rng, Healthy(machine, text, motor=MotorParameters(0.02, 0.02, 200.0)), 6)
 
 
 @pytest.mark.slow

@@ -28,10 +28,12 @@ from controller.tick.coupling import (
     SETTLED_TICKS,
     SURE_ACCELERATION,
     SURE_SPEED,
+    Correction,
     Coupling,
     Recorded,
     Reply,
 )
+from drives.pump.plan_memory import Stop
 
 T = 0.002
 PITCH_MM = 1.25
@@ -42,9 +44,10 @@ LATE = 3  # ticks from a place to its answer
 class Spindle:
     def __init__(self) -> None:
         self.turns, self.unheard, self.load, self.led = 100.0, 1, 0.25, math.nan
+        self.by_plan = True
 
-    def lead(self, rev_s: float, /) -> None:
-        self.led = rev_s
+    def lead(self, rev_s: float, by_plan: bool, /) -> None:
+        self.led, self.by_plan = rev_s, by_plan
 
 
 def move_of(pitch_mm: float = PITCH_MM, direction: tuple[float, float, float] = (0.0, 0.0, -1.0)) -> Any:
@@ -56,19 +59,26 @@ def move_of(pitch_mm: float = PITCH_MM, direction: tuple[float, float, float] = 
 class Thread:
     """The law runs evenly, and began at rest; the spindle answers ``behind`` revolutions late."""
 
-    def __init__(self, lags_s: tuple[float, float, float] = (0.0, 0.0, 0.0), move: Any = None) -> None:
+    def __init__(
+        self,
+        lags_s: tuple[float, float, float] = (0.0, 0.0, 0.0),
+        move: Any = None,
+        delay: int = 0,
+        periods: int = 0,
+    ) -> None:
         drives = [SimpleNamespace(following_error=SimpleNamespace(lag_s=lag_s)) for lag_s in lags_s]
         self.spindle = Spindle()
-        self.coupling = Coupling(machine(), self.spindle, drives)
+        self.coupling = Coupling(machine(), self.spindle, drives, delay, periods)
         self.move, self.s, self.behind = move or move_of(), 0.0, 0.0
-        self._places = [0.0] * (LATE + 1)
+        self.late = LATE + delay
+        self._places = [0.0] * (self.late + 1)
         self.run(1, 0.0)
 
     def run(self, ticks: int, v: float = SPEED) -> float:
         for _ in range(ticks):
             self.s += v * T
             self._places.append(self.s)
-            self.spindle.turns = 100.0 + self._places[-1 - LATE] * self.move.rev_per_mm - self.behind
+            self.spindle.turns = 100.0 + self._places[-1 - self.late] * self.move.rev_per_mm - self.behind
             self.coupling.look()
             at = self.coupling.follow(self.move, self.s, v, 0.0)
         return at
@@ -133,7 +143,7 @@ def test_a_spindle_that_turns_as_told_leaves_the_axes_to_the_law() -> None:
     assert coupling.pitch_mm == pytest.approx(PITCH_MM)
     assert (coupling.turns, coupling.load) == (thread.spindle.turns, 0.25)
     coupling.lead()
-    assert thread.spindle.led == coupling.rev_s
+    assert thread.spindle.led == coupling.rev_s and not thread.spindle.by_plan
 
 
 @pytest.mark.parametrize("behind", [-0.1, 0.1])
@@ -172,13 +182,13 @@ def test_the_axes_are_led_by_as_much_as_their_drives_lag_along_the_thread() -> N
     assert at == pytest.approx(thread.s + lag_s * (SPEED + 0.5 * lag_s * 100.0), abs=1e-6)
     for drive in thread.coupling._drives:
         drive.following_error.lag_s += 1.0
-    led = thread.coupling._axis_s
+    led = thread.coupling.foreseen[0].axis_s
     thread.run(2)
-    assert thread.coupling._axis_s == pytest.approx(led + 2 * LEARNS_S)
+    assert thread.coupling.foreseen[0].axis_s == pytest.approx(led + 2 * LEARNS_S)
     for drive in thread.coupling._drives:
         drive.following_error.lag_s = 0.0
     thread.run(1)
-    assert thread.coupling._axis_s == pytest.approx(led + LEARNS_S)
+    assert thread.coupling.foreseen[0].axis_s == pytest.approx(led + LEARNS_S)
 
 
 def test_what_is_off_is_the_same_angle_on_a_way_of_another_pitch() -> None:
@@ -188,23 +198,22 @@ def test_what_is_off_is_the_same_angle_on_a_way_of_another_pitch() -> None:
     coupling, off, wanted = thread.coupling, thread.coupling.off_mm, thread.s / PITCH_MM
     back = move_of(-2.0 * PITCH_MM)
     back.begin_rev = wanted - thread.s * back.rev_per_mm
-    coupling._step_mm = 0.0
+    coupling.stood()
     coupling.follow(back, thread.s, 0.0, 0.0)
     assert coupling.off_mm == pytest.approx(-2.0 * off, abs=0.01)
 
 
 @pytest.mark.parametrize("side", [-1.0, 1.0])
 def test_the_axes_follow_within_what_their_limits_leave_and_stop_where_they_are_to(side: float) -> None:
-    coupling = Coupling(machine(), Spindle())
     bend, most, off = 0.001, 0.02, side * 1.0
-    steps, before = [0.0], 0.0
-    while coupling.off_mm != off or steps[-1] != 0.0:
-        coupling._approach(off, bend, most)
-        steps.append(coupling.off_mm - before)
-        before = coupling.off_mm
+    now, steps = Correction(), [0.0]
+    while now.off_rev != off or now.step_rev != 0.0:
+        before, (off_rev, step_rev) = now, now.approach(off, bend, most)
+        now = now._replace(off_rev=off_rev, step_rev=step_rev)
+        steps.append(now.off_rev - before.off_rev)
         assert abs(steps[-1]) <= most * (1 + 1e-9)
         assert abs(steps[-1] - steps[-2]) <= bend * (1 + 1e-9)
-        assert coupling.off_mm * side <= 1.0 + 3.0 * bend
+        assert now.off_rev * side <= 1.0 + 3.0 * bend
         assert len(steps) < 80
     assert len(steps) >= 1.0 / most + most / bend  # 70, the fastest that the limits let it
 
@@ -253,12 +262,12 @@ def test_one_that_has_come_has_stood_there_for_some_ticks() -> None:
 def test_one_that_does_not_come_within_its_time_lags() -> None:
     coupling = tied(2.0 * SETTLED_REV, 0.0)
     for _ in range(round(LATE_S / T)):
-        coupling._lead(0.0, 0.0, True)
+        coupling._settle(True)
         assert not coupling.lags
-    coupling._lead(0.0, 0.0, True)
+    coupling._settle(True)
     assert coupling.lags and coupling._settled == 0
     coupling.lag_rev = SETTLED_REV
-    coupling._lead(0.0, 0.0, True)
+    coupling._settle(True)
     assert not coupling.lags and coupling._settled == 1
 
 
@@ -271,7 +280,7 @@ def test_one_whose_angle_is_not_heard_is_deaf_and_goes_on_as_it_did() -> None:
     lag, thread.spindle.unheard = coupling.lag_rev, DEAF_SYNCS
     slip = coupling.reply.slip
     thread.run(2)
-    assert coupling.lag_rev == pytest.approx(lag + 2 * 0.5 * T) and not coupling.deaf
+    assert coupling.lag_rev == pytest.approx(lag + 2 * (0.5 * T - coupling._added_rev)) and not coupling.deaf
     thread.spindle.unheard = 2  # late by one SYNC teaches nothing either
     thread.run(1)
     assert coupling.reply.slip == slip
@@ -287,28 +296,100 @@ def test_the_axes_go_where_the_spindle_will_be_when_they_are_there() -> None:
     move = move_of()
     move.give_mm_s = move.give_mm_s2 = 1e9
     coupling = thread.coupling
-    coupling.lag_rev, coupling._rate = 0.1, 0.5
-    coupling._led(move, 0.0, 0.0, False)
+    coupling.lag_rev, coupling._rate, coupling.unseen = 0.1 - 0.5 * T, 0.5, False
+    coupling._measure = lambda _: None  # type: ignore[method-assign]
+    coupling._gain = 0.0
+    coupling.follow(move, thread.s, 0.0, 0.0)
     assert coupling.off_mm == pytest.approx((0.1 + 0.5 * (LATE * T + 0.01)) * PITCH_MM)
 
 
 def test_axes_that_have_stood_meanwhile_begin_from_rest_and_leave_a_thread_with_nothing_off() -> None:
-    coupling = tied(0.0, 0.0)
-    coupling._step_mm = 0.01
+    thread = Thread(periods=4)
+    thread.behind = 0.0
+    thread.run(5, 0.0)
+    coupling = thread.coupling
+    coupling._now = coupling._now._replace(off_rev=0.0005, step_rev=0.01)
     coupling.stood()
-    coupling._approach(0.0, 0.001, 0.02)
-    assert coupling.off_mm == 0.0
-    coupling = Thread().coupling
-    coupling.off_mm, coupling._settled = 0.0005, SETTLED_TICKS
-    coupling._led(move_of(), 0.0, 0.0, True)
-    assert coupling.off_mm == 0.0005  # so little moves no axis
+    assert {(one.off_rev, one.step_rev) for one in coupling.foreseen} == {(0.0005, 0.0)}
+    coupling._settled = SETTLED_TICKS
+    thread.run(1, 0.0)
+    assert coupling.foreseen[0].off_rev == 0.0005  # so little moves no axis
     coupling.releasing = True
     coupling.look()
     assert not coupling.settled
-    for _ in range(5):
-        coupling._led(move_of(), 0.0, 0.0, True)
+    thread.run(8, 0.0)
     coupling.look()
     assert coupling.off_mm == 0.0 and coupling.settled
+
+
+# ---- a stock of periods
+
+
+DELAY, PERIODS = 2, 8
+
+
+def stocked() -> Thread:
+    thread = Thread((0.0, 0.0, 0.01), delay=DELAY, periods=PERIODS)
+    thread.run(200)
+    return thread
+
+
+def test_what_was_foreseen_stays_as_it_is_while_the_spindle_is_where_it_was_foreseen_to_be() -> None:
+    thread = stocked()
+    for turned in (0.0003, -0.0003, 0.0001):  # of FORESEEN_MM / PITCH_MM = 0.0016
+        thread.behind = turned
+        before = thread.coupling.foreseen
+        thread.run(1)
+        assert thread.coupling.foreseen[:-1] == before[1:]
+
+
+def test_a_spindle_that_is_elsewhere_is_followed_from_the_next_tick_on_that_is_not_committed() -> None:
+    for committed in (0, 3, PERIODS):
+        thread = stocked()
+        thread.behind, before = 0.1, thread.coupling.foreseen
+        thread.coupling.committed = committed
+        thread.run(1)
+        now = thread.coupling.foreseen
+        assert now[:committed] == before[1 : 1 + committed]
+        assert now[committed].off_rev > 0.0 and now[-1].off_rev > 0.0
+    thread = stocked()
+    thread.behind, before = 0.1, thread.coupling.foreseen
+    thread.coupling.committed = PERIODS + 1
+    thread.run(1)
+    assert thread.coupling.foreseen[:-1] == before[1:]
+    assert thread.coupling.foreseen[-1].off_rev == before[-1].off_rev
+
+
+def test_the_ticks_to_come_can_be_those_of_an_older_plan() -> None:
+    thread = stocked()
+    plan = thread.coupling.foreseen
+    thread.behind = 0.1
+    thread.run(2)
+    thread.coupling.go_by(plan, 2)
+    assert thread.coupling.foreseen[1 : PERIODS - 1] == plan[3:]
+    assert len(thread.coupling.foreseen) == PERIODS + 1
+
+
+def test_a_look_ahead_comes_to_what_the_tick_does() -> None:
+    thread = stocked()
+    twin = thread.coupling.unseen_twin(machine())
+    twin.restore(thread.coupling.save())
+    s, places = thread.s, []
+    for _ in range(PERIODS):
+        s += SPEED * T
+        places.append((twin.follow(thread.move, s, SPEED, 0.0), twin.rev_s))
+    thread.behind = 0.0005
+    assert places == [(thread.run(1), thread.coupling.rev_s) for _ in range(PERIODS)]
+
+
+def test_a_stop_has_the_answer_of_spindle_and_axes_and_what_drifts_by_the_speed() -> None:
+    thread = stocked()
+    coupling = thread.coupling
+    stop = Stop((1.0,), 1, 0, SPEED, 0.0)
+    coupling._now = coupling._now._replace(slip=0.02, lag_s=0.03, drift_rev_s=0.01 * SPEED / PITCH_MM)
+    assert coupling.stop_of(stop)[5:] == pytest.approx((0.01, 0.03, 0.03))
+    coupling.end()
+    assert coupling.stop_of(stop) == stop
 
 
 # ---- a step that is taken back, and a run that is made again

@@ -500,3 +500,50 @@ def test_our_heartbeat_is_due_with_its_period_and_before_a_frame_was_sent_nothin
         port.outgoing.clear()
         group.command((0,) * 5, now_s)
         assert port.outgoing[-1] == (0x77F, b"\x05")
+
+
+def test_a_late_tick_takes_the_answers_sync_by_sync_and_leaves_those_to_the_newest_one() -> None:
+    port = ListPort()
+    group = five(port)
+    for count in range(1, 4):
+        port.feedback((1, 2, 3, 4, 5), position=1000 * count)
+        port.incoming.append(pdo.frame(pdo.HEARTBEAT + 1, bytes([pdo.NMT_OPERATIONAL])))
+    seen = []
+    for _ in range(2):
+        for line in group.lines:
+            line.expect()
+        assert group.receive_answers(1.0, 3)
+        seen.append(group.positions[0])
+    for line in group.lines:
+        line.expect()
+    group.receive(1.0, 1, late=True)
+    assert [*seen, group.positions[0]] == [1001, 2001, 3001]
+    assert all(drive.lost == drive.again == 0 for drive in group.drives)
+    assert not group.receive_answers(1.0, 3) and all(drive.lost == 0 for drive in group.drives)
+    port.feedback((1, 2, 3, 4, 5), position=4000)
+    port.feedback((1, 2, 3, 4, 5), position=5000)
+    for line in group.lines:
+        line.expect()
+    group.receive(1.0, 1, late=True)  # the tick is late, and the newest SYNC has been answered
+    assert group.positions == [4001, 4002, 4003, 4004, 4005]
+    for line in group.lines:
+        line.expect()
+    group.receive(1.0)
+    assert group.positions[4] == 5005 and all(drive.lost == 0 for drive in group.drives)
+
+
+def test_where_one_drive_has_not_answered_the_others_answers_to_the_next_sync_are_not_taken() -> None:
+    port = ListPort()
+    group = five(port)
+    port.feedback((1, 2, 4, 5), position=1000)
+    port.feedback((1, 2, 3, 4, 5), position=2000)
+    for line in group.lines:
+        line.expect()
+    assert group.receive_answers(1.0, 2)
+    assert group.positions[:2] == [1001, 1002]
+    # Of two answers the first is held against the SYNC that it may answer: that one was lost shows one later.
+    for line in group.lines:
+        line.expect()
+    group.receive(1.0)
+    assert group.positions == [2001, 2002, 2003, 2004, 2005]
+    assert sum(drive.lost for drive in group.drives) == 1

@@ -12,6 +12,7 @@ from drives.cia402 import State, Wanted
 from drives.cyclic.drive_fault import DriveFault
 from drives.cyclic.spindle import MOST_AHEAD, SpindleDrive
 from drives.profile import GENERIC, Supervision
+from drives.pump.plan_memory import FOLLOWS
 from drives.settings import SpindleSettings
 
 OE = 0x1237
@@ -310,3 +311,17 @@ def test_a_spindle_s_feedback_of_wrong_length_is_counted_and_not_used():
     for count in (1, 2):
         drive.receive(0x18A, memoryview(bytes(4)), 1.0)
         assert (drive.malformed, drive.speed_at_s) == (count, 0.0)
+
+
+def test_what_a_plan_leads_is_the_pumps_to_tell_and_counts_as_told():
+    drive = enabled(position_tpdo=2, position_per_rev=4096.0)
+    assert drive.wire == (10, drive.settings.profile.rpdo, False) and enabled().wire is None
+    sent(drive, 0.0)
+    drive.lead(10.0, True)
+    assert drive.word == 0x0F | FOLLOWS and drive.event_frame(1.0, 0.05) is None
+    assert drive.units_per_rev_s == 4000.0 and drive.was_led(10.0)
+    assert drive._sent_speed == 40_000
+    drive.want(Wanted.QUICK_STOP)
+    tell(drive, 40_000)
+    assert not drive.word & FOLLOWS and not drive.was_led(5.0)
+    assert sent(drive, 1.1)[0] == 0x02  # a stop does not wait for a plan

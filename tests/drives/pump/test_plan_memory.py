@@ -34,8 +34,7 @@ def row_of(period: int, plan: int = 0) -> tuple[float, ...]:
 def publish(writer: PlanWriter, first: int, rows: int, plan: int = 0, stop: Stop | None = STOP) -> None:
     """A beginning with rows that name their period and plan."""
     for period in range(first, first + rows):
-        s, *counts = row_of(period, plan)
-        writer.put(period, s, counts)
+        writer.put(period, row_of(period, plan))
     writer.publish(first, first, rows, 5, stop, anew=True)
 
 
@@ -209,7 +208,7 @@ def test_whatever_is_published_and_when_it_is_looked_at_the_reader_has_what_a_pl
             tail = begin + chance.randrange(1, 40)
             for one in range(begin, tail):
                 written[one] = row_of(one, turn)
-                writer.put(one, written[one][0], written[one][1:])
+                writer.put(one, written[one])
             rows = tail - first
             writer.publish(first, begin, rows, 5, None, anew=True)
             published[writer.number] = [written[one] for one in range(first, tail)]
@@ -265,7 +264,7 @@ writer = PlanWriter(Memory(3, int(sys.argv[1])))
 print(flush=True)
 for plan in itertools.count(1):
     for period in range(2040, 2060):
-        writer.put(period, float(plan), (float(plan), 0.0, float(period)))
+        writer.put(period, (float(plan), float(plan), 0.0, float(period)))
     writer.publish(2040, 2040, 20, 5, None, True)
 """
 

@@ -57,7 +57,7 @@ class Bench:
 
     def publish(self, first: int, rows: int, nominal: int = 0, stop: Stop | None = None, anew: bool = True):
         for period in range(first, first + rows):
-            self.writer.put(period, float(period), [100.0 * i + period for i in range(3)])
+            self.writer.put(period, (float(period), *(100.0 * i + period for i in range(3))))
         self.writer.publish(first, first, nominal or rows, HOLD, stop, anew)
 
     def play(self) -> Played:
@@ -147,7 +147,7 @@ def test_a_newer_plan_takes_over_at_once_and_from_holding() -> None:
         bench.play()
     bench.publish(2, 3, anew=False)
     assert [bench.play().phase for _ in range(4)] == [Phase.NOMINAL] * 3 + [Phase.HOLDING]
-    bench.writer.put(6, 6.0, (0.0, 0.0, 0.0))
+    bench.writer.put(6, (6.0, 0.0, 0.0, 0.0))
     bench.writer.publish(4, 6, 3, HOLD, None)
     played = bench.play()
     assert (played.phase, played.number) == (Phase.NOMINAL, 3)
@@ -211,7 +211,7 @@ def test_setpoints_of_a_bus_that_packs_go_in_one_packet() -> None:
     wires = [BusWire(port, [(0, DriveWire(1, 1, False)), (1, DriveWire(2, 3, False))], True)]
     player, writer = Player(memory, wires, T, MASTER, 1000), PlanWriter(memory)
     memory.words[0] = memory.words[1] = WORD | FOLLOWS
-    writer.put(0, 0.0, (5.0, 6.0))
+    writer.put(0, (0.0, 5.0, 6.0))
     writer.publish(0, 0, 1, HOLD, None, True)
     player.prepare()
     player.send(0, 0)
@@ -234,7 +234,7 @@ def test_feed_forward_is_the_slope_of_the_setpoints() -> None:
     for i in range(3):
         bench.memory.velocity_units[i] = 10.0
     for period, counts in enumerate((0.0, 3.0, 5.0)):
-        bench.writer.put(period, 0.0, (counts,) * 3)
+        bench.writer.put(period, (0.0, counts, counts, counts))
     bench.writer.publish(0, 0, 3, HOLD, None, True)
     heard = []
     for _ in range(4):
@@ -245,7 +245,7 @@ def test_feed_forward_is_the_slope_of_the_setpoints() -> None:
 
 def test_setpoints_are_kept_within_32_bits() -> None:
     bench = Bench()
-    bench.writer.put(0, 0.0, (1e12, -1e12, 2.5))
+    bench.writer.put(0, (0.0, 1e12, -1e12, 2.5))
     bench.writer.publish(0, 0, 1, HOLD, None, True)
     bench.play()
     found = [pdo.COMMAND.unpack(data)[1] for _, data in bench.ports[0].last()[1:4]]
@@ -292,3 +292,67 @@ def test_the_heartbeat_is_never_rarer_than_it_is_promised() -> None:
     assert beat_every(0.002, 0.05) == 25
     assert beat_every(0.003, 0.05) == 16
     assert beat_every(0.1, 0.05) == 1
+
+
+# ---- a thread's spindle
+
+
+class ThreadBench:
+    """A drive and a spindle, which a row leads."""
+
+    def __init__(self) -> None:
+        self.memory, self.port = Memory(1, thread=True), Port()
+        self.writer = PlanWriter(self.memory)
+        wire = BusWire(self.port, [(0, DriveWire(1, 1, False))], False, DriveWire(9, 1, False))
+        self.player = Player(self.memory, [wire], T, MASTER, 1000)
+        self.memory.words[0] = self.memory.words[1] = WORD | FOLLOWS
+        self.memory.velocity_units[1] = 100.0  # units of 60FFh in one rev/s
+
+    def speeds(self, periods: int) -> list[int | None]:
+        """What the spindle was told in each period; None: nothing."""
+        found: list[int | None] = []
+        for _ in range(periods):
+            self.player.prepare()
+            self.player.send(0, 0)
+            told = [data for can_id, data in self.port.last() if can_id == pdo.rpdo(1, 9)]
+            assert len(told) <= 1
+            found.append(pdo.COMMAND.unpack(told[0])[1] if told else None)
+        return found
+
+
+def test_a_row_leads_the_spindle_and_at_the_end_of_the_plan_it_stands() -> None:
+    bench = ThreadBench()
+    for period, thread in enumerate([(0.0, 0.0, 0.0), (1.5, -2.0, 0.0), (-2.25, -2.0, 0.1)]):
+        bench.writer.put(period, (float(period), 5.0, *thread))
+    bench.writer.publish(0, 0, 3, HOLD, None, True)
+    assert bench.speeds(4 + HOLD) == [None, 150, -225, *[0] * HOLD, None]
+
+
+def test_a_spindle_that_cannot_be_led_is_told_nothing() -> None:
+    bench = ThreadBench()
+    bench.memory.words[1] = WORD
+    bench.writer.put(0, (0.0, 5.0, 1.5, -2.0, 0.0))
+    bench.writer.publish(0, 0, 1, HOLD, None, True)
+    assert bench.speeds(2) == [None, None]
+
+
+def test_along_a_stop_spindle_and_axes_go_by_its_speed_and_by_how_they_answer() -> None:
+    """The axes are at s + lag v and the spindle turns at turn ((1 + slip) v + lag a), at every place."""
+    v, turn, counts, axis_s, slip, lag_s = 20.0, -2.0, 1e6, 0.005, 0.03, 0.02
+    jerk, held = 4e3, 16
+    stop = Stop((-jerk, jerk), held, 0, v, 0.0, axis_s, slip, lag_s)
+    bench, nominal = ThreadBench(), 3
+    for period in range(60):
+        s, speed = v * T * period, turn * (1.0 + slip) * v
+        bench.writer.put(period, (s, counts * (s + axis_s * v), speed, turn, axis_s * v))
+    bench.writer.publish(0, 0, nominal, HOLD, stop, True)
+    s, a = v * T * (nominal - 1), 0.0
+    assert bench.speeds(nominal) == [round(100.0 * turn * (1.0 + slip) * v)] * nominal
+    for k in range(2 * held):
+        j = -jerk if k < held else jerk
+        s, v, a = s + T * (v + T * (a / 2.0 + T * j / 6.0)), v + T * (a + T * j / 2.0), a + T * j
+        (told,) = bench.speeds(1)
+        assert told is not None and abs(told - 100.0 * turn * ((1.0 + slip) * v + lag_s * a)) <= 0.5 + 1e-6
+        wanted = counts * (s + axis_s * (v + 0.5 * axis_s * a))
+        assert bench.player._counts[0] == pytest.approx(wanted, abs=1.0)
+    assert bench.speeds(1) == [0]

@@ -89,7 +89,7 @@ class Tick:
 
     def publish(self, first: int, rows: int, anew: bool = True, changes: int | None = None) -> None:
         for period in range(first, first + rows):
-            self.writer.put(period, float(period), [1e6 * i + period for i in range(DRIVES)])
+            self.writer.put(period, (float(period), *(1e6 * i + period for i in range(DRIVES))))
         self.writer.publish(first, first if changes is None else changes, rows, HOLD, None, anew)
 
     def listen(self) -> None:

@@ -36,9 +36,11 @@ ROUNDED = 1.002  # of an acceleration of setpoints: what the limits are held by 
 COUNTS = 4.0  # in a second difference of rounded setpoints, at most
 OFF_MM = 0.010  # the path, beyond the healthy error
 TOOL_MM = 60.0  # two points of the tool so far apart tell where it is
+SAME_END_MM = 1e-3  # the last of what has led the axes on a thread is not played yet
 SAME_MM = 1e-4  # two points of a line that are nearer are one
 NEAR = 8  # places of the path
-THREAD_UM = 10.0  # axes tied to a spindle follow what it has turned meanwhile
+THREAD_UM = 10.0  # axes and spindle, beyond the healthy error
+LEAST_MM = 0.1  # of a thread, that is judged
 TOLD = (Fault.STOCK_USED_UP, Fault.TOO_MANY_SKIPS)
 
 Array = npt.NDArray[np.float64]
@@ -162,7 +164,8 @@ class Healthy:
             np.array([one.acceleration for one in limits]) * T**2,
         )
         self.periods = [n for n in self.played if n > self.first]
-        self.threads = bool(machine.spindle and machine.spindle.position and "G84" in text)
+        self.cuts = cuts([self.played[n] for n in self.periods])
+        self.threads = bool(self.cuts)
 
     def up(self) -> Watched:
         stepped = Watched(self.machine, **self.how)
@@ -250,15 +253,24 @@ class Healthy:
 def thread_um(
     played: Sequence[Played], linear: Sequence[int], rev_per_mm: float = 0.0
 ) -> tuple[float, float]:
-    """The largest distance of the tap from its thread, and the thread's revolutions per mm, if not given."""
-    cut = [one for one in played if one.turned is not None]
-    if not cut:
-        return 0.0, 1.0
-    at = np.array([one.motors for one in cut])[:, list(linear)]
-    turned = np.array([one.turned for one in cut])
-    way, turns = np.linalg.norm(at - at[0], axis=1), np.abs(turned - turned[0])
-    rev_per_mm = rev_per_mm or float(np.polyfit(way, turns, 1)[0])
-    return 1e3 * float(np.abs(way - turns / rev_per_mm).max()), rev_per_mm
+    """The largest distance of the tap from its thread, and the threads' revolutions per mm, if not given."""
+    most = 0.0
+    for begin, end in cuts(played):
+        cut = played[begin:end]
+        at = np.array([one.motors for one in cut])[:, list(linear)]
+        turned = np.array([one.turned for one in cut])
+        way, turns = np.linalg.norm(at - at[0], axis=1), np.abs(turned - turned[0])
+        if np.ptp(way) > LEAST_MM:
+            rev_per_mm = rev_per_mm or float(np.polyfit(way, turns, 1)[0])
+            most = max(most, 1e3 * float(np.abs(way - turns / rev_per_mm).max()))
+    return most, rev_per_mm
+
+
+def cuts(played: Sequence[Played]) -> list[tuple[int, int]]:
+    """From where to where the axes have followed the spindle."""
+    tied = np.array([False, *(one.turned is not None for one in played), False])
+    begins, ends = (np.flatnonzero(np.diff(tied.astype(int)) == way) for way in (1, -1))
+    return list(zip(begins.tolist(), ends.tolist(), strict=True))
 
 
 def moving(rows: Array, same: float = 0.0) -> Array:
@@ -354,7 +366,7 @@ def judge(
         if share > MOST_SHARE * max(1.0, own):
             wrong(f"motors have {share:.4f} of an {name}, in time {own:.4f}")
     if healthy.threads:
-        _thread(healthy, child, verdict)
+        _thread(healthy, [*(one for n, one in child.played.items() if n < period - BEFORE), *heard], verdict)
     else:
         _path(healthy, heard, verdict)
     if child.cycle.sync.braked > braked:
@@ -362,21 +374,22 @@ def judge(
             wrong("braked, and nothing is told")
         if late.within:
             wrong("braked within the stock")
-    if late.within and not late.asked and not healthy.threads:
+    if late.within and not late.asked:
         _same(healthy, heard, period - BEFORE, verdict)
     last = list(healthy.played.values())[-1]
-    if run is not None and run.result == "completed" and played[-1].counts != last.counts:
+    off = np.abs(np.array(played[-1].counts) - last.counts) * np.abs(healthy.units)
+    if run is not None and run.result == "completed" and off.max() > SAME_END_MM * healthy.threads:
         wrong("ends elsewhere")
 
 
-def _thread(healthy: Healthy, child: Watched, verdict: Verdict) -> None:
-    """The axes go where the spindle has turned to, which no pump leads."""
+def _thread(healthy: Healthy, heard: Sequence[Played], verdict: Verdict) -> None:
+    """Axes and spindle stay together."""
     linear = healthy.machine.linear()
     own, rev_per_mm = thread_um(list(healthy.played.values()), linear)
-    um, _ = thread_um(list(child.played.values()), linear, rev_per_mm)
+    um, _ = thread_um(heard, linear, rev_per_mm)
     name = "thread um" if verdict.late.within else "thread um beyond"
     verdict.shares[name] = um - own
-    if verdict.late.within and um > own + THREAD_UM:
+    if um > own + THREAD_UM:
         verdict.wrongs.append(f"the tap is {um:.1f} um off its thread, in time {own:.1f}")
 
 
@@ -393,7 +406,7 @@ def _path(healthy: Healthy, heard: Sequence[Played], verdict: Verdict) -> None:
 
 
 def _same(healthy: Healthy, heard: Sequence[Played], first: int, verdict: Verdict) -> None:
-    """Bit for bit; what waits for a tick at a standstill waits longer."""
+    """Bit for bit; what waits for a tick at a standstill goes on with the tick that sees it."""
     heard = [one for n, one in enumerate(heard, first) if n in healthy.played]
     whole = [healthy.played[first + n] for n in range(len(heard))]
     if [one[1:] for one in heard] == [one[1:] for one in whole]:
@@ -403,7 +416,7 @@ def _same(healthy: Healthy, heard: Sequence[Played], first: int, verdict: Verdic
     differs = int(np.flatnonzero((ours != theirs).any(axis=1))[0]) if (ours != theirs).any() else -1
     a, b = moving(ours), moving(theirs)
     n = min(len(a), len(b))
-    stands = differs > 0 and (ours[differs] == ours[differs - 1]).all()
+    stands = differs > 0 and any((one[differs] == one[differs - 1]).all() for one in (ours, theirs))
     if stands and np.array_equal(a[:n], b[:n]):
         verdict.shares["waited"] = 1.0
         return
@@ -413,8 +426,8 @@ def _same(healthy: Healthy, heard: Sequence[Played], first: int, verdict: Verdic
 # ---- drawn
 
 
-def drawn(rng: random.Random, machine: Machine, ticks: int) -> tuple[int, Late]:
-    """(tick of the fork, what is late)."""
+def drawn(rng: random.Random, machine: Machine, ticks: int, first: int = 0) -> tuple[int, Late]:
+    """(tick of the fork, from ``first`` on; what is late)."""
     stock = machine.stock_s
     kind = rng.choice(("one within",) * 3 + ("one beyond",) * 3 + ("train within", "train beyond", "slow"))
     late, slow = dict[int, float](), dict[int, float]()
@@ -439,7 +452,7 @@ def drawn(rng: random.Random, machine: Machine, ticks: int) -> tuple[int, Late]:
     asked = _asked(rng) if rng.random() < 0.25 else ()
     to_end = rng.random() < 0.1 or bool(asked)
     within = kind.endswith("within")
-    return rng.randrange(ticks), Late(kind, late, slow, asked, within, to_end)
+    return rng.randrange(first, ticks), Late(kind, late, slow, asked, within, to_end)
 
 
 def _asked(rng: random.Random) -> list[Event]:
