@@ -20,6 +20,7 @@ from controller.api.service_sync import Gatherer
 from controller.api.store import Sizes, Store
 from controller.api.ticks import Latest
 from controller.api.users import REFRESH_S, Users
+from controller.state.record_files import RUNS
 
 _log = logging.getLogger(__name__)
 AGAIN_S = 1.0  # until a work that failed is begun anew
@@ -62,7 +63,7 @@ class Panel:
     @property
     def run_records(self) -> Path:
         """A folder per run, written by the service."""
-        return self.store.folder / "runs"
+        return self.store.folder / RUNS
 
     def note(self, user: str, address: str, action: str, detail: str = "", allowed: bool = True) -> None:
         """A line of the audit log; written soon, so that a hold does not wait for the disk."""

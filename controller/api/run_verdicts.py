@@ -16,12 +16,12 @@ from controller.api.records import Run
 from controller.api.run_report import AS_CUT
 from controller.api.store import Store
 from controller.program.surface_codes import may_cut
+from controller.state.record_files import ACTUAL, PROGRAM, RUNS
 
 WORKER = (sys.executable, "-m", "controller.cli.verdict_worker")
 LONGEST_S = 3600.0
 LOOK_S = 5.0  # between two looks at what has ended
 NEWEST = 20  # runs that are looked at: what is older when a panel begins stays as it is
-POSITIONS, PROGRAM = "actual.npz", "program.ngc"  # of a record
 
 
 class NoAnswer(Exception):
@@ -63,10 +63,10 @@ class RunVerdicts:
         return None
 
     def _record(self, run: Run) -> Path:
-        return self._store.folder / "runs" / Path(str(run.facts.get("record", ""))).name
+        return self._store.folder / RUNS / Path(str(run.facts.get("record", ""))).name
 
     def _cuts(self, record: Path) -> bool:
         """Whether a record says where the drives were, of a program that may cut a surface."""
         with contextlib.suppress(OSError):
-            return (record / POSITIONS).is_file() and may_cut((record / PROGRAM).read_bytes())
+            return (record / ACTUAL).is_file() and may_cut((record / PROGRAM).read_bytes())
         return False

@@ -16,9 +16,9 @@ from typing import Any
 from controller.api.database import Database
 from controller.api.records import Values
 from controller.machine import setup_data
+from controller.state.record_files import RUN, RUNS
 
 ALARMS = "alarms.jsonl"
-RUNS = "runs"
 BY_SERVICE = "at the machine"  # who acknowledged, where the service does not say
 
 _OWN = ("id", "time_s", "name", "axis", "sentence", "acknowledged_s")  # columns; the others are facts
@@ -71,7 +71,7 @@ class Gatherer:
 
     def _gather_runs(self) -> int:
         """A record that cannot be read is looked at again the next time."""
-        files = sorted((self._state / RUNS).glob("*/run.json"))
+        files = sorted((self._state / RUNS).glob(f"*/{RUN}"))
         read = {f.parent.name: _run(f) for f in files if f.parent.name not in self._runs}
         ended = {name: run for name, run in read.items() if run is not None}
         if not ended:

@@ -26,6 +26,7 @@ from controller.ipc.handoff import COLUMN, ROW, rows_of
 from controller.machine import machine_file, setup_data
 from controller.machine.model import Machine
 from controller.machine.toml_table import ConfigError
+from controller.state import record_files
 
 KEPT_S = 30.0
 AT_ONCE = 500  # rows of one answer of the service: 170 kB at worst
@@ -86,7 +87,7 @@ def _noted(state: Path, *_: tuple[int, int]) -> Machine:
 
 def of_recording(folder: Path) -> Signals:
     """What was kept of a fault, on the machine as it was then. Raises Refusal."""
-    file = folder / "trace.npz"
+    file = folder / record_files.TRACE
     try:
         return _recording(file, *_stamp(file))
     except (OSError, ValueError, KeyError, ConfigError, zipfile.BadZipFile) as error:
@@ -97,13 +98,13 @@ def of_recording(folder: Path) -> Signals:
 def _recording(file: Path, *_: int) -> Signals:
     with np.load(file, allow_pickle=False) as kept:
         columns, found = [str(name) for name in kept["columns"]], np.asarray(kept["rows"], dtype=float)
-        machine = machine_file.read(str(kept["machine"]), "machine.toml")
+        machine = machine_file.read(str(kept["machine"]), record_files.MACHINE)
     return Signals(rows_of(columns, found), machine)
 
 
 def of_run(folder: Path, machine: Machine) -> Signals:
     """The setpoints of a run, on the machine as it is now. Raises Refusal."""
-    file = folder / "setpoints.npz"
+    file = folder / record_files.SETPOINTS
     try:
         return _run(file, machine, *_stamp(file))
     except (OSError, ValueError, KeyError, zipfile.BadZipFile) as error:

@@ -22,14 +22,13 @@ from controller.runtime import events
 from controller.runtime.checked import Task, Walk
 from controller.runtime.events import Recorded
 from controller.runtime.setpoints import ACTUAL, SETPOINTS, Counts, counts_per_unit
+from controller.state.record_files import BEGUN, RUN
 from controller.verify.console import Refused, say
 
 if TYPE_CHECKING:
     from controller.runtime.replay import Difference
     from controller.runtime.stepped import Run, SteppedMachine
     from controller.verify.trace import Trace
-
-RUN, BEGUN = "run.json", "begun.json"  # beside the events of a run that was ended in order, or was not
 
 
 class RecordedRun:

@@ -13,6 +13,7 @@ from controller.cli import recorded_runs
 from controller.cli.recorded_runs import RecordedRun
 from controller.ipc import control_socket
 from controller.runtime import checked
+from controller.state.record_files import RUNS
 from controller.verify.console import AS_ASKED, Refused, as_asked, bar, refusals, say, show, spoken, tell
 
 RunName = Annotated[
@@ -63,7 +64,7 @@ def folder_of(run: str, state: Path | None) -> Path:
         return given
     where = state or control_socket.state_folder()
     name = _of_number(int(run), where) if run.isdecimal() else run
-    if not (found := where / "runs" / name).is_dir():
+    if not (found := where / RUNS / name).is_dir():
         raise Refused(say("cli.replay.no_run", run=run, where=where))
     return found
 

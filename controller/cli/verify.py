@@ -22,6 +22,7 @@ from controller.plan.stretch import Note, Stretch
 from controller.program import blocks, linked
 from controller.program.program import Block, Place
 from controller.runtime import checked, events
+from controller.state.record_files import TRACE
 from controller.verify import forms, passes, tables, trace, wording
 from controller.verify.audit import Watched
 from controller.verify.bound import Bound, bound
@@ -47,7 +48,6 @@ Json = Annotated[bool, typer.Option("--json")]
 MAX_ROWS = 40  # of the table
 MAX_SURFACES = 1000  # of a run, that are listed
 BOUND_S = 5.0  # that the search for one surface takes, about
-TRACE = "trace.npz"  # in the folder of a recording
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,6 +7,7 @@ the way that each of them was told within ``LOOK_BACK_S`` before.
 from __future__ import annotations
 
 import contextlib
+import itertools
 import math
 from bisect import bisect_right
 from collections.abc import Callable, Iterator, Mapping
@@ -16,16 +17,18 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.geometry.arrays import Array, distinct
+from controller.geometry.arrays import Array
 from controller.geometry.passing_place import LOOK_BACK_S, passing
 from controller.ipc.handoff import COLUMN, of_axes
 from controller.machine.kinematics import Kinematics, kinematics_of
 from controller.machine.model import Machine
+from controller.plan.restart.program_position import order_of
 from controller.plan.stretch import Stretch
 from controller.plan.surfaces.cuts import tolerance_mm
 from controller.program.program import Block, Modal, ProgramError
 from controller.state.live_state import OFF_PATH
 from controller.verify.passes import forward
+from controller.verify.trace import forward
 
 Flags = NDArray[np.bool_]
 Whole = NDArray[np.int64]
@@ -44,7 +47,8 @@ class Demand(NamedTuple):
     tolerance_mm: float  # infinite: none is held
 
 
-DemandOf = Callable[[int], Demand | None]  # of a motion by its id; None: it is none at feed
+# Of a motion by its id, at a place of it: its lines may differ; None: it is none at feed.
+DemandOf = Callable[[int, float], Demand | None]
 
 
 def demand(modal: Modal, machine: Machine) -> Demand:
@@ -65,12 +69,13 @@ class Demands:
         self._demands: list[Demand] = []
         self._read_to = -1  # ``Place.order``
 
-    def __call__(self, motion_id: int) -> Demand | None:
+    def __call__(self, motion_id: int, s: float) -> Demand | None:
         stretch = self._stretches.get(motion_id)
         if stretch is None or stretch.feed_mm_s is None:
             return None
-        self._read(stretch.place.order)
-        found = bisect_right(self._orders, stretch.place.order)
+        order = order_of(stretch, s)
+        self._read(order)
+        found = bisect_right(self._orders, order)
         return self._demands[max(0, found - 1)] if self._demands else None
 
     def _read(self, order: int) -> None:
@@ -97,17 +102,26 @@ class Columns(NamedTuple):
     def then(self, more: Columns) -> Columns:
         return Columns._make(map(np.concatenate, zip(self, more, strict=True)))
 
+    def places(self) -> dict[tuple[int, int], Whole]:
+        """The rows of each motion and line, by both."""
+        keys = np.stack([self.motion_ids, self.lines])
+        starts = np.flatnonzero(np.any(np.diff(keys, prepend=keys[:, :1] - 1), axis=0))
+        found: dict[tuple[int, int], list[Whole]] = {}
+        for first, end in itertools.pairwise([*starts.tolist(), len(self.ticks)]):
+            key = int(self.motion_ids[first]), int(self.lines[first])
+            found.setdefault(key, []).append(np.arange(first, end))
+        return {key: np.concatenate(parts) for key, parts in found.items()}
+
     def last(self, rows: int) -> Columns:
         return Columns._make(column[-rows:] for column in self)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Measured:
-    """The M newest rows, all with one tool; line, motion and s are those where the path is nearest to it."""
+    """The M newest rows, all with one tool; line and s are those where the path is nearest to it."""
 
     ticks: Array  # (M,)
     lines: Whole  # (M,) at that place
-    motion_ids: Whole  # (M,)
     s: Array  # (M,)
     mm: Array  # (M,) contour error
     tolerance_mm: Array  # (M,) infinite where none is held
@@ -130,28 +144,29 @@ class ContourErrors:
         self._command, self._actual = of_axes("joint_command", axes), of_axes("actual", axes)
         self._before: Columns | None = None
         self._tool_mm = (0.0, 0.0)
-        self._demands: dict[int, Demand | None] = {}  # of the motions in the rows before, by id
+        self._demands: dict[tuple[int, int], Demand | None] = {}  # of the rows before, by motion and line
         self._lag = 0.0  # rows from a command to the drives, the mean ...
         self._lags = 0  # ... of so many
         self._repeats = 0  # rows in a row in which an axis that moves was not heard
 
     def measure(self, rows: Array) -> Iterator[Measured]:
         """The next rows of the recorder, (N, len(ROW)); portions in which nothing is cut are left out."""
-        motion_ids = rows[:, COLUMN["motion_id"]].astype(np.int64)
-        self._demands |= {one: self._demand_of(one) for one in map(int, distinct(motion_ids))}
-        for first, end in self._with_one_tool(motion_ids):
-            found = self._measured(self._columns(rows[first:end], motion_ids[first:end]))
+        new = self._columns(rows)
+        asked = {key: float(new.s[places[0]]) for key, places in new.places().items()}
+        self._demands |= {key: self._demand_of(key[0], s) for key, s in asked.items()}
+        for first, end in self._with_one_tool(new.motion_ids, new.lines):
+            found = self._measured(Columns._make(column[first:end] for column in new))
             if found is not None:
                 yield found
-        left = {int(one) for one in distinct(self._before.motion_ids)} if self._before is not None else set()
-        self._demands = {one: found for one, found in self._demands.items() if one in left}
+        left = () if self._before is None else self._before.places()
+        self._demands = {key: found for key, found in self._demands.items() if key in left}
 
-    def _with_one_tool(self, motion_ids: Whole) -> Iterator[tuple[int, int]]:
+    def _with_one_tool(self, motion_ids: Whole, lines: Whole) -> Iterator[tuple[int, int]]:
         """From row to row; a motion that is not at feed goes with the tool of the one before."""
         first = 0
         changes = np.flatnonzero(np.diff(motion_ids, prepend=motion_ids[:1] - 1))
         for row in map(int, changes):
-            found = self._demands[int(motion_ids[row])]
+            found = self._demands[int(motion_ids[row]), int(lines[row])]
             if found is None or found[:2] == self._tool_mm:
                 continue
             if row > first:
@@ -160,31 +175,33 @@ class ContourErrors:
         if len(motion_ids) > first:
             yield first, len(motion_ids)
 
-    def _columns(self, rows: Array, motion_ids: Whole) -> Columns:
-        ticks, lines, s, switches = (rows[:, COLUMN[name]] for name in ("tick", "line", "s", "switches"))
+    def _columns(self, rows: Array) -> Columns:
+        ids, lines, switches = (
+            rows[:, COLUMN[name]].astype(np.int64) for name in ("motion_id", "line", "switches")
+        )
+        ticks, s = rows[:, COLUMN["tick"]], rows[:, COLUMN["s"]]
         commands, actual = rows[:, self._command], rows[:, self._actual]
-        followed = switches.astype(np.int64) & OFF_PATH == 0
-        return Columns(ticks, motion_ids, lines.astype(np.int64), s, commands, actual, followed)
+        return Columns(ticks, ids, lines, s, commands, actual, switches & OFF_PATH == 0)
 
     def _measured(self, new: Columns) -> Measured | None:
         count = len(new.ticks)
         all_of = new if self._before is None else self._before.then(new)
         self._before = all_of.last(self._look_back + 1)
-        fed = [one for one, found in self._demands.items() if found is not None]
+        fed = [one for (one, _), found in self._demands.items() if found is not None]
         if not np.isin(all_of.motion_ids, fed).any():
             return None
         mm, place = self._errors(all_of, count)
         nearest = place.astype(np.int64)
         motion_ids = all_of.motion_ids[nearest]
         cutting = np.isin(motion_ids, fed) & new.followed
-        heard, tolerance = self._heard(all_of, nearest), self._tolerances(motion_ids)
+        heard, tolerance = self._heard(all_of, nearest), self._tolerances(all_of, nearest)
         lag = np.arange(len(all_of.ticks) - count, len(all_of.ticks)) - place
         step = np.abs(all_of.commands[nearest] - all_of.commands[np.maximum(nearest - 1, 0)])
         moves = (step > MOVES_COUNTS * self._count).any(axis=1)
         on_path = cutting & heard & moves & (mm <= ON_PATH_SHARE * tolerance)
         at = self._commanded(all_of.commands, lag, on_path)
         return Measured(
-            new.ticks, all_of.lines[nearest], motion_ids, all_of.s[nearest],
+            new.ticks, all_of.lines[nearest], all_of.s[nearest],
             mm, tolerance, cutting, heard, new.actual - at, at, self._tool_mm,
         )  # fmt: skip
 
@@ -195,12 +212,12 @@ class ContourErrors:
         tip, top = (passing(*pair, self._look_back, -1) for pair in zip(paths, points, strict=True))
         return np.maximum(tip.distance, top.distance), tip.place
 
-    def _tolerances(self, motion_ids: Whole) -> Array:
-        most = np.full(len(motion_ids), math.inf)
-        for one in distinct(motion_ids):
-            if (found := self._demands.get(int(one))) is not None:
-                most[motion_ids == one] = found.tolerance_mm
-        return most
+    def _tolerances(self, rows: Columns, nearest: Whole) -> Array:
+        most = np.full(len(rows.ticks), math.inf)
+        for key, places in rows.places().items():
+            if (found := self._demands.get(key)) is not None:
+                most[places] = found.tolerance_mm
+        return np.asarray(most[nearest])
 
     def _heard(self, rows: Columns, nearest: Whole) -> Flags:
         """Whether the drives' positions are new: a lost frame leaves the one before."""

@@ -32,7 +32,6 @@ class ContourError(NamedTuple):
 
     tick: int  # of the machine
     line: int
-    motion_id: int
     s: float  # along the motion
     axis: int  # that moves the tool furthest off
     mm: float
@@ -162,9 +161,9 @@ class ContourWatch:
                 self.excesses.append(now)
 
     def _error(self, rows: Measured, row: int) -> ContourError:
-        tick, line, motion_id = (int(column[row]) for column in (rows.ticks, rows.lines, rows.motion_ids))
+        tick, line = int(rows.ticks[row]), int(rows.lines[row])
         s, mm, most = (float(column[row]) for column in (rows.s, rows.mm, rows.tolerance_mm))
-        return ContourError(tick, line, motion_id, s, self._axis(rows, row), mm, most)
+        return ContourError(tick, line, s, self._axis(rows, row), mm, most)
 
     def _axis(self, rows: Measured, row: int) -> int:
         """The one that, alone off its command, moves tip or top of the flute furthest."""

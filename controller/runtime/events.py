@@ -35,6 +35,7 @@ from controller.commands.table import MAX_OVERRIDE, SWITCHED
 from controller.ipc.handoff import Jog
 from controller.messages import Key, TextError, said
 from controller.runtime.starts import Start
+from controller.state import record_files
 from controller.state.modes import Fault, Request
 
 REQUESTS = {
@@ -56,7 +57,7 @@ RECORDED = {  # by a live run alone
     "clamps": Request.CLAMPS,
     "prepare": Request.PREPARE,
 }
-FILE, PROGRAM, MACHINE = "events.jsonl", "program.ngc", "machine.toml"  # of a record
+FILE, PROGRAM, MACHINE = record_files.EVENTS, record_files.PROGRAM, record_files.MACHINE
 OVERRIDES = ("override", "rapid_override")
 BY_HAND = ("spindle_override", "spindle", "coolant", "clamps", "prepare")  # nothing of them moves an axis
 SWITCHES = tuple([switch.name for switch in SWITCHED.values()])

@@ -29,6 +29,7 @@ from controller.machine.model import Machine
 from controller.messages import said, text
 from controller.state.fault_table import NOBODY, Sender
 from controller.state.modes import FAULTS, Fault, Mode, sentence
+from controller.state.record_files import TRACE
 from drives import emergency_codes, pdo
 from drives.cia402 import State
 from drives.log import candump, frame_log
@@ -133,7 +134,7 @@ def save(base: Path, machine: Machine, facts: Facts, rows: Rows, logs: Logs) -> 
 
 def _write(made: Path, machine: Machine, facts: Facts, rows: Rows, logs: Logs) -> None:
     within = made.parent.parent
-    with own_files.new(made / "trace.npz", within) as file:
+    with own_files.new(made / TRACE, within) as file:
         np.savez_compressed(
             file, columns=np.array(ROW), rows=rows, machine=np.array(machine.text), period_s=machine.period_s
         )

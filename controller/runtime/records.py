@@ -27,11 +27,11 @@ from controller.messages import DEFAULT, Key, Said, plain, said, text
 from controller.runtime import events
 from controller.runtime.setpoints import ACTUAL, SETPOINTS, counts_per_unit
 from controller.state.live_state import FIELDS, Field
+from controller.state.record_files import TRACE
 from controller.verify import trace as traces
 
 Array = NDArray[Any]
 
-TRACE = "trace.npz"  # in the folder of a fault
 PARQUET = ".parquet"
 PREFIX = "directrix."  # of what stands with the whole file
 

@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from controller.machine.model import Machine
+from controller.state import record_files
 from controller.state.modes import MAX_AXES
 
 Counts = npt.NDArray[np.int32]
@@ -44,12 +45,12 @@ class Table(NamedTuple):
         return self.of_part((folder / self.part).read_bytes())[:, 1:]
 
 
-def _table(name: str, column: str) -> Table:
+def _table(file: str, column: str) -> Table:
     columns = ("tick", *(f"{column}_{i}" for i in range(MAX_AXES)))
-    return Table(columns, f"{name}.npz", f"{name}.part")
+    return Table(columns, file, str(Path(file).with_suffix(".part")))
 
 
-SETPOINTS, ACTUAL = _table("setpoints", "setpoint"), _table("actual", "actual")
+SETPOINTS, ACTUAL = _table(record_files.SETPOINTS, "setpoint"), _table(record_files.ACTUAL, "actual")
 TABLES = (SETPOINTS, ACTUAL)
 
 

@@ -6,7 +6,9 @@ Its lock is that of ``JobRun``: motions come from the plan's thread, rows and th
 from __future__ import annotations
 
 import contextlib
+from bisect import bisect_right
 from collections.abc import Mapping
+from operator import itemgetter
 from typing import Any
 
 from controller.ipc.control_socket import CommandRefused
@@ -32,19 +34,27 @@ class ContourGuard:
     def __init__(self, alarms: Alarms, engine: Engine) -> None:
         self._alarms, self._engine = alarms, engine
         self._watch: ContourWatch | None = None
-        self._demands: dict[int, Demand] = {}  # of the motions at feed that are not passed
+        # Of the motions at feed that are not passed: from which s on what is asked.
+        self._demands: dict[int, list[tuple[float, Demand]]] = {}
         self._raised: dict[int, tuple[int, float]] = {}  # by line: the alarm, and how large it says it is
 
     def begin(self, machine: Machine) -> None:
         """Another run; what was heard of the last is forgotten."""
         self._demands, self._raised = {}, {}
-        self._watch = ContourWatch(machine, self._demands.get)
+        self._watch = ContourWatch(machine, self._demand)
 
     def hear(self, ways: Mapping[int, Way], machine: Machine) -> None:
         """The plan has sent some more motions; ``machine``: with its tools."""
         for number, way in ways.items():
             if way.feed_mm_s is not None:
-                self._demands[number] = demand(way.state.modal, machine)
+                states = ((0.0, way.state), *way.states)
+                self._demands[number] = [(s, demand(state.modal, machine)) for s, state in states]
+
+    def _demand(self, motion_id: int, s: float) -> Demand | None:
+        found = self._demands.get(motion_id)
+        if found is None:
+            return None
+        return found[max(0, bisect_right(found, s, key=itemgetter(0)) - 1)][1]
 
     def take(self, rows: Rows, machine: Machine, now: Snapshot) -> None:
         """The newest rows of the tick."""

@@ -45,9 +45,10 @@ from controller.runtime.starts import Start
 from controller.service.engine import Asked
 from controller.service.journal import sha256
 from controller.service.run_file import RowEvents, RunEvents, RunFile
+from controller.state import record_files
 from controller.state.modes import Mode
 
-FOLDER, RUN, BEGUN = "runs", "run.json", "begun.json"
+FOLDER, RUN, BEGUN = record_files.RUNS, record_files.RUN, record_files.BEGUN
 KEPT = 200
 _STEM, _TIME = "%Y-%m-%dT%H%M%S", "2026-11-21T083120"
 LAG_TICKS = 2  # from a setpoint to the feedback that can have followed it

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.geometry.arrays import columns, distinct
+from controller.geometry.arrays import distinct
 from controller.geometry.placement import Strategy
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Machine, Tool
@@ -28,7 +28,7 @@ from controller.program.program import Block
 from controller.verify.bodies import whole
 from controller.verify.nominal import Nominal
 from controller.verify.sweep import FIT_MM, Pass, Poses, sampled
-from controller.verify.trace import Trace
+from controller.verify.trace import Trace, forward
 
 Array = NDArray[np.float64]
 
@@ -197,12 +197,6 @@ def _poses(stretch: Stretch, tool: Tool, kinematics: Kinematics) -> Poses:
         return forward(joints_along(stretch, s, kinematics), tool.length_mm, kinematics)
 
     return poses
-
-
-def forward(joints: Array, length_mm: float, kinematics: Kinematics) -> tuple[Array, Array]:
-    """Tips and axes (N, 3) in the table frame from joints (N, axes), mm and rad."""
-    pose = kinematics.forward([*joints.T], length_mm, np)
-    return columns(pose.tip, len(joints)), columns(pose.axis, len(joints))
 
 
 @dataclass(frozen=True, slots=True)

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from controller.geometry.arrays import columns, distinct
 from controller.geometry.passing_place import LOOK_BACK_S, passing
 from controller.geometry.placement import Placed
-from controller.geometry.vectors import Frame, Pose, Vector, angle_between, scale, subtract
+from controller.geometry.vectors import Frame, angle_between, scale, subtract
 from controller.ipc.handoff import COLUMN, of_axes, rows_of
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Machine
@@ -223,9 +223,9 @@ def _on_the_part(
     """(tip, axis) of joints in the part frame, each (N, 3)."""
     tip, axis = np.empty((len(joints), 3)), np.empty((len(joints), 3))
     for (part, length_mm), here in setup_rows:
-        pose = _forward(kinematics, joints[here], length_mm)
-        tip[here] = _stack(part.from_parent(pose.tip), len(here))
-        axis[here] = _stack(part.turn_back(pose.axis), len(here))
+        tips, axes = forward(joints[here], length_mm, kinematics)
+        tip[here] = columns(part.from_parent(tuple(tips.T)), len(here))
+        axis[here] = columns(part.turn_back(tuple(axes.T)), len(here))
     return tip, axis
 
 
@@ -245,17 +245,14 @@ def _offset(cut: SurfaceCut, u: Array) -> Array:
     """From the contact to the tip (Eq. 5, or as the cutter is placed), shape (N, 3)."""
     if isinstance(cut.surface, Placed):
         tip = cut.surface.pose(u, cut.offset_mm, np).tip
-        return _stack(subtract(tip, cut.surface.contact(u, np)), len(u))
-    return _stack(scale(cut.surface.normal(u, np), cut.offset_mm), len(u))
+        return columns(subtract(tip, cut.surface.contact(u, np)), len(u))
+    return columns(scale(cut.surface.normal(u, np), cut.offset_mm), len(u))
 
 
-def _forward(kinematics: Kinematics, joints: Array, length_mm: float) -> Pose:
-    """Tip and axis in the table frame; components are arrays (N,)."""
-    return kinematics.forward([*joints.T], length_mm, np)
-
-
-def _stack(v: Vector, n: int) -> Array:
-    return columns(v, n)
+def forward(joints: Array, length_mm: float, kinematics: Kinematics) -> tuple[Array, Array]:
+    """Tips and axes (N, 3) in the table frame from joints (N, axes), mm and rad."""
+    pose = kinematics.forward([*joints.T], length_mm, np)
+    return columns(pose.tip, len(joints)), columns(pose.axis, len(joints))
 
 
 # ---- what a trace shows -----------------------------------------------------------
@@ -288,19 +285,16 @@ def path_errors(trace: Trace, machine: Machine, kinematics: Kinematics, length_m
     row: where a path comes by the same place twice, only the recent passage counts.
     """
     per_unit = _shown_per_unit(machine)
-    commanded, actual = (
-        _forward(kinematics, joints / per_unit, length_mm)
-        for joints in (trace.joint_command, trace.joint_actual)
-    )
     n = len(trace.time_s)
-    tips, axes, tip = _stack(commanded.tip, n), _stack(commanded.axis, n), _stack(actual.tip, n)
+    tips, axes = forward(trace.joint_command / per_unit, length_mm, kinematics)
+    tip, axis = forward(trace.joint_actual / per_unit, length_mm, kinematics)
     place = passing(tips, tip, int(np.ceil(LOOK_BACK_S / trace.period_s)), LOOK_AHEAD_TICKS).place
     index = np.minimum(place.astype(np.int64), max(n - 2, 0))
     after = np.minimum(index + 1, n - 1)
     share = (place - index)[:, None]
     nearest_tip = tips[index] + share * (tips[after] - tips[index])
     nearest_axis = axes[index] + share * (axes[after] - axes[index])
-    angle = angle_between(tuple(nearest_axis.T), actual.axis, np)
+    angle = angle_between(tuple(nearest_axis.T), tuple(axis.T), np)
     return PathErrors(np.linalg.norm(tip - nearest_tip, axis=1), np.degrees(angle))
 
 

@@ -55,7 +55,7 @@ class Drives:
         return rows
 
 
-def demands(motion_id: int) -> Demand | None:
+def demands(motion_id: int, _: float = 0.0) -> Demand | None:
     """Motions from 3 on are at feed, 7 with a longer tool, 8 without a tolerance."""
     if motion_id < 3:
         return None
@@ -88,7 +88,7 @@ def test_ten_ticks_are_reported_with_place_and_axis_and_nine_are_not() -> None:
     # Beside the diagonal it is off by 0.8 of what Y alone is off.
     found = only(Drives().off(Y, 200, 10, 0.1))
     assert (found.tick, found.ticks, found.over) == (1200, 10, True)
-    assert (found.largest.line, found.largest.motion_id, found.largest.axis) == (30, 3, Y)
+    assert (found.largest.line, found.largest.axis) == (30, Y)
     assert found.largest.mm == pytest.approx(0.08)
     # Where the path is nearest: Y ahead by 0.1 mm leads 0.06 mm along the diagonal.
     assert abs(found.largest.s - 0.2 * (found.largest.tick - 1000 - LATE)) < 0.2
@@ -130,6 +130,25 @@ def test_what_is_no_motion_at_feed_is_not_held_against_a_tolerance() -> None:
     found = watched(loose)
     assert found.excesses == [] and found.largest is not None and found.largest.mm == pytest.approx(0.8)
     assert found.to_dict()["largest"]["tolerance_mm"] is None
+
+
+def test_each_line_of_a_motion_has_its_own_tolerance() -> None:
+    """A row of lines is one motion, and R of G41 may change within it."""
+    drives = Drives().off(Y, 100, 50, 0.3).off(Y, 250, 50, 0.3)
+    rows = drives.rows
+    rows[200:, COLUMN["line"]] += 1
+
+    def two(motion_id: int, s: float) -> Demand | None:
+        found = demands(motion_id)
+        return found if found is None or s >= rows[200, COLUMN["s"]] else found._replace(tolerance_mm=1.0)
+
+    for cuts in ((), (120, 260), (199, 200, 201)):
+        watch = ContourWatch(MACHINE, two)
+        for part in np.split(rows, cuts):
+            watch.take(part)
+        watch.see_all()
+        (one,) = watch.excesses
+        assert one.tick == 1250 and one.largest.tolerance_mm == TOLERANCE
 
 
 def test_commands_that_follow_the_drives_are_no_path() -> None:

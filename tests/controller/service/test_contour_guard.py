@@ -123,3 +123,17 @@ def test_a_tick_that_is_gone_costs_no_alarm(tmp_path: Path) -> None:
     service.send({1: 20.0})
     service.run(1, 200, 0.2)
     assert len(service.alarms.list()) == 1
+
+
+def test_each_line_of_a_row_has_its_own_tolerance(tmp_path: Path) -> None:
+    service = Service(tmp_path)
+    power_on = modal.power_on()
+    loose = power_on._replace(modal=replace(power_on.modal, tolerance_mm=1.0))
+    way = Way(
+        (0.0,) * AXES, 20.0, "line", 1, power_on, states=((0.0, power_on), (5.0, loose), (8.0, power_on))
+    )
+    service.guard.hear({1: way}, service.machine)
+    found = [service.guard._demand(1, s) for s in (0.0, 4.9, 5.0, 7.9, 8.0)]
+    usual = found[0].tolerance_mm if found[0] is not None else None
+    assert usual != 1.0 and [one and one.tolerance_mm for one in found] == [usual, usual, 1.0, 1.0, usual]
+    assert service.guard._demand(2, 0.0) is None
