@@ -58,7 +58,7 @@ class Braking:
 
     def step(self) -> Sequence[float]:
         """The counts one period on."""
-        now = self._s, self._v, self._a
+        before, now = self._s, (self._s, self._v, self._a)
         self._s, self._v, self._a = moved_by(self._stop.jerks[self._k], self._period_s, *now)
         self._used += 1
         if self._used == self._stop.held:
@@ -66,18 +66,18 @@ class Braking:
             self._k += 1
         self.counts = self._at(self._s)
         if self._end < len(self._row(self._i)):
-            self._lead()
+            self._lead((self._s - before) / self._period_s)
         return self.counts
 
-    def _lead(self) -> None:
-        """Along a thread: the axes by what their drives lag now, the spindle by the speed of the stop."""
+    def _lead(self, speed: float) -> None:
+        """Along a thread: the axes by what their drives lag now, the spindle by the ``speed`` of the step."""
         row, i, stop, v, a = self._row, self._i, self._stop, self._v, self._a
         here, after = (row(i), row(i + 1)) if i < self._last else (row(max(0, i - 1)), row(i))
         (_, turn, ahead), (_, _, ahead_after) = here[self._end :], after[self._end :]
         if not turn:
             self.rev_s = None
             return
-        self.rev_s = turn * ((1.0 + stop.spindle_slip) * v + stop.spindle_lag_s * a)
+        self.rev_s = turn * ((1.0 + stop.spindle_slip) * speed + stop.spindle_lag_s * a)
         h = after[0] - here[0]
         if h < SAME_PLACE:
             return

@@ -414,9 +414,11 @@ def _same(healthy: Healthy, heard: Sequence[Played], first: int, verdict: Verdic
         return
     ours, theirs = healthy.setpoints(heard), healthy.setpoints(whole)
     differs = int(np.flatnonzero((ours != theirs).any(axis=1))[0]) if (ours != theirs).any() else -1
-    a, b = moving(ours), moving(theirs)
+    same = SAME_END_MM * healthy.threads  # the axes follow what a spindle still turns at rest
+    a, b = moving(ours, same), moving(theirs, same)
     n = min(len(a), len(b))
-    stands = differs > 0 and any((one[differs] == one[differs - 1]).all() for one in (ours, theirs))
+    steps = [np.abs(one[differs] - one[differs - 1]).max() for one in (ours, theirs)]
+    stands = differs > 0 and min(steps) <= SAME_END_MM * healthy.threads
     if stands and np.array_equal(a[:n], b[:n]):
         verdict.shares["waited"] = 1.0
         return
