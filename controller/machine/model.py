@@ -43,6 +43,8 @@ OFFSETS = (
     *("G54", "G55", "G56", "G57", "G58", "G59", "G59.1", "G59.2", "G59.3"),
     *(f"G54.1 P{number}" for number in range(1, 49)),
 )
+FIXTURES = tuple(f"G54.2 P{number}" for number in range(1, 9))  # vectors that turn with the table
+KEPT_OFFSETS = OFFSETS + FIXTURES
 USUAL_OFFSETS = OFFSETS[:6]  # that every machine shows, set or not
 REFERENCES = ("G28", "G30")  # the reference points, as programs name them
 KEPT_NUMBERS = (31, 5000)  # parameters that a machine may keep from program to program
@@ -515,7 +517,7 @@ class Machine:
     axes: tuple[Axis, ...]
     buses: tuple[Bus, ...]
     tools: tuple[Tool, ...]
-    offsets: tuple[Frame, ...]  # as ``OFFSETS``, or its first: part frames seen from the table frame at zero
+    offsets: tuple[Frame, ...]  # as ``KEPT_OFFSETS``, or its first: frames seen from the table at zero
     spindle: Spindle | None
     text: str
     tool_lines: str = "great_circle"  # or "joints": how the axis goes between rotary words under G43.4
@@ -565,7 +567,7 @@ class Machine:
         return dict(self.sisters).get(tool, tool)
 
     def offset(self, index: int) -> Offset:
-        """A work offset, as ``OFFSETS`` counts; one that nobody has set is the machine's zero."""
+        """A work offset, as ``KEPT_OFFSETS`` counts; one that nobody has set is the machine's zero."""
         frame = self.offsets[index] if index < len(self.offsets) else Frame()
         return Offset(frame, self.turned_rad[index] if index < len(self.turned_rad) else STILL)
 

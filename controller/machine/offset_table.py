@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 
 from controller.geometry.vectors import ZERO, Frame, Vector, X, Y, Z, rotate
-from controller.machine.model import KEPT_NUMBERS, OFFSETS, STILL, Axis, Offset, Pair
+from controller.machine.model import KEPT_NUMBERS, KEPT_OFFSETS, STILL, Axis, Offset, Pair
 from controller.machine.toml_table import Table
 from controller.messages import said
 
@@ -32,7 +32,7 @@ def kept(general: Table, dialect: str) -> tuple[tuple[int, int], ...]:
 
 def offsets(table: Table, axes: Sequence[Axis]) -> tuple[Offset, ...]:
     """The work offsets: three numbers (mm), or a table of ``origin_mm``, ``turned_deg``, ``rotary_deg``."""
-    found = tuple(offset(table, name, axes) for name in OFFSETS)
+    found = tuple(offset(table, name, axes) for name in KEPT_OFFSETS)
     table.finish()
     return found
 

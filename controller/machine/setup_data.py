@@ -30,7 +30,7 @@ from controller.geometry.vectors import ZERO, Frame
 from controller.machine import machine_file, offset_table
 from controller.machine.changes import located
 from controller.machine.model import (
-    OFFSETS,
+    KEPT_OFFSETS,
     REFERENCES,
     STILL,
     TOOL_AT_POWER_ON,
@@ -149,11 +149,11 @@ def applied(machine: Machine, values: Values) -> Machine:
 def with_offset(machine: Machine, name: str, values: object) -> Machine:
     """A work offset (mm; ``turned_deg`` about X, then Y, then Z of the table). Raises ConfigError."""
     table = Table("offsets", "offset", {"name": name})
-    table.text("name", OFFSETS)
-    i = OFFSETS.index(name)
+    table.text("name", KEPT_OFFSETS)
+    i = KEPT_OFFSETS.index(name)
     before = machine.offset(i).turned_rad
     found = offset_table.offset(Table("offsets", name, {name: values}), name, machine.axes, before)
-    offsets, turned = list(machine.offsets), [machine.offset(k).turned_rad for k in range(len(OFFSETS))]
+    offsets, turned = list(machine.offsets), [machine.offset(k).turned_rad for k in range(len(KEPT_OFFSETS))]
     offsets[i], turned[i] = found.frame, found.turned_rad
     unset = tuple(one for one in machine.unset if one != name)
     return replace(machine, offsets=tuple(offsets), turned_rad=tuple(turned), unset=unset)
@@ -305,19 +305,19 @@ _NAMED: Mapping[str, Callable[[str], bool]] = MappingProxyType(
 
 def offsets_of(machine: Machine) -> dict[str, Any]:
     """The work offsets as an operator reads them; a turned one shows its axes, too, and one may be unset."""
-    shown = (name for name in OFFSETS if name in USUAL_OFFSETS or name not in machine.unset)
+    shown = (name for name in KEPT_OFFSETS if name in USUAL_OFFSETS or name not in machine.unset)
     return {name: {**_shown(machine, name), "unset": name in machine.unset} for name in shown}
 
 
 def rotary_deg(machine: Machine, name: str) -> dict[str, Any]:
     """Of a work offset, as it stands in the file; nothing where its rotaries are not shifted."""
-    offset = machine.offset(OFFSETS.index(name))
+    offset = machine.offset(KEPT_OFFSETS.index(name))
     at = located(machine, offset.frame.origin, offset.turned_rad)
     return {"rotary_deg": at["rotary_deg"]} if offset.turned_rad != STILL else {}
 
 
 def _shown(machine: Machine, name: str) -> dict[str, Any]:
-    offset = machine.offset(OFFSETS.index(name))
+    offset = machine.offset(KEPT_OFFSETS.index(name))
     frame = offset.frame
     shown: dict[str, Any] = {"origin_mm": list(frame.origin), **rotary_deg(machine, name)}
     if frame != Frame(frame.origin):

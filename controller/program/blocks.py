@@ -26,6 +26,7 @@ from controller.program import (
     compensation,
     cycles,
     decoding,
+    dynamic_offset,
     foreign,
     kept,
     line_words,
@@ -130,7 +131,9 @@ def stream(
     files = {
         label: (file, decoding.text_of(content, file)[0].whole()) for label, (file, content) in behind.items()
     }
-    given = Given(machine, modal.begun(machine, begin), Position(machine, start or homed(machine)))
+    position = Position(machine, start or homed(machine))
+    begun = dynamic_offset.refreshed(modal.begun(machine, begin), position, machine)
+    given = Given(machine, begun, position)
     if in_force is not None:
         in_force.add(0, given.state)
     system = OF_FANUC if machine.dialect == "fanuc" else range(0)
@@ -199,6 +202,8 @@ def _blocks(
         yield [*restored, *turn.made]
         if given.see_probed(turn.made, line):
             parameters.forget_probed()
+        if (following := given.state.origins.following) is not None and not following.is_current:
+            given.state = dynamic_offset.refreshed(given.state, given.position, machine)
         if turn.ended:
             break
     if ahead.told:
@@ -272,6 +277,9 @@ class _Turn:
         self._check_frame()
         self._notes()
         self._origins()
+        if self.state.origins.following is not None:
+            motion = self._motion or self.ask.code("one-line")
+            self.state = dynamic_offset.followed(self._here(motion), self._motion)
         planar_words.check(self.ask, self._before.modal, self.state.modal)
         if self._motion:
             self.made += self._move()
@@ -444,6 +452,8 @@ class _Turn:
             self.made += told
         elif turn:
             self.state = offset_words.rotation(self._here(turn))
+        if code := self.ask.code("dynamic offset"):
+            self.state = dynamic_offset.switched(self._here(code))
         if self._shifts:
             self.state = offset_words.local_shift(self._here("G52"))
             self.made.append(surface_words.told_shift(self.ask, self.state))

@@ -63,7 +63,6 @@ NOT_DONE: tuple[Code, ...] = (
         HAAS,
         ("G103", "P", "whole"),
         ("G187", "PE", "path"),
-        ("G255", "", "follows"),
     ),
     *noted(
         HAAS,
@@ -80,7 +79,7 @@ NOT_DONE: tuple[Code, ...] = (
         dialect="fanuc",
     ),
     *noted(BROTHER, ("M298", "L", "ahead"), dialect="fanuc"),
-    *only("P0", ("G54.2", "P", FANUC, "never"), ("G54.4", "P", FANUC, "never")),
+    *only("P0", ("G54.4", "P", FANUC, "never")),
     *only("X0", ("G10.9", "X", MAZAK, "positions")),
     *(replace(row, group="overrides") for row in noted(LINUXCNC, ("M51", "P", "kept"))),
     # --- what is refused, and what to write instead
@@ -110,6 +109,7 @@ _TESTS = {
     "program/test_spline_words.py": "G5 G5.1 G5.2 G5.3",
     "program/test_offset_words.py": "G10 G28 G28.1 G30 G43 G43.1 G43.2 G44 G54.1 G68 G91 G92 M61",
     "program/test_compensation.py": "G40 G41 G42 G41.1 G42.1 G43.4 G54 G55 G90",
+    "program/test_dynamic_offset.py": "G254 G255 G54.2",
     "program/test_posts.py": "G80 G154 G234",
     "program/test_parameters.py": "G90.1 G95 M70 M72 M73",
     "program/test_modal.py": "M48 M49 M50 M51 M52 M53",
@@ -140,6 +140,7 @@ _SET_BY_L = {  # what G10 takes beside each L
     "fanuc": {
         **dict.fromkeys(("L10", "L11", "L12", "L13"), "LPR"),
         **dict.fromkeys(("L2", "L20", "L120"), _OFFSET),
+        "L21": AXES + "LP",
         "L121": _TOOL,
     },
 }
@@ -215,7 +216,7 @@ ROWS: tuple[Code, ...] = (
         replace(row, forms=tuple(_SET_BY_L[dialect].items()))
         for dialect, meaning in (
             ("rs274", "sets work offsets (L2, L20) and tools (L1, L10, L11), for good; L0 does nothing"),
-            ("fanuc", "sets work offsets (L2, L20) and tools (L10 to L13), for good"),
+            ("fanuc", "sets work offsets (L2, L20), vectors of G54.2 (L21) and tools (L10 to L13), for good"),
         )
         for row in done("one-line", NIST, ("G10", _OFFSET, meaning), dialect=dialect)
     ),
@@ -277,6 +278,18 @@ ROWS: tuple[Code, ...] = (
     *done("offset", NIST, *((f"G59.{i}", "", f"work offset {6 + i}") for i in (1, 2, 3))),
     *done("offset", FANUC, ("G54.1", "P", "work offset P1 to P48 beyond the nine")),
     *done("offset", HAAS, ("G154", "P", "work offset, as G54.1"), dialect="fanuc"),
+    *done(
+        "dynamic offset",
+        HAAS,
+        ("G254", "", "the origin of the work offset follows the part that the table has turned (below)"),
+        ("G255", "", "it does not"),
+    ),
+    *done(
+        "dynamic offset",
+        FANUC,
+        ("G54.2", "P", "adds the vector P1 to P8, which turns with the table (below); P0 ends it"),
+        dialect="fanuc",
+    ),
     *done("path", NIST, ("G61", "", "exact path"), ("G61.1", "", "exact path, stop at corners")),
     *done("path", NIST, ("G64", "PQ", "blends within P mm and Q degrees")),
     *done("distance", NIST, ("G90", "", "positions"), ("G91", "", "distances")),

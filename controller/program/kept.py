@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any, TypeVar
 
 from controller.machine.changes import Change, Shifted
-from controller.machine.model import OFFSETS
+from controller.machine.model import KEPT_OFFSETS
 from controller.program.modal import State
 
 K = TypeVar("K")
@@ -19,7 +19,7 @@ def between(before: State, after: State) -> tuple[Change, ...]:
     old, new = before.origins, after.origins
     made: list[Change] = []
     if new.written is not old.written:
-        made += [Change("offsets", OFFSETS[i], new.written[i]) for i in _fresh(old.written, new.written)]
+        made += [Change("offsets", KEPT_OFFSETS[i], new.written[i]) for i in _fresh(old.written, new.written)]
     if (new.shift, new.suspended) != (old.shift, old.suspended):
         made.append(Change("shift", "G92", Shifted(new.shift, new.suspended)))
     if after.tools is not before.tools:

@@ -14,12 +14,12 @@ from dataclasses import replace
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
-from controller.geometry.vectors import ZERO, Frame, Vector, X, Y, Z
-from controller.machine.model import MAX_WEAR_MM, OFFSETS, Machine, Offset, Shift, Tool
+from controller.geometry.vectors import ZERO, Frame, Vector, X, Y, Z, add
+from controller.machine.model import FIXTURES, MAX_WEAR_MM, OFFSETS, Machine, Offset, Shift, Tool
 from controller.messages import Key
 from controller.program.codes import Ask
 from controller.program.modal import State, tool_list
-from controller.program.origins import NONE, Origins, about, turned_about_z, within
+from controller.program.origins import NONE, Origins, about, fixture_index, turned_about_z, within
 from controller.program.position import Known, Position
 from controller.program.words import Word
 
@@ -113,6 +113,8 @@ def _g10(here: Here) -> State:
         return _set_from_active(here, n - 1)
     if what == 2 or (what == 20 and not fanuc):
         return _set_offset(here, _index(here, n), what == 20)
+    if what == 21 and fanuc and 1 <= n <= len(FIXTURES):
+        return _set_offset(here, fixture_index(n), False)
     if what == 20 and 1 <= n <= 48:
         return _set_offset(here, OFFSETS.index(f"G54.1 P{n}"), False)
     if what == 121 or what in (_FANUC_TOOL if fanuc else (1, 10, 11)):
@@ -194,7 +196,9 @@ def _offset_here(here: Here, index: int, xyz: Sequence[Known], rotary: Sequence[
     x, y, z = (0.0 if w is None else n - w for n, w in zip(now, xyz, strict=True))
     turned = zip(before.turned_rad, stand, rotary, plain.modal.turned_rad, strict=True)
     a, b = (old if w is None else old + n - t - w for old, n, w, t in turned)
-    return Offset(before.frame._replace(origin=before.frame.to_parent((x, y, z))), (a, b))
+    way, following = before.frame.turn((x, y, z)), under.following
+    way = way if following is None else following.set_down(way)
+    return Offset(before.frame._replace(origin=add(before.frame.origin, way)), (a, b))
 
 
 def _set_tool(here: Here, what: int, number: int) -> State:

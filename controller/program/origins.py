@@ -3,6 +3,9 @@
     table frame -> work offset (the machine's or of G10) -> shift of G92 -> local shift of G52
                 -> tilted plane of G68.2 -> shifts made inside of it -> turn of G68
 
+Under G254 and G54.2 the origin of the work offset is carried along with the turned part, while X Y Z stay
+parallel to the axes of the machine (``Following``).
+
 All of it is one frame for X Y Z and one shift for each rotary. State is replaced, never edited.
 """
 
@@ -14,7 +17,7 @@ from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
 from controller.geometry.vectors import ZERO, Frame, Vector, X, Y, Z, add, rotate
-from controller.machine.model import OFFSETS, Machine, Offset, Pair, Shift
+from controller.machine.model import KEPT_OFFSETS, OFFSETS, Machine, Offset, Pair, Shift
 
 NONE = Shift()
 
@@ -30,6 +33,31 @@ class Plane:
 
 
 @dataclass(frozen=True, slots=True)
+class Following:
+    """The origin follows the turned part: G254 carries the work offset, G54.2 adds a vector that turns along.
+
+    Frames are those of the table, seen from where its rotaries are at zero.
+    """
+
+    code: str
+    number: int  # P of G54.2
+    table: Frame  # as it stands
+    reference: Frame = Frame()  # of G54.2: as it stood where the vector was measured
+    is_current: bool = True  # False: rotaries have turned since the table was seen
+
+    def carried(self, frame: Frame, vector: Vector) -> Frame:
+        """A work offset as it is read; ``vector``: of G54.2."""
+        if self.code == "G254":
+            return frame._replace(origin=self.table.to_parent(frame.origin))
+        turned = self.table.turn(self.reference.turn_back(vector))
+        return frame._replace(origin=add(frame.origin, turned))
+
+    def set_down(self, way: Vector) -> Vector:
+        """By how much the work offset moves where its origin as it is read moves by ``way``."""
+        return self.table.turn_back(way) if self.code == "G254" else way
+
+
+@dataclass(frozen=True, slots=True)
 class Origins:
     """Everything that makes program coordinates out of positions of the machine."""
 
@@ -41,6 +69,7 @@ class Origins:
     turn: Frame | None = None  # G68, seen from the shifted frame
     plane: Plane | None = None  # G68.2 to G68.4
     waiting: Frame | None = None  # as ``Plane.frame``; under rs274 it counts from G53.1 on
+    following: Following | None = None  # G254, G54.2
 
     @classmethod
     def begun(cls, machine: Machine) -> Origins:
@@ -55,7 +84,7 @@ class Origins:
         """Whether the machine file, the operator or the program has set a work offset."""
         if index in self.written:
             return True
-        return index < len(machine.offsets) and OFFSETS[index] not in machine.unset
+        return index < len(machine.offsets) and KEPT_OFFSETS[index] not in machine.unset
 
     def with_offset(self, index: int, offset: Offset) -> Origins:
         return replace(self, written=MappingProxyType({**self.written, index: offset}))
@@ -64,13 +93,23 @@ class Origins:
         """Whether positions are read in the work offset exactly as the machine has it."""
         plain = self.index not in self.written and self.index < len(machine.offsets) and self.turn is None
         shifted = self.local != NONE or (not self.suspended and self.shift != NONE)
-        return plain and not shifted and self.plane is None
+        return plain and not shifted and self.plane is None and self.following is None
 
     def frame(self, machine: Machine) -> Frame:
         """The program's frame seen from the table frame at zero."""
         if self.plane is None:
-            return self._moved(self.offset(self.index, machine).frame)
+            return self._moved(self.base(machine))
         return within(self.outside().frame(machine), self._moved(self.plane.frame))
+
+    def base(self, machine: Machine) -> Frame:
+        """The work offset, carried along where it follows the part."""
+        frame = self.offset(self.index, machine).frame
+        if self.following is None:
+            return frame
+        vector = ZERO
+        if self.following.number:
+            vector = self.offset(fixture_index(self.following.number), machine).frame.origin
+        return self.following.carried(frame, vector)
 
     def _moved(self, frame: Frame) -> Frame:
         """A frame shifted and turned by what stands in it."""
@@ -89,7 +128,7 @@ class Origins:
         """With a tilted plane, as seen from ``outside``, and nothing that shifts inside of it."""
         out = self.outside()
         plane = Plane(frame, out.shift, out.suspended, out.local)
-        return Origins(self.index, self.written, plane=plane)
+        return Origins(self.index, self.written, plane=plane, following=self.following)
 
     def inside(self) -> Frame:
         """The program's frame as seen from ``outside``: the tilted plane and what stands in it."""
@@ -101,6 +140,11 @@ class Origins:
         under = of if self.plane is None else self.outside().turned_rad(machine)
         a, b = (sum(pair) for pair in zip(under, self.local.turned_rad, strict=True))
         return (a, b) if self.suspended else (a + self.shift.turned_rad[0], b + self.shift.turned_rad[1])
+
+
+def fixture_index(number: int) -> int:
+    """Where the vector of G54.2 P is among the offsets."""
+    return len(OFFSETS) + number - 1
 
 
 def within(outer: Frame, inner: Frame) -> Frame:

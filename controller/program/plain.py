@@ -55,6 +55,7 @@ class _Ready:
     __slots__ = (
         "beside",
         "degrees",
+        "follows",
         "is_line",
         "is_usual",
         "mm",
@@ -70,6 +71,7 @@ class _Ready:
         self.beside: dict[str, _Ready] = {}  # those with other motions, as they are asked for
         self.relative, self.unit = not state.absolute, state.mm_per_unit
         is_feed = self.motion != "G0"
+        self.follows = state.origins.following is not None  # where rotaries turn, the origin does, too
         self.mm = self.modal.feed_mm_s if is_feed else None
         self.degrees = state.feed_deg_s if is_feed else None
         self.is_usual = (  # its lines can be common
@@ -81,7 +83,7 @@ class _Ready:
             self.is_usual
             and self.motion in ("G0", "G1")
             and self.modal.tip is Tip.OFF
-            and not (self.modal.tilted or state.inverse)
+            and not (self.modal.tilted or state.inverse or self.follows)
             and (self.mm is not None or not is_feed)
         )
 
@@ -259,6 +261,8 @@ class CommonLines:
 
     def _block(self, place: Place, parts: Sequence[Part], targets: Targets, ready: _Ready) -> Block | None:
         """Of a line of words that belong together; None where it would be refused."""
+        if ready.follows and self._turns(parts):
+            return None
         if ready.motion in ("G2", "G3"):
             return _arc(place, parts, targets, ready)
         return self._line(place, parts, targets, ready)

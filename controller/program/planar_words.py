@@ -117,11 +117,11 @@ def check(ask: Ask, before: Modal, after: Modal) -> None:
     for name, groups in _STAYS.items():
         if getattr(before, name) != getattr(after, name):
             group = next((group for group in groups if group in ask.codes), "")
-            raise _changed(ask, group or next(iter(ask.codes)), planar)
+            raise _changed(ask, group or next(iter(ask.codes), ""), planar)
 
 
 def _changed(ask: Ask, group: str, planar: Planar) -> ProgramError:
-    word = ask.codes[group][1]
+    word = ask.codes[group][1] if group else ask.line.words[0]
     return ask.refusal(word, "beside.changed", code=planar.code, line=planar.place.line)
 
 

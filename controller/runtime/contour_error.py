@@ -27,7 +27,6 @@ from controller.plan.stretch import Stretch
 from controller.plan.surfaces.cuts import tolerance_mm
 from controller.program.program import Block, Modal, ProgramError
 from controller.state.live_state import OFF_PATH
-from controller.verify.passes import forward
 from controller.verify.trace import forward
 
 Flags = NDArray[np.bool_]

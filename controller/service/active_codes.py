@@ -29,6 +29,7 @@ def active_codes(state: State) -> tuple[str, ...]:
         OFFSETS[modal.offset],
         _path(state),
         "G99" if state.to_clearance else "G98",
+        *_following(state),
         "G68.2" if modal.tilted else "G68" if turned else "G69",
         SPINDLE_CODES[(modal.spindle_rev_min > 0.0) - (modal.spindle_rev_min < 0.0)],
         COOLANT_CODES[modal.coolant],
@@ -50,6 +51,14 @@ def _length(state: State) -> str:
     if _is_by_words(state):
         return f"G43.1 Z{state.modal.length_mm / state.mm_per_unit:.6g}"
     return TIPS.get(state.modal.tip, "G43" if state.modal.length_mm else "G49")
+
+
+def _following(state: State) -> tuple[str, ...]:
+    """Only where it is on."""
+    following = state.origins.following
+    if following is None:
+        return ()
+    return (f"{following.code} P{following.number}" if following.number else following.code,)
 
 
 def _side(state: State) -> str:

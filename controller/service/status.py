@@ -11,10 +11,11 @@ from controller.geometry.vectors import Frame
 from controller.ipc.handoff import Snapshot
 from controller.machine import machine_file
 from controller.machine.kinematics import Kinematics, kinematics_of
-from controller.machine.model import OFFSETS, Machine
+from controller.machine.model import OFFSETS, Joints, Machine
 from controller.messages import said, several
 from controller.motion.pieces import STANDSTILL
 from controller.plan.restart.reentry import room_along_axis
+from controller.program import dynamic_offset
 from controller.program.modal import State
 from controller.program.program import Tip
 from controller.runtime.plan_messages import Way
@@ -153,9 +154,9 @@ def _levels(machine: Machine, now: Snapshot) -> dict[str, float]:
     return {out.name: value for out, value in zip(outs, now.analogue, strict=False)}
 
 
-def reading(machine: Machine, state: State) -> Reading:
-    """How words are read under a modal state."""
-    modal = state.modal
+def reading(machine: Machine, kinematics: Kinematics, joints: Joints, state: State) -> Reading:
+    """How words are read under a modal state, with the joints (mm, rad) there."""
+    modal = dynamic_offset.standing(state, machine.pair(joints, 0.0), machine, kinematics).modal
     of_tip = modal.tilted or modal.tip is not Tip.OFF
     return Reading(modal.frame(machine), modal.length_mm, of_tip, modal.turned_rad)
 
@@ -164,7 +165,8 @@ def joints(
     machine: Machine, kinematics: Kinematics, now: Snapshot, way: Way | None, state: State
 ) -> dict[str, dict[str, Any]]:
     """By axis: where it is told to be, where it is, how far it still goes."""
-    shown, actual, read = machine.shown(now.joints), machine.shown(now.actual), reading(machine, state)
+    shown, actual = machine.shown(now.joints), machine.shown(now.actual)
+    read = reading(machine, kinematics, now.joints, state)
     work = figures.work(machine, kinematics, now.joints, read)
     end = figures.work(machine, kinematics, way.end, read) if way is not None else work
     to_go = figures.to_go(work, end)

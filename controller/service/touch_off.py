@@ -12,10 +12,12 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
+from controller.geometry.vectors import add, subtract
 from controller.ipc.handoff import Snapshot
 from controller.machine.kinematics import kinematics_of
 from controller.machine.model import OFFSETS, Joints, Machine, Offset, Tool
 from controller.machine.toml_table import Table
+from controller.program import dynamic_offset
 from controller.program.expressions import Values
 from controller.program.modal import State
 from controller.program.parameters import Parameters
@@ -64,12 +66,20 @@ def offset(
     """
     index = OFFSETS.index(Table("offsets", "offset", {"name": name}).text("name", OFFSETS))
     state = state.with_origins(replace(state.origins, index=index), machine)
-    read, kinematics = reading(machine, state), kinematics_of(machine)
+    kinematics = kinematics_of(machine)
+    read = reading(machine, kinematics, joints, state)
     if tool is not None:
         read = read._replace(length_mm=_tool(machine, tool).worn.length_mm)
     now = figures.work(machine, kinematics, joints, read)
     wanted = _wanted(machine, now, reads)
-    return figures.offset_for(machine, now, read, state.origins.offset(index, machine), wanted)
+    before = state.origins.offset(index, machine)
+    found = figures.offset_for(machine, now, read, before, wanted)
+    state = dynamic_offset.standing(state, machine.pair(joints, 0.0), machine, kinematics)
+    if (following := state.origins.following) is None:
+        return found
+    origin = before.frame.origin
+    way = following.set_down(subtract(found.frame.origin, origin))
+    return replace(found, frame=found.frame._replace(origin=add(origin, way)))
 
 
 def tool(machine: Machine, state: State, joints: Joints, number_: int, reads: object) -> Tool:
@@ -77,8 +87,8 @@ def tool(machine: Machine, state: State, joints: Joints, number_: int, reads: ob
 
     Raises CommandRefused.
     """
-    found, read, kinematics = _tool(machine, number_), reading(machine, state), kinematics_of(machine)
-    read = read._replace(length_mm=found.worn.length_mm)
+    found, kinematics = _tool(machine, number_), kinematics_of(machine)
+    read = reading(machine, kinematics, joints, state)._replace(length_mm=found.worn.length_mm)
     now = figures.work(machine, kinematics, joints, read)
     wanted = _wanted(machine, now, reads)
     (letter, value), *others = wanted.items()

@@ -17,7 +17,7 @@ from controller.geometry.vectors import Pose, Vector, add, norm, subtract
 from controller.machine import machine_file, nodes
 from controller.machine.kinematics import kinematics_of
 from controller.machine.machine_file import ConfigError
-from controller.machine.model import OFFSETS, Kind, Machine, Sense
+from controller.machine.model import KEPT_OFFSETS, Kind, Machine, Sense
 from drives.text_file import TextFile
 
 TEXT = (machine_file.SHIPPED / "trunnion.toml").read_text()
@@ -159,13 +159,13 @@ def test_what_the_ends_of_an_arc_may_differ_by_is_read_and_has_a_default() -> No
 def test_dialect_offsets_and_reference_points_are_read_and_have_defaults() -> None:
     made = machine_file.read(COMPLETE, "m.toml")
     assert (made.dialect, made.without_point, made.axes[2].reference) == ("rs274", "", None)
-    assert len(made.offsets) == len(OFFSETS) == 57 and made.unset == OFFSETS[1:]
+    assert len(made.offsets) == len(KEPT_OFFSETS) == 65 and made.unset == KEPT_OFFSETS[1:]
     text = COMPLETE.replace("gouge =", 'dialect = "fanuc"\nwithout_point = "unit"\ngouge =')
     text = text.replace("[offsets]", '[offsets]\n"G59.1" = [1, 2, 3]\n"G54.1 P48" = [4, 5, 6]', 1)
     text = text.replace('name = "A"', 'name = "A"\nsecond_reference_deg = 30', 1)
     made = machine_file.read(text, "m.toml")
     assert (made.dialect, made.without_point) == ("fanuc", "unit")
-    assert made.offsets[6].origin == (1.0, 2.0, 3.0) and made.offsets[-1].origin == (4.0, 5.0, 6.0)
+    assert made.offsets[6].origin == (1.0, 2.0, 3.0) and made.offsets[56].origin == (4.0, 5.0, 6.0)
     assert "G59.1" not in made.unset and "G54.1 P47" in made.unset
     assert made.axes[3].second_reference == pytest.approx(math.radians(30.0))
     for wrong in ('dialect = "siemens"', 'without_point = "inch"'):

@@ -211,7 +211,8 @@ M73 |  | 028
 
 # Under fanuc, from the builders' words: Fanuc B-64484EN (30i) for what a block of each G code has and which
 # stand in a block of their own (G05, G05.1, G08, G13.1, G23, G25, G53.1, G54.4, G68.2), Haas'
-# manual of mills for G103, G154, G187, G234, G255 and G269. D is taken of every line, as F S T are.
+# manual of mills for G103, G154, G187, G234, G254, G255 and G269 (G254 and G255 are modal, of group 23). D is
+# taken of every line, as F S T are.
 FANUC = _rows("""
 G0 | XYZAC | m
 G1 | XYZAC | m
@@ -226,6 +227,7 @@ G8 P1 | |
 G9 | | 028
 G10 L2 P1 | XYZAC |
 G10 L20 P1 | XYZAC |
+G10 L21 P1 | XYZAC |
 G10 L10 P1 R1. | |
 G10 L11 P1 R0. | |
 G10 L12 P1 R1. | |
@@ -269,7 +271,7 @@ G58 | | 028
 G59 | | 028
 G54.1 P1 | | 028
 G154 P1 | | 028
-G54.2 P0 | |
+G54.2 P0 | | 028
 G54.4 P0 | |
 G61 | | 028
 G62 | | 028
@@ -305,7 +307,8 @@ G98 | | 028
 G99 | | 028
 G103 P1 | |
 G187 P3 E0.01 | |
-G255 | |
+G254 | | 028
+G255 | | 028
 G269 | |
 M10 | | 028
 M11 | | 028
