@@ -124,7 +124,7 @@ def _of_table(
     name: str, measured: Path, made: Machine, values: dict[str, Any], program: Path | None = None
 ) -> Asked:
     """A measurement of a table, and of a program where one is named. Raises Refusal, OSError."""
-    text = b"" if program is None else linked.linked(program.read_bytes(), linked.beside(program))
+    text = b"" if program is None else linked.linked(program.read_bytes(), linked.beside(program), made)
     table = read_text(measured)
     return Asked(made, complete(name, values), table, measured.name, None, bytes(text), str(program or ""))
 
@@ -375,7 +375,7 @@ def points(
     """Where to probe a surface: places and normals out of the cutter's side, part frame, as CSV."""
     with refused(False):
         made = machine_file.load(machine)
-        text = bytes(linked.linked(program.read_bytes(), linked.beside(program)))
+        text = bytes(linked.linked(program.read_bytes(), linked.beside(program), made))
         values = complete("points", {"line": line, "along": along, "across": across})
         told = measurements.points(Asked(made, values, text=text, program=str(program))).told
         print("feature,u,v,X,Y,Z,I,J,K")

@@ -93,8 +93,9 @@ def files(folder: Path) -> list[Path]:
 class _Jobs(Sequence[Job]):
     """Programs that are read when it is their turn."""
 
-    def __init__(self, folder: Path, found: Sequence[Path], block_delete: bool) -> None:
-        self._folder, self._found, self._block_delete = folder, found, block_delete
+    def __init__(self, folder: Path, found: Sequence[Path], machine: Machine, block_delete: bool) -> None:
+        self._folder, self._found = folder, found
+        self._machine, self._block_delete = machine, block_delete
 
     def __len__(self) -> int:
         return len(self._found)
@@ -109,15 +110,15 @@ class _Jobs(Sequence[Job]):
         file = self._found[k]
         name = str(file.relative_to(self._folder))
         try:
-            text = linked.linked(file.read_bytes(), linked.beside(file))
+            text = linked.linked(file.read_bytes(), linked.beside(file), self._machine)
         except OSError as error:
             return Job(name, b"", reason(error))
         return Job(name, linked.without_deleted(text) if self._block_delete else bytes(text))
 
 
-def jobs(folder: Path, block_delete: bool = False) -> Sequence[Job]:
+def jobs(folder: Path, machine: Machine, block_delete: bool = False) -> Sequence[Job]:
     """The programs of a folder, to be checked."""
-    return _Jobs(folder, files(folder), block_delete)
+    return _Jobs(folder, files(folder), machine, block_delete)
 
 
 def examined(machine: Machine, job: Job) -> Row:
@@ -156,7 +157,7 @@ class Asked:
 
 def run(asked: Asked, spread: Spread, as_json: bool) -> None:
     """All of a folder. Raises Refused where a program is, or none is there."""
-    found = jobs(asked.folder, asked.block_delete)
+    found = jobs(asked.folder, asked.machine, asked.block_delete)
     if not found:
         raise Refused(_say("none", folder=asked.folder, suffixes=" ".join(SUFFIXES)))
     if asked.report is not None:

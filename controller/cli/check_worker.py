@@ -72,8 +72,9 @@ def check(
     state, name = Path(job["state"]), str(job["name"])
     try:
         files = {file: Path(at) for file, at in job.get("files", {}).items()}
-        text = linked.linked(Path(job["program"]).read_bytes(), linked.among(files))
-        task = checked.task(text, name, setup_data.machine(state))
+        machine = setup_data.machine(state)
+        text = linked.linked(Path(job["program"]).read_bytes(), linked.among(files), machine)
+        task = checked.task(text, name, machine)
         lines = max(1, int(job["lines"]))
         picture = Picture(task.machine, task.kinematics)
         watched = Watched(())

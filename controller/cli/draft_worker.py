@@ -34,7 +34,7 @@ def read(job: Mapping[str, Any]) -> list[dict[str, Any]]:
     """
     files = {file: Path(at) for file, at in job["files"].items()}
     machine, name = setup_data.machine(Path(job["state"])), str(job["name"])
-    text = linked.linked(str(job["text"]).encode(), linked.among(files))
+    text = linked.linked(str(job["text"]).encode(), linked.among(files), machine)
     found = refusals.of(text, machine, name, homed(machine))
     return [_row(one, name) for one in found[: refusals.MOST]]
 

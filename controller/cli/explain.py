@@ -39,7 +39,7 @@ def explain(
         if not program.is_file():
             raise Refused(say("table.no_file", program=program))
         start = position.homed(made)
-        text = linked.linked(linked.mapped(program), linked.beside(program))
+        text = linked.linked(linked.mapped(program), linked.beside(program), made)
         read = blocks.stream(text, made, str(program))
         for step in explained.steps(read, made, str(program), start, spoken.get()):
             print(json.dumps(step.to_dict()) if as_json else line_of(step))

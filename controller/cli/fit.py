@@ -77,7 +77,8 @@ def fit(
 def _asked(program: Path, machine: Machine) -> Iterator[fits.Asked]:
     """The surfaces of a program; raises ProgramError where one is none that could be cut."""
     name = str(program)
-    for block in blocks.stream(linked.linked(program.read_bytes(), linked.beside(program)), machine, name):
+    text = linked.linked(program.read_bytes(), linked.beside(program), machine)
+    for block in blocks.stream(text, machine, name):
         if isinstance(block, CutCone | CutRuled | CutNurbs):
             surface, place = surface_of(block), block.place
             wrong = defect(surface)

@@ -47,13 +47,13 @@ def main() -> None:
 def evaluated(job: Mapping[str, Any]) -> dict[str, Any]:
     """Raises Refusal, ProgramError, ConfigError, OSError."""
     state, name = Path(job["state"]), str(job["measurement"])
-    text = b""
+    text, machine = b"", setup_data.machine(state)
     if job["program"]:
         files = {file: Path(at) for file, at in job["files"].items()}
-        text = bytes(linked.linked(Path(job["program"]).read_bytes(), linked.among(files)))
+        text = bytes(linked.linked(Path(job["program"]).read_bytes(), linked.among(files), machine))
     recording = Path(job["recording"]) if job["recording"] else None
     given = (job["values"], job["table"], job["file"], recording, text, job["name"])
-    found = measurements.EVALUATE[name](Asked(setup_data.machine(state), *given))
+    found = measurements.EVALUATE[name](Asked(machine, *given))
     edited = found.edit(machine_file.alone(setup_data.noted(state))) if found.edit is not None else None
     return {"told": found.told, "machine_file": edited, "picture": _picture(found)}
 

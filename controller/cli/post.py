@@ -86,11 +86,9 @@ def post_(
         for file in files.values():
             if file.exists() and not overwrite:
                 raise Refused(say("cli.post.exists", file=file))
-        task = checked.task(
-            linked.linked(program.read_bytes(), linked.beside(program)),
-            str(program),
-            machine_file.load(machine),
-        )
+        made = machine_file.load(machine)
+        whole = linked.linked(program.read_bytes(), linked.beside(program), made)
+        task = checked.task(whole, str(program), made)
         with bar(say("cli.bar.comparing"), as_json) as progress:
             rows, texts = _compared(task, files, chord, exact, progress)
         for file, text in texts.items():

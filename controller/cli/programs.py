@@ -100,10 +100,10 @@ def _budget_or_refuse(machine: Machine) -> None:
         raise Refused(messages.text(why, spoken.get()))
 
 
-def _read(file: Path) -> bytes:
+def _read(file: Path, machine: Machine) -> bytes:
     if not file.is_file():
         raise Refused(say("cli.program_is_folder" if file.is_dir() else "cli.no_program", program=file))
-    return linked.linked(file.read_bytes(), linked.beside(file))
+    return linked.linked(file.read_bytes(), linked.beside(file), machine)
 
 
 def _writable(*files: Path | None) -> None:
@@ -116,14 +116,14 @@ def _writable(*files: Path | None) -> None:
                 file.unlink()
 
 
-def _text(program: Path, block_delete: bool) -> bytes:
+def _text(program: Path, machine: Machine, block_delete: bool) -> bytes:
     """What is run: the program with the subs of other files, and without lines that are to be left out."""
-    text = _read(program)
+    text = _read(program, machine)
     return linked.without_deleted(text) if block_delete else text
 
 
 def _task(program: Path, machine: Machine, block_delete: bool) -> checked.Task:
-    return checked.task(_text(program, block_delete), str(program), machine)
+    return checked.task(_text(program, machine, block_delete), str(program), machine)
 
 
 def _kept(task: checked.Task, store: Path | None, as_json: bool) -> stored.Stored | None:
@@ -327,7 +327,7 @@ def simulate(
         made = _machine(machine, gouge, period_ms, dialect, fitted)
         script = fault_runs.read(faults, faults_from, made)
         _budget_or_refuse(made)
-        record = recorded_runs.read(events, made, _text(program, block_delete)) if events else None
+        record = recorded_runs.read(events, made, _text(program, made, block_delete)) if events else None
         requests = event_files.read(events) if events and record is None else ()
         task = _task(program, record.machine if record is not None else made, block_delete)
         outputs = _Outputs(trace_file, plot, touches)

@@ -209,11 +209,11 @@ def whole(folder: Path, machine: str | None, program: Path | None) -> RecordedRu
     file = folder / events.FILE
     if not file.is_file():
         raise Refused(say("cli.replay.no_events", folder=folder, file=events.FILE))
-    text = _part(folder, events.PROGRAM, "--program") if program is None else _linked(program)
     if machine is not None:
         built = machine_file.load(machine)
     else:
         built = machine_file.read(_part(folder, events.MACHINE, "--machine").decode(), events.MACHINE, folder)
+    text = _part(folder, events.PROGRAM, "--program") if program is None else _linked(program, built)
     found = read(file, built, text)
     if found is None or not found.duration_s:
         raise Refused(say("cli.replay.nothing", folder=folder))
@@ -227,6 +227,6 @@ def _part(folder: Path, name: str, option: str) -> bytes:
     return own_files.read_bytes(folder / name, shared=True)
 
 
-def _linked(program: Path) -> bytes:
+def _linked(program: Path, machine: Machine) -> bytes:
     """With the subs of other files, as the service runs it."""
-    return linked.linked(program.read_bytes(), linked.beside(program))
+    return linked.linked(program.read_bytes(), linked.beside(program), machine)

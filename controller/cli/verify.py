@@ -125,7 +125,7 @@ def verify(
             made = machine_file.load(machine)
             file = file / TRACE if (file / TRACE).is_file() else file
             part = _part(file, program, commanded)
-            text = linked.linked(part.read_bytes(), linked.beside(part))
+            text = linked.linked(part.read_bytes(), linked.beside(part), made)
             task = checked.task(text, str(part), made)
             recorded = None if part is file else _recorded(file, task)
         task = _lenient(task)

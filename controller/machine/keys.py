@@ -10,6 +10,7 @@ from collections import defaultdict
 from collections.abc import Iterator, Mapping
 
 from controller.machine.equipment import M_CODES
+from controller.machine.program_table import OWN_CODES
 from controller.machine.toml_table import Known, Table
 
 ARRAYS = (
@@ -32,6 +33,7 @@ NAMES = (
     "io.inputs",
     "io.outputs",
     "io.m_codes",
+    "machine.own_codes",
     "io.analogue_out",
     "offsets.*.rotary_deg",
 )
@@ -130,6 +132,8 @@ MEANINGS: Mapping[str, Mapping[str, str]] = {
         "dialect": "how what differs between controls is read",
         "start_state": "the modal state in which a program begins: that of power-on, or the one in force",
         "without_point": 'what a length without a decimal point counts in under `fanuc`; "": refused',
+        "sub_folders": "folders of subs, searched in their order behind that of the program",
+        "own_codes": f"codes of the machine's own ({OWN_CODES}): the name of a sub, or the code meant",
         "kept_parameters": "numbers, or [first, last], that outlive a program and a loss of power",
     },
     "tools": {

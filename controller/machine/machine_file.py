@@ -25,6 +25,7 @@ from controller.machine import (
     equipment,
     macro_table,
     offset_table,
+    program_table,
 )
 from controller.machine.kinematics import builds
 from controller.machine.model import (
@@ -172,6 +173,8 @@ def read_table(top: Table, text: str, folder: Path | None = None) -> Machine:
         start_state=general.text("start_state", START_STATES, START_STATES[0]),
         kept=offset_table.kept(general, dialect),
         without_point=general.text("without_point", WITHOUT_POINT, ""),
+        sub_folders=program_table.sub_folders(general),
+        own_codes=program_table.own_codes(general),
         kinematics=general.text("kinematics", tuple(builds()), USUAL_BUILD),
         straightness=deviation_tables.straightness(top.tables("straightness"), axes),
         thermal_shift_mm=deviation_tables.thermal_shift(top),

@@ -549,6 +549,8 @@ class Machine:
     dialect: str = "rs274"  # or "fanuc": how what differs between controls is read
     start_state: str = field(default="reset", repr=False)  # a program begins as at power-on; "keep": as it is
     without_point: str = ""  # under fanuc: "unit", "thousandth", or "" where such lengths are refused
+    sub_folders: tuple[str, ...] = ()  # where subs are looked for, behind the folder of the program
+    own_codes: tuple[tuple[str, str], ...] = ()  # ("M200", name of a sub, or the code that it stands for)
     turned_rad: tuple[Pair, ...] = ()  # of the work offsets, in their order; one that is missing stands still
     shift: Shift = Shift()  # of G92, from one program to the next ...
     suspended: bool = False  # ... but for G92.2

@@ -35,6 +35,7 @@ from controller.program import (
     modal_words,
     nurbs_words,
     offset_words,
+    own_codes,
     planar_words,
     plane_words,
     points,
@@ -139,7 +140,8 @@ def stream(
     system = OF_FANUC if machine.dialect == "fanuc" else range(0)
     left = given.state.parameters
     parameters = Parameters(given, machine.parameters, machine.kept, system, left)
-    limits = Limits(machine.call_levels, machine.program_passes, machine.without_point)
+    own = own_codes.calls(machine)
+    limits = Limits(machine.call_levels, machine.program_passes, machine.without_point, own)
     common = CommonLines(machine, given)
     read = words.read(text, name, block_delete, parameters, limits, files, refused, common.take)
     if remark is not None:

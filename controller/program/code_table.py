@@ -85,11 +85,11 @@ NOT_DONE: tuple[Code, ...] = (
     # --- what is refused, and what to write instead
     *refused(LINUXCNC, "G7 G8 G70 G71 G71.1 G71.2 G72 G72.1 G72.2 G76 G44 G87", dialect="rs274"),
     *refused(LINUXCNC, "G5.2", dialect="fanuc"),
-    *refused(FANUC, "G53.3 G7 G12.1 G43.3 G45 G46 G47 G48 G51.1 G60 G63 G107 M198", dialect="fanuc"),
+    *refused(FANUC, "G53.3 G7 G12.1 G43.3 G45 G46 G47 G48 G51.1 G60 G63 G107", dialect="fanuc"),
     *refused(LINUXCNC, "G17.1 G18.1 G19.1 G88 G96"),
     *refused(FANUC, "G16 G22 G26 G27 G29"),
     *refused(FANUC, "G65 G66", dialect="rs274"),
-    *refused(HAAS, "G12 G13 G150 G253 G268 M83 M88 M97", dialect="fanuc"),
+    *refused(HAAS, "G12 G13 G150 G253 G268 M83 M88", dialect="fanuc"),
     *refused(BROTHER, "G100", dialect="fanuc"),
 )
 
@@ -115,6 +115,7 @@ _TESTS = {
     "program/test_modal.py": "M48 M49 M50 M51 M52 M53",
     "program/test_line_words.py": "G38.2 G38.3 G38.4 G38.5 G31",
     "program/test_flow.py": "M98 M99",
+    "program/test_own_codes.py": "M97 M198",
     "program/test_macro_calls.py": "G65 G66 G67",
     "tick/test_outputs.py": "M10 M11 M62 M63 M64 M65 M66",
     "tick/test_analogue_outputs.py": "M19 M67 M68",
@@ -362,7 +363,16 @@ ROWS: tuple[Code, ...] = (
         ("M72", "", "gives the kept state back"),
         ("M73", "", "keeps the state until the sub ends"),
     ),
-    *done("call", FANUC, ("M98", "PL", "calls sub P, L times"), ("M99", "", "ends a sub")),
+    *done("call", FANUC, ("M98", "PL", "calls sub P, or the file (NAME), L times"), dialect="fanuc"),
+    *done("call", FANUC, ("M98", "PL", "calls sub P, L times"), ("M99", "", "ends a sub"), dialect="rs274"),
+    *done(
+        "call",
+        FANUC,
+        ("M99", "P", "ends a sub; with P it goes on at that N"),
+        dialect="fanuc",
+    ),
+    *done("call", FANUC, ("M198", "PL", "calls sub P of a file, L times"), dialect="fanuc"),
+    *done("call", HAAS, ("M97", "PL", "calls the lines from N on, up to M99, L times"), dialect="fanuc"),
     *done(
         "call",
         FANUC,

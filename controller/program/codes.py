@@ -11,6 +11,7 @@ from dataclasses import dataclass, field, replace
 from functools import cache
 
 from controller.machine.model import Machine
+from controller.program import foreign_codes, own_codes
 from controller.program.code_rows import AXES, Code, Fate, key_of
 from controller.program.code_table import BY_DIALECT
 from controller.program.program import Place, ProgramError
@@ -97,10 +98,11 @@ def sort(line: Line, machine: Machine) -> Ask:
     others: dict[str, Word] = {}
     switches = tuple(found for word in line.words if (found := _switch(word, machine)) is not None)
     own = [word for word, _, _ in switches]
-    for word in line.words:  # codes first: they are to blame before the letters that they take
+    words = [own_codes.read(word, machine) for word in line.words] if machine.own_codes else line.words
+    for word in words:  # codes first: they are to blame before the letters that they take
         if word.letter in "GM" and word not in own:
             _take_code(line, word, codes, machine.dialect)
-    rest = [word for word in line.words if word.letter not in "GM"]
+    rest = [word for word in words if word.letter not in "GM"]
     next_tool = _next_tool(rest) if "tool change" in codes and machine.dialect == "fanuc" else None
     for word in rest:
         if word is not next_tool:
@@ -169,6 +171,8 @@ def _unknown(line: Line, word: Word, dialect: str) -> ProgramError:
         if row.fate is Fate.REFUSED:
             return line.refusal(word, "code.not_done", **row.refused_with())
         return line.refusal(word, "code.other_dialect", dialect=other)
+    if (uses := foreign_codes.told(f"{word.letter}{word.value:g}")) is not None:
+        return line.refusal(word, "code.foreign", **uses)
     done = (code.name for code in BY_DIALECT[dialect].values() if code.fate is Fate.DONE)
     known = sorted((c for c in done if c[0] == word.letter), key=lambda c: float(c[1:]))
     key = "code.unknown_m" if word.letter == "M" else "code.unknown"

@@ -14,16 +14,17 @@ from dataclasses import dataclass, field
 
 from controller.machine.model import CALL_LEVELS, PROGRAM_PASSES
 from controller.messages import Key, said
-from controller.program import macro_calls, macros, marks
+from controller.program import macro_calls, macros, marks, own_codes
 from controller.program.decoding import NEWLINE
 from controller.program.expressions import GAPS, Values
 from controller.program.line import Line, Where, Word
-from controller.program.macro_calls import Macro
+from controller.program.macro_calls import NUMBER_OF, Macro
 from controller.program.marks import ALONE, COMPUTED, STRUCTURES, Mark, Marks
 from controller.program.parameters import ARGUMENTS, Name, Parameters
 from controller.program.program import Caller, Callers, ProgramError
 
-CALLS, RETURNS, RESTORES = 98.0, 99.0, 73.0  # M98, M99, M73
+LOCAL, CALLS, OF_FILE, RETURNS, RESTORES = 97.0, 98.0, 198.0, 99.0, 73.0  # M97, M98, M198, M99, M73
+ANY_CALL = (LOCAL, CALLS, OF_FILE)
 SPLIT = 10_000  # P of M98 in eight digits: how often, and which of four digits
 
 
@@ -34,6 +35,7 @@ class Limits:
     call_levels: int = CALL_LEVELS  # subs, one in the other
     passes: int = PROGRAM_PASSES  # rounds of loops and calls of one run, together
     without_point: str = "unit"  # what arguments of macros without a decimal point count in
+    own_codes: own_codes.Codes = field(default_factory=dict)  # codes of the machine's own that call subs
 
 
 @dataclass(frozen=True, slots=True)
@@ -157,24 +159,34 @@ class Run:
             yield line
             self._behind(line)
             return
+        if self._limits.own_codes and (call := own_codes.call_in(line, self._limits.own_codes)) is not None:
+            self._own(line, call)
+            return
         if self._parameters.of_fanuc and (call := macro_calls.call_in(line)) is not None:
             yield from self._macro(line, call)
             return
         frame.restores |= any(w.letter == "M" and w.value == RESTORES for w in line.words)
-        turn = next((w for w in line.words if w.letter == "M" and w.value in (CALLS, RETURNS)), None)
+        turn = next((w for w in line.words if self._turns(w)), None)
         if turn is None:
             yield line
             self._behind(line)
             return
-        rest = tuple(
-            w for w in line.words if w is not turn and not (w.letter in "PL" and turn.value == CALLS)
-        )
+        taken = "PL" if turn.value != RETURNS else "P" if self._parameters.of_fanuc else ""
+        rest = tuple(w for w in line.words if w is not turn and w.letter not in taken)
         if rest or line.says:
             yield line.with_words(rest)
-        if turn.value == CALLS:
-            self._call_by_number(line, turn)
-        else:
+        if turn.value == RETURNS:
             self._return(line, turn)
+        elif turn.value == CALLS and line.file and not any(w.letter == "P" for w in line.words):
+            self._call_by_name(line, turn)
+        else:
+            self._call_by_number(line, turn)
+
+    def _turns(self, word: Word) -> bool:
+        """Whether a word calls a sub by number, or ends one; M97 and M198 under the dialect of Fanuc."""
+        if word.letter != "M":
+            return False
+        return word.value in (CALLS, RETURNS) or (self._parameters.of_fanuc and word.value in ANY_CALL)
 
     def _count_step(self, frame: _Frame, number: int) -> None:
         """Steps are line numbers, until something goes back or another text begins."""
@@ -276,20 +288,33 @@ class Run:
         frame.at, frame.number = self._target(mark, frame.source, number)
 
     def _target(self, mark: Mark, source: Source, number: float) -> tuple[int, int]:
-        """Offset and number of the line N ``number`` in the program or sub of a mark."""
-        key = source.name, mark.at, number
+        """Offset and number of the line N ``number`` in the program or sub of a mark. Raises ProgramError."""
+        if (found := self._line_of(source, mark.at, mark.after, number)) is None:
+            raise mark.refusal(source.name, "flow.no_block", number=number)
+        return found
+
+    def _line_of(self, source: Source, at: int, after: int, number: float) -> tuple[int, int] | None:
+        """The same of the program or sub of what stands from ``at`` to ``after``: the next, or the first."""
+        key = source.name, at, number
         if key not in self._targets:
             begins = sorted([0, len(source.text) + 1, *(one.at for one in source.marks.numbered.values())])
-            low, high = max(at for at in begins if at <= mark.at), min(at for at in begins if at > mark.at)
-            at = None
+            low, high = max(one for one in begins if one <= at), min(one for one in begins if one > at)
+            found = None
             if number == math.floor(number) and number >= 0.0:
                 n = int(number)
-                at = macros.line_of(source.text, n, mark.after, high)
-                at = macros.line_of(source.text, n, low, mark.at) if at is None else at
-            if at is None:
-                raise mark.refusal(source.name, "flow.no_block", number=number)
-            self._targets[key] = at, 1 + sum(1 for _ in NEWLINE.finditer(source.text, 0, at))
+                found = macros.line_of(source.text, n, after, high)
+                found = macros.line_of(source.text, n, low, at) if found is None else found
+            if found is None:
+                return None
+            self._targets[key] = found, 1 + sum(1 for _ in NEWLINE.finditer(source.text, 0, found))
         return self._targets[key]
+
+    def _behind_line(self, frame: _Frame, line: Line, word: Word, number: float) -> tuple[int, int]:
+        """The line N ``number`` of the text that a frame is in, seen from where it has come to."""
+        found = self._line_of(frame.source, max(0, frame.at - 1), frame.at, number)
+        if found is None:
+            raise line.refusal(word, "flow.no_block_of", number=number)
+        return found
 
     def _then(self, mark: Mark) -> Line | None:
         """What stands behind THEN, where the condition holds."""
@@ -383,12 +408,39 @@ class Run:
         if "P" not in letters:
             raise line.refusal(word, "flow.m98_alone")
         number, rounds = (_count_of(line, letters.get(letter)) for letter in "PL")
+        if word.value == LOCAL:
+            self._call_lines(line, word, letters["P"], rounds)
+            return
         if str(number) not in self._main.marks.numbered and number >= SPLIT and "L" not in letters:
             rounds, number = divmod(number, SPLIT)
         if rounds == 0:
             return
         self._enter_numbered(line, word, str(number), rounds)
         self._parameters.enter_sharing()
+
+    def _call_lines(self, line: Line, word: Word, p: Word, rounds: int) -> None:
+        """M97 P: the lines from N on, up to an M99 (Haas)."""
+        frame = self._frames[-1]
+        at, number = self._behind_line(frame, line, p, p.value)
+        if rounds:
+            called = Mark(0, 0, line.number, f"{p.value:g}", "M97", "", 0, False)
+            self._enter(called, frame.source, Mark(at, at, number - 1, called.label, "M97", "", 0, False))
+            self._frames[-1].by_number, self._frames[-1].rounds = True, rounds
+            self._parameters.enter_sharing()
+
+    def _call_by_name(self, line: Line, word: Word) -> None:
+        """M98 (FILE): the program in a file (Haas), or a sub in it."""
+        rounds = _count_of(line, next((w for w in line.words if w.letter == "L"), None))
+        source = self._file(line.file)
+        if source is None:
+            key, values = self._missing("flow.no_file")
+            raise line.refusal(word, key, label=line.file, **values)
+        if rounds:
+            mark = Mark(0, 0, 0, line.file, ALONE, "", 0, False)
+            called = Mark(0, 0, line.number, line.file, "", "", 0, False, f"{word.text} ({line.file})")
+            self._enter(called, source, next(iter(source.marks.numbered.values()), mark))
+            self._frames[-1].by_number, self._frames[-1].rounds = True, rounds
+            self._parameters.enter_sharing()
 
     def _enter_numbered(self, line: Line, word: Word, label: str, rounds: int) -> _Frame:
         source, sub = self._numbered(line, word, label)
@@ -400,7 +452,8 @@ class Run:
 
     def _numbered(self, line: Line, word: Word, label: str) -> tuple[Source, Mark]:
         here = self._frames[-1].source
-        for source in (here, self._main, self._file(label)):
+        texts = (here, self._main) if word.value != OF_FILE or word.letter != "M" else ()
+        for source in (*texts, self._file(label)):
             if source is not None and (sub := source.marks.numbered.get(label)) is not None:
                 return source, sub
         if (source := self._file(label)) is not None and not source.marks.subs:
@@ -411,13 +464,18 @@ class Run:
         raise line.refusal(word, key, label=label, **values)
 
     def _return(self, line: Line, word: Word) -> None:
-        """M99: back to the caller, or once more from the top of the sub."""
-        frame = self._frames[-1]
+        """M99: back to the caller, or once more from the top of the sub; P (Fanuc): to its line N there."""
+        frame, p = self._frames[-1], next((w for w in line.words if w.letter == "P"), None)
+        p = p if self._parameters.of_fanuc else None
+        if len(self._frames) == 1 and p is not None:
+            self._count(Mark(0, 0, line.number, f"{p.value:g}", "M99", "", 0, False))
+            frame.at, frame.number = self._behind_line(frame, line, p, p.value)
+            return
         if len(self._frames) == 1:
             raise line.refusal(word, "flow.m99_outside")
         if not frame.by_number or frame.sub is None:
             raise line.refusal(word, "flow.m99_in_o")
-        frame.rounds -= 1
+        frame.rounds = 0 if p is not None else frame.rounds - 1
         if frame.values is None:
             self._parameters.leave_sharing()
         if frame.rounds:
@@ -430,6 +488,31 @@ class Run:
             self._parameters.leave_macro()
             self._modal_calls -= frame.is_modal
         self._leave(line.number)
+        if p is not None:
+            caller = self._frames[-1]
+            caller.at, caller.number = self._behind_line(caller, line, p, p.value)
+
+    # ---- codes of the machine's own
+
+    def _own(self, line: Line, call: Word) -> None:
+        """The sub that the code of a line stands for, the other words of the line being its own."""
+        words = tuple(word for word in line.words if word is not call)
+        if (other := next((word for word in words if word.letter in "GM"), None)) is not None:
+            raise line.refusal(other, "flow.own_alone", code=call.text)
+        label = self._limits.own_codes[call.letter, call.value]
+        values: dict[Name, float] = {word.letter.lower(): word.value for word in words}
+        if self._parameters.of_fanuc:
+            numbered = tuple(word for word in words if word.letter in "IJK" or word.letter in NUMBER_OF)
+            inches = self._parameters.value("_metric") == 0.0
+            values |= macro_calls.arguments(line, call, numbered, self._limits.without_point, inches)
+        if label.isdigit():
+            frame = self._enter_numbered(line, call, label, 1)
+            frame.values = values
+        else:
+            mark = Mark(0, 0, line.number, label, "call", "", 0, False, call.text, call.column)
+            source, sub = self._found(mark, label)
+            self._enter(mark, source, sub)
+        self._parameters.enter_macro(values)
 
     # ---- macros
 

@@ -121,7 +121,7 @@ class Line:
     text, name and number.
     """
 
-    __slots__ = ("_match", "_scan", "_words", "kept", "message", "name", "number", "where")
+    __slots__ = ("_match", "_scan", "_words", "file", "kept", "message", "name", "number", "where")
 
     def __init__(
         self,
@@ -134,6 +134,7 @@ class Line:
         self.name, self.number = name, number
         self.where: Where | None = None  # None: lines are carried out as they stand
         self.message = ""  # to the operator, before the words
+        self.file = ""  # that M98 calls by its name
         self.kept: Mapping[int, float] = {}  # parameters that it sets for good
         self._words, self._match, self._scan = words, match, scan
 
@@ -184,7 +185,7 @@ class Line:
     def with_words(self, words: tuple[Word, ...]) -> Line:
         """The same line with other words."""
         made = Line(self.name, self.number, words)
-        made.where, made.message, made.kept = self.where, self.message, self.kept
+        made.where, made.message, made.kept, made.file = self.where, self.message, self.kept, self.file
         return made
 
     def place_of(self, part: int) -> Place:

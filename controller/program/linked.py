@@ -21,6 +21,8 @@ from mmap import ACCESS_READ, mmap
 from pathlib import Path
 from typing import TypeVar
 
+from controller.machine.model import Machine
+from controller.program import own_codes
 from controller.program.decoding import Bytes
 
 MAX_FILES = 200
@@ -35,7 +37,9 @@ _WHOLE_SUB = re.compile(
     re.MULTILINE | re.DOTALL,
 )
 _IDLE = re.compile(rb"\([^)\r\n]*\)|;[^\r\n]*|%|[mM][ \t]*0*(?:2|30)\b")  # comments, and ends of programs
-_BY_NUMBER = re.compile(rb"(?:[mM][ \t]*0*98|[gG][ \t]*0*6[56])[^;(\r\n]*?[pP][ \t]*([0-9]+)")
+_BY_NUMBER = re.compile(rb"(?:[mM][ \t]*0*1?98|[gG][ \t]*0*6[56])[^;(\r\n]*?[pP][ \t]*([0-9]+)")
+_OF_FILE = re.compile(rb"[mM][ \t]*0*198[^;(\r\n]*?[pP][ \t]*([0-9]+)")  # whatever the program has
+_BY_NAME = re.compile(rb"[mM][ \t]*0*98[ \t]*(?:[lL][ \t]*[0-9]+[ \t]*)?\(([^()\r\n]+)\)")
 _SUB = re.compile(rb"[oO][ \t]*(?:<([^<>\r\n]*)>|([0-9]+))[ \t]*[sS][uU][bB]")
 _NUMBER = re.compile(rb"(?:^|[\r\n])[ \t]*[oO:][ \t]*([0-9]+)[ \t]*(?=[\r\n(;<]|$)")
 _DELETED = re.compile(rb"((?:^|[\r\n])[ \t]*)/")
@@ -44,16 +48,24 @@ B = TypeVar("B", bound=Bytes)
 Find = Callable[[str], tuple[str, bytes] | None]  # label -> name and content of its file
 
 
-def linked(program: B, find: Find) -> B | bytes:
-    """The program with all files that it and they call; unknown names are left to the reader to refuse."""
+def linked(program: B, find: Find, machine: Machine | None = None) -> B | bytes:
+    """The program with all files that it and they call; unknown names are left to the reader to refuse.
+
+    ``machine``: whose codes of its own call subs, and in whose folders they are looked for, too.
+    """
+    finds = [find, *(_of_folder(Path(one)) for one in (machine.sub_folders if machine else ())), _shipped()]
+    subs = own_codes.subs(machine) if machine else {}
     found: dict[str, tuple[str, bytes]] = {}
-    due, known = list(_called(program)), set(_defined(program))
+    due = list(_called(program, subs))
+    known = set(_defined(program)) - {str(int(number)) for number in _OF_FILE.findall(program)}
     while due and len(found) < MAX_FILES:
         label = due.pop(0)
-        if label in found or label in known or (file := find(label) or _shipped()(label)) is None:
+        if label in found or label in known:
+            continue
+        if (file := next((file for one in finds if (file := one(label)) is not None), None)) is None:
             continue
         found[label] = file
-        due += _called(file[1])
+        due += _called(file[1], subs)
     if not found:
         return program
     return bytes(program) + b"".join(
@@ -84,9 +96,15 @@ def parts(data: Bytes) -> tuple[Bytes, dict[str, tuple[str, bytes]]]:
 
 def beside(program: Path) -> Find:
     """Finds files of subs in the folder of a program."""
-    return among(
-        {file.name: file for file in sorted(program.parent.iterdir())} if program.parent.is_dir() else {}
-    )
+    return _of_folder(program.parent)
+
+
+def _of_folder(folder: Path) -> Find:
+    """Of a folder that is not there, or that cannot be read, none."""
+    try:
+        return among({file.name: file for file in sorted(folder.expanduser().iterdir())})
+    except OSError:
+        return among({})
 
 
 def among(files: Mapping[str, Path]) -> Find:
@@ -120,12 +138,23 @@ def without_deleted(program: bytes) -> bytes:
     return _DELETED.sub(rb"\1;/", program)
 
 
-def _called(text: Bytes) -> Iterator[str]:
+def _called(text: Bytes, subs: Mapping[str, str]) -> Iterator[str]:
+    for code, label in subs.items():
+        if own_codes.pattern(code).search(text):
+            yield label
+    for name in _BY_NAME.findall(text):
+        yield file_label(name.decode("utf-8", "replace"))
     for name, number in _CALL.findall(text):
         yield _label(name, number)
     for number in _BY_NUMBER.findall(text):
         yield str(int(number))
         yield str(int(number[-4:]))
+
+
+def file_label(name: str) -> str:
+    """The label of a file that M98 calls by its name, with its ending or without: ``M98 (SUB.NC)``."""
+    stem, suffix = Path(name.strip()).stem, Path(name.strip()).suffix.lower()
+    return _label((stem if suffix in SUFFIXES else name.strip()).encode(), b"")
 
 
 def only_subs(text: Bytes) -> bool:

@@ -24,7 +24,7 @@ from controller.program.program import ProgramError
 ENDS = {"endsub": "sub", "endif": "if", "endwhile": "while", "endrepeat": "repeat"}
 LOOPS = ("while", "do", "repeat")
 STRUCTURES = ("if", *LOOPS)
-BY_NUMBER = ("M98", "G65", "G66")  # calls that are no O-words
+BY_NUMBER = ("M97", "M98", "M198", "G65", "G66")  # calls that are no O-words
 ALONE = ""  # the keyword of a number that stands alone: a sub for M98
 COMPUTED = ""  # the label of a call whose number is an expression
 
@@ -39,11 +39,15 @@ _MARK = re.compile(
     r"(?:<(?P<name>[^<>\0]*)>|(?P<number>[0-9][0-9 \t]*)|(?=[\[#]))"
 )
 _KEYWORD = re.compile(
-    rf"[{GAPS}]*(endsub|endif|endwhile|endrepeat|elseif|sub|call|return|if|else|while|do|repeat|break|continue)"
+    rf"[{GAPS}]*(endsub|endif|endwhile|endrepeat|else[ \t]*if|sub|call|return|if|else|while|do|repeat|break"
+    r"|continue)"
     r"(?![a-z])"
 )
 _TITLE = re.compile(rf"[{GAPS}]*(<[^<>]*>)?[{GAPS}]*")  # as some controls name programs: O1234 <PART>
-_CALLS_BY_NUMBER = (r"[mM][ \t]*0*9[ \t]*[89](?![0-9])", r"[gG][ \t]*0*6[ \t]*[56](?![0-9])")
+_CALLS_BY_NUMBER = (
+    r"[mM][ \t]*0*(?:9[ \t]*[789]|1[ \t]*9[ \t]*8)(?![0-9])",
+    r"[gG][ \t]*0*6[ \t]*[56](?![0-9])",
+)
 
 
 # The same two in bytes, a pattern for each letter: one that begins with a letter is looked for at a run.
@@ -93,8 +97,6 @@ class Mark:
 
     def surplus(self, name: str, behind: str) -> ProgramError:
         """What is told of text behind all that an O-word takes."""
-        if self.keyword == "else" and behind.strip(GAPS).startswith("if"):
-            return self.refusal(name, "flow.else_if")
         return self.refusal(name, "flow.surplus", behind=behind.strip(GAPS).upper()[:20])
 
 
@@ -176,7 +178,7 @@ def _mark(text: str, at: int, stop: re.Match[str] | None, number: int, name: str
     label = "".join((head["name"] or "").split()) or head["number"] or COMPUTED
     label = str(int("".join(label.split()))) if head["number"] else label
     word = _KEYWORD.match(bare, head.end())
-    keyword = word.group(1) if word else "call" if label == COMPUTED else ALONE
+    keyword = "".join(word.group(1).split()) if word else "call" if label == COMPUTED else ALONE
     rest = word.end() if word else head.end()
     made = Mark(
         at, stop.end() if stop else len(text) + 1, number, label, keyword, bare, rest, bool(head["deleted"])

@@ -12,7 +12,7 @@ import re
 from collections.abc import Callable, Iterator, Mapping
 
 from controller.messages import said
-from controller.program import foreign, macros, marks
+from controller.program import foreign, linked, macros, marks, own_codes
 from controller.program.comments import aborted, ended, message, without_comments
 from controller.program.decoding import Text
 from controller.program.expressions import ARITHMETIC, GAPS, NOTHING, Values
@@ -31,6 +31,7 @@ Take = Callable[[Rows, list[Block]], Other | None]
 
 _O_WORD = re.compile(r"o[ \t]*(?:<[^<>]*>|[0-9 \t]+)[ \t]*[a-z]{2}")
 _MARK = re.compile(r"[ \t]*%[ \t]*")
+_FILE = re.compile(r"[mM][ \t]*0*98[ \t]*(?:[lL][ \t]*[0-9]+[ \t]*)?\(([^()]+)\)")
 _LEVEL = re.compile(rf"[1-9][{GAPS}]*[a-z#]")
 # As controls name programs before the first block: O1234, :1234, O1234 <PART>, <PART>.
 _TITLE = re.compile(rf"[{GAPS}]*(?:[oO:][ \t]*[0-9]{{1,8}}[{GAPS}]*)?(?:[oO]?[{GAPS}]*<[^<>]*>)?[{GAPS}]*")
@@ -56,13 +57,14 @@ def read(
     ``refused``, a line that is none is noted there and left out.
     """
     scan = _Scan(parameters or Parameters(), block_delete, refused)
-    of_fanuc = scan.parameters.of_fanuc
-    plain = marks.plain(whole) and not (of_fanuc and macros.may_stand_in(whole))
+    of_fanuc, limits = scan.parameters.of_fanuc, limits or Limits()
+    own = own_codes.may_stand_in(whole, limits.own_codes)
+    plain = not own and marks.plain(whole) and not (of_fanuc and macros.may_stand_in(whole))
     source = None if plain else Source.of(name, whole.whole(), of_fanuc)
-    if source is None or source.marks.none:
+    if source is None or (source.marks.none and not own):
         yield from scan.lines(enumerate(whole.lines(), start=1), name, take or _first)
     else:
-        run = Run(source, scan.line, scan.parameters, limits or Limits(), files or {}, block_delete)
+        run = Run(source, scan.line, scan.parameters, limits, files or {}, block_delete)
         yield from run.lines()
     if not scan.found:
         if source is not None and source.marks.subs:
@@ -140,6 +142,8 @@ class _Scan:
             self.found |= bool(words) or "#" in text
         kept = self.parameters.fresh() if "#" in text else {}
         line = self._saying(Line(name, number, words), raw) if words or kept or "," in raw else None
+        if line is not None and self.parameters.of_fanuc and (called := _FILE.search(raw)) is not None:
+            line.file = linked.file_label(called[1])
         if line is not None:
             line.kept = kept
             self.found |= bool(line.message)

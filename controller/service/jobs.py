@@ -377,7 +377,8 @@ def read(args: dict[str, Any], machine: Machine) -> Job:
     dry_run_mm = _from_0(args, "dry_run_mm", 1000.0)
     unchecked = args.get("unchecked") is True and spot is None  # a place in the middle needs the whole
     name = str(args.get("name") or path.name)
-    text = linked.linked(text, linked.among({str(file): Path(str(at)) for file, at in _files(args).items()}))
+    files = linked.among({str(file): Path(str(at)) for file, at in _files(args).items()})
+    text = linked.linked(text, files, machine)
     skips = args.get("block_delete") is True
     text = linked.without_deleted(text) if skips else text
     program = Program(text, name, machine, spot, dry_run_mm=dry_run_mm, unchecked=unchecked)

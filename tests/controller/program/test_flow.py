@@ -87,7 +87,6 @@ def test_lines_are_carried_out_in_the_references_order(text: str, expected: str)
         ("o1 if 1\no1 endif", "1:7", "[ is missing"),
         ("o1 if [1] G0\no1 endif", "1:1", "G0 stands behind o1 if"),
         ("o<a> sub\nG0X1\no<a> endsub", "1:1", "start the program that calls a"),
-        ("o1 if [1]\no1 else if [0]\no1 endif", "2:1", "write o1 elseif"),
         ("o1 if [1]\no1 if [1]\no1 endif\no1 endif", "2:1", "used on line 1"),
         ("o1 do\no1 while [0]\no1 while [0]\no1 endwhile", "3:1", "used on line 1"),
         ("o1 sub\no2 if [#1]\no2 endif\no2 if [#1]\no2 endif\no1 endsub\no1 call", "4:1", "used on line 2"),

@@ -1,0 +1,43 @@
+"""What ``[machine]`` says of programs: where else subs lie, and G and M codes of the machine's own."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from controller.machine.equipment import M_CODE, M_CODES
+from controller.machine.toml_table import Table
+from controller.messages import said
+
+_G_CODE = re.compile(r"G[1-9][0-9]{2}(\.[0-9])?")
+OWN_CODES = f"{M_CODES}, G100 to G999.9"
+CODE = re.compile(r"[GM][0-9]{1,3}(\.[0-9])?")  # one that another stands for
+_SUB = re.compile(r"[a-z_0-9][a-z_0-9-]*")
+
+
+def sub_folders(general: Table) -> tuple[str, ...]:
+    """Folders of subs, searched in their order behind that of the program. Raises ConfigError."""
+    allowed = said("file.may.folders")
+    value = general.get("sub_folders", allowed, ())
+    rows = value if isinstance(value, list) else [] if value == () else [None]
+    if not all(isinstance(row, str) and Path(row).expanduser().is_absolute() for row in rows):
+        general.refuse("sub_folders", "no_folders", allowed=allowed)
+    return tuple(rows)
+
+
+def own_codes(general: Table) -> tuple[tuple[str, str], ...]:
+    """``own_codes = { M200 = "clamp_part", M428 = "G43.4" }``: a sub, or the code that it stands for.
+
+    Raises ConfigError.
+    """
+    codes = general.table("own_codes", f"{general.name} own_codes", optional=True)
+    found: list[tuple[str, str]] = []
+    for code in codes.written:
+        if not (M_CODE.fullmatch(code) or _G_CODE.fullmatch(code)):
+            codes.refuse(code, "no_own_code", allowed=OWN_CODES)
+        meant = codes.text(code)
+        if not (CODE.fullmatch(meant) or _SUB.fullmatch(meant)):
+            codes.refuse(code, "no_meaning", allowed=said("file.may.meaning"))
+        found.append((code, meant))
+    codes.finish()
+    return tuple(found)
