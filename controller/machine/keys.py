@@ -132,6 +132,7 @@ MEANINGS: Mapping[str, Mapping[str, str]] = {
         "dialect": "how what differs between controls is read",
         "start_state": "the modal state in which a program begins: that of power-on, or the one in force",
         "without_point": 'what a length without a decimal point counts in under `fanuc`; "": refused',
+        "macro_variables": "whose tool offsets #2001 to #2800 are under `fanuc`",
         "sub_folders": "folders of subs, searched in their order behind that of the program",
         "own_codes": f"codes of the machine's own ({OWN_CODES}): the name of a sub, or the code meant",
         "kept_parameters": "numbers, or [first, last], that outlive a program and a loss of power",

@@ -36,6 +36,7 @@ USUAL_STEP_S = 0.3  # and a step of a tool changer no longer than this
 START_STATES = ("reset", "keep")  # of the modal state, where a program begins
 DIALECTS = ("rs274", "fanuc")  # of programs: RS-274/NGC as LinuxCNC reads it, or as Fanuc-like controls do
 MACRO_ROLES = ("operate", "set_up")  # who may press the button of a macro
+MACRO_VARIABLES = ("fanuc", "haas")
 WITHOUT_POINT = ("", "unit", "thousandth")  # what lengths without a decimal point count in under fanuc
 
 # Work offsets as programs name them, in the order of ``Machine.offsets``.
@@ -549,6 +550,7 @@ class Machine:
     dialect: str = "rs274"  # or "fanuc": how what differs between controls is read
     start_state: str = field(default="reset", repr=False)  # a program begins as at power-on; "keep": as it is
     without_point: str = ""  # under fanuc: "unit", "thousandth", or "" where such lengths are refused
+    macro_variables: str = ""  # under fanuc: "fanuc" or "haas": whose #2001 to #2800 are; "": refused
     sub_folders: tuple[str, ...] = ()  # where subs are looked for, behind the folder of the program
     own_codes: tuple[tuple[str, str], ...] = ()  # ("M200", name of a sub, or the code that it stands for)
     turned_rad: tuple[Pair, ...] = ()  # of the work offsets, in their order; one that is missing stands still

@@ -67,7 +67,7 @@ from controller.program.given import Given
 from controller.program.line import CommonRun, Upcoming
 from controller.program.modal import TIPS, State
 from controller.program.offset_words import Here
-from controller.program.parameters import OF_FANUC, Parameters
+from controller.program.parameters import Parameters
 from controller.program.plain import CommonLines
 from controller.program.position import Position, homed
 from controller.program.program import (
@@ -82,6 +82,7 @@ from controller.program.program import (
     Tip,
 )
 from controller.program.saved import Saved
+from controller.program.system_variables import SystemVariables
 from controller.program.words import Line, Word
 
 NEEDS_WORDS = (*CYCLES, "G2", "G3")
@@ -137,13 +138,13 @@ def stream(
     given = Given(machine, begun, position)
     if in_force is not None:
         in_force.add(0, given.state)
-    system = OF_FANUC if machine.dialect == "fanuc" else range(0)
+    system = SystemVariables(machine, given) if machine.dialect == "fanuc" else None
     left = given.state.parameters
     parameters = Parameters(given, machine.parameters, machine.kept, system, left)
     own = own_codes.calls(machine)
     limits = Limits(machine.call_levels, machine.program_passes, machine.without_point, own)
     common = CommonLines(machine, given)
-    read = words.read(text, name, block_delete, parameters, limits, files, refused, common.take)
+    read = words.read(text, name, block_delete, parameters, limits, files, refused, common.take, system)
     if remark is not None:
         yield Remark(remark[0], given.state.modal, remark[1])
     made = _blocks(Upcoming(read), machine, given, common, parameters, refused, in_force)
@@ -233,6 +234,9 @@ def _is_part(word: Word) -> bool:
 def _said(told: list[Line], state: State) -> list[Block]:
     said: list[Block] = []
     for line in told:
+        said += [Remark(line.place(1), state.modal, note) for note in line.notes]
+        if line.changes:
+            said.append(Setting(line.place(1), state.modal, line.changes))
         if line.message:
             said.append(Message(line.place(1), state.modal, line.message))
         if line.kept:

@@ -21,6 +21,7 @@ from controller.program.program import ProgramError
 SHOWN = 40  # characters of a number in a sentence
 DEEPEST = 30  # nesting of brackets, so that no text can exhaust the stack
 NUMBERED = range(1, 6000)
+OF_FANUC = range(1, 100_000)  # system variables among them
 NOTHING = 0  # on controls as Fanuc's #0, which never has a value
 GAPS = " \t\0"  # \0 marks where a comment stood: it ends a number, a space does not
 SAME = 1e-4  # values that EQ takes for one, as LinuxCNC's interpreter
@@ -180,10 +181,10 @@ class Values:
     def _in_range(self, start: int, value: float) -> int:
         if value == NOTHING and self._parameters.of_fanuc:
             return NOTHING
-        if value != math.floor(value) or int(value) not in NUMBERED:
-            raise self.refusal(
-                start, "value.no_parameter", value=value, first=NUMBERED.start, last=NUMBERED.stop - 1
-            )
+        numbers = OF_FANUC if self._parameters.of_fanuc else NUMBERED
+        if value != math.floor(value) or int(value) not in numbers:
+            first, last = numbers.start, numbers.stop - 1
+            raise self.refusal(start, "value.no_parameter", value=value, first=first, last=last)
         return int(value)
 
     def _named(self) -> str:

@@ -524,6 +524,7 @@ class Run:
             yield line.with_words(kept)
         if call.value == macro_calls.NO_MORE:
             self._modal = None
+            self._parameters.note_modal_call(False)
             return
         letters = {word.letter: word for word in behind if word.letter in "PL"}
         if "P" not in letters:
@@ -540,6 +541,7 @@ class Run:
         else:
             self._numbered(line, call, macro.label)  # which is refused here rather than at a move
             self._modal = macro
+            self._parameters.note_modal_call(True)
 
     def _behind(self, line: Line) -> None:
         """The modal macro behind a line that moves, but in its own lines."""

@@ -18,7 +18,8 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
-from controller.messages import Key, Said, chain, said
+from controller.messages import Said, chain, said
+from controller.program.code_rows import key_of
 
 HAAS, FANUC, MAKINO, LINUXCNC, MARLIN = "Haas", "Fanuc", "Makino", "LinuxCNC", "Marlin"
 HEIDENHAIN = "Heidenhain"
@@ -121,8 +122,9 @@ def told(code: str) -> dict[str, Any] | None:
         return None
     uses, advice = list[Said | str](), list[Said | str]()
     for use in USES[code]:
-        uses.append(said("foreign_use", builder=use.builder, purpose=Key(f"foreign_use.{use.purpose}")))
-        one = said(f"foreign_advice.{use.advice}", code=code)
+        purpose = key_of("foreign_use", use.purpose, "")
+        uses.append(said("foreign_use", builder=use.builder, purpose=purpose))
+        one = said(key_of("foreign_advice", use.advice, ""), code=code)
         if one not in advice:
             advice.append(one)
     return {"uses": chain("foreign_use.or", uses), "instead": chain("foreign_advice.or", advice)}

@@ -9,7 +9,8 @@ from functools import cache
 from types import MappingProxyType
 from typing import NamedTuple
 
-from controller.messages import said
+from controller.machine.changes import Change
+from controller.messages import Said, said
 from controller.program.program import Block, Callers, Place, ProgramError
 
 # A common line as programs from CAM systems have them in millions: an N, G0 to G3, words in the usual order,
@@ -121,7 +122,10 @@ class Line:
     text, name and number.
     """
 
-    __slots__ = ("_match", "_scan", "_words", "file", "kept", "message", "name", "number", "where")
+    __slots__ = (
+        *("_match", "_scan", "_words", "changes", "file", "kept", "message", "name", "notes", "number"),
+        "where",
+    )
 
     def __init__(
         self,
@@ -135,6 +139,8 @@ class Line:
         self.where: Where | None = None  # None: lines are carried out as they stand
         self.message = ""  # to the operator, before the words
         self.file = ""  # that M98 calls by its name
+        self.notes: Sequence[Said] = ()  # what ``check`` is to tell of it
+        self.changes: tuple[Change, ...] = ()  # that its settings make for good
         self.kept: Mapping[int, float] = {}  # parameters that it sets for good
         self._words, self._match, self._scan = words, match, scan
 
@@ -170,7 +176,7 @@ class Line:
     @property
     def says(self) -> bool:
         """Whether something stands aside of its words."""
-        return bool(self.message or self.kept)
+        return bool(self.message or self.kept or self.notes or self.changes)
 
     @property
     def sub(self) -> int:
@@ -186,6 +192,7 @@ class Line:
         """The same line with other words."""
         made = Line(self.name, self.number, words)
         made.where, made.message, made.kept, made.file = self.where, self.message, self.kept, self.file
+        made.notes, made.changes = self.notes, self.changes
         return made
 
     def place_of(self, part: int) -> Place:

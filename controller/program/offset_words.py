@@ -241,10 +241,10 @@ def _tool(here: Here, what: int, tool: Tool) -> Tool:
         z = height + modal.length_mm - z
     if z is not None:
         tool = replace(tool, length_mm=z, wear_length_mm=0.0)
-    return tool if r is None else _with_radius(replace(tool, wear_radius_mm=0.0), r)
+    return tool if r is None else with_radius(replace(tool, wear_radius_mm=0.0), r)
 
 
-def _with_radius(tool: Tool, radius_mm: float) -> Tool:
+def with_radius(tool: Tool, radius_mm: float) -> Tool:
     """With another radius; a corner is never more than that."""
     return replace(tool, radius_mm=radius_mm, corner_mm=min(tool.corner_mm, radius_mm))
 
@@ -257,7 +257,7 @@ def _fanuc_tool(here: Here, what: int, tool: Tool) -> Tool:
     name = _FANUC_TOOL[what]
     value = r + (getattr(tool, name) if not here.state.absolute else 0.0)
     if name == "radius_mm":
-        return _with_radius(tool, value)
+        return with_radius(tool, value)
     changed: dict[str, Any] = {name: value}
     return replace(tool, **changed)
 

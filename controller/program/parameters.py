@@ -11,15 +11,17 @@ from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import Protocol
 
+from controller.machine.changes import Change
+from controller.messages import Said
+
 Name = int | str
 ARGUMENTS = range(1, 31)  # a sub's own
 OF_MACRO = range(1, 34)  # a macro's own, on controls as Fanuc's
 SAYS_DEBUG = 5599  # 0: what (DEBUG,) would say is not said
 OF_THE_MACHINE = range(5061, 5603)  # positions, offsets and tools: the control gives them
+ALARM, STOP = 3000, 3006  # what a program writes to end itself, and to stop with a message
 VACANT = range(1000)  # there, until a program sets them: neither 0 nor a number
 OF_PROBING = range(5061, 5071)  # of the last probing move: what a program sets there holds until the next
-OF_SKIPS = range(5061, 5067)  # where the last probing move was: of both dialects
-OF_FANUC = range(1000, 5161)  # its system variables: alarms, clocks, modal codes, positions
 RETURNED = ("_value", "_value_returned")  # what the last sub gave back, and whether it did
 _BEGUN: Mapping[Name, float] = MappingProxyType({**dict.fromkeys(RETURNED, 0.0), SAYS_DEBUG: 1.0})
 
@@ -39,6 +41,27 @@ class Given(Protocol):
         """The value of one of its parameters; None where it has none of that name. Raises NoValue."""
 
 
+class System(Protocol):
+    """Numbers by which controls as Fanuc's mean themselves."""
+
+    asks: dict[int, float]  # ``ALARM`` or ``STOP`` of the line that is read
+    notes: list[Said]  # what ``check`` is to tell of it
+    changes: list[Change]  # what it changes for good
+    is_modal_call: bool  # G66 is on
+
+    def has(self, key: int) -> bool:
+        """Whether a number is one of them."""
+
+    def value(self, key: int) -> float:
+        """Raises NoValue."""
+
+    def check_settable(self, key: int) -> None:
+        """Raises NoValue."""
+
+    def set(self, key: int, value: float) -> None:
+        """Carries out what it is written for. Raises NoValue."""
+
+
 class Nothing:
     """Nothing is given."""
 
@@ -54,17 +77,17 @@ class Parameters:
         given: Given | None = None,
         begun: Sequence[tuple[int, float]] = (),
         kept: Sequence[tuple[int, int]] = (),
-        system: range = range(0),
+        system: System | None = None,
         left: Sequence[tuple[str, float]] = (),
     ) -> None:
         """``begun``: what earlier programs have left; ``kept``: numbers, from to, that later ones find.
 
-        ``system``: numbers that another control means itself by, and that a program cannot use for that.
+        ``system``: the system variables of controls as Fanuc's, whose macros these are then.
         ``left``: of the lines by hand before this one, as ``to_leave`` has it.
         """
         self._system = system
-        self._vacant = VACANT if system else range(0)
-        self._own = OF_MACRO if system else ARGUMENTS
+        self._vacant = VACANT if system is not None else range(0)
+        self._own = OF_MACRO if system is not None else ARGUMENTS
         self._given = given or Nothing()
         self._global: dict[Name, float] = {**_BEGUN, **dict(begun)}
         self._kept, self._fresh = kept, dict[int, float]()
@@ -77,7 +100,7 @@ class Parameters:
     @property
     def of_fanuc(self) -> bool:
         """Whether expressions are those of Fanuc's macros."""
-        return bool(self._system)
+        return self._system is not None
 
     @property
     def level(self) -> int:
@@ -86,7 +109,8 @@ class Parameters:
 
     def value(self, key: Name) -> float:
         """Raises NoValue."""
-        self._check_own(key)
+        if (system := self._of_system(key)) is not None and isinstance(key, int):
+            return system.value(key)
         if (found := self._room(key).get(key)) is not None:
             return found
         if (given := self._of_the_control(key)) is not None:
@@ -109,23 +133,30 @@ class Parameters:
 
     def check_settable(self, key: Name) -> None:
         """Raises NoValue for what a program cannot set."""
-        self._check_own(key)
+        if (system := self._of_system(key)) is not None and isinstance(key, int):
+            system.check_settable(key)
+            return
         first, last = OF_THE_MACHINE.start if self.of_fanuc else OF_PROBING.stop, OF_THE_MACHINE.stop - 1
         if isinstance(key, int) and first <= key <= last and key != SAYS_DEBUG:
             raise NoValue("value.of_the_machine", number=key, first=first, last=last)
         if key in RETURNED or (isinstance(key, str) and self._is_given(key)):
             raise NoValue("value.given", name=key)
 
-    def _check_own(self, key: Name) -> None:
-        if isinstance(key, int) and key in self._system and key not in OF_SKIPS and not self._is_kept(key):
-            raise NoValue("value.system", number=key)
+    def _of_system(self, key: Name) -> System | None:
+        """The system variables, where a number is one of them and not kept for programs."""
+        if self._system is None or not isinstance(key, int) or not self._system.has(key):
+            return None
+        return None if self._is_kept(key) else self._system
 
     def _is_kept(self, key: int) -> bool:
         return any(low <= key <= high for low, high in self._kept)
 
     def set(self, settings: Mapping[Name, float]) -> None:
-        """The settings of a line, which take effect together."""
+        """The settings of a line, which take effect together. Raises NoValue."""
         for key, value in settings.items():
+            if (system := self._of_system(key)) is not None and isinstance(key, int):
+                system.set(key, value)
+                continue
             self._room(key)[key] = value
             if isinstance(key, int) and self._is_kept(key):
                 self._fresh[key] = value
@@ -134,6 +165,11 @@ class Parameters:
         """Behind a probing move what it has found counts, and no longer what was set."""
         for key in OF_PROBING:
             self._global.pop(key, None)
+
+    def note_modal_call(self, is_on: bool) -> None:
+        """G66 and G67."""
+        if self._system is not None:
+            self._system.is_modal_call = is_on
 
     def fresh(self) -> dict[int, float]:
         """Those that later programs find and that were set since this was asked last."""

@@ -13,12 +13,12 @@ from collections.abc import Callable, Iterator, Mapping
 
 from controller.messages import said
 from controller.program import foreign, linked, macros, marks, own_codes
-from controller.program.comments import aborted, ended, message, without_comments
+from controller.program.comments import LONGEST, aborted, ended, message, without_comments
 from controller.program.decoding import Text
 from controller.program.expressions import ARITHMETIC, GAPS, NOTHING, Values
 from controller.program.flow import Limits, Run, Source
 from controller.program.line import COMMON, MAX_RUN, SIMPLE, CommonRun, Line, Other, Rows, Word, simple
-from controller.program.parameters import SAYS_DEBUG, Name, NoValue, Parameters
+from controller.program.parameters import ALARM, SAYS_DEBUG, STOP, Name, NoValue, Parameters, System
 from controller.program.program import Block, Callers, ProgramError
 
 __all__ = ["LARGEST", "Line", "Word", "read"]
@@ -31,6 +31,7 @@ Take = Callable[[Rows, list[Block]], Other | None]
 
 _O_WORD = re.compile(r"o[ \t]*(?:<[^<>]*>|[0-9 \t]+)[ \t]*[a-z]{2}")
 _MARK = re.compile(r"[ \t]*%[ \t]*")
+_TEXT = re.compile(r"\(([^()]*)\)")
 _FILE = re.compile(r"[mM][ \t]*0*98[ \t]*(?:[lL][ \t]*[0-9]+[ \t]*)?\(([^()]+)\)")
 _LEVEL = re.compile(rf"[1-9][{GAPS}]*[a-z#]")
 # As controls name programs before the first block: O1234, :1234, O1234 <PART>, <PART>.
@@ -46,6 +47,7 @@ def read(
     files: Mapping[str, tuple[str, str]] | None = None,
     refused: list[ProgramError] | None = None,
     take: Take | None = None,
+    system: System | None = None,
 ) -> Iterator[Line | CommonRun]:
     """The lines of a text that have words or say something, as they are carried out, up to the closing
     ``%`` or the end.
@@ -56,7 +58,7 @@ def read(
     ProgramError while iterating for text that is no word, or when the end comes before any word; with
     ``refused``, a line that is none is noted there and left out.
     """
-    scan = _Scan(parameters or Parameters(), block_delete, refused)
+    scan = _Scan(parameters or Parameters(), block_delete, refused, system)
     of_fanuc, limits = scan.parameters.of_fanuc, limits or Limits()
     own = own_codes.may_stand_in(whole, limits.own_codes)
     plain = not own and marks.plain(whole) and not (of_fanuc and macros.may_stand_in(whole))
@@ -76,9 +78,13 @@ class _Scan:
     """Raw lines to lines of words."""
 
     def __init__(
-        self, parameters: Parameters, block_delete: bool, refused: list[ProgramError] | None
+        self,
+        parameters: Parameters,
+        block_delete: bool,
+        refused: list[ProgramError] | None,
+        system: System | None,
     ) -> None:
-        self.parameters, self._refused = parameters, refused
+        self.parameters, self._refused, self._system = parameters, refused, system
         self._block_delete = block_delete
         self.found = False  # a word
         self._opened = self._named = False
@@ -141,13 +147,37 @@ class _Scan:
             words = _Words(text, name, number, self.parameters).words()
             self.found |= bool(words) or "#" in text
         kept = self.parameters.fresh() if "#" in text else {}
-        line = self._saying(Line(name, number, words), raw) if words or kept or "," in raw else None
+        asked = self._asked(raw, name, number) if "#" in text and self._system is not None else None
+        if asked is not None:
+            words = (*words, *asked.words)
+        has = words or kept or asked or "," in raw
+        line = self._saying(Line(name, number, words), raw) if has else None
+        if line is not None and asked is not None:
+            line.notes, line.changes = asked.notes, asked.changes
+            line.message = asked.message or line.message
         if line is not None and self.parameters.of_fanuc and (called := _FILE.search(raw)) is not None:
             line.file = linked.file_label(called[1])
         if line is not None:
             line.kept = kept
             self.found |= bool(line.message)
         return line if line is not None and (words or line.says) else None
+
+    def _asked(self, raw: str, name: str, number: int) -> Line | None:
+        """What settings of system variables ask for; None where nothing. Raises ProgramError."""
+        system = self._system
+        assert system is not None
+        asks, system.asks = system.asks, {}
+        notes, system.notes = system.notes, []
+        changes, system.changes = tuple(system.changes), []
+        if not (asks or notes or changes):
+            return None
+        text = " ".join(" ".join(found.split()) for found in _TEXT.findall(raw))[:LONGEST]
+        if (alarm := asks.get(ALARM)) is not None:
+            raise ProgramError(name, number, raw.find("#") + 1, said("text.alarm", number=alarm, text=text))
+        stop = (Word("M", 0.0, False, raw.find("#") + 1, f"#{STOP}"),) if STOP in asks else ()
+        made = Line(name, number, stop)
+        made.notes, made.changes, made.message = notes, changes, text if stop else ""
+        return made
 
     def _saying(self, line: Line, raw: str) -> Line:
         """The line with what its comments say."""
@@ -192,7 +222,10 @@ class _Words(Values):
                 settings[key] = value
             else:
                 words.append(self._word())
-        self._parameters.set(settings)
+        try:
+            self._parameters.set(settings)
+        except NoValue as why:
+            raise self.refusal(self._text.find("#"), why.key, **why.values) from None
         return tuple(words)
 
     def _check_ascii(self) -> None:
