@@ -266,17 +266,26 @@ class _Turn:
         self._shifts = ask.code("motion") == "G52" and surface_words.is_shift(ask, state, machine, ahead)
         self._holder = self._find_holder()  # the code that has the axis words, where it is no motion
         self._motion = self._find_motion()
+        self._taking = self._takers()
 
     @property
     def _free(self) -> str:
         """Letters that need no code."""
-        return "FSTD" if self._machine.dialect == "fanuc" else "FST"
+        return "FSTDH" if self._is_fanuc else "FST"
+
+    @property
+    def _is_fanuc(self) -> bool:
+        return self._machine.dialect == "fanuc"
+
+    def _note(self, key: str, word: Word) -> None:
+        """What such controls take, and ``check`` tells of."""
+        self.ask.lenient.append((key, word))
 
     def run(self) -> None:
         plane_words.check_whole(self.ask, self.state)
         self._check_words()
         self._keep_number()
-        sides = [letters for code, letters in self._takers() if code in SIDES]
+        sides = [letters for code, letters in self._taking if code in SIDES]
         self.state, self.made = modal_words.apply(
             self.ask, self._motion, self.state, self._machine, "".join(sides)
         )
@@ -294,9 +303,14 @@ class _Turn:
 
     def _keep_number(self) -> None:
         """D of Fanuc's, which stays for the next G41 or G42 without one."""
-        taken = any("D" in letters for code, letters in self._takers() if code not in SIDES)
-        if "D" in self.ask.words and self._machine.dialect == "fanuc" and not taken:
-            self.state = self.state._replace(offset_number=self.ask.words["D"])
+        words, taking = self.ask.words, self._taking
+        if not self._is_fanuc or not ("D" in words or "H" in words):
+            return
+        if "D" in words and not any("D" in letters for code, letters in taking if code not in SIDES):
+            self.state = self.state._replace(offset_number=words["D"])
+        if "H" in words and not any("H" in letters for _, letters in taking):
+            self.state = self.state._replace(length_number=words["H"])
+            self._note("note.length_number", words["H"])
 
     def _find_motion(self) -> str:
         """The motion this line makes: named, or modal where words for one stand."""
@@ -311,7 +325,15 @@ class _Turn:
         if named == "G80":
             named = self._beneath()
             return named if moving else ""
+        if moving and not named and not self.state.motion and self._is_fanuc and self._begins:
+            self.state = self.state._replace(motion="G0")
+            self._note("note.power_on_motion", self._word_of_motion())
         return (named or self.state.motion) if moving else ""
+
+    @property
+    def _begins(self) -> bool:
+        """Whether no motion has been active yet: at power-on it is G0."""
+        return self.state.cleared == modal.NO_MOTION and self.ask.has(self._axes)
 
     def _beneath(self) -> str:
         """What G80 leaves modal: nothing, under fanuc what was before the cycle."""
@@ -374,7 +396,7 @@ class _Turn:
 
     def _check_words(self) -> None:
         """Every word belongs to exactly one code, and a cycle or an arc has words."""
-        takers = self._takers()
+        takers = self._taking
         named = self.ask.code("motion")
         if (
             named in NEEDS_WORDS
@@ -421,7 +443,9 @@ class _Turn:
 
     def _check_frame(self) -> None:
         once = self.ask.code("one-line")
-        if once == "G53" and self._motion not in ("G0", "G1"):
+        if once == "G53" and self._is_fanuc and not self.ask.has(self._axes) and not self._names_motion:
+            self._note("note.g53_alone", self.ask.codes["one-line"][1])
+        elif once == "G53" and self._motion not in ("G0", "G1"):
             raise self.ask.refusal(self.ask.codes["one-line"][1], "word.g53_alone")
         named = self.ask.code("motion")
         harmless = ("", "G80") if self._machine.dialect == "rs274" else ("", "G80", "G0", "G1", "G2", "G3")
@@ -440,6 +464,19 @@ class _Turn:
             if row.fate is Fate.NOTED and code not in self.state.noted:
                 self.made.append(Remark(self.ask.place(word), self.state.modal, row.noted_with()))
                 self.state = self.state._replace(noted=self.state.noted | {code})
+        self._lenient_notes()
+
+    def _lenient_notes(self) -> None:
+        named = self.ask.code("motion")
+        if self._is_fanuc and named in CYCLES and not self._motion:
+            self._note("note.drills_nothing", self.ask.codes["motion"][1])
+        if self._is_fanuc and self._motion == "G81" and "P" in self.ask.words:
+            self._note("note.g81_p", self.ask.words["P"])
+        for key, word in self.ask.lenient:
+            if key not in self.state.noted:
+                told = said(key, word=word.text)
+                self.made.append(Remark(self.ask.place(word), self.state.modal, told))
+                self.state = self.state._replace(noted=self.state.noted | {key})
 
     def _has(self, written: str) -> bool:
         """Whether the line has a word such as P0."""

@@ -24,7 +24,17 @@ from controller.program.program import UNSAID, JointArc, JointLine, Modal, Side,
 
 MAX_ROWS = 20_000  # states that are remembered: more lines than are ever read ahead
 # Of a state what belongs to the text that is read, or is known again from the machine.
-_OF_THE_TEXT = ("tools", "references", "offset_number", "noted", "curve_goes", "begun", "marks", "cleared")
+_OF_THE_TEXT = (
+    "tools",
+    "references",
+    "offset_number",
+    "length_number",
+    "noted",
+    "curve_goes",
+    "begun",
+    "marks",
+    "cleared",
+)
 _FOUND_AGAIN = ("part", "turned_rad", "cutter", "tilted", "planar", "outputs", "beside_mm", "written")
 
 
@@ -181,6 +191,6 @@ def _made(kind: Any, value: Any) -> Any:
 
 
 # What a state lacks that an earlier version has written: it is as by default.
-_LATER = {Cycle: ("mm_per_unit",), State: ("parameters",), Origins: ("following",)}
+_LATER = {Cycle: ("mm_per_unit",), State: ("parameters", "length_code"), Origins: ("following",)}
 # Resolved once: these name one another.
 _HINTS = {kind: get_type_hints(kind) for kind in (State, Modal, Origins, Plane, Cycle)}

@@ -158,7 +158,6 @@ ROWS: tuple[Code, ...] = (
         ("G73", _CYCLE + "Q", "drilling, chip breaking by Q"),
         ("G74", _CYCLE + "PQ", "tapping, left-hand; rigid where the spindle tells its angle"),
         ("G80", "", "ends a canned cycle and the motion mode"),
-        ("G81", _CYCLE, "drilling"),
         ("G82", _CYCLE + "P", "drilling, dwell P"),
         ("G83", _CYCLE + "Q", "drilling by Q with full retraction"),
         ("G84", _CYCLE + "PQ", "tapping, right-hand; rigid where the spindle tells its angle"),
@@ -166,6 +165,8 @@ ROWS: tuple[Code, ...] = (
         ("G86", _CYCLE + "P", "boring, spindle stopped, out at rapid"),
         ("G89", _CYCLE + "P", "boring, dwell P, out at feed"),
     ),
+    *done("motion", NIST, ("G81", _CYCLE, "drilling"), dialect="rs274"),
+    *done("motion", FANUC, ("G81", _CYCLE + "P", "drilling; P waits nowhere"), dialect="fanuc"),
     *done(
         "motion",
         FANUC,
@@ -231,7 +232,7 @@ ROWS: tuple[Code, ...] = (
     *done("one-line", NIST, ("G92.1", "", "cancels the shift of G92"), dialect="rs274"),
     *alone(done("one-line", FANUC, ("G92.1", "", "cancels the shift of G92"), dialect="fanuc")),
     *done("one-line", NIST, ("G4", "P", "dwell of P seconds"), dialect="rs274"),
-    *done("one-line", FANUC, ("G4", "PX", "dwell of P or X seconds; ms without a point"), dialect="fanuc"),
+    *done("one-line", FANUC, ("G4", "PXU", "dwell of P, X, U seconds; ms without a point"), dialect="fanuc"),
     *(
         replace(row, dialect=dialect, alone=dialect == "fanuc")  # there they go, with words of axes
         for row in done(
@@ -275,7 +276,9 @@ ROWS: tuple[Code, ...] = (
         ("G43.5", "H", "tool-centre control, tool vectors I J K"),
     ),
     *done("length", HAAS, ("G234", "H", "tool-centre control, as G43.4"), dialect="fanuc"),
-    *done("offset", NIST, *((f"G{54 + i}", "", f"work offset {i + 1}") for i in range(6))),
+    *done("offset", NIST, ("G54", "", "work offset 1"), dialect="rs274"),
+    *done("offset", FANUC, ("G54", "P", "work offset 1; with P as G54.1"), dialect="fanuc"),
+    *done("offset", NIST, *((f"G{54 + i}", "", f"work offset {i + 1}") for i in range(1, 6))),
     *done("offset", NIST, *((f"G59.{i}", "", f"work offset {6 + i}") for i in (1, 2, 3))),
     *done("offset", FANUC, ("G54.1", "P", "work offset P1 to P48 beyond the nine")),
     *done("offset", HAAS, ("G154", "P", "work offset, as G54.1"), dialect="fanuc"),

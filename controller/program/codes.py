@@ -55,6 +55,7 @@ class Ask:
     dialect: str = "rs274"
     polar: tuple[float, float] | None = None  # @ (mm) and ^ (rad) under G91, for which X and Y stand
     takers: dict[str, str] = field(default_factory=dict)  # letter -> the one code that takes its word
+    lenient: list[tuple[str, Word]] = field(default_factory=list)  # what is taken as such controls do: notes
 
     def of(self, code: str) -> Ask:
         """The line as one of its codes has it: without the words that others take."""
@@ -103,12 +104,16 @@ def sort(line: Line, machine: Machine) -> Ask:
         if word.letter in "GM" and word not in own:
             _take_code(line, word, codes, machine.dialect)
     rest = [word for word in words if word.letter not in "GM"]
+    lenient: list[tuple[str, Word]] = []
+    if machine.dialect == "fanuc" and any(word.letter == "N" for word in rest):
+        lenient = [("note.number_inside", word) for word in rest if word.letter == "N"]
+        rest = [word for word in rest if word.letter != "N"]
     next_tool = _next_tool(rest) if "tool change" in codes and machine.dialect == "fanuc" else None
     for word in rest:
         if word is not next_tool:
             _check_letter(line, word, others, machine)
             others[word.letter] = word
-    return Ask(line, codes, others, switches, next_tool, machine.dialect)
+    return Ask(line, codes, others, switches, next_tool, machine.dialect, lenient=lenient)
 
 
 def _next_tool(words: list[Word]) -> Word | None:

@@ -88,6 +88,8 @@ class State(NamedTuple):
     curve_goes: tuple[float, float] | None = None  # mm: where the G5 before leads on to
     begun: Begun | None = None  # a tilted plane that takes more lines
     marks: int = 0  # stops between the steps of a tool changer, so far
+    length_code: str = "G49"  # of the group that has G43
+    length_number: Word | None = None  # H of a line without G43 (Fanuc), for the next one without H
     length_tool: int = 0  # H: the tool whose length G43 adds; 0 = none, or a length as written
     radius_tool: int = 0  # D: the tool by whose radius G41 and G42 keep off; 0 = the one in the spindle
     parameters: tuple[tuple[str, float], ...] = ()  # that lines by hand have left, by number or name

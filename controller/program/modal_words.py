@@ -269,7 +269,9 @@ class _Settings:
         if self.ask.code("one-line") != "G4":
             return
         word, given = self.ask.codes["one-line"][1], self.ask.of("G4").words
-        times = [given[letter] for letter in "PX" if letter in given]
+        times = [given[letter] for letter in "PXU" if letter in given]
+        if "U" in given:
+            self.ask.lenient.append(("note.dwell_u", given["U"]))
         if not times and (other := self.ask.words.get("X")) is not None:
             raise self.ask.refusal(other, "dwell.no_time_of_x")
         if not times:
@@ -302,13 +304,17 @@ class _Settings:
         if code == "G49":
             self._check_no_length()
             self._set_modal(replace(self.state.modal, length_mm=0.0, tip=Tip.OFF))
-            self.state = self.state._replace(length_tool=0)
+            self.state = self.state._replace(length_tool=0, length_code=code)
+        if not code and self.state.length_number is not None and self.state.length_code in TIPS:
+            code = self.state.length_code  # H alone
         if code not in TIPS:
             return
         modal, said = self.state.modal, self._said_mm(code)
         length = {"G43.2": modal.length_mm + said, "G44": -said}.get(code, said)
         self._set_modal(replace(modal, length_mm=length, tip=TIPS[code]))
-        self.state = self.state._replace(length_tool=self._length_tool(code))
+        self.state = self.state._replace(
+            length_tool=self._length_tool(code), length_code=code, length_number=None
+        )
 
     def _check_no_length(self) -> None:
         """H0 says beside G49 what it says."""
@@ -320,12 +326,17 @@ class _Settings:
         """The tool whose length alone is in force after the code; 0 where it is no tool's."""
         if code in ("G43.1", "G43.2", "G44"):
             return 0
-        word = self.ask.of(code).words.get("H")
+        word = self._length_word(code)
         return self.state.modal.tool if word is None else int(word.value)
+
+    def _length_word(self, code: str) -> Word | None:
+        """H, or Z of G43.1; else H of a line before that had no G43."""
+        word = self.ask.of(code).words.get("Z" if code == "G43.1" else "H")
+        return self.state.length_number if word is None and code != "G43.1" else word
 
     def _said_mm(self, code: str) -> float:
         """The length that H, or Z of G43.1, names; without one that of the tool in the spindle."""
-        word = self.ask.of(code).words.get("Z" if code == "G43.1" else "H")
+        word = self._length_word(code)
         if word is None and code in ("G43.1", "G43.2"):
             takes = Key("tool.takes_z" if code == "G43.1" else "tool.takes_h")
             raise self.ask.refusal(self.ask.codes["length"][1], "tool.no_length", code=code, takes=takes)
@@ -359,6 +370,9 @@ class _Settings:
     def _offset(self, code: str) -> int:
         word = self.ask.codes["offset"][1]
         name = code
+        if code == "G54" and "P" in self.ask.of(code).words:
+            code = "G54.1"
+            self.ask.lenient.append(("note.g54_p", self.ask.of("G54").words["P"]))
         if code in ("G54.1", "G154"):
             name = f"G54.1 P{self._numbered(code, word)}"
         index = OFFSETS.index(name)
@@ -369,7 +383,7 @@ class _Settings:
 
     def _numbered(self, code: str, word: Word) -> int:
         """P of G54.1 and G154."""
-        number = self.ask.of(code).words.get("P")
+        number = self.ask.of(self.ask.code("offset")).words.get("P")
         if number is None or not 1 <= self.ask.whole(number) <= 48:
             raise self.ask.refusal(number or word, "offset.number", code=code)
         return int(number.value)

@@ -35,7 +35,6 @@ from controller.program.modal import State
 from controller.program.offset_words import with_radius
 from controller.program.origins import fixture_index
 from controller.program.parameters import ALARM, STOP, NoValue
-from controller.program.program import Tip
 
 FIRST = 1000
 OURS = (range(5062, 5071), range(5210, 5221), range(5390, 5500), range(5590, 6000))  # as LinuxCNC has them
@@ -287,13 +286,6 @@ def _cycle(state: State) -> float:
     return _number(state.motion) if state.cycle is not None else 80.0
 
 
-def _length(state: State) -> float:
-    if state.modal.tip is not Tip.OFF:
-        return 43.4 if state.modal.tip is Tip.ROTARIES else 43.5
-    length = state.modal.length_mm
-    return 49.0 if not length and not state.length_tool else 44.0 if length < 0.0 else 43.0
-
-
 def _work_offset(state: State) -> float:
     index = state.modal.offset
     return 54.0 + index if index < 6 else 59.0 + (index - 5) / 10.0 if index < 9 else 54.1
@@ -329,7 +321,7 @@ _MODAL: MappingProxyType[int, Callable[[State], float]] = MappingProxyType(
         5: lambda s: 93.0 if s.inverse else 95.0 if s.per_turn else 94.0,
         6: lambda s: 21.0 if s.mm_per_unit == 1.0 else 20.0,
         7: lambda s: _number(s.side),
-        8: _length,
+        8: lambda s: _number(s.length_code),
         9: _cycle,
         10: lambda s: 99.0 if s.to_clearance else 98.0,
         11: lambda s: 50.0,

@@ -148,14 +148,6 @@ def test_haas_writes_work_offsets_beyond_g59_its_own_way() -> None:
     assert ours == theirs and ours.modal.frame(machine()).origin[0] == 7.0
 
 
-@pytest.mark.parametrize("text", ["#3000=15 (TOOL LIFE)", "#3006=1", "#101=#5041", "G0 X#4014", "#1000=1"])
-def test_a_system_variable_is_no_parameter(text: str) -> None:
-    with pytest.raises(ProgramError, match="is a system variable"):
-        last(f"{text}\nG0 X1.\n")
-    assert last("#100=2. #999=3.\nG0 X#100 Y#999 Z#5221\n")["Y"] == 3.0
-    last(f"{text}\nG0 X1.\n", "rs274")
-
-
 @pytest.mark.parametrize(("line", "x"), [("/2 G0 X5.", 5.0), ("/ G0 X5.", 5.0), ("/9N10 G0 X5.", 5.0)])
 def test_a_block_skip_may_have_a_number(line: str, x: float) -> None:
     assert last(f"G0 X1.\n{line}\n")["X"] == x

@@ -42,7 +42,7 @@ def machine(dialect: str) -> Machine:
         dialect, without_point="unit", io=IO, spindle=tapping.machine().spindle
     )
     return replace(
-        on, setter=Sensor("there", 1.0, radius_mm=5.0), offsets=on.offsets + on.offsets[:1], unset=()
+        on, setter=Sensor("there", 1.0, radius_mm=5.0), offsets=on.offsets + on.offsets[:2], unset=()
     )
 
 
@@ -188,7 +188,7 @@ def _wanted(case: Case, dialect: str) -> str:
 def cases_of(row: Row, dialect: str, motion: str) -> list[Case]:
     """A code with each letter beside one modal motion; D stays with Fanuc's, whatever is beside it."""
     found = words_taken.cases(row, motion, CYCLE_LETTERS[dialect])
-    return [case for case in found if dialect == "rs274" or case.letter != "D"]
+    return [case for case in found if dialect == "rs274" or case.letter not in "DH"]
 
 
 FAST = (("rs274", "G1"), ("fanuc", "G82"))

@@ -212,7 +212,7 @@ M73 |  | 028
 # Under fanuc, from the builders' words: Fanuc B-64484EN (30i) for what a block of each G code has and which
 # stand in a block of their own (G05, G05.1, G08, G13.1, G23, G25, G53.1, G54.4, G68.2), Haas'
 # manual of mills for G103, G154, G187, G234, G254, G255 and G269 (G254 and G255 are modal, of group 23). D is
-# taken of every line, as F S T are.
+# taken of every line, as F S T are, and so is H: both stay for the next code that takes them.
 FANUC = _rows("""
 G0 | XYZAC | m
 G1 | XYZAC | m
@@ -220,6 +220,7 @@ G2 X3. Y2. I1. | ZACJ | m
 G3 X3. Y2. I1. | ZACJ | m
 G4 P1. | |
 G4 X1. | |
+G4 U1. | |
 G5 P10000 | |
 G5.1 Q1 | XYZACR |
 G5.3 P50 | |
@@ -263,7 +264,7 @@ G52 Z1. | XYAC |
 G53 G0 Z1. | XYAC | m
 G53.1 | P | m | G68.2 X0. Y0. Z0. I0. J0. K0.
 G53.6 | PH | m | G68.2 X0. Y0. Z0. I0. J0. K0.
-G54 | | 028
+G54 | P | 028
 G55 | | 028
 G56 | | 028
 G57 | | 028
@@ -287,7 +288,7 @@ G73 X1. Z1. R2. Q1. | YACKL | m
 G74 X1. Z1. R2. | YACKLPQ | m | M4
 G76 X1. Z1. R2. Q0.1 | YACKLPIJ | m
 G80 | | 028
-G81 X1. Z1. R2. | YACKL | m
+G81 X1. Z1. R2. | YACKLP | m
 G82 X1. Z1. R2. P1. | YACKL | m
 G83 X1. Z1. R2. Q1. | YACKL | m
 G84 X1. Z1. R2. | YACKLPQ | m

@@ -1,0 +1,81 @@
+"""What every control as Fanuc's takes though it is written loosely: done as there, and told of once."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import pytest
+from support.machines.traced_programs import mill
+
+from controller.machine.model import Machine
+from controller.program import blocks
+from controller.program.program import Dwell, JointLine, ProgramError, Remark
+
+
+def machine(dialect: str = "fanuc", **fields: Any) -> Machine:
+    made = mill(unset=())
+    tools = tuple(replace(tool, length_mm=mm) for tool, mm in zip(made.tools, (50.0, 60.0), strict=False))
+    offsets = made.offsets + made.offsets[:1] * 9
+    on = {"dialect": dialect, "without_point": "unit", "tools": tools, "offsets": offsets, **fields}
+    return replace(made, **on)
+
+
+def read(text: str, **fields: Any) -> tuple[list[JointLine], list[str]]:
+    made = blocks.read(text.encode(), machine(**fields), "p").blocks
+    moves = [block for block in made if isinstance(block, JointLine)]
+    return moves, [block.sentence for block in made if isinstance(block, Remark)]
+
+
+LOOSE = {
+    "X1. Y2.": "at power-on G0 is active",
+    "G53": "moves nothing",
+    "G0 X1. N20": "the line's number",
+    "G4 U1.": "as X",
+    "G54 P2": "is G54.1 P2",
+    "H2": "without G43",
+    "F100. G0 X0.\nG81 X1. Z-1. R1. P500": "waits nowhere",
+    "G81 F100.": "nothing is drilled",
+}
+
+
+@pytest.mark.parametrize(("text", "says"), LOOSE.items())
+def test_it_is_taken_and_told_of_once(text: str, says: str) -> None:
+    _, notes = read(f"{text}\n{text}\n")
+    assert [says in note for note in notes] == [True], notes
+
+
+@pytest.mark.parametrize("text", [text for text in LOOSE if "G81 X1." not in text])
+def test_under_the_other_dialect_it_is_refused(text: str) -> None:
+    with pytest.raises(ProgramError):
+        blocks.read(f"{text}\n".encode(), machine("rs274"), "p")
+
+
+def test_power_on_is_rapid_and_no_code_that_ends_a_motion_is() -> None:
+    moves, _ = read("X1.\nY2.\n")
+    assert [block.feed_mm_s for block in moves] == [None, None]
+    with pytest.raises(ProgramError):
+        blocks.read(b"G51 X0. Y15. Z0. I0. J0. K0. H10. R5. D90. F400.\nX1.\n", machine(spindle=None), "p")
+
+
+def test_h_alone_is_of_the_length_in_force_or_of_the_next_g43() -> None:
+    lengths = lambda text: [block.modal.length_mm for block in read(text)[0]]  # noqa: E731
+    assert lengths("G43 H1 G0 Z1.\nH2\nZ2.\nG49 Z3.\n") == [50.0, 60.0, 0.0]
+    assert lengths("H2\nG0 Z1.\nG43 Z2.\nG43 H1 Z3.\nG43 Z4.\n") == [0.0, 60.0, 50.0, 50.0]
+    assert lengths("G44 H1 G0 Z1.\nH2\nZ2.\n") == [-50.0, -60.0]
+
+
+def test_the_dwell_and_the_offset_are_those_of_their_plain_forms() -> None:
+    made = blocks.read(b"G4 U1.5\nG4 U500\nG54 P2 G0 X1.\n", machine(), "p").blocks
+    assert [block.seconds for block in made if isinstance(block, Dwell)] == [1.5, 0.5]
+    assert [block.modal.offset for block in made if isinstance(block, JointLine)] == [10]
+    with pytest.raises(ProgramError):
+        blocks.read(b"G54 P49\n", machine(), "p")
+    with pytest.raises(ProgramError):
+        blocks.read(b"G55 P1\n", machine(), "p")
+
+
+def test_a_cycle_line_that_drills_nothing_leaves_its_words_or_is_told_of_what_lacks() -> None:
+    moves, _ = read("G0 X0. Y0. Z5.\nF100.\nG81 X1. Z-1. R1.\nG81 F200.\nX2.\n")
+    assert len([block for block in moves if block.targets[0] == 2.0]) == 1
+    assert [round(block.feed_mm_s * 60) for block in moves if block.feed_mm_s] == [100, 200]
