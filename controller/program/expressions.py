@@ -100,7 +100,7 @@ _OF_FANUC_FUNCTIONS = _FUNCTIONS | {
 }
 ARITHMETIC = 3  # the least level of an operator that makes a number of numbers
 LINE = "_line"  # the name of the line number, which each line has by itself
-_FUNCTION = re.compile(rf"({'|'.join(_FUNCTIONS)}|atan|exists)[ \t]*(?=\[)")
+_FUNCTION = re.compile(rf"({'|'.join(_FUNCTIONS)}|atan|exists|pow)[ \t]*(?=\[)")
 
 
 class Values:
@@ -280,7 +280,15 @@ class Values:
         if name == "exists":
             return self._exists()
         start = self._at
-        value = self.bracket()
+        if self._parameters.of_fanuc and name in ("pow", "atan"):
+            value, other = self._pair()
+            if other is not None:
+                function = math.pow if name == "pow" else lambda y, x: math.degrees(math.atan2(y, x))
+                return self._sound(start - len(name), name, function, value, other)
+        else:
+            value = self.bracket()
+        if name == "pow":
+            raise self.refusal(start - len(name), "value.pow")
         if name != "atan":
             functions = _OF_FANUC_FUNCTIONS if self._parameters.of_fanuc else _FUNCTIONS
             step = self._step if name == "round" else 1.0
@@ -289,6 +297,17 @@ class Values:
             raise self.refusal(self._at, "value.atan")
         self.peek()
         return math.degrees(math.atan2(value, self.bracket()))
+
+    def _pair(self) -> tuple[float, float | None]:
+        """One value in brackets, or two with a comma between them: POW[#1,2], ATAN[#1,#2] (Fanuc)."""
+        start = self._at
+        self.take("[")
+        values = [self._chain(1)]
+        while len(values) < 2 and self.take(","):
+            values.append(self._chain(1))
+        if not self.take("]"):
+            raise self.refusal(start, "value.open_bracket")
+        return values[0], values[1] if len(values) == 2 else None
 
     def _exists(self) -> float:
         """EXISTS[#<name>]: whether a parameter may be read here."""

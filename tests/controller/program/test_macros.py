@@ -84,3 +84,23 @@ def test_under_rs274_they_are_another_controls_and_a_number_is_0_until_it_is_set
     assert ends("G0 X#1", "rs274") == [0.0]
     with pytest.raises(ProgramError, match="write o100 if"):
         ends("G0 X1.\nIF [#1 GT 5] GOTO 10\nN10 X2.", "rs274")
+
+
+@pytest.mark.parametrize(
+    ("written", "x"),
+    [
+        ("POW[2,3]", 8.0),
+        ("POW[#1,0.5]", 2.0),
+        ("ATAN[1,-1]", 135.0),
+        ("ATAN[1]/[-1]", 135.0),
+        ("[POW[2,2]+1]", 5.0),
+    ],
+)
+def test_functions_of_two_values(written: str, x: float) -> None:
+    assert ends(f"G21 G90 G0\n#1=4\nX[{written}]") == pytest.approx([x])
+
+
+@pytest.mark.parametrize("written", ["POW[2]", "POW[0,-1]", "POW[2,3,4]"])
+def test_a_power_of_one_value_is_refused(written: str) -> None:
+    with pytest.raises(ProgramError):
+        ends(f"G21 G90 G0\nX[{written}]")
