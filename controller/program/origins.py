@@ -20,6 +20,7 @@ from controller.geometry.vectors import ZERO, Frame, Vector, X, Y, Z, add, rotat
 from controller.machine.model import KEPT_OFFSETS, OFFSETS, Machine, Offset, Pair, Shift
 
 NONE = Shift()
+AT_ZERO = Frame()
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +43,7 @@ class Following:
     code: str
     number: int  # P of G54.2
     table: Frame  # as it stands
-    reference: Frame = Frame()  # of G54.2: as it stood where the vector was measured
+    reference: Frame = AT_ZERO  # of G54.2: as it stood where the vector was measured
     is_current: bool = True  # False: rotaries have turned since the table was seen
 
     def carried(self, frame: Frame, vector: Vector) -> Frame:
