@@ -28,9 +28,10 @@ from controller.runtime.bench.observer import Seen, Sight, latency
 from controller.state.modes import Fault, Mode
 
 IN_A_BATCH = 40
+IN_A_SMALL_BATCH = 8  # of the batches of which CI takes some
 SCRIPTS = int(os.environ.get("DIRECTRIX_FAULT_SCRIPTS", "10000"))
 HEALTHY = int(os.environ.get("DIRECTRIX_HEALTHY_RUNS", "1000"))
-FEW, FEW_HEALTHY = 2 * len(fault_scripts.MACHINES), len(fault_scripts.MACHINES)  # batches; CI takes some
+FEW, FEW_HEALTHY = 10 * len(fault_scripts.MACHINES), 5 * len(fault_scripts.MACHINES)  # small batches
 
 
 def judge(of: Batch, came: list[Came], folder: Path) -> None:
@@ -43,53 +44,53 @@ def judge(of: Batch, came: list[Came], folder: Path) -> None:
     assert not told, "\n".join([f"batch {of.number}, of {len(came)} cases:", *told])
 
 
-def random_scripts(number: int, folder: Path) -> None:
+def random_scripts(number: int, count: int, folder: Path) -> None:
     of = fault_scripts.batch(number)
-    judge(of, random_batches.cases(of, IN_A_BATCH), folder)
+    judge(of, random_batches.cases(of, count), folder)
 
 
-def healthy_runs(number: int, folder: Path, draw: Draw = fault_scripts.healthy_case) -> None:
+def healthy_runs(number: int, count: int, folder: Path, draw: Draw = fault_scripts.healthy_case) -> None:
     of = fault_scripts.healthy_batch(number)
-    came = random_batches.cases(of, IN_A_BATCH, draw=draw)
+    came = random_batches.cases(of, count, draw=draw)
     wrong = [one for one in came if (one.fault, one.warned) != ("NONE", "NONE")]
-    assert len(came) == IN_A_BATCH + 1 and not wrong, wrong
+    assert len(came) == count + 1 and not wrong, wrong
     judge(of, came, folder)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("number", range(FEW))
 def test_who_is_off_has_said_so_and_everything_stands_in_time(number: int, tmp_path: Path) -> None:
-    random_scripts(number, tmp_path)
+    random_scripts(number, IN_A_SMALL_BATCH, tmp_path)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("number", range(FEW_HEALTHY))
 def test_a_healthy_run_has_no_fault(number: int, tmp_path: Path) -> None:
-    healthy_runs(number, tmp_path)
+    healthy_runs(number, IN_A_SMALL_BATCH, tmp_path)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("number", range(FEW_HEALTHY))
 def test_a_run_with_single_losses_has_no_fault_and_no_warning(number: int, tmp_path: Path) -> None:
-    healthy_runs(number, tmp_path, fault_scripts.lossy_case)
+    healthy_runs(number, IN_A_SMALL_BATCH, tmp_path, fault_scripts.lossy_case)
 
 
 @pytest.mark.soak
 @pytest.mark.parametrize("number", range(-(-HEALTHY // IN_A_BATCH)))
 def test_a_thousand_runs_with_single_losses(number: int, tmp_path: Path) -> None:
-    healthy_runs(FEW_HEALTHY + number, tmp_path, fault_scripts.lossy_case)
+    healthy_runs(FEW_HEALTHY + number, IN_A_BATCH, tmp_path, fault_scripts.lossy_case)
 
 
 @pytest.mark.soak
 @pytest.mark.parametrize("number", range(-(-SCRIPTS // IN_A_BATCH)))
 def test_ten_thousand_scripts(number: int, tmp_path: Path) -> None:
-    random_scripts(FEW + number, tmp_path)
+    random_scripts(FEW + number, IN_A_BATCH, tmp_path)
 
 
 @pytest.mark.soak
 @pytest.mark.parametrize("number", range(-(-HEALTHY // IN_A_BATCH)))
 def test_a_thousand_healthy_runs(number: int, tmp_path: Path) -> None:
-    healthy_runs(FEW_HEALTHY + number, tmp_path)
+    healthy_runs(FEW_HEALTHY + number, IN_A_BATCH, tmp_path)
 
 
 # ---- the fork is the run itself
@@ -128,7 +129,7 @@ def test_a_forked_run_is_what_simulate_makes_of_it(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("number", range(1, FEW))
+@pytest.mark.parametrize("number", range(1, 2 * len(fault_scripts.MACHINES)))
 def test_any_case_is_had_again_bit_for_bit(number: int, tmp_path: Path) -> None:
     again(number, 4, tmp_path)
 
