@@ -7,7 +7,7 @@
 The sum is of the file's name, generation, time and values, so that a file that stands in another's place is
 none of it either; one that is older than what was there before it was put there. A folder of a version
 without seals is taken as it is, once: from ``adopt`` on, which leaves ``MARK`` there, a file without a seal
-is a damaged one. One writer a file.
+is a damaged one. One writer a file. Lines of a file that grows have a sum of their own (``line``).
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import contextlib
 import hashlib
 import json
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +24,7 @@ from controller import atomic_file, own_files
 from controller.messages import TextError, said
 
 SEAL, VALUE = "seal", "value"  # VALUE: of what is no JSON object
+SUM = "sum"  # of a line
 BEFORE = ".before"  # behind the name of a file: the generation before
 MARK = "sealed"  # in a folder whose files all have seals
 UNREADABLE = (OSError, ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError)
@@ -91,6 +92,26 @@ def written_s(file: Path) -> float:
     """When a sealed file was written (s since 1970). Raises as ``read``."""
     seal = _parted(file)[1]
     return float(seal["at_s"]) if seal is not None else file.lstat().st_mtime
+
+
+def line(values: Mapping[str, Any]) -> str:
+    """A line of a file that grows, with its own sum."""
+    whole = json.loads(json.dumps(values))
+    return json.dumps({**whole, SUM: _sum("", 0, 0, whole)}) + "\n"
+
+
+def of_line(text: bytes | str, folder: Path) -> dict[str, Any]:
+    """The values of a line of a file in ``folder``. Raises Damaged."""
+    try:
+        whole = dict(json.loads(text))
+    except (ValueError, TypeError, RecursionError) as error:
+        raise Damaged(said("sealed.unread", why=str(error))) from error
+    found = whole.pop(SUM, None)
+    if found is None and (folder / MARK).exists():
+        raise Damaged(said("sealed.none"))
+    if found is not None and found != _sum("", 0, 0, whole):
+        raise Damaged(said("sealed.other"))
+    return whole
 
 
 def adopt(folder: Path, names: Iterable[str]) -> None:

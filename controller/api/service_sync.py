@@ -13,6 +13,7 @@ import sqlite3
 from pathlib import Path
 from typing import Any
 
+from controller import sealed_file
 from controller.api.database import Database
 from controller.api.records import Values
 from controller.machine import setup_data
@@ -65,7 +66,7 @@ class Gatherer:
         except OSError:
             return 0
         with self._database.write() as sql:
-            taken = sum(_alarm(sql, line) for line in lines)
+            taken = sum(_alarm(sql, line, self._state) for line in lines)
         self._alarms = stamp
         return taken
 
@@ -92,10 +93,10 @@ def _stamp(file: Path) -> tuple[int, int]:
     return found.st_size, found.st_mtime_ns
 
 
-def _alarm(sql: sqlite3.Connection, line: str) -> bool:
+def _alarm(sql: sqlite3.Connection, line: str, state: Path) -> bool:
     """One line, unless it is cut off; a later line of the same alarm adds to it."""
     with contextlib.suppress(ValueError, KeyError, TypeError):
-        told: dict[str, Any] = dict(json.loads(line))
+        told = sealed_file.of_line(line, state)
         source = f"{int(told['id'])} {float(told['time_s'])!r}"
         values = (
             float(told["time_s"]),

@@ -1,20 +1,21 @@
 """Alarms: what went wrong, when, and whether somebody has seen it. Kept over restarts.
 
 One file of JSON lines in the state folder, newest last; an alarm that was acknowledged is
-written again with the same id, and the last line of an id counts.
+written again with the same id, and the last line of an id counts. A reserve beside it is given up where the
+disk is full, so that what ends a run on a full disk, an emergency stop above all, is still written.
 """
 
 from __future__ import annotations
 
 import contextlib
-import json
+import errno
 import os
 import threading
 import time
 from pathlib import Path
 from typing import Any
 
-from controller import atomic_file, own_files
+from controller import atomic_file, own_files, sealed_file
 from controller.ipc.handoff import Snapshot
 from controller.machine.model import Machine
 from controller.messages import Said, said
@@ -24,8 +25,11 @@ from controller.state.fault_table import NOBODY, Sender
 from controller.state.modes import FAULTS, Fault, told
 
 FILE = "alarms.jsonl"
+RESERVE = "reserve"
+RESERVE_BYTES = 1 << 20  # some thousand alarms
 KEPT = 1000
 SHOWN = 100  # in one answer
+FULL = (errno.ENOSPC, errno.EDQUOT)
 
 
 class Alarms:
@@ -39,6 +43,7 @@ class Alarms:
         for alarm in found:
             self._known[alarm["id"]] = alarm
         self._write_all()
+        self._put_by()
 
     def add(self, name: str, what: Said, **more: Any) -> dict[str, Any]:
         """A new alarm; the disk being full does not stop the machine from telling it."""
@@ -79,17 +84,38 @@ class Alarms:
         self._known[alarm["id"]] = alarm
         while len(self._known) > KEPT:
             del self._known[min(self._known)]
+        line = sealed_file.line(alarm).encode()
+        try:
+            self._append(line)
+        except OSError as error:
+            if error.errno not in FULL:
+                return
+            with contextlib.suppress(OSError):
+                own_files.remove(self._file.with_name(RESERVE))
+                self._append(b"\n" + line)  # half of a line may have been written
+
+    def _append(self, line: bytes) -> None:
+        """Raises OSError."""
         flags = os.O_WRONLY | os.O_APPEND | os.O_CREAT
-        with contextlib.suppress(OSError), own_files.opened(self._file, flags) as file:
-            file.write(f"{json.dumps(alarm)}\n".encode())
+        with own_files.opened(self._file, flags) as file:
+            file.write(line)
             file.flush()
             os.fsync(file.fileno())
+
+    def _put_by(self) -> None:
+        """The reserve, at the start; a full disk has none to put by."""
+        reserve = self._file.with_name(RESERVE)
+        with contextlib.suppress(OSError):
+            if not reserve.exists():
+                with own_files.new(reserve) as file:
+                    file.write(bytes(RESERVE_BYTES))
+                    os.fsync(file.fileno())
 
     def _write_all(self) -> None:
         """Each alarm once; at the start only."""
         with contextlib.suppress(OSError):
             own_files.make_folder(self._file.parent)
-            lines = (json.dumps(self._known[number]) + "\n" for number in sorted(self._known)[-KEPT:])
+            lines = (sealed_file.line(self._known[number]) for number in sorted(self._known)[-KEPT:])
             atomic_file.write(self._file, "".join(lines))
 
 
@@ -103,8 +129,10 @@ def _read(file: Path) -> tuple[list[dict[str, Any]], Said | None]:
         return [], kept_file.put_aside(file, error)
     found, bad = [], None
     for line in lines:
+        if not line.strip():
+            continue
         try:
-            alarm = json.loads(line)
+            alarm = sealed_file.of_line(line, file.parent)
             whole = {**alarm, "id": int(alarm["id"]), "acknowledged_s": alarm["acknowledged_s"]}
             found.append({**whole, "time_s": float(alarm["time_s"]), "name": str(alarm["name"])})
         except kept_file.WRONG as error:
