@@ -114,10 +114,13 @@ def is_said(value: object) -> bool:
 def filled(said: Mapping[str, Any], texts: Mapping[str, str], around: Mapping[str, Any] = NONE_YET) -> str:
     """A text in words, by the texts of a language; ``around``: the values of the one that holds it.
 
-    A key of another version, and values that do not fit it, are shown as they are: it must not fail.
+    A value named ``unit`` is in the words of the language where it has some: ``unit.deg``. A key of another
+    version, and values that do not fit it, are shown as they are: it must not fail.
     """
 
-    def words(value: Any) -> Any:
+    def words(value: Any, name: str = "") -> Any:
+        if name == "unit":
+            return texts.get(f"unit.{value}", value)
         if is_said(value):
             return filled(value, texts, figures)
         return " ".join(map(words, value)) if isinstance(value, list) and all(map(is_said, value)) else value
@@ -125,7 +128,7 @@ def filled(said: Mapping[str, Any], texts: Mapping[str, str], around: Mapping[st
     key, values = str(said["key"]), {**around, **(said["values"] or {})}
     figures = {name: value for name, value in values.items() if isinstance(value, str | int | float)}
     try:
-        return texts[key].format(**{name: words(value) for name, value in values.items()})
+        return texts[key].format(**{name: words(value, name) for name, value in values.items()})
     except (KeyError, ValueError, IndexError, TypeError):
         return f"{key} {figures}"
 

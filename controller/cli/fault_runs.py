@@ -119,7 +119,7 @@ def _last(faults: Mapping[str, Any]) -> list[str]:
     told = [say("cli.faults.distance")]
     for unit in ("mm", "deg"):
         its = [f"{n} {one['largest']:.3f}" for n, one in faults["distance"].items() if one["unit"] == unit]
-        told.append(f"  {', '.join(its)} {unit}")
+        told.append(f"  {', '.join(its)} {say('unit.deg') if unit == 'deg' else unit}")
     if faults["stood"] is not None:
         ms = faults["stood"]["after_ms"]
         told.append(say("cli.faults.moves") if ms is None else say("cli.faults.stood", ms=ms))

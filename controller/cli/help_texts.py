@@ -8,6 +8,7 @@ for help, for completion and for the list of all commands.
 
 from __future__ import annotations
 
+import copy
 import os
 import sys
 import tempfile
@@ -79,6 +80,8 @@ def put_frame(command: Any, texts: dict[str, str]) -> None:
     rich_utils.DEFAULT_STRING = f"[{frame['default']}: {{}}]"
     rich_utils.ENVVAR_STRING = f"[{frame['environment']}: {{}}]"
     rich_utils.REQUIRED_LONG_STRING = f"[{frame['required']}]"
+    for one in command.params:
+        _name_kind(one, frame)
     option = command.get_help_option(typer.Context(command))
     if option is not None:
         option.help = frame["help"]
@@ -92,3 +95,11 @@ def put_frame(command: Any, texts: dict[str, str]) -> None:
         formatter.write_usage(ctx.command_path, pieces, prefix=f"{frame['usage']}: ")
 
     command.format_usage = format_usage
+
+
+def _name_kind(taken: Any, frame: dict[str, str]) -> None:
+    """A number, a path ... in words; a choice shows its values instead."""
+    kind = frame.get(f"type.{str(taken.type.name).removesuffix(' range')}")
+    if kind is not None:
+        taken.type = copy.copy(taken.type)  # of many options
+        taken.type.name = kind

@@ -48,8 +48,15 @@ def table(told: dict[str, Any]) -> Table:
     for one in told["items"]:
         unit = word(f"usage.unit.{one['unit']}", one["unit"])
         used, every = f"{one['used']:.4g}", f"{one['every']:g} {unit}"
-        made.add_row(one["name"], one["counter"], used, every, say("maintenance_due") if one["due"] else "")
+        due = say("maintenance_due") if one["due"] else ""
+        made.add_row(one["name"], counter(one["counter"]), used, every, due)
     for one in told["counters"]:
         unit = word(f"usage.unit.{one['unit']}", one["unit"])
-        made.add_row("", one["name"], f"{one['value']:.4g} {unit}", "", "")
+        made.add_row("", counter(one["name"]), f"{one['value']:.4g} {unit}", "", "")
     return made
+
+
+def counter(name: str) -> str:
+    """A counter in words, with its name as --counter takes it; an axis by its name alone."""
+    words = word(f"usage.counter.{name}")
+    return f"{words} ({name})" if words else name

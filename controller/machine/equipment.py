@@ -51,7 +51,7 @@ MAX_CHANNELS = 4  # of 16 bits in one
 INT16 = -(2**15), 2**15 - 1
 # That programs have for what is the machine's own.
 M_CODE = re.compile(r"M(1[0-8]|2[0-8]|3[1-9]|4[0-7]|5[4-9]|69|7[4-9]|8[0-9]|9[0-7]|[1-9][0-9][0-9])")
-M_CODES = "M10 to M18, M20 to M28, M31 to M47, M54 to M59, M69, M74 to M97, M100 to M999"
+M_CODES = "M10-M18, M20-M28, M31-M47, M54-M59, M69, M74-M97, M100-M999"
 MODES = {"csv": 9, "pv": 3}
 TAPPING_REV_S2 = 50.0  # along a thread, where the file says nothing
 

@@ -666,8 +666,8 @@ class Machine:
         if index < 0:
             return ""
         axis = self.axes[index]
-        unit = "deg" if axis.is_rotary else "mm"
-        return f"{axis.name} ({abs(off * axis.shown_per_unit):.3g} {unit})" if off else axis.name
+        unit = "°" if axis.is_rotary else " mm"
+        return f"{axis.name} ({abs(off * axis.shown_per_unit):.3g}{unit})" if off else axis.name
 
     def shown(self, joints: Sequence[float]) -> tuple[float, ...]:
         """Joints as programs, page and trace show them: mm and degrees in the configured sense."""

@@ -179,9 +179,10 @@ def _errors(values: Mapping[str, Any]) -> Rows:
     for unit, names in (("mm", "XYZ"), ("deg", "ABC")):
         largest = ", ".join(f"{name} {error:.3f}" for name, error in errors.items() if name in names)
         if largest:
-            yield say("table.following_error") if unit == "mm" else "", f"{largest} {unit}"
+            shown = say("unit.deg") if unit == "deg" else unit
+            yield say("table.following_error") if unit == "mm" else "", f"{largest} {shown}"
     yield say("table.path_error"), f"{1e3 * values['path_error_mm']:.3f} um"
-    yield say("table.axis_error"), f"{values['axis_error_deg']:.2e} deg"
+    yield say("table.axis_error"), f"{values['axis_error_deg']:.2e} {say('unit.deg')}"
     yield say("table.skips"), f"{values['skips']}"
     if "times_real_time" in values:
         yield say("table.speed"), say("table.real_time", times=values["times_real_time"])

@@ -149,10 +149,12 @@ def test_the_touches_of_the_probe_are_written_as_a_table(panel: Panel, tmp_path:
 def test_jobs_of_maintenance_are_listed_made_and_done(panel: Panel, door: NotingDoor) -> None:
     job = {"name": "grease", "counter": "X", "every": 5.0, "used": 6.5, "unit": "m", "done_s": None}
     told = {"tools": [], "counters": [{"name": "X", "value": 12.0, "unit": "m"}]}
+    told["counters"].append({"name": "motion", "value": 3.5, "unit": "h"})
     told |= {"items": [{**job, "done_by": "", "due": True}]}
     for verb in ("usage", "maintenance", "maintained"):
         door.results[verb] = told
     assert "due" in done("maintenance") and "fällig" in done("maintenance", "--language", "de")
+    assert "In Bewegung (motion)" in done("maintenance", "--language", "de").replace("\n", " ")
     done("maintenance", "grease", "--counter", "X", "--every", "5")
     assert ("maintenance", {"name": "grease", "counter": "X", "every": 5.0}) in door.asked
     done("maintenance", "grease", "--every", "0")

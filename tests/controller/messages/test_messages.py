@@ -136,6 +136,19 @@ def test_a_value_may_be_a_text_of_the_catalogue_itself_with_the_values_beside_it
     assert "within 3 s" in text(said("silent_door", path="x", why=Key("no_answer_within"), seconds=3.0))
 
 
+@pytest.mark.parametrize(
+    ("what", "english", "german"),
+    [
+        (said("jog_limit", axis="A", limit=110.0, unit="deg"), "limit of 110 deg;", "von 110 Grad;"),
+        (said("jog_limit", axis="X", limit=300.0, unit="mm"), "limit of 300 mm;", "von 300 mm;"),
+        (said("maintenance_due", name="C", every=5.0, unit="turns"), "every 5 turns", "alle 5 Umdrehungen"),
+        (said("travel.unwind", axis="C", at=3.0), "at 3.000 deg", "auf 3.000 Grad"),
+    ],
+)
+def test_a_unit_is_in_the_words_of_the_language(what: dict[str, object], english: str, german: str) -> None:
+    assert english in text(what) and german in text(what, "de")
+
+
 def test_texts_travel_as_json_and_several_are_read_one_after_the_other() -> None:
     both = several("part.ngc:3: G99 is no code.", said("stands_before"), "")
     assert text(json.loads(json.dumps(both))) == (
