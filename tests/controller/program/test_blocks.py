@@ -55,7 +55,9 @@ def refusal(text: str | bytes, on: Machine | None = None) -> ProgramError:
     return caught.value
 
 
-RARE = ("time_s", "stands", "thread", "probe", "changing", "outputs", "lifts")  # listed where they are there
+RARE = (  # listed where they are there
+    *("time_s", "stands", "thread", "probe", "hole", "changing", "outputs", "lifts"),
+)
 
 
 def shown(value: object) -> str:
