@@ -31,6 +31,7 @@ from controller.program import (
     kept,
     line_words,
     linked,
+    mirror_words,
     modal,
     modal_words,
     nurbs_words,
@@ -38,6 +39,7 @@ from controller.program import (
     own_codes,
     planar_words,
     plane_words,
+    pocket_words,
     points,
     polar_words,
     reference_words,
@@ -190,6 +192,8 @@ def _blocks(
             state, restored, line = saved.carry_out(line, state)
             ask = points.counted(codes.sort(line, machine), state, machine)
             ask = polar_words.cartesian(ask, state, given.position, machine)
+            if state.polar is not None or "polar" in ask.codes:
+                ask, state = polar_words.programmed(ask, state, given.position, machine)
             turn = _Turn(ask, state, machine, given.position, ahead)
             turn.run()
         except ProgramError as error:
@@ -292,6 +296,8 @@ class _Turn:
         self._check_frame()
         self._notes()
         self._origins()
+        if self.state.origins.mirror is not None:
+            mirror_words.check(self._here(self._motion or self.ask.code("one-line")), self._motion)
         if self.state.origins.following is not None:
             motion = self._motion or self.ask.code("one-line")
             self.state = dynamic_offset.followed(self._here(motion), self._motion)
@@ -320,7 +326,7 @@ class _Turn:
         drills = not named and self.state.motion in CYCLES  # again at each place, and at none without
         moving = self.ask.has(self._axes if drills else self._axes + "IJK")
         moving = moving or (named in ("G2", "G3") and self.ask.has("RP"))
-        if named in SURFACES or named in CURVES or named in PROBES:
+        if named in SURFACES or named in CURVES or named in PROBES or named in pocket_words.CODES:
             return named
         if named == "G80":
             named = self._beneath()
@@ -495,6 +501,8 @@ class _Turn:
             self.made += told
         elif turn:
             self.state = offset_words.rotation(self._here(turn))
+        if code := self.ask.code("mirror"):
+            self.state = mirror_words.switched(self._here(code))
         if code := self.ask.code("dynamic offset"):
             self.state = dynamic_offset.switched(self._here(code))
         if self._shifts:
@@ -530,6 +538,8 @@ class _Turn:
         if motion in CYCLES:
             made, self.state = cycles.blocks(here, motion, word)
             return made
+        if motion in pocket_words.CODES:
+            return pocket_words.blocks(here, motion, word)
         if motion in thread_words.CODES:
             made, self.state = thread_words.blocks(here, motion, word)
             return made
@@ -550,7 +560,7 @@ class _Turn:
     def _keep_motion(self) -> None:
         """G0 to G3 and cycles stay; G51, G52, G6.2, curves and G80 leave no motion mode."""
         named = self.ask.code("motion")
-        if self._shifts or not named:
+        if self._shifts or not named or named in pocket_words.CODES:  # which leave the motion as it is
             return
         if named == "G80" and (beneath := self._beneath()):
             self.state = self.state._replace(motion=beneath, cycle=None)

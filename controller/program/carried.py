@@ -191,6 +191,10 @@ def _made(kind: Any, value: Any) -> Any:
 
 
 # What a state lacks that an earlier version has written: it is as by default.
-_LATER = {Cycle: ("mm_per_unit",), State: ("parameters", "length_code"), Origins: ("following",)}
+_LATER = {
+    Cycle: ("mm_per_unit",),
+    State: ("parameters", "length_code", "polar"),
+    Origins: ("following", "mirror"),
+}
 # Resolved once: these name one another.
 _HINTS = {kind: get_type_hints(kind) for kind in (State, Modal, Origins, Plane, Cycle)}

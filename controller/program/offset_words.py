@@ -292,7 +292,7 @@ def rotation(here: Here) -> State:
     r = here.ask.words.get("R")
     if r is None:
         raise here.ask.refusal(word, "plane.g68_no_angle")
-    unturned = here.state.with_origins(replace(origins, turn=None), here.machine)
+    unturned = here.state.with_origins(replace(origins, turn=None, mirror=None), here.machine)
     normal = NORMALS[here.state.modal.plane]
     centre = _centre(here, unturned, normal, word)
     turn: Frame | None = about(centre, normal, math.radians(r.value))

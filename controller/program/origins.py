@@ -21,6 +21,7 @@ from controller.machine.model import KEPT_OFFSETS, OFFSETS, Machine, Offset, Pai
 
 NONE = Shift()
 AT_ZERO = Frame()
+Mirror = tuple[float | None, float | None, float | None]  # the place (mm) at which each of X Y Z is mirrored
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,6 +72,7 @@ class Origins:
     plane: Plane | None = None  # G68.2 to G68.4
     waiting: Frame | None = None  # as ``Plane.frame``; under rs274 it counts from G53.1 on
     following: Following | None = None  # G254, G54.2
+    mirror: Mirror | None = None  # G51.1, inside of all others
 
     @classmethod
     def begun(cls, machine: Machine) -> Origins:
@@ -94,7 +96,8 @@ class Origins:
         """Whether positions are read in the work offset exactly as the machine has it."""
         plain = self.index not in self.written and self.index < len(machine.offsets) and self.turn is None
         shifted = self.local != NONE or (not self.suspended and self.shift != NONE)
-        return plain and not shifted and self.plane is None and self.following is None
+        inside = self.plane is None and self.following is None and self.mirror is None
+        return plain and not shifted and inside
 
     def frame(self, machine: Machine) -> Frame:
         """The program's frame seen from the table frame at zero."""
@@ -116,7 +119,8 @@ class Origins:
         """A frame shifted and turned by what stands in it."""
         shift = ZERO if self.suspended else self.shift.xyz
         frame = frame._replace(origin=frame.to_parent(add(shift, self.local.xyz)))
-        return frame if self.turn is None else within(frame, self.turn)
+        frame = frame if self.turn is None else within(frame, self.turn)
+        return frame if self.mirror is None else within(frame, mirrored(self.mirror))
 
     def outside(self) -> Origins:
         """As G69 leaves them: no turn and no tilted plane, but the shifts that it stood in."""
@@ -129,7 +133,7 @@ class Origins:
         """With a tilted plane, as seen from ``outside``, and nothing that shifts inside of it."""
         out = self.outside()
         plane = Plane(frame, out.shift, out.suspended, out.local)
-        return Origins(self.index, self.written, plane=plane, following=self.following)
+        return Origins(self.index, self.written, plane=plane, following=self.following, mirror=self.mirror)
 
     def inside(self) -> Frame:
         """The program's frame as seen from ``outside``: the tilted plane and what stands in it."""
@@ -151,6 +155,14 @@ def fixture_index(number: int) -> int:
 def within(outer: Frame, inner: Frame) -> Frame:
     """``inner``, seen from ``outer``, as seen from the parent of ``outer``."""
     return Frame(outer.to_parent(inner.origin), outer.turn(inner.x), outer.turn(inner.y), outer.turn(inner.z))
+
+
+def mirrored(mirror: Mirror) -> Frame:
+    """The frame whose positions are mirrored at the places of its axes: it may be left-handed."""
+    x, y, z = (0.0 if at is None else 2.0 * at for at in mirror)
+    signs = [1.0 if at is None else -1.0 for at in mirror]
+    axes = [(v[0] * sign, v[1] * sign, v[2] * sign) for v, sign in zip((X, Y, Z), signs, strict=True)]
+    return Frame((x, y, z), axes[0], axes[1], axes[2])
 
 
 def about(centre: Vector, direction: Vector, angle_rad: float) -> Frame:

@@ -75,7 +75,7 @@ class _Ready:
         self.mm = self.modal.feed_mm_s if is_feed else None
         self.degrees = state.feed_deg_s if is_feed else None
         self.is_usual = (  # its lines can be common
-            not (state.per_turn or state.cycle or state.begun or _for_surfaces(state))
+            not (state.per_turn or state.cycle or state.begun or state.polar or _for_surfaces(state))
             and self.modal.turned_rad == STILL
             and self.motion in _SHORT
         )

@@ -63,7 +63,7 @@ def _beside(ask: Ask, code: str, number: Word | None, state: State, machine: Mac
     if written and number is not None:
         radius: float | None = number.value * state.mm_per_unit / 2.0
     else:
-        radius = _radius(ask, number, state, machine)
+        radius = radius_of(ask, number, state, machine)
     if radius is None:
         return None
     place = ask.place(ask.codes["side"][1])
@@ -71,7 +71,7 @@ def _beside(ask: Ask, code: str, number: Word | None, state: State, machine: Mac
     return Planar(place, code, off, number is not None, machine.dialect == "fanuc")
 
 
-def _radius(ask: Ask, number: Word | None, state: State, machine: Machine) -> float | None:
+def radius_of(ask: Ask, number: Word | None, state: State, machine: Machine) -> float | None:
     """Of the tool that D names, or that is in the spindle (D0 too; of Fanuc's D0 nothing)."""
     if number is None:
         tool = state.modal.tool_in(machine)

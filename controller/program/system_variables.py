@@ -330,8 +330,8 @@ _MODAL: MappingProxyType[int, Callable[[State], float]] = MappingProxyType(
         14: _work_offset,
         15: lambda s: 61.0 if s.modal.exact_joints else 64.0,
         16: _turned,
-        17: lambda s: 15.0,
-        22: lambda s: 50.1,
+        17: lambda s: 15.0 if s.polar is None else 16.0,
+        22: lambda s: 50.1 if s.origins.mirror is None else 51.1,
     }
 )
 _WORDS: MappingProxyType[int, Callable[[State], float]] = MappingProxyType(

@@ -1,7 +1,7 @@
 """A set of probing macros as shops with Fanuc-like controls have them, numbered O98xx, on drawn parts.
 
-Written for this test: what it asks of the control is what such sets ask: system variables of positions,
-skips, modal codes and offsets, alarms, jumps, and offsets that are written by their numbers.
+Written for this test. It asks of the control what such sets ask: system variables of positions, skips,
+modal codes and offsets, alarms, jumps, and offsets that are written by their numbers.
 """
 
 from __future__ import annotations

@@ -134,6 +134,7 @@ REASONS = {
         *_BOTH,
         Reason("G41 G42", "X", "G0 G1", REFUSED, "the lead-in is shorter than the radius of T1, which is in"),
         Reason("M298", "XYZAC", _CYCLES, REFUSED, _TWO),
+        Reason("G12 G13", "KQL", _ALL, REFUSED, "K and Q go together, and L with G91"),
         Reason("G91", "XYZAC", _CYCLES, REFUSED, "its R would be one way, and was the other"),
         Reason("G2 G3", "P", _ALL, MOVES, "turns of a helix, as LinuxCNC has them"),
         Reason("G86", "P", _ALL, MOVES, "a dwell at the bottom, as LinuxCNC has it"),

@@ -21,6 +21,8 @@ RESET = {  # what a case of these leaves
     "G10": "G10 L2 P1 X0. Y0. Z0. A0. C0. R0.",
     "G52": "G52 X0. Y0. Z0. A0. C0.",
     "G92": "G92.1",
+    "G51.1": "G50.1",
+    "G16": "G15",
 }
 PLACE = "G0 X1. Y2. Z3. A0."
 
@@ -236,7 +238,10 @@ G10 L13 P1 R0. | |
 G10.9 X0 | |
 G11 | |
 G13.1 | |
+G12 I10. D1 | XYZKQL | m
+G13 I10. D1 | XYZKQL | m
 G15 | | 028
+G16 | | 028
 G17 | | 028
 G18 | | 028
 G19 | | 028
@@ -259,7 +264,8 @@ G43.4 H1 | | 0
 G43.5 H1 | | 0
 G234 H1 | | 0
 G50 | |
-G50.1 X0. | YZAC |
+G50.1 X0. | YZ |
+G51.1 X0. | YZ |
 G52 Z1. | XYAC |
 G53 G0 Z1. | XYAC | m
 G53.1 | P | m | G68.2 X0. Y0. Z0. I0. J0. K0.
