@@ -24,6 +24,7 @@ from controller.program import (
     arc_words,
     codes,
     compensation,
+    corner_words,
     cycles,
     decoding,
     dynamic_offset,
@@ -196,6 +197,8 @@ def _blocks(
                 ask, state = polar_words.programmed(ask, state, given.position, machine)
             turn = _Turn(ask, state, machine, given.position, ahead)
             turn.run()
+            if turn.corner is not None:
+                turn = _with_corners(turn, line, given, machine, ahead)
         except ProgramError as error:
             if refused is None:
                 raise
@@ -216,6 +219,45 @@ def _blocks(
     if ahead.told:
         yield _said(ahead.told, given.state)
     note.add(order, given.state._replace(parameters=parameters.to_leave()))
+
+
+def _with_corners(turn: _Turn, line: Line, given: Given, machine: Machine, ahead: Upcoming) -> _Turn:
+    """A line with a corner at its end and those that follow it, up to the first without, as one turn.
+
+    Raises ProgramError.
+    """
+    position, given.position = given.position, given.position.copied()
+    try:
+        moves = [_move_to_corner(turn, line, given)]
+        first = [block for block in turn.made if block is not turn.made[-1]]
+        while turn.corner is not None:
+            if len(moves) > corner_words.MAX_LINES or (following := next(ahead, None)) is None:
+                raise line.refusal(turn.corner, "corner.nothing_follows", corner=turn.corner.text)
+            ask = points.counted(codes.sort(following, machine), turn.state, machine)
+            ask = polar_words.cartesian(ask, turn.state, given.position, machine)
+            before, given.state, line = turn.corner, turn.state, following
+            turn = _Turn(ask, turn.state, machine, given.position, ahead)
+            turn.run()
+            moves.append(_move_to_corner(turn, line, given, before))
+            first += [block for block in turn.made if isinstance(block, Remark)]
+    finally:
+        given.position = position
+    turn.made = [*first, *corner_words.joined(moves, machine)]
+    return turn
+
+
+def _move_to_corner(turn: _Turn, line: Line, given: Given, before: Word | None = None) -> corner_words.Move:
+    """The one motion of a line; ``before``: the corner that it follows, beside which it has nothing else."""
+    block = corner_words.moved(turn.made)
+    others = before is not None and any(not isinstance(one, Remark) for one in turn.made[:-1])
+    if block is None or others:
+        word = before or turn.corner or line.words[0]
+        raise line.refusal(word, "corner.no_way", corner=word.text)
+    begin = given.position.in_frame(block.modal)
+    given.position.take(block)
+    end = given.position.in_frame(block.modal)
+    size = 0.0 if turn.corner is None else turn.corner.value * turn.state.mm_per_unit
+    return corner_words.Move(line, block, begin, end, turn.corner, size)
 
 
 def _behind(line: Line, state: State, machine: Machine, ahead: Upcoming) -> State:
@@ -273,6 +315,12 @@ class _Turn:
         self._taking = self._takers()
 
     @property
+    def corner(self) -> Word | None:
+        """,R or ,C of the line; of 0 it is none."""
+        word = corner_words.corner_of(self.ask.words)
+        return None if word is None or word.value == 0.0 else word
+
+    @property
     def _free(self) -> str:
         """Letters that need no code."""
         return "FSTDH" if self._is_fanuc else "FST"
@@ -288,6 +336,9 @@ class _Turn:
     def run(self) -> None:
         plane_words.check_whole(self.ask, self.state)
         self._check_words()
+        if corner_words.LETTERS[0] in self.ask.words and corner_words.LETTERS[1] in self.ask.words:
+            word = self.ask.words[corner_words.CUT]
+            raise self.ask.refusal(word, "corner.two", corner=word.text)
         self._keep_number()
         sides = [letters for code, letters in self._taking if code in SIDES]
         self.state, self.made = modal_words.apply(
@@ -374,7 +425,8 @@ class _Turn:
     def _letters(self, code: str) -> str:
         """The letters of the table, as far as this line and dialect have them."""
         if code in ("G0", "G1"):
-            return "XYZIJK" if self._vectors() else self._axes
+            letters = "XYZIJK" if self._vectors() else self._axes
+            return letters + corner_words.LETTERS if code == "G1" and self._is_fanuc else letters
         if self._names_motion and code in self.ask.codes:  # a noted one, beside a motion
             return letters_of(code, self._machine.dialect, "")
         return letters_of(code, self._machine.dialect, self._axes, self._form(code))
@@ -426,6 +478,8 @@ class _Turn:
             return spline_words.refusal(self.ask.line, word, self._motion)
         if self._motion in SURFACES:
             return surface_words.surplus(self.ask, self._motion, word)
+        if word.letter in corner_words.LETTERS:
+            return self.ask.refusal(word, "corner.no_line", corner=word.text)
         if word.letter in self._axes + "K" and not self._motion and not self._holder:
             return self.ask.refusal(word, "word.no_motion", cleared=self.state.cleared)
         if word.letter == "E":

@@ -108,6 +108,7 @@ _TESTS = {
     "program/test_offset_words.py": "G10 G28 G28.1 G30 G43 G43.1 G43.2 G44 G54.1 G68 G91 G92 M61",
     "program/test_compensation.py": "G40 G41 G42 G41.1 G42.1 G43.4 G54 G55 G90",
     "program/test_pocket_words.py": "G12 G13",
+    "program/test_lenient_words.py": " ".join(f"G{110 + i}" for i in range(20)),
     "program/test_mirror_and_polar.py": "G51.1 G50.1 G15 G16",
     "program/test_dynamic_offset.py": "G254 G255 G54.2",
     "program/test_posts.py": "G80 G154 G234",
@@ -153,8 +154,6 @@ ROWS: tuple[Code, ...] = (
         NIST,
         ("G0", AXES + "IJK", "rapid; I J K under G43.5"),
         ("G1", AXES + "IJK", "line at feed; I J K under G43.5"),
-        ("G2", AXES + "IJKRP", "arc or helix, clockwise"),
-        ("G3", AXES + "IJKRP", "arc or helix, counter-clockwise"),
         ("G73", _CYCLE + "Q", "drilling, chip breaking by Q"),
         ("G74", _CYCLE + "PQ", "tapping, left-hand; rigid where the spindle tells its angle"),
         ("G80", "", "ends a canned cycle and the motion mode"),
@@ -164,6 +163,17 @@ ROWS: tuple[Code, ...] = (
         ("G85", _CYCLE, "boring, out at feed"),
         ("G86", _CYCLE + "P", "boring, spindle stopped, out at rapid"),
         ("G89", _CYCLE + "P", "boring, dwell P, out at feed"),
+    ),
+    *(
+        row
+        for dialect, corners in (("rs274", ""), ("fanuc", "rc"))  # ,R and ,C
+        for row in done(
+            "motion",
+            NIST,
+            ("G2", AXES + "IJKRP" + corners, "arc or helix, clockwise"),
+            ("G3", AXES + "IJKRP" + corners, "arc or helix, counter-clockwise"),
+            dialect=dialect,
+        )
     ),
     *done("motion", NIST, ("G81", _CYCLE, "drilling"), dialect="rs274"),
     *done("motion", FANUC, ("G81", _CYCLE + "P", "drilling; P waits nowhere"), dialect="fanuc"),
@@ -289,6 +299,12 @@ ROWS: tuple[Code, ...] = (
     *done("offset", NIST, *((f"G59.{i}", "", f"work offset {6 + i}") for i in (1, 2, 3))),
     *done("offset", FANUC, ("G54.1", "P", "work offset P1 to P48 beyond the nine")),
     *done("offset", HAAS, ("G154", "P", "work offset, as G54.1"), dialect="fanuc"),
+    *done(
+        "offset",
+        HAAS,
+        *((f"G{110 + i}", "", f"work offset, as G154 P{i + 1}") for i in range(20)),
+        dialect="fanuc",
+    ),
     *done(
         "dynamic offset",
         HAAS,

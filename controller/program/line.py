@@ -21,7 +21,7 @@ from controller.program.program import Block, Callers, Place, ProgramError
 MAX_RUN = 60  # of them together: what lives long costs full collections of garbage
 _SHORT_NUMBER = r"[+-]?(?:[0-9]{1,9}+(?:\.[0-9]*+|)|\.[0-9]++)"
 LETTERS = "XYZABCIJKRFS"
-LENGTHS, ANGLES = "XYZIJKRQUVW", "ABC"
+LENGTHS, ANGLES = "XYZIJKRQUVWrc", "ABC"  # r and c: of corners, ,R and ,C
 
 
 def _words(letters: str, others: str = "", behind: str = "") -> str:

@@ -23,6 +23,8 @@ from controller.program.program import (
 )
 from controller.program.words import Word
 
+OLDER_OFFSETS = tuple(f"G{110 + i}" for i in range(20))  # Haas' names of G154 P1 to P20
+
 
 def apply(
     ask: Ask, motion: str, state: State, machine: Machine, side_letters: str = ""
@@ -373,6 +375,8 @@ class _Settings:
         if code == "G54" and "P" in self.ask.of(code).words:
             code = "G54.1"
             self.ask.lenient.append(("note.g54_p", self.ask.of("G54").words["P"]))
+        if code in OLDER_OFFSETS:
+            name = f"G54.1 P{OLDER_OFFSETS.index(code) + 1}"
         if code in ("G54.1", "G154"):
             name = f"G54.1 P{self._numbered(code, word)}"
         index = OFFSETS.index(name)

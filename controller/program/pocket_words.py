@@ -6,8 +6,7 @@
 
 (Haas' operator's manual of mills, G12 and G13.) I, K and Q are radii of the pocket: the cutter's centre goes
 inside of them by the radius of tool D, or of that in the spindle (D0: they are the centre's). It goes down
-at F in the middle, out by half a circle, round, on to the next radius by half a circle, and back to the middle
-by another.
+at F in the middle, out by half a circle, round, on to the next radius by half a circle, and back by another.
 Done in G17, without a cutter beside (G40) and without tool-centre control.
 """
 

@@ -8,6 +8,7 @@ departure is planned, and for the rotaries under tool vectors. What is lost is N
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import replace
 from typing import cast
 
@@ -98,6 +99,12 @@ class Position:
         # moves behind it.
         self._place: TipLine | None = None
         self._pending: list[JointMotion] = []
+
+    def copied(self) -> Position:
+        """The same place, which goes on by itself."""
+        made = copy(self)
+        made._xyz, made._rotaries, made._pending = [*self._xyz], [*self._rotaries], [*self._pending]
+        return made
 
     def stand(self, joints: Joints) -> None:
         """There it stands (mm, rad), as the machine has told."""

@@ -31,6 +31,7 @@ Take = Callable[[Rows, list[Block]], Other | None]
 
 _O_WORD = re.compile(r"o[ \t]*(?:<[^<>]*>|[0-9 \t]+)[ \t]*[a-z]{2}")
 _MARK = re.compile(r"[ \t]*%[ \t]*")
+_CORNER = re.compile(r",[ \t]*([rc])")
 _TEXT = re.compile(r"\(([^()]*)\)")
 _FILE = re.compile(r"[mM][ \t]*0*98[ \t]*(?:[lL][ \t]*[0-9]+[ \t]*)?\(([^()]+)\)")
 _LEVEL = re.compile(rf"[1-9][{GAPS}]*[a-z#]")
@@ -247,6 +248,12 @@ class _Words(Values):
 
     def _word(self) -> Word:
         letter, start = self.peek(), self._at
+        if letter == "," and self._parameters.of_fanuc and (corner := _CORNER.match(self._text, start)):
+            self._at = corner.end()
+            value, point = self.value(start, f",{corner[1].upper()}")
+            self.check_set(start)
+            text = "".join(self._text[start : self._at].split()).upper()
+            return Word(corner[1], value, point, start + 1, text[:40])
         if not (letter.isalpha() or letter in "@^"):
             raise self._stray(start)
         if letter == "o":

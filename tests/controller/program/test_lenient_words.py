@@ -75,6 +75,17 @@ def test_the_dwell_and_the_offset_are_those_of_their_plain_forms() -> None:
         blocks.read(b"G55 P1\n", machine(), "p")
 
 
+OLDER = "G110 G111 G112 G113 G114 G115 G116 G117 G118 G119 G120 G121 G122 G123 G124 G125 G126 G127 G128 G129"
+
+
+def test_older_names_of_offsets_of_haas() -> None:
+    for number, code in enumerate(OLDER.split(), start=1):
+        made = blocks.read(f"G10 L20 P{number} X{number}.\n{code} G0 X0.\n".encode(), machine(), "p").blocks
+        line = made[-1]
+        assert isinstance(line, JointLine)
+        assert (line.modal.offset, line.modal.frame(machine()).origin[0]) == (8 + number, float(number))
+
+
 def test_a_cycle_line_that_drills_nothing_leaves_its_words_or_is_told_of_what_lacks() -> None:
     moves, _ = read("G0 X0. Y0. Z5.\nF100.\nG81 X1. Z-1. R1.\nG81 F200.\nX2.\n")
     assert len([block for block in moves if block.targets[0] == 2.0]) == 1

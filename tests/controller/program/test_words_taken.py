@@ -42,7 +42,10 @@ def machine(dialect: str) -> Machine:
         dialect, without_point="unit", io=IO, spindle=tapping.machine().spindle
     )
     return replace(
-        on, setter=Sensor("there", 1.0, radius_mm=5.0), offsets=on.offsets + on.offsets[:2], unset=()
+        on,
+        setter=Sensor("there", 1.0, radius_mm=5.0),
+        offsets=(on.offsets + on.offsets + on.offsets + on.offsets),
+        unset=(),
     )
 
 
