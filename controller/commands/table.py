@@ -64,7 +64,7 @@ class Request(IntEnum):
 
 PRESS = Argument("press", Label(40), default="", is_local=True)
 AXIS = Text(1, 1, "^[XYZABC]$")
-NUMBERED = r"G54\.1 P([1-9]|[1-3][0-9]|4[0-8])"
+NUMBERED = r"G54\.(1 P([1-9]|[1-3][0-9]|4[0-8])|2 P[1-8])"
 SET_NAME = rf"^(G5[4-9]|G59\.[1-3]|{NUMBERED}|G92|G28|G30|T[0-9]{{1,5}}|#[0-9]{{1,4}}|all)$"
 ON = (Argument("on", Switch()),)
 FRAME = Argument("frame", Choice(("joint", "part", "tool")))

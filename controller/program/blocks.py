@@ -530,6 +530,8 @@ class _Turn:
         named = self.ask.code("motion")
         if self._is_fanuc and named in CYCLES and not self._motion:
             self._note("note.drills_nothing", self.ask.codes["motion"][1])
+        if self._motion == "G5.2" and self._has("L2"):
+            self._note("note.nurbs_order", self.ask.words["L"])
         if self._is_fanuc and self._motion == "G81" and "P" in self.ask.words:
             self._note("note.g81_p", self.ask.words["P"])
         for key, word in self.ask.lenient:
@@ -569,10 +571,23 @@ class _Turn:
             self.made += reference_words.moves(self._here(once))
         elif once in ("G28.1", "G30.1"):
             self.state = reference_words.stored(self._here(once))
+        elif once == "G10" and self._has("L50"):
+            self._parameters_of_the_control()
         elif once == "G10" or once.startswith("G92"):
             self.state = offset_words.applied(self._here(once), once)
         if changes := kept.between(before, self.state):
             self.made.append(Setting(self.ask.line.place(1), self.state.modal, changes))
+
+    def _parameters_of_the_control(self) -> None:
+        """G10 L50 to G11: lines that change parameters of Fanuc's, which this control does not have."""
+        word = self.ask.codes["one-line"][1]
+        while (line := self._ahead.look()) is not None:
+            if any(one.letter == "G" and one.value == 11.0 for one in line.words):
+                told = said("note.control_parameters", line=line.number)
+                self.made.append(Remark(self.ask.place(word), self.state.modal, told))
+                return
+            next(self._ahead)
+        raise self.ask.refusal(word, "offset.no_g11")
 
     def _move(self) -> list[Block]:
         motion = self._motion

@@ -143,6 +143,7 @@ _SET_BY_L = {  # what G10 takes beside each L
         **dict.fromkeys(("L10", "L11", "L12", "L13"), "LPR"),
         **dict.fromkeys(("L2", "L20", "L120"), _OFFSET),
         "L21": AXES + "LP",
+        "L50": "L",
         "L121": _TOOL,
     },
 }

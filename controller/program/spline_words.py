@@ -168,6 +168,9 @@ def _weight(line: Line, word: Word) -> float:
 
 
 def _order(line: Line, word: Word) -> int:
+    """Of L; 2 is taken as the least, as LinuxCNC does, and ``check`` tells so."""
+    if word.value == 2.0:
+        return ORDERS[0]
     if word.value not in ORDERS:
         raise line.refusal(word, "curve.no_order", least=ORDERS[0], most=ORDERS[-1])
     return int(word.value)

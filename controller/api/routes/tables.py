@@ -19,7 +19,7 @@ from controller.machine.changes import turned_deg
 from controller.machine.tool_files import TableRefused
 
 router = APIRouter(tags=["offsets and tools"])
-NUMBERED = r"G54\.1 P([1-9]|[1-3][0-9]|4[0-8])"
+NUMBERED = r"G54\.(1 P([1-9]|[1-3][0-9]|4[0-8])|2 P[1-8])"
 OffsetName = Annotated[str, Path(pattern=rf"^(G5[4-9]|G59\.[1-3]|{NUMBERED})$")]
 SetName = Annotated[
     str, Path(pattern=rf"^(G5[4-9]|G59\.[1-3]|{NUMBERED}|G92|G28|G30|T[0-9]{{1,5}}|#[0-9]{{1,4}}|all)$")

@@ -70,7 +70,7 @@ def test_a_code_stands_once_in_a_dialect(dialect: str) -> None:
 @each("row", ROWS)
 def test_what_the_table_says_of_a_code_comes_of_it(row: Code) -> None:
     dialect = row.dialect or "rs274"
-    on = replace(mill(unset=()), dialect=dialect, offsets=mill().offsets * 4, without_point="unit")
+    on = replace(mill(unset=()), dialect=dialect, offsets=mill().offsets * 6, without_point="unit")
     on = replace(on, io=IO)
     line = f"{row.name} {SAYS.get(row.name, row.only)}\nG0 X1.\n"
     if row.fate is Fate.REFUSED:

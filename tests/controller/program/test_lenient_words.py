@@ -75,6 +75,19 @@ def test_the_dwell_and_the_offset_are_those_of_their_plain_forms() -> None:
         blocks.read(b"G55 P1\n", machine(), "p")
 
 
+def test_parameters_of_another_control_are_left_out() -> None:
+    moves, notes = read("G0 X1.\nG10 L50\nN5115 R2000\nN3402 P1 R1\nG11\nX2.\n")
+    assert [block.targets[0] for block in moves] == [1.0, 2.0]
+    assert "up to G11 on line 5" in notes[0]
+    with pytest.raises(ProgramError, match="has no G11"):
+        blocks.read(b"G10 L50\nN5115 R2000\nG0 X1.\n", machine(), "p")
+
+
+def test_an_order_of_2_is_one_of_3() -> None:
+    _, notes = read("F100 G0 X0 Y0\nG5.2 X1 Y1 P1 L2\nX2 Y2 P1\nX3 Y0 P1\nG5.3\n", dialect="rs274")
+    assert "is taken as L3" in notes[0]
+
+
 OLDER = "G110 G111 G112 G113 G114 G115 G116 G117 G118 G119 G120 G121 G122 G123 G124 G125 G126 G127 G128 G129"
 
 

@@ -214,7 +214,7 @@ REFUSED = {
     "none has begun": ["G5.3"],
     "has 2": ["G5.2 X1 Y1 P1\nG5.3"],
     "has 3": ["G5.2 X1 Y1 P1 L4\nX2 Y2 P1\nG5.3"],
-    "is no order": ["G5.2 X1 Y1 P1 L2", "G5.2 X1 Y1 P1 L9", "G5.2 X1 Y1 P1\nX2 Y2 P1 L3.5"],
+    "is no order": ["G5.2 X1 Y1 P1 L1", "G5.2 X1 Y1 P1 L9", "G5.2 X1 Y1 P1\nX2 Y2 P1 L3.5"],
     "is no weight": ["G5.2 X1 Y1 P0", "G5.2 X1 Y1 P1\nX2 Y2 P-1"],
     "missing: each control point": ["G5.2 X1 Y1", "G5.2 X1 Y1 P1\nX5 P1", "G5.2 X1 Y1 P1\nP1"],
     "the program ends": ["G5.2 X1 Y1 P1\nX2 Y2 P1"],
@@ -267,6 +267,7 @@ LIKE = [
     *("G93\nG5 X1 Y1 I1 J1 P1 Q1", "G95\nG94\nG5 X1 Y1 I1 J1 P1 Q1", "G5.2 X1 Y1 P1\nX5 P1\nX6 Y2 P1\nG5.3"),
     *("G18\nG5 X1 Y1 I1 J1 P1 Q1", "G19\nG5.1 X1 I1 J1", "G5 X1 Y1 I1 J1 P0 Q-3\nX2 P1 Q1"),
 ]
+LIKE += ["G5.2 X1 Y1 P1 L2\nX2 Y2 P1\nX3 Y0 P1\nG5.3"]
 # What it takes and we do not, each for the reason in the README.
 STRICTER = [
     "G5 X1 Y1 P0 Q-3",  # I J missing in a first G5: it goes on from the last one, or from nothing
@@ -274,7 +275,7 @@ STRICTER = [
     *("G5.2 X1 Y1 Z1 P1\nX2 Y2 P1\nG5.3", "G5.2 X1 Y1 P1\nX2 Y2 Z2 P1\nG5.3"),  # Z: left out
     *("G5.2 X1 Y1 P1\nX2 Y2 P1", "G5.2 X1 Y1 P1\nX2 Y2 P1\nG1 X5"),  # no G5.3: no curve at all
     *("G5.2 X1 Y1 P1\nM8\nX2 Y2 P1\nG5.3", "G18\nG5.2 X1 Y1 P1\nX2 Y2 P1\nG5.3"),
-    *("G5.2 X1 Y1 P1 L2\nX2 Y2 P1\nG5.3", "G5.2 X1 Y1 P1\nX2 Y2 P1\nG5.3 X3 Y3"),
+    *("G5.2 X1 Y1 P1 L1\nX2 Y2 P1\nG5.3", "G5.2 X1 Y1 P1\nX2 Y2 P1\nG5.3 X3 Y3"),
 ]
 
 
