@@ -124,7 +124,7 @@ def after_program(state: State, machine: Machine) -> State:
     )
     left = left._replace(modal=modal, motion="G1", cycle=None, absolute=True, inverse=False, per_turn=False)
     left = left._replace(turn_feed=None, feed_deg_s=None, turning=0, parameters=())
-    return left.with_origins(_default(left.origins), machine)
+    return left.with_origins(replace(_default(left.origins), aside=left.origins.aside), machine)
 
 
 def after_stop(state: State, machine: Machine) -> State:
@@ -194,7 +194,7 @@ def _made(kind: Any, value: Any) -> Any:
 _LATER = {
     Cycle: ("mm_per_unit",),
     State: ("parameters", "length_code", "polar"),
-    Origins: ("following", "mirror"),
+    Origins: ("following", "mirror", "aside"),
 }
 # Resolved once: these name one another.
 _HINTS = {kind: get_type_hints(kind) for kind in (State, Modal, Origins, Plane, Cycle)}

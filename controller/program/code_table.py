@@ -284,7 +284,7 @@ ROWS: tuple[Code, ...] = (
     ),
     *done("length", NIST, ("G49", "", "no tool length, no tool-centre control"), dialect="rs274"),
     *done("length", FANUC, ("G49", "H", "no tool length, no tool-centre control; H0 only"), dialect="fanuc"),
-    *done("length", LINUXCNC, ("G43.1", "Z", "adds the length Z to Z")),
+    *done("length", LINUXCNC, ("G43.1", "XYZ", "adds the length Z to Z, X to X, Y to Y")),
     *alone(done("length", LINUXCNC, ("G43.2", "H", "adds the length of one more tool"))),
     *done("length", FANUC, ("G44", "H", "takes the tool's length off Z"), dialect="fanuc"),
     *done(

@@ -306,6 +306,7 @@ class _Settings:
         if code == "G49":
             self._check_no_length()
             self._set_modal(replace(self.state.modal, length_mm=0.0, tip=Tip.OFF))
+            self._set_aside((0.0, 0.0))
             self.state = self.state._replace(length_tool=0, length_code=code)
         if not code and self.state.length_number is not None and self.state.length_code in TIPS:
             code = self.state.length_code  # H alone
@@ -314,9 +315,25 @@ class _Settings:
         modal, said = self.state.modal, self._said_mm(code)
         length = {"G43.2": modal.length_mm + said, "G44": -said}.get(code, said)
         self._set_modal(replace(modal, length_mm=length, tip=TIPS[code]))
+        self._set_aside(self._aside(code))
         self.state = self.state._replace(
             length_tool=self._length_tool(code), length_code=code, length_number=None
         )
+
+    def _aside(self, code: str) -> tuple[float, float]:
+        """The tool's offset across Z: of G43.1 X Y, and kept by G43.2."""
+        if code not in ("G43.1", "G43.2"):
+            return 0.0, 0.0
+        given, unit = self.ask.of(code).words, self.state.mm_per_unit
+        x, y = self.state.origins.aside
+        if code == "G43.1":
+            x, y = (given[c].value * unit if c in given else q for c, q in (("X", x), ("Y", y)))
+        return x, y
+
+    def _set_aside(self, aside: tuple[float, float]) -> None:
+        origins = self.state.origins
+        if aside != origins.aside:
+            self.state = self.state.with_origins(replace(origins, aside=aside), self._machine)
 
     def _check_no_length(self) -> None:
         """H0 says beside G49 what it says."""
@@ -339,6 +356,8 @@ class _Settings:
     def _said_mm(self, code: str) -> float:
         """The length that H, or Z of G43.1, names; without one that of the tool in the spindle."""
         word = self._length_word(code)
+        if word is None and code == "G43.1" and self.ask.of(code).words.keys() & {"X", "Y"}:
+            return self.state.modal.length_mm
         if word is None and code in ("G43.1", "G43.2"):
             takes = Key("tool.takes_z" if code == "G43.1" else "tool.takes_h")
             raise self.ask.refusal(self.ask.codes["length"][1], "tool.no_length", code=code, takes=takes)

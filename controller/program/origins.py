@@ -73,6 +73,7 @@ class Origins:
     waiting: Frame | None = None  # as ``Plane.frame``; under rs274 it counts from G53.1 on
     following: Following | None = None  # G254, G54.2
     mirror: Mirror | None = None  # G51.1, inside of all others
+    aside: tuple[float, float] = (0.0, 0.0)  # G43.1 X Y: the tool's offset across Z, mm
 
     @classmethod
     def begun(cls, machine: Machine) -> Origins:
@@ -97,12 +98,15 @@ class Origins:
         plain = self.index not in self.written and self.index < len(machine.offsets) and self.turn is None
         shifted = self.local != NONE or (not self.suspended and self.shift != NONE)
         inside = self.plane is None and self.following is None and self.mirror is None
-        return plain and not shifted and inside
+        return plain and not shifted and inside and self.aside == (0.0, 0.0)
 
     def frame(self, machine: Machine) -> Frame:
         """The program's frame seen from the table frame at zero."""
         if self.plane is None:
-            return self._moved(self.base(machine))
+            frame = self._moved(self.base(machine))
+            if self.aside == (0.0, 0.0):
+                return frame
+            return frame._replace(origin=add(frame.origin, (*self.aside, 0.0)))
         return within(self.outside().frame(machine), self._moved(self.plane.frame))
 
     def base(self, machine: Machine) -> Frame:
@@ -133,7 +137,14 @@ class Origins:
         """With a tilted plane, as seen from ``outside``, and nothing that shifts inside of it."""
         out = self.outside()
         plane = Plane(frame, out.shift, out.suspended, out.local)
-        return Origins(self.index, self.written, plane=plane, following=self.following, mirror=self.mirror)
+        return Origins(
+            self.index,
+            self.written,
+            plane=plane,
+            following=self.following,
+            mirror=self.mirror,
+            aside=self.aside,
+        )
 
     def inside(self) -> Frame:
         """The program's frame as seen from ``outside``: the tilted plane and what stands in it."""

@@ -154,6 +154,8 @@ def _check_state(here: Here, code: str, word: Word) -> None:
     """Whether a plane may be defined in this state."""
     origins, rs274 = here.state.origins, here.machine.dialect == "rs274"
     key = ""
+    if origins.aside != (0.0, 0.0):
+        raise here.ask.refusal(word, "tool.aside", code=code)
     if code == "G68.4" and origins.plane is None:
         key = "plane.none_rs274" if rs274 else "plane.none"
     elif code != "G68.4" and origins.turn is not None:

@@ -112,7 +112,7 @@ _BOTH = (
     Reason("G43.2", "IJ", _ARCS, REFUSED, "axis words are its own there, and its line has none for a motion"),
     Reason("G41.1 G42.1", "YZAC", "G0 G1", MOVES, "moves of none in the plane wait for the lead-in"),
     Reason("G41.1 G42.1", "R", _ALL, REFUSED, "the reference takes it, and does nothing with it"),
-    Reason("G43.1", "XYAC", _ALL, REFUSED, "a tool has no length but along Z"),
+    Reason("G43.1", "AC", _ALL, REFUSED, "a tool has no length but along Z"),
     Reason("G43.5", "AC", "G0 G1", REFUSED, "the tool stands along I J K"),
     Reason("M19", "P", _ALL, REFUSED, "the drive of the spindle has one way round"),
     Reason("M50 M51 M53", "P", _ALL, REFUSED, "on and off are P1 and P0"),
