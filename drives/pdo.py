@@ -38,6 +38,7 @@ INT32_MAX: Final = 2**31 - 1
 MODE_BYTES: Final = 1  # mode of operation display 6061h i8
 TURNED = Struct("<i")  # a spindle's position i32 ...
 TURNED_AND_LOAD = Struct("<ih")  # ... with its torque 6077h i16, in thousandths of the rated one
+DEMAND = Struct("<i")  # the setpoint that a drive goes by, 60FCh i32, or how far it is off it, 60F4h i32
 LATCH = Struct("<Hi")  # touch probe: status 60B9h u16, position at the rising edge 60BAh i32
 EMERGENCY = Struct("<HB5s")  # error code, error register 1001h, five bytes of the vendor
 

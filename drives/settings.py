@@ -19,6 +19,9 @@ MODE_EVERY_MS = 50  # a drive tells its mode when it changes, and so often where
 TEMPERATURE_EVERY_MS = 500  # a drive tells its temperature at most so often
 
 
+DEMAND, OFF_DEMAND = 0x60FC, 0x60F4  # what a drive tells of the setpoint that it goes by
+
+
 @dataclass(frozen=True, slots=True)
 class BusSettings:
     """One CAN bus: how to open it and how fast it is (bit/s; 0 = virtual without bit timing)."""
@@ -65,6 +68,11 @@ class NodeSettings:
     probe_tpdo: int = 0  # number of the event-driven TPDO with 60B9h and 60BAh; 0 = no touch probe
     temperature_tpdo: int = 0  # number of the TPDO with the drive's temperature; 0 = it tells none
     temperature_entry: int = 0  # what is mapped into it: index << 16 | sub << 8 | bits
+    demand_tpdo: int = 0  # number of the TPDO with the setpoint that the drive goes by; 0 = it tells none
+    demand_index: int = DEMAND  # what is mapped into it: that setpoint, or 60F4h, by which it is off it
+    demand_every: int = 1  # every so many SYNCs
+    demand_per_count: float = 1.0  # of that object's unit
+    setpoint_deadline_s: float = 0.0  # 1400h:05; 0 = as for our heartbeat
     feed_forward: bool = False  # the velocity goes with the target (60B1h); the controlword apart
     enable_group: int = 0  # drives are enabled group by group, lowest first, and disabled in reverse
     unsupervised: bool = False  # the operator accepts a drive that does not notice a dead controller
@@ -87,9 +95,9 @@ class NodeSettings:
 
     @property
     def mode_tpdo(self) -> int:
-        """Number of the TPDO with the mode of operation display (6061h): the first that is free."""
-        taken = (self.profile.tpdo, self.probe_tpdo, self.temperature_tpdo)
-        return next(number for number in range(1, 5) if number not in taken)
+        """Number of the TPDO with the mode of operation display (6061h): the first that is free; 0 = none."""
+        taken = (self.profile.tpdo, self.probe_tpdo, self.temperature_tpdo, self.demand_tpdo)
+        return next((number for number in range(1, 5) if number not in taken), 0)
 
 
 @dataclass(frozen=True, slots=True)

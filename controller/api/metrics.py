@@ -138,6 +138,8 @@ class _Figures(Collector):
         yield _gauge("drive_heartbeat_age_seconds", "axis", ages)
         frames = {axis: row.get("malformed") for axis, row in rows.items()}
         yield _counter("drive_malformed_frames", "axis", frames)
+        for name in ("missed_setpoints", "overdue_setpoints"):
+            yield _counter(f"drive_{name}", "axis", {axis: row.get(name) for axis, row in rows.items()})
 
     def _joints(self) -> Iterator[Family]:
         joints: Mapping[str, Any] = self._status.get("joints") or {}

@@ -32,7 +32,8 @@ from controller.runtime import checked, recording, records, starts
 from controller.runtime import events as event_files
 from controller.runtime.bus_load import overload
 from controller.runtime.startup import SessionError
-from controller.state import queue_refusals
+from controller.state import queue_refusals, setpoint_counts
+from controller.state.live_state import Snapshot
 from controller.state.modes import Fault
 from controller.verify import tables, wording
 from controller.verify.console import AS_ASKED, Refused, as_asked, bar, refusals, say, show, spoken, tell
@@ -342,19 +343,32 @@ def simulate(
         watch = bench.watch_contour(demands, acts=record is None)  # what a record has of it comes again
         joints = _up(bench, under, record)
         walk = walk if record is not None else checked.walk_from(task, walk, joints, unchecked)
+        before = bench.board.read()
         run, took_s = _run(bench, under, walk, task, requests, record, kept, as_json)
         figures = {
             **_figures(task, "refused" if bench.planner.error else run.result, run.fault, unchecked),
             **_run_figures(run, outputs.write(run, bench, task), task, bench.planner.stretches, took_s),
             "contour_error": watch.to_dict(),
+            "setpoints": (counts := _setpoint_counts(task.machine, before, bench.board.read())),
             **_notes(walk.notes, task.machine),
             **under.facts(),
         }
         for excess in () if as_json else watch.excesses:
             tell.print(messages.text(excess.sentence(task.machine), spoken.get()), markup=False)
+        for axis, count in () if as_json else counts.items():
+            for kind in ("missed", "overdue"):
+                if count[kind]:
+                    tell.print(say("setpoints." + kind, axis=axis, number=count[kind]), markup=False)
         if script is not None and not as_json:
             fault_runs.show(figures["faults"])
         _end_run(run, bench.planner.error, record, under, figures, as_json)
+
+
+def _setpoint_counts(
+    machine: Machine, before: Snapshot | None, after: Snapshot | None
+) -> dict[str, dict[str, Any]]:
+    names = [axis.name for axis in machine.axes]
+    return {} if before is None or after is None else setpoint_counts.between(names, before, after)
 
 
 class _Outputs(NamedTuple):

@@ -176,10 +176,10 @@ def _bits(status: Status) -> Iterator[Text]:
         values = "  ".join(f"{name} {value:g}" for name, value in levels.items())
         yield Text(f"{say('analogue_outputs')}:  {values}")
     for drive in status.get("drives") or ():
-        malformed = drive.get("malformed")
+        counts = ("malformed", "missed_setpoints", "overdue_setpoints")
         for what in (
             (drive.get("error") or {}).get("sentence"),
-            say("malformed", number=malformed) if malformed else None,
+            *(say(name, number=drive[name]) if drive.get(name) else None for name in counts),
         ):
             if what:
                 yield Text(say("drive_of", axis=drive.get("axis", "-"), what=what), "yellow")

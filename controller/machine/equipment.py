@@ -17,6 +17,7 @@ from controller.machine.model import (
     Axis,
     Bus,
     Clamp,
+    Demand,
     Following,
     Homing,
     Io,
@@ -32,6 +33,7 @@ from controller.machine.model import (
 from controller.machine.named_files import NamedFiles
 from controller.machine.toml_table import Table
 from controller.messages import Key, Said, said
+from drives.settings import DEMAND, OFF_DEMAND
 
 SENSORS = ("probe", "setter")  # on = touched
 INPUTS = (
@@ -227,6 +229,23 @@ def temperature(table: Table) -> Temperature | None:
     )
     if found.bits not in (8, 16, 32):
         entry.refuse("bits", "no_bits")
+    entry.finish()
+    return found
+
+
+def demand(table: Table) -> Demand | None:
+    """``demand = { tpdo, index, every, per_count }`` of an axis' drive."""
+    if not table.has("demand"):
+        return None
+    entry = table.table("demand", f"{table.name} demand")
+    found = Demand(
+        index=entry.integer("index", OFF_DEMAND, DEMAND, DEMAND),
+        tpdo=entry.integer("tpdo", 1, 4),
+        every=entry.integer("every", 1, 240, 1),
+        per_count=entry.positive("per_count", 1.0),
+    )
+    if found.index not in (OFF_DEMAND, DEMAND):
+        entry.refuse("index", "no_demand")
     entry.finish()
     return found
 

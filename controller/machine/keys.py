@@ -176,6 +176,8 @@ MEANINGS: Mapping[str, Mapping[str, str]] = {
         "pitch": "what it misses of its targets: pitch and backlash, as ISO 230-2 has them",
         "clamp": "that holds it where it stands",
         "temperature": "where the drive tells how warm it is",
+        "demand": "where the drive tells the setpoint that it goes by: those that it has missed are counted",
+        "setpoint_deadline_ms": "without setpoints for so long (1400h:05) the drive says so, and stops",
         "quick_stop_{unit}_s2": "of the drive's own stop (6085h); left out: the largest acceleration",
         **_UNITS,
         "reference_{unit}": "where G28 leads",
@@ -213,6 +215,12 @@ MEANINGS: Mapping[str, Mapping[str, str]] = {
         "bits": "its size, signed",
         "tpdo": "number of the one that takes it, twice a second at most",
         "per_degree": "of its unit",
+    },
+    "axis.demand": {
+        "tpdo": "number of the one that takes it",
+        "index": "60FCh: that setpoint; 60F4h: by which the position is off it",
+        "every": "with every so many SYNCs",
+        "per_count": "of the object's unit in one count of the axis",
     },
     "axis.override": _OVERRIDE,
     "spindle": {

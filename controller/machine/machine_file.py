@@ -271,6 +271,8 @@ def _axis(table: Table, buses: tuple[Bus, ...], files: NamedFiles) -> Axis:
         unsupervised=table.flag("unsupervised", False),
         clamp=equipment.clamp(table),
         temperature=equipment.temperature(table),
+        demand=equipment.demand(table),
+        setpoint_deadline_s=1e-3 * table.number("setpoint_deadline_ms", 0.0, 10_000.0, default=0.0),
         stopping=equipment.stopping(table, unit, inner),
         overrides=drive_profiles.overrides(table),
         reference=_reference(table, f"reference_{unit}", (lower, upper), inner),

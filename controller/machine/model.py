@@ -117,6 +117,16 @@ class Temperature:
 
 
 @dataclass(frozen=True, slots=True)
+class Demand:
+    """Where a drive tells the setpoint that it goes by, so that lost ones are counted."""
+
+    index: int  # 60FCh: that setpoint; 60F4h: by which its position is off it
+    tpdo: int  # number of the one that takes it
+    every: int  # SYNCs
+    per_count: float  # of the object's unit
+
+
+@dataclass(frozen=True, slots=True)
 class Clamp:
     """A clamp that holds a standing axis: the names of its output (1 = open) and input (1 = closed)."""
 
@@ -186,6 +196,8 @@ class Axis:
     serial: int = 0  # of the very drive that belongs here (1018h:04); 0 = any of its kind
     clamp: Clamp | None = None
     temperature: Temperature | None = None
+    demand: Demand | None = None
+    setpoint_deadline_s: float = 0.0  # for which setpoints may stay away from its drive; 0 = as our heartbeat
     stopping: Stopping = Stopping()
     overrides: tuple[Override, ...] = ()  # where its data sheet is wrong
     reference: float | None = None  # mm or rad, of G28; None: where it is homed to

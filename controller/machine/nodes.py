@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from controller.machine import compensation, drive_profiles
-from controller.machine.model import Axis, Machine, SpindlePosition, Temperature
+from controller.machine.model import Axis, Demand, Machine, SpindlePosition, Temperature
 from controller.machine.toml_table import ConfigError
 from controller.messages import said
 from drives.settings import (
@@ -146,7 +146,19 @@ def _node(axis: Axis, off: float, machine: Machine) -> NodeSettings:
         probe_tpdo=0 if axis.is_rotary else machine.latch_tpdo,
         temperature_tpdo=axis.temperature.tpdo if axis.temperature else 0,
         temperature_entry=_entry(axis.temperature) if axis.temperature else 0,
+        setpoint_deadline_s=axis.setpoint_deadline_s,
+        **({} if axis.demand is None else _told_demand(axis.demand)),
     )
+
+
+def _told_demand(told: Demand) -> dict[str, Any]:
+    """Where the setpoint comes from that a drive goes by."""
+    return {
+        "demand_tpdo": told.tpdo,
+        "demand_index": told.index,
+        "demand_every": told.every,
+        "demand_per_count": told.per_count,
+    }
 
 
 def _following(axis: Axis) -> FollowingWindow:

@@ -1,5 +1,7 @@
 """The contour error of the run under way: alarms where it is too large, and what the machine file says.
 
+Beside it the setpoints that did not come to the drives are counted.
+
 Its lock is that of ``JobRun``: motions come from the plan's thread, rows and the run's end from others.
 """
 
@@ -22,6 +24,7 @@ from controller.service import alarms
 from controller.service.alarms import Alarms
 from controller.service.engine import Engine
 from controller.service.runs import Rows
+from controller.state import setpoint_counts
 from controller.state.modes import Mode
 
 ALARM = "CONTOUR_ERROR"
@@ -36,12 +39,16 @@ class ContourGuard:
         self._watch: ContourWatch | None = None
         # Of the motions at feed that are not passed: from which s on what is asked.
         self._demands: dict[int, list[tuple[float, Demand]]] = {}
+        self._axes: list[str] = []
+        self._first: Snapshot | None = None  # of the run ...
+        self._last: Snapshot | None = None  # ... and the newest
         self._raised: dict[int, tuple[int, float]] = {}  # by line: the alarm, and how large it says it is
 
     def begin(self, machine: Machine) -> None:
         """Another run; what was heard of the last is forgotten."""
         self._demands, self._raised = {}, {}
-        self._watch = ContourWatch(machine, self._demand)
+        self._watch, self._first, self._last = ContourWatch(machine, self._demand), None, None
+        self._axes = [axis.name for axis in machine.axes]
 
     def hear(self, ways: Mapping[int, Way], machine: Machine) -> None:
         """The plan has sent some more motions; ``machine``: with its tools."""
@@ -60,6 +67,7 @@ class ContourGuard:
         """The newest rows of the tick."""
         if self._watch is None or not len(rows):
             return
+        self._first, self._last = self._first or now, now
         for excess in self._watch.take(rows):
             self._raise(excess, machine, now)
             if not excess.over and now.mode is Mode.RUNNING:
@@ -73,7 +81,9 @@ class ContourGuard:
         if watch is None:
             return {}
         watch.see_all()
-        return {"contour_error": watch.to_dict()}
+        first, last = self._first, self._last
+        counts = {} if first is None or last is None else setpoint_counts.between(self._axes, first, last)
+        return {"contour_error": watch.to_dict(), "setpoints": counts}
 
     def _raise(self, excess: Excess, machine: Machine, now: Snapshot) -> None:
         """One alarm for each line, which says how far off it was at most."""

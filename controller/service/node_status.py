@@ -105,6 +105,8 @@ def _drive(
         homing=homing,
         heard=age_s is not None and age_s <= silent_s,
         malformed=now.malformed[i],
+        missed_setpoints=None if now.missed[i] < 0 else now.missed[i],
+        overdue_setpoints=now.overdue[i],
         temperature_c=None,
     )
 

@@ -181,6 +181,14 @@ class Snapshot(NamedTuple):
     untrusted: int = _value("modes", "axes that must be homed before a start, bit mask")
     drive_states: tuple[int, ...] = _value("status", "of CiA 402", many=EACH_AXIS)
     malformed: tuple[int, ...] = _value("status", "frames of a wrong length from each drive", many=EACH_AXIS)
+    missed: tuple[int, ...] = _value(
+        "status",
+        "setpoints that each drive did not take with their SYNC, -1 = it does not tell",
+        many=EACH_AXIS,
+    )
+    overdue: tuple[int, ...] = _value(
+        "status", "times that each drive has missed its setpoints for too long (8250h)", many=EACH_AXIS
+    )
     skips: int = _value("sync", "ticks that sent no SYNC", status="tick.skips")
     late_max_s: float = _value("sync", "the latest tick so far", "s", status="tick.late_max_ms ms 1e3")
     played: int = _value(
@@ -275,6 +283,8 @@ class DriveRow(NamedTuple):
     homing: Annotated[bool, "it was asked to home and has not done it yet"]
     heard: Annotated[bool, "within the time after which the bus takes a node for dead"]
     malformed: Annotated[int, "frames of a wrong length that came from it so far"]
+    missed_setpoints: Annotated[int | None, "that it did not take with their SYNC; null: it does not tell"]
+    overdue_setpoints: Annotated[int, "times that it has missed them for too long (emergency 8250h)"]
     temperature_c: Annotated[float | None, "only of drives that tell it; as told last"]
 
 

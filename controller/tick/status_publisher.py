@@ -41,6 +41,7 @@ class StatusPublisher:
         self.cutting = False
         self.drive_states = [0] * len(group.drives)
         self.malformed = [0] * len(group.drives)
+        self.missed, self.overdue = [-1] * len(group.drives), [0] * len(group.drives)
         self.fault_off = 0.0
         self.chatter_id, self.chatter_per_s = group.chatter.can_id, group.chatter.per_s
         self.bus_share = 0.0
@@ -78,6 +79,7 @@ class StatusPublisher:
         self.cutting = piece is not None and piece.cutting and not self._jogging.active
         for i, drive in enumerate(self._group.drives):
             states[i], malformed[i] = drive.state, drive.malformed
+            self.missed[i], self.overdue[i] = drive.missed, drive.overdue
         self.fault_off = self._off()
         chatter = self._group.chatter
         self.chatter_id, self.chatter_per_s = chatter.can_id, chatter.per_s

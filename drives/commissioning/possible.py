@@ -69,7 +69,8 @@ def warnings(settings: Settings, master: MasterSettings, sheet: Sheet) -> list[S
         found.append(_of_profile(family, said("on_paper.accepted", problem=UNNOTICED)))
     for used in wanted.pdos_of(settings):
         if used.optional and not wanted.carries(used, sheet):
-            found.append(said("on_paper.mode_unseen", pdo=used.title, sheet=sheet.name))
+            key = "on_paper.mode_unseen" if used.event_ms else "on_paper.demand_unseen"
+            found.append(said(key, pdo=used.title, sheet=sheet.name))
     for step in wanted.steps_of(settings, master, sheet):
         for setting in step.outcome:
             if setting.waived:
@@ -169,6 +170,9 @@ def _of_axis(node: NodeSettings, profile: Profile) -> Iterator[Said]:
         yield said("on_paper.probe_taken", tpdo=profile.tpdo)
     if node.temperature_tpdo and node.temperature_tpdo in (profile.tpdo, node.probe_tpdo):
         yield said("on_paper.temperature_taken", tpdo=node.temperature_tpdo)
+    others = (profile.tpdo, node.probe_tpdo, node.temperature_tpdo)
+    if node.demand_tpdo and node.demand_tpdo in others:
+        yield said("on_paper.demand_taken", tpdo=node.demand_tpdo)
 
 
 # --- by the data sheet ---------------------------------------------------------------

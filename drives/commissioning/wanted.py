@@ -7,6 +7,7 @@ settings of their own.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
@@ -175,9 +176,8 @@ class Pdo:
 def axis_pdos(node: NodeSettings) -> Iterator[Pdo]:
     """What goes to and comes from a drive that takes part in the path."""
     profile = node.profile
-    silence_ms = round(
-        1e3 * MasterSettings().consumer_s
-    )  # as for our heartbeat: 1400h:05, where there is one
+    deadline_s = node.setpoint_deadline_s or MasterSettings().consumer_s
+    silence_ms = math.ceil(1e3 * deadline_s - 1e-6)  # 1400h:05, where there is one
     target = TARGET if profile.mode is CyclicMode.CSP else SETPOINT
     if node.feed_forward:
         entries, what = (TARGET, VELOCITY_OFFSET), said("setting.setpoints", number=profile.rpdo)
@@ -198,6 +198,12 @@ def axis_pdos(node: NodeSettings) -> Iterator[Pdo]:
         warmth = (node.temperature_entry,)
         times_ms = TEMPERATURE_MS, TEMPERATURE_EVERY_MS
         yield Pdo(TPDO, node.temperature_tpdo, ON_CHANGE, warmth, what, *times_ms)
+    if node.demand_tpdo:
+        what = said("setting.demand", number=node.demand_tpdo)
+        demand = (node.demand_index << 16 | 32,)
+        yield Pdo(TPDO, node.demand_tpdo, node.demand_every, demand, what, optional=True)
+    if not node.mode_tpdo:
+        return
     what = said("setting.mode", number=node.mode_tpdo)
     yield Pdo(TPDO, node.mode_tpdo, ON_CHANGE, (MODE_DISPLAY,), what, MODE_EVERY_MS, optional=True)
 

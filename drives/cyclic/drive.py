@@ -22,7 +22,7 @@ from drives.profile import CyclicMode, Supervision
 from drives.pump.plan_memory import FOLLOWS
 from drives.pump.setpoint_frame import SetpointFrame
 from drives.pump.wires import DriveWire
-from drives.settings import INT32_MAX, INT32_MIN, NodeSettings
+from drives.settings import INT32_MAX, INT32_MIN, OFF_DEMAND, NodeSettings
 
 __all__ = ["Drive", "DriveFault", "Handler"]
 
@@ -39,6 +39,9 @@ TWICE_IN_A_ROW: Final = 3
 # answer were as close. So many counts at least, or it is the last ones before it stands.
 CLOSE: Final = 4
 MOVES: Final = 8
+
+SAME_COUNTS: Final = 2.0  # within which a drive's word of the setpoint that it goes by is that which was sent
+SETPOINTS_OVERDUE: Final = 0x8250  # CiA 301: the deadline of an RPDO has passed
 
 # A controlword of its own RPDO is not repeated every tick: once more at once, for a lost
 # frame, then with our heartbeat.
@@ -59,10 +62,12 @@ _pack_controlword_into: Final = pdo.CONTROLWORD.pack_into
 class Drive(PowerStage):
     """The cyclic side of one drive.
 
-    Read: ``position`` (counts), ``position_at_s``, ``following``, ``setpoint`` (as sent),
-    ``homing_done``, ``homing_error``, ``refused`` (setpoints outside of int32, not sent),
-    ``following_error`` (command against position), ``probe``, ``near`` (of two answers to one SYNC: the
-    motor was at rest between them, or almost), and what `PowerStage` and `Supervised` have.
+    Read: ``position`` (counts), ``position_at_s``, ``following``, ``setpoint`` (as sent), ``homing_done``,
+    ``homing_error``, ``refused`` (setpoints outside of int32, not sent), ``following_error`` (command against
+    position), ``missed`` (setpoints that it did not take with their SYNC, -1 until it has told what it goes
+    by), ``overdue`` (its own notices that they stay away, emergency 8250h), ``probe``, ``near`` (of two
+    answers to one SYNC: the motor was at rest between them, or almost), and what `PowerStage` and
+    `Supervised` have.
     """
 
     def __init__(self, settings: NodeSettings, lost_after: int = LOST_IN_A_ROW) -> None:
@@ -111,7 +116,16 @@ class Drive(PowerStage):
         self.setpoint_bytes = self._frame.bytes
         self.with_sync = (pdo.tpdo(profile.tpdo, node),)
         self.handlers[self.with_sync[0]] = self._feedback
-        self.handlers[pdo.tpdo(settings.mode_tpdo, node)] = self._mode_display
+        if settings.mode_tpdo:
+            self.handlers[pdo.tpdo(settings.mode_tpdo, node)] = self._mode_display
+        self.missed, self.overdue = -1, 0
+        self._demand: int | None = None  # as told with the SYNC that is answered now
+        self._went_by, self._target_before = 0.0, 0  # counts; as told before, and reached one SYNC before
+        self._of_position = settings.demand_index == OFF_DEMAND
+        self._per_count = settings.demand_per_count
+        if settings.demand_tpdo:
+            self.with_sync += (pdo.tpdo(settings.demand_tpdo, node),)
+            self.handlers[pdo.tpdo(settings.demand_tpdo, node)] = self._told_demand
         self.probe = TouchProbe(node, settings.probe_tpdo) if settings.probe_tpdo else None
         if self.probe is not None:
             self.handlers |= self.probe.handlers
@@ -146,7 +160,33 @@ class Drive(PowerStage):
         if self._homing:
             self._watch_homing()
 
+    def _told_demand(self, data: memoryview, now_s: float) -> None:
+        if len(data) != pdo.DEMAND.size:
+            self.malformed += 1
+            return
+        (self._demand,) = pdo.DEMAND.unpack(data)
+        self.missed = max(self.missed, 0)
+
+    def _compare_demand(self, demand: int) -> None:
+        """Goes it by what it was sent? One that limits itself need not, but it does not stay where it was."""
+        counts, before = demand / self._per_count, self._went_by
+        if self._of_position:
+            counts += self.position
+        self._went_by = counts
+        led = self.following and self.cyclic and not self._unheard
+        if led and abs(counts - self._target_reached) > SAME_COUNTS:
+            stays = abs(counts - before) <= SAME_COUNTS or abs(counts - self._target_before) <= SAME_COUNTS
+            self.missed += stays or not self.statusword & cia402.INTERNAL_LIMIT
+
+    def _emergency(self, data: memoryview, now_s: float) -> None:
+        super()._emergency(data, now_s)
+        if len(data) >= 2 and data[0] | data[1] << 8 == SETPOINTS_OVERDUE:
+            self.overdue += 1
+
     def _heard(self) -> None:
+        if self._demand is not None:
+            demand, self._demand = self._demand, None
+            self._compare_demand(demand)
         if self.again:
             self._judge_again()
         lag = self._target_reached - self.position
@@ -173,6 +213,7 @@ class Drive(PowerStage):
         if self._awaiting:  # a late tick has not listened: that feedback comes with the next
             self._unheard += 1
         self._awaiting = True
+        self._target_before = self._target_reached
         self._target_reached, self._target_latched = self._target_latched, self.setpoint
 
     def measure(self) -> None:

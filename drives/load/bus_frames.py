@@ -197,8 +197,12 @@ def _drive(rows: _Rows, node: NodeSettings, master: MasterSettings) -> None:
     if node.temperature_tpdo:
         warmth, size = pdo.tpdo(node.temperature_tpdo, node.node), (node.temperature_entry & 0xFF) // 8
         rows.at_interval("temperature", name, name, warmth, TEMPERATURE_EVERY_MS / 1000, b"", more=size)
-    mode = pdo.tpdo(node.mode_tpdo, node.node)
-    rows.at_interval("mode", name, name, mode, MODE_EVERY_MS / 1000, bytes([profile.mode.value]))
+    if node.demand_tpdo:
+        demand = pdo.tpdo(node.demand_tpdo, node.node)
+        rows.every_tick("demand", name, name, demand, pdo.DEMAND.size, every=node.demand_every)
+    if node.mode_tpdo:
+        mode = pdo.tpdo(node.mode_tpdo, node.node)
+        rows.at_interval("mode", name, name, mode, MODE_EVERY_MS / 1000, bytes([profile.mode.value]))
     _supervised(rows, name, node.node, profile.supervision, master)
     rows.on_event("emergency", name, name, pdo.EMCY + node.node, EMERGENCY_BYTES)
 

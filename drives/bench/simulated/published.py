@@ -31,6 +31,7 @@ def publish(axis: Axis) -> None:
         0x607A: lambda: units.told_position(axis.target),
         0x6077: lambda: _torque(axis),
         0x60F4: lambda: units.told_position(servo.start - servo.position),
+        0x60FC: lambda: round(servo.start),
     }
     writers: dict[int, Callable[[int], None]] = {
         0x6040: lambda word: _command(axis, word),

@@ -49,7 +49,10 @@ class Moving(FakeDoor):
         told = super().status()
         joints = {name: {**row, "actual": 90.0, "error": -0.5} for name, row in told["joints"].items()}
         job = {"left_s": 61.5, "elapsed_s": 2.0}
-        drives = [{"axis": "X", "heartbeat_age_s": 0.01, "malformed": 3}, {"axis": "Z", "malformed": None}]
+        drives = [
+            {"axis": "X", "heartbeat_age_s": 0.01, "malformed": 3, "missed_setpoints": 5},
+            {"axis": "Z", "malformed": None, "missed_setpoints": None, "overdue_setpoints": 1},
+        ]
         return {
             **told,
             **{"drives": drives},
@@ -105,6 +108,9 @@ def test_figures_are_those_of_the_status_in_base_units(tmp_path: Path) -> None:
     assert found["directrix_joint_following_error_meters Z"] == pytest.approx(-0.0005)
     assert found["directrix_drive_malformed_frames_total X"] == 3.0
     assert "directrix_drive_malformed_frames_total Z" not in found
+    assert found["directrix_drive_missed_setpoints_total X"] == 5.0
+    assert "directrix_drive_missed_setpoints_total Z" not in found
+    assert found["directrix_drive_overdue_setpoints_total Z"] == 1.0
     assert (found["directrix_ticks_total"], found["directrix_tick_skips_total"]) == (500.0, 3.0)
     assert {mode.name: found[f"directrix_mode {mode.name}"] for mode in Mode} == {
         mode.name: float(mode is Mode.OFF) for mode in Mode

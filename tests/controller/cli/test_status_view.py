@@ -108,11 +108,12 @@ def test_a_tick_that_is_gone_or_stands_is_told() -> None:
 
 def test_inputs_outputs_and_what_drives_reported_are_shown() -> None:
     drives = [{"axis": "C", "error": {"sentence": "8611h: following error"}}, {"axis": "X", "error": None}]
-    drives.append({"axis": "Z", "error": None, "malformed": 3})
+    drives.append({"axis": "Z", "error": None, "malformed": 3, "missed_setpoints": 2, "overdue_setpoints": 0})
     told = shown({**RUNNING, "inputs": {"estop": True, "door": False}, "outputs": {}, "drives": drives})
     assert "inputs:  estop 1  door 0" in told and "outputs" not in told
     assert "drive of C: 8611h: following error" in told and "drive of X" not in told
     assert "drive of Z: 3 frames of a wrong length" in told
+    assert "drive of Z: 2 setpoints missed" in told and "too long" not in told
 
 
 def test_a_line_for_scripts_says_mode_place_and_time_left() -> None:

@@ -137,3 +137,14 @@ def test_each_line_of_a_row_has_its_own_tolerance(tmp_path: Path) -> None:
     usual = found[0].tolerance_mm if found[0] is not None else None
     assert usual != 1.0 and [one and one.tolerance_mm for one in found] == [usual, usual, 1.0, 1.0, usual]
     assert service.guard._demand(2, 0.0) is None
+
+
+def test_the_record_has_what_the_drives_have_missed_since_the_run_began(tmp_path: Path) -> None:
+    service = Service(tmp_path)
+    service.send({1: 20.0})
+    begin = NOW._replace(missed=(3, -1, *NOW.missed[2:]), overdue=(1, 0, *NOW.overdue[2:]))
+    service.run(1, 20, now=begin)
+    service.run(1, 20, now=begin._replace(missed=(7, 2, *NOW.missed[2:])))
+    counts = service.guard.end()["setpoints"]
+    assert list(counts) == [axis.name for axis in service.machine.axes]
+    assert counts["X"] == {"missed": 4, "overdue": 0} and counts["Y"] == {"missed": 2, "overdue": 0}

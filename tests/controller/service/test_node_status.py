@@ -52,6 +52,12 @@ def test_frames_of_a_wrong_length_are_told_of_the_drive_that_sent_them() -> None
     assert [row["malformed"] for row in rows] == [0, 0, 3, 0, 0]
 
 
+def test_setpoints_that_did_not_come_are_told_of_each_drive_and_none_of_one_that_does_not_say_it() -> None:
+    rows = node_status.drives(warm(), NOW._replace(missed=(0, -1, 7, -1, 0), overdue=(0, 2, 0, 0, 0)), {})
+    assert [row["missed_setpoints"] for row in rows] == [0, None, 7, None, 0]
+    assert [row["overdue_setpoints"] for row in rows] == [0, 2, 0, 0, 0]
+
+
 def test_a_drive_that_was_not_heard_yet_has_no_temperature() -> None:
     machine = warm()
     assert node_status.drives(machine, NOW, {})[0]["temperature_c"] is None

@@ -70,7 +70,8 @@ class FakeDrive:
         self.homing_to = 0
         self.following_error = FakeFollowingError()
         self.in_position = True
-        self.malformed = 0
+        self.malformed = self.overdue = 0
+        self.missed = -1
         self.next = position
         self.velocity_units = 1.0
         self._homing = -1
