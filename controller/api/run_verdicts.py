@@ -1,6 +1,7 @@
 """Runs that have cut surfaces are judged as their drives have cut them, by a process behind all else.
 
-What comes of it stands with the facts of the run, beside the verdict on the plan that its check has.
+What comes of it stands with the facts of the run, beside the verdict on the plan that its check has. So does
+that nothing came of it, and why: such a run is judged again only when somebody asks for it.
 """
 
 from __future__ import annotations
@@ -8,6 +9,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import sys
+from collections import deque
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +17,7 @@ from controller.api.checker import Errand
 from controller.api.records import Run
 from controller.api.run_report import AS_CUT
 from controller.api.store import Store
+from controller.messages import said
 from controller.program.surface_codes import may_cut
 from controller.state.record_files import ACTUAL, PROGRAM, RUNS
 
@@ -28,12 +31,17 @@ class NoAnswer(Exception):
     """The process has died, or taken too long."""
 
 
+class NothingToJudge(Exception):
+    """The run goes on, has cut no surface, or its record is gone."""
+
+
 class RunVerdicts:
     """Has one run after another judged."""
 
     def __init__(self, store: Store, worker: tuple[str, ...] = WORKER) -> None:
         self._store, self._errand = store, Errand(worker, LONGEST_S)
-        self._left: set[int] = set()  # runs that are not judged: they cut nothing, or it has failed
+        self._left: set[int] = set()  # runs that are not judged: they cut nothing
+        self._asked: deque[int] = deque()  # runs that are judged again
 
     async def run(self) -> None:
         """Never ends."""
@@ -46,14 +54,25 @@ class RunVerdicts:
         found = await asyncio.to_thread(self._next)
         if found is None:
             return False
-        self._left.add(found.id)  # whatever comes of it, it is asked for once
-        with contextlib.suppress(NoAnswer):
-            job = {"record": str(self._record(found))}
-            answer: dict[str, Any] = await self._errand.run(job, NoAnswer(), NoAnswer())
-            await asyncio.to_thread(self._store.runs.add_facts, found.id, **{AS_CUT: answer})
+        record, answer = self._record(found), dict[str, Any]()
+        try:
+            answer = await self._errand.run({"record": str(record)}, NoAnswer(), NoAnswer())
+        except NoAnswer:
+            answer = {"refused": said("run_verdict_failed", record=record.name, hours=LONGEST_S / 3600.0)}
+        await asyncio.to_thread(self._store.runs.add_facts, found.id, **{AS_CUT: answer})
         return True
 
+    def ask(self, run: Run) -> None:
+        """Have a run judged, again where it was. Raises NothingToJudge."""
+        if run.result == "running" or not self._cuts(self._record(run)):
+            raise NothingToJudge
+        if run.id not in self._asked:
+            self._asked.append(run.id)
+
     def _next(self) -> Run | None:
+        while self._asked:
+            if (asked := self._store.runs.get(self._asked.popleft())) is not None:
+                return asked
         for one in self._store.runs.list(NEWEST):
             if one.id in self._left or one.result == "running" or AS_CUT in one.facts:
                 continue

@@ -21,6 +21,7 @@ from controller.api.answers import Refusal, documented, spoken
 from controller.api.app_state import Panel
 from controller.api.names import leaf_of
 from controller.api.roles import Role
+from controller.api.run_verdicts import NothingToJudge
 from controller.api.store import Run
 from controller.messages import Key
 
@@ -98,6 +99,23 @@ async def run(request: Request, number: Number) -> models.RunFacts:
     """One run, with the names of its files."""
     panel = panel_of(request)
     found = await _run(panel, number)
+    files = await asyncio.to_thread(files_of, panel.run_records, _record(found))
+    return models.RunFacts(**asdict(found), files=files)
+
+
+@router.post(
+    "/runs/{number}/verdict",
+    dependencies=[needs(Role.OPERATE)],
+    responses=documented(401, 403, 404, 409, 422),
+)
+async def judge(request: Request, number: Number) -> models.RunFacts:
+    """Have a run judged again as its drives have cut it; what comes of it stands with its facts."""
+    panel = panel_of(request)
+    found = await _run(panel, number)
+    try:
+        await asyncio.to_thread(panel.verdicts.ask, found)
+    except NothingToJudge:
+        raise Refusal.told(409, "refused", "run_has_no_verdict", id=number) from None
     files = await asyncio.to_thread(files_of, panel.run_records, _record(found))
     return models.RunFacts(**asdict(found), files=files)
 

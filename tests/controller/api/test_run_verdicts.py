@@ -14,7 +14,7 @@ from support.machines.recording_bench import RecordedBench
 from support.machines.stepped_runs import shipped
 
 from controller.api import run_report
-from controller.api.run_verdicts import AS_CUT, RunVerdicts
+from controller.api.run_verdicts import AS_CUT, NothingToJudge, RunVerdicts
 from controller.api.service_sync import Gatherer
 from controller.api.store import Store
 from controller.state.modes import Mode
@@ -84,6 +84,25 @@ def test_what_cannot_be_judged_says_where_to_ask(store: Store, records: dict[str
     assert refused["key"] == "run_not_judged" and refused["values"]["record"] == records["cone"].name
 
 
-def test_a_worker_that_dies_is_not_asked_again(store: Store, records: dict[str, Path]) -> None:
-    assert judge_all(RunVerdicts(store, (sys.executable, "-c", "raise SystemExit(3)"))) == 1
-    assert AS_CUT not in facts(store, records["cone"])
+def test_a_worker_that_dies_is_recorded_and_asked_again_only_on_request(
+    store: Store, records: dict[str, Path]
+) -> None:
+    verdicts = RunVerdicts(store, (sys.executable, "-c", "raise SystemExit(3)"))
+    assert judge_all(verdicts) == 1
+    refused = facts(store, records["cone"])[AS_CUT]["refused"]
+    assert refused["key"] == "run_verdict_failed" and refused["values"]["record"] == records["cone"].name
+    (run,) = [one for one in store.runs.list() if AS_CUT in one.facts]
+    page = run_report.page(run_report.Facts(run, {}, (), ()), "en")
+    assert "has ended without an answer" in page
+    later = RunVerdicts(store)
+    assert judge_all(later) == 0, "the next panel does not ask by itself"
+    later.ask(run)
+    later.ask(run)
+    assert judge_all(later) == 1
+    assert facts(store, records["cone"])[AS_CUT]["verdict"]["within"] is True
+
+
+def test_what_has_cut_nothing_is_not_asked_for(store: Store, records: dict[str, Path]) -> None:
+    (run,) = [one for one in store.runs.list() if one.facts["record"] == records["lines"].name]
+    with pytest.raises(NothingToJudge):
+        RunVerdicts(store).ask(run)
