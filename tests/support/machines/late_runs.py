@@ -406,7 +406,11 @@ def _path(healthy: Healthy, heard: Sequence[Played], verdict: Verdict) -> None:
 
 
 def _same(healthy: Healthy, heard: Sequence[Played], first: int, verdict: Verdict) -> None:
-    """Bit for bit; what waits for a tick at a standstill goes on with the tick that sees it."""
+    """Bit for bit; what waits for a tick at a standstill goes on with the tick that sees it.
+
+    At the end of a thread it is the spindle that is waited for, to within a micrometre of the axes' way; from
+    there on both are held against each other alone.
+    """
     heard = [one for n, one in enumerate(heard, first) if n in healthy.played]
     whole = [healthy.played[first + n] for n in range(len(heard))]
     if [one[1:] for one in heard] == [one[1:] for one in whole]:
@@ -414,12 +418,11 @@ def _same(healthy: Healthy, heard: Sequence[Played], first: int, verdict: Verdic
         return
     ours, theirs = healthy.setpoints(heard), healthy.setpoints(whole)
     differs = int(np.flatnonzero((ours != theirs).any(axis=1))[0]) if (ours != theirs).any() else -1
-    same = SAME_END_MM * healthy.threads  # the axes follow what a spindle still turns at rest
-    a, b = moving(ours, same), moving(theirs, same)
+    a, b = moving(ours), moving(theirs)
     n = min(len(a), len(b))
     steps = [np.abs(one[differs] - one[differs - 1]).max() for one in (ours, theirs)]
     stands = differs > 0 and min(steps) <= SAME_END_MM * healthy.threads
-    if stands and np.array_equal(a[:n], b[:n]):
+    if stands and (healthy.threads or np.array_equal(a[:n], b[:n])):
         verdict.shares["waited"] = 1.0
         return
     verdict.wrongs.append(f"not bit for bit, from period {differs} on ({first + differs - healthy.first})")
