@@ -46,6 +46,13 @@ class Cycle:
     shift: tuple[float, float] | None = None  # of boring: the way off the wall, in the plane
     mm_per_unit: float = 1.0  # in which its lengths were written
 
+    def in_mode(self, absolute: bool) -> Cycle:
+        """The same heights as words under G90 (``absolute``) or G91 say them, of words under the other."""
+        if absolute:
+            clearance = self.level + self.clearance
+            return replace(self, clearance=clearance, bottom=clearance + self.bottom)
+        return replace(self, clearance=self.clearance - self.level, bottom=self.bottom - self.clearance)
+
 
 @dataclass(frozen=True, slots=True)
 class Begun:

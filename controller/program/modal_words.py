@@ -384,8 +384,11 @@ class _Settings:
         centres = {"G90.1": True, "G91.1": False}.get(ask.code("centre"), state.centres_absolute)
         ends = {"G99": True, "G98": False}.get(ask.code("return"), state.to_clearance)
         modal = replace(modal, plane=ask.code("plane") or modal.plane)
+        cycle = state.cycle
+        if cycle is not None and absolute != state.absolute and self._machine.dialect == "fanuc":
+            cycle = cycle.in_mode(absolute)  # its heights stay where they are
         self.state = state._replace(
-            modal=modal, absolute=absolute, centres_absolute=centres, to_clearance=ends
+            modal=modal, absolute=absolute, centres_absolute=centres, to_clearance=ends, cycle=cycle
         )
 
     def _offset(self, code: str) -> int:

@@ -103,3 +103,12 @@ def test_a_cycle_line_that_drills_nothing_leaves_its_words_or_is_told_of_what_la
     moves, _ = read("G0 X0. Y0. Z5.\nF100.\nG81 X1. Z-1. R1.\nG81 F200.\nX2.\n")
     assert len([block for block in moves if block.targets[0] == 2.0]) == 1
     assert [round(block.feed_mm_s * 60) for block in moves if block.feed_mm_s] == [100, 200]
+
+
+def test_heights_of_a_cycle_stay_where_they_are_between_g90_and_g91() -> None:
+    """Fanuc's own example of polar coordinates has it so; under the other dialect the words count anew."""
+    text = "G0 X0. Y0. Z20.\nG81 X1. Z-3. R2. F100.\nG91 X1.\nX1. Z-7.\nG90 X9.\nG80\n"
+    heights = [block.targets[2] for block in read(text)[0] if block.feed_mm_s]
+    assert heights == [-3.0, -3.0, -5.0, -5.0]
+    retracts = [block.targets[2] for block in read(f"{text}G0 Z20.\n")[0] if block.targets[2] is not None]
+    assert set(retracts) == {20.0, 2.0, -3.0, -5.0}

@@ -162,6 +162,7 @@ def test_holes_on_a_circle() -> None:
     ]
     found = [(a["X"] - on.offsets[0].origin[0], a["Y"] - on.offsets[0].origin[1]) for a in bottoms]  # type: ignore[operator]
     assert near(found, [at(40, 10 + 30 * k) for k in range(6)])
+    assert {round(a["Z"] - on.offsets[0].origin[2], 9) for a in bottoms} == {-1.0}  # type: ignore[operator]
 
 
 def test_arcs_end_at_a_radius_and_an_angle() -> None:
