@@ -417,7 +417,10 @@ class _Turn:
         running = [code for group, (code, _) in self.ask.codes.items() if group != "motion"]
         takers = [(code, self._letters(code)) for code in running]
         if self._motion:
-            takers.append((self._motion, self._letters(self._motion)))
+            letters = self._letters(self._motion)
+            if self._motion == "G81" and any("P" in taken for _, taken in takers):
+                letters = letters.replace("P", "")  # which does nothing there: P is of the other code
+            takers.append((self._motion, letters))
         if self._shifts:
             takers.append(("G52", self._axes))
         return [(code, self._side_letters(takers) if code in SIDES else taken) for code, taken in takers]
@@ -532,7 +535,7 @@ class _Turn:
             self._note("note.drills_nothing", self.ask.codes["motion"][1])
         if self._motion == "G5.2" and self._has("L2"):
             self._note("note.nurbs_order", self.ask.words["L"])
-        if self._is_fanuc and self._motion == "G81" and "P" in self.ask.words:
+        if self._is_fanuc and self.ask.takers.get("P") == "G81":
             self._note("note.g81_p", self.ask.words["P"])
         for key, word in self.ask.lenient:
             if key not in self.state.noted:

@@ -75,6 +75,13 @@ def test_the_dwell_and_the_offset_are_those_of_their_plain_forms() -> None:
         blocks.read(b"G55 P1\n", machine(), "p")
 
 
+def test_p_of_g81_gives_way_to_a_code_that_takes_it() -> None:
+    text = "G10 L20 P2 X100.\nG0 X0. Y0. Z5.\nG81 X1. Z-1. R1. F100.\nG54.1 P2 X2.\n"
+    moves, notes = read(text)
+    assert not notes and moves[-1].modal.offset == 10
+    assert len([block for block in moves if block.feed_mm_s]) == 2
+
+
 def test_parameters_of_another_control_are_left_out() -> None:
     moves, notes = read("G0 X1.\nG10 L50\nN5115 R2000\nN3402 P1 R1\nG11\nX2.\n")
     assert [block.targets[0] for block in moves] == [1.0, 2.0]
