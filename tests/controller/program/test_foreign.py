@@ -127,8 +127,6 @@ def test_a_line_of_a_control_that_is_read_else_says_what_to_write(
     ("text", "why"),
     [
         ("$PART-1.MIN%\nG0 X1.\n", "head of a program for Okuma"),
-        ("G1 X5. ,C2. F100.\nY5.\n", "chamfer or a radius of a corner"),
-        ("G1 X5. , R2. F100.\nY5.\n", "chamfer or a radius of a corner"),
         ("G1 X5,5 F100.\n", "cannot stand here"),
     ],
 )

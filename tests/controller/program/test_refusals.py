@@ -134,7 +134,7 @@ def test_the_code_is_blamed_for_its_letters_and_the_operator_for_its_value(
     ("code", "told"),
     [
         ("G43.7", "not known here: the codes of this control are G0 G1"),
-        ("M35", "not known here: the codes of this control are M0 M1"),
+        ("M333", "not known here: the codes of this control are M0 M1"),
         ("M777", "or name an output for it"),
         ("M33", 'a code of dialect = "fanuc"'),
         ("G12.1", "is not done here"),
