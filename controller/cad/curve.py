@@ -21,8 +21,8 @@ Shape = Callable[[Array], Array]  # shares (N,) from 0 to 1 -> points (N, 3)
 
 SAME_WEIGHT = 1e-12
 FIT_MM = 5e-5  # a fitted curve is this near to what it stands for
-FIRST_SPANS, MAX_SPANS = 8, 512
-SLOW = 2  # doublings that gain little, and a shape is taken not to be smooth
+FIRST_SPANS, MAX_SPANS = 4, 512
+SLOW = 4  # halvings one after the other that gain little, and a shape is taken not to be smooth
 BETWEEN = np.array([0.07, 0.23, 0.5, 0.77, 0.93])  # where a fit is looked at, shares of a span
 
 
@@ -112,25 +112,23 @@ class _Rational:
 def fit(shape: Shape, corners: Sequence[float] | Array = (0.0, 1.0), within_mm: float = FIT_MM) -> Nurbs:
     """A cubic B-spline at the same parameter, within ``within_mm`` of ``shape``; kinks only at ``corners``.
 
-    Spans are halved until it is near enough between its knots too; a smooth shape gains sixteenfold
-    each time. Raises NoFit.
+    Spans that are not near enough between their knots are halved until they are. Raises NoFit.
     """
-    spans, before, slow = FIRST_SPANS, math.inf, 0
-    while spans <= MAX_SPANS and slow < SLOW:
-        made = _joined([_span(shape, a, b, spans) for a, b in pairwise(corners)])
-        off = _error(shape, made)
-        if off <= within_mm:
-            return made
-        slow += off > 0.3 * before
-        spans, before = 2 * spans, off
-    raise NoFit(said("cad.no_fit", spans=spans // 2, within_mm=within_mm * 1000.0))
+    return _joined([_part(shape, a, b, within_mm) for a, b in pairwise(corners)])
 
 
-def _span(shape: Shape, a: float, b: float, spans: int) -> Nurbs:
-    """The interpolating cubic (not a knot) over one smooth part."""
-    share = np.linspace(a, b, spans + 1)
-    made = make_interp_spline(share, shape(share), k=3)
-    return Nurbs(4, np.asarray(made.t), np.asarray(made.c), np.ones(len(made.c)))
+def _part(shape: Shape, a: float, b: float, within_mm: float) -> Nurbs:
+    share, before, slow = np.linspace(a, b, FIRST_SPANS + 1), math.inf, 0
+    while len(share) <= MAX_SPANS and slow < SLOW:
+        made = make_interp_spline(share, shape(share), k=3)  # not a knot
+        off = _errors(shape, made, share)
+        if off.max() <= within_mm:
+            return Nurbs(4, np.asarray(made.t), np.asarray(made.c), np.ones(len(made.c)))
+        slow = slow + 1 if off.max() > 0.7 * before else 0
+        before = float(off.max())
+        halved = 0.5 * (share[:-1] + share[1:])[off > within_mm]
+        share = np.sort(np.concatenate([share, halved]))
+    raise NoFit(said("cad.no_fit", spans=len(share) - 1, within_mm=within_mm * 1000.0))
 
 
 def _joined(parts: Sequence[Nurbs]) -> Nurbs:
@@ -144,7 +142,8 @@ def _joined(parts: Sequence[Nurbs]) -> Nurbs:
     return Nurbs(4, np.concatenate(knots), rows, np.ones(len(rows)))
 
 
-def _error(shape: Shape, made: Nurbs) -> float:
-    knots = np.unique(made.shares)
-    share = (knots[:-1, None] + np.diff(knots)[:, None] * BETWEEN).ravel()
-    return float(np.linalg.norm(made.at(share) - shape(share), axis=1).max())
+def _errors(shape: Shape, made: Shape, share: Array) -> Array:
+    """How far each span between ``share`` (N + 1) is off, (N,) mm."""
+    between = (share[:-1, None] + np.diff(share)[:, None] * BETWEEN).ravel()
+    off = np.linalg.norm(made(between) - shape(between), axis=1)
+    return np.asarray(off.reshape(-1, len(BETWEEN)).max(axis=1))

@@ -6,6 +6,7 @@ a low-discrepancy sequence: none of them is a place at which anything was fitted
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -19,7 +20,7 @@ from controller.geometry.surfaces import Surface
 from controller.program.program import Block, CutCone, CutNurbs, CutRuled
 
 if TYPE_CHECKING:
-    from controller.cad.kernel import Face
+    from controller.cad.strip import Strip
 
 Array = NDArray[np.float64]
 
@@ -56,48 +57,65 @@ def surfaces(blocks: Iterable[Block]) -> list[Surface]:
     return [surface_of(block) for block in blocks if isinstance(block, CutCone | CutRuled | CutNurbs)]
 
 
-def deviation(face: Face, written: Surface, trimmed: bool = False) -> Deviation:
-    """Of one face. ``trimmed``: the box about it was cut on purpose; only its own points are looked at."""
+def deviation(strip: Strip, written: Surface) -> Deviation:
+    """Of one strip from its face.
+
+    What it cuts more than the face is compared with the face's own rulings, prolonged; what it leaves on
+    purpose is not looked at.
+    """
     to_face = 0.0
-    if not trimmed:
+    if not strip.is_whole_box:
         u, v = places(ONTO_FACE)
         # Corners and edges too: what is too long shows there.
         u, v = (
             np.concatenate([u, [0.0, 1.0, 0.0, 1.0], u[:20], u[:20]]),
             np.concatenate([v, [0.0, 0.0, 1.0, 1.0], np.zeros(20), np.ones(20)]),
         )
-        to_face = max(face.distance(point) for point in _points(written, u, v))
-    return Deviation(to_face, float(distances(written, face_points(face)).max()))
+        points = _points(written, u, v)
+        if strip.base is not None and (strip.prolonged_mm > 0.0 or strip.bridges):
+            to_face = float(distances(strip.base, points, prolonged=True).max())
+        else:
+            to_face = max(strip.face.distance(point) for point in points)
+    return Deviation(to_face, float(distances(written, face_points(strip)).max()))
 
 
-def face_points(face: Face) -> Array:
-    """Points (N, 3) of a trimmed face and of its edges."""
-    box = Outline(face).box
+def face_points(strip: Strip) -> Array:
+    """Points (N, 3) of what a strip cuts of its face, edges of the face among them."""
+    face, outline = strip.face, Outline(strip.face)
+    box = outline.box
     u, v = places(ONTO_WRITTEN)
-    rows = zip(box[0] + u * (box[1] - box[0]), box[2] + v * (box[3] - box[2]), strict=True)
-    inside = [face.point(a, b) for a, b in rows if face.holds(a, b)]
-    return np.concatenate([np.array(inside).reshape(-1, 3), face.edge_points(PER_EDGE)])
+    rows = [
+        (a, b)
+        for a, b in zip(box[0] + u * (box[1] - box[0]), box[2] + v * (box[3] - box[2]), strict=True)
+        if face.holds(a, b)
+    ]
+    if strip.covers is None:
+        inside = np.array([face.point(a, b) for a, b in rows]).reshape(-1, 3)
+        return np.concatenate([inside, face.edge_points(PER_EDGE)])
+    rows += [(float(a), float(b)) for wire in outline.wires for edge in wire for a, b in edge.rows]
+    return np.array([face.point(a, b) for a, b in rows if strip.covers(a, b)]).reshape(-1, 3)
 
 
 def _points(surface: Surface, u: Array, v: Array) -> Array:
     return np.stack([np.broadcast_to(c, u.shape) for c in surface.point(u, v, np)], axis=1)
 
 
-def distances(surface: Surface, points: Array) -> Array:
+def distances(surface: Surface, points: Array, prolonged: bool = False) -> Array:
     """From points (N, 3) to the whole of a ruled surface, (N,) mm: nearest of a grid, then Gauss-Newton.
 
     Both halves of the way along are tried: where a surface closes, its two ends are one place.
+    ``prolonged``: its rulings do not end.
     """
-    return np.minimum(*(_from_half(surface, points, half) for half in (0.0, 0.5)))
+    return np.minimum(*(_from_half(surface, points, half, prolonged) for half in (0.0, 0.5)))
 
 
-def _from_half(surface: Surface, points: Array, half: float) -> Array:
+def _from_half(surface: Surface, points: Array, half: float, prolonged: bool) -> Array:
     u, v = _nearest(surface, points, half)
     best = np.full(len(points), np.inf)
     for _ in range(ROUNDS):
         off = points - _points(surface, u, v)
         best = np.minimum(best, np.linalg.norm(off, axis=1))
-        u, v = _stepped(surface, u, v, off)
+        u, v = _stepped(surface, u, v, off, math.inf if prolonged else 0.0)
     return best
 
 
@@ -108,8 +126,11 @@ def _nearest(surface: Surface, points: Array, half: float) -> tuple[Array, Array
     return a[nearest], b[nearest]
 
 
-def _stepped(surface: Surface, u: Array, v: Array, off: Array) -> tuple[Array, Array]:
-    """One step of Gauss-Newton; a side of the square that a step would leave is kept to."""
+def _stepped(surface: Surface, u: Array, v: Array, off: Array, more: float) -> tuple[Array, Array]:
+    """One step of Gauss-Newton; a side of the square that a step would leave is kept to.
+
+    Across the square is as much larger as ``more`` on both sides.
+    """
     upper, lower = (_rows(c.derivative(u, 1, np), u) for c in (surface.upper, surface.lower))
     su = (1.0 - v)[:, None] * upper + v[:, None] * lower
     sv = -_rows(surface.ruling(u, np), u)
@@ -121,13 +142,13 @@ def _stepped(surface: Surface, u: Array, v: Array, off: Array) -> tuple[Array, A
         safe = np.where(sound, det, 1.0)
         du = np.where(sound, (vv * fu - uv * fv) / safe, fu / np.maximum(uu, 1e-30) * (uu > 0.0))
         dv = np.where(sound, (uu * fv - uv * fu) / safe, fv / np.maximum(vv, 1e-30) * (vv > 0.0))
-        out_u, out_v = (u + du < 0.0) | (u + du > 1.0), (v + dv < 0.0) | (v + dv > 1.0)
+        out_u, out_v = (u + du < 0.0) | (u + du > 1.0), (v + dv < -more) | (v + dv > 1.0 + more)
         # What is held at a side takes no part in the other's step.
-        held_u, held_v = out_u & ((u <= 0.0) | (u >= 1.0)), out_v & ((v <= 0.0) | (v >= 1.0))
+        held_u, held_v = out_u & ((u <= 0.0) | (u >= 1.0)), out_v & ((v <= -more) | (v >= 1.0 + more))
         su, sv = np.where(held_u[:, None], 0.0, su), np.where(held_v[:, None], 0.0, sv)
         if not (held_u.any() or held_v.any()):
             break
-    return np.clip(u + du, 0.0, 1.0), np.clip(v + dv, 0.0, 1.0)
+    return np.clip(u + du, 0.0, 1.0), np.clip(v + dv, -more, 1.0 + more)
 
 
 def _rows(vector: tuple[Array, Array, Array], like: Array) -> Array:

@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import brentq
-
-from controller.messages import TextError, said
+from scipy.optimize import minimize_scalar
 
 if TYPE_CHECKING:
     from controller.cad.kernel import Box, Edge, Face
@@ -19,45 +16,6 @@ Array = NDArray[np.float64]
 
 ON_SIDE_MM = 5e-4  # an edge this near to a side of the box is on it
 STRAIGHT_MM = 1e-6
-NOT_RULINGS = said("cad.not_rulings")
-
-
-class Trimmed(TextError):
-    """An outline that rulings do not fill."""
-
-
-@dataclass(frozen=True, eq=False)
-class Side:
-    """One end of the rulings: edges one behind the other, over shares of the way along."""
-
-    edges: tuple[Edge | TurnedEdge, ...]  # rising
-    column: int  # of the parameter along the way: 0 is u, 1 is v
-    low: float
-    high: float  # its range
-
-    @property
-    def corners(self) -> Array:
-        """Shares at which one edge ends and the next begins."""
-        ends = [edge.rows[[0, -1], self.column].max() for edge in self.edges[:-1]]
-        return (np.array(ends, dtype=float) - self.low) / (self.high - self.low)
-
-    def __call__(self, share: Array) -> Array:
-        """The parameter across at shares (N,)."""
-        return np.array([self._across(self.low + s * (self.high - self.low)) for s in share])
-
-    def _across(self, along: float) -> float:
-        column = self.column
-        edge = next((e for e in self.edges if along <= e.rows[:, column].max()), self.edges[-1])
-        way, t = edge.rows[:, column], edge.t
-        if way[0] > way[-1]:
-            way, t = way[::-1], t[::-1]
-        i = int(np.clip(np.searchsorted(way, along, side="right") - 1, 0, len(way) - 2))
-        a, b = edge.at(t[i])[column] - along, edge.at(t[i + 1])[column] - along
-        if a >= 0.0 or b <= 0.0:
-            at = t[i] if abs(a) < abs(b) else t[i + 1]
-        else:
-            at = brentq(lambda x: edge.at(x)[column] - along, t[i], t[i + 1], xtol=1e-15, rtol=1e-14)
-        return edge.at(at)[1 - column]
 
 
 def _chained(pairs: Sequence[tuple[Array, Array]]) -> Array:
@@ -82,6 +40,22 @@ def _turns(row: Array) -> Array:
     before, after = row - np.roll(row, 1, axis=0), np.roll(row, -1, axis=0) - row
     size = np.linalg.norm(before, axis=1) * np.linalg.norm(after, axis=1)
     return np.asarray(row[np.linalg.norm(np.cross(before, after), axis=1) > 1e-7 * size])
+
+
+def _most(edge: Edge | TurnedEdge, column: int, sign: float) -> float:
+    """The extreme of one edge: the farthest of its samples, or farther between its neighbours."""
+    rows, t = sign * edge.rows[:, column], edge.t
+    k = int(rows.argmax())
+    if not 0 < k < len(t) - 1 or rows[k] - max(rows[k - 1], rows[k + 1]) <= 0.0:
+        return sign * float(rows[k])
+    between = sorted((float(t[k - 1]), float(t[k + 1])))
+    found = minimize_scalar(
+        lambda x: -sign * edge.at(x)[column],
+        bounds=between,
+        method="bounded",
+        options={"xatol": 1e-10 * (between[1] - between[0])},
+    )
+    return sign * max(float(rows[k]), -float(found.fun))
 
 
 class TurnedEdge:
@@ -112,6 +86,11 @@ class TurnedPlane:
     def outlines(self) -> list[list[TurnedEdge]]:
         return [[TurnedEdge(edge, self._turn) for edge in wire] for wire in self._face.outlines()]
 
+    def mapped(self, u: float, v: float) -> tuple[float, float]:
+        """The turned parameters of a place."""
+        a, b = self._turn @ np.array([u, v])
+        return float(a), float(b)
+
     def snapped(self, box: Box) -> Box:
         return box
 
@@ -121,14 +100,18 @@ class Outline:
 
     def __init__(self, face: Face | TurnedPlane) -> None:
         self._face = face
-        self._wires: Sequence[Sequence[Edge | TurnedEdge]] = face.outlines()
-        rows = np.concatenate([edge.rows for wire in self._wires for edge in wire])
-        (u0, v0), (u1, v1) = rows.min(axis=0), rows.max(axis=0)
-        self.box: Box = face.snapped((float(u0), float(u1), float(v0), float(v1)))
+        self.wires: Sequence[Sequence[Edge | TurnedEdge]] = face.outlines()
+        u0, u1, v0, v1 = (self._extreme(column, sign) for column in (0, 1) for sign in (-1.0, 1.0))
+        self.box: Box = face.snapped((u0, u1, v0, v1))
         sides = ((0, u0), (0, u1), (1, v0), (1, v1))
-        self.is_box = len(self._wires) == 1 and all(
-            any(self._is_at(edge.rows, *side) for side in sides) for edge in self._wires[0]
+        self.is_box = len(self.wires) == 1 and all(
+            any(self._is_at(edge.rows, *side) for side in sides) for edge in self.wires[0]
         )
+
+    def _extreme(self, column: int, sign: float) -> float:
+        """The largest (``sign`` 1) or smallest value of a parameter."""
+        found = [_most(edge, column, sign) for wire in self.wires for edge in wire]
+        return max(found) if sign > 0.0 else min(found)
 
     def _is_at(self, rows: Array, column: int, value: float) -> bool:
         """Whether all of an edge is at one value of a parameter, within ``ON_SIDE_MM`` on the surface."""
@@ -142,14 +125,10 @@ class Outline:
         pairs = zip(rows, others, strict=True)
         return max(float(np.linalg.norm(self._face.point(*a) - self._face.point(*b))) for a, b in pairs)
 
-    @property
-    def has_hole(self) -> bool:
-        return len(self._wires) > 1
-
     def straight(self) -> list[Array]:
         """Directions (2,) of its straight edges, each once, the steepest on the part first."""
         found: list[tuple[float, Array]] = []
-        for edge in (edge for wire in self._wires for edge in wire):
+        for edge in (edge for wire in self.wires for edge in wire):
             rows = edge.rows - edge.rows[0]
             way, size = rows[-1], float(np.linalg.norm(rows[-1]))
             if size == 0.0 or np.abs(rows @ np.array([way[1], -way[0]])).max() > STRAIGHT_MM * size:
@@ -159,12 +138,19 @@ class Outline:
                 found.append((abs(float(rise)) / size, way / size))
         return [way for _, way in sorted(found, key=lambda one: -one[0])]
 
+    def steepest(self) -> Array | None:
+        """The direction (2,) in which a plane face rises most; None of a level one."""
+        origin = self._face.point(0.0, 0.0)[2]
+        rise = np.array([self._face.point(1.0, 0.0)[2] - origin, self._face.point(0.0, 1.0)[2] - origin])
+        size = float(np.linalg.norm(rise))
+        return rise / size if size > STRAIGHT_MM else None
+
     def corners(self) -> Array | None:
         """The four corners (4, 3) of one wire of straight edges, mm; None where it is another outline."""
-        if len(self._wires) != 1 or len(self._wires[0]) < 4:
+        if len(self.wires) != 1 or len(self.wires[0]) < 4:
             return None
         found: list[tuple[Array, Array]] = []
-        for edge in self._wires[0]:
+        for edge in self.wires[0]:
             rows = np.array([self._face.point(u, v) for u, v in edge.rows[::8]])
             way = (rows[-1] - rows[0]) / (float(np.linalg.norm(rows[-1] - rows[0])) or 1.0)
             if np.abs(np.cross(rows - rows[0], way)).max() > STRAIGHT_MM:
@@ -172,47 +158,3 @@ class Outline:
             found.append((rows[0], rows[-1]))
         row = _turns(_chained(found))
         return row if len(row) == 4 else None
-
-    def sides(self, along_u: bool) -> tuple[Side, Side]:
-        """The ends of the rulings, low and high, where one wire leads there and back; raises Trimmed."""
-        if self.has_hole:
-            raise Trimmed(said("cad.hole"))
-        column = 0 if along_u else 1
-        low, high = self.box[2 * column], self.box[2 * column + 1]
-        there: list[Edge | TurnedEdge] = []
-        back: list[Edge | TurnedEdge] = []
-        for edge in self._wires[0]:
-            if self._is_at(edge.rows, column, low) or self._is_at(edge.rows, column, high):
-                continue  # a ruling
-            steps = np.diff(edge.rows[:, column])
-            if not (np.all(steps > 0.0) or np.all(steps < 0.0)):
-                raise Trimmed(NOT_RULINGS)
-            (there if self._is_low(edge, column) else back).append(edge)
-        found = [self._side(edges, column, low, high) for edges in (there, back)]
-        return found[0], found[1]
-
-    def _is_low(self, edge: Edge | TurnedEdge, column: int) -> bool:
-        """Whether the face is above an edge: the other edges over the same place tell."""
-        along, across = edge.rows[len(edge.rows) // 2, [column, 1 - column]]
-        others = []
-        for other in self._wires[0]:
-            way = other.rows[:, column]
-            if other is not edge and way.min() < along < way.max():
-                order = np.argsort(way)
-                others.append(float(np.interp(along, way[order], other.rows[order, 1 - column])))
-        if len(others) != 1:
-            raise Trimmed(NOT_RULINGS)
-        return bool(across < others[0])
-
-    def _side(self, edges: Sequence[Edge | TurnedEdge], column: int, low: float, high: float) -> Side:
-        """Edges put in order; they must lead from one end to the other without a gap."""
-        row = sorted(edges, key=lambda edge: float(edge.rows[:, column].min()))
-        ends = [(float(e.rows[:, column].min()), float(e.rows[:, column].max())) for e in row]
-        reached, slack = low, 1e-6 * (high - low)
-        for start, end in ends:
-            if abs(start - reached) > slack:
-                raise Trimmed(NOT_RULINGS)
-            reached = end
-        if abs(reached - high) > slack:
-            raise Trimmed(NOT_RULINGS)
-        return Side(tuple(row), column, low, high)

@@ -1,24 +1,27 @@
 """A CAD face as a strip of rulings between two directrices, or the reason why it is none.
 
 A face's surface is asked in both of its directions whether the curves that run across are
-straight. What it is trimmed to must then begin and end on rulings; between them its edges are
-the directrices: the surface's own curves where the face is a box of its parameters, else
-curves fitted to the edges, at the same parameter, so that rulings stay rulings.
+straight. What other bodies of the file hide of it is taken away, and its rulings are clipped to the
+outline that is left (``clip``). The ends of the rulings are the directrices: the surface's own curves
+where the face is a box of its parameters, else curves fitted to the outline, at the same parameter,
+so that rulings stay rulings.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from controller.cad.arcs import Trimmed
+from controller.cad.bound import Bound
+from controller.cad.clip import Clip, clips
 from controller.cad.curve import NoFit, Nurbs, fit
-from controller.cad.outline import NOT_RULINGS, Outline, Side, Trimmed, TurnedPlane
+from controller.cad.outline import Outline, TurnedPlane
 from controller.geometry.defects import concave_radius, defect
 from controller.geometry.surfaces import RuledSurface
 from controller.geometry.vectors import Vector
@@ -31,7 +34,10 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 EXACT_MM = 1e-6  # rulings straighter than this are straight
-SAME_SHARE = 1e-9  # of a side, far below what is built and far above its rounding
+SAME_SHARE = 1e-6  # of the way along: corners that are nearer are one
+STANDS = 12  # rulings that are asked what is beyond their ends,
+STANDS_MM = np.array([0.1, 0.5])  # in these distances
+STANDS_MORE, STANDS_MOSTLY = 0.1, 0.5  # shares of the way: rulings that stand on something before others
 LOOKS_ALONG, LOOKS_ACROSS = 41, 9  # samples between two knots are at least these over a face
 LEVEL = 1e-9  # sine of the angle between a cone's axis and Z
 LEVEL_MM = 1e-9
@@ -48,8 +54,15 @@ class Strip:
     off_ruled_mm: float  # how far the face's own curves leave the rulings
     right: bool  # the material is on the left of the travel, the cutter on its right
     cone: Cone | None = None  # where G51 says it
-    remark: Said | None = None
+    remarks: tuple[Said, ...] = ()
     is_whole_box: bool = False  # more than the face is cut
+    base: RuledSurface | None = None  # the face's own surface, over the box about it
+    prolonged_mm: float = 0.0  # of rulings beyond the face
+    bridges: bool = False  # it leads over a hole
+    covers: Callable[[float, float], bool] | None = None  # whether a place (u, v) is cut; None: all are
+    stands: float = (
+        0.0  # share of the way with material beyond one end of the rulings and none beyond the other
+    )
 
     def turned(self) -> Strip:
         """The same, run the other way: the cutter comes to be on the other side."""
@@ -120,23 +133,58 @@ class NotRuled(TextError):
         self.off_ruled_mm = off_ruled_mm
 
 
-def strip(face: Face, within_mm: float, whole: bool = False) -> Strip:
-    """The strip of ``face``, its curves straight within ``within_mm``; raises NotRuled.
+@dataclass(frozen=True, slots=True)
+class How:
+    """What is wished of a face's strips.
 
-    ``whole``: a face whose outline does not follow rulings is cut as the whole box about it.
+    ``whole``: a face that is not cut as it is trimmed is cut as the whole box about it. ``prolong_mm``: so
+    far are rulings prolonged where no material is. ``other``: of two families of rulings, the other one.
     """
+
+    within_mm: float = 1e-3  # so far may its curves leave straight lines
+    whole: bool = False
+    prolong_mm: float = 0.0
+    other: bool = False
+
+
+def strips(face: Face, how: How) -> list[Strip]:
+    """The strips of ``face``, the largest first; several where other bodies cut it apart. Raises NotRuled."""
     try:
-        return _strip(face, within_mm, whole)
+        straight = [] if face.kind == "plane" else _straight(face, how.within_mm)
+        exposed = face.exposed()
+        if not exposed:
+            raise NotRuled(said("cad.covered"), 0.0)
+        if how.other and len(straight) < 2:
+            raise NotRuled(said("cad.one_family"), 0.0)
+        return _of_parts(exposed, straight, how)
     except Trimmed as error:
         raise NotRuled(error.said, 0.0) from None
 
 
-def _strip(face: Face, within_mm: float, whole: bool) -> Strip:
+def strip(face: Face, how: How = How()) -> Strip:
+    """The largest strip of ``face``; raises NotRuled."""
+    return strips(face, how)[0]
+
+
+def _of_parts(parts: Sequence[Face], straight: Sequence[bool], how: How) -> list[Strip]:
+    """Of what is exposed of a face, the largest part first; raises Trimmed where none of it can be cut."""
+    found: list[Strip] = []
+    reasons: list[Trimmed] = []
+    for part in sorted(parts, key=lambda one: -one.area_mm2):
+        try:
+            found += _strips(part, straight, how)
+        except Trimmed as error:
+            reasons.append(error)
+    if not found:
+        raise reasons[0]
+    covered = parts[0].covered
+    notes = [said("cad.covered_part", share=100.0 * covered)] if covered > 0.0 else []
+    return [replace(one, remarks=(*notes, *one.remarks)) for one in found]
+
+
+def _straight(face: Face, within_mm: float) -> list[bool]:
+    """Whether rulings run across u, and across v, the better first; raises NotRuled where neither does."""
     outline = Outline(face)
-    if face.kind == "plane" and (corners := outline.corners()) is not None:
-        return _quadrangle(face, outline, corners)
-    if face.kind == "plane":
-        return _plane(face, outline, whole)
     spline = face.spline(outline.box)
     found = [_Direction(face, face, spline, outline, along_u) for along_u in (True, False)]
     straight = [one for one in found if one.off_mm <= within_mm]
@@ -145,13 +193,30 @@ def _strip(face: Face, within_mm: float, whole: bool) -> Strip:
         raise NotRuled(said("cad.not_straight", off=_words(off)), off)
     # An exact ruling before a nearly straight one; the steeper of two, since tools stand rather than lie.
     straight.sort(key=lambda one: (one.off_mm > EXACT_MM, -one.steepness))
-    reasons = []
-    for one in straight:
+    return [one.along_u for one in straight]
+
+
+def _strips(face: Face, straight: Sequence[bool], how: How) -> list[Strip]:
+    """Of one part of a face; raises Trimmed."""
+    outline = Outline(face)
+    if face.kind == "plane":
+        corners = outline.corners() if how.prolong_mm <= 0.0 else None
+        return [_quadrangle(face, outline, corners)] if corners is not None else _plane(face, outline, how)
+    spline = face.spline(outline.box)
+    found: list[list[Strip]] = []
+    reasons: list[Trimmed] = []
+    for along_u in straight:
+        one = _Direction(face, face, spline, outline, along_u)
         try:
-            return _sound(one.strip(whole))
+            found.append([_sound(made) for made in one.strips(how)])
         except Trimmed as error:
-            reasons.append(error.said)
-    raise NotRuled(reasons[0], straight[0].off_mm)
+            reasons.append(error)
+    if not found:
+        raise reasons[0]
+    if len(found) == 1:
+        return found[0]
+    second = found[1][0].stands > found[0][0].stands + STANDS_MORE
+    return found[second is not how.other]
 
 
 def _sound(made: Strip) -> Strip:
@@ -177,19 +242,31 @@ def _quadrangle(face: Face, outline: Outline, corners: Array) -> Strip:
     return Strip(face, high, low, 0.0, bool(np.cross(down, travel) @ out > 0.0))
 
 
-def _plane(face: Face, outline: Outline, whole: bool) -> Strip:
-    """A plane face between two straight edges of one direction; raises Trimmed."""
-    for way in outline.straight():
+def _plane(face: Face, outline: Outline, how: How) -> list[Strip]:
+    """A plane face with any outline: rulings along its straight edges where they fill it.
+
+    Else those of its straight edges, up its slope or level that stand on most material. Raises Trimmed, also
+    where a level face would need that: it is a floor.
+    """
+    straight, up = outline.straight(), outline.steepest()
+    found: list[list[Strip]] = []
+    reasons: list[Trimmed] = []
+    for way in [*straight, *([] if up is None else [up, np.array([-up[1], up[0]])])]:
         turned = TurnedPlane(face, way)
+        one = _Direction(face, turned, None, Outline(turned), True)
         try:
-            return _sound(_Direction(face, turned, None, Outline(turned), True).strip(False))
-        except Trimmed:
+            made = [_sound(each) for each in one.strips(how)]
+        except Trimmed as error:
+            reasons.append(error)
             continue
-    if not whole:
-        raise Trimmed(said("cad.hole") if outline.has_hole else NOT_RULINGS)
-    spline = face.spline(outline.box)
-    found = [_Direction(face, face, spline, outline, along_u) for along_u in (True, False)]
-    return max(found, key=lambda one: one.steepness).strip(True)
+        if all(each.covers is None and each.prolonged_mm <= how.prolong_mm for each in made):
+            return made
+        found.append(made)
+    if up is None:
+        raise Trimmed(said("cad.level"))
+    if not found:
+        raise reasons[0]
+    return max(found, key=lambda made: (made[0].stands, -max(each.prolonged_mm for each in made)))
 
 
 def _line(start: Array, end: Array) -> Nurbs:
@@ -208,8 +285,20 @@ class _Direction:
         self.along, self.across = ((u0, u1), (v0, v1)) if along_u else ((v0, v1), (u0, u1))
         self.off_mm, self.steepness = self._straightness()
 
-    def point(self, a: float, b: float) -> Array:
+    def _at(self, a: float, b: float) -> Array:
         return self.seen.point(a, b) if self.along_u else self.seen.point(b, a)
+
+    def point(self, a: float, b: float) -> Array:
+        """(3,) mm; beyond the box on the straight line of the ruling."""
+        b0, b1 = self.across
+        if b0 <= b <= b1:
+            return self._at(a, b)
+        low, high = self._at(a, b0), self._at(a, b1)
+        return low + (b - b0) / (b1 - b0) * (high - low)
+
+    def is_buried(self, a: float, b: float) -> bool:
+        """Whether a place, prolonged or not, is inside of a body."""
+        return self.face.is_buried(self.point(a, b))
 
     def _breaks(self, along: bool) -> Array:
         """Where the surface itself may be less smooth, one way or the other, its ends among them."""
@@ -232,70 +321,99 @@ class _Direction:
             steep.append(abs(way[2]) / length)
         return off, float(np.mean(steep)) if steep else 0.0
 
-    def strip(self, whole: bool) -> Strip:
-        """Raises Trimmed and NoFit."""
-        low, high, remark, is_whole = self._directrices(whole)
+    def strips(self, how: How) -> list[Strip]:
+        """Raises Trimmed."""
+        if self.outline.is_box and self.spline is not None and how.prolong_mm <= 0.0:
+            return [self._strip(self.along, *self._edges(self.spline))]
+        try:
+            found = clips(self, self.outline.wires, 0 if self.along_u else 1, how.prolong_mm)
+        except Trimmed as trimmed:
+            if not how.whole:
+                raise
+            made = self._strip(self.along, *self._box())
+            return [replace(made, is_whole_box=True, remarks=(said("cad.whole_box", trimmed=trimmed.said),))]
+        return [self._clipped(one) for one in found]
+
+    def _clipped(self, clip: Clip) -> Strip:
+        """The strip of one chain of rulings; raises Trimmed."""
+        start, end = clip.along
+        knots = self._breaks(True)
+        try:
+            low, high = (self._fitted(bound, (start, end), knots) for bound in (clip.low, clip.high))
+        except NoFit as error:
+            raise Trimmed(error.said) from error
+        made = self._strip(clip.along, low, high)
+        return replace(
+            made,
+            remarks=tuple(_remarks(clip)),
+            base=RuledSurface(*(curve.spline for curve in self._box())),
+            prolonged_mm=clip.prolonged_mm,
+            bridges=clip.bridges,
+            covers=self._covers(clip) if clip.left_mm > 0.0 else None,
+        )
+
+    def _fitted(self, bound: Bound, along: tuple[float, float], knots: Array) -> Nurbs:
+        """One end of the rulings."""
+        start, end = along
+        places = np.concatenate([bound.corners, knots])
+        inner = places[(places > start) & (places < end)]
+        shares = _once(np.concatenate([[0.0, 1.0], (inner - start) / (end - start)]))
+
+        def points(share: Array) -> Array:
+            return np.array([self.point(a, bound(float(a))) for a in start + share * (end - start)])
+
+        return fit(points, shares)
+
+    def _covers(self, clip: Clip) -> Callable[[float, float], bool]:
+        (start, end), turn = clip.along, getattr(self.seen, "mapped", None)
+
+        def covers(u: float, v: float) -> bool:
+            u, v = turn(u, v) if turn else (u, v)
+            a, b = (u, v) if self.along_u else (v, u)
+            return start <= a <= end and clip.low(a) <= b <= clip.high(a)
+
+        return covers
+
+    def _strip(self, along: tuple[float, float], low: Nurbs, high: Nurbs) -> Strip:
+        """Between the low and the high ends of the rulings; raises Trimmed.
+
+        Lower is the end at which they stand on material, else that with the lower Z.
+        """
         share = np.linspace(0.02, 0.98, 25)
         way = high.at(share) - low.at(share)
         if float(np.linalg.norm(way, axis=1).max()) < LEVEL_MM:
             raise Trimmed(said("cad.no_length"))
         flipped = float(way[:, 2].mean()) < -1e-9 * float(np.linalg.norm(way, axis=1).mean())
+        stands = _stand(self.face, low, high) - _stand(self.face, high, low)
+        if abs(stands) > STANDS_MOSTLY:
+            flipped = stands < 0.0
         upper, lower = (low, high) if flipped else (high, low)
-        made = Strip(
-            self.face,
-            upper,
-            lower,
-            self.off_mm,
-            self._right(flipped),
-            self._cone(lower, upper),
-            remark,
-            is_whole,
-        )
-        stands = np.linalg.norm(made.lower.points - made.lower.points[0], axis=1).max() < LEVEL_MM
-        if stands:
+        right, cone = self._right(flipped, along), self._cone(lower, upper)
+        made = Strip(self.face, upper, lower, self.off_mm, right, cone, stands=abs(stands))
+        if np.linalg.norm(made.lower.points - made.lower.points[0], axis=1).max() < LEVEL_MM:
             raise Trimmed(said("cad.lower_point"))
         return made
 
-    def _directrices(self, whole: bool) -> tuple[Nurbs, Nurbs, Said | None, bool]:
-        """Curves at the low and the high end of the rulings, what is told of them, whether it is a box."""
-        if self.outline.is_box and self.spline is not None:
-            return (*self._edges(self.spline), None, False)
-        try:
-            sides = self.outline.sides(self.along_u)
-        except Trimmed as trimmed:
-            if not whole or self.spline is None:
-                raise
-            return (*self._edges(self.spline), said("cad.whole_box", trimmed=trimmed), True)
-        corners = _once(np.concatenate([sides[0].corners, sides[1].corners, self._knots()]))
-        try:
-            low, high = (fit(partial(self._points, side), corners) for side in sides)
-        except NoFit as error:  # an edge that runs into a ruling at its end
-            raise Trimmed(NOT_RULINGS) from error
-        return low, high, FITTED, False
-
-    def _points(self, side: Side, share: Array) -> Array:
-        """Points (N, 3) of one end of the rulings."""
-        a = self.along[0] + share * (self.along[1] - self.along[0])
-        return np.array([self.point(x, y) for x, y in zip(a, side(share), strict=True)])
-
-    def _knots(self) -> Array:
-        """The same along the way, as shares."""
-        knots = self._breaks(True)
-        return np.asarray((knots - knots[0]) / (knots[-1] - knots[0]))
+    def _box(self) -> tuple[Nurbs, Nurbs]:
+        """The ends of the rulings of the whole box about the face."""
+        if self.spline is not None:
+            return self._edges(self.spline)
+        corners = [[self.point(a, b) for a in self.along] for b in self.across]
+        return _line(*corners[0]), _line(*corners[1])
 
     def _edges(self, spline: Spline) -> tuple[Nurbs, Nurbs]:
         ends = spline.box[2:] if self.along_u else spline.box[:2]
         low, high = (spline.edge(self.along_u, at).written() for at in ends)
         return low, high
 
-    def _right(self, flipped: bool) -> bool:
+    def _right(self, flipped: bool, along: tuple[float, float]) -> bool:
         """Whether Eq. 5's normal, right of the travel, points out of the material."""
         share = np.linspace(0.05, 0.95, 7)
         b = 0.5 * (self.across[0] + self.across[1])
         total = 0.0
         for s in share:
-            a = self.along[0] + s * (self.along[1] - self.along[0])
-            h = 1e-4 * (self.along[1] - self.along[0])
+            a = along[0] + s * (along[1] - along[0])
+            h = 1e-4 * (along[1] - along[0])
             travel = self.point(a + h, b) - self.point(a - h, b)
             down = self.point(a, self.across[0]) - self.point(a, self.across[1])
             normal = np.cross(-down if flipped else down, travel)
@@ -320,11 +438,35 @@ class _Direction:
         return Cone(start, (x, y, low), float(tops[0, 2]) - low, radius if radius > 1e-7 else 0.0, sweep)
 
 
+def _stand(face: Face, at: Nurbs, other: Nurbs) -> float:
+    """The share of the way with material beyond one end of the rulings; 0 of a face without a body."""
+    share = (np.arange(STANDS) + 0.5) / STANDS
+    ends = at.at(share)
+    way = ends - other.at(share)
+    size = np.linalg.norm(way, axis=1)[:, None]
+    steps = STANDS_MM[:, None, None] * way / np.maximum(size, LEVEL_MM)
+    buried = [any(face.is_buried(point) for point in row) for row in np.swapaxes(ends + steps, 0, 1)]
+    return sum(buried) / STANDS
+
+
+def _remarks(clip: Clip) -> list[Said]:
+    """What a chain does beside the outline of its face."""
+    found = [FITTED]
+    if clip.bridges:
+        found.append(said("cad.bridged"))
+    if clip.prolonged_mm > EXACT_MM:
+        found.append(said("cad.prolonged", by=_words(clip.prolonged_mm)))
+    if clip.left_mm > EXACT_MM:
+        found.append(said("cad.left", by=_words(clip.left_mm)))
+    return found
+
+
 def _once(shares: Array) -> Array:
-    """Sorted; those that rounding alone tells apart are one: both sides of a regular part have the same."""
+    """Sorted, from 0 to 1; those nearer than ``SAME_SHARE`` are one."""
     found: Array = np.unique(shares)
-    kept: Array = found[np.concatenate([[True], np.diff(found) > SAME_SHARE])]
-    return kept
+    inner = found[(found > SAME_SHARE) & (found < 1.0 - SAME_SHARE)]
+    apart = inner[np.concatenate([[True], np.diff(inner) > SAME_SHARE])] if len(inner) else inner
+    return np.concatenate([[0.0], apart, [1.0]])
 
 
 def _between(knots: Array, least: int) -> Array:

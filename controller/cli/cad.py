@@ -27,7 +27,7 @@ if TYPE_CHECKING:  # OpenCASCADE takes its time to load, and is an extra
     from controller.cad.deviation import Deviation
     from controller.cad.kernel import Face, Part
     from controller.cad.program import Written
-    from controller.cad.strip import Strip
+    from controller.cad.strip import How, Strip
     from controller.cli.cad_tables import Seen
 
 Argument = Annotated[Path, typer.Argument()]
@@ -45,6 +45,8 @@ Placement = Annotated[Literal["single", "double", "optimal", "machine"], typer.O
 OtherSide = Annotated[str, typer.Option("--other-side")]
 Tolerance = Annotated[float, typer.Option("--tolerance")]
 Whole = Annotated[bool, typer.Option("--whole")]
+Prolong = Annotated[float, typer.Option("--prolong")]
+OtherRulings = Annotated[str, typer.Option("--other-rulings")]
 Move = Annotated[str, typer.Option("--move")]
 Turn = Annotated[str, typer.Option("--turn")]
 Json = Annotated[bool, typer.Option("--json")]
@@ -74,6 +76,8 @@ def import_(
     other_side: OtherSide = "",
     tolerance: Tolerance = 0.001,
     whole: Whole = False,
+    prolong: Prolong = 0.0,
+    other_rulings: OtherRulings = "",
     move: Move = "",
     turn: Turn = "",
     as_json: Json = False,
@@ -85,6 +89,8 @@ def import_(
         for name, value in (("--feed", feed), ("--spindle", spindle), ("--tolerance", tolerance)):
             if not 0.0 < value < math.inf:
                 raise Refused(say("cli.not_above_0", name=name, value=value))
+        if not 0.0 <= prolong < math.inf:
+            raise Refused(say("cli.not_below_0", name="--prolong", value=prolong))
         if plot is not None and not only_list:
             raise Refused(say("cli.import.plot", plot=plot))
         plot = None if plot is None else _target(plot, overwrite, "--plot")
@@ -92,17 +98,24 @@ def import_(
         target = None if only_list else _target(out or file.with_suffix(".ngc"), overwrite)
         part = _part(file, placed)
         from controller.cad import program
+        from controller.cad.strip import How
         from controller.cli import cad_tables
 
         numbers = _numbers("--faces", faces, part) if faces else []
-        seen = _seen(part, tolerance, whole, numbers, as_json)
+        how = How(tolerance, whole, prolong)
+        seen = _seen(part, how, numbers, _numbers("--other-rulings", other_rulings, part), as_json)
         if plot is not None:
             _save(plot, cad_tables.picture_of(seen))
         if target is None:
             cad_tables.faces(file, part, seen, as_json)
             return
         turned = _numbers("--other-side", other_side, part)
-        strips = [_cuttable(one, file, one.face.number in turned) for one in seen if numbers or one.strip]
+        strips = [
+            strip
+            for one in seen
+            if numbers or one.strips
+            for strip in _cuttable(one, file, one.face.number in turned)
+        ]
         if not strips:
             raise Refused(say("cli.import.no_face", file=file))
         cutter = _tool(made, tool, strips)
@@ -190,15 +203,18 @@ def _part(file: Path, placed: Frame) -> Part:
         raise Refused(say("cli.import.unreadable", file=file, why=error)) from error
 
 
-def _seen(part: Part, within_mm: float, whole: bool, numbers: Sequence[int], quiet: bool) -> list[Seen]:
-    """The faces with these numbers in this order; without numbers all of them."""
+def _seen(part: Part, how: How, numbers: Sequence[int], others: Sequence[int], quiet: bool) -> list[Seen]:
+    """The faces with these numbers in this order; without numbers all of them.
+
+    ``others``: numbers of those that are cut along the other of their two families of rulings.
+    """
     faces = [part.faces[n - 1] for n in numbers] or part.faces
     from controller.cad import picture
 
     fine_mm, found = picture.fine([points for points in map(_edge_points, part.faces) if len(points)]), []
     with bar(say("cli.import.looking"), quiet) as progress:
         for i, face in enumerate(faces):
-            found.append(_look(face, within_mm, whole, fine_mm))
+            found.append(_look(face, replace(how, other=face.number in others), fine_mm))
             progress((i + 1) / len(faces))
     return found
 
@@ -216,33 +232,34 @@ def _edge_points(face: Face) -> Array:
         return np.zeros((0, 3))
 
 
-def _look(face: Face, within_mm: float, whole: bool, fine_mm: float) -> Seen:
+def _look(face: Face, how: How, fine_mm: float) -> Seen:
     import numpy as np
 
     from controller.cad.curve import NoFit
     from controller.cad.kernel import Failure, failures
-    from controller.cad.strip import NotRuled, strip
+    from controller.cad.strip import NotRuled, strips
     from controller.cli.cad_tables import Seen
 
     shape = np.zeros((0, 3, 3))
     try:
         with failures():
             shape = face.triangles(fine_mm)
-            made = strip(face, within_mm, whole)
+            made = strips(face, how)
     except NotRuled as error:
-        return Seen(face, None, error.said, error.off_ruled_mm, shape)
+        return Seen(face, (), error.said, error.off_ruled_mm, shape)
     except Failure as error:
-        return Seen(face, None, said("cli.import.not_evaluated", why=error), math.inf, shape)
+        return Seen(face, (), said("cli.import.not_evaluated", why=error), math.inf, shape)
     except (NoFit, ArithmeticError, ValueError) as error:  # degenerate numbers in the file
-        return Seen(face, None, said("cli.import.no_curves", why=error), math.inf, shape)
-    return Seen(face, made, None, made.off_ruled_mm, shape)
+        return Seen(face, (), said("cli.import.no_curves", why=error), math.inf, shape)
+    return Seen(face, tuple(made), None, made[0].off_ruled_mm, shape)
 
 
-def _cuttable(one: Seen, file: Path, other_side: bool) -> Strip:
-    if one.strip is None:
+def _cuttable(one: Seen, file: Path, other_side: bool) -> list[Strip]:
+    """The strips of a face; raises Refused where it has none."""
+    if not one.strips:
         face = {"number": one.face.number, "kind": one.face.kind}
         raise Refused(say("cli.import.not_cut", file=file, why=one.reason, **face))
-    return replace(one.strip, right=not one.strip.right) if other_side else one.strip
+    return [replace(strip, right=strip.right is not other_side) for strip in one.strips]
 
 
 def _tool(machine: Machine, number: int, strips: Sequence[Strip]) -> Tool:
@@ -277,7 +294,7 @@ def _deviations(written: Written, name: str, machine: Machine) -> list[Deviation
     for one, surface in zip(written.strips, read, strict=True):
         try:
             with failures():
-                found.append(deviation(one.face, surface, one.is_whole_box))
+                found.append(deviation(one, surface))
         except Failure as error:
             raise Refused(say("cli.import.not_compared", number=one.face.number, why=error)) from error
     return found

@@ -30,10 +30,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Seen:
-    """One face: its strip, or why it has none."""
+    """One face: its strips, the largest first, or why it has none."""
 
     face: Face
-    strip: Strip | None
+    strips: tuple[Strip, ...]
     reason: Said | None
     off_ruled_mm: float
     triangles: Array  # of the face, (N, 3, 3) mm
@@ -50,16 +50,19 @@ class Seen:
             "cut_as": None,
             "why_not": messages.text(self.reason, spoken.get()) or None,
         }
-        if self.strip is None:
+        if not self.strips:
             return facts
-        length, height = self.strip.size()
+        first = self.strips[0]
+        length, height = first.size()
         return facts | {
-            "cut_as": words.code(self.strip),
+            "cut_as": words.code(first),
             "length_mm": length,
             "height_mm": height,
-            "concave_radius_mm": _finite(self.strip.concave_mm()),
-            "twist_deg": math.degrees(self.strip.twist_rad()),
-            "remark": messages.text(self.strip.remark, spoken.get()) or None,
+            "concave_radius_mm": _finite(first.concave_mm()),
+            "twist_deg": math.degrees(first.twist_rad()),
+            "prolonged_mm": first.prolonged_mm,
+            "pieces": len(self.strips),
+            "remark": _remarks(first),
         }
 
 
@@ -67,6 +70,10 @@ def _rounded(place: Array) -> list[float] | None:
     """None of a face that could not be drawn."""
     values = [round(float(x), 6) for x in place]
     return values if all(map(math.isfinite, values)) else None
+
+
+def _remarks(strip: Strip) -> str | None:
+    return "; ".join(messages.text(one, spoken.get()) for one in strip.remarks) or None
 
 
 def _finite(value: float) -> float | None:
@@ -115,7 +122,7 @@ def picture_of(seen: Sequence[Seen]) -> str:
     """Of all faces, as SVG."""
     return picture.drawn(
         [
-            picture.Shown(one.face.number, one.triangles, one.strip is not None)
+            picture.Shown(one.face.number, one.triangles, bool(one.strips))
             for one in seen
             if len(one.triangles)
         ]
@@ -146,7 +153,7 @@ def written(
             "cut_as": words.code(strip),
             "to_face_mm": one.to_face_mm,
             "to_written_mm": one.to_written_mm,
-            "remark": messages.text(strip.remark, spoken.get()) or None,
+            "remark": _remarks(strip),
         }
         for strip, one in zip(made.strips, found, strict=True)
     ]

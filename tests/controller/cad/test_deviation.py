@@ -113,7 +113,7 @@ def test_a_deviation_that_was_put_in_is_found(tmp_path: Path) -> None:
     made = one_strip(blade(5), tmp_path)
     bent = replace(made.lower, points=made.lower.points + np.array((0.0, 0.004, 0.0)))
     read = Strip(made.face, made.upper, bent, 0.0, made.right).surface
-    found = deviation(made.face, read)
+    found = deviation(made, read)
     assert 2e-3 < found.to_face_mm < 4.1e-3
     assert 2e-3 < found.to_written_mm < 4.1e-3
 
@@ -121,6 +121,6 @@ def test_a_deviation_that_was_put_in_is_found(tmp_path: Path) -> None:
 def test_a_surface_that_is_too_short_is_found_from_the_other_side(tmp_path: Path) -> None:
     made = one_strip(parts.extruded(parts.curve(4, CUBIC), (0, 0, 12)), tmp_path)
     short = replace(made.upper, points=made.upper.points - np.array((0.0, 0.0, 0.5)))
-    found = deviation(made.face, Strip(made.face, short, made.lower, 0.0, made.right).surface)
+    found = deviation(made, Strip(made.face, short, made.lower, 0.0, made.right).surface)
     assert found.to_face_mm < 1e-6
     assert found.to_written_mm == pytest.approx(0.5, abs=1e-6)

@@ -14,7 +14,7 @@ from OCP.BRepPrimAPI import (
     BRepPrimAPI_MakeCone,
 )
 from support.parts import cad_parts as parts
-from support.parts.cad_cases import ABOVE, CUBIC, HALF_TURN, WITHIN_MM, off, one_strip
+from support.parts.cad_cases import ABOVE, CUBIC, HALF_TURN, off, one_strip
 
 from controller.cad import kernel
 from controller.cad.strip import strip
@@ -43,7 +43,7 @@ def test_a_face_written_by_hand_is_read_as_the_standard_says_it(tmp_path: Path) 
     file = tmp_path / "hand.step"
     file.write_text(step_text.ruled_face(CUBIC, ABOVE))
     (face,) = kernel.read(file).faces
-    made = strip(face, WITHIN_MM)
+    made = strip(face)
     assert not face.in_solid
     assert np.abs(np.array(sorted(made.lower.points.tolist())) - np.array(sorted(CUBIC))).max() < 1e-12
     assert off(made) < 1e-8

@@ -17,7 +17,7 @@ from OCP.BRepPrimAPI import (
     BRepPrimAPI_MakeCylinder,
 )
 from support.parts import cad_parts as parts
-from support.parts.cad_cases import WITHIN_MM, blade, faces, one_strip
+from support.parts.cad_cases import blade, faces, one_strip
 
 from controller.cad import program
 from controller.cad.strip import NotRuled, strip
@@ -28,7 +28,7 @@ def test_the_sides_of_a_prism_make_one_row_round_it(tmp_path: Path) -> None:
     sides = []
     for face in faces(parts.polygon_prism(corners, (0, 0, 10)), tmp_path):
         try:
-            sides.append(strip(face, WITHIN_MM))
+            sides.append(strip(face))
         except NotRuled:
             assert face.kind == "plane"
     assert len(sides) == 5
@@ -41,7 +41,7 @@ def test_the_cutter_is_outside_of_a_boss_and_inside_of_a_bore(tmp_path: Path) ->
     block = BRepPrimAPI_MakeBox(40.0, 40.0, 10.0).Shape()
     bore = parts.moved(BRepPrimAPI_MakeCylinder(8.0, 30.0).Shape(), (20, 20, -5))
     found = [
-        strip(face, WITHIN_MM)
+        strip(face)
         for face in faces(BRepAlgoAPI_Cut(block, bore).Shape(), tmp_path)
         if face.kind == "cylinder"
     ]

@@ -11,13 +11,11 @@ from support.parts import cad_parts as parts
 
 from controller.cad import kernel, program
 from controller.cad.deviation import deviation, surfaces
-from controller.cad.strip import NotRuled, Strip, strip
+from controller.cad.strip import Strip, strip
 from controller.geometry.surfaces import Surface
 from controller.geometry.vectors import Frame
 from controller.machine.machine_file import load
 from controller.program import blocks
-
-WITHIN_MM = 1e-3
 
 HALF_TURN = math.pi
 
@@ -33,15 +31,9 @@ def faces(shape: Any, folder: Path, unit: str = "MM", placed: Frame | None = Non
 
 
 def one_strip(shape: Any, folder: Path, **how: Any) -> Strip:
-    """Of the only face that can be cut."""
-    found = []
-    for face in faces(shape, folder, **how):
-        try:
-            found.append(strip(face, WITHIN_MM))
-        except NotRuled:
-            continue
-    (made,) = found
-    return made
+    """Of the only face that is not plane."""
+    (face,) = [face for face in faces(shape, folder, **how) if face.kind != "plane"]
+    return strip(face)
 
 
 def written(made: Strip) -> Surface:
@@ -55,7 +47,7 @@ def written(made: Strip) -> Surface:
 
 def off(made: Strip) -> float:
     """Largest distance of the written surface and the face, both ways, mm."""
-    return deviation(made.face, written(made)).largest_mm
+    return deviation(made, written(made)).largest_mm
 
 
 def blade(seed: int, rational: bool = False, across: int = 2) -> Any:

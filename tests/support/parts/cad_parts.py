@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from OCP.BRep import BRep_Builder
+from OCP.BRepAdaptor import BRepAdaptor_Curve
 from OCP.BRepBuilderAPI import (
     BRepBuilderAPI_MakeEdge,
     BRepBuilderAPI_MakeFace,
@@ -122,6 +123,13 @@ def moved(shape: Any, by: Sequence[float], axis: Sequence[float] = (0, 0, 1), an
     turn.SetRotation(gp_Ax1(gp_Pnt(0.0, 0.0, 0.0), gp_Dir(*map(float, axis))), angle_rad)
     move.SetTranslation(gp_Vec(*map(float, by)))
     return BRepBuilderAPI_Transform(shape, move.Multiplied(turn), True).Shape()
+
+
+def middle_of(made: Any) -> Array:
+    """The point (3,) half-way along an edge."""
+    along = BRepAdaptor_Curve(made)
+    at = along.Value(0.5 * (along.FirstParameter() + along.LastParameter()))
+    return np.array([at.X(), at.Y(), at.Z()])
 
 
 def _points(points: Points) -> Any:
