@@ -67,8 +67,9 @@ class End:
         parts: Sequence[tuple[float, float, Arc]],
         sign: float,
         prolong_mm: float,
+        clear_mm: float,
     ) -> None:
-        self._face, self._scale, self._sign = face, scale, sign
+        self._face, self._scale, self._sign, self._clear_mm = face, scale, sign, clear_mm
         self.wished_mm = self.prolonged_mm = self.left_mm = 0.0
         self._parts = [(a, b, self._prolonged(arc, (a, b), prolong_mm)) for a, b, arc in self._merged(parts)]
 
@@ -113,7 +114,7 @@ class End:
             for k, at in more:
                 nodes[k] = np.unique(np.append(nodes[k], at))
         floor = self._floor(a, f, outer, piece)
-        end = -self._outer(a, -floor, STEEPEST_AT_MATERIAL) if np.any(floor > outer) else outer
+        end = self._over(a, floor) if np.any(floor > outer) else outer
         per = np.array([self._scale.at(x) for x in a])
         self.prolonged_mm = self.wished_mm + float(((f - end) * per).max(initial=0.0))
         self.left_mm = float(((end - f) * per).max(initial=0.0))
@@ -136,6 +137,23 @@ class End:
         for k in range(len(a) - 2, -1, -1):
             found[k] = min(found[k], found[k + 1] + step[k])
         return found
+
+    def _over(self, a: Array, floor: Array) -> Array:
+        """The lowest function above ``floor`` that is nowhere steeper than material allows.
+
+        Beside a step it stays on the upper level for as long as the cutter is thick.
+        """
+        found = -self._outer(a, -floor, STEEPEST_AT_MATERIAL)
+        falls = found > floor + 1e-12 * (1.0 + np.abs(floor))
+        held, width = floor.copy(), self._clear_mm / self._scale.mm_a
+        for k in np.flatnonzero(~falls):
+            if k + 1 < len(a) and falls[k + 1]:
+                beside = (a >= a[k]) & (a <= a[k] + width)
+                held[beside] = np.maximum(held[beside], floor[k])
+            if k > 0 and falls[k - 1]:
+                beside = (a <= a[k]) & (a >= a[k] - width)
+                held[beside] = np.maximum(held[beside], floor[k])
+        return -self._outer(a, -held, STEEPEST_AT_MATERIAL)
 
     def _transitions(self, a: Array, f: Array, outer: Array, piece: Array) -> list[tuple[int, float]]:
         """(part, a) at which the bound leaves its arc on a tangent, or comes back to it."""

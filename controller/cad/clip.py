@@ -46,10 +46,13 @@ class _Cell:
     bridges: bool = False
 
 
-def clips(face: Ruled, wires: Sequence[Sequence[CurveOfPlane]], column: int, prolong_mm: float) -> list[Clip]:
+def clips(
+    face: Ruled, wires: Sequence[Sequence[CurveOfPlane]], column: int, prolong_mm: float, clear_mm: float
+) -> list[Clip]:
     """The chains of a face, the largest first; raises Trimmed where one would leave material in its middle.
 
-    ``prolong_mm``: so far are rulings prolonged at both ends, where no material is.
+    ``prolong_mm``: so far are rulings prolonged at both ends, where no material is. ``clear_mm``: so far
+    keeps their end from a step in the material beyond it, the radius of the cutter.
     """
     scale = Scale(face)
     arcs, stands = arcs_of(wires, column, scale)
@@ -60,7 +63,7 @@ def clips(face: Ruled, wires: Sequence[Sequence[CurveOfPlane]], column: int, pro
     if not found:
         raise Trimmed(said("cad.no_length"))
     thin = _audit(found, left, slabs, face, scale)
-    return [_clip(face, chain, slabs, scale, prolong_mm, thin) for chain in found]
+    return [_clip(face, chain, slabs, scale, (prolong_mm, clear_mm), thin) for chain in found]
 
 
 # ---- cells ---------------------------------------------------------------------------
@@ -199,12 +202,12 @@ def _clip(
     chain: Sequence[_Cell],
     slabs: Sequence[tuple[float, float]],
     scale: Scale,
-    prolong_mm: float,
+    wished: tuple[float, float],
     left_mm: float,
 ) -> Clip:
     parts = [(*slabs[cell.slab], cell) for cell in chain]
-    low = End(face, scale, [(a, b, cell.low) for a, b, cell in parts], 1.0, prolong_mm)
-    high = End(face, scale, [(a, b, cell.high) for a, b, cell in parts], -1.0, prolong_mm)
+    low = End(face, scale, [(a, b, cell.low) for a, b, cell in parts], 1.0, *wished)
+    high = End(face, scale, [(a, b, cell.high) for a, b, cell in parts], -1.0, *wished)
     made = low.bound(), high.bound()
     along = parts[0][0], parts[-1][1]
     along, made, more, dropped = long_enough(face, scale, along, made, (low, high))

@@ -21,7 +21,8 @@ Shape = Callable[[Array], Array]  # shares (N,) from 0 to 1 -> points (N, 3)
 
 SAME_WEIGHT = 1e-12
 FIT_MM = 5e-5  # a fitted curve is this near to what it stands for
-FIRST_SPANS, MAX_SPANS = 4, 512
+DEGREE = 5  # of a fitted curve: one that is smooth to the fourth derivative is one part for the controller
+FIRST_SPANS, MAX_SPANS = 6, 512
 SLOW = 4  # halvings one after the other that gain little, and a shape is taken not to be smooth
 BETWEEN = np.array([0.07, 0.23, 0.5, 0.77, 0.93])  # where a fit is looked at, shares of a span
 
@@ -110,7 +111,7 @@ class _Rational:
 
 
 def fit(shape: Shape, corners: Sequence[float] | Array = (0.0, 1.0), within_mm: float = FIT_MM) -> Nurbs:
-    """A cubic B-spline at the same parameter, within ``within_mm`` of ``shape``; kinks only at ``corners``.
+    """A B-spline at the same parameter, within ``within_mm`` of ``shape``; kinks only at ``corners``.
 
     Spans that are not near enough between their knots are halved until they are. Raises NoFit.
     """
@@ -120,10 +121,10 @@ def fit(shape: Shape, corners: Sequence[float] | Array = (0.0, 1.0), within_mm: 
 def _part(shape: Shape, a: float, b: float, within_mm: float) -> Nurbs:
     share, before, slow = np.linspace(a, b, FIRST_SPANS + 1), math.inf, 0
     while len(share) <= MAX_SPANS and slow < SLOW:
-        made = make_interp_spline(share, shape(share), k=3)  # not a knot
+        made = make_interp_spline(share, shape(share), k=DEGREE)  # not a knot
         off = _errors(shape, made, share)
         if off.max() <= within_mm:
-            return Nurbs(4, np.asarray(made.t), np.asarray(made.c), np.ones(len(made.c)))
+            return Nurbs(DEGREE + 1, np.asarray(made.t), np.asarray(made.c), np.ones(len(made.c)))
         slow = slow + 1 if off.max() > 0.7 * before else 0
         before = float(off.max())
         halved = 0.5 * (share[:-1] + share[1:])[off > within_mm]
@@ -136,10 +137,10 @@ def _joined(parts: Sequence[Nurbs]) -> Nurbs:
     knots, points = [parts[0].knots], [parts[0].points]
     for part in parts[1:]:
         knots[-1] = knots[-1][:-1]  # at a kink a knot stands as often as the degree
-        knots.append(part.knots[4:])
+        knots.append(part.knots[DEGREE + 1 :])
         points.append(part.points[1:])
     rows = np.concatenate(points)
-    return Nurbs(4, np.concatenate(knots), rows, np.ones(len(rows)))
+    return Nurbs(DEGREE + 1, np.concatenate(knots), rows, np.ones(len(rows)))
 
 
 def _errors(shape: Shape, made: Shape, share: Array) -> Array:

@@ -318,14 +318,16 @@ class Spline:
         """Its curve at constant v (``along_u``) or at constant u."""
         return _nurbs(self._made.VIso(at) if along_u else self._made.UIso(at))
 
-    def knots(self, along_u: bool) -> Array:
-        """The distinct knots in one direction."""
-        count, knot = (
-            (self._made.NbUKnots(), self._made.UKnot)
+    def knots(self, along_u: bool, kinks: bool = False) -> Array:
+        """The distinct knots in one direction; with ``kinks`` only those with a kink, and its ends."""
+        made = self._made
+        count, knot, times, degree = (
+            (made.NbUKnots(), made.UKnot, made.UMultiplicity, made.UDegree())
             if along_u
-            else (self._made.NbVKnots(), self._made.VKnot)
+            else (made.NbVKnots(), made.VKnot, made.VMultiplicity, made.VDegree())
         )
-        return np.array([knot(i + 1) for i in range(count)])
+        kept = [i for i in range(1, count + 1) if not kinks or i in (1, count) or times(i) >= degree]
+        return np.array([knot(i) for i in kept])
 
 
 class Part:

@@ -34,7 +34,8 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 EXACT_MM = 1e-6  # rulings straighter than this are straight
-SAME_SHARE = 1e-6  # of the way along: corners that are nearer are one
+KINK_SHARE, KINK_RAD = 1e-5, 2e-3  # a curve that turns by more over so little of it has a kink there
+SAME_SHARE = 1e-5  # of the way along: corners that are nearer are one
 STANDS = 12  # rulings that are asked what is beyond their ends,
 STANDS_MM = np.array([0.1, 0.5])  # in these distances
 STANDS_MORE, STANDS_MOSTLY = 0.1, 0.5  # shares of the way: rulings that stand on something before others
@@ -138,12 +139,14 @@ class How:
     """What is wished of a face's strips.
 
     ``whole``: a face that is not cut as it is trimmed is cut as the whole box about it. ``prolong_mm``: so
-    far are rulings prolonged where no material is. ``other``: of two families of rulings, the other one.
+    far are rulings prolonged where no material is. ``clear_mm``: the radius of the cutter, for which steps in
+    the material under it are kept clear of. ``other``: of two families of rulings, the other one.
     """
 
     within_mm: float = 1e-3  # so far may its curves leave straight lines
     whole: bool = False
     prolong_mm: float = 0.0
+    clear_mm: float = 3.0
     other: bool = False
 
 
@@ -326,7 +329,7 @@ class _Direction:
         if self.outline.is_box and self.spline is not None and how.prolong_mm <= 0.0:
             return [self._strip(self.along, *self._edges(self.spline))]
         try:
-            found = clips(self, self.outline.wires, 0 if self.along_u else 1, how.prolong_mm)
+            found = clips(self, self.outline.wires, 0 if self.along_u else 1, how.prolong_mm, how.clear_mm)
         except Trimmed as trimmed:
             if not how.whole:
                 raise
@@ -336,10 +339,8 @@ class _Direction:
 
     def _clipped(self, clip: Clip) -> Strip:
         """The strip of one chain of rulings; raises Trimmed."""
-        start, end = clip.along
-        knots = self._breaks(True)
         try:
-            low, high = (self._fitted(bound, (start, end), knots) for bound in (clip.low, clip.high))
+            low, high = (self._fitted(bound, clip.along) for bound in (clip.low, clip.high))
         except NoFit as error:
             raise Trimmed(error.said) from error
         made = self._strip(clip.along, low, high)
@@ -352,17 +353,18 @@ class _Direction:
             covers=self._covers(clip) if clip.left_mm > 0.0 else None,
         )
 
-    def _fitted(self, bound: Bound, along: tuple[float, float], knots: Array) -> Nurbs:
-        """One end of the rulings."""
+    def _fitted(self, bound: Bound, along: tuple[float, float]) -> Nurbs:
+        """One end of the rulings, with corners only where it has kinks."""
         start, end = along
-        places = np.concatenate([bound.corners, knots])
-        inner = places[(places > start) & (places < end)]
-        shares = _once(np.concatenate([[0.0, 1.0], (inner - start) / (end - start)]))
 
         def points(share: Array) -> Array:
             return np.array([self.point(a, bound(float(a))) for a in start + share * (end - start)])
 
-        return fit(points, shares)
+        own = np.array([]) if self.spline is None else self.spline.knots(self.along_u, kinks=True)
+        places = np.concatenate([bound.corners, own])
+        shares = _once((places[(places > start) & (places < end)] - start) / (end - start))
+        kinks = [share for share in shares[1:-1] if _turn_rad(points, share) > KINK_RAD]
+        return fit(points, np.array([0.0, *kinks, 1.0]))
 
     def _covers(self, clip: Clip) -> Callable[[float, float], bool]:
         (start, end), turn = clip.along, getattr(self.seen, "mapped", None)
@@ -459,6 +461,13 @@ def _remarks(clip: Clip) -> list[Said]:
     if clip.left_mm > EXACT_MM:
         found.append(said("cad.left", by=_words(clip.left_mm)))
     return found
+
+
+def _turn_rad(points: Callable[[Array], Array], share: float) -> float:
+    """By how much a curve turns at a share of it."""
+    before, at, after = points(share + KINK_SHARE * np.array([-1.0, 0.0, 1.0]))
+    one, other = at - before, after - at
+    return math.atan2(float(np.linalg.norm(np.cross(one, other))), float(one @ other))
 
 
 def _once(shares: Array) -> Array:

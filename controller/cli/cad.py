@@ -102,7 +102,7 @@ def import_(
         from controller.cli import cad_tables
 
         numbers = _numbers("--faces", faces, part) if faces else []
-        how = How(tolerance, whole, prolong)
+        how = How(tolerance, whole, prolong, _thickest_mm(made, tool))
         seen = _seen(part, how, numbers, _numbers("--other-rulings", other_rulings, part), as_json)
         if plot is not None:
             _save(plot, cad_tables.picture_of(seen))
@@ -260,6 +260,11 @@ def _cuttable(one: Seen, file: Path, other_side: bool) -> list[Strip]:
         face = {"number": one.face.number, "kind": one.face.kind}
         raise Refused(say("cli.import.not_cut", file=file, why=one.reason, **face))
     return [replace(strip, right=strip.right is not other_side) for strip in one.strips]
+
+
+def _thickest_mm(machine: Machine, number: int) -> float:
+    """The radius of the tool that is asked for, or of the thickest."""
+    return max((one.radius_mm for one in machine.tools if number in (0, one.number)), default=0.0)
 
 
 def _tool(machine: Machine, number: int, strips: Sequence[Strip]) -> Tool:
