@@ -26,6 +26,9 @@ from OCP.BRepExtrema import BRepExtrema_DistShapeShape
 from OCP.BRepGProp import BRepGProp
 from OCP.BRepMesh import BRepMesh_IncrementalMesh
 from OCP.BRepTools import BRepTools_WireExplorer
+from OCP.collections import (
+    IndexedDataMap_TopoDS_Shape_List_TopoDS_Shape_TopTools_ShapeMapHasher as EdgesOfFaces,
+)
 from OCP.collections import IndexedMap_TopoDS_Shape_TopTools_ShapeMapHasher as ShapeMap
 from OCP.collections import List_TopoDS_Shape as Shapes
 from OCP.collections import Sequence_TCollection_AsciiString as Names
@@ -178,6 +181,11 @@ class Face:
         self._surface.D1(u, v, at, along, across)
         return self.sign * np.cross(_three(along), _three(across))
 
+    def normal_at(self, point: Array) -> Array:
+        """The normal out of the material at the place of its surface that is nearest to a point (3,)."""
+        foot = self._projector.ValueOfUV(gp_Pnt(*map(float, point)), 1e-6)
+        return self.outward(foot.X(), foot.Y())
+
     def outlines(self) -> list[list[Edge]]:
         """Its wires, each as its edges in turn."""
         wires = TopExp_Explorer(self._face, TopAbs_ShapeEnum.TopAbs_WIRE)
@@ -201,6 +209,16 @@ class Face:
             ends = curve.FirstParameter(), curve.LastParameter()
             rows += [_three(curve.Value(t)) for t in np.linspace(*ends, per_edge)]
         return np.array(rows).reshape(-1, 3)
+
+    def samples(self) -> tuple[Array, Array]:
+        """Places inside of its outline, (N, 3) mm, and the unit normals there."""
+        shares = (np.arange(5) + 0.5) / 5
+        rows = np.concatenate([edge.rows for wire in self.outlines() for edge in wire])
+        low, size = rows.min(axis=0), np.ptp(rows, axis=0)
+        places = [low + size * (u, v) for u in shares for v in shares]
+        inside = [place for place in places if self.holds(*place)]
+        points = np.array([self.point(*place) for place in inside]).reshape(-1, 3)
+        return points, _unit_rows(np.array([self.outward(*place) for place in inside]).reshape(-1, 3))
 
     def triangles(self, within_mm: float) -> Array:
         """The face as triangles, (N, 3, 3) mm, their corners counter-clockwise as seen from outside."""
@@ -276,10 +294,10 @@ class Face:
 
     def turned(self) -> tuple[Array, Array] | None:
         """A point of the axis and its unit direction, of a cylinder or a cone."""
-        made = {"cylinder": self._adaptor.Cylinder, "cone": self._adaptor.Cone}.get(self.kind)
-        if made is None:
+        if self.kind not in ("cylinder", "cone"):
             return None
-        axis = made().Axis()
+        made = self._adaptor.Cylinder() if self.kind == "cylinder" else self._adaptor.Cone()
+        axis = made.Axis()
         return _three(axis.Location()), _three(axis.Direction())
 
 
@@ -330,11 +348,44 @@ class Spline:
         return np.array([knot(i) for i in kept])
 
 
+class Meeting:
+    """An edge at which two faces meet: places on it (3, 3) mm, its directions there, and both normals."""
+
+    def __init__(self, faces: tuple[Face, Face], edge: Any) -> None:
+        self.faces = faces
+        curve = BRepAdaptor_Curve(edge)
+        start, end = curve.FirstParameter(), curve.LastParameter()
+        self.points, ways, at, way = np.zeros((3, 3)), np.zeros((3, 3)), gp_Pnt(), gp_Vec()
+        for i, share in enumerate((0.2, 0.5, 0.8)):
+            curve.D1(start + share * (end - start), at, way)
+            self.points[i], ways[i] = _three(at), _three(way)
+        self.ways = _unit_rows(ways)
+        self.normals = tuple(_unit_rows(np.array([face.normal_at(x) for x in self.points])) for face in faces)
+
+
 class Part:
     """What a STEP file holds."""
 
-    def __init__(self, faces: list[Face], unit: str) -> None:
-        self.faces, self.unit = faces, unit
+    def __init__(self, faces: list[Face], unit: str, shape: Any) -> None:
+        self.faces, self.unit, self._shape = faces, unit, shape
+
+    def meetings(self) -> list[Meeting]:
+        """The edges that two faces of a body share; without those that the kernel cannot evaluate."""
+        numbers = ShapeMap()
+        for face in self.faces:
+            numbers.Add(face._face)
+        shared = EdgesOfFaces()
+        kinds = TopAbs_ShapeEnum.TopAbs_EDGE, TopAbs_ShapeEnum.TopAbs_FACE
+        TopExp.MapShapesAndAncestors_s(self._shape, *kinds, shared)
+        found = []
+        for i in range(1, shared.Extent() + 1):
+            edge = TopoDS.Edge(shared.FindKey(i))
+            beside = sorted({numbers.FindIndex(face) for face in shared.FindFromIndex(i)} - {0})
+            if len(beside) == 2 and not BRep_Tool.Degenerated_s(edge):
+                with suppress(Failure), failures():
+                    one, other = (self.faces[k - 1] for k in beside)
+                    found.append(Meeting((one, other), edge))
+        return found
 
 
 def read(path: Path, placed: Frame = Frame()) -> Part:  # noqa: B008  (frozen)
@@ -354,7 +405,7 @@ def read(path: Path, placed: Frame = Frame()) -> Part:  # noqa: B008  (frozen)
     if not faces:
         raise CadError(said("cad.no_face", path=path))
     made = [Face(i, TopoDS.Face(face), solids) for i, face in enumerate(faces, start=1)]
-    return Part(made, unit)
+    return Part(made, unit, shape)
 
 
 def _be_quiet() -> None:
@@ -407,6 +458,10 @@ def _nurbs(curve: Any) -> Nurbs:
     points = np.array([_three(curve.Pole(i)) for i in count])
     weights = np.array([float(curve.Weight(i)) for i in count])
     return Nurbs(curve.Degree() + 1, np.array(knots), points, weights)
+
+
+def _unit_rows(rows: Array) -> Array:
+    return np.asarray(rows / np.maximum(np.linalg.norm(rows, axis=1), 1e-300)[:, None])
 
 
 def _three(at: Any) -> Array:

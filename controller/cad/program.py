@@ -144,15 +144,27 @@ def _from(start: Array, curve: Nurbs) -> Nurbs:
 
 def fitting(strips: Sequence[Strip], machine: Machine) -> Tool:
     """The thickest tool that fits into every hollow and is long enough; raises NoTool."""
-    tightest = min((one.concave_mm() for one in strips), default=math.inf)
-    longest = max((one.size()[1] for one in strips), default=0.0)
+    fits = tools_for(strips, machine)
+    if not fits:
+        tightest, longest = _needed(strips)
+        known = ", ".join(f"T{t.number} (r {t.radius_mm:g}, l {t.flute_mm:g} mm)" for t in machine.tools)
+        key = "cad.no_tool_in_hollow" if tightest < math.inf else "cad.no_tool"
+        raise NoTool(said(key, radius=FITS * tightest, flute=longest, known=known))
+    return fits[0]
+
+
+def tools_for(strips: Sequence[Strip], machine: Machine) -> list[Tool]:
+    """The tools that fit into every hollow and are long enough, the thickest first."""
+    tightest, longest = _needed(strips)
     fits = [
         tool
         for tool in (one.worn for one in machine.tools)
         if tool.radius_mm <= FITS * tightest and tool.flank_mm >= longest
     ]
-    if not fits:
-        known = ", ".join(f"T{t.number} (r {t.radius_mm:g}, l {t.flute_mm:g} mm)" for t in machine.tools)
-        key = "cad.no_tool_in_hollow" if tightest < math.inf else "cad.no_tool"
-        raise NoTool(said(key, radius=FITS * tightest, flute=longest, known=known))
-    return max(fits, key=lambda tool: (tool.radius_mm, -tool.length_mm))
+    return sorted(fits, key=lambda tool: (-tool.radius_mm, tool.length_mm))
+
+
+def _needed(strips: Sequence[Strip]) -> tuple[float, float]:
+    """The tightest hollow and the longest ruling, mm."""
+    tightest = min((one.concave_mm() for one in strips), default=math.inf)
+    return tightest, max((one.size()[1] for one in strips), default=0.0)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import json
 import math
 import os
 import re
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
@@ -49,9 +50,11 @@ Prolong = Annotated[float, typer.Option("--prolong")]
 OtherRulings = Annotated[str, typer.Option("--other-rulings")]
 Move = Annotated[str, typer.Option("--move")]
 Turn = Annotated[str, typer.Option("--turn")]
+Verify = Annotated[bool, typer.Option("--verify")]
 Json = Annotated[bool, typer.Option("--json")]
 
 AXES: dict[str, Vector] = {"X": (1.0, 0.0, 0.0), "Y": (0.0, 1.0, 0.0), "Z": (0.0, 0.0, 1.0)}
+GROUPS = ("all", "blades")  # of faces, that --faces names
 MICRON_MM = 1e-3  # a written surface is at least so near to its face
 
 
@@ -80,6 +83,7 @@ def import_(
     other_rulings: OtherRulings = "",
     move: Move = "",
     turn: Turn = "",
+    verify: Verify = False,
     as_json: Json = False,
 ) -> None:
     """Find the ruled faces of a STEP file (--list), and write a program that cuts some of them (--faces)."""
@@ -101,11 +105,15 @@ def import_(
         from controller.cad.strip import How
         from controller.cli import cad_tables
 
-        numbers = _numbers("--faces", faces, part) if faces else []
+        others = _numbers("--other-rulings", other_rulings, part)
         how = How(tolerance, whole, prolong, _thickest_mm(made, tool))
-        seen = _seen(part, how, numbers, _numbers("--other-rulings", other_rulings, part), as_json)
+        every = faces in ("", *GROUPS)
+        numbers = [] if every else _numbers("--faces", faces, part)
+        seen = _seen(part, how, numbers, others, as_json)
+        if every:
+            seen = _in_roles(part, seen, made)
         if plot is not None:
-            _save(plot, cad_tables.picture_of(seen))
+            _save(plot, cad_tables.picture_of(seen, made))
         if target is None:
             cad_tables.faces(file, part, seen, as_json)
             return
@@ -113,11 +121,13 @@ def import_(
         strips = [
             strip
             for one in seen
-            if numbers or one.strips
+            if numbers or (one.strips and (faces == "all" or one.role == "blade"))
             for strip in _cuttable(one, file, one.face.number in turned)
         ]
         if not strips:
-            raise Refused(say("cli.import.no_face", file=file))
+            raise Refused(
+                say("cli.import.no_blade" if faces == "blades" else "cli.import.no_face", file=file)
+            )
         cutter = _tool(made, tool, strips)
         way = "" if placement == "machine" else placement
         wanted = program.Wanted(feed, spindle, direction == "conventional", way)
@@ -126,17 +136,40 @@ def import_(
         found = _deviations(written, str(target), made)
         _near_enough(found, written, tolerance)
         _save(target, written.text)
-        cad_tables.written(file, target, cutter, written, found, as_json)
+        _tell(file, target, cutter, cad_tables.off_faces(written, found), made if verify else None, as_json)
+
+
+def _tell(
+    file: Path,
+    target: Path,
+    cutter: Tool,
+    rows: list[dict[str, Any]],
+    machine: Machine | None,
+    as_json: bool,
+) -> None:
+    """What was written; with a machine also what comes of it there. Raises Refused where that is wrong."""
+    from controller.cli import cad_tables
+
+    facts = {"file": str(file), "program": str(target), "tool": cutter.number, "faces": rows}
+    if not as_json:
+        cad_tables.written(target, cutter, rows)
+    if machine is not None:
+        from controller.cli import cad_verdict
+
+        figures, wrong = cad_verdict.verdict(target, machine, as_json)
+        facts |= figures
+        if wrong:
+            raise Refused(wrong, **facts)
+    if as_json:
+        print(json.dumps({"ok": True, **facts}))
 
 
 # ---- what is asked for ---------------------------------------------------------------
 
 
 def _numbers(name: str, text: str, part: Part) -> list[int]:
-    """Numbers of faces, each once; none for ``all``."""
+    """Numbers of faces, each once."""
     words = [word for word in re.split(r"[,\s]+", text.strip()) if word]
-    if words == ["all"]:
-        return []
     for word in words:
         if not word.isascii() or not word.isdigit() or not 1 <= int(word) <= len(part.faces):
             count = len(part.faces)
@@ -217,6 +250,22 @@ def _seen(part: Part, how: How, numbers: Sequence[int], others: Sequence[int], q
             found.append(_look(face, replace(how, other=face.number in others), fine_mm))
             progress((i + 1) / len(faces))
     return found
+
+
+def _in_roles(part: Part, seen: Sequence[Seen], machine: Machine) -> list[Seen]:
+    """All faces of a part with what they are on it, and the tools that cut them."""
+    from controller.cad.program import tools_for
+    from controller.cad.roles import roles
+
+    found = roles(part.faces, {one.face.number: one.strips for one in seen}, part.meetings())
+    return [
+        replace(
+            one,
+            role=found[one.face.number],
+            tools=tuple(tools_for(one.strips, machine)) if one.strips else (),
+        )
+        for one in seen
+    ]
 
 
 def _edge_points(face: Face) -> Array:

@@ -9,15 +9,16 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from controller import messages
 from controller.cad import picture, words
-from controller.machine.model import Tool
+from controller.machine.model import Machine, Tool
 from controller.messages import Said
 from controller.verify.console import say, show, spoken, tell
 from controller.verify.tables import headed
 
 if TYPE_CHECKING:
-    import numpy as np
     from numpy.typing import NDArray
 
     from controller.cad.deviation import Deviation
@@ -30,19 +31,22 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Seen:
-    """One face: its strips, the largest first, or why it has none."""
+    """One face: its strips, the largest first, or why it has none; what it is on the part; what cuts it."""
 
     face: Face
     strips: tuple[Strip, ...]
     reason: Said | None
     off_ruled_mm: float
     triangles: Array  # of the face, (N, 3, 3) mm
+    role: str = ""  # of ``roles.ROLES``
+    tools: tuple[Tool, ...] = ()  # the thickest first
 
     def to_dict(self) -> dict[str, Any]:
         middle, normal = picture.middle(self.triangles)
         facts: dict[str, Any] = {
             "number": self.face.number,
             "kind": self.face.kind,
+            "role": self.role or None,
             "in_solid": self.face.in_solid,
             "middle_mm": _rounded(middle),
             "normal": _rounded(normal),
@@ -62,6 +66,7 @@ class Seen:
             "twist_deg": math.degrees(first.twist_rad()),
             "prolonged_mm": first.prolonged_mm,
             "pieces": len(self.strips),
+            "tools": [tool.number for tool in self.tools],
             "remark": _remarks(first),
         }
 
@@ -81,72 +86,88 @@ def _finite(value: float) -> float | None:
 
 
 def faces(file: Path, part: Part, seen: Sequence[Seen], as_json: bool) -> None:
-    """The table of ``--list``."""
+    """The table of ``--list``: within 80 columns."""
     rows = [one.to_dict() for one in seen]
     if as_json:
         print(json.dumps({"ok": True, "file": str(file), "unit": part.unit, "faces": rows}))
         return
-    shape = ("middle", "normal", "length", "ruling", "off_ruled", "hollow", "twist")
-    heads = ("face", "face_kind", "cut_as", *shape)
-    table = headed("table.faces", heads, ("face_kind", "cut_as"), file=file.name, unit=part.unit)
+    heads = ("face", "role", "cut_as", "length", "ruling", "hollow", "twist", "tool")
+    table = headed("table.faces", heads, ("role", "cut_as", "tool"), file=file.name, unit=part.unit)
     for row in rows:
         table.add_row(*_cells(row))
     show.print(table)
-    for row in rows:
-        _remark(
-            row["number"],
-            row["why_not"],
-            row.get("remark"),
-            "" if row["in_solid"] else say("cli.import.loose"),
-        )
+    told = [
+        (row["number"], row["why_not"], row.get("remark"), "" if row["in_solid"] else say("cli.import.loose"))
+        for row in rows
+    ]
+    _show_remarks(told)
 
 
 def _cells(row: dict[str, Any]) -> tuple[str, ...]:
-    off = "" if row["off_ruled_mm"] is None else _short(row["off_ruled_mm"])
-    where = (_three(row["middle_mm"], 1), _three(row["normal"], 2))
-    first = (str(row["number"]), row["kind"], row["cut_as"] or "-", *where)
+    what = say(f"table.role.{row['role']}") if row["role"] else row["kind"]
     if row["cut_as"] is None:
-        return *first, "", "", off
+        return str(row["number"]), what, "-", "", "", "", "", ""
     hollow = row["concave_radius_mm"]
     return (
-        *first,
+        str(row["number"]),
+        what,
+        row["cut_as"],
         f"{row['length_mm']:.2f}",
         f"{row['height_mm']:.2f}",
-        off,
         "" if hollow is None else f"{hollow:.3f}",
         f"{row['twist_deg']:.2f}" if row["twist_deg"] > 1e-3 else "",
+        f"T{row['tools'][0]}" if row["tools"] else "-",
     )
 
 
-def picture_of(seen: Sequence[Seen]) -> str:
-    """Of all faces, as SVG."""
-    return picture.drawn(
-        [
-            picture.Shown(one.face.number, one.triangles, bool(one.strips))
-            for one in seen
-            if len(one.triangles)
-        ]
-    )
+def picture_of(seen: Sequence[Seen], machine: Machine) -> str:
+    """Of all faces, as SVG, coloured by the thickest tool that cuts them."""
+    numbers = [tool.number for tool in machine.tools]
+    shown = [
+        picture.Shown(
+            one.face.number, one.triangles, _rulings(one.strips), _colour(one, numbers), one.face.in_solid
+        )
+        for one in seen
+        if len(one.triangles)
+    ]
+    used = {one.tools[0].number: one.tools[0] for one in seen if one.tools}
+    legend = [
+        (picture.colour_of(number, numbers), say("cli.import.cut_by", tool=number, name=used[number].name))
+        for number in sorted(used)
+    ]
+    if any(one.strips and not one.tools for one in seen):
+        legend.append((picture.NO_TOOL, say("cli.import.no_tool_cuts")))
+    legend.append((picture.OTHER, say("cli.import.not_ruled")))
+    return picture.drawn(shown, legend)
 
 
-def _three(values: Sequence[float] | None, digits: int) -> str:
-    return " ".join(f"{value:.{digits}f}" for value in values or ())
+def _colour(one: Seen, numbers: Sequence[int]) -> picture.Colour:
+    if one.tools:
+        return picture.colour_of(one.tools[0].number, numbers)
+    return picture.NO_TOOL if one.strips else picture.OTHER
 
 
-def _short(mm: float) -> str:
-    return f"{1e3 * mm:.3f} µm" if mm < 1.0 else f"{mm:.3f} mm"
+def _rulings(strips: Sequence[Strip]) -> Array:
+    """Some rulings of strips, (N, 2, 3) mm."""
+    share = np.linspace(0.0, 1.0, picture.RULINGS)
+    rows = [np.stack([one.lower.at(share), one.upper.at(share)], axis=1) for one in strips]
+    return np.concatenate([np.zeros((0, 2, 3)), *rows])
 
 
-def _remark(number: int, *remarks: str | None) -> None:
-    if told := "; ".join(filter(None, remarks)):
-        show.print(say("table.of_face", number=number, told=told), markup=False)
+def _show_remarks(told: Sequence[tuple[int, str | None, str | None, str | None]]) -> None:
+    """Each remark once, with the faces that it is about."""
+    of: dict[str, list[int]] = {}
+    for number, *remarks in told:
+        if words_ := "; ".join(filter(None, remarks)):
+            of.setdefault(words_, []).append(number)
+    for sentence, numbers in of.items():
+        key = "table.of_face" if len(numbers) == 1 else "table.of_faces"
+        show.print(say(key, number=", ".join(map(str, numbers)), told=sentence), markup=False)
 
 
-def written(
-    file: Path, target: Path, tool: Tool, made: Written, found: Sequence[Deviation], as_json: bool
-) -> None:
-    """The table of a program that was written: each face in cut order, and how far off it is."""
-    rows: list[dict[str, Any]] = [
+def off_faces(made: Written, found: Sequence[Deviation]) -> list[dict[str, Any]]:
+    """Of a program that was written: each face in cut order, and how far off it is."""
+    return [
         {
             "number": strip.face.number,
             "kind": strip.face.kind,
@@ -157,16 +178,15 @@ def written(
         }
         for strip, one in zip(made.strips, found, strict=True)
     ]
-    if as_json:
-        facts = {"ok": True, "file": str(file), "program": str(target), "tool": tool.number, "faces": rows}
-        print(json.dumps(facts))
-        return
+
+
+def written(target: Path, tool: Tool, rows: Sequence[dict[str, Any]]) -> None:
+    """The table of that."""
     heads = ("face", "face_kind", "cut_as", "to_face", "to_written")
     table = headed("table.off_faces", heads, ("face_kind", "cut_as"), program=target.name)
     for row in rows:
         away = [f"{1e3 * row[key]:.4f}" for key in ("to_face_mm", "to_written_mm")]
         table.add_row(str(row["number"]), row["kind"], row["cut_as"], *away)
     show.print(table)
-    for row in rows:
-        _remark(row["number"], row["remark"])
+    _show_remarks([(row["number"], row["remark"], None, None) for row in rows])
     tell.print(say("table.imported", tool=tool.number, name=tool.name, program=target), markup=False)

@@ -216,19 +216,33 @@ def _draw_check(program: Path, task: checked.Task, done: _Check, plot: Path) -> 
     check_picture.draw(done.survey, done.rows.longest, title, plot)
 
 
+def check_of(program: Path, task: checked.Task, as_json: bool) -> dict[str, Any]:
+    """Checks a program, stores the check and shows its tables, and gives its figures. Raises Refused."""
+    from controller.workers import here
+
+    done = _checked(task, None, as_json, here)
+    if not as_json:
+        _show_check(program, task, done, None)
+    return _facts(program, task, done)
+
+
+def _facts(program: Path, task: checked.Task, done: _Check) -> dict[str, Any]:
+    """What a check says with --json, but for its blocks."""
+    kept = done.kept
+    return {
+        **{"ok": True, "program": str(program), **done.survey.to_dict()},
+        "overcuts": [asdict(one) for one in kept.overcuts],
+        "verdict": messages.told(checked.verdict_of(kept), spoken.get()),
+        **_notes(kept.notes, task.machine),
+        "stored": None if done.warning else task.key,
+    }
+
+
 def _print_check(
     program: Path, task: checked.Task, done: _Check, sheets: list[str], fitted: Path | None
 ) -> None:
     """One JSON object."""
-    kept = done.kept
-    facts = {
-        **{"ok": True, "program": str(program), "sheets": sheets, **done.survey.to_dict()},
-        "overcuts": [asdict(one) for one in kept.overcuts],
-        "verdict": messages.told(checked.verdict_of(kept), spoken.get()),
-        "fitted": fittings.said(fitted),
-        **_notes(kept.notes, task.machine),
-        "stored": None if done.warning else task.key,
-    }
+    facts = {**_facts(program, task, done), "sheets": sheets, "fitted": fittings.said(fitted)}
     done.rows.write(facts, sys.stdout)
 
 

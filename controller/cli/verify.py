@@ -147,7 +147,7 @@ def verify(
             print(json.dumps({"ok": True, **figures}))
             return
         if not as_json:
-            _show(found)
+            show_found(found)
         if bad:
             raise Refused(f"{task.name}: {found.wrong}", **figures)
 
@@ -168,6 +168,12 @@ def of_run(folder: Path) -> dict[str, Any]:
         for one in found.judged[:MAX_SURFACES]
     ]
     return {"verdict": wording.told(found.verdicts), "gouges": len(found.gouges), "surfaces": surfaces}
+
+
+def judged(task: checked.Task, as_json: bool) -> Found:
+    """A program as it is planned. Raises ProgramError."""
+    with bar(say("cli.bar.verifying"), as_json) as progress:
+        return _found(_lenient(task), None, False, progress, here)
 
 
 def _lenient(task: checked.Task) -> checked.Task:
@@ -313,7 +319,8 @@ def _rough(
 # ---- for people --------------------------------------------------------------------
 
 
-def _show(found: Found) -> None:
+def show_found(found: Found) -> None:
+    """The table of the surfaces, gouges, bounds and verdicts."""
     for note in found.notes:
         tell.print(say("table.note", line=note.place.line, note=note.said), markup=False)
     if found.judged:
