@@ -88,6 +88,22 @@ from controller.program.saved import Saved
 from controller.program.system_variables import SystemVariables
 from controller.program.words import Line, Word
 
+# Groups of the codes beside which an H alone is one of a length: G15 H and G56 H of Okuma's are others.
+BESIDE_H = frozenset(
+    (
+        "motion",
+        "spindle",
+        "coolant",
+        "tool change",
+        "stop",
+        "path",
+        "distance",
+        "feed",
+        "plane",
+        "unit",
+        "side",
+    )
+)
 NEEDS_WORDS = (*CYCLES, "G2", "G3")
 _CLEARED = MappingProxyType(  # what has ended a motion, and the text that says so
     {
@@ -323,7 +339,9 @@ class _Turn:
     @property
     def _free(self) -> str:
         """Letters that need no code."""
-        return "FSTDH" if self._is_fanuc else "FST"
+        if not self._is_fanuc:
+            return "FST"
+        return "FSTDH" if self.ask.codes.keys() <= BESIDE_H and not self._shifts else "FSTD"
 
     @property
     def _is_fanuc(self) -> bool:
@@ -336,7 +354,7 @@ class _Turn:
     def run(self) -> None:
         plane_words.check_whole(self.ask, self.state)
         self._check_words()
-        if corner_words.LETTERS[0] in self.ask.words and corner_words.LETTERS[1] in self.ask.words:
+        if corner_words.CUT in self.ask.words and corner_words.ROUND in self.ask.words:
             word = self.ask.words[corner_words.CUT]
             raise self.ask.refusal(word, "corner.two", corner=word.text)
         self._keep_number()
@@ -530,6 +548,9 @@ class _Turn:
         self._lenient_notes()
 
     def _lenient_notes(self) -> None:
+        """A remark for the first of each thing that is taken though it is written loosely."""
+        if not (self._is_fanuc or self._motion == "G5.2"):
+            return
         named = self.ask.code("motion")
         if self._is_fanuc and named in CYCLES and not self._motion:
             self._note("note.drills_nothing", self.ask.codes["motion"][1])

@@ -383,7 +383,12 @@ class _Settings:
         absolute = {"G90": True, "G91": False}.get(ask.code("distance"), state.absolute)
         centres = {"G90.1": True, "G91.1": False}.get(ask.code("centre"), state.centres_absolute)
         ends = {"G99": True, "G98": False}.get(ask.code("return"), state.to_clearance)
-        modal = replace(modal, plane=ask.code("plane") or modal.plane)
+        if (plane := ask.code("plane")) and plane != modal.plane:
+            modal = replace(modal, plane=plane)
+        as_before = (state.absolute, state.centres_absolute, state.to_clearance)
+        if modal is state.modal and (absolute, centres, ends) == as_before:
+            self.state = state  # the same, as those that have seen it know it
+            return
         cycle = state.cycle
         if cycle is not None and absolute != state.absolute and self._machine.dialect == "fanuc":
             cycle = cycle.in_mode(absolute)  # its heights stay where they are

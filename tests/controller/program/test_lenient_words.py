@@ -65,6 +65,12 @@ def test_h_alone_is_of_the_length_in_force_or_of_the_next_g43() -> None:
     assert lengths("G44 H1 G0 Z1.\nH2\nZ2.\n") == [-50.0, -60.0]
 
 
+@pytest.mark.parametrize("text", ["G15 H1", "G56 H1", "G52 X1. H1", "G10 L2 P1 X0. H1"])
+def test_h_beside_codes_that_are_of_other_controls_with_it_is_refused(text: str) -> None:
+    with pytest.raises(ProgramError):
+        blocks.read(f"{text}\n".encode(), machine(), "p")
+
+
 def test_the_dwell_and_the_offset_are_those_of_their_plain_forms() -> None:
     made = blocks.read(b"G4 U1.5\nG4 U500\nG54 P2 G0 X1.\n", machine(), "p").blocks
     assert [block.seconds for block in made if isinstance(block, Dwell)] == [1.5, 0.5]
