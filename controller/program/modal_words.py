@@ -23,6 +23,7 @@ from controller.program.program import (
 )
 from controller.program.words import Word
 
+BY_H = ("G43", "G44", "G43.4", "G43.5", "G234")  # codes of lengths that an H alone changes
 OLDER_OFFSETS = tuple(f"G{110 + i}" for i in range(20))  # Haas' names of G154 P1 to P20
 
 
@@ -308,7 +309,7 @@ class _Settings:
             self._set_modal(replace(self.state.modal, length_mm=0.0, tip=Tip.OFF))
             self._set_aside((0.0, 0.0))
             self.state = self.state._replace(length_tool=0, length_code=code)
-        if not code and self.state.length_number is not None and self.state.length_code in TIPS:
+        if not code and self.state.length_number is not None and self.state.length_code in BY_H:
             code = self.state.length_code  # H alone
         if code not in TIPS:
             return

@@ -63,6 +63,9 @@ def test_h_alone_is_of_the_length_in_force_or_of_the_next_g43() -> None:
     assert lengths("G43 H1 G0 Z1.\nH2\nZ2.\nG49 Z3.\n") == [50.0, 60.0, 0.0]
     assert lengths("H2\nG0 Z1.\nG43 Z2.\nG43 H1 Z3.\nG43 Z4.\n") == [0.0, 60.0, 50.0, 50.0]
     assert lengths("G44 H1 G0 Z1.\nH2\nZ2.\n") == [-50.0, -60.0]
+    assert lengths("G43.1 Z7.\nH2\nG0 Z2.\nG43 Z3.\n") == [7.0, 60.0]
+    with pytest.raises(ProgramError):
+        blocks.read(b"G43 H1\nH7\n", machine(), "p")
 
 
 @pytest.mark.parametrize("text", ["G15 H1", "G56 H1", "G52 X1. H1", "G10 L2 P1 X0. H1"])
