@@ -75,12 +75,15 @@ def deviation(strip: Strip, written: Surface) -> Deviation:
         if strip.base is not None and (strip.prolonged_mm > 0.0 or strip.bridges):
             to_face = float(distances(strip.base, points, prolonged=True).max())
         else:
-            to_face = max(strip.face.distance(point) for point in points)
+            of = [part.face for part in strip.joined or (strip,)]
+            to_face = max(min(face.distance(point) for face in of) for point in points)
     return Deviation(to_face, float(distances(written, face_points(strip)).max()))
 
 
 def face_points(strip: Strip) -> Array:
-    """Points (N, 3) of what a strip cuts of its face, edges of the face among them."""
+    """Points (N, 3) of what a strip cuts of its faces, edges of the faces among them."""
+    if strip.joined:
+        return np.concatenate([face_points(part) for part in strip.joined])
     face, outline = strip.face, Outline(strip.face)
     box = outline.box
     u, v = places(ONTO_WRITTEN)

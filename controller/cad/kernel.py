@@ -223,10 +223,12 @@ class Face:
     def triangles(self, within_mm: float) -> Array:
         """The face as triangles, (N, 3, 3) mm, their corners counter-clockwise as seen from outside."""
         BRepMesh_IncrementalMesh(self._face, within_mm)
-        mesh = BRep_Tool.Triangulation_s(self._face, TopLoc_Location())
+        placed = TopLoc_Location()  # is set to where the face stands; the mesh knows nothing of it
+        mesh = BRep_Tool.Triangulation_s(self._face, placed)
         if mesh is None:
             return np.zeros((0, 3, 3))
-        nodes = np.array([_three(mesh.Node(i + 1)) for i in range(mesh.NbNodes())])
+        to = placed.Transformation()
+        nodes = np.array([_three(mesh.Node(i + 1).Transformed(to)) for i in range(mesh.NbNodes())])
         corners = [mesh.Triangle(i + 1).Get() for i in range(mesh.NbTriangles())]
         found: Array = nodes[np.array(corners, dtype=int) - 1]
         return found if self.sign > 0.0 else found[:, ::-1]

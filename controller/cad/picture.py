@@ -147,7 +147,8 @@ class _View:
         """A face's number near the middle of what is seen of it, "" where nothing is."""
         centres = self._flat(face.triangles.mean(axis=1)) if len(face.triangles) else np.zeros((0, 3))
         toward = _normals(face.triangles) @ self._to_eye
-        seen = ((toward > 0.0) | (not face.is_of_body)) & self._is_seen(centres, front)
+        turned = toward > 0.0 if face.is_of_body else np.ones(len(toward), dtype=bool)
+        seen = np.logical_and(turned, self._is_seen(centres, front))
         if not seen.any():
             return ""
         visible, weights = centres[seen], np.abs(toward[seen]) + 1e-12

@@ -22,6 +22,7 @@ from controller.messages import TextError, said
 
 MEET_MM = 1e-3  # ends of rulings that are nearer are one
 TWISTED_RAD = 1e-5
+STRAIGHT_RAD = 2e-4  # between two rulings that are one: fits of 0.05 um over rulings of some millimetres
 FITS = 0.999  # of the tightest hollow, for the largest cutter
 PLACEMENTS = {"single": 1, "double": 2, "optimal": 3}
 
@@ -50,7 +51,7 @@ class Written:
 
 def write(notes: Sequence[str], strips: Sequence[Strip], tool: Tool, wanted: Wanted) -> Written:
     """The program that cuts ``strips``; ``notes`` stand above it as comments."""
-    row = tuple(_joined(ordered([_faced(one, wanted.conventional) for one in strips])))
+    row = tuple(_joined(ordered(stacked([_faced(one, wanted.conventional) for one in strips]))))
     body = ["%", *(words.comment(note) for note in notes)]
     body += list(_numbered(_blocks(row, tool, wanted)))
     return Written("\n".join([*body, "%", ""]), row)
@@ -70,7 +71,8 @@ def _blocks(row: Sequence[Strip], tool: Tool, wanted: Wanted) -> Iterator[str]:
         if side != said:
             yield side
             said = side
-        yield words.comment(f"face {one.face.number}: {one.face.kind}")
+        for part in one.joined or (one,):
+            yield words.comment(f"face {part.face.number}: {part.face.kind}")
         yield from words.lines(one, wanted.feed_mm_min)
     yield from ("G40", "M5", "M30")
 
@@ -87,6 +89,47 @@ def _numbered(blocks: Iterator[str]) -> Iterator[str]:
         plain = not block.startswith("(")
         count += 10 * plain
         yield f"N{count} {block}" if plain else block
+
+
+# ---- one side of several faces -------------------------------------------------------
+
+
+def stacked(strips: Sequence[Strip]) -> list[Strip]:
+    """As given, but strips whose rulings go on in each other are one: a side that is split across them."""
+    row = list(strips)
+    while (pair := next(_stacks(row), None)) is not None:
+        low, high = pair
+        parts = tuple(part for one in pair for part in (one.joined or (one,)))
+        whole = replace(
+            low,
+            upper=high.upper,
+            cone=None,
+            off_ruled_mm=max(low.off_ruled_mm, high.off_ruled_mm),
+            prolonged_mm=max(low.prolonged_mm, high.prolonged_mm),
+            bridges=low.bridges or high.bridges,
+            remarks=(*low.remarks, *(one for one in high.remarks if one not in low.remarks)),
+            joined=parts,
+        )
+        row[row.index(low)] = whole
+        row.remove(high)
+    return row
+
+
+def _stacks(row: Sequence[Strip]) -> Iterator[tuple[Strip, Strip]]:
+    """Pairs of strips, the lower one first, of which each ruling of the one goes on in the other's."""
+    share = np.linspace(0.0, 1.0, 17)
+    for low in row:
+        for high in row:
+            if high is low or float(_apart(low.upper.at(share), high.lower.at(share)).max()) > MEET_MM:
+                continue
+            below, above = (one.upper.at(share) - one.lower.at(share) for one in (low, high))
+            sizes = np.linalg.norm(below, axis=1) * np.linalg.norm(above, axis=1)
+            if (np.linalg.norm(np.cross(below, above), axis=1) <= STRAIGHT_RAD * sizes).all():
+                yield low, high
+
+
+def _apart(rows: Array, others: Array) -> Array:
+    return np.asarray(np.linalg.norm(rows - others, axis=1))
 
 
 # ---- order -------------------------------------------------------------------------

@@ -42,7 +42,7 @@ def roles(
     axis = _axis(faces)
     turned = {face.number for face in faces if axis is not None and _is_turned(face, *axis)}
     fillets = {face.number for face in faces if _is_fillet(face, strips, meetings)} - turned
-    beside = _neighbours(meetings)
+    smooth = _smooth_neighbours(meetings)
     found = {face.number: "" for face in faces}
     found |= {number: "turned" for number in turned} | {number: "fillet" for number in fillets}
     for face in faces:
@@ -50,7 +50,7 @@ def roles(
         if found[face.number] or not made or made[0].stands <= STANDS_MOSTLY:
             continue
         hubs = {n for n in turned if _stands_on(made[0], faces[n - 1])}
-        hubs |= {n for fillet in beside[face.number] & fillets for n in beside[fillet] & turned}
+        hubs |= {n for fillet in smooth[face.number] & fillets for n in smooth[fillet] & turned}
         found[face.number] = "blade" if hubs else "wall"
         found |= {n: "hub" for n in hubs}
     return found
@@ -94,7 +94,7 @@ def _is_fillet(face: Face, strips: Mapping[int, Sequence[Strip]], meetings: Sequ
     smooth: dict[int, Array] = {}
     across = False
     for one in meetings:
-        if face not in one.faces or (one.normals[0] * one.normals[1]).sum(axis=1).min() < SMOOTH:
+        if face not in one.faces or not _is_smooth(one):
             continue
         other = one.faces[0] if one.faces[1] is face else one.faces[1]
         smooth[other.number] = one.normals[0][1]
@@ -118,9 +118,14 @@ def _stands_on(strip: Strip, face: Face) -> bool:
     return any(face.distance(point) < ON_MM for point in low)
 
 
-def _neighbours(meetings: Sequence[Meeting]) -> defaultdict[int, set[int]]:
+def _is_smooth(one: Meeting) -> bool:
+    return bool((one.normals[0] * one.normals[1]).sum(axis=1).min() >= SMOOTH)
+
+
+def _smooth_neighbours(meetings: Sequence[Meeting]) -> defaultdict[int, set[int]]:
+    """Numbers of faces -> those that they go over into without an edge."""
     found: defaultdict[int, set[int]] = defaultdict(set)
-    for one in meetings:
+    for one in filter(_is_smooth, meetings):
         a, b = (face.number for face in one.faces)
         found[a].add(b)
         found[b].add(a)

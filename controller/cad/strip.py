@@ -61,9 +61,8 @@ class Strip:
     prolonged_mm: float = 0.0  # of rulings beyond the face
     bridges: bool = False  # it leads over a hole
     covers: Callable[[float, float], bool] | None = None  # whether a place (u, v) is cut; None: all are
-    stands: float = (
-        0.0  # share of the way with material beyond one end of the rulings and none beyond the other
-    )
+    stands: float = 0.0  # share of the way with material beyond the one end of the rulings alone
+    joined: tuple[Strip, ...] = ()  # those of one face each that it was put together of
 
     def turned(self) -> Strip:
         """The same, run the other way: the cutter comes to be on the other side."""

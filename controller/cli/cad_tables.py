@@ -170,6 +170,7 @@ def off_faces(made: Written, found: Sequence[Deviation]) -> list[dict[str, Any]]
     return [
         {
             "number": strip.face.number,
+            "joined": [part.face.number for part in strip.joined],
             "kind": strip.face.kind,
             "cut_as": words.code(strip),
             "to_face_mm": one.to_face_mm,
@@ -186,7 +187,8 @@ def written(target: Path, tool: Tool, rows: Sequence[dict[str, Any]]) -> None:
     table = headed("table.off_faces", heads, ("face_kind", "cut_as"), program=target.name)
     for row in rows:
         away = [f"{1e3 * row[key]:.4f}" for key in ("to_face_mm", "to_written_mm")]
-        table.add_row(str(row["number"]), row["kind"], row["cut_as"], *away)
+        numbers = "+".join(map(str, row["joined"] or [row["number"]]))
+        table.add_row(numbers, row["kind"], row["cut_as"], *away)
     show.print(table)
     _show_remarks([(row["number"], row["remark"], None, None) for row in rows])
     tell.print(say("table.imported", tool=tool.number, name=tool.name, program=target), markup=False)

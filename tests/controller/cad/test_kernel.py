@@ -39,6 +39,13 @@ def test_a_placed_part_is_cut_where_it_is_placed(tmp_path: Path) -> None:
     assert off(made) < 1e-5
 
 
+def test_a_placed_part_is_drawn_where_it_is_placed(tmp_path: Path) -> None:
+    placed = Frame((5.0, 6.0, 7.0), (0.0, 0.0, 1.0), (0.0, 1.0, 0.0), (-1.0, 0.0, 0.0))
+    file = parts.save(BRepPrimAPI_MakeCone(10.0, 6.0, 8.0).Shape(), tmp_path / "cone.step")
+    corners = np.concatenate([face.triangles(0.1).reshape(-1, 3) for face in kernel.read(file, placed).faces])
+    assert corners[:, 0].min() == pytest.approx(5.0 - 8.0) and corners[:, 0].max() == pytest.approx(5.0)
+
+
 def test_a_face_written_by_hand_is_read_as_the_standard_says_it(tmp_path: Path) -> None:
     file = tmp_path / "hand.step"
     file.write_text(step_text.ruled_face(CUBIC, ABOVE))
