@@ -22,7 +22,7 @@ from controller.messages import said
 Array = NDArray[np.float64]
 
 # Tangents of the angle between a bound and the way across the rulings.
-STEEPEST, STEEPEST_AT_MATERIAL = 6.0, 30.0
+STEEPEST, STEEPEST_AT_MATERIAL = 6.0, 10.0
 SHORT_MM, SHORT_SHARE = 1.0, 0.2  # rulings are prolonged to this, or to so much of the longest
 LEAST_MM = 0.02  # shorter ones, with material at both ends, are left
 NODES = 33  # of an arc
@@ -280,7 +280,7 @@ def _widened(
         return sign * (bound(x) - away(x))
 
     ends = np.flatnonzero(np.diff(short.astype(int)))
-    crossings = [float(brentq(over, a[k], a[k + 1])) for k in ends]
+    crossings = [_zero(over, float(a[k]), float(a[k + 1])) for k in ends]
     nodes = np.unique(np.concatenate([bound.nodes, other.nodes, crossings]))
     pieces: list[Callable[[float], float] | None] = []
     for x, y in pairwise(nodes):
@@ -288,6 +288,13 @@ def _widened(
         pieces.append(partial(away) if over(middle) < 0.0 else _piece(bound, middle))
     values = [sign * max(sign * bound(float(x)), sign * away(float(x))) for x in nodes]
     return _simplified(nodes, np.array(values), pieces)
+
+
+def _zero(f: Callable[[float], float], a: float, b: float) -> float:
+    """Where f crosses 0 between a and b; where that is rounding, the end at which it is nearer to 0."""
+    if f(a) * f(b) >= 0.0:
+        return a if abs(f(a)) < abs(f(b)) else b
+    return float(brentq(f, a, b))
 
 
 def _piece(bound: Bound, a: float) -> Callable[[float], float] | None:

@@ -149,3 +149,33 @@ def test_a_whole_turn_is_cut_off_aslant(tmp_path: Path) -> None:
     assert np.abs(np.hypot(high[:, 0], high[:, 1]) - (12.0 - 0.35 * high[:, 2])).max() < FIT_MM
     assert np.linalg.norm(high[0] - high[-1]) < FIT_MM
     assert deviation(made, written(made)).largest_mm < FIT_MM
+
+
+def test_beside_a_step_in_what_it_stands_on_the_edge_stays_up_for_the_cutter(tmp_path: Path) -> None:
+    """A blade on a floor at Z = 0 that rises to Z = 6 at X = 5."""
+    high = parts.moved(BRepPrimAPI_MakeBox(60.0, 80.0, 16.0).Shape(), (5.0, -40.0, -10.0))
+    found = faces(parts.together(walls.blade(), walls.hub(), high), tmp_path)
+    sides = [face for face in found if face.kind == "B-spline" and face.area_mm2 > 500.0]
+    assert len(sides) == 2
+    for face in sides:
+        made = strip(face, How(clear_mm=3.0))
+        edge = made.lower.at(np.linspace(0.0, 1.0, 2001))
+        floor = np.where(edge[:, 0] > 5.0, 6.0, 0.0)
+        assert (edge[:, 2] > floor - FIT_MM).all(), "never into the floor"
+        beside = (edge[:, 0] > 2.6) & (edge[:, 0] < 5.0)
+        assert beside.any() and edge[beside, 2].min() > 5.0
+        away = (edge[:, 0] < 1.0) | (edge[:, 0] > 6.0)
+        assert np.abs(edge[away, 2] - floor[away]).max() < FIT_MM
+        assert "left uncut beside other material" in " ".join(map(text, made.remarks))
+
+
+def test_of_two_families_of_rulings_the_other_can_be_wished(tmp_path: Path) -> None:
+    corners = np.array([[(0, 0, 0), (40, 3, 0)], [(2, 6, 20), (42, -4, 22)]], dtype=float)
+    (face,) = faces(parts.patch(2, list(corners)), tmp_path)
+    steep, flat = strip(face), strip(face, How(other=True))
+    assert steep.size()[1] == pytest.approx(float(np.linalg.norm(corners[1, 1] - corners[0, 1])), abs=1e-6)
+    assert flat.size()[1] == pytest.approx(float(np.linalg.norm(corners[1, 1] - corners[1, 0])), abs=1e-6)
+    assert max(off(steep), off(flat)) < FIT_MM
+    (wall,) = faces(walls.upright(), tmp_path)
+    with pytest.raises(NotRuled, match="no second family of rulings"):
+        strip(wall, How(other=True))
