@@ -32,6 +32,7 @@ from typing import Any, NamedTuple, Protocol
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Joints, Machine
 from controller.motion.motions import ThreadMove
+from drives.pump.lead import Correction
 from drives.pump.plan_memory import Stop
 
 # Of an alpha-beta filter over e and its rate: critically damped, some three ticks.
@@ -118,39 +119,35 @@ class Led(NamedTuple):
     acceleration: float  # rev/s^2
 
 
-class Correction(NamedTuple):
-    """How one tick leads the axes and the spindle beside the law."""
+class Law(NamedTuple):
+    """What the law of a thread asks for in one tick."""
 
-    off_rev: float = 0.0  # the axes stay behind by so much of the spindle's turn, ...
-    step_rev: float = 0.0  # ... which is so much more than in the tick before
-    added_rev_s: float = 0.0  # of the spindle
-    turned_rev: float = 0.0  # what has been added by it so far
-    drift_rev_s: float = 0.0  # by which the spindle would fall behind, if nothing were added
-    slip: float = 0.0  # of the spindle's answer, as far as it is known ...
-    lag_s: float = 0.0
-    axis_s: float = 0.0  # ... and of the axes'
+    move: ThreadMove
+    s: float  # mm along it, and ...
+    v: float
+    a: float
+    wanted_rev: float
+    rev_s: float  # of the spindle, and ...
+    rev_s2: float
 
-    def prolonged(self, bend: float, period_s: float) -> Correction:
-        """The tick after it, where nothing is known of the spindle: what the axes went by dies away."""
-        step = math.copysign(max(0.0, abs(self.step_rev) - bend), self.step_rev)
-        drift, turned_rev = self.drift_rev_s, self.turned_rev + period_s * self.drift_rev_s
-        return self._replace(
-            off_rev=self.off_rev + step, step_rev=step, added_rev_s=drift, turned_rev=turned_rev
-        )
+    @classmethod
+    def of(
+        cls, move: ThreadMove, place: tuple[float, float, float], past: Sequence[float], period_s: float
+    ) -> Law:
+        """At ``place`` (s, v, a), after what was wanted in the two ticks before, the newest first."""
+        s, v, a = place
+        before, earlier, *_ = past
+        wanted = move.begin_rev + move.rev_per_mm * s
+        acceleration = (wanted - 2.0 * before + earlier) / period_s**2
+        if -EVEN < acceleration < EVEN:
+            acceleration = 0.0
+        return cls(move, s, v, a, wanted, (wanted - before) / period_s, acceleration)
 
-    def approach(self, off_rev: float, bend: float, most: float) -> tuple[float, float]:
-        """(off, step) of the tick after it, nearer to ``off_rev``.
-
-        No step bends by more than ``bend`` or is larger than ``most``, and it can stop.
-        """
-        gap = off_rev - self.off_rev
-        if -bend <= gap - self.step_rev <= bend and -most <= gap <= most:
-            return off_rev, gap
-        # n steps of bend, 2 bend .. n bend stop within n (n + 1) / 2 bend.
-        far = 0.5 * (math.sqrt(1.0 + 8.0 * abs(gap) / bend) - 1.0) * bend
-        step = math.copysign(min(far, most), gap)
-        step = max(self.step_rev - bend, min(self.step_rev + bend, step))
-        return self.off_rev + step, step
+    def stop(self, stop: Stop, by: Correction) -> Stop:
+        """A stop of it, with how axes and spindle answer along it."""
+        slip = by.slip + (by.drift_rev_s / self.rev_s if abs(self.rev_s) > DRIFTS_REV_S else 0.0)
+        slip = max(-MAX_SLIP, min(MAX_SLIP, slip))
+        return stop._replace(axis_lag_s=by.axis_s, spindle_slip=slip, spindle_lag_s=by.lag_s)
 
 
 class Past(NamedTuple):
@@ -188,11 +185,10 @@ class Coupling:
     """The tie.
 
     Read: ``active``, ``rev_s`` (the spindle is led at), ``lag_rev`` (e), ``off_mm`` (of the axes),
-    ``depth_rev`` and ``pitch_mm`` of the thread that the tool is in, 0 where it is in none; ``led_mm`` (from
-    the law's place to that of the axes), ``ahead_mm`` (of that: since their drives lag), ``settled`` (both
-    stand where the thread's motion ends).
+    ``depth_rev`` and ``pitch_mm`` of the thread that the tool is in, 0 where it is in none; ``s`` (the law's
+    place), ``led_mm`` (from there to that of the axes), ``ahead_mm`` (of that: since their drives lag),
+    ``now`` (what leads beside the law), ``settled`` (both stand where the thread's motion ends).
 
-    ``unseen``: nobody looks at the spindle, and the law leads the axes alone; so it is in a look ahead.
     ``committed``: so many ticks, this one and those after it, have been sent as they were foreseen.
     """
 
@@ -221,26 +217,19 @@ class Coupling:
         self.rev_s = self.lag_rev = self.off_mm = 0.0
         self.depth_rev = self.pitch_mm = self.led_mm = self.ahead_mm = 0.0
         self.again: Recorded | None = None  # of a run that is made again
-        self.unseen = False
         self.committed = 0
-        self._asked_rev_s = 0.0  # by the law
         self._untaught = 0  # ticks for which what the spindle answers is to what nobody has told it
-        self._s = self._zero = self._rate = 0.0  # ``_rate``: of e, rev/s, if nothing were added
+        self.s = self._zero = self._rate = 0.0  # ``_rate``: of e, rev/s, if nothing were added
         self._delay, self._periods = delay, periods
         self._answers_in = ANSWERS_IN + delay
         self._past = self._still(0.0)
-        self._now = Correction()
+        self.now = Correction()
+        self._axis_s = 0.0  # by which the axes' drives lag, as measured now
         self._stock: tuple[Correction, ...] = ()  # of the ticks to come
         self._turned = 0.0  # revolutions, as heard last
         self.reply = Reply()
         self._settled = self._late = self._beyond = 0  # ticks
         self._most_beyond = round(PATIENCE_S / machine.period_s)
-
-    def unseen_twin(self, machine: Machine) -> Coupling:
-        """For a look ahead."""
-        made = Coupling(machine, self._spindle, self._drives, self._delay, self._periods)
-        made.unseen, made.reply = True, self.reply
-        return made
 
     # -- what others ask
 
@@ -249,8 +238,8 @@ class Coupling:
         if self.again is not None:
             self.settled = self.again.settled
             return
-        here = self._settled >= SETTLED_TICKS and not self.unseen and not self.committed
-        off = self.releasing and any([c.off_rev or c.step_rev for c in (self._now, *self._stock)])
+        here = self._settled >= SETTLED_TICKS and not self.committed
+        off = self.releasing and any([c.off_rev or c.step_rev for c in (self.now, *self._stock)])
         self.settled = self.active and here and not off
 
     @property
@@ -263,16 +252,6 @@ class Coupling:
         return self.active and self._spindle is not None and self._spindle.unheard > DEAF_SYNCS
 
     @property
-    def dies_away(self) -> bool:
-        """Whether the axes still go on beside the law by what has led them last."""
-        return self.active and self._now.step_rev != 0.0
-
-    @property
-    def goes_on(self) -> bool:
-        """Whether the ticks to come lead the axes beside the law."""
-        return self.active and any([c.step_rev for c in self._stock])
-
-    @property
     def turns(self) -> float:
         """Revolutions that the spindle has made, where it tells them."""
         return 0.0 if self._spindle is None else self._spindle.turns
@@ -282,38 +261,29 @@ class Coupling:
         """Share of the spindle's rated torque, where it tells it."""
         return 0.0 if self._spindle is None else self._spindle.load
 
-    def stop_of(self, stop: Stop) -> Stop:
-        """A stop of the law, with how axes and spindle answer along it."""
-        if not self.active:
-            return stop
-        now, asked = self._now, self._asked_rev_s
-        slip = now.slip + (now.drift_rev_s / asked if abs(asked) > DRIFTS_REV_S else 0.0)
-        slip = max(-MAX_SLIP, min(MAX_SLIP, slip))
-        return stop._replace(axis_lag_s=now.axis_s, spindle_slip=slip, spindle_lag_s=now.lag_s)
-
     def end(self) -> None:
         """The spindle is its own again; where the tool is in a thread stays known."""
         self.active = self.releasing = False
         self.move = None
         self.rev_s = self.lag_rev = self.off_mm = self._rate = 0.0
         self.led_mm = self.ahead_mm = 0.0
-        self._now, self._stock, self._asked_rev_s = Correction(), (), 0.0
+        self.now, self._stock = Correction(), ()
 
     def stood(self) -> None:
         """The axes have stood meanwhile."""
-        self._now = self._now._replace(step_rev=0.0, drift_rev_s=0.0)
-        self._stock = (self._now._replace(added_rev_s=0.0),) * len(self._stock)
+        self.now = self.now._replace(step_rev=0.0, drift_rev_s=0.0)
+        self._stock = (self.now._replace(added_rev_s=0.0),) * len(self._stock)
 
     @property
     def foreseen(self) -> tuple[Correction, ...]:
         """The corrections of the last tick and of those to come, as a plan goes by them."""
-        return (self._now, *self._stock)
+        return (self.now, *self._stock)
 
     def go_by(self, foreseen: tuple[Correction, ...], ticks: int) -> None:
         """The ticks to come are those of a plan that was made ``ticks`` before the last one."""
         if not self.active or self.move is None:
             return
-        chain, bend = list(foreseen), self._bend(self.move)
+        chain, bend = list(foreseen), self.bend_rev(self.move)
         while len(chain) <= ticks + self._periods:
             chain.append(chain[-1].prolonged(bend, self._period_s))
         self._stock = tuple(chain[ticks + 1 : ticks + 1 + self._periods])
@@ -325,13 +295,13 @@ class Coupling:
         return Tie(
             self.releasing,
             self.move,
-            self._s,
+            self.s,
             self._zero,
             self.lag_rev,
             self._rate,
             self.rev_s,
             self._past,
-            self._now,
+            self.now,
             self._stock,
             self._settled,
             self._late,
@@ -345,9 +315,9 @@ class Coupling:
             self.end()
             return
         self.active, self.releasing, self.move = True, saved.releasing, saved.move
-        self._s, self._zero, self._past = saved.s, saved.zero, saved.past
+        self.s, self._zero, self._past = saved.s, saved.zero, saved.past
         self.lag_rev, self._rate, self.rev_s = saved.lag_rev, saved.rate, saved.rev_s
-        self._now, self._stock = saved.now, saved.stock
+        self.now, self._stock = saved.now, saved.stock
         self._settled, self._late, self._turned = saved.settled, saved.late, saved.turned
         self.led_mm, self.ahead_mm = saved.led_mm, saved.ahead_mm
 
@@ -370,25 +340,20 @@ class Coupling:
         wanted = move.begin_rev + move.rev_per_mm * s
         if not self.active:
             self._begin(move, wanted, spindle.turns)
-        stands = move is self.move and -STILL < s - self._s < STILL
-        self.move, self._s = move, s
-        before, earlier, *_ = self._past.wanted
-        self._asked_rev_s = asked = (wanted - before) / self._period_s
+        stands = move is self.move and -STILL < s - self.s < STILL
+        self.move, self.s = move, s
+        law = Law.of(move, (s, v, a), self._past.wanted, self._period_s)
         self.lag_rev += self._rate * self._period_s - self._added_rev
-        if self.unseen:
-            self._untaught = self._answers_in
-        else:
-            self._measure(spindle)
-            self._watch()
-            self._settle(stands)
-        self._shift(move, asked, stands)
-        self._lead(wanted, asked, wanted - 2.0 * before + earlier)
+        self._measure(spindle)
+        self._watch()
+        self._settle(stands)
+        self._shift(law, stands)
+        self._lead(law)
         self.depth_rev, self.pitch_mm = wanted - self.lag_rev if wanted else 0.0, 1.0 / move.rev_per_mm
-        axis_s = self._now.axis_s
-        self.ahead_mm = axis_s * (v + 0.5 * axis_s * a)
+        self.ahead_mm = self.now.ahead_mm(v, a)
         if self.again is not None:
             self._lead_again(move, self.again)
-        self.off_mm = self._now.off_rev / move.rev_per_mm
+        self.off_mm = self.now.off_rev / move.rev_per_mm
         self.led_mm = self.ahead_mm - self.off_mm if self.again is None else self.again.led_mm
         return s + self.led_mm
 
@@ -397,7 +362,7 @@ class Coupling:
         move = self.move
         if move is None:
             return joints
-        found = move.joints(self.follow(move, self._s, 0.0, 0.0), (0.0, 0.0), kinematics)
+        found = move.joints(self.follow(move, self.s, 0.0, 0.0), (0.0, 0.0), kinematics)
         return joints if found is None else found
 
     def _begin(self, move: ThreadMove, wanted: float, turns: float) -> None:
@@ -407,8 +372,8 @@ class Coupling:
         self.lag_rev = self._rate = 0.0
         self._settled = self._late = self._beyond = 0
         self._turned, reply = turns, self.reply
-        self._now = Correction(slip=reply.slip, lag_s=reply.lag_s, axis_s=self._axes_lag_s(move))
-        self._stock = (self._now,) * self._periods
+        self.now = Correction(slip=reply.slip, lag_s=reply.lag_s, axis_s=self._axes_lag_s(move))
+        self._stock = (self.now,) * self._periods
 
     def _still(self, wanted: float) -> Past:
         """The spindle has stood."""
@@ -468,25 +433,26 @@ class Coupling:
             self._settled = 0
             self._late += 1
 
-    def _shift(self, move: ThreadMove, asked: float, stands: bool) -> None:
+    def _shift(self, law: Law, stands: bool) -> None:
         """One tick on: what was foreseen for it is its own, and the farthest is foreseen."""
-        bend = self._bend(move)
+        move, bend = law.move, self.bend_rev(law.move)
+        self._axis_s = self._axes_lag_s(move)
         chain, last, first = list(self._stock), self._periods, self.committed
-        chain.append((chain[-1] if chain else self._now).prolonged(bend, self._period_s))
-        if not self.unseen and first <= last:
+        chain.append((chain[-1] if chain else self.now).prolonged(bend, self._period_s))
+        if first <= last:
             n = last
-            before = chain[first - 1] if first else self._now
+            before = chain[first - 1] if first else self.now
             off_rev = self._wanted_off(before, chain[first].added_rev_s, first, move, stands)
             foreseen = max(FORESEEN_MM * abs(move.rev_per_mm), self._least_rev)
             if abs(off_rev - chain[first].off_rev) > (0.0 if self._leaves else foreseen):
                 n = first
             for i in range(n, last + 1):
-                before = chain[i - 1] if i else self._now
-                chain[i] = self._next(before, i, move, asked, stands)
-        self._now, *stock = chain
+                before = chain[i - 1] if i else self.now
+                chain[i] = self._next(before, i, law, stands)
+        self.now, *stock = chain
         self._stock = tuple(stock)
 
-    def _bend(self, move: ThreadMove) -> float:
+    def bend_rev(self, move: ThreadMove) -> float:
         """By how much a step of the axes' correction may differ from the one before it (rev)."""
         return move.give_mm_s2 * self._period_s**2 * abs(move.rev_per_mm)
 
@@ -510,29 +476,24 @@ class Coupling:
         still = stands and abs(off_rev - before.off_rev) < STILL_MM * abs(move.rev_per_mm)
         return before.off_rev if still else off_rev
 
-    def _next(
-        self, before: Correction, ticks: int, move: ThreadMove, asked: float, stands: bool
-    ) -> Correction:
+    def _next(self, before: Correction, ticks: int, law: Law, stands: bool) -> Correction:
         """The correction in so many ticks, after ``before``."""
-        T, reply, measured_s = self._period_s, self.reply, self._axes_lag_s(move)
-        axis_s = max(before.axis_s - LEARNS_S, min(before.axis_s + LEARNS_S, measured_s))
-        most = (FASTER - 1.0) * abs(asked) + LEAST_REV_S
+        move, T, reply = law.move, self._period_s, self.reply
+        axis_s = max(before.axis_s - LEARNS_S, min(before.axis_s + LEARNS_S, self._axis_s))
+        most = (FASTER - 1.0) * abs(law.rev_s) + LEAST_REV_S
         added = max(-most, min(most, self._gain * self._lag_in(before, ticks)))
         give, off_rev = T * abs(move.rev_per_mm), self._wanted_off(before, added, ticks, move, stands)
-        off = before.approach(off_rev, self._bend(move), move.give_mm_s * give)
+        off = before.approach(off_rev, self.bend_rev(move), move.give_mm_s * give)
         turned, drift = before.turned_rev + T * added, max(-most, min(most, self._rate))
         return Correction(*off, added, turned, drift, reply.slip, reply.lag_s, axis_s)
 
-    def _lead(self, wanted: float, asked: float, bent: float) -> None:
+    def _lead(self, law: Law) -> None:
         """How fast the spindle is to turn."""
-        now, acceleration = self._now, bent / self._period_s**2
-        if -EVEN < acceleration < EVEN:
-            acceleration = 0.0
-        self.rev_s = asked * (1.0 + now.slip) + now.lag_s * acceleration + now.added_rev_s
-        self._past = self._past.with_newest(wanted, now.turned_rev, Led(self.rev_s, acceleration))
+        self.rev_s = self.now.rev_s(law.rev_s, law.rev_s2)
+        self._past = self._past.with_newest(law.wanted_rev, self.now.turned_rev, Led(self.rev_s, law.rev_s2))
 
     def _lead_again(self, move: ThreadMove, again: Recorded) -> None:
         """In a run that is made again the axes are as far off as they were."""
         off_rev = (self.ahead_mm - again.led_mm) * move.rev_per_mm
-        self._now = self._now._replace(off_rev=off_rev, step_rev=off_rev - self._now.off_rev)
+        self.now = self.now._replace(off_rev=off_rev, step_rev=off_rev - self.now.off_rev)
         self.stood()

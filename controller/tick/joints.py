@@ -21,6 +21,7 @@ class Encoder:
         self._units_per_count = tuple(1.0 / axis.counts_per_unit for axis in machine.axes)
         deviations = Deviations(machine)
         self._deviations = deviations if deviations.found else None
+        self.plain = not deviations.found  # setpoints depend on joints alone
         axes, self._linear = len(machine.axes), machine.linear()
         self._rounded = _of_each("round(a[{0}])", axes)
         self._products = _of_each("a[{0}] * b[{0}]", axes)

@@ -4,6 +4,9 @@ A second follower of the same queue runs ahead of the first by so many periods t
 without a tick, and by so many more that it has a way to brake on. It computes one period a tick; where
 something has changed (a hold, an override of 0, another plan) it begins anew from where the first one is.
 It passes no mark: what comes after one nobody knows yet.
+
+Along a thread it goes by the law alone. What leads beside it is laid over the rows of the stock, where it is
+another than before: mostly over the farthest of them. The rows behind those are led by whoever plays them.
 """
 
 from __future__ import annotations
@@ -11,22 +14,27 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Sequence
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 from controller.geometry.vectors import ROUNDING
 from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Joints, Machine
+from controller.motion.motions import ThreadMove
 from controller.state.modes import Fault
 from controller.tick.check import Check
+from controller.tick.coupling import Law
 from controller.tick.follow import Follow, Step
 from controller.tick.jog import Jogging
 from controller.tick.joints import INT32, Encoder
+from controller.tick.law_alone import LawAlone
+from drives.pump.lead import Correction, Lead
 from drives.pump.plan_memory import Stop
 
 EXTRA: Final = 8  # periods of a jog that are looked ahead beyond the stock, so that it need not be each tick
 MAX_ROWS: Final = 1200  # of the path ahead
 _NONE: Final = Fault.NONE
 _LOST: Final = Step.LOST
+_NEVER: Final = -2  # row: before the one that is here
 
 
 class Row(NamedTuple):
@@ -42,22 +50,22 @@ class Row(NamedTuple):
     now: int  # number in the queue
     stop: Stop | None  # what is left of one that is under way
     rests: bool  # at rest, and nothing goes on by itself
-    led_mm: float = 0.0  # along a thread, beyond its law ...
-    led_on: bool = False  # ... and still on the move there: no stop begins
-    rev_s: float = 0.0  # that the spindle is led at ...
-    turn: float = 0.0  # ... its revolutions in one mm, 0: it is not led ...
-    ahead_mm: float = 0.0  # ... and how far the axes are ahead of the law, since their drives lag
+    over: bool = False  # a stop is
+    law: Law | None = None  # of a thread; without ``by`` joints and counts are at its own place
+    by: Correction | None = None  # what leads beside it ...
+    rev_s: float = 0.0  # ... the spindle, and ...
+    ahead_mm: float = 0.0  # ... the axes, since their drives lag
 
     def columns(self, thread: bool) -> tuple[float, ...]:
         """As a plan has them."""
-        row = (self.s, *self.counts)
-        return (*row, self.rev_s, self.turn, self.ahead_mm) if thread else row
-
-    def led_as(self, last: Row, per_mm: Sequence[float]) -> Row:
-        """On its thread, with the axes as far from the law as in ``last``; ``per_mm``: counts."""
-        by = last.led_mm - self.led_mm
-        counts = tuple([count + by * one for count, one in zip(self.counts, per_mm, strict=True)])
-        return self._replace(counts=counts, led_mm=last.led_mm, turn=last.turn, ahead_mm=last.ahead_mm)
+        row, law = (self.s, *self.counts), self.law
+        if not thread:
+            return row
+        if law is None:
+            return (*row, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+        if self.by is None:
+            return (*row, law.rev_s, law.move.rev_per_mm, 0.0, law.rev_s2, law.v, law.a)
+        return (*row, self.rev_s, law.move.rev_per_mm, self.ahead_mm, 0.0, 0.0, 0.0)
 
 
 class Conditions(NamedTuple):
@@ -79,7 +87,8 @@ class Ghost(Follow):
     """Runs ahead of ``follow`` on its queue."""
 
     def __init__(self, machine: Machine, follow: Follow) -> None:
-        super().__init__(machine, kinematics_of(machine), follow.coupling.unseen_twin(machine), follow.queue)
+        self.tie = LawAlone(machine, follow.coupling)
+        super().__init__(machine, kinematics_of(machine), self.tie, follow.queue)
 
     def step(self, go: bool) -> Step:
         if self._brake.active and self._brake.over:  # what comes after a stop is the first one's to say
@@ -114,9 +123,8 @@ class Ghost(Follow):
         tau = self._clock.tau
         if not len(queue) or queue[now].motion is None:
             rests = stands and (not len(queue) or tau >= queue[now].end_s - ROUNDING or not self._goes)
-            stands_at = before._replace(joints=self.joints, counts=counts, stop=None)
-            led = self._led(False)
-            return stands_at._replace(tau=tau, now=now, rests=rests and not self.coupling.goes_on, **led)
+            stays = before.s, before.motion, before.place, before.end
+            return Row(self.joints, counts, *stays, tau, now, None, rests, False, self.tie.law)
         entry = queue[now]
         assert entry.motion is not None
         motion, place, end = entry.piece.motion_id, self.s, entry.motion.end
@@ -127,38 +135,36 @@ class Ghost(Follow):
             far = max(0.0, before.end - before.place) + place - queue[now].begins_at
         halted = not self._goes or tau == before.tau
         stopped = self._brake.active and self._brake.over
-        rests = stopped or (stands and stop is None and halted and not self.coupling.goes_on)
-        led = self._led(self.coupling.dies_away)
-        return Row(
-            self.joints, counts, before.s + far, motion, place, end, tau, self._now, stop, rests, **led
-        )
+        rests = stopped or (stands and stop is None and halted)
+        goes = before.s + far, motion, place, end
+        return Row(self.joints, counts, *goes, tau, self._now, stop, rests, stopped, self.tie.law)
 
-    def _led(self, led_on: bool) -> dict[str, Any]:
-        """What a row has of the tie to a spindle."""
-        tie, move = self.coupling, self.coupling.move
-        if not tie.active or move is None:
-            return {"led_mm": 0.0, "led_on": False, "rev_s": 0.0, "turn": 0.0, "ahead_mm": 0.0}
-        led = {"led_mm": tie.led_mm, "led_on": led_on, "rev_s": tie.rev_s}
-        return {**led, "turn": move.rev_per_mm, "ahead_mm": tie.ahead_mm}
+    def by_law(self) -> None:
+        """From where the law is."""
+        law = self.tie.law
+        if law is not None:
+            self.joints = self.at(law.move, law.s)
+
+    def at(self, move: ThreadMove, s: float) -> Joints:
+        """The joints at a place of a thread, on which the rotaries stand."""
+        found = move.joints(s, self._rotaries(self.joints), self._kinematics)
+        return self.joints if found is None else found
 
     def stop_at(self, row: Row) -> Stop | None:
-        """The stop that begins at a row; None: none does."""
-        if row.stop is not None or row.led_on:
-            return None if row.led_on or row.stop is None else self.coupling.stop_of(row.stop)
+        """The stop of the law that begins at a row; None: none does."""
+        if row.stop is not None:
+            return row.stop
         found = self._queue.stop_at(row.tau)
         if found is None or row.now > self._queue.last:
             return None
         table, i = found
         _, v, a = self._queue[row.now].at(row.tau)
         held = max(1, round(table.jerk_step_s / self._clock.period_s))
-        stop = Stop(table.jerks[table.first[i] : table.first[i + 1]], held, 0, v, a)
-        return self.coupling.stop_of(stop)
+        return Stop(table.jerks[table.first[i] : table.first[i + 1]], held, 0, v, a)
 
     def rests_at(self, row: Row) -> bool:
         """Whether the plan itself rests at a row, so that it can simply end there."""
         queue = self._queue
-        if row.led_on:
-            return False
         return row.rests or not len(queue) or (row.stop is None and queue[row.now].rests_at(row.tau))
 
 
@@ -168,7 +174,8 @@ class Lookahead:
     def __init__(self, machine: Machine, follow: Follow, encoder: Encoder, periods: int) -> None:
         """``periods`` that the pump is to bridge."""
         self._follow, self._real_encoder, self._periods = follow, encoder, periods
-        self._encoder = Encoder(machine)  # of the rows, where setpoints depend on those before them
+        self._encoder = Encoder(machine)  # of the rows, where setpoints depend on those before them ...
+        self._encoder_led = Encoder(machine)  # ... and, on a thread, of those that are led
         self._ghost = Ghost(machine, follow)
         self._check = Check(machine)
         self._period_s = machine.period_s
@@ -178,10 +185,15 @@ class Lookahead:
         self.path: list[Row] = []
         self.here = self._standing()
         self.before_stop: int | None = None  # rows of a jog before its stop begins
+        self._endless = 0, 0  # from that row to this one the plan neither rests nor has a stop
         self._known_stop: tuple[Row | None, Stop | None] = (None, None)  # of the row that was looked at last
         self._jog_speed = 0.0  # per tick, that the rows of a jog are towards; 0: all are those of its stop
         self.renewed = False  # rows of a jog are others than in the last plan; set back by who writes them
         self._ended = False
+        self._chain: tuple[Correction, ...] = ()  # on a thread: of the row here and of those of the stock
+        self._led_until = _NEVER  # the last row that is led on by its correction
+        self._led_last: Row | None = None  # that was laid over
+        self._per_mm: tuple[ThreadMove | None, Sequence[float]] = (None, ())  # counts, along a thread
 
     def _standing(self) -> Row:
         joints = self._follow.joints
@@ -199,16 +211,36 @@ class Lookahead:
 
         ``replaced_s``: plan time from which on the queue was replaced in this tick; infinite: it was not.
         """
-        follow, rows = self._follow, self.rows
+        rows = self.rows
         same = conditions == self._conditions and bool(rows) and self._ghost.knows_its_place
-        same = same and not follow.coupling.active  # on a thread the farthest row has been foreseen anew
-        if same and rows[0].joints == follow.joints and rows[0].tau == follow.tau:  # in a dwell all stand
-            self.here = rows.popleft()
+        if same and self._came_to(rows[0]):
+            self.here = self._as_sent(rows.popleft())
+            first, end = self._endless
+            self._endless = (0, 0) if math.isfinite(replaced_s) else (first - 1, end - 1)
             last = rows[-1] if rows else self.here
             if math.isinf(replaced_s) or (replaced_s > last.tau - ROUNDING and not last.rests):
                 return True
         self._begin(conditions)
         return False
+
+    def _came_to(self, row: Row) -> bool:
+        """Whether the tick has come to a row; in a dwell all stand."""
+        follow, law = self._follow, row.law
+        tie = follow.coupling
+        if row.tau != follow.tau or not tie.active:
+            return row.tau == follow.tau and row.joints == follow.joints
+        if not self._encoder.plain:  # when an axis turns back, and its play with it, hangs on what leads it
+            return False
+        same = law is not None and law.move is tie.move and law.s == tie.s  # joints are laid over anew
+        return same and not self._ended and self._ghost.stopping == follow.stopping
+
+    def _as_sent(self, row: Row) -> Row:
+        """A row of a thread as the tick has led it."""
+        follow, tie = self._follow, self._follow.coupling
+        if not tie.active or row.law is None or row.by is tie.now:
+            return row
+        counts, now, rev_s, ahead_mm = self._real_encoder.exact, tie.now, tie.rev_s, tie.ahead_mm
+        return row._replace(joints=follow.joints, counts=counts, by=now, rev_s=rev_s, ahead_mm=ahead_mm)
 
     def go_on_by_hand(self, jogging: Jogging, played: bool) -> bool:
         """Likewise for a jog, whose stop is among the rows; ``played``: they have been, as they were."""
@@ -238,73 +270,96 @@ class Lookahead:
         ghost, before = self._ghost, self.here
         if self._follow.stopping:
             s = self.rows[-1].s if self.rows else before.s
-            self.path = [*self.rows, *(row for row in self.path if row.s > s)]
+            rows = [self._by_law(row) for row in self.rows]
+            self.path = [*rows, *(row for row in self.path if row.s > s)]
         else:
             self.path = []
         self.rows.clear()
         ghost.go_on_as(self._follow)
         self._conditions, self._ended, self.before_stop = conditions, False, None
-        self._known_stop = None, None
+        self._known_stop, self._endless = (None, None), (0, 0)
         self._encoder.go_on_as(self._real_encoder)
-        self.here = ghost.row(self._real_encoder.exact, before)
+        self.here = self._as_sent(ghost.row(self._real_encoder.exact, before))
+        ghost.by_law()
 
     def further(self) -> list[Row]:
-        """Rows to brake along behind ``rows``; on a thread they go on as the last one is led."""
-        last, move = self.rows[-1] if self.rows else self.here, self._ghost.coupling.move
-        found = [row for row in self.path if row.s > last.s]
-        if move is None:
+        """Rows to brake along behind ``rows``; on a thread the axes stay ahead as in the last of those."""
+        if self._rests(len(self.rows) - 1):
+            return []
+        last = self._row(len(self.rows) - 1)
+        found, law = [row for row in self.path if row.s > last.s], last.law
+        if law is None:
             return found
-        per_mm = self._encoder.per_mm(move.direction)
-        return [row.led_as(last, per_mm) for row in found]
+        return [row._replace(law=law) for row in found]
 
     def fill(self) -> tuple[int, Stop | None]:
         """Looks as far ahead as the stock needs it: rows that may be played, and the stop after them."""
-        rows, ghost = self.rows, self._ghost
+        rows, n = self.rows, self._periods
+        self._take_corrections()
         if self._conditions is None:
             return len(rows), None
-        n = self._periods
         while len(rows) < n and self._extend():
             pass
-        while True:
-            row = rows[n - 1] if n and n <= len(rows) else None
-            if row is None:
-                break
-            if ghost.rests_at(row):
+        self._lead()
+        n = max(n, min(self._led_until + 2, len(rows)))
+        first, end = self._endless
+        n = min(end, len(rows)) if first < n < end else n
+        while 0 < n <= len(rows):
+            if self._rests_at(n - 1):
                 return n, None
-            known, stop = self._known_stop
-            if known is not row:
-                stop = ghost.stop_at(row)
-                self._known_stop = row, stop
-            if stop is not None and len(stop.jerks) and self._covers(row.s + self._at_most(stop)):
+            if (stop := self._stop_at(n - 1)) is not None:
                 return n, stop
             if n == len(rows) and not self._extend():
                 break
             n += 1  # where the plan itself is as quick as any stop, no stop begins: up to its rest
-        return self._shorter(min(self._periods, len(rows)))
+        # The last place before where it can end: nowhere, and the motors stand at once.
+        for i in range(min(self._periods, len(rows)) - 1, -1, -1):
+            if self._rests_at(i):
+                return i + 1, None
+            if (stop := self._stop_at(i)) is not None:
+                return i + 1, stop
+        return 0, None if self._rests_at(-1) else self._stop_at(-1)
 
-    def _shorter(self, n: int) -> tuple[int, Stop | None]:
-        """The last place before where it can end: nowhere, and the motors stand at once."""
-        ghost = self._ghost
-        while n > 0:
-            row = self.rows[n - 1]
-            if ghost.rests_at(row):
-                return n, None
-            stop = ghost.stop_at(row)
-            if stop is not None and len(stop.jerks) and self._covers(row.s + self._at_most(stop)):
-                return n, stop
-            n -= 1
-        here = self.here
-        stop = None if ghost.rests_at(here) else ghost.stop_at(here)
-        return 0, stop if stop is not None and self._covers(here.s + self._at_most(stop)) else None
+    def _row(self, i: int) -> Row:
+        """The i-th ahead; -1: of the last tick."""
+        return self.rows[i] if i >= 0 else self.here
+
+    def _rests_at(self, i: int) -> bool:
+        """Whether the plan can end with a row, since it stands there."""
+        return i > self._led_until and self._ghost.rests_at(self._row(i))
+
+    def _rests(self, i: int) -> bool:
+        """Whether nothing goes on behind a row."""
+        row = self._row(i)
+        return row.rests and (row.over or i > self._led_until)
+
+    def _stop_at(self, i: int) -> Stop | None:
+        """The stop that begins at a row, if the path is known as far as it goes."""
+        row = self._row(i)
+        if i <= self._led_until:
+            return None
+        known, stop = self._known_stop
+        if known is not row:
+            stop = self._ghost.stop_at(row)
+            self._known_stop = row, stop
+        if stop is None or not len(stop.jerks):
+            first, end = self._endless
+            self._endless = (first if first <= i <= end else i, i + 1)
+            return None
+        if not self._covers(row.s + self._at_most(stop)):
+            return None
+        by = row.by or (self._chain[-1] if self._chain else None)
+        return stop if row.law is None or by is None else row.law.stop(stop, by)
 
     def _covers(self, s: float) -> bool:
         """Whether the path ahead is known up to there, or to a rest before it."""
         rows = self.rows
         if self.path and self.path[-1].s >= s:
             return True
-        while not rows or (rows[-1].s < s and not rows[-1].rests):
+        while not rows or (rows[-1].s < s and not self._rests(len(rows) - 1)):
             if not self._extend():
-                return bool(rows) and (rows[-1].rests or self._ghost.rests_at(rows[-1]))
+                last = len(rows) - 1
+                return bool(rows) and (self._rests(last) or self._rests_at(last))
         return True
 
     def _at_most(self, stop: Stop) -> float:
@@ -322,15 +377,119 @@ class Lookahead:
         ghost, rows, conditions = self._ghost, self.rows, self._conditions
         if self._ended or conditions is None or len(rows) >= MAX_ROWS:
             return False
-        before = rows[-1] if rows else self.here
-        if before.rests:
+        if self._rests(len(rows) - 1):
             return False
+        before = rows[-1] if rows else self.here
         go = ghost.goes(conditions.running, float(conditions.feed), float(conditions.rapid))
         lost = ghost.step(go) is _LOST
-        fault, _ = self._check.judge(ghost.joints, ghost.last, ghost.before)
+        law = ghost.tie.law
+        if law is not None:  # it is judged as it is led
+            counts = self._encoder.counts(ghost.joints) if self._encoder.plain else self._counts_by_law(law)
+            rows.append(ghost.row(counts, before))
+            return True
         counts = self._encoder.counts(ghost.joints)
-        if lost or fault is not _NONE or not -INT32 < min(counts) <= max(counts) < INT32 - 1:
+        if lost or not self._is_fine(counts, ghost.joints, ghost.last, ghost.before):
             self._ended = True
             return False
         rows.append(ghost.row(counts, before))
         return True
+
+    def _is_fine(self, counts: Sequence[float], new: Joints, last: Joints, before: Joints) -> bool:
+        fault, _ = self._check.judge(new, last, before)
+        return fault is _NONE and -INT32 < min(counts) <= max(counts) < INT32 - 1
+
+    # -- what leads beside the law of a thread
+
+    def _take_corrections(self) -> None:
+        """As the tick foresees them now."""
+        tie, ghost, rows = self._follow.coupling, self._ghost.tie, self.rows
+        self._chain, self._led_until = (), _NEVER
+        if not tie.active or ghost.move is None:
+            return
+        self._chain = tie.foreseen
+        for i, by in enumerate(self._chain, -1):
+            if by.step_rev:
+                self._led_until = i
+        step, bend = abs(self._chain[-1].step_rev), ghost.bend_rev(ghost.move)
+        while (step := step - bend) > 0.0 and self._led_until < MAX_ROWS:
+            self._led_until += 1
+        while rows and self._rests(len(rows) - 2):
+            rows.pop()
+
+    @property
+    def is_led(self) -> bool:
+        """Whether the tick is on a thread: then its plans differ from one another from their first row on."""
+        return self._follow.coupling.active
+
+    @property
+    def lead(self) -> Lead | None:
+        """How the rows behind those of the stock are led; None: on no thread."""
+        move = self._ghost.tie.move
+        if not self._chain or move is None:
+            return None
+        known = min(self._periods, len(self.rows))
+        return Lead(known, self._ghost.tie.bend_rev(move), self._chain[known], self._counts_per_mm(move))
+
+    def _lead(self) -> None:
+        """Lays the corrections over the rows of the stock: over the farthest alone, if only that is new."""
+        rows, follow, tie = self.rows, self._follow, self._ghost.tie
+        if not self._chain and tie.active:
+            self._chain = (tie.begun,) * (1 + self._periods)
+        known, chain = min(self._periods, len(rows)) if self._chain else 0, self._chain
+        if known == 0 or rows[known - 1].law is None or rows[known - 1].by is chain[known]:
+            return  # the farthest one is new, if any is
+        alone = known > 1 and rows[known - 2].by is chain[known - 1] and rows[known - 2] is self._led_last
+        first = known - 1 if alone else 0
+        if not alone:
+            self._encoder_led.go_on_as(self._real_encoder)
+        for i in range(first, known):
+            row = rows[i]
+            last = rows[i - 1].joints if i > 0 else follow.joints
+            before = rows[i - 2].joints if i > 1 else follow.joints if i > 0 else follow.last
+            if row.law is not None:
+                row = rows[i] = self._led(row, row.law, chain[i + 1])
+            else:
+                self._encoder_led.counts(row.joints)
+            if not self._is_fine(row.counts, row.joints, last, before):
+                self._ended = True
+                while len(rows) > i:
+                    rows.pop()
+                return
+        self._led_last = rows[known - 1]
+
+    def _led(self, row: Row, law: Law, by: Correction) -> Row:
+        """A row as a correction leads it."""
+        joints = self._ghost.at(law.move, law.s + _led_mm(law, by))
+        counts, rev_s = self._encoder_led.counts(joints), by.rev_s(law.rev_s, law.rev_s2)
+        ahead_mm = by.ahead_mm(law.v, law.a)
+        return row._replace(joints=joints, counts=counts, by=by, rev_s=rev_s, ahead_mm=ahead_mm)
+
+    def _by_law(self, row: Row) -> Row:
+        """A row as it is without its correction."""
+        law, by = row.law, row.by
+        if law is None or by is None:
+            return row
+        return row._replace(counts=self._back(row.counts, law, by), by=None)
+
+    def _counts_by_law(self, law: Law) -> tuple[float, ...]:
+        """The counts of a place of the law; what axes miss is by where they were led when this began."""
+        by = self._ghost.tie.begun
+        joints = self._ghost.at(law.move, law.s + _led_mm(law, by))
+        return self._back(self._encoder.counts(joints), law, by)
+
+    def _back(self, counts: Sequence[float], law: Law, by: Correction) -> tuple[float, ...]:
+        led_mm = _led_mm(law, by)
+        per_mm = self._counts_per_mm(law.move)
+        return tuple([count - led_mm * one for count, one in zip(counts, per_mm, strict=True)])
+
+    def _counts_per_mm(self, move: ThreadMove) -> Sequence[float]:
+        known, per_mm = self._per_mm
+        if known is not move:
+            per_mm = self._encoder.per_mm(move.direction)
+            self._per_mm = move, per_mm
+        return per_mm
+
+
+def _led_mm(law: Law, by: Correction) -> float:
+    """From the law's place to that of the axes."""
+    return by.ahead_mm(law.v, law.a) - by.off_rev / law.move.rev_per_mm

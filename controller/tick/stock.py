@@ -21,7 +21,8 @@ from controller.tick.drives import Drives
 from controller.tick.jog import Jogging
 from controller.tick.joints import Encoder
 from controller.tick.lookahead import Conditions, Lookahead, Row
-from drives.pump.braking import Braking
+from drives.pump.braking import Braking, led_rev_s
+from drives.pump.lead import LedRows
 from drives.pump.plan_memory import Memory, Phase, PlanWriter, Played, Stop
 from drives.pump.player import beat_every, to_counts
 
@@ -38,6 +39,7 @@ class Published(NamedTuple):
     first: int
     nominal: int
     rows: Sequence[Row]
+    led: LedRows  # the same as they are played
     stop: Stop | None
     same_until: int  # up to here the next plan is the same, if nothing changes
     changes: int  # the first period in which it differs from the plan that it was built on
@@ -83,6 +85,8 @@ class Stock:
         self._braked_at = 0
         self._last: Row = ahead.here  # of the tick before
         self._tail = 0  # first period whose row has not been written yet
+        self._written: Sequence[Row] = ()  # of the last plan, also if it was not taken, ...
+        self._written_from = 0  # ... and their first period
         self._same = False  # what was ahead of the last plan still holds
         self.refused = False  # the step of the tick before was not sent: its plan came too late
 
@@ -138,16 +142,14 @@ class Stock:
         plan, period = self._plan, min(period, self.stood_from - 1)
         if plan is None:
             return tuple(self._encoder.setpoints), None
-        i, thread = period - plan.first, self.memory.thread
+        i, end = period - plan.first, 1 + self.memory.drives
         if i < plan.nominal or plan.stop is None:
-            row = plan.rows[max(0, min(i, plan.nominal - 1))]
-            rev_s = None if not row.turn else row.rev_s if i < plan.nominal else 0.0
-            return to_counts(row.counts), rev_s
+            row = plan.led(max(0, min(i, plan.nominal - 1)))
+            rev_s = led_rev_s(row[end:])
+            return to_counts(row[1:end]), rev_s if rev_s is None or i < plan.nominal else 0.0
         if self._braking is None:
-            rows, at = plan.rows, plan.nominal - 1
-            self._braking = Braking(
-                plan.stop, self._period_s, lambda n: rows[n].columns(thread), at, len(rows), thread
-            )
+            at, thread = plan.nominal - 1, self.memory.thread
+            self._braking = Braking(plan.stop, self._period_s, plan.led, at, len(plan.rows), thread)
             self._braked_at = at
         while self._braked_at < i and not self._braking.over:
             self._braking.step()
@@ -190,10 +192,16 @@ class Stock:
             rows[0] = here
             changes = begin = first
         elif self._same:
-            changes, begin = old.same_until, max(first, self._tail if not ahead.renewed else first)
+            changes = self.period + DELAY if ahead.is_led else old.same_until
+            begin = max(first, self._tail if not ahead.renewed else first)
         else:
             changes, begin = self.period + DELAY, first
-        tail, thread = first + len(rows), self.memory.thread
+        tail, thread, lead = first + len(rows), self.memory.thread, ahead.lead
+        if lead is not None:
+            lead = lead._replace(known=DELAY + lead.known)
+            for i in range(min(lead.known, begin - first)):
+                if rows[i] is not self._written[first + i - self._written_from]:
+                    writer.put(first + i, rows[i].columns(thread))
         for period in range(begin, tail):
             writer.put(period, rows[period - first].columns(thread))
         self._tail = tail
@@ -203,13 +211,15 @@ class Stock:
             for period, row in enumerate(further, tail):
                 writer.put(period, row.columns(thread))
             rows += further
-        writer.publish(first, changes, DELAY + nominal, self._hold, stop, anew)
+        self._written, self._written_from = rows, first
+        writer.publish(first, changes, DELAY + nominal, self._hold, stop, anew, lead)
         played = DELAY + nominal
         before_stop = played if ahead.before_stop is None else DELAY + ahead.before_stop
         self._before, self._braking = old, None
         by_hand = ahead.before_stop is not None
         until = first + before_stop
-        self._plan = Published(writer.number, first, played, rows, stop, until, changes, anew, by_hand)
+        led = LedRows(lambda n: rows[n].columns(thread), lead)
+        self._plan = Published(writer.number, first, played, rows, led, stop, until, changes, anew, by_hand)
         ahead.renewed, self._same = False, True
         self._group.show(self.memory)
 

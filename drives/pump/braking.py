@@ -73,7 +73,7 @@ class Braking:
         """Along a thread: the axes by what their drives lag now, the spindle by the ``speed`` of the step."""
         row, i, stop, v, a = self._row, self._i, self._stop, self._v, self._a
         here, after = (row(i), row(i + 1)) if i < self._last else (row(max(0, i - 1)), row(i))
-        (_, turn, ahead), (_, _, ahead_after) = here[self._end :], after[self._end :]
+        (_, turn, ahead, *_), (_, _, ahead_after, *_) = here[self._end :], after[self._end :]
         if not turn:
             self.rev_s = None
             return

@@ -16,7 +16,9 @@ A row's place in its area goes by its period, so that only what is new is writte
 
 On a machine whose axes can be tied to the spindle a row has ``THREAD`` columns more: how fast the spindle is
 led (rev/s), its revolutions in one mm of s (0: nobody leads it), and how far (mm of s) the axes are sent
-ahead, since their drives lag. A stop has the spindle's answer, so that along it both stay together.
+ahead, since their drives lag. A row behind those that are led in full (``lead.Lead``) has what the law asks
+for instead: the spindle's speed and, in three columns more, its acceleration (rev/s2), and speed and
+acceleration of s. A stop has the spindle's answer, so that along it both stay together.
 
 What acts at once goes past the plan, each in one machine word that is read with every period: the
 controlwords, where a drive is that does not follow, and which buses must be left alone.
@@ -33,13 +35,15 @@ from struct import Struct
 from typing import Final, NamedTuple
 from zlib import crc32
 
+from drives.pump.lead import Correction, Lead, LedRows
+
 ROWS: Final = 2048  # places of an area: more than a plan's rows
 MAX_JERKS: Final = 2048
 FOLLOWS: Final = 1 << 16  # beside a controlword: the drive goes by its target
-THREAD: Final = 3  # columns of a row beside s and counts
-_HEAD = Struct("<QqqIIIIIIddddd")  # number, first, changes, nominal, rows, hold, and the ``Stop``
+THREAD: Final = 6  # columns of a row beside s and counts
+_HEAD = "<QqqIIIIIIddddd"  # number, first, changes, nominal, rows, hold, and the ``Stop`` ...
+_LEAD = "Id8d"  # ... and, where axes can be tied to the spindle, the ``Lead``, with counts of each drive
 _SEAL = Struct("<I")
-_HEAD_BYTES: Final = (_HEAD.size + _SEAL.size + 7) // 8 * 8
 _DOUBLE: Final = 8
 _SCALARS: Final = 16  # of the record, and ...
 _MUTED: Final = 15  # ... beside it, of the tick ...
@@ -72,6 +76,8 @@ class Stop(NamedTuple):
 
 
 NO_STOP: Final = Stop((), 1, 0, 0.0, 0.0)
+_OF_STOP: Final = len(Stop._fields) - 1  # numbers in the head; the jerks are behind it
+_OF_CORRECTION: Final = len(Correction._fields)
 
 
 class Played(NamedTuple):
@@ -112,7 +118,9 @@ class Memory:
         """
         self.drives, self.thread = drives, thread
         self.row = Struct(f"<{1 + drives + THREAD * thread}d")
-        self.rows_at = _HEAD_BYTES + MAX_JERKS * _DOUBLE
+        self.head = Struct(_HEAD + (f"{_LEAD}{drives}d" if thread else ""))
+        self.jerks_at = (self.head.size + _SEAL.size + 7) // 8 * 8
+        self.rows_at = self.jerks_at + MAX_JERKS * _DOUBLE
         self.area_bytes = self.rows_at + ROWS * self.row.size
         words_at = _SCALARS * _DOUBLE
         positions_at = words_at + (4 * (drives + 1) + 7) // 8 * 8
@@ -156,7 +164,7 @@ class Memory:
     def seal(self, area: memoryview, head: bytes | memoryview, first: int, rows: int, jerks: int) -> int:
         """CRC-32 of a head, its jerks and its rows."""
         size, at = self.row.size, self.rows_at
-        found = crc32(area[_HEAD_BYTES : _HEAD_BYTES + jerks * _DOUBLE], crc32(head))
+        found = crc32(area[self.jerks_at : self.jerks_at + jerks * _DOUBLE], crc32(head))
         begin = first % ROWS
         before_the_end = min(rows, ROWS - begin)
         found = crc32(area[at + begin * size : at + (begin + before_the_end) * size], found)
@@ -189,26 +197,39 @@ class PlanWriter:
         self._next = period
 
     def publish(
-        self, first: int, changes: int, nominal: int, hold: int, stop: Stop | None = None, anew: bool = False
+        self,
+        first: int,
+        changes: int,
+        nominal: int,
+        hold: int,
+        stop: Stop | None = None,
+        anew: bool = False,
+        lead: Lead | None = None,
     ) -> None:
         """All rows from ``first`` on, of which ``nominal`` are played as they are.
 
         ``anew``: after silence or a gap; the rows are then not measured by what was played before.
+        ``lead`` of the rows that have the law of a thread alone.
         """
         memory = self._memory
         self.number += 1
-        area = memory.areas[self.number & 1]
-        area[: _HEAD.size] = bytes(_HEAD.size)
+        area, size = memory.areas[self.number & 1], memory.head.size
+        area[:size] = bytes(size)
         self._copy(area, max(first, self._new_from[self.number & 1]))
         self._new_from[self.number & 1] = self._next
         of_jerks, *rest = NO_STOP if stop is None else stop
         jerks = len(of_jerks)
         if stop is not None:
-            area[_HEAD_BYTES : _HEAD_BYTES + jerks * _DOUBLE] = memoryview(array("d", of_jerks)).cast("B")
+            at = memory.jerks_at
+            area[at : at + jerks * _DOUBLE] = memoryview(array("d", of_jerks)).cast("B")
         number, rows = self.number | _ANEW * anew, self._next - first
-        head = _HEAD.pack(number, first, changes, nominal, rows, hold, jerks, *rest)
-        area[_HEAD.size : _HEAD.size + 4] = _SEAL.pack(memory.seal(area, head, first, rows, jerks))
-        area[: _HEAD.size] = head
+        found = (number, first, changes, nominal, rows, hold, jerks, *rest)
+        if memory.thread:
+            known, bend, last, per_mm = lead or Lead(rows, 0.0, Correction(), (0.0,) * memory.drives)
+            found = (*found, known, bend, *last, *per_mm)
+        head = memory.head.pack(*found)
+        area[size : size + 4] = _SEAL.pack(memory.seal(area, head, first, rows, jerks))
+        area[:size] = head
 
     def _copy(self, area: memoryview, period: int) -> None:
         """The rows from ``period`` on, which may go over the end of the area."""
@@ -251,6 +272,7 @@ class PlanReader:
         self.refused = 0
         self.seen = 0  # newest number that was looked at
         self._rows = b""
+        self.row = LedRows(self._row, None)
 
     def take(self, period: int, begins: bool) -> bool:
         """Takes the newest whole plan that may be played from ``period`` on; whether there was one.
@@ -260,8 +282,8 @@ class PlanReader:
         one, other = self._memory.areas
         newest = (one, other) if _number(one) > _number(other) else (other, one)
         for area in newest:
-            head = bytes(area[: _HEAD.size])
-            number, first, changes, nominal, rows, hold, jerks, *rest = _HEAD.unpack(head)
+            head = bytes(area[: self._memory.head.size])
+            number, first, changes, nominal, rows, hold, jerks, *rest = self._memory.head.unpack(head)
             anew, number = number >= _ANEW, number & ~_ANEW
             if number <= self.seen:
                 return False
@@ -276,7 +298,9 @@ class PlanReader:
                 return False
             self.number, self.first, self.nominal = number, first, nominal
             self.rows, self.hold, self.anew, self._rows = rows, hold, anew, copied
-            self.stop = Stop(jerked, *rest) if jerks else None
+            of_stop, of_lead = rest[:_OF_STOP], rest[_OF_STOP:]
+            self.stop = Stop(jerked, *of_stop) if jerks else None
+            self.row = LedRows(self._row, _lead(of_lead) if of_lead else None)
             return True
         return False
 
@@ -290,13 +314,13 @@ class PlanReader:
         copied = bytes(area[at + begin * size : at + (begin + many) * size]) + bytes(
             area[at : at + (rows - many) * size]
         )
-        jerked = bytes(area[_HEAD_BYTES : _HEAD_BYTES + jerks * _DOUBLE])
-        seal = _SEAL.unpack_from(area, _HEAD.size)[0]
-        whole = crc32(copied, crc32(jerked, crc32(head))) == seal and bytes(area[: _HEAD.size]) == head
+        jerks_at, end = self._memory.jerks_at, self._memory.head.size
+        jerked = bytes(area[jerks_at : jerks_at + jerks * _DOUBLE])
+        seal = _SEAL.unpack_from(area, end)[0]
+        whole = crc32(copied, crc32(jerked, crc32(head))) == seal and bytes(area[:end]) == head
         return copied, array("d", jerked), whole
 
-    def row(self, i: int) -> tuple[float, ...]:
-        """(s, counts of each drive, and those of a thread) of the i-th row."""
+    def _row(self, i: int) -> tuple[float, ...]:
         row = self._memory.row
         return row.unpack_from(self._rows, i * row.size)
 
@@ -311,6 +335,12 @@ class PlanReader:
         record[0] = count
         _PLAYED.pack_into(self._memory.bytes, _DOUBLE, *played)
         record[0] = count + 1
+
+
+def _lead(found: Sequence[float]) -> Lead:
+    """As a head has it."""
+    known, bend_rev, *rest = found
+    return Lead(int(known), bend_rev, Correction(*rest[:_OF_CORRECTION]), rest[_OF_CORRECTION:])
 
 
 def _number(area: memoryview) -> int:

@@ -28,11 +28,13 @@ from controller.tick.coupling import (
     SETTLED_TICKS,
     SURE_ACCELERATION,
     SURE_SPEED,
-    Correction,
     Coupling,
+    Law,
     Recorded,
     Reply,
 )
+from controller.tick.law_alone import LawAlone
+from drives.pump.lead import Correction
 from drives.pump.plan_memory import Stop
 
 T = 0.002
@@ -308,7 +310,7 @@ def test_axes_that_have_stood_meanwhile_begin_from_rest_and_leave_a_thread_with_
     thread.behind = 0.0
     thread.run(5, 0.0)
     coupling = thread.coupling
-    coupling._now = coupling._now._replace(off_rev=0.0005, step_rev=0.01)
+    coupling.now = coupling.now._replace(off_rev=0.0005, step_rev=0.01)
     coupling.stood()
     assert {(one.off_rev, one.step_rev) for one in coupling.foreseen} == {(0.0005, 0.0)}
     coupling._settled = SETTLED_TICKS
@@ -370,26 +372,29 @@ def test_the_ticks_to_come_can_be_those_of_an_older_plan() -> None:
     assert len(thread.coupling.foreseen) == PERIODS + 1
 
 
-def test_a_look_ahead_comes_to_what_the_tick_does() -> None:
+def test_a_look_ahead_by_the_law_with_the_corrections_laid_over_it_comes_to_what_the_tick_does() -> None:
     thread = stocked()
-    twin = thread.coupling.unseen_twin(machine())
-    twin.restore(thread.coupling.save())
+    alone = LawAlone(machine(), thread.coupling)
+    alone.restore(thread.coupling.save())
     s, places = thread.s, []
-    for _ in range(PERIODS):
+    for by in thread.coupling.foreseen[1:]:
         s += SPEED * T
-        places.append((twin.follow(thread.move, s, SPEED, 0.0), twin.rev_s))
+        assert alone.follow(thread.move, s, SPEED, 0.0) == s
+        law = alone.law
+        assert law is not None and not alone.settled
+        led_mm = by.ahead_mm(law.v, law.a) - by.off_rev / law.move.rev_per_mm
+        places.append((s + led_mm, by.rev_s(law.rev_s, law.rev_s2)))
     thread.behind = 0.0005
     assert places == [(thread.run(1), thread.coupling.rev_s) for _ in range(PERIODS)]
 
 
 def test_a_stop_has_the_answer_of_spindle_and_axes_and_what_drifts_by_the_speed() -> None:
-    thread = stocked()
-    coupling = thread.coupling
+    speed = SPEED / PITCH_MM
+    law = Law(move_of(), 1.0, SPEED, 0.0, 1.0, speed, 0.0)
+    by = Correction(slip=0.02, lag_s=0.03, drift_rev_s=0.01 * speed, axis_s=0.01)
     stop = Stop((1.0,), 1, 0, SPEED, 0.0)
-    coupling._now = coupling._now._replace(slip=0.02, lag_s=0.03, drift_rev_s=0.01 * SPEED / PITCH_MM)
-    assert coupling.stop_of(stop)[5:] == pytest.approx((0.01, 0.03, 0.03))
-    coupling.end()
-    assert coupling.stop_of(stop) == stop
+    assert law.stop(stop, by)[5:] == pytest.approx((0.01, 0.03, 0.03))
+    assert law._replace(rev_s=0.1).stop(stop, by)[5:] == pytest.approx((0.01, 0.02, 0.03))
 
 
 # ---- a step that is taken back, and a run that is made again

@@ -296,6 +296,8 @@ def test_the_heartbeat_is_never_rarer_than_it_is_promised() -> None:
 
 # ---- a thread's spindle
 
+FULLY = (0.0, 0.0, 0.0)  # a row is led: it has no law of its own
+
 
 class ThreadBench:
     """A drive and a spindle, which a row leads."""
@@ -323,7 +325,7 @@ class ThreadBench:
 def test_a_row_leads_the_spindle_and_at_the_end_of_the_plan_it_stands() -> None:
     bench = ThreadBench()
     for period, thread in enumerate([(0.0, 0.0, 0.0), (1.5, -2.0, 0.0), (-2.25, -2.0, 0.1)]):
-        bench.writer.put(period, (float(period), 5.0, *thread))
+        bench.writer.put(period, (float(period), 5.0, *thread, *FULLY))
     bench.writer.publish(0, 0, 3, HOLD, None, True)
     assert bench.speeds(4 + HOLD) == [None, 150, -225, *[0] * HOLD, None]
 
@@ -331,7 +333,7 @@ def test_a_row_leads_the_spindle_and_at_the_end_of_the_plan_it_stands() -> None:
 def test_a_spindle_that_cannot_be_led_is_told_nothing() -> None:
     bench = ThreadBench()
     bench.memory.words[1] = WORD
-    bench.writer.put(0, (0.0, 5.0, 1.5, -2.0, 0.0))
+    bench.writer.put(0, (0.0, 5.0, 1.5, -2.0, 0.0, *FULLY))
     bench.writer.publish(0, 0, 1, HOLD, None, True)
     assert bench.speeds(2) == [None, None]
 
@@ -344,7 +346,7 @@ def test_along_a_stop_spindle_and_axes_go_by_its_speed_and_by_how_they_answer() 
     bench, nominal = ThreadBench(), 3
     for period in range(60):
         s, speed = v * T * period, turn * (1.0 + slip) * v
-        bench.writer.put(period, (s, counts * (s + axis_s * v), speed, turn, axis_s * v))
+        bench.writer.put(period, (s, counts * (s + axis_s * v), speed, turn, axis_s * v, *FULLY))
     bench.writer.publish(0, 0, nominal, HOLD, stop, True)
     s, a = v * T * (nominal - 1), 0.0
     assert bench.speeds(nominal) == [round(100.0 * turn * (1.0 + slip) * v)] * nominal

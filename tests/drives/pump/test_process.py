@@ -163,7 +163,7 @@ def test_it_loads_nothing_of_the_controller_no_adapter_and_no_numpy() -> None:
     assert {name for name in loaded if name.startswith("drives.")} == {
         *("drives.pdo", "drives.real_time", "drives.texts", "drives.ports"),
         *("drives.ports.hub_protocol", "drives.ports.port", "drives.pump"),
-        *(f"drives.pump.{name}" for name in ("braking", "plan_memory", "player", "process")),
+        *(f"drives.pump.{name}" for name in ("braking", "lead", "plan_memory", "player", "process")),
         *("drives.pump.setpoint_frame", "drives.pump.wires"),
     }
 

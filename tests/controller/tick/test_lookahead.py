@@ -1,0 +1,67 @@
+"""The work of a look ahead, in rows: a period that is new is computed once, along a thread as well."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import pytest
+from support.machines.tapping import Tapper
+
+from controller.tick.lookahead import Ghost, Lookahead
+from drives.bench.simulated.spindle_motor import MotorParameters
+
+THREAD = "G21 G90 G54 G40\nS600 M3\nG0 X5. Y-50.\nG0 Z40\nF600\nG84 Z28 R40\nG80\nM30\n"
+NEW = 2.0  # rows in a tick, on average: one, and what comes where motion begins
+AT_ONCE = 50  # where motion begins
+
+
+class Work:
+    """Of each tick on the thread, in rows."""
+
+    def __init__(self) -> None:
+        self.stepped: list[int] = []
+        self.led: list[int] = []
+
+
+@contextmanager
+def counted(tapper: Tapper, monkeypatch: pytest.MonkeyPatch) -> Iterator[Work]:
+    work, now = Work(), [0, 0]
+    step, led, tick = Ghost.step, Lookahead._led, tapper.bench.tick
+
+    def stepped(self: Ghost, go: bool) -> Any:
+        now[0] += 1
+        return step(self, go)
+
+    def laid(self: Lookahead, *given: Any) -> Any:
+        now[1] += 1
+        return led(self, *given)
+
+    def ticked() -> None:
+        now[:] = 0, 0
+        tick()
+        if tapper.bench.cycle.coupling.active:
+            work.stepped.append(now[0])
+            work.led.append(now[1])
+
+    monkeypatch.setattr(Ghost, "step", stepped)
+    monkeypatch.setattr(Lookahead, "_led", laid)
+    monkeypatch.setattr(tapper.bench, "tick", ticked)
+    yield work
+
+
+def test_on_a_thread_a_tick_computes_the_rows_that_are_new(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Also where the spindle is stuck, so that all that was foreseen of it is made anew."""
+    tapper = Tapper(motor=MotorParameters(0.02, 0.02, 200.0))
+    periods = round(tapper.machine.stock_s / tapper.machine.period_s)
+    tapper.at = {300: lambda: tapper.spindle.jam(True, tapper.now_s)}
+    with counted(tapper, monkeypatch) as work:
+        assert tapper.run(THREAD).result == "held"
+    ticks = len(work.stepped)
+    assert ticks > 400
+    assert 0.4 * ticks < sum(work.stepped) <= NEW * ticks and max(work.stepped) <= AT_ONCE
+    turning = work.led[:300]
+    assert 280 <= sum(turning) <= NEW * len(turning) and max(work.led) == periods
+    anew = [stepped for stepped, led in zip(work.stepped, work.led, strict=True) if led == periods]
+    assert len(anew) > 50 and sorted(anew)[len(anew) // 2] <= NEW
