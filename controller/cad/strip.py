@@ -149,7 +149,7 @@ class How:
     other: bool = False
 
 
-def strips(face: Face, how: How = How()) -> list[Strip]:  # noqa: B008  (frozen)
+def strips(face: Face, how: How = How()) -> list[Strip]:
     """The strips of ``face``, the largest first; several where other bodies cut it apart. Raises NotRuled."""
     try:
         straight = [] if face.kind == "plane" else _straight(face, how.within_mm)

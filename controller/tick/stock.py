@@ -28,7 +28,7 @@ from drives.pump.player import beat_every, to_counts
 
 NEVER: Final = 1 << 60  # period
 DELAY: Final = 2  # periods from a tick to the period that sends what it has computed
-ANSWERS_S: Final = 250e-6  # after SYNC, whose frame, a drive's own time and the answer's take as much at least
+ANSWERS_S: Final = 250e-6  # after SYNC: its frame, a drive's own time and the answer's take as much
 STOPPED_S: Final = 0.1  # a tick that does not run is tolerated for so long at rest; then nothing is sent
 
 
