@@ -155,7 +155,7 @@ FILES = [
     (("simulate", "."), "this is a folder"),
     (("check", "ok.ngc", "--machine", "nope"), "no such machine file; allowed: a path or fig4b"),
     (("check", "ok.ngc", "--machine", "."), "no such machine file"),
-    (("check", "ok.ngc", "--machine", "bad.toml"), "bad.toml: is not TOML"),
+    (("check", "ok.ngc", "--machine", "bad.toml"), "is not TOML"),
     (("simulate", "ok.ngc", "--period-ms", "0"), "allowed: a number from 0.0005 to 0.01"),
     (("simulate", "ok.ngc", "--period-ms", "-1"), "allowed: a number from 0.0005 to 0.01"),
     (("simulate", "ok.ngc", "--period-ms", "nan"), "allowed: a number from 0.0005 to 0.01"),

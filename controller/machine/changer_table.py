@@ -36,179 +36,269 @@ beside a cut, and must stand when M6 comes.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import ClassVar
 
-from controller.machine.equipment import OUTPUTS
-from controller.machine.model import MAX_BESIDE, Axis, Changer, ChangerStep, Io, Machine
+from controller.machine.axes import USUAL_SHARE, Axis
+from controller.machine.declaration import Key, declared, key
+from controller.machine.equipment import OUTPUTS, Io
+from controller.machine.forms import FLAG, NAMES, TEXT, Choice, Number, Own, Rows
+from controller.machine.reading import Reading, Rules, Unread
 from controller.machine.toml_table import Table, is_number
-from controller.messages import Key, said
+from controller.messages import Key as TextKey
+from controller.messages import said
 
 SEQUENCES = ("put_away", "take")
 PREPARE = "prepare"
+SWITCHES = ("on", "off", "pocket")
 LEVELS = ("rise", "fall", "on", "off")
 MAX_POCKETS = 999
 LONGEST_S = 600.0
+USUAL_STEP_S = 0.3  # a step is expected to take no longer
+MAX_BESIDE = 24  # outputs of a changer's preparation ...
+BESIDE = 1 << MAX_BESIDE  # ... which travel as two masks in one number: on + off * BESIDE
+Moves = tuple[tuple[str, tuple[float, ...]], ...]
 
 
-def names_of(table: Table) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """The outputs and the inputs that the steps name, each once, before [io] is read."""
-    outputs: dict[str, None] = {}
-    inputs: dict[str, None] = {}
-    for sequence in (*SEQUENCES, PREPARE):
-        for row in table.tables(sequence):
-            for key in ("on", "off", "pocket"):
-                outputs |= dict.fromkeys(row.names(key))
-            if row.has("input"):
-                inputs[row.text("input")] = None
-    return tuple(outputs), tuple(inputs)
+def _moves(here: Reading, name: str) -> Moves:
+    """``move_mm`` or ``move_deg``: by axis one position, or one of each pocket; within the travel."""
+    entry, unit = here.table.table(name, f"{here.table.name} {name}"), name.removeprefix("move_")
+    known = {axis.name: axis for axis in here.top["axis"] if axis.is_rotary == (unit == "deg")}
+    pockets = None
+    with here.file.collecting():
+        pockets = len(here.above["pockets"])  # type: ignore[index]
+    found: dict[str, tuple[float, ...]] = {}
+    for one in entry.written:
+        with here.file.collecting():
+            if one not in known:
+                allowed = ", ".join(known) or TextKey("file.none")
+                entry.refuse(one, "no_axis_in", unit=unit, allowed=allowed)
+            found[one] = _places(entry, one, known[one], pockets)
+    if len(found) < len(entry.written):
+        raise Unread(name)
+    return tuple(found.items())
 
 
-def changer(table: Table, axes: Sequence[Axis], io: Io | None) -> Changer:
-    """Raises ConfigError."""
-    pockets = _pockets(table)
-    put_away, take = (
-        tuple(_step(row, axes, io, len(pockets)) for row in table.tables(sequence)) for sequence in SEQUENCES
-    )
-    for key, steps in zip(SEQUENCES, (put_away, take), strict=True):
-        if sum(step.carries for step in steps) != 1:
-            table.refuse(key, "carries_once")
-        names = [step.name for step in steps]
-        if len(set(names)) < len(names):
-            table.refuse(key, "step_twice")
-    prepare = tuple(_preparing(row, io, len(pockets)) for row in table.tables(PREPARE))
-    _apart(table, prepare, put_away, take)
-    table.finish()
-    return Changer(pockets, put_away, take, prepare)
+def _places(entry: Table, name: str, axis: Axis, pockets: int | None) -> tuple[float, ...]:
+    """``pockets``: how many there are; None where that is not known."""
+    low, high = sorted((axis.travel_min * axis.shown_per_unit, axis.travel_max * axis.shown_per_unit))
+    allowed = said("file.may.positions", low=low, high=high, pockets=pockets or 1)
+    value = entry.get(name, allowed)
+    places = value if isinstance(value, list) else [value]
+    if not all(map(is_number, places)) or (pockets is not None and len(places) not in (1, pockets)):
+        entry.refuse(name, "no_position", allowed=allowed)
+    if not all(low <= one <= high for one in places):
+        entry.refuse(name, "beyond_travel", allowed=allowed)
+    return tuple(float(one) / axis.shown_per_unit for one in places)
 
 
-def _apart(
-    table: Table,
-    prepare: Sequence[ChangerStep],
-    put_away: Sequence[ChangerStep],
-    take: Sequence[ChangerStep],
-) -> None:
-    """What is prepared stands until the tool is over: no step up to there switches any of it."""
-    if len(names := {name for step in prepare for name in step.switches}) > MAX_BESIDE:
-        table.refuse(PREPARE, "prepare_many", count=len(names), most=MAX_BESIDE)
-    over = next((k for k, step in enumerate(take) if step.carries), len(take))
-    taken = {name: step for step in (*put_away, *take[: over + 1]) for name in step.switches}
-    for step in prepare:
-        for name in step.switches:
-            if name in taken:
-                table.refuse(PREPARE, "prepare_taken", step=step.name, name=name, other=taken[name].name)
-
-
-def _pockets(table: Table) -> tuple[int, ...]:
-    allowed = said("file.may.pockets", most=MAX_POCKETS)
-    value = table.get("pockets", allowed)
+def _pockets(here: Reading, name: str) -> tuple[int, ...]:
+    value = here.table.get(name, POCKETS)
     sound = isinstance(value, list) and all(type(one) is int and 0 <= one <= 99999 for one in value)
     if not sound or not 1 <= len(value) <= MAX_POCKETS:
-        table.refuse("pockets", "no_pockets", allowed=allowed)
+        here.table.refuse(name, "no_pockets", allowed=POCKETS)
     tools = [one for one in value if one]
     if len(set(tools)) < len(tools):
-        table.refuse("pockets", "pocket_twice")
+        here.table.refuse(name, "pocket_twice")
     return tuple(value)
 
 
-def _step(row: Table, axes: Sequence[Axis], io: Io | None, pockets: int) -> ChangerStep:
-    found = replace(
-        _switching(row, row.text("input") if row.has("input") else ""),
-        move=(*_moves(row, "mm", axes, pockets), *_moves(row, "deg", axes, pockets)),
-        orient=row.flag("orient", False),
-        carries=row.flag("carries", False),
+POCKETS = said("file.may.pockets", most=MAX_POCKETS)
+POSITIONS = {"type": ["number", "array"], "items": {"type": "number"}}
+MOVES = Own(_moves, said("file.may.table"), {"type": "object", "additionalProperties": POSITIONS})
+
+
+@dataclass(frozen=True, slots=True)
+class ChangerStep:
+    """One step of a tool changer: its moves, then its outputs, then the input that says it is done."""
+
+    name: str = key(TEXT, "of the step, as the operator calls it")
+    within_s: float = key(Number(0.1, LONGEST_S), "not done by then: held, and told")
+    fails: str = key(TEXT, "what he is told then")
+    move_mm: ClassVar[Key] = declared(
+        MOVES,
+        "of X Y Z by name: a machine position, or one of each pocket in brackets",
+        default=(),
+        tables=SEQUENCES,
     )
-    _reach(row, found, io, pockets)
-    row.finish()
-    return found
-
-
-def _switching(row: Table, input_: str) -> ChangerStep:
-    """What every step may do: it tells outputs, and an input says that it is done."""
-    return ChangerStep(
-        name=row.text("name"),
-        within_s=row.number("within_s", 0.1, LONGEST_S),
-        fails=row.text("fails"),
-        on=row.names("on"),
-        off=row.names("off"),
-        pocket=row.names("pocket"),
-        input=input_,
-        level=row.text("level", LEVELS, "rise"),
+    move_deg: ClassVar[Key] = declared(MOVES, "likewise of the rotaries", default=(), tables=SEQUENCES)
+    # Of each axis that moves where to (mm, rad): one place, or one of each pocket.
+    move: Moves = ()
+    orient: bool = key(FLAG, "the spindle comes to its angle, as by M19", default=False, tables=SEQUENCES)
+    on: tuple[str, ...] = key(NAMES, "outputs of `[io]` that are switched on", default=())
+    off: tuple[str, ...] = key(NAMES, "outputs of `[io]` that are switched off", default=())
+    pocket: tuple[str, ...] = key(
+        NAMES, "outputs that say the pocket's number in binary, the least bit first", default=()
+    )
+    input: str = key(  # "": nothing is waited for
+        TEXT, "of `[io]`: says that the step is done", default="", needed=(PREPARE,)
+    )
+    level: str = key(
+        Choice(LEVELS),
+        "what it does then, or is; of a step that carries a change alone counts",
+        default="rise",
+    )
+    # The tool goes from the spindle into its pocket, or the other way.
+    carries: bool = key(
+        FLAG,
+        "the tool is in its pocket (of `take`: in the spindle) when the step is done",
+        default=False,
+        tables=SEQUENCES,
     )
 
+    @property
+    def usual_s(self) -> float:
+        """What its input is expected to take, s."""
+        return min(USUAL_SHARE * self.within_s, USUAL_STEP_S)
 
-def _preparing(row: Table, io: Io | None, pockets: int) -> ChangerStep:
-    """A step beside a cut: it moves no axis, and an input says that it is done."""
-    found = _switching(row, row.text("input"))
-    _reach(row, found, io, pockets)
-    if found.pocket and found.level in ("on", "off"):
-        row.refuse("level", "prepare_level")
-    row.finish()
-    return found
+    @property
+    def switches(self) -> tuple[str, ...]:
+        """Names of all outputs that it tells."""
+        return (*self.on, *self.off, *self.pocket)
 
-
-def _moves(row: Table, unit: str, axes: Sequence[Axis], pockets: int) -> list[tuple[str, tuple[float, ...]]]:
-    """``move_mm`` or ``move_deg``: by axis one position, or one of each pocket; within the travel."""
-    key = f"move_{unit}"
-    entry = row.table(key, f"{row.name} {key}", optional=True)
-    known = {axis.name: axis for axis in axes if axis.is_rotary == (unit == "deg")}
-    found: list[tuple[str, tuple[float, ...]]] = []
-    for name in entry.written:
-        if name not in known:
-            entry.get(name, said("file.may.position"))
-            entry.refuse(name, "no_axis_in", unit=unit, allowed=", ".join(known) or Key("file.none"))
-        axis = known[name]
-        low, high = sorted((axis.travel_min * axis.shown_per_unit, axis.travel_max * axis.shown_per_unit))
-        allowed = said("file.may.positions", low=low, high=high, pockets=pockets)
-        value = entry.get(name, allowed)
-        places = value if isinstance(value, list) else [value]
-        if not all(is_number(one) for one in places) or len(places) not in (1, pockets):
-            entry.refuse(name, "no_position", allowed=allowed)
-        if not all(low <= one <= high for one in places):
-            entry.refuse(name, "beyond_travel", allowed=allowed)
-        found.append((name, tuple(float(one) / axis.shown_per_unit for one in places)))
-    entry.finish()
-    return found
+    def outputs(self, pocket: int) -> list[tuple[str, bool]]:
+        """Outputs and whether each is on: a pocket's number before what begins the motion to it."""
+        number = [(name, bool(pocket >> bit & 1)) for bit, name in enumerate(self.pocket)]
+        return [*number, *((name, True) for name in self.on), *((name, False) for name in self.off)]
 
 
-def _reach(row: Table, step: ChangerStep, io: Io | None, pockets: int) -> None:
-    """A step does something, by bits that are there, and it is seen to be done."""
-    if not (step.move or step.orient or step.switches or step.input):
-        row.refuse("name", "step_empty")
-    if step.orient and (io is None or io.orient is None):
-        row.refuse("orient", "step_orient")
-    if set(step.on) & set(step.off):
-        row.refuse("off", "step_on_off")
-    for key, names, bits in (
-        ("on", step.on, io.outputs if io else ()),
-        ("off", step.off, io.outputs if io else ()),
-        ("pocket", step.pocket, io.outputs if io else ()),
-        ("input", (step.input,) if step.input else (), io.inputs if io else ()),
-    ):
+@dataclass(frozen=True, slots=True)
+class Changer:
+    """What M6 does where a machine changes its tools by itself."""
+
+    pockets: tuple[int, ...] = key(  # of pocket 1, 2 ... the number of its tool; 0 = it is nobody's
+        Own(_pockets, POCKETS, {"type": "array", "items": {"type": "integer", "minimum": 0}}),
+        "the tools of pocket 1, 2 ...; 0: the pocket is nobody's",
+    )
+    put_away: tuple[ChangerStep, ...] = key(
+        Rows(ChangerStep), "the steps that bring the tool of the spindle into its pocket", silent=()
+    )
+    take: tuple[ChangerStep, ...] = key(
+        Rows(ChangerStep), "the steps that bring a tool into the empty spindle", silent=()
+    )
+    prepare: tuple[ChangerStep, ...] = key(
+        Rows(ChangerStep),
+        "the steps that bring its pocket to where it is taken; they run from T on, beside the cut",
+        default=(),
+    )
+
+    @property
+    def names(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
+        """The outputs and the inputs that its steps name, each once."""
+        steps = (*self.put_away, *self.take, *self.prepare)
+        outputs = dict.fromkeys(name for step in steps for name in (*step.on, *step.off, *step.pocket))
+        return tuple(outputs), tuple(dict.fromkeys(step.input for step in steps if step.input))
+
+    @property
+    def beside(self) -> tuple[str, ...]:
+        """The outputs that a preparation switches, each once."""
+        return tuple(dict.fromkeys(name for step in self.prepare for name in step.switches))
+
+    def told(self, step: ChangerStep, pocket: int) -> float:
+        """A step of the preparation as the tick is asked for it; 0.0: it switches nothing."""
+        bits = {name: 1 << i for i, name in enumerate(self.beside)}
+        rows = step.outputs(pocket)
+        on, off = (sum(bits[name] for name, is_on in rows if is_on is which) for which in (True, False))
+        return float(on + off * BESIDE)
+
+    def pocket(self, tool: int) -> int | None:
+        """The pocket of a tool, from 1; None where it has none."""
+        return self.pockets.index(tool) + 1 if tool and tool in self.pockets else None
+
+
+def _check_carries(here: Reading) -> None:
+    for sequence in SEQUENCES:
+        if sum(step.carries for step in here[sequence]) != 1:
+            here.table.refuse(sequence, "carries_once")
+
+
+def _check_names(here: Reading) -> None:
+    for sequence in SEQUENCES:
+        names = [step.name for step in here[sequence]]
+        if len(set(names)) < len(names):
+            here.table.refuse(sequence, "step_twice")
+
+
+def _check_apart(here: Reading) -> None:
+    """What is prepared stands until the tool is over: no step up to there switches any of it."""
+    prepare, take = here[PREPARE], here["take"]
+    if len(names := {name for step in prepare for name in step.switches}) > MAX_BESIDE:
+        here.table.refuse(PREPARE, "prepare_many", count=len(names), most=MAX_BESIDE)
+    over = next((k for k, step in enumerate(take) if step.carries), len(take))
+    taken = {name: step for step in (*here["put_away"], *take[: over + 1]) for name in step.switches}
+    for step in prepare:
+        for name in step.switches:
+            if name in taken:
+                other = taken[name].name
+                here.table.refuse(PREPARE, "prepare_taken", step=step.name, name=name, other=other)
+
+
+RULES: Mapping[type, Rules] = {
+    ChangerStep: Rules(fills={"move": lambda here: (*here["move_mm"], *here["move_deg"])}),
+    Changer: Rules(checks=(_check_carries, _check_names, _check_apart)),
+}
+
+
+# ---- what only the whole file can show
+
+
+def check_step(step: Reading) -> None:
+    """A step does something, and by outputs of the changer's own."""
+    switched = {name: step[name] for name in SWITCHES}
+    if not (step["move"] or step["orient"] or any(switched.values()) or step["input"]):
+        step.table.refuse("name", "step_empty")
+    if set(switched["on"]) & set(switched["off"]):
+        step.table.refuse("off", "step_on_off")
+    for name, outputs in switched.items():
+        if not set(outputs).isdisjoint(OUTPUTS):
+            step.table.refuse(name, "coolant_outputs")
+
+
+def check_bits(step: Reading) -> None:
+    """The bits that a step names are there."""
+    io: Io | None = step.top["io"]
+    rows = [(name, step[name], "outputs", io.outputs if io else ()) for name in SWITCHES]
+    if step["input"]:
+        rows.append(("input", (step["input"],), "inputs", io.inputs if io else ()))
+    for key_, names, kind, bits in rows:
         for name in names:
-            if name not in dict(bits):
-                kind = "inputs" if key == "input" else "outputs"
-                allowed = ", ".join(one for one, _ in bits) or Key("file.no_io")
-                row.refuse(key, "no_bit", name=name, kind=kind, allowed=allowed)
-    for key, names in (("on", step.on), ("off", step.off), ("pocket", step.pocket)):
-        if not set(names).isdisjoint(OUTPUTS):
-            row.refuse(key, "coolant_outputs")
-    if step.pocket and pockets >= 1 << len(step.pocket):
-        bits_needed = math.ceil(math.log2(pockets + 1))
-        row.refuse("pocket", "pocket_bits", count=len(step.pocket), pockets=pockets, needed=bits_needed)
-    if step.carries and not step.input:
-        row.refuse("carries", "carries_unseen")
-    if step.carries and step.level in ("on", "off"):
-        row.refuse("level", "carries_level")
+            if name not in dict(bits) and step.file.misses(kind, name):
+                allowed = ", ".join(one for one, _ in bits) or TextKey("file.none" if io else "file.no_io")
+                with step.file.collecting():
+                    step.table.refuse(key_, "no_bit", name=name, kind=kind, allowed=allowed)
 
 
-def audit(machine: Machine, table: Table) -> None:
+def check_orient(step: Reading) -> None:
+    """The spindle comes to its angle where the machine has a way to bring it there."""
+    io: Io | None = step.top["io"]
+    if step["orient"] and (io is None or io.orient is None):
+        step.table.refuse("orient", "step_orient")
+
+
+def check_pocket(step: Reading) -> None:
+    """Its outputs can say the number of every pocket."""
+    bits = len(step["pocket"])
+    if bits and (pockets := len(step.top["changer"].pockets)) >= 1 << bits:
+        needed = math.ceil(math.log2(pockets + 1))
+        step.table.refuse("pocket", "pocket_bits", count=bits, pockets=pockets, needed=needed)
+
+
+def check_level(step: Reading) -> None:
+    """What says that a step is done cannot have said so before."""
+    stands = step["level"] in ("on", "off")
+    if step["carries"] and not step["input"]:
+        step.table.refuse("carries", "carries_unseen")
+    if step["carries"] and stands:
+        step.table.refuse("level", "carries_level")
+    if step.called == PREPARE and step["pocket"] and stands:
+        step.table.refuse("level", "prepare_level")
+
+
+def check_tools(changer: Reading) -> None:
     """The tools of the pockets are in the tool table."""
-    if machine.changer is None:
-        return
-    known = {tool.number for tool in machine.tools}
-    for tool in machine.changer.pockets:
-        if tool and tool not in known:
-            allowed = ", ".join(f"T{number}" for number in sorted(known))
-            table.get("pockets", said("file.may.tool_numbers"))
-            table.refuse("pockets", "pocket_of_nobody", tool=tool, allowed=allowed)
+    tools = sorted(tool.number for tool in changer.top["tool"])
+    for tool in changer["pockets"]:
+        if tool and tool not in tools:
+            allowed = ", ".join(f"T{number}" for number in tools)
+            changer.table.refuse("pockets", "pocket_of_nobody", tool=tool, allowed=allowed)

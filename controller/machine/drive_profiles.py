@@ -15,10 +15,14 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Mapping
+from dataclasses import dataclass
 from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any
 
+from controller.machine.declaration import key
+from controller.machine.forms import FLAG, TEXT, Choice, Integer, Own
+from controller.machine.reading import Reading, Rules, read_alone
 from controller.machine.toml_table import ConfigError, Table, is_number, parse, read_text
 from controller.messages import DEFAULT, LANGUAGES, Key, said
 from drives.profile import CyclicMode, Encoder, Override, Profile, Supervision, Write
@@ -66,40 +70,66 @@ def place(table: Table) -> tuple[int, int]:
 
 
 def overrides(table: Table) -> tuple[Override, ...]:
-    """The ``[[override]]`` tables below a table, none or more. Raises ConfigError."""
-    found = table.tables("override")
-    if str(table.name).startswith("["):  # of an axis, or another of the machine file's tables
-        for entry in found:
-            entry.name = f"{table.name}: {entry.name}"
-    return tuple(map(_override, found))
+    """The ``[[override]]`` tables of a profile, none or more. Raises ConfigError."""
+    return tuple(read_alone(OverrideTable, entry, RULES) for entry in table.tables("override"))
 
 
-def _override(table: Table) -> Override:
-    where = place(table)
-    for key in WHAT:
-        table.get(key, "", False)  # known, so that ``finish`` lists it among what is allowed
-    if not any(table.has(key) for key in WHAT):
-        table.refuse("object", "override_empty", known=", ".join(WHAT))
+_SIZE = Integer(LEAST, MOST)
 
-    def number(key: str) -> int | None:
-        return table.integer(key, LEAST, MOST) if table.has(key) else None
 
-    found = Override(
-        *where,
-        reason=_words(table, "reason"),
-        low=number("low"),
-        high=number("high"),
-        access=table.text("access", ACCESS) if table.has("access") else None,
-        default=number("default"),
-        mappable=table.flag("mappable", False) if table.has("mappable") else None,
-        data_type=TYPES[table.text("type", tuple(TYPES))] if table.has("type") else None,
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OverrideTable:
+    """``[[override]]`` as it is written."""
+
+    object: str = key(TEXT, 'of the drive, as `"2210:01"`')
+    low: int | None = key(_SIZE, "least value that it really takes", default=None)
+    high: int | None = key(_SIZE, "largest value that it really takes", default=None)
+    access: str | None = key(Choice(ACCESS), "as the drive really has it", default=None)
+    default: int | None = key(_SIZE, "its value after power-on", default=None)
+    mappable: bool | None = key(FLAG, "whether a PDO takes it", default=None)
+    type: int | None = key(Choice(TYPES), "of an object that the sheet lacks", default=None)
+    reason: str = key(
+        Own(
+            lambda here, name: _words(here.table, name),
+            said("file.may.text"),
+            {"type": ["string", "object"]},
+        ),
+        "who says so; it is told with every commissioning",
     )
-    if not found.reason:
-        table.refuse("reason", "reason_empty")
-    if found.low is not None and found.high is not None and found.low > found.high:
-        table.refuse("low", "low_above", high=found.high)
-    table.finish()
-    return found
+
+
+def _check_override(here: Reading) -> None:
+    place(here.table)
+    if not any(here.table.holds(key) for key in WHAT):
+        here.table.refuse("object", "override_empty", known=", ".join(WHAT))
+
+
+def _check_reason(here: Reading) -> None:
+    if not here["reason"]:
+        here.table.refuse("reason", "reason_empty")
+
+
+def _check_ends(here: Reading) -> None:
+    if here["low"] is not None and here["high"] is not None and here["low"] > here["high"]:
+        here.table.refuse("low", "low_above", high=here["high"])
+
+
+def _override(table: OverrideTable, here: Reading) -> Override:
+    return Override(
+        *place(here.table),
+        reason=table.reason,
+        low=table.low,
+        high=table.high,
+        access=table.access,
+        default=table.default,
+        mappable=table.mappable,
+        data_type=table.type,
+    )
+
+
+RULES: Mapping[type, Rules] = {
+    OverrideTable: Rules(checks=(_check_override, _check_reason, _check_ends), made=_override)
+}
 
 
 TEXTS = frozenset(key for key in LANGUAGES[DEFAULT].texts if key.startswith("profile."))

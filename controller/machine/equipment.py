@@ -1,39 +1,22 @@
-"""The tables of a machine file beside its axes: spindle, inputs and outputs, clamps.
+"""What a machine has besides its axes and its spindle: inputs and outputs, probe, tool setter, work table.
 
-Every refusal is a ``ConfigError`` in the form of ``toml_table``.
+Each value has the keys of its table of the machine file.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
-from controller.geometry.vectors import Z, norm, scale
-from controller.machine import drive_profiles
-from controller.machine.model import (
-    AdaptiveFeed,
-    AnalogueOut,
-    Axis,
-    Bus,
-    Clamp,
-    Demand,
-    Following,
-    Homing,
-    Io,
-    Machine,
-    Orient,
-    Sensor,
-    Spindle,
-    SpindlePosition,
-    Stopping,
-    Temperature,
-    WorkTable,
-)
-from controller.machine.named_files import NamedFiles
-from controller.machine.toml_table import Table
-from controller.messages import Key, Said, said
-from drives.settings import DEMAND, OFF_DEMAND
+from controller.geometry.vectors import ZERO, Vector, Z, norm, scale
+from controller.machine.axes import BUS, NODE, OVERRIDES, SHEET, UNSUPERVISED, USUAL_SHARE
+from controller.machine.declaration import key, shared
+from controller.machine.forms import FLAG, NAMES, POSITIVE, TEXT, VECTOR, Choice, Integer, Number, Own, Sub
+from controller.machine.reading import Reading, Rules, Unread
+from controller.messages import Key, said
+from drives.profile import Override
+from drives.text_file import Source
 
 SENSORS = ("probe", "setter")  # on = touched
 INPUTS = (
@@ -46,442 +29,355 @@ INPUTS = (
     *SENSORS,
 )  # beside those that clamps name
 OUTPUTS = ("coolant", "mist")
-# Of the drive's own window (following_error): what the controller allows at rest, and of that in position.
-REST_SHARE = IN_POSITION_SHARE = 0.1
 MAX_BITS = 64  # of a PDO
 MAX_CHANNELS = 4  # of 16 bits in one
 INT16 = -(2**15), 2**15 - 1
 # That programs have for what is the machine's own.
 M_CODE = re.compile(r"M(1[0-8]|2[0-8]|3[1-9]|4[0-7]|5[4-9]|69|7[4-9]|8[0-9]|9[0-7]|[1-9][0-9][0-9])")
 M_CODES = "M10-M18, M20-M28, M31-M47, M54-M59, M69, M74-M97, M100-M999"
-MODES = {"csv": 9, "pv": 3}
-TAPPING_REV_S2 = 50.0  # along a thread, where the file says nothing
+OF_IO = "a name of `[io]`"
 
 
-def spindle(table: Table, buses: Sequence[Bus], files: NamedFiles) -> Spindle:
-    """``[spindle]``: without ``node`` only what programs need, with it also its drive."""
-    most = table.positive("max_rev_min")
-    if not table.has("node"):
-        table.finish()
-        return Spindle(most)
-    found = Spindle(
-        max_rev_min=most,
-        bus=table.text("bus", [bus.name for bus in buses], buses[0].name),
-        node=table.integer("node", 1, 126),
-        profile=files.profile(table),
-        counts_per_rev=table.number("counts_per_rev"),
-        mode=MODES[table.text("mode", tuple(MODES), "csv")],
-        at_speed_share=table.number("at_speed_share", 0.001, 0.5, default=0.05),
-        spin_up_s=table.number("spin_up_s", 0.1, 120.0, default=10.0),
-        acceleration_rev_s2=table.positive("acceleration_rev_s2", default=50.0),
-        eds=files.sheet(table),
-        stopping=Stopping(0.0, *_units(table)),
-        unsupervised=table.flag("unsupervised", False),
-        overrides=drive_profiles.overrides(table),
+@dataclass(frozen=True, slots=True)
+class AnalogueOut:
+    """A channel of 6411h: what Q of M67 and M68 may be, and the counts that go with its ends."""
+
+    name: str
+    channel: int = key(Integer(1, MAX_CHANNELS), "sub-index of 6411h")
+    low: float = key(Number(), "least Q", silent=0.0)  # in whatever unit the machine's builder thinks of
+    high: float = key(Number(), "largest Q")
+    low_counts: int = key(Integer(*INT16), "what the node is told for the least", silent=0)
+    high_counts: int = key(Integer(*INT16), "what it is told for the largest", silent=INT16[1])
+
+    @property
+    def idle(self) -> float:
+        """Its value without a program: the one nearest to nothing."""
+        return min(max(0.0, self.low), self.high)
+
+    def counts(self, value: float) -> int:
+        """What the node is told for a Q between ``low`` and ``high``."""
+        share = (value - self.low) / (self.high - self.low)
+        return round(self.low_counts + share * (self.high_counts - self.low_counts))
+
+
+@dataclass(frozen=True, slots=True)
+class MCode:
+    """What a code of the machine's own switches, as it is written."""
+
+    output: str = key(
+        Choice(lambda here: here.above["digital_out"]), "of `digital_out`", may_be="a name of `digital_out`"
     )
-    found = replace(found, position=_position(table, found))
-    found = replace(found, adaptive=_adaptive(table, found))
-    _fits(table, found)
-    table.finish()
-    return found
+    on: bool = key(FLAG, "whether it is switched on or off", default=True)
 
 
-def _position(table: Table, of: Spindle) -> SpindlePosition | None:
-    """``position = { counts_per_rev, index, sub, tpdo, load, ... }``: the spindle's angle at every SYNC."""
-    if not table.has("position"):
-        return None
-    entry = table.table("position", f"{table.name} position")
-    gentle = min(of.acceleration_rev_s2, TAPPING_REV_S2)
-    found = SpindlePosition(
-        counts_per_rev=entry.number("counts_per_rev", default=of.counts_per_rev),
-        index=entry.integer("index", 0x2000, 0x6FFF, 0x6064),
-        sub=entry.integer("sub", 0, 254, 0),
-        tpdo=entry.integer("tpdo", 1, 4, 2),
-        load=entry.flag("load", False),
-        gain_per_s=entry.number("gain_per_s", 1.0, 50.0, default=10.0),
-        acceleration_rev_s2=entry.positive("acceleration_rev_s2", gentle),
-        most_lag_rev=entry.number("most_lag_rev", 0.01, 10.0, default=0.5),
+@dataclass(frozen=True, slots=True)
+class Orient:
+    """M19: while the output is on, the spindle's drive brings it to its angle; the input says it is there."""
+
+    output: str = key(TEXT, "on while the spindle is to be at its angle", may_be=OF_IO)
+    input: str = key(TEXT, "1: it is there", may_be=OF_IO)
+    angle_deg: float = key(Number(0.0, 360.0), "where that is", silent=0.0)
+    within_s: float = key(Number(0.1, 120.0), "not there by then: held, with a fault", silent=10.0)
+    shift: str = key(  # X+ X- Y+ or Y-: that way leads the tip of a boring bar off the wall; "" = unknown
+        Choice(("X+", "X-", "Y+", "Y-")),
+        "which way then leads the tip off the wall, for G76 and G87; left out: they are refused",
+        default="",
     )
-    entry.finish()
-    if found.counts_per_rev == 0.0:
-        entry.refuse("counts_per_rev", "zero_encoder")
-    if of.mode != MODES["csv"]:
-        table.refuse("position", "thread_of_pv")
-    if found.tpdo == drive_profiles.load(of.profile).tpdo:
-        entry.refuse("tpdo", "tpdo_taken")
-    return found
+
+    @property
+    def usual_s(self) -> float:
+        """What it is expected to take, s."""
+        return USUAL_SHARE * self.within_s
 
 
-def _adaptive(table: Table, of: Spindle) -> AdaptiveFeed | None:
-    """``adaptive = { load_percent, ... }``: the load that the drive tells leads the feed under M52 P1."""
-    if not table.has("adaptive"):
-        return None
-    if of.position is None or not of.position.load:
-        table.refuse("adaptive", "load_untold")
-    entry = table.table("adaptive", f"{table.name} adaptive")
-    target = entry.number("load_percent", 5.0, 150.0) / 100.0
-    fall_s = entry.number("fall_s", 0.1, 10.0, default=0.3)
-    found = AdaptiveFeed(
-        target=target,
-        min_share=entry.number("min_share", 0.05, 1.0, default=0.2),
-        max_share=entry.number("max_share", 1.0, 1.5, default=1.0),
-        fall_s=fall_s,
-        rise_s=entry.number("rise_s", 0.1, 100.0, default=3.0),
-        overload=entry.number("overload_percent", 10.0, 400.0) / 100.0,
-        overload_s=entry.number("overload_s", 0.0, 10.0, default=0.5),
-    )
-    entry.finish()
-    if found.rise_s < found.fall_s:
-        entry.refuse("rise_s", "rise_short", fall_s=fall_s)
-    if found.overload <= found.target:
-        entry.refuse("overload_percent", "overload_low", percent=100.0 * target)
-    return found
+# ---- names of bits, and what is told of them
 
 
-def _fits(table: Table, found: Spindle) -> None:
-    """The target is at most an int32 (60FFh), in counts per second where the drive has no other unit."""
-    if found.counts_per_rev == 0.0:
-        table.refuse("counts_per_rev", "zero_encoder")
-    most = (2**31 - 1) / abs(found.counts_per_rev) * 60.0
-    if found.max_rev_min > most:
-        table.refuse("max_rev_min", "speed_fits", speed=found.max_rev_min, most=most)
+def _taken(here: Reading, kind: str) -> list[str]:
+    """The inputs or the outputs that the machine itself uses. Raises Unread where that is not known."""
+    is_input = kind == "inputs"
+    orient, changer = here["orient"], here.top["changer"]
+    clamps = [axis.clamp for axis in here.top["axis"] if axis.clamp is not None]
+    of_clamps = [clamp.input if is_input else clamp.output for clamp in clamps]
+    of_orient = [orient.input if is_input else orient.output] if orient is not None else []
+    of_changer = changer.names[is_input] if changer is not None else ()
+    return [*(INPUTS if is_input else OUTPUTS), *filter(None, of_clamps), *of_orient, *of_changer]
 
 
-def stopping(table: Table, unit: str, inner: float) -> Stopping:
-    """``quick_stop_mm_s2`` and the drive's units of an axis; ``unit`` is mm or deg, ``inner`` its size."""
-    return Stopping(table.positive_or_none(f"quick_stop_{unit}_s2", abs(inner)) or 0.0, *_units(table))
+def _names(here: Reading, kind: str) -> list[str]:
+    """Those that something uses, each once."""
+    of_programs = here["digital_in" if kind == "inputs" else "digital_out"]
+    return list(dict.fromkeys((*_taken(here, kind), *of_programs)))
 
 
-def _units(table: Table) -> tuple[float, float]:
-    """One unit of the drive's velocity and acceleration, where the drive cannot say what they are."""
-    velocity, acceleration = "velocity_unit_counts_s", "acceleration_unit_counts_s2"
-    if table.has(acceleration) and not table.has(velocity):
-        table.refuse(acceleration, "unit_alone")
-    return table.positive_or_none(velocity) or 0.0, table.positive_or_none(acceleration) or 0.0
-
-
-def homing(table: Table, unit: str, travel: tuple[float, float], inner: float) -> Homing:
-    """``homing = { ... }`` of an axis; ``unit`` is mm or deg, ``inner`` its size (sign: sense).
-
-    Method 0 is CiA 402's "no homing required": the encoder is absolute.
-    """
-    entry = table.table("homing", f"{table.name} homing", optional=True)
-    absolute, method = entry.flag("absolute", False), entry.integer("method", -128, 127, 37)
-
-    def rate(key: str) -> float:
-        return entry.positive_or_none(key, abs(inner)) or 0.0
-
-    found = Homing(
-        method=0 if absolute else method,
-        group=entry.integer("group", 0, 99, 0),
-        position=entry.number(f"position_{unit}", *travel, default=0.0) * inner,
-        absolute=absolute or method == 0,
-        fast=rate(f"fast_{unit}_s"),
-        slow=rate(f"slow_{unit}_s"),
-        acceleration=rate(f"acceleration_{unit}_s2"),
-    )
-    entry.finish()
-    return found
-
-
-def following(table: Table, unit: str, inner: float) -> Following:
-    """``following = { ... }`` of an axis; by default the drive's window at full speed, a tenth at rest."""
-    drives_own = table.positive(f"following_error_{unit}")
-    entry = table.table("following", f"{table.name} following", optional=True)
-    tightens = not entry.has(f"at_speed_{unit}")
-    rest = entry.positive(f"rest_{unit}", REST_SHARE * drives_own)
-    found = Following(
-        rest=rest * inner,
-        at_speed=entry.number(f"at_speed_{unit}", 0.0, default=drives_own) * inner,
-        in_position=entry.number(f"in_position_{unit}", 0.0, rest, IN_POSITION_SHARE * rest) * inner,
-        ticks=entry.integer("ticks", 1, 10, 3),
-        tightens=tightens,
-    )
-    entry.finish()
-    return found
-
-
-def clamp(table: Table) -> Clamp | None:
-    """``clamp = { output, input, open_s }`` of an axis."""
-    if not table.has("clamp"):
-        return None
-    entry = table.table("clamp", f"{table.name} clamp")
-    found = Clamp(
-        output=entry.text("output"),
-        input=entry.text("input", default=""),
-        open_s=entry.number("open_s", 0.01, 30.0, default=0.5),
-    )
-    entry.finish()
-    return found
-
-
-def temperature(table: Table) -> Temperature | None:
-    """``temperature = { index, sub, bits, tpdo, per_degree }`` of an axis' drive."""
-    if not table.has("temperature"):
-        return None
-    entry = table.table("temperature", f"{table.name} temperature")
-    found = Temperature(
-        index=entry.integer("index", 0x2000, 0x6FFF),
-        sub=entry.integer("sub", 0, 254, 0),
-        bits=entry.integer("bits", 8, 32, 16),
-        tpdo=entry.integer("tpdo", 1, 4),
-        per_degree=entry.positive("per_degree", 1.0),
-    )
-    if found.bits not in (8, 16, 32):
-        entry.refuse("bits", "no_bits")
-    entry.finish()
-    return found
-
-
-def demand(table: Table) -> Demand | None:
-    """``demand = { tpdo, index, every, per_count }`` of an axis' drive."""
-    if not table.has("demand"):
-        return None
-    entry = table.table("demand", f"{table.name} demand")
-    found = Demand(
-        index=entry.integer("index", OFF_DEMAND, DEMAND, DEMAND),
-        tpdo=entry.integer("tpdo", 1, 4),
-        every=entry.integer("every", 1, 240, 1),
-        per_count=entry.positive("per_count", 1.0),
-    )
-    if found.index not in (OFF_DEMAND, DEMAND):
-        entry.refuse("index", "no_demand")
-    entry.finish()
-    return found
-
-
-def io(
-    table: Table,
-    buses: Sequence[Bus],
-    axes: Sequence[Axis],
-    files: NamedFiles,
-    of_changer: tuple[Sequence[str], Sequence[str]] = ((), ()),
-) -> Io:
-    """``[io]``; every bit has a name that something uses. ``of_changer``: its outputs and inputs."""
-    clamps = [axis.clamp for axis in axes if axis.clamp is not None]
-    digital_in, digital_out = table.names("digital_in"), table.names("digital_out")
-    orient = _orient(table)
-    spindles = ((orient.output, orient.input),) if orient else ()
-    known = (*OUTPUTS, *(c.output for c in clamps), *(output for output, _ in spindles))
-    watched = (*INPUTS, *(c.input for c in clamps if c.input), *(one for _, one in spindles))
-    inputs = _bits(table, "inputs", (*watched, *of_changer[1], *digital_in))
-    outputs = _bits(table, "outputs", (*known, *of_changer[0], *digital_out))
-    _of_programs(table, "digital_in", digital_in, inputs, ())
-    _of_programs(table, "digital_out", digital_out, outputs, (*known, *of_changer[0]))
-    found = Io(
-        bus=table.text("bus", [bus.name for bus in buses], buses[0].name),
-        node=table.integer("node", 1, 126),
-        eds=files.sheet(table),
-        inputs=inputs,
-        outputs=outputs,
-        inverted=_inverted(table, [name for name, _ in (*inputs, *outputs)]),
-        unsupervised=table.flag("unsupervised", False),
-        overrides=drive_profiles.overrides(table),
-        digital_in=digital_in,
-        digital_out=digital_out,
-        held=_held(table, digital_out),
-        m_codes=_m_codes(table, digital_out),
-        analogue_out=_analogue_out(table),
-        orient=orient,
-        changer_out=tuple(of_changer[0]),
-        changer_in=tuple(name for name in of_changer[1] if name in dict(inputs)),
-    )
-    _has_its_bits(table, found)
-    table.finish()
-    return found
-
-
-def _orient(table: Table) -> Orient | None:
-    """``orient = { output, input, angle_deg, within_s, shift }``."""
-    if not table.has("orient"):
-        return None
-    entry = table.table("orient", f"{table.name} orient")
-    found = Orient(
-        output=entry.text("output"),
-        input=entry.text("input"),
-        angle_deg=entry.number("angle_deg", 0.0, 360.0, default=0.0),
-        within_s=entry.number("within_s", 0.1, 120.0, default=10.0),
-        shift=entry.text("shift", ("X+", "X-", "Y+", "Y-")) if entry.has("shift") else "",
-    )
-    entry.finish()
-    return found
-
-
-def _has_its_bits(table: Table, io: Io) -> None:
-    """The output and the input of ``orient`` are bits of the node, and no program switches them by number."""
-    if io.orient is None:
-        return
-    for key, name, bits, others in (
-        ("output", io.orient.output, io.outputs, io.digital_out),
-        ("input", io.orient.input, io.inputs, io.digital_in),
-    ):
-        if name not in dict(bits) or name in others:
-            allowed = ", ".join(one for one, _ in bits if one not in others) or Key("file.no_free_bit")
-            table.refuse("orient", "orient_bit", key=key, name=name, allowed=allowed)
-
-
-def _analogue_out(table: Table) -> tuple[AnalogueOut, ...]:
-    """``analogue_out = { name = { channel, low, high, low_counts, high_counts } }`` in the order of E."""
-    entries = table.table("analogue_out", f"{table.name} analogue_out", optional=True)
-    found: dict[int, AnalogueOut] = {}
-    for name in entries.written:
-        entry = entries.table(name, f"{entries.name}.{name}")
-        one = AnalogueOut(
-            name,
-            entry.integer("channel", 1, MAX_CHANNELS),
-            entry.number("low", default=0.0),
-            entry.number("high"),
-            entry.integer("low_counts", *INT16, 0),
-            entry.integer("high_counts", *INT16, INT16[1]),
-        )
-        entry.finish()
-        if one.high <= one.low:
-            entry.refuse("high", "high_low", low=one.low)
-        if one.channel in found:
-            twin = found[one.channel].name
-            entry.refuse("channel", "channel_twice", other=twin)
-        found[one.channel] = one
-    return tuple(found.values())
-
-
-def _of_programs(
-    table: Table, key: str, names: Sequence[str], bits: Sequence[tuple[str, int]], taken: Sequence[str]
-) -> None:
-    """What programs switch or wait for has a bit, and is nobody else's."""
-    known = [name for name, _ in bits if name not in taken]
-    for name in names:
-        if name not in known:
-            allowed = ", ".join(known) or Key("file.no_named_bit")
-            table.refuse(
-                key,
-                "not_of_programs",
-                name=name,
-                kind=Key("file.input" if key == "digital_in" else "file.output"),
-                allowed=allowed,
-            )
-
-
-def _held(table: Table, digital_out: Sequence[str]) -> tuple[str, ...]:
-    """``held``: outputs that stay as the program left them."""
-    names = table.names("held")
-    if any(name not in digital_out for name in names):
-        allowed = ", ".join(digital_out) or Key("file.no_digital_out")
-        table.refuse("held", "held_unknown", allowed=allowed)
-    return names
-
-
-def _m_codes(table: Table, digital_out: Sequence[str]) -> tuple[tuple[str, str, bool], ...]:
-    """``m_codes = { M10 = { output = "vise", on = true } }``."""
-    codes = table.table("m_codes", f"{table.name} m_codes", optional=True)
-    found: list[tuple[str, str, bool]] = []
-    for code in codes.written:
-        if not M_CODE.fullmatch(code):
-            codes.refuse(code, "no_m_code", allowed=M_CODES)
-        entry = codes.table(code, f"{codes.name}.{code}")
-        found.append((code, entry.text("output", digital_out), entry.flag("on", True)))
-        entry.finish()
-    return tuple(found)
-
-
-def _bits(table: Table, key: str, known: Sequence[str]) -> tuple[tuple[str, int], ...]:
+def _bits(here: Reading, kind: str) -> tuple[tuple[str, int], ...]:
     """``{ name = bit, ... }`` in the order of the bits."""
-    entry = table.table(key, f"{table.name} {key}", optional=True)
+    entry = here.table.table(kind, f"{here.table.name} {kind}")
+    known: list[str] | None = None
+    with here.file.collecting():
+        known = _names(here, kind)
     found: dict[str, int] = {}
-    for name in known:
-        if entry.has(name) and name not in found:
-            found[name] = entry.integer(name, 0, MAX_BITS - 1)
-            twins = [other for other, bit in found.items() if bit == found[name] and other != name]
-            if twins:
-                entry.refuse(name, "bit_twice", other=twins[0])
-    for name in known:
-        entry.get(name, "", 0)  # known, so that ``finish`` lists it among what is allowed
-    entry.finish()
+    for name in entry.written if known is None else known:
+        with here.file.collecting():
+            if entry.holds(name):
+                bit = entry.integer(name, 0, MAX_BITS - 1)
+                if twin := next((other for other, taken in found.items() if taken == bit), None):
+                    entry.refuse(name, "bit_twice", other=twin)
+                found[name] = bit
+    if known is not None:
+        here.file.mistakes += entry.foreign(known)
+    if len(found) < len(entry.written):
+        raise Unread(kind)
     return tuple(sorted(found.items(), key=lambda row: row[1]))
 
 
-def _inverted(table: Table, names: Sequence[str]) -> tuple[str, ...]:
+def _inverted(here: Reading, name: str) -> tuple[str, ...]:
+    names = [one for one, _ in (*here["inputs"], *here["outputs"])]
     allowed = said("file.may.inverted", names=", ".join(names) or Key("file.bits"))
-    value = table.get("inverted", allowed, [])
-    if not isinstance(value, list) or not all(name in names for name in value):
-        table.refuse("inverted", "inverted_unknown", allowed=allowed)
+    value = here.table.get(name, allowed)
+    if not isinstance(value, list) or not all(one in names for one in value):
+        here.table.refuse(name, "inverted_unknown", allowed=allowed)
     return tuple(value)
 
 
-def audit(axes: Sequence[Axis], devices: tuple[Spindle | None, Io | None], top: Table) -> None:
-    """What only the whole file can show: nodes used twice, clamps without their bits."""
-    turning, found = devices
-    taken: dict[tuple[str, int], Said | str] = {
-        (axis.bus, axis.node): said("file.axis", name=axis.name) for axis in axes
-    }
-    others = []
-    if turning is not None and turning.is_driven:
-        others.append(("spindle", turning.bus, turning.node))
-    if found is not None:
-        others.append(("io", found.bus, found.node))
-    for key, bus, node in others:
-        table = top.table(key, f"[{key}]")
-        if (bus, node) in taken:
-            table.refuse("node", "node_twice", other=taken[bus, node], bus=bus)
-        taken[bus, node] = table.name
-    for axis in axes:
-        if axis.clamp is not None:
-            _audit_clamp(axis.clamp, top.entry("axis", axis.name), found)
+_BITS = Own(
+    _bits,
+    said("file.may.table"),
+    {"type": "object", "additionalProperties": {"type": "integer", "minimum": 0, "maximum": MAX_BITS - 1}},
+)
 
 
-def _audit_clamp(its: Clamp, axis: Table, found: Io | None) -> None:
-    table = axis.table("clamp", f"{axis.name} clamp")
-    if found is None or found.output(its.output) is None:
-        names = ", ".join(name for name, _ in found.outputs) if found else Key("file.no_io")
-        table.refuse("output", "no_output", allowed=names)
-    if its.input and found.input(its.input) is None:
-        names = ", ".join(name for name, _ in found.inputs)
-        table.refuse("input", "no_input", allowed=names)
+@dataclass(frozen=True, slots=True)
+class Io:
+    """A CiA 401 node: its bits by name. A bit is told and read as 1 = on, after ``inverted``."""
 
-
-def sensor(table: Table, in_spindle: bool) -> Sensor:
-    """``[probe]``, a touch probe in the spindle, or ``[setter]``, which tools touch."""
-    found = Sensor(
-        input=table.text("input", SENSORS, SENSORS[not in_spindle]),
-        overtravel_mm=table.number("overtravel_mm", 0.05, 50.0, default=2.0),
-        latency_s=table.number("latency_ms", 0.0, 50.0, default=0.0) * 1e-3,
-        latch_tpdo=table.integer("latch_tpdo", 0, 4, 0),
+    bus: str = shared(BUS)
+    node: int = shared(NODE)
+    eds: Source = shared(SHEET)  # "" = the shipped simulated one
+    inputs: tuple[tuple[str, int], ...] = key(  # (name, bit): "estop", "door" ... and those of clamps
+        _BITS, "name and bit; an input is 1 where all is well", silent=()
     )
-    if in_spindle:
-        tool, release_mm = table.integer("tool", 1, 99999), table.number("release_mm", 0.1, 20.0, default=2.0)
-        found = replace(found, tool=tool, release_mm=release_mm)
-    else:
-        found = replace(found, point=table.vector("point_mm"), radius_mm=table.positive("radius_mm"))
-    table.finish()
-    return found
-
-
-def audit_sensors(machine: Machine, top: Table) -> None:
-    """Their inputs are bits of the node, of their own, and the probe is a tool of the table."""
-    for key, one in (("probe", machine.probe), ("setter", machine.setter)):
-        if one is None:
-            continue
-        table = top.table(key, f"[{key}]")
-        table.text("input", default=one.input)
-        names = [name for name, _ in machine.io.inputs] if machine.io is not None else []
-        if one.input not in names:
-            allowed = ", ".join(names) or Key("file.no_io")
-            table.refuse("input", "no_input", allowed=allowed)
-        if key == "probe" and machine.tool_as_told(one.tool) is None:
-            table.integer("tool", 1, 99999)
-            known = ", ".join(str(tool.number) for tool in machine.tools) or Key("file.no_tools")
-            table.refuse("tool", "no_probe", allowed=known)
-
-
-def work_table(table: Table) -> WorkTable:
-    """``[table]``: the disc under the work, in the table frame with all rotaries at zero."""
-    normal = table.vector("normal", Z)
-    if norm(normal) < 1e-9:
-        table.refuse("normal", "no_face")
-    found = WorkTable(
-        centre=table.vector("centre_mm"),
-        normal=scale(normal, 1.0 / norm(normal)),
-        radius_mm=table.positive("radius_mm"),
-        thickness_mm=table.positive("thickness_mm", default=20.0),
+    outputs: tuple[tuple[str, int], ...] = key(  # "coolant", "mist", those of clamps and of programs
+        _BITS, "name and bit", silent=()
     )
-    table.finish()
-    return found
+    inverted: tuple[str, ...] = key(
+        Own(_inverted, said("file.may.name_list"), NAMES.schema()),
+        "names whose wire is 0 when they are on",
+        default=(),
+        may_be="names of `[io]`",
+    )
+    unsupervised: bool = shared(UNSUPERVISED)
+    overrides: tuple[Override, ...] = shared(OVERRIDES)
+    digital_in: tuple[str, ...] = key(
+        NAMES, "names of inputs that programs wait for: P0, P1 ... of M66", default=()
+    )
+    digital_out: tuple[str, ...] = key(
+        NAMES, "names of outputs that they switch: P0, P1 ... of M62 to M65", default=()
+    )
+    held: tuple[str, ...] = key(
+        NAMES, "of them those that stay as they are at a program's end, a stop and a fault", default=()
+    )
+    m_codes: tuple[tuple[str, str, bool], ...] = key(  # ("M10", name of a digital_out, on)
+        Sub(MCode, named=True), f"what {M_CODES} switch", default=()
+    )
+    analogue_out: tuple[AnalogueOut, ...] = key(
+        Sub(AnalogueOut, named=True), "E0, E1 ... of M67 and M68, by name", default=()
+    )
+    orient: Orient | None = key(Sub(Orient), "of M19: the spindle's drive goes to its angle", default=None)
+    changer_out: tuple[str, ...] = ()  # outputs of the tool changer, which no program has by number ...
+    changer_in: tuple[str, ...] = ()  # ... and the inputs that it waits for
+
+    @property
+    def switched(self) -> tuple[str, ...]:
+        """The outputs that a program switches, by number: those of M62 to M65, that of M19, the changer's."""
+        return self.digital_out + ((self.orient.output,) if self.orient else ()) + self.changer_out
+
+    @property
+    def awaited(self) -> tuple[str, ...]:
+        """The inputs that it waits for, likewise."""
+        return self.digital_in + ((self.orient.input,) if self.orient else ()) + self.changer_in
+
+    def input(self, name: str) -> int | None:
+        """The bit of an input; None where the machine has none of that name."""
+        return dict(self.inputs).get(name)
+
+    def output(self, name: str) -> int | None:
+        """The bit of an output; None where the machine has none of that name."""
+        return dict(self.outputs).get(name)
+
+
+def _changer_out(here: Reading) -> tuple[str, ...]:
+    changer = here.top["changer"]
+    return () if changer is None else tuple(changer.names[False])
+
+
+def _changer_in(here: Reading) -> tuple[str, ...]:
+    changer = here.top["changer"]
+    return () if changer is None else tuple(one for one in changer.names[True] if one in dict(here["inputs"]))
+
+
+def _check_of_programs(here: Reading, kind: str) -> None:
+    """What programs switch or wait for has a bit, and is nobody else's."""
+    is_input = kind == "digital_in"
+    taken = () if is_input else _taken(here, "outputs")
+    known = [name for name, _ in here["inputs" if is_input else "outputs"] if name not in taken]
+    for name in here[kind]:
+        if name not in known:
+            allowed = ", ".join(known) or Key("file.no_named_bit")
+            what = Key("file.input" if is_input else "file.output")
+            here.table.refuse(kind, "not_of_programs", name=name, kind=what, allowed=allowed)
+
+
+def _check_held(here: Reading) -> None:
+    if any(name not in here["digital_out"] for name in here["held"]):
+        allowed = ", ".join(here["digital_out"]) or Key("file.no_digital_out")
+        here.table.refuse("held", "held_unknown", allowed=allowed)
+
+
+def _check_orient(here: Reading) -> None:
+    """The output and the input of ``orient`` are bits of the node, and no program switches them by number."""
+    if here["orient"] is None:
+        return
+    for key_, name, bits, others in (
+        ("output", here["orient"].output, here["outputs"], here["digital_out"]),
+        ("input", here["orient"].input, here["inputs"], here["digital_in"]),
+    ):
+        if name not in dict(bits) or name in others:
+            allowed = ", ".join(one for one, _ in bits if one not in others) or Key("file.no_free_bit")
+            here.table.refuse("orient", "orient_bit", key=key_, name=name, allowed=allowed)
+
+
+def _check_channels(here: Reading) -> None:
+    found: dict[int, str] = {}
+    for one in here.below.get("analogue_out", ()):
+        if (channel := one["channel"]) in found:
+            one.table.refuse("channel", "channel_twice", other=found[channel])
+        found[channel] = one.called
+
+
+def _check_high(here: Reading) -> None:
+    if here["high"] <= here["low"]:
+        here.table.refuse("high", "high_low", low=here["low"])
+
+
+def _check_code(here: Reading) -> None:
+    if here.within is not None and not M_CODE.fullmatch(here.called):
+        here.within.refuse(here.called, "no_m_code", allowed=M_CODES)
+
+
+@dataclass(frozen=True, slots=True)
+class Sensor:
+    """A touch probe in the spindle, whose ball and length are those of ``tool``, or a tool setter."""
+
+    input: str = key(
+        Choice(SENSORS), "of `[io]`, on = touched", silent=lambda here: here.called, left_out="its own name"
+    )
+    overtravel_mm: float = key(
+        Number(0.05, 50.0),
+        "so far it gives behind a touch; a feed at which its stop is longer is refused",
+        silent=2.0,
+    )
+    latency_s: float = key(
+        Number(0.0, 50.0),
+        "from the touch to the frame of the input",
+        name="latency_ms",
+        scale=1e-3,
+        default=0.0,
+    )
+    latch_tpdo: int = key(
+        Integer(0, 4),
+        "number of the TPDO with which the drives tell where they were (60BAh); 0: none",
+        default=0,
+    )
+    tool: int = key(
+        Integer(1, 99999),
+        "its number in the tool table, which has its ball and length",
+        default=0,
+        tables=("probe",),
+        needed=("probe",),
+    )
+    release_mm: float = key(
+        Number(0.1, 20.0), "behind a touch it is free again within so much", default=2.0, tables=("probe",)
+    )
+    point: Vector = key(
+        VECTOR,
+        "the middle of its face, seen from the table with all rotaries at zero",
+        name="point_mm",
+        default=ZERO,
+        tables=("setter",),
+        needed=("setter",),
+    )
+    radius_mm: float = key(POSITIVE, "of its face", default=0.0, tables=("setter",), needed=("setter",))
+
+
+@dataclass(frozen=True, slots=True)
+class WorkTable:
+    """The body under the work that no tool may touch: a disc, seen with all rotaries at zero."""
+
+    centre: Vector = key(
+        VECTOR, "of the disc's upper face, with all rotaries at zero", name="centre_mm"
+    )  # mm
+    normal: Vector = key(VECTOR, "out of that face", silent=Z)  # a unit vector
+    radius_mm: float = key(POSITIVE, "of the disc, for the check of collisions")
+    thickness_mm: float = key(POSITIVE, "of the disc", silent=20.0)
+
+
+def _check_normal(here: Reading) -> None:
+    if norm(here["normal"]) < 1e-9:
+        here.table.refuse("normal", "no_face")
+
+
+RULES: Mapping[type, Rules] = {
+    AnalogueOut: Rules(fills={"name": lambda here: here.called}, checks=(_check_high,)),
+    MCode: Rules(checks=(_check_code,), made=lambda code, here: (here.called, code.output, code.on)),
+    Io: Rules(
+        fills={"changer_out": _changer_out, "changer_in": _changer_in},
+        checks=(
+            lambda here: _check_of_programs(here, "digital_in"),
+            lambda here: _check_of_programs(here, "digital_out"),
+            _check_held,
+            _check_orient,
+            _check_channels,
+        ),
+    ),
+    WorkTable: Rules(
+        checks=(_check_normal,),
+        made=lambda table, _: replace(table, normal=scale(table.normal, 1.0 / norm(table.normal))),
+    ),
+}
+
+
+# ---- what only the whole file can show
+
+
+def check_clamp(axis: Reading) -> None:
+    """The output and the input of its clamp are bits of the node."""
+    clamp, io = axis["clamp"], axis.top["io"]
+    if clamp is None:
+        return
+    table = axis.one_below("clamp").table
+    if io is None or io.output(clamp.output) is None:
+        table.refuse("output", "no_output", allowed=_listed(io, io.outputs if io else ()))
+    if clamp.input and io.input(clamp.input) is None:
+        table.refuse("input", "no_input", allowed=_listed(io, io.inputs))
+
+
+def _listed(io: Io | None, bits: Sequence[tuple[str, int]]) -> str:
+    """The names of bits, or that there are none."""
+    return ", ".join(name for name, _ in bits) or Key("file.none" if io else "file.no_io")
+
+
+def check_sensor(sensor: Reading) -> None:
+    """Its input is a bit of the node."""
+    io = sensor.top["io"]
+    inputs = io.inputs if io is not None else ()
+    if sensor["input"] not in dict(inputs):
+        sensor.table.refuse("input", "no_input", allowed=_listed(io, inputs))
+
+
+def check_probe(sensor: Reading) -> None:
+    """The probe is a tool of the table."""
+    tools = [tool.number for tool in sensor.top["tool"]]
+    if sensor.called == "probe" and sensor["tool"] not in tools:
+        known = ", ".join(map(str, tools)) or Key("file.no_tools")
+        sensor.table.refuse("tool", "no_probe", allowed=known)

@@ -9,55 +9,49 @@ Every refusal is a ``ConfigError`` in the form of ``toml_table``.
 from __future__ import annotations
 
 import difflib
-import math
 import re
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from controller.geometry.vectors import ZERO, Vector, X, Y, Z, cross, norm, scale, subtract
+from controller.geometry.vectors import Frame, Vector, X, Y, Z, cross, norm, scale, subtract
 from controller.machine import (
+    axes,
     changer_table,
     compensation,
     deviation_tables,
     drive_profiles,
     equipment,
-    macro_table,
+    model,
     offset_table,
-    program_table,
+    spindle,
 )
+from controller.machine.axes import PARALLEL
+from controller.machine.declaration import key
+from controller.machine.deviation_tables import Thermal
+from controller.machine.forms import TEXT, Number, Rows, Sub
 from controller.machine.kinematics import builds
 from controller.machine.model import (
-    ARC_TOLERANCE_MM,
-    CALL_LEVELS,
-    DIALECTS,
-    JOINT_TOLERANCE_DEG,
-    JOINT_TOLERANCE_MM,
     KEPT_OFFSETS,
-    LONGEST_PROGRAM_H,
-    MACRO_VARIABLES,
-    MAX_CALL_LEVELS,
-    MAX_PROGRAM_H,
-    MAX_PROGRAM_PASSES,
-    MAX_QUICK_STOP_S,
-    MAX_WEAR_MM,
-    PROGRAM_PASSES,
-    START_STATES,
-    TOOL_CHANGE_S,
-    USUAL_BUILD,
-    WITHOUT_POINT,
+    PERIODS_S,
     Axis,
     Bus,
+    Changer,
+    ChangerStep,
+    Io,
     Kind,
-    Limits,
     Machine,
-    Sense,
+    Macro,
+    Offset,
+    Sensor,
     Spindle,
+    Straightness,
     Tool,
+    WorkTable,
 )
 from controller.machine.named_files import SHIPPED as SHIPPED
-from controller.machine.named_files import NamedFiles, beside
+from controller.machine.named_files import NamedFile, NamedFiles, beside
 from controller.machine.named_files import written as written
 from controller.machine.nodes import all_settings as all_settings
 from controller.machine.nodes import bus_settings as bus_settings
@@ -66,19 +60,57 @@ from controller.machine.nodes import io_settings as io_settings
 from controller.machine.nodes import master_settings as master_settings
 from controller.machine.nodes import node_settings as node_settings
 from controller.machine.nodes import spindle_settings as spindle_settings
+from controller.machine.reading import Check, File, Reading, Rules
 from controller.machine.toml_table import ConfigError, Table, parse, read_text, span
 from controller.messages import chain, said
-from drives.settings import INT32_MAX
 
 TOOL_TABLE = "tools.toml"
 LINEAR = {"X": X, "Y": Y, "Z": Z}
-PLACEMENTS = ("single", "double", "optimal", "auto")  # of the cutter on surfaces
-PERIODS_S = (0.0005, 0.01)
-STOCK_MS, MAX_STOCK_MS = 16.0, 500.0
-LATE = ("stop", "count")  # what too many late ticks do
-CONTOUR_ERROR = ("warn", "slow", "hold")  # what the tool off its path by more than its tolerance does
-BIT_RATES = (10_000, 20_000, 50_000, 125_000, 250_000, 500_000, 800_000, 1_000_000)  # CiA 301, table 1
-PARALLEL = 1e-6
+RULES: Mapping[type, Rules] = {
+    **axes.RULES,
+    **changer_table.RULES,
+    **deviation_tables.RULES,
+    **drive_profiles.RULES,
+    **equipment.RULES,
+    **model.RULES,
+    **spindle.RULES,
+}
+
+
+@dataclass(frozen=True, slots=True)
+class ToolsTable:
+    """``[tools]``."""
+
+    file: str = key(TEXT, "the tool table, seen from the machine file", default=TOOL_TABLE)
+    change_s: float = key(
+        Number(0.0, 3600.0), "what a change by hand takes, for the time that `check` tells", default=60.0
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MachineFile:
+    """The tables of a machine file."""
+
+    machine: Machine = key(Sub(Machine, top=True), "the machine as a whole")
+    tools: ToolsTable = key(Sub(ToolsTable, top=True, always=True), "the tool table, and changes by hand")
+    offsets: Mapping[str, Offset] = key(
+        offset_table.Offsets(always=True), "the work offsets: G54 to G59.3, G54.1 P1 to P48"
+    )
+    bus: tuple[Bus, ...] = key(Rows(Bus), "a CAN bus", silent=())
+    axis: tuple[Axis, ...] = key(Rows(Axis), "an axis and its drive", silent=())
+    spindle: Spindle | None = key(
+        Sub(Spindle, top=True), "without `node` one that is switched by hand", default=None
+    )
+    io: Io | None = key(Sub(Io, top=True), "a CiA 401 node", default=None)
+    changer: Changer | None = key(Sub(Changer, top=True), "how M6 changes tools", default=None)
+    probe: Sensor | None = key(Sub(Sensor, top=True), "a touch probe in the spindle", default=None)
+    setter: Sensor | None = key(Sub(Sensor, top=True), "a tool setter on the table", default=None)
+    table: WorkTable | None = key(Sub(WorkTable, top=True), "what no tool may touch", default=None)
+    straightness: tuple[Straightness, ...] = key(Rows(Straightness), "how slides are off", silent=())
+    thermal: Thermal = key(Sub(Thermal, top=True, always=True), "what warmth does")
+    macro: tuple[Macro, ...] = key(Rows(Macro), "a button with lines of program", silent=())
+    file: tuple[NamedFile, ...] = key(Rows(NamedFile), "a file that is taken along", silent=())
+    tool: tuple[Tool, ...] = key(Rows(Tool), "a tool", silent=())
 
 
 def load(source: str | Path) -> Machine:
@@ -98,10 +130,32 @@ def load(source: str | Path) -> Machine:
         return read(text, file, path.parent)
     table = beside(path.parent, tools.text("file", default=TOOL_TABLE), tools)
     entries = read_text(table)
-    check = parse(entries, table.name)  # so that its mistakes are refused under its own name
-    _tools(check)
-    check.finish()
-    return read(f"{text.rstrip()}\n\n# {table.name}\n{entries}", file, path.parent)
+    wrong = _mistakes_of_tools(parse(entries, table.name))
+    try:
+        machine = read(f"{text.rstrip()}\n\n# {table.name}\n{entries}", file, path.parent)
+    except ConfigError as error:
+        if not wrong:
+            raise
+        # The tools' mistakes are refused under the name of their own file.
+        own = [one for one in error.mistakes if one.place and not one.place[0].startswith("tool")]
+        raise ConfigError.of_all([*own, *wrong]) from error
+    if wrong:
+        raise ConfigError.of_all(wrong)
+    return machine
+
+
+@dataclass(frozen=True, slots=True)
+class ToolFile:
+    """A tool table in a file of its own."""
+
+    tool: tuple[Tool, ...] = key(Rows(Tool), "a tool", silent=())
+
+
+def _mistakes_of_tools(top: Table) -> list[ConfigError]:
+    file = File(RULES)
+    Reading(file, ToolFile, top).value()
+    file.check({Tool: CHECKS[Tool], ToolFile: (_check_tools,)})
+    return file.mistakes
 
 
 def read(text: str, file: str, folder: Path | None = None) -> Machine:
@@ -109,7 +163,14 @@ def read(text: str, file: str, folder: Path | None = None) -> Machine:
 
     ``folder``: where files that it names and has not with it are looked for. Raises ``ConfigError``.
     """
-    return read_table(parse(text, file), text, folder)
+    top = parse(text, file)
+    files = NamedFiles(top, folder)
+    whole = File(RULES, files)
+    found = Reading(whole, MachineFile, top)
+    tables = found.value()
+    whole.check(CHECKS)
+    whole.finish()
+    return _machine(found.one_below("machine").values, tables, files.completed(text))
 
 
 def alone(machine: Machine) -> str:
@@ -122,93 +183,165 @@ def alone(machine: Machine) -> str:
     return "\n".join([*lines, ""])
 
 
-def read_table(top: Table, text: str, folder: Path | None = None) -> Machine:
-    """As ``read``; the table then knows which keys it was asked for, and in which range each is."""
-    general = top.table("machine", "[machine]")
-    tools = top.table("tools", "[tools]", optional=True)
-    tools.text("file", default=TOOL_TABLE)  # its entries are in the text by now
-    files, buses = NamedFiles(top, folder), _buses(top)
-    axes = tuple(_axis(table, buses, files) for table in top.tables("axis"))
-    offsets = top.table("offsets", "[offsets]", optional=True)
-    found = offset_table.offsets(offsets, axes)
-    _sync(general)
-    dialect = general.text("dialect", DIALECTS, DIALECTS[0])
-    machine = Machine(
-        **_equipment(top, buses, axes, files),
-        name=general.text("name"),
-        period_s=general.number("period_s", *PERIODS_S, default=0.002),
-        clearance_mm=general.positive("clearance_mm"),
-        lead_mm=general.positive("lead_mm"),
-        retract_mm=general.number("retract_mm"),
-        rapid_share=general.number("rapid_share", 0.01, 1.0, default=1.0),
-        gouge=general.text("gouge", ("refuse", "warn"), "refuse"),
-        tool_lines=general.text("tool_lines", ("great_circle", "joints"), "great_circle"),
-        max_bus_share=general.number("max_bus_share", 0.01, 1.0, default=0.8),
-        stock_s=general.number("stock_ms", 0.0, MAX_STOCK_MS, default=STOCK_MS) / 1000.0,
-        late=general.text("late", LATE, "stop"),
-        contour_error=general.text("contour_error", CONTOUR_ERROR, CONTOUR_ERROR[0]),
-        skip_limit_per_s=general.number("skip_limit_per_s", 0.0, default=25.0),
-        axes=axes,
-        buses=buses,
-        tools=_tools(top),
-        offsets=tuple(one.frame for one in found),
-        turned_rad=tuple(one.turned_rad for one in found),
-        unset=tuple(name for name in KEPT_OFFSETS[1:] if not offsets.has(name)),
-        text=files.completed(text),
-        tip_acceleration_mm_s2=general.positive_or_none("tip_acceleration_mm_s2"),
-        axis_speed_rad_s=general.positive_or_none("axis_speed_deg_s", math.radians(1.0)),
-        placement=general.text("placement", PLACEMENTS, "single"),
-        max_quick_stop_s=general.number("max_quick_stop_s", 0.01, 60.0, default=MAX_QUICK_STOP_S),
-        max_overcut_mm=general.positive_or_none("max_overcut_mm"),
-        tolerance_mm=general.positive_or_none("tolerance_mm"),
-        longest_program_h=general.number("longest_program_h", 0.01, MAX_PROGRAM_H, LONGEST_PROGRAM_H),
-        tool_change_s=tools.number("change_s", 0.0, 3600.0, default=TOOL_CHANGE_S),
-        joint_tolerance_mm=general.number("joint_tolerance_mm", 0.0, 1.0, default=JOINT_TOLERANCE_MM),
-        joint_tolerance_deg=general.number("joint_tolerance_deg", 0.0, 5.0, default=JOINT_TOLERANCE_DEG),
-        lead_feed_mm_s=general.positive_or_none("lead_feed", 1.0 / 60.0),
-        link_mm=general.number("link_mm", 0.0, 100.0, default=0.0),
-        arc_tolerance_mm=general.number("arc_tolerance_mm", 0.001, 3.0, default=ARC_TOLERANCE_MM),
-        call_levels=general.integer("call_levels", 1, MAX_CALL_LEVELS, CALL_LEVELS),
-        program_passes=general.integer("program_passes", 1, MAX_PROGRAM_PASSES, PROGRAM_PASSES),
-        dialect=dialect,
-        start_state=general.text("start_state", START_STATES, START_STATES[0]),
-        kept=offset_table.kept(general, dialect),
-        without_point=general.text("without_point", WITHOUT_POINT, ""),
-        macro_variables=general.text("macro_variables", ("", *MACRO_VARIABLES), ""),
-        sub_folders=program_table.sub_folders(general),
-        own_codes=program_table.own_codes(general),
-        kinematics=general.text("kinematics", tuple(builds()), USUAL_BUILD),
-        straightness=deviation_tables.straightness(top.tables("straightness"), axes),
-        thermal_shift_mm=deviation_tables.thermal_shift(top),
-        macros=macro_table.macros(top.tables("macro")),
+def _machine(general: Mapping[str, Any], tables: MachineFile, text: str) -> Machine:
+    """The machine of its tables; ``general``: the fields that [machine] fills."""
+    offsets = [tables.offsets.get(name, Offset(Frame())) for name in KEPT_OFFSETS]
+    return Machine(
+        **{name: value for name, value in general.items() if name in Machine.__slots__},
+        axes=tuple(compensation.reserved(_pointed(axis)) for axis in tables.axis),
+        buses=tables.bus,
+        tools=tables.tool,
+        offsets=tuple(one.frame for one in offsets),
+        turned_rad=tuple(one.turned_rad for one in offsets),
+        unset=tuple(name for name in KEPT_OFFSETS[1:] if name not in tables.offsets),
+        spindle=tables.spindle,
+        io=tables.io,
+        changer=tables.changer,
+        probe=tables.probe,
+        setter=tables.setter,
+        table=tables.table,
+        straightness=tables.straightness,
+        thermal_shift_mm=tables.thermal.shift_mm,
+        tool_change_s=tables.tools.change_s,
+        macros=tables.macro,
+        text=text,
     )
-    for table in (general, tools, top):
-        table.finish()
-    _audit(machine, top, general)
-    return machine
 
 
-def _sync(general: Table) -> None:
-    """Nobody chooses it, but files from before the pump have the key."""
-    if general.get("sync", '"tick"', "tick") != "tick":
-        general.refuse("sync", "sync_chosen")
+def _pointed(axis: Axis) -> Axis:
+    """An axis with a direction of length 1, whatever length the file gives it."""
+    return replace(axis, direction=_unit(axis.direction))
 
 
-def _equipment(
-    top: Table, buses: tuple[Bus, ...], axes: tuple[Axis, ...], files: NamedFiles
-) -> dict[str, Any]:
-    """Fields of ``Machine`` for what a machine has besides its axes; None where it has no such thing."""
-    changes = top.has("changer")
-    of_changer = changer_table.names_of(top.table("changer", "[changer]")) if changes else ((), ())
-    io = equipment.io(top.table("io", "[io]"), buses, axes, files, of_changer) if top.has("io") else None
-    return {
-        "io": io,
-        "spindle": _spindle(top, buses, files),
-        "probe": equipment.sensor(top.table("probe", "[probe]"), True) if top.has("probe") else None,
-        "setter": equipment.sensor(top.table("setter", "[setter]"), False) if top.has("setter") else None,
-        "table": equipment.work_table(top.table("table", "[table]")) if top.has("table") else None,
-        "changer": changer_table.changer(top.table("changer", "[changer]"), axes, io) if changes else None,
-    }
+def _unit(vector: Vector) -> Vector:
+    return scale(vector, 1.0 / norm(vector))
+
+
+# ---- what only the whole file can show
+
+
+def _check_buses(top: Reading) -> None:
+    if not top["bus"]:
+        top.table.refuse("bus", "no_bus")
+
+
+def _check_bus(bus: Reading) -> None:
+    _check_twice(bus, "bus", "name", "bus_twice")
+
+
+def _check_macro(macro: Reading) -> None:
+    _check_twice(macro, "macro", "name", "macro_twice")
+
+
+def _check_tool(tool: Reading) -> None:
+    _check_twice(tool, "tool", "number", "tool_twice")
+
+
+def _check_twice(row: Reading, kind: str, name: str, what: str) -> None:
+    """No table of a kind before this one has the same name or number."""
+    rows = row.top.below[kind]
+    if any(getattr(one, "values", {}).get(name) == row[name] for one in rows[: rows.index(row)]):
+        row.table.refuse(name, what)
+
+
+def _check_tools(top: Reading) -> None:
+    if not any(tool.number == 1 for tool in top["tool"]):
+        top.table.refuse("tool", "no_tool_1")
+
+
+def _check_axes(top: Reading) -> None:
+    names, kinematics = [axis.name for axis in top["axis"]], top.one_below("machine")["kinematics"]
+    rotaries, build = [axis for axis in top["axis"] if axis.is_rotary], builds()[kinematics]
+    if len(rotaries) != build.turning or len(names) != 3 + build.turning or len(set(names)) != len(names):
+        table = Table(top.table.file, "[[axis]]", {"name": names})
+        table.refuse("name", "no_such_axes", kinematics=kinematics, allowed=build.axes)
+
+
+def _check_retract(top: Reading) -> None:
+    z = next((axis for axis in top["axis"] if axis.name == "Z"), None)
+    general = top.one_below("machine")
+    if z is not None and not z.travel_min <= general["retract_mm"] <= z.travel_max:
+        travel = said("file.may.z_travel", span=span(z.travel_min, z.travel_max))
+        general.table.refuse("retract_mm", "retract_beyond", allowed=travel)
+
+
+def _check_rotaries(top: Reading) -> None:
+    """Only two rotaries that can tilt the tool against the work make five axes.
+
+    In every build the rotary next to the tool must not stand along the tool (Z at
+    zero), or it would turn the cutter about itself, and the two must not be parallel.
+    """
+    rows = [row for row in top.below.get("axis", ()) if row["kind"] is not Kind.LINEAR]
+    if len(rows) != 2:
+        return
+    first, second = (row["direction"] for row in rows)
+    # Tables are listed base to work, and the base is what stands nearer to the tool; heads base to tool.
+    next_to_tool = rows[0] if rows[1]["kind"] is Kind.TABLE else rows[1]
+    if _parallel(next_to_tool["direction"], Z):
+        next_to_tool.table.refuse("direction", "rotary_along")
+    if _parallel(first, second):
+        next_to_tool.table.refuse("direction", "rotaries_parallel")
+
+
+def _parallel(one: Vector, other: Vector) -> bool:
+    return bool(norm(cross(_unit(one), _unit(other))) < PARALLEL)
+
+
+def _check_frame(axis: Reading) -> None:
+    if axis["kind"] is Kind.LINEAR:
+        wanted = LINEAR[axis["name"]]
+        if norm(subtract(_unit(axis["direction"]), wanted)) > PARALLEL:
+            axis.table.refuse("direction", "linear_frame", allowed=str(list(wanted)))
+
+
+def _check_node(axis: Reading) -> None:
+    """A node is that of one drive."""
+    mine = axis["bus"], axis["node"]
+    twins = [one.name for one in axis.top["axis"] if (one.bus, one.node) == mine]
+    if len(twins) > 1:
+        axis.table.refuse("node", "nodes_shared", axes=chain("and", twins), bus=axis["bus"])
+
+
+def _check_devices(device: Reading) -> None:
+    """The node of the spindle or of the inputs and outputs is nobody else's."""
+    mine = device["bus"], device["node"]
+    if mine[1] == 0:
+        return
+    for axis in device.top["axis"]:
+        if (axis.bus, axis.node) == mine:
+            device.table.refuse("node", "node_twice", other=said("file.axis", name=axis.name), bus=mine[0])
+    spindle_ = device.top["spindle"]
+    if device.of is Io and spindle_ is not None and (spindle_.bus, spindle_.node) == mine:
+        device.table.refuse("node", "node_twice", other="[spindle]", bus=mine[0])
+
+
+def _check_file(file: Reading) -> None:
+    """A file that is taken along is named by something; what was refused may have named it."""
+    mistakes = {one.place[0].split("#")[0] for one in file.file.mistakes if one.place}
+    known = mistakes.isdisjoint(("axis", "spindle", "io", "file"))
+    if known and not file.file.files.is_named(file["name"]):
+        file.table.refuse("name", "file_unnamed")
+
+
+CHECKS: Mapping[type, Sequence[Check]] = {
+    MachineFile: (_check_buses, _check_axes, _check_tools, _check_retract, _check_rotaries),
+    Bus: (_check_bus,),
+    Axis: (_check_frame, _check_node, deviation_tables.check_slopes, equipment.check_clamp),
+    Spindle: (_check_devices,),
+    Io: (_check_devices,),
+    Sensor: (equipment.check_sensor, equipment.check_probe),
+    Changer: (changer_table.check_tools,),
+    ChangerStep: (
+        changer_table.check_step,
+        changer_table.check_bits,
+        changer_table.check_orient,
+        changer_table.check_pocket,
+        changer_table.check_level,
+    ),
+    Macro: (_check_macro,),
+    Tool: (_check_tool,),
+    NamedFile: (_check_file,),
+}
 
 
 def shipped() -> tuple[str, ...]:
@@ -231,228 +364,6 @@ def with_period(machine: Machine, period_s: float) -> Machine:
         return replace(machine, period_s=period_s)
     wrong = said("file.out_of_range", allowed=said("file.may.number", span=span(*PERIODS_S)))
     raise ConfigError(said("file.period", name=machine.name, period=f"{period_s:g}", what=wrong))
-
-
-def _axis(table: Table, buses: tuple[Bus, ...], files: NamedFiles) -> Axis:
-    kind = Kind(table.text("kind", [k.value for k in Kind]))
-    unit = "mm" if kind is Kind.LINEAR else "deg"
-    sense = Sense.CARRIED
-    if unit == "deg":
-        sense = Sense(table.text("sense", [s.value for s in Sense], "carried"))
-    flipped = kind is Kind.TABLE and sense is Sense.ISO
-    inner = 1.0 if unit == "mm" else math.radians(-1.0 if flipped else 1.0)  # per shown unit
-    lower, upper = _travel(table, f"travel_{unit}")
-    axis = Axis(
-        name=table.text("name", ("X", "Y", "Z") if unit == "mm" else ("A", "B", "C")),
-        kind=kind,
-        direction=_direction(table),
-        point_mm=table.vector("point_mm") if unit == "deg" else ZERO,
-        sense=sense,
-        travel_min=min(lower * inner, upper * inner),
-        travel_max=max(lower * inner, upper * inner),
-        limits=Limits(
-            velocity=table.positive(f"velocity_{unit}_s") * abs(inner),
-            acceleration=table.positive(f"acceleration_{unit}_s2") * abs(inner),
-            jerk=table.positive(f"jerk_{unit}_s3") * abs(inner),
-        ),
-        counts_per_unit=_counts(table, unit, max(abs(lower), abs(upper))) / inner,
-        bus=table.text("bus", [b.name for b in buses], buses[0].name),
-        node=table.integer("node", 1, 126),
-        profile=files.profile(table),
-        eds=files.sheet(table),
-        serial=table.integer("serial", 0, 0xFFFF_FFFF, 0),
-        homing=equipment.homing(table, unit, (lower, upper), inner),
-        following_error=table.positive(f"following_error_{unit}") * abs(inner),
-        following=equipment.following(table, unit, abs(inner)),
-        brake=table.flag("brake", False),
-        feedback_every=table.integer("feedback_every", 1, 240, 1),
-        feed_forward=table.flag("feed_forward", False),
-        enable_group=table.integer("enable_group", 0, 99, 0),
-        unsupervised=table.flag("unsupervised", False),
-        clamp=equipment.clamp(table),
-        temperature=equipment.temperature(table),
-        demand=equipment.demand(table),
-        setpoint_deadline_s=1e-3 * table.number("setpoint_deadline_ms", 0.0, 10_000.0, default=0.0),
-        stopping=equipment.stopping(table, unit, inner),
-        overrides=drive_profiles.overrides(table),
-        reference=_reference(table, f"reference_{unit}", (lower, upper), inner),
-        second_reference=_reference(table, f"second_reference_{unit}", (lower, upper), inner),
-        pitch=deviation_tables.pitch(table, unit, (lower, upper), inner),
-    )
-    deviation_tables.within_limits(table, axis)
-    table.finish()
-    return compensation.reserved(axis)
-
-
-def _reference(table: Table, key: str, travel: tuple[float, float], inner: float) -> float | None:
-    """A position that G28 or G30 leads to; None where the file has none."""
-    return table.number(key, *travel) * inner if table.has(key) else None
-
-
-def _travel(table: Table, key: str) -> tuple[float, float]:
-    lower, upper = table.numbers(key, 2)
-    if lower >= upper:
-        table.refuse(key, "no_travel")
-    return lower, upper
-
-
-def _direction(table: Table) -> Vector:
-    direction = table.vector("direction")
-    length = norm(direction)
-    if length < PARALLEL:
-        table.refuse("direction", "no_direction")
-    return scale(direction, 1.0 / length)
-
-
-def _counts(table: Table, unit: str, farthest: float) -> float:
-    """Counts per shown unit; a setpoint is an int32, so all of the travel must fit (607Ah)."""
-    key = f"counts_per_{unit}"
-    counts = table.number(key)
-    if counts == 0.0:
-        table.refuse(key, "zero_drive")
-    if abs(counts) * farthest > INT32_MAX:
-        table.refuse(
-            f"travel_{unit}",
-            "travel_fits",
-            farthest=farthest,
-            unit=unit,
-            counts=abs(counts),
-            most=INT32_MAX / abs(counts),
-            key=key,
-        )
-    return counts
-
-
-def _buses(top: Table) -> tuple[Bus, ...]:
-    found: list[Bus] = []
-    for table in top.tables("bus"):
-        bus = Bus(
-            name=table.text("name"),
-            interface=table.text("interface", default="virtual"),
-            channel=table.text("channel", default=""),
-            bit_rate=table.integer("bit_rate", 0, BIT_RATES[-1], BIT_RATES[-1]),
-        )
-        virtual = bus.interface == "virtual"
-        if bus.bit_rate not in BIT_RATES and not (virtual and bus.bit_rate == 0):
-            rates = said("file.may.bit_rate", rates=", ".join(map(str, BIT_RATES)))
-            table.refuse("bit_rate", "no_bit_rate", allowed=rates)
-        if not virtual and not bus.channel:
-            table.refuse("channel", "no_channel")
-        if any(bus.name == other.name for other in found):
-            table.refuse("name", "bus_twice")
-        table.finish()
-        found.append(bus)
-    if not found:
-        top.refuse("bus", "no_bus")
-    return tuple(found)
-
-
-def _tools(top: Table) -> tuple[Tool, ...]:
-    found: list[Tool] = []
-    for table in top.tables("tool"):
-        one = tool(table)
-        if any(one.number == other.number for other in found):
-            table.refuse("number", "tool_twice")
-        found.append(one)
-    if not any(tool.number == 1 for tool in found):
-        top.refuse("tool", "no_tool_1")
-    return tuple(found)
-
-
-def tool(table: Table, name: str | None = None, before: Tool | None = None, shortest_mm: float = 0.0) -> Tool:
-    """A tool of the tool table; its shape, where the table has none, is that of ``before``."""
-    shape = before or Tool(1, "", 1.0, 0.0, 1.0)
-    radius = table.positive("radius_mm")
-    found = Tool(
-        number=table.integer("number", 1, 99999),
-        name=table.text("name", default=name),
-        radius_mm=radius,
-        length_mm=table.number("length_mm", shortest_mm),
-        flute_mm=table.positive("flute_mm"),
-        corner_mm=table.number("corner_mm", 0.0, radius, default=min(shape.corner_mm, radius)),
-        taper_rad=math.radians(table.number("taper_deg", 0.0, 45.0, default=math.degrees(shape.taper_rad))),
-        holder=_holder(table, shape),
-        placement=table.text("placement", ("", *PLACEMENTS), shape.placement),
-        below_mm=table.number("below_mm", 0.0, 1000.0, default=shape.below_mm),
-        wear_radius_mm=_wear(table, "wear_radius_mm", min(MAX_WEAR_MM, 0.5 * radius), shape.wear_radius_mm),
-        wear_length_mm=_wear(table, "wear_length_mm", MAX_WEAR_MM, shape.wear_length_mm),
-        tolerance_mm=table.positive_or_none("tolerance_mm") or shape.tolerance_mm,
-        may_turn=table.flag("may_turn", True) if table.has("may_turn") else shape.may_turn,
-        centre_cutting=table.flag("centre_cutting", shape.centre_cutting),
-    )
-    table.finish()
-    return found
-
-
-def _wear(table: Table, key: str, most_mm: float, before_mm: float) -> float:
-    """What is added to a tool's radius or length; one that has lost half of its radius is another tool."""
-    return table.number(key, -most_mm, MAX_WEAR_MM, default=max(before_mm, -most_mm))
-
-
-def _holder(table: Table, before: Tool) -> tuple[tuple[float, float, float], ...]:
-    """Cylinders from the tip's end upwards: ``holder = [{ from_mm, length_mm, radius_mm }, ...]``."""
-    if not table.has("holder"):
-        return before.holder
-    found: list[tuple[float, float, float]] = []
-    for row in table.tables("holder"):
-        start = row.number("from_mm", 0.0, default=found[-1][1] if found else None)
-        found.append((start, start + row.positive("length_mm"), row.positive("radius_mm")))
-        row.finish()
-    return tuple(found)
-
-
-def _spindle(top: Table, buses: tuple[Bus, ...], files: NamedFiles) -> Spindle | None:
-    if not top.has("spindle"):
-        return None
-    table = top.table("spindle", "[spindle]")
-    return equipment.spindle(table, buses, files)
-
-
-def _audit(machine: Machine, top: Table, general: Table) -> None:
-    """What only the whole file can show."""
-    axes = Table(top.file, "[[axis]]", {"name": [axis.name for axis in machine.axes]})
-    names = [axis.name for axis in machine.axes]
-    rotaries, build = [axis for axis in machine.axes if axis.is_rotary], builds()[machine.kinematics]
-    if len(rotaries) != build.turning or len(names) != 3 + build.turning or len(set(names)) != len(names):
-        axes.refuse("name", "no_such_axes", kinematics=machine.kinematics, allowed=build.axes)
-    for axis in machine.axes:
-        _audit_axis(axis, machine, top)
-    equipment.audit(machine.axes, (machine.spindle, machine.io), top)
-    equipment.audit_sensors(machine, top)
-    if machine.changer is not None:
-        changer_table.audit(machine, top.table("changer", "[changer]"))
-    z = machine.axes[names.index("Z")]
-    if not z.travel_min <= machine.retract_mm <= z.travel_max:
-        travel = said("file.may.z_travel", span=span(z.travel_min, z.travel_max))
-        general.refuse("retract_mm", "retract_beyond", allowed=travel)
-    if len(rotaries) == 2:
-        _audit_rotaries(rotaries, top)
-
-
-def _audit_axis(axis: Axis, machine: Machine, top: Table) -> None:
-    table = top.entry("axis", axis.name)
-    if not axis.is_rotary and norm(subtract(axis.direction, LINEAR[axis.name])) > PARALLEL:
-        wanted = str(list(LINEAR[axis.name]))
-        table.refuse("direction", "linear_frame", allowed=wanted)
-    twins = [a.name for a in machine.axes if (a.bus, a.node) == (axis.bus, axis.node)]
-    if len(twins) > 1:
-        table.refuse("node", "nodes_shared", axes=chain("and", twins), bus=axis.bus)
-
-
-def _audit_rotaries(rotaries: Sequence[Axis], top: Table) -> None:
-    """Only two rotaries that can tilt the tool against the work make five axes.
-
-    In every build the rotary next to the tool must not stand along the tool (Z at
-    zero), or it would turn the cutter about itself, and the two must not be parallel.
-    """
-    first, second = rotaries
-    # Tables are listed base to work, and the base is what stands nearer to the tool; heads base to tool.
-    next_to_tool = first if second.kind is Kind.TABLE else second
-    table = top.entry("axis", next_to_tool.name)
-    if norm(cross(next_to_tool.direction, Z)) < PARALLEL:
-        table.refuse("direction", "rotary_along")
-    if norm(cross(first.direction, second.direction)) < PARALLEL:
-        table.refuse("direction", "rotaries_parallel")
 
 
 def _find(source: str | Path) -> Path:

@@ -14,10 +14,14 @@ from __future__ import annotations
 
 import json
 import re
+from dataclasses import dataclass
 from pathlib import Path
 from posixpath import dirname, join, normpath
 
 from controller.machine import drive_profiles
+from controller.machine.declaration import key
+from controller.machine.forms import TEXT
+from controller.machine.reading import Unread
 from controller.machine.toml_table import Table, parse, read_text
 from drives.text_file import Source, TextFile
 
@@ -40,6 +44,14 @@ def beside(folder: Path, name: str, table: Table, key: str = "file") -> Path:
     return found
 
 
+@dataclass(frozen=True, slots=True)
+class NamedFile:
+    """``[[file]]``."""
+
+    name: str = key(TEXT, "of a file that `eds` or `profile` names, as it is named there")
+    text: str = key(TEXT, "all of it; records and back-ups have so what was beside the machine file")
+
+
 class NamedFiles:
     """The files that one machine file names: those in its text, else those in ``folder``.
 
@@ -48,8 +60,14 @@ class NamedFiles:
     """
 
     def __init__(self, top: Table, folder: Path | None) -> None:
-        self._folder, self._rows = folder, top.tables("file")
-        self._there = {normpath(row.text("name")): row.text("text") for row in self._rows}
+        self._folder, rows = folder, top.get("file", "", [])
+        rows = rows if isinstance(rows, list) else []
+        self._there = {
+            normpath(row["name"]): row["text"]
+            for row in rows
+            if isinstance(row, dict) and all(isinstance(row.get(key), str) for key in ("name", "text"))
+        }
+        self._whole = len(self._there) == len(rows)  # else one was refused
         self._used: dict[str, str] = {}
 
     def sheet(self, table: Table) -> Source:
@@ -67,12 +85,12 @@ class NamedFiles:
         own = parse(found.text, name).table("drive", "[drive]").text("eds", default="")
         return TextFile(name, found.text, self._taken(join(dirname(name), own), SHEETS) if own else None)
 
+    def is_named(self, name: str) -> bool:
+        """Whether one of the tables that were read names it."""
+        return normpath(name) in self._used
+
     def completed(self, text: str) -> str:
-        """The machine file's text with all of them. Raises ConfigError for a file that nothing names."""
-        for row in self._rows:
-            if normpath(row.text("name")) not in self._used:
-                row.refuse("name", "file_unnamed")
-            row.finish()
+        """The machine file's text with all of them."""
         new = {name: words for name, words in self._used.items() if name not in self._there}
         head = TAKEN_ALONG if new and TAKEN_ALONG not in text else ""
         tables = (f"\n[[file]]\nname = {_toml(name)}\ntext = {_toml(words)}\n" for name, words in new.items())
@@ -84,6 +102,8 @@ class NamedFiles:
             return found
         if self._folder is None and _on_disk(SHIPPED, name) is None:
             return name
+        if not self._whole and _on_disk(self._folder or SHIPPED, name) is None:
+            raise Unread(name)
         return str(beside(self._folder or SHIPPED, name, table, key))
 
     def _taken(self, name: str, encoding: str) -> TextFile | None:

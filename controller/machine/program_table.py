@@ -6,31 +6,32 @@ import re
 from pathlib import Path
 
 from controller.machine.equipment import M_CODE, M_CODES
-from controller.machine.toml_table import Table
+from controller.machine.forms import Own
+from controller.machine.reading import Reading
 from controller.messages import said
 
 _G_CODE = re.compile(r"G[1-9][0-9]{2}(\.[0-9])?")
 OWN_CODES = f"{M_CODES}, G100 to G999.9"
 CODE = re.compile(r"[GM][0-9]{1,3}(\.[0-9])?")  # one that another stands for
 _SUB = re.compile(r"[a-z_0-9][a-z_0-9-]*")
+_FOLDERS, _TABLE = said("file.may.folders"), said("file.may.table")
 
 
-def sub_folders(general: Table) -> tuple[str, ...]:
+def _sub_folders(here: Reading, name: str) -> tuple[str, ...]:
     """Folders of subs, searched in their order behind that of the program. Raises ConfigError."""
-    allowed = said("file.may.folders")
-    value = general.get("sub_folders", allowed, ())
-    rows = value if isinstance(value, list) else [] if value == () else [None]
+    value = here.table.get(name, _FOLDERS)
+    rows = value if isinstance(value, list) else [None]
     if not all(isinstance(row, str) and Path(row).expanduser().is_absolute() for row in rows):
-        general.refuse("sub_folders", "no_folders", allowed=allowed)
+        here.table.refuse(name, "no_folders", allowed=_FOLDERS)
     return tuple(rows)
 
 
-def own_codes(general: Table) -> tuple[tuple[str, str], ...]:
+def _own_codes(here: Reading, name: str) -> tuple[tuple[str, str], ...]:
     """``own_codes = { M200 = "clamp_part", M428 = "G43.4" }``: a sub, or the code that it stands for.
 
     Raises ConfigError.
     """
-    codes = general.table("own_codes", f"{general.name} own_codes", optional=True)
+    codes = here.table.table(name, f"{here.table.name} {name}")
     found: list[tuple[str, str]] = []
     for code in codes.written:
         if not (M_CODE.fullmatch(code) or _G_CODE.fullmatch(code)):
@@ -41,3 +42,7 @@ def own_codes(general: Table) -> tuple[tuple[str, str], ...]:
         found.append((code, meant))
     codes.finish()
     return tuple(found)
+
+
+SUB_FOLDERS = Own(_sub_folders, _FOLDERS, {"type": "array", "items": {"type": "string"}})
+OWN = Own(_own_codes, _TABLE, {"type": "object", "additionalProperties": {"type": "string"}})

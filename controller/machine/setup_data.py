@@ -32,12 +32,15 @@ from controller.machine.changes import located
 from controller.machine.model import (
     KEPT_OFFSETS,
     REFERENCES,
+    SET,
     STILL,
     TOOL_AT_POWER_ON,
     USUAL_OFFSETS,
     Machine,
     Shift,
+    Tool,
 )
+from controller.machine.reading import read_alone
 from controller.machine.toml_table import ConfigError, Table
 from controller.messages import Said, of_error, said
 
@@ -45,7 +48,6 @@ FILE = "fitting.json"
 IN_SPINDLE = "in_spindle"
 MACHINE = "machine.json"  # the machine file that the service runs on, complete, for those beside it
 KINDS = ("offsets", "tools", "shift", "references", "parameters", "pockets", "sisters")
-SHORTEST_MM = -10_000.0  # G10 sets tools' lengths below 0, too, as against a longer one
 _OF_TOOLS = (
     "name, radius_mm, length_mm, flute_mm, corner_mm, taper_deg, holder, wear_radius_mm, wear_length_mm, "
     "centre_cutting"
@@ -152,7 +154,7 @@ def with_offset(machine: Machine, name: str, values: object) -> Machine:
     table.text("name", KEPT_OFFSETS)
     i = KEPT_OFFSETS.index(name)
     before = machine.offset(i).turned_rad
-    found = offset_table.offset(Table("offsets", name, {name: values}), name, machine.axes, before)
+    found = offset_table.alone(Table("offsets", name, {name: values}), name, machine.axes, before)
     offsets, turned = list(machine.offsets), [machine.offset(k).turned_rad for k in range(len(KEPT_OFFSETS))]
     offsets[i], turned[i] = found.frame, found.turned_rad
     unset = tuple(one for one in machine.unset if one != name)
@@ -189,8 +191,11 @@ def with_parameter(machine: Machine, key: str, value: object) -> Machine:
     return replace(machine, parameters=tuple(sorted({**dict(machine.parameters), number: found}.items())))
 
 
-def with_tool(machine: Machine, number: int, values: object, shortest_mm: float = 0.0) -> Machine:
-    """A tool by its number, new or changed; None takes it out of the table. Raises ConfigError."""
+def with_tool(machine: Machine, number: int, values: object, called: str = "") -> Machine:
+    """A tool by its number, new or changed; None takes it out of the table. Raises ConfigError.
+
+    ``called``: ``SET`` of one that was set already, by a program for instance.
+    """
     kept = tuple(tool for tool in machine.tools if tool.number != number)
     if values is None:
         if number == TOOL_AT_POWER_ON:
@@ -198,9 +203,10 @@ def with_tool(machine: Machine, number: int, values: object, shortest_mm: float 
         return replace(machine, tools=kept)
     if not isinstance(values, dict):
         raise ConfigError(said("file.no_tool_table", number=number, allowed=_OF_TOOLS))
-    table = Table("tools", said("file.tool", number=number), {"number": number, **values})
+    named = {"number": number, "name": f"tool {number}", **values}
+    table = Table("tools", said("file.tool", number=number), named)
     before = next((tool for tool in machine.tools if tool.number == number), None)
-    tool = machine_file.tool(table, f"tool {number}", before, shortest_mm)
+    tool = read_alone(Tool, table, machine_file.RULES, called, before)
     return replace(machine, tools=tuple(sorted((*kept, tool), key=lambda one: one.number)))
 
 
@@ -229,7 +235,7 @@ def with_sister(machine: Machine, key: str, value: object) -> Machine:
 
 
 def _laid_tool(machine: Machine, key: str, values: object) -> Machine:
-    return with_tool(machine, int(key), values, SHORTEST_MM)
+    return with_tool(machine, int(key), values, SET)
 
 
 _LAID: Mapping[str, Callable[[Machine, str, object], Machine]] = MappingProxyType(

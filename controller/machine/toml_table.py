@@ -4,8 +4,7 @@ Every refusal is a ``ConfigError`` of one form:
 ``file:line: table: key = found value: what is wrong; allowed: ...; what to do``,
 a text of the catalogue with its values.
 A key that nothing reads is an error too (``Table.finish``), because a misspelt limit
-would be a missing limit. What a table was asked for, with range and default, is what its
-file may say: ``Table.known``, of which the reference in ``config/`` is made.
+would be a missing limit. Tables whose keys are declared are read by ``reading``.
 """
 
 from __future__ import annotations
@@ -15,43 +14,47 @@ import math
 import re
 import tomllib
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, NamedTuple, NoReturn
+from typing import Any, NoReturn
 
 from controller.geometry.vectors import Vector
-from controller.messages import Key, Said, chain, plain, said, text
+from controller.messages import Key, Said, chain, said, several, text
 
 
 class ConfigError(Exception):
-    """One sentence that names file, table, key, found value, what is allowed and what to do: ``said``.
-
-    As a str it is English. Its texts have keys that begin with ``file.``.
+    """What is wrong with a file, each mistake one sentence that names file, table, key, found value, what is
+    allowed and what to do: ``said``, a text whose keys begin with ``file.``. As a str it is English.
     """
 
-    def __init__(self, said: Said) -> None:
+    def __init__(self, said: Said, file: str = "", line: int = 0, place: Place = ()) -> None:
+        """``line``: of the file, from 1; 0: none is known. ``place``: of the key in it."""
         super().__init__(said)
-        self.said = said
+        self.said, self.file, self.line, self.place = said, file, line, place
+        self._several: tuple[ConfigError, ...] = ()
+
+    @property
+    def mistakes(self) -> tuple[ConfigError, ...]:
+        """All of them, in the order of their lines; of a single one that itself."""
+        return self._several or (self,)
 
     def __str__(self) -> str:
         return text(self.said)
 
+    @classmethod
+    def of_all(cls, errors: Iterable[ConfigError]) -> ConfigError:
+        """One error of several: their mistakes by line, each once."""
+        every = [one for error in errors for one in error.mistakes]
+        found = [one for k, one in enumerate(every) if one.said not in [other.said for other in every[:k]]]
+        found.sort(key=lambda one: (one.file, one.line))
+        first = found[0]
+        whole = cls(several(*(one.said for one in found)), first.file, first.line, first.place)
+        whole._several = tuple(found)
+        return whole if len(found) > 1 else first
+
 
 Place = tuple[str, ...]  # of a table in its file: names, those in an array with "#" and their number
-
-
-class Known(NamedTuple):
-    """What a key may be, what it is where the file is silent, and whether it may not be."""
-
-    may_be: Said | str
-    default: object | None
-    needed: bool
-
-    @property
-    def allowed(self) -> str:
-        """``may_be`` in English."""
-        return text(plain(self.may_be))
 
 
 class Table:
@@ -65,33 +68,45 @@ class Table:
         """
         self.file, self.name, self._values = file, name, values
         self._text, self._place = text, place
-        self.known: dict[str, Known] = {}  # what was asked for
-        self.below: list[Table] = []  # tables in it that were asked for
+        self.known: set[str] = set()  # what was asked for
+        self._meant: set[str] = set()  # what was taken for another key misspelt
 
     def refuse(self, key: str, what: str, /, **values: object) -> NoReturn:
         """``what``: the text ``file.<what>``, of what is wrong, what is allowed and what to do."""
+        raise self.refusal(key, what, **values)
+
+    def refusal(self, key: str, what: str, /, **values: object) -> ConfigError:
         found = f"{key} = {_shown(self._values[key])}" if key in self._values else key
-        line = line_of(self._text, (*self._place, key))
+        place = (*self._place, key)
+        line = line_of(self._text, place)
         where = f"{self.file}:{line}" if line else self.file
         wrong = said(f"file.{what}", **values)
-        raise ConfigError(said("file.refused", where=where, table=self.name, found=found, what=wrong))
+        whole = said("file.refused", where=where, table=self.name, found=found, what=wrong)
+        return ConfigError(whole, self.file, line or 0, place)
 
     def has(self, key: str) -> bool:
-        self.known.setdefault(key, Known("", None, False))
+        self.known.add(key)
+        return key in self._values
+
+    def holds(self, key: str) -> bool:
+        """Whether the file has it; that does not count as asked for."""
         return key in self._values
 
     def get(self, key: str, allowed: Said | str, default: object = None) -> Any:
         """The raw value, or ``default``; a missing key without default is refused."""
-        before = self.known.get(key)
-        if before is None or not before.may_be:
-            self.known[key] = Known(allowed, default, before is None and default is None)
+        self.known.add(key)
         if key in self._values:
             return self._values[key]
         if default is not None:
             return default
-        near = difflib.get_close_matches(key, self._values.keys() - self.known.keys(), n=1, cutoff=0.7)
+        raise self.missing(key, allowed)
+
+    def missing(self, key: str, allowed: Said | str) -> ConfigError:
+        """The refusal of a file without this key."""
+        near = difflib.get_close_matches(key, self._values.keys() - self.known, n=1, cutoff=0.7)
+        self._meant.update(near)
         do = said("file.add_or", key=key, near=near[0]) if near else said("file.add", key=key)
-        self.refuse(key, "missing", allowed=allowed, do=do)
+        return self.refusal(key, "missing", allowed=allowed, do=do)
 
     def number(
         self, key: str, lower: float = -math.inf, upper: float = math.inf, default: float | None = None
@@ -166,11 +181,6 @@ class Table:
         return tuple(value)
 
     @property
-    def key(self) -> str:
-        """That the table itself has in its file; "" of the top level."""
-        return self._place[-1].split("#")[0] if self._place else ""
-
-    @property
     def written(self) -> list[str]:
         """The keys of a table whose keys are the file's own names."""
         return list(self._values)
@@ -191,24 +201,30 @@ class Table:
         return [self._of(f"[[{key}]] {name}", entry, f"{key}#{n}") for n, (name, entry) in rows]
 
     def _of(self, name: str, values: dict[str, Any], place: str) -> Table:
-        self.below.append(Table(self.file, name, values, self._text, (*self._place, place)))
-        return self.below[-1]
+        return Table(self.file, name, values, self._text, (*self._place, place))
 
-    def entry(self, key: str, name: str) -> Table:
-        """The entry of an array of tables that has this name. Raises KeyError."""
-        for n, values in enumerate(self._values.get(key, ()), 1):
-            if values.get("name") == name:
-                return self._of(f"[[{key}]] {name}", values, f"{key}#{n}")
-        raise KeyError(name)
+    def refuse_misspelt(self, key: str, known: Collection[str]) -> None:
+        """Refuse what is none of the keys ``known``, but so near to ``key`` that it is meant."""
+        foreign = [one for one in self._values if one not in known and one not in self._meant]
+        if near := difflib.get_close_matches(key, foreign, n=1, cutoff=0.7):
+            self._meant.update(near)
+            raise self.unknown(near[0], known)
 
     def finish(self) -> None:
         """Refuse what nothing has read."""
-        for key in self._values:
-            if key not in self.known:
-                known = sorted(self.known)
-                near = difflib.get_close_matches(key, known, n=1, cutoff=0.4)
-                do = said("file.mean", near=near[0]) if near else said("file.remove")
-                self.refuse(key, "unknown_key", allowed=", ".join(known), do=do)
+        if foreign := self.foreign(self.known):
+            raise ConfigError.of_all(foreign)
+
+    def foreign(self, known: Collection[str]) -> list[ConfigError]:
+        """The refusals of what is none of the keys ``known``, but for what was taken for one of them."""
+        return [
+            self.unknown(key, known) for key in self._values if key not in known and key not in self._meant
+        ]
+
+    def unknown(self, key: str, known: Collection[str]) -> ConfigError:
+        near = difflib.get_close_matches(key, sorted(known), n=1, cutoff=0.4)
+        do = said("file.mean", near=near[0]) if near else said("file.remove")
+        return self.refusal(key, "unknown_key", allowed=", ".join(sorted(known)), do=do)
 
 
 def read_text(path: Path, encoding: str = "utf-8") -> str:
@@ -225,7 +241,51 @@ def parse(text: str, file: str) -> Table:
     try:
         return Table(file, Key("file.top_level"), _values_of(text), text)
     except tomllib.TOMLDecodeError as error:
-        raise ConfigError(said("file.no_toml", file=file, why=error)) from error
+        raise _no_toml(text, file, str(error)) from error
+
+
+# What the standard library's reader of TOML finds wrong, and the text that says it.
+NO_TOML = {
+    "Cannot overwrite a value": "toml.key_twice",
+    "Duplicate inline table key": "toml.key_twice",
+    "Cannot declare": "toml.table_twice",
+    "Cannot redefine namespace": "toml.table_twice",
+    "Cannot mutate immutable namespace": "toml.table_twice",
+    "Expected newline or end of document after a statement": "toml.more_on_line",
+    "Expected '=' after a key": "toml.no_equals",
+    "Expected ']": "toml.head_open",
+    "Invalid statement": "toml.no_statement",
+    "Invalid initial character for a key part": "toml.no_statement",
+    "Invalid value": "toml.no_value",
+    "Invalid date or datetime": "toml.no_value",
+    "Unclosed array": "toml.list_open",
+    "Unclosed inline table": "toml.table_open",
+    "Unterminated string": "toml.text_open",
+    "Expected": "toml.text_open",  # the quotes of a text
+    "Illegal character '\\n'": "toml.text_open",
+    "Unescaped": "toml.no_escape",
+    "Invalid hex value": "toml.no_escape",
+    "Escaped character": "toml.no_escape",
+    "Illegal character": "toml.no_sign",
+    "Found invalid character": "toml.no_sign",
+}
+
+
+def _no_toml(text: str, file: str, why: str) -> ConfigError:
+    """The refusal of a text that is no TOML, with the line and the column where its reader stopped."""
+    lines = text.splitlines() or [""]
+    found = re.search(r" \(at line (\d+), column (\d+)\)$", why)
+    number, column = (int(found[1]), int(found[2])) if found else (len(lines), len(lines[-1]) + 1)
+    line = lines[number - 1] if number <= len(lines) else ""
+    key = next((key for words, key in NO_TOML.items() if why.startswith(words)), "toml.other")
+    if key == "toml.key_twice" and KEY.match(line):  # the reader has read its value, too
+        column = len(line) - len(line.lstrip()) + 1
+    what = said(f"file.{key}", why=re.sub(r" \(at .*\)$", "", why))
+    shown = line.strip() if len(line.strip()) <= 60 else f"{line.strip()[:57]}..."
+    where = f"{file}:{number}:{column}"
+    return ConfigError(
+        said("file.no_toml", where=where, found=shown or Key("file.toml.end"), what=what), file, number
+    )
 
 
 @lru_cache(16)
@@ -240,12 +300,14 @@ KEY = re.compile(r"\s*([\w.\"'-]+)\s*=")
 
 def line_of(text: str, wanted: Place) -> int | None:
     """The line of a key, or of the nearest thing around it that the text has; None where it has nothing."""
-    nearest, depth = None, 0
+    nearest, depth, array = None, 0, None
     for number, place in _places(text):
+        if array is None and place == (*wanted[:-1], f"{wanted[-1]}#1"):
+            array = number
         alike = len(place) if _leads(place, wanted) else 0
         if alike > depth:
             nearest, depth = number, alike
-    return nearest
+    return nearest or array
 
 
 def _leads(place: Place, wanted: Place) -> bool:

@@ -169,8 +169,12 @@ def refusals(as_json: bool, expected: Callable[[], tuple[type[Exception], ...]])
         place = {"file": error.file, "line": error.line, "column": error.column}
         _refuse(as_json, messages.text(error.placed, spoken.get()), {**place, **error.said, **error.facts})
     except expected() as error:
-        own = messages.of_error(error)
-        _refuse(as_json, messages.text(own, spoken.get()), {} if own["key"] == "text" else dict(own))
+        own, several = messages.of_error(error), [one.said for one in getattr(error, "mistakes", ())]
+        facts = {} if own["key"] == "text" else dict(own)
+        if len(several) > 1:
+            facts = {"mistakes": several}
+        sentences = (messages.text(one, spoken.get()) for one in several or [own])
+        _refuse(as_json, "\n".join(sentences), facts)
 
 
 def _of_programs() -> type[ProgramError]:

@@ -122,7 +122,7 @@ def test_what_somebody_else_writes_in_his_profile_is_shown_as_it_is(tmp_path: Pa
         (LEAST + "velocity_unit_counts_s = 0\n", "velocity_unit_counts_s = 0: is not above zero"),
         (LEAST + 'revolution = "load"\n', 'revolution = "load": is not known; allowed: "motor" or "shaft"'),
         (LEAST + '[[encoder_resolution]]\nobject = "30:05"\n', r'object = "30:05": is no object'),
-        ("[drive\n", r"mine\.toml: is not TOML"),
+        ("[drive\n", r"mine\.toml:1:7: \[drive: is not TOML: the brackets"),
     ],
 )
 def test_a_slip_is_one_sentence(text: str, sentence: str) -> None:

@@ -2,7 +2,7 @@
 
 import math
 import random
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -420,7 +420,7 @@ def test_linear_axes_that_point_elsewhere_are_refused():
 
 
 def _fields(axis):
-    return {name: getattr(axis, name) for name in type(axis).__dataclass_fields__}
+    return {one.name: getattr(axis, one.name) for one in fields(axis)}
 
 
 def test_heads_turn_the_tool_and_tables_the_work():

@@ -174,7 +174,7 @@ def test_a_sentence_that_is_written_there_is_found(text: str) -> None:
             "period_s = 9.0",
             "period_s = 9.0: ist außerhalb des Bereichs; erlaubt: eine Zahl",
         ),
-        ("[machine]", "[machine", "machine.toml: ist kein TOML: "),
+        ("[machine]", "[machine", "machine.toml:6:9: [machine: ist kein TOML: die Klammern"),
     ],
 )
 def test_a_machine_file_is_refused_in_german_too(was: str, wrong: str, german: str) -> None:

@@ -25,7 +25,6 @@ from controller.ipc.control_socket import CommandRefused
 from controller.ipc.handoff import COLUMN
 from controller.machine import keys as machine_keys
 from controller.machine import machine_file
-from controller.machine.toml_table import parse
 from controller.runtime.setpoints import TABLES
 from controller.service.command_handlers import CommandHandlers
 from controller.service.thread_guard import InThread
@@ -207,14 +206,13 @@ def _line(text: str | None) -> str:
 
 def keys() -> str:
     """Of every key of the machine file what it may be, and what it is where the file is silent."""
-    written = EVERY_KEY.read_text()
-    top = parse(written, EVERY_KEY.name)
-    machine_file.read_table(top, written, machine_file.SHIPPED)
-    return "".join(
-        f"{name}.{key} = {known.allowed} | {known.default!r}{' | needed' if known.needed else ''}\n"
-        for name, found in sorted(machine_keys.asked_for(top).items())
-        for key, known in sorted(found.items())
-    )
+    rows = [
+        f"{one.name}.{name} = {machine_keys.allowed(key)} | {machine_keys.left_out(key, one.called)}\n"
+        for one in machine_keys.sections()
+        for key in one.keys
+        for name in key.spelled
+    ]
+    return "".join(sorted(rows))
 
 
 def texts() -> str:

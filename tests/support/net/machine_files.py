@@ -63,6 +63,6 @@ def refusal(wrong: str) -> str:
         sentence = str(error)
         if found := OF.match(sentence):
             return f"{found['line']} {found['table']} {found['key']}"
-        place = re.search(r"line (\d+)", sentence)
+        place = re.match(r"[^:]*:(\d+):\d+: ", sentence)
         return f"{place[1]} not TOML" if place else str(SITES.match(sentence) and sentence.split(";")[0])
     return "accepted"

@@ -1,0 +1,184 @@
+"""The spindle of a machine: its values, each with the key of ``[spindle]`` that fills it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from controller.machine import drive_profiles
+from controller.machine.axes import BUS, NODE, OVERRIDES, PROFILE, SHEET, UNSUPERVISED, Stopping
+from controller.machine.declaration import key, same_table, shared, spellings
+from controller.machine.forms import FLAG, POSITIVE, Choice, Integer, Number, Sub
+from controller.machine.reading import Reading, Rules
+from drives.profile import Override
+from drives.settings import INT32_MAX
+from drives.text_file import Source
+
+MODES = {"csv": 9, "pv": 3}
+TAPPING_REV_S2 = 50.0  # along a thread, where the file says nothing
+
+
+@dataclass(frozen=True, slots=True)
+class SpindlePosition:
+    """The spindle's angle, told at every SYNC with those of the axes: what tapping follows."""
+
+    counts_per_rev: float = key(
+        Number(),
+        "of what it tells; its sign is the direction of M3; left out: as above",
+        silent=lambda here: here.above["counts_per_rev"],
+        left_out="as of the spindle",
+    )
+    index: int = key(Integer(0x2000, 0x6FFF), "object of the position, 32 bits", default=0x6064)
+    sub: int = key(Integer(0, 254), "its sub-index", default=0)
+    tpdo: int = key(Integer(1, 4), "number of the one that takes it, at every SYNC", default=2)
+    load: bool = key(FLAG, "the torque (6077h) goes beside it", default=False)
+    gain_per_s: float = key(
+        Number(1.0, 50.0), "of the loop that leads the spindle along a thread", default=10.0
+    )
+    acceleration_rev_s2: float = key(
+        POSITIVE,
+        "at most along a thread, in both directions; left out: as above",
+        default=TAPPING_REV_S2,
+        silent=lambda here: min(here.above["acceleration_rev_s2"], TAPPING_REV_S2),
+        left_out=f"as of the spindle, {TAPPING_REV_S2:g} at most",
+    )
+    most_lag_rev: float = key(
+        Number(0.01, 10.0), "behind the thread by more: held, with a fault", default=0.5
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class AdaptiveFeed:
+    """The load of the spindle leads the feed; loads are shares of its rated torque. See ``tick.adaptive``."""
+
+    target: float = key(
+        Number(5.0, 150.0),
+        "of the rated torque (6076h) that the feed is to keep",
+        name="load_percent",
+        per=100.0,
+        default=0.6,
+        needed=True,
+    )
+    min_share: float = key(Number(0.05, 1.0), "of F, below which the feed is not lowered", default=0.2)
+    max_share: float = key(
+        Number(1.0, 1.5),
+        "of F; above 1 a light cut is made faster than F says, within the limits of the axes",
+        default=1.0,
+    )
+    fall_s: float = key(Number(0.1, 10.0), "time constant of a share that falls", default=0.3)
+    rise_s: float = key(Number(0.1, 100.0), "of one that rises, not shorter", default=3.0)
+    overload: float = key(
+        Number(10.0, 400.0),
+        "of the rated torque: so high for `overload_s` is a dull or broken cutter: held",
+        name="overload_percent",
+        per=100.0,
+        default=1.2,
+        needed=True,
+    )
+    overload_s: float = key(Number(0.0, 10.0), "see `overload_percent`", default=0.5)
+
+
+def _driven(here: Reading) -> bool:
+    return bool(here["node"] > 0)
+
+
+def _without_node(here: Reading) -> int:
+    """0: switched by hand. What says more than the largest S means a drive, and lacks its node."""
+    if any(here.table.holds(name) for name in spellings(Spindle) - {"max_rev_min"}):
+        raise here.table.missing("node", NODE.form.allowed(None))
+    return 0
+
+
+@dataclass(frozen=True, slots=True)
+class Spindle:
+    """The spindle as programs need it, and its drive where the controller has one (``node`` > 0)."""
+
+    max_rev_min: float = key(POSITIVE, "largest S")
+    bus: str = shared(BUS, default="", only=_driven)
+    # 0: switched by hand; M3, M4 and S are read and nothing is sent
+    node: int = shared(NODE, default=0, needed=False, silent=_without_node, left_out="–")
+    profile: Source = key(PROFILE, "of the drive, as of an axis", default="simulated", only=_driven)
+    counts_per_rev: float = key(
+        Number(), "of its encoder; its sign is the direction of M3", default=0.0, needed=True, only=_driven
+    )
+    mode: int = key(Choice(MODES), "60FFh in mode 9 (csv) or 3 (pv)", default=9, only=_driven)
+    at_speed_share: float = key(
+        Number(0.001, 0.5), "at speed within this share of the wanted one", default=0.05, only=_driven
+    )
+    spin_up_s: float = key(
+        Number(0.1, 120.0),
+        "not at speed, or standing, by then: held, with a fault",
+        default=10.0,
+        only=_driven,
+    )
+    acceleration_rev_s2: float = key(
+        POSITIVE, "at which it is led to its speed in mode 9", default=50.0, only=_driven
+    )
+    eds: Source = shared(SHEET, default="", only=_driven)
+    stopping: Stopping = same_table(Stopping, Stopping(), _driven)  # its units alone
+    unsupervised: bool = shared(UNSUPERVISED, only=_driven)
+    overrides: tuple[Override, ...] = shared(OVERRIDES, only=_driven)
+    position: SpindlePosition | None = key(  # None: nothing is tied to its angle
+        Sub(SpindlePosition),
+        "its angle at every SYNC: G33, G33.1, G84 and G74 follow it",
+        default=None,
+        only=_driven,
+    )
+    adaptive: AdaptiveFeed | None = key(  # None: M52 P1 is refused
+        Sub(AdaptiveFeed),
+        "its load leads the feed under M52 P1; left out: M52 P1 is refused",
+        default=None,
+        only=_driven,
+    )
+
+    @property
+    def is_driven(self) -> bool:
+        return self.node > 0
+
+
+def _check_speed(here: Reading) -> None:
+    """The target is at most an int32 (60FFh), in counts per second where the drive has no other unit."""
+    if not _driven(here):
+        return
+    if here["counts_per_rev"] == 0.0:
+        here.table.refuse("counts_per_rev", "zero_encoder")
+    most = INT32_MAX / abs(here["counts_per_rev"]) * 60.0
+    if here["max_rev_min"] > most:
+        here.table.refuse("max_rev_min", "speed_fits", speed=here["max_rev_min"], most=most)
+
+
+def _check_mode(here: Reading) -> None:
+    if here["position"] is not None and here["mode"] != MODES["csv"]:
+        here.table.refuse("position", "thread_of_pv")
+
+
+def _check_load(here: Reading) -> None:
+    if here["adaptive"] is not None and (here["position"] is None or not here["position"].load):
+        here.table.refuse("adaptive", "load_untold")
+
+
+def _check_counts(here: Reading) -> None:
+    if here["counts_per_rev"] == 0.0 and here.table.holds("counts_per_rev"):
+        here.table.refuse("counts_per_rev", "zero_encoder")
+
+
+def _check_tpdo(here: Reading) -> None:
+    if here.above is not None and here["tpdo"] == drive_profiles.load(here.above["profile"]).tpdo:
+        here.table.refuse("tpdo", "tpdo_taken")
+
+
+def _check_rise(here: Reading) -> None:
+    if here["rise_s"] < here["fall_s"]:
+        here.table.refuse("rise_s", "rise_short", fall_s=here["fall_s"])
+
+
+def _check_overload(here: Reading) -> None:
+    if here["overload"] <= here["target"]:
+        here.table.refuse("overload_percent", "overload_low", percent=100.0 * here["target"])
+
+
+RULES: Mapping[type, Rules] = {
+    Spindle: Rules(checks=(_check_speed, _check_mode, _check_load)),
+    SpindlePosition: Rules(checks=(_check_counts, _check_tpdo)),
+    AdaptiveFeed: Rules(checks=(_check_rise, _check_overload)),
+}
