@@ -170,12 +170,15 @@ class Row(Form):
         return said("file.may.row" if count else "file.may.rows", count=count, most=MAX_ROW, each=each)
 
     def read(self, here: Reading, name: str) -> list[float]:
-        value, count = here.table.get(name, ""), resolved(self.count, here)
+        value, known = here.table.get(name, ""), self
+        try:
+            count = resolved(self.count, here)
+        except AttributeError:  # what it hangs on was refused
+            count, known = 0, Row(0, self.most)
         sound = isinstance(value, list) and all(map(is_number, value))
-        if not sound or not (len(value) == count if count else 2 <= len(value) <= MAX_ROW):
-            here.table.refuse(name, "no_row", allowed=self.allowed(here))
-        if max(map(abs, value)) > self.most:
-            here.table.refuse(name, "no_row", allowed=self.allowed(here))
+        sound = sound and (len(value) == count if count else 2 <= len(value) <= MAX_ROW)
+        if not sound or max(map(abs, value)) > self.most:
+            here.table.refuse(name, "no_row", allowed=known.allowed(here))
         return [float(one) for one in value]
 
     def schema(self) -> Schema:

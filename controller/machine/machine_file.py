@@ -137,7 +137,8 @@ def load(source: str | Path) -> Machine:
         if not wrong:
             raise
         # The tools' mistakes are refused under the name of their own file.
-        own = [one for one in error.mistakes if one.place and not one.place[0].startswith("tool")]
+        lines = len(text.splitlines())
+        own = [one for one in error.mistakes if one.line <= lines and one.place[:1] != ("tool",)]
         raise ConfigError.of_all([*own, *wrong]) from error
     if wrong:
         raise ConfigError.of_all(wrong)
@@ -295,10 +296,10 @@ def _check_frame(axis: Reading) -> None:
 
 
 def _check_node(axis: Reading) -> None:
-    """A node is that of one drive."""
+    """A node is that of one drive; it is told at the first of them."""
     mine = axis["bus"], axis["node"]
     twins = [one.name for one in axis.top["axis"] if (one.bus, one.node) == mine]
-    if len(twins) > 1:
+    if len(twins) > 1 and twins[0] == axis["name"]:
         axis.table.refuse("node", "nodes_shared", axes=chain("and", twins), bus=axis["bus"])
 
 

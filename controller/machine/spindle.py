@@ -79,7 +79,7 @@ class AdaptiveFeed:
 
 
 def _driven(here: Reading) -> bool:
-    return bool(here["node"] > 0)
+    return here.table.holds("node") or bool(here["node"] > 0)
 
 
 def _without_node(here: Reading) -> int:

@@ -278,7 +278,7 @@ def _no_toml(text: str, file: str, why: str) -> ConfigError:
     number, column = (int(found[1]), int(found[2])) if found else (len(lines), len(lines[-1]) + 1)
     line = lines[number - 1] if number <= len(lines) else ""
     key = next((key for words, key in NO_TOML.items() if why.startswith(words)), "toml.other")
-    if key == "toml.key_twice" and KEY.match(line):  # the reader has read its value, too
+    if why.startswith("Cannot overwrite") and KEY.match(line):  # the reader has read its value, too
         column = len(line) - len(line.lstrip()) + 1
     what = said(f"file.{key}", why=re.sub(r" \(at .*\)$", "", why))
     shown = line.strip() if len(line.strip()) <= 60 else f"{line.strip()[:57]}..."

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import json
-import re
 import tomllib
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import pytest
+from support.machines.every_key import EVERY, TEXT, values_of_every_key
 
 from controller.machine import keys as machine_keys
 from controller.machine import machine_file
@@ -20,8 +19,6 @@ from controller.machine.model import BUILDS
 from controller.machine.reading import File, Reading
 from controller.machine.toml_table import ConfigError, parse
 
-EVERY = Path(__file__).with_name("every_key.toml")
-TEXT = EVERY.read_text()
 VALUES = tomllib.loads(TEXT)
 PAGE = machine_keys.PAGE.read_text()
 SCHEMA = json.loads(machine_keys.SCHEMA.read_text())
@@ -71,26 +68,6 @@ def test_a_key_is_in_the_reference_and_in_the_schema(section: machine_keys.Secti
     for name in one.spelled:
         assert table["properties"][name]["description"] == one.means
     assert table["additionalProperties"] is False
-
-
-VALUE = re.compile(r"(?P<key>[A-Za-z_]\w*) = (?P<value>\{.*\}|\[.*\]|[^,}\n]+)")
-
-
-def values_of_every_key() -> list[tuple[int, str, str]]:
-    """(line, key, the text with a wrong value in its place), of every value in the file."""
-    lines, found = TEXT.splitlines(), []
-    for number, line in enumerate(lines, 1):
-        for one in VALUE.finditer(line) if not line.startswith("#") else ():
-            ends = [(one.start("value"), one.end("value"))]
-            inside = [
-                (m.start("value") + ends[0][0] + 1, m.end("value") + ends[0][0] + 1)
-                for m in VALUE.finditer(one["value"][1:])
-            ]
-            for begin, end in [*ends, *inside]:
-                name = line[:begin].rstrip(" =").split(" ")[-1]
-                wrong = f"{line[:begin]}[[]]{line[end:]}"
-                found.append((number, name, "\n".join([*lines[: number - 1], wrong, *lines[number:]])))
-    return found
 
 
 def test_a_wrong_value_of_every_key_is_refused_with_its_line_and_nothing_else_is() -> None:

@@ -1,0 +1,156 @@
+"""All mistakes of a machine file come in one answer: each once, by line, and none that another one causes."""
+
+from __future__ import annotations
+
+import json
+import random
+from pathlib import Path
+
+import pytest
+from support.machines.every_key import TEXT, values_of_every_key
+from support.machines.spindle_machine import text
+from typer.testing import CliRunner
+
+from controller import messages
+from controller.__main__ import app
+from controller.machine import machine_file
+from controller.machine.toml_table import ConfigError
+
+TRUNNION = (machine_file.SHIPPED / "trunnion.toml").read_text()
+TOOLS = (machine_file.SHIPPED / "tools.toml").read_text()
+
+
+def mistakes(content: str) -> tuple[ConfigError, ...]:
+    try:
+        machine_file.read(content, "m.toml", machine_file.SHIPPED)
+    except ConfigError as error:
+        return error.mistakes
+    return ()
+
+
+def changed(content: str, *pairs: tuple[str, str]) -> str:
+    for old, new in pairs:
+        assert old in content, old
+        content = content.replace(old, new, 1)
+    return content
+
+
+def test_six_mistakes_are_one_answer_in_the_order_of_their_lines() -> None:
+    wrong = changed(
+        f"{TRUNNION}\n{TOOLS}",
+        ("gouge =", "gauge ="),
+        ("velocity_mm_s = 200.0", "velocity_mm_s = 0"),
+        ("travel_mm = [-300.0, 300.0]\n", ""),
+        ("node = 2", "node = 200"),
+        ("sense = ", "sens = "),
+        ("radius_mm = 3.000", 'radius_mm = "3"'),
+    )
+    with pytest.raises(ConfigError) as refused:
+        machine_file.read(wrong, "m.toml")
+    found = refused.value.mistakes
+    assert [one.place[-1] for one in found] == [
+        *("gauge", "travel_mm", "velocity_mm_s", "node", "sens", "radius_mm")
+    ]
+    assert [one.line for one in found] == sorted(one.line for one in found)
+    assert all(str(one) in str(refused.value) for one in found)
+    german = messages.text(refused.value.said, "de")
+    assert german.count("erlaubt: ") == 6 and "did you mean" not in german
+
+
+# What is wrong, and the keys that are refused: what needs them is not told of.
+CAUSES = [
+    (('kind = "linear"', 'kind = "liner"'), ["kind"]),
+    (('[[bus]]\nname = "can0"', '[[bus]]\nname = "can9"'), ["bus"]),
+    (("node = 10", "nodex = 10"), ["nodex"]),
+    (("node = 10", ""), ["node"]),
+    (("clamp = { output", "clmp = { output"), ["clmp"]),
+    (("outputs = {", "outputs = 3 # {"), ["outputs"]),
+    (("estop = 0", "estop = 64"), ["estop"]),
+    (("counts_per_rev = 4096", "counts_per_rev = true"), ["counts_per_rev"]),
+    (("direction = [1, 0, 0]", "direction = [0, 0, 0]"), ["direction"]),
+    (("[machine]", "[machin]"), ["machine"]),
+    (("number = 1\n", ""), ["number"]),
+]
+
+
+@pytest.mark.parametrize(("change", "keys"), CAUSES)
+def test_a_mistake_is_told_alone(change: tuple[str, str], keys: list[str]) -> None:
+    assert [one.place[-1] for one in mistakes(changed(text(), change))] == keys
+
+
+def test_a_misspelt_head_is_told_alone() -> None:
+    for old, new in (("[[bus]]", "[[buss]]"), ("[offsets]", "[ofsets]")):
+        (one,) = mistakes(changed(f"{TRUNNION}\n{TOOLS}", (old, new)))
+        assert one.line and one.place == (new.strip("[]"),)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_of_many_mistakes_none_is_lost_and_none_is_invented(seed: int) -> None:
+    """What hangs on others comes when they are mended: every one is told, once, in at most three rounds."""
+    by_line: dict[int, list[tuple[str, str]]] = {}
+    for line, name, wrong in values_of_every_key():
+        by_line.setdefault(line, []).append((name, wrong))
+    drawn, lines = random.Random(seed), TEXT.splitlines()
+    wrong = {line: drawn.choice(by_line[line]) for line in sorted(drawn.sample(sorted(by_line), 20))}
+    for _ in range(3):
+        new = [wrong[n][1].splitlines()[n - 1] if n in wrong else line for n, line in enumerate(lines, 1)]
+        told = [(one.line, one.place[-1]) for one in mistakes("\n".join(new))]
+        assert len(set(told)) == len(told) and told == sorted(told, key=lambda one: one[0])
+        for line, name in told:
+            assert wrong.pop(line)[0] == name
+    assert not wrong
+
+
+def test_the_tools_mistakes_are_told_under_the_name_of_their_file(tmp_path: Path) -> None:
+    (tmp_path / "mine.toml").write_text(changed(TRUNNION, ("gouge =", "gauge =")))
+    (tmp_path / "tools.toml").write_text(TOOLS.replace("flute_mm =", "flut_mm =", 2) + "[other]\n")
+    with pytest.raises(ConfigError) as refused:
+        machine_file.load(tmp_path / "mine.toml")
+    told = [str(one).partition(": ")[0].partition(":")[0] for one in refused.value.mistakes]
+    assert told == ["mine.toml", "tools.toml", "tools.toml", "tools.toml"]
+
+
+@pytest.mark.parametrize("words", [("check", "--machine"), ("bus",), ("simulate", "none.ngc", "--machine")])
+def test_the_command_line_shows_them_all(tmp_path: Path, words: tuple[str, ...]) -> None:
+    file = tmp_path / "m.toml"
+    file.write_text(changed(TRUNNION, ("gouge =", "gauge ="), ("node = 2", "node = 200")))
+    if "none.ngc" in words:
+        words = (words[0], str(machine_file.shipped_program("example1")), *words[2:])
+    shown = CliRunner().invoke(app, [*words, str(file)])
+    sentences = shown.output.replace("\n", "")
+    assert shown.exit_code == 1 and "m.toml:15: " in sentences and "m.toml:61: " in sentences
+    as_json = json.loads(CliRunner().invoke(app, [*words, str(file), "--json"]).output.splitlines()[-1])
+    assert [one["sentence"].partition(": ")[0] for one in as_json["mistakes"]] == ["m.toml:15", "m.toml:61"]
+
+
+NO_TOML = [
+    # a line, the column where the reader stops, and what is told
+    ("gauge", 6, "no = after the key"),
+    ("gauge = refuse", 9, "there is no value"),
+    ("gauge = ", 9, "there is no value"),
+    ('gauge = "refuse', 16, "quotes are not closed"),
+    ("gauge = 1 2", 11, "something stands after the value"),
+    ("name = 1", 1, "this key stands there already"),
+    ("a = { b = 1, b = 2 }", 19, "this key stands there already"),
+    ("[machine]", 9, "this table stands there already"),
+    ("[machin", 8, "brackets of the table's name are not closed"),
+    ("= 3", 1, "no line begins so"),
+    ('a = "\\q"', 8, "begins no sign here"),
+    ("a = [1 2]", 8, "the list is not closed"),
+    ("a = { b = 1", 12, "the table is not closed on its line"),
+    ('a = "\x01"', 6, "a sign stands there that cannot be printed"),
+]
+
+
+@pytest.mark.parametrize(("line", "column", "what"), NO_TOML)
+def test_what_is_no_toml_has_its_line_its_column_and_what_to_do(line: str, column: int, what: str) -> None:
+    content = changed(f"{TRUNNION}\n{TOOLS}", ("gouge =", f"{line}\ngouge ="))
+    (one,) = mistakes(content)
+    told = str(one)
+    assert told.startswith(f"m.toml:15:{column}: ") and what in told and "; allowed: " in told, told
+    assert messages.text(one.said, "de").count(";") >= 2
+
+
+def test_what_is_no_toml_at_the_end_of_the_file_has_its_line() -> None:
+    (one,) = mistakes('[machine]\nname = "a"\nname = "b"')
+    assert str(one).startswith('m.toml:3:1: name = "b": is not TOML: this key stands there already')
