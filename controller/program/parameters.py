@@ -109,6 +109,8 @@ class Parameters:
 
     def value(self, key: Name) -> float:
         """Raises NoValue."""
+        if isinstance(key, int) and key in OF_PROBING and (probed := self._global.get(key)) is not None:
+            return probed  # that a line by hand has left
         if (system := self._of_system(key)) is not None and isinstance(key, int):
             return system.value(key)
         if (found := self._room(key).get(key)) is not None:

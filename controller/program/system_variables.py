@@ -37,7 +37,9 @@ from controller.program.origins import fixture_index
 from controller.program.parameters import ALARM, STOP, NoValue
 
 FIRST = 1000
-OURS = (range(5062, 5071), range(5210, 5221), range(5390, 5500), range(5590, 6000))  # as LinuxCNC has them
+OURS = (  # as LinuxCNC has them
+    *(range(5070, 5071), range(5161, 5200), range(5210, 5221), range(5390, 5500), range(5590, 6000)),
+)
 STEP = 20  # from one work offset to the next
 NOTED = MappingProxyType(
     {3003: "note.single_block", 3004: "note.holds", 3901: "note.parts", 3902: "note.parts"}

@@ -158,6 +158,7 @@ def test_faces_set_an_offset_to_where_they_are(some: random.Random) -> None:
     assert found == pytest.approx([a + b for a, b in zip(before, (x, y, z), strict=True)], abs=0.003)
 
 
+@pytest.mark.slow
 def test_a_bore_sets_an_offset_to_its_middle(some: random.Random) -> None:
     x, y, radius = some.uniform(-2, 2), some.uniform(-2, 2), some.uniform(9, 14)
     part = '[[solid]]\nkind = "block"\nlow_mm = [-40, -40, -60]\nhigh_mm = [40, 40, 0]\n[[hole]]\n'

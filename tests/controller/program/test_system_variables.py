@@ -10,7 +10,7 @@ from support.machines.traced_programs import mill
 
 from controller.geometry.vectors import Frame
 from controller.machine.model import KEPT_OFFSETS, Machine
-from controller.program import blocks
+from controller.program import blocks, modal
 from controller.program.program import Action, JointLine, Message, ProgramError, Remark, Setting
 
 
@@ -193,6 +193,12 @@ def test_an_offset_is_not_written_beside_a_contour() -> None:
 
 def test_numbers_that_the_machine_keeps_for_programs_are_theirs() -> None:
     assert value("#1005=4", "#1005", kept=((1000, 1099),)) == 4.0
+
+
+def test_a_skip_that_a_line_by_hand_has_left_is_read_by_the_next() -> None:
+    left = modal.begun(machine())._replace(parameters=(("5061", 7.0),))
+    made = list(blocks.stream(b"G53 G0 X#5061\n", machine(), "p", begin=left))
+    assert isinstance(made[0], JointLine) and made[0].targets[0] == 7.0
 
 
 def test_under_the_other_dialect_the_numbers_are_parameters() -> None:
