@@ -1,10 +1,11 @@
 """G and M codes that builders document and that this control does not have: what each is, and what instead.
 
 A number says nothing of a code's purpose, so nothing is advised by what a code looks like: what is in no row
-here is refused with the codes of this control. The facts are of public documents:
+here is refused with the codes of this control. The facts are those of the builders' documents, by way of lists
+that are public; the manuals of Haas and Fanuc themselves were not at hand, so a row of theirs is no authority:
 
-    Haas       operator's manual of mills, NGC 2017 (chapters of G and M codes), and its service pages
-    Fanuc      B-64484EN (series 30i), B-62764EN (series 16): list of G codes of machining centres
+    Haas       lists of G and M codes of mills with its NGC control
+    Fanuc      lists of G codes of machining centres (series 16 and 30i)
     Makino     Professional 5 M-code list, No. 0584D-0506
     LinuxCNC   G code reference 2.9 (M100 to M199), kinematics switched by M428 to M430 and M128 to M130
                (commit 135b0ce522)
