@@ -1,8 +1,9 @@
 """G and M codes that builders document and that this control does not have: what each is, and what instead.
 
-A number says nothing of a code's purpose, so nothing is advised by what a code looks like: what is in no row
-here is refused with the codes of this control. The facts are those of the builders' documents, by way of lists
-that are public; the manuals of Haas and Fanuc themselves were not at hand, so a row of theirs is no authority:
+A number says nothing of a code's purpose, so nothing is advised by what a code looks like: what is in no
+row here is refused with the codes of this control. The facts are those of the builders' documents, by way of
+lists that are public; the manuals of Haas and Fanuc themselves were not at hand, so a row of theirs is no
+authority:
 
     Haas       lists of G and M codes of mills with its NGC control
     Fanuc      lists of G codes of machining centres (series 16 and 30i)
