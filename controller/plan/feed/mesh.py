@@ -17,6 +17,7 @@ import numpy.typing as npt
 from controller.geometry import arc_length
 from controller.geometry.arrays import distinct
 from controller.geometry.curves import Arc, Even
+from controller.geometry.vectors import ROUNDING
 from controller.motion.motions import JointMove, SurfaceCut, ToolLine
 from controller.plan.feed import tool_limits
 from controller.plan.feed.course import Course, Index
@@ -37,6 +38,7 @@ FINEST_S = 5e-4  # ... unless they are this close in time
 HEADROOM = 1.15  # the limits allow so much more than the feed: it holds the speed alone
 GROWTH = 0.25  # of a knot's interval per time from where something happens
 STEP_OF_SPEED = 0.15  # change of ln(allowed speed) per interval
+NO_WAY = 1e-10  # mm or rad
 INSET = 1e-9  # of a part's length: what lies inside is not at its mark
 EVEN_TIMES = 4000  # at which an estimate is smoothed
 MAX_CLOSER = 4.0  # times as many knots at narrow places
@@ -69,7 +71,8 @@ class Parts:
 
     @staticmethod
     def of(course: Course, first: float, last: float) -> Parts:
-        marks = course.marks[(course.marks > first) & (course.marks < last)]
+        # A mark that is off an end by rounding alone would make a part in which there is no way.
+        marks = course.marks[(course.marks > first + ROUNDING) & (course.marks < last - ROUNDING)]
         ends = np.concatenate([[first], marks, [last]])
         return Parts(course, ends, course.index(0.5 * (ends[1:] + ends[:-1])))
 

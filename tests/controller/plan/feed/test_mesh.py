@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from support.machines.stepped_runs import program, shipped
@@ -90,3 +92,14 @@ def test_smoothing_takes_kinks_out_and_keeps_even_speeds() -> None:
     smooth = mesh.smoothed(found, v, 0.0, 0.05)
     middle = np.abs(found.s - 15.0) < 5.0
     np.testing.assert_allclose(smooth[middle], v[middle], rtol=1e-6)
+
+
+@pytest.mark.parametrize("ulps", range(-3, 4))
+def test_a_mark_that_is_off_an_end_by_rounding_makes_no_part(ulps: int) -> None:
+    """Or the law would look for the time that no way takes: an array too big for any computer."""
+    first, last = 0.0, 40.0
+    for _ in range(abs(ulps)):
+        first, last = np.nextafter(first, ulps), np.nextafter(last, 99.0 * ulps)
+    course = SimpleNamespace(marks=np.array([0.0, 10.0, 40.0]), index=lambda s: np.searchsorted([10.0], s))
+    parts = mesh.Parts.of(course, first, last)  # type: ignore[arg-type]
+    assert parts.ends.tolist() == [first, 10.0, last] and parts.index.tolist() == [0, 1]
