@@ -7,14 +7,14 @@ angle of the body it carries ("carried" sense). The machine file's degrees and i
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from enum import Enum
-from itertools import pairwise
 from typing import ClassVar
 
 from controller.geometry.vectors import ZERO, Vector, norm
 from controller.machine.declaration import Key, declared, key, same_table, shared
+from controller.machine.deviation_tables import Pitch, PitchTable
 from controller.machine.drive_profiles import OverrideTable
 from controller.machine.forms import (
     FLAG,
@@ -26,7 +26,6 @@ from controller.machine.forms import (
     Number,
     Numbers,
     Own,
-    Row,
     Rows,
     Sub,
 )
@@ -40,9 +39,7 @@ USUAL_SHARE = 0.5
 # Of the drive's own window (following_error): what the controller allows at rest, and of that in position.
 REST_SHARE = IN_POSITION_SHARE = 0.1
 PARALLEL = 1e-6
-MAX_OFF = 1.0  # mm or degrees of a deviation: what is more is no table's work
 WITHIN_TRAVEL = "within the travel"
-AS_MANY = "as many numbers as `at`"
 
 
 class Kind(Enum):
@@ -288,54 +285,6 @@ class Stopping:
     )
 
 
-@dataclass(frozen=True, slots=True)
-class Pitch:
-    """What an axis misses of its targets (ISO 230-2): where it is, less where it was told to be (mm, rad)."""
-
-    at: tuple[float, ...]  # rising
-    up: tuple[float, ...]  # where it came in the positive sense
-    down: tuple[float, ...]  # in the negative one
-
-
-def _flat(here: Reading) -> list[float]:
-    return [-0.5 * here["backlash"]] * len(here["at"])
-
-
-@dataclass(frozen=True, slots=True)
-class PitchTable:
-    """``[axis.pitch]`` as it is written, in the units and the sense of the file."""
-
-    at: tuple[float, ...] = key(
-        Row(),
-        "positions that were measured, rising",
-        name="at_{unit}",
-        silent=lambda here: list(_axis(here)["travel"]),
-        left_out="the ends of the travel",
-    )
-    up: tuple[float, ...] = key(
-        Row(lambda here: len(here["at"]), MAX_OFF),
-        "there, come to in the positive sense: where it is, less where it was told to be",
-        name="up_{unit}",
-        silent=_flat,
-        may_be=AS_MANY,
-        left_out="half of `backlash` on either side",
-    )
-    down: tuple[float, ...] = key(
-        Row(lambda here: len(here["up"]), MAX_OFF),
-        "the same in the negative sense; left out: as `up`, and `backlash` more",
-        name="down_{unit}",
-        silent=lambda here: [up + here["backlash"] for up in here["up"]],
-        may_be=AS_MANY,
-        left_out="`up` and `backlash`",
-    )
-    backlash: float = key(
-        Number(-MAX_OFF, MAX_OFF),
-        "what is lost on reversal, where the senses differ by the same everywhere",
-        name="backlash_{unit}",
-        default=0.0,
-    )
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Axis:
     """One joint: geometry, travel, limits, and the drive that moves it."""
@@ -447,31 +396,6 @@ class Axis:
         return -math.degrees(1.0) if flip else math.degrees(1.0)
 
 
-@dataclass(frozen=True, slots=True)
-class Straightness:
-    """By how much a linear axis is off (mm) while another one stands at each of some positions."""
-
-    along: str = key(
-        Choice(lambda here: [axis.name for axis in here.top["axis"]]),
-        "the axis whose position counts",
-        may_be="the name of an axis",
-    )
-    moves: str = key(
-        Choice(
-            lambda here: [a.name for a in here.top["axis"] if not a.is_rotary and a.name != here["along"]]
-        ),
-        "the axis that is off by it",
-        may_be="the name of a slide, but `along`",
-    )
-    at: tuple[float, ...] = key(Row(), "positions of the first, rising", name="at_{unit}")
-    off: tuple[float, ...] = key(
-        Row(lambda here: len(here["at"]), MAX_OFF),
-        "there: where the other axis is, less where it was told to be",
-        name="off_mm",
-        may_be=AS_MANY,
-    )
-
-
 # ---- the rules of their tables
 
 
@@ -537,39 +461,10 @@ def _check_units(here: Reading) -> None:
         here.table.refuse("acceleration_unit_counts_s2", "unit_alone")
 
 
-def _check_rising(here: Reading) -> None:
-    if any(b <= a for a, b in pairwise(here.as_written("at"))):
-        here.table.refuse(f"at_{here.unit}", "not_rising")
-
-
-def _check_backlash(here: Reading) -> None:
-    if here["backlash"] and here.table.holds(f"down_{here.unit}"):
-        here.table.refuse(f"backlash_{here.unit}", "backlash_twice")
-
-
 def _homing(homing: Homing, _: Reading) -> Homing:
     """Method 0 is CiA 402's "no homing required": the encoder is absolute."""
     absolute = homing.absolute or homing.method == 0
     return replace(homing, method=0 if absolute else homing.method, absolute=absolute)
-
-
-def _pitch(table: PitchTable, here: Reading) -> Pitch:
-    rows = [tuple(value * here.inner for value in row) for row in (table.at, table.up, table.down)]
-    if here.inner > 0.0:
-        return Pitch(*rows)
-    at_back, up_back, down_back = (row[::-1] for row in rows)
-    return Pitch(at_back, down_back, up_back)  # up as shown is down as carried
-
-
-def _along(here: Reading) -> Axis:
-    axes: Sequence[Axis] = here.top["axis"]
-    return next(axis for axis in axes if axis.name == here["along"])
-
-
-def _straightness(table: Straightness, here: Reading) -> Straightness:
-    at, off = [q / here.inner for q in table.at], table.off
-    order = 1 if at[0] < at[-1] else -1
-    return replace(table, at=tuple(at[::order]), off=tuple(off[::order]))
 
 
 RULES: Mapping[type, Rules] = {
@@ -584,11 +479,4 @@ RULES: Mapping[type, Rules] = {
     Following: Rules(fills={"tightens": lambda here: not here.table.holds(f"at_speed_{here.unit}")}),
     Temperature: Rules(checks=(_check_temperature,)),
     Demand: Rules(checks=(_check_demand,)),
-    PitchTable: Rules(checks=(_check_rising, _check_backlash), made=_pitch),
-    Straightness: Rules(
-        unit=lambda here: "deg" if _along(here).is_rotary else "mm",
-        inner=lambda here: _along(here).shown_per_unit,
-        checks=(_check_rising,),
-        made=_straightness,
-    ),
 }

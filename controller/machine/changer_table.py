@@ -209,15 +209,17 @@ class Changer:
 
 def _check_carries(here: Reading) -> None:
     for sequence in SEQUENCES:
-        if sum(step.carries for step in here[sequence]) != 1:
-            here.table.refuse(sequence, "carries_once")
+        with here.file.collecting():
+            if sum(step.carries for step in here[sequence]) != 1:
+                here.table.refuse(sequence, "carries_once")
 
 
 def _check_names(here: Reading) -> None:
     for sequence in SEQUENCES:
-        names = [step.name for step in here[sequence]]
-        if len(set(names)) < len(names):
-            here.table.refuse(sequence, "step_twice")
+        with here.file.collecting():
+            names = [step.name for step in here[sequence]]
+            if len(set(names)) < len(names):
+                here.table.refuse(sequence, "step_twice")
 
 
 def _check_apart(here: Reading) -> None:
@@ -251,8 +253,9 @@ def check_step(step: Reading) -> None:
     if set(switched["on"]) & set(switched["off"]):
         step.table.refuse("off", "step_on_off")
     for name, outputs in switched.items():
-        if not set(outputs).isdisjoint(OUTPUTS):
-            step.table.refuse(name, "coolant_outputs")
+        with step.file.collecting():
+            if not set(outputs).isdisjoint(OUTPUTS):
+                step.table.refuse(name, "coolant_outputs")
 
 
 def check_bits(step: Reading) -> None:

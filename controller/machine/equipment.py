@@ -250,9 +250,10 @@ def _check_orient(here: Reading) -> None:
 def _check_channels(here: Reading) -> None:
     found: dict[int, str] = {}
     for one in here.below.get("analogue_out", ()):
-        if (channel := one["channel"]) in found:
-            one.table.refuse("channel", "channel_twice", other=found[channel])
-        found[channel] = one.called
+        with here.file.collecting():
+            if (channel := one["channel"]) in found:
+                one.table.refuse("channel", "channel_twice", other=found[channel])
+            found[channel] = one.called
 
 
 def _check_high(here: Reading) -> None:

@@ -13,7 +13,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 from controller.geometry.vectors import Frame, Vector, X, Y, Z, cross, norm, scale, subtract
 from controller.machine import (
@@ -87,6 +87,18 @@ class ToolsTable:
     )
 
 
+def _no_bus(here: Reading) -> NoReturn:
+    here.table.refuse("bus", "no_bus")
+
+
+class Buses(Rows):
+    """One bus or more."""
+
+    def read(self, here: Reading, name: str) -> tuple[Bus, ...]:
+        found: tuple[Bus, ...] = super().read(here, name)
+        return found or _no_bus(here)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MachineFile:
     """The tables of a machine file."""
@@ -96,7 +108,7 @@ class MachineFile:
     offsets: Mapping[str, Offset] = key(
         offset_table.Offsets(always=True), "the work offsets: G54 to G59.3, G54.1 P1 to P48"
     )
-    bus: tuple[Bus, ...] = key(Rows(Bus), "a CAN bus", silent=())
+    bus: tuple[Bus, ...] = key(Buses(Bus), "a CAN bus", silent=_no_bus)
     axis: tuple[Axis, ...] = key(Rows(Axis), "an axis and its drive", silent=())
     spindle: Spindle | None = key(
         Sub(Spindle, top=True), "without `node` one that is switched by hand", default=None
@@ -221,11 +233,6 @@ def _unit(vector: Vector) -> Vector:
 # ---- what only the whole file can show
 
 
-def _check_buses(top: Reading) -> None:
-    if not top["bus"]:
-        top.table.refuse("bus", "no_bus")
-
-
 def _check_bus(bus: Reading) -> None:
     _check_twice(bus, "bus", "name", "bus_twice")
 
@@ -250,9 +257,15 @@ def _check_tools(top: Reading) -> None:
         top.table.refuse("tool", "no_tool_1")
 
 
+def _check_kinematics(general: Reading) -> None:
+    general.table.text("kinematics", tuple(builds()), general["kinematics"])
+
+
 def _check_axes(top: Reading) -> None:
     names, kinematics = [axis.name for axis in top["axis"]], top.one_below("machine")["kinematics"]
-    rotaries, build = [axis for axis in top["axis"] if axis.is_rotary], builds()[kinematics]
+    rotaries, build = [axis for axis in top["axis"] if axis.is_rotary], builds().get(kinematics)
+    if build is None:  # which is refused
+        return
     if len(rotaries) != build.turning or len(names) != 3 + build.turning or len(set(names)) != len(names):
         table = Table(top.table.file, "[[axis]]", {"name": names})
         table.refuse("name", "no_such_axes", kinematics=kinematics, allowed=build.axes)
@@ -295,6 +308,16 @@ def _check_frame(axis: Reading) -> None:
             axis.table.refuse("direction", "linear_frame", allowed=str(list(wanted)))
 
 
+def _check_slopes(axis: Reading) -> None:
+    """Refuses a table that would need too much of its axis' limits."""
+    if axis["pitch"] is None:
+        return
+    share = compensation.share(axis["pitch"], axis["limits"])
+    if share > compensation.MAX_SHARE:
+        table, most = axis.one_below("pitch").table, compensation.MAX_SHARE
+        table.refuse(f"up_{axis.unit}", "pitch_steep", share=share, axis=axis["name"], most=most)
+
+
 def _check_node(axis: Reading) -> None:
     """A node is that of one drive; it is told at the first of them."""
     mine = axis["bus"], axis["node"]
@@ -325,9 +348,10 @@ def _check_file(file: Reading) -> None:
 
 
 CHECKS: Mapping[type, Sequence[Check]] = {
-    MachineFile: (_check_buses, _check_axes, _check_tools, _check_retract, _check_rotaries),
+    MachineFile: (_check_axes, _check_tools, _check_retract, _check_rotaries),
+    Machine: (_check_kinematics,),
     Bus: (_check_bus,),
-    Axis: (_check_frame, _check_node, deviation_tables.check_slopes, equipment.check_clamp),
+    Axis: (_check_frame, _check_node, _check_slopes, equipment.check_clamp),
     Spindle: (_check_devices,),
     Io: (_check_devices,),
     Sensor: (equipment.check_sensor, equipment.check_probe),

@@ -20,15 +20,15 @@ from controller.machine.axes import Following as Following
 from controller.machine.axes import Homing as Homing
 from controller.machine.axes import Kind as Kind
 from controller.machine.axes import Limits as Limits
-from controller.machine.axes import Pitch as Pitch
 from controller.machine.axes import Sense as Sense
 from controller.machine.axes import Stopping as Stopping
-from controller.machine.axes import Straightness as Straightness
 from controller.machine.axes import Temperature as Temperature
 from controller.machine.changer_table import BESIDE as BESIDE
 from controller.machine.changer_table import Changer as Changer
 from controller.machine.changer_table import ChangerStep as ChangerStep
 from controller.machine.declaration import Key, declared, key
+from controller.machine.deviation_tables import Pitch as Pitch
+from controller.machine.deviation_tables import Straightness as Straightness
 from controller.machine.equipment import AnalogueOut as AnalogueOut
 from controller.machine.equipment import Io as Io
 from controller.machine.equipment import Orient as Orient
@@ -66,7 +66,7 @@ MACRO_VARIABLES = ("fanuc", "haas")
 BIT_RATES = (10_000, 20_000, 50_000, 125_000, 250_000, 500_000, 800_000, 1_000_000)  # CiA 301, table 1
 USUAL_OFFSETS = OFFSETS[:6]  # that every machine shows, set or not
 REFERENCES = ("G28", "G30")  # the reference points, as programs name them
-BUILDS = ("two_rotaries", "one_rotary", "no_rotary")  # the modules of ``controller.machine.kinematics``
+USUAL_BUILD = "two_rotaries"  # of those in ``controller.machine.kinematics``
 
 Joints = tuple[float, ...]  # one of each axis of the machine, in the order of its file
 
@@ -388,7 +388,12 @@ class Machine:
         left_out="none; under `fanuc` [[500, 999]]",
     )
     parameters: tuple[tuple[int, float], ...] = ()  # their values, where one has set them
-    kinematics: str = key(Choice(BUILDS), "what axes the machine has", default=BUILDS[0])
+    kinematics: str = key(  # which there are is found where they are, by ``machine_file``
+        TEXT,
+        "what axes the machine has",
+        default=USUAL_BUILD,
+        may_be='"two_rotaries" or "one_rotary" or "no_rotary"',
+    )
     straightness: tuple[Straightness, ...] = ()
     changer: Changer | None = None  # None: tools are changed by hand
     in_spindle: int = TOOL_AT_POWER_ON  # of a changer: the tool with which a program begins, 0 = none

@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 
 from controller import messages
 from controller.__main__ import app
-from controller.machine import machine_file
+from controller.machine import machine_file, setup_data
 from controller.machine.toml_table import ConfigError
 
 TRUNNION = (machine_file.SHIPPED / "trunnion.toml").read_text()
@@ -108,6 +108,14 @@ def test_the_tools_mistakes_are_told_under_the_name_of_their_file(tmp_path: Path
         machine_file.load(tmp_path / "mine.toml")
     told = [str(one).partition(": ")[0].partition(":")[0] for one in refused.value.mistakes]
     assert told == ["mine.toml", "tools.toml", "tools.toml", "tools.toml"]
+
+
+def test_of_a_tool_that_is_set_at_the_machine_they_are_told_too() -> None:
+    values = {"radius_mm": -1, "length_mm": "long", "flute_mm": 9.0, "colour": "red"}
+    with pytest.raises(ConfigError) as refused:
+        setup_data.with_tool(machine_file.load("trunnion"), 2, values)
+    sentence = messages.text(refused.value.said, "de")
+    assert len(refused.value.mistakes) == 3 and all(name in sentence for name in values if name != "flute_mm")
 
 
 @pytest.mark.parametrize("words", [("check", "--machine"), ("bus",), ("simulate", "none.ngc", "--machine")])

@@ -15,7 +15,6 @@ from controller.machine import machine_file
 from controller.machine.declaration import Key, key
 from controller.machine.forms import Number, Sub
 from controller.machine.kinematics import builds
-from controller.machine.model import BUILDS
 from controller.machine.reading import File, Reading
 from controller.machine.toml_table import ConfigError, parse
 
@@ -88,8 +87,9 @@ def test_a_wrong_value_of_every_key_is_refused_with_its_line_and_nothing_else_is
 TABLES = {"analogue_out", "m_codes", "override", "pitch", "prepare", "put_away", "take"}
 
 
-def test_every_kinematics_that_there_is_can_be_chosen() -> None:
-    assert set(BUILDS) == set(builds())
+def test_the_reference_names_every_kinematics_that_there_is() -> None:
+    (one,) = (one for _, one in DECLARED if one.name == "kinematics")
+    assert machine_keys.allowed(one) == " or ".join(f'"{name}"' for name in builds())
 
 
 @dataclass(frozen=True, slots=True)
