@@ -30,7 +30,11 @@ class Section:
     name: str
     title: str
     called: str  # its key
-    of: type
+    form: Sub | Rows
+
+    @property
+    def of(self) -> type:
+        return self.form.of
 
     @property
     def keys(self) -> list[Key]:
@@ -42,7 +46,8 @@ def sections() -> list[Section]:
     found: list[Section] = []
     for key in in_order(MachineFile):
         for one in _below(key, "", ""):
-            if not any(one.of is other.of and one.name.endswith(".override") for other in found):
+            beneath = isinstance(one.form, Rows) and one.form.beneath
+            if not (beneath and any(one.form == other.form for other in found)):
                 found.append(one)
     return found
 
@@ -59,7 +64,7 @@ def _below(key: Key, above: str, title: str) -> Iterator[Section]:
         whole = title or f"`[{name}]`"
         shown = f"{whole}: {key.name}" if title else whole
         shown += ": a name, and in it" if named else ""
-    yield Section(f"{name}.*" if named else name, shown, key.name, form.of)
+    yield Section(f"{name}.*" if named else name, shown, key.name, form)
     for one in in_order(form.of):
         if one.is_in(key.name):
             yield from _below(one, name, whole)
@@ -146,8 +151,8 @@ def written_schema() -> str:
 
 def main() -> None:
     """Write both files."""
-    PAGE.write_text(markdown())
-    SCHEMA.write_text(written_schema())
+    PAGE.write_text(markdown(), encoding="utf-8")
+    SCHEMA.write_text(written_schema(), encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -44,10 +44,11 @@ class ConfigError(Exception):
 
     @classmethod
     def of_all(cls, errors: Iterable[ConfigError]) -> ConfigError:
-        """One error of several: their mistakes by line, each once."""
+        """One error of several: their mistakes by file, as these come, and by line, each once."""
         every = [one for error in errors for one in error.mistakes]
         found = [one for k, one in enumerate(every) if one.said not in [other.said for other in every[:k]]]
-        found.sort(key=lambda one: (one.file, one.line))
+        files = list(dict.fromkeys(one.file for one in found))
+        found.sort(key=lambda one: (files.index(one.file), one.line))
         first = found[0]
         whole = cls(several(*(one.said for one in found)), first.file, first.line, first.place)
         whole._several = tuple(found)

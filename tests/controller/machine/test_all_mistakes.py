@@ -102,12 +102,12 @@ def test_of_many_mistakes_none_is_lost_and_none_is_invented(seed: int) -> None:
 
 
 def test_the_tools_mistakes_are_told_under_the_name_of_their_file(tmp_path: Path) -> None:
-    (tmp_path / "mine.toml").write_text(changed(TRUNNION, ("gouge =", "gauge =")))
+    (tmp_path / "zmill.toml").write_text(changed(TRUNNION, ("gouge =", "gauge =")))
     (tmp_path / "tools.toml").write_text(TOOLS.replace("flute_mm =", "flut_mm =", 2) + "[other]\n")
     with pytest.raises(ConfigError) as refused:
-        machine_file.load(tmp_path / "mine.toml")
+        machine_file.load(tmp_path / "zmill.toml")
     told = [str(one).partition(": ")[0].partition(":")[0] for one in refused.value.mistakes]
-    assert told == ["mine.toml", "tools.toml", "tools.toml", "tools.toml"]
+    assert told == ["zmill.toml", "tools.toml", "tools.toml", "tools.toml"]
 
 
 def test_of_a_tool_that_is_set_at_the_machine_they_are_told_too() -> None:
