@@ -11,9 +11,10 @@ deep. A straight axis can do better, as it need not be parallel to the ruling:
                     \\ . lower point           (Liu 1995: offset at two ruling parameters)
         v = 1  ------o---------  C1
 
-``single`` is the paper's, ``double`` hangs the axis on two such points, and ``optimal`` moves
-them by small smooth corrections that the plan has found. All three are one formula
-(``Placed.pose``), evaluated on every tick: nothing is interpolated between poses.
+``single`` is the paper's, ``double`` hangs the axis on two such points: one formula of the surface
+(``Placed.pose``). ``optimal`` is free of both: the axis goes through two smooth curves that the plan
+has found, whatever knots the surface is written with. All are evaluated on every tick: nothing is
+interpolated between poses.
 
 A tapered flank is tangent at v where its axis is off by rho(v) along the normal,
 
@@ -76,9 +77,8 @@ class Placed(Surface):
     normals_v: tuple[float, float] = AT_LOWER
     taper_rad: float = 0.0
     shift_mm: float = 0.0  # so far the tip lies below the foot of the contact, along the axis
-    # Over u, mm: more offset of the upper point, of the lower point, slide of the upper along the travel.
-    corrections: Curve | None = None
-    run: Curve | None = None  # the first of three, mm over u: slide of the lower point along the travel
+    # The axis goes through the same u of both (upper, lower; mm), the tip ``shift_mm`` below the lower one.
+    through: tuple[Curve, Curve] | None = None
     name: str = field(default="", repr=False, compare=False)  # under which a check keeps it
     lower: Curve = field(init=False, repr=False, compare=False)
     upper: Curve = field(init=False, repr=False, compare=False)
@@ -105,6 +105,8 @@ class Placed(Surface):
 
         Written out in components: the tick calls it in every period.
         """
+        if self.through is not None:
+            return self._led(*self.through, u, m)
         dx, dy, dz = self.ruling_curve.at(u, m)
         if m is math and 0.0 < u < 1.0:
             (tx, ty, tz), (rx, ry, rz) = self.lower.derivative(u), self.ruling_curve.derivative(u)
@@ -119,26 +121,12 @@ class Placed(Surface):
         bx, by, bz = tx + turn_b * rx, ty + turn_b * ry, tz + turn_b * rz
         bx, by, bz = by * dz - bz * dy, bz * dx - bx * dz, bx * dy - by * dx
         size = 1.0 / m.sqrt(ax * ax + ay * ay + az * az)
-        slide: Number = 0.0
-        if self.corrections is not None:
-            more, less, slide = self.corrections.at(u, m)
-            high, low, slide = high + more, low + less, slide * size / length
         per = m.sqrt(bx * bx + by * by + bz * bz)
         f = low / per
-        if self.run is None:
-            bx, by, bz = bx * f, by * f, bz * f
-        else:
-            g = self.run.at(u, m)[0] / (per * length)
-            bx, by, bz = (
-                f * bx + g * (dy * bz - dz * by),
-                f * by + g * (dz * bx - dx * bz),
-                f * bz + g * (dx * by - dy * bx),
-            )
+        bx, by, bz = bx * f, by * f, bz * f
         # The axis: from the lower point to the upper one.
         f = high * size
-        wx = span * dx + ax * f - bx + slide * (dy * az - dz * ay)
-        wy = span * dy + ay * f - by + slide * (dz * ax - dx * az)
-        wz = span * dz + az * f - bz + slide * (dx * ay - dy * ax)
+        wx, wy, wz = span * dx + ax * f - bx, span * dy + ay * f - by, span * dz + az * f - bz
         per = 1.0 / m.sqrt(wx * wx + wy * wy + wz * wz)
         wx, wy, wz = wx * per, wy * per, wz * per
         # From the contact to the lower point, without what is along the axis: the foot of the contact.
@@ -146,6 +134,14 @@ class Placed(Surface):
         along = bx * wx + by * wy + bz * wz + self.shift_mm
         x, y, z = self.lower.at(u, m)
         return Pose((x + bx - along * wx, y + by - along * wy, z + bz - along * wz), (wx, wy, wz))
+
+    def _led(self, upper: Curve, lower: Curve, u: Number, m: ModuleType) -> Pose:
+        (ax, ay, az), (bx, by, bz) = upper.at(u, m), lower.at(u, m)
+        wx, wy, wz = ax - bx, ay - by, az - bz
+        per = 1.0 / m.sqrt(wx * wx + wy * wy + wz * wz)
+        wx, wy, wz = wx * per, wy * per, wz * per
+        down = self.shift_mm
+        return Pose((bx - down * wx, by - down * wy, bz - down * wz), (wx, wy, wz))
 
     def axis_rate(self, u: float) -> Vector:
         """As ``Surface.axis_rate``, of the placed axis."""
@@ -246,7 +242,7 @@ class Blended(Placed):
     def __post_init__(self) -> None:
         Placed.__post_init__(self)
         single = self.normals_v == AT_LOWER and self.points_v == ENDS
-        bare = single and self.corrections is None and self.taper_rad == self.shift_mm == 0.0
+        bare = single and self.through is None and self.taper_rad == self.shift_mm == 0.0
         object.__setattr__(self, "_bare", bare)
 
     @staticmethod

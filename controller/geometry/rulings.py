@@ -91,16 +91,18 @@ def _span_between(a: Points, wa: Weights, b: Points, wb: Weights) -> tuple[Point
     return tuple(points), tuple(weights)
 
 
-def smooth_parts(upper: BSpline, lower: BSpline) -> Iterator[tuple[float, float]]:
-    """(start, end) of the parts over which the joints of a cut change without a jump up to q''.
+def smooth_parts(
+    upper: BSpline, lower: BSpline, of_upper: int = 2, of_lower: int = 3
+) -> Iterator[tuple[float, float]]:
+    """(start, end) of the parts over which so many derivatives of both curves run through.
 
-    The tool tip stands beside C1 along a normal made of C1' and so is a derivative
-    less smooth than C1; the tool axis is as smooth as both curves. ``upper`` is
-    ``snapped`` to the breaks of ``lower``.
+    With two and three the joints of a cut change without a jump up to q'': the tool tip stands beside C1
+    along a normal made of C1' and so is a derivative less smooth than C1; the tool axis is as smooth as
+    both curves. ``upper`` is ``snapped`` to the breaks of ``lower``.
     """
     cuts = {0.0, 1.0}
-    cuts |= {b for b, smooth in zip(lower.breaks[1:-1], lower.smooth, strict=True) if smooth < 3}
+    cuts |= {b for b, smooth in zip(lower.breaks[1:-1], lower.smooth, strict=True) if smooth < of_lower}
     for b, smooth in zip(upper.breaks[1:-1], upper.smooth, strict=True):
-        if smooth < 2:
+        if smooth < of_upper:
             cuts.add(b)
     yield from pairwise(sorted(cuts))

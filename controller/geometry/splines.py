@@ -244,6 +244,14 @@ def simplest(spline: BSpline) -> Curve:
     return spline if spline.weights or len(spline.spans) > 1 else Bezier(spline.spans[0])
 
 
+def splined(curve: Curve) -> BSpline:
+    """A curve that ``simplest`` has made, as a B-spline again."""
+    if isinstance(curve, Bezier):
+        return BSpline((0.0, 1.0), (curve.points,))
+    assert isinstance(curve, BSpline)
+    return curve
+
+
 def check(order: int, knots: Sequence[float], points: Sequence[Vector], weights: Sequence[float]) -> None:
     """Raise BadSpline for the first of order, counts, weights and knots that makes no curve."""
     if order not in ORDERS:

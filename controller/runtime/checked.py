@@ -378,17 +378,14 @@ def place_ahead(asked: Task, spread: Spread, progress: Progress = lambda _: None
     """
     if spread is here or not may_cut(asked.text):
         return
-    wanted: dict[str, placing.Wanted] = {}
+    wanted: dict[placing.Wanted, None] = {}
     with contextlib.suppress(ProgramError):
         for block in _told(_blocks(asked), asked, _between(progress, 0.0, 0.1)):
             if isinstance(block, CutBlock):
-                wanted |= {one.name: one for one in cuts.wanted(block, asked.machine)}
-    unknown = [one for name, one in wanted.items() if placements.known(name) is None]
-    for k, (one, recipe) in enumerate(
-        zip(unknown, spread(placing.searched, unknown, PLACING_S), strict=True)
-    ):
-        if recipe is not None:
-            placements.learn({one.name: recipe})
+                wanted |= dict.fromkeys(cuts.wanted(block, asked.machine))
+    unknown = [one for one in wanted if not one.is_known]
+    for k, recipes in enumerate(spread(placing.searched, unknown, PLACING_S)):
+        placements.learn(recipes)
         progress(0.1 + 0.9 * (k + 1) / len(unknown))
 
 

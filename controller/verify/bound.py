@@ -1,19 +1,15 @@
 """How well a flank could cut a surface at all: a search of its own beside the placement that was found.
 
-Short windows of rulings are looked at, each for itself. In the frame of the window's middle ruling
+The axis is where it crosses the lines of both edges: each crossing is moved off the surface and along the
+travel by a cubic spline of u with ``CONTROLS`` control points, so the motion is smooth all over the surface.
+The largest deviation of the surface's points from what that sweeps is made least by linear programs within a
+growing and shrinking step, from the motion that was found, from the normals of both edges, and from some way
+off both.
 
-        e1 along it, e2 off the surface, e3 the travel
-
-a moving axis is where it crosses the planes of the lower and the upper edge. The travel t of its lower
-crossing counts as time; what is left are cubics of t:
-
-        lower (0, a(t), t)        upper (H, b(t), c(t))        and, of a taper, the radius at the lower one
-
-The largest deviation of the window's points from what that sweeps is made least by linear programs
-within a growing and shrinking step, from many starts. Nothing of it is shared with the planner, neither
-parameters nor distances nor solver. A window is freer than the whole, for its neighbours ask for nothing;
-so no smooth motion can be better than the worst window, as far as the search is right: it proves nothing,
-but it has looked elsewhere. Only the flank counts, endless, and only u from ``INSIDE``.
+It shares no code with the planner's search: other unknowns (offsets of a start over u, a third of the control
+points), the sweep by many sampled positions instead of nearest ones that are sought, and linear programs by
+HiGHS instead of an interior point of its own. It proves nothing, but it has looked elsewhere. Only the flank
+counts, endless, and only u from ``INSIDE``.
 """
 
 from __future__ import annotations
@@ -25,6 +21,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import BSpline, CubicSpline
 from scipy.optimize import linprog
 
 from controller.geometry.arrays import columns
@@ -37,30 +34,26 @@ from controller.verify.nominal import Nominal, grid
 
 Array = NDArray[np.float64]
 
-CENTRES = 7
-HALVES = (0.1, 0.05)  # of windows, in u
-TERMS = 4  # of the polynomials
-POINTS = (9, 13)  # of a window, along and across
-PLACES = 61  # of the axis in a window
-STARTS = 4  # the motion that was found, the offset normals, and some way off both
-STEPS = 25
+CONTROLS, DEGREE = 12, 3
+POINTS = (49, 11)  # along and across
+POSES = 241
+STARTS = 6  # the motion that was found, the offset normals, and some way off both
+STEPS = 30
 SETTLED = 2e-3  # gain of a step, as a share, below which a search ends
-REACH = (1.5, 0.2)  # by which the axis runs over a window: of the radius, of the ruling
-SAME = 1.02  # a window whose cubics cannot even do what was found is too wide
 OWN_POINTS, OWN_POSES = (129, 25), 2001
-WHOLE = 1.2  # more than that between both is explained
+BELOW_UPPER = 0.02  # of the ruling: at C0 itself there may be no normal
+WORTH = 1.2  # times the best: a placement that is not free is then told of one that is
 
 
 @dataclass(frozen=True, slots=True)
 class Bound:
-    """How far one placed surface is off (flank, inside), and the best that windows of it would allow."""
+    """How far one placed surface is off (flank, inside), and the best that the search comes to."""
 
     line: int
     off_mm: float
     off_u: float  # where
-    best_mm: float  # of the worst window
+    best_mm: float
     best_u: float
-    narrow_mm: float  # the same of the narrowest windows alone
     placed: str  # 'single', 'double', 'optimal'
 
     @property
@@ -69,7 +62,7 @@ class Bound:
 
     @property
     def sentence(self) -> str:
-        """For people, with the reason where both differ."""
+        """For people, with what is freer where a placement keeps to the ruling."""
         told = say(
             "bound.off",
             off=_micro(self.off_mm),
@@ -78,18 +71,8 @@ class Bound:
             best_u=self.best_u,
             ratio=self.ratio,
         )
-        return f"{told}{self.why}."
-
-    @property
-    def why(self) -> str:
-        """What makes the difference; "" where there is next to none."""
-        if self.ratio <= WHOLE:
-            return ""
-        if self.placed != "optimal":
-            return say("bound.placed", placed=self.placed)
-        if self.narrow_mm < self.best_mm / 1.05:
-            return say("bound.window", narrow=_micro(self.narrow_mm))
-        return say("bound.smooth")
+        freer = self.ratio > WORTH and self.placed != "optimal"
+        return f"{told}{say('bound.placed', placed=self.placed) if freer else ''}."
 
     def to_dict(self) -> dict[str, Any]:
         shown = {name: getattr(self, name) for name in self.__slots__}
@@ -101,24 +84,22 @@ def bound(nominal: Nominal, progress: Callable[[float], None] = lambda _: None) 
     placed = nominal.surface
     if not isinstance(placed, Placed):
         return None
-    off, off_u = _own(placed)
-    found, dice = dict[float, list[tuple[float, float]]](), np.random.default_rng(7)
-    places = [(half, u) for half in HALVES for u in np.linspace(INSIDE[0] + half, INSIDE[1] - half, CENTRES)]
-    for k, (half, u) in enumerate(places):
-        window = _Window(placed, float(u), half)
-        best, own = window.search(dice)
-        if best <= SAME * own:
-            found.setdefault(half, []).append((min(best, own), float(u)))
-        progress((k + 1) / len(places))
-    if not found:
-        return None
-    best, best_u = max(max(rows) for rows in found.values())
-    narrow = max(found[min(found)])[0]
-    return Bound(nominal.line, off, off_u, best, best_u, narrow, _kind(placed))
+    u, v = grid(*OWN_POINTS, INSIDE)
+    points = _points(placed, u, v)
+    found, dice = list[Array](), np.random.default_rng(7)
+    for k, motion in enumerate(_starts(placed, dice)):
+        found.append(np.abs(motion.least().sweep(points, OWN_POSES)))
+        progress((k + 1) / STARTS)
+    own = np.abs(_Motion.of(placed, *_axis_found(placed, OWN_POSES)).sweep(points, OWN_POSES))
+    best = min([*found, own], key=np.max)
+    off, least = int(own.argmax()), int(best.argmax())
+    return Bound(
+        nominal.line, float(own[off]), float(u[off]), float(best[least]), float(u[least]), _kind(placed)
+    )
 
 
 def _kind(placed: Placed) -> str:
-    if placed.corrections is not None:
+    if placed.through is not None:
         return "optimal"
     return "single" if placed.normals_v == AT_LOWER else "double"
 
@@ -127,149 +108,145 @@ def _micro(mm: float) -> str:
     return f"{1e3 * mm:.1f} um"
 
 
-def _own(placed: Placed) -> tuple[float, float]:
-    """(largest deviation of the flank in mm, its u), from every one of many positions."""
-    u, v = grid(*OWN_POINTS, INSIDE)
-    at = np.linspace(0.0, 1.0, OWN_POSES)
-    tips, axes = (_rows(vector, OWN_POSES) for vector in placed.pose(at, placed.offset_mm, np))
-    points = _points(placed, u, v)
-    left = np.concatenate([_left(p, tips, axes, placed) for p in np.array_split(points, len(points) // 64)])
-    k = int(np.abs(left).argmax())
-    return float(abs(left[k])), float(u[k])
+def _starts(placed: Placed, dice: np.random.Generator) -> list[_Motion]:
+    firm = [_Motion.of(placed, *_axis_found(placed, POSES)), _Motion.of(placed, *_normals(placed, POSES))]
+    return [*firm, *(firm[k % 2].thrown(dice) for k in range(STARTS - len(firm)))]
 
 
-def _left(points: Array, tips: Array, axes: Array, placed: Placed) -> Array:
-    """What is left on points (N, 3), the least over all poses (M, 3)."""
-    height = points @ axes.T - (tips * axes).sum(axis=1)
-    square = (points * points).sum(axis=1)[:, None] - 2.0 * points @ tips.T + (tips * tips).sum(axis=1)
-    radius = abs(placed.offset_mm) + (height - placed.shift_mm) * math.tan(placed.taper_rad)
-    gap = np.sqrt(np.maximum(square - height * height, 0.0)) - radius
-    return np.asarray(gap.min(axis=1) * math.cos(placed.taper_rad))
+def _axis_found(placed: Placed, poses: int) -> tuple[Array, Array, Array]:
+    """Where the placed axis passes the edges, (poses, 3) each, and its radius at the lower one."""
+    u = np.linspace(0.0, 1.0, poses)
+    tip, axis = (_rows(v, poses) for v in placed.pose(u, placed.offset_mm, np))
+    low, high = (((_rows(c.at(u, np), poses) - tip) * axis).sum(axis=1) for c in (placed.lower, placed.upper))
+    radius = abs(placed.offset_mm) + (low - placed.shift_mm) * math.tan(placed.taper_rad)
+    return tip + low[:, None] * axis, tip + high[:, None] * axis, radius
 
 
-class _Window:
-    """The rulings of u +- half, in the frame of the middle one."""
+def _normals(placed: Placed, poses: int) -> tuple[Array, Array, Array]:
+    """The edges of the surface, each off along its own normal."""
+    u, edges = np.linspace(0.0, 1.0, poses), list[Array]()
+    inside = np.clip(u, 1e-6, 1.0 - 1e-6)  # a curve may stand still at its end
+    ruling = _rows(placed.ruling(u, np), poses)
+    rates = [_rows(c.derivative(inside, 1, np), poses) for c in (placed.lower, placed.upper)]
+    for curve, share in ((placed.lower, 0.0), (placed.upper, 1.0 - BELOW_UPPER)):
+        normal = _unit(np.cross((1.0 - share) * rates[0] + share * rates[1], ruling))
+        edges.append(_rows(curve.at(u, np), poses) + placed.offset_mm * normal)
+    return edges[0], edges[1], np.full(poses, abs(placed.offset_mm))
 
-    def __init__(self, placed: Placed, u: float, half: float) -> None:
-        self._placed, self._u, self._half = placed, u, half
-        self._foot, self._frame, self._height = _frame(placed, u)
-        a, b = grid(*POINTS, (u - half, u + half))
-        self._points = self._seen(_points(placed, a, b))
-        ways = self._points[b == 1.0, 2]
-        more = REACH[0] * abs(placed.offset_mm) + REACH[1] * self._height
-        self._t = np.linspace(ways.min() - more, ways.max() + more, PLACES)
-        self._terms = np.vander(self._t, TERMS, increasing=True)
-        self._tapered = placed.taper_rad > 0.0
-        per = (0.5 * np.ptp(self._t)) ** -np.arange(TERMS)
-        sizes = [0.4 * abs(placed.offset_mm), 0.4 * abs(placed.offset_mm), 0.3 * self._height]
-        sizes += [0.2 * abs(placed.offset_mm)] if self._tapered else []
-        self._scale = np.concatenate([size * per for size in sizes])
 
-    def search(self, dice: np.random.Generator) -> tuple[float, float]:
-        """(least of the largest deviations that was found, that of the motion that was placed), mm."""
-        firm = [self._fitted(*self._axis_found()), self._fitted(*self._offset_normals())]
-        loose = [x + 0.3 * self._scale * dice.normal(size=len(x)) for x in firm]
-        own = float(np.abs(self._own()).max())
-        return min(self._least(x) for x in [*firm, *loose][:STARTS]), own
+@dataclass(frozen=True, slots=True, eq=False)
+class _Motion:
+    """An axis over u, by its points next to both edges."""
 
-    def _seen(self, points: Array) -> Array:
-        return np.asarray((points - self._foot) @ self._frame.T)
+    placed: Placed
+    low: Array  # (M, 3)
+    high: Array
+    radius: Array  # (M,) at the lower one
+    ways: Array  # (M, 2, 3) off the axis: out and along the travel
+    scale: float  # mm, of a step
 
-    # ---- starts ----------------------------------------------------------------------
+    @staticmethod
+    def of(placed: Placed, low: Array, high: Array, radius: Array) -> _Motion:
+        axis = _unit(high - low)
+        travel = np.gradient(low + high, axis=0)
+        out = _unit(np.cross(axis, travel))
+        ways = np.stack([out, np.cross(out, axis)], axis=1)
+        return _Motion(placed, low, high, radius, ways, 0.4 * abs(placed.offset_mm))
 
-    def _around(self) -> Array:
-        """Parameters (N,) about the window, as far as the surface goes."""
-        return np.linspace(max(0.0, self._u - 2.0 * self._half), min(1.0, self._u + 2.0 * self._half), 41)
+    def moved(self, x: Array) -> _Motion:
+        """By the splines of the control points ``x`` (rows of ``CONTROLS``)."""
+        steps = _basis(len(self.low)) @ x.reshape(-1, CONTROLS).T
+        low = self.low + (steps[:, :2, None] * self.ways).sum(axis=1)
+        high = self.high + (steps[:, 2:4, None] * self.ways).sum(axis=1)
+        radius = self.radius + (steps[:, 4] if steps.shape[1] > 4 else 0.0)
+        return _Motion(self.placed, low, high, radius, self.ways, self.scale)
 
-    def _axis_found(self) -> tuple[Array, Array, Array]:
-        """Where the placed axis crosses both planes, and its radius at the lower one."""
-        u, placed = self._around(), self._placed
-        tip, axis = (_rows(v, len(u)) for v in placed.pose(u, placed.offset_mm, np))
-        tip, axis = self._seen(tip), axis @ self._frame.T
-        low, high = ((h - tip[:, :1]) / axis[:, :1] for h in (0.0, self._height))
-        radius = abs(placed.offset_mm) + (low[:, 0] - placed.shift_mm) * math.tan(placed.taper_rad)
-        return tip + low * axis, tip + high * axis, radius
+    def thrown(self, dice: np.random.Generator) -> _Motion:
+        return self.moved(0.3 * self.scale * dice.normal(size=4 * CONTROLS))
 
-    def _offset_normals(self) -> tuple[Array, Array, Array]:
-        """The edges of the surface, each off along its own normal."""
-        u, placed = self._around(), self._placed
-        ruling, edges = _rows(placed.ruling(u, np), len(u)), list[Array]()
-        for curve in (placed.lower, placed.upper):
-            normal = np.cross(_rows(curve.derivative(u, 1, np), len(u)), ruling)
-            normal /= np.maximum(np.linalg.norm(normal, axis=1), 1e-12)[:, None]
-            edges.append(self._seen(_rows(curve.at(u, np), len(u)) + placed.offset_mm * normal))
-        return edges[0], edges[1], np.full(len(u), abs(placed.offset_mm))
+    def sweep(self, points: Array, poses: int) -> Array:
+        """What is left (mm, signed) on points (N, 3) by so many poses."""
+        if poses != len(self.low):
+            return self._finer(poses).sweep(points, poses)
+        parts = np.array_split(points, max(1, len(points) // 64))
+        return np.concatenate([_vertex(self._gaps(part)[0]) for part in parts]) * self._cosine
 
-    def _fitted(self, low: Array, high: Array, radius: Array) -> Array:
-        terms = np.vander(low[:, 2], TERMS, increasing=True)
-        columns = [low[:, 1], high[:, 1], high[:, 2], *([radius] if self._tapered else [])]
-        return np.concatenate([np.linalg.lstsq(terms, column, rcond=None)[0] for column in columns])
+    @property
+    def _cosine(self) -> float:
+        return math.cos(self.placed.taper_rad)
 
-    def _own(self) -> Array:
-        """The deviation of this window's points as they were placed."""
-        placed, at = self._placed, np.linspace(0.0, 1.0, OWN_POSES)
-        tips, axes = (_rows(v, OWN_POSES) for v in placed.pose(at, placed.offset_mm, np))
-        return _left(self._points, self._seen(tips), axes @ self._frame.T, placed)
+    def _finer(self, poses: int) -> _Motion:
+        """The same by more poses, by cubics."""
+        rows = np.column_stack([self.low, self.high, self.radius])
+        fine = CubicSpline(np.linspace(0.0, 1.0, len(rows)), rows)(np.linspace(0.0, 1.0, poses))
+        return _Motion.of(self.placed, fine[:, :3], fine[:, 3:6], fine[:, 6])
 
-    # ---- the search ------------------------------------------------------------------
+    def _gaps(self, points: Array) -> tuple[Array, Array, Array]:
+        """From points (N, 3) to the flank at each pose (N, M); heights above the lower points; distances."""
+        way = _unit(self.high - self.low)
+        height = points @ way.T - (self.low * way).sum(axis=1)
+        square = (points * points).sum(axis=1)[:, None] - 2.0 * points @ self.low.T
+        square += (self.low * self.low).sum(axis=1)
+        off = np.sqrt(np.maximum(square - height * height, 1e-18))
+        return off - self.radius - height * math.tan(self.placed.taper_rad), height, off
 
-    def _deviation(self, x: Array) -> Array:
-        """Signed, mm: of each point from what an axis of these cubics sweeps."""
-        a, b, c, *more = (self._terms @ one for one in x.reshape(-1, TERMS))
-        tangent = math.tan(self._placed.taper_rad)
-        radius = more[0] if more else np.full(PLACES, abs(self._placed.offset_mm))
-        foot = np.stack([np.zeros(PLACES), a, self._t])
-        way = np.stack([np.full(PLACES, self._height), b - a, c - self._t])
-        way /= np.sqrt((way * way).sum(axis=0))
-        points = self._points
-        height = points @ way - (foot * way).sum(axis=0)
-        square = (points * points).sum(axis=1)[:, None] - 2.0 * points @ foot + (foot * foot).sum(axis=0)
-        gap = np.sqrt(np.maximum(square - height * height, 0.0)) - radius - height * tangent
-        return _vertex(gap) * math.cos(self._placed.taper_rad)
-
-    def _least(self, x: Array) -> float:
-        """The largest deviation, made least from ``x`` on."""
-        y, reach = self._deviation(x), 1.0
+    def least(self) -> _Motion:
+        """With the largest deviation made least."""
+        points = _points(self.placed, *grid(*POINTS, INSIDE))
+        motion, y, reach = self, self.sweep(points, POSES), 1.0
         least = float(np.abs(y).max())
         for _ in range(STEPS):
-            trial = x + self._scale * self._step(x, y, reach)
-            there = self._deviation(trial)
+            trial = motion.moved(self.scale * motion._step(points, y, reach))
+            there = trial.sweep(points, POSES)
             now = float(np.abs(there).max())
             if now >= least:
                 reach *= 0.25
-                if reach < 1e-3:
+                if reach < 1e-4:
                     break
                 continue
-            gained, x, y, least = least - now, trial, there, now
+            gained, motion, y, least = least - now, trial, there, now
             reach = min(1.0, 2.0 * reach)
-            if gained < SETTLED * least and reach > 0.1:
+            if gained < SETTLED * least and reach > 0.01:
                 break
-        return least
+        return motion
 
-    def _step(self, x: Array, y: Array, reach: float) -> Array:
+    def _step(self, points: Array, y: Array, reach: float) -> Array:
         """The step (in scales, none beyond ``reach``) that makes the largest of |y + slopes step| least."""
-        h = 1e-4
-        slopes = np.stack([self._deviation(x + h * row) - y for row in np.diag(self._scale)], axis=1) / h
+        slopes = self.scale * self._slopes(points)
         one = np.ones((len(y), 1))
-        limits = [(-reach, reach)] * len(x) + [(0.0, None)]
-        cost = np.append(np.zeros(len(x)), 1.0)
+        limits = [(-reach, reach)] * slopes.shape[1] + [(0.0, None)]
+        cost = np.append(np.zeros(slopes.shape[1]), 1.0)
         rows = np.block([[slopes, -one], [-slopes, -one]])
         found = linprog(cost, A_ub=rows, b_ub=np.concatenate([-y, y]), bounds=limits, method="highs")
-        return np.zeros(len(x)) if found.x is None else np.asarray(found.x[:-1])
+        return np.zeros(slopes.shape[1]) if found.x is None else np.asarray(found.x[:-1])
+
+    def _slopes(self, points: Array) -> Array:
+        """How the deviation of each point changes with the control points, where the flank is nearest."""
+        gap, height, off = self._gaps(points)
+        rows, k = np.arange(len(points)), gap.argmin(axis=1)
+        length = np.sqrt(((self.high - self.low) ** 2).sum(axis=1))[k]
+        way = (self.high - self.low)[k] / length[:, None]
+        h, far = height[rows, k], off[rows, k]
+        away = (self.low[k] + h[:, None] * way - points) / far[:, None]
+        across = (away[:, None, :] * self.ways[k]).sum(axis=2)
+        high = (h / length)[:, None]
+        parts = [across * (1.0 - high), across * high]
+        if self.placed.taper_rad > 0.0:
+            parts.append(-np.ones((len(points), 1)))
+        shares = np.concatenate(parts, axis=1)
+        basis = _basis(len(self.low))[k]
+        return np.asarray((shares[:, :, None] * basis[:, None, :]).reshape(len(points), -1) * self._cosine)
 
 
-def _frame(placed: Placed, u: float) -> tuple[Array, Array, float]:
-    """Foot of the middle ruling, rows e1 e2 e3, and its length."""
-    ruling = np.array(placed.ruling(u))
-    height = float(np.sqrt(ruling @ ruling))
-    tangents = [np.array(curve.derivative(u)) for curve in (placed.lower, placed.upper)]
-    normals = [np.cross(tangent, ruling) for tangent in tangents]
-    out = sum((n / max(float(np.sqrt(n @ n)), 1e-12) for n in normals), start=np.zeros(3))
-    e1 = ruling / height
-    e2 = math.copysign(1.0, placed.offset_mm) * out / np.sqrt(out @ out)
-    e3 = np.cross(e1, e2)
-    e3 = e3 if e3 @ (tangents[0] + tangents[1]) > 0.0 else -e3
-    return np.array(placed.contact(u)), np.stack([e1, e2, e3]), height
+def _basis(poses: int) -> Array:
+    """What the spline at each of so many poses is of its control points, (poses, CONTROLS)."""
+    inner = np.linspace(0.0, 1.0, CONTROLS - DEGREE + 1)
+    knots = np.concatenate(([0.0] * DEGREE, inner, [1.0] * DEGREE))
+    return np.asarray(BSpline.design_matrix(np.linspace(0.0, 1.0, poses), knots, DEGREE).toarray())
+
+
+def _unit(v: Array) -> Array:
+    return np.asarray(v / np.maximum(np.sqrt((v * v).sum(axis=-1, keepdims=True)), 1e-300))
 
 
 def _vertex(gap: Array) -> Array:

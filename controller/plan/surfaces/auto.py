@@ -24,7 +24,7 @@ from controller.plan.rotaries.branch import joints_along
 from controller.plan.stretch import Stretch, Voice
 from controller.plan.surfaces import approach, blending, cuts, leads, placements, train
 from controller.plan.surfaces.cuts import Cut, Parts
-from controller.plan.surfaces.placing import CHOSEN_FROM, Grid, as_the_paper, place_all
+from controller.plan.surfaces.placing import CHOSEN_FROM, Grid, as_the_paper, base_of
 from controller.program.program import CutBlock, ProgramError
 
 Array = npt.NDArray[np.float64]
@@ -41,38 +41,33 @@ def build(block: CutBlock, machine: Machine, voice: Voice) -> tuple[Cut, ...]:
 
 def _least_off(parts: Parts, machine: Machine, name: str) -> tuple[Surface, ...]:
     """The surfaces of a block as a check has kept them, or as they are found now; of equals the plainest."""
-    names = _names(parts, machine)
-    known = [recipe for recipe in map(placements.known, names) if recipe is not None]
-    if len(known) == len(names):
-        return tuple(r.on(one, of) for r, one, of in zip(known, parts.surfaces, names, strict=True))
-    ways = [place_all(parts.surfaces, parts.cutter, kind) for kind in CHOSEN_FROM]
+    row, asked = parts.row, _asked(parts, machine)
+    known = row.known(Strategy.AUTO, *asked)
+    if known is not None:
+        return known
+    ways = [row.placed(kind) for kind in CHOSEN_FROM]
     if all(way == ways[0] for way in ways):
         return ways[0]
-    grids = [Grid.of(as_the_paper(surface, parts.cutter)) for surface in parts.surfaces]
+    grids = [[Grid.of(as_the_paper(base_of(one), row.cutter)) for one in way] for way in ways]
     cut = [parts.cuts(way, machine) for way in ways]
-    least = [_middle(one, grids) for one in cut]
+    least = [_middle(*each) for each in zip(cut, grids, strict=True)]
     best, found = 0, np.inf
     for k in sorted(range(len(ways)), key=least.__getitem__):
         if least[k] >= found:
             break
-        off = _whole(cut[k], grids, machine, name)
+        off = _whole(cut[k], grids[k], machine, name)
         if off < found or (off == found and k < best):
             best, found = k, off
-    chosen = tuple(
-        replace(one if isinstance(one, Placed) else as_the_paper(one, parts.cutter), name=of)
-        for one, of in zip(ways[best], names, strict=True)
-    )
+    chosen = row.named(ways[best], Strategy.AUTO, *asked)
     placements.learn({one.name: placements.Recipe.of(one) for one in chosen})
     return chosen
 
 
-def _names(parts: Parts, machine: Machine) -> list[str]:
-    """Under what the choice for each part is kept: it hangs on all of the block, its joints and its leads."""
+def _asked(parts: Parts, machine: Machine) -> tuple[object, ...]:
+    """What the choice hangs on beside the surfaces: the block's joints and its leads."""
     block, joints = parts.block, blending.allowed_by(parts.block.modal, machine)
     led = machine.lead_mm, machine.lead_feed_mm_s, machine.period_s, machine.axes
-    asked = parts.cutter, block.feed_mm_s, block.modal.frame(machine), joints, led
-    whole = placements.name_of(parts.surfaces[0], parts.surfaces[1:], asked)
-    return [placements.name_of(one, parts.cutter, Strategy.AUTO, whole) for one in parts.surfaces]
+    return block.feed_mm_s, block.modal.frame(machine), joints, led
 
 
 def _middle(way: Sequence[Cut], grids: Sequence[Grid]) -> float:

@@ -25,9 +25,9 @@ from controller.messages import Key, Said, said
 from controller.motion.motions import SurfaceCut
 from controller.plan.stretch import Voice
 from controller.plan.surfaces.placements import name_of
-from controller.plan.surfaces.placing import CHOSEN_FROM, Cutter, Wanted, off_mm, place_all
+from controller.plan.surfaces.placing import CHOSEN_FROM, Cutter, Row, Wanted, off_mm
 from controller.plan.surfaces.touching import touched
-from controller.program.program import CutBlock, CutCone, CutNurbs, CutRuled, GougeRefused, Modal
+from controller.program.program import CutBlock, CutCone, CutRuled, GougeRefused, Modal
 
 FREE = (Strategy.OPTIMAL, Strategy.AUTO)  # leave the ruling: they take any twist
 
@@ -35,6 +35,7 @@ FREE = (Strategy.OPTIMAL, Strategy.AUTO)  # leave the ruling: they take any twis
 REMEMBERED = 256
 SAME_RAD = math.radians(1e-6)  # axes nearer than this are one
 MAX_KNOWN = 20_000
+Share = tuple[float, float]
 T = TypeVar("T")
 
 
@@ -93,26 +94,32 @@ class Cut:
 
 @dataclass(frozen=True, slots=True)
 class Parts:
-    """The smooth parts of one block, and the cutter for them."""
+    """The parts of one block, and the cutter for them."""
 
     block: CutBlock
     tool: Tool
-    cutter: Cutter
-    surfaces: tuple[Surface, ...]
-    shares: tuple[tuple[float, float], ...]  # of the block, in its u
+    row: Row
+    ruled: tuple[Share, ...]  # of the block, in its u, that each of the row's surfaces is
+    free: tuple[Share, ...]
 
     @staticmethod
     def of(block: CutBlock, surface: Surface, tool: Tool) -> Parts:
-        surfaces, shares = zip(*_parts(block, surface), strict=True)
-        return Parts(block, tool, _cutter(block.modal, tool), surfaces, shares)
+        parts, shares = _parts(block, surface, False)
+        free, free_shares = _parts(block, surface, True)
+        row = Row(parts, parts if shares == free_shares else free, _cutter(block.modal, tool))
+        return Parts(block, tool, row, shares, free_shares)
+
+    def shares(self, placed: Sequence[Surface]) -> tuple[Share, ...]:
+        """The share of the block that each part of a placement is."""
+        return self.free if len(placed) == len(self.free) else self.ruled
 
     def cuts(self, placed: Sequence[Surface], machine: Machine) -> tuple[Cut, ...]:
         """Their cuts, with the cutter as ``placed``; raises ValueError."""
-        return tuple(self._cut(*each, machine) for each in zip(placed, self.shares, strict=True))
+        return tuple(self._cut(*each, machine) for each in zip(placed, self.shares(placed), strict=True))
 
-    def _cut(self, placed: Surface, part: tuple[float, float], machine: Machine) -> Cut:
+    def _cut(self, placed: Surface, part: Share, machine: Machine) -> Cut:
         frame, tool = self.block.modal.frame(machine), self.tool
-        motion = SurfaceCut(placed, _arc(placed.lower), self.cutter.offset_mm, tool.length_mm, frame)
+        motion = SurfaceCut(placed, _arc(placed.lower), self.row.cutter.offset_mm, tool.length_mm, frame)
         motion = touched(motion, kinematics_of(machine))
         return Cut(self.block, tool, motion, edge(motion, 0.0), edge(motion, 1.0), part)
 
@@ -147,7 +154,7 @@ def build(
     _tell_flute(block, surface, tool, voice)
     try:
         parts = Parts.of(block, surface, tool)
-        placed = auto(parts) if kind is Strategy.AUTO else place_all(parts.surfaces, parts.cutter, kind)
+        placed = auto(parts) if kind is Strategy.AUTO else parts.row.placed(kind)
         made = parts.cuts(placed, machine)
     except ValueError as error:
         why = error.said if isinstance(error, NoLength) else str(error)
@@ -160,7 +167,7 @@ def build(
 def _plainer(placed: Sequence[Surface]) -> str:
     """What is as good as ``optimal`` where that has searched and corrected nothing; "" where it has."""
     found = [one for one in placed if isinstance(one, Placed) and one.name]
-    if not found or any(one.corrections is not None for one in found):
+    if not found or any(one.through is not None for one in found):
         return ""
     return "note.double" if any(one.normals_v != AT_LOWER for one in found) else "note.single"
 
@@ -176,9 +183,8 @@ def wanted(block: CutBlock, machine: Machine) -> Iterator[Wanted]:
     surface = surface_of(block)
     found = _defect(surface)
     if found is None or (found.kind is DefectKind.TWIST and kind in FREE):
-        kinds = CHOSEN_FROM[1:] if kind is Strategy.AUTO else (kind,)
-        for part, _ in _parts(block, surface):
-            yield from (Wanted(part, _cutter(block.modal, tool), one) for one in kinds)
+        row = Parts.of(block, surface, tool).row
+        yield from (Wanted(row, one) for one in (CHOSEN_FROM[1:] if kind is Strategy.AUTO else (kind,)))
 
 
 def _cutter(modal: Modal, tool: Tool) -> Cutter:
@@ -215,14 +221,13 @@ def surface_of(block: CutBlock) -> Surface:
     return RuledSurface(upper=block.upper, lower=block.lower)
 
 
-def _parts(block: CutBlock, surface: Surface) -> Iterator[tuple[Surface, tuple[float, float]]]:
-    """The smooth parts of a block's surface, each with the share of the block that it is."""
+def _parts(block: CutBlock, surface: Surface, free: bool) -> tuple[tuple[Surface, ...], tuple[Share, ...]]:
+    """The smooth parts of a block's surface, each with the share of the block that it is; see ``Row``."""
     if isinstance(block, CutCone | CutRuled):
-        yield surface, (0.0, 1.0)
-        return
+        return (surface,), ((0.0, 1.0),)
     upper, lower = block.upper.snapped(block.lower.breaks), block.lower
-    for start, end in smooth_parts(upper, lower):
-        yield RuledSurface(upper.between(start, end), lower.between(start, end)), (start, end)
+    shares = tuple(smooth_parts(upper, lower, *((1, 2) if free else (2, 3))))
+    return tuple(RuledSurface(upper.between(*share), lower.between(*share)) for share in shares), shares
 
 
 def describe(found: Defect) -> Said:
@@ -242,10 +247,10 @@ def _untwisted(block: CutBlock, surface: Surface, tool: Tool, machine: Machine) 
 
     A surface in several parts is not searched for a refusal: that would take seconds for each of them.
     """
-    if isinstance(block, CutNurbs) and len(list(_parts(block, surface))) > 1:
+    parts, kind = Parts.of(block, surface, tool), strategy(block.modal, tool, machine)
+    if len(parts.free) > 1:
         return said("cut.try_free")
-    cutter, kind = _cutter(block.modal, tool), strategy(block.modal, tool, machine)
-    own, best = (off_mm(surface, cutter, one) for one in (kind, Strategy.OPTIMAL))
+    own, best = (off_mm(parts.row, one) for one in (kind, Strategy.OPTIMAL))
     most = tolerance_mm(block.modal, tool, machine)
     if best < own and (most is None or best <= most):
         words = Key("cut.p3" if most is None else "cut.p3_or_p4")
@@ -324,7 +329,7 @@ def _away(surface: Surface, u: float, out: Vector) -> Vector:
     Along ``out`` itself the upper part of the flank would go into a surface whose normal turns by more
     than 90 degrees.
     """
-    if not (isinstance(surface, Placed) and surface.run is not None):
+    if not (isinstance(surface, Placed) and surface.through is not None):
         return out
     ruling = surface.ruling(u)
     upper = cross(add(*surface.rates(u, math)), ruling)

@@ -13,7 +13,8 @@ looked at by the verifier, which judges the whole cutter.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from types import ModuleType
+from typing import NamedTuple, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -21,10 +22,14 @@ import numpy.typing as npt
 from controller.geometry.arrays import rows
 from controller.geometry.placement import Placed
 from controller.geometry.surfaces import Surface
-from controller.geometry.vectors import Vector, dot, scale, subtract
+from controller.geometry.vectors import Pose, Vector, dot, scale, subtract
 
 Array = npt.NDArray[np.float64]
+Index = npt.NDArray[np.intp]
+Mask = npt.NDArray[np.bool_]
 
+SEARCHED = 97  # positions among which all contacts are sought
+NEAR_MM = 0.5  # that a contact may lie deeper than the position beside it
 COARSE = 193  # positions among which the nearest is sought first
 PARABOLAS = 6
 STEP, FARTHEST, SETTLED = 1e-4, 0.03, 1e-6  # of u
@@ -56,26 +61,65 @@ def normals(placed: Placed, u: Array, v: Array) -> Array:
     return math.copysign(1.0, placed.offset_mm) * _unit(normal)
 
 
-def of(placed: Placed, at: Array, near: Array | None = None) -> Deviation:
-    """Of the points ``at`` (3, N); ``near`` (N,): where to look first, else everywhere.
+class Flank(Protocol):
+    """A moving cutter, as ``Placed`` has it."""
+
+    @property
+    def offset_mm(self) -> float: ...
+    @property
+    def taper_rad(self) -> float: ...
+    @property
+    def shift_mm(self) -> float: ...
+    def pose(self, u: Array, offset_mm: float, m: ModuleType) -> Pose: ...
+
+
+class Contacts(NamedTuple):
+    """All positions whose flank comes nearer to a point than those beside them: M of N points."""
+
+    of: Index  # (M,) the point
+    seen: Deviation  # (M,) there
+    nearest: Mask  # (M,) whether no other one of its point comes nearer
+
+
+def contacts(placed: Flank, at: Array, within_mm: float) -> Contacts:
+    """Of the points ``at`` (3, N): the nearest contact, and others that leave no more than ``within_mm``."""
+    u = np.linspace(0.0, 1.0, SEARCHED)
+    gap = _gaps_of(placed, u, at) - abs(placed.offset_mm)
+    before, behind = np.full_like(gap, np.inf), np.full_like(gap, np.inf)
+    before[1:], behind[:-1] = gap[:-1], gap[1:]
+    # A dip between two samples may be deeper than both of them.
+    dips = (gap <= before) & (gap < behind)
+    dips &= gap <= np.maximum(gap.min(axis=0), within_mm + NEAR_MM)
+    k, point = np.nonzero(dips)
+    seen = of(placed, at[:, point], u[k], 1.0 / (SEARCHED - 1))
+    order = np.lexsort((seen.left, point))
+    first = np.zeros(len(point), dtype=bool)
+    first[order[np.concatenate(([True], point[order][1:] != point[order][:-1]))]] = True
+    kept = first | (seen.left <= within_mm)
+    return Contacts(point[kept], Deviation(*(value[..., kept] for value in seen)), first[kept])
+
+
+def of(placed: Flank, at: Array, near: Array | None = None, reach: float = 1.0) -> Deviation:
+    """Of the points ``at`` (3, N); ``near`` (N,): where to look first, and no further off than ``reach``.
 
     The least of the distance is found by parabolas: at the least its place counts in the
     second order only, so that plain differences will do.
     """
     u = _nearest(placed, at) if near is None else near
+    low, high = np.maximum(u - reach, 0.0), np.minimum(u + reach, 1.0)
     for _ in range(PARABOLAS):
         inner = np.clip(u, STEP, 1.0 - STEP)
         before, here, behind = _gaps(placed, at, inner)
         slope, bend = 0.5 * (behind - before) / STEP, (before - 2.0 * here + behind) / STEP**2
         step = np.where(bend > 0.0, slope / np.where(bend > 0.0, bend, 1.0), np.sign(slope) * FARTHEST)
         step = np.clip(step, -FARTHEST, FARTHEST)
-        last, u = u, np.clip(inner - step, 0.0, 1.0)
+        last, u = u, np.clip(inner - step, low, high)
         if float(np.abs(u - last).max()) < SETTLED:
             break
     return _seen(placed, at, u)
 
 
-def _gaps(placed: Placed, at: Array, u: Array) -> Array:
+def _gaps(placed: Flank, at: Array, u: Array) -> Array:
     """Of each point (3, N) to the flank a step before its own ``u``, there, and behind it, (3, N).
 
     What is the same everywhere is left out. All at once: it is the number of calls that takes the time.
@@ -90,7 +134,7 @@ def _gaps(placed: Placed, at: Array, u: Array) -> Array:
     return np.asarray(gap).reshape(3, -1)
 
 
-def _seen(placed: Placed, at: Array, u: Array) -> Deviation:
+def _seen(placed: Flank, at: Array, u: Array) -> Deviation:
     tip, axis = (_stacked(v, u) for v in placed.pose(u, placed.offset_mm, np))
     away = at - tip
     height = (away * axis).sum(axis=0)
@@ -112,41 +156,25 @@ def at_poses(tips: Array, axes: Array, flank: tuple[float, float], taper_rad: fl
     return np.where(height < flank[1], math.inf, gap * math.cos(taper_rad))
 
 
-def _nearest(placed: Placed, at: Array) -> Array:
+def _nearest(placed: Flank, at: Array) -> Array:
     """Among positions spread over the block the one whose flank comes nearest to each point."""
     u = np.linspace(0.0, 1.0, COARSE)
+    return np.asarray(u[np.argmin(_gaps_of(placed, u, at), axis=0)])
+
+
+def _gaps_of(placed: Flank, u: Array, at: Array) -> Array:
+    """Of every position ``u`` (M,) to every point (3, N): (M, N), what is the same everywhere left out."""
     tips, axes = (_stacked(v, u) for v in placed.pose(u, placed.offset_mm, np))
     tangent = math.tan(placed.taper_rad)
     height = _products(axes, at) - (axes * tips).sum(axis=0)[:, None]
     square = (at * at).sum(axis=0) - 2.0 * _products(tips, at) + (tips * tips).sum(axis=0)[:, None]
-    gap = np.sqrt(np.maximum(square - height * height, 0.0)) - height * tangent
-    return np.asarray(u[np.argmin(gap, axis=0)])
+    return np.asarray(np.sqrt(np.maximum(square - height * height, 0.0)) - height * tangent)
 
 
 def _products(a: Array, b: Array) -> Array:
     """Of every vector of a (3, M) with every one of b (3, N): (M, N). In one thread, as ``placing``."""
     (x, y, z), (p, q, r) = a[:, :, None], b
     return np.asarray(x * p + y * q + z * r)
-
-
-def directions(placed: Placed, u: Array) -> tuple[Array, Array, Array, Array]:
-    """Unit vectors (3, N): normals at the upper and the lower point, and along the slides of both."""
-    ruling = _stacked(placed.ruling(u, np), u)
-    tangent, turn = (_stacked(v, u) for v in placed.rates(u, np))
-    upper, lower = (_unit(np.cross(tangent + (1.0 - v) * turn, ruling, axis=0)) for v in placed.normals_v)
-    along = _unit(ruling)
-    return upper, lower, np.cross(along, upper, axis=0), np.cross(along, lower, axis=0)
-
-
-def share_of_upper(placed: Placed, seen: Deviation) -> Array:
-    """Where along the way from the lower to the upper point of the axis each foot lies, 0 to 1, (N,).
-
-    The heights of both points above the tip are their feet on the axis: next to the ruling's.
-    """
-    u = seen.at_u
-    tip, axis = (_stacked(v, u) for v in placed.pose(u, placed.offset_mm, np))
-    high, low = (((points(placed, u, np.full(u.shape, v)) - tip) * axis).sum(axis=0) for v in placed.points_v)
-    return np.asarray((seen.height - low) / (high - low))
 
 
 def _unit(v: Array) -> Array:

@@ -118,7 +118,7 @@ def lay(legs: Sequence[Leg], at_start: bool, machine: Machine, kinematics: Kinem
 def _off_mm(leg: Leg, machine: Machine) -> float:
     """At most the radius of a cutter that leans against the twist: a longer lead reaches over the end."""
     surface = leg.cut.motion.surface
-    leans = isinstance(surface, Placed) and surface.normals_v != AT_LOWER
+    leans = isinstance(surface, Placed) and (surface.normals_v != AT_LOWER or surface.through is not None)
     return min(machine.lead_mm, leg.cut.tool.radius_mm) if leans else machine.lead_mm
 
 

@@ -14,13 +14,14 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from controller.geometry.placement import Placed
-from controller.geometry.splines import BSpline
+from controller.geometry.splines import BSpline, simplest, splined
 from controller.geometry.surfaces import Surface
 from controller.geometry.vectors import Vector
 from controller.motion.motions import SurfaceCut
 from controller.plan.stretch import Chain, Pause
+from controller.plan.surfaces.axis_curves import SMOOTH
 
-FORMAT = 2  # another one where the same numbers would mean another pose
+FORMAT = 3  # another one where the same numbers would mean another pose
 MOST = 20_000  # that are known at once, of 4 kB each at most
 NAME = 32  # letters
 Pair = tuple[float, float]
@@ -28,35 +29,34 @@ Pair = tuple[float, float]
 
 @dataclass(frozen=True, slots=True)
 class Recipe:
-    """A ``Placed`` without its surface, mm and rad; ``breaks`` is empty where it has no corrections."""
+    """A ``Placed`` without its surface, mm and rad; ``upper`` and ``lower`` where its axis is free."""
 
     offset_mm: float
     points_v: Pair
     normals_v: Pair
     taper_rad: float
     shift_mm: float
-    breaks: tuple[float, ...] = ()
-    spans: tuple[tuple[Vector, ...], ...] = ()
-    smooth: tuple[int, ...] = ()
-    run: tuple[tuple[Vector, ...], ...] = ()  # spans of the lower point's slide; empty: it has none
+    breaks: tuple[float, ...] = ()  # of both curves that the axis goes through
+    upper: tuple[tuple[Vector, ...], ...] = ()  # their spans
+    lower: tuple[tuple[Vector, ...], ...] = ()
 
     @staticmethod
     def of(placed: Placed) -> Recipe:
-        curve = placed.corrections
-        run = placed.run
-        # As placing makes them: both on the same knots.
-        assert curve is None or isinstance(curve, BSpline)
-        assert run is None or (isinstance(run, BSpline) and curve is not None and run.breaks == curve.breaks)
-        parts = (curve.breaks, curve.spans, curve.smooth, run.spans if run else ()) if curve else ()
-        offset, taper, shift = placed.offset_mm, placed.taper_rad, placed.shift_mm
-        return Recipe(offset, placed.points_v, placed.normals_v, taper, shift, *parts)
+        values = placed.offset_mm, placed.points_v, placed.normals_v, placed.taper_rad, placed.shift_mm
+        if placed.through is None:
+            return Recipe(*values)
+        upper, lower = map(splined, placed.through)  # on the same knots, as placing makes them
+        return Recipe(*values, upper.breaks, upper.spans, lower.spans)
 
     def on(self, base: Surface, name: str) -> Placed:
         """The cutter on that surface again, to the last bit."""
-        curve = BSpline(self.breaks, self.spans, (), self.smooth) if self.breaks else None
-        run = BSpline(self.breaks, self.run, (), self.smooth) if self.run else None
+        through = None
+        if self.breaks:
+            smooth = (SMOOTH,) * (len(self.breaks) - 2)
+            upper, lower = (BSpline(self.breaks, spans, (), smooth) for spans in (self.upper, self.lower))
+            through = simplest(upper), simplest(lower)
         points, normals = self.points_v, self.normals_v
-        return Placed(base, self.offset_mm, points, normals, self.taper_rad, self.shift_mm, curve, run, name)
+        return Placed(base, self.offset_mm, points, normals, self.taper_rad, self.shift_mm, through, name)
 
     def to_dict(self) -> dict[str, Any]:
         return asdict(self)
@@ -67,14 +67,11 @@ class Recipe:
         (va, vb), (na, nb) = values["points_v"], values["normals_v"]
         offset, taper, shift = (float(values[key]) for key in ("offset_mm", "taper_rad", "shift_mm"))
         breaks = tuple(map(float, values["breaks"]))
-        spans, run = _spans(values["spans"]), _spans(values["run"])
-        if len(spans) != max(0, len(breaks) - 1) or len({len(span) for span in spans}) > 1:
+        upper, lower = _spans(values["upper"]), _spans(values["lower"])
+        if {len(upper), len(lower)} != {max(0, len(breaks) - 1)} or len({*map(len, (*upper, *lower))}) > 1:
             raise ValueError("spans and breaks do not fit")
-        if run and [len(span) for span in run] != [len(span) for span in spans]:
-            raise ValueError("the spans of both curves do not fit")
-        smooth = tuple(map(int, values["smooth"]))
         pairs = (float(va), float(vb)), (float(na), float(nb))
-        return Recipe(offset, *pairs, taper, shift, breaks, spans, smooth, run)
+        return Recipe(offset, *pairs, taper, shift, breaks, upper, lower)
 
 
 def _spans(values: Any) -> tuple[tuple[Vector, ...], ...]:

@@ -1,66 +1,41 @@
 """Which placement of the cutter a surface gets: found ahead, evaluated on every tick.
 
 ``double`` has two numbers, the ruling parameters of its two points: the pair with the least
-largest deviation is taken. ``optimal`` adds three small functions of u (see ``Placed``), cubic
-splines with knots that stand closer at the ends, where surfaces turn most; their control points are found
-by minimising the largest deviation:
+largest deviation is taken. ``optimal`` is the free axis of a row of surfaces (``free_axis``) where that
+leaves them less off than ``double`` and ``single``, with their ends and without; else the better of these.
 
-    deviation at point i  ~  y_i + J_i x        to the first order in the control points x,
-                                                for a nearest position is nearest: its own
-                                                shift along the path counts in the second.
-
-Each step solves min over x of max |y + J x| by Lawson's weighted least squares (weights grow
-where the deviation stays large) with a small price on bends of x, so that joints stay smooth; a
-step counts only if the true deviation falls, so ``optimal`` is never worse than ``double``.
-
-Where the normal turns by ``FREE_RAD`` and more along a ruling, the best axis leans against it by so
-much that no small step from ``double`` leads there: a row of steps by least squares goes first, over
-all of the surface. There the flank comes to the upper corner at an end of the block far off the
-lower one; so a fourth function slides the lower point, too, and the cutter runs over both ends.
-
-The outermost 2 % at either end count less: there the flank reaches over the end of the
+``double`` is compared without the outermost 2 % at either end: there the flank reaches over the end of the
 block, and what it leaves or cuts there hangs on the neighbour or the lead.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
-from controller.geometry.arrays import distinct
-from controller.geometry.defects import turned
-from controller.geometry.placement import ENDS, Placed, Strategy
-from controller.geometry.splines import BSpline
+from controller.geometry.placement import AT_LOWER, Placed, Strategy
 from controller.geometry.surfaces import Surface
-from controller.geometry.vectors import Vector
 from controller.machine.model import Tool
 from controller.memory import remembered
-from controller.plan.surfaces import deviation, placements
+from controller.plan.surfaces import deviation, free_axis, placements
+from controller.plan.surfaces.axis_curves import joined
+from controller.plan.surfaces.free_axis import FINE
 
 Array = npt.NDArray[np.float64]
 
 ALONG, ACROSS = 97, 11  # points of the surface that are looked at
-END = 0.02  # share of u at either end that counts less
+END = 0.02  # share of u at either end that does not count
+GOOD_MM = 1e-4  # a surface that ``double`` cuts as well as this, with its ends, is not searched on
 SAME_MM = 2e-5  # a surface that ``single`` cuts as well as this needs no other
-ORDER = 4
-SPANS = 12  # of the corrections
-END_WEIGHTS = (0.1, 0.25, 0.6, 1.0)  # tried in turn
-STEPS = 14
-LAWSON = 30
-BEND_PRICE = 1e-7  # against squared deviations
-MIN_GAIN = 2e-3
-SLAB = 200_000  # multiplications of one product of matrices, at most
 EDGE_POINTS = 161  # of the lower edge, to see what cuts it
 CLEAR_MM = 1e-3  # so much flank is left below it
+HUNG_AT = (0.2, 0.8)  # of the ruling, upper and lower point
+CLEARLY = 0.5  # so much less off than ``double`` is surely less than the best pairs of smaller parts
 BELOW_UPPER = 0.02  # of the ruling: C0 may have a standstill or be a tip, where there is no normal
-FREE_RAD = math.radians(60.0)
-FREE_ACROSS, FREE_STEPS, FREE_GAIN = 17, 40, 2e-4
-SQUARES = 30  # steps by least squares
-RUN_PRICE = 1e-7  # against squared deviations per mm^2: the lower point stays where that costs nothing
 GRID = (65, 11)  # as ``ALONG``, ``ACROSS``, where placements are chosen from
 LEAST_COSINE = 0.3  # of the way from a point to the axis and its normal
 CHOSEN_FROM = (Strategy.SINGLE, Strategy.DOUBLE, Strategy.OPTIMAL)  # by ``auto``, the plainest first
@@ -88,94 +63,183 @@ class Cutter:
         return Cutter(math.copysign(flank + allowance_mm * math.cos(taper), side), taper, low, begins)
 
 
+@dataclass(frozen=True, slots=True)
+class Row:
+    """The surface of a block in parts that join, as its placements need them, and its cutter."""
+
+    ruled: tuple[Surface, ...]  # for an axis that hangs on the surface: a derivative less smooth than that
+    free: tuple[Surface, ...]  # for one through curves of its own: as smooth as the way of the contact
+    cutter: Cutter
+
+    @staticmethod
+    def of(surface: Surface, cutter: Cutter) -> Row:
+        """Of a surface that is smooth as a whole."""
+        return Row((surface,), (surface,), cutter)
+
+    def placed(self, strategy: Strategy) -> tuple[Surface, ...]:
+        """The cutter placed (not ``AUTO``) on ``ruled``, or on ``free``; the paper's is a surface itself."""
+        assert strategy is not Strategy.AUTO  # which is chosen with leads and joints: ``auto.build``
+        if strategy is Strategy.OPTIMAL:
+            return _optimal(self)
+        better = [_double(one, self.cutter) if strategy is Strategy.DOUBLE else None for one in self.ruled]
+        return tuple(
+            _plain(one, self.cutter) if b is None else b for one, b in zip(self.ruled, better, strict=True)
+        )
+
+    def known(self, strategy: Strategy, *asked: object) -> tuple[Placed, ...] | None:
+        """What has been learnt of a placement."""
+        for parts in (self.free, self.ruled):
+            names = self.names(parts, strategy, *asked)
+            found = [recipe for recipe in map(placements.known, names) if recipe is not None]
+            if len(found) == len(names):
+                each = zip(found, parts, names, strict=True)
+                return tuple(recipe.on(base, name) for recipe, base, name in each)
+        return None
+
+    def names(self, parts: tuple[Surface, ...], strategy: Strategy, *asked: object) -> list[str]:
+        """Under what the placement of each part is known: it hangs on all of them, and what is ``asked``."""
+        whole = placements.name_of(parts[0], parts[1:], asked) if len(parts) > 1 or asked else ""
+        return [placements.name_of(one, self.cutter, strategy, whole) for one in parts]
+
+    def named(self, placed: Sequence[Surface], strategy: Strategy, *asked: object) -> tuple[Placed, ...]:
+        """The parts of a placement with the names under which they are known."""
+        bases = tuple(map(base_of, placed))
+        made = [one if isinstance(one, Placed) else as_the_paper(one, self.cutter) for one in placed]
+        names = self.names(bases, strategy, *asked)
+        return tuple(replace(one, name=name) for one, name in zip(made, names, strict=True))
+
+
 def place(surface: Surface, cutter: Cutter, strategy: Strategy) -> Surface:
     """``surface`` with the cutter placed (not ``AUTO``); itself where that is what Eq. 5 and 8 say."""
-    assert strategy is not Strategy.AUTO  # which is chosen for a whole block: ``auto.build``
-    better = _better(surface, cutter, strategy) if strategy is not Strategy.SINGLE else None
-    if better is not None:
-        return better
-    return surface if cutter.taper_rad == 0.0 and cutter.shift_mm == 0.0 else as_the_paper(surface, cutter)
-
-
-def place_all(parts: tuple[Surface, ...], cutter: Cutter, strategy: Strategy) -> tuple[Surface, ...]:
-    """The smooth parts of one block, each as ``place`` has it."""
-    return tuple(place(part, cutter, strategy) for part in parts)
+    return Row.of(surface, cutter).placed(strategy)[0]
 
 
 @dataclass(frozen=True, slots=True)
 class Wanted:
-    """A placement that has to be searched: what ``place`` is asked."""
+    """A placement that has to be searched: what ``Row.placed`` is asked."""
 
-    surface: Surface
-    cutter: Cutter
-    strategy: Strategy  # not ``AUTO``: what that chooses from
+    row: Row
+    strategy: Strategy  # ``DOUBLE`` or ``OPTIMAL``
 
     @property
-    def name(self) -> str:
-        """Under what it is known once it is found."""
-        return placements.name_of(self.surface, self.cutter, self.strategy)
+    def is_known(self) -> bool:
+        if self.strategy is Strategy.DOUBLE:
+            return all(map(placements.known, self.row.names(self.row.ruled, self.strategy)))
+        return self.row.known(self.strategy) is not None
 
 
-def searched(wanted: Wanted) -> placements.Recipe | None:
-    """What ``place`` finds, to be learnt; None where it is the paper's placement, or there is none."""
+def searched(wanted: Wanted) -> Mapping[str, placements.Recipe]:
+    """What ``Row.placed`` finds, to be learnt, by name; the paper's placement has none."""
     try:
-        placed = place(wanted.surface, wanted.cutter, wanted.strategy)
+        placed = wanted.row.placed(wanted.strategy)
     except ValueError:  # told by who reads the block
-        return None
-    return placements.Recipe.of(placed) if isinstance(placed, Placed) and placed.name else None
+        return {}
+    return {one.name: placements.Recipe.of(one) for one in placed if isinstance(one, Placed) and one.name}
 
 
-def off_mm(surface: Surface, cutter: Cutter, strategy: Strategy) -> float:
-    """How far a placement (not ``AUTO``) leaves the surface off at most but for its ends, mm."""
-    single = as_the_paper(surface, cutter)
-    placed = place(surface, cutter, strategy)
-    return _Judge(single).inner(placed if isinstance(placed, Placed) else single)
+def off_mm(row: Row, strategy: Strategy) -> float:
+    """How far a placement (not ``AUTO``) leaves a surface of one part off at most but for its ends, mm."""
+    (placed,) = row.placed(strategy)
+    made = placed if isinstance(placed, Placed) else as_the_paper(placed, row.cutter)
+    return _Judge(made, *(FINE if made.through is not None else ())).inner(made)
 
 
 def as_the_paper(surface: Surface, cutter: Cutter) -> Placed:
     return Placed(surface, cutter.offset_mm, taper_rad=cutter.taper_rad, shift_mm=cutter.shift_mm)
 
 
+def base_of(surface: Surface) -> Surface:
+    """The surface on which a cutter is placed."""
+    return surface.base if isinstance(surface, Placed) else surface
+
+
+def _plain(surface: Surface, cutter: Cutter) -> Surface:
+    return surface if cutter.taper_rad == 0.0 and cutter.shift_mm == 0.0 else as_the_paper(surface, cutter)
+
+
 @remembered(256)
-def _better(surface: Surface, cutter: Cutter, strategy: Strategy) -> Placed | None:
-    """The best of its kind, as a check has kept it, or found now; None where the paper's is exact."""
-    name = placements.name_of(surface, cutter, strategy)
+def _double(surface: Surface, cutter: Cutter) -> Placed | None:
+    """The best pair of points, as a check has kept it, or found now; None where the paper's is exact."""
+    name = placements.name_of(surface, cutter, Strategy.DOUBLE)
     kept = placements.known(name)
-    return _found(surface, cutter, strategy, name) if kept is None else kept.on(surface, name)
-
-
-def _found(surface: Surface, cutter: Cutter, strategy: Strategy, name: str) -> Placed | None:
+    if kept is not None:
+        return kept.on(surface, name)
     single = _Judge(as_the_paper(surface, cutter))
     if single.inner(single.placed) < SAME_MM:
         return None
     found = min(_doubles(single), key=single.inner)
-    found = found if single.inner(found) < single.inner(single.placed) else single.placed
-    if strategy is Strategy.OPTIMAL:
-        free = turned(surface)[0] >= FREE_RAD
-        judge = _Judge(single.placed, ALONG, FREE_ACROSS) if free else single
-        high, low = found.points_v
-        start = replace(found, normals_v=(max(high, BELOW_UPPER), low))
-        found = min(found, _optimal(start, judge, free), key=judge.inner)
-    if found == single.placed:
-        return replace(found, name=name)
-    return _lowered(replace(found, name=name), cutter)
+    if single.inner(found) >= single.inner(single.placed):
+        return replace(single.placed, name=name)
+    return _lowered((replace(found, name=name),), cutter)[0]
 
 
-def _lowered(placed: Placed, cutter: Cutter) -> Placed:
-    """``placed`` so far down that its flank, not its corner, cuts all of the lower edge.
+@remembered(256)
+def _optimal(row: Row) -> tuple[Surface, ...]:
+    """The free axis of a row, as a check has kept it, or found now; else what is better."""
+    kept = row.known(Strategy.OPTIMAL)
+    if kept is not None:
+        return kept
+    near = tuple(_double(one, row.cutter) or as_the_paper(one, row.cutter) for one in row.free)
+    if not any(one.name for one in near):  # the paper's is exact
+        return row.placed(Strategy.SINGLE)
+    found = _free(row, near) if _off(near)[1] > GOOD_MM else None
+    if found is not None and found.whole_mm <= CLEARLY * _off(near)[0]:
+        return row.named(_lowered(found.placed, row.cutter), Strategy.OPTIMAL)
+    hung = [row.placed(kind) for kind in (Strategy.SINGLE, Strategy.DOUBLE)]
+    hung_on = [
+        tuple(as_the_paper(one, row.cutter) if not isinstance(one, Placed) else one for one in way)
+        for way in hung
+    ]
+    best = min(hung_on, key=_off)
+    if found is None or any(own > other for own, other in zip(found.off_mm, _off(best), strict=True)):
+        return row.named(best, Strategy.OPTIMAL)
+    return row.named(_lowered(found.placed, row.cutter), Strategy.OPTIMAL)
+
+
+def _free(row: Row, near: Sequence[Placed]) -> free_axis.Found | None:
+    """The free axis of each row of parts that join; None where there is none on the right side."""
+    pairs = sorted(one.points_v for one in near if one.normals_v != AT_LOWER)
+    high, low = pairs[len(pairs) // 2] if pairs else HUNG_AT
+    found = list[free_axis.Found]()
+    for surfaces in joined(row.free):
+        singles = [as_the_paper(one, row.cutter) for one in surfaces]
+        hung = [
+            replace(one, points_v=(high, low), normals_v=(max(high, BELOW_UPPER), low)) for one in singles
+        ]
+        edges = [replace(one, points_v=HUNG_AT, normals_v=(BELOW_UPPER, 1.0)) for one in singles]
+        axis = free_axis.found(singles, (hung, singles, edges))
+        if axis is None:
+            return None
+        found.append(axis)
+    placed = tuple(one for axis in found for one in axis.placed)
+    return free_axis.Found(placed, *(max(off) for off in zip(*(axis.off_mm for axis in found), strict=True)))
+
+
+def _off(placed: Sequence[Placed]) -> tuple[float, float]:
+    """How far parts are off at most by their own cuts, but for the ends of each and with them, mm."""
+    judges = [_Judge(one) for one in placed]
+    inner = max(judge.inner(judge.placed) for judge in judges)
+    return inner, max(judge.whole(judge.placed) for judge in judges)
+
+
+def _lowered(placed: Sequence[Placed], cutter: Cutter) -> tuple[Placed, ...]:
+    """``placed`` so far down that the flank, not the corner, cuts all of the lower edge.
 
     As the axis leans against the ruling, what comes nearest to a point of C1 stands a little further
     along and may have its end above it. The tool slides along itself by micrometres; a tapered one
     is thicker there then, and makes room for it.
     """
-    u = _cosine(EDGE_POINTS)
-    seen = deviation.of(placed, deviation.points(placed, u, np.ones(u.shape)))
-    short = cutter.flank_mm - float(seen.height.min())
+    u, short = _cosine(EDGE_POINTS), 0.0
+    for one in placed:
+        seen = deviation.of(one, deviation.points(one, u, np.ones(u.shape)))
+        short = max(short, cutter.flank_mm - float(seen.height.min()))
     if short <= 0.0:
-        return placed
+        return tuple(placed)
     down = short + CLEAR_MM
-    wider = math.copysign(down * math.tan(placed.taper_rad), placed.offset_mm)
-    return replace(placed, offset_mm=placed.offset_mm + wider, shift_mm=placed.shift_mm + down)
+    wider = math.copysign(down * math.tan(cutter.taper_rad), cutter.offset_mm)
+    return tuple(
+        replace(one, offset_mm=one.offset_mm + wider, shift_mm=one.shift_mm + down) for one in placed
+    )
 
 
 class _Judge:
@@ -186,9 +250,7 @@ class _Judge:
         u = np.sort(np.concatenate((_cosine(along), (END, 1.0 - END))))
         u, v = (a.ravel() for a in np.meshgrid(u, _cosine(across), indexing="ij"))
         self.at = deviation.points(placed, u, v)
-        edge = np.minimum(u, 1.0 - u)
-        self.share = edge / END  # < 1 in the ends
-        self._inside = edge >= END * (1.0 - 1e-9)
+        self._inside = np.minimum(u, 1.0 - u) >= END * (1.0 - 1e-9)
 
     def inner(self, placed: Placed) -> float:
         """Largest deviation but for the ends, mm."""
@@ -197,10 +259,6 @@ class _Judge:
     def whole(self, placed: Placed) -> float:
         """Largest deviation with the ends, mm."""
         return float(np.abs(deviation.of(placed, self.at).left).max())
-
-    def weights(self, least: float) -> Array:
-        """1, falling to ``least`` at the ends."""
-        return np.asarray(np.where(self._inside, 1.0, least + (1.0 - least) * self.share))
 
 
 @dataclass(frozen=True, slots=True)
@@ -253,176 +311,3 @@ def _doubles(judge: _Judge) -> Iterator[Placed]:
         best = min(made, key=rough.inner)
         yield best
         pair, width = best.points_v, 0.5 * width
-
-
-# ---- optimal -----------------------------------------------------------------------
-
-
-@dataclass(frozen=True, slots=True)
-class _Basis:
-    """Splines over 0 <= u <= 1; control points are rows of one vector x: upper, lower, slide, run."""
-
-    knots: Array
-
-    @staticmethod
-    def over(surface: Surface) -> _Basis:
-        curves = (surface.lower, surface.upper)
-        breaks = distinct(np.concatenate([getattr(curve, "breaks", ENDS) for curve in curves]))
-        inner = _merged(_cosine(SPANS + 1), breaks)
-        return _Basis(np.concatenate(([0.0] * (ORDER - 1), inner, [1.0] * (ORDER - 1))))
-
-    @property
-    def size(self) -> int:
-        return len(self.knots) - ORDER
-
-    def values(self, u: Array) -> Array:
-        """(N, size), by Cox and de Boor."""
-        knots = self.knots
-        span = np.clip(np.searchsorted(knots, u, side="right") - 1, ORDER - 1, self.size - 1)
-        table = np.zeros((len(u), len(knots) - 1))
-        table[np.arange(len(u)), span] = 1.0
-        for degree in range(1, ORDER):
-            n = len(knots) - 1 - degree
-            left, right = knots[degree : degree + n] - knots[:n], knots[degree + 1 :] - knots[1 : n + 1]
-            rise = (u[:, None] - knots[:n]) / np.where(left > 0.0, left, 1.0) * (left > 0.0)
-            fall = (knots[degree + 1 :] - u[:, None]) / np.where(right > 0.0, right, 1.0) * (right > 0.0)
-            table = rise * table[:, :n] + fall * table[:, 1 : n + 1]
-        return table
-
-    def bends(self) -> Array:
-        """Second differences of neighbouring control points, of the size of the middle of the block's."""
-        places = np.array([self.knots[i + 1 : i + ORDER].mean() for i in range(self.size)])
-        h0, h1 = np.diff(places)[:-1], np.diff(places)[1:]
-        rows = np.zeros((self.size - 2, self.size))
-        i = np.arange(self.size - 2)
-        rows[i, i], rows[i, i + 2] = 2.0 / (h0 * (h0 + h1)), 2.0 / (h1 * (h0 + h1))
-        rows[i, i + 1] = -rows[i, i] - rows[i, i + 2]
-        return np.asarray(rows * float(np.diff(places).max()) ** 2)
-
-    def on(self, placed: Placed, x: Array) -> Placed:
-        """``placed`` with the control points (3 or 4 rows of ``size``, one after the other)."""
-        rows = x.reshape(-1, self.size)
-        run = self._curve(np.stack([rows[3], 0.0 * rows[3], 0.0 * rows[3]])) if len(rows) > 3 else None
-        return replace(placed, corrections=self._curve(rows[:3]), run=run)
-
-    def _curve(self, rows: Array) -> BSpline:
-        points: list[Vector] = [(float(a), float(b), float(c)) for a, b, c in rows.T]
-        return BSpline.of(ORDER, self.knots.tolist(), points)
-
-
-def _merged(knots: Array, breaks: Array) -> Array:
-    """Both, without knots that all but fall on a break."""
-    gap = np.abs(knots[:, None] - breaks).min(axis=1)
-    return distinct(np.concatenate((knots[gap > 0.01], breaks)))
-
-
-def _optimal(start: Placed, judge: _Judge, free: bool) -> Placed:
-    """``start`` corrected; with ends that count more where they would come out worse than at the start."""
-    inner, whole = judge.inner(start), judge.whole(start)
-    for least in END_WEIGHTS[-1:] if free else END_WEIGHTS:
-        found = _Search(start, judge, judge.weights(least), free).found()
-        if judge.inner(found) <= inner and judge.whole(found) <= whole:
-            return found
-    return start
-
-
-class _Search:
-    """For the corrections that make the largest weighted deviation least."""
-
-    def __init__(self, start: Placed, judge: _Judge, weights: Array, free: bool) -> None:
-        self._judge, self._weights, self._free = judge, weights, free
-        self._basis, rows = _Basis.over(start), 4 if free else 3
-        bends = np.kron(np.eye(rows), self._basis.bends())
-        self._price = BEND_PRICE * (bends.T @ bends)
-        if free:
-            run = slice(3 * self._basis.size, None)
-            self._price[run, run] += RUN_PRICE * np.eye(self._basis.size)
-        self._x = np.zeros(rows * self._basis.size)
-        self._best, self._now = start, deviation.of(start, judge.at)
-
-    def found(self) -> Placed:
-        if self._free:
-            self._steps(_least_squares, _mean_square, SQUARES)
-        self._steps(_least_largest, _largest, FREE_STEPS if self._free else STEPS)
-        return self._best
-
-    def _steps(self, solve: Callable[..., Array], size: Callable[[Array], float], most: int) -> None:
-        """Steps that ``solve`` the linear problem, as long as the ``size`` of the deviation falls."""
-        weights, damping = self._weights, 1e-7
-        least = size(weights * self._now.left)
-        for _ in range(most):
-            rows = _slopes(self._best, self._now, self._basis, self._free) * weights[:, None]
-            before = least
-            while damping < 10.0:
-                x = self._x + solve(rows, weights * self._now.left, self._x, self._price, damping)
-                trial = self._basis.on(self._best, x)
-                seen = deviation.of(trial, self._judge.at, self._now.at_u)
-                reached = size(weights * seen.left)
-                if reached < least:
-                    self._best, self._now, self._x, least = trial, seen, x, reached
-                    damping *= 0.2
-                    break
-                damping *= 10.0
-            if before - least < (FREE_GAIN if self._free else MIN_GAIN) * before:
-                break
-
-
-def _largest(left: Array) -> float:
-    return float(np.abs(left).max())
-
-
-def _mean_square(left: Array) -> float:
-    return float((left * left).mean())
-
-
-def _slopes(placed: Placed, now: deviation.Deviation, basis: _Basis, free: bool) -> Array:
-    """How the deviation of each point changes with the control points, (N, 3 or 4 size).
-
-    The axis moves at the foot of the point by the share that its upper and its lower point
-    have there; what of that leads away from the point is left on it.
-    """
-    upper, lower, slide, run = deviation.directions(placed, now.at_u)
-    high = deviation.share_of_upper(placed, now)
-    shares = [(upper, high), (lower, 1.0 - high), (slide, high), (run, 1.0 - high)]
-    values = basis.values(now.at_u)
-    parts = [-(now.away * d).sum(axis=0) * share for d, share in shares[: 4 if free else 3]]
-    return np.asarray(-math.cos(placed.taper_rad) * np.hstack([values * part[:, None] for part in parts]))
-
-
-def _least_squares(rows: Array, y: Array, x: Array, price: Array, damping: float) -> Array:
-    """The step that makes the mean of (y + rows step)^2 least."""
-    slabs, y = _slabs(rows, len(x)), _slabs(y, len(x))
-    square = np.matmul(slabs.transpose(0, 2, 1), slabs).sum(axis=0) / len(rows)
-    right = -(slabs * y[..., None]).sum(axis=(0, 1)) / len(rows) - price @ x
-    return np.asarray(np.linalg.solve(square + price + damping * np.eye(len(x)), right))
-
-
-def _least_largest(rows: Array, y: Array, x: Array, price: Array, damping: float) -> Array:
-    """The step that makes the largest of |y + rows step| small, by Lawson's weights."""
-    size = rows.shape[1]
-    slabs, y = _slabs(rows, size), _slabs(y, size)
-    share = _slabs(np.full(len(rows), 1.0 / len(rows)), size)
-    best, least = np.zeros(size), math.inf
-    steady, pull = price + damping * np.eye(size), price @ x
-    for _ in range(LAWSON):
-        weighted = slabs * share[..., None]
-        square = np.matmul(weighted.transpose(0, 2, 1), slabs).sum(axis=0)
-        step = np.linalg.solve(square + steady, -(weighted * y[..., None]).sum(axis=(0, 1)) - pull)
-        rest = np.abs(y + np.matmul(slabs, step))
-        if float(rest.max()) < least:
-            best, least = step, float(rest.max())
-        share = share * (rest + 1e-3 * rest.max())
-        share /= share.sum()
-    return best
-
-
-def _slabs(values: Array, size: int) -> Array:
-    """Rows (N, ...) of ``size`` unknowns in slabs (K, L, ...), the last one filled up with zeros.
-
-    Products of slabs are so small that the library for them takes one thread: several would wait for
-    each other on a busy computer ten times as long, and round otherwise on another number of cores.
-    """
-    length = max(1, min(len(values), SLAB // (size * size)))
-    made = np.zeros((-(-len(values) // length), length, *values.shape[1:]))
-    made.reshape(-1, *values.shape[1:])[: len(values)] = values
-    return made

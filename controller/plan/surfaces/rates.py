@@ -239,7 +239,7 @@ def kind(stretch: Stretch, kinematics: Kinematics) -> object:
     if type(base) is not RuledSurface or not isinstance(lower, Bezier) or not isinstance(ruling, Bezier):
         return None
     branch = one_branch(stretch, cut, kinematics)
-    if branch is None or (isinstance(surface, Placed) and surface.corrections is not None):
+    if branch is None or (isinstance(surface, Placed) and surface.through is not None):
         return None
     form = (len(lower.points), len(ruling.points), _placement(surface))
     return *form, cut.offset_mm, cut.length_mm, cut.part, branch

@@ -27,6 +27,7 @@ from numpy.polynomial import Polynomial, chebyshev
 
 from controller.geometry.curves import Bezier, Curve
 from controller.geometry.placement import Placed, Turn
+from controller.geometry.rulings import difference
 from controller.geometry.splines import BSpline
 from controller.geometry.surfaces import Surface
 from controller.geometry.touches import Touch, seen_at
@@ -177,8 +178,10 @@ def _ruling(surface: Surface) -> Curve | None:
     """The curve that the tool axis is along, or None."""
     if not isinstance(surface, Placed):
         return surface.ruling_curve
+    if surface.through is not None:
+        return difference(*surface.through)
     alike = surface.normals_v[0] == surface.normals_v[1] and surface.taper_rad == 0.0
-    return surface.ruling_curve if alike and surface.corrections is None else None
+    return surface.ruling_curve if alike else None
 
 
 def _of_bernstein(low: float, high: float, points: Array) -> _Part:

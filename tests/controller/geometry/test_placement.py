@@ -19,11 +19,23 @@ from controller.geometry.vectors import add, angle_between, cross, dot, norm, ro
 PAIR = (0.15, 0.85)
 
 
-def bent(size=0.01):
-    """Corrections of all three kinds."""
-    knots = (0.0,) * 4 + (0.3, 0.7) + (1.0,) * 4
-    rng = random.Random(5)
-    return BSpline.of(4, knots, [tuple(rng.uniform(-size, size) for _ in range(3)) for _ in range(6)])
+def free():
+    """Two curves for an axis, 3 mm off the second surface of Example 2 and no more than about."""
+    knots, rng, surface = (0.0,) * 6 + (0.3, 0.7) + (1.0,) * 6, random.Random(5), example_2()[1]
+    rails = []
+    for v in (0.0, 1.0):
+        points = [
+            subtract(surface.point(i / 7, v), scale(normal_at(surface, i / 7, v), 3.0)) for i in range(8)
+        ]
+        points = [tuple(x + rng.uniform(-0.1, 0.1) for x in point) for point in points]
+        rails.append(BSpline.of(6, knots, points))
+    return rails[0], rails[1]
+
+
+def normal_at(surface, u, v):
+    """Unit normal of S at (u, v) from its directrices: C0 - C1 lies along the ruling."""
+    rate = add(scale(surface.upper.derivative(u), 1.0 - v), scale(surface.lower.derivative(u), v))
+    return unit(cross(rate, surface.ruling(u)))
 
 
 PLACED = {
@@ -31,16 +43,10 @@ PLACED = {
     "double, left": Placed(example_2()[1], -1.5, PAIR, PAIR),
     "tapered": Placed(example_2()[0], 2.0, taper_rad=0.07),
     "double, tapered, left": Placed(example_2()[1], -2.0, PAIR, PAIR, taper_rad=0.07, shift_mm=0.4),
-    "corrected": Placed(example_2()[1], 3.0, PAIR, PAIR, corrections=bent()),
-    "run over": Placed(example_2()[1], -3.0, PAIR, PAIR, corrections=bent(), run=bent(2.0)),
+    "free": Placed(example_2()[1], -3.0, shift_mm=0.4, through=free()),
 }
 each_placed = pytest.mark.parametrize("placed", PLACED.values(), ids=PLACED.keys())
-
-
-def normal_at(surface, u, v):
-    """Unit normal of S at (u, v) from its directrices: C0 - C1 lies along the ruling."""
-    rate = add(scale(surface.upper.derivative(u), 1.0 - v), scale(surface.lower.derivative(u), v))
-    return unit(cross(rate, surface.ruling(u)))
+each_hung = pytest.mark.parametrize("placed", [one for one in PLACED.values() if one.through is None])
 
 
 def distance_to_axis(point, pose):
@@ -68,22 +74,16 @@ def test_the_axis_of_double_goes_through_both_offset_points(offset):
         assert dot(pose.axis, surface.axis(u)) > 0.99
 
 
-@pytest.mark.parametrize("name", ["corrected", "run over"])
-def test_corrections_move_both_points_of_the_axis_along_normals_and_travel(name):
-    placed = PLACED[name]
-    surface, offset = placed.base, placed.offset_mm
+def test_a_free_axis_goes_through_both_curves_with_its_tip_below_the_lower_one():
+    placed = PLACED["free"]
     for u in (0.0, 0.31, 0.9, 1.0):
-        pose = placed.pose(u, offset)
-        *more, slide = placed.corrections.at(u)
-        run = placed.run.at(u)[0] if placed.run else 0.0
-        for v, by, along in zip(PAIR, more, (slide, run), strict=True):
-            normal = normal_at(surface, u, v)
-            point = add(surface.point(u, v), scale(normal, offset + by))
-            point = add(point, scale(cross(unit(surface.ruling(u)), normal), along))
-            assert distance_to_axis(point, pose) == pytest.approx(0.0, abs=1e-12)
+        pose, (upper, lower) = placed.pose(u, -3.0), (curve.at(u) for curve in placed.through)
+        assert distance_to_axis(upper, pose) == pytest.approx(0.0, abs=1e-12)
+        assert subtract(lower, pose.tip) == pytest.approx(scale(pose.axis, 0.4), abs=1e-12)
+        assert dot(subtract(upper, lower), pose.axis) > 0.0
 
 
-@each_placed
+@each_hung
 def test_the_tip_lies_below_the_foot_of_the_contact_by_the_shift(placed):
     for u in (0.1, 0.5, 0.9):
         pose = placed.pose(u, placed.offset_mm)

@@ -43,24 +43,26 @@ def unit(v: np.ndarray) -> np.ndarray:
 
 def off_the_axis(placed: Placed, u: np.ndarray, tips: np.ndarray, axes: np.ndarray) -> float:
     """Largest distance (mm) of the tool from where ``placed`` wants it at ``u`` (N,), by definition."""
+    if placed.through is not None:
+        return _off_the_curves(placed, u, tips, axes)
     upper, lower = bezier(placed.base.upper.points), bezier(placed.base.lower.points)
     ruling = upper(u) - lower(u)
-    curve = placed.corrections
-    corrections = np.zeros((len(u), 3))
-    if curve is not None:
-        corrections = BPoly(np.array(curve.spans).transpose(1, 0, 2), curve.breaks)(u)
     off = 0.0
-    for k, v in enumerate(placed.points_v):
+    for v in placed.points_v:
         normal = unit(np.cross((1.0 - v) * upper(u, 1) + v * lower(u, 1), ruling))
-        point = (1.0 - v) * upper(u) + v * lower(u)
-        point = point + (placed.offset_mm + corrections[:, k : k + 1]) * normal
-        if k == 0:
-            point = point + corrections[:, 2:] * np.cross(unit(ruling), normal)
+        point = (1.0 - v) * upper(u) + v * lower(u) + placed.offset_mm * normal
         away = point - tips
         away -= (away * axes).sum(axis=1, keepdims=True) * axes
         off = max(off, float(np.linalg.norm(away, axis=1).max()))
     height = ((lower(u) - tips) * axes).sum(axis=1)
     return max(off, float(np.abs(height - placed.shift_mm).max()))
+
+
+def _off_the_curves(placed: Placed, u: np.ndarray, tips: np.ndarray, axes: np.ndarray) -> float:
+    upper, lower = (BPoly(np.array(c.spans).transpose(1, 0, 2), c.breaks)(u) for c in placed.through)
+    wanted = unit(upper - lower)
+    turned = np.linalg.norm(wanted - axes, axis=1) * np.linalg.norm(upper - lower, axis=1)
+    return float(max(turned.max(), np.linalg.norm(lower - placed.shift_mm * wanted - tips, axis=1).max()))
 
 
 def assert_on_placed_surfaces(done: Cut, whole: bool = True) -> int:

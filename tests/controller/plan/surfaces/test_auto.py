@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import random
 import re
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -15,7 +16,8 @@ from support.oracles import ruled_surfaces
 from support.parts.random_surfaces import Pair, compound
 
 from controller.geometry.placement import Placed
-from controller.plan.surfaces import placements, placing
+from controller.geometry.splines import BSpline
+from controller.plan.surfaces import free_axis, placements, placing
 from controller.runtime import checked
 
 MACHINE = shipped()
@@ -66,30 +68,34 @@ def test_so_it_is_on_random_surfaces(count: int) -> None:
     assert_never_worse(random.Random().randrange(10**6), count)
 
 
-def off_the_end(start: Placed, judge: placing._Judge, free: bool) -> Placed:
-    """What ``optimal`` might come to: the best in the middle, and 50 um too deep at its end."""
-    basis = placing._Basis.over(start)
-    x = np.zeros(3 * basis.size)
-    x[basis.size - 1] = -0.05 * np.sign(start.offset_mm)
-    return basis.on(start, x)
+def forget() -> None:
+    placing._double.cache_clear()
+    placing._optimal.cache_clear()
+
+
+def off_the_end(singles: Sequence[Placed], starts: Sequence[Sequence[Placed]]) -> free_axis.Found:
+    """What ``optimal`` might come to: an axis as good as the paper's, and 50 um too deep at its end."""
+    (single,) = singles
+    u = np.linspace(0.0, 1.0, 33)
+    pose = single.pose(u, single.offset_mm, np)
+    tips, axes = (np.stack([np.broadcast_to(c, u.shape) for c in vector], axis=1) for vector in pose)
+    out = np.stack([np.broadcast_to(c, u.shape) for c in single.normal(u, np)], axis=1)
+    tips = tips - np.copysign(0.05, single.offset_mm) * (u > 0.99)[:, None] * out
+    rails = [make_interp_spline(u, tips + height * axes, 5) for height in (40.0, 0.0)]
+    through = tuple(BSpline.of(6, rail.t.tolist(), [tuple(map(float, p)) for p in rail.c]) for rail in rails)
+    # Said to be as good as any.
+    return free_axis.Found((replace(single, through=(through[0], through[1])),), 0.0, 0.0)
 
 
 def test_what_is_better_in_the_middle_alone_is_not_taken(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(placements, "_known", {})
-    monkeypatch.setattr(placing, "_optimal", off_the_end)
-    placing._better.cache_clear()
+    monkeypatch.setattr(free_axis, "found", off_the_end)
+    forget()
     try:
-        monkeypatch.setattr(placing._Judge, "inner", _by_corrections)
         double, optimal, auto = (off_mm(program(compound(1, 1)[0], 4, f"G41 P{p} R0.5")) for p in (2, 3, 4))
     finally:
-        placing._better.cache_clear()
+        forget()
     assert optimal > double + 0.02 and auto <= double + TINY_MM
-
-
-def _by_corrections(judge: placing._Judge, placed: Placed) -> float:
-    """Takes ``optimal`` for the better one."""
-    left = placing.deviation.of(placed, judge.at).left[judge._inside]
-    return float(np.abs(left).max()) * (1e-3 if placed.corrections is not None else 1.0)
 
 
 def test_its_choice_is_found_again_without_a_search(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -99,8 +105,9 @@ def test_its_choice_is_found_again_without_a_search(monkeypatch: pytest.MonkeyPa
     assert list(kept.placements) == [found.motion.surface.name]
     monkeypatch.setattr(placements, "_known", {})
     placements.learn(kept.placements)
-    placing._better.cache_clear()
-    monkeypatch.setattr(placing, "_found", None)  # a search would be an error
+    forget()
+    monkeypatch.setattr(free_axis, "found", None)  # a search would be an error
+    monkeypatch.setattr(placing, "_doubles", None)
     (again,) = named(trace(text, MACHINE), "cut")
     assert again.motion.surface == found.motion.surface
 
@@ -109,8 +116,8 @@ def test_optimal_that_finds_nothing_better_says_so_and_is_not_advised(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(placements, "_known", {})
-    monkeypatch.setattr(placing, "_optimal", lambda start, judge, free: start)
-    placing._better.cache_clear()
+    monkeypatch.setattr(free_axis, "found", lambda singles, starts: None)
+    forget()
     told = {}
     try:
         for p in (2, 3, 4):
@@ -120,7 +127,7 @@ def test_optimal_that_finds_nothing_better_says_so_and_is_not_advised(
             assert not verdict.within
             told[p] = verdict.remedies, sentences(trace(text, MACHINE))
     finally:
-        placing._better.cache_clear()
+        forget()
     assert "optimal" in told[2][0] and not {"double", "optimal"} & {*told[3][0], *told[4][0]}
     nothing_better = re.compile(r"P3 \(optimal\) finds nothing better here than P2 \(double\)")
     assert [bool(nothing_better.search(told[p][1])) for p in (2, 3, 4)] == [False, True, False]

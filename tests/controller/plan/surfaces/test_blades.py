@@ -87,4 +87,4 @@ def test_a_blade_is_planned_with_a_lead_that_stays_off_its_surface(placement: in
     text = program(surface, 50, radius, placement).replace(f"P{placement}", f"P{placement} R0.05")
     found = [one for one in stretches(trace(text, machine(radius, "refuse"))) if one.cutting]
     (cut,) = found
-    assert isinstance(cut.motion.surface, Placed) and cut.motion.surface.run is not None
+    assert isinstance(cut.motion.surface, Placed) and cut.motion.surface.through is not None

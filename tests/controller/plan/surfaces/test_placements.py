@@ -12,8 +12,8 @@ from support.oracles.placed_cuts import small
 from support.parts.paper_surfaces import example_2
 
 from controller.geometry.placement import Placed, Strategy
-from controller.geometry.splines import BSpline
-from controller.plan.surfaces import placements, placing
+from controller.geometry.splines import BSpline, simplest
+from controller.plan.surfaces import free_axis, placements, placing
 from controller.plan.surfaces.placements import Recipe
 from controller.plan.surfaces.placing import Cutter, place
 from controller.runtime import checked
@@ -21,30 +21,43 @@ from controller.runtime import checked
 CUTTER = Cutter(1.5, 0.0, 0.0)
 
 
-def corrected() -> Placed:
-    rng = np.random.default_rng(3)
-    knots = (0.0,) * 4 + (0.3, 0.7) + (1.0,) * 4
-    curve = BSpline.of(4, knots, [tuple(map(float, row)) for row in rng.uniform(-0.01, 0.01, (6, 3))])
-    return Placed(example_2()[1], -2.0, (0.1, 0.9), (0.1, 0.9), 0.07, 0.4, curve)
+def free(knots: tuple[float, ...] = (0.3, 0.7)) -> Placed:
+    """On an axis through two curves of its own."""
+    rng, size = np.random.default_rng(3), 6 + len(knots)
+    rails = (
+        BSpline.of(
+            6, (0.0,) * 6 + knots + (1.0,) * 6, [tuple(map(float, row)) for row in rng.normal(size=(size, 3))]
+        )
+        for _ in range(2)
+    )
+    upper, lower = map(simplest, rails)
+    return Placed(example_2()[1], -2.0, taper_rad=0.07, shift_mm=0.4, through=(upper, lower))
+
+
+def hung() -> Placed:
+    return replace(free(), points_v=(0.1, 0.9), normals_v=(0.1, 0.9), through=None)
+
+
+def forget() -> None:
+    placing._double.cache_clear()
+    placing._optimal.cache_clear()
 
 
 @pytest.fixture(autouse=True)
 def nothing_known(monkeypatch):
     monkeypatch.setattr(placements, "_known", {})
-    placing._better.cache_clear()
+    forget()
     yield
-    placing._better.cache_clear()
+    forget()
 
 
-def over_the_ends() -> Placed:
-    """With the lower point sliding, too."""
-    curve = corrected().corrections
-    run = BSpline.of(4, (0.0,) * 4 + (0.3, 0.7) + (1.0,) * 4, [(0.1 * k * k, 0.0, 0.0) for k in range(6)])
-    assert curve.breaks == run.breaks
-    return replace(corrected(), run=run)
+def no_search(monkeypatch) -> None:
+    """From here on a search would be an error."""
+    for room, name in ((placing, "_doubles"), (free_axis, "found")):
+        monkeypatch.setattr(room, name, lambda *_: pytest.fail("searched again"))
 
 
-@pytest.mark.parametrize("placed", [corrected(), replace(corrected(), corrections=None), over_the_ends()])
+@pytest.mark.parametrize("placed", [free(), free(()), hung()])
 def test_a_recipe_gives_the_same_poses_to_the_last_bit_after_a_way_through_a_file(placed):
     kept = Recipe.from_dict(json.loads(json.dumps(Recipe.of(placed).to_dict())))
     again = kept.on(placed.base, "name")
@@ -58,16 +71,16 @@ def test_a_recipe_gives_the_same_poses_to_the_last_bit_after_a_way_through_a_fil
     [
         {"points_v": [0.1]},
         {"offset_mm": "wide"},
-        {"spans": []},
+        {"upper": []},
         {"breaks": None},
-        {"spans": [[[0.0, 0.0]]] * 3},
-        {"run": [[[0.0, 0.0, 0.0]]] * 3},
-        {"run": None},
+        {"upper": [[[0.0, 0.0]]] * 3},
+        {"lower": [[[0.0, 0.0, 0.0]]] * 3},
+        {"lower": None},
     ],
 )
 def test_a_damaged_recipe_is_never_believed(damage):
     with pytest.raises((ValueError, TypeError, KeyError)):
-        Recipe.from_dict({**Recipe.of(corrected()).to_dict(), **damage})
+        Recipe.from_dict({**Recipe.of(free()).to_dict(), **damage})
 
 
 def test_a_name_belongs_to_one_surface_one_cutter_and_one_strategy():
@@ -86,15 +99,15 @@ def test_what_is_known_is_not_searched_again(monkeypatch):
     surface = example_2()[0]
     found = place(surface, CUTTER, Strategy.DOUBLE)
     assert isinstance(found, Placed) and found.name
-    placing._better.cache_clear()
+    forget()
     placements.learn({found.name: Recipe.of(found)})
-    monkeypatch.setattr(placing, "_found", lambda *_: pytest.fail("searched again"))
+    no_search(monkeypatch)
     again = place(surface, CUTTER, Strategy.DOUBLE)
     assert again == found and again.pose(0.4, 1.5) == found.pose(0.4, 1.5)
 
 
 def test_the_first_that_were_learnt_are_forgotten_and_no_program_loses_one_of_its_own(monkeypatch):
-    recipe = Recipe.of(corrected())
+    recipe = Recipe.of(free())
     monkeypatch.setattr(placements, "_known", {})
     monkeypatch.setattr(placements, "MOST", 3)
     for name in "abacd":
@@ -110,11 +123,11 @@ def test_a_check_keeps_what_was_found_and_a_start_takes_it_from_there(tmp_path, 
     task = checked.task(small(strategy, "800.").encode(), "small.ngc", shipped())
     _, kept, warning = checked.check(task, tmp_path)
     assert not warning and len(kept.placements) == 1
-    placing._better.cache_clear()
+    forget()
     placements._known.clear()
     found, warning = checked.find(task, tmp_path)
     assert found == kept and not warning
-    monkeypatch.setattr(placing, "_found", lambda *_: pytest.fail("searched again"))
+    no_search(monkeypatch)
     cuts = [one for one in checked.stretches(checked.walk_of(task, found, False)).values() if one.cutting]
     (name,) = kept.placements
     assert [one.motion.surface.name for one in cuts] == [name]

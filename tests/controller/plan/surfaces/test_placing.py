@@ -15,7 +15,7 @@ from controller.geometry.placement import Placed, Strategy
 from controller.geometry.surfaces import RuledSurface
 from controller.machine.model import Tool
 from controller.plan.surfaces import deviation, placing
-from controller.plan.surfaces.placing import Cutter, place
+from controller.plan.surfaces.placing import Cutter, Row, place
 from controller.verify.judge import judge
 
 DENSE = 4001
@@ -170,7 +170,7 @@ def test_an_upper_edge_that_stands_still_at_its_end_has_no_normal_there():
         ((-0.23, 0.2597, 0.0), (-0.23, 0.26, 0.0), (-0.2296, 0.2597, 0.0), (-11.608, -11.057, 0.0))
     )
     surface = RuledSurface(upper, lower)
-    paper, double, optimal = (placing.off_mm(surface, plain(1.5), one) for one in SEARCHED)
+    paper, double, optimal = (placing.off_mm(Row.of(surface, plain(1.5)), one) for one in SEARCHED)
     assert 0.0 < optimal <= double <= paper < 0.05
 
 

@@ -1,0 +1,186 @@
+"""The free axis: the same whatever knots a surface is written with, and smooth over its parts."""
+
+from __future__ import annotations
+
+import math
+import random
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from scipy.interpolate import make_interp_spline
+from scipy.optimize import linprog
+from support.oracles import ruled_surfaces
+from support.parts.paper_surfaces import example_2
+from support.parts.random_surfaces import compound
+from support.parts.twisted_blades import blade, normal_turns_deg, off_by_brute_force
+
+from controller.geometry.curves import Bezier
+from controller.geometry.placement import Placed, Strategy
+from controller.geometry.splines import BSpline
+from controller.geometry.surfaces import RuledSurface
+from controller.plan.surfaces.axis_curves import Basis, joined
+from controller.plan.surfaces.banded_rows import Rows, least_largest
+from controller.plan.surfaces.placing import Cutter, Row, place
+
+PLAIN = Cutter(3.0, 0.0, 0.0)
+SAME_MM, SAME_SHARE = 1e-3, 0.03  # of the deviation of one surface, however it is written
+
+
+def written(surface: RuledSurface, count: int) -> RuledSurface:
+    """A cubic surface with so many control points a rail: it stays the same."""
+    share = np.linspace(0.0, 1.0, 400)
+    at, rails = share[np.unique(np.linspace(0, 399, count).astype(int))], []
+    for curve in (surface.upper, surface.lower):
+        rail = make_interp_spline(at, ruled_surfaces.casteljau(np.array(curve.points), at), 3)
+        rails.append(BSpline.of(4, rail.t.tolist(), [tuple(map(float, p)) for p in np.round(rail.c, 9)]))
+    return RuledSurface(*rails)
+
+
+def in_parts(surface: RuledSurface, places: list[float]) -> tuple[RuledSurface, ...]:
+    """The same surface cut into parts."""
+    ends = [0.0, *places, 1.0]
+    rails = [BSpline((0.0, 1.0), (curve.points,)) for curve in (surface.upper, surface.lower)]
+    return tuple(RuledSurface(*(rail.between(a, b) for rail in rails)) for a, b in pairwise(ends))
+
+
+def off_mm(surface: RuledSurface, placed: Placed, radius: float) -> float:
+    return float(np.abs(off_by_brute_force(surface, placed, radius)).max())
+
+
+def blade_of(seed: int) -> RuledSurface:
+    pair = compound(seed, 1)[0]
+    return RuledSurface(*(Bezier(tuple(tuple(map(float, p)) for p in points)) for points in pair))
+
+
+@pytest.mark.parametrize(
+    ("seed", "counts"), [(3, (4, 26)), pytest.param(None, (4, 9, 14, 26, 60), marks=pytest.mark.slow)]
+)
+def test_one_surface_is_cut_alike_however_many_points_it_is_written_with(
+    seed: int | None, counts: tuple[int, ...]
+) -> None:
+    seed = random.Random().randrange(10**6) if seed is None else seed
+    surface = blade_of(seed)
+    found = [off_mm(surface, place(written(surface, n), PLAIN, Strategy.OPTIMAL), 3.0) for n in counts]
+    print(f"seed {seed}: {[round(1e3 * off, 2) for off in found]} um")
+    assert max(found) - min(found) <= max(SAME_MM, SAME_SHARE * max(found)), (seed, found)
+
+
+@pytest.mark.parametrize("member", [1, pytest.param(0, marks=pytest.mark.slow)])
+def test_a_surface_in_parts_is_placed_as_one_and_the_pose_runs_through_with_two_derivatives(
+    member: int,
+) -> None:
+    whole = example_2()[member]
+    parts = in_parts(whole, [0.3, 0.55, 0.9])
+    placed = Row(parts, parts, PLAIN).placed(Strategy.OPTIMAL)
+    best = off_mm(whole, place(whole, PLAIN, Strategy.OPTIMAL), 3.0)
+    off = _off_of_parts(whole, placed)
+    print(f"{1e3 * best:.2f} um, in parts {1e3 * off:.2f}")
+    assert off <= max(best + SAME_MM, 1.1 * best)
+    widths = np.diff([0.0, 0.3, 0.55, 0.9, 1.0])
+    for before, after, a, b in zip(placed, placed[1:], widths, widths[1:], strict=False):
+        for one, other in zip(before.through, after.through, strict=True):
+            assert one.at(1.0) == pytest.approx(other.at(0.0), abs=1e-9)
+            assert np.array(one.derivative(1.0)) / a == pytest.approx(
+                np.array(other.derivative(0.0)) / b, rel=1e-6
+            )
+            bends = (np.array(c.derivative(u, 2)) / w**2 for c, u, w in ((one, 1.0, a), (other, 0.0, b)))
+            assert next(bends) == pytest.approx(next(bends), rel=1e-5, abs=1e-4)
+
+
+def _off_of_parts(surface: RuledSurface, placed: tuple[Placed, ...]) -> float:
+    """Of all poses of all parts."""
+    u, v = (
+        a.ravel() for a in np.meshgrid(np.linspace(0.0, 1.0, 97), np.linspace(0.0, 1.0, 25), indexing="ij")
+    )
+    points = np.array(surface.point(u, v, np))
+    at, least = np.linspace(0.0, 1.0, 1001), np.full(len(u), np.inf)
+    for one in placed:
+        tips, axes = (np.array([np.broadcast_to(c, at.shape) for c in w]) for w in one.pose(at, 3.0, np))
+        for rows in np.array_split(np.arange(len(u)), 40):
+            away = points[:, rows, None] - tips[:, None, :]
+            height = (away * axes[:, None, :]).sum(axis=0)
+            gap = np.sqrt(np.maximum((away * away).sum(axis=0) - height**2, 0.0)).min(axis=1) - 3.0
+            least[rows] = np.minimum(least[rows], gap)
+    return float(np.abs(least).max())
+
+
+def test_where_the_contact_stands_still_or_a_crease_is_an_axis_is_not_led_on() -> None:
+    first, second = in_parts(example_2()[0], [0.5])
+    still = RuledSurface(second.upper, Bezier((second.lower.points[0],) * 2 + second.lower.points[2:]))
+    points = [(x, y + 2.0 * k, z) for k, (x, y, z) in enumerate(second.lower.points)]
+    creased = RuledSurface(second.upper, Bezier(tuple(points)))
+    assert len(joined([first, second, first])[0]) == 2
+    assert [len(row) for row in joined([first, still])] == [1, 1]
+    assert [len(row) for row in joined([first, creased])] == [1, 1]
+
+
+@pytest.mark.slow
+def test_a_surface_whose_normal_turns_by_122_degrees_keeps_its_tolerance() -> None:
+    upper = ((-5.632, 0.964, 2.548), (-6.588, -1.032, 2.624), (-5.08, 1.58, 2.15), (-4.904, -0.624, 2.132))
+    lower = ((-5.35, 1.71, -0.058), (-5.978, -0.258, 0.014), (-5.852, 0.79, 0.096), (-5.396, -1.224, 0.078))
+    size = 5.0  # a surface like one of a program of old, a little larger
+    surface = RuledSurface(
+        *(Bezier(tuple(tuple(size * c for c in p) for p in points)) for points in (upper, lower))
+    )
+    assert normal_turns_deg(surface).max() > 110.0
+    placed = place(surface, Cutter(1.5, 0.0, 0.0), Strategy.OPTIMAL)
+    off = off_by_brute_force(surface, placed, 1.5)
+    print(f"{1e3 * off.min():.1f} to {1e3 * off.max():.1f} um")
+    assert np.abs(off).max() < 0.05
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(4))
+def test_a_tool_is_on_its_side_of_every_point(seed: int) -> None:
+    surface, radius = blade(seed)
+    placed = place(surface, Cutter(radius, 0.0, 0.0), Strategy.OPTIMAL)
+    for u in np.linspace(0.01, 0.99, 33):
+        pose = placed.pose(float(u), radius)
+        for v in (0.1, 0.5, 0.9):
+            away = np.array(pose.tip) - np.array(surface.point(float(u), v))
+            away -= (away @ np.array(pose.axis)) * np.array(pose.axis)
+            rate = (1.0 - v) * np.array(surface.upper.derivative(u)) + v * np.array(
+                surface.lower.derivative(u)
+            )
+            out = np.cross(rate, np.array(surface.ruling(u)))
+            assert math.copysign(1.0, radius) * (out @ away) > 0.0
+
+
+def test_the_basis_sums_up_to_one_and_gives_a_polynomial_back() -> None:
+    basis = Basis.over(in_parts(example_2()[0], [0.4]), 7)
+    t = np.linspace(0.0, 1.0, 101)
+    values, _ = basis.values(t)
+    assert values.sum(axis=1) == pytest.approx(np.ones(101), abs=1e-9)
+    slopes, first = basis.values(np.clip(t, 1e-6, 1.0 - 1e-6), 1)
+    points = np.random.default_rng(2).normal(size=(basis.size, 3))
+    curve, at = basis.curve(points), first[:, None] + np.arange(basis.width)
+    for i in (3, 40, 77):
+        assert curve.at(float(t[i])) == pytest.approx(basis.at(t[i : i + 1], points)[0], abs=1e-12)
+        assert curve.derivative(float(t[i])) == pytest.approx(slopes[i] @ points[at[i]], abs=1e-8)
+
+
+@pytest.mark.parametrize("count", [52, 120, 124])
+def test_the_least_largest_residual_is_that_of_a_linear_program(count: int) -> None:
+    dice, rows, width = np.random.default_rng(count), 300, 24
+    first = 4 * dice.integers(0, (count - width) // 4 + 1, rows)
+    values, y = dice.normal(size=(rows, width)), dice.normal(size=rows) + 1.0
+    both = dice.uniform(size=rows) < 0.8
+    whole = np.zeros((rows, count))
+    for i, at in enumerate(first):
+        whole[i, at : at + width] = values[i]
+    banded = Rows.of(values, first, count)
+    price = banded.squares(np.zeros(rows)).scaled(0.0, 1e-7)
+    x = least_largest(banded, y, both, price, np.zeros(count))
+    rest = y + whole @ x
+    found = max(float(np.abs(rest[both]).max()), -float(rest.min()))
+    limits = np.vstack(
+        [np.hstack([whole[both], -np.ones((both.sum(), 1))]), np.hstack([-whole, -np.ones((rows, 1))])]
+    )
+    wanted = linprog(
+        np.append(np.zeros(count), 1.0),
+        A_ub=limits,
+        b_ub=np.concatenate([-y[both], y]),
+        bounds=[(None, None)] * count + [(0.0, None)],
+    ).fun
+    assert wanted <= found + 1e-9 and found <= 1.005 * wanted + 1e-4
