@@ -157,6 +157,25 @@ def _spline(breaks: Array, spans: Array) -> BSpline:
     return BSpline(tuple(breaks.tolist()), made, (), (SMOOTH,) * (len(spans) - 1))
 
 
+def turn_of(surfaces: Sequence[Surface]) -> float:
+    """By how much (rad) the edge, or the ruling, that turns most turns along a row of surfaces."""
+    u = np.linspace(0.0, 1.0, PLACES)
+    turns = np.zeros(3)
+    for surface in surfaces:
+        for k, curve in enumerate((surface.lower, surface.upper)):
+            turns[k] += _turn(np.diff(rows(curve.at(u, np), u.shape), axis=1).T)
+        turns[2] += _turn(rows(surface.ruling(u, np), u.shape).T)
+    return float(turns.max())
+
+
+def _turn(ways: Array) -> float:
+    """Of a row of vectors (N, 3), those of no length left out."""
+    size = np.sqrt((ways * ways).sum(axis=1))
+    unit = ways[size > STILL * size.mean()]
+    unit = _unit(unit)
+    return float(np.arccos(np.clip((unit[1:] * unit[:-1]).sum(axis=1), -1.0, 1.0)).sum())
+
+
 def _unit(v: Array) -> Array:
     return np.asarray(v / np.maximum(np.sqrt((v * v).sum(axis=-1, keepdims=True)), 1e-300))
 

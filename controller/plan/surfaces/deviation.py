@@ -19,7 +19,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 import numpy.typing as npt
 
-from controller.geometry.arrays import rows
+from controller.geometry.arrays import distinct, rows
 from controller.geometry.placement import Placed
 from controller.geometry.surfaces import Surface
 from controller.geometry.vectors import Pose, Vector, dot, scale, subtract
@@ -81,17 +81,26 @@ class Contacts(NamedTuple):
     nearest: Mask  # (M,) whether no other one of its point comes nearer
 
 
-def contacts(placed: Flank, at: Array, within_mm: float) -> Contacts:
-    """Of the points ``at`` (3, N): the nearest contact, and others that leave no more than ``within_mm``."""
-    u = np.linspace(0.0, 1.0, SEARCHED)
-    gap = _gaps_of(placed, u, at) - abs(placed.offset_mm)
-    before, behind = np.full_like(gap, np.inf), np.full_like(gap, np.inf)
-    before[1:], behind[:-1] = gap[:-1], gap[1:]
-    # A dip between two samples may be deeper than both of them.
-    dips = (gap <= before) & (gap < behind)
-    dips &= gap <= np.maximum(gap.min(axis=0), within_mm + NEAR_MM)
-    k, point = np.nonzero(dips)
-    seen = of(placed, at[:, point], u[k], 1.0 / (SEARCHED - 1))
+def contacts(placed: Flank, at: Array, within_mm: float, own: Array, reach: float) -> Contacts:
+    """Of the points ``at`` (3, N): the nearest contact, and others that leave no more than ``within_mm``.
+
+    ``own`` (N,): the places of their own rulings, of which those up to ``reach`` away are looked at.
+    """
+    windows = max(1, math.ceil(0.5 / reach))
+    wide = 1.0 / windows
+    window = np.minimum((own * windows).astype(np.intp), windows - 1)
+    found = [
+        _dips(
+            placed,
+            at,
+            np.flatnonzero(window == k),
+            (k * wide - reach, (k + 1) * wide + reach),
+            within_mm,
+        )
+        for k in distinct(window)
+    ]
+    point, places, step = (np.concatenate(each) for each in zip(*found, strict=True))
+    seen = of(placed, at[:, point], places, step)
     order = np.lexsort((seen.left, point))
     first = np.zeros(len(point), dtype=bool)
     first[order[np.concatenate(([True], point[order][1:] != point[order][:-1]))]] = True
@@ -99,7 +108,22 @@ def contacts(placed: Flank, at: Array, within_mm: float) -> Contacts:
     return Contacts(point[kept], Deviation(*(value[..., kept] for value in seen)), first[kept])
 
 
-def of(placed: Flank, at: Array, near: Array | None = None, reach: float = 1.0) -> Deviation:
+def _dips(
+    placed: Flank, at: Array, points: Index, window: tuple[float, float], within_mm: float
+) -> tuple[Index, Array, Array]:
+    """Positions in a window, with their step, where the flank dips towards some of the points; and these."""
+    u = np.linspace(max(window[0], 0.0), min(window[1], 1.0), SEARCHED)
+    gap = _gaps_of(placed, u, at[:, points]) - abs(placed.offset_mm)
+    before, behind = np.full_like(gap, np.inf), np.full_like(gap, np.inf)
+    before[1:], behind[:-1] = gap[:-1], gap[1:]
+    # A dip between two samples may be deeper than both of them.
+    dips = (gap <= before) & (gap < behind)
+    dips &= gap <= np.maximum(gap.min(axis=0), within_mm + NEAR_MM)
+    k, n = np.nonzero(dips)
+    return points[n], u[k], np.full(len(k), u[1] - u[0])
+
+
+def of(placed: Flank, at: Array, near: Array | None = None, reach: float | Array = 1.0) -> Deviation:
     """Of the points ``at`` (3, N); ``near`` (N,): where to look first, and no further off than ``reach``.
 
     The least of the distance is found by parabolas: at the least its place counts in the

@@ -29,14 +29,17 @@ from controller.geometry.arrays import rows
 from controller.geometry.placement import Placed
 from controller.geometry.vectors import Pose
 from controller.plan.surfaces import deviation
-from controller.plan.surfaces.axis_curves import Basis
+from controller.plan.surfaces.axis_curves import Basis, turn_of
 from controller.plan.surfaces.banded_rows import Banded, Rows, least_largest, least_squares
 
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.intp]
 Mask = npt.NDArray[np.bool_]
 
-SPANS = (8, 16, 32)  # tried in turn, over a surface
+SPANS, PER_RAD = 8, 3.0  # the first, and those for a radian by which an edge or the ruling turns, if more
+FINER = (2, 4)  # times as many are tried in turn
+MOST_SPANS = 64
+REACH_SPANS = 8  # so far along from its own ruling a point may be cut
 GAIN = 0.05  # share of the deviation that more spans must gain, or there are no more
 PER_SPAN, ACROSS = 5, 13  # points of the surface that are looked at
 ALONG = 65  # at least
@@ -108,6 +111,7 @@ class _Axis:
     basis: Basis
     upper: Array  # (size, 3)
     lower: Array
+    per_bend: float  # of the price of bends
 
     @property
     def offset_mm(self) -> float:
@@ -180,7 +184,7 @@ class _Axis:
         third = [np.einsum("nw,nwc->cn", values, points[at]) for points in (self.upper, self.lower)]
         rows = made.reshape(6 * len(values), -1)
         bends = Rows.of(rows, np.tile(UNKNOWNS * first, 6), UNKNOWNS * basis.size)
-        weights = BEND_PRICE * np.tile(weights, 6)
+        weights = BEND_PRICE * self.per_bend * np.tile(weights, 6)
         pull = bends.transposed(weights * np.concatenate(third).ravel())
         return bends.squares(weights).scaled(1.0, DRIFT_PRICE), pull
 
@@ -198,7 +202,8 @@ class _Seen:
 
     @staticmethod
     def of(axis: _Axis, points: Points) -> _Seen:
-        found = deviation.contacts(axis, points.at, WITHIN_MM)
+        reach = REACH_SPANS / len(axis.basis.starts)
+        found = deviation.contacts(axis, points.at, WITHIN_MM, points.t, reach)
         return _Seen(found, points.per_normal(found.seen, found.of))
 
     @property
@@ -230,9 +235,14 @@ class Found(NamedTuple):
 def found(singles: Sequence[Placed], starts: Sequence[Sequence[Placed]]) -> Found | None:
     """The best axis that is found for a row of joined surfaces, each placed as the paper does.
 
-    ``starts``: the same as other placements have it. None where no axis is on the right side.
+    ``starts``: the same as other placements have it. None where no axis is on the right side, or the curves
+    cannot be fitted to any.
     """
-    return _Search(singles).found(starts)
+    try:
+        with np.errstate(all="ignore"):
+            return _Search(singles).found(starts)
+    except np.linalg.LinAlgError:
+        return None
 
 
 class _Search:
@@ -241,9 +251,14 @@ class _Search:
     def __init__(self, singles: Sequence[Placed]) -> None:
         self._singles = singles
         self._surfaces = [one.base for one in singles]
+        turned = math.ceil(PER_RAD * turn_of(self._surfaces))
+        self._fewest = min(max(SPANS, turned), MOST_SPANS)
+        self._per_bend = (SPANS / self._fewest) ** 6  # bends are as steep as the surface is long
 
     def found(self, starts: Sequence[Sequence[Placed]]) -> Found | None:
-        basis = Basis.over(self._surfaces, SPANS[0])
+        """As ``found``; raises LinAlgError."""
+        fewest = self._fewest
+        basis = Basis.over(self._surfaces, fewest)
         points = self._points(basis)
         sound = [one for one in self._starts(basis, starts, points) if self._is_right(one[0], points)]
         tried = [self._steps(axis, points, _largest) for axis in _different(sound)]
@@ -251,9 +266,9 @@ class _Search:
         if not right:
             return None
         best, least = self._settled(min(right, key=itemgetter(1))[0], points)
-        for spans in SPANS[1:]:
+        for spans in (times * fewest for times in FINER if times * fewest <= MOST_SPANS):
             basis = Basis.over(self._surfaces, spans)
-            start = _fitted(best.single, basis, _poses_of(best, basis))
+            start = _fitted(best.single, basis, _poses_of(best, basis), self._per_bend)
             axis, size = self._settled(start, self._points(basis))
             gained = least - size
             if gained > 0.0 and self._is_right(axis, points):
@@ -261,6 +276,8 @@ class _Search:
             if gained < GAIN * size:
                 break
         best = self._levelled(best, least)
+        if not self._is_right(best, points):
+            return None
         parts = enumerate(self._singles)
         placed = (
             replace(one, through=(best.basis.part(k, best.upper), best.basis.part(k, best.lower)))
@@ -281,14 +298,15 @@ class _Search:
         edges = [deviation.points(one, u, np.ones(u.shape)) for one in self._singles]
         seen = deviation.of(axis, np.concatenate(edges, axis=1))
         height = seen.height - axis.shift_mm
-        up = _fit(axis.basis, seen.at_u, height[:, None], LEVEL_PRICE)
+        up = _fit(axis.basis, seen.at_u, height[:, None], LEVEL_PRICE * axis.per_bend)
         for more in LEVEL_SPANS:
             basis = Basis.over(self._surfaces, more * len(axis.basis.starts))
             t, upper, lower = _poses_of(axis, basis)
             along = axis.basis.at(t, up)
             if float(np.abs(along).max()) > 2.0 * float(np.abs(height).max()):
                 break  # where nothing of C1 is cut the height runs away
-            made = _fitted(axis.single, basis, (t, upper, lower + along * _unit(upper - lower)))
+            level = lower + along * _unit(upper - lower)
+            made = _fitted(axis.single, basis, (t, upper, level), axis.per_bend)
             if self._judged(made) <= size + SAME_MM:
                 return made
         return axis
@@ -300,7 +318,9 @@ class _Search:
         self, basis: Basis, starts: Sequence[Sequence[Placed]], points: Points
     ) -> Iterator[tuple[_Axis, float]]:
         for placed in starts:
-            yield self._steps(_fitted(self._singles[0], basis, _poses_on(placed, basis)), points, _squares)
+            yield self._steps(
+                _fitted(self._singles[0], basis, _poses_on(placed, basis), self._per_bend), points, _squares
+            )
         yield self._grown(basis, points)
 
     def _grown(self, basis: Basis, points: Points) -> tuple[_Axis, float]:
@@ -315,7 +335,7 @@ class _Search:
             )
             for one in self._singles
         ]
-        axis = _fitted(on[0], basis, _poses_on(on, basis))
+        axis = _fitted(on[0], basis, _poses_on(on, basis), self._per_bend)
         for share in GROWN:
             axis = replace(axis, single=replace(single, offset_mm=share * single.offset_mm))
             axis, size = self._steps(axis, points, _squares)
@@ -336,7 +356,10 @@ class _Search:
 
     def _judging(self, axis: _Axis) -> tuple[Points, Array]:
         """Many points, and how far off they are."""
-        fine = Points.of(self._singles, axis.basis.tops, *FINE)
+        along, across = FINE
+        fine = Points.of(
+            self._singles, axis.basis.tops, max(along, PER_SPAN * len(axis.basis.starts)), across
+        )
         return fine, np.abs(_Seen.of(axis, fine).of_points)
 
     def _judged(self, axis: _Axis) -> float:
@@ -470,11 +493,11 @@ def _poses_of(axis: _Axis, basis: Basis) -> Poses:
     return t, *axis.at(t)
 
 
-def _fitted(single: Placed, basis: Basis, poses: Poses) -> _Axis:
+def _fitted(single: Placed, basis: Basis, poses: Poses, per_bend: float) -> _Axis:
     """The curves of a basis that are nearest to some poses."""
     t, upper, lower = poses
-    points = _fit(basis, t, np.concatenate((upper, lower), axis=1), FIT_PRICE)
-    return _Axis(single, basis, points[:, :3], points[:, 3:])
+    points = _fit(basis, t, np.concatenate((upper, lower), axis=1), FIT_PRICE * per_bend)
+    return _Axis(single, basis, points[:, :3], points[:, 3:], per_bend)
 
 
 def _fit(basis: Basis, t: Array, values: Array, price: float) -> Array:

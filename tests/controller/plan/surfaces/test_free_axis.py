@@ -184,3 +184,19 @@ def test_the_least_largest_residual_is_that_of_a_linear_program(count: int) -> N
         bounds=[(None, None)] * count + [(0.0, None)],
     ).fun
     assert wanted <= found + 1e-9 and found <= 1.005 * wanted + 1e-4
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("waves", [3, 6])
+def test_a_long_wall_that_winds_has_spans_enough(waves: int) -> None:
+    at, rails = np.linspace(0.0, 1.0, 60), []
+    for lag, height in ((0.6, 25.0), (0.0, 0.0)):
+        sway = 6.0 * np.sin(2.0 * math.pi * waves * at + lag)
+        rail = make_interp_spline(at, np.stack([220.0 * at, sway, 0.0 * at + height], axis=1), 3)
+        rails.append(BSpline.of(4, rail.t.tolist(), [tuple(map(float, p)) for p in rail.c]))
+    surface, cutter = RuledSurface(*rails), Cutter(2.0, 0.0, 0.0)
+    double, best = (
+        off_mm(surface, place(surface, cutter, s), 2.0) for s in (Strategy.DOUBLE, Strategy.OPTIMAL)
+    )
+    print(f"{1e3 * double:.1f} um, {1e3 * best:.1f}")
+    assert best < 0.3 * double
