@@ -39,6 +39,8 @@ POINTS = (49, 11)  # along and across
 POSES = 241
 STARTS = 6  # the motion that was found, the offset normals, and some way off both
 STEPS = 30
+NOTHING_MM = 2e-5  # off: nothing is sought below that
+MOST_TURNS = 5000  # of one linear program
 SETTLED = 2e-3  # gain of a step, as a share, below which a search ends
 OWN_POINTS, OWN_POSES = (129, 25), 2001
 BELOW_UPPER = 0.02  # of the ruling: at C0 itself there may be no normal
@@ -195,7 +197,7 @@ class _Motion:
         points = _points(self.placed, *grid(*POINTS, INSIDE))
         motion, y, reach = self, self.sweep(points, POSES), 1.0
         least = float(np.abs(y).max())
-        for _ in range(STEPS):
+        for _ in range(STEPS if least > NOTHING_MM else 0):
             trial = motion.moved(self.scale * motion._step(points, y, reach))
             there = trial.sweep(points, POSES)
             now = float(np.abs(there).max())
@@ -206,18 +208,26 @@ class _Motion:
                 continue
             gained, motion, y, least = least - now, trial, there, now
             reach = min(1.0, 2.0 * reach)
-            if gained < SETTLED * least and reach > 0.01:
+            if least < NOTHING_MM or (gained < SETTLED * least and reach > 0.01):
                 break
         return motion
 
     def _step(self, points: Array, y: Array, reach: float) -> Array:
         """The step (in scales, none beyond ``reach``) that makes the largest of |y + slopes step| least."""
-        slopes = self.scale * self._slopes(points)
+        size = float(np.abs(y).max())
+        slopes, y = self.scale * self._slopes(points) / size, y / size
         one = np.ones((len(y), 1))
         limits = [(-reach, reach)] * slopes.shape[1] + [(0.0, None)]
         cost = np.append(np.zeros(slopes.shape[1]), 1.0)
         rows = np.block([[slopes, -one], [-slopes, -one]])
-        found = linprog(cost, A_ub=rows, b_ub=np.concatenate([-y, y]), bounds=limits, method="highs")
+        found = linprog(
+            cost,
+            A_ub=rows,
+            b_ub=np.concatenate([-y, y]),
+            bounds=limits,
+            method="highs",
+            options={"maxiter": MOST_TURNS},
+        )
         return np.zeros(slopes.shape[1]) if found.x is None else np.asarray(found.x[:-1])
 
     def _slopes(self, points: Array) -> Array:
