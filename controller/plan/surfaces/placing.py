@@ -138,10 +138,11 @@ def searched(wanted: Wanted) -> Mapping[str, placements.Recipe]:
 
 
 def off_mm(row: Row, strategy: Strategy) -> float:
-    """How far a placement (not ``AUTO``) leaves a surface of one part off at most but for its ends, mm."""
-    (placed,) = row.placed(strategy)
-    made = placed if isinstance(placed, Placed) else as_the_paper(placed, row.cutter)
-    return _Judge(made, *(FINE if made.through is not None else ())).inner(made)
+    """How far a placement (not ``AUTO``) leaves the surfaces of a row off at most but for their ends, mm."""
+    placed = (
+        one if isinstance(one, Placed) else as_the_paper(one, row.cutter) for one in row.placed(strategy)
+    )
+    return max(_Judge(one, *(FINE if one.through is not None else ())).inner(one) for one in placed)
 
 
 def as_the_paper(surface: Surface, cutter: Cutter) -> Placed:
