@@ -56,7 +56,6 @@ DESK: dict[str, tuple[str, str]] = {
         "check d --report out.html",
     ),
     "check PROGRAM": ("", f"check {EXAMPLE}"),
-    "check part.ngc": (f"cp {EXAMPLE} part.ngc", ""),
     "compare A B": ("", f"compare {RUN} {RUN}"),
     "compare A B [--tolerance T]": ("", f"compare {RUN} {RUN} --tolerance 0.001"),
     "demo": ("", ""),
@@ -99,7 +98,6 @@ DESK: dict[str, tuple[str, str]] = {
     ),
     "verify PROGRAM": ("", f"verify {EXAMPLE}"),
     "verify PROGRAM --plot cut.png": ("", f"verify {EXAMPLE} --plot cut.png"),
-    "verify part.ngc": (f"cp {EXAMPLE} part.ngc", ""),
     "verify t.npz --program PROGRAM": (
         f"directrix simulate {EXAMPLE} --trace t.npz",
         f"verify t.npz --program {EXAMPLE}",
@@ -167,7 +165,8 @@ ELSEWHERE: dict[str, tuple[str, str]] = {
             "--hours 8 --period-ms 1 --report after.html",
         )
     },
-    "import part.step --list": ("controller/cli/test_cad.py", '"--list"'),
+    "import part.step --list --plot part.svg": ("controller/cli/test_cad.py", '"--plot"'),
+    "import wheel.step --faces blades --turn X90 --verify": ("controller/cli/test_cad.py", '"--verify"'),
     "import part.step --faces 3,7,4 --turn X90 --move 0,0,12 --feed 400 --out part.ngc": (
         "controller/cli/test_cad.py",
         '"--turn"',

@@ -160,8 +160,8 @@ def test_a_program_without_surfaces_has_nothing_to_verify(tmp_path: Path) -> Non
 def test_with_bound_each_placed_surface_has_the_best_of_another_search_beside_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(bound, "CENTRES", 2)
-    monkeypatch.setattr(bound, "HALVES", (0.1,))
+    monkeypatch.setattr(bound, "STARTS", 2)
+    monkeypatch.setattr(bound, "STEPS", 6)
     part = tmp_path / "part.ngc"
     part.write_text(small(2))
     code, found = run(part, "--bound", "--gouge", "warn")
