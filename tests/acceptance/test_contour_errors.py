@@ -18,7 +18,7 @@ from controller.state.modes import Fault, Request
 
 FEEDS = (500, 1000, 2000, 3000, 6000)
 FORTY = "at 2.5 s: drop rpdo Y x 40"
-BATCH = 25
+BATCH = 100
 
 
 def assert_all_told(seed: int, count: int) -> None:
@@ -29,7 +29,7 @@ def assert_all_told(seed: int, count: int) -> None:
     assert len(found) == count
     wrong = [(one.tick, one.faults, one.wrong) for one in found if one.wrong]
     assert not wrong, (name, feed, wrong)
-    assert any(one.judged.long for one in found if one.judged is not None)
+    assert sum(one.judged.long for one in found if one.judged is not None) > count // 20
 
 
 def test_what_lost_setpoints_cost_is_told_with_place_and_axis() -> None:
@@ -37,7 +37,7 @@ def test_what_lost_setpoints_cost_is_told_with_place_and_axis() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("batch", range(400))
+@pytest.mark.parametrize("batch", range(100))
 def test_ten_thousand_losses_are_told(batch: int) -> None:
     assert_all_told(1000 + batch, BATCH)
 
