@@ -42,7 +42,7 @@ from controller.machine.model import (
 )
 from controller.machine.reading import read_alone
 from controller.machine.toml_table import ConfigError, Table
-from controller.messages import Said, of_error, said
+from controller.messages import of_error, said
 
 FILE = "fitting.json"
 IN_SPINDLE = "in_spindle"
@@ -84,27 +84,6 @@ def sound(values: Any, file: Path) -> dict[str, Any]:
 def save(state: Path, values: Values) -> None:
     """Keep it, whole or not at all. Raises OSError."""
     sealed_file.write(state / FILE, values)
-
-
-def in_spindle(state: Path) -> int:
-    """Number of the tool that is in the spindle: T1 where nobody has changed it yet; 0 = not known."""
-    try:
-        return int(sealed_file.read(state / IN_SPINDLE))
-    except FileNotFoundError:
-        return TOOL_AT_POWER_ON
-    except (OSError, ValueError, TypeError):
-        return 0
-
-
-def not_in_spindle(state: Path) -> Said | None:
-    """Why nobody can read which tool is in the spindle; None where that can be read."""
-    try:
-        int(sealed_file.read(state / IN_SPINDLE))
-    except FileNotFoundError:
-        return None
-    except (OSError, ValueError, TypeError) as error:
-        return of_error(error)
-    return None
 
 
 def put_in(state: Path, number: int) -> None:

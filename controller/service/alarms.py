@@ -80,6 +80,12 @@ class Alarms:
         known = self._known.copy()
         return [known[number] for number in sorted(known, reverse=True)[:SHOWN]]
 
+    def unconfirmed(self, name: str) -> dict[str, Any] | None:
+        """The oldest alarm of a name that nobody has acknowledged, however many came after it."""
+        known = self._known.copy()
+        found = (known[number] for number in sorted(known))
+        return next((one for one in found if one["name"] == name and one["acknowledged_s"] is None), None)
+
     def _keep(self, alarm: dict[str, Any]) -> None:
         self._known[alarm["id"]] = alarm
         while len(self._known) > KEPT:

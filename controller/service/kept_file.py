@@ -5,6 +5,7 @@ Then the generation before counts, if that is whole; without one, what is there 
 
 from __future__ import annotations
 
+import contextlib
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -20,28 +21,57 @@ T = TypeVar("T")
 
 
 def read(file: Path, taken: Callable[[Any], T], missing: T) -> tuple[T, Said | None]:
-    """What ``taken`` makes of a file's values, else of those before them, else ``missing``; and what an
-    alarm says where it is not the first.
+    """What ``taken`` makes of a file's values, else of the generation before, which then is the file's, else
+    ``missing``; and what an alarm says where it is not the first.
     """
+    values, why = _newest(file, taken, missing)
+    if why is None:
+        return values, None
+    earlier = sealed_file.before(file)
+    try:
+        plain, at_s = sealed_file.read(earlier), sealed_file.written_s(earlier)
+        values = taken(plain)
+    except WRONG:
+        own_files.put_aside(earlier)
+        return missing, put_aside(file, why)
+    at = time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(at_s))
+    return values, said("file_before", file=file, why=why, aside=_replaced(file, plain), at=at)
+
+
+def read_newest(file: Path, taken: Callable[[Any], T], missing: T, unknown: Any) -> tuple[T, Said | None]:
+    """Likewise of what is wrong where it is not the newest: instead of the generation before, and from then
+    on in the file, there is ``unknown``, as a file has it.
+    """
+    values, why = _newest(file, taken, missing)
+    if why is None:
+        return values, None
+    return taken(unknown), said("file_damaged", file=file, why=why, aside=_replaced(file, unknown))
+
+
+def _newest(file: Path, taken: Callable[[Any], T], missing: T) -> tuple[T, Said | None]:
+    """What ``taken`` makes of the newest generation, and None; or ``missing`` and why it is not to be had."""
     try:
         return taken(sealed_file.read(file)), None
     except FileNotFoundError:
-        if not sealed_file.before(file).exists():
-            return missing, None
-        return _before(file, taken, missing, said("sealed.gone"))
+        return missing, said("sealed.gone") if sealed_file.before(file).exists() else None
     except WRONG as error:
-        return _before(file, taken, missing, of_error(error))
+        return missing, of_error(error)
 
 
-def _before(file: Path, taken: Callable[[Any], T], missing: T, why: Said) -> tuple[T, Said]:
-    earlier = sealed_file.before(file)
-    try:
-        values, at_s = taken(sealed_file.read(earlier)), sealed_file.written_s(earlier)
-    except WRONG:
-        return missing, put_aside(file, why)
+def _replaced(file: Path, values: Any) -> str:
+    """Puts ``values`` in the place of a damaged file, and names where that one is now.
+
+    Where the disk takes none it stays where it is, to be found damaged again: never is no file in its place.
+    """
     aside = own_files.put_aside(file)
-    at = time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(at_s))
-    return values, said("file_before", file=file, why=why, aside=aside.name if aside else "-", at=at)
+    try:
+        sealed_file.write(file, values)
+    except OSError:
+        if aside is not None:
+            with contextlib.suppress(OSError):
+                own_files.rename(aside, file)
+        return file.name
+    return aside.name if aside is not None else "-"
 
 
 def put_aside(file: Path, why: Exception | Said | str) -> Said:

@@ -76,11 +76,9 @@ def changer_is_sure(service: Service, title: str) -> None:
 
 def damage_is_confirmed(service: Service, title: str) -> None:
     """What was found damaged in the state folder has been looked at. Raises CommandRefused."""
-    for alarm in service.alarms.list():
-        if alarm["name"] == kept_file.ALARM and alarm["acknowledged_s"] is None:
-            what = {"key": alarm["key"], "values": alarm["values"]}
-            mode = service.processes.now().mode.name
-            raise refused("damage_not_confirmed", mode, title, number=alarm["id"], what=what)
+    if (alarm := service.alarms.unconfirmed(kept_file.ALARM)) is not None:
+        what, mode = {"key": alarm["key"], "values": alarm["values"]}, service.processes.now().mode.name
+        raise refused("damage_not_confirmed", mode, title, number=alarm["id"], what=what)
 
 
 def stands_still(service: Service, job: Job, title: str) -> None:

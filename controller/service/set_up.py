@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 from controller.machine import setup_data
 from controller.machine.changes import Change, laid
-from controller.machine.model import Machine, Tool
+from controller.machine.model import TOOL_AT_POWER_ON, Machine, Tool
 from controller.machine.toml_table import ConfigError
 from controller.messages import of_error, said
 from controller.service import kept_file
@@ -40,9 +40,9 @@ class SetUp:
         values, damaged = kept_file.read(kept, lambda found: setup_data.sound(found, kept), none)
         setup_data.note(state, file)
         self._fitted = Fitted(self.applied(values), values)  # replaced as a whole
-        self.tool, tool_damaged = setup_data.in_spindle(state), None  # number of the one there; 0: not known
-        if not self.tool and (why := setup_data.not_in_spindle(state)) is not None:
-            tool_damaged = kept_file.put_aside(state / setup_data.IN_SPINDLE, why)
+        spindle = state / setup_data.IN_SPINDLE
+        # Number of the one there: T1 where nobody has changed it yet; 0: not known.
+        self.tool, tool_damaged = kept_file.read_newest(spindle, int, TOOL_AT_POWER_ON, 0)
         self.damaged = tuple(one for one in (damaged, tool_damaged) if one is not None)
         self.lock = threading.Lock()  # taken before that of a run
 

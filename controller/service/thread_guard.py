@@ -50,9 +50,8 @@ class ThreadGuard:
 
     def __init__(self, state: Path) -> None:
         self._file = state / FILE
-        self.found, self.damaged = kept_file.read(self._file, _taken, None)
-        if self.damaged is not None:
-            self.found = self.found or InThread(0.0, 0.0, 0, "")  # it was in one, and nobody knows how far
+        unknown = InThread(0.0, 0.0, 0, "")  # it was in one, and nobody knows how far
+        self.found, self.damaged = kept_file.read_newest(self._file, _taken, None, unknown._asdict())
         self._saved = self.found
 
     def look(self, now: Snapshot, program: str) -> None:

@@ -105,3 +105,29 @@ def test_where_a_file_is_damaged_the_one_before_counts_and_is_reported(tmp_path:
     file.unlink()
     values, alarm = kept_file.read(file, lambda found: found, None)
     assert values == FIRST and alarm is not None and alarm["key"] == "file_before"
+
+
+def test_what_counts_instead_of_a_damaged_file_is_in_it_from_then_on(tmp_path: Path) -> None:
+    file = written(tmp_path)
+    file.write_bytes(file.read_bytes()[:-9])
+    assert kept_file.read(file, lambda found: found, None)[1] is not None
+    assert kept_file.read(file, lambda found: found, None) == (FIRST, None), "no second alarm of it"
+    file.write_bytes(file.read_bytes()[:-9])
+    assert kept_file.read_newest(file, lambda found: found, None, 0)[0] == 0
+    assert kept_file.read_newest(file, lambda found: found, None, 0) == (0, None)
+
+
+def test_where_the_disk_takes_nothing_a_damaged_file_stays_to_be_found_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file = written(tmp_path)
+    sealed_file.before(file).unlink()
+    file.write_bytes(file.read_bytes()[:-9])
+
+    def full(*_: object) -> None:
+        raise OSError("full")
+
+    monkeypatch.setattr(sealed_file, "write", full)
+    for _ in range(2):
+        found, alarm = kept_file.read_newest(file, lambda found: found, 1, 0)
+        assert found == 0 and alarm is not None

@@ -44,3 +44,13 @@ def test_no_flip_of_a_bit_changes_what_an_alarm_says(tmp_path: Path) -> None:
         file.write_bytes(flipped)
         found, damaged = alarms._read(file)
         assert damaged is not None or found == known[0], bytes(flipped)
+
+
+def test_an_alarm_that_waits_to_be_confirmed_is_found_after_many_others(tmp_path: Path) -> None:
+    known = Alarms(tmp_path)
+    first = known.add("FILE_DAMAGED", said("stopped"))
+    for _ in range(alarms.SHOWN + 10):
+        known.add("OTHER", said("stopped"))
+    assert known.unconfirmed("FILE_DAMAGED") == first
+    known.acknowledge(first["id"])
+    assert known.unconfirmed("FILE_DAMAGED") is None

@@ -44,6 +44,16 @@ def test_a_file_that_cannot_be_read_is_a_tool_in_a_thread(tmp_path: Path) -> Non
     assert ThreadGuard(tmp_path).found == InThread(0.0, 0.0, 0, "")
 
 
+def test_a_depth_that_was_known_before_is_not_taken_for_the_one_that_is_damaged(tmp_path: Path) -> None:
+    """A tap that is one turn deeper than it is withdrawn breaks."""
+    guard = ThreadGuard(tmp_path)
+    for turns in (0.5, 3.7, 7.2):
+        guard.look(at(turns), "part.ngc")
+    (tmp_path / FILE).write_bytes((tmp_path / FILE).read_bytes()[:-9])
+    for _ in range(2):
+        assert ThreadGuard(tmp_path).found == InThread(0.0, 0.0, 0, ""), "also to the service after that"
+
+
 @pytest.mark.parametrize(("way", "share"), [("M3", 0.6), ("M4", 0.25)])
 def test_a_stop_in_the_thread_is_turned_out_along_it(way: str, share: float, tmp_path: Path) -> None:
     program = PROGRAM.format(way=way)

@@ -16,6 +16,8 @@ from controller.plan.stretch import Pause
 from controller.program.program import Act
 from controller.runtime import checked
 from controller.runtime.stepped import SteppedMachine
+from controller.service.alarms import Alarms
+from controller.service.set_up import SetUp
 
 TRUNNION = shipped()
 CLAMPED = mill()
@@ -85,8 +87,16 @@ def test_a_run_stands_at_the_change_until_the_operator_goes_on() -> None:
 
 
 def test_the_tool_in_the_spindle_is_known_after_a_loss_of_power(tmp_path: Path) -> None:
-    assert setup_data.in_spindle(tmp_path) == 1
+    def known() -> int:
+        """By the next service."""
+        return SetUp(TRUNNION, tmp_path, Alarms(tmp_path), lambda tool: None).tool
+
+    assert known() == 1
     setup_data.put_in(tmp_path, 3)
-    assert setup_data.in_spindle(tmp_path) == 3
+    assert known() == 3
     (tmp_path / setup_data.IN_SPINDLE).write_text("")
-    assert setup_data.in_spindle(tmp_path) == 0, "what cannot be read is not known"
+    assert known() == 0, "what cannot be read is not known"
+    assert known() == 0, "nor is it to the service after that"
+    setup_data.put_in(tmp_path, 5)
+    (tmp_path / setup_data.IN_SPINDLE).unlink()
+    assert known() == 0, "what is gone is not the tool of a new machine"
