@@ -20,7 +20,7 @@ from controller.api.service_sync import Gatherer
 from controller.api.store import Sizes, Store
 from controller.api.ticks import Latest
 from controller.api.users import REFRESH_S, Users
-from controller.state.record_files import RUNS
+from controller.state.record_files import RECORDINGS, RUNS
 
 _log = logging.getLogger(__name__)
 AGAIN_S = 1.0  # until a work that failed is begun anew
@@ -58,7 +58,7 @@ class Panel:
     @property
     def recordings(self) -> Path:
         """A folder per fault, written by the service."""
-        return self.store.folder / "recordings"
+        return self.store.folder / RECORDINGS
 
     @property
     def run_records(self) -> Path:

@@ -31,7 +31,7 @@ from typing import Annotated, Any
 
 import typer
 
-from controller import own_files
+from controller import messages, own_files
 from controller.api import notice_settings
 from controller.api.database import StoreError
 from controller.api.store import Store
@@ -40,18 +40,14 @@ from controller.cli.host_view import Host
 from controller.ipc import control_socket
 from controller.machine import machine_file, setup_data, tool_store
 from controller.machine.toml_table import ConfigError
-from controller.service import alarms, durations, owners, probed, runs, thread_guard, usage
-from controller.verify.console import Refused, refusals, say, show
+from controller.service import alarms, owners
+from controller.state.record_files import RECORDINGS, RUNS
+from controller.verify.console import Refused, refusals, say, show, spoken
 
-STATE_FILES = (
-    *(owners.JOURNAL, usage.FILE, probed.FILE, alarms.FILE, durations.FILE, thread_guard.FILE),
-    *(setup_data.FILE, tool_store.FILE),
-)
-RECORDINGS = "recordings"
+STATE_FILES = (*owners.SEALED, alarms.FILE, tool_store.FILE)
 LATEST = 3  # runs and faults whose records go along
 LATEST_ROWS = 200  # of runs and alarms
 MAX_BYTES = 64 << 20  # of one record; a larger one is named instead
-KIND = zipfile.ZIP_DEFLATED
 JOURNAL_LINES, JOURNAL_TIMEOUT_S = 5000, 20.0
 BOOT = Path("/proc/sys/kernel/random/boot_id")
 
@@ -70,19 +66,26 @@ def support(
         if not folder.is_dir():
             raise Refused(say("cli.support.no_state", folder=folder))
         missing: list[str] = []
-        with (
-            own_files.new(archive.absolute()) as out,
-            zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED) as file,
-        ):
-            for name, data in _parts(folder, records, missing):
-                file.writestr(name, data)
-            file.writestr("missing.txt", "\n".join([*missing, ""]))
+        _write(archive.absolute(), folder, records, missing)
         size = archive.stat().st_size
         if as_json:
             print(json.dumps({"ok": True, "archive": str(archive), "bytes": size, "missing": missing}))
         else:
             words = say("cli.support.done", archive=archive, mb=f"{size / 1e6:.1f}")
             show.print("\n".join([words, *missing]), markup=False)
+
+
+def _write(archive: Path, folder: Path, records: int, missing: list[str]) -> None:
+    """Whole or not at all. Raises OSError."""
+    half = archive.with_name(f"{archive.name}.part")
+    try:
+        with own_files.new(half) as out, zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED) as file:
+            for name, data in _parts(folder, records, missing):
+                file.writestr(name, data)
+            file.writestr("missing.txt", "\n".join([*missing, ""]))
+        own_files.rename(half, archive)
+    finally:
+        own_files.remove(half)
 
 
 def _parts(folder: Path, records: int, missing: list[str]) -> Iterator[Part]:
@@ -94,7 +97,7 @@ def _parts(folder: Path, records: int, missing: list[str]) -> Iterator[Part]:
         if (folder / name).exists():
             yield from _readable(f"state/{name}", partial(_read, folder / name, folder), missing)
     yield from _readable("store.json", lambda: _json(_stored(folder)), missing)
-    for kind in (runs.FOLDER, RECORDINGS):
+    for kind in (RUNS, RECORDINGS):
         for one in _latest(folder / kind, folder, records):
             yield from _folder(one, folder, missing)
     yield from _folder(folder / internal_error.FOLDER, folder, missing)
@@ -105,14 +108,14 @@ def _parts(folder: Path, records: int, missing: list[str]) -> Iterator[Part]:
 def _readable(name: str, make: Callable[[], bytes], missing: list[str]) -> Iterator[Part]:
     try:
         yield name, make()
-    except (OSError, ValueError, StoreError, ConfigError) as error:
-        missing.append(f"{name}: {error}")
+    except (OSError, ValueError, StoreError, ConfigError, Refused) as error:
+        missing.append(f"{name}: {messages.text(messages.of_error(error), spoken.get())}")
 
 
 def _read(file: Path, within: Path) -> bytes:
-    """Raises OSError, also of what is too large."""
+    """Raises OSError, and Refused for what is too large."""
     if (size := file.lstat().st_size) > MAX_BYTES:
-        raise OSError(f"{size >> 20} MB, of at most {MAX_BYTES >> 20}")
+        raise Refused(say("cli.support.large", size=size >> 20, most=MAX_BYTES >> 20))
     return own_files.read_bytes(file, within, shared=True)
 
 
@@ -137,9 +140,7 @@ def _names(folder: Path, within: Path) -> list[str]:
 
 
 def _machine(folder: Path) -> bytes:
-    if (machine := setup_data.noted(folder)) is None:
-        raise OSError(say("cli.backup.no_machine", folder=folder))
-    return machine_file.alone(machine).encode()
+    return machine_file.alone(setup_data.noted(folder)).encode()
 
 
 def _facts(folder: Path) -> dict[str, Any]:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from controller import own_files
 from controller.machine import arrangement
+from controller.state.record_files import RECORDINGS
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,7 +21,7 @@ class Folders:
     @classmethod
     def within(cls, state: Path) -> Folders:
         """All of it in one folder."""
-        return cls(state, state / "checks", state / "recordings")
+        return cls(state, state / "checks", state / RECORDINGS)
 
     @property
     def arranged(self) -> Path:
