@@ -27,6 +27,7 @@ from controller.service.sequencer import Going
 from controller.service.service import Service
 from controller.state import stop_times
 from controller.state.modes import FAULTS, Mode, Recovery, Request
+from controller.state.record_files import RECORDINGS, RUNS
 from drives.cia402 import State
 
 MARGIN_S = 2.0  # on top of what the tick itself waits
@@ -271,7 +272,7 @@ ROW_BYTES = 24  # of a tick's setpoints
 MAX_ROWS_BYTES = 256 << 20  # a longer run is not kept to its end
 SPARE_BYTES = 64 << 20  # for events, a fault's recording, alarms and the journal
 PROBE_BYTES = 1 << 16
-FOLDERS = ("runs", "recordings", "")  # of the state folder, which itself has alarms and journal
+FOLDERS = (RUNS, RECORDINGS, "")  # of the state folder, which itself has alarms and journal
 
 
 def check_disk(state: Path, job: Job) -> None:

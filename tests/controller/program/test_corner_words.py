@@ -4,49 +4,28 @@ from __future__ import annotations
 
 import math
 import random
-from dataclasses import replace
 from itertools import pairwise
-from typing import Any
 
 import pytest
-from support.machines.traced_programs import mill
+from support.parts import axis_ways
+from support.parts.axis_ways import fanuc_mill
 from support.suite import seed
 
-from controller.machine.kinematics import kinematics_of
-from controller.machine.model import Joints, Machine
-from controller.motion.motions import JointMove
-from controller.plan.lines import moves
-from controller.plan.stretch import Voice
+from controller.machine.model import Machine
 from controller.program import blocks
-from controller.program.position import Position, homed
-from controller.program.program import JointArc, JointLine, ProgramError
+from controller.program.program import ProgramError
 
 Point = tuple[float, float]
 
 
-def machine(**fields: Any) -> Machine:
-    return replace(mill(unset=()), **{"dialect": "fanuc", "without_point": "unit", "spindle": None, **fields})
-
-
 def ways(text: str, on: Machine, plane: tuple[int, int] = (0, 1)) -> list[tuple[str, list[Point]]]:
     """Kind and 65 points, in the plane, of each line and arc at feed, less the work offset."""
-    chain, position, voice = kinematics_of(on), Position(on, homed(on)), Voice("p", lambda _, __: None)
-    origin, found = on.offsets[0].origin, list[tuple[str, list[Point]]]()
-    for block in blocks.stream(text.encode(), on, "p"):
-        now: Joints = tuple(q or 0.0 for q in position.joints())
-        position.take(block)
-        made = None
-        if isinstance(block, JointArc):
-            made = moves.arc(block, on, chain, now, voice)
-        elif isinstance(block, JointLine) and block.feed_mm_s is not None:
-            made = moves.line(block, on, chain, now)
-        if made is not None and isinstance(made.motion, JointMove):
-            rows = [made.motion.curve.at(k / 64) for k in range(65)]
-            points = [
-                (float(p[plane[0]] - origin[plane[0]]), float(p[plane[1]] - origin[plane[1]])) for p in rows
-            ]
-            found.append(("arc" if isinstance(block, JointArc) else "line", points))
-    return found
+    first, second = plane
+    return [
+        ("arc" if way.kind == "arc" else "line", [(point[first], point[second]) for point in way.points])
+        for way in axis_ways.ways(text, on, 64)
+        if way.kind != "rapid"
+    ]
 
 
 def off(point: Point, a: Point, b: Point) -> float:
@@ -77,7 +56,7 @@ def test_corners_of_lines(number: int) -> None:
         words = f"X{u - x:.4f} Y{v - y:.4f}" if relative else f"X{u} Y{v}"
         corner = f" ,{kinds[k][0]}{kinds[k][1]}" if k < 5 else ""
         rows.append(f"G1 {words}{corner}")
-    found = ways("\n".join(rows), machine())
+    found = ways("\n".join(rows), fanuc_mill())
     assert len(found) == 6 + 5
     for k in range(5):
         kind, size = kinds[k]
@@ -118,7 +97,7 @@ def test_corners_of_lines_and_arcs_touch_both(number: int) -> None:
         f"G90 G0 X{start[0]} Y{start[1]} Z5.\nG1 X{radius:.9f} Y0. ,R{size} F500.\n"
         f"{code} X{u:.9f} Y{v:.9f} I{-radius:.9f} J0. ,R{size}\nG1 X{out[0]} Y{out[1]}\n"
     )
-    found = ways(text, machine())
+    found = ways(text, fanuc_mill())
     assert [kind for kind, _ in found] == ["line", "arc", "arc", "arc", "line"]
     for one, two in pairwise(found):
         assert one[1][-1] == pytest.approx(two[1][0], abs=1e-6)
@@ -136,16 +115,16 @@ def _radius(points: list[Point]) -> float:
 
 
 def test_other_planes_units_and_parameters() -> None:
-    found = ways("G18 G0 X0. Y0. Z0.\nG1 Z10. ,R2. F500.\nX10.\n", machine(), (2, 0))
+    found = ways("G18 G0 X0. Y0. Z0.\nG1 Z10. ,R2. F500.\nX10.\n", fanuc_mill(), (2, 0))
     assert found[1][1][0] == pytest.approx((8, 0)) and found[1][1][-1] == pytest.approx((10, 2))
-    found = ways("#1=0.1\nG20 G0 X0. Y0.\nG1 X1. ,C#1 F20.\nY1.\n", machine())
+    found = ways("#1=0.1\nG20 G0 X0. Y0.\nG1 X1. ,C#1 F20.\nY1.\n", fanuc_mill())
     assert found[1][1][0] == pytest.approx((22.86, 0)) and found[1][1][-1] == pytest.approx((25.4, 2.54))
-    found = ways("G0 X0. Y0.\nG1 X10. ,R0 F500.\nY10.\n", machine())
+    found = ways("G0 X0. Y0.\nG1 X10. ,R0 F500.\nY10.\n", fanuc_mill())
     assert len(found) == 2
 
 
 def test_a_cutter_goes_beside_the_rounded_contour() -> None:
-    on, r = machine(), machine().tools[0].radius_mm
+    on, r = fanuc_mill(), fanuc_mill().tools[0].radius_mm
     text = "G0 X-20. Y0.\nG41 D1 G1 X0. Y0. F500.\nX30. ,R5.\nY30.\nG40 X0."
     found = ways(text, on)
     arcs = [points for kind, points in found if kind == "arc"]
@@ -173,10 +152,10 @@ def test_a_cutter_goes_beside_the_rounded_contour() -> None:
 )
 def test_what_has_no_such_corner_is_refused(text: str, key: str) -> None:
     with pytest.raises(ProgramError) as refused:
-        blocks.read(f"G0 X0. Y0. Z0.\n{text}\n".encode(), machine(), "p")
+        blocks.read(f"G0 X0. Y0. Z0.\n{text}\n".encode(), fanuc_mill(), "p")
     assert refused.value.said["key"] == key
 
 
 def test_under_the_other_dialect_it_is_refused() -> None:
     with pytest.raises(ProgramError, match="fanuc"):
-        blocks.read(b"G1 X10. ,R2. F500.\nY10.\n", machine(dialect="rs274"), "p")
+        blocks.read(b"G1 X10. ,R2. F500.\nY10.\n", fanuc_mill(dialect="rs274"), "p")

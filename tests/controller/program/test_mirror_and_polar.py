@@ -5,49 +5,25 @@ from __future__ import annotations
 import math
 import random
 from collections.abc import Sequence
-from dataclasses import replace
-from typing import Any
 
 import pytest
-from support.machines.traced_programs import mill
+from support.parts import axis_ways
+from support.parts.axis_ways import fanuc_mill
 from support.suite import seed
 
-from controller.machine.kinematics import kinematics_of
-from controller.machine.model import Joints, Machine
-from controller.motion.motions import JointMove
-from controller.plan.lines import moves
+from controller.geometry.vectors import Vector
+from controller.machine.model import Machine
 from controller.plan.report import explained
-from controller.plan.stretch import Voice
 from controller.program import blocks
-from controller.program.position import Position, homed
-from controller.program.program import JointArc, JointLine, ProgramError
+from controller.program.position import homed
+from controller.program.program import ProgramError
 
 EXACT = 1e-9
 
 
-def machine(**fields: Any) -> Machine:
-    return replace(mill(unset=()), **{"dialect": "fanuc", "without_point": "unit", "spindle": None, **fields})
-
-
-def path(text: str, on: Machine, samples: int = 5) -> list[tuple[float, float, float]]:
+def path(text: str, on: Machine, samples: int = 5) -> list[Vector]:
     """Points on the way of the axes: samples of each line and arc, less the work offset."""
-    chain, position = kinematics_of(on), Position(on, homed(on))
-    voice = Voice("p", lambda _, __: None)
-    origin, found = on.offsets[0].origin, list[tuple[float, float, float]]()
-    for block in blocks.stream(text.encode(), on, "p"):
-        now: Joints = tuple(q or 0.0 for q in position.joints())
-        position.take(block)
-        made = None
-        if isinstance(block, JointArc):
-            made = moves.arc(block, on, chain, now, voice)
-        elif isinstance(block, JointLine):
-            made = moves.line(block, on, chain, now)
-        if made is None or not isinstance(made.motion, JointMove):
-            continue
-        for k in range(1, samples + 1):
-            x, y, z = made.motion.curve.at(k / samples)
-            found.append((float(x - origin[0]), float(y - origin[1]), float(z - origin[2])))
-    return found
+    return [point for way in axis_ways.ways(text, on, samples) for point in way.points[1:]]
 
 
 def near(a: Sequence[Sequence[float]], b: Sequence[Sequence[float]], within: float = EXACT) -> bool:
@@ -76,7 +52,7 @@ def contour(rng: random.Random) -> str:
 @pytest.mark.parametrize("number", range(12))
 def test_lines_and_arcs_are_mirrored_at_the_places_of_the_axes(number: int) -> None:
     rng = random.Random(seed.SEED + number)
-    on, body = machine(), contour(rng)
+    on, body = fanuc_mill(), contour(rng)
     at = {letter: round(rng.uniform(-20.0, 20.0), 3) for letter in "XYZ" if rng.random() < 0.6} or {"X": 4.0}
     said = " ".join(f"{letter}{value}" for letter, value in at.items())
     head = "G21 G90 G54\nG0 X0. Y0. Z1.\n"
@@ -91,18 +67,18 @@ def test_lines_and_arcs_are_mirrored_at_the_places_of_the_axes(number: int) -> N
 def test_each_axis_ends_by_itself_and_all_without_words() -> None:
     text = "G0 X1. Y2. Z3.\nG51.1 X10. Y20.\nX1. Y2.\nG50.1 X0.\nX1. Y2.\nG51.1 Z1.\nX1. Y2. Z3.\n"
     text += "G50.1\nX1. Y2. Z3."
-    ends = path(text, machine(), samples=1)
+    ends = path(text, fanuc_mill(), samples=1)
     assert near(ends[1:], [(19, 38, 3), (1, 38, 3), (1, 38, -1), (1, 2, 3)])
 
 
 def test_it_is_inside_of_g68_and_distances_are_mirrored_too() -> None:
-    ends = path("G0 X0. Y0. Z0.\nG68 X0. Y0. R90.\nG51.1 X5.\nG0 X1. Y2.\nG91 X1.\n", machine(), samples=1)
+    ends = path("G0 X0. Y0. Z0.\nG68 X0. Y0. R90.\nG51.1 X5.\nG0 X1. Y2.\nG91 X1.\n", fanuc_mill(), samples=1)
     assert near(ends[-2:], [(-2, 9, 0), (-2, 8, 0)])
 
 
 def test_a_cutter_beside_a_contour_is_on_its_other_side() -> None:
     rows = "G1 Z0. F500.\nG41 D1 X10. Y0.\nX40.\nY30.\nX20.\nG40 X0. Y50.\n"
-    on = machine()
+    on = fanuc_mill()
     plain = path(f"G0 X0. Y-20. Z5.\n{rows}", on)[5:]
     found = path(f"G51.1 X0.\nG0 X0. Y-20. Z5.\n{rows}", on)[5:]
     compensated = [(-x, y, z) for x, y, z in plain]
@@ -123,7 +99,7 @@ def test_a_cutter_beside_a_contour_is_on_its_other_side() -> None:
 )
 def test_what_is_not_mirrored_is_refused(text: str, line: int) -> None:
     with pytest.raises(ProgramError) as refused:
-        blocks.read(text.encode(), machine(), "p")
+        blocks.read(text.encode(), fanuc_mill(), "p")
     assert refused.value.line == line
     assert "mirror" in refused.value.sentence or "G51" in refused.value.sentence
 
@@ -134,27 +110,27 @@ def at(radius: float, degrees: float) -> tuple[float, float]:
 
 def test_g16_takes_a_radius_and_an_angle() -> None:
     text = "G0 X0. Y0. Z0.\nG17 G90 G16\nX50. Y30.\nY150.\nX20.\nG91 Y60.\nG90 Z5.\nG15\nX1. Y2."
-    ends = path(text, machine(), samples=1)
+    ends = path(text, fanuc_mill(), samples=1)
     wanted = [(*at(50, 30), 0), (*at(50, 150), 0), (*at(20, 150), 0), (*at(20, 210), 0), (*at(20, 210), 5)]
     assert near(ends[1:], [*wanted, (1, 2, 5)])
 
 
 def test_under_g91_a_radius_is_about_where_the_tool_stands() -> None:
-    ends = path("G0 X3. Y4. Z0.\nG16\nX10. Y90.\nG91 X5. Y-90.\nX5. Y90.", machine(), samples=1)
+    ends = path("G0 X3. Y4. Z0.\nG16\nX10. Y90.\nG91 X5. Y-90.\nX5. Y90.", fanuc_mill(), samples=1)
     x, y = at(10, 90)
     assert near(ends[1:], [(x, y, 0), (x + 5, y, 0), (x + 5, y + 5, 0)])
 
 
 def test_other_planes_and_other_codes() -> None:
-    ends = path("G0 X0. Y0. Z0.\nG18 G16\nG0 Z10. X30.\nG53 G0 X1.\nG15", machine(), samples=1)
+    ends = path("G0 X0. Y0. Z0.\nG18 G16\nG0 Z10. X30.\nG53 G0 X1.\nG15", fanuc_mill(), samples=1)
     z, x = at(10, 30)
     assert near(ends[1:2], [(x, 0, z)])
-    assert ends[2][0] == pytest.approx(1.0 - machine().offsets[0].origin[0])
+    assert ends[2][0] == pytest.approx(1.0 - fanuc_mill().offsets[0].origin[0])
 
 
 def test_holes_on_a_circle() -> None:
     text = "G0 X0. Y0. Z5.\nG16\nG81 X40. Y10. Z-1. R1. F100.\nY40.\nG91 Y30. K4\nG80 G15 G90\nG0 X0. Y0."
-    on = machine()
+    on = fanuc_mill()
     bottoms = [
         step.axes
         for step in explained.steps(blocks.stream(text.encode(), on, "p"), on, "p", homed(on))
@@ -166,5 +142,5 @@ def test_holes_on_a_circle() -> None:
 
 
 def test_arcs_end_at_a_radius_and_an_angle() -> None:
-    ends = path("G0 X0. Y0. Z0.\nG16\nG1 X20. Y0. F500.\nG3 X20. Y90. R20.\nG15", machine(), samples=2)
+    ends = path("G0 X0. Y0. Z0.\nG16\nG1 X20. Y0. F500.\nG3 X20. Y90. R20.\nG15", fanuc_mill(), samples=2)
     assert near(ends[-2:], [(*at(20, 45), 0), (*at(20, 90), 0)], 1e-6)

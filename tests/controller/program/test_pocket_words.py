@@ -5,48 +5,23 @@ from __future__ import annotations
 import math
 import random
 from collections.abc import Sequence
-from dataclasses import replace
 from itertools import pairwise
-from typing import Any
 
 import pytest
-from support.machines.traced_programs import mill
+from support.parts import axis_ways
+from support.parts.axis_ways import fanuc_mill
 from support.suite import seed
 
-from controller.machine.kinematics import kinematics_of
-from controller.machine.model import Joints, Machine
-from controller.motion.motions import JointMove
-from controller.plan.lines import moves
-from controller.plan.stretch import Voice
+from controller.machine.model import Machine
 from controller.program import blocks
-from controller.program.position import Position, homed
-from controller.program.program import JointArc, JointLine, ProgramError
+from controller.program.program import ProgramError
 
 Point = tuple[float, float, float]
 
 
-def machine(**fields: Any) -> Machine:
-    return replace(mill(unset=()), **{"dialect": "fanuc", "without_point": "unit", "spindle": None, **fields})
-
-
 def ways(text: str, on: Machine) -> list[tuple[str, list[Point]]]:
     """Kind and 33 points of each line and arc, less the work offset."""
-    chain, position, voice = kinematics_of(on), Position(on, homed(on)), Voice("p", lambda _, __: None)
-    origin, found = on.offsets[0].origin, list[tuple[str, list[Point]]]()
-    for block in blocks.stream(text.encode(), on, "p"):
-        now: Joints = tuple(q or 0.0 for q in position.joints())
-        position.take(block)
-        made = None
-        if isinstance(block, JointArc):
-            made = moves.arc(block, on, chain, now, voice)
-        elif isinstance(block, JointLine):
-            made = moves.line(block, on, chain, now)
-        if made is not None and isinstance(made.motion, JointMove):
-            kind = "arc" if isinstance(block, JointArc) else "rapid" if block.feed_mm_s is None else "feed"
-            curve = made.motion.curve
-            rows = [[float(c - o) for c, o in zip(curve.at(k / 32), origin, strict=True)] for k in range(33)]
-            found.append((kind, [(x, y, z) for x, y, z in rows]))
-    return found
+    return [(way.kind, way.points) for way in axis_ways.ways(text, on, 32)]
 
 
 def turned(points: Sequence[Point], x: float, y: float) -> float:
@@ -58,7 +33,7 @@ def turned(points: Sequence[Point], x: float, y: float) -> float:
 @pytest.mark.parametrize("number", range(8))
 def test_each_circle_is_cut_whole_and_the_way_is_smooth(number: int) -> None:
     rng = random.Random(seed.SEED + number)
-    on = machine()
+    on = fanuc_mill()
     code, sense = rng.choice((("G12", -1), ("G13", 1)))
     off = on.tools[0].radius_mm if rng.random() < 0.7 else 0.0
     first, step = round(rng.uniform(5.0, 8.0), 3), round(rng.uniform(1.0, 4.0), 3)
@@ -89,7 +64,7 @@ def test_each_circle_is_cut_whole_and_the_way_is_smooth(number: int) -> None:
 
 
 def test_one_circle_a_middle_of_its_own_and_steps_down() -> None:
-    found = ways("G0 X0. Y0. Z0.\nG91\nG13 X5. Y6. I10. Z-2. L3 D0 F500.\nG90 X1.", machine())
+    found = ways("G0 X0. Y0. Z0.\nG91\nG13 X5. Y6. I10. Z-2. L3 D0 F500.\nG90 X1.", fanuc_mill())
     assert [kind for kind, _ in found[1:]] == ["rapid", *["feed", "arc", "arc", "arc"] * 3, "rapid"]
     assert [points[-1][2] for kind, points in found if kind == "feed"] == pytest.approx([-2, -4, -6])
     assert found[1][1][-1] == pytest.approx((5, 6, 0))
@@ -114,5 +89,5 @@ def test_one_circle_a_middle_of_its_own_and_steps_down() -> None:
 )
 def test_what_makes_no_pocket_is_refused(text: str, key: str) -> None:
     with pytest.raises(ProgramError) as refused:
-        blocks.read(text.encode(), machine(), "p")
+        blocks.read(text.encode(), fanuc_mill(), "p")
     assert refused.value.said["key"] == key
