@@ -10,6 +10,7 @@ import subprocess
 import sys
 import urllib.request
 from pathlib import Path
+from typing import Any
 
 import pytest
 from support.live import browser
@@ -54,8 +55,8 @@ def test_one_command_opens_a_machine_with_its_page_and_programs_and_ends_both(tm
         programs = json.loads(asked(f"{url}api/v1/programs"))["programs"]
         assert {one["name"] for one in programs} == {"example1_ready.ngc", "example2_ready.ngc"}
         browser.until(lambda: machine_answers(url), "the machine")
-        changer = json.loads(asked(f"{url}api/v1/status"))["changer"]
-        assert changer["spindle"] == 1 and not changer["doubt"]
+        browser.until(lambda: changer(url)["spindle"] == 1, "the tool that the simulated changer holds")
+        assert not changer(url)["doubt"]
     finally:
         demo.send_signal(signal.SIGTERM)
         code = demo.wait(ENDS_S)
@@ -69,8 +70,12 @@ def asked(url: str) -> str:
         return str(answer.read().decode())
 
 
+def changer(url: str) -> dict[str, Any]:
+    return dict(json.loads(asked(f"{url}api/v1/status"))["changer"])
+
+
 def machine_answers(url: str) -> bool:
-    """The service may come up behind its panel."""
+    """The service may come up after its panel."""
     with contextlib.suppress(OSError):
         return json.loads(asked(f"{url}api/v1/status"))["mode"] == "OFF"
     return False

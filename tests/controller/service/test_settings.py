@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from support.live.served_machine import Serving, Values, calm, serving
+
+from controller import sealed_file
 
 pytestmark = [pytest.mark.slow, pytest.mark.live, pytest.mark.calm]
 
@@ -42,7 +43,7 @@ def options(folder: Path) -> tuple[str, str]:
 
 def fitted(service: Serving) -> Values:
     file = service.state / "fitting.json"
-    return dict(json.loads(file.read_text())) if file.exists() else {}
+    return dict(sealed_file.read(file)) if file.exists() else {}
 
 
 def offset(service: Serving, name: str = "G56") -> Values:
