@@ -62,6 +62,7 @@ SHAPES = (
     (0.25, 1.0, 0.2),
 )
 AT_FEED = 3
+SHORTER = tuple(10.0 ** (k / 10.0) for k in range(20, -7, -1))  # mm: preferred numbers, ISO 3, series R10
 KEPT = 0.98  # of the feed at the ruling, as ``End.kept`` estimates it ...
 NEARLY = 0.9  # ... or this of the most that any keeps
 ROOM = 1.2  # times the way in which the feed is reached: the lead bends meanwhile
@@ -192,16 +193,27 @@ class End:
         return max(float(np.linalg.norm(self.rows[1, :3])), MIN_RATE)
 
     def joined(self, machine: Machine) -> Iterator[Stretch]:
-        """Leads that join the cut, the longest first; none where it has no rate."""
+        """Leads that join the cut; none where it has no rate.
+
+        The longest first; then those of each shorter ``lead_mm`` of ``SHORTER``, so that a longer one is
+        never worse than a shorter one.
+        """
         if not np.isfinite(self.rows).all():
             return
+        settling = self.settling(machine)
+        yield from self._shapes(machine.lead_mm, self.off_mm, settling, machine)
+        for lead_mm in SHORTER:
+            if lead_mm < machine.lead_mm:
+                yield from self._shapes(lead_mm, min(self.off_mm, lead_mm), settling, machine)
+
+    def _shapes(self, lead_mm: float, off_mm: float, settling: float, machine: Machine) -> Iterator[Stretch]:
+        """One of each of ``SHAPES``, no further off than ``off_mm``."""
         tip_rate = self.tip_rate
         most, feed = self._longest(), lead_feed(self.feed_mm_s, tip_rate, machine)
-        settling = self.settling(machine)
-        way = max(self._ramp(machine), self._bending(self.off_mm, machine))
-        ramp = min(ROOM * way, LONGEST * machine.lead_mm)
+        way = max(self._ramp(machine), self._bending(off_mm, machine))
+        ramp = min(ROOM * way, LONGEST * lead_mm)
         for k, (share, slender, holds) in enumerate(SHAPES):
-            off = share * self.off_mm
+            off = share * off_mm
             length = max(min(slender * off / tip_rate, EASY * most), min(ramp, most) if k < AT_FEED else 0.0)
             yield self._lead(min(length, self.most), off, feed, settling, holds)
 

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from support.machines.planned_laws import laws_of
 from support.machines.stepped_runs import program, shipped
 from support.machines.traced_programs import (
     HOME,
@@ -207,11 +209,42 @@ def test_a_lead_that_finds_no_room_is_refused_or_noted() -> None:
     # In a slot of 7 mm for a cutter of 6 no way leads off the first wall: the other one is there.
     slot = "G41\nG52 X0. Y0. Z10. F100.\nX10. Y0. Z10.\nX20. Y0. Z10.\nX30. Y0. Z10.\n"
     slot += "X0. Y0. Z0.\nX10. Y0. Z0.\nX20. Y0. Z0.\nX30. Y0. Z0.\n"
-    ring = "G41\nG51 X3.2 Y0. Z0. I0. J0. K0. H10. R3.2 D360. F100.\n"
+    ring = "G41\nG51 X{0} Y0. Z0. I0. J0. K0. H10. R{0} D360. F100.\n"
+    roomy, ring = ring.format(3.2), ring.format(3.01)
+    assert "Gouge" not in sentences(trace(roomy, mill(lead_mm=9.0))), "a lead fits itself into 0.4 mm"
     with pytest.raises(ProgramError, match=r"the lead in of 9.000 mm would cut .* set a smaller lead_mm"):
         trace(ring, mill(lead_mm=9.0))
     assert "Gouge: the lead in" in sentences(trace(ring, mill(lead_mm=9.0, gouge="warn")))
     trace(slot)
+
+
+@pytest.mark.parametrize(
+    "seed", [16, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (3, 7, 8, 12))]
+)
+def test_a_longer_lead_mm_never_makes_a_cut_slower(seed: int) -> None:
+    """On surfaces so twisted that the flank reaches over their ends; 16 rested at 4 mm and more."""
+    built, seen = shipped("head_head", gouge="warn"), list[tuple[float, bool]]()
+    home = tuple(axis.homing.position for axis in built.axes)
+    for lead_mm in (1.3, 2.0, 3.0, 4.0, 5.0, 9.0, 20.0):
+        one = replace(built, lead_mm=lead_mm)
+        traced = trace(twisted(seed), one, home)
+        (chain,) = (
+            c for c in traced.items if isinstance(c, Chain) and "cut" in {s.name for s in c.stretches}
+        )
+        laws = zip(chain.stretches, laws_of(chain.stretches, one), strict=True)
+        cut_s = sum(law.duration_s for stretch, law in laws if stretch.name == "cut")
+        seen.append((cut_s, RESTS in sentences(traced)))
+    for (shorter_s, rested), (longer_s, rests) in itertools.pairwise(seen):
+        assert longer_s <= 1.01 * shorter_s and rests <= rested, seen
+
+
+def twisted(seed: int) -> str:
+    """A wall of 20 mm whose rulings turn by up to 90 degrees, for an end mill of 6 mm."""
+    rng = np.random.default_rng(seed)
+    lower = np.array([[20.0, 11.0, 0.0], [23.0, 6.0, 0.0], [25.0, -3.0, 0.0], [23.0, -9.0, 0.0]])
+    upper = lower + rng.uniform((-8.0, -8.0, 9.0), (8.0, 8.0, 11.0), (4, 3))
+    rows = [f"X{x:.6f} Y{y:.6f} Z{z:.6f}" for x, y, z in (*upper, *lower)]
+    return "G21 G90 G54 G61\nT2 M6\nG42 P1\nG52 " + rows[0] + " F5000.\n" + "\n".join([*rows[1:], "M2", ""])
 
 
 def test_a_lead_is_free_where_the_ring_is_open() -> None:
