@@ -7,10 +7,11 @@ is, and the nearest way to begin one row may lead to the farther end of the next
       start --- row 1 --- G0 C90 --- row 2 --- row 3
             `-- other branch --'
 
-Every row adds what the rotaries turn to its start and along it; the way through the
-program with the least sum is found row by row, as each row needs to know of all before
-it only where they left the rotaries (Viterbi). Equal sums are decided for positive
-tilt, then smaller abs(rotary), then positive rotary, summed up over the rows.
+Every row adds by how much its cuts take longer than on its other branch, and what the rotaries turn
+to its start and along it; the way through the program with the least sums, in this order, is found
+row by row, as each row needs to know of all before it only where they left the rotaries (Viterbi).
+Equal sums are decided for positive tilt, then smaller abs(rotary), then positive rotary, summed up
+over the rows.
 """
 
 from __future__ import annotations
@@ -29,9 +30,13 @@ from controller.plan.rotaries.turns import SAME_ROTARY_RAD, TURN
 MAX_STATES = 64  # places of the rotaries that are kept in mind; the least travelled ones
 
 
+Key = tuple[float, float, int, float, int]
+
+
 class Rank(NamedTuple):
     """Cost of a choice, or the sum of many; the lower ``key`` is taken."""
 
+    slower_s: float = 0.0
     travel: float = 0.0
     negative_tilts: int = 0
     turned: float = 0.0
@@ -39,6 +44,7 @@ class Rank(NamedTuple):
 
     def plus(self, other: Rank) -> Rank:
         return Rank(
+            self.slower_s + other.slower_s,
             self.travel + other.travel,
             self.negative_tilts + other.negative_tilts,
             self.turned + other.turned,
@@ -46,9 +52,10 @@ class Rank(NamedTuple):
         )
 
     @property
-    def key(self) -> tuple[float, int, float, int]:
-        """Sums of many angles agree to eight digits, not to the last bit."""
-        return round(self.travel, 8), self.negative_tilts, round(self.turned, 8), self.negative_turns
+    def key(self) -> Key:
+        """Times agree to the millisecond, sums of many angles to eight digits, not to the last bit."""
+        angles = round(self.travel, 8), self.negative_tilts, round(self.turned, 8), self.negative_turns
+        return round(self.slower_s, 3), *angles
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,7 +64,8 @@ class Way:
 
     ``low`` and ``high`` are the extremes of each rotary along the row, ``travel`` the sum
     of what both turn from its start to its end, and ``inside``: the linear axes keep
-    their travel (whole turns of the rotaries do not move them).
+    their travel (whole turns of the rotaries do not move them). ``slower_s``: by so much its cuts
+    take longer than on the other branch.
     """
 
     start: Rotaries
@@ -68,6 +76,7 @@ class Way:
     negative: bool  # the tilt, where it is largest
     inside: bool
     tilt: int  # which of the two rotaries tilts
+    slower_s: float = 0.0
 
     def shifts(self, machine: Machine, near: Rotaries) -> Iterator[Rotaries]:
         """Whole turns (rad) that keep the row inside travel and begin it next to ``near``, on either side."""
@@ -86,7 +95,8 @@ class Way:
         """What taking this way in these turns costs from ``near``."""
         start = moved(self.start, shift)
         turned = start[1 - self.tilt]
-        return Rank(apart(start, near) + self.travel, int(self.negative), abs(turned), int(turned < 0.0))
+        travel = apart(start, near) + self.travel
+        return Rank(self.slower_s, travel, int(self.negative), abs(turned), int(turned < 0.0))
 
 
 def moved(rotaries: Rotaries, by: Rotaries) -> Rotaries:
@@ -136,7 +146,7 @@ class _State(NamedTuple):
 
 
 def choose(steps: Iterable[Row | Turned], now: Rotaries, machine: Machine) -> dict[int, Rotaries]:
-    """Rotaries (rad) at the start of each row, by its line, for the least travel from ``now``.
+    """Rotaries (rad) at the start of each row, by its line, for the least time of its cuts, and travel.
 
     Ends before a step that cannot be taken in any way: the path refuses it with its reason.
     """
@@ -167,7 +177,8 @@ def _over(states: Sequence[_State], move: Turned, machine: Machine) -> Iterator[
         )
         ends = zip(machine.turns(), (a, b), strict=True)
         if all(least - ROUNDING <= q <= most + ROUNDING for (least, most), q in ends):
-            yield _State((a, b), state.cost.plus(Rank(apart((a, b), state.rotaries))), state.chosen)
+            turned = Rank(travel=apart((a, b), state.rotaries))
+            yield _State((a, b), state.cost.plus(turned), state.chosen)
 
 
 def _best(states: Iterable[_State]) -> list[_State]:

@@ -24,8 +24,8 @@ def choices(
 ) -> dict[int, Rotaries]:
     """Rotaries (rad) at the start of each train of cuts, by the order of its first block (``Place.order``).
 
-    Least rotary travel over the whole program from the joints ``start``, all joints
-    inside travel. A program that is refused somewhere gives the choices up to there.
+    The least time of the cuts, then the least rotary travel over the whole program from the joints ``start``,
+    all joints inside travel. A program that is refused somewhere gives the choices up to there.
     """
     return winding.choose(_steps(blocks, machine, kinematics, name), rotaries_of(start, kinematics), machine)
 
@@ -69,11 +69,11 @@ def _ways(
         if known and not fields.free:
             return known
         try:
-            found = [option.way for option in legs.options(fields, machine, near, voice)]
+            options = legs.timed(legs.options(fields, machine, near, voice), machine, kinematics)
         except ProgramError:
             return []
-        known[:] = found
-        return found
+        known[:] = [option.way for option in options]
+        return tuple(known)
 
     return ways
 

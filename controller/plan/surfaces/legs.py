@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
+import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -17,11 +19,15 @@ from controller.plan.rotaries.branch import BranchLost, Field, field, joints_on
 from controller.plan.rotaries.turns import wrapped
 from controller.plan.rotaries.winding import Way
 from controller.plan.stretch import Stretch, Voice
-from controller.plan.surfaces import audit
+from controller.plan.surfaces import audit, rates
 from controller.plan.surfaces.cuts import Cut, turn
 from controller.program.program import ProgramError
 
 Array = npt.NDArray[np.float64]
+
+PLACES = 33  # of a cut, at which its speed is looked at
+TINY = 1e-30
+SAME_TIME = 1.01  # times the least: no cut is led on a slower branch for less travel, unless by less
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,6 +110,42 @@ def options(
     if found[0].refusal and found[1].refusal:
         raise found[0].refusal
     return [Option(tuple(one.legs), one.way()) for one in found if one.refusal is None]
+
+
+def timed(found: Sequence[Option], machine: Machine, kinematics: Kinematics) -> list[Option]:
+    """The options with by how much each is slower than the other, where there are two to choose from."""
+    if sum(option.way.inside for option in found) < 2:
+        return list(found)
+    seconds = [_cut_s(option.legs, machine, kinematics) for option in found]
+    least = min(seconds)
+    slower = [each - least if each > SAME_TIME * least else 0.0 for each in seconds]
+    return [
+        replace(option, way=replace(option.way, slower_s=each))
+        for option, each in zip(found, slower, strict=True)
+    ]
+
+
+def _cut_s(legs: Sequence[Leg], machine: Machine, kinematics: Kinematics) -> float:
+    """About the time (s) of a train's cuts, which begin and end as fast as they may.
+
+    At the feed, or at what the joints' limits leave of it; from place to place no faster than one of them
+    can gain or lose speed.
+    """
+    velocity, acceleration, jerk = rates.limits(machine).T
+    speeds, gains, ways = list[float](), list[float](), list[float]()
+    for leg in legs:
+        stretch = leg.stretch
+        s = np.linspace(0.0, stretch.motion.end, PLACES)
+        d = rates.derivatives(stretch, s, kinematics)
+        most = np.minimum(stretch.feed_at(s), d.even_speed(velocity, acceleration, jerk))
+        speeds += most.tolist()
+        gains += (acceleration / (np.abs(d.first) + TINY)).min(axis=1).tolist()
+        ways += [*np.diff(s).tolist(), 0.0]
+    for order in (range(1, len(speeds)), range(len(speeds) - 2, -1, -1)):
+        for i in order:
+            before, way = (i - 1, ways[i - 1]) if order.step > 0 else (i + 1, ways[i])
+            speeds[i] = min(speeds[i], math.sqrt(speeds[before] ** 2 + 2.0 * gains[before] * way))
+    return sum(2.0 * way / (v + w) for way, (v, w) in zip(ways, itertools.pairwise(speeds), strict=False))
 
 
 def _followed(fields: Fields, branch: int, near: Rotaries, voice: Voice) -> Iterator[Leg]:

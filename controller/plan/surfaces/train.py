@@ -24,7 +24,7 @@ from controller.plan.rotaries.turns import SAME_ROTARY_RAD
 from controller.plan.stretch import Voice
 from controller.plan.surfaces import audit, blending, blends, passing, unwind
 from controller.plan.surfaces.cuts import SAME_RAD, Cut, apart, turn, turned, turned_axis
-from controller.plan.surfaces.legs import Fields, Leg, options
+from controller.plan.surfaces.legs import Fields, Leg, options, timed
 
 Array = npt.NDArray[np.float64]
 
@@ -213,9 +213,9 @@ def choose(
 ) -> list[Leg]:
     """The legs of a train from the rotaries ``wanted``, which were chosen over the whole program.
 
-    Without them, or where they do not fit, as DESIGN section 1 asks for the train alone:
-    least rotary travel with its approach from ``now``, then positive tilt, then smaller
-    abs(rotary), then positive rotary; of these the first that keeps all joints in travel.
+    Without them, or where they do not fit, for the train alone: the branch on which its cuts are faster,
+    then least rotary travel with its approach from ``now``, then positive tilt, then smaller abs(rotary),
+    then positive rotary (DESIGN section 1); of these the first that keeps all joints in travel.
     """
     fields = Fields(cuts, kinematics)
     if wanted is not None:
@@ -226,7 +226,7 @@ def choose(
                     and winding.apart(winding.moved(option.way.start, by), wanted) < within_rad
                 ):
                     return option.shifted(machine, by)
-    found = options(fields, machine, now, voice)
+    found = timed(options(fields, machine, now, voice), machine, kinematics)
     fitting = [(o, by) for o in found if o.way.inside for by in o.way.shifts(machine, now)]
     if not fitting:
         unwind.refuse(options(fields, machine, now, voice, whole=True), machine, now, voice)

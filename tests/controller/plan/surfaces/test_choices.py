@@ -3,21 +3,26 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from support.machines.planned_laws import laws_of
 from support.machines.traced_programs import HOME, assert_whole, mill, named, stretches, trace
 from support.parts.nurbs_text import blade, nurbs
+from support.parts.random_surfaces import compound, text
 
+from controller.machine import machine_file
 from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Machine
-from controller.plan.path.path import Path
-from controller.plan.stretch import Voice
+from controller.motion.motions import Rotaries
+from controller.plan.path.path import Chain, Path, stream
+from controller.plan.stretch import Voice, rotaries_of
 from controller.plan.surfaces import auto, legs, train
 from controller.plan.surfaces.choices import choices
 from controller.program import blocks
-from controller.program.program import CutCone, ProgramError
+from controller.program.program import Block, CutCone, CutRuled, ProgramError
 
 CONE = "G51 X0. Y15. Z0. I0. J0. K0. H10. R10. D{} F100.\n"
 
@@ -74,6 +79,35 @@ def test_the_program_turns_no_farther_than_with_any_other_branches(leans: tuple[
             now = start
         least = min(least, math.degrees(total + abs(now[0]) + abs(now[1])))
     assert rotary_travel(path) == pytest.approx(least, abs=1e-6)
+
+
+@pytest.mark.parametrize("name", ["trunnion", "head_head", "table_head"])
+def test_no_cut_is_slower_than_on_another_branch_that_fits(name: str) -> None:
+    """As it is planned, and with the rotaries led to either branch; those of these two heads are alike."""
+    silent = Voice("part.ngc", lambda place, sentence: None)
+    built = replace(machine_file.load(name), gouge="warn")
+    kinematics, now = kinematics_of(built), tuple(axis.homing.position for axis in built.axes)
+    near, apart = rotaries_of(now, kinematics), 0
+    for seed in range(4):
+        read = blocks.read(text(compound(seed, 1), 9000.0).encode(), built, "part.ngc")
+        cuts = auto.build(next(b for b in read.blocks if isinstance(b, CutRuled)), built, silent)
+        order = cuts[0].block.place.order
+
+        def cut_s(chosen: dict[int, Rotaries], blocks: Sequence[Block] = read.blocks) -> float:
+            items = stream(blocks, "part.ngc", built, kinematics, now, chosen)
+            (chain,) = (
+                i for i in items if isinstance(i, Chain) and any(s.name == "cut" for s in i.stretches)
+            )
+            laws = zip(chain.stretches, laws_of(chain.stretches, built), strict=True)
+            return sum(law.duration_s for stretch, law in laws if stretch.name == "cut")
+
+        options = legs.options(legs.Fields(cuts, kinematics), built, near, silent)
+        starts = [one.way.start for one in options if one.way.inside and any(one.way.shifts(built, near))]
+        every = [cut_s({order: start}) for start in starts]
+        taken = cut_s(choices(read.blocks, built, kinematics, now, "part.ngc"))
+        assert taken <= 1.02 * min(every), f"seed {seed}"
+        apart += max(every) > 1.02 * min(every)
+    assert apart or name != "trunnion", "all branches were alike"
 
 
 def test_a_later_move_by_a_distance_is_provided_for() -> None:
