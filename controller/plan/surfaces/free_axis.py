@@ -46,6 +46,7 @@ ALONG = 65  # at least
 FITTED = 7  # poses a span to which a start is fitted
 FIT_PRICE = 1e-14  # of the same in the fit of a start, against squared distances
 BEND_PRICE = 1e-11  # of the third derivatives squared (over t of 0 to 1), against squared deviations
+MAX_START_PRICE = 1e-6  # mm^2: of the start that bends least; edges that bend more are no fault of the axis
 DRIFT_PRICE = 1e-12  # of a step squared
 SQUARES, LARGEST = 25, 40  # steps at most
 WITHIN_MM = 0.5  # other contacts that leave more are not looked at
@@ -188,6 +189,14 @@ class _Axis:
         pull = bends.transposed(weights * np.concatenate(third).ravel())
         return bends.squares(weights).scaled(1.0, DRIFT_PRICE), pull
 
+    @property
+    def bends(self) -> float:
+        """The integral of both third derivatives squared, over t of the whole row."""
+        values, first, weights = self.basis.bending()
+        at = first[:, None] + np.arange(self.basis.width)
+        thirds = (np.einsum("nw,nwc->nc", values, points[at]) for points in (self.upper, self.lower))
+        return float(sum((weights[:, None] * third * third).sum() for third in thirds))
+
 
 def _unit(v: Array) -> Array:
     return np.asarray(v / np.maximum(np.sqrt((v * v).sum(axis=-1, keepdims=True)), 1e-300))
@@ -260,6 +269,8 @@ class _Search:
         fewest = self._fewest
         basis = Basis.over(self._surfaces, fewest)
         points = self._points(basis)
+        bends = min(self._start(placed, basis).bends for placed in starts)
+        self._per_bend = min(self._per_bend, MAX_START_PRICE / max(BEND_PRICE * bends, 1e-30))
         sound = [one for one in self._starts(basis, starts, points) if self._is_right(one[0], points)]
         tried = [self._steps(axis, points, _largest) for axis in _different(sound)]
         right = [one for one in tried if self._is_right(one[0], points)]
@@ -318,10 +329,11 @@ class _Search:
         self, basis: Basis, starts: Sequence[Sequence[Placed]], points: Points
     ) -> Iterator[tuple[_Axis, float]]:
         for placed in starts:
-            yield self._steps(
-                _fitted(self._singles[0], basis, _poses_on(placed, basis), self._per_bend), points, _squares
-            )
+            yield self._steps(self._start(placed, basis), points, _squares)
         yield self._grown(basis, points)
+
+    def _start(self, placed: Sequence[Placed], basis: Basis) -> _Axis:
+        return _fitted(self._singles[0], basis, _poses_on(placed, basis), self._per_bend)
 
     def _grown(self, basis: Basis, points: Points) -> tuple[_Axis, float]:
         """From the axis of a thin cutter, which is next to the ruling, to that of the whole one."""
