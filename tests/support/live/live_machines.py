@@ -192,8 +192,9 @@ def _joints(row: np.ndarray) -> Joints:
 def assert_within_limits(rows: np.ndarray, machine: Machine) -> None:
     """First and second differences of the joints that the drives used, from SYNC to SYNC and out of rest."""
     velocity, acceleration, _ = latched_setpoints.most(rows, machine)
-    assert velocity <= 1.0 + 1e-6
-    assert acceleration <= 1.001  # the tick's own check allows as much
+    found = f"shares {velocity:.4f}, {acceleration:.4f}; {latched_setpoints.described(rows, machine)}"
+    assert velocity <= 1.0 + 1e-6, found
+    assert acceleration <= 1.001, found  # the tick's own check allows as much
 
 
 def processes(of_parent: int) -> dict[int, str]:

@@ -42,3 +42,16 @@ def most(rows: np.ndarray, machine: Machine) -> tuple[float, float, float]:
     tables = [shares(part, machine) for part in parts(rows) if len(part) > REST]
     first, second, third = (max(float(t[k].max(initial=0.0)) for t in tables) for k in range(3))
     return first, second, third
+
+
+def described(rows: np.ndarray, machine: Machine) -> str:
+    """Each part with more than a thousandth over the limit of acceleration: its length, where, the axis."""
+    found = []
+    for k, part in enumerate(parts(rows)):
+        if len(part) > REST:
+            acceleration = shares(part, machine)[1]
+            at, axis = np.unravel_index(int(np.argmax(acceleration)), acceleration.shape)
+            if acceleration[at, axis] > 1.001:
+                beside = part[max(at - 2, 0) : at + 4, axis].tolist()
+                found.append(f"part {k} of {len(part)}: {machine.axes[axis].name} at {at}, {beside}")
+    return "; ".join(found)
