@@ -17,7 +17,7 @@ from typing import Any
 
 import hypothesis
 import pytest
-from support.suite import absent_computer, seed
+from support.suite import absent_computer, asked_marks, seed
 
 from controller import one_thread
 
@@ -120,6 +120,18 @@ class Backwards(pytest.Dir):
 def pytest_collect_directory(path: Path, parent: pytest.Collector) -> pytest.Dir | None:
     worker = os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw")
     return Backwards.from_parent(parent, path=path) if int(worker) % 2 else None
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_pycollect_makeitem(
+    collector: pytest.Module | pytest.Class, name: str, obj: object
+) -> list[pytest.Item] | None:
+    """No case of a function that is not asked for; who names one is told that it is deselected."""
+    config = collector.config
+    if not collector.istestfunction(obj, name) or any("::" in one for one in config.args):
+        return None
+    marks = [*getattr(obj, "pytestmark", ()), *collector.iter_markers()]
+    return [] if asked_marks.is_out(config.getoption("markexpr"), marks) else None
 
 
 # After the marks have been looked at.

@@ -55,7 +55,8 @@ def cut(faults: str, feed: int, events: tuple[Event, ...] = (), **how: object) -
 
 
 def test_forty_lost_setpoints_are_told_and_end_the_run_as_the_machine_file_says() -> None:
-    warned, result, rows = cut(FORTY, 600)
+    sooner = (Event(2000, Request.OVERRIDE, 2.0),)  # it has been told long before: the rest is run through
+    warned, result, rows = cut(FORTY, 600, sooner)
     assert result == "completed"
     (one,) = warned.watch.excesses
     assert warned.machine.axes[one.largest.axis].name == "Y" and one.largest.line in (5, 6)
@@ -64,8 +65,10 @@ def test_forty_lost_setpoints_are_told_and_end_the_run_as_the_machine_file_says(
     _, result, rows = cut(FORTY, 600, contour_error="hold")
     assert result == "held" and rows[-1, COLUMN["line"]] in (5, 6)
     assert rows[-1, COLUMN["tick"]] < one.tick + 300
-    _, result, rows = cut(FORTY, 600, contour_error="slow")
-    assert result == "completed" and rows[-1, COLUMN["override"]] == 0.5
+    _, result, rows = cut(FORTY, 600, sooner, contour_error="slow")
+    assert result == "completed" and rows[-1, COLUMN["override"]] == 2.0
+    slowed = (rows[:, COLUMN["tick"]] > one.tick + 300) & (rows[:, COLUMN["override"]] != 2.0)
+    assert np.count_nonzero(slowed) > 100 and set(rows[slowed, COLUMN["override"]]) == {0.5}
 
 
 def test_a_healthy_run_says_nothing() -> None:

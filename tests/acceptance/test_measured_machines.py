@@ -63,16 +63,18 @@ def calibrated(kind, seed):
 def verdict(tmp_path, plan: str, real: str) -> dict:
     """What a machine makes of Example 2 that is told to be as ``plan`` has it: judged by its own geometry."""
     files = {name: tmp_path / f"{name}.toml" for name in ("plan", "real")}
+    part = tmp_path / "part.ngc"
+    part.write_text(PROGRAM.read_text().replace("F100.", "F600."))
     for name, text in (("plan", plan), ("real", real)):
         files[name].write_text(text)
     trace = tmp_path / "trace.npz"
     run = CliRunner().invoke(
-        app, ["simulate", str(PROGRAM), "--machine", str(files["plan"]), "--trace", str(trace)]
+        app, ["simulate", str(part), "--machine", str(files["plan"]), "--trace", str(trace)]
     )
     assert run.exit_code == 0, run.output
     words = [
         "--program",
-        str(PROGRAM),
+        str(part),
         "--machine",
         str(files["real"]),
         "--commanded",

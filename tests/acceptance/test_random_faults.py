@@ -28,7 +28,7 @@ from controller.runtime.bench.observer import Seen, Sight, latency
 from controller.state.modes import Fault, Mode
 
 IN_A_BATCH = 40
-IN_A_SMALL_BATCH = 8  # of the batches of which CI takes some
+IN_A_SMALL_BATCH = 4  # of the batches of which CI takes some
 SCRIPTS = int(os.environ.get("DIRECTRIX_FAULT_SCRIPTS", "10000"))
 HEALTHY = int(os.environ.get("DIRECTRIX_HEALTHY_RUNS", "1000"))
 FEW, FEW_HEALTHY = 10 * len(fault_scripts.MACHINES), 5 * len(fault_scripts.MACHINES)  # small batches

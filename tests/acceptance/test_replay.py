@@ -32,11 +32,12 @@ G43.4
 G0 X0 Y0 Z60 A0 C0
 G1 Z40 F3000
 G1 X30 Y8 A6
-G1 X-10 A2 F1000
+G1 X-10 A2 F2000
 G49
 G0 Z120
 M30
 """
+LONG = TEXT.replace("F2000", "F1000")  # a plan that is killed on line 5 has not planned all of it
 UP = Jog((0.0, 0.0, 1.0, 0.0, 0.0), 20.0, 4.0)
 ASIDE = Jog((1.0, 0.0, 0.0, 0.0, 0.0), 15.0, 6.0)
 BACK = Jog((0.0, 0.0, -1.0, 0.0, 0.0), 20.0, 4.0)
@@ -47,8 +48,8 @@ def bench(tmp_path: Path) -> RecordedBench:
     return RecordedBench(tmp_path, shipped(period_s=0.008))
 
 
-def assert_comes_again(folder: Path, ended: str = "completed", itself: bool = True) -> None:
-    done = again(folder, TEXT)
+def assert_comes_again(folder: Path, ended: str = "completed", itself: bool = True, text: str = TEXT) -> None:
+    done = again(folder, text)
     assert done.run.result == ended
     assert_same_setpoints(done, itself)
 
@@ -205,12 +206,12 @@ def test_a_drive_that_is_lost_and_the_stop_of_the_others_on_the_path(bench: Reco
 
 
 def test_a_plan_that_was_killed(bench: RecordedBench) -> None:
-    bench.started(TEXT)
+    bench.started(LONG)
     bench.until_line(5)
     bench.kill()
     bench.request(Request.PLAN_LOST)
     bench.until(Mode.FAULT)
-    assert_comes_again(bench.ended("fault"), "fault", itself=False)
+    assert_comes_again(bench.ended("fault"), "fault", itself=False, text=LONG)
 
 
 @pytest.mark.slow
@@ -360,11 +361,11 @@ def test_a_record_without_the_overrides_before_the_start_is_another_run(bench: R
         again(folder, TEXT)
 
 
-def simulated(folder: Path, *more: str) -> tuple[int, dict[str, Any]]:
+def simulated(folder: Path, text: str = TEXT) -> tuple[int, dict[str, Any]]:
     """Exit code and figures of ``directrix simulate`` with the record."""
     part = folder.parent / "part.ngc"
-    part.write_text(TEXT)
-    words = ["simulate", str(part), "--events", str(folder / "events.jsonl"), "--json", *more]
+    part.write_text(text)
+    words = ["simulate", str(part), "--events", str(folder / "events.jsonl"), "--json"]
     done = CliRunner().invoke(command_line.app, words)
     return done.exit_code, json.loads(done.stdout)
 
@@ -373,20 +374,20 @@ def test_the_command_makes_a_faulted_run_again_and_fails_where_the_record_is_of_
     bench: RecordedBench,
 ) -> None:
     bench.request(Request.RAPID_OVERRIDE, 0.5)
-    bench.started(TEXT)
+    bench.started(LONG)
     bench.until_line(5)
     bench.kill()
     bench.request(Request.PLAN_LOST)
     bench.until(Mode.FAULT)
     folder = bench.ended("fault")
-    code, told = simulated(folder)
+    code, told = simulated(folder, LONG)
     assert (code, told["result"], told["fault"]) == (0, "fault", "PLANNER_GONE")
     assert told["recorded_ticks"] == len(sent(folder))
     with np.load(folder / "setpoints.npz") as kept:
         columns, rows = kept["columns"], np.array(kept["rows"])
     rows[250, 3] += 2
     np.savez_compressed(folder / "setpoints.npz", columns=columns, rows=rows)
-    code, told = simulated(folder)
+    code, told = simulated(folder, LONG)
     assert (code, told["ok"], told["tick"], told["axis"]) == (1, False, 250, "Z")
     assert "made again the run differs from the recorded one in tick 250 (line" in told["error"]
     assert "mm apart" in told["error"]

@@ -88,7 +88,7 @@ def measure(lines: int, rounds: int, seconds: float, width: int, height: int) ->
     """All figures, as plain values."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        with browser.fake_site(folder, "stepped_site.py") as site, browser.browser() as chromium:
+        with browser.fake_site(folder, "stepped_site") as site, browser.browser() as chromium:
             page = chromium.new_page(viewport={"width": width, "height": height})
             short = loaded(page, site)
             shape(lines).save(folder / "pictures" / f"{LONG}.npz")

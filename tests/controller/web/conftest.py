@@ -1,18 +1,38 @@
-"""One browser, and one panel before a machine, for all tests of a file."""
+"""One browser for file after file, and one panel before a machine for all tests of a file."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import contextlib
+from collections.abc import Generator, Iterator
 from typing import Any
 
 import pytest
 from support.live import browser
 
+OPEN = contextlib.ExitStack()  # what ends the browser
+MADE: list[Any] = []  # the browser, if it is there
+
 
 @pytest.fixture(scope="module")
-def chromium() -> Iterator[Any]:
-    with browser.browser() as made:
-        yield made
+def chromium() -> Any:
+    """The browser of the file before, if there is one."""
+    if not MADE:
+        MADE.append(OPEN.enter_context(browser.browser()))
+    return MADE[0]
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_teardown(item: pytest.Item, nextitem: pytest.Item | None) -> Generator[None]:
+    """At a file's end its pages are closed; the browser, whose loop no other loop may run beside, is
+    kept for a file that asks for it."""
+    yield
+    if nextitem is not None and nextitem.path == item.path:
+        return
+    for context in [context for made in MADE for context in made.contexts]:
+        context.close()
+    if nextitem is None or "chromium" not in getattr(nextitem, "fixturenames", ()):
+        MADE.clear()
+        OPEN.close()
 
 
 @pytest.fixture(scope="module")
@@ -25,7 +45,7 @@ def site(chromium: Any, tmp_path_factory: pytest.TempPathFactory) -> Iterator[br
 @pytest.fixture(scope="module")
 def stepped(chromium: Any, tmp_path_factory: pytest.TempPathFactory) -> Iterator[browser.Site]:
     """Before a machine that cuts Example 2: lists, meters and traces with something in them."""
-    with browser.fake_site(tmp_path_factory.mktemp("stepped"), "stepped_site.py") as made:
+    with browser.fake_site(tmp_path_factory.mktemp("stepped"), "stepped_site") as made:
         yield made
 
 

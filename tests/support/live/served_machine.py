@@ -22,6 +22,7 @@ from controller.service.jobs import UNDER_WAY
 ROOT = Path(__file__).resolve().parents[3]
 HANGS_S = 120.0  # no test is meant to come near
 POLL_S = 0.02  # two or three ticks; at 5 ms the answers cost twice of what the machine does
+SOON_S, LATER_POLL_S = 2.0, 0.05  # what has not come so soon is looked for less often
 CALM_S = 0.008  # a period that also a busy computer keeps
 
 Values = dict[str, Any]
@@ -75,7 +76,8 @@ class Serving:
 
     def until(self, done: Callable[[Values], Any], what: str = "") -> Values:
         """The first status that is ``done``."""
-        give_up_s = time.monotonic() + HANGS_S
+        began_s = time.monotonic()
+        give_up_s = began_s + HANGS_S
         while True:
             with contextlib.suppress(CommandRefused):
                 now = self.status()
@@ -84,7 +86,7 @@ class Serving:
                 assert time.monotonic() < give_up_s, f"waited for {what} in vain: {now}"
             assert self.process.poll() is None, self.log.read_text()
             assert time.monotonic() < give_up_s, f"waited for {what} in vain"
-            time.sleep(POLL_S)
+            time.sleep(POLL_S if time.monotonic() < began_s + SOON_S else LATER_POLL_S)
 
     def done(self, verb: str, **args: Any) -> Values:
         """Ask for what takes long, and wait for its end."""

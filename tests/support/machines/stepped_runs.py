@@ -120,18 +120,22 @@ def off_the_plan(done: Cut, rows: np.ndarray | None = None) -> float:
 
 def off_the_path(done: Cut, rows: np.ndarray | None = None) -> tuple[float, float]:
     """Largest distance of the commanded tip (mm) and axis (degrees) from the stretch its row names."""
-    far = turned = 0.0
     joints, ids, s = done.joints, done.column("motion_id"), done.column("s")
+    asked = np.column_stack([joints, ids, s])[slice(None) if rows is None else rows]
+    asked = asked[asked[:, -2] >= 0]
+    asked = asked[np.r_[True, np.any(np.diff(asked, axis=0) != 0.0, axis=1)][: len(asked)]]  # at rest: once
+    if not len(asked):
+        return 0.0, 0.0
+    wanted = []
+    for *here, number, place in asked.tolist():
+        near = done.kinematics.rotaries(here)
+        found = done.stretches[int(number)].motion.joints(place, near, done.kinematics)
+        assert found is not None
+        wanted.append(found)
     length = max((tool.length_mm for tool in done.machine.tools), default=0.0)
-    for i in range(len(joints)) if rows is None else rows:
-        if ids[i] < 0:
-            continue
-        stretch = done.stretches[int(ids[i])]
-        near = done.kinematics.rotaries(joints[i].tolist())
-        wanted = stretch.motion.joints(float(s[i]), near, done.kinematics)
-        assert wanted is not None
-        here = done.kinematics.forward(tuple(map(float, joints[i])), length)
-        there = done.kinematics.forward(wanted, length)
-        far = max(far, float(np.linalg.norm(np.subtract(here.tip, there.tip))))
-        turned = max(turned, float(np.degrees(np.linalg.norm(np.subtract(here.axis, there.axis)))))
-    return far, turned
+    (tip, axis), (other, its) = (
+        trace.forward(np.asarray(one, dtype=float), length, done.kinematics)
+        for one in (asked[:, : joints.shape[1]], wanted)
+    )
+    far, turned = np.linalg.norm(tip - other, axis=1), np.linalg.norm(axis - its, axis=1)
+    return float(far.max()), float(np.degrees(turned.max()))
