@@ -45,6 +45,8 @@ def cartesian(ask: Ask, state: State, position: Position, machine: Machine) -> A
         made = _with(ask, word, (x - begin[0], y - begin[1]), state.mm_per_unit)
         return replace(made, polar=steps)
     far, turned = math.hypot(*begin), math.atan2(begin[1], begin[0])
+    if angle is None and far < MIN_MM:
+        raise ask.refusal(word, "polar.no_angle")
     end = _at(far if distance is None else distance, turned if angle is None else steps[1])
     return _with(ask, word, end, state.mm_per_unit)
 
