@@ -30,7 +30,7 @@ def cartesian(ask: Ask, state: State, position: Position, machine: Machine) -> A
     if "@" not in ask.words and "^" not in ask.words:
         return ask
     word = ask.words.get("@") or ask.words["^"]
-    _check(ask, word, machine)
+    _check(ask, word, ask.code("plane") or state.modal.plane, machine)
     state = _in_unit(ask, state)
     absolute = {"G90": True, "G91": False}.get(ask.code("distance"), state.absolute)
     here = Here(ask, state, position, machine)
@@ -114,7 +114,7 @@ def _at(distance: float, angle: float) -> tuple[float, float]:
     return distance * math.cos(angle), distance * math.sin(angle)
 
 
-def _check(ask: Ask, word: Word, machine: Machine) -> None:
+def _check(ask: Ask, word: Word, plane: str, machine: Machine) -> None:
     key = ""
     if machine.dialect != "rs274":
         key = "polar.dialect"
@@ -122,8 +122,10 @@ def _check(ask: Ask, word: Word, machine: Machine) -> None:
         key = "polar.beside_xy"
     elif "one-line" in ask.codes and ask.code("one-line") != "G53":
         key = "polar.beside_code"
+    elif plane != "G17":
+        key = "polar.plane"
     if key:
-        raise ask.refusal(word, key, code=ask.code("one-line"))
+        raise ask.refusal(word, key, code=ask.code("one-line"), plane=plane)
 
 
 def _with(ask: Ask, word: Word, end: tuple[float, float], mm_per_unit: float) -> Ask:
