@@ -13,6 +13,7 @@ often, 503 the controller's service is not there or the store cannot be used, 50
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping
 from contextvars import ContextVar
 from typing import Any
@@ -125,7 +126,18 @@ FORMS = {
     "less_than": ("below", "lt"),
     "string_too_short": ("short", "min_length"),
     "string_too_long": ("long", "max_length"),
+    "too_short": ("few", "min_length"),
+    "too_long": ("many", "max_length"),
+    "string_type": ("text", ""),
+    "string_pattern_mismatch": ("pattern", "pattern"),
+    **dict.fromkeys(("bool_type", "bool_parsing"), ("flag", "")),
+    **dict.fromkeys(("literal_error", "enum"), ("one_of", "expected")),
+    **dict.fromkeys(("list_type", "tuple_type"), ("list", "")),
+    **dict.fromkeys(("dict_type", "model_type", "model_attributes_type"), ("object", "")),
+    "extra_forbidden": ("extra", ""),
+    "json_invalid": ("json", ""),
 }
+_QUOTED = re.compile(r"'([^']*)'")  # of what pydantic expects: 'a', 'b' or 'c'
 
 
 def of_form(errors: Iterable[Mapping[str, Any]]) -> Refusal:
@@ -133,13 +145,15 @@ def of_form(errors: Iterable[Mapping[str, Any]]) -> Refusal:
     error = next(iter(errors), {})
     found = repr(error.get("input"))
     what, limit = FORMS.get(str(error.get("type")), ("other", ""))
+    allowed = (error.get("ctx") or {}).get(limit)
+    if what == "one_of":
+        allowed = ", ".join(_QUOTED.findall(str(allowed)))
     return Refusal.told(
         422,
         "form",
         "form",
-        where=".".join(str(part) for part in error.get("loc", ())) or "the request",
+        where=".".join(str(part) for part in error.get("loc", ())) or messages.Key("form.request"),
         found=found if len(found) <= 60 else found[:57] + "...",
         what=messages.Key(f"form.{what}"),
-        limit=(error.get("ctx") or {}).get(limit),
-        message=str(error.get("msg", "does not fit")).rstrip("."),
+        limit=allowed,
     )

@@ -203,7 +203,7 @@ class NextFacts(Told, Texts):
 
     verb: str = Field("", description="Of the service, that is not refused now; empty: none.")
     args: dict[str, Any] = {}
-    place: str = Field("", description="Where it is done: programs, changer or restart; empty: here.")
+    place: str = Field("", description="Where it is done: programs, changer, restart or alarms; empty: here.")
     waits: bool = Field(False, description="Nothing is to be done: it goes on by itself.")
 
 

@@ -28,8 +28,10 @@ from controller.machine.forms import (
     Own,
     Rows,
     Sub,
+    any_of,
 )
 from controller.machine.reading import Reading, Rules, Unread
+from controller.messages import said
 from drives.profile import Override
 from drives.settings import DEMAND, INT32_MAX, OFF_DEMAND
 from drives.text_file import Source
@@ -40,6 +42,8 @@ USUAL_SHARE = 0.5
 REST_SHARE = IN_POSITION_SHARE = 0.1
 PARALLEL = 1e-6
 WITHIN_TRAVEL = "within the travel"
+OF_IO = said("file.may.name_of", of="[io]")
+SLIDES, ROTARIES = ("X", "Y", "Z"), ("A", "B", "C")
 
 
 class Kind(Enum):
@@ -246,10 +250,8 @@ class Demand:
 class Clamp:
     """A clamp that holds a standing axis: the names of its output (1 = open) and input (1 = closed)."""
 
-    output: str = key(TEXT, "of `[io]`; 1: open", may_be="a name of `[io]`")
-    input: str = key(
-        TEXT, "of `[io]`; 1: closed; left out: nothing reports", silent="", may_be="a name of `[io]`"
-    )
+    output: str = key(TEXT, "of `[io]`; 1: open", may_be=OF_IO)
+    input: str = key(TEXT, "of `[io]`; 1: closed; left out: nothing reports", silent="", may_be=OF_IO)
     open_s: float = key(Number(0.01, 30.0), "most that opening or closing may take", silent=0.5)
 
     @property
@@ -290,9 +292,9 @@ class Axis:
     """One joint: geometry, travel, limits, and the drive that moves it."""
 
     name: str = key(
-        Choice(lambda here: ("A", "B", "C") if _is_rotary(here) else ("X", "Y", "Z")),
+        Choice(lambda here: ROTARIES if _is_rotary(here) else SLIDES),
         "X, Y, Z of a slide, A, B, C of a rotary",
-        may_be='"X" or "Y" or "Z"; "A" or "B" or "C"',
+        may_be=said("file.may.letters", slides=any_of(SLIDES), rotaries=any_of(ROTARIES)),
     )
     kind: Kind = key(
         Choice({one.value: one for one in Kind}), "a slide, a rotary under the work, or a rotary in the head"

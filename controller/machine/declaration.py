@@ -65,7 +65,7 @@ class Key:
     per: Any  # what one inside is in the file's unit
     tables: tuple[str, ...]  # that have it; () = all of the class
     only: Callable[[Any], bool] | None  # whether such a table may have it
-    may_be: str  # in words, where it hangs on other keys
+    may_be: Words  # in words, where it hangs on other keys
     left_out: str  # likewise what a silent file means
 
     @property
@@ -86,7 +86,7 @@ class Key:
     @property
     def allowed(self) -> str:
         """What it may be, in English, for the reference."""
-        return self.may_be or text(plain(self.form.allowed(None)))
+        return text(plain(self.may_be or self.form.allowed(None)))
 
     def inside(self, value: Any, here: Any) -> Any:
         """A value of the file as the field has it."""
@@ -116,7 +116,7 @@ def declared(
     per: Any = None,
     tables: tuple[str, ...] = (),
     only: Callable[[Any], bool] | None = None,
-    may_be: str = "",
+    may_be: Words = "",
     left_out: str = "",
 ) -> Key:
     """A key; it is needed where neither the field nor the declaration says what a silent file means."""

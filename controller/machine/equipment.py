@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from controller.geometry.vectors import ZERO, Vector, Z, norm, scale
-from controller.machine.axes import BUS, NODE, OVERRIDES, SHEET, UNSUPERVISED, USUAL_SHARE
+from controller.machine.axes import BUS, NODE, OF_IO, OVERRIDES, SHEET, UNSUPERVISED, USUAL_SHARE
 from controller.machine.declaration import key, shared
 from controller.machine.forms import FLAG, NAMES, POSITIVE, TEXT, VECTOR, Choice, Integer, Number, Own, Sub
 from controller.machine.reading import Reading, Rules, Unread
@@ -35,7 +35,6 @@ INT16 = -(2**15), 2**15 - 1
 # That programs have for what is the machine's own.
 M_CODE = re.compile(r"M(1[0-8]|2[0-8]|3[1-9]|4[0-7]|5[4-9]|69|7[4-9]|8[0-9]|9[0-7]|[1-9][0-9][0-9])")
 M_CODES = "M10-M18, M20-M28, M31-M47, M54-M59, M69, M74-M97, M100-M999"
-OF_IO = "a name of `[io]`"
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,7 +64,9 @@ class MCode:
     """What a code of the machine's own switches, as it is written."""
 
     output: str = key(
-        Choice(lambda here: here.above["digital_out"]), "of `digital_out`", may_be="a name of `digital_out`"
+        Choice(lambda here: here.above["digital_out"]),
+        "of `digital_out`",
+        may_be=said("file.may.name_of", of="digital_out"),
     )
     on: bool = key(FLAG, "whether it is switched on or off", default=True)
 

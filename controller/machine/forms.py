@@ -72,6 +72,11 @@ class Integer(Form):
         return {"type": "integer", "minimum": self.lower, "maximum": self.upper}
 
 
+def any_of(options: Sequence[str] | Mapping[str, Any]) -> Words:
+    """Each in quotes, with "or" between them."""
+    return chain("or", [f'"{one}"' for one in options])
+
+
 @dataclass(frozen=True, slots=True)
 class Choice(Form):
     """One of some texts; of a mapping the value that goes with it."""
@@ -79,7 +84,7 @@ class Choice(Form):
     options: Sequence[str] | Mapping[str, Any] | Callable[..., Sequence[str]]
 
     def allowed(self, here: Reading | None) -> Words:
-        return chain("or", [f'"{one}"' for one in resolved(self.options, here)])
+        return any_of(resolved(self.options, here))
 
     def read(self, here: Reading, name: str) -> Any:
         try:

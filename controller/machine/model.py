@@ -48,6 +48,7 @@ from controller.machine.reading import Reading, Rules
 from controller.machine.spindle import AdaptiveFeed as AdaptiveFeed
 from controller.machine.spindle import Spindle as Spindle
 from controller.machine.spindle import SpindlePosition as SpindlePosition
+from controller.machine.toml_table import span
 from controller.messages import said
 
 T = TypeVar("T")
@@ -147,7 +148,7 @@ class Tool:
     length_mm: float = key(
         Number(lambda here: SHORTEST_SET_MM if here.called == SET else 0.0),
         "from the gauge line to the tip",
-        may_be="a number from 0 on",
+        may_be=said("file.may.number", span=span(0, math.inf)),
     )
     flute_mm: float = key(POSITIVE, "length that cuts, from the tip; what is above cuts nothing")
     corner_mm: float = key(

@@ -11,6 +11,7 @@ import copyreg
 import types
 import typing
 from bisect import bisect_right
+from collections.abc import Mapping
 from dataclasses import fields, is_dataclass, replace
 from enum import Enum
 from types import MappingProxyType
@@ -27,11 +28,7 @@ MAX_ROWS = 20_000  # states that are remembered: more lines than are ever read a
 _OF_THE_TEXT = (
     "tools",
     "references",
-    "offset_number",
-    "length_number",
     "noted",
-    "curve_goes",
-    "begun",
     "marks",
     "cleared",
 )
@@ -124,13 +121,18 @@ def after_program(state: State, machine: Machine) -> State:
     )
     left = left._replace(modal=modal, motion="G1", cycle=None, absolute=True, inverse=False, per_turn=False)
     left = left._replace(turn_feed=None, feed_deg_s=None, turning=0, parameters=())
+    left = left._replace(begun=None, curve_goes=None, offset_number=None, length_number=None)
     return left.with_origins(replace(_default(left.origins), aside=left.origins.aside), machine)
 
 
 def after_stop(state: State, machine: Machine) -> State:
-    """After a stop, a fault or an e-stop: spindle and coolant are off, what the codes mean stays."""
+    """After a stop, a fault or an e-stop: spindle and coolant are off, what the codes mean stays.
+
+    What the next line was to go on with is over: a canned cycle, a curve, half a plane.
+    """
     left = after_line(state, machine)
-    return left._replace(modal=replace(left.modal, spindle_rev_min=0.0, coolant=0), turning=0, cycle=None)
+    left = left._replace(turning=0, cycle=None, curve_goes=None, begun=None)
+    return left._replace(modal=replace(left.modal, spindle_rev_min=0.0, coolant=0))
 
 
 def cleared(state: State, machine: Machine) -> State:
@@ -171,6 +173,8 @@ def _plain(value: Any) -> Any:
         return value.value
     if is_dataclass(value) or hasattr(value, "_fields"):
         return {name: _plain(getattr(value, name)) for name in _names(type(value))}
+    if isinstance(value, Mapping):
+        return {str(key): _plain(one) for key, one in value.items()}
     return [_plain(one) for one in value] if isinstance(value, tuple | list) else value
 
 
@@ -181,6 +185,9 @@ def _made(kind: Any, value: Any) -> Any:
     if get_origin(kind) is tuple:
         kinds = get_args(kind)
         return tuple(_made(kinds[0 if kinds[-1] is ... else i], one) for i, one in enumerate(value))
+    if get_origin(kind) is Mapping:
+        key, one = get_args(kind)
+        return {key(name): _made(one, part) for name, part in value.items()}
     if is_dataclass(kind) or hasattr(kind, "_fields"):
         hints, later = _HINTS.get(kind) or get_type_hints(kind), _LATER.get(kind, ())
         names = [name for name in _names(kind) if name in value or name not in later]
@@ -193,7 +200,10 @@ def _made(kind: Any, value: Any) -> Any:
 # What a state lacks that an earlier version has written: it is as by default.
 _LATER = {
     Cycle: ("mm_per_unit",),
-    State: ("parameters", "length_code", "polar"),
+    State: (
+        *("parameters", "length_code", "polar"),
+        *("begun", "curve_goes", "offset_number", "length_number"),
+    ),
     Origins: ("following", "mirror", "aside"),
 }
 # Resolved once: these name one another.

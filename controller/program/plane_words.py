@@ -126,12 +126,13 @@ def defined(here: Here) -> tuple[State, list[Block]]:
 
 
 def check_whole(ask: Ask, state: State) -> None:
-    """Nothing stands between the lines of one definition but what has no words of its own left, as M71.
+    """Nothing stands between the lines of one definition but what has no words of its own left, as M71;
+    G69 gives it up.
 
     Raises ProgramError.
     """
     begun = state.begun
-    if begun is not None and ask.line.words and ask.code("rotation") != begun.code:
+    if begun is not None and ask.line.words and ask.code("rotation") not in (begun.code, "G69"):
         raise _not_whole(ask, begun)
 
 

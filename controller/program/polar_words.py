@@ -30,7 +30,7 @@ def cartesian(ask: Ask, state: State, position: Position, machine: Machine) -> A
     if "@" not in ask.words and "^" not in ask.words:
         return ask
     word = ask.words.get("@") or ask.words["^"]
-    _check(ask, word, machine)
+    _check(ask, word, ask.code("plane") or state.modal.plane, machine)
     state = _in_unit(ask, state)
     absolute = {"G90": True, "G91": False}.get(ask.code("distance"), state.absolute)
     here = Here(ask, state, position, machine)
@@ -45,6 +45,8 @@ def cartesian(ask: Ask, state: State, position: Position, machine: Machine) -> A
         made = _with(ask, word, (x - begin[0], y - begin[1]), state.mm_per_unit)
         return replace(made, polar=steps)
     far, turned = math.hypot(*begin), math.atan2(begin[1], begin[0])
+    if angle is None and far < MIN_MM:
+        raise ask.refusal(word, "polar.no_angle")
     end = _at(far if distance is None else distance, turned if angle is None else steps[1])
     return _with(ask, word, end, state.mm_per_unit)
 
@@ -112,7 +114,7 @@ def _at(distance: float, angle: float) -> tuple[float, float]:
     return distance * math.cos(angle), distance * math.sin(angle)
 
 
-def _check(ask: Ask, word: Word, machine: Machine) -> None:
+def _check(ask: Ask, word: Word, plane: str, machine: Machine) -> None:
     key = ""
     if machine.dialect != "rs274":
         key = "polar.dialect"
@@ -120,8 +122,10 @@ def _check(ask: Ask, word: Word, machine: Machine) -> None:
         key = "polar.beside_xy"
     elif "one-line" in ask.codes and ask.code("one-line") != "G53":
         key = "polar.beside_code"
+    elif plane != "G17":
+        key = "polar.plane"
     if key:
-        raise ask.refusal(word, key, code=ask.code("one-line"))
+        raise ask.refusal(word, key, code=ask.code("one-line"), plane=plane)
 
 
 def _with(ask: Ask, word: Word, end: tuple[float, float], mm_per_unit: float) -> Ask:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 from controller.machine.model import OFFSETS
 from controller.program.modal import State
 from controller.program.program import Side, Tip
@@ -12,8 +14,9 @@ TIPS = {Tip.ROTARIES: "G43.4", Tip.VECTORS: "G43.5"}
 
 
 def active_codes(state: State) -> tuple[str, ...]:
-    """Motion, plane, unit, distance, feed mode, side, length, offset, path, cycles' return, turned and tilted
-    planes, spindle, coolant, overrides; then the words T, H, D, F (as written: unit a minute, or a turn), S.
+    """Motion, plane, unit, distance, feed mode, side, length, offset, path, cycles' return, what changes the
+    meaning of positions while it is on, turned and tilted planes, spindle, coolant, overrides; then the words
+    T, H, D, F (as written: unit a minute, or a turn), S.
 
     A length that is no tool's own, by G43.1 or a sum of G43.2, is G43.1 with it, and there is no H.
     """
@@ -29,7 +32,7 @@ def active_codes(state: State) -> tuple[str, ...]:
         OFFSETS[modal.offset],
         _path(state),
         "G99" if state.to_clearance else "G98",
-        *_following(state),
+        *_while_on(state),
         "G68.2" if modal.tilted else "G68" if turned else "G69",
         SPINDLE_CODES[(modal.spindle_rev_min > 0.0) - (modal.spindle_rev_min < 0.0)],
         COOLANT_CODES[modal.coolant],
@@ -53,12 +56,18 @@ def _length(state: State) -> str:
     return TIPS.get(state.modal.tip, "G43" if state.modal.length_mm else "G49")
 
 
-def _following(state: State) -> tuple[str, ...]:
-    """Only where it is on."""
-    following = state.origins.following
-    if following is None:
-        return ()
-    return (f"{following.code} P{following.number}" if following.number else following.code,)
+def _while_on(state: State) -> Iterator[str]:
+    """Of groups whose other code is shown by nothing: centres, radius and angle, mirrors, carried origins."""
+    if state.centres_absolute:
+        yield "G90.1"
+    if state.polar is not None:
+        yield "G16"
+    if (mirror := state.origins.mirror) is not None:
+        places = zip("XYZ", mirror, strict=True)
+        words = [f"{name}{at / state.mm_per_unit:.6g}" for name, at in places if at is not None]
+        yield " ".join(["G51.1", *words])
+    if (following := state.origins.following) is not None:
+        yield f"{following.code} P{following.number}" if following.number else following.code
 
 
 def _side(state: State) -> str:

@@ -93,4 +93,6 @@ class ModalState:
         if not keeps:
             return None
         left = carried.after_line(self.at(now, machine, tool), machine)
-        return left._replace(parameters=self._parameters if job.is_mdi else ())
+        if job.is_mdi:
+            return left._replace(parameters=self._parameters)
+        return left._replace(parameters=(), begun=None)

@@ -6,7 +6,8 @@ it offers can be done as things are. What only waits, or must be put right by ha
     {"key": "next.home", "values": {}, "verb": "home", "args": {}, "place": "", "waits": false}
 
 ``verb``, ``args``: as the door takes them; "" = nothing is to be pressed. ``place``: where the page shows
-what is meant, or asks for what the verb needs: "programs", "changer". ``waits``: it goes on by itself.
+what is meant, or asks for what the verb needs: "programs", "changer", "alarms". ``waits``: it goes on by
+itself.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from types import MappingProxyType
 from typing import Any, NamedTuple
 
 from controller.messages import Key, Said, said
+from controller.service import kept_file
 from controller.service.jobs import INTERRUPTED, UNDER_WAY
 from controller.state.modes import TOOL_CHANGE
 
@@ -210,6 +212,8 @@ def _ready(status: Status, job: Mapping[str, Any]) -> Iterator[Step]:
     """Which program, from where."""
     state, name = job.get("state"), job.get("name") or ""
     offer = status["restart"]
+    if (damage := _notice(status, kept_file.ALARM)) is not None:
+        yield _by_hand("damage", "alarms", what=damage)
     if state == "loading":
         yield _wait("loading", program=name)
     of_it = not job or (state in ENDED_EARLY and job["sha256"] == offer.get("sha256"))

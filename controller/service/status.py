@@ -49,6 +49,7 @@ def machine_values(
     the rest is what the machine file or the plan makes of one.
     """
     told, kinematics = told_by_tick(now), kinematics_of(machine)
+    state = dynamic_offset.standing(state, machine.pair(now.joints, 0.0), machine, kinematics)
     return {
         **told,
         "not_homed": [
@@ -168,7 +169,9 @@ def joints(
     shown, actual = machine.shown(now.joints), machine.shown(now.actual)
     read = reading(machine, kinematics, now.joints, state)
     work = figures.work(machine, kinematics, now.joints, read)
-    end = figures.work(machine, kinematics, way.end, read) if way is not None else work
+    end = work
+    if way is not None:  # where an origin that follows the part is by then
+        end = figures.work(machine, kinematics, way.end, reading(machine, kinematics, way.end, state))
     to_go = figures.to_go(work, end)
     return {
         axis.name: {

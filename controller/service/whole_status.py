@@ -11,7 +11,7 @@ from controller.ipc.control_socket import LAST, Values, packed
 from controller.ipc.handoff import Snapshot, blank
 from controller.machine.model import OFFSETS
 from controller.messages import Said, said
-from controller.service import alarms, job_status, restart_preview
+from controller.service import alarms, job_status, kept_file, restart_preview
 from controller.service import status as machine_status
 from controller.service.jobs import Job
 from controller.service.journal import Entry
@@ -216,7 +216,7 @@ def _no_resume(service: Service, now: Snapshot) -> Said | None:
 
 def _with_notices(service: Service, values: Values) -> Values:
     """That the tool stands in a thread and no program turns it; that nobody knows where the changer's
-    tools are; that the run, or the last, has no record.
+    tools are; that a file was damaged, which nobody has confirmed; that the run, or the last, has no record.
 
     An alarm tells of the record, too: but where the disk is full, nobody can keep that either.
     """
@@ -227,6 +227,8 @@ def _with_notices(service: Service, values: Values) -> Values:
     changer = service.changer
     if changer is not None and (doubt := changer.doubt) is not None:
         notices = [*notices, {"name": "CHANGER_IN_DOUBT", **doubt}]
+    if (alarm := service.alarms.unconfirmed(kept_file.ALARM)) is not None:
+        notices = [*notices, {"name": kept_file.ALARM, "key": alarm["key"], "values": alarm["values"]}]
     if service.run.recorder.unrecorded is not None:
         notices = [*notices, {"name": "NOT_RECORDED", **service.run.recorder.unrecorded}]
     return {**values, "notices": notices}

@@ -5,7 +5,7 @@
 - work: what the words X Y Z A B C of the program are, here, in the state that is in force: under its offset,
   shifts and turns. X Y Z are positions of the axes less the length that G43 adds to Z; in a tilted plane and
   under tip control they are the place of the tip in the part, which turns with the table;
-- distance to go: what the end of the motion reads in work figures, less what is read now;
+- distance to go: what the end of the motion reads in work figures there, less what is read now;
 - tip: that of the tool in the spindle, whatever length is in force, in the part frame that is.
 
 Status, REST, command line, page and picture show these and no others, and touching off sets the same. Joints

@@ -28,6 +28,7 @@ from support.machines.interrupted_runs import (
     with_tool,
 )
 from support.machines.stepped_runs import Cut, cut, shipped
+from support.suite import seed as suite_seed
 
 from controller import messages
 from controller.ipc.handoff import COLUMN, Jog, Snapshot, send_jog
@@ -41,6 +42,20 @@ from controller.service.journal import Journal
 from controller.state.modes import Mode, Request
 
 PROGRAMS = {"example 2": EXAMPLE_2, "lines": LINES, "tips": TIPS}
+BEGIN = "G21 G90 G54 G17 G61 T2 M6\nS8000 M3\nG43 H2\nG0 X0. Y0. Z60.\nG1 Z20. F1500.\n"
+END = "G0 Z80.\nM30\n"
+SUB = "G91 G1 X5. F1500.\nY4.\nG90\nM99\n"
+OF_FANUC = {  # of what changes the meaning of words, or the order of lines
+    "G51.1": f"{BEGIN}G51.1 X5.\nG1 X10. Y5.\nG2 X20. Y-5. R30.\nG1 X3. ,R2.\nY20. ,C1.\nX-10.\nG50.1\n{END}",
+    "G16": f"{BEGIN}G16\nG1 X15. Y30.\nY60.\nG91 Y30.\nG90 X20.\nG15\nX0. Y0.\n{END}",
+    "G254": f"{BEGIN}G254\nG1 X10. A10.\nY10. A-10. C20.\nX0.\nG255\nX5. Y5.\nG0 Z80.\nA0. C0.\nM30\n",
+    "G68.2": f"{BEGIN}G0 Z60.\nG68.2 P2 Q1 X0. Y0. Z10.\nG68.2 P2 Q2 X10. Y0. Z10.\n"
+    "G68.2 P2 Q3 X0. Y10. Z12.\nG53.1\nG0 X0. Y0. Z60.\nG1 Z10.\nX10. Y5.\nG3 X0. Y15. R20.\nG0 Z80.\nM30\n",
+    "G13": f"{BEGIN}G13 I8. K16. Q4. Z15. D2\nG91 G12 I6. Z-1. L3 D2\nG90\n{END}",
+    "G52": f"{BEGIN}G52 X5. Y-3. Z1.\nG68 X1. Y2. R30.\nG1 X10.\nY10.\nG69\nX0.\nG52 X0. Y0. Z0.\nX1.\n{END}",
+    "M97": f"{BEGIN}M97 P100 L2\nG1 X1.\nM30\nN100 {SUB}",
+    "M98": f"{BEGIN}M98 P1000 L2\nG1 X1.\nM30\nO1000\n{SUB}",
+}
 
 
 def slow(value: object) -> object:
@@ -102,6 +117,23 @@ def test_restarts_anywhere(name: str, seed: int) -> None:
 @pytest.mark.parametrize("machine", ["fig4c", "table_head", "head_head", "oblique45"])
 def test_restarts_anywhere_of_example_2_on_other_machines(machine: str) -> None:
     restarts("example 2", machine, 7, 5)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("code", OF_FANUC)
+def test_restarts_anywhere_of_what_fanucs_controls_read_otherwise(code: str) -> None:
+    machine, text = shipped(dialect="fanuc", without_point="unit", unset=()), OF_FANUC[code]
+    whole = cut(text, machine)
+    assert whole.run.result == "completed", whole.run.fault_text
+    rng, stepped = random.Random(f"{suite_seed.SEED} {code}"), fresh(machine)
+    for tick in sorted(rng.sample(range(20, len(whole.rows) - 20), 3)):
+        rest = rest_of(text, spot_at(whole, tick), machine)
+        done = resumed(stepped, rest)
+        assert_sound(done, (code, tick))
+        wanted = stretches(text, stepped.machine)
+        assert distance(done.rows, wanted, stepped.kinematics) < SAME
+        assert_rest_is_cut(done.rows, wanted, rest.spot)
+        assert np.abs(done.joints[-1] - whole.joints[-1]).max() < 1e-9
 
 
 # --- the journal

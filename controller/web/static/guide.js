@@ -42,6 +42,7 @@ function Next() {
     <span>${word("run.next")}</span> <strong>${control ? word("next.control") : (next.verb === "load" && not_offered()) || sentence(next)}</strong>
     ${control ? html` <${Act} text=${word("frame.take")} needs="role" class="next-take" icon="hand" press=${take} />` : button && html` <${Act} ...${button} />`}
     ${next.place === "programs" && html` <${Choose} />`}
+    ${next.place === "alarms" && html` <${Act} text=${word("view.alarms")} needs="" icon="alarms" press=${() => show("alarms")} />`}
   </p>`;
 }
 

@@ -69,7 +69,7 @@ function in_words({ fault, sequence, notices, interlock, warning, waiting, spind
     next: trusted ? word(fault.position_trusted ? "frame.trusted" : "frame.not_trusted") : "",
     under_way: running || (change ? sentence(change) : tool_change ? sentence(tool_change) : waiting ? word(waits) : ""),
     interlock: told(interlock),
-    warning: [warning, "PLAN_SILENT", "IN_THREAD", "NOT_RECORDED"].map(told).find(Boolean) || "",
+    warning: [warning, "PLAN_SILENT", "IN_THREAD", "FILE_DAMAGED", "NOT_RECORDED"].map(told).find(Boolean) || "",
     failed: sequence?.state === "failed" ? sentence(sequence) : "",
   };
 }

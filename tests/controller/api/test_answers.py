@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import ast
 import asyncio
+import math
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import pytest
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from support.fakes.fake_socket import FakeDoor
 from support.fakes.panels import Scene, take_control
 
@@ -140,5 +142,51 @@ def test_every_listener_hears_in_a_language_of_its_own_that_the_service_is_gone(
 def test_what_does_not_fit_in_a_way_without_a_word_is_told_as_it_was_found() -> None:
     error = {"type": "new_kind", "loc": ("body", "x"), "msg": "Not a plum.", "input": "y" * 99}
     told = of_form([error]).said
-    assert text(told).startswith("body.x: Not a plum (found 'yyy") and "..." in text(told)
-    assert "passt nicht (Not a plum)" in text(told, "de")
+    assert text(told).startswith("body.x: does not fit (found 'yyy") and "..." in text(told)
+    assert "body.x: passt nicht (" in text(told, "de")
+
+
+class Form(BaseModel):
+    """A key of each kind that a body may have."""
+
+    model_config = ConfigDict(strict=True, extra="forbid")
+    number: float | None = Field(None, ge=-1.0, lt=2.0, allow_inf_nan=False)
+    whole: int = Field(1, gt=0, le=9)
+    name: str = Field("ab", min_length=2, max_length=4, pattern="^[a-z]*$")
+    on: bool = False
+    kind: Literal["one", "two", "three"] = "one"
+    rows: list[int] = Field([1], min_length=1, max_length=2)
+    more: dict[str, int] = {}
+    inner: Form | None = None
+
+
+WRONG: tuple[tuple[dict[str, Any], str], ...] = (
+    *(
+        ({"number": "x"}, "eine Zahl"),
+        ({"number": math.inf}, "eine Zahl"),
+        ({"number": 5.0}, "kleiner als 2"),
+    ),
+    *(({"number": -5.0}, "mindestens -1"), ({"whole": 0}, "größer als 0"), ({"whole": 10}, "höchstens 9")),
+    *(({"whole": 1.5}, "ganze Zahl"), ({"name": 1}, "ein Text"), ({"name": "a"}, "mindestens 2 Zeichen")),
+    *(({"name": "abcde"}, "höchstens 4 Zeichen"), ({"name": "AB"}, "die Form ^[a-z]*$"), ({"on": 1}, "true")),
+    *(
+        ({"kind": "x"}, "eines von one, two, three"),
+        ({"rows": []}, "mindestens 1 Ein"),
+        ({"rows": 1}, "Liste"),
+    ),
+    *(({"rows": [1, 2, 3]}, "höchstens 2 Einträge"), ({"more": 1}, "Objekt"), ({"inner": 1}, "Objekt")),
+    ({"other": 1}, "ist hier kein Schlüssel"),
+)
+
+
+@pytest.mark.parametrize(("values", "german"), WRONG)
+def test_what_does_not_fit_is_told_without_a_word_of_the_library(values: dict[str, Any], german: str) -> None:
+    with pytest.raises(ValidationError) as error:
+        Form(**values)
+    told = of_form([{**one, "loc": ("body", *one["loc"])} for one in error.value.errors()]).said
+    assert german in text(told, "de") and "form.other" not in str(told) and "None" not in text(told)
+
+
+def test_a_request_as_a_whole_has_a_name_in_each_language() -> None:
+    told = of_form([{"type": "json_invalid", "loc": (), "input": "{"}]).said
+    assert text(told).startswith("the request: is no JSON") and "die Anfrage: " in text(told, "de")

@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 from support.machines.every_key import EVERY, TEXT, values_of_every_key
 
+from controller import messages
 from controller.machine import keys as machine_keys
 from controller.machine import machine_file
 from controller.machine.declaration import Key, key
@@ -179,3 +180,13 @@ def test_the_schema_accepts_no_unknown_key() -> None:
         for table in tables_of(values, section.name)[:1]:
             table["no_such_key"] = 1
             assert not accepts(SCHEMA, values), section.name
+
+
+def test_what_a_key_may_be_that_is_missing_is_a_text_in_every_language() -> None:
+    """Also where it hangs on another key, which may itself be refused."""
+    needed = [one for section, one in DECLARED if one.is_needed(section.called)]
+    assert len(needed) > 40 and not [one.name for one in needed if isinstance(one.may_be, str) and one.may_be]
+    added = '[[straightness]]\nmoves = "Z"\nat_mm = 5\n'
+    with pytest.raises(ConfigError) as refused:
+        machine_file.read(machine_file.load("trunnion").text + added, "m.toml")
+    assert "so viele Zahlen wie `at`" in messages.text(refused.value.said, "de")

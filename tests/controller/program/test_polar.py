@@ -46,6 +46,8 @@ def test_an_arc_may_end_there() -> None:
     [
         ("rs274", "G0 @5 X1\n", "@5 stands beside X or Y"),
         ("rs274", "G0 X0 Y0\nG91 @5\n", "from the origin, where no direction is"),
+        ("rs274", "G0 X0 Y0\n@5\n", "keeps the angle, and at the origin there is none"),
+        ("rs274", "G18\nG0 X3 Y4\n@5\n", "distance and angle in X and Y"),
         ("rs274", "G92 @5 ^3\n", "stands beside G92"),
         ("fanuc", "G0 @5.\n", 'is a word of dialect = "rs274"'),
     ],

@@ -14,7 +14,7 @@ import pytest
 from support.fakes.fake_engine import done, engine_of, served
 from support.machines.stepped_runs import SHIPPED
 from support.oracles import tilted_planes
-from support.oracles.figures_by_matrices import Drawn, moved, tip_of
+from support.oracles.figures_by_matrices import Drawn, mirrored, moved, tip_of
 from support.oracles.tilted_planes import Bench, turned_about
 from support.suite import seed
 
@@ -114,6 +114,15 @@ def some(rng: random.Random, name: str, dialect: str) -> Case | None:
         inner = inner @ moved(np.array(local))
         lines.append(f"G52 {on('XYZ', local)}")
     of_tip, length, kind = False, 0.0, rng.choice(("", "turn", "plane"))
+    follows = rng.choice(("G254", "G54.2")) if dialect == "fanuc" and rng.random() < 0.4 else ""
+    mirror = {n: at for n, at in zip("XYZ", three(30.0), strict=True) if rng.random() < 0.5}
+    mirror = mirror if dialect == "fanuc" and rng.random() < 0.4 else {}
+    vector, measured = three(30.0), {n: round(rng.uniform(-90, 90), 3) for n in rotaries}
+    if follows == "G54.2":
+        measured_so = {"origin_mm": vector, "rotary_deg": measured}
+        machine = setup_data.with_offset(machine, "G54.2 P1", measured_so)
+    if follows:
+        lines.append(follows + " P1" * (follows == "G54.2"))
     if kind == "turn":
         x, y, _ = three(40.0)
         angle = round(rng.uniform(-180.0, 180.0), 3)
@@ -125,6 +134,9 @@ def some(rng: random.Random, name: str, dialect: str) -> Case | None:
         inner = inner @ make(0, {0: {"Q": 313.0, **words} if dialect == "rs274" else words})
         lines += [f"G68.2 P0 {on('XYZIJK', words.values())}", *(["G53.1"] if dialect == "rs274" else [])]
         of_tip = True
+    if mirror:
+        lines.append(f"G51.1 {on(''.join(mirror), mirror.values())}")
+        inner = inner @ mirrored(mirror)
     if code := rng.choice(("", "G43", "G43", "G43.4", "G43.4")):
         number = rng.choice(list(LENGTHS))
         length, of_tip = LENGTHS[number], of_tip or code == "G43.4"
@@ -134,7 +146,10 @@ def some(rng: random.Random, name: str, dialect: str) -> Case | None:
     except ProgramError:
         return None
     drawn_rotary = {n: by[n] + (0.0 if suspended else shifted.get(n, 0.0)) for n in rotaries}
-    drawn = Drawn(np.array(origin), np.array(turned), inner, drawn_rotary, length, of_tip)
+    drawn = Drawn(
+        *(np.array(origin), np.array(turned), inner, drawn_rotary, length, of_tip),
+        *(follows, np.array(vector), measured),
+    )
     one, end = (
         tuple(rng.uniform(max(a.travel_min, -400.0), min(a.travel_max, 400.0)) for a in machine.axes)
         for _ in range(2)
@@ -186,7 +201,7 @@ def test_every_figure_is_what_matrices_make_of_the_joints(name: str, dialect: st
 def ends_at(case: Case, machine: Machine, state: State, line: str) -> list[float]:
     """The joints as shown where a line leads that is typed there."""
     begun = modal.begun(machine, state)
-    read = blocks.stream(line.encode(), machine, "p", begin=begun)
+    read = blocks.stream(line.encode(), machine, "p", start=case.joints, begin=begun)
     *_, last = explained.steps(read, machine, "p", case.joints)
     return [float(last.axes[axis.name]) for axis in machine.axes]
 

@@ -10,14 +10,17 @@ from __future__ import annotations
 import random
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from support.machines.lines_by_hand import ByHand
 from support.oracles import reference_interpreter as oracle
+from support.parts.random_fanuc_lines import FanucLines
 from support.parts.random_lines import ARCS, Lines
 from support.suite import seed
 
+from controller.machine import machine_file
 from controller.machine.model import Machine
 from controller.program import blocks
 from controller.program.carried import InForce
@@ -27,6 +30,7 @@ from controller.service.active_codes import active_codes
 
 README = (Path(__file__).parents[3] / "config/programs/README.md").read_text(encoding="utf-8")
 RUNS, LINES, SLOW_RUNS = 40, 10, 400
+OF_FANUC, SLOW_OF_FANUC = 10, 400
 BEGIN = ("G21 G98 F100 T1 M6",)  # as ours at power-on
 DRILLS = (
     "G7",
@@ -126,6 +130,46 @@ def test_lines_by_hand_are_the_program_of_these_lines(run: int, machine: Machine
         if oracle.ours(f"{text}{one}\n", machine).refused:
             with pytest.raises(ProgramError):
                 hand.type(one)
+            continue
+        hand.type(one)
+        text += f"{one}\n"
+        moves, state = joined(text, machine)
+        ours = oracle._moving(hand.moves)
+        assert len(ours) == len(moves), text
+        assert all(a.near(b, 1e-9) for a, b in zip(ours, moves, strict=True)), text
+        assert hand.codes == active_codes(state), text
+
+
+FANUCS = ("shop", "machining_centre", "xyzac_linuxcnc")
+
+
+@pytest.fixture(scope="module")
+def fanucs() -> list[Machine]:
+    loaded = [machine_file.load(name) for name in FANUCS]
+    return [
+        replace(one, dialect="fanuc", without_point="unit", unset=(), changer=None, probe=None)
+        for one in loaded
+    ]
+
+
+@pytest.mark.parametrize(
+    "run",
+    [*range(OF_FANUC), *(pytest.param(n, marks=pytest.mark.slow) for n in range(OF_FANUC, SLOW_OF_FANUC))],
+)
+def test_so_they_are_on_a_control_as_fanucs(run: int, fanucs: list[Machine]) -> None:
+    """With radius and angle, mirrors, carried origins, planes that take several lines, H and D alone."""
+    print(f"seed {seed.SEED}")
+    rng, machine = random.Random(f"{seed.SEED} fanuc {run}"), fanucs[run % len(fanucs)]
+    hand, text = ByHand(machine), ""
+    lines, tries = FanucLines(rng, "".join(machine.axes[i].name for i in machine.rotary())), 0
+    while text.count("\n") < LINES:
+        assert (tries := tries + 1) < 30 * LINES, text
+        one = lines.line(hand.state)
+        if oracle.ours(f"{text}{one}\n", machine).refused:
+            with pytest.raises(ProgramError):
+                hand.type(one)
+            continue
+        if ",R" in one or ",C" in one:
             continue
         hand.type(one)
         text += f"{one}\n"

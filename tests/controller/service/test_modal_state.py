@@ -15,6 +15,7 @@ from controller.machine.model import Machine
 from controller.program import blocks, carried, modal
 from controller.program.carried import InForce
 from controller.program.modal import State
+from controller.program.program import ProgramError
 from controller.runtime.plan_messages import Program
 from controller.service import jobs
 from controller.service.active_codes import active_codes
@@ -83,6 +84,53 @@ def test_a_line_by_hand_goes_on_from_the_one_before(
         == state
     ), "a record has it without loss"
     assert pickle.loads(pickle.dumps(state)) == state
+
+
+POINTS = ("G68.2 P2 Q1 X1. Y0. Z0.", "G68.2 P2 Q2 X5. Y0. Z1.", "G68.2 P2 Q3 X0. Y5. Z0.")
+VECTORS = ("G68.2 P3 Q1 X1. Y0. Z0. I1. J0. K0.", "G68.2 P3 Q2 I0. J1. K4.")
+
+
+@pytest.mark.parametrize(
+    ("typed", "joined", "has"),
+    [
+        (("G0 X10. Y0.", "G16", "G0 X20. Y30.", "Y60."), "G0 X10. Y0.\nG16\nG0 X20. Y60.", "G16"),
+        (("G51.1 X10. Z2.5", "G0 X3."), "G51.1 X10. Z2.5\nG0 X3.", "G51.1 X10 Z2.5"),
+        (("G51.1 X25.4", "G20"), "G51.1 X25.4\nG20", "G51.1 X1"),
+        (POINTS, "\n".join(POINTS), "G68.2"),
+        ((POINTS[0], "G69", *VECTORS, "G0 X1."), "\n".join((*VECTORS, "G0 X1.")), "G68.2"),
+        (("H2", "G43"), "G43 H2", "H2"),
+        (("D3", "G0 X1.", "G91"), "D3\nG0 X1.\nG91", "G91"),
+    ],
+)
+def test_so_it_does_on_a_control_as_fanucs(
+    typed: tuple[str, ...], joined: str, has: str, machine: Machine
+) -> None:
+    fanuc = replace(machine, dialect="fanuc", without_point="unit")
+    state = lines(fanuc, *typed)
+    kept = carried.from_json(json.loads(json.dumps(carried.to_json(state))))
+    assert has in active_codes(state) and active_codes(state) == active_codes(lines(fanuc, joined))
+    assert kept.with_origins(state.origins, fanuc)._replace(cleared=state.cleared) == state
+
+
+def test_half_a_plane_is_gone_on_with_or_given_up(machine: Machine) -> None:
+    fanuc = replace(machine, dialect="fanuc", without_point="unit")
+    state = lines(fanuc, POINTS[0])
+    with pytest.raises(ProgramError, match="G69, which gives it up"):
+        after("G0 X1.", fanuc, state)
+    for left in (carried.after_stop(state, fanuc), lines(fanuc, POINTS[0], "G69")):
+        assert "G0" in active_codes(after("G0 X1.", fanuc, left))
+    keeps, hand = replace(fanuc, start_state="keep"), ByHand(fanuc)
+    hand.type(POINTS[0])
+    program, line = (replace(jobs.mdi("G0 X1.", keeps), program=p) for p in _programs(keeps))
+    begun = [hand.modal.begin_of(job, hand.now, keeps, 1) for job in (program, line)]
+    assert [state is not None and state.begun is not None for state in begun] == [False, True]
+
+
+def test_a_curve_goes_on_from_the_one_of_the_line_before(machine: Machine) -> None:
+    hand = ByHand(machine)
+    for line in ("G0 X0 Y0 Z0", "F100 G5 X10 Y5 I2 J3 P-4 Q1", "G5 X20 Y0 P-1 Q2"):
+        hand.type(line)
+    assert (hand.work["X"], hand.work["Y"]) == pytest.approx((20.0, 0.0))
 
 
 def test_the_end_of_a_program_leaves_what_rs274_says(machine: Machine) -> None:

@@ -18,7 +18,7 @@ from controller.ipc.control_socket import CommandRefused
 from controller.machine.tool_store import Step, placed
 from controller.messages import said
 from controller.plan.restart.program_position import Spot
-from controller.service import jobs, journal, sequences
+from controller.service import jobs, journal, kept_file, sequences
 from controller.service.command_handlers import CommandHandlers
 from controller.service.sequencer import Sequence
 from controller.service.thread_guard import InThread
@@ -57,6 +57,7 @@ class Scene:
             service.journal.last
         ) = None
         service.thread.found = service.sequencer.now = None
+        service.alarms.acknowledge(None)
         service.processes.commissioned = engine.tick_alive = engine.plan_alive = True
         self.changer.arm()
         machine = service.set_up.machine.changer
@@ -122,6 +123,8 @@ class Scene:
             changer.store.forget()
         elif running is None and draw.random() < 0.1:
             changer.store.begin(Step(0, 2, 1, "Over it", 2, 2))
+        if draw.random() < 0.1:
+            service.alarms.add(kept_file.ALARM, said("file_damaged", file="usage", why="?", aside="-"))
         if draw.random() < 0.15:
             service.thread.found = InThread(draw.choice((4.0, 0.0)), draw.choice((1.0, 0.0)), 7, "plate.ngc")
         job = service.run.loaded
@@ -151,6 +154,8 @@ class Scene:
         engine = self.engine
         if step["place"] == "programs":
             done(self.desk, "load", path=str(self.file))
+        if step["place"] == "alarms":
+            self.service.alarms.acknowledge(None)
         engine.plan_alive = True
         engine.now = engine.now._replace(interlock=Fault.NONE, at_rest=True)
         if engine.now.mode in (Mode.HOMING, Mode.JOG, Mode.STOPPING):

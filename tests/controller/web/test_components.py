@@ -288,8 +288,14 @@ def test_the_cross_moves_two_axes_and_says_so(stage: Stage) -> None:
     assert stage.page.locator(".jog-button[aria-disabled=true][title*='Possible in']").count() == 8
 
 
-def test_the_way_to_zero_keeps_the_distance_mode(stage: Stage) -> None:
-    stage.tell(codes=["G91"], work_offset="G55")
+@pytest.mark.parametrize(
+    ("codes", "line"),
+    [(["G91"], "G90 G0 X0 Y0\nG91"), (["G90", "G16"], "G90 G15 G0 X0 Y0\nG16")],
+)
+def test_the_way_to_zero_is_one_of_positions_and_keeps_the_mode(
+    codes: list[str], line: str, stage: Stage
+) -> None:
+    stage.tell(codes=codes, work_offset="G55")
     stage.show("views/jog.js", "Cross")
     stage.page.click("[data-zero=XY]")
     stage.page.wait_for_function("() => dx.question !== null")
@@ -297,7 +303,7 @@ def test_the_way_to_zero_keeps_the_distance_mode(stage: Stage) -> None:
     stage.page.evaluate("dx.question.end(true)")
     stage.page.wait_for_function("() => dx.question === null")
     stage.page.wait_for_timeout(0)
-    assert [one.body for one in stage.asked] == [{"text": "G90 G0 X0 Y0\nG91"}]
+    assert [one.body for one in stage.asked] == [{"text": line}]
 
 
 @pytest.mark.parametrize(

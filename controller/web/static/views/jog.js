@@ -61,12 +61,13 @@ function Held({ axis, sign, text }) {
     aria-disabled=${off ? "true" : undefined} data-down=${held(axis, sign === "+" ? 1 : -1) ? "1" : undefined}>${text ?? `${axis}${sign === "-" ? "−" : "+"}`}</button>`;
 }
 
-// A line by hand, so that it is checked as any; the distance mode stays as it was.
+// Lines by hand, so that they are checked as any; distance mode and G16 stay as they were.
 function Zero({ axes }) {
   const place = axes.map((axis) => `${axis}0`).join(" ");
-  const again = dx.status?.codes?.includes("G91") ? "\nG91" : "";
+  const on = (code) => dx.status?.codes?.includes(code);
+  const [cartesian, again] = [on("G16") ? "G15 " : "", `${on("G16") ? "\nG16" : ""}${on("G91") ? "\nG91" : ""}`];
   return html`<${Act} class="jog-zero" text=${place} title=${word("go_to", place)} aria-label=${word("go_to", place)} data-zero=${axes.join("")} command="mdi" modes="READY" ask=${word("go_ask", place, dx.status?.work_offset ?? "")}
-    press=${() => call("POST", "mdi", { text: `G90 G0 ${place}${again}` })} />`;
+    press=${() => call("POST", "mdi", { text: `G90 ${cartesian}G0 ${place}${again}` })} />`;
 }
 
 // What is chosen of the speed that every axis may have; rotaries have their own.
