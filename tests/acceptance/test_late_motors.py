@@ -147,6 +147,15 @@ def test_late_ticks_where_axes_turn_back_with_play() -> None:
     assert [one.wrongs for one in verdicts] == [[]] * len(verdicts)
 
 
+def test_a_step_that_is_taken_back_for_a_stop_is_told() -> None:
+    """The last period of the stock, and a plan that comes too late to replace the stop that begins there."""
+    machine = replace(shipped("three_axes"), stock_s=0.016)
+    healthy = Healthy(machine, "G21 G90 G54 G61\nG0 X0 Y0 Z50\nG1 X40 F6000\nM30\n")
+    lates = [late_runs.Late("slow", {1: 0.001 * late}, {1: 0.0045}) for late in range(14, 20)]
+    verdicts = list(late_runs.cases(healthy, [(healthy.ticks // 2, late) for late in lates]))
+    assert [one.wrongs for one in verdicts] == [[]] * len(verdicts)
+
+
 @pytest.mark.parametrize("name", sorted(TEXTS))
 def test_a_few_late_ticks_on_three_machines(name: str) -> None:
     rng = random.Random(f"late motors {name}")
