@@ -59,8 +59,9 @@ class AdapterSocket:
     """A python-can adapter behind the same methods; costs some 150 us a tick for five drives.
 
     It filters here: python-can ends a reading with the first frame that it filters out, and filters error
-    frames out, too. ``overflows`` counts the adapter's words about lost frames; one that has no such word
-    (socketcand, pcan, kvaser ...) loses them silently, and FEEDBACK_LOST is what is seen of it.
+    frames out, too. ``overflows`` counts the adapter's words about lost frames, which are no frames for
+    whoever reads; one that has no such word (socketcand, pcan, kvaser ...) loses them silently, and
+    FEEDBACK_LOST is what is seen of it.
     """
 
     packs = False
@@ -115,7 +116,9 @@ class AdapterSocket:
                 wanted = self._everything or message.is_error_frame
             if wanted:
                 data = bytes(message.data)
-                self.overflows += _tells_of_an_overflow(can_id, data)
+                if _tells_of_an_overflow(can_id, data):
+                    self.overflows += 1
+                    continue
                 pdo.FRAME.pack_into(buffer, 0, can_id, message.dlc, data)
                 return True
         return False

@@ -50,6 +50,7 @@ GAUGES = (
 COUNTERS = (
     ("ticks", ("tick", "number")),
     ("tick_skips", ("tick", "skips")),
+    ("bus_lost_frames", ("tick", "lost_frames")),
 )
 BY_JOINT = (("position", "actual"), ("following_error", "error"))
 UNITS = {"mm": ("meters", 1e-3), "deg": ("radians", math.radians(1.0))}

@@ -3,7 +3,7 @@
 tick JOB                the real-time process of a machine (tick_process.py)
 plan JOB                its plan (planning.py)
 bus JOB                 a virtual bus with the machine's simulated devices (bench/bus.py)
-hub PATH OPTIONS        a virtual bus that shares a serial adapter (drives.bench)
+hub JOB                 a virtual bus that shares an adapter (drives.bench)
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ def main(arguments: Sequence[str]) -> int:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent ends us, in order
     if role == "hub":
         from controller.runtime import simulation
+        from drives.bus import BusError
 
         real_time.name_process("virtual-bus")
-        simulation.serve_hub(rest)
-        return 0
+        return children.run(role, simulation.share_adapter, Path(rest[0]), (OSError, BusError))
     if role == "bus":
         from controller.machine.toml_table import ConfigError
         from controller.runtime import simulation

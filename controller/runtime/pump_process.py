@@ -28,7 +28,7 @@ READY_S = 30.0  # for it to be there, the end of the one before it included
 END_S = 1.0  # for the end of its plan, at rest; then it is killed
 STARVED_PERIODS = 2.0
 
-# By which a descriptor is shared. Another python-can adapter is an object of its process alone.
+# By which a descriptor is shared. What is none of them comes by a hub, which owns it (service.engine).
 _Shared = CanSocket | HubSocket | SlcanPort
 _KINDS: dict[type, str] = {CanSocket: "raw", HubSocket: "hub", SlcanPort: "slcan"}
 

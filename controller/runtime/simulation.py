@@ -6,14 +6,15 @@ processes of a real machine load nothing of it.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from controller.machine.model import Machine
+from controller.runtime import children
 from controller.runtime.bench.bus import Job, bus_of, tell_tool, turns
 from controller.runtime.bench.surroundings import devices, rig_of
-from drives.bench.options import equipped
+from drives import bus
+from drives.bench.options import EVERYTHING, SharedAdapter, equipped
 from drives.bench.simulated import build, families, family_sheet
 from drives.bench.simulated.can_bridge import InterfaceError
 from drives.bench.simulated.drive import SimulatedDrive
@@ -23,6 +24,8 @@ from drives.bench.simulated.rig import Rig
 from drives.bench.simulated.serve import open_server, run
 from drives.bench.simulated.spindle_motor import MotorParameters
 from drives.bench.virtual.fault_kinds import ScriptError
+from drives.bench.virtual.hub import Hub
+from drives.settings import BusSettings
 
 if TYPE_CHECKING:
     from controller.runtime.bench.fault_file import Injected, MachineScript
@@ -97,8 +100,13 @@ def serve_bus(job: Job) -> None:
     bus.main(job)
 
 
-def serve_hub(arguments: Sequence[str]) -> None:
-    """A hub by itself, with the options of ``python -m drives.bench``."""
-    from drives.bench.__main__ import main
-
-    main(arguments)
+def share_adapter(job: tuple[BusSettings, str]) -> None:
+    """The adapter of a bus, which has one owner, for all that join at a path. Raises BusError, OSError."""
+    settings, path = job
+    adapter = bus.open(settings, EVERYTHING)
+    asked, hub = children.Asked(), Hub(path, bit_rate=0, sync_log=False)
+    hub.open_gateway(SharedAdapter(hub, adapter))
+    try:
+        hub.run(lambda: asked.yes)
+    finally:
+        hub.close()

@@ -49,6 +49,7 @@ from controller.service.folders import Folders
 from controller.service.planner_client import Line
 from controller.service.refusals import by_fault, refused
 from controller.state.modes import Fault, Request
+from drives.settings import BusSettings
 
 MAX_ASKED = 10_000  # requests that no record has looked for yet
 
@@ -115,7 +116,7 @@ class Engine:
         self.asked: deque[Asked] = deque(maxlen=MAX_ASKED)  # in their order, for the record of a run
 
     def start_hubs(self, part: Path | None = None, stamped: bool = False) -> None:
-        """Virtual buses with simulated drives, and hubs that share a serial adapter.
+        """Virtual buses with simulated drives, and hubs that share an adapter.
 
         ``part``: a simulation file of what can be touched and cut; None: the usual. ``stamped``: for
         ``sync_stamps_s``, which take memory as long as it goes. Raises SessionError.
@@ -254,10 +255,13 @@ def simulated(machine: Machine) -> Machine:
     return replace(machine, buses=tuple(replace(bus, interface="virtual") for bus in machine.buses))
 
 
-# Hubs of a machine: virtual buses with simulated drives on them, and what shares a serial adapter.
+# Hubs of a machine: virtual buses with simulated drives on them, and what shares an adapter.
 
 Rows = npt.NDArray[np.float64]
 
+# Interfaces that several processes can join. Any other adapter has one owner, and tick, pump and service
+# want it: a hub shares it.
+JOINABLE = ("shared", "socketcan")
 HUB_S = 20.0  # for a hub to be there
 POLL_S = 0.05
 
@@ -284,11 +288,10 @@ def hubs_started(
             hubs[bus.name] = hub
             ending.callback(_end_hub, hub, bus.name, log, {} if stamps_s is None else stamps_s)
             _wait_for_hub(hub, Path(bus.channel))
-        elif bus.interface == "slcan":
-            # A serial port has one owner, and three of our processes want it: a hub shares it.
-            adapter = ["--bit-rate", "0", "--nodes", "--serial", f"{bus.channel}={bus.bit_rate}"]
+        elif bus.interface not in JOINABLE:
+            settings = BusSettings(bus.name, bus.interface, bus.channel, bus.bit_rate)
             bus = replace(bus, interface="shared", channel=str(folder / f"{bus.name}.hub"))
-            hub = Child("hub", [bus.channel, *adapter], folder / f"{bus.name}.words")
+            hub = children.start("hub", (settings, bus.channel), folder, name=bus.name)
             hubs[bus.name] = hub
             ending.callback(hub.end)
             _wait_for_hub(hub, Path(bus.channel))
@@ -308,7 +311,7 @@ def _wait_for_hub(hub: Child, path: Path) -> None:
     give_up_s = time.monotonic() + HUB_S
     while not path.exists():
         if not hub.is_alive() or time.monotonic() > give_up_s:
-            raise SessionError(said("startup.no_bus"))
+            raise SessionError(hub.last_words() or said("startup.no_bus"))
         time.sleep(POLL_S)
 
 

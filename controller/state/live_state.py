@@ -197,6 +197,9 @@ class Snapshot(NamedTuple):
     braked: int = _value(
         "sync", "times that the stock was not enough: the axes braked, and went on", status="tick.braked"
     )
+    lost_frames: int = _value(
+        "status", "received frames that were lost, since nobody took them in time", status="tick.lost_frames"
+    )
     accepted: int = _value("cycle", "sequence of the last message taken")
     rejected: int = _value("cycle", "sequence of the last message refused")
     refusal: QueueRefusal = _value("cycle", "why the last message was not taken, NONE: it was")

@@ -107,7 +107,7 @@ class Cycle:
         self._recorded = -1  # the last period that has its row
         self._played = 0  # ``PLAYED``, ``BRAKED`` of this period
         self._taken_back = 0  # bits of ``switches`` for the next row
-        self._braked = False  # in the period before this one
+        self._braked = False  # in the period before this one, and the stop of it is under way
         self._status = StatusPublisher(self, parts, snapshot, recorder)
         self._masks = range(1, machine.every_axis + 1)  # of axes
         self._homing_asked = 0  # axes (bit mask) whose clamps must open before they home
@@ -187,11 +187,11 @@ class Cycle:
         if not periods:
             self.receive(now_s)
             return False
+        braked, ticks = self.sync.braked, len(periods)
         if self.again is not None and self.again.taken_back:
             self._take_back(self.again.taken_back)
         elif stock.refused and self.modes.on_path and self._moved + DELAY < stock.stood_from:
             self._take_back(self._how(self._moved))
-        braked, ticks = self.sync.braked, len(periods)
         is_ahead = self.idle and stock.memory.at_once > 1
         for period in periods[:-1]:
             if not is_ahead and self.group.receive_answers(now_s, ticks):
@@ -220,6 +220,7 @@ class Cycle:
         if self._supervise(now_s, ticks) or void:
             self._drop()
         self._move()
+        self._braked = self._braked and (self.follow.stopping or self.jogging.active)
         self._assumed_before, self._assumed = self._assumed, self._look_ahead()
         self._publish(stock, anew)
         self.group.send_events(now_s)

@@ -26,6 +26,7 @@ class AxisDeviation:
         self.now = 0.0
         self._at = table.at
         self._ramp = compensation.ramp(axis.pitch, axis.limits, machine.period_s)
+        self.reversal_ticks = len(self._ramp)
         self._still = STILL_COUNTS / abs(axis.counts_per_unit)
         self._farthest: float | None = None
         self._up = 0.0  # the sense of its last motion
@@ -73,6 +74,8 @@ class Deviations:
         self._crossings = compensation.crossings(machine)
         self._shift = tuple(zip(machine.linear(), machine.thermal_shift_mm, strict=True))
         self.found = bool(self._axes or self._crossings or any(machine.thermal_shift_mm))
+        ticks = {axis.index: axis.reversal_ticks for axis in self._axes}
+        self.reversal_ticks = tuple(ticks.get(i, 0) for i in range(len(machine.axes)))
 
     def go_on_as(self, other: Deviations) -> None:
         """What comes next follows what another one has sent last."""

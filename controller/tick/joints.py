@@ -22,6 +22,7 @@ class Encoder:
         deviations = Deviations(machine)
         self._deviations = deviations if deviations.found else None
         self.plain = not deviations.found  # setpoints depend on joints alone
+        self.reversal_ticks = deviations.reversal_ticks  # that it takes on each axis; 0: it has none
         axes, self._linear = len(machine.axes), machine.linear()
         self._rounded = _of_each("round(a[{0}])", axes)
         self._products = _of_each("a[{0}] * b[{0}]", axes)

@@ -228,9 +228,9 @@ class Lookahead:
         follow, law = self._follow, row.law
         tie = follow.coupling
         if row.tau != follow.tau or not tie.active:
+            if law is not None and not self._encoder.plain:  # how far a reversal has come hangs on what led
+                return False
             return row.tau == follow.tau and row.joints == follow.joints
-        if not self._encoder.plain:  # when an axis turns back, and its play with it, hangs on what leads it
-            return False
         same = law is not None and law.move is tie.move and law.s == tie.s  # joints are laid over anew
         return same and not self._ended and self._ghost.stopping == follow.stopping
 

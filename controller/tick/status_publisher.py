@@ -45,6 +45,7 @@ class StatusPublisher:
         self.fault_off = 0.0
         self.chatter_id, self.chatter_per_s = group.chatter.can_id, group.chatter.per_s
         self.bus_share = 0.0
+        self.lost_frames = 0
 
     def publish(self) -> None:
         """The snapshot of this tick."""
@@ -54,7 +55,7 @@ class StatusPublisher:
     def record(self) -> None:
         """The snapshot of this tick and its row, which are the same values."""
         self._look()
-        self._count_bits()
+        self._look_at_buses()
         self._leave(self._gather(*self._owners))
 
     def _leave(self, values: Flat) -> None:
@@ -91,15 +92,16 @@ class StatusPublisher:
             return 0.0
         return float(self._encoder.to_units(i, self._group.drives[i].following_error.actual))
 
-    def _count_bits(self) -> None:
-        """How full the fullest bus was since the last row; counted anew from here on."""
-        fullest = 0.0
+    def _look_at_buses(self) -> None:
+        """How full the fullest was since the last row, counted anew from here on; frames lost on all."""
+        fullest, lost = 0.0, 0
         for line, share_per_bit in self._buses:
             share = line.bits * share_per_bit
             line.bits = 0
+            lost += line.lost
             if share > fullest:
                 fullest = share
-        self.bus_share = fullest
+        self.bus_share, self.lost_frames = fullest, lost
 
 
 def _timed(machine: Machine, lines: Sequence[Any]) -> tuple[tuple[Any, float], ...]:

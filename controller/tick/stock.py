@@ -9,6 +9,10 @@ on its way already. After it stand the periods that ``Lookahead`` sees, and the 
    the pump               sends n - 2  sends n - 1    sends n        sends what is ahead
    the tick               computes n ---- publishes ---^
 ```
+
+Where axes miss something, how far a reversal has come is a matter of time: along a stop that the pump has
+begun it is with the rows that the stop goes by, and for the tick it went on. From the one to the other the
+setpoints are led by a ``Bridge``, as slowly as a reversal itself.
 """
 
 from __future__ import annotations
@@ -55,6 +59,37 @@ class Published(NamedTuple):
         return period - self.first < self.nominal
 
 
+class Bridge(NamedTuple):
+    """From the counts of a stop to those of the path, of each axis."""
+
+    begin: int  # period
+    ticks: Sequence[int]  # that it takes
+    off: Sequence[float]  # counts, in that period ...
+    speed: Sequence[float]  # ... and how fast it grows there
+
+    def is_over(self, period: int) -> bool:
+        return period - self.begin >= max(self.ticks)
+
+    def over(self, period: int, counts: Sequence[float]) -> list[float]:
+        """The counts of the path, led."""
+        t = max(-1, period - self.begin)  # the one before is as the stop had it
+        return [
+            count + _left(off, speed, t, n)
+            for count, n, off, speed in zip(counts, self.ticks, self.off, self.speed, strict=True)
+        ]
+
+
+def _left(off: float, speed: float, t: int, ticks: int) -> float:
+    """By quintics, to nothing, its speed and its acceleration."""
+    if t >= ticks:
+        return 0.0
+    if t < 0:
+        return off + t * speed
+    x = t / ticks
+    rest = 1.0 - x * x * x * (10.0 - 15.0 * x + 6.0 * x * x)
+    return off * rest + speed * ticks * x * (1.0 - x * x * (6.0 - 8.0 * x + 3.0 * x * x))
+
+
 class Stock:
     """The tick's end of the plans.
 
@@ -88,6 +123,8 @@ class Stock:
         self._written: Sequence[Row] = ()  # of the last plan, also if it was not taken, ...
         self._written_from = 0  # ... and their first period
         self._same = False  # what was ahead of the last plan still holds
+        self._bridge: Bridge | None = None
+        self._reverses = any(encoder.reversal_ticks)
         self.refused = False  # the step of the tick before was not sent: its plan came too late
 
     # -- what was played
@@ -139,14 +176,19 @@ class Stock:
 
     def _sent(self, period: int) -> tuple[Sequence[int], float | None]:
         """Likewise, with how fast it has led the spindle; None: it has not."""
+        counts, rev_s = self._exact(period)
+        return to_counts(counts), rev_s
+
+    def _exact(self, period: int) -> tuple[Sequence[float], float | None]:
+        """Likewise, before it is rounded; of a stop, never one before that which was asked for last."""
         plan, period = self._plan, min(period, self.stood_from - 1)
         if plan is None:
-            return tuple(self._encoder.setpoints), None
+            return self._encoder.setpoints, None
         i, end = period - plan.first, 1 + self.memory.drives
         if i < plan.nominal or plan.stop is None:
             row = plan.led(max(0, min(i, plan.nominal - 1)))
             rev_s = led_rev_s(row[end:])
-            return to_counts(row[1:end]), rev_s if rev_s is None or i < plan.nominal else 0.0
+            return row[1:end], rev_s if rev_s is None or i < plan.nominal else 0.0
         if self._braking is None:
             at, thread = plan.nominal - 1, self.memory.thread
             self._braking = Braking(plan.stop, self._period_s, plan.led, at, len(plan.rows), thread)
@@ -154,7 +196,7 @@ class Stock:
         while self._braked_at < i and not self._braking.over:
             self._braking.step()
             self._braked_at += 1
-        return to_counts(self._braking.counts), self._braking.rev_s
+        return self._braking.counts, self._braking.rev_s
 
     def is_nominal(self, period: int) -> bool:
         """Whether the plan has it as a row of its own, and not as a part of the stop."""
@@ -188,6 +230,7 @@ class Stock:
         nominal, stop = ahead.fill()
         first = self.period - 1 + DELAY
         rows = [self._last, here, *ahead.rows]
+        self._bridge_over(first + 1, anew)
         if old is None or anew:
             rows[0] = here
             changes = begin = first
@@ -196,32 +239,58 @@ class Stock:
             begin = max(first, self._tail if not ahead.renewed else first)
         else:
             changes, begin = self.period + DELAY, first
-        tail, thread, lead = first + len(rows), self.memory.thread, ahead.lead
+        tail, lead = first + len(rows), ahead.lead
         if lead is not None:
             lead = lead._replace(known=DELAY + lead.known)
             for i in range(min(lead.known, begin - first)):
                 if rows[i] is not self._written[first + i - self._written_from]:
-                    writer.put(first + i, rows[i].columns(thread))
+                    writer.put(first + i, self._columns(first + i, rows[i]))
         for period in range(begin, tail):
-            writer.put(period, rows[period - first].columns(thread))
+            writer.put(period, self._columns(period, rows[period - first]))
         self._tail = tail
         writer.end_at(tail)
         if ahead.path:
             further = ahead.further()
             for period, row in enumerate(further, tail):
-                writer.put(period, row.columns(thread))
+                writer.put(period, self._columns(period, row))
             rows += further
         self._written, self._written_from = rows, first
         writer.publish(first, changes, DELAY + nominal, self._hold, stop, anew, lead)
         played = DELAY + nominal
         before_stop = played if ahead.before_stop is None else DELAY + ahead.before_stop
         self._before, self._braking = old, None
-        by_hand = ahead.before_stop is not None
+        by_hand, bridge = ahead.before_stop is not None, self._bridge
         until = first + before_stop
-        led = LedRows(lambda n: rows[n].columns(thread), lead)
+        led = LedRows(lambda n: _columns(first + n, rows[n], bridge, self.memory), lead)
         self._plan = Published(writer.number, first, played, rows, led, stop, until, changes, anew, by_hand)
         ahead.renewed, self._same = False, True
         self._group.show(self.memory)
+
+    def _columns(self, period: int, row: Row) -> tuple[float, ...]:
+        return _columns(period, row, self._bridge, self.memory)
+
+    def _bridge_over(self, begin: int, anew: bool) -> None:
+        """What is new from ``begin`` on goes on from a stop that the pump has begun, if it has."""
+        bridge, plan, ticks = self._bridge, self._plan, self._encoder.reversal_ticks
+        if anew or (bridge is not None and bridge.is_over(begin - 1)):
+            self._bridge = None
+        if not self._reverses or plan is None or plan.stop is None or plan.is_nominal(begin - 1):
+            return
+        (before, _), (there, _) = self._exact(begin - 1), self._exact(begin)
+        last, here = self._last.counts, self.ahead.here.counts
+        off = [a - b if n else 0.0 for a, b, n in zip(there, here, ticks, strict=True)]
+        old = [a - b if n else 0.0 for a, b, n in zip(before, last, ticks, strict=True)]
+        speed = [a - b for a, b in zip(off, old, strict=True)]
+        self._bridge = Bridge(begin, [max(1, n) for n in ticks], off, speed)
+
+
+def _columns(period: int, row: Row, bridge: Bridge | None, memory: Memory) -> tuple[float, ...]:
+    """A row as the plan has it."""
+    found = row.columns(memory.thread)
+    if bridge is None:
+        return found
+    end = 1 + memory.drives
+    return (found[0], *bridge.over(period, found[1:end]), *found[end:])
 
 
 def _is_refused(plan: Published, played: Played) -> bool:

@@ -1,4 +1,4 @@
-"""The hub's options on a command line, for every program that serves one: faults, log, a serial adapter."""
+"""The hub's options on a command line, for every program that serves one: faults, log, an adapter."""
 
 from __future__ import annotations
 
@@ -13,29 +13,36 @@ from drives import bus, pdo
 from drives.bench.virtual.fault_script import FaultScript, ScriptError
 from drives.bench.virtual.hub import Gateway
 from drives.bench.virtual.intake import Host
-from drives.bus import BusError
+from drives.bus import AdapterSocket, BusError, FrameSocket, SlcanPort
 from drives.log import candump
 from drives.ports.error_frames import CONTROLLER, lost_frame, overflow_frame
 from drives.settings import BusSettings
 from drives.texts import english, said
 
-# A serial adapter shared by several processes: its CAN bus joined to the hub's.
+# An adapter shared by several processes: its CAN bus joined to the hub's.
 #
-# A serial port has one owner. The controller's processes each want a descriptor of
-# their own, so the hub (without bit timing and without drives) owns the adapter, and
-# they join the hub. What one of them sends goes to the adapter and to the others, as
-# SocketCAN does it on one interface.
+# A serial port has one owner, and so has an adapter of python-can. The controller's processes
+# each want a descriptor of their own, so the hub (without bit timing and without drives) owns
+# the adapter, and they join the hub. What one of them sends goes to the adapter and to the
+# others, as SocketCAN does it on one interface.
+
+EVERYTHING = ((0, 0),)  # the filter of a port
+LOOK_S = 5e-4  # from one look to the next at an adapter that has nothing to wait on
 
 
-class SerialAdapter:
-    """The adapter at ``channel``, see ``drives.ports.slcan_port``. Raises BusError."""
+class SharedAdapter:
+    """An adapter's ``port``, as a gateway of the hub; it takes whatever comes."""
 
-    def __init__(self, host: Host, channel: str, bit_rate: int) -> None:
-        self._host = host
-        self._port = bus.open(BusSettings(channel, "slcan", channel, bit_rate))
+    def __init__(self, host: Host, port: FrameSocket | SlcanPort | AdapterSocket) -> None:
+        self._host, self._port = host, port
         self._buffer = bytearray(pdo.FRAME_BYTES)
         self._source = host.bus.connect(self._put)
-        host.listen(self._port.fileno(), self._read)
+        self._descriptor = port.fileno()
+        self._closed = False
+        if self._descriptor >= 0:
+            host.listen(self._descriptor, self._read)
+        else:
+            self._look(host.bus.now_s)
 
     def _put(self, frame: bytes, at_s: float) -> None:
         """To the adapter; who sent it is told as SocketCAN tells it: some time later, by an error frame."""
@@ -51,13 +58,19 @@ class SerialAdapter:
         if self._port.overflows != lost:
             stepped.submit(self._source, stepped.now_s, pdo.ERROR_FLAG | CONTROLLER, lost_frame())
 
+    def _look(self, now_s: float) -> None:
+        if not self._closed:
+            self._read()
+            self._host.bus.agenda.add(now_s + LOOK_S, self._look)
+
     def restart(self) -> None:
         """A client wants the adapter to leave bus-off."""
         self._port.restart()
 
     def close(self) -> None:
+        self._closed = True
         self._host.bus.disconnect(self._source)
-        self._host.forget(self._port.fileno())
+        self._host.forget(self._descriptor)
         self._port.close()
 
 
@@ -114,11 +127,12 @@ def equipped(
         yield hub
 
 
-def _adapter(host: Host, serial: str) -> SerialAdapter:
+def _adapter(host: Host, serial: str) -> SharedAdapter:
     channel, _, rate = serial.rpartition("=")
     if not channel or not rate.isdecimal():
         raise BusError(said("bus.no_serial", serial=serial))
-    return SerialAdapter(host, channel, int(rate))
+    settings = BusSettings(channel, "slcan", channel, int(rate))
+    return SharedAdapter(host, bus.open(settings, EVERYTHING))
 
 
 def read_script(path: Path) -> FaultScript:

@@ -52,7 +52,8 @@ class Line:
     (heard here: another's), ``drives``, ``first`` (index in the group of its first drive, -1
     without one), ``errors`` (error frames since start), ``bus`` (its name), ``bits`` (of all frames
     heard and sent here, until somebody sets it back to 0), ``chatter`` (who sends too much, on any
-    bus of the group).
+    bus of the group), ``lost`` (received frames that nobody had room for, since start; of a controller
+    that does not count them, times that it has said so).
     """
 
     def __init__(
@@ -82,7 +83,7 @@ class Line:
         self.off = False
         self._restarting = False  # we have asked for it: the controller's word of it is no fault
         self.foreign_syncs = 0
-        self.errors = 0
+        self.errors = self.lost = 0
         self._overflows = port.overflows
         self._receive_into = port.receive_into
         # Of a port that has several frames in one packet: they need not be fetched one by one.
@@ -164,6 +165,7 @@ class Line:
     def _settle(self, now_s: float) -> None:
         overflows = self.port.overflows
         if overflows != self._overflows:
+            self.lost += overflows - self._overflows
             self._overflows = overflows
             self._fail(DriveFault.RX_OVERFLOW)
         again = self._answers.again
@@ -295,6 +297,7 @@ class Line:
                 self._fail(DriveFault.BUS_OFF)
             self._restarting = False
         elif classes & _CONTROLLER and detail & _RX_OVERFLOW:
+            self.lost += 1
             self._fail(DriveFault.RX_OVERFLOW)
         elif classes & _CONTROLLER and detail & _SEVERE:
             self._fail(DriveFault.BUS_ERROR)

@@ -1,9 +1,10 @@
 """How late SYNC leaves, beside ``cyclictest`` (Debian: rt-tests) in the same run.
 
-Both take turns with the same period and priority on the same computer, so that a
-noisy neighbour meets both. ``cyclictest`` measures how late a thread in C wakes up; the
-loop is measured at its SYNC: lateness when the tick begins, and intervals between SYNCs by
+They take turns with the same period and priority on the same computer, so that a
+noisy neighbour meets all. ``cyclictest`` measures how late a thread in C wakes up; the
+loop is measured at its SYNC: lateness when it is sent, and intervals between SYNCs by
 the kernel's time stamps at the far end of the socket. A simple echo plays five drives there.
+SYNC is a pump's, as on a machine; in turn with it goes a loop that has none and sends by itself.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ import time
 from collections.abc import Iterator
 from multiprocessing.connection import Connection
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -40,6 +42,7 @@ from controller.ipc.handoff import (  # noqa: E402
     send_request,
 )
 from controller.machine.model import Machine  # noqa: E402
+from controller.runtime.pump_process import PumpProcess  # noqa: E402
 from controller.state.modes import Request  # noqa: E402
 from controller.tick import loop  # noqa: E402
 from controller.tick.cycle import Cycle  # noqa: E402
@@ -47,6 +50,7 @@ from drives import pdo, real_time  # noqa: E402
 from drives.bus import HubSocket  # noqa: E402
 from drives.cyclic.drive import Drive  # noqa: E402
 from drives.cyclic.group import Group  # noqa: E402
+from drives.pump.plan_memory import Memory  # noqa: E402
 from drives.settings import MasterSettings, NodeSettings  # noqa: E402
 
 SO_TIMESTAMPNS = 35
@@ -54,10 +58,11 @@ STAMP = struct.Struct("qq")
 REPORT = (0x1237).to_bytes(2, "little") + bytes(4)  # operation enabled, at zero
 BESIDE = "cyclictest"
 PRIORITY = 80
+KINDS = {"": True, ", without a pump": False}
 
 
 def tick_process(
-    machine: Machine, near: socket.socket, seconds: float, priority: int, out: Connection
+    machine: Machine, near: socket.socket, seconds: float, priority: int, with_pump: bool, out: Connection
 ) -> None:
     """The real loop and cycle, drives enabled and standing; sends its lateness when done."""
     nodes = [NodeSettings(a.name, a.bus, a.node, "", period_s=machine.period_s) for a in machine.axes]
@@ -66,6 +71,10 @@ def tick_process(
         {machine.axes[0].bus: HubSocket(near, "main")},
         MasterSettings(period_s=machine.period_s),
     )
+    plans = pump = None
+    if with_pump:
+        plans, descriptor = Memory.create(len(machine.axes))
+        pump = PumpProcess(machine, group, descriptor, 0.0)
     _, piece_end = piece_pair()
     operator, request_end = request_pair()
     recorder = Recorder(rows=1 << 17)
@@ -78,11 +87,18 @@ def tick_process(
         SnapshotBoard(),
         recorder,
         clock.now_s,
+        plans,
     )
     send_request(operator, Request.ENABLE)
-    granted = real_time.prepare(priority)
+    granted = pump.wait_until_ready() if pump is not None else real_time.Granted()
+    granted = granted & real_time.prepare(priority)
     ends_s = time.monotonic() + seconds
-    loop.Loop(cycle, clock).run(lambda: time.monotonic() < ends_s)
+    turning = loop.Loop(cycle, clock, with_pump=with_pump, pump=pump)
+    turning.run(lambda: time.monotonic() < ends_s)
+    if pump is not None:
+        pump.end()
+    if turning.error is not None:
+        raise turning.error
     rows = recorder.drain()[cyclictest.WARM_UP :]
     out.send((rows[:, COLUMN["lateness_s"]], cycle.sync.skips, dict(granted)))
 
@@ -106,14 +122,14 @@ def play_drives(far: socket.socket, stop: Connection) -> np.ndarray:
 
 
 def run_loop(
-    seconds: float, period_s: float, priority: int
+    seconds: float, period_s: float, priority: int, with_pump: bool = True
 ) -> tuple[np.ndarray, np.ndarray, int, dict[str, bool]]:
     """(lateness, SYNC stamps, skips, privileges) of one turn of our loop."""
     machine = make_machine(period_s=period_s)
     near, far = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     mine, theirs = multiprocessing.Pipe()
     child = multiprocessing.get_context("fork").Process(
-        target=tick_process, args=(machine, near, seconds, priority, theirs)
+        target=tick_process, args=(machine, near, seconds, priority, with_pump, theirs)
     )
     child.start()
     stamps = play_drives(far, mine)
@@ -137,31 +153,39 @@ def load(wanted: bool) -> Iterator[None]:
             process.wait()
 
 
+class Turns(NamedTuple):
+    """Of one kind, all turns together (s)."""
+
+    off: list[np.ndarray]  # of an interval between two SYNCs
+    late: list[np.ndarray]
+
+
 def beside(
     loaded: bool, period_s: float, seconds: float, rounds: int
 ) -> tuple[list[Figure], np.ndarray, int]:
-    """SYNC and cyclictest in turns; the deviations of SYNC, and how many ticks sent none."""
-    ours, theirs, woken, late, skips = [], [], [], [], 0
+    """SYNC and cyclictest in turns; the deviations of a pump's SYNC, and how many ticks sent none."""
+    theirs, ours, skips = Turns([], []), {kind: Turns([], []) for kind in KINDS}, 0
     with load(loaded):
         for _ in range(rounds):
             samples = cyclictest.turn(seconds, period_s, PRIORITY)
-            woken.append(samples)
-            theirs.append(np.abs(np.diff(samples)))
-            lateness, stamps, skipped, _ = run_loop(seconds, period_s, PRIORITY)
-            late.append(lateness)
-            ours.append(np.abs(np.diff(stamps) - period_s))
-            skips += skipped
-    name = f"{1e3 * period_s:g} ms, {'loaded' if loaded else 'idle'}: "
-    mine, other = np.concatenate(ours), np.concatenate(theirs)
-    outside = [float(np.mean(one > 0.25 * period_s)) * 100.0 for one in (mine, other)]
-    found = [
-        Figure(f"{name}outside 1 +- 1/4", outside[0], "%", outside[1], BESIDE),
-        *figures.percentiles(f"{name}interval off", mine, other, "us", 1e6, BESIDE),
-        *figures.percentiles(
-            f"{name}late", np.concatenate(late), np.concatenate(woken), "us", 1e6, f"{BESIDE}'s wake-up"
-        ),
-    ]
-    return found, mine / period_s, skips
+            theirs.late.append(samples)
+            theirs.off.append(np.abs(np.diff(samples)))
+            for kind, with_pump in KINDS.items():
+                lateness, stamps, skipped, _ = run_loop(seconds, period_s, PRIORITY, with_pump)
+                ours[kind].late.append(lateness)
+                ours[kind].off.append(np.abs(np.diff(stamps) - period_s))
+                skips += skipped
+    other, woken, found = np.concatenate(theirs.off), np.concatenate(theirs.late), list[Figure]()
+    for kind, turns in ours.items():
+        name = f"{1e3 * period_s:g} ms, {'loaded' if loaded else 'idle'}{kind}: "
+        mine, late = np.concatenate(turns.off), np.concatenate(turns.late)
+        outside = [float(np.mean(one > 0.25 * period_s)) * 100.0 for one in (mine, other)]
+        found += [
+            Figure(f"{name}outside 1 +- 1/4", outside[0], "%", outside[1], BESIDE),
+            *figures.percentiles(f"{name}interval off", mine, other, "us", 1e6, BESIDE),
+            *figures.percentiles(f"{name}late", late, woken, "us", 1e6, f"{BESIDE}'s wake-up"),
+        ]
+    return found, np.concatenate(ours[""].off) / period_s, skips
 
 
 def report(short: bool) -> Report:

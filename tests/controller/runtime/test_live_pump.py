@@ -12,6 +12,7 @@ import signal
 import threading
 import time
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -28,6 +29,7 @@ from drives import pdo
 pytestmark = [pytest.mark.slow, pytest.mark.live]
 
 STRUCK_S = 1.0  # of the path clock, at full feed
+LOCKED_KB = 60_000  # by tick and pump together
 
 
 def struck(strike: Callable[[Live], None]) -> tuple[Snapshot | str, Cycles, list[int]]:
@@ -155,3 +157,15 @@ def test_where_both_are_killed_nothing_is_sent_any_more() -> None:
     assert isinstance(last, str) and "SIGKILL" in last
     assert len(cycles.steps) < 50
     assert any(pdo.EMCY < can_id < pdo.EMCY + 128 for can_id in heard), "the drives miss the heartbeat"
+
+
+def test_tick_and_pump_lock_little_memory() -> None:
+    with session(CUT, shipped()) as running:
+        running.ready()
+        run(running)
+        tick = running.tick.pid
+        status = [Path(f"/proc/{pid}/status").read_text() for pid in (tick, pump_of(tick))]
+    locked = [int(one.split("VmLck:")[1].split()[0]) for one in status]
+    if not any(locked):
+        pytest.skip("this user may not lock memory")
+    assert all(locked) and sum(locked) < LOCKED_KB, locked

@@ -1,4 +1,7 @@
-"""A live machine behind a serial adapter: a pseudo terminal that speaks slcan, and drives at its far end."""
+"""A live machine behind an adapter that one process owns, and drives at its far end.
+
+A pseudo terminal that speaks slcan, and an interface of python-can.
+"""
 
 from __future__ import annotations
 
@@ -13,6 +16,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from support.live.live_machines import run, session
+from support.live.pumps import is_alive, pump_of
 from support.machines.stepped_runs import shipped
 
 from controller.ipc.handoff import COLUMN
@@ -23,8 +27,8 @@ PERIOD_S = 0.010  # a serial adapter is of the slower class
 
 
 @pytest.fixture
-def far_end(tmp_path: Path) -> Iterator[str]:
-    """Five drives on a virtual bus of another process; the terminal that leads there."""
+def far_end(tmp_path: Path) -> Iterator[dict[str, str]]:
+    """Five drives on a virtual bus of another process; the channels that lead there."""
     link = tmp_path / "adapter"
     arguments = [sys.executable, "-m", "support.drives.slcan_terminal", str(tmp_path / "far"), str(link)]
     environment = {**os.environ, "PYTHONPATH": f"{ROOT}:{ROOT / 'tests'}"}
@@ -32,19 +36,23 @@ def far_end(tmp_path: Path) -> Iterator[str]:
     while not link.exists():
         assert process.poll() is None
         time.sleep(0.01)
-    yield str(link)
+    yield {"slcan": str(link), "directrix": str(tmp_path / "far")}
     process.terminate()
     process.wait(20)
 
 
 @pytest.mark.slow
 @pytest.mark.live
-def test_a_machine_behind_a_serial_adapter_homes_and_runs_a_program(far_end: str) -> None:
+@pytest.mark.parametrize("interface", ["slcan", "directrix"])
+def test_a_machine_behind_an_adapter_homes_and_runs_a_program(
+    interface: str, far_end: dict[str, str]
+) -> None:
     machine = replace(shipped(), period_s=PERIOD_S)
     (bus,) = machine.buses
-    machine = replace(machine, buses=(replace(bus, interface="slcan", channel=far_end),))
+    machine = replace(machine, buses=(replace(bus, interface=interface, channel=far_end[interface]),))
     with session("G21 G90 G54 G0 X5. Y3.\nG0 X0.\nM30\n", machine) as running:
         running.ready()
+        assert is_alive(pump_of(running.tick.pid))
         rows, last = run(running)
     assert (last.mode, last.fault) == (Mode.READY, Fault.NONE)
     commanded = rows[:, COLUMN["joint_command_0"]]

@@ -133,7 +133,12 @@ def test_row_and_snapshot_of_a_tick_are_the_same_values() -> None:
 def test_the_status_tells_what_is_declared_in_shown_units() -> None:
     now = live_state.blank()._replace(late_max_s=0.00025, feed_mm_s=10.0, tick=7, spindle_rev_min=-1200.0)
     told = live_state.told(now)
-    assert told["tick"] == {"number": 7, "skips": 0, "late_max_ms": 0.25, "played": 0, "braked": 0}
+    assert told["tick"] == {
+        "number": 7,
+        "skips": 0,
+        "late_max_ms": 0.25,
+        **dict.fromkeys(("played", "braked", "lost_frames"), 0),
+    }
     assert told["feed_mm_min"] == {"actual": 600.0} and told["spindle"]["rev_min"] == -1200.0
     assert told["mode"] == "OFF" and told["warning"] is None and told["at_rest"] is False
 

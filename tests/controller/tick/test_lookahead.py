@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from typing import Any
 
 import pytest
+from support.machines import tapping
 from support.machines.tapping import Tapper
 
+from controller.machine.deviation_tables import Pitch
+from controller.machine.model import Machine
 from controller.tick.lookahead import Ghost, Lookahead
 from drives.bench.simulated.spindle_motor import MotorParameters
 
@@ -51,9 +55,19 @@ def counted(tapper: Tapper, monkeypatch: pytest.MonkeyPatch) -> Iterator[Work]:
     yield work
 
 
-def test_on_a_thread_a_tick_computes_the_rows_that_are_new(monkeypatch: pytest.MonkeyPatch) -> None:
+def with_tables() -> Machine:
+    """A mill whose linear axes have pitch and play."""
+    made, pitch = tapping.machine(), Pitch((-300.0, 0.0, 300.0), (0.01, 0.02, -0.01), (-0.01, 0.005, -0.02))
+    axes = [replace(axis, pitch=pitch) if axis.name in "XYZ" else axis for axis in made.axes]
+    return replace(made, axes=tuple(axes))
+
+
+@pytest.mark.parametrize("made", [tapping.machine, with_tables])
+def test_on_a_thread_a_tick_computes_the_rows_that_are_new(
+    made: Callable[[], Machine], monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Also where the spindle is stuck, so that all that was foreseen of it is made anew."""
-    tapper = Tapper(motor=MotorParameters(0.02, 0.02, 200.0))
+    tapper = Tapper(made(), motor=MotorParameters(0.02, 0.02, 200.0))
     periods = round(tapper.machine.stock_s / tapper.machine.period_s)
     tapper.at = {300: lambda: tapper.spindle.jam(True, tapper.now_s)}
     with counted(tapper, monkeypatch) as work:

@@ -113,6 +113,41 @@ def test_frames_that_a_shared_adapter_has_lost_are_raised_by_everybody_who_share
     line_s_end.cut()
 
 
+def test_an_adapter_that_has_nothing_to_wait_on_is_shared_by_a_hub(tmp_path: Path) -> None:
+    """An interface of python-can; whoever joins hears what comes there, and not itself."""
+    shared = Hub(str(tmp_path / "shared"), bit_rate=0)
+    adapter = bus.AdapterSocket(can.Bus(interface="virtual", channel="shared"), "can0", options.EVERYTHING)
+    assert adapter.fileno() == -1
+    shared.open_gateway(options.SharedAdapter(shared, adapter))
+    ports = [bus.open(BusSettings("can0", "shared", shared.path, 1_000_000), [(0, 0)]) for _ in range(2)]
+    far = can.Bus(interface="virtual", channel="shared")
+
+    def got(port: bus.Port) -> list[int]:
+        buffer, found = bytearray(16), list[int]()
+
+        def turned() -> list[int]:
+            shared.turn(time.monotonic() + 0.01)
+            while port.receive_into(buffer):
+                found.append(pdo.unpack(buffer)[0])
+            return found
+
+        until(lambda: bool(turned()))
+        return found
+
+    while len(shared._clients) < 2:  # one who has only knocked hears nothing
+        shared.turn(time.monotonic() + 0.01)
+    far.send(MESSAGES[0])
+    assert [got(port) for port in ports] == [[0x123], [0x123]]
+    assert ports[0].send(pdo.frame(0x201, b"\x0f\x00") + pdo.frame(0x202, b"\x0f\x01"))
+    assert got(ports[1]) == [0x201, 0x202]
+    assert [one.arbitration_id for one in heard(far, 2)] == [0x201, 0x202]
+    assert not ports[0].receive_into(bytearray(16))
+    for port in ports:
+        port.close()
+    shared.close()
+    far.shutdown()
+
+
 @pytest.mark.parametrize("serial", ["/dev/ttyACM0", "=1000000", "/dev/ttyACM0=fast"])
 def test_a_serial_adapter_that_is_not_fully_named_is_a_sentence(tmp_path: Path, serial: str) -> None:
     hub = Hub(str(tmp_path / "hub"))

@@ -276,6 +276,21 @@ def test_frames_lost_in_the_receive_queue_are_named():
     group.want(Wanted.ENABLED)
     group.receive(2 * T)
     assert group.fault(2 * T) == (DriveFault.NONE, -1)
+    assert [line.lost for line in group.lines] == [1]
+
+
+def test_a_controller_s_word_about_lost_frames_is_counted_too():
+    port = ListPort()
+    group = running(port)
+    (line,) = group.lines
+    for detail in (0x01, 0x20, 0x01):
+        port.incoming.append(error_frame(0x004, detail))
+    port.overflows += 5
+    group.receive(T)
+    assert line.lost == 7
+    group.want(Wanted.RESET)
+    group.receive(2 * T)
+    assert line.lost == 7, "a reset forgets the fault alone"
 
 
 def test_spindle_and_io_alone_on_a_bus_get_heartbeat_and_sync_there():

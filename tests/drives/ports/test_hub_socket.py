@@ -80,6 +80,7 @@ def test_what_a_hub_s_client_has_lost_is_raised_on_every_way_to_it(tmp_path: Pat
     joined.send(bytes(pdo.frame(0x181)))
     line.drain(0.0)
     assert line.fault is DriveFault.RX_OVERFLOW and port.overflows > 0
+    assert line.lost == port.overflows
     line.forget()
     line.drain(0.0)
     assert line.fault is DriveFault.NONE, "each loss is raised once"

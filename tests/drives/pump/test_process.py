@@ -6,10 +6,8 @@ Nothing is timed: a busy computer makes all of it later, and nothing of it other
 from __future__ import annotations
 
 import contextlib
-import json
 import os
 import signal
-import socket
 import subprocess
 import sys
 import threading
@@ -18,6 +16,8 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+from support.drives import pump_ticks
+from support.drives.pump_ticks import BEAT_EVERY, DRIVES, HOLD, MASTER, WAIT_S, Tick, begun, until
 
 from drives import pdo, real_time
 from drives.bench.virtual.hub import Hub
@@ -25,24 +25,10 @@ from drives.bus import HubSocket
 from drives.bus import joined as join
 from drives.ports import hub_protocol
 from drives.pump import process
-from drives.pump.plan_memory import FOLLOWS, Memory, Phase, PlanWriter
+from drives.pump.plan_memory import Phase
 from drives.pump.process import BusJob, Job
 from drives.pump.wires import DriveWire
 from drives.settings import BusSettings
-
-T = 0.005
-MASTER = 127
-DRIVES = 5
-HOLD = 10
-WAIT_S = 60.0
-BEAT_EVERY = 8
-
-
-def until(done: Callable[[], bool]) -> None:
-    give_up_s = time.monotonic() + WAIT_S
-    while not done():
-        assert time.monotonic() < give_up_s, "waited in vain"
-        time.sleep(0.002)
 
 
 @pytest.fixture
@@ -62,87 +48,18 @@ def client(path: str) -> HubSocket:
     return HubSocket(join(settings, wishes), "bus", path, wishes)
 
 
-class Tick:
-    """What a tick has: a port, the memory of the plans, and a pump."""
-
-    def __init__(self, path: str, claim: str = "") -> None:
-        self.port, self.bus = client(path), client(path)
-        self.memory, descriptor = Memory.create(DRIVES)
-        self.writer = PlanWriter(self.memory)
-        for i in range(DRIVES):
-            self.memory.words[i] = 0x0F | FOLLOWS
-        self.control, its = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-        self.control.settimeout(WAIT_S)
-        wires = [(i, DriveWire(i + 1, 1, False)) for i in range(DRIVES)]
-        bus = BusJob("hub", self.port.fileno(), "bus", claim or path, wires)
-        job = Job(os.getpid(), its.fileno(), descriptor, DRIVES, [bus], T, MASTER, BEAT_EVERY, 50)
-        self.job = job
-        self.process = subprocess.Popen(
-            [sys.executable, "-P", "-m", "drives.pump", job.to_text()], pass_fds=job.descriptors
-        )
-        its.close()
-        os.close(descriptor)
-        self.heard: list[tuple[int, bytes]] = []
-
-    def ready(self) -> dict[str, bool]:
-        return dict(json.loads(self.control.recv(1024)))
-
-    def publish(self, first: int, rows: int, anew: bool = True, changes: int | None = None) -> None:
-        for period in range(first, first + rows):
-            self.writer.put(period, (float(period), *(1e6 * i + period for i in range(DRIVES))))
-        self.writer.publish(first, first if changes is None else changes, rows, HOLD, None, anew)
-
-    def listen(self) -> None:
-        buffer = bytearray(pdo.FRAME_BYTES)
-        while self.bus.receive_into(buffer):
-            can_id, data = pdo.unpack(buffer)
-            self.heard.append((can_id, bytes(data)))
-
-    def until_silent(self) -> None:
-        """Until it has played a plan to its end."""
-
-        def silent() -> bool:
-            self.listen()
-            played = self.writer.played()
-            return played.phase is Phase.SILENT and played.number == self.writer.number
-
-        until(silent)
-        time.sleep(0.05)  # for the hub to deliver
-        self.listen()
-
-    def cycles(self) -> list[list[int]]:
-        """Setpoints after each SYNC, without what drive they are for; heartbeats are left out."""
-        found: list[list[int]] = []
-        for can_id, data in self.heard:
-            if can_id == pdo.SYNC:
-                found.append([])
-            elif can_id != pdo.HEARTBEAT + MASTER:
-                drive = len(found[-1])
-                assert can_id == pdo.rpdo(1, drive + 1)
-                found[-1].append(pdo.COMMAND.unpack(data)[1] - 1_000_000 * drive)
-        return found
-
-    def end(self) -> None:
-        self.process.kill()
-        self.process.wait()
-        for one in (self.port, self.bus, self.control):
-            one.close()
+def on_hub(path: str) -> Tick:
+    return Tick(client(path), client(path), path)
 
 
 @pytest.fixture
 def tick(hub: str) -> Iterator[Tick]:
-    made = Tick(hub)
+    made = on_hub(hub)
     try:
         made.ready()
         yield made
     finally:
         made.end()
-
-
-def begun(tick: Tick) -> int:
-    """The next period that has not been prepared, with some to spare."""
-    until(lambda: tick.writer.played().period > 0)
-    return tick.writer.played().period + 8
 
 
 def test_a_job_is_the_same_at_its_other_end() -> None:
@@ -169,7 +86,7 @@ def test_it_loads_nothing_of_the_controller_no_adapter_and_no_numpy() -> None:
 
 
 def test_it_says_what_it_was_given_and_sends_nothing_without_a_plan(hub: str) -> None:
-    tick = Tick(hub)
+    tick = on_hub(hub)
     try:
         granted = tick.ready()
         assert set(granted) == {"locked", "slack", "fifo"}
@@ -198,47 +115,11 @@ def test_every_period_of_a_plan_goes_out_once_in_its_order_and_then_there_is_sil
     assert tick.process.poll() is None, "it waits for a new beginning"
 
 
-def test_plans_that_follow_each_other_lose_and_double_nothing_whenever_they_come(tick: Tick) -> None:
-    first = begun(tick)
-    tick.publish(first - 8, 60)
-    until(lambda: tick.writer.played().number == 1)
-    for turn in range(60):
-        time.sleep(0.001 * (turn % 13))
-        played = tick.writer.played().period
-        tick.publish(played, 60, anew=turn % 7 == 0, changes=played + 1000)
-    tick.until_silent()
-    played = [cycle[0] for cycle in tick.cycles()]
-    last = played[-1]
-    assert played == [*range(played[0], last + 1), *[last] * HOLD]
-    assert tick.writer.played().refused == 0
-
-
-def test_a_thread_that_keeps_the_interpreter_lock_beside_the_tick_is_not_seen_on_the_bus(tick: Tick) -> None:
-    first, over = begun(tick), threading.Event()
-    tick.publish(first - 8, 120)
-    until(lambda: tick.writer.played().number == 1)
-
-    def compute() -> None:
-        while not over.is_set():
-            sum(range(20_000))
-
-    threads = [threading.Thread(target=compute) for _ in range(2)]
-    for thread in threads:
-        thread.start()
-    try:
-        for _ in range(60):
-            time.sleep(0.001)  # gives the lock away, as a tick does when it sleeps
-            played = tick.writer.played().period
-            tick.publish(played, 120, anew=False, changes=played + 1000)
-    finally:
-        over.set()
-        for thread in threads:
-            thread.join()
-    tick.until_silent()
-    cycles = tick.cycles()
-    assert all(cycle == [cycle[0]] * DRIVES for cycle in cycles)
-    sent = [cycle[0] for cycle in cycles]
-    assert sent == [*range(sent[0], sent[-1] + 1), *[sent[-1]] * HOLD]
+@pytest.mark.parametrize("exercise", pump_ticks.EXERCISES, ids=lambda one: one.__name__)
+def test_whatever_is_published_and_when_no_period_is_lost_or_doubled(
+    exercise: Callable[[Tick], None], tick: Tick
+) -> None:
+    exercise(tick)
 
 
 def test_nothing_that_it_sends_comes_back_to_the_tick(tick: Tick) -> None:
@@ -268,7 +149,7 @@ def test_a_pump_whose_tick_is_gone_plays_its_plan_to_the_end_and_ends(hub: str) 
 import os, sys
 sys.path[:0] = {sys.path!r}
 import test_process as here
-tick = here.Tick({hub!r})
+tick = here.on_hub({hub!r})
 tick.ready()
 tick.publish(here.begun(tick) - 8, 40)
 print(tick.process.pid, flush=True)
@@ -311,15 +192,15 @@ def _lives(pid: int) -> bool:
 
 def test_no_two_pumps_play_on_one_bus(hub: str) -> None:
     """The second one waits for the end of the first, which a dead tick's pump comes to; not for ever."""
-    first = Tick(hub)
+    first = on_hub(hub)
     second = None
     try:
         first.ready()
-        second = Tick(hub)
+        second = on_hub(hub)
         assert second.control.recv(1024) == b"", "it has ended"
         assert second.process.wait(WAIT_S) == process.CLAIMED
         second.end()
-        second = Tick(hub)
+        second = on_hub(hub)
         first.end()
         assert "fifo" in second.ready()
     finally:

@@ -46,7 +46,9 @@ class Shop:
         commands: tuple[str, ...],
         machine: str = "trunnion",
         part: str = "",
+        late: str = "",
     ) -> None:
+        self.late = ("--late", late) if late else ()
         self.folder, self.state, self.runtime = folder, folder / "state", folder / "run"
         self.machine_file = folder / "machine.toml"
         self.machine_file.write_text(machine if "\n" in machine else _machine(machine, period_s))
@@ -67,7 +69,7 @@ class Shop:
         port = ("--port", str(self.port))
         where = ("--state", str(self.state), "--runtime", str(self.runtime))
         words = {
-            "serve": ("--simulate", "--machine", str(self.machine_file), *self.part, *where),
+            "serve": ("--simulate", *self.late, "--machine", str(self.machine_file), *self.part, *where),
             "panel": (*port, *where),
             "demo": ("--panel", "--out", str(self.state), *port),
         }
@@ -199,13 +201,15 @@ def opened(
     commands: tuple[str, ...] = ("serve", "panel"),
     machine: str = "trunnion",
     part: str = "",
+    late: str = "",
 ) -> Iterator[Shop]:
     """A shop until the block ends; ``folder`` is empty. A ``demo`` has its own machine and period.
 
     ``machine``: a shipped one, which gets that period, or the text of a machine file.
     ``part``: a simulation file's text, of what a probe can touch; without one the usual block.
+    ``late``: "stop" for a machine whose late ticks are not only counted, which has a pump.
     """
-    shop = Shop(folder, period_s, commands, machine, part)
+    shop = Shop(folder, period_s, commands, machine, part, late)
     try:
         yield shop
     finally:
