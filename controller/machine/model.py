@@ -445,6 +445,13 @@ class Machine:
         return max((one.latch_tpdo for one in (self.probe, self.setter) if one is not None), default=0)
 
     @property
+    def may_turn_back(self) -> bool:
+        """Whether something tells the spindle to turn counter-clockwise: an inverter by sign or output."""
+        told = self.spindle.inverter if self.spindle is not None else None
+        has_output = self.io is not None and self.io.output("spindle_reverse") is not None
+        return told is None or told.signed or has_output
+
+    @property
     def has_peripherals(self) -> bool:
         """Whether anything but the axes is driven: what M3 to M9 ask for is then waited for."""
         return self.io is not None or (self.spindle is not None and self.spindle.is_driven)

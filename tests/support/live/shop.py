@@ -24,6 +24,7 @@ from typing import Any
 
 import httpx
 from support.live.ports import free_port
+from support.live.served_machine import BY_HAND, DRIVEN
 
 from controller.cli import demo_panel
 from controller.machine.machine_file import SHIPPED
@@ -213,8 +214,8 @@ def opened(
 
 
 def _machine(name: str, period_s: float) -> str:
-    """A shipped machine at another period."""
+    """A shipped machine at another period; with one bus it has a drive for its spindle."""
     text = (SHIPPED / f"{name}.toml").read_text(encoding="utf-8")
     changed, count = PERIOD.subn(f"period_s = {period_s}", text)
     assert count == 1
-    return changed
+    return changed.replace(BY_HAND, DRIVEN) if changed.count("[[bus]]") == 1 else changed
