@@ -137,7 +137,7 @@ def _left_out(here: Reading) -> str:
 class Spindle:
     """The spindle as programs need it, and what turns it."""
 
-    max_rev_min: float = key(POSITIVE, "largest S")
+    max_rev_min: float = key(POSITIVE, "largest S", usual=(50.0, 300_000.0))
     by: str = key(
         Choice(WAYS),
         "what turns it: a drive of its own (60FFh), an inverter on `[io]`, or the hand of the operator, who "
@@ -172,6 +172,7 @@ class Spindle:
         "at which it is led to its speed in mode 9, or which the inverter has as its ramp",
         default=50.0,
         only=_turned,
+        usual=(0.5, 5000.0),
     )
     eds: Source = shared(SHEET, default="", only=_driven)
     stopping: Stopping = same_table(Stopping, Stopping(), _driven)  # its units alone
