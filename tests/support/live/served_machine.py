@@ -22,9 +22,6 @@ from controller.service.jobs import UNDER_WAY
 ROOT = Path(__file__).resolve().parents[3]
 HANGS_S = 120.0  # no test is meant to come near
 POLL_S = 0.02  # two or three ticks; at 5 ms the answers cost twice of what the machine does
-# Nobody stands beside a machine of the tests who would switch its spindle.
-BY_HAND = 'by = "hand"'
-DRIVEN = "node = 9\ncounts_per_rev = 4096\nacceleration_rev_s2 = 2000.0"
 CALM_S = 0.008  # a period that also a busy computer keeps
 
 Values = dict[str, Any]
@@ -33,8 +30,7 @@ Values = dict[str, Any]
 def calm(folder: Path) -> tuple[str, str]:
     """Options of ``serving`` for ``calm_machine``."""
     file, text = folder / "calm.toml", (ROOT / "config" / "trunnion.toml").read_text()
-    text = re.sub(r"(?m)^period_s *=.*$", f"period_s = {CALM_S}", text)
-    file.write_text(text.replace(BY_HAND, DRIVEN))
+    file.write_text(re.sub(r"(?m)^period_s *=.*$", f"period_s = {CALM_S}", text))
     return "--machine", str(file)
 
 

@@ -24,7 +24,6 @@ from typing import Any
 
 import httpx
 from support.live.ports import free_port
-from support.live.served_machine import BY_HAND, DRIVEN
 
 from controller.cli import demo_panel
 from controller.machine.machine_file import SHIPPED
@@ -32,6 +31,7 @@ from controller.machine.machine_file import SHIPPED
 ROOT = Path(__file__).resolve().parents[3]
 HANGS_S = 240.0  # no wait is meant to come near
 PERIOD_S = 0.01
+BY_HAND, DRIVE = 'by = "hand"', "node = 9\ncounts_per_rev = 4096\nacceleration_rev_s2 = 2000.0"
 PERIOD = re.compile(r"(?m)^period_s = [0-9.]+")
 
 Values = dict[str, Any]
@@ -214,8 +214,13 @@ def opened(
 
 
 def _machine(name: str, period_s: float) -> str:
-    """A shipped machine at another period; with one bus it has a drive for its spindle."""
+    """A shipped machine at another period."""
     text = (SHIPPED / f"{name}.toml").read_text(encoding="utf-8")
     changed, count = PERIOD.subn(f"period_s = {period_s}", text)
     assert count == 1
-    return changed.replace(BY_HAND, DRIVEN) if changed.count("[[bus]]") == 1 else changed
+    return changed
+
+
+def driven(name: str = "trunnion", period_s: float = PERIOD_S) -> str:
+    """The same with a drive for its spindle: nobody stands beside it who would switch one."""
+    return _machine(name, period_s).replace(BY_HAND, DRIVE)
