@@ -358,11 +358,11 @@ def test_warnings_of_the_machine_file_are_told(at_work):
     coarse = (
         Path(machine_file.SHIPPED / "trunnion.toml")
         .read_text()
-        .replace("counts_per_mm = 200_000", "counts_per_mm = 100")
+        .replace("counts_per_mm = 200_000", "counts_per_mm = 10")
     )
     Path("coarse.toml").write_text(coarse)
     _, _, err = run("check", program("G0 X1\n"), "--machine", "coarse.toml")
-    assert err.count("rounding to counts") == 3
+    assert err.count("counts_per_mm = 10: hardly any machine has that") == 3
     assert len(as_json("check", program("G0 X1\n"), "--machine", "coarse.toml")[1]["warnings"]) == 3
 
 

@@ -147,6 +147,10 @@ BRACKET = "T2 M6\nG43 H2\nS1000 M3\nG0 X0 Y0 Z50\nG1 X20 F3\nX0\nM30\n"
 ELSEWHERE: dict[str, tuple[str, str]] = {
     "adaptive on": ("controller/cli/test_client.py", '("adaptive", "on")'),
     "calibrate rotaries TOUCHES.csv --sphere-radius R": ("controller/cli/test_calibrate.py", '"rotaries"'),
+    "calibrate spindle READINGS.csv --machine FILE": (
+        "controller/calibration/test_spindle_speed.py",
+        '"calibrate", "spindle"',
+    ),
     "check DIR --cluster tcp://HOST:8786": ("controller/cli/test_check_folder.py", '"--cluster"'),
     "demo --panel": ("acceptance/test_a_busy_computer.py", '"demo"'),
     "dnc receive --port /dev/ttyUSB0 --baud 9600 --format 7E2 --flow xon": (

@@ -252,6 +252,10 @@ class ToolChangeFacts(Told, Texts):
     )
 
 
+class SpindleChangeFacts(Told, Texts):
+    rev_min: Number = Field(description="Signed: below 0 counter-clockwise; 0: it is to stand.")
+
+
 class SequenceFacts(Told, Texts):
     """Work that takes some time: homing, a load, a start ...; the texts say why it failed."""
 
@@ -342,6 +346,9 @@ class Status(OfTick, Told):
         None, description="What forbids motion, and what stopped nothing, as sentences."
     )
     tool_change: ToolChangeFacts | None = Field(None, description="The tool that the program waits for.")
+    spindle_change: SpindleChangeFacts | None = Field(
+        None, description="How the operator is to switch the spindle, where the program waits for that."
+    )
     change: Texts | None = Field(None, description="The tool change under way: tools and step, in words.")
     changer: ChangerFacts | None = Field(None, description="null: tools are changed by hand.")
     jogging: bool | None = None

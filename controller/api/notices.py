@@ -98,7 +98,8 @@ class Notices:
 
     async def _look_at_tool(self) -> None:
         with contextlib.suppress(Refusal):  # a service that is away asks for nothing
-            asked = (await self._watch.status()).get("tool_change")
+            status = await self._watch.status()
+            asked = status.get("tool_change") or status.get("spindle_change")
             if asked and asked != self._asked and (words := kept(asked)) is not None:
                 self.send(Notice("tool_change", time.time(), words, {"tool": asked.get("number")}))
             self._asked = asked

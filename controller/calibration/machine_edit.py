@@ -60,6 +60,14 @@ def thermal(text: str, shift: Sequence[float]) -> str:
     return tomlkit.dumps(document)
 
 
+def inverter(text: str, zero_counts: int, full_rev_min: float) -> str:
+    """A machine file with scale and offset of the output that tells an inverter its speed."""
+    document = tomlkit.parse(text)
+    entry: Any = document["spindle"]["inverter"]
+    entry["zero_counts"], entry["full_rev_min"] = zero_counts, full_rev_min
+    return tomlkit.dumps(document)
+
+
 def write(file: Path, text: str, stamp: str) -> Path:
     """Replaces a machine file by a text; the path of the old one, as it was. ``stamp``: date and time.
 

@@ -10,6 +10,7 @@ import contextlib
 import json
 from collections.abc import Iterator
 from datetime import datetime
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -17,7 +18,7 @@ import typer
 from rich.table import Table
 
 from controller import messages
-from controller.calibration import DOFS, MAX_DEG, MAX_MM, machine_edit
+from controller.calibration import DOFS, MAX_DEG, MAX_MM, machine_edit, spindle_speed
 from controller.calibration.measurements import complete
 from controller.calibration.refusal import Refusal
 from controller.cli import measurements, remote
@@ -219,6 +220,26 @@ def axis_by_iso_230_2(
             print(json.dumps({"ok": True, **told, "written": done}))
             return
         show.print(_figures(told, ("reversal", "repeatability", "systematic", "mean_deviation", "accuracy")))
+        tell_written(done)
+
+
+@app.command(name="spindle")
+@speaking
+def spindle_by_tachometer(
+    measured: Measured, machine: MachineFile = "trunnion", write: Write = False, as_json: Json = False
+) -> None:
+    """Scale and offset of an inverter's analogue output, from readings of a tachometer."""
+    with refused(as_json):
+        made = machine_file.load(machine)
+        fitted = spindle_speed.fit(read_text(measured), measured.name, made)
+        edit = partial(
+            machine_edit.inverter, zero_counts=fitted.zero_counts, full_rev_min=fitted.full_rev_min
+        )
+        done = written(machine, Found(fitted.told, edit)) if write else None
+        if as_json:
+            print(json.dumps({"ok": True, **fitted.told, "written": done}))
+            return
+        show.print(say("spindle", **fitted.told), markup=False)
         tell_written(done)
 
 

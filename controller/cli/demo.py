@@ -134,6 +134,8 @@ class Operator:
         self.done("start", unrecorded=True)  # though there is no room for it
         while (now := self._status())["job"]["state"] in UNDER_WAY:
             look(now)
+            if now["spindle_change"]:  # which nobody has to switch here
+                self.done("resume")
             if now["tick"]["number"] - self._tick >= ROWS:
                 self._take_rows()
             time.sleep(POLL_S)
@@ -195,6 +197,8 @@ def live_line(now: Mapping[str, Any]) -> str:
 
 def _awaited(spindle: Mapping[str, Any]) -> str:
     """What motion stands for."""
-    if spindle["at_speed"]:
+    if spindle["at_speed"] is not False:
         return say("cli.demo.coolant")
+    if spindle["actual_rev_min"] is None:
+        return say("cli.demo.spindle_alone", rev_min=spindle["rev_min"])
     return say("cli.demo.spindle", rev_min=spindle["rev_min"], actual_rev_min=spindle["actual_rev_min"])

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import json
 
-from controller.machine.model import Axis, Machine
+from controller.machine.model import Machine
 from controller.runtime.bus_load import overload
 from controller.verify.console import Refused, in_words, say, show, tell
-
-QUANTISATION_SHARE = 0.1  # of the jerk limit that rounding to counts may look like
 
 
 def sheets(machine: Machine, quiet: bool) -> list[str]:
@@ -26,23 +24,10 @@ def sheets(machine: Machine, quiet: bool) -> list[str]:
 
 
 def warnings(machine: Machine) -> list[str]:
-    """What works but not well.
+    """What its file says and hardly any machine has: it is asked whether that is meant."""
+    from controller.machine import plausible
 
-    A setpoint is rounded to counts, and the third difference of rounded values is
-    wrong by up to (1 + 3 + 3 + 1) / 2 = 4 counts: the drive sees that as jerk.
-    """
-    return [told for axis in machine.axes if (told := _resolution(axis, machine.period_s))]
-
-
-def _resolution(axis: Axis, period_s: float) -> str | None:
-    shown, unit = abs(axis.shown_per_unit), "deg" if axis.is_rotary else "mm"
-    noise = 4.0 / abs(axis.counts_per_unit) / period_s**3
-    share = noise / axis.limits.jerk
-    if share <= QUANTISATION_SHARE:
-        return None
-    needed = abs(axis.counts_per_unit) / shown * share / QUANTISATION_SHARE
-    figures = {"ms": period_s * 1e3, "jerk": noise * shown, "share": share, "needed": needed}
-    return say("machine.rounding", axis=axis.name, unit=unit, **figures)
+    return [say("machine.doubt", doubt=doubt) for doubt in plausible.doubts(machine)]
 
 
 def alone(machine: Machine, warned: list[str], as_json: bool) -> None:

@@ -6,6 +6,7 @@ import contextlib
 import hashlib
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,6 +17,7 @@ from controller.ipc.handoff import COLUMN
 from controller.machine import machine_file, setup_data
 from controller.machine.machine_file import written
 from controller.machine.model import Kind, Machine
+from controller.machine.spindle import unasked
 from controller.machine.toml_table import ConfigError
 from controller.program import linked
 from controller.runtime import events
@@ -37,6 +39,8 @@ class RecordedRun:
     def __init__(self, file: Path, recorded: Recorded, built: Machine, text: bytes) -> None:
         """Raises Refused where its setpoints cannot be read, and ConfigError for a period that is none."""
         period_s = recorded.begin.period_s
+        if not recorded.begin.start.asks_spindle:
+            built = replace(built, spindle=unasked(built.spindle))
         self._built = built if period_s is None else machine_file.with_period(built, period_s)
         self.recorded, self._file, self.text = recorded, file, text
         self.name = str(_facts(file.parent).get("name") or events.PROGRAM)

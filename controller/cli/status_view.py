@@ -116,9 +116,9 @@ def _waits(status: Status) -> Iterator[str]:
         yield say("under_way", name=sequence.get("name"))
     if message := (status.get("job") or {}).get("message"):
         yield str(message)
-    if change := status.get("tool_change") or status.get("change"):
-        yield str(change.get("sentence", ""))
-    elif status.get("waiting"):
+    changes = [status.get(name) for name in ("tool_change", "spindle_change", "change")]
+    yield from (str(change.get("sentence", "")) for change in changes if change)
+    if not any(changes) and status.get("waiting"):
         yield say("waiting")
     if interlock := status.get("interlock"):
         yield say("interlock", name=interlock)
@@ -155,7 +155,8 @@ def _feed(status: Status) -> Text:
     told.append(f"   {say('overrides', **shares)}")
     spindle = status.get("spindle") or {}
     if spindle.get("on") or spindle.get("actual_rev_min") or spindle.get("rev_min"):
-        turns = number(spindle.get("actual_rev_min", spindle.get("rev_min")), 0)
+        reported = spindle.get("actual_rev_min")
+        turns = number(spindle.get("rev_min") if reported is None else reported, 0)
         told.append(f"   {say('spindle', rev_min=turns)}")
     adaptive = status.get("adaptive") or {}
     if adaptive.get("on"):

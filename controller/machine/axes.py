@@ -44,6 +44,13 @@ PARALLEL = 1e-6
 WITHIN_TRAVEL = "within the travel"
 OF_IO = said("file.may.name_of", of="[io]")
 SLIDES, ROTARIES = ("X", "Y", "Z"), ("A", "B", "C")
+# What real machines have, from heavy gantries to linear motors; of a count 0.01 mm and 0.02 degree at most.
+VELOCITY = {"mm": (1.0, 5000.0), "deg": (0.5, 20_000.0)}
+ACCELERATION = {"mm": (10.0, 1e5), "deg": (5.0, 1e6)}
+JERK = {"mm": (100.0, 1e8), "deg": (50.0, 1e9)}
+HOMING = {"mm": (0.01, 500.0), "deg": (0.01, 720.0)}
+FOLLOWING = {"mm": (0.0, 100.0), "deg": (0.0, 90.0)}
+COUNTS = {"mm": (100.0, 1e8), "deg": (50.0, 1e8)}
 
 
 class Kind(Enum):
@@ -142,9 +149,13 @@ OVERRIDES = declared(
 class Limits:
     """Largest velocity, acceleration and jerk of one joint (mm or rad per s, s^2, s^3)."""
 
-    velocity: float = key(POSITIVE, "largest of this axis", name="velocity_{unit}_s", scale=_size)
-    acceleration: float = key(POSITIVE, "largest of this axis", name="acceleration_{unit}_s2", scale=_size)
-    jerk: float = key(POSITIVE, "largest of this axis", name="jerk_{unit}_s3", scale=_size)
+    velocity: float = key(
+        POSITIVE, "largest of this axis", name="velocity_{unit}_s", scale=_size, usual=VELOCITY
+    )
+    acceleration: float = key(
+        POSITIVE, "largest of this axis", name="acceleration_{unit}_s2", scale=_size, usual=ACCELERATION
+    )
+    jerk: float = key(POSITIVE, "largest of this axis", name="jerk_{unit}_s3", scale=_size, usual=JERK)
 
 
 @dataclass(frozen=True, slots=True)
@@ -168,6 +179,7 @@ class Homing:
         name="fast_{unit}_s",
         scale=_size,
         default=0.0,
+        usual=HOMING,
         left_out="–",
     )
     slow: float = key(
@@ -176,6 +188,7 @@ class Homing:
         name="slow_{unit}_s",
         scale=_size,
         default=0.0,
+        usual=HOMING,
         left_out="–",
     )
     acceleration: float = key(
@@ -184,6 +197,7 @@ class Homing:
         name="acceleration_{unit}_s2",
         scale=_size,
         default=0.0,
+        usual=ACCELERATION,
         left_out="–",
     )
 
@@ -198,6 +212,7 @@ class Following:
         name="rest_{unit}",
         scale=_size,
         silent=lambda here: REST_SHARE * _axis(here).as_written("following_error"),
+        usual=FOLLOWING,
         left_out="a tenth of `following_error`",
     )
     at_speed: float = key(
@@ -206,6 +221,7 @@ class Following:
         name="at_speed_{unit}",
         scale=_size,
         silent=lambda here: _axis(here).as_written("following_error"),
+        usual=FOLLOWING,
         left_out="`following_error`, narrowed as measured",
     )
     in_position: float = key(
@@ -270,6 +286,7 @@ class Stopping:
         name="quick_stop_{unit}_s2",
         scale=_size,
         default=0.0,
+        usual=ACCELERATION,
         tables=("axis",),  # a spindle has its units alone
         left_out="–",
     )
@@ -308,6 +325,7 @@ class Axis:
         needed=True,
         silent=ZERO,
         only=_is_rotary,
+        usual=(0.0, 5000.0),
     )
     sense: Sense = key(
         Choice({one.value: one for one in Sense}),
@@ -320,7 +338,11 @@ class Axis:
     travel_max: float
     limits: Limits = same_table(Limits)
     counts_per_unit: float = key(  # drive counts per mm or per radian, with the drive's sign
-        Number(), "of the drive's position; its sign is the direction", name="counts_per_{unit}", per=_inner
+        Number(),
+        "of the drive's position; its sign is the direction",
+        name="counts_per_{unit}",
+        per=_inner,
+        usual=COUNTS,
     )
     bus: str = shared(BUS)
     node: int = shared(NODE)
@@ -329,7 +351,11 @@ class Axis:
     )
     homing: Homing = key(Sub(Homing, always=True), "how it finds its zero")
     following_error: float = key(  # mm or rad
-        POSITIVE, "largest that the drive allows itself (6065h)", name="following_error_{unit}", scale=_size
+        POSITIVE,
+        "largest that the drive allows itself (6065h)",
+        name="following_error_{unit}",
+        scale=_size,
+        usual=FOLLOWING,
     )
     following: Following = key(Sub(Following, always=True), "largest that the controller allows it")
     brake: bool = key(FLAG, "whether it has a holding brake", silent=False)

@@ -12,7 +12,7 @@ some, a table. What hangs on other keys (the travel of an axis, the names of the
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import MISSING, dataclass, field, fields, replace
 from functools import cache
 from typing import Any
@@ -22,6 +22,8 @@ from controller.messages import Said, plain, text
 Words = Said | str
 Schema = dict[str, Any]
 UNITS = ("mm", "deg")
+Sizes = tuple[float, float]
+Usual = Sizes | Mapping[str, Sizes]
 
 
 def resolved(value: Any, here: Any) -> Any:
@@ -67,6 +69,7 @@ class Key:
     only: Callable[[Any], bool] | None  # whether such a table may have it
     may_be: Words  # in words, where it hangs on other keys
     left_out: str  # likewise what a silent file means
+    usual: Any  # [least, most] size that real machines have, in the file's unit, or by mm and deg
 
     @property
     def spelled(self) -> tuple[str, ...]:
@@ -82,6 +85,11 @@ class Key:
     def is_needed(self, table: str) -> bool:
         """Whether a table of this name must have it."""
         return self.needed if isinstance(self.needed, bool) else table in self.needed
+
+    def usual_in(self, unit: str) -> Sizes | None:
+        """The sizes that real machines have, where the table is in mm or in deg; None: any."""
+        found: Sizes | None = self.usual[unit] if isinstance(self.usual, Mapping) else self.usual
+        return found
 
     @property
     def allowed(self) -> str:
@@ -118,11 +126,12 @@ def declared(
     only: Callable[[Any], bool] | None = None,
     may_be: Words = "",
     left_out: str = "",
+    usual: Usual | None = None,
 ) -> Key:
     """A key; it is needed where neither the field nor the declaration says what a silent file means."""
     if needed is None:
         needed = silent is None and default is MISSING and not form.always
-    return Key(form, means, name, needed, silent, default, scale, per, tables, only, may_be, left_out)
+    return Key(form, means, name, needed, silent, default, scale, per, tables, only, may_be, left_out, usual)
 
 
 def key(form: Form, means: str, *, default: Any = MISSING, shown: bool = True, **more: Any) -> Any:

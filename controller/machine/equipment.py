@@ -29,6 +29,10 @@ INPUTS = (
     *SENSORS,
 )  # beside those that clamps name
 OUTPUTS = ("coolant", "mist")
+# Of a spindle that an inverter turns: 1 where it is well, and where it has its speed; whether and which way
+# it turns, and a pulse that resets its own fault.
+INVERTER_INPUTS = ("spindle_ready", "spindle_at_speed")
+INVERTER_OUTPUTS = ("spindle_run", "spindle_reverse", "spindle_reset")
 MAX_BITS = 64  # of a PDO
 MAX_CHANNELS = 4  # of 16 bits in one
 INT16 = -(2**15), 2**15 - 1
@@ -102,7 +106,17 @@ def _taken(here: Reading, kind: str) -> list[str]:
     of_clamps = [clamp.input if is_input else clamp.output for clamp in clamps]
     of_orient = [orient.input if is_input else orient.output] if orient is not None else []
     of_changer = changer.names[is_input] if changer is not None else ()
-    return [*(INPUTS if is_input else OUTPUTS), *filter(None, of_clamps), *of_orient, *of_changer]
+    of_inverter = _of_inverter(here, is_input)
+    own = INPUTS if is_input else OUTPUTS
+    return [*own, *of_inverter, *filter(None, of_clamps), *of_orient, *of_changer]
+
+
+def _of_inverter(here: Reading, is_input: bool) -> tuple[str, ...]:
+    """Those of a spindle that an inverter turns."""
+    spindle = here.top["spindle"]
+    if spindle is None or spindle.by != "inverter":
+        return ()
+    return INVERTER_INPUTS if is_input else INVERTER_OUTPUTS
 
 
 def _names(here: Reading, kind: str) -> list[str]:

@@ -111,7 +111,7 @@ class MachineFile:
     bus: tuple[Bus, ...] = key(Buses(Bus), "a CAN bus", silent=_no_bus)
     axis: tuple[Axis, ...] = key(Rows(Axis), "an axis and its drive", silent=())
     spindle: Spindle | None = key(
-        Sub(Spindle, top=True), "without `node` one that is switched by hand", default=None
+        Sub(Spindle, top=True), "what turns the tool; left out: S, M3 and M4 are refused", default=None
     )
     io: Io | None = key(Sub(Io, top=True), "a CiA 401 node", default=None)
     changer: Changer | None = key(Sub(Changer, top=True), "how M6 changes tools", default=None)
@@ -352,7 +352,7 @@ CHECKS: Mapping[type, Sequence[Check]] = {
     Machine: (_check_kinematics,),
     Bus: (_check_bus,),
     Axis: (_check_frame, _check_node, _check_slopes, equipment.check_clamp),
-    Spindle: (_check_devices,),
+    Spindle: (_check_devices, spindle.check_outputs),
     Io: (_check_devices,),
     Sensor: (equipment.check_sensor, equipment.check_probe),
     Changer: (changer_table.check_tools,),

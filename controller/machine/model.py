@@ -144,13 +144,16 @@ class Tool:
     number: int = key(Integer(1, 99999), "T of programs; T1 is in the spindle at power-on")
     name: str = key(TEXT, "as the operator calls it")
     # At the end: of the end face where there is no corner, of the ball of a ball end.
-    radius_mm: float = key(POSITIVE, "at the end; of a ball end that of the ball")
+    radius_mm: float = key(POSITIVE, "at the end; of a ball end that of the ball", usual=(0.02, 200.0))
     length_mm: float = key(
         Number(lambda here: SHORTEST_SET_MM if here.called == SET else 0.0),
         "from the gauge line to the tip",
         may_be=said("file.may.number", span=span(0, math.inf)),
+        usual=(0.0, 1000.0),
     )
-    flute_mm: float = key(POSITIVE, "length that cuts, from the tip; what is above cuts nothing")
+    flute_mm: float = key(
+        POSITIVE, "length that cuts, from the tip; what is above cuts nothing", usual=(0.02, 500.0)
+    )
     corner_mm: float = key(
         Number(0.0, lambda here: here["radius_mm"]),
         "rounding between end and flank: 0 flat end, `radius_mm` ball end",
@@ -253,8 +256,10 @@ class Machine:
         "nothing is left to choose: `directrix-pump` sends SYNC, without a stock the tick",
         silent="tick",
     )
-    clearance_mm: float = key(POSITIVE, "above a block's highest point, where the tool goes down with feed")
-    lead_mm: float = key(POSITIVE, "so far off a surface its leads begin and end")
+    clearance_mm: float = key(
+        POSITIVE, "above a block's highest point, where the tool goes down with feed", usual=(0.05, 200.0)
+    )
+    lead_mm: float = key(POSITIVE, "so far off a surface its leads begin and end", usual=(0.01, 100.0))
     retract_mm: float = key(Number(), "machine position of Z at which the rotaries may turn freely")
     rapid_share: float = key(Number(0.01, 1.0), "of the axes' limits that rapids use", silent=1.0)
     gouge: str = key(
@@ -298,7 +303,10 @@ class Machine:
     unset: tuple[str, ...] = ()  # of the work offsets those that nobody has set: no program may use them
     tool_change_s: float = 60.0  # what a change by hand takes, for those who plan the shop
     tolerance_mm: float | None = key(
-        POSITIVE, "of the form of surfaces, ends included; left out: none is held", default=None
+        POSITIVE,
+        "of the form of surfaces, ends included; left out: none is held",
+        default=None,
+        usual=(0.0005, 2.0),
     )
     max_overcut_mm: float | None = key(
         POSITIVE, "what is deeper is a gouge wherever it comes from", default=None
@@ -444,6 +452,13 @@ class Machine:
     def latch_tpdo(self) -> int:
         """Number of the TPDO of the linear axes' touch probes, 0 = they have none."""
         return max((one.latch_tpdo for one in (self.probe, self.setter) if one is not None), default=0)
+
+    @property
+    def may_turn_back(self) -> bool:
+        """Whether something tells the spindle to turn counter-clockwise: an inverter by sign or output."""
+        told = self.spindle.inverter if self.spindle is not None else None
+        has_output = self.io is not None and self.io.output("spindle_reverse") is not None
+        return told is None or told.signed or has_output
 
     @property
     def has_peripherals(self) -> bool:

@@ -46,7 +46,7 @@ def node_settings(machine: Machine) -> tuple[NodeSettings, ...]:
 def spindle_settings(machine: Machine) -> SpindleSettings | None:
     """The spindle's drive, None where the controller has none; raises ``ConfigError`` without its EDS."""
     spindle = machine.spindle
-    if spindle is None or not spindle.is_driven:
+    if spindle is None or not spindle.has_drive:
         return None
     return SpindleSettings(
         name="spindle",
@@ -85,6 +85,8 @@ def io_settings(machine: Machine) -> tuple[IoSettings, ...]:
     inputs, outputs = (max((bit for _, bit in bits), default=0) // 8 + 1 for bits in (io.inputs, io.outputs))
     made = IoSettings("io", io.bus, io.node, io.eds or str(IO_EDS), inputs, outputs)
     idle = {one.channel: one.counts(one.idle) for one in io.analogue_out}
+    if machine.spindle is not None and (inverter := machine.spindle.inverter) is not None:
+        idle[inverter.channel] = inverter.zero_counts
     analogue = tuple(idle.get(channel, 0) for channel in range(1, max(idle, default=0) + 1))
     return (replace(made, analogue=analogue, unsupervised=io.unsupervised, overrides=io.overrides),)
 

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from controller.machine import drive_profiles
 from controller.machine.axes import BUS, NODE, OVERRIDES, PROFILE, SHEET, UNSUPERVISED, Stopping
-from controller.machine.declaration import key, same_table, shared, spellings
+from controller.machine.declaration import in_order, key, same_table, shared, spellings
+from controller.machine.equipment import INT16, MAX_CHANNELS
 from controller.machine.forms import FLAG, POSITIVE, Choice, Integer, Number, Sub
 from controller.machine.reading import Reading, Rules
+from controller.messages import Key
 from drives.profile import Override
 from drives.settings import INT32_MAX
 from drives.text_file import Source
 
+WAYS = ("drive", "inverter", "hand")
 MODES = {"csv": 9, "pv": 3}
 TAPPING_REV_S2 = 50.0  # along a thread, where the file says nothing
 
@@ -78,25 +82,77 @@ class AdaptiveFeed:
     overload_s: float = key(Number(0.0, 10.0), "see `overload_percent`", default=0.5)
 
 
+@dataclass(frozen=True, slots=True)
+class Inverter:
+    """An inverter on the I/O node: an analogue output says how fast, ``spindle_run`` whether it turns."""
+
+    channel: int = key(Integer(1, MAX_CHANNELS), "sub-index of 6411h that says how fast")
+    full_rev_min: float = key(
+        POSITIVE,
+        "at which it turns with `full_counts`, as measured (`directrix calibrate spindle`)",
+        silent=lambda here: here.above["max_rev_min"],
+        left_out="as `max_rev_min`",
+    )
+    zero_counts: int = key(Integer(*INT16), "what it is told to stand", default=0)
+    full_counts: int = key(Integer(*INT16), "what it is told for `full_rev_min`", default=INT16[1])
+    signed: bool = key(
+        FLAG,
+        "counts beyond `zero_counts` turn it counter-clockwise (-10 to 10 V); else `spindle_reverse` says so",
+        default=False,
+    )
+    settle_s: float = key(
+        Number(0.0, 60.0),
+        "after its ramp (`acceleration_rev_s2`), where no input spindle_at_speed says that it is there",
+        default=0.5,
+    )
+
+    def counts(self, rev_min: float) -> int:
+        """What the output is told for a speed; where it is not ``signed``, that of either direction."""
+        speed = rev_min if self.signed else abs(rev_min)
+        return round(self.zero_counts + speed / self.full_rev_min * (self.full_counts - self.zero_counts))
+
+
 def _driven(here: Reading) -> bool:
-    return here.table.holds("node") or bool(here["node"] > 0)
+    return bool(here["by"] == "drive")
 
 
-def _without_node(here: Reading) -> int:
-    """0: switched by hand. What says more than the largest S means a drive, and lacks its node."""
-    if any(here.table.holds(name) for name in spellings(Spindle) - {"max_rev_min"}):
-        raise here.table.missing("node", NODE.form.allowed(None))
-    return 0
+def _turned(here: Reading) -> bool:
+    return bool(here["by"] != "hand")
+
+
+def _inverted(here: Reading) -> bool:
+    return bool(here["by"] == "inverter")
+
+
+def _left_out(here: Reading) -> str:
+    """What a file means that is silent about ``by``: any key of a drive means one."""
+    if here.table.holds("inverter"):
+        return "inverter"
+    keys = (one for one in in_order(Spindle) if one.only in (_driven, _turned))
+    of_drive = {name for one in keys for name in one.spelled} | spellings(Stopping)
+    return "drive" if any(here.table.holds(name) for name in of_drive) else "hand"
 
 
 @dataclass(frozen=True, slots=True)
 class Spindle:
-    """The spindle as programs need it, and its drive where the controller has one (``node`` > 0)."""
+    """The spindle as programs need it, and what turns it."""
 
-    max_rev_min: float = key(POSITIVE, "largest S")
+    max_rev_min: float = key(POSITIVE, "largest S", usual=(50.0, 300_000.0))
+    by: str = key(
+        Choice(WAYS),
+        "what turns it: a drive of its own (60FFh), an inverter on `[io]`, or the hand of the operator, who "
+        "is asked wherever a program turns it otherwise than before",
+        default="hand",
+        silent=_left_out,
+        left_out='"inverter" where `inverter` is there, "drive" with a key of a drive, else "hand"',
+    )
+    by_hand_s: float = key(
+        Number(0.0, 600.0),
+        "what it takes the operator, where it is by hand; counted in `waits_s` of a check",
+        default=10.0,
+    )
     bus: str = shared(BUS, default="", only=_driven)
-    # 0: switched by hand; M3, M4 and S are read and nothing is sent
-    node: int = shared(NODE, default=0, needed=False, silent=_without_node, left_out="–")
+    node: int = shared(NODE, default=0, needed=True, only=_driven)
     profile: Source = key(PROFILE, "of the drive, as of an axis", default="simulated", only=_driven)
     counts_per_rev: float = key(
         Number(), "of its encoder; its sign is the direction of M3", default=0.0, needed=True, only=_driven
@@ -109,10 +165,14 @@ class Spindle:
         Number(0.1, 120.0),
         "not at speed, or standing, by then: held, with a fault",
         default=10.0,
-        only=_driven,
+        only=_turned,
     )
     acceleration_rev_s2: float = key(
-        POSITIVE, "at which it is led to its speed in mode 9", default=50.0, only=_driven
+        POSITIVE,
+        "at which it is led to its speed in mode 9, or which the inverter has as its ramp",
+        default=50.0,
+        only=_turned,
+        usual=(0.5, 5000.0),
     )
     eds: Source = shared(SHEET, default="", only=_driven)
     stopping: Stopping = same_table(Stopping, Stopping(), _driven)  # its units alone
@@ -124,6 +184,14 @@ class Spindle:
         default=None,
         only=_driven,
     )
+    inverter: Inverter | None = key(
+        Sub(Inverter),
+        "how an inverter is told its speed; of `[io]` it has the output spindle_run, and where they are "
+        "there spindle_reverse, spindle_reset and the inputs spindle_ready and spindle_at_speed",
+        default=None,
+        needed=True,
+        only=_inverted,
+    )
     adaptive: AdaptiveFeed | None = key(  # None: M52 P1 is refused
         Sub(AdaptiveFeed),
         "its load leads the feed under M52 P1; left out: M52 P1 is refused",
@@ -133,7 +201,20 @@ class Spindle:
 
     @property
     def is_driven(self) -> bool:
-        return self.node > 0
+        """Whether the controller turns it."""
+        return self.by in ("drive", "inverter")
+
+    @property
+    def has_drive(self) -> bool:
+        """Whether that is a drive of its own, which reports how it turns."""
+        return self.by == "drive"
+
+
+def unasked(spindle: Spindle | None) -> Spindle:
+    """The spindle of runs that were recorded before operators were asked: S is read, and nobody waits."""
+    if spindle is None:
+        return Spindle(math.inf, "")
+    return spindle if spindle.is_driven else replace(spindle, by="")
 
 
 def _check_speed(here: Reading) -> None:
@@ -145,6 +226,30 @@ def _check_speed(here: Reading) -> None:
     most = INT32_MAX / abs(here["counts_per_rev"]) * 60.0
     if here["max_rev_min"] > most:
         here.table.refuse("max_rev_min", "speed_fits", speed=here["max_rev_min"], most=most)
+
+
+def _check_inverter(here: Reading) -> None:
+    """Every speed is one that the output can be told."""
+    if here["full_counts"] == here["zero_counts"]:
+        here.table.refuse("full_counts", "no_span")
+    whole = here["full_counts"] - here["zero_counts"]
+    share = here.above["max_rev_min"] / here["full_rev_min"] if here.above is not None else 1.0
+    for sign in (1.0, -1.0) if here["signed"] else (1.0,):
+        if not INT16[0] <= round(here["zero_counts"] + sign * share * whole) <= INT16[1]:
+            least, most = INT16
+            here.table.refuse("full_counts", "speed_beyond_counts", least=least, most=most)
+
+
+def check_outputs(here: Reading) -> None:
+    """What tells an inverter to turn is there, and its channel is nobody else's."""
+    if here["by"] != "inverter":
+        return
+    io = here.top["io"]
+    if io is None or io.output("spindle_run") is None:
+        here.table.refuse("by", "no_spindle_run")
+    own = here["inverter"].channel
+    if any(out.channel == own for out in io.analogue_out):
+        here.one_below("inverter").table.refuse("channel", "channel_twice", other=Key("file.an_output_of_io"))
 
 
 def _check_mode(here: Reading) -> None:
@@ -179,6 +284,7 @@ def _check_overload(here: Reading) -> None:
 
 RULES: Mapping[type, Rules] = {
     Spindle: Rules(checks=(_check_speed, _check_mode, _check_load)),
+    Inverter: Rules(checks=(_check_inverter,)),
     SpindlePosition: Rules(checks=(_check_counts, _check_tpdo)),
     AdaptiveFeed: Rules(checks=(_check_rise, _check_overload)),
 }

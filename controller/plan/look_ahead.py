@@ -402,7 +402,7 @@ class Windows:
         return Sensing(mask, not probe.away, pause.ends, latched, sensor.latency_s, late)
 
     def _pause(self, unit: Unit, pause: Pause, place: Place, start_s: float, orders: Orders) -> Sent:
-        sets = self._machine.has_peripherals and pause.act in SETTING
+        sets = pause.turns or (self._machine.has_peripherals and pause.act in SETTING)
         piece = Piece(
             unit.motion_id,
             unit.line,

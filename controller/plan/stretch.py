@@ -157,6 +157,7 @@ class Pause:
     changing: Changing | None = None  # a stop between two steps of a tool changer
     ends: bool = False  # ... or ends: what comes behind it is read when its outcome is there
     lifts: Lifts | None = None  # guards that do not count in a step of a tool changer, and after it
+    turns: bool = False  # a stop at which the operator switches the spindle as the modal state has it
     wait: Wait = field(default=Wait(), repr=False, compare=False)
 
 

@@ -5,8 +5,8 @@ part of a program's duration, but of the time that it takes. ``laid`` puts a ``W
 Its seconds are what the machine file makes likely (ramp of the spindle, ``usual_s`` of its devices); its name
 is that under which the service remembers what it really took.
 
-A stop for the operator (M0, M1) has no time: nobody knows when he will be there. A change of the tool by hand
-has the one that the machine file says.
+A stop for the operator (M0, M1) has no time: nobody knows when he will be there. A change of the tool by
+hand, and a spindle that he switches, have the one that the machine file says.
 """
 
 from __future__ import annotations
@@ -25,6 +25,7 @@ SET_TICKS = 5  # that any of it costs: the axes are in position, a drive has ans
 STOPPED_REV_S = 0.1  # slower than this a spindle stands
 JOURNAL_S = 0.02  # between two steps of a tool changer, until the journal is on the disk
 CHANGE, BY_HAND, STOP, OPTIONAL = "change", "by hand", "stop", "optional stop"
+SPINDLE_BY_HAND = "hand spindle"
 JOURNAL, SET, ORIENT, AGAIN = "journal", "set", "orient", "orient again"  # names of waits
 
 
@@ -84,6 +85,8 @@ class _Waits:
             return Wait(JOURNAL, goes_on_s, CHANGE if begins else "")
         if pause.act is Act.STOP and pause.place == self._changed:
             return Wait(BY_HAND, self._machine.tool_change_s, BY_HAND)
+        if pause.turns and self._machine.spindle is not None:
+            return Wait(SPINDLE_BY_HAND, self._machine.spindle.by_hand_s, STOP)
         return Wait(stops=_HALTS.get(pause.act, "") if pause.act else "")
 
     def _switched(self, pause: Pause) -> Wait:

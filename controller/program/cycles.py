@@ -177,6 +177,8 @@ def _check(here: Here, code: str, word: Word) -> None:
         key = "cycle.tap_right" if code == "G84" else "cycle.tap_left"
     elif code in ("G76", "G86", "G87") and state.turning == 0:
         key = "cycle.standing"
+    elif code in TAPS and here.machine.spindle is not None and here.machine.spindle.by == "hand":
+        key = "cycle.tap_by_hand"
     elif code == "G87" and state.to_clearance:
         key = "cycle.g87_to_clearance"
     if key:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from controller.machine.model import OFFSETS, Machine
+from controller.machine.model import OFFSETS, Machine, Spindle
 from controller.messages import Key, said
 from controller.program import output_words, planar_words, tool_change_words
 from controller.program.codes import SURFACES, Ask
@@ -129,9 +129,8 @@ class _Settings:
         word = self.ask.words.get("S")
         if word is None:
             return
-        spindle = self._machine.spindle
-        if spindle is not None and word.value > spindle.max_rev_min:
-            raise self.ask.refusal(word, "spindle.too_fast", most=spindle.max_rev_min)
+        if word.value > self._spindle_of(word).max_rev_min:
+            raise self.ask.refusal(word, "spindle.too_fast", most=self._spindle_of(word).max_rev_min)
         self.state = self.state._replace(speed_rev_min=self.ask.not_negative(word))
         if self.state.turning and "spindle" not in self.ask.codes and "tool change" not in self.ask.codes:
             self._turn_spindle(self.state.turning, word)
@@ -253,8 +252,18 @@ class _Settings:
             self._switch(output, False)
             self._act(word, Act.OUTPUT)
 
+    def _spindle_of(self, word: Word) -> Spindle:
+        """What S, M3 and M4 are for. Raises ProgramError where the machine file says nothing of it."""
+        if self._machine.spindle is None:
+            raise self.ask.refusal(word, "spindle.none")
+        return self._machine.spindle
+
     def _turn_spindle(self, turning: int, word: Word) -> None:
         tool = self.state.modal.tool
+        if turning:
+            self._spindle_of(word)
+        if turning < 0 and not self._machine.may_turn_back:
+            raise self.ask.refusal(word, "spindle.one_way", code=TURNS[turning])
         if turning and not self._machine.may_turn(tool):
             raise self.ask.refusal(word, "spindle.must_stand", code=TURNS[turning], tool=tool)
         modal = replace(self.state.modal, spindle_rev_min=turning * self.state.speed_rev_min)

@@ -168,7 +168,7 @@ def feed_of(ask: Ask, code: str, word: Word, state: State, machine: Machine) -> 
         raise ask.refusal(word, "surface.relative", code=code)
     if modal.tool_in(machine) is None:
         raise ask.refusal(word, "surface.no_tool", code=code, tool=modal.tool, tools=tool_list(machine))
-    if machine.spindle is not None and modal.spindle_rev_min == 0.0:
+    if machine.spindle is not None and machine.spindle.is_driven and modal.spindle_rev_min == 0.0:
         raise ask.refusal(word, "surface.spindle_off", code=code)
     return state.feed(ask, code, word)
 

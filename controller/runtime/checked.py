@@ -21,7 +21,14 @@ from controller.machine.model import TOOL_AT_POWER_ON, Joints, Machine
 from controller.messages import Said, said
 from controller.motion.motions import Rotaries
 from controller.plan.look_ahead import NoLaw
-from controller.plan.path import changed_rotaries, path, plunges, spindle_off, tool_changes
+from controller.plan.path import (
+    changed_rotaries,
+    path,
+    plunges,
+    spindle_by_hand,
+    spindle_off,
+    tool_changes,
+)
 from controller.plan.report import duration, stored, survey
 from controller.plan.report.passing import Passing
 from controller.plan.report.stored import Stored
@@ -108,7 +115,8 @@ def path_of(
 
     What it walks over raises ProgramError where a block is refused. ``dry_run_mm``: so far off the
     part along the tool axis, spindle and coolant off. ``in_spindle``: a tool's number, 0 = not known;
-    it stops where another one is to be put in. None: nobody is waited for.
+    it stops where another one is to be put in, and where the operator is to switch the spindle. None: nobody
+    is waited for.
     """
     source = _source(asked, chosen, dry_run_mm).dry()
     tracer = path.Tracer(asked.name, source.machine, asked.kinematics, asked.start, chosen or {})
@@ -125,6 +133,8 @@ def path_of(
         note = tracer.notes.append
         before = None if asked.begin is None else modal.begun(asked.machine, asked.begin).modal
         items = tool_changes.stopped(items, asked.machine, in_spindle, before, asked.typed, note, asked.name)
+        rev_min = before.spindle_rev_min if before is not None else 0.0
+        items = spindle_by_hand.stopped(items, asked.machine, rev_min, asked.typed, note)
     return Walk(items, tracer.notes, chosen or {})
 
 

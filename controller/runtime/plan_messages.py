@@ -120,7 +120,7 @@ class Way:
 
 @dataclass(frozen=True, slots=True)
 class Announcement:
-    """What a program says, sets for good, or names as the tool that comes next.
+    """What a program says, sets for good, names as the tool that comes next, or asks of the operator.
 
     Due when a motion begins, or when the pause of ``line`` before it holds.
     """
@@ -130,6 +130,7 @@ class Announcement:
     line: int | None = None
     changes: tuple[Change, ...] = ()
     tool: int | None = None
+    rev_min: float | None = None  # signed: the operator is to turn the spindle so
 
 
 @dataclass(frozen=True, slots=True)

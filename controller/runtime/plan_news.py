@@ -70,6 +70,9 @@ class PathNotes:
             else:
                 self._say(item.place.order, number, item.place.line)
                 self._note_change(item)
+                if item.turns:
+                    asked = item.modal.spindle_rev_min
+                    self._said.append(Announcement("", number, item.place.line, rev_min=asked))
             yield item
         self._say(sys.maxsize, number, None)
 

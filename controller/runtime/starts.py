@@ -11,6 +11,7 @@ from dataclasses import dataclass, fields, replace
 from typing import Any
 
 from controller.machine.model import Joints, Machine
+from controller.machine.spindle import unasked
 from controller.plan.off_path import Back
 from controller.plan.report.stored import Stored
 from controller.plan.restart import other_tool
@@ -37,6 +38,7 @@ class Start:
     typed: bool = False  # a line by hand, which means that tool
     unchecked: bool = False  # from the top, with branch and turns chosen as the blocks come
     begin: State | None = None  # the modal state before the first line; None: that of power-on
+    asks_spindle: bool = True  # the operator is asked to switch a spindle; False: an older record
 
     @property
     def stays_on(self) -> StaysOn:
@@ -64,6 +66,7 @@ class Start:
             bool(values.get("typed", False)),
             bool(values.get("unchecked", False)),
             None if values.get("begin") is None else carried.from_json(values["begin"]),
+            bool(values.get("asks_spindle", False)),
         )
 
 
@@ -80,6 +83,8 @@ def path_from(asked: Task, kept: Stored | None, start: Start, cut_with: Machine 
     if asked.machine.changer is not None:
         asked = replace(asked, machine=replace(asked.machine, in_spindle=start.in_spindle))
     asked = replace(asked, begin=start.begin, typed=start.typed)
+    if not start.asks_spindle:
+        asked = replace(asked, machine=replace(asked.machine, spindle=unasked(asked.machine.spindle)))
     choices = kept.choices if kept is not None else None if start.unchecked else checked.chosen_for(asked)
     if start.spot is not None:
         left = rest(asked, choices or {}, start)

@@ -16,6 +16,7 @@ from controller.ipc.handoff import COLUMN, Snapshot
 from controller.machine.changes import Change
 from controller.machine.model import Joints, Machine, Tool
 from controller.messages import Said, said
+from controller.motion.pieces import STANDSTILL
 from controller.plan.report.passing import Mark, passed_s
 from controller.plan.restart.program_position import ENTRY_ID, Spot
 from controller.plan.timetable import Passed
@@ -96,6 +97,9 @@ class Announced:
         self._asked: dict[int, tuple[int, ...]] = {}  # tools, by line
         self._reached = -1  # the last motion that was under way
         self._named: int | None = None  # the tool that T has just named
+        self._turn: Announcement | None = (
+            None  # the last that was asked of a spindle that is switched by hand
+        )
         self._found: list[dict[str, Any]] = []  # results of probing cycles
 
     def hear(self, news: News) -> None:
@@ -120,6 +124,7 @@ class Announced:
             said = self._due.popleft()
             changes += said.changes
             self._named = said.tool if said.tool is not None else self._named
+            self._turn = said if said.rev_min is not None else self._turn
             if said.text:
                 self.messages = [*self.messages, said.text][-MAX_MESSAGES:]
                 self._found += filter(None, [found(said.text)])
@@ -142,6 +147,13 @@ class Announced:
     def awaited_tool(self, line: int, in_spindle: int) -> int | None:
         """Number of the tool that a line at which it stands waits for."""
         return next((tool for tool in self._asked.get(line, ()) if tool != in_spindle), None)
+
+    def awaited_speed(self, now: Snapshot) -> float | None:
+        """How the operator is to turn the spindle (rev/min, signed), where it stands and waits for that."""
+        asked, stands = self._turn, now.mode is Mode.HOLD and now.at_rest and now.motion_id == STANDSTILL
+        if asked is None or not stands or asked.line != now.line or self._reached >= asked.motion_id:
+            return None
+        return asked.rev_min
 
     def put_in(self, tool: int, line: int) -> None:
         """What a line asked for is done; the next time that it runs it may ask for another tool."""

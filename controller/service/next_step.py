@@ -120,7 +120,7 @@ def _running(status: Status) -> Iterator[Step]:
         yield _by_hand("no_feed")
     if status["waiting"]:
         spindle = status["spindle"] or {}
-        yield _wait("waits_others" if spindle.get("at_speed", True) else "waits_spindle")
+        yield _wait("waits_spindle" if spindle.get("at_speed") is False else "waits_others")
     for notice in status["notices"] or ():
         if notice["name"].startswith("QUEUE_") or notice["name"] == "PLAN_SILENT":
             yield _wait("notice", notice=Said(key=notice["key"], values=notice["values"]))
@@ -135,7 +135,7 @@ def _held(status: Status) -> Iterator[Step]:
         yield _wait("planner")
     yield from _barred(status)
     yield from _off_the_path(status)
-    if change := status["tool_change"]:
+    if change := status["tool_change"] or status["spindle_change"]:
         yield _press("notice", "resume", notice=Said(key=change["key"], values=change["values"]))
     if status["fault"]:
         yield _press("hold_fault", "resume", remedy=_fault_words(status))

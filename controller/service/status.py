@@ -14,6 +14,7 @@ from controller.machine.kinematics import Kinematics, kinematics_of
 from controller.machine.model import OFFSETS, Joints, Machine
 from controller.messages import said, several
 from controller.motion.pieces import STANDSTILL
+from controller.plan.path import spindle_by_hand
 from controller.plan.restart.reentry import room_along_axis
 from controller.program import dynamic_offset
 from controller.program.modal import State
@@ -63,6 +64,7 @@ def machine_values(
         "limited_by": _limited_by(machine, now),
         "in_block": way.in_block(now.s) if way is not None else None,
         "codes": list(active_codes(state)),
+        "spindle": _spindle(machine, told["spindle"]),
         "coolant": {"mist": bool(now.coolant & 1), "flood": bool(now.coolant & 2)},
         "inputs": _bits(machine.io.inputs if machine.io else (), now.inputs),
         "outputs": _bits(machine.io.outputs if machine.io else (), now.outputs),
@@ -144,6 +146,19 @@ def tool_change(machine: Machine, number: int, usage: Usage | None = None) -> di
     known = [one.number for one in machine.tools]
     worn = usage.said_worn("tool_worn", number, known) if usage is not None else None
     return {"number": number, **(asks if worn is None else several(asks, worn))}
+
+
+def spindle_change(rev_min: float) -> dict[str, Any]:
+    """What the operator is asked to do where a program waits for a spindle that he switches; signed."""
+    return {"rev_min": rev_min, **several(spindle_by_hand.asked(rev_min), said("spindle_change.go_on"))}
+
+
+def _spindle(machine: Machine, told: Mapping[str, Any]) -> dict[str, Any]:
+    """What is told of it; how one turns that has no drive nobody reports."""
+    if machine.spindle is not None and machine.spindle.has_drive:
+        return dict(told)
+    is_driven = machine.spindle is not None and machine.spindle.is_driven
+    return {**told, "actual_rev_min": None, "at_speed": told["at_speed"] if is_driven else None}
 
 
 def _bits(names: tuple[tuple[str, int], ...], word: int) -> dict[str, bool]:

@@ -161,6 +161,9 @@ def _told(service: Service, now: Snapshot) -> Values:
     entry = run.interrupted if job is None else None
     way = job.motions.under_way(now.motion_id) if job is not None and job.active else None
     asked = job.asked_tool(now, set_up.tool) if job is not None else None
+    turn = job.announced.awaited_speed(now) if job is not None and job.active else None
+    if asked is not None and turn:  # the tool first
+        turn = None
     age_s = service.processes.pulse.age_s(now.tick)
     ends_s = service.watch.last_second.left_s
     state = run.in_force(now)
@@ -184,6 +187,7 @@ def _told(service: Service, now: Snapshot) -> Values:
         "tool": set_up.tool or None,
         **({"in_block": _last_block(job, entry)} if job is None or not job.active else {}),
         "tool_change": machine_status.tool_change(machine, asked, service.usage) if asked else None,
+        "spindle_change": machine_status.spindle_change(turn) if turn is not None else None,
         "changer": service.changer.told() if service.changer is not None else None,
         "control": None,
         "job": told_job,

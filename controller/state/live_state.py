@@ -212,12 +212,14 @@ class Snapshot(NamedTuple):
     )
     spindle_actual_rev_min: float = _value(
         "peripherals.actual_rev_min",
-        "signed; what is wanted where no drive reports",
+        "signed; where no drive reports it what is wanted, and in the status null",
         "1/min",
         status="spindle.actual_rev_min 1/min",
     )
     spindle_override: float = _value("modes", "of S, 1 = 100 %", status="spindle.override")
-    spindle_at_speed: bool = _value("peripherals.at_speed", "it turns as told", status="spindle.at_speed")
+    spindle_at_speed: bool = _value(
+        "peripherals.at_speed", "it turns as told; in the status null by hand", status="spindle.at_speed"
+    )
     thread_rev: float = _value(
         "coupling.depth_rev",
         "turns that the tool is in a thread, 0 = in none",

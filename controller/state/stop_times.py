@@ -43,7 +43,9 @@ def deaf_s(machine: Machine) -> float:
 
 def _answer_s(machine: Machine) -> float:
     """What the machine file gives its spindle and its clamps."""
-    spindle_s = [machine.spindle.spin_up_s] if machine.spindle is not None else []
+    spindle_s = (
+        [machine.spindle.spin_up_s] if machine.spindle is not None and machine.spindle.is_driven else []
+    )
     return max([*spindle_s, *(axis.clamp.open_s for axis in machine.axes if axis.clamp)], default=0.0)
 
 

@@ -36,6 +36,7 @@ from controller.ipc.handoff import ANALOGUE, Awaited, Piece
 from controller.machine.model import BESIDE, Axis, Changer, Clamp, Io, Machine
 from controller.state.modes import Fault, Mode, Request, StaysOn
 from controller.tick.coupling import Coupling
+from controller.tick.inverter import InverterSpindle
 from controller.tick.mode import Modes
 from drives.settings import MasterSettings
 
@@ -134,12 +135,14 @@ class Peripherals:
         coupling: Coupling | None = None,
     ) -> None:
         period_s, io = machine.period_s, machine.io
-        self._spindle = spindle
+        self._inverter = _inverter(machine) if nodes else None
+        self._spindle: SpindleDrive | None = spindle if self._inverter is None else self._inverter
         self._coupling = Coupling(machine, None) if coupling is None else coupling
         self._barred = False  # the door is open, the axes stand: no thread turns the spindle either
         self._node = nodes[0] if nodes and io is not None else None
         self._consumer_s = MasterSettings(period_s=period_s).consumer_s
-        self.present = spindle is not None or self._node is not None
+        self._answers = self._spindle is not None or self._node is not None  # there is something to wait for
+        self.present = self._answers or machine.spindle is not None
         self._flip_inputs, self._flip_outputs = _flips(io)
         self._interlocks = _interlocks(io)
         self._flow, self._mist, self._flood = _masks(io)
@@ -157,13 +160,13 @@ class Peripherals:
         self._beside = _beside(machine.changer, io)
         self._switched = self._lines = 0  # outputs of programs: as numbered there, and their bits of the node
         self._analogue = io.analogue_out if io is not None and self._node is not None else ()
-        self._max_rev_min = machine.spindle.max_rev_min if spindle and machine.spindle else 0.0
+        self._max_rev_min = machine.spindle.max_rev_min if self._spindle and machine.spindle else 0.0
         self._wanted = (0.0, 0, 0)  # rev/min, coolant, open clamps: what the program says, or the hand
         self._by_hand = False  # without a program
         self._handed_over = False  # what the last program has left on, to the hand
         self._programmed = 0.0  # rev/min, before the override
         self._homing = 0  # clamps to be open for an axis that homes, or is jogged
-        self._was_running = self._was_homing = False
+        self._was_running = self._was_homing = self._was_fault = False
         self._told: Piece | None = None  # what the program says, until the axes are in position
         self._arriving = 0  # ticks since
         self._awaited: Awaited | None = None  # an input that the program waits for ...
@@ -193,9 +196,11 @@ class Peripherals:
 
     def tell(self, piece: Piece) -> None:
         """The program has come to a piece that ``sets``."""
-        if self.present:
+        if self._answers:
             self._told, self._arriving = piece, 0
             self._wait()
+        else:  # a spindle that the operator switches, at the stop that asks him
+            self._wanted = (piece.spindle_rev_min, piece.coolant, piece.open_clamps)
 
     def by_hand(self, request: Request, value: float, mode: Mode) -> bool:
         """What an operator's hand wants of spindle, coolant or clamps; False for what is not there.
@@ -281,12 +286,13 @@ class Peripherals:
         return -1
 
     def _wait(self) -> None:
-        self.waiting, self._waited = True, 0
+        self.waiting, self._waited = self._answers, 0
 
     def coolant_off(self) -> None:
-        """The tick is about to end by an error of its own; clamps stay as they are."""
+        """The tick is about to end by an error of its own: a spindle on the node stops, clamps stay."""
         if self._node is not None:
-            self._node.write((self.outputs & ~(self._mist | self._flood)) ^ self._flip_outputs)
+            spindle = self._inverter.own_outputs if self._inverter is not None else 0
+            self._node.write((self.outputs & ~(self._mist | self._flood | spindle)) ^ self._flip_outputs)
 
     # -- every tick
 
@@ -371,6 +377,8 @@ class Peripherals:
         self.coolant = coolant
         if self._barred or not self._coupling.active:
             self._turn(rev_min, modes, share)
+        if self._inverter is not None:
+            self._drive_inverter(self._inverter, modes, ticks)
         if self._node is not None:
             self._put_out(is_open | self._homing, actual, ticks)
 
@@ -397,6 +405,15 @@ class Peripherals:
         self.rev_min = rev_min
         if self._spindle is not None:
             self._spindle.want_speed(rev_min)
+
+    def _drive_inverter(self, inverter: InverterSpindle, modes: Modes, ticks: int) -> None:
+        """Its outputs; a fault of its own stops the path, and is reset with the machine's."""
+        if self._was_fault and modes.mode is not Mode.FAULT:
+            inverter.reset()
+        self._was_fault = modes.mode is Mode.FAULT
+        inverter.step(self.inputs, ticks)
+        if inverter.failed and not self._was_fault:
+            modes.fail(Fault.SPINDLE_LOST, -1)
 
     def _overridden(self, rev_min: float, share: float) -> float:
         """What the spindle is told; one that is switched by hand turns as the program says."""
@@ -426,12 +443,15 @@ class Peripherals:
             modes.fail(Fault.FOLLOWING_ERROR, late)
 
     def _put_out(self, is_open: int, actual: Sequence[float], ticks: int) -> None:
+        assert self._node is not None
         outputs = (self._mist if self.coolant & MIST else 0) | (self._flood if self.coolant & FLOOD else 0)
         outputs |= self._lines
         for clamp in self._clamps:
             outputs |= clamp.turn(bool(clamp.bit & is_open), actual[clamp.index], ticks)
+        if self._inverter is not None:
+            outputs |= self._inverter.outputs
+            self._node.write_analogue(self._inverter.channel, self._inverter.counts)
         self.outputs = outputs
-        assert self._node is not None
         self._node.write(outputs ^ self._flip_outputs)
         self._lead(self._node)
 
@@ -512,6 +532,14 @@ def _masks(io: Io | None) -> tuple[int, int, int]:
     if io is None:
         return 0, 0, 0
     return _mask(io.inputs, ["coolant_flow"]), _mask(io.outputs, ["mist"]), _mask(io.outputs, ["coolant"])
+
+
+def _inverter(machine: Machine) -> InverterSpindle | None:
+    """Of a spindle that turns by outputs of the node."""
+    spindle, io = machine.spindle, machine.io
+    if spindle is None or spindle.inverter is None or io is None:
+        return None
+    return InverterSpindle(spindle, spindle.inverter, io, machine.period_s)
 
 
 def _switches(io: Io | None) -> tuple[tuple[int, ...], int]:

@@ -245,7 +245,7 @@ def held_at(done: Cut) -> list[int]:
 
 
 def blocks_run(events: list[Event]) -> Cut:
-    done = cut(BLOCKS, shipped(spindle=None, period_s=PERIOD_S), events)
+    done = cut(BLOCKS, shipped(period_s=PERIOD_S), events)
     assert done.run.result == "completed", done.run.fault_text
     assert_on_the_path(done)
     assert_in_limits(done, "single block")
@@ -293,7 +293,7 @@ def switched_at(done: Cut) -> list[int]:
 @cache
 def marked(path: str, *events: Event, without: bool = False) -> Cut:
     text = MARKED[path].replace("M1\n", "") if without else MARKED[path]
-    done = cut(text, shipped(spindle=None), events=list(events))
+    done = cut(text, shipped(), events=list(events))
     assert done.run.result == "completed", done.run.fault_text
     assert_in_limits(done, (path, events))
     return done

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from support.live.shop import Shop, opened
+from support.live.shop import Shop, driven, opened
 from typer.testing import CliRunner
 
 from controller.__main__ import app
@@ -46,7 +46,7 @@ class Machine:
 
 @pytest.fixture
 def machine(tmp_path: Path) -> Iterator[Machine]:
-    with opened(tmp_path) as shop:
+    with opened(tmp_path, machine=driven()) as shop:
         yield Machine(shop)
 
 

@@ -37,7 +37,7 @@ from controller.state.modes import Mode
 
 pytestmark = [pytest.mark.slow, pytest.mark.live]
 
-TEXT = program("example2_ready.ngc", "1000.")
+TEXT = program("example2_ready.ngc", "1000.").replace("S12000 M3", "").replace("N220 M5\n", "")
 MACHINE = calm_machine()
 BEGIN = Spot(1, 0.0, 0, 0.0)
 TRUE_S = 0.1  # after a kill the status says so

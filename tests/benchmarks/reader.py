@@ -74,7 +74,7 @@ def ours_s(data: bytes) -> float:
 
     from controller.program import blocks
 
-    made = machine("fig4a", spindle=None)
+    made = machine("fig4a")
     begun = time.process_time()
     for _ in blocks.stream(data, made, "p.ngc"):
         pass
@@ -135,7 +135,7 @@ def read(file: Path) -> int:
     from controller.program import blocks, linked
 
     most, text = 0, linked.linked(linked.mapped(file), linked.beside(file))
-    for count, _ in enumerate(blocks.stream(text, machine("fig4a", spindle=None), file.name)):
+    for count, _ in enumerate(blocks.stream(text, machine("fig4a"), file.name)):
         if count % 100_000 == 0:
             most = max(most, _own_bytes())
     return max(most, _own_bytes())

@@ -1,4 +1,4 @@
-"""A spindle that stands is told of: feed moves before it was ever started, and M3 where nothing turns it."""
+"""A spindle that stands is told of: feed moves before it was ever started."""
 
 from __future__ import annotations
 
@@ -16,15 +16,11 @@ def noted(
 ) -> Iterator[Chain | Pause]:
     """The path as it is; ``note`` is told of the first feed move before the spindle ever turns.
 
-    Surfaces are refused without it. A machine whose file has no spindle is not asked: there, and where
-    no drive turns it, the first M3 or M4 is told to do nothing.
+    Surfaces are refused without it. Where no spindle is, and where the operator switches it as he likes,
+    nothing is told.
     """
-    waits = machine.spindle is not None
-    idle = machine.spindle is None or not machine.spindle.is_driven
+    waits = machine.spindle is not None and machine.spindle.is_driven
     for item in items:
-        if idle and isinstance(item, Pause) and item.modal.spindle_rev_min:
-            note(Note(item.place, said("note.spindle_not_driven")))
-            idle = False
         if waits and isinstance(item, Pause):
             waits = item.modal.spindle_rev_min == 0.0
         elif waits and (place := _fed(item)) is not None:

@@ -21,7 +21,7 @@ from controller.machine.kinematics import Kinematics
 from controller.machine.model import Joints, Machine
 from controller.messages import Said, said
 from controller.motion.motions import Rotaries, ToolSpline
-from controller.plan.path import clamps, tool_changes
+from controller.plan.path import clamps, spindle_by_hand, tool_changes
 from controller.plan.path.path import Tracer
 from controller.plan.restart import entry
 from controller.plan.restart.program_position import (
@@ -122,10 +122,11 @@ class Rest:
         return first
 
     def opened(self, items: Iterable[Chain | Pause]) -> Iterator[Chain | Pause]:
-        """With the clamps opened where their axes move, and stopped where a tool is changed."""
+        """With the clamps opened where their axes move, and stopped where the operator is to do something."""
         modal = self.target.modal
         changed = tool_changes.stopped(items, self.source.machine, modal.tool, modal)
-        return clamps.opened(changed, self.source.machine, self.source.kinematics)
+        switched = spindle_by_hand.stopped(changed, self.source.machine)
+        return clamps.opened(switched, self.source.machine, self.source.kinematics)
 
 
 def find(source: Source, spot: Spot) -> Rest:

@@ -59,7 +59,7 @@ def bus_of(machine: Machine, part: bool = False) -> str | None:
 def turns(machine: Machine) -> bool:
     """It has a spindle that can feel a cut: one with a drive, on a virtual bus."""
     spindle = machine.spindle
-    return spindle is not None and spindle.is_driven and spindle.bus in _virtual(machine)
+    return spindle is not None and spindle.has_drive and spindle.bus in _virtual(machine)
 
 
 def _virtual(machine: Machine) -> set[str]:
@@ -109,7 +109,7 @@ def _inputs(nodes: Devices, job: Job) -> IoNode | None:
 def _motor(nodes: Devices, job: Job) -> Callable[[float], None] | None:
     """Takes what the cut takes of the spindle, if its drive is on this bus."""
     spindle = job.machine.spindle
-    if spindle is None or not spindle.is_driven or spindle.bus != job.bus.name:
+    if spindle is None or not spindle.has_drive or spindle.bus != job.bus.name:
         return None
     own = nodes[spindle.node]
     assert isinstance(own, SimulatedDrive)
@@ -121,7 +121,7 @@ def _spindle(nodes: Devices, job: Job) -> Callable[[float], None]:
     if (here := _motor(nodes, job)) is not None:
         return here
     spindle = job.machine.spindle
-    if spindle is None or not spindle.is_driven:
+    if spindle is None or not spindle.has_drive:
         return lambda _: None
     return _Far(_heard(job, spindle.bus)).feel
 

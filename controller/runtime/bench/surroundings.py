@@ -14,6 +14,7 @@ from controller.machine.equipment import SENSORS
 from controller.machine.model import Changer, Io, Machine
 from drives.bench.simulated import build
 from drives.bench.simulated.drive import SimulatedDrive
+from drives.bench.simulated.inverter import Inverter, Line, Wiring
 from drives.bench.simulated.io_node import IoNode
 from drives.bench.simulated.parameters import LostSync, Parameters
 from drives.bench.simulated.rig import Rig, rig
@@ -76,6 +77,27 @@ def surround(node: IoNode, machine: Machine) -> None:
     node.set_inputs(_healthy_inputs(machine), 0.0)
     for wire in _wires(machine):
         node.wire(*wire)
+    if (wiring := _wiring(machine)) is not None:
+        Inverter(node, wiring)
+
+
+def _wiring(machine: Machine) -> Wiring | None:
+    """How the inverter of its spindle is wired to the node; None where it has none."""
+    spindle, io = machine.spindle, machine.io
+    if spindle is None or spindle.inverter is None or io is None:
+        return None
+    told, bits = spindle.inverter, {**dict(io.inputs), **dict(io.outputs)}
+    lines = {name: Line(bit, name in io.inverted) for name, bit in bits.items()}
+    return Wiring(
+        told.channel,
+        lines["spindle_run"],
+        told.full_rev_min / (told.full_counts - told.zero_counts),
+        told.zero_counts,
+        told.signed,
+        60.0 * spindle.acceleration_rev_s2,
+        lines.get("spindle_reverse"),
+        lines.get("spindle_at_speed"),
+    )
 
 
 def devices(

@@ -59,15 +59,16 @@ async function last() {
 }
 
 // What is wrong and what is under way.
-function in_words({ fault, sequence, notices, interlock, warning, waiting, spindle, tool_change, change }) {
+function in_words({ fault, sequence, notices, interlock, warning, waiting, spindle, tool_change, spindle_change, change }) {
   const trusted = fault && typeof fault.position_trusted === "boolean";
   const told = (name) => sentence(notices?.find((one) => one.name === name && name !== fault?.name));
-  const waits = spindle && !spindle.at_speed ? "waits.spindle" : "waits.others";
+  const waits = spindle?.at_speed === false ? "waits.spindle" : "waits.others";
+  const asked = change ?? tool_change ?? spindle_change;
   const running = sequence?.state === "running" && sequence_text(sequence);
   return {
     fault: fault ? sentence(fault) || fault.name : "",
     next: trusted ? word(fault.position_trusted ? "frame.trusted" : "frame.not_trusted") : "",
-    under_way: running || (change ? sentence(change) : tool_change ? sentence(tool_change) : waiting ? word(waits) : ""),
+    under_way: running || (asked ? sentence(asked) : waiting ? word(waits) : ""),
     interlock: told(interlock),
     warning: [warning, "PLAN_SILENT", "IN_THREAD", "FILE_DAMAGED", "NOT_RECORDED"].map(told).find(Boolean) || "",
     failed: sequence?.state === "failed" ? sentence(sequence) : "",

@@ -61,7 +61,7 @@ def test_six_mistakes_are_one_answer_in_the_order_of_their_lines() -> None:
 CAUSES = [
     (('kind = "linear"', 'kind = "liner"'), ["kind"]),
     (('[[bus]]\nname = "can0"', '[[bus]]\nname = "can9"'), ["bus"]),
-    (("node = 10", "nodex = 10"), ["nodex"]),
+    (("node = 10", "nodex = 10"), ["node"]),
     (("node = 10", ""), ["node"]),
     (("clamp = { output", "clmp = { output"), ["clmp"]),
     (("outputs = {", "outputs = 3 # {"), ["outputs"]),
@@ -126,9 +126,9 @@ def test_the_command_line_shows_them_all(tmp_path: Path, words: tuple[str, ...])
         words = (words[0], str(machine_file.shipped_program("example1")), *words[2:])
     shown = CliRunner().invoke(app, [*words, str(file)])
     sentences = shown.output.replace("\n", "")
-    assert shown.exit_code == 1 and "m.toml:15: " in sentences and "m.toml:61: " in sentences
+    assert shown.exit_code == 1 and "m.toml:15: " in sentences and "m.toml:65: " in sentences
     as_json = json.loads(CliRunner().invoke(app, [*words, str(file), "--json"]).output.splitlines()[-1])
-    assert [one["sentence"].partition(": ")[0] for one in as_json["mistakes"]] == ["m.toml:15", "m.toml:61"]
+    assert [one["sentence"].partition(": ")[0] for one in as_json["mistakes"]] == ["m.toml:15", "m.toml:65"]
 
 
 NO_TOML = [

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from support.machines.spindle_machine import without_spindle
 
 from controller import messages
 from controller.machine import drive_profiles, machine_file, nodes
@@ -221,7 +222,8 @@ inputs = { door = 1 }
 unsupervised = true
 override = [{ object = "6005", access = "rw", reason = "so" }]
 """
-    machine = machine_file.read(machine_file.load("trunnion").text + more, "m.toml", machine_file.SHIPPED)
+    text = without_spindle(machine_file.load("trunnion").text) + more
+    machine = machine_file.read(text, "m.toml", machine_file.SHIPPED)
     *_, spindle, io = nodes.all_settings(machine)
     assert spindle.unsupervised and io.unsupervised
     assert (spindle.overrides[0].index, io.overrides[0].access) == (0x6085, "rw")

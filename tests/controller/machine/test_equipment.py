@@ -27,9 +27,21 @@ def refusal(machine_text: str) -> str:
 def test_a_spindle_with_a_node_is_driven_and_one_without_is_not() -> None:
     driven = mill().spindle
     assert driven is not None and driven.is_driven and driven.counts_per_rev == 4096.0
-    by_hand = mill("[spindle]\nmax_rev_min = 24000\n")
-    assert by_hand.spindle is not None and not by_hand.spindle.is_driven
-    assert machine_file.spindle_settings(by_hand) is None
+    for by in ("", 'by = "hand"\n'):
+        by_hand = mill(f"[spindle]\nmax_rev_min = 24000\n{by}")
+        assert by_hand.spindle is not None and not by_hand.spindle.is_driven
+        assert machine_file.spindle_settings(by_hand) is None
+
+
+def test_a_spindle_with_anything_of_a_drive_needs_its_node() -> None:
+    for key in ('by = "drive"', 'bus = "can1"', "counts_per_rev = 4096"):
+        found = refusal(text(f"[spindle]\nmax_rev_min = 24000\n{key}\n"))
+        assert "[spindle]: node: is missing" in found, found
+
+
+def test_a_spindle_by_hand_has_no_key_of_a_drive() -> None:
+    found = refusal(text('[spindle]\nmax_rev_min = 24000\nby = "hand"\nnode = 10\n'))
+    assert "[spindle]: node" in found and "allowed: by, by_hand_s, max_rev_min" in found, found
 
 
 def test_the_bus_side_gets_every_node_of_the_machine() -> None:

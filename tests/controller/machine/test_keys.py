@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import pytest
-from support.machines.every_key import EVERY, TEXT, values_of_every_key
+from support.machines.every_key import BY_INVERTER, EVERY, TEXT, values_of_every_key
 
 from controller import messages
 from controller.machine import keys as machine_keys
@@ -20,6 +20,7 @@ from controller.machine.reading import File, Reading
 from controller.machine.toml_table import ConfigError, parse
 
 VALUES = tomllib.loads(TEXT)
+FILES = (VALUES, tomllib.loads(BY_INVERTER))
 PAGE = machine_keys.PAGE.read_text()
 SCHEMA = json.loads(machine_keys.SCHEMA.read_text())
 DECLARED = [(section, one) for section in machine_keys.sections() for one in section.keys]
@@ -52,8 +53,8 @@ def test_a_key_has_a_meaning_a_range_and_what_a_silent_file_means(
 ) -> None:
     assert len(one.means) > 3 and len(machine_keys.allowed(one)) > 3
     assert machine_keys.left_out(one, section.called)
-    written = {name for table in tables_of(VALUES, section.name) for name in table}
-    assert written.issuperset(one.spelled), "the file of the tests has every key"
+    written = {name for file in FILES for table in tables_of(file, section.name) for name in table}
+    assert written.issuperset(one.spelled), "the files of the tests have every key"
 
 
 @each_key
@@ -85,7 +86,7 @@ def test_a_wrong_value_of_every_key_is_refused_with_its_line_and_nothing_else_is
 
 
 # Tables that the file has under heads of their own.
-TABLES = {"analogue_out", "m_codes", "override", "pitch", "prepare", "put_away", "take"}
+TABLES = {"analogue_out", "inverter", "m_codes", "override", "pitch", "prepare", "put_away", "take"}
 
 
 def test_the_reference_names_every_kinematics_that_there_is() -> None:

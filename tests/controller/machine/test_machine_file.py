@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 from support.machines.shipped_kinds import TILTING
+from support.machines.spindle_machine import without_spindle
 
 from controller.geometry.curves import Bezier
 from controller.geometry.surfaces import Cone, RuledSurface, Surface
@@ -45,7 +46,7 @@ def test_the_trunnion_is_the_papers_fig_4a() -> None:
     tilt, turn = (machine.axes[i] for i in machine.rotary())
     assert (tilt.direction, tilt.point_mm) == ((1.0, 0.0, 0.0), (0.0, 0.0, 0.0))
     assert (turn.direction, turn.point_mm) == ((0.0, 0.0, 1.0), (0.0, 96.0, 120.0))
-    assert machine.spindle is None  # the verbatim programs have no M3
+    assert machine.spindle is not None and machine.spindle.by == "hand"  # the verbatim programs have no M3
 
 
 @pytest.mark.parametrize(
@@ -129,8 +130,9 @@ def test_a_work_offset_may_turn_the_part() -> None:
 
 
 def test_a_spindle_is_read_where_there_is_one() -> None:
-    spindle = machine_file.read(COMPLETE + "\n[spindle]\nmax_rev_min = 24000\n", "m.toml").spindle
-    assert spindle is not None and spindle.max_rev_min == 24000.0
+    spindle = machine_file.read(COMPLETE, "m.toml").spindle
+    assert spindle is not None and (spindle.max_rev_min, spindle.by) == (24000.0, "hand")
+    assert machine_file.read(without_spindle(COMPLETE), "m.toml").spindle is None
 
 
 def test_limits_of_the_tool_itself_are_read_where_there_are_any() -> None:

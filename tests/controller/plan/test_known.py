@@ -22,7 +22,7 @@ ARC = "G0 X10. Y0.\nG2 F600. X30. Y0. I10. J0.\nG1 X40. Y5.\nM30\n"
 
 def planned(orders: Orders, text: str = ARC) -> list[tuple[tuple[Piece, ...], object]]:
     """Pieces and stops of a program that is read and planned from its beginning, on a machine of its own."""
-    machine = shipped(spindle=None)
+    machine = shipped()
     kinematics = kinematics_of(machine)
     home = tuple(axis.homing.position for axis in machine.axes)
     track = Track(traced_programs.trace(text, machine, home).items, machine, kinematics)  # type: ignore[arg-type]

@@ -29,7 +29,7 @@ class Desk:
     """A planner, and a tick that takes (or refuses) what it says and stands where it is told to."""
 
     def __init__(self, source: str, machine: Machine | None = None) -> None:
-        self.machine = machine or shipped(spindle=None)
+        self.machine = machine or shipped()
         home = tuple(axis.homing.position for axis in self.machine.axes)
         self.items = traced_programs.trace(source, self.machine, home).items  # type: ignore[arg-type]
         self.sent: list[PieceMessage] = []

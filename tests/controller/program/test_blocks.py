@@ -41,7 +41,7 @@ CONE = "g51 x0 y1500 z0 i0 j0 k0 h1000 r1000 d360000 f100000"
 
 def trunnion() -> Machine:
     """The default machine without a spindle: T1, radius 3 mm; axes X Y Z A C."""
-    return machine("fig4a", spindle=None)
+    return machine("fig4a")
 
 
 def read(text: str | bytes, on: Machine | None = None) -> Program:
@@ -205,7 +205,7 @@ def test_a_tool_change_stops_the_spindle() -> None:
 
 
 def test_nothing_cuts_with_the_spindle_off_where_there_is_one() -> None:
-    milling = replace(trunnion(), spindle=Spindle(1000.0))
+    milling = replace(trunnion(), spindle=Spindle(1000.0, "drive"))
     assert "spindle off" in refusal(CONE, milling).sentence
     assert "spindle off" in refusal("s500 m3\nm5\n" + CONE, milling).sentence
     assert "spindle off" in refusal("m3\n" + CONE, milling).sentence

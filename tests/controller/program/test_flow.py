@@ -15,7 +15,7 @@ SUM = "o100 sub\nG0X#1\no101 if [#1 gt 0]\no100 call [#1 - 1]\no101 endif\nG0Y#1
 def moves(text: str, block_delete: bool = False) -> str:
     """The words of every move as it is carried out."""
     found = []
-    for block in blocks.stream(text.encode(), machine("fig4a", spindle=None), "part.ngc", block_delete):
+    for block in blocks.stream(text.encode(), machine("fig4a"), "part.ngc", block_delete):
         if isinstance(block, JointLine):
             named = zip("XYZ", block.targets, strict=False)
             found.append("".join(f"{axis}{value:g}" for axis, value in named if value is not None))
@@ -139,12 +139,12 @@ def test_a_loop_without_end_ends_with_a_sentence() -> None:
 
 def test_places_rise_in_order_and_tell_the_line() -> None:
     text = "G0X1\no1 repeat [3]\nX2\nX3\no1 endrepeat\nX4\n"
-    read = blocks.read(text.encode(), machine("fig4a", spindle=None), "p").blocks
+    read = blocks.read(text.encode(), machine("fig4a"), "p").blocks
     assert [block.place.line for block in read] == [1, 3, 4, 3, 4, 3, 4, 6]
     orders = [block.place.order for block in read]
     assert orders == sorted(set(orders)) and orders[:3] == [1, 3, 4]
 
 
 def test_a_program_without_flow_is_counted_by_its_lines() -> None:
-    read = blocks.read(b"O12\nG0X1\n\nX2\n", machine("fig4a", spindle=None), "p").blocks
+    read = blocks.read(b"O12\nG0X1\n\nX2\n", machine("fig4a"), "p").blocks
     assert [block.place.order for block in read] == [2, 4]

@@ -55,7 +55,7 @@ def test_power_on_is_rapid_and_no_code_that_ends_a_motion_is() -> None:
     moves, _ = read("X1.\nY2.\n")
     assert [block.feed_mm_s for block in moves] == [None, None]
     with pytest.raises(ProgramError):
-        blocks.read(b"G51 X0. Y15. Z0. I0. J0. K0. H10. R5. D90. F400.\nX1.\n", machine(spindle=None), "p")
+        blocks.read(b"G51 X0. Y15. Z0. I0. J0. K0. H10. R5. D90. F400.\nX1.\n", machine(), "p")
 
 
 def test_h_alone_is_of_the_length_in_force_or_of_the_next_g43() -> None:

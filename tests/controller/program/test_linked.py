@@ -33,7 +33,7 @@ def whole(folder: Path, text: str) -> bytes:
 
 def moves(data: bytes) -> list[tuple[int, str]]:
     found = []
-    for block in blocks.stream(data, machine("fig4a", spindle=None), "main.ngc"):
+    for block in blocks.stream(data, machine("fig4a"), "main.ngc"):
         if isinstance(block, JointLine):
             words = zip("XYZ", block.targets, strict=False)
             found.append((block.place.line, "".join(f"{a}{v:g}" for a, v in words if v is not None)))
@@ -99,7 +99,7 @@ def test_what_the_path_refuses_in_a_file_names_it_and_who_called(
     (folder / "pocket.ngc").write_text(
         f"o<pocket> sub\nG1 X1 F500\n  {line}{points}\nG1 X2\no<pocket> endsub\n"
     )
-    on = machine("fig4a", spindle=None)
+    on = machine("fig4a")
     read = Program("main.ngc", tuple(blocks.stream(whole(folder, before + MAIN), on, "main.ngc")))
     with pytest.raises(ProgramError) as caught:
         path.trace(read, on, kinematics_of(on), homed(on))

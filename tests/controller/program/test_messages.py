@@ -16,7 +16,7 @@ LOWER = "\n".join(f"X{k}. Y0. Z0." for k in (0, 3, 6, 9))
 
 
 def said(text: str) -> list[tuple[int, str]]:
-    read = blocks.stream(text.encode(), machine("fig4a", spindle=None), "p")
+    read = blocks.stream(text.encode(), machine("fig4a"), "p")
     return [(block.place.line, block.text) for block in read if isinstance(block, Message)]
 
 
@@ -48,12 +48,12 @@ def test_messages_stand_where_they_are_carried_out(text: str, expected: list[tup
 
 def test_a_message_between_the_points_of_a_surface_parts_nothing() -> None:
     text = f"G52 F100. {POINTS}\n(MSG, lower now)\n{LOWER}\n"
-    (cut, message) = blocks.stream(text.encode(), machine("fig4a", spindle=None), "p")
+    (cut, message) = blocks.stream(text.encode(), machine("fig4a"), "p")
     assert isinstance(message, Message) and isinstance(cut, CutRuled)
 
 
 def test_a_check_tells_what_is_said_and_the_path_does_not_stop_for_it() -> None:
-    built = machine("fig4a", spindle=None)
+    built = machine("fig4a")
     program = blocks.read(b"G0X0Y0\nG1F100X1\n(MSG, half)\nX2\n", built, "p")
     with_it = path.trace(program, built, kinematics_of(built), (0.0, 0.0, 50.0, 0.0, 0.0))
     assert [note.sentence for note in with_it.notes] == ["Says here: half"]

@@ -15,7 +15,7 @@ IO = Io("can0", 9, "", (("feed_stop", 0),), ())
 
 
 def machine() -> Machine:
-    return replace(mill(), io=IO, spindle=None)
+    return replace(mill(), io=IO, spindle=Spindle(24000.0))
 
 
 def after(*lines: str, on: Machine | None = None) -> Overrides:

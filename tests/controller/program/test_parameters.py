@@ -20,7 +20,7 @@ CUT = "F100\nG51 X0. Y15. Z0. I0. J0. K0. H10. R10. D90.\n"
 
 
 def made() -> Machine:
-    built = machine("fig4a", spindle=None)
+    built = machine("fig4a")
     return replace(built, offsets=(Frame((0.0, 0.0, 0.0)), Frame((10.0, 20.0, 30.0)), *built.offsets[2:]))
 
 

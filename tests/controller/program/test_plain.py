@@ -133,7 +133,7 @@ def sound(rng: random.Random) -> bytes:
 def outcome(data: bytes, on: Machine | None = None) -> list[Block | str]:
     made: list[Block | str] = []
     try:
-        made.extend(blocks.stream(data, on or machine("fig4a", spindle=None), "p"))
+        made.extend(blocks.stream(data, on or machine("fig4a"), "p"))
     except ProgramError as error:
         made.append(str(error))
     return made
@@ -157,8 +157,7 @@ def test_common_lines_read_exactly_as_by_the_general_way(
     rng = random.Random(seed.SEED)
     programs = [make(rng) for _ in range(count)]
     on = [
-        replace(machine("fig4a", spindle=None), dialect=dialect, without_point=rng.choice(("unit", "")))
-        for _ in programs
+        replace(machine("fig4a"), dialect=dialect, without_point=rng.choice(("unit", ""))) for _ in programs
     ]
     quick = [outcome(data, one) for data, one in zip(programs, on, strict=True)]
     long_way(monkeypatch)
@@ -189,7 +188,7 @@ def taken(text: bytes, monkeypatch: pytest.MonkeyPatch) -> list[bool]:
     monkeypatch.setattr(CommonLines, "take", shortest)
     monkeypatch.setattr(CommonLines, "read", counted)
     monkeypatch.setattr(Functions, "read", learnt)
-    list(blocks.stream(text, machine("fig4a", spindle=None), "p"))
+    list(blocks.stream(text, machine("fig4a"), "p"))
     return found
 
 

@@ -25,7 +25,7 @@ S = math.sqrt(0.5)
 
 def on(dialect: str = "fanuc", name: str = "") -> Machine:
     made = machine_file.load(name) if name else reference_interpreter.machine(dialect)
-    return replace(made, dialect=dialect, without_point="unit", spindle=None)
+    return replace(made, dialect=dialect, without_point="unit")
 
 
 def steps(text: str, machine: Machine) -> list[Step]:

@@ -10,6 +10,7 @@ import pytest
 from controller.machine import machine_file
 from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Machine
+from controller.machine.spindle import unasked
 from controller.plan.path import path
 from controller.plan.report import explained
 from controller.plan.stretch import Chain
@@ -53,7 +54,7 @@ ENDS = {
 
 
 def machine() -> Machine:
-    return replace(machine_file.load("trunnion"), dialect="fanuc")
+    return replace(machine_file.load("trunnion"), dialect="fanuc", spindle=unasked(None))
 
 
 @pytest.mark.parametrize("post", POSTS, ids=lambda post: post.stem)

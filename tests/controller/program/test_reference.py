@@ -25,7 +25,7 @@ pytestmark = pytest.mark.skipif(
 
 def ours(text: str) -> tuple[list[reference_runs.Row], str]:
     """Ends of all moves, and the refusal that ended them."""
-    built = machine("fig4a", spindle=None)
+    built = machine("fig4a")
     built = replace(built, offsets=tuple(Frame() for _ in built.offsets))
     now, found = [0.0] * 5, []
     try:

@@ -17,13 +17,13 @@ POST = "G21 G90\nG1 X1 F100\nG99.9 X2\nX1O\nM97\nG99.9 X3 E5\nX#<depth>\nG1 X4 E
 
 
 def of(text: str) -> list[tuple[int, str]]:
-    found = refusals.of(text.encode(), machine("fig4a", spindle=None), "p")
+    found = refusals.of(text.encode(), machine("fig4a"), "p")
     return [(one.line, one.about) for one in found]
 
 
 def test_every_line_that_is_refused_is_told_once_with_what_is_to_blame() -> None:
     assert of(POST) == [(3, "G99.9"), (4, ""), (5, "M97"), (6, "G99.9"), (7, ""), (8, "E")]
-    found = refusals.of(POST.encode(), machine("fig4a", spindle=None), "p")
+    found = refusals.of(POST.encode(), machine("fig4a"), "p")
     assert refusals.counts(found) == {"G99.9": 2, "": 2, "M97": 1, "E": 1}
     assert text(refusals.summed(found)) == "6 refusals: G99.9 2, other 2, M97 1, E 1."
 
@@ -72,19 +72,19 @@ def test_check_tells_all_of_them(tmp_path: Path) -> None:
     ],
 )
 def test_what_the_reference_refuses_is_not_passed_over(text: str, line: int, told: str) -> None:
-    (found, *_) = refusals.of(text.encode(), machine("fig4a", spindle=None), "p.ngc")
+    (found, *_) = refusals.of(text.encode(), machine("fig4a"), "p.ngc")
     assert (found.line, told in found.sentence) == (line, True), found
 
 
 def test_a_word_in_a_sub_is_refused_with_who_called_it() -> None:
     text = b"o1 sub\nG1 X#<nope>\no1 endsub\no1 call\nG0 X1O\n"
-    first, second = refusals.of(text, machine("fig4a", spindle=None), "p")
+    first, second = refusals.of(text, machine("fig4a"), "p")
     assert "called by o1 call on line 4" in first.sentence and "called" not in second.sentence
 
 
 def test_a_refusal_is_shown_with_its_line_and_a_caret() -> None:
     source = "G0 X1\n\tG0 X1O\n"
-    (found,) = refusals.of(source.encode(), machine("fig4a", spindle=None), "p")
+    (found,) = refusals.of(source.encode(), machine("fig4a"), "p")
     sentence, line, caret = refusals.pointed(found, {"p": source.split("\n")}).split("\n")
     assert (sentence, line, line[caret.index("^")]) == (str(found), "     G0 X1O", "O")
     assert refusals.pointed(found, {"another": source.split("\n")}) == str(found)
@@ -94,7 +94,7 @@ def test_a_refusal_is_shown_with_its_line_and_a_caret() -> None:
 
 def test_the_caret_of_a_long_line_and_of_a_called_file_is_shown() -> None:
     source = f"({'x' * 300}) G0 X1O\n"
-    (found,) = refusals.of(source.encode(), machine("fig4a", spindle=None), "p")
+    (found,) = refusals.of(source.encode(), machine("fig4a"), "p")
     line, caret = refusals.shown(found, refusals.lines_of(source.encode(), "p"))
     assert line[caret.index("^")] == "O" and len(line) <= refusals.MAX_WIDE
 
@@ -126,7 +126,7 @@ def test_a_single_refusal_has_its_line_and_caret_too(tmp_path: Path, options: li
 def test_the_code_is_blamed_for_its_letters_and_the_operator_for_its_value(
     line: str, column: int, about: str
 ) -> None:
-    (found, *_) = refusals.of(f"G21 F100\n{line}\n".encode(), machine("fig4a", spindle=None), "p")
+    (found, *_) = refusals.of(f"G21 F100\n{line}\n".encode(), machine("fig4a"), "p")
     assert (found.line, found.column, found.about) == (2, column, about), found
 
 
@@ -141,7 +141,7 @@ def test_the_code_is_blamed_for_its_letters_and_the_operator_for_its_value(
     ],
 )
 def test_an_unknown_code_is_not_known_here(code: str, told: str) -> None:
-    (found, *_) = refusals.of(f"{code}\n".encode(), machine("fig4a", spindle=None), "p")
+    (found, *_) = refusals.of(f"{code}\n".encode(), machine("fig4a"), "p")
     assert told in found.sentence, found
 
 
@@ -149,5 +149,5 @@ def test_an_unknown_code_is_not_known_here(code: str, told: str) -> None:
     "line", ["G0 X1O", "G0 X1OY2", "G0 X10O", "G1X1 Y2O F100", "G0 X#1O", "G0 XO5", "G0 Z-O"]
 )
 def test_a_letter_o_behind_a_number_is_asked_after_and_never_to_be_removed(line: str) -> None:
-    (found, *_) = refusals.of(f"{line}\n".encode(), machine("fig4a", spindle=None), "p")
+    (found, *_) = refusals.of(f"{line}\n".encode(), machine("fig4a"), "p")
     assert "is it a zero" in found.sentence and "remove" not in found.sentence, found

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import pytest
 from support.machines.stepped_runs import shipped
 
@@ -13,7 +11,7 @@ from controller.program import blocks
 from controller.program.program import CutCone, CutRuled, ProgramError
 from controller.runtime import checked
 
-MACHINE = replace(shipped(), spindle=None)
+MACHINE = shipped()
 CONE = "G51 X{0} Y0 Z0 I0 J0 K0 H{1} R{2} D{3} F800.\n"
 FLAT = [(0, 0, 10), (5, 0, 10), (10, 0, 10), (15, 0, 10), (0, 1, 0), (5, 1, 0), (10, 1, 0), (15, 1, 0)]
 

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import random
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cache
 
 import numpy as np
 import pytest
-from support.machines.stepped_runs import SHIPPED
+from support.machines.stepped_runs import SHIPPED, shipped
 from support.oracles import tilted_planes
 from support.oracles.tilted_planes import Array, Bench
 
-from controller.machine import machine_file
 from controller.machine.model import Machine
 from controller.plan.report import explained
 from controller.plan.report.explained import Step
@@ -33,7 +32,7 @@ CYCLES = (
 
 @cache
 def machine(name: str, dialect: str) -> Machine:
-    return replace(machine_file.load(name), dialect=dialect, without_point="unit")
+    return shipped(name, dialect=dialect, without_point="unit")
 
 
 @cache

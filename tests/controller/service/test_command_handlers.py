@@ -976,7 +976,7 @@ def test_adaptive_feed_is_switched_where_the_machine_file_has_a_law_for_it(
     with pytest.raises(CommandRefused, match=r"write adaptive in \[spindle\]") as why:
         done(desk, "adaptive_feed", on=True)
     assert why.value.code == "bad"
-    spindle = Spindle(9000.0, node=9, adaptive=AdaptiveFeed())
+    spindle = Spindle(9000.0, "drive", node=9, adaptive=AdaptiveFeed())
     service.set_up.take(Fitted(replace(service.set_up.machine, spindle=spindle), {}))
     assert done(desk, "adaptive_feed", on=True)["on"] is True
     assert engine.requests == [Request.ADAPTIVE_FEED]

@@ -46,7 +46,7 @@ def equipped(**io: Any) -> Machine:
     axes = tuple(replace(axis, clamp=clamps.get(axis.name)) for axis in built.axes)
     bits: dict[str, Any] = {"inputs": numbered(INPUTS), "outputs": numbered(OUTPUTS)}
     more: dict[str, Any] = {"digital_out": ("air", "vacuum"), "held": ("vacuum",), "changer_out": ("arm",)}
-    spindle = Spindle(24000.0, "main", 10, counts_per_rev=4096.0, spin_up_s=0.2)
+    spindle = Spindle(24000.0, "drive", bus="main", node=10, counts_per_rev=4096.0, spin_up_s=0.2)
     return replace(built, axes=axes, spindle=spindle, io=Io("main", 11, "", **{**bits, **more, **io}))
 
 

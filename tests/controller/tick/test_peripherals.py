@@ -57,7 +57,7 @@ def equipped(**changes: Any) -> Machine:
         for axis in built.axes
     )
     io = Io("main", 11, "", _bits(INPUTS), _bits(OUTPUTS))
-    spindle = Spindle(24000.0, "main", 10, counts_per_rev=4096.0, spin_up_s=0.2)
+    spindle = Spindle(24000.0, "drive", bus="main", node=10, counts_per_rev=4096.0, spin_up_s=0.2)
     return replace(built, **{"axes": axes, "io": io, "spindle": spindle, **changes})
 
 

@@ -57,7 +57,7 @@ def with_screws() -> Machine:
     """A machine whose axes miss where they are told to be, by where they come from."""
     at, off = (-1000.0, 1000.0), (0.01, 0.01)
     pitch = Pitch(at, tuple(-x for x in off), off)
-    made = shipped(spindle=None, period_s=0.004)
+    made = shipped(period_s=0.004)
     axes = [axis if axis.is_rotary else replace(axis, pitch=pitch) for axis in made.axes]
     return replace(made, axes=tuple(compensation.reserved(axis) for axis in axes))
 

@@ -55,7 +55,7 @@ def equipped() -> Machine:
     built = make_machine()
     axes = (replace(built.axes[0], clamp=Clamp("x_open", "x_closed", 0.05)), *built.axes[1:])
     io = Io("main", 11, "", (("x_closed", 0),), (("x_open", 0), ("air", 1)), digital_out=("air",))
-    spindle = Spindle(24000.0, "main", 10, counts_per_rev=4096.0, spin_up_s=0.2)
+    spindle = Spindle(24000.0, "drive", bus="main", node=10, counts_per_rev=4096.0, spin_up_s=0.2)
     return replace(built, axes=axes, io=io, spindle=spindle)
 
 

@@ -99,7 +99,7 @@ def a_blade() -> Machine:
 
 
 def lines(text: str, name: str = "trunnion") -> Machine:
-    machine = shipped(name, spindle=None, period_s=PERIOD_S)
+    machine = shipped(name, period_s=PERIOD_S)
     cut(text, machine)
     return machine
 

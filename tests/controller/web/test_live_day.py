@@ -61,7 +61,7 @@ def test_an_operators_day_by_page_alone(chromium: Any, tmp_path: Path) -> None:
     context = chromium.new_context(
         viewport={"width": 1280, "height": 720}, locale="en-GB", has_touch=True, reduced_motion="reduce"
     )
-    with shop.opened(tmp_path) as running:
+    with shop.opened(tmp_path, machine=shop.driven()) as running:
         running.until(bool, "the panel")
         with live_page.page(context, running, "programs", control=False) as page:
             day = Day(page, running, tmp_path)

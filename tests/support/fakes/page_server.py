@@ -176,7 +176,8 @@ def _lines(verb: str, args: dict[str, Any]) -> str:
 # Of a status what the guide looks at and no test here tells.
 UNTOLD: dict[str, Any] = {
     **{"tick_alive": True, "plan_alive": True, "commissioned": True, "not_homed": [], "interlock": None},
-    **{"change": None, "tool_change": None, "changer": None, "feed_stopped": False, "waiting": False},
+    **{"change": None, "tool_change": None, "spindle_change": None, "changer": None},
+    **{"feed_stopped": False, "waiting": False},
     **{"no_resume": None, "stands_at_stop": False, "restart": {"offered": False}, "notices": []},
 }
 STATE_THERE = [

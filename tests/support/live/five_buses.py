@@ -46,9 +46,11 @@ def opened(folder: Path) -> Iterator[Shop]:
 
 
 def begin(running: Shop) -> None:
-    """Example 2, from its start."""
+    """Example 2, from its start, with the spindle switched on by hand."""
     running.do("POST", "/job", json={"program": PART})
     running.do("POST", "/cycle/start")
+    running.until(lambda now: bool(now["spindle_change"]), "asked for the spindle")
+    running.do("POST", "/cycle/resume")
 
 
 def tick_cores(pids: list[int]) -> set[int]:

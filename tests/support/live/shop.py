@@ -31,6 +31,7 @@ from controller.machine.machine_file import SHIPPED
 ROOT = Path(__file__).resolve().parents[3]
 HANGS_S = 240.0  # no wait is meant to come near
 PERIOD_S = 0.01
+BY_HAND, DRIVE = 'by = "hand"', "node = 9\ncounts_per_rev = 4096\nacceleration_rev_s2 = 2000.0"
 PERIOD = re.compile(r"(?m)^period_s = [0-9.]+")
 
 Values = dict[str, Any]
@@ -222,3 +223,8 @@ def _machine(name: str, period_s: float) -> str:
     changed, count = PERIOD.subn(f"period_s = {period_s}", text)
     assert count == 1
     return changed
+
+
+def driven(name: str = "trunnion", period_s: float = PERIOD_S) -> str:
+    """The same with a drive for its spindle: nobody stands beside it who would switch one."""
+    return _machine(name, period_s).replace(BY_HAND, DRIVE)

@@ -1,4 +1,7 @@
-"""A machine file with every key that there is, and the same with one wrong value."""
+"""Machine files with every key that there is, and the same with one wrong value.
+
+``TEXT`` has all that one file may have; ``BY_INVERTER`` is the same with another way to turn the spindle.
+"""
 
 from __future__ import annotations
 
@@ -7,13 +10,34 @@ from pathlib import Path
 
 EVERY = Path(__file__).parents[2] / "controller" / "machine" / "every_key.toml"
 TEXT = EVERY.read_text()
+_BEFORE, _, _REST = TEXT.partition("[spindle]\n")
+BY_INVERTER = f"""{_BEFORE}[spindle]
+max_rev_min = 12000
+by = "inverter"
+
+[spindle.inverter]
+channel = 4
+full_rev_min = 12000.0
+zero_counts = 0
+full_counts = 30000
+signed = false
+settle_s = 0.5
+
+{_REST[_REST.index("[io]") :].replace("outputs = {", "outputs = { spindle_run = 30,", 1)}"""
 VALUE = re.compile(r"(?P<key>[A-Za-z_]\w*) = (?P<value>\{.*\}|\[.*\]|[^,}\n]+)")
 
 
 def values_of_every_key() -> list[tuple[int, str, str]]:
-    """(line, key, the text with a wrong value in its place), of every value in the file."""
-    lines, found = TEXT.splitlines(), []
+    """(line, key, the text with a wrong value in its place), of every value in the files."""
+    return [*_values(TEXT, frozenset()), *_values(BY_INVERTER, frozenset(TEXT.splitlines()))]
+
+
+def _values(text: str, known: frozenset[str]) -> list[tuple[int, str, str]]:
+    """Those on lines that are not ``known``."""
+    lines, found = text.splitlines(), []
     for number, line in enumerate(lines, 1):
+        if line in known:
+            continue
         for one in VALUE.finditer(line) if not line.startswith("#") else ():
             ends = [(one.start("value"), one.end("value"))]
             inside = [

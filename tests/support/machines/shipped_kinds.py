@@ -11,11 +11,11 @@ from controller.machine import machine_file
 from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Axis, Bus, Following, Homing, Kind, Limits, Machine, Sense, Spindle, Tool
 
-# Those that cut the paper's programs, which start no spindle.
+# Those that cut the paper's programs, which start no spindle: it is switched by hand.
 TILTING = tuple(
     name
     for name, made in ((name, machine_file.load(name)) for name in machine_file.shipped())
-    if len(made.rotary()) == 2 and made.spindle is None
+    if len(made.rotary()) == 2 and made.spindle is not None and not made.spindle.is_driven
 )
 
 W = (0.0, 96.0, 120.0)  # the paper's tilt axis -> rotary centre, mm
@@ -93,7 +93,7 @@ def _build(
         buses=(Bus("main", "virtual", "hub", 1_000_000),),
         tools=(Tool(1, "end mill 6", 3.0, 0.0, 15.0), Tool(2, "end mill 3", 1.5, 0.0, 15.0)),
         offsets=(Frame((W[0] + R[0], W[1] + R[1], W[2] + R[2])),) + (Frame(),) * 5,
-        spindle=Spindle(24000.0),
+        spindle=Spindle(24000.0, ""),  # it turns as programs say, and nobody is asked
         text="",
     )
     return replace(built, **changes)  # type: ignore[arg-type]

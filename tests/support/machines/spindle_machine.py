@@ -39,9 +39,15 @@ ESTOP, DOOR, A_CLOSED, C_CLOSED = 0, 1, 2, 3  # inputs
 COOLANT, MIST, A_OPEN, C_OPEN = 0, 1, 2, 3  # outputs
 
 
+def without_spindle(machine: str) -> str:
+    """A machine file without its table [spindle], which is not its last one."""
+    before, _, after = machine.partition("[spindle]\n")
+    return before + after[after.index("\n[") + 1 :] if after else machine
+
+
 def text(spindle: str = SPINDLE, io: str = IO, clamps: str = "AC", *changes: tuple[str, str]) -> str:
     """The machine file, complete with its tools."""
-    made = (machine_file.SHIPPED / "trunnion.toml").read_text()
+    made = without_spindle((machine_file.SHIPPED / "trunnion.toml").read_text())
     for name, node in (("A", 4), ("C", 5)):
         if name in clamps:
             clamp = f'{{ output = "clamp_{name}", input = "clamp_{name}_closed", open_s = 0.1 }}'

@@ -11,6 +11,7 @@ from controller.ipc.handoff import COLUMN, of_axes
 from controller.machine import machine_file
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Machine
+from controller.machine.spindle import unasked
 from controller.plan.path import path
 from controller.plan.path.path import Stretch
 from controller.program import blocks
@@ -23,8 +24,9 @@ T2 = "G21 G90 G54 G61\nT2 M6\nS12000 M3\n{side}\n{cuts}\nM5\nM30\n"
 
 
 def shipped(name: str = "trunnion", **changes: object) -> Machine:
-    """A shipped machine that warns where the cutter gouges."""
-    return replace(machine_file.load(name), **{"gouge": "warn", **changes})  # type: ignore[arg-type]
+    """A shipped machine that warns where the cutter gouges, and asks nobody to switch its spindle."""
+    made = machine_file.load(name)
+    return replace(made, **{"gouge": "warn", "spindle": unasked(made.spindle), **changes})  # type: ignore[arg-type]
 
 
 def program(name: str, feed: str | None = None) -> str:

@@ -20,8 +20,8 @@ HOME: Joints = (0.0, 0.0, 200.0, 0.0, 0.0)
 
 
 def mill(kind: str = "fig4a", **changes: object) -> Machine:
-    """A test machine without a spindle to switch on."""
-    return machine(kind, **{"spindle": None, **changes})
+    """A test machine with a spindle that nobody has to switch on."""
+    return machine(kind, **changes)
 
 
 def trace(text: str, built: Machine | None = None, start: Joints = HOME) -> Path:

@@ -25,6 +25,7 @@ SHIPPED = machine_file.SHIPPED / "programs"
 GOOD, POSTS, REFUSED = (TESTS / "programs" / name for name in ("good", "posts", "refused"))
 VERBS = ("explain", "check")
 POSTED = {"example1_ready": "0.2", "example2_ready": "0.1", "contour": "0.05"}  # chord, mm
+TAPPED = ("doosan_fanuc_tapping", "haas_ngc")  # no tap without a spindle that is driven
 MACHINES = {"example1_ready": ("table_head", "head_head"), "example2_ready": ("oblique45", "fig4c")}
 
 
@@ -76,8 +77,9 @@ def names() -> dict[str, tuple[str, ...]]:
             found[f"check-{stem}-{machine}"] = words
     found["check-example2-warned"] = ("check", str(SHIPPED / "example2.ngc"), "--gouge", "warn")
     for file in sorted(POSTS.iterdir()):
-        found[f"check-{file.stem}"] = ("check", str(file))
-        found[f"explain-{file.stem}-fanuc"] = ("explain", str(file), "--dialect", "fanuc")
+        driven = ("--machine", "machining_centre") if file.stem in TAPPED else ()
+        found[f"check-{file.stem}"] = ("check", str(file), *driven)
+        found[f"explain-{file.stem}-fanuc"] = ("explain", str(file), "--dialect", "fanuc", *driven)
     return found
 
 

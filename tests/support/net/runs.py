@@ -20,6 +20,7 @@ from support.net.drawn import Drawn
 from controller.ipc.handoff import COLUMN, of_axes
 from controller.machine import machine_file
 from controller.machine.model import Machine
+from controller.machine.spindle import unasked
 from controller.machine.toml_table import ConfigError
 from controller.plan.planner import Planner
 from controller.program.program import ProgramError
@@ -73,6 +74,7 @@ def carried_out(drawn: Drawn) -> tuple[Came, np.ndarray]:
     events = [Event(tick, Request[name], value) for tick, name, value in drawn.events]
     try:
         machine = machine_file.read(drawn.machine, "machine.toml")
+        machine = replace(machine, spindle=unasked(machine.spindle))  # drawn before operators were asked
         task = checked.task(drawn.program.encode(), "part.ngc", machine)
         bench = _Bounded(machine)
         bench.come_up()

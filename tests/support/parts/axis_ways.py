@@ -33,7 +33,7 @@ class Way(NamedTuple):
 
 def fanuc_mill(**fields: Any) -> Machine:
     """A mill without a spindle that reads Fanuc's dialect."""
-    return replace(mill(unset=()), **{"dialect": "fanuc", "without_point": "unit", "spindle": None, **fields})
+    return replace(mill(unset=()), **{"dialect": "fanuc", "without_point": "unit", **fields})
 
 
 def ways(text: str, on: Machine, samples: int) -> list[Way]:

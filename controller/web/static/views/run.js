@@ -137,6 +137,7 @@ function Spindle() {
   const running = ["mist", "flood"].filter((kind) => coolant?.[kind]).map((kind) => word(`run.${kind}`));
   if (!dx.facts.spindle && !dx.facts.outputs) return null;
   return html`<${Line} letter="S" label=${word("run.spindle")} size="middle" class="run-spindle" figure=${forms.int(spindle?.actual_rev_min)}>
+    ${dx.facts.spindle?.driven === false && html`<dd class="by-hand">${word("run.spindle_by_hand")}</dd>`}
     ${dx.facts.spindle && html`<dt>${word("run.programmed")}</dt><dd><${Figure}>${forms.int(spindle?.rev_min)}<//> <span class="dim">1/min</span></dd>`}
     ${dx.facts.spindle?.tells_load && html`<dt>${word("run.spindle_load")}</dt><dd class="load"><${Figure} id="run-load">${forms.percent(share)}<//><${Meter} label=${word("run.spindle_load")} share=${share} tone=${share > 1 ? "stop" : "go"} /></dd>`}
     ${dx.facts.outputs && html`<dt>${word("run.coolant")}</dt><${Figure} tag="dd">${running.join(", ") || "–"}<//>`}

@@ -24,7 +24,7 @@ V, A, J = 0, 1, 2
 
 def limited(name: str, limits: Limits) -> Machine:
     """A machine on which one axis has other limits."""
-    built = machine(spindle=None, rapid_share=1.0)
+    built = machine(rapid_share=1.0)
     axes = tuple(replace(a, limits=limits) if a.name == name else a for a in built.axes)
     return replace(built, axes=axes)
 
@@ -43,14 +43,14 @@ def codes_of(course: Course, laws: list[tuple[int, Law]]) -> set[int]:
 
 
 def test_a_cruise_at_the_programmed_feed_is_bound_by_the_feed() -> None:
-    course = line("G1 X50 F600\n", machine(spindle=None))
+    course = line("G1 X50 F600\n", machine())
     marks = binding.marks(course, even(course, 10.0, 500.0, 1e4))[0]
     middle = [code for t, code in marks if t < 2.0][-1]
     assert middle == Binding.FEED
 
 
 def test_with_an_override_it_is_the_feed_times_override_that_binds() -> None:
-    built = machine(spindle=None)
+    built = machine()
     half = line("G1 X50 F600\n", built)
     half = Course(half.stretches, built, kinematics_of(built), override=0.5)
     assert Binding.FEED in codes_of(half, even(half, 5.0, 500.0, 1e4))
@@ -77,7 +77,7 @@ def test_an_axis_that_is_used_to_its_limit_is_named_with_the_kind(
 
 
 def test_rapids_bind_at_their_share_of_the_limits() -> None:
-    built = machine(spindle=None, rapid_share=0.5)
+    built = machine(rapid_share=0.5)
     course = line("G0 X90\n", built)
     found = codes_of(course, even(course, 0.5 * 200.0 * 0.998, 500.0, 1e4))
     assert axis_binding(0, V) in found and Binding.FEED not in found
@@ -91,7 +91,7 @@ def test_of_two_axes_the_one_that_is_nearer_to_its_limit_is_named() -> None:
 
 
 def test_a_junction_passed_as_fast_as_its_jump_allows_is_a_corner() -> None:
-    built = machine(spindle=None)
+    built = machine()
     pair = stretches(trace("G1 X20 F600\nG1 X40 Y0.02\n", built))[-2:]
     course = Course(pair, built, kinematics_of(built))
     speed = course.junctions[0]
@@ -113,7 +113,7 @@ def test_marks_begin_at_zero_rise_differ_and_last_long_enough_to_be_read() -> No
 
 
 def test_pieces_shorter_than_a_window_and_empty_ones_have_their_marks_too() -> None:
-    course = line("G1 X0.01 F6000\n", machine(spindle=None))
+    course = line("G1 X0.01 F6000\n", machine())
     (marks,) = binding.marks(course, even(course, 10.0, 1000.0, 4e4))
     assert len(marks) == 1 and marks[0][0] == 0.0
     nothing = Law((0.0, 0.0), ((0.0,) * 6,))
@@ -121,7 +121,7 @@ def test_pieces_shorter_than_a_window_and_empty_ones_have_their_marks_too() -> N
 
 
 def test_the_limits_of_the_tool_itself_bind_where_the_machine_file_has_them() -> None:
-    built = machine(spindle=None)
+    built = machine()
     kinematics = kinematics_of(built)
     ring = line("G0 X0 Y0\nG3 X20 Y0 I10 F3000\n", built)
     tip = replace(built, tip_acceleration_mm_s2=90.0)

@@ -170,7 +170,7 @@ def _takes_s(found: list[Chain], machine: Machine) -> float:
 
 
 def test_a_run_of_rows_keeps_the_limits_through_a_hold_and_another_feed() -> None:
-    machine = shipped(spindle=None)
+    machine = shipped()
     source = "".join(cam_lines.program(cam_lines.places(500, 0.02), False, "G21 G90 G54 G61 T2 M6"))
     plain = cut(source, machine)
     assert plain.run.result == "completed"

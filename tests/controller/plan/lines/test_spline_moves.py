@@ -34,7 +34,7 @@ FIRST, NURBS, HAIRPIN = 3, 6, 13
 
 
 def run(name: str) -> Cut:
-    return cut(TEXT, shipped(name, spindle=None))
+    return cut(TEXT, shipped(name))
 
 
 @pytest.mark.parametrize("name", ["trunnion", "three_axes"])
@@ -63,16 +63,14 @@ CUSPS = {
 
 @pytest.mark.parametrize("text", CUSPS.values(), ids=CUSPS)
 def test_where_a_curve_turns_back_on_the_spot_the_limits_hold(text: str) -> None:
-    done = cut(
-        f"G21 G90 G54 G61 G17\nG0 X0 Y0 Z40\nF3000\n{text}\nM30\n", shipped(spindle=None, period_s=0.004)
-    )
+    done = cut(f"G21 G90 G54 G61 G17\nG0 X0 Y0 Z40\nF3000\n{text}\nM30\n", shipped(period_s=0.004))
     velocity, acceleration, jerk = largest(done.joints, done.machine)
     assert velocity < VELOCITY and acceleration < ACCELERATION and jerk < JERK
     assert off_the_plan(done, np.arange(0, len(done.joints), 7)) < 1e-6
 
 
 def test_a_way_to_and_fro_goes_as_far_as_the_curve_does() -> None:
-    done = cut("G21 G90 G54 G61 G17\nG0 X0 Y0 Z40\nF3000\nG5.1 X5 Y0 I20 J0\nM30\n", shipped(spindle=None))
+    done = cut("G21 G90 G54 G61 G17\nG0 X0 Y0 Z40\nF3000\nG5.1 X5 Y0 I20 J0\nM30\n", shipped())
     x = done.joints[:, done.machine.linear()[0]] - done.machine.offsets[0].origin[0]
     # x = 40 u (1 - u) + 5 u^2 is greatest at u = 4/7
     assert x.max() == pytest.approx(80.0 / 7.0, abs=1e-6)
@@ -92,7 +90,7 @@ def test_the_commanded_speed_of_the_tip_is_the_feed() -> None:
 
 @pytest.mark.parametrize(("line", "fraction"), [(FIRST, 0.4), (NURBS, 0.1), (NURBS, 0.7)])
 def test_a_fraction_of_a_curve_is_that_share_of_its_length(line: int, fraction: float) -> None:
-    machine = shipped(spindle=None)
+    machine = shipped()
     rest = rest_of(TEXT, Spot(line, fraction), machine)
     assert rest.what == "curve" and rest.spot.line == line
     assert rest.spot.fraction == pytest.approx(fraction, abs=1e-9)

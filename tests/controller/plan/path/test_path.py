@@ -119,7 +119,7 @@ def test_random_machines_follow_a_cone_or_say_why_not() -> None:
     seed = 20240607
     rng = random.Random(seed)
     for _ in range(12):
-        built = replace(random_machine(rng), spindle=None, gouge="warn")
+        built = replace(random_machine(rng), gouge="warn")
         try:
             traced = trace(program("example1"), built)
         except ProgramError as error:

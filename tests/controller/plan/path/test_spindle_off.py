@@ -9,7 +9,7 @@ from support.machines.stepped_runs import shipped
 from controller.machine.model import Machine, Spindle
 from controller.runtime import checked
 
-MILL = replace(shipped(), spindle=Spindle(24000.0))
+MILL = replace(shipped(), spindle=Spindle(24000.0, "drive"))
 MOVES = "G21 G90\nG0 X1.\nG1 X2. F600\nG1 X3.\n"
 
 
@@ -43,8 +43,5 @@ def test_neither_a_line_by_hand_nor_a_dry_run_is_told() -> None:
     assert lines(MOVES, dry_run_mm=10.0) == []
 
 
-def test_where_no_drive_turns_it_the_first_m3_is_told_to_do_nothing() -> None:
-    key, driven = "note.spindle_not_driven", shipped("machining_centre")
-    text = "G21 G90\nS1000\nM3\nG1 X2. F600\nM5\nM4\n"
-    assert lines(text, key=key) == lines(text, replace(MILL, spindle=None), key) == [3]
-    assert lines("G21 G90\nS1000\n" + MOVES, key=key) == lines(text, driven, key) == []
+def test_a_spindle_that_the_operator_switches_may_turn_already() -> None:
+    assert lines(MOVES, replace(MILL, spindle=Spindle(24000.0))) == []

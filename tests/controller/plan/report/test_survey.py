@@ -116,7 +116,7 @@ def test_the_feed_of_a_row_of_lines_is_the_programmed_one() -> None:
 
 
 def test_a_slow_axis_is_named_with_kind_share_and_place() -> None:
-    built = machine(spindle=None)
+    built = machine()
     slow = Limits(5.0, 100.0, 2000.0)
     built = replace(built, axes=tuple(replace(a, limits=slow) if a.name == "Y" else a for a in built.axes))
     found, blocks = looked_at("G1 X30 Y30 F3000\n", built)

@@ -587,7 +587,7 @@ def slowest(cut: Stretch, built: Machine) -> float:
 
 def test_the_longer_side_of_a_joint_takes_more_of_what_it_differs_by() -> None:
     """A block of 0.8 mm between two of 5 mm: a half of it on its few tenths took 0.6 of the feed."""
-    built = replace(machine_file.load("fig4d"), tools=(Tool(1, "end mill", 1.0, 0.0, 30.0),), spindle=None)
+    built = replace(machine_file.load("fig4d"), tools=(Tool(1, "end mill", 1.0, 0.0, 30.0),))
     axes = [
         replace(
             a, limits=replace(a.limits, acceleration=0.57 * a.limits.acceleration, jerk=0.213 * a.limits.jerk)

@@ -82,7 +82,7 @@ def test_a_link_that_would_cut_into_a_wall_between_is_none() -> None:
 
 @pytest.mark.parametrize("kind", ["fig4a", "fig4b", "table_head", "head_head", "oblique"])
 def test_a_link_goes_on_as_the_cuts_beside_it(kind: str) -> None:
-    built = linking(of_kind(kind, spindle=None))
+    built = linking(of_kind(kind))
     traced = trace("G42\n" + surface(0.0, 0.0, 20.0, 1.0) + surface(25.0, 2.0, 45.0, 5.0, 1.0), built)
     (link,), (before, after) = named(traced, "link"), named(traced, "cut")
     for one, other in ((before, link), (link, after)):
