@@ -10,15 +10,23 @@ import pytest
 from support.live import browser
 
 OPEN = contextlib.ExitStack()  # what ends the browser
-MADE: list[Any] = []  # the browser, if it is there
+MADE: dict[tuple[str, ...], Any] = {}  # the browser, if it is there, by the names that it may have
 
 
 @pytest.fixture(scope="module")
-def chromium() -> Any:
-    """The browser of the file before, if there is one."""
-    if not MADE:
-        MADE.append(OPEN.enter_context(browser.browser()))
-    return MADE[0]
+def chromium(request: pytest.FixtureRequest) -> Any:
+    """The browser of the file before, if there is one; ``BROWSER`` of a file: the names that it may have."""
+    names = getattr(request.module, "BROWSER", browser.NAMES)
+    if names not in MADE:
+        _end()
+        MADE[names] = OPEN.enter_context(browser.browser(names))
+    return MADE[names]
+
+
+def _end() -> None:
+    """No browser is there any more."""
+    MADE.clear()
+    OPEN.close()
 
 
 @pytest.hookimpl(wrapper=True)
@@ -28,11 +36,10 @@ def pytest_runtest_teardown(item: pytest.Item, nextitem: pytest.Item | None) -> 
     yield
     if nextitem is not None and nextitem.path == item.path:
         return
-    for context in [context for made in MADE for context in made.contexts]:
+    for context in [context for made in MADE.values() for context in made.contexts]:
         context.close()
     if nextitem is None or "chromium" not in getattr(nextitem, "fixturenames", ()):
-        MADE.clear()
-        OPEN.close()
+        _end()
 
 
 @pytest.fixture(scope="module")

@@ -8,10 +8,11 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 import pytest
-from support.live import live_page
+from support.live import browser, live_page
 from support.live.live_page import LiveMachine
 
 pytestmark = [pytest.mark.slow, pytest.mark.live]
+BROWSER = browser.WHOLE  # windows come before one another
 
 STOP_S = 0.1  # from the press to the tick that has it
 DEAD_MAN_S = 0.25  # from whatever ends a jog to the beginning of its stop

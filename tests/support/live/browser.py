@@ -22,8 +22,9 @@ from support.live.ports import free_port
 
 ROOT = Path(__file__).resolve().parents[3]
 PATH = os.pathsep.join((str(ROOT), str(ROOT / "tests")))
-# The shell alone first: a page in it takes half the processor time of one in a window that nobody sees.
-NAMES = ("chromium-headless-shell", "chromium", "chromium-browser", "google-chrome")
+WHOLE = ("chromium", "chromium-browser", "google-chrome")
+# The shell alone takes half the processor time for a page; it knows of no window that comes before another.
+NAMES = ("chromium-headless-shell", *WHOLE)
 HANGS_S = 90.0  # no test is meant to come near
 REQUIRED = os.environ.get("DIRECTRIX_BROWSER") == "required"  # where one was installed, no test is skipped
 VIEWS = ("run", "scene", "programs", "jog", "setup", "drives", "scope", "alarms", "runs")  # in their order
@@ -48,10 +49,13 @@ def needed(module: str, reason: str) -> Any:
 
 
 @contextlib.contextmanager
-def browser() -> Iterator[Any]:
-    """Chromium; the test is skipped where there is none, or fails where one is required."""
+def browser(names: tuple[str, ...] = NAMES) -> Iterator[Any]:
+    """Chromium; the test is skipped where there is none, or fails where one is required.
+
+    ``names``: of its program, the first that is there; ``WHOLE`` where a page loses the focus to another.
+    """
     sync = needed("playwright.sync_api", "needs playwright: pip install '.[test]'")
-    path = next((found for name in NAMES if (found := shutil.which(name))), None)
+    path = next((found for name in names if (found := shutil.which(name))), None)
     with sync.sync_playwright() as playwright:
         try:
             made = playwright.chromium.launch(executable_path=path, args=list(OPTIONS))
