@@ -20,7 +20,11 @@ from support.machines.stepped_runs import program
 from controller.machine import machine_file
 from controller.machine.model import Machine
 
-MACHINES = tuple(name for name in machine_file.shipped() if machine_file.load(name).spindle is None)
+MACHINES = tuple(
+    name
+    for name in machine_file.shipped()
+    if (spindle := machine_file.load(name).spindle) is not None and not spindle.is_driven
+)
 AFTER_S = 0.4  # from the end of the last fault to the operator's stop
 
 
