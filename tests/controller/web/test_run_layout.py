@@ -27,6 +27,10 @@ CODES = [  # of each group the longest
     *("G38.2", "G17", "G21", "G90", "G94", "G42.1", "G43.4", "G54.1 P48", "G64 P0.0125", "G98", "G68.2"),
     *("M3", "M7 M8", "M48", "T10045", "H10045", "D10045", "F12500.5", "S24000"),
 ]
+MIRRORED = [  # what changes the meaning of positions, as much of it as there may be at once
+    *("G3", "G17", "G20", "G90", "G94", "G42.1", "G43", "G54.1 P48", "G64 P0.0125", "G98", "G16"),
+    *("G51.1 X-123.456 Y-123.456 Z-123.456", "G54.2 P8", "G68", *CODES[11:]),
+]
 TOOL = {
     **{"name": "Schaftfräser VHM Z4 D12 R0,5 lang, beschichtet", "length_mm": 155.25, "radius_mm": 6.0},
     **{"flute_mm": 26.0, "corner_mm": 0.5},
@@ -74,6 +78,7 @@ STATES = {
     "words": RUNNING
     | {"mode": "FAULT", "fault": LONG_ALARM, "job": RUNNING["job"] | {"line": 123456, "block": 123}},
     "coming": RUNNING | {"job": RUNNING["job"] | COMING},
+    "mirrored": RUNNING | {"codes": MIRRORED},
     "off": READY,
 }
 FOLD = {"touch": (1280, 720), "square": (1024, 768), "wide": (1920, 1080)}
