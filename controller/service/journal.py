@@ -29,6 +29,7 @@ import numpy.typing as npt
 from controller import sealed_file
 from controller.ipc.handoff import COLUMN, Snapshot
 from controller.machine.model import REFERENCES, Joints, Machine
+from controller.machine.offset_table import FIXTURES, KEPT_OFFSETS, OFFSETS
 from controller.messages import Key, Said, chain, said, text
 from controller.plan.restart.program_position import AFTER_CHANGE, ENTRY_ID, FORMER, Spot
 from controller.program import carried
@@ -133,10 +134,15 @@ def sha256(data: bytes) -> str:
 
 
 def fitted_sha256(machine: Machine) -> tuple[str, str]:
-    """Of all offsets, reference points and kept parameters, and of the tools."""
+    """Of all offsets, reference points and kept parameters, and of the tools.
+
+    Fixtures count where one is set: what was written before there were any is the same without them.
+    """
+    names = OFFSETS if machine.unset[-len(FIXTURES) :] == FIXTURES else KEPT_OFFSETS
+    unset = tuple(name for name in machine.unset if name in names)
     points = [machine.reference(code) for code in REFERENCES]
-    shifts = machine.turned_rad, machine.shift, machine.suspended, points, machine.parameters
-    offsets = f"{machine.offsets!r} {machine.unset!r} {shifts!r}"
+    shifts = machine.turned_rad[: len(names)], machine.shift, machine.suspended, points, machine.parameters
+    offsets = f"{machine.offsets[: len(names)]!r} {unset!r} {shifts!r}"
     return sha256(offsets.encode()), sha256(repr(machine.tools).encode())
 
 

@@ -13,6 +13,7 @@ from support.machines.stepped_runs import shipped
 
 from controller import atomic_file
 from controller.ipc.handoff import blank
+from controller.machine.offset_table import OFFSETS
 from controller.messages import text
 from controller.plan.restart.program_position import FORMER, Spot
 from controller.service import journal
@@ -35,6 +36,16 @@ def test_what_is_written_is_read_back_bit_for_bit(tmp_path: Path) -> None:
     kept = replace(entry(), spot=Spot(3, 1.0 / 3.0, 7, 0.1 + 0.2))
     journal.write(kept, tmp_path / "state" / "journal.json")
     assert journal.read(tmp_path / "state" / "journal.json") == (kept, None)
+
+
+def test_places_for_offsets_that_came_later_change_no_sum_until_one_is_set() -> None:
+    """A run that an older version wrote down is gone on with: it had no G54.2 P1 to P8."""
+    machine, n = shipped(), len(OFFSETS)
+    older = replace(machine, offsets=machine.offsets[:n], turned_rad=machine.turned_rad[:n])
+    older = replace(older, unset=tuple(name for name in machine.unset if name in OFFSETS))
+    assert journal.fitted_sha256(machine) == journal.fitted_sha256(older)
+    turned = replace(machine, unset=machine.unset[:-1])
+    assert journal.fitted_sha256(turned) != journal.fitted_sha256(older)
 
 
 def test_a_journal_that_cannot_be_replaced_leaves_the_old_one_and_nothing_beside_it(
