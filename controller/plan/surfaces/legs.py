@@ -27,7 +27,7 @@ Array = npt.NDArray[np.float64]
 
 PLACES = 33  # of a cut, at which its speed is looked at
 TINY = 1e-30
-SAME_TIME = 1.01  # times the least: no cut is led on a slower branch for less travel, unless by less
+SAME_TIME = 1.03  # times the least: for less travel a cut may be slower by less than that
 
 
 @dataclass(frozen=True, slots=True)
