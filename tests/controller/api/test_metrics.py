@@ -57,7 +57,7 @@ class Moving(FakeDoor):
             **told,
             **{"drives": drives},
             **{"joints": joints, "job": job, "feed_mm_min": {"actual": 600.0}, "tick_alive": True},
-            "tick": {**told["tick"], "skips": 3, "age_s": 0.001, "late_max_ms": 0.25},
+            "tick": {**told["tick"], "skips": 3, "age_s": 0.001, "late_max_ms": 0.25, "lost_frames": 7},
         }
 
 
@@ -112,6 +112,7 @@ def test_figures_are_those_of_the_status_in_base_units(tmp_path: Path) -> None:
     assert "directrix_drive_missed_setpoints_total Z" not in found
     assert found["directrix_drive_overdue_setpoints_total Z"] == 1.0
     assert (found["directrix_ticks_total"], found["directrix_tick_skips_total"]) == (500.0, 3.0)
+    assert found["directrix_bus_lost_frames_total"] == 7.0
     assert {mode.name: found[f"directrix_mode {mode.name}"] for mode in Mode} == {
         mode.name: float(mode is Mode.OFF) for mode in Mode
     }
