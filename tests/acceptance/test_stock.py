@@ -245,7 +245,7 @@ def test_ticks_late_beyond_the_stock_brake_on_the_path_and_go_on_from_there(seed
 
 
 def test_a_stock_that_is_used_up_is_a_fault_and_nothing_begins_by_itself() -> None:
-    late = ran("trunnion", program("example2_ready", "6000."), lambda n: 0.5 if n == 300 else 0.0)
+    late = ran("trunnion", program("example2_ready", "6000."), lambda n: 0.5 if n == 1000 else 0.0)
     assert late.cut.run.result == "fault" and late.cut.run.fault is Fault.STOCK_USED_UP
     assert {Phase.BRAKING, Phase.HOLDING, Phase.SILENT} <= late.phases()
     modes = late.rows[:, COLUMN["mode"]]

@@ -107,7 +107,7 @@ def buses(bench: Bench, *rates: int) -> list[SimpleNamespace]:
     made = replace(
         bench.machine, buses=tuple(replace(plain, name=f"b{i}", bit_rate=r) for i, r in enumerate(rates))
     )
-    lines = [SimpleNamespace(bus=bus.name, bits=0) for bus in made.buses]
+    lines = [SimpleNamespace(bus=bus.name, bits=0, lost=0) for bus in made.buses]
     bench.cycle._status._buses = _timed(made, lines)
     return lines
 
