@@ -104,7 +104,7 @@ class RecordedRun:
         from controller.runtime import replay
 
         if self._wanted is None:
-            return {"recorded_ticks": 0, "compared_ticks": 0}
+            return {"recorded_ticks": 0, "compared_ticks": 0, "lacks_turns": False}
         found = replay.difference(self.recorded, self._wanted, run.rows)
         if found is not None:
             raise self._otherwise(found, run)
@@ -119,6 +119,8 @@ class RecordedRun:
                 )
             )
         wanted = min(len(self._wanted), replay.off_path(self.recorded))
+        if run.lacks_from is not None:
+            wanted = min(wanted, run.lacks_from)
         if (made := int(np.count_nonzero(run.rows[:, COLUMN["sync_sent"]]))) < wanted:
             raise Refused(
                 say(
@@ -129,7 +131,11 @@ class RecordedRun:
                     causes=say("cli.replay.causes"),
                 )
             )
-        return {"recorded_ticks": len(self._wanted), "compared_ticks": wanted}
+        return {
+            "recorded_ticks": len(self._wanted),
+            "compared_ticks": wanted,
+            "lacks_turns": run.lacks_from is not None,
+        }
 
     def _otherwise(self, found: Difference, run: Run) -> Refused:
         """Where, when and by how much."""

@@ -115,5 +115,5 @@ def _told(figures: dict[str, Any]) -> str:
     ticks, of = figures["compared_ticks"], figures["recorded_ticks"]
     said = say("cli.replay.same", ticks=ticks, of=of, time=ticks * figures["period_s"])
     if ticks < of:
-        said += say("cli.replay.off_path")
+        said += say("cli.replay.lacks_turns" if figures["lacks_turns"] else "cli.replay.off_path")
     return f"{said} {say('cli.replay.trace', file=figures['trace'])}" if figures["trace"] else said

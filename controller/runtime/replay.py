@@ -3,7 +3,8 @@
 What reaches the tick comes again in the tick in which it came: requests, the planner's messages, long
 gaps, faults of drives, the ends of waits. What the planner makes depends on when it looked and how long
 it took, so its turns come again, too. The live planner's own messages are in no record: they are planned
-again, and each waits here for the tick that took it.
+again, and each waits here for the tick that took it. A planner or a service that was killed may have left
+messages whose making is in no record: before the first of these the repetition ends.
 """
 
 from __future__ import annotations
@@ -117,6 +118,7 @@ class _Repetition:
         self._fitted = bench.machine
         self._waits, self._fault, self._played, self._taken_back = False, Fault.NONE, 0, 0
         self._thread, self._share = ThreadRecord(), 1.0
+        self._lacks = False  # a message was taken that nobody has made here
 
     def _send(self, message: PieceMessage) -> bool:
         if message.is_keepalive:
@@ -143,15 +145,20 @@ class _Repetition:
         started = bench.request(Request.START, float(self._record.begin.start.stays_on))
         first, skips = bench.cycle.tick + 1, bench.cycle.sync.skips
         every = max(1, round(PLAN_EVERY_S / bench.machine.period_s))
+        lacks_from: int | None = None
         for n in range(ticks):
             if n % every == 0:
                 self._planner.keepalive()
             self._tick(list(_taken(lines, n)))
+            if self._lacks:
+                lacks_from = ticks = n
+                break
             if n == 0:
                 bench.see_started(started)
             bench.keep_rows(n + 1, progress)
         self._end(to_its_end)
         ended = self._ended(first, skips, MAX_TICKS if to_its_end else ticks)
+        ended = replace(ended, lacks_from=lacks_from)
         bench.cycle.again = None  # from here on the simulated drives' own faults count
         return ended
 
@@ -184,6 +191,8 @@ class _Repetition:
         elif line.kind == events.PIECES:
             if self._waiting:
                 bench.outbox.send(self._waiting.popleft())
+            else:
+                self._lacks = True
         elif line.kind == events.WAIT:
             self._waits = bool(line.value)
         elif line.kind == events.THREAD:

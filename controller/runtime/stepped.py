@@ -87,6 +87,7 @@ class Run:
     events_left: int  # requests whose tick the run did not reach
     fault_text: str = ""  # for the operator, and where the recording lies
     refusal: QueueRefusal = QueueRefusal.NONE  # of the plan's last message, where it is stuck
+    lacks_from: int | None = None  # SYNC from which on a record lacks what its planner did: it was killed
 
     @property
     def line(self) -> int:

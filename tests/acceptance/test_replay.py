@@ -329,6 +329,27 @@ def test_what_was_written_before_a_loss_is_whole_wherever_it_was_torn(bench: Rec
         assert_comes_again(folder, "lost", itself=False)
 
 
+def test_a_record_whose_planner_was_killed_before_its_last_turn_was_written_ends_there(
+    bench: RecordedBench,
+) -> None:
+    """What it had sent came to the tick, when it had made that is nowhere: up to there it comes again."""
+    bench.started(LONG)
+    bench.until_line(5)
+    bench.rows.append(bench.stepped.go(300))
+    folder = bench.record.folder
+    lines = (folder / "events.jsonl").read_text().splitlines(keepends=True)
+    last = max(n for n, line in enumerate(lines) if '"request": "plan"' in line)
+    taken = [n for n, line in enumerate(lines) if '"request": "pieces"' in line and n > last]
+    assert taken, "the last turn made nothing"
+    (folder / "events.jsonl").write_text("".join(lines[:last] + lines[last + 1 :]))
+    done = again(folder, LONG)
+    assert done.run.lacks_from == json.loads(lines[taken[0]])["tick"]
+    assert len(done.setpoints) > 300
+    assert_same_setpoints(done, ended_itself=False)
+    code, told = simulated(folder, LONG)
+    assert code == 0 and told["compared_ticks"] == done.run.lacks_from, told
+
+
 # -- a record that is not the run
 
 
