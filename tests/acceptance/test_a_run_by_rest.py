@@ -34,6 +34,8 @@ def test_a_program_is_brought_checked_run_held_and_finished_by_rest_and_simulate
         shop.do("POST", "/job", json={"program": NAME})
         assert shop.status()["job"]["duration_s"] == pytest.approx(check["duration_s"])
         shop.do("POST", "/cycle/start")
+        shop.until(lambda now: now["mode"] == "HOLD" and now["spindle_change"], "the stop for the spindle")
+        shop.do("POST", "/cycle/resume")
         hold_on_the_way(shop)
         shop.do("PUT", "/overrides/feed", json={"share": 2.0})
         shop.do("POST", "/cycle/resume")
@@ -45,7 +47,7 @@ def test_a_program_is_brought_checked_run_held_and_finished_by_rest_and_simulate
             name: shop.http.get(f"/runs/{run['id']}/files/{name}").raise_for_status().content
             for name in ("events.jsonl", "setpoints.npz")
         }
-    assert words(files["events.jsonl"]) == ["hold", "override", "resume"]
+    assert words(files["events.jsonl"]) == ["resume", "hold", "override", "resume"]
     live = np.load(io.BytesIO(files["setpoints.npz"]))["rows"]
     (tmp_path / "events.jsonl").write_bytes(files["events.jsonl"])
     again = simulated(tmp_path, tmp_path / "machine.toml")
