@@ -12,9 +12,11 @@ import math
 import os
 import shutil
 import signal
+import subprocess
+import sys
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -28,7 +30,7 @@ from controller.ipc.control_socket import CommandRefused
 from controller.ipc.handoff import Jog, Outcome, Snapshot
 from controller.machine import machine_file
 from controller.machine.model import Homing, Machine
-from controller.runtime.children import Child
+from controller.runtime.children import Child, environment
 from controller.runtime.listener import Listener
 from controller.runtime.plan_messages import Program
 from controller.runtime.recording import Keeper
@@ -57,6 +59,15 @@ def _homed_by_switches(made: Machine) -> Machine:
         )
         axes.append(replace(axis, homing=homing))
     return replace(made, axes=tuple(axes), retract_mm=RETRACT)
+
+
+class _PlainHub(Child):
+    """A virtual bus by itself with simulated drives, as ``python -m drives.bench`` serves it."""
+
+    def __init__(self, channel: Path, nodes: Sequence[int], words: Path) -> None:
+        self.role, self._words = "hub", words
+        command = [sys.executable, "-P", "-m", "drives.bench", str(channel), "--nodes", *map(str, nodes)]
+        self.process = subprocess.Popen(command, stdin=subprocess.DEVNULL, env=environment(), process_group=0)
 
 
 class ProcessScene:
@@ -133,8 +144,7 @@ class ProcessScene:
         old.process.wait()
         channel = Path(self.machine.buses[0].channel)
         channel.unlink(missing_ok=True)
-        options = [str(channel), "--nodes", *map(str, self.nodes)]
-        self.hubs[name] = Child("hub", options, self._folder / "again.words")
+        self.hubs[name] = _PlainHub(channel, self.nodes, self._folder / "again.words")
         self._ending.callback(self.hubs[name].end)
         until(channel.exists)
         self.listener.close()
