@@ -131,13 +131,19 @@ def test_lines_by_hand_are_the_program_of_these_lines(run: int, machine: Machine
             with pytest.raises(ProgramError):
                 hand.type(one)
             continue
-        hand.type(one)
-        text += f"{one}\n"
-        moves, state = joined(text, machine)
-        ours = oracle._moving(hand.moves)
-        assert len(ours) == len(moves), text
-        assert all(a.near(b, 1e-9) for a, b in zip(ours, moves, strict=True)), text
-        assert hand.codes == active_codes(state), text
+        text = typed_alike(hand, one, text, machine)
+
+
+def typed_alike(hand: ByHand, one: str, text: str, machine: Machine) -> str:
+    """The program with a further line; typed, it has moved as the program does and leaves the same codes."""
+    hand.type(one)
+    text += f"{one}\n"
+    moves, state = joined(text, machine)
+    ours = oracle._moving(hand.moves)
+    assert len(ours) == len(moves), text
+    assert all(a.near(b, 1e-9) for a, b in zip(ours, moves, strict=True)), text
+    assert hand.codes == active_codes(state), text
+    return text
 
 
 FANUCS = ("shop", "machining_centre", "xyzac_linuxcnc")
@@ -171,13 +177,7 @@ def test_so_they_are_on_a_control_as_fanucs(run: int, fanucs: list[Machine]) -> 
             continue
         if ",R" in one or ",C" in one:
             continue
-        hand.type(one)
-        text += f"{one}\n"
-        moves, state = joined(text, machine)
-        ours = oracle._moving(hand.moves)
-        assert len(ours) == len(moves), text
-        assert all(a.near(b, 1e-9) for a, b in zip(ours, moves, strict=True)), text
-        assert hand.codes == active_codes(state), text
+        text = typed_alike(hand, one, text, machine)
 
 
 @pytest.mark.skipif(oracle.program() is None, reason="LinuxCNC's interpreter is not installed")
