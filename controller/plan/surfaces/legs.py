@@ -140,12 +140,19 @@ def _cut_s(legs: Sequence[Leg], machine: Machine, kinematics: Kinematics) -> flo
         most = np.minimum(stretch.feed_at(s), d.even_speed(velocity, acceleration, jerk))
         speeds += most.tolist()
         gains += (acceleration / (np.abs(d.first) + TINY)).min(axis=1).tolist()
-        ways += [*np.diff(s).tolist(), 0.0]
-    for order in (range(1, len(speeds)), range(len(speeds) - 2, -1, -1)):
-        for i in order:
-            before, way = (i - 1, ways[i - 1]) if order.step > 0 else (i + 1, ways[i])
-            speeds[i] = min(speeds[i], math.sqrt(speeds[before] ** 2 + 2.0 * gains[before] * way))
-    return sum(2.0 * way / (v + w) for way, (v, w) in zip(ways, itertools.pairwise(speeds), strict=False))
+        ways += [0.0, *np.diff(s).tolist()]
+    speeds = _reachable(speeds, gains, ways[1:])
+    speeds = _reachable(speeds[::-1], gains[::-1], ways[:0:-1])[::-1]
+    pairs = zip(ways[1:], itertools.pairwise(speeds), strict=True)
+    return sum(2.0 * way / max(v + w, TINY) for way, (v, w) in pairs)
+
+
+def _reachable(speeds: Sequence[float], gains: Sequence[float], ways: Sequence[float]) -> list[float]:
+    """Of speeds (N,) what is reached from the one before, over each of N - 1 ways, by its acceleration."""
+    found = [speeds[0]]
+    for most, gain, way in zip(speeds[1:], gains[:-1], ways, strict=True):
+        found.append(min(most, math.sqrt(found[-1] ** 2 + 2.0 * gain * way)))
+    return found
 
 
 def _followed(fields: Fields, branch: int, near: Rotaries, voice: Voice) -> Iterator[Leg]:
