@@ -33,8 +33,8 @@ class Fitted(NamedTuple):
     readings: int
 
     @property
-    def told(self) -> dict[str, Any]:
-        """For JSON."""
+    def figures(self) -> dict[str, Any]:
+        """They are those of the answer as JSON, and of its sentence."""
         return self._asdict()
 
 

@@ -235,11 +235,11 @@ def spindle_by_tachometer(
         edit = partial(
             machine_edit.inverter, zero_counts=fitted.zero_counts, full_rev_min=fitted.full_rev_min
         )
-        done = written(machine, Found(fitted.told, edit)) if write else None
+        done = written(machine, Found(fitted.figures, edit)) if write else None
         if as_json:
-            print(json.dumps({"ok": True, **fitted.told, "written": done}))
+            print(json.dumps({"ok": True, **fitted.figures, "written": done}))
             return
-        show.print(say("spindle", **fitted.told), markup=False)
+        show.print(say("spindle", **fitted.figures), markup=False)
         tell_written(done)
 
 

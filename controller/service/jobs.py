@@ -97,9 +97,7 @@ class Announced:
         self._asked: dict[int, tuple[int, ...]] = {}  # tools, by line
         self._reached = -1  # the last motion that was under way
         self._named: int | None = None  # the tool that T has just named
-        self._turn: Announcement | None = (
-            None  # the last that was asked of a spindle that is switched by hand
-        )
+        self._turn: Announcement | None = None  # the last that asks for the spindle to be switched by hand
         self._found: list[dict[str, Any]] = []  # results of probing cycles
 
     def hear(self, news: News) -> None:

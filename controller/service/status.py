@@ -150,7 +150,7 @@ def tool_change(machine: Machine, number: int, usage: Usage | None = None) -> di
 
 def spindle_change(rev_min: float) -> dict[str, Any]:
     """What the operator is asked to do where a program waits for a spindle that he switches; signed."""
-    return {"rev_min": rev_min, **several(spindle_by_hand.asked(rev_min), said("spindle_change.go_on"))}
+    return {"rev_min": rev_min, **several(spindle_by_hand.instruction(rev_min), said("spindle_change.go_on"))}
 
 
 def _spindle(machine: Machine, told: Mapping[str, Any]) -> dict[str, Any]:

@@ -19,7 +19,7 @@ from controller.program.program import Act
 _BEFORE = (Act.SPINDLE, Act.COOLANT, Act.OUTPUT, Act.TOOL, Act.END)  # for these nothing has to turn yet
 
 
-def asked(rev_min: float) -> Said:
+def instruction(rev_min: float) -> Said:
     """What the operator is to do, at a signed speed, 0: it is to stand."""
     if rev_min == 0.0:
         return said("spindle_change.off")
@@ -33,7 +33,7 @@ def stopped(
     typed: bool = False,
     note: Callable[[Note], None] = lambda _: None,
 ) -> Iterator[Chain | Pause]:
-    """The path with the stops at which the operator switches the spindle; ``note`` is told of each.
+    """The path with the stops at which the operator switches the spindle; ``note`` gets one of each.
 
     ``rev_min``: as it turns before. ``typed``: a line by hand, at whose end he is asked, too. A spindle that
     the controller turns, and one that is not there, needs none.
@@ -46,7 +46,7 @@ def stopped(
     for item in items:
         if last is not None and not (isinstance(item, Pause) and item.act in _BEFORE):
             rev_min = last.modal.spindle_rev_min
-            note(Note(last.place, said("note.stops_for_spindle", what=asked(rev_min))))
+            note(Note(last.place, said("note.stops_for_spindle", what=instruction(rev_min))))
             if isinstance(item, Pause) and item.act is Act.STOP and item.changing is None:
                 item = replace(item, turns=True)
             else:

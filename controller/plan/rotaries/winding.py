@@ -29,8 +29,7 @@ from controller.plan.rotaries.turns import SAME_ROTARY_RAD, TURN
 
 MAX_STATES = 64  # places of the rotaries that are kept in mind; the least travelled ones
 
-
-Key = tuple[float, float, int, float, int]
+RankKey = tuple[float, float, int, float, int]  # by which costs are compared
 
 
 class Rank(NamedTuple):
@@ -52,7 +51,7 @@ class Rank(NamedTuple):
         )
 
     @property
-    def key(self) -> Key:
+    def key(self) -> RankKey:
         """Times agree to the millisecond, sums of many angles to eight digits, not to the last bit."""
         angles = round(self.travel, 8), self.negative_tilts, round(self.turned, 8), self.negative_turns
         return round(self.slower_s, 3), *angles

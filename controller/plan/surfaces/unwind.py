@@ -20,7 +20,7 @@ from controller.machine.model import Axis, Machine
 from controller.messages import Said, said
 from controller.motion.motions import Rotaries
 from controller.plan.rotaries.turns import TURN
-from controller.plan.rotaries.winding import Key, Way
+from controller.plan.rotaries.winding import RankKey, Way
 from controller.plan.stretch import Voice
 from controller.plan.surfaces import audit
 from controller.plan.surfaces.legs import Leg, Option
@@ -43,7 +43,7 @@ def refuse(options: Sequence[Option], machine: Machine, now: Rotaries, voice: Vo
 
 def _farthest_legs(options: Sequence[Option], machine: Machine, now: Rotaries) -> list[Leg]:
     """The branch and turns in which the most samples come before the first outside of travel."""
-    found: list[tuple[int, Key, int, list[Leg]]] = []
+    found: list[tuple[int, RankKey, int, list[Leg]]] = []
     for option in options:
         for by in _shifts(option.way, machine):
             legs = option.shifted(machine, by)
