@@ -111,7 +111,7 @@ def on_paper(settings: Settings, master: MasterSettings, bit_rate: int = 0) -> t
     except sheet.SheetError as error:
         return [of_drive(settings, error)], []
     problems, warned = _of_paper(settings, master, about, bit_rate)
-    warned = (*warned, *identity.contradictions(about))
+    warned = (*warned, *possible.unit_problems(settings, about), *identity.contradictions(about))
     return [of_drive(settings, one) for one in problems], [of_drive(settings, one) for one in warned]
 
 

@@ -10,7 +10,14 @@ from typing import Annotated, Any
 
 import typer
 
-from controller.cli import drive_buses, drive_tables, kept_drives, simulated_drives, stop_drives
+from controller.cli import (
+    drafted_profile,
+    drive_buses,
+    drive_tables,
+    kept_drives,
+    simulated_drives,
+    stop_drives,
+)
 from controller.cli.drive_buses import EXPECTED, Channel, Joined, Json, MachineFile, OnBus, OnlyNode, PeriodMs
 from controller.cli.speech import speaking
 from controller.ipc import control_socket
@@ -268,8 +275,9 @@ def _entry(entry: survey.Entry) -> dict[str, Any]:
     return {**asdict(entry), "refused": in_words(entry.refused)}
 
 
-# --- save, restore, compare, stop, simulate ------------------------------------------------
+# --- profile, save, restore, compare, stop, simulate ------------------------------------------------
 
+app.command("profile")(drafted_profile.profile)
 app.command("save")(kept_drives.save)
 app.command("restore")(speaking(kept_drives.restore))
 app.command("compare")(speaking(kept_drives.compare))

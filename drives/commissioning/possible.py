@@ -16,6 +16,7 @@ from canopen.objectdictionary import ODVariable
 
 from drives.commissioning import identity, wanted
 from drives.commissioning.sheet import INTEGERS, Sheet
+from drives.commissioning.units import UnitError, units_of
 from drives.commissioning.values import shown_at
 from drives.commissioning.wanted import RPDO, Pdo, Setting, Settings, where
 from drives.profile import Profile, Supervision
@@ -44,7 +45,7 @@ def problems(settings: Settings, master: MasterSettings, sheet: Sheet, bit_rate:
         for setting in step.outcome:
             if not (_is_mapping(setting) or setting.waived) and (told or setting.index != PERIOD):
                 do = said(f"on_paper.do.{setting.index:04X}") if setting.index in CHANGEABLE else OTHERWISE
-                found += (_to_do(problem, do, WRONG) for problem in _of_setting(setting, settings, sheet))
+                found += (_to_do(problem, do, WRONG) for problem in _of_setting(setting, sheet))
     return once(found)
 
 
@@ -74,9 +75,22 @@ def warnings(settings: Settings, master: MasterSettings, sheet: Sheet) -> list[S
     for step in wanted.steps_of(settings, master, sheet):
         for setting in step.outcome:
             if setting.waived:
-                problems = _of_setting(setting, settings, sheet)
+                problems = _of_setting(setting, sheet)
                 found += (said("on_paper.accepted", problem=problem) for problem in problems)
     return once(found)
+
+
+def unit_problems(settings: Settings, sheet: Sheet) -> Iterator[Said]:
+    """What commissioning would refuse of the units of a drive that has the sheet's defaults still.
+
+    Not a problem yet: who sets a drive up by its maker's tool changes them.
+    """
+    if isinstance(settings, IoSettings):
+        return
+    try:
+        units_of(settings, sheet.default)
+    except UnitError as error:
+        yield said("on_paper.units", sheet=sheet.name, problem=error.said)
 
 
 def of_profile(
@@ -101,7 +115,7 @@ def of_profile(
         for one in problems(each, master, sheet, bit_rate)
         if one not in needed
     )
-    told = [*warnings(base, master, sheet), *identity.contradictions(sheet)]
+    told = [*warnings(base, master, sheet), *unit_problems(base, sheet), *identity.contradictions(sheet)]
     remarks = [*(said("sentence", text=one) for one in once((*told, *beside))), *_remarks(profile, sheet)]
     return needed, [*remarks, *map(plain, profile.quirks)]
 
@@ -212,6 +226,10 @@ def _of_kind(settings: NodeSettings | SpindleSettings, sheet: Sheet) -> Iterator
 
 def _of_homing(node: NodeSettings, sheet: Sheet) -> Iterator[Said]:
     """60E3h lists the methods, where the sheet fills it in; some write them as unsigned."""
+    for index, sub, _, why in wanted.homing_speeds(node):
+        if not sheet.has(index, sub) and index not in node.profile.optional:
+            problem = said("on_paper.not_in_sheet_but", where=where(index, sub), sheet=sheet.name, need=why)
+            yield _to_do(problem, said(f"on_paper.do.{index:04X}"), WRONG)
     listed = [sheet.default(0x60E3, sub) for sub in sheet.subs(0x60E3)]
     methods = [(method + 128) % 256 - 128 for method in listed if method]
     homes = node.homing_method and not node.absolute
@@ -264,13 +282,12 @@ def _is_mapping(setting: Setting) -> bool:
     return 0x1600 <= setting.index < 0x1800 or 0x1A00 <= setting.index < 0x1C00
 
 
-def _of_setting(setting: Setting, settings: Settings, sheet: Sheet) -> Iterator[Said]:
+def _of_setting(setting: Setting, sheet: Sheet) -> Iterator[Said]:
     """What is in the way of one value."""
     found = sheet.find(setting.index, setting.sub)
     facts = {"where": setting.where, "sheet": sheet.name, "need": setting.why}
     if found is None:
-        needed = setting.waived or not setting.optional
-        if needed and not _may_be_missing(setting, settings):
+        if setting.waived or not setting.optional:
             yield said("on_paper.not_in_sheet_but", **facts)
         return
     shown = partial(shown_at, setting.index, setting.sub)
@@ -283,10 +300,6 @@ def _of_setting(setting: Setting, settings: Settings, sheet: Sheet) -> Iterator[
     if least is not None and most is not None and not least <= setting.value <= most:
         values = {"wanted": shown(setting.value), "least": shown(least), "most": shown(most)}
         yield said("on_paper.beyond_range", **facts, **values)
-
-
-def _may_be_missing(setting: Setting, settings: Settings) -> bool:
-    return not isinstance(settings, IoSettings) and setting.index in settings.profile.optional
 
 
 def range_of(found: ODVariable) -> tuple[int | None, int | None]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from drives import pdo
 from drives.commissioning.sheet import NO_REMOTE, Sheet
@@ -91,12 +91,20 @@ def steps_of(
     Without ``units``, which the drive itself must be asked for, nothing that is told in them. How it stops
     is ``stopping``'s. Raises UnitError.
     """
-    if isinstance(settings, NodeSettings):
-        yield from _axis(settings, master, sheet, units)
-    elif isinstance(settings, SpindleSettings):
-        yield from _spindle(settings, master, sheet)
-    else:
+    if isinstance(settings, IoSettings):
         yield from _io(settings, master, sheet)
+        return
+    if isinstance(settings, NodeSettings):
+        steps = _axis(settings, master, sheet, units)
+    else:
+        steps = _spindle(settings, master, sheet)
+    for step in steps:
+        yield _with_optional(step, settings.profile.optional)
+
+
+def _with_optional(step: Step, indexes: tuple[int, ...]) -> Step:
+    """What the family does without, where the drive lacks it."""
+    return Step(tuple(replace(one, optional=one.optional or one.index in indexes) for one in step.settings))
 
 
 def _axis(node: NodeSettings, master: MasterSettings, sheet: Sheet, units: Units | None) -> Iterator[Step]:
@@ -405,15 +413,21 @@ def _homing(node: NodeSettings) -> Iterator[Step]:
             yield _one(node.profile.home_offset, 0, node.homing_position_counts, homed)
 
 
-def _homing_speeds(node: NodeSettings, units: Units) -> Iterator[Step]:
-    for index, sub, counts, convert, what in (
-        (0x6099, 1, node.homing_fast_counts_s, units.velocity, "switch"),
-        (0x6099, 2, node.homing_slow_counts_s, units.velocity, "zero"),
-        (0x609A, 0, node.homing_acceleration_counts_s2, units.acceleration, "homing"),
+def homing_speeds(node: NodeSettings) -> Iterator[tuple[int, int, float, Said]]:
+    """What is asked of homing: index, sub-index, counts/s or counts/s2, and why."""
+    for index, sub, counts, what in (
+        (0x6099, 1, node.homing_fast_counts_s, "switch"),
+        (0x6099, 2, node.homing_slow_counts_s, "zero"),
+        (0x609A, 0, node.homing_acceleration_counts_s2, "homing"),
     ):
         if counts:
-            value = convert(counts, where(index, sub))
-            yield _one(index, sub, value, said(f"setting.how_fast.{what}"))
+            yield index, sub, counts, said(f"setting.how_fast.{what}")
+
+
+def _homing_speeds(node: NodeSettings, units: Units) -> Iterator[Step]:
+    for index, sub, counts, why in homing_speeds(node):
+        convert = units.velocity if index == 0x6099 else units.acceleration
+        yield _one(index, sub, convert(counts, where(index, sub)), why)
 
 
 def _one(

@@ -15,7 +15,7 @@ from support.drives.hub_process import ROOT, served
 from typer.testing import CliRunner
 
 from controller.cli.drives import app
-from controller.machine import machine_file, nodes
+from controller.machine import drive_profiles, machine_file, nodes
 from drives import bus, pdo
 from drives.settings import BusSettings
 
@@ -175,6 +175,17 @@ def test_a_fitting_data_sheet_is_told_with_the_makers_quirks() -> None:
     )
     assert (said["ok"], said["problems"], said["period_s"]) == (True, [], 0.005)
     assert any("whole milliseconds" in remark for remark in said["remarks"])
+
+
+def test_a_drafted_profile_is_one_that_check_takes(tmp_path: Path) -> None:
+    own = tmp_path / "mine.toml"
+    said = asked("profile", str(EDS), "--output", str(own))
+    assert said["ok"] and said["file"] == str(own)
+    family = drive_profiles.load(str(own))
+    assert Path(str(family.eds)) == EDS and family.takes_feed_forward
+    assert asked("check", "--eds", str(EDS), "--profile", str(own))["problems"] == []
+    again = asked("profile", str(EDS), "--output", str(own))
+    assert not again["ok"] and "there is such a file" in again["error"]
 
 
 def test_every_mismatch_is_a_line_for_people() -> None:

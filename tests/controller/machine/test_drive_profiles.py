@@ -25,8 +25,9 @@ def test_a_shipped_profile_is_read_whole_and_bears_its_name(name: str) -> None:
     assert drive_profiles.load(name).name == name
 
 
-def test_seven_families_are_shipped() -> None:
-    families = {"elmo", "elmo_gold", "generic", "maxon_epos4", "pilz_prbt", "simulated", "technosoft_ipos"}
+def test_nine_families_are_shipped() -> None:
+    families = {"elmo", "elmo_gold", "generic", "maxon_epos4", "nanotec_c5e", "pilz_prbt", "simulated"}
+    families |= {"technosoft_ipos", "trinamic_tmcm1636"}
     assert set(drive_profiles.shipped()) == families
 
 

@@ -12,6 +12,7 @@ SHEETS = {  # profile: file
     "maxon_epos4": "maxon_epos4_50_5.eds",
     "pilz_prbt": "pilz_prbt.dcf",
     "technosoft_ipos": "technosoft_ipos.eds",
+    "trinamic_tmcm1636": "trinamic_tmcm1636.eds",
 }
 
 

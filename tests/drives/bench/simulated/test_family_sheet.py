@@ -11,7 +11,7 @@ import pytest
 from controller.machine import drive_profiles
 from drives.bench.simulated import SimulatedDrive, families, family_sheet
 from drives.bench.virtual.virtual_bus import Port, SteppedBus
-from drives.commission import Pump, stepped_pump
+from drives.commission import CommissionError, Pump, stepped_pump
 from drives.one_axis import OneAxis
 from drives.profile import CyclicMode, Profile, Supervision
 from drives.settings import BusSettings
@@ -67,7 +67,12 @@ def test_so_is_one_by_its_makers_sheet(name: str) -> None:
     folder = os.environ.get("DIRECTRIX_EDS")
     if folder is None:
         pytest.skip("DIRECTRIX_EDS does not name the folder of real data sheets")
-    assert abs(move(Path(folder) / MAKERS[name], drive_profiles.load(name)) - 5000) <= 2
+    sheet, profile = Path(folder) / MAKERS[name], drive_profiles.load(name)
+    if name == "pilz_prbt":  # without 6085h nobody knows how a script's drive stops
+        with pytest.raises(CommissionError, match="no object 6085h"):
+            move(sheet, profile)
+        return
+    assert abs(move(sheet, profile) - 5000) <= 2
 
 
 def sheet(profile: Profile, folder: Path, bare: bool = False) -> canopen.ObjectDictionary:
