@@ -47,6 +47,7 @@ FILES = {
     "changer": ("changer",),
     "maintenance": ("maintenance",),
     "probe": ("probe",),
+    "machine_bundle": ("machine",),
     "drives": ("drives",),
     "dnc": ("dnc",),
     "backup": ("backup",),
