@@ -64,6 +64,11 @@ DESK: dict[str, tuple[str, str]] = {
         "",
         "drives check --eds config/eds/simulated_drive.eds --profile simulated",
     ),
+    "drives profile SHEET.eds --output mine.toml": (
+        "",
+        "drives profile config/eds/simulated_drive.eds --output mine.toml",
+    ),
+    "machine pack MACHINE -o FILE": ("", "machine pack shop -o mine.toml"),
     "drives simulate --profile maxon_epos4 --nodes 1-5": (
         "",
         "timeout -s INT 20 {python} -m controller "
