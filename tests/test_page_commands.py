@@ -34,6 +34,8 @@ TWO_TOOLS = (
 )
 DIRECTRIX = f'directrix() {{ {sys.executable} -m controller "$@"; }}\n'
 
+ANSWERED = ("yes '' | head -50 > answers", "machine new mine.toml --ask < answers")
+
 # On a desk: what comes before it, and what is run. Left out: nothing, and the command as it stands.
 DESK: dict[str, tuple[str, str]] = {
     "bench [NAME]": ("", "bench reader --short"),
@@ -68,7 +70,8 @@ DESK: dict[str, tuple[str, str]] = {
         "",
         "drives profile config/eds/simulated_drive.eds --output mine.toml",
     ),
-    "machine pack MACHINE -o FILE": ("", "machine pack shop -o mine.toml"),
+    "machine new FILE.toml --ask": ANSWERED,
+    "machine new mine.toml --ask": ANSWERED,
     "drives simulate --profile maxon_epos4 --nodes 1-5": (
         "",
         "timeout -s INT 20 {python} -m controller "

@@ -11,12 +11,15 @@ from typing import Annotated, Any
 
 import typer
 
+from controller.cli.new_machine import new
 from controller.machine import machine_file
 from controller.machine.named_files import PROFILES, SHEETS
 from controller.machine.toml_table import ConfigError, read_text
 from controller.verify.console import Refused, refusals, say, show
 
 app = typer.Typer(add_completion=False, no_args_is_help=True)
+
+app.command("new")(new)
 
 EXPECTED = (ConfigError,)
 SEAL = "# sha256 of all above: "
