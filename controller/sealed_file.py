@@ -5,9 +5,10 @@
     sealed_file.read(sealed_file.before(file))
 
 The sum is of the file's name, generation, time and values, so that a file that stands in another's place is
-none of it either; one that is older than what was there before it was put there. A folder of a version
-without seals is taken as it is, once: from ``adopt`` on, which leaves ``MARK`` there, a file without a seal
-is a damaged one. One writer a file. Lines of a file that grows have a sum of their own (``line``).
+none of it either; one that is older than what was there before it was put there. A file of a version without
+seals is taken as it is, once: ``adopt`` names in ``MARK`` those that have a seal from then on, and without
+one are damaged. One writer a file. What is written once and never replaced is a ``text`` that its writer puts
+on the disk; lines of a file that grows have a sum of their own (``line``).
 """
 
 from __future__ import annotations
@@ -25,8 +26,10 @@ from controller.messages import TextError, said
 
 SEAL, VALUE = "seal", "value"  # VALUE: of what is no JSON object
 SUM = "sum"  # of a line
+LINES = ".jsonl"  # behind the name of a file that grows
 BEFORE = ".before"  # behind the name of a file: the generation before
-MARK = "sealed"  # in a folder whose files all have seals
+MARK = "sealed"  # in a folder: the names of its files that have seals, one a line
+_OF_A_SEAL = {"generation", "at_s", "sha256"}
 UNREADABLE = (OSError, ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError)
 
 
@@ -55,24 +58,31 @@ def _keep(file: Path) -> None:
 
 def next_text(file: Path, values: Any) -> str:
     """What is written next into a file."""
-    return _text(values, file, _generation(file) + 1)
+    return text(values, file.name, _generation(file) + 1)
 
 
-def _text(values: Any, file: Path, generation: int) -> str:
+def text(values: Any, name: str, generation: int = 1) -> str:
+    """What is written into a file of that name."""
     whole = json.loads(json.dumps(values))  # as it is read again
     at_s = time.time()
-    seal = {"generation": generation, "at_s": at_s, "sha256": _sum(file.name, generation, at_s, whole)}
+    seal = {"generation": generation, "at_s": at_s, "sha256": _sum(name, generation, at_s, whole)}
     return json.dumps({**_as_object(whole), SEAL: seal})
 
 
-def read(file: Path, name: str = "") -> Any:
-    """The values of a file; ``name``: that it was written by, if it is a copy.
+INDENTED = "{\n"  # so records of runs and drives began before they had seals
+
+
+def read(
+    file: Path, name: str = "", within: Path | None = None, shared: bool = False, older: str = ""
+) -> Any:
+    """The values of a file; ``name``: that it was written by, if it is a copy; ``within`` and ``shared``: as
+    ``own_files`` has them; ``older``: what one without a seal begins with.
 
     Raises Damaged, FileNotFoundError or another OSError.
     """
-    values, seal = _parted(file, name)
+    values, seal = _parted(file, name, within, shared, older)
     if seal is None:
-        if (file.parent / MARK).exists():
+        if _must_have_one(file):
             raise Damaged(said("sealed.none"))
         return values
     earlier = None
@@ -94,46 +104,81 @@ def written_s(file: Path) -> float:
     return float(seal["at_s"]) if seal is not None else file.lstat().st_mtime
 
 
-def line(values: Mapping[str, Any]) -> str:
-    """A line of a file that grows, with its own sum."""
+def line(values: Mapping[str, Any], number: int = 0) -> str:
+    """A line of a file that grows, with its own sum; ``number``: in a file where none may be left out."""
     whole = json.loads(json.dumps(values))
-    return json.dumps({**whole, SUM: _sum("", 0, 0, whole)}) + "\n"
+    return json.dumps({**whole, SUM: _sum("", number, 0, whole)}) + "\n"
 
 
-def of_line(text: bytes | str, folder: Path) -> dict[str, Any]:
-    """The values of a line of a file in ``folder``. Raises Damaged."""
+def of_line(text: bytes | str, file: Path | None = None, number: int = 0) -> dict[str, Any]:
+    """The values of a line of a file; ``file``: one that an older version may have written without sums.
+
+    The end of the last line may be another character than it was. Raises Damaged.
+    """
+    try:
+        return _of_line(text, file, number)
+    except Damaged:
+        if text[-1:] in (b"\n", "\n"):
+            raise
+        return _of_line(text[:-1], file, number)
+
+
+def _of_line(text: bytes | str, file: Path | None, number: int) -> dict[str, Any]:
     try:
         whole = dict(json.loads(text))
     except (ValueError, TypeError, RecursionError) as error:
         raise Damaged(said("sealed.unread", why=str(error))) from error
     found = whole.pop(SUM, None)
-    if found is None and (folder / MARK).exists():
+    if found is None and (file is None or _must_have_one(file)):
         raise Damaged(said("sealed.none"))
-    if found is not None and found != _sum("", 0, 0, whole):
+    if found is not None and found != _sum("", number, 0, whole):
         raise Damaged(said("sealed.other"))
     return whole
 
 
 def adopt(folder: Path, names: Iterable[str]) -> None:
-    """Seals what an older version has written, and marks the folder. Raises OSError."""
-    if (folder / MARK).exists():
-        return
-    for name in names:
+    """Seals what an older version has written without, and notes that these have seals. Raises OSError."""
+    marked, wanted = _marked(folder), sorted(names)
+    for name in wanted:
         with contextlib.suppress(FileNotFoundError, Damaged):
+            if name in marked or name.endswith(LINES):
+                continue
             values, seal = _parted(folder / name)
             if seal is None:
-                atomic_file.write(folder / name, _text(values, folder / name, 1))
-    atomic_file.write(folder / MARK, "1\n")
+                atomic_file.write(folder / name, text(values, name))
+    if not marked.issuperset(wanted):
+        atomic_file.write(folder / MARK, "".join(f"{name}\n" for name in sorted(marked.union(wanted))))
 
 
-def _parted(file: Path, name: str = "") -> tuple[Any, dict[str, Any] | None]:
+def is_sealed(file: Path, within: Path | None = None) -> bool:
+    """Whether it has a seal, and not of an older version. Raises as ``read``."""
+    return _parted(file, within=within)[1] is not None
+
+
+def _must_have_one(file: Path) -> bool:
+    return file.name.removesuffix(BEFORE) in _marked(file.parent)
+
+
+def _marked(folder: Path) -> set[str]:
+    """Names of files that have seals; a mark that is damaged is written anew by ``adopt``."""
+    with contextlib.suppress(*UNREADABLE):
+        return set(own_files.read_text(folder / MARK).split())
+    return set()
+
+
+def _parted(
+    file: Path, name: str = "", within: Path | None = None, shared: bool = False, older: str = ""
+) -> tuple[Any, dict[str, Any] | None]:
     """Values and seal, which fits them; None: it has none. Raises as ``read``."""
     name = name or file.name.removesuffix(BEFORE)
     try:
-        whole = json.loads(own_files.read_text(file))
+        data = own_files.read_text(file, within, shared)
+        whole = json.loads(data)
     except (ValueError, RecursionError) as error:
         raise Damaged(said("sealed.unread", why=str(error))) from error
     if not isinstance(whole, dict) or SEAL not in whole:
+        if not data.startswith(older) or _has_a_damaged_seal(whole):
+            raise Damaged(said("sealed.none"))
         return whole, None
     seal = whole.pop(SEAL)
     values = whole[VALUE] if whole.keys() == {VALUE} else whole
@@ -144,6 +189,12 @@ def _parted(file: Path, name: str = "") -> tuple[Any, dict[str, Any] | None]:
     if not fits:
         raise Damaged(said("sealed.other"))
     return values, seal
+
+
+def _has_a_damaged_seal(whole: Any) -> bool:
+    """Whether there is one under another name."""
+    rows = whole.values() if isinstance(whole, dict) else ()
+    return any(isinstance(row, dict) and len(_OF_A_SEAL & row.keys()) > 1 for row in rows)
 
 
 def _generation(file: Path) -> int:

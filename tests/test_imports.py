@@ -27,19 +27,20 @@ ARROWS: dict[str, set[str]] = {
     "memory": set(),  # what a process keeps, and gives back
     "motion": {"geometry", "machine"},  # what both sides compute alike
     "messages": set(),  # texts, a file per language
-    "state": {"faults", "geometry", "machine", "motion", "messages"},
-    "ipc": {"motion", "state", "messages", "atomic_file"},  # between the processes
+    "state": {"sealed_file", "faults", "geometry", "machine", "motion", "messages"},
+    "ipc": {"motion", "state", "messages", "atomic_file", "sealed_file"},  # between the processes
     "one_thread": set(),  # numpy's libraries, before they are loaded
     "version": set(),
     "workers": {"messages", "one_thread"},  # work that is spread over processes
     "program": {"geometry", "machine", "messages"},
-    "plan": {"geometry", "machine", "motion", "state", "messages", "memory", "ipc", "program"},
+    "plan": {"geometry", "machine", "motion", "state", "messages", "memory", "ipc", "program", "sealed_file"},
     "tick": {"geometry", "machine", "motion", "state", "ipc"},
     "verify": VALUES | {"workers", "memory", "ipc", "program", "plan"},
     # The machine's own geometry, and how a part lies, from what was measured.
     "calibration": VALUES | {"atomic_file", "program", "plan"},
     # Puts the parts together: clock, tick, plan and drives.
-    "runtime": VALUES | {"workers", "memory", "ipc", "program", "plan", "tick", "verify", "one_thread"},
+    "runtime": VALUES
+    | {"sealed_file", "workers", "memory", "ipc", "program", "plan", "tick", "verify", "one_thread"},
     # The process of `serve`: parent of tick and plan, and the far side of the control socket.
     "service": VALUES | {"atomic_file", "sealed_file", "memory", "ipc", "program", "plan", "tick", "runtime"},
     "api": VALUES | {"atomic_file", "sealed_file", "ipc", "program", "plan", "verify", "calibration"},

@@ -119,7 +119,8 @@ def restore(
     if machine_file is not None:
         texts[machine_file] = config.alone(contents.machine)
     if machine_file is not None or before is None:
-        texts[store.folder / setup_data.MACHINE] = setup_data.note_of(contents.machine)
+        note = store.folder / setup_data.MACHINE
+        texts[note] = sealed_file.next_text(note, setup_data.note_of(contents.machine))
     with contextlib.ExitStack() as work:
         replaced = machine_file if machine_file is not None and machine_file.exists() else None
         done = list[Said]()

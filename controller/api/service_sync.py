@@ -17,7 +17,8 @@ from controller import sealed_file
 from controller.api.database import Database
 from controller.api.records import Values
 from controller.machine import setup_data
-from controller.state.record_files import RUN, RUNS
+from controller.machine.toml_table import ConfigError
+from controller.state.record_files import RUN, RUNS, facts
 
 ALARMS = "alarms.jsonl"
 BY_SERVICE = "at the machine"  # who acknowledged, where the service does not say
@@ -46,10 +47,10 @@ class Gatherer:
         try:
             if (stamp := _stamp(file)) == self._fitted:
                 return 0
-            told: dict[str, Any] = dict(json.loads(file.read_text(encoding="utf-8")))
+            told = setup_data.load(self._state)
             offsets, tools = dict(told.get("offsets") or {}), dict(told.get("tools") or {})
             numbered = {int(number): tool for number, tool in tools.items()}
-        except (OSError, ValueError, TypeError):
+        except (OSError, ValueError, TypeError, ConfigError):
             return 0
         with self._database.write() as sql:
             Values(self._database, "offsets", "name", "facts").replace(offsets, BY_SERVICE, sql)
@@ -96,7 +97,7 @@ def _stamp(file: Path) -> tuple[int, int]:
 def _alarm(sql: sqlite3.Connection, line: str, state: Path) -> bool:
     """One line, unless it is cut off; a later line of the same alarm adds to it."""
     with contextlib.suppress(ValueError, KeyError, TypeError):
-        told = sealed_file.of_line(line, state)
+        told = sealed_file.of_line(line, state / ALARMS)
         source = f"{int(told['id'])} {float(told['time_s'])!r}"
         values = (
             float(told["time_s"]),
@@ -124,7 +125,7 @@ def _alarm(sql: sqlite3.Connection, line: str, state: Path) -> bool:
 def _run(file: Path) -> tuple[Any, ...] | None:
     """The row of a run; None for what is no record."""
     with contextlib.suppress(OSError, ValueError, KeyError, TypeError):
-        told: dict[str, Any] = dict(json.loads(file.read_text(encoding="utf-8")))
+        told = facts(file.parent, within=file.parent.parent.parent)
         return (
             str(told.get("name") or "MDI"),
             str(told.get("sha256") or ""),

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
-import json
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -24,6 +23,7 @@ from controller.runtime import events
 from controller.runtime.checked import Task, Walk
 from controller.runtime.events import Recorded
 from controller.runtime.setpoints import ACTUAL, SETPOINTS, Counts, counts_per_unit
+from controller.state import record_files
 from controller.state.record_files import BEGUN, RUN
 from controller.verify.console import Refused, say
 
@@ -185,8 +185,8 @@ def expected() -> tuple[type[Exception], ...]:
 def _facts(folder: Path) -> dict[str, Any]:
     """What is known of a run: of one that was killed only how it began."""
     for name in (RUN, BEGUN):
-        with contextlib.suppress(OSError, ValueError, TypeError):
-            return dict(json.loads(own_files.read_text(folder / name, shared=True)))
+        with contextlib.suppress(OSError, ValueError):
+            return record_files.facts(folder, name)
     return {}
 
 

@@ -28,7 +28,7 @@ from concurrent.futures import Future
 from pathlib import Path
 from typing import Any
 
-from controller import atomic_file, messages, own_files
+from controller import atomic_file, messages, own_files, sealed_file
 from controller.ipc import internal_error
 from controller.messages import Key, Said, plain, said
 
@@ -114,10 +114,10 @@ def last_told(state: Path, what: str) -> Values:
     """
     try:
         file = state / LAST
-        told, ago_s = unpacked(own_files.read_bytes(file)) or {}, time.time() - file.lstat().st_mtime
-    except OSError:
+        told, ago_s = sealed_file.read(file), time.time() - file.lstat().st_mtime
+    except (OSError, ValueError):
         return {}
-    found = told.get(what)
+    found = told.get(what) if isinstance(told, dict) else None
     return {**found, "gone_s": max(0.0, ago_s)} if isinstance(found, dict) else {}
 
 
@@ -265,21 +265,21 @@ def packed(told: Values) -> bytes:
     try:
         return _text(told)
     except (TypeError, ValueError):  # seldom, and to look for it first would cost more than to write
-        return _text(_plain(told))
+        return _text(as_json(told))
 
 
 def _text(told: Values) -> bytes:
     return json.dumps(told, allow_nan=False, separators=(",", ":")).encode()
 
 
-def _plain(value: Any) -> Any:
+def as_json(value: Any) -> Any:
     """JSON has no infinity and no not-a-number; what is unknown is null."""
     if isinstance(value, float):
         return value if math.isfinite(value) else None
     if isinstance(value, Mapping):
-        return {str(key): _plain(one) for key, one in value.items()}
+        return {str(key): as_json(one) for key, one in value.items()}
     if isinstance(value, list | tuple):
-        return [_plain(one) for one in value]
+        return [as_json(one) for one in value]
     return value
 
 

@@ -15,7 +15,7 @@ from enum import Enum
 from pathlib import Path
 from typing import NamedTuple
 
-from controller import atomic_file, own_files
+from controller import atomic_file, own_files, sealed_file
 from controller.machine.model import Machine
 from controller.messages import Said, plain
 from drives.arranged import Arranged
@@ -31,7 +31,10 @@ class Found(NamedTuple):
 
 
 def save(where: Path, machine: Machine, drives: Sequence[Arranged]) -> Path:
-    """Keep it instead of what was known before. Raises OSError."""
+    """Keep it instead of what was known before. Raises OSError.
+
+    Damaged, it is as good as not there: it is read from the drives again.
+    """
     own_files.make_folder(where, where.parent)
     before = load(where, machine)
     kept = {one.name: one for one in before.drives} if before else {}
@@ -39,16 +42,16 @@ def save(where: Path, machine: Machine, drives: Sequence[Arranged]) -> Path:
     at = time.strftime("%Y-%m-%dT%H:%M:%S", time.localtime())
     facts = {"machine": machine.name, "at": at, "drives": [asdict(one) for one in kept.values()]}
     file = _file(where, machine)
-    atomic_file.write(file, json.dumps(facts, indent=1) + "\n", where.parent)
+    atomic_file.write(file, sealed_file.text(facts, file.name), where.parent)
     return file
 
 
 def load(where: Path, machine: Machine) -> Found | None:
     """What is kept of this machine; None where nothing is, or nothing that can be read."""
     try:
-        facts = json.loads(own_files.read_text(_file(where, machine), where.parent))
+        facts = sealed_file.read(_file(where, machine), within=where.parent, older=sealed_file.INDENTED)
         return Found(str(facts["at"]), tuple(_one(**row) for row in facts["drives"]))
-    except (OSError, ValueError, KeyError, TypeError, RecursionError):
+    except (OSError, ValueError, KeyError, TypeError):
         return None
 
 

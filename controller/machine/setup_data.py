@@ -18,14 +18,14 @@ file of its own, for a backup that is brought back says nothing of it.
 
 from __future__ import annotations
 
-import json
+import logging
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from controller import atomic_file, own_files, sealed_file
+from controller import atomic_file, sealed_file
 from controller.geometry.vectors import ZERO, Frame
 from controller.machine import machine_file, offset_table
 from controller.machine.changes import located
@@ -53,6 +53,7 @@ _OF_TOOLS = (
     "centre_cutting"
 )
 Values = Mapping[str, Any]
+_log = logging.getLogger(__name__)
 
 
 def load(state: Path) -> dict[str, Any]:
@@ -92,13 +93,24 @@ def put_in(state: Path, number: int) -> None:
 
 
 def note(state: Path, machine: Machine) -> None:
-    """Note the machine file that a service runs on. Raises OSError."""
-    atomic_file.note(state / MACHINE, note_of(machine))
+    """Note the machine file that a service runs on. Raises OSError.
+
+    One that is noted is not written: a full disk forbids no second start.
+    """
+    file, values = state / MACHINE, note_of(machine)
+    try:
+        if sealed_file.read(file) == values and sealed_file.is_sealed(file):
+            return
+    except FileNotFoundError:
+        pass
+    except (OSError, ValueError) as error:
+        _log.warning("%s cannot be read (%s), and is written anew.", file, error)
+    atomic_file.write(file, sealed_file.next_text(file, values))
 
 
-def note_of(machine: Machine) -> str:
+def note_of(machine: Machine) -> dict[str, Any]:
     """What notes a machine file, as it stands in its own."""
-    return json.dumps({"name": machine.name, "text": machine.text})
+    return {"name": machine.name, "text": machine.text}
 
 
 def machine(state: Path) -> Machine:
@@ -112,9 +124,9 @@ def machine(state: Path) -> Machine:
 def noted(state: Path) -> Machine:
     """The machine that ``note`` noted, as its builder wrote it; raises as ``machine`` does."""
     try:
-        found = json.loads(own_files.read_text(state / MACHINE))
+        found = sealed_file.read(state / MACHINE)
         text, name = str(found["text"]), str(found["name"])
-    except (KeyError, TypeError, RecursionError) as error:
+    except (sealed_file.Damaged, KeyError, TypeError) as error:
         raise ValueError(f"{state / MACHINE} is no note of a machine file") from error
     return machine_file.read(text, name)
 

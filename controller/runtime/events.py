@@ -25,12 +25,14 @@ says that its tick sent no SYNC: ``tick`` is the next one that did.
 
 from __future__ import annotations
 
+import contextlib
 import json
 import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from controller import sealed_file
 from controller.commands.table import MAX_OVERRIDE, SWITCHED
 from controller.ipc.handoff import Jog
 from controller.messages import Key, TextError, said
@@ -147,18 +149,42 @@ def _lines(path: Path) -> list[Line | Begin]:
         raise EventError(said("events.unreadable", path=path, why=error)) from error
     lines = text.splitlines()
     is_record = bool(lines) and '"request": "begin"' in lines[0]
-    if is_record and not text.endswith("\n"):
+    is_summed = is_record and f'"{sealed_file.SUM}": ' in text  # those of older versions are not
+    if is_record and not text.endswith("\n") and not (is_summed and _is_whole(lines)):
         del lines[-1]  # its writer did not live to write it to its end
     keys = _RECORDED_KEYS if is_record else _KEYS
-    return [_line(f"{path}:{n}", line, keys) for n, line in enumerate(lines, 1) if line.strip()]
+    numbered = ((n, f"{path}:{n}", line) for n, line in enumerate(lines, 1) if line.strip())
+    if is_summed:
+        return [_line(where, _summed(where, line, n), keys) for n, where, line in numbered]
+    return [_line(where, _unpacked(where, line), keys) for _, where, line in numbered]
 
 
-def _line(where: str, line: str, keys: frozenset[str]) -> Line | Begin:
+def _is_whole(lines: list[str]) -> bool:
+    """Whether the last line lacks nothing but the character that ends it."""
+    with contextlib.suppress(sealed_file.Damaged):
+        sealed_file.of_line(lines[-1], number=len(lines))
+        return True
+    return False
+
+
+def _summed(where: str, line: str, number: int) -> dict[str, Any]:
+    """Of a record: as it was written. Raises EventError."""
     try:
-        data = json.loads(line)
+        return sealed_file.of_line(line, number=number)
+    except sealed_file.Damaged as error:
+        raise EventError(said("events.damaged", where=where, why=error.said)) from error
+
+
+def _unpacked(where: str, line: str) -> Any:
+    """Raises EventError."""
+    try:
+        return json.loads(line)
     except (ValueError, RecursionError) as error:  # also numbers of thousands of digits
         why = error.msg if isinstance(error, json.JSONDecodeError) else Key("events.too_long")
         raise EventError(said("events.no_json", where=where, why=why)) from error
+
+
+def _line(where: str, data: Any, keys: frozenset[str]) -> Line | Begin:
     if not isinstance(data, dict) or (unknown := set(data) - keys):
         key = "events.unknown_key" if isinstance(data, dict) else "events.no_object"
         found = sorted(unknown)[0] if isinstance(data, dict) else ""

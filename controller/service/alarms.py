@@ -138,7 +138,7 @@ def _read(file: Path) -> tuple[list[dict[str, Any]], Said | None]:
         if not line.strip():
             continue
         try:
-            alarm = sealed_file.of_line(line, file.parent)
+            alarm = sealed_file.of_line(line, file)
             whole = {**alarm, "id": int(alarm["id"]), "acknowledged_s": alarm["acknowledged_s"]}
             found.append({**whole, "time_s": float(alarm["time_s"]), "name": str(alarm["name"])})
         except kept_file.WRONG as error:

@@ -9,6 +9,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 from controller import sealed_file
+from controller.ipc import control_socket
 from controller.ipc.control_socket import CommandRefused
 from controller.machine import setup_data, tool_store
 from controller.machine.model import Changer, Machine
@@ -17,7 +18,7 @@ from controller.messages import Said
 from controller.runtime.bus_load import overload
 from controller.runtime.plan_messages import News
 from controller.runtime.startup import SessionError
-from controller.service import durations, journal, kept_file, probed, thread_guard, usage
+from controller.service import alarms, durations, journal, kept_file, probed, runs, thread_guard, usage
 from controller.service.alarms import Alarms
 from controller.service.durations import Durations
 from controller.service.engine import Engine
@@ -35,7 +36,7 @@ from controller.service.usage import Usage
 JOURNAL = "journal.json"
 SEALED = (
     *(JOURNAL, usage.FILE, probed.FILE, durations.FILE, thread_guard.FILE),
-    *(setup_data.FILE, setup_data.IN_SPINDLE),
+    *(setup_data.FILE, setup_data.IN_SPINDLE, setup_data.MACHINE, control_socket.LAST),
 )  # what the service keeps of a machine as JSON
 
 
@@ -70,7 +71,9 @@ class Owners:
         for damaged in (*(file.damaged for file in files), *self.set_up.damaged, unread):
             if damaged is not None:
                 self.alarms.add(kept_file.ALARM, damaged)
-        sealed_file.adopt(state, SEALED)
+        for lost in runs.put_damaged_aside(state):
+            self.alarms.add(runs.ALARM, lost)
+        sealed_file.adopt(state, (*SEALED, alarms.FILE))
         self.troubles = Troubles(self.set_up.machine, self.alarms, self.writer)
         self.processes = Processes(self.engine, self.troubles, kept.recordings)
         self.changer = self._opened_changer()

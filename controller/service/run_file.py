@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import contextlib
 import errno
-import json
 import os
 import threading
 from collections import deque
@@ -24,7 +23,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from controller import atomic_file, own_files
+from controller import atomic_file, own_files, sealed_file
 from controller.commands.table import SWITCHES
 from controller.ipc.handoff import (
     BRAKED,
@@ -61,7 +60,7 @@ class RunFile:
         self._rows = {table: own_files.new(folder / table.part, state, buffering=0) for table in TABLES}
         self._events = own_files.new(folder / events.FILE, state, buffering=0)
         self._lock = threading.Lock()  # nobody closes what is just being told to the disk
-        self._kept_bytes = 0
+        self._kept_bytes = self._lines = 0
         self._is_new = dict.fromkeys((*self._rows.values(), self._events), False)
         self.problem: Said | str = ""  # why no more is written
 
@@ -72,8 +71,10 @@ class RunFile:
             self._write(self._rows[table], data)
 
     def events(self, lines: Iterable[dict[str, Any]]) -> None:
-        """Events, a line each."""
-        self._write(self._events, "".join(json.dumps(line) + "\n" for line in lines).encode())
+        """Events, a line each, with sums and in order."""
+        texts = [sealed_file.line(one, number) for number, one in enumerate(lines, self._lines + 1)]
+        self._lines += len(texts)
+        self._write(self._events, "".join(texts).encode())
 
     def _write(self, file: Any, data: bytes) -> None:
         if not data or self.problem:

@@ -21,7 +21,6 @@ a clock. What the planner made of it depends on when it looked, so its turns are
 from __future__ import annotations
 
 import contextlib
-import json
 import os
 import re
 import time
@@ -33,10 +32,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from controller import atomic_file, own_files
+from controller import atomic_file, own_files, sealed_file
 from controller.ipc.handoff import COLUMN, Snapshot, of_axes
 from controller.machine.model import Machine
-from controller.messages import Said, reason
+from controller.messages import Said, reason, said
 from controller.runtime import events
 from controller.runtime.plan_messages import Program, Turn
 from controller.runtime.recording import forget_oldest, new_folder
@@ -50,6 +49,7 @@ from controller.state.modes import Mode
 
 FOLDER, RUN, BEGUN = record_files.RUNS, record_files.RUN, record_files.BEGUN
 KEPT = 200
+ALARM = "RECORD_DAMAGED"
 _STEM, _TIME = "%Y-%m-%dT%H%M%S", "2026-11-21T083120"
 LAG_TICKS = 2  # from a setpoint to the feedback that can have followed it
 
@@ -259,7 +259,7 @@ class RunRecord:
 
 
 def _write_facts(file: Path, facts: dict[str, Any]) -> None:
-    atomic_file.write(file, json.dumps(facts, indent=1), file.parent.parent.parent)
+    atomic_file.write(file, sealed_file.text(facts, file.name), file.parent.parent.parent)
 
 
 def _stem(name: str) -> str:
@@ -280,11 +280,24 @@ def list_runs(state: Path, most: int = 100) -> list[dict[str, Any]]:
 
 
 def _read(state: Path, name: str, file: str) -> dict[str, Any]:
-    """The facts of a run's file; nothing where they are not there, or cannot be read."""
-    with contextlib.suppress(OSError, ValueError, RecursionError):
-        facts = json.loads(own_files.read_text(state / FOLDER / name / file, state))
-        return facts if isinstance(facts, dict) else {}
+    """The facts of a run's file; nothing where they are not there, damaged, or of another run."""
+    with contextlib.suppress(OSError, ValueError):
+        return record_files.facts(state / FOLDER / name, file, state)
     return {}
+
+
+def put_damaged_aside(state: Path) -> list[Said]:
+    """Ends of runs that cannot be read; what an alarm says of each. Such a run is lost from then on."""
+    found = []
+    for name in own_files.names(state / FOLDER, state):
+        file = state / FOLDER / name / RUN
+        if os.path.lexists(file) and not _read(state, name, RUN):
+            aside = own_files.put_aside(file, state)
+            found.append(said("record_damaged", file=file, aside=aside.name if aside else "-"))
+            with contextlib.suppress(OSError):
+                if not os.path.lexists(file):
+                    _write_facts(file, {**_of_name(name), **_ended(file.parent, state)})
+    return found
 
 
 def lose(state: Path) -> int:
@@ -300,7 +313,7 @@ def lose(state: Path) -> int:
         with contextlib.suppress(OSError):
             if not os.path.lexists(folder / RUN):  # it was killed between the last two steps of an end
                 begun = _read(state, name, BEGUN)
-                facts = {**(begun or _of_name(name)), "ended_s": _last_s(folder, state), "result": "lost"}
+                facts = {**(begun or _of_name(name)), **_ended(folder, state)}
                 if not begun:
                     own_files.put_aside(folder / BEGUN, state)
                 _write_facts(folder / RUN, facts)
@@ -309,10 +322,11 @@ def lose(state: Path) -> int:
     return lost
 
 
-def _last_s(folder: Path, state: Path) -> float:
-    """When a file of a folder was last written. Raises OSError."""
+def _ended(folder: Path, state: Path) -> dict[str, Any]:
+    """Of a run whose end nobody knows: when a file of its folder was last written. Raises OSError."""
     with own_files.folder(folder, state) as at:
-        return max(os.stat(one, dir_fd=at, follow_symlinks=False).st_mtime for one in os.listdir(at))
+        last_s = max(os.stat(one, dir_fd=at, follow_symlinks=False).st_mtime for one in os.listdir(at))
+    return {"ended_s": last_s, "result": "lost"}
 
 
 def _of_name(name: str) -> dict[str, Any]:

@@ -6,8 +6,8 @@ import contextlib
 import os
 import threading
 
-from controller import atomic_file, messages
-from controller.ipc.control_socket import LAST, Values, packed
+from controller import atomic_file, messages, sealed_file
+from controller.ipc.control_socket import LAST, Values, as_json
 from controller.ipc.handoff import Snapshot, blank
 from controller.machine.model import OFFSETS
 from controller.messages import Said, said
@@ -142,7 +142,7 @@ class Kept:
     def _write(self, told: Values) -> bool:
         """Whether the disk took it."""
         with contextlib.suppress(OSError):
-            atomic_file.write(self._file, packed(told).decode())
+            atomic_file.write(self._file, sealed_file.text(as_json(told), LAST))
             return True
         return False
 

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Final
+from pathlib import Path
+from typing import Any, Final
+
+from controller import sealed_file
+from controller.messages import said
 
 RECORDINGS: Final = "recordings"  # a folder for each fault
 RUNS: Final = "runs"  # a folder for each run, with ...
@@ -14,3 +18,18 @@ MACHINE: Final = "machine.toml"
 SETPOINTS: Final = "setpoints.npz"  # while it goes on, or where it was lost, .part
 ACTUAL: Final = "actual.npz"  # likewise: where the drives were
 TRACE: Final = "trace.npz"  # of a fault: the last seconds before it
+
+
+def facts(folder: Path, name: str = RUN, within: Path | None = None) -> dict[str, Any]:
+    """What a file of a run's folder says of it; ``within``: as ``own_files`` has it.
+
+    A folder that was renamed, or copied elsewhere, keeps its number, but a file of another run that is there
+    has come to a wrong place. Raises OSError, and ValueError for what is damaged.
+    """
+    values = sealed_file.read(folder / name, within=within, shared=True, older=sealed_file.INDENTED)
+    if not isinstance(values, dict):
+        raise sealed_file.Damaged(said("sealed.none"))
+    number = str(values.get("id") or folder.name)
+    if number != folder.name and "/" not in number and (folder.parent / number).is_dir():
+        raise sealed_file.Damaged(said("sealed.other"))
+    return values

@@ -16,10 +16,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from controller import own_files
+from controller import own_files, sealed_file
 from controller.machine.model import Joints, Machine
 from controller.machine.plain import plain
-from controller.messages import Said, said
+from controller.messages import Said, of_error, said
 from controller.motion.motions import Rotaries
 from controller.plan import timetable
 from controller.plan.report.passing import Mark
@@ -30,7 +30,7 @@ from controller.plan.timetable import Event
 from controller.program.program import Place
 from controller.version import VERSION
 
-FORMAT = 6  # of the files
+FORMAT = 7  # of the files
 KEPT = 500  # files; the oldest go
 
 
@@ -108,7 +108,7 @@ def save(stored: Stored, name: str, where: Path) -> Path:
     new = where / f"{name}.{secrets.token_hex(8)}.new"  # several may write it at once
     try:
         with own_files.new(new, where.parent) as out:
-            out.write(json.dumps(values).encode())
+            out.write(sealed_file.text(values, file.name).encode())
             os.fchmod(out.fileno(), 0o640)  # the panel checks, and the service finds it: one group
         own_files.rename(new, file, where.parent)
     finally:
@@ -127,14 +127,14 @@ def load(name: str, where: Path) -> tuple[Stored | None, Said | str]:
     """The check of that name and "", or None and a warning; the warning is "" where there is none."""
     file = where / f"{name}.json"
     try:
-        text = own_files.read_text(file, where.parent, shared=True)
+        values = sealed_file.read(file, within=where.parent, shared=True)
     except FileNotFoundError:
         return None, ""
-    except (OSError, UnicodeDecodeError) as error:
-        return None, said("stored.unread", file=file, why=error)
+    except (OSError, ValueError) as error:
+        return None, said("stored.unread", file=file, why=of_error(error))
     try:
-        return _stored(json.loads(text), name), ""
-    except (ValueError, KeyError, TypeError, RecursionError):
+        return _stored(values, name), ""
+    except (ValueError, KeyError, TypeError):
         return None, said("stored.of_another", file=file)
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import json
 import shutil
 import sys
 from pathlib import Path
@@ -13,6 +12,7 @@ import pytest
 from support.machines.recording_bench import RecordedBench
 from support.machines.stepped_runs import shipped
 
+from controller import sealed_file
 from controller.api import run_report
 from controller.api.run_verdicts import AS_CUT, NothingToJudge, RunVerdicts
 from controller.api.service_sync import Gatherer
@@ -46,8 +46,7 @@ def store(tmp_path: Path, records: dict[str, Path]) -> Any:
     for record in records.values():
         shutil.copytree(record, tmp_path / "state" / "runs" / record.name)
         file = tmp_path / "state" / "runs" / record.name / "run.json"
-        facts = json.loads(file.read_text())
-        file.write_text(json.dumps({"sha256": "0" * 64, **facts}))
+        file.write_text(sealed_file.text({"sha256": "0" * 64, **sealed_file.read(file)}, file.name))
     store = Store(tmp_path / "state")
     Gatherer(store.database, store.folder).gather()
     yield store

@@ -97,7 +97,7 @@ def test_an_acknowledgement_of_either_side_counts_and_is_not_undone(store: Store
 
 def test_runs_are_taken_in_when_they_have_ended(store: Store) -> None:
     (store.folder / "runs" / "under way").mkdir(parents=True)
-    write_run(store, "r1", json.dumps(RUN))
+    write_run(store, "r1", json.dumps(RUN, indent=1))
     gatherer = Gatherer(store.database, store.folder)
     assert gatherer.gather() and not gatherer.gather()
     [run] = store.runs.list()
@@ -110,7 +110,7 @@ def test_a_record_that_could_not_be_read_at_first_is_listed_later(store: Store) 
     write_run(store, "r", "{")
     gatherer = Gatherer(store.database, store.folder)
     assert not gatherer.gather()
-    write_run(store, "r", json.dumps(RUN))
+    write_run(store, "r", json.dumps(RUN, indent=1))
     assert gatherer.gather() and len(store.runs.list()) == 1
 
 

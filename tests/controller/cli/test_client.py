@@ -17,6 +17,7 @@ from support.fakes.fake_socket import PROBED, tools_of
 from support.fakes.noting_door import NotingDoor
 from typer.testing import CliRunner, Result
 
+from controller import sealed_file
 from controller.__main__ import app
 from controller.api.answers import Refusal
 from controller.api.app_state import Panel
@@ -24,7 +25,7 @@ from controller.api.service_client import Watch
 from controller.api.users import new_token
 from controller.cli import client as verbs
 from controller.cli import client_lists, remote
-from controller.ipc.control_socket import LAST, packed
+from controller.ipc.control_socket import LAST
 from controller.machine import machine_file
 from controller.messages import plain
 from controller.state.modes import Fault, told
@@ -469,7 +470,7 @@ def test_of_a_service_that_is_gone_the_last_is_shown_as_old_and_the_exit_code_sa
     job = {"name": "part.ngc", "line": 8, "state": "fault", "left_s": 50.0, "elapsed_s": 29.0}
     joint = {"machine": 148.983, "work": 52.983}
     last = {"mode": "FAULT", "fault": None, "job": job, "joints": {"Y": joint}}
-    (panel.store.folder / LAST).write_bytes(packed({"status": last, "facts": {}}))
+    (panel.store.folder / LAST).write_text(sealed_file.text({"status": last, "facts": {}}, LAST))
     shown = run("status")
     assert shown.exit_code == 1
     assert all(one in shown.output for one in ("no service", "148.983", "line 8", "0:29", "0:50"))

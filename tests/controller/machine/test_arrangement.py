@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 from support.machines.shipped_kinds import machine
 
+from controller import sealed_file
 from controller.machine import arrangement
 from controller.machine.model import Limits
 from drives.arranged import Arranged
@@ -49,7 +50,8 @@ def test_notes_of_before_they_had_keys_are_words(tmp_path: Path) -> None:
     made = machine()
     file = arrangement.save(tmp_path / "found", made, [X])
     facts = json.loads(file.read_text())
+    del facts[sealed_file.SEAL]
     facts["drives"][0]["notes"] = ["It stops late."]
-    file.write_text(json.dumps(facts))
+    file.write_text(json.dumps(facts, indent=1))
     found = arrangement.load(tmp_path / "found", made)
     assert found is not None and found.drives[0].notes == (plain("It stops late."),)

@@ -33,12 +33,12 @@ def test_on_a_full_disk_the_reserve_takes_the_alarm(tmp_path: Path, monkeypatch:
 
 def test_no_flip_of_a_bit_changes_what_an_alarm_says(tmp_path: Path) -> None:
     Alarms(tmp_path).add("ESTOP", said("stopped"), axis="X")
-    sealed_file.adopt(tmp_path, ())
+    sealed_file.adopt(tmp_path, [alarms.FILE])
     file = tmp_path / alarms.FILE
     whole = file.read_bytes()
     known = alarms._read(file)
     assert known[1] is None
-    for at in range(8 * (len(whole) - 1)):
+    for at in range(8 * len(whole)):
         flipped = bytearray(whole)
         flipped[at // 8] ^= 1 << at % 8
         file.write_bytes(flipped)

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from support.machines.stepped_runs import shipped
 
+from controller import sealed_file
 from controller.ipc.handoff import COLUMN, ROW
 from controller.runtime.plan_messages import Program, Turn
 from controller.runtime.starts import Start
@@ -172,7 +173,8 @@ def test_what_was_taken_can_be_read_before_anybody_closes_the_files(tmp_path: Pa
     for table in runs.TABLES:
         assert (record.folder / table.part).stat().st_size == 1000 * table.row_bytes
     record.planned((Turn(500, 0.05),), {})
-    (begin, plan) = [json.loads(line) for line in (record.folder / "events.jsonl").read_text().splitlines()]
+    lines = (record.folder / "events.jsonl").read_text().splitlines()
+    (begin, plan) = [sealed_file.of_line(line, number=number) for number, line in enumerate(lines, 1)]
     assert begin["request"] == "begin" and begin["value"]["machine_sha256"]
     assert plan == {"tick": 501, "at": 501, "request": "plan", "value": 0.05}
 

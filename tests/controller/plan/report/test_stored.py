@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
 
 import pytest
 from support.machines.shipped_kinds import machine
 
+from controller import sealed_file
 from controller.geometry.vectors import Frame
 from controller.machine.model import Tool
 from controller.messages import said, text
@@ -84,7 +84,7 @@ def test_a_file_under_a_foreign_name_is_no_check(tmp_path):
     file = stored.save(CHECK, "A", tmp_path)
     file.rename(tmp_path / "B.json")
     found, warning = stored.load("B", tmp_path)
-    assert found is None and "not a stored check of this program" in text(warning)
+    assert found is None and "the program is checked again" in text(warning)
 
 
 @pytest.mark.parametrize(
@@ -92,7 +92,7 @@ def test_a_file_under_a_foreign_name_is_no_check(tmp_path):
 )
 def test_a_field_that_makes_no_sense_is_no_check(tmp_path, field, value):
     file = stored.save(CHECK, "A", tmp_path)
-    file.write_text(json.dumps(json.loads(file.read_text()) | {field: value}))
+    file.write_text(sealed_file.text(sealed_file.read(file) | {field: value}, file.name))
     assert stored.load("A", tmp_path)[0] is None
 
 

@@ -1,0 +1,183 @@
+"""Whatever becomes of the bytes of what a state folder keeps, no other values come out without a word.
+
+A word is an error, an alarm, or that nothing is known: never the values of before with one of them changed.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import random
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import pytest
+from support.suite.seed import SEED
+
+from controller import sealed_file
+from controller.ipc import control_socket
+from controller.machine import arrangement, machine_file, setup_data
+from controller.plan.report import stored
+from controller.runtime import events
+from controller.runtime.starts import Start
+from controller.service import owners, runs
+from controller.state import record_files
+from drives.arranged import Arranged
+
+MACHINE = machine_file.load("trunnion")
+RUN = "2026-11-21T083120.042-part.ngc"
+FACTS = {
+    "id": RUN,
+    "name": "part.ngc",
+    "started_s": 1.5e9,
+    "ended_s": 1.6e9,
+    "result": "completed",
+    "cut_time_s": 7.25,
+}
+DRIVE = Arranged("X", (("6085h", 900), ("605Ah", 6)), 0.25, 900.0, 100.0, ("It stops late.",))  # type: ignore[arg-type]
+WORDS = (OSError, ValueError, events.EventError)
+
+
+class Kind(NamedTuple):
+    """A file as ``make`` leaves it in a state folder, and what ``read`` makes of it: None is a word, too."""
+
+    make: Callable[[Path], Path]
+    read: Callable[[Path], Any]
+
+
+def _noted(state: Path) -> Path:
+    setup_data.note(state, MACHINE)
+    return state / setup_data.MACHINE
+
+
+def _last(state: Path) -> Path:
+    file = state / control_socket.LAST
+    file.write_text(sealed_file.text({"status": {"mode": "OFF", "joints": {"X": 12.5}}}, file.name))
+    return file
+
+
+def _status(state: Path) -> Any:
+    found = control_socket.last_told(state, "status")
+    found.pop("gone_s", None)
+    return found or None
+
+
+def _arranged(state: Path) -> Path:
+    return arrangement.save(state / arrangement.FOLDER, MACHINE, [DRIVE])
+
+
+def _checked(state: Path) -> Path:
+    return stored.save(stored.Stored(700, 1.4, 3, {1: (0.25, 0.5)}), "a" * 64, state / "checks")
+
+
+def _ended(state: Path) -> Path:
+    file = state / record_files.RUNS / RUN / record_files.RUN
+    file.parent.mkdir(parents=True)
+    runs._write_facts(file, FACTS)
+    return file
+
+
+def _events(state: Path) -> Path:
+    file = state / events.FILE
+    start = Start((0.0, 1.0, 2.0, 0.0, 0.0), 0.5).to_dict()
+    sums = {"program_sha256": "a" * 64, "machine_sha256": "b" * 64}
+    begin = {"tick": -1, "request": events.BEGIN, "value": {**start, **sums, "fitted": {}}}
+    lines = [
+        begin,
+        {"tick": 7, "at": 90, "request": "override", "value": 0.8},
+        {"tick": 9, "at": 92, "request": "hold"},
+    ]
+    file.write_text("".join(sealed_file.line(one, n) for n, one in enumerate(lines, 1)))
+    return file
+
+
+KINDS = {
+    "machine": Kind(_noted, lambda state: setup_data.noted(state).text),
+    "status": Kind(_last, _status),
+    "arranged": Kind(_arranged, lambda state: arrangement.load(state / arrangement.FOLDER, MACHINE)),
+    "check": Kind(_checked, lambda state: stored.load("a" * 64, state / "checks")[0]),
+    "run": Kind(_ended, lambda state: runs.list_runs(state) or None),
+    "events": Kind(_events, lambda state: events.recorded(state / events.FILE)),
+}
+
+
+def harmed(data: bytes, rng: random.Random) -> bytes:
+    """One bit turned over, a piece cut off, left out or doubled, or two pieces exchanged."""
+    a, b, c = sorted(rng.randrange(len(data) + 1) for _ in range(3))
+    kind = rng.randrange(8)
+    if kind < 4:
+        flipped, at = bytearray(data), rng.randrange(8 * len(data))
+        flipped[at // 8] ^= 1 << at % 8
+        return bytes(flipped)
+    return (data[:a], data[:a] + data[b:], data[:b] + data[a:], data[:a] + data[b:c] + data[a:b] + data[c:])[
+        kind - 4
+    ]
+
+
+def hurt(kind: Kind, state: Path, times: int, rng: random.Random) -> int:
+    """How often something was reported."""
+    state.mkdir()
+    file = kind.make(state)
+    sealed_file.adopt(state, owners.SEALED)  # as each start of a service does
+    whole, known, words = file.read_bytes(), kind.read(state), 0
+    assert known is not None
+    for _ in range(times):
+        file.write_bytes(data := harmed(whole, rng))
+        found = None
+        with contextlib.suppress(*WORDS):
+            found = kind.read(state)
+        assert found is None or found == known or cut_short(found, known), (SEED, file.name, data)
+        words += found is None
+    return words
+
+
+def cut_short(found: Any, known: Any) -> bool:
+    """Of a record that grows: what was not written yet when all ended."""
+    return isinstance(found, events.Recorded) and found.lines == known.lines[: len(found.lines)]
+
+
+@pytest.mark.parametrize("name", KINDS)
+def test_no_damage_of_a_file_changes_what_is_read(name: str, tmp_path: Path) -> None:
+    rng = random.Random(f"{SEED}-{name}")
+    assert hurt(KINDS[name], tmp_path / "state", 100, rng) > 70
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", KINDS)
+def test_thousands_of_damages_of_a_file_change_nothing(name: str, tmp_path: Path) -> None:
+    rng = random.Random(f"{SEED}-{name}-slow")
+    assert hurt(KINDS[name], tmp_path / "state", 3000, rng) > 2100
+
+
+@pytest.mark.parametrize("name", ["machine", "status", "arranged", "run"])
+def test_what_an_older_version_wrote_without_a_seal_is_read(name: str, tmp_path: Path) -> None:
+    kind = KINDS[name]
+    file = kind.make(tmp_path)
+    known, values = kind.read(tmp_path), sealed_file.read(file, within=tmp_path)
+    assert sealed_file.is_sealed(file, tmp_path)
+    file.write_text(json.dumps(values, indent=1))
+    assert kind.read(tmp_path) == known and not sealed_file.is_sealed(file, tmp_path)
+
+
+def test_lines_of_a_record_that_are_left_out_or_exchanged_are_noticed(tmp_path: Path) -> None:
+    file = _events(tmp_path)
+    first, second, third = file.read_text().splitlines(keepends=True)
+    for lines in ((first, third), (first, third, second), (first, second, second, third)):
+        file.write_text("".join(lines))
+        with pytest.raises(events.EventError, match=r"events\.jsonl:[23]: this line of the record"):
+            events.recorded(file)
+
+
+def test_the_end_of_a_run_that_is_damaged_or_of_another_is_put_aside_and_reported(tmp_path: Path) -> None:
+    file = _ended(tmp_path)
+    other = file.parent.parent / "2026-11-22T083120.042-other.ngc" / record_files.RUN
+    other.parent.mkdir()
+    other.write_bytes(file.read_bytes())  # it stands in another's place
+    (found,) = runs.put_damaged_aside(tmp_path)
+    assert found["key"] == "record_damaged" and found["values"]["file"] == str(other)
+    listed = {run["name"]: run["result"] for run in runs.list_runs(tmp_path)}
+    assert listed == {"part.ngc": "completed", "other.ngc": "lost"}
+    file.write_bytes(file.read_bytes()[:-30])
+    assert len(runs.put_damaged_aside(tmp_path)) == 1 and not runs.put_damaged_aside(tmp_path)
+    assert file.with_name("run.json.damaged1").exists()
