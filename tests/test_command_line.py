@@ -542,7 +542,7 @@ def test_the_shipped_machining_centre_changes_its_tools_as_its_description_shows
     assert code == 1 and "T7" in found["error"]
 
 
-def test_check_draws_a_picture_of_times_limits_and_travel(tmp_path: Path) -> None:
+def test_check_draws_a_picture_of_path_times_limits_and_travel(tmp_path: Path) -> None:
     picture = tmp_path / "check.png"
     part = tmp_path / "part.ngc"
     part.write_text("G21 G90 G54\nG1 X5. F1000.\nG1 Y7.\nM30\n")

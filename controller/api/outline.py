@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.plan.report.picture import FEED, RAPID, SURFACE, Shape, thin
+from controller.plan.report.picture import FEED, RAPID, SURFACE, Shape, points_of, thin
 
 Array = NDArray[np.float64]
 Places = NDArray[np.bool_]  # of each point: whether the way to it is meant
@@ -50,20 +50,10 @@ def svg(shape: Shape, height_px: int, guilty: Places | None = None) -> str:
 
 
 def guilty_of(shape: Shape, result: Mapping[str, Any]) -> Places:
-    """Which points of a refused program's shape show where it is refused; ``result``: what its check found.
-
-    A line that moves is all of its way. One that does not, or is none that can be read, is the place where
-    the program has come to when it is its turn; where the path itself ends by it, that is the end.
-    """
+    """Which points of a refused program's shape show where; ``result``: what its check found."""
     found = np.zeros(len(shape.tips), dtype=bool)
-    of_text = "refusals" in result
-    for line in result.get("guilty_lines") or () if len(found) else ():
-        moves = shape.lines == line
-        if moves.any():
-            found |= moves
-        else:
-            before = np.flatnonzero(shape.lines < line) if of_text else [len(found) - 1]
-            found[max(before, default=0)] = True
+    for line in result.get("guilty_lines") or ():
+        found |= points_of(line, shape, "refusals" in result)
     return found
 
 

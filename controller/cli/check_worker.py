@@ -14,12 +14,10 @@ folder, with what is fitted laid over. What is found out is kept for the service
 from __future__ import annotations
 
 import contextlib
-import itertools
 import json
 import os
 import sys
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -30,9 +28,8 @@ from controller.messages import of_error, said
 from controller.plan.report.picture import Picture
 from controller.plan.stretch import Stretch
 from controller.program import blocks, linked, refusals
-from controller.program.carried import InForce
 from controller.program.program import Block, ProgramError
-from controller.runtime import checked, children
+from controller.runtime import checked, children, refused_path
 from controller.service.durations import Durations
 from controller.verify.audit import Watched
 from controller.verify.maps import maps
@@ -42,8 +39,7 @@ PICTURES = "pictures"  # of paths, by the name of the check
 # Behind the machine and its page, but somebody waits for it: beside two busy programs of others a nice of 15
 # got 3 % of a core, and a check of six seconds took three minutes.
 NICE = 5
-MAX_DRAWN = 200_000  # blocks of a program that is refused: its sentence is waited for
-MAX_CUTS = 1000  # surfaces whose lengths are told one by one
+MAX_CUTS = 1000  # surfaces, holes and notes that are told one by one
 
 Result = tuple[str, dict[str, Any]]
 Seen = tuple[checked.Task, Mapping[int, Stretch]]
@@ -101,7 +97,8 @@ def check(
     figures = found.to_dict()
     figures["waits_s"] = Durations(state, own=False).sum_s(kept.events)  # as its runs have shown it
     figures["takes_s"] = found.duration_s + figures["waits_s"]
-    figures["cuts_mm"] = figures["cuts_mm"][:MAX_CUTS]
+    for listed in ("cuts_mm", "holes"):
+        figures[listed] = figures[listed][:MAX_CUTS]
     notes = [note.facts for note in kept.notes[:MAX_CUTS]]
     figures["verdict"] = checked.verdict_of(kept)
     figures["fitted"] = setup_data.names(setup_data.load(state))  # what counts instead of the machine file
@@ -119,32 +116,14 @@ def _others(first: ProgramError, task: checked.Task) -> dict[str, Any]:
     return {**said("program.of_several", sentence=first.said, summed=refusals.summed(found)), **facts}
 
 
-class Lenient(checked.Task):
-    """A program that is gone through though it is refused: what cannot be read is left out."""
-
-    def read(self, in_force: InForce | None = None) -> Iterator[Block]:
-        read = blocks.stream(self.text, self.machine, self.name, start=self.start, refused=[])
-        return itertools.islice(read, MAX_DRAWN)
-
-
 def _drawn(task: checked.Task, refused: Mapping[str, Any], folder: Path) -> dict[str, Any]:
-    """Where the picture of what can be seen of a refused program is, and the guilty lines; or nothing.
-
-    Its path goes on behind lines that cannot be read and into walls, and ends where it cannot go.
-    """
-    machine = replace(task.machine, gouge="warn")
-    found = Picture(task.machine, task.kinematics)
-    with contextlib.suppress(Exception):  # no mistake of ours in a picture may cost the sentence
-        walk = checked.path_of(Lenient(task.text, task.name, machine, task.kinematics, task.start))
-        with contextlib.suppress(ProgramError):
-            for _ in found.watched(walk.items):
-                pass
-        shape = found.shape()
-        if len(shape.tips):
-            shape.save(folder / f"{task.key}.npz")
-            places = refused.get("refusals") or [refused]
-            lines = {one["line"] if one["file"] == task.name else one["called_at"] for one in places}
-            return {"pictured": task.key, "guilty_lines": sorted(line for line in lines if line)}
+    """Where the picture of what can be seen of a refused program is, and the guilty lines; or nothing."""
+    shape = refused_path.shape_of(task)
+    if shape is None:
+        return {}
+    with contextlib.suppress(OSError):
+        shape.save(folder / f"{task.key}.npz")
+        return {"pictured": task.key, "guilty_lines": refused_path.guilty_lines(refused, task.name)}
     return {}
 
 

@@ -8,6 +8,7 @@ import sys
 import time
 from collections.abc import Sequence
 from dataclasses import asdict, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple, NoReturn
 
@@ -23,6 +24,7 @@ from controller.machine.toml_table import ConfigError
 from controller.motion.motions import SurfaceCut
 from controller.plan.path.path import Stretch
 from controller.plan.report import stored
+from controller.plan.report.picture import Picture, Shape
 from controller.plan.report.survey import Survey
 from controller.plan.stretch import Note
 from controller.program import linked
@@ -191,9 +193,15 @@ def check(
                 told = messages.said("folder.report_alone", program=program)
                 raise Refused(messages.text(told, spoken.get()))
             task = _task(program, made, block_delete)
-            done = _checked(task, store, as_json, spread)
-        if plot is not None:
-            _draw_check(program, task, done, plot)
+            picture = Picture(made, task.kinematics) if plot is not None else None
+            try:
+                done = _checked(task, store, as_json, spread, picture)
+            except Refused as refusal:
+                if plot is not None:
+                    _draw_refused(task, refusal, plot)
+                raise
+        if plot is not None and picture is not None:
+            _draw_check(program, task, done, picture.shape(), plot)
         if as_json:
             _print_check(program, task, done, sheets, fitted)
         else:
@@ -209,11 +217,23 @@ class _Check(NamedTuple):
     warning: messages.Said | str
 
 
-def _draw_check(program: Path, task: checked.Task, done: _Check, plot: Path) -> None:
-    from controller.verify import check_picture
+def _draw_check(program: Path, task: checked.Task, done: _Check, shape: Shape, plot: Path) -> None:
+    from controller.verify import check_picture, path_picture
 
     title = f"{program.name} on {task.machine.name}"
-    check_picture.draw(done.survey, done.rows.longest, title, plot)
+    named = path_picture.marks((note.place.line for note in done.kept.notes), refused=False)
+    path = partial(path_picture.views, shape=shape, machine=task.machine, named=named)
+    check_picture.draw(done.survey, done.rows.longest, path, title, plot)
+
+
+def _draw_refused(task: checked.Task, refusal: Refused, plot: Path) -> None:
+    """The path of what is refused, as far as it can be seen."""
+    from controller.runtime import refused_path
+    from controller.verify import path_picture
+
+    if (shape := refused_path.shape_of(task)) is not None:
+        named = path_picture.marks(refused_path.guilty_lines(refusal.facts, task.name), refused=True)
+        path_picture.refused(shape, task.machine, named, str(refusal).partition("\n")[0], plot)
 
 
 def check_of(program: Path, task: checked.Task, as_json: bool) -> dict[str, Any]:
@@ -254,6 +274,10 @@ def _show_check(program: Path, task: checked.Task, done: _Check, fitted: Path | 
     _show_notes(kept.notes, task)
     if done.rows.longest:
         show.print(tables.blocks(done.rows))
+    if survey.tools:
+        show.print(tables.tools(survey))
+    if survey.holes:
+        show.print(tables.holes(survey))
     if survey.joints:
         show.print(tables.joints(survey))
     if done.warning:
@@ -264,7 +288,9 @@ def _show_check(program: Path, task: checked.Task, done: _Check, fitted: Path | 
         show.print(form or tables.overcut(kept.overcuts), markup=False)
 
 
-def _checked(task: checked.Task, store: Path | None, quiet: bool, spread: Spread) -> _Check:
+def _checked(
+    task: checked.Task, store: Path | None, quiet: bool, spread: Spread, picture: Picture | None = None
+) -> _Check:
     lines, rows = max(1, task.text.count(b"\n")), Rows()
     try:
         with bar(say("cli.bar.planning"), quiet) as progress:
@@ -273,6 +299,7 @@ def _checked(task: checked.Task, store: Path | None, quiet: bool, spread: Spread
                 store or stored.folder(),
                 rows.take,
                 lambda line: progress(line / lines),
+                watch=picture.watched if picture is not None else iter,
                 spread=spread,
             )
     except ProgramError as error:

@@ -357,12 +357,19 @@ def looked_at(
         place_ahead(asked, spread, _between(done, 0.0, PLACED))
         chosen = chosen_for(asked, _between(done, PLACED, CHOSEN))
         there = asked.begin.modal.tool if asked.begin is not None else TOOL_AT_POWER_ON
-        walk = path_of(asked, chosen, in_spindle=there)
+        in_force = InForce()
+        walk = path_of(replace(asked, in_force=in_force), chosen, in_spindle=there)
         placed = placements.Noted(watch(walk.items))
         watched, passing = Watched(placed), Passing()
         try:
             found = survey.survey(
-                watched, asked.machine, asked.kinematics, tell, lambda line: planned(line / lines), passing
+                watched,
+                asked.machine,
+                asked.kinematics,
+                tell,
+                lambda line: planned(line / lines),
+                passing,
+                in_force,
             )
         except NoLaw as lost:
             raise ProgramError(asked.name, lost.line, 1, said("path.no_law")) from lost

@@ -1,38 +1,47 @@
-"""One picture of a check: what each block takes and is held by, and how much of their limits the axes use.
+"""One picture of a check: the path, what each block takes and is held by, how much of their limits axes use.
 
 matplotlib is imported when a picture is drawn, as in ``plots``.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from controller.plan.report.survey import BlockUse, Survey
 from controller.verify.console import say
+from controller.verify.path_picture import DPI, INCHES
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-INCHES, DPI = (16.0, 9.0), 100
 # Okabe and Ito's palette, as in ``plots``.
 KINDS = {"velocity": "#0072B2", "acceleration": "#E69F00", "jerk": "#CC79A7"}
 USED, ROOM, INK, OVER = "#0072B2", "#DDDDDD", "#222222", "#D55E00"
-FULL = 1.0 + 1e-6  # of a limit
 
 
-def draw(survey: Survey, blocks: Sequence[BlockUse], title: str, path: Path) -> None:
-    """As PNG, 1600 x 900 pixels. ``blocks``: those that take longest, in the program's order."""
+def draw(
+    survey: Survey,
+    blocks: Sequence[BlockUse],
+    path: Callable[[Axes, Axes], None],
+    title: str,
+    file: Path,
+) -> None:
+    """As PNG, 1600 x 1200 pixels. Raises OSError.
+
+    ``blocks``: those that take longest, in the program's order; ``path`` draws both views of it.
+    """
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=INCHES, dpi=DPI, facecolor="white", layout="constrained")
     figure.suptitle(title, color=INK, weight="bold")
-    grid = figure.add_gridspec(2, 2, width_ratios=(1.2, 1.0))
-    _blocks(figure.add_subplot(grid[:, 0]), blocks)
-    _limits(figure.add_subplot(grid[0, 1]), survey)
-    _travel(figure.add_subplot(grid[1, 1]), survey)
-    figure.savefig(path, format="png", dpi=DPI)
+    grid = figure.add_gridspec(6, 2, width_ratios=(1.3, 1.0))
+    path(figure.add_subplot(grid[:4, 0]), figure.add_subplot(grid[4:, 0]))
+    _blocks(figure.add_subplot(grid[:3, 1]), blocks)
+    _limits(figure.add_subplot(grid[3, 1]), survey)
+    _travel(figure.add_subplot(grid[4:, 1]), survey)
+    figure.savefig(file, format="png", dpi=DPI)
 
 
 def _blocks(axes: Axes, blocks: Sequence[BlockUse]) -> None:
@@ -56,10 +65,10 @@ def _blocks(axes: Axes, blocks: Sequence[BlockUse]) -> None:
 
 
 def _limits(axes: Axes, survey: Survey) -> None:
-    """The largest shares of each axis' limits; what is beyond one has another colour."""
+    """The largest shares of each axis' limits; what is over one has another colour."""
     for k, (kind, colour) in enumerate(KINDS.items()):
         shares = [getattr(joint, f"{kind}_share") for joint in survey.joints]
-        colours = [OVER if share > FULL else colour for share in shares]
+        colours = [OVER if kind in joint.over else colour for joint in survey.joints]
         places = [place + 0.27 * (k - 1) for place in range(len(shares))]
         axes.bar(places, [100.0 * share for share in shares], 0.25, color=colours, label=kind)
     axes.axhline(100.0, color=INK, linewidth=1.0)

@@ -15,6 +15,7 @@ from controller.plan.feed.binding import NUMBER_OF_CODES
 from controller.plan.report.stored import Overcut
 from controller.plan.report.survey import MAX_SHARES, BlockUse, Survey
 from controller.plan.report.tally import Bound, Part, bounds
+from controller.plan.report.works import CUTS
 from controller.plan.stretch import motion_named
 from controller.verify.console import say, word
 from controller.verify.rows import Rows as Blocks
@@ -28,6 +29,7 @@ Rows = Iterator[tuple[str, str]]
 MIN_SHARE = 0.005  # of the time; what binds for less is not worth a word in a table
 TWISTED_MM = 1e-4  # less is told as nothing
 MAX_BINDS = 3  # in one row
+MAX_HOLES = 40  # of the table; JSON has more
 
 
 def blocks(rows: Blocks) -> Table:
@@ -103,8 +105,9 @@ def _bound(bound: Bound) -> str:
 
 def whole(found: Survey, program: str, machine: str) -> str:
     """The last lines of ``check``."""
-    works = [say(f"table.work.{one.what}", time=one.time_s, length=one.length_mm) for one in found.work]
-    part = say("table.work_part", parts=", ".join(works)) if works else say("table.no_cut")
+    done = [say(f"table.work.{one.what}", time=one.time_s, length=one.length_mm) for one in found.work]
+    cuts = any(one.what in CUTS for one in found.work)
+    part = say("table.work_part", parts=", ".join(done)) if cuts else say("table.no_cut")
     rows = [say("table.can_run", program=program, machine=machine)]
     rows.append(say("table.in_all", time=found.duration_s, part=part))
     if found.waits_s:
@@ -120,6 +123,39 @@ def overcut(overcuts: Sequence[Overcut]) -> str:
     if worst.mm < TWISTED_MM:
         return say("table.no_overcut")
     return say("table.overcut", um=1e3 * worst.mm, line=worst.line, u=worst.u, v=worst.v)
+
+
+def tools(found: Survey) -> Table:
+    """What each tool does."""
+    heads = ("t", "cut_time", "rapid_time", "cut_length", "speed_range", "feed_range", "deepest")
+    table = headed("table.tools", heads)
+    for use in found.tools:
+        deepest = "" if use.deepest_mm is None else f"{use.deepest_mm:.3f}"
+        times = f"{use.cut_s:.1f}", f"{use.rapid_s:.1f}"
+        ranges = _range(use.spindle_rev_min), _range(use.feed_mm_min)
+        table.add_row(f"T{use.tool}", *times, f"{use.cut_mm:.1f}", *ranges, deepest)
+    return table
+
+
+def _range(ends: tuple[float, float] | None) -> str:
+    low, high = ("", "") if ends is None else (f"{end:.0f}" for end in ends)
+    return low if low == high else f"{low}-{high}"
+
+
+def holes(found: Survey) -> Table:
+    """The first holes of its cycles; figures have their axis where the plane is not that of X and Y."""
+    heads = ("line", "t", "cycle", "offset", "x", "y", "from", "to")
+    table = headed("table.holes", heads, left=("cycle", "offset"))
+    for hole in found.holes[:MAX_HOLES]:
+        first, second, normal = hole.axes
+        axes = (first, second, normal, normal)
+        letters = ("XYZ"[i] if hole.plane != "G17" else "" for i in axes)
+        values = hole.place[first], hole.place[second], hole.begin, hole.end
+        figures = (f"{letter}{value:.3f}" for letter, value in zip(letters, values, strict=True))
+        table.add_row(f"{hole.line}", f"T{hole.tool}", hole.cycle, hole.offset, *figures)
+    if (shown := table.row_count) < found.hole_count:
+        table.caption = say("table.more_holes", shown=shown, all=found.hole_count)
+    return table
 
 
 def bound_in(rows: NDArray[np.float64], machine: Machine) -> tuple[Bound, ...]:

@@ -24,9 +24,10 @@ from numpy.typing import NDArray
 from controller.geometry.arrays import distinct
 from controller.geometry.curves import Even, Line
 from controller.machine.kinematics import Kinematics
-from controller.machine.model import Machine
-from controller.motion.motions import JointMove, SurfaceCut, ToolLine
+from controller.machine.model import Joints, Machine
+from controller.motion.motions import JointMove, SurfaceCut, ToolLine, ToolSpline
 from controller.plan.path.path import joints_along
+from controller.plan.report.works import work_of
 from controller.plan.stretch import Chain, Pause, Stretch
 from controller.program.program import Act
 
@@ -41,6 +42,7 @@ MM_PER_POINT = 0.5  # of a surface or a spline
 MAX_PER_STRETCH = 2_000
 PER_SURFACE = 60  # rulings
 RAPID, FEED, SURFACE = 0, 1, 2
+KINDS = {"rapid": RAPID, "surface": SURFACE}  # of works; all others are at feed
 KEPT = 200  # files; the oldest go
 
 
@@ -81,6 +83,18 @@ def load(file: Path) -> Shape:
     return Shape(**{**values, "tolerance_mm": float(values["tolerance_mm"])})
 
 
+def points_of(line: int, shape: Shape, of_text: bool) -> NDArray[np.bool_]:
+    """Which points (N,) show a line: all of its way, or where the path was when it was its turn.
+
+    ``of_text``: it is refused as text, and the path goes on behind it; else the path ends by it.
+    """
+    found: NDArray[np.bool_] = shape.lines == line
+    if len(found) and not found.any():
+        before = np.flatnonzero(shape.lines < line) if of_text else [len(found) - 1]
+        found[max(before, default=0)] = True
+    return found
+
+
 @dataclass(slots=True)
 class Picture:
     """Takes a path in its order; memory is bounded however long it is."""
@@ -91,11 +105,12 @@ class Picture:
     _poses: Array = field(default_factory=lambda: np.empty((0, 6)))  # tip and axis
     _marks: Whole = field(default_factory=lambda: np.empty((0, 3), dtype=np.int64))  # kind, motion, line
     _slack: Array = field(default_factory=lambda: np.empty(0))  # of what was left out before each point
-    _new: list[tuple[Array, float, int, int, int]] = field(default_factory=list)
+    _new: list[tuple[Array, float, int, int, Whole]] = field(default_factory=list)
     _waiting: int = 0  # points in ``_new``
     _tolerance_mm: float = FIRST_TOLERANCE_MM
     _rulings: list[Array] = field(default_factory=list)
     _motion: int = 0
+    _last: tuple[Joints, float | None] | None = None  # where the path has come to, with which length
     _length_mm: float | None = None  # of the tool in the spindle, as far as the path has told
 
     def watched(self, items: Iterable[Chain | Pause]) -> Iterator[Chain | Pause]:
@@ -143,20 +158,32 @@ class Picture:
         elif self._length_mm is None:
             first = self.machine.tool(self.machine.in_spindle)
             self._length_mm = first.length_mm if first is not None else 0.0
-        kind = SURFACE if stretch.cutting else RAPID if stretch.feed_mm_s is None else FEED
-        joints = self._joints(stretch)
-        self._new.append((joints, self._length_mm or 0.0, kind, self._motion, stretch.place.line))
+        kind = KINDS.get(work_of(stretch), FEED)
+        joints, lines = self._joints(stretch)
+        if self._last == (
+            stretch.start,
+            self._length_mm,
+        ):  # it is there already, as the end of what led to it
+            joints, lines = joints[1:], lines[1:]
+        self._last = stretch.end, self._length_mm
+        self._new.append((joints, self._length_mm or 0.0, kind, self._motion, lines))
         self._waiting += len(joints)
         if isinstance(motion, SurfaceCut) and stretch.cutting:
             self._surface(motion)
 
-    def _joints(self, stretch: Stretch) -> Array:
-        """Joints (n, axes) at so many places that nothing that bends is missed."""
-        n = _places(stretch)
+    def _joints(self, stretch: Stretch) -> tuple[Array, Whole]:
+        """Joints (n, axes) at so many places that nothing that bends is missed, with the lines of the ways."""
+        n, motion, line = _places(stretch), stretch.motion, stretch.place.line
         if n <= 2:
-            return np.array([stretch.start, stretch.end])
-        s = np.linspace(0.0, stretch.motion.end, min(n, MAX_PER_STRETCH))
-        return np.concatenate([[stretch.start], joints_along(stretch, s, self.kinematics), [stretch.end]])
+            return np.array([stretch.start, stretch.end]), np.array([line, line])
+        s = np.linspace(0.0, motion.end, min(n, MAX_PER_STRETCH))
+        lines = np.full(len(s), line)
+        if isinstance(motion, ToolSpline):
+            begins = np.clip(motion.lines_s[: len(motion.lines)], 0.0, motion.end)
+            s = np.unique(np.concatenate([s, begins]))
+            lines = np.array(motion.lines)[np.clip(np.searchsorted(begins, s) - 1, 0, None)]
+        joints = np.concatenate([[stretch.start], joints_along(stretch, s, self.kinematics), [stretch.end]])
+        return joints, np.concatenate([lines[:1], lines, lines[-1:]])
 
     def _gather(self) -> None:
         """New points join the others; too many are thinned."""
@@ -165,7 +192,8 @@ class Picture:
         counts = [len(joints) for joints, *_ in self._new]
         joints, lengths = [one[0] for one in self._new], [one[1] for one in self._new]
         poses = self._forward(np.concatenate(joints), np.repeat(lengths, counts))
-        marks = np.repeat(np.array([one[2:] for one in self._new], dtype=np.int64), counts, axis=0)
+        each = np.repeat(np.array([one[2:4] for one in self._new], dtype=np.int64), counts, axis=0)
+        marks = np.column_stack([each, np.concatenate([one[4] for one in self._new])])
         self._new.clear()
         self._waiting = 0
         self._poses, self._marks = np.concatenate([self._poses, poses]), np.concatenate([self._marks, marks])

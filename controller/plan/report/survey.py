@@ -18,28 +18,24 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from controller.geometry.curves import Line
-from controller.geometry.placement import Placed
-from controller.geometry.surfaces import Cone
-from controller.geometry.vectors import norm, subtract
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Machine
-from controller.motion.motions import JointMove, SurfaceCut, ToolSpline
+from controller.motion.motions import SurfaceCut, ToolSpline
 from controller.plan.feed import binding
 from controller.plan.feed.binding import Span
 from controller.plan.feed.course import Course
 from controller.plan.feed.law import along
-from controller.plan.path.outputs import PROBE
 from controller.plan.path.path import Chain, Pause, Stretch, joints_along
-from controller.plan.report import moments
+from controller.plan.report import moments, works
 from controller.plan.report.passing import Passing
 from controller.plan.report.planned import Planned, planned
 from controller.plan.report.setpoints import Setpoints
 from controller.plan.report.tally import Bound, Part, Tally, bounds
+from controller.plan.report.tool_use import Hole, ToolUse, ToolUses
 from controller.plan.restart.program_position import BESIDE
-from controller.plan.stretch import STANDS_MM
 from controller.plan.surfaces import rates
 from controller.plan.waits import laid
+from controller.program.carried import InForce
 from controller.program.program import Act
 
 Array = npt.NDArray[np.float64]
@@ -101,20 +97,17 @@ class BlockUse:
 
 @dataclass(frozen=True, slots=True)
 class Work:
-    """How far and how long a program works in one way: ways of the tip at a programmed feed."""
+    """How far and how long a program works in one way: ways of the tip at a programmed feed, and rapids."""
 
-    what: str  # of WORKS
-    length_mm: float
+    what: str  # of ``works.WORKS``
+    length_mm: float  # turns of rotaries alone have none
     time_s: float
 
     def to_dict(self) -> dict[str, Any]:
         return {name: getattr(self, name) for name in self.__slots__}
 
 
-LISTS = ("binds", "cut_binds", "joints", "work")  # of a survey
-
-# On surfaces, along lines and arcs, down and up holes of cycles, and beside threads.
-WORKS = ("surface", "mill", "drill", "tap", "thread")
+LISTS = ("binds", "cut_binds", "joints", "work", "tools", "holes")  # of a survey
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,7 +124,10 @@ class Survey:
     cut_binds: tuple[Bound, ...]  # over the cuts and programmed feeds alone
     joints: tuple[JointUse, ...]
     waits_s: float = 0.0  # for spindle, clamps, changes and inputs, as expected; no part of ``duration_s``
-    work: tuple[Work, ...] = ()  # what there is of it, in the order of WORKS
+    work: tuple[Work, ...] = ()  # what there is of it, in the order of ``works.WORKS``
+    tools: tuple[ToolUse, ...] = ()
+    holes: tuple[Hole, ...] = ()  # the first ``tool_use.MAX_HOLES``
+    hole_count: int = 0
 
     def to_dict(self) -> dict[str, Any]:
         plain = {name: getattr(self, name) for name in self.__slots__}
@@ -146,12 +142,14 @@ def survey(
     tell: Callable[[BlockUse], None] = lambda _: None,
     progress: Callable[[int], None] = lambda _: None,
     passing: Passing | None = None,
+    in_force: InForce | None = None,
 ) -> Survey:
     """Plan a path at 100 % and measure it; ``tell`` gets each block, ``progress`` the line that is done.
 
-    ``passing`` gets when which place is passed.
+    ``passing`` gets when which place is passed. ``in_force`` has the modal state of the lines that are read,
+    for tools and holes; None: that of power-on.
     """
-    look = _Look(machine, kinematics, tell)
+    look = _Look(machine, kinematics, tell, ToolUses(machine, kinematics, in_force or InForce()))
     items = laid(items, machine)
     for sent in planned(items if passing is None else passing.watched(items), machine, kinematics):
         look.window(sent)
@@ -178,7 +176,7 @@ class _Open:
     def tally(self, stretch: Stretch) -> Tally:
         """Where a stretch counts: ways before the block's own motion are its approach."""
         if stretch.cutting or stretch.name not in BESIDE:
-            name, self.what = "own", stretch.hole or self.what or _kind_of(stretch)
+            name, self.what = "own", stretch.hole or self.what or works.kind_of(stretch)
         else:
             name = "departure" if "own" in self.parts else "approach"
         return self.parts.setdefault(name, Tally(self.machine))
@@ -190,36 +188,14 @@ class _Open:
         return BlockUse(self.line, self.last_line, self.lines, self.what or "ways", own, *ways)
 
 
-def _kind_of(stretch: Stretch) -> str:
-    if isinstance(stretch.motion, SurfaceCut) and stretch.cutting:
-        surface = stretch.motion.surface
-        base = surface.base if isinstance(surface, Placed) else surface
-        return "cone" if isinstance(base, Cone) else "surface"
-    return "rapid" if stretch.feed_mm_s is None and stretch.name == "line" else stretch.name
-
-
-def _work_of(stretch: Stretch) -> str:
-    """One of WORKS; "" of rapids, the controller's own ways, probing, and turns of rotaries alone."""
-    if stretch.cutting:
-        return "surface"
-    if stretch.feed_mm_s is None or stretch.name in {*BESIDE, PROBE} or _turns_alone(stretch):
-        return ""
-    return stretch.hole or "mill"
-
-
-def _turns_alone(stretch: Stretch) -> bool:
-    """Whether only rotaries move."""
-    motion = stretch.motion
-    if not isinstance(motion, JointMove) or not isinstance(motion.curve, Line):
-        return False
-    return bool(norm(subtract(motion.curve.end, motion.curve.start)) < STANDS_MM)
-
-
 class _Look:
     """Takes what is planned in the order of the path, and sums it up."""
 
-    def __init__(self, machine: Machine, kinematics: Kinematics, tell: Callable[[BlockUse], None]) -> None:
+    def __init__(
+        self, machine: Machine, kinematics: Kinematics, tell: Callable[[BlockUse], None], uses: ToolUses
+    ) -> None:
         self._machine, self._kinematics, self._tell = machine, kinematics, tell
+        self._tool_uses = uses
         self._limits = rates.limits(machine)
         self._open: _Open | None = None
         self._waits_s = 0.0
@@ -229,7 +205,7 @@ class _Look:
         self._cut_time_s = 0.0
         self._last_cut: SurfaceCut | None = None
         self._cuts: list[float] = []
-        self._work = {what: [0.0, 0.0] for what in WORKS}  # mm, s
+        self._work = {what: [0.0, 0.0] for what in works.WORKS}  # mm, s
         self._seconds = np.zeros(binding.NUMBER_OF_CODES)
         self._fed_seconds = np.zeros(binding.NUMBER_OF_CODES)
         self._ratio = np.zeros(self._limits.shape)
@@ -298,7 +274,9 @@ class _Look:
             bounds(self._fed_seconds, self._machine),
             self._uses(),
             self._waits_s,
-            tuple(Work(what, *found) for what, found in self._work.items() if found[0]),
+            tuple(Work(what, *found) for what, found in self._work.items() if found[1]),
+            self._tool_uses.tools,
+            *self._tool_uses.holes(),
         )
 
     # ---- blocks
@@ -348,13 +326,17 @@ class _Look:
                 dt, ds = _windows(span, n)
                 tip = rate.reshape(n, motion.per_window).mean(axis=1)
                 tally.windows(dt, tip * ds, shown[window : window + n])
-                self._works(_work_of(stretch), float((tip * ds).sum()), float(dt.sum()))
-                self._joints(stretch, s)
+                work = works.work_of(stretch)
+                length_mm = 0.0 if works.turns_alone(stretch) else float((tip * ds).sum())
+                took_s = float(dt.sum())
+                self._works(work, length_mm, took_s)
+                self._tool_uses.take(stretch, work, took_s, length_mm, speeds[1])
+                self._tool_uses.places(stretch, work, self._joints(stretch, s))
             self._cut_time_s += (span.to_s - span.from_s) * stretch.cutting
             window, first = window + n, here.stop
 
     def _works(self, what: str, length_mm: float, time_s: float) -> None:
-        if what:
+        if what != works.OTHER:
             self._work[what][0] += length_mm
             self._work[what][1] += time_s
 
@@ -370,11 +352,13 @@ class _Look:
                 here[above] = np.where(here[above] > 1.0, asked, here[above])
         return ratio
 
-    def _joints(self, stretch: Stretch, s: Array) -> None:
+    def _joints(self, stretch: Stretch, s: Array) -> Array:
+        """Where the axes are at the places ``s``, and at both ends of the motion, (N, axes)."""
         s = np.clip(s[:: max(1, len(s) // 400)], 0.0, stretch.motion.end)
         q = np.concatenate([joints_along(stretch, s, self._kinematics), [stretch.start, stretch.end]])
         self._ends[0] = np.minimum(self._ends[0], q.min(axis=0))
         self._ends[1] = np.maximum(self._ends[1], q.max(axis=0))
+        return q
 
     def _uses(self) -> tuple[JointUse, ...]:
         if not np.isfinite(self._ends).all():

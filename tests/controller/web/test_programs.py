@@ -174,6 +174,13 @@ def test_what_a_check_found_is_shown_with_its_units(page: Any, site: Site) -> No
         assert shown in told, told
     box = page.inner_text(".programs-detail .box tbody tr:nth-child(2)").split()
     assert box == ["Y", "-27.60", "150.00", "42", "%", "30", "%", "90", "%"]
+    tools = [page.inner_text(f".programs-detail .tools tbody tr:nth-child({k})").split() for k in (1, 2)]
+    assert tools == [
+        ["T4", "52.4", "s", "2.5", "s", "87.3", "9000–12000", "100", "-0.250"],
+        ["T5", "0.0", "s", "1.5", "s", "0.0"],
+    ]
+    hole = page.inner_text(".programs-detail .holes tbody tr").split()
+    assert hole == ["7", "T4", "G83", "G55", "1.000", "2.500", "3.000", "Y-7.000"]
     row = page.inner_text("tr[data-program='sound.ngc']")
     assert "7 B" in row and "Uploaded" in row and "1:08" in row
     at = page.get_attribute("tr[data-program='sound.ngc'] time", "data-at")

@@ -282,6 +282,41 @@ PASSED = {
         {"what": "drill", "length_mm": 36.0, "time_s": 21.6},
     ],
     "blocks": 6,
+    "tools": [
+        {
+            "tool": 4,
+            "cut_s": 52.4,
+            "rapid_s": 2.5,
+            "cut_mm": 87.27,
+            "spindle_rev_min": [9000.0, 12000.0],
+            "feed_mm_min": [100.0, 100.0],
+            "deepest_mm": -0.25,
+        },
+        {
+            "tool": 5,
+            "cut_s": 0.0,
+            "rapid_s": 1.5,
+            "cut_mm": 0.0,
+            "spindle_rev_min": None,
+            "feed_mm_min": None,
+            "deepest_mm": None,
+        },
+    ],
+    "holes": [
+        {
+            "line": 7,
+            "tool": 4,
+            "cycle": "G83",
+            "offset": "G55",
+            "plane": "G18",
+            "x": 1.0,
+            "y": 2.5,
+            "z": 3.0,
+            "from": 2.5,
+            "to": -7.0,
+        }
+    ],
+    "hole_count": 1,
     "cut_binds": [{"what": "feed", "share": 0.93}, {"what": "Y velocity", "share": 0.07}],
     "joints": [
         {

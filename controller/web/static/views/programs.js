@@ -245,6 +245,8 @@ function Found({ check, made }) {
     <${Maps} verified=${check.verified ?? {}} verdict=${check.verdict} />
     <${Wrong} text=${sentence(check.warning)} />
     <${Box} joints=${check.joints ?? []} />
+    <${Tools} tools=${check.tools ?? []} />
+    <${Holes} holes=${check.holes ?? []} count=${check.hole_count ?? 0} />
     ${(check.notes ?? []).map((one) => html`<p class="dim note">${text("run.line")} ${one.line}: ${sentence(one)}</p>`)}`;
 }
 
@@ -256,6 +258,28 @@ const Box = ({ joints }) => html`<${ScrolledTable} class="box" word=${text} colu
     <th scope="row">${joint.name}</th>
     <td class="figures">${joint.lowest.toFixed(2)}</td><td class="figures">${joint.highest.toFixed(2)}</td>
     ${SHARES.map((one) => html`<${Share} key=${one} share=${joint[`${one}_share`]} over=${joint.over?.includes(one)} />`)}
+  </tr>`)}<//>`;
+
+const range = (ends) => (ends ? [...new Set(ends.map((end) => end.toFixed(0)))].join("–") : "");
+
+// What each tool does, as programmed.
+const TOOLS = ["tool", "cut_time", "rapid_time", "cut_length", "speed_range", "feed_range", "deepest"];
+const Tools = ({ tools }) => tools.length > 0 && html`<${ScrolledTable} class="box tools" word=${word} columns=${TOOLS}>${tools.map((one) => html`<tr key=${one.tool}>
+    <th scope="row">T${one.tool}</th>
+    <td class="figures">${forms.seconds(one.cut_s)}</td><td class="figures">${forms.seconds(one.rapid_s)}</td>
+    <td class="figures">${one.cut_mm.toFixed(1)}</td><td class="figures">${range(one.spindle_rev_min)}</td>
+    <td class="figures">${range(one.feed_mm_min)}</td><td class="figures">${one.deepest_mm?.toFixed(3) ?? ""}</td>
+  </tr>`)}<//>`;
+
+// The holes of its cycles: the place where the feed begins, and to which height along the plane's axis.
+const ALONG = { G17: "Z", G18: "Y", G19: "X" };
+const MAX_HOLES = 100; // of the page; the command line has more
+const HOLES = ["line", "tool", "cycle", "offset", "x", "y", "z", "to"];
+const Holes = ({ holes, count }) => holes.length > 0 && html`<p class="dim note">${word("holes")}: ${count}</p>
+  <${ScrolledTable} class="box holes" word=${(key) => text(key === "line" ? "run.line" : `programs.${key}`)} columns=${HOLES}>${holes.slice(0, MAX_HOLES).map((one, i) => html`<tr key=${i}>
+    <th scope="row">${one.line}</th><td>T${one.tool}</td><td>${one.cycle}</td><td>${one.offset}</td>
+    ${["x", "y", "z"].map((axis) => html`<td class="figures">${one[axis].toFixed(3)}</td>`)}
+    <td class="figures">${ALONG[one.plane]}${one.to.toFixed(3)}</td>
   </tr>`)}<//>`;
 
 // To begin elsewhere; what will be in force there is shown once it is loaded.

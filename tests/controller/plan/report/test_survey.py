@@ -82,14 +82,17 @@ def test_a_survey_names_what_is_milled_drilled_tapped_and_cut_each_with_its_leng
     found, blocks = looked_at(WORKING)
     cone_mm = math.radians(20.0) * 15.0
     lengths = {"surface": cone_mm, "mill": 30.0 + 15.0 * math.pi, "drill": 16.0 + 6.254, "tap": 16.0}
-    assert {one.what: one.length_mm for one in found.work} == pytest.approx(lengths, abs=1e-3)
-    assert all(one.time_s >= one.length_mm / 10.0 - 1e-9 for one in found.work)
+    *cuts, rapid = found.work
+    assert {one.what: one.length_mm for one in cuts} == pytest.approx(lengths, abs=1e-3)
+    assert all(one.time_s >= one.length_mm / 10.0 - 1e-9 for one in cuts)
+    assert rapid.what == "rapid" and rapid.length_mm > 100.0
     assert [(b.line, b.what) for b in blocks if b.line in (5, 6, 7, 8)] == [
         *((line, "drill") for line in (5, 6, 7)),
         (8, "tap"),
     ]
     last = tables.whole(found, "p.ngc", "mill")
     assert "drill 22.3 mm" in last and "tap 16.0 mm" in last and "mill 77.1 mm" in last
+    assert f"rapid {rapid.length_mm:.1f} mm" in last
     assert "nothing is cut" in tables.whole(looked_at("G0 X10\n")[0], "p.ngc", "mill")
 
 
