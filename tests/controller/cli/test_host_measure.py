@@ -305,7 +305,12 @@ def test_whoever_ends_it_gets_the_page_of_what_was_measured(
     monkeypatch.setattr(wake_ups, "turn", turn)
     before = signal.getsignal(signal.SIGTERM)
     report = tmp_path / "a.html"
-    done = invoke("--hours", "8", "--period-ms", "1", "--report", str(report))
+    # A shell lets what it starts in the background ignore Ctrl-C.
+    inherited = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        done = invoke("--hours", "8", "--period-ms", "1", "--report", str(report))
+    finally:
+        signal.signal(signal.SIGINT, inherited)
     told = json.loads(done.stdout)
     assert done.exit_code == 0 and not told["whole"] and told["measured"][0]["count"] > 0
     assert "ended before its time" in report.read_text()
