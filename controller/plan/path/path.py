@@ -24,7 +24,7 @@ from controller.plan.lines import exact_rows, lines, meant, moves, rows, spline_
 from controller.plan.lines.corners import Feed
 from controller.plan.lines.lines import Stand
 from controller.plan.lines.rows import LineRow
-from controller.plan.path import clamps, outputs
+from controller.plan.path import clamps, outputs, poles
 from controller.plan.path.outputs import Switched
 from controller.plan.rotaries.branch import BranchLost, joints_along
 from controller.plan.stretch import Chain, Note, Path, Pause, Stretch, Voice, motion_named, rotaries_of
@@ -531,7 +531,7 @@ class Tracer:
         for (before, after), meeting in zip(itertools.pairwise(legs), meetings, strict=True):
             for stretch in approach.between(before, after, meeting, self._kinematics):
                 if stretch.name == "swivel":
-                    self._note(stretch.place, said("note.swivel"))
+                    self._note(stretch.place, poles.standing(stretch, before, after, self._machine))
                     self._way = None  # of a train before that is linked: here it is
                     self._chain(Chain(tuple(run)))
                     self._chain(Chain((stretch,)))
