@@ -122,4 +122,5 @@ def _job(machine: Machine, group: Group, plans: int, control: int) -> Job:
         master.node_id,
         beats,
         real_time.PUMP_PRIORITY,
+        machine.has_threads,
     )

@@ -29,6 +29,7 @@ from drives.pump.braking import Braking, led_rev_s
 from drives.pump.lead import LedRows
 from drives.pump.plan_memory import Memory, Phase, PlanWriter, Played, Stop
 from drives.pump.player import beat_every, to_counts
+from drives.pump.speed_ramp import NO_RAMP, SpeedRamp
 
 NEVER: Final = 1 << 60  # period
 DELAY: Final = 2  # periods from a tick to the period that sends what it has computed
@@ -49,6 +50,7 @@ class Published(NamedTuple):
     changes: int  # the first period in which it differs from the plan that it was built on
     anew: bool
     by_hand: bool  # the stop is among its rows, from ``same_until`` on
+    ramp: SpeedRamp  # of the spindle where no row leads it
 
     @property
     def newest(self) -> int:
@@ -177,6 +179,8 @@ class Stock:
     def _sent(self, period: int) -> tuple[Sequence[int], float | None]:
         """Likewise, with how fast it has led the spindle; None: it has not."""
         counts, rev_s = self._exact(period)
+        if rev_s is None and self._plan is not None:
+            rev_s = self._plan.ramp.at(period)
         return to_counts(counts), rev_s
 
     def _exact(self, period: int) -> tuple[Sequence[float], float | None]:
@@ -255,14 +259,18 @@ class Stock:
                 writer.put(period, self._columns(period, row))
             rows += further
         self._written, self._written_from = rows, first
-        writer.publish(first, changes, DELAY + nominal, self._hold, stop, anew, lead)
+        spindle = self._group.spindle
+        ramp = NO_RAMP if spindle is None else spindle.ramp(self.period, self._period_s)
+        writer.publish(first, changes, DELAY + nominal, self._hold, stop, anew, lead, ramp)
         played = DELAY + nominal
         before_stop = played if ahead.before_stop is None else DELAY + ahead.before_stop
         self._before, self._braking = old, None
         by_hand, bridge = ahead.before_stop is not None, self._bridge
         until = first + before_stop
         led = LedRows(lambda n: _columns(first + n, rows[n], bridge, self.memory), lead)
-        self._plan = Published(writer.number, first, played, rows, led, stop, until, changes, anew, by_hand)
+        self._plan = Published(
+            writer.number, first, played, rows, led, stop, until, changes, anew, by_hand, ramp
+        )
         ahead.renewed, self._same = False, True
         self._group.show(self.memory)
 

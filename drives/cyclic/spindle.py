@@ -15,6 +15,7 @@ from drives.cyclic.supervised import NEVER_S
 from drives.profile import Supervision
 from drives.pump.plan_memory import FOLLOWS
 from drives.pump.player import to_speed
+from drives.pump.speed_ramp import NO_RAMP, REPEATS, SpeedRamp
 from drives.pump.wires import DriveWire
 from drives.settings import INT32_MAX, INT32_MIN, SpindleSettings
 
@@ -24,7 +25,6 @@ LONGEST_STEP_S = 0.1  # of the ramp, after a pause in the ticks
 HALF, WHOLE = 2**31, 2**32  # of what a position can count
 FULL_LOAD = 1000.0  # of 6077h
 MOST_AHEAD = 50  # SYNCs in a row whose position was there at once: rather, one came twice
-REPEATS = 1  # a command whose frame was lost is there with the next tick
 
 _unpack_feedback = pdo.FEEDBACK.unpack
 _pack_command_into = pdo.COMMAND.pack_into
@@ -69,6 +69,9 @@ class SpindleDrive(PowerStage):
         self._turned: int | None = None  # counts, as heard last
         self._directly = False  # the wanted speed is led by somebody else: no ramp of ours
         self._by_plan = False  # it goes out with the setpoints of the pump
+        self._ramp = NO_RAMP  # by which the pump leads it, where nobody else does, ...
+        self._ramped_rev_s = 0.0  # ... as it is in this period
+        self._was_led = False  # since the last tick
         self.with_sync = (pdo.tpdo(profile.tpdo, node),)
         self.handlers[self.with_sync[0]] = self._feedback
         self._turns_are_told = settings.position_tpdo != 0
@@ -170,8 +173,8 @@ class SpindleDrive(PowerStage):
 
     @property
     def wire(self) -> DriveWire | None:
-        """What the pump leads it by; None where it tells no angle that axes could be tied to."""
-        return DriveWire(self.node, self.settings.profile.rpdo, False) if self._turns_are_told else None
+        """What the pump leads it by; None where the drive has a ramp of its own."""
+        return DriveWire(self.node, self.settings.profile.rpdo, False) if self._leads else None
 
     @property
     def units_per_rev_s(self) -> float:
@@ -191,7 +194,21 @@ class SpindleDrive(PowerStage):
             return False
         self._sent_controlword = self._controlword
         self._sent_speed = to_speed(rev_s, self.units_per_rev_s)
+        self._was_led = True
         return True
+
+    def ramp(self, period: int, period_s: float) -> SpeedRamp:
+        """How the pump leads it on behind ``period``, whose own speed goes out with the tick's events."""
+        settings = self.settings
+        if self._directly or not self._leads or not self.word & FOLLOWS:
+            self._ramp = NO_RAMP
+            return NO_RAMP
+        old, to = self._ramp, self._wanted_speed / settings.counts_per_rev
+        if old is NO_RAMP or to != old.to_rev_s:
+            led = self._led_speed / settings.counts_per_rev if old is NO_RAMP else old.value(period - 1)
+            self._ramp = SpeedRamp(period - 1, led, to, abs(settings.acceleration_rev_s2) * period_s)
+        self._ramped_rev_s = self._ramp.value(period)
+        return self._ramp
 
     def event_frame(self, now_s: float, heartbeat_s: float) -> bytearray | None:
         """Its RPDO where there is something to tell, else None."""
@@ -199,8 +216,12 @@ class SpindleDrive(PowerStage):
             self._led_speed, self._stepped_s = self._wanted_speed, now_s
             return None
         word, speed = self._controlword, self._lead(now_s)
+        was_led, self._was_led = self._was_led, False
         if word != self._sent_controlword or speed != self._sent_speed:
             self._repeats = REPEATS
+        elif was_led:
+            self._repeats, self._due_s = 0, now_s + heartbeat_s
+            return None
         elif self._repeats:
             self._repeats -= 1
         elif now_s < self._due_s:
@@ -218,6 +239,9 @@ class SpindleDrive(PowerStage):
             self._led_speed = 0.0 if self.standing else float(self.speed)
         elif self._directly or not self._leads:
             self._led_speed = self._wanted_speed
+        elif self._ramp is not NO_RAMP:
+            self._led_speed = self._ramped_rev_s * self.settings.counts_per_rev
+            return to_speed(self._ramped_rev_s, self.units_per_rev_s)
         else:
             most = self._acceleration * step_s
             self._led_speed += max(-most, min(most, self._wanted_speed - self._led_speed))

@@ -18,7 +18,8 @@ On a machine whose axes can be tied to the spindle a row has ``THREAD`` columns 
 led (rev/s), its revolutions in one mm of s (0: nobody leads it), and how far (mm of s) the axes are sent
 ahead, since their drives lag. A row behind those that are led in full (``lead.Lead``) has what the law asks
 for instead: the spindle's speed and, in three columns more, its acceleration (rev/s2), and speed and
-acceleration of s. A stop has the spindle's answer, so that along it both stay together.
+acceleration of s. A stop has the spindle's answer, so that along it both stay together. Beside a thread a
+plan has the spindle's ramp (``speed_ramp``), which goes on also where the rows end.
 
 What acts at once goes past the plan, each in one machine word that is read with every period: the
 controlwords, where a drive is that does not follow, and which buses must be left alone.
@@ -36,12 +37,13 @@ from typing import Final, NamedTuple
 from zlib import crc32
 
 from drives.pump.lead import Correction, Lead, LedRows
+from drives.pump.speed_ramp import NO_RAMP, SpeedRamp
 
 ROWS: Final = 2048  # places of an area: more than a plan's rows
 MAX_JERKS: Final = 2048
 FOLLOWS: Final = 1 << 16  # beside a controlword: the drive goes by its target
 THREAD: Final = 6  # columns of a row beside s and counts
-_HEAD = "<QqqIIIIIIddddd"  # number, first, changes, nominal, rows, hold, and the ``Stop`` ...
+_HEAD = "<QqqIIIIIIdddddqddd"  # number, first, changes, nominal, rows, hold, ``Stop``, ``SpeedRamp`` ...
 _LEAD = "Id8d"  # ... and, where axes can be tied to the spindle, the ``Lead``, with counts of each drive
 _SEAL = Struct("<I")
 _DOUBLE: Final = 8
@@ -77,6 +79,7 @@ class Stop(NamedTuple):
 
 NO_STOP: Final = Stop((), 1, 0, 0.0, 0.0)
 _OF_STOP: Final = len(Stop._fields) - 1  # numbers in the head; the jerks are behind it
+_LEAD_AT: Final = _OF_STOP + len(SpeedRamp._fields)  # ... and those of the ramp
 _OF_CORRECTION: Final = len(Correction._fields)
 
 
@@ -205,11 +208,12 @@ class PlanWriter:
         stop: Stop | None = None,
         anew: bool = False,
         lead: Lead | None = None,
+        ramp: SpeedRamp = NO_RAMP,
     ) -> None:
         """All rows from ``first`` on, of which ``nominal`` are played as they are.
 
         ``anew``: after silence or a gap; the rows are then not measured by what was played before.
-        ``lead`` of the rows that have the law of a thread alone.
+        ``lead`` of the rows that have the law of a thread alone; ``ramp`` of a spindle that no row leads.
         """
         memory = self._memory
         self.number += 1
@@ -223,7 +227,7 @@ class PlanWriter:
             at = memory.jerks_at
             area[at : at + jerks * _DOUBLE] = memoryview(array("d", of_jerks)).cast("B")
         number, rows = self.number | _ANEW * anew, self._next - first
-        found = (number, first, changes, nominal, rows, hold, jerks, *rest)
+        found = (number, first, changes, nominal, rows, hold, jerks, *rest, *ramp)
         if memory.thread:
             known, bend, last, per_mm = lead or Lead(rows, 0.0, Correction(), (0.0,) * memory.drives)
             found = (*found, known, bend, *last, *per_mm)
@@ -269,6 +273,7 @@ class PlanReader:
         self.number = self.first = self.nominal = self.rows = self.hold = 0
         self.anew = False
         self.stop: Stop | None = None
+        self.ramp = NO_RAMP
         self.refused = 0
         self.seen = 0  # newest number that was looked at
         self._rows = b""
@@ -298,8 +303,9 @@ class PlanReader:
                 return False
             self.number, self.first, self.nominal = number, first, nominal
             self.rows, self.hold, self.anew, self._rows = rows, hold, anew, copied
-            of_stop, of_lead = rest[:_OF_STOP], rest[_OF_STOP:]
+            of_stop, of_ramp, of_lead = rest[:_OF_STOP], rest[_OF_STOP:_LEAD_AT], rest[_LEAD_AT:]
             self.stop = Stop(jerked, *of_stop) if jerks else None
+            self.ramp = SpeedRamp(*of_ramp)
             self.row = LedRows(self._row, _lead(of_lead) if of_lead else None)
             return True
         return False

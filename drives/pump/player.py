@@ -52,7 +52,8 @@ class Player:
         self._braking: Braking | None = None
         self._held = 0  # periods at the end of the plan
         self._counts: Sequence[int] = ()
-        self._rev_s: float | None = None  # of the spindle; None: nobody leads it
+        self._rev_s: float | None = None  # of the spindle on a thread; None: on none
+        self._led_rev_s: float | None = None  # that it is told, there or by its ramp; None: nothing
         self._before: Sequence[int] = ()
         self.phase = Phase.SILENT
         self._since, self._phase_before = -1, Phase.SILENT
@@ -88,6 +89,7 @@ class Player:
             self._hold()
         elif self.phase is not Phase.SILENT:
             self._choose(self.period - plan.first)
+        self._led_rev_s = plan.ramp.at(self.period) if self._rev_s is None else self._rev_s
 
     def _choose(self, i: int) -> None:
         plan = self._plan
@@ -155,8 +157,8 @@ class Player:
         if bus.packet is not None:
             good = bus.send(bus.packet)
         spindle, word = bus.spindle, memory.words[memory.drives]
-        if spindle is not None and self._rev_s is not None and word & FOLLOWS:
-            spindle.pack_word(word & 0xFFFF, to_speed(self._rev_s, memory.velocity_units[memory.drives]))
+        if spindle is not None and self._led_rev_s is not None and word & FOLLOWS:
+            spindle.pack_word(word & 0xFFFF, to_speed(self._led_rev_s, memory.velocity_units[memory.drives]))
             good = bus.send(spindle.buffer) and good
         return good
 

@@ -60,6 +60,7 @@ class Job(NamedTuple):
     master: int
     beat_every: int
     priority: int
+    thread: bool  # axes can be tied to the spindle
 
     def to_text(self) -> str:
         return json.dumps(self)
@@ -77,11 +78,6 @@ class Job(NamedTuple):
                 for bus in buses
             ]
         )
-
-    @property
-    def thread(self) -> bool:
-        """Whether axes can be tied to the spindle."""
-        return any(bus.spindle is not None for bus in self.buses)
 
     @property
     def descriptors(self) -> tuple[int, ...]:

@@ -26,4 +26,4 @@ class BusWire(NamedTuple):
     port: Sends
     drives: Sequence[tuple[int, DriveWire]]  # with the place of each in the order of the axes
     packs: bool
-    spindle: DriveWire | None = None  # that axes can be tied to
+    spindle: DriveWire | None = None  # whose speed it leads

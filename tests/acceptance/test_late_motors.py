@@ -15,6 +15,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from itertools import count
 
+import numpy as np
 import pytest
 from support.faults.fault_scripts import rapids
 from support.machines import late_runs, tapping
@@ -155,6 +156,21 @@ def test_a_step_that_is_taken_back_for_a_stop_is_told() -> None:
     lates = [late_runs.Late("slow", {1: 0.001 * late}, {1: 0.0045}) for late in range(14, 20)]
     verdicts = list(late_runs.cases(healthy, [(healthy.ticks // 2, late) for late in lates]))
     assert [one.wrongs for one in verdicts] == [[]] * len(verdicts)
+
+
+def test_a_late_tick_is_not_felt_by_a_spindle_on_its_way_to_another_speed() -> None:
+    """Its ramp is in the plans: up, down, and from one to the other."""
+    machine = replace(tapping.machine(), stock_s=0.016)
+    text = "G21 G90 G54\nG0 X5 Y-50 Z40\nS3000 M3\nG1 X6 F600\nS600\nG1 X7\nM4\nG0 X5\nM30\n"
+    healthy = Healthy(machine, text, motor=None)
+    speeds = np.diff([healthy.played[n].shaft for n in healthy.periods])
+    bends = np.abs(np.diff(speeds)) > 0.1
+    ramps = [n for n in range(2, len(bends) - 20) if bends[n - 2 : n + 20].all()]
+    late = late_runs.Late("one within", {}, {}, within=True)
+    lates = [(n, late._replace(late_s={1: 0.001 * (1 + n % 16)})) for n in ramps[::20]]
+    verdicts = list(late_runs.cases(healthy, lates))
+    assert len(verdicts) > 4
+    assert [(one.wrongs, one.shares.get("same")) for one in verdicts] == [([], 1.0)] * len(verdicts)
 
 
 @pytest.mark.parametrize("name", sorted(TEXTS))

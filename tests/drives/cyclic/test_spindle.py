@@ -313,9 +313,34 @@ def test_a_spindle_s_feedback_of_wrong_length_is_counted_and_not_used():
         assert (drive.malformed, drive.speed_at_s) == (count, 0.0)
 
 
+def test_its_ramp_is_the_pump_s_from_the_period_after_the_one_that_was_told_it():
+    drive = enabled(acceleration_rev_s2=50.0)
+    sent(drive, 0.0)
+    told = {}
+    for period in range(1, 140):
+        wanted = 600.0 if period < 60 else 120.0
+        rev_s = drive.ramp(period - 1, T).at(period)  # as the pump has it, in a plan of the tick before
+        if rev_s is not None:
+            assert drive.was_led(rev_s)
+            told[period] = "pump", drive._sent_speed
+        drive.want_speed(wanted)
+        drive.ramp(period, T)
+        frame = sent(drive, period * T)
+        if frame is not None:
+            told[period] = "tick", frame[1]
+    speeds = [speed for _, speed in told.values()]
+    assert [n for n, (who, _) in told.items() if who == "tick"][:1] == [1]
+    assert speeds[:3] == [400, 800, 1200] and told[59] == ("pump", 23_600)
+    assert told[60] == ("tick", 23_200) and told[61] == ("pump", 22_800)  # down, from what went out last
+    slows = [n for n, (_, speed) in told.items() if n > 60 and speed == 8000]
+    assert slows[:2] == [98, 99] and len(slows) == 3  # once more; and once a heartbeat
+    late = drive.ramp(140, T)
+    assert late.at(141) is None and late.value(141) == 2.0
+
+
 def test_what_a_plan_leads_is_the_pumps_to_tell_and_counts_as_told():
     drive = enabled(position_tpdo=2, position_per_rev=4096.0)
-    assert drive.wire == (10, drive.settings.profile.rpdo, False) and enabled().wire is None
+    assert drive.wire == (10, drive.settings.profile.rpdo, False) and enabled(mode=3).wire is None
     sent(drive, 0.0)
     drive.lead(10.0, True)
     assert drive.word == 0x0F | FOLLOWS and drive.event_frame(1.0, 0.05) is None

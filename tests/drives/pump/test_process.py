@@ -64,7 +64,7 @@ def tick(hub: str) -> Iterator[Tick]:
 
 def test_a_job_is_the_same_at_its_other_end() -> None:
     bus = BusJob("raw", 5, "can0", "socketcan can0", [(2, DriveWire(3, 1, True))])
-    job = Job(1, 2, 3, 4, [bus], 0.002, 127, 25, 81)
+    job = Job(1, 2, 3, 4, [bus], 0.002, 127, 25, 81, True)
     assert Job.from_text(job.to_text()) == job
     assert job.descriptors == (2, 3, 5)
 
@@ -81,7 +81,7 @@ def test_it_loads_nothing_of_the_controller_no_adapter_and_no_numpy() -> None:
         *("drives.pdo", "drives.real_time", "drives.texts", "drives.ports"),
         *("drives.ports.hub_protocol", "drives.ports.port", "drives.pump"),
         *(f"drives.pump.{name}" for name in ("braking", "lead", "plan_memory", "player", "process")),
-        *("drives.pump.setpoint_frame", "drives.pump.wires"),
+        *("drives.pump.setpoint_frame", "drives.pump.speed_ramp", "drives.pump.wires"),
     }
 
 

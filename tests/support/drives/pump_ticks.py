@@ -53,7 +53,8 @@ class Tick:
         kind = "hub" if isinstance(port, HubSocket) else "raw"
         played_on = BusJob(kind, port.fileno(), "bus", claim, wires)
         job = Job(
-            os.getpid(), its.fileno(), descriptor, DRIVES, [played_on], period_s, MASTER, BEAT_EVERY, 50
+            *(os.getpid(), its.fileno(), descriptor, DRIVES, [played_on]),
+            *(period_s, MASTER, BEAT_EVERY, 50, False),
         )
         self.job = job
         self.process = subprocess.Popen(

@@ -80,7 +80,8 @@ class Played(NamedTuple):
     phase: Phase
     counts: tuple[int, ...]
     motors: tuple[float, ...]  # when it was sent, mm and rad
-    turned: float | None = None  # of the spindle, where a thread has begun (rev)
+    shaft: float | None = None  # of the spindle, where there is one, and ...
+    turned: float | None = None  # ... where a thread has begun (rev)
 
 
 class Watched(Forkable):
@@ -104,9 +105,9 @@ class Watched(Forkable):
         player, send = made._player, made._player.send
 
         def noted(due_ns: int, late_ns: int) -> None:
-            self.played[player.period] = Played(
-                player.phase, tuple(player._counts), self.motors(), self.turned()
-            )
+            shaft = None if self.rig.spindle is None else float(self.rig.spindle.axis.servo.shaft)
+            place = self.motors(), shaft, self.turned()
+            self.played[player.period] = Played(player.phase, tuple(player._counts), *place)
             send(due_ns, late_ns)
 
         player.send = noted  # type: ignore[method-assign]
@@ -419,18 +420,20 @@ def _path(healthy: Healthy, heard: Sequence[Played], verdict: Verdict) -> None:
 
 
 def _same(healthy: Healthy, heard: Sequence[Played], first: int, verdict: Verdict) -> None:
-    """Bit for bit; what waits for a tick at a standstill goes on with the tick that sees it.
+    """Bit for bit, also the spindle; what waits for a tick at a standstill goes on once a tick has seen it.
 
-    At the end of a thread it is the spindle that is waited for, to within a micrometre of the axes' way; from
-    there on both are held against each other alone.
+    Such a tick may tell the spindle later, which then stands at another angle. At the end of a thread it is
+    the spindle that is waited for, to within a micrometre of the axes' way. From there on both are held
+    against each other alone.
     """
     heard = [one for n, one in enumerate(heard, first) if n in healthy.played]
     whole = [healthy.played[first + n] for n in range(len(heard))]
-    if [one[1:] for one in heard] == [one[1:] for one in whole]:
+    pairs = enumerate(zip(heard, whole, strict=True))
+    differs = next((n for n, (one, other) in pairs if one[1:] != other[1:]), -1)
+    if differs < 0:
         verdict.shares["same"] = 1.0
         return
     ours, theirs = healthy.setpoints(heard), healthy.setpoints(whole)
-    differs = int(np.flatnonzero((ours != theirs).any(axis=1))[0]) if (ours != theirs).any() else -1
     a, b = moving(ours), moving(theirs)
     n = min(len(a), len(b))
     steps = [np.abs(one[differs] - one[differs - 1]).max() for one in (ours, theirs)]
