@@ -16,7 +16,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from controller import atomic_file, messages, own_database, own_files
+from controller import atomic_file, messages, own_database, own_files, sealed_rows
 from controller.api import log_in_marker
 
 # The schema of the store, as the steps that lead to it: step n makes version n + 1.
@@ -138,7 +138,10 @@ CREATE TABLE marks (
 # From here on a file beside the store says whether anybody has to log in: see ``log_in_marker``.
 _MARKED = "PRAGMA user_version = 4"
 
-MIGRATIONS: tuple[str, ...] = (_FIRST, _LOG_INS, _QUEUE, _MARKED)
+# From here on every row has a sum, which a version before would not keep: see ``sealed_rows``.
+_SUMMED = "PRAGMA user_version = 5"
+
+MIGRATIONS: tuple[str, ...] = (_FIRST, _LOG_INS, _QUEUE, _MARKED, _SUMMED)
 
 
 MARKED = 4  # the schema from which on a log-in marker is there
@@ -181,7 +184,7 @@ class Database:
             self._sql.row_factory = sqlite3.Row
             self.lost = self._put_aside() if own_database.has_lost(self._sql, self.file) else None
             self._sql.execute("PRAGMA foreign_keys = ON")
-            _migrate(self)
+            sealed_rows.seal(self._sql, anew=_migrate(self))
         except (OSError, sqlite3.Error) as error:
             raise StoreError.told("store", "store_unusable", file=self.file, why=error) from error
 
@@ -196,6 +199,26 @@ class Database:
         atomic_file.write(aside, own_files.read_bytes(ahead, shared=True))
         self._sql.execute("PRAGMA wal_checkpoint(TRUNCATE)")
         return aside
+
+    def take_out_damaged(self) -> tuple[str, Path] | None:
+        """Takes rows out that are not as they were written, and makes indexes anew that do not fit: what was
+        found, and where a copy of the whole lies. Raises StoreError.
+        """
+        with self.write() as sql:
+            words = sealed_rows.broken(sql)
+            rows = [] if words else sealed_rows.damaged(sql)
+            if not words and not rows:
+                return None
+            try:
+                aside = own_files.aside(self.file)
+                atomic_file.write(aside, sql.serialize())
+            except OSError as error:
+                raise StoreError.told("space", "store_unwritten", file=self.file, why=error) from error
+            if words:
+                sealed_rows.index_anew(sql)
+                rows = sealed_rows.damaged(sql)
+            sealed_rows.take_out(sql, rows)
+        return sealed_rows.summary(rows, words), aside
 
     def copy(self) -> bytes:
         """The file of a database with all that is in this one."""
@@ -232,11 +255,13 @@ class Database:
                 raise StoreError.told(code, "store_unwritten", file=self.file, why=error) from error
 
 
-def _migrate(database: Database) -> None:
-    """Bring the schema to this version, step by step; before that a copy is put beside it."""
+def _migrate(database: Database) -> bool:
+    """Bring the schema to this version, step by step; before that a copy is put beside it. Whether it was
+    of another one.
+    """
     newest = len(MIGRATIONS)
     if (version := _version(database)) == newest:
-        return
+        return False
     if version > newest:
         raise StoreError(
             "store",
@@ -252,6 +277,7 @@ def _migrate(database: Database) -> None:
             users = sql.execute("SELECT count(*) FROM users").fetchone()[0]
             log_in_marker.write(database.file.parent, users)
         sql.execute(f"PRAGMA user_version = {newest}")
+    return True
 
 
 def _version(database: Database) -> int:

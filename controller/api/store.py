@@ -91,7 +91,13 @@ class Store:
             self.alarms.add(DAMAGED, what)
 
     def sweep(self) -> int:
-        """Take away what a process that died has left half done; how many files."""
+        """Take away what a process that died has left half done; how many files. Rows that are damaged are
+        taken out and reported. Raises StoreError.
+        """
+        if (damaged := self.database.take_out_damaged()) is not None:
+            self.programs.recover()
+            tables, aside = damaged
+            self.report(said("store_rows", file=self.database.file, tables=tables, aside=aside.name))
         return self.uploads.sweep() + self.programs.sweep()
 
     def close(self) -> None:

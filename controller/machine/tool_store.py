@@ -27,9 +27,9 @@ from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from controller import own_database, own_files
+from controller import atomic_file, own_database, own_files, sealed_rows
 from controller.machine.toml_table import ConfigError
-from controller.messages import said
+from controller.messages import Said, said
 
 FILE = "tools.db"
 SPINDLE, AWAY = 0, -1
@@ -82,10 +82,26 @@ class ToolStore:
             for name, rows in _ROWS.items():
                 _checked(name, [list(row) for row in self._db.execute(rows)])
             self._held = self._read()
-            if lost:  # the last steps: somebody must look
+            sealed_rows.seal(self._db)
+            self.damaged = self._damaged(file)
+            if lost or self.damaged is not None:  # somebody must look
                 self.forget()
         except (OSError, ValueError, sqlite3.Error) as error:
             raise _no_store(file, error) from error
+
+    def _damaged(self, file: Path) -> Said | None:
+        """What an alarm says of rows that are not as they were written; a copy of them is put aside."""
+        with self._whole():
+            words = sealed_rows.broken(self._db)
+            rows = sealed_rows.damaged(self._db)
+            if not rows and not words:
+                return None
+            aside = own_files.aside(file)
+            atomic_file.write(aside, self._db.serialize())
+            sealed_rows.index_anew(self._db)
+            sealed_rows.accept(self._db)
+        tables = sealed_rows.summary(rows, words)
+        return said("tool_store_damaged", file=file, tables=tables, aside=aside.name)
 
     def close(self) -> None:
         self._db.close()

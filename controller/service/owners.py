@@ -93,6 +93,8 @@ class Owners:
         machine, add = set_up.machine, self.alarms.add
         made = ToolChanger(store, changer, self.engine, add, machine.period_s, self._worn, machine.io)
         set_up.find(made.whereabouts.spindle)
+        if store.damaged is not None:
+            self.alarms.add(kept_file.ALARM, store.damaged)
         return made
 
     def _worn(self, tool: int) -> Said | None:

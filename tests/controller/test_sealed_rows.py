@@ -1,0 +1,208 @@
+"""Rows of SQLite files: no bit that turns over gives another value without a word."""
+
+from __future__ import annotations
+
+import contextlib
+import random
+import shutil
+import sqlite3
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from support.suite.seed import SEED
+
+from controller import own_database, sealed_rows
+from controller.api.database import StoreError
+from controller.api.store import DAMAGED, Store
+from controller.machine.toml_table import ConfigError
+from controller.machine.tool_store import Step, ToolStore
+from controller.messages import said
+
+STORE, TOOLS = "store.sqlite", "tools.db"
+
+
+@pytest.fixture(scope="module")
+def kept(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Both files of a shop, with rows in them, closed."""
+    folder = tmp_path_factory.mktemp("kept")
+    store = Store(folder)
+    with store.uploads.begin("a.ngc") as upload:
+        upload.write(b"(a)\nM2\n")
+        upload.commit()
+    for name, role in (("anna", "set_up"), ("bert", "view")):
+        store.users.set(name, f"hash of {name}", role)
+    store.settings.set("upload_mb", 8, "anna")
+    for result in ("completed", "stopped"):
+        store.runs.end(store.runs.begin("a.ngc", "0" * 64, ticks=7), result)
+    store.alarms.add("TEST", said("stopped"), axis="X")
+    store.queue.add("a.ngc", 3, "anna")
+    store.close()
+    tools = ToolStore(folder / TOOLS)
+    tools.confirm({1: 1, 2: 0, 3: 3})
+    tools.begin(Step(2, 3, 1, "to the pocket", 2, 2))
+    tools.end()
+    tools.close()
+    for name in (STORE, TOOLS):
+        with contextlib.closing(own_database.opened(folder / name)) as sql:
+            sql.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+    return folder
+
+
+@pytest.fixture
+def folder(kept: Path, tmp_path: Path) -> Path:
+    return Path(shutil.copytree(kept, tmp_path / "state"))
+
+
+def of_store(store: Store) -> dict[str, Any]:
+    return {
+        "programs": store.programs.list(),
+        "users": store.users.all(),
+        "settings": store.settings.all(),
+        "runs": store.runs.list(),
+        "alarms": [one for one in store.alarms.list() if one.name != DAMAGED],
+        "queue": store.queue.all(),
+    }
+
+
+def of_tools(tools: ToolStore) -> Any:
+    return tools.spindle, dict(tools.places), tools.step, tools.log()
+
+
+def flips(file: Path, times: int, rng: random.Random) -> Iterator[bytes]:
+    """Bits turned over where there is something."""
+    whole = file.read_bytes()
+    places = [i for i, byte in enumerate(whole) if byte]
+    for _ in range(times):
+        data = bytearray(whole)
+        data[rng.choice(places)] ^= 1 << rng.randrange(8)
+        yield bytes(data)
+
+
+def flip_tools(folder: Path, times: int) -> int:
+    """How many were noticed."""
+    rng, file = random.Random(f"{SEED}-tools"), folder / TOOLS
+    known, noticed = None, 0
+    for data in (file.read_bytes(), *flips(file, times, rng)):
+        for end in own_database.BESIDE:
+            (folder / f"{TOOLS}{end}").unlink(missing_ok=True)
+        file.write_bytes(data)
+        try:
+            tools = ToolStore(file)
+        except ConfigError:
+            noticed += 1
+            continue
+        try:
+            found = None if tools.damaged is not None else of_tools(tools)
+        except sqlite3.Error:
+            found = None
+        finally:
+            tools.close()
+        known = known or found
+        noticed += found is None
+        assert found in (None, known), SEED
+    return noticed
+
+
+def flip_store(folder: Path, times: int) -> int:
+    """How many were noticed."""
+    rng, file = random.Random(f"{SEED}-store"), folder / STORE
+    known, noticed = None, 0
+    for data in (file.read_bytes(), *flips(file, times, rng)):
+        for end in own_database.BESIDE:
+            (folder / f"{STORE}{end}").unlink(missing_ok=True)
+        file.write_bytes(data)
+        found = None
+        with contextlib.suppress(StoreError), contextlib.closing(Store(folder)) as store:
+            store.sweep()
+            if not any(one.name == DAMAGED for one in store.alarms.list()):
+                found = of_store(store)
+        known = known or found
+        noticed += found is None
+        other = [] if found is None or known is None else [key for key in known if found[key] != known[key]]
+        assert not other, (SEED, other, found, known)
+    return noticed
+
+
+def test_no_bit_of_the_tools_places_changes_one_without_a_word(folder: Path) -> None:
+    assert flip_tools(folder, 60) > 10
+
+
+def test_no_bit_of_the_store_changes_what_is_answered_without_a_word(folder: Path) -> None:
+    assert flip_store(folder, 25) > 8
+
+
+@pytest.mark.slow
+def test_no_bit_of_thousands_changes_anything(folder: Path) -> None:
+    assert flip_tools(folder, 3000) > 300 and flip_store(folder, 1500) > 300
+
+
+def changed(file: Path, *statements: str) -> None:
+    """By somebody who keeps no sums, as a bad bit."""
+    with contextlib.closing(sqlite3.connect(file)) as sql:
+        for statement in statements:
+            sql.execute(statement)
+        sql.commit()
+
+
+def test_another_tool_in_the_spindle_must_be_confirmed_and_a_copy_is_put_aside(folder: Path) -> None:
+    changed(folder / TOOLS, "UPDATE place SET pocket = 0 WHERE tool = 1")
+    tools = ToolStore(folder / TOOLS)
+    assert tools.spindle is None and not tools.known and tools.damaged is not None
+    assert tools.damaged["values"]["tables"] == "place 1" and (folder / "tools.db.damaged1").exists()
+    tools.confirm({1: 1, 2: 0, 3: 3})
+    tools.close()
+    tools = ToolStore(folder / TOOLS)
+    assert tools.damaged is None and tools.spindle == 2
+    tools.close()
+
+
+@pytest.mark.parametrize(
+    "statement",
+    ["UPDATE users SET role = 'set_up' WHERE name = 'bert'", "DELETE FROM users WHERE name = 'bert'"],
+)
+def test_a_user_who_is_another_than_was_written_is_taken_out_and_reported(
+    folder: Path, statement: str
+) -> None:
+    changed(folder / STORE, statement)
+    with contextlib.closing(Store(folder)) as store:
+        store.sweep()
+        assert [user.name for user in store.users.all()] == ["anna"]
+        (alarm,) = (one for one in store.alarms.list() if one.name == DAMAGED)
+        assert alarm.key == "store_rows" and alarm.values and alarm.values["tables"] == "users 1"
+        assert store.users.lost is not None
+        store.sweep()
+        assert sum(one.name == DAMAGED for one in store.alarms.list()) == 1
+    with contextlib.closing(sqlite3.connect(folder / "store.sqlite.damaged1")) as sql:
+        assert sql.execute("SELECT count(*) FROM users WHERE name = 'anna'").fetchone() == (1,)
+
+
+def test_sums_follow_every_way_of_writing_a_row(tmp_path: Path) -> None:
+    with contextlib.closing(own_database.opened(tmp_path / "a.db")) as sql:
+        sql.execute("CREATE TABLE t (name TEXT PRIMARY KEY, x REAL, y)")
+        sql.execute("INSERT INTO t VALUES ('before', 1, 2)")
+        sealed_rows.seal(sql)
+        for statement in (
+            "INSERT INTO t VALUES ('a', 1, X'00ff'), ('b', 0.1, NULL), ('c', 9007199254740993, 'x')",
+            "INSERT OR REPLACE INTO t VALUES ('a', 2, 3)",
+            "INSERT INTO t VALUES ('b', 5, 6) ON CONFLICT (name) DO UPDATE SET x = excluded.x",
+            "UPDATE t SET name = name || 'z', rowid = rowid + 100",
+            "DELETE FROM t WHERE name = 'cz'",
+            "DELETE FROM t",
+            "INSERT INTO t VALUES ('d', 1e300, -0.0)",
+        ):
+            sql.execute(statement)
+            assert sealed_rows.damaged(sql) == [], statement
+        with contextlib.closing(sqlite3.connect(tmp_path / "a.db", isolation_level=None)) as other:
+            other.execute("UPDATE t SET y = 0.1")
+        assert [name for name, _ in sealed_rows.damaged(sql)] == ["t"]
+
+
+def test_a_file_of_before_there_were_sums_is_taken_once(folder: Path) -> None:
+    changed(folder / TOOLS, "DROP TABLE sums", "UPDATE place SET pocket = 7 WHERE tool = 1")
+    for pocket, damaged in ((7, False), (8, True)):
+        tools = ToolStore(folder / TOOLS)
+        assert tools.places[1] == pocket and (tools.damaged is not None) is damaged
+        tools.close()
+        changed(folder / TOOLS, "UPDATE place SET pocket = 8 WHERE tool = 1")
