@@ -21,6 +21,7 @@ from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+from controller import memory
 from controller.cli import internal_error
 from controller.machine import setup_data
 from controller.machine.toml_table import ConfigError
@@ -48,6 +49,7 @@ Seen = tuple[checked.Task, Mapping[int, Stretch]]
 def main() -> None:
     job = json.loads(sys.stdin.read())
     children.end_with(int(job["parent"]))
+    memory.keep_freed()
     with contextlib.suppress(OSError):  # a sandbox may forbid it
         os.nice(NICE)
     seen: list[Seen] = []

@@ -170,6 +170,9 @@ def check(
 
     The data sheets of the machine's drives are looked at first: what commissioning would refuse is refused.
     """
+    from controller import memory
+
+    memory.keep_freed()
     if program is None and not machine:
         raise typer.BadParameter(say("cli.check.name_one"))
     with _refusals(as_json):

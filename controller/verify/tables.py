@@ -29,6 +29,7 @@ Rows = Iterator[tuple[str, str]]
 MIN_SHARE = 0.005  # of the time; what binds for less is not worth a word in a table
 TWISTED_MM = 1e-4  # less is told as nothing
 MAX_BINDS = 3  # in one row
+FULL = 1.0005  # of a limit: 100.1 % in the table
 MAX_HOLES = 40  # of the table; JSON has more
 
 
@@ -182,6 +183,13 @@ def joints(found: Survey) -> Table:
                 for kind, share in shares.items()
             ),
         )
+    if any(
+        getattr(use, f"{kind}_share") > FULL and kind not in use.over
+        for use in found.joints
+        for kind in MAX_SHARES
+    ):
+        most = {kind: 100.0 * share for kind, share in MAX_SHARES.items()}
+        table.caption = say("table.within", **most)
     return table
 
 

@@ -8,7 +8,9 @@ short it is. Where the feed alone holds the speed, knots lie further and further
 
 from __future__ import annotations
 
+import functools
 import math
+import operator
 from dataclasses import dataclass
 
 import numpy as np
@@ -289,14 +291,19 @@ def knots(found: Samples, v: Array, step_s: float) -> tuple[Array, Index]:
     something happens. At rests the first interval takes ``FROM_REST`` of these times.
     """
     count = _count(found, v, step_s)
-    places, part = [found.s[:1]], []
-    for here in np.split(np.arange(len(found.s)), np.flatnonzero(np.diff(found.part)) + 1):
-        upto = np.concatenate([[0.0], np.cumsum(count[here[:-1]])])
-        n = max(1, math.ceil(upto[-1] - 0.2))
-        made = np.interp(np.linspace(0.0, upto[-1], n + 1), upto, found.s[here])
-        places.append(np.append(made[1:-1], found.s[here[-1]]))
-        part.append(np.full(n, found.part[here[0]]))
-    s, parts = np.concatenate(places), np.concatenate(part)
+    wanted, s_of = count.tolist(), found.s.tolist()
+    ends = [*np.flatnonzero(np.diff(found.part)).tolist(), len(s_of) - 1]
+    places, per_part, first = s_of[:1], list[int](), 0
+    for last in ends:
+        n = max(1, math.ceil(functools.reduce(operator.add, wanted[first:last], 0.0) - 0.2))
+        if n > 1:  # rows of many short parts have one interval in most of them
+            upto = np.concatenate([[0.0], np.cumsum(count[first:last])])
+            made = np.interp(np.linspace(0.0, upto[-1], n + 1), upto, found.s[first : last + 1])
+            places += made[1:-1].tolist()
+        places.append(s_of[last])
+        per_part.append(n)
+        first = last + 1
+    s, parts = np.array(places), np.repeat(found.part[ends], per_part)
     if v[0] == 0.0:
         more = _joined_at_rest(parts)
         s, parts = np.delete(s, np.arange(1, more + 1)), parts[more:]

@@ -172,7 +172,7 @@ class Picture:
             self._surface(motion)
 
     def _joints(self, stretch: Stretch) -> tuple[Array, Whole]:
-        """Joints (n, axes) at so many places that nothing that bends is missed, with the lines of the ways."""
+        """Joints (n, axes) at so many places that nothing that bends is missed; the lines of the ways."""
         n, motion, line = _places(stretch), stretch.motion, stretch.place.line
         if n <= 2:
             return np.array([stretch.start, stretch.end]), np.array([line, line])

@@ -21,7 +21,7 @@ import numpy.typing as npt
 
 from controller.geometry import series as jets
 from controller.geometry.arrays import distinct
-from controller.geometry.curves import Bezier, Curve
+from controller.geometry.curves import Bezier, Curve, Line
 from controller.geometry.placement import Blend, Blended, Placed
 from controller.geometry.surfaces import RuledSurface, Surface
 from controller.geometry.touches import seen_at
@@ -113,6 +113,8 @@ def joint_series(stretch: Stretch, s: float, joints: Joints, kinematics: Kinemat
 
 def _derivatives_of_move(move: JointMove, s: Array, kinematics: Kinematics) -> Derivatives:
     per_s = 1.0 / move.end
+    if isinstance(move.curve, Line):
+        return _even(move, len(s), per_s, kinematics)
     (a0, b0), (a1, b1) = move.start_rotaries, move.end_rotaries
     found = []
     for order in (1, 2, 3):
@@ -121,6 +123,15 @@ def _derivatives_of_move(move: JointMove, s: Array, kinematics: Kinematics) -> D
         values = [*xyz, *turns]
         found.append(np.stack(kinematics.arrange(values), axis=1) * per_s**order)
     return Derivatives(*found)
+
+
+def _even(move: JointMove, n: int, per_s: float, kinematics: Kinematics) -> Derivatives:
+    """The same of a straight one, which has one rate of each joint."""
+    (a0, b0), (a1, b1) = move.start_rotaries, move.end_rotaries
+    rates = np.array(kinematics.arrange([*move.curve.derivative(0.0, 1), a1 - a0, b1 - b0]), dtype=float)
+    first = np.empty((n, len(rates)))
+    first[:] = rates * per_s
+    return Derivatives(first, np.zeros(first.shape), np.zeros(first.shape))
 
 
 @remembered(REMEMBERED)

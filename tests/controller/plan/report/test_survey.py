@@ -166,6 +166,9 @@ def test_a_share_that_no_law_of_the_plan_may_take_is_named_in_every_answer() -> 
         ["100.0 %", "101.0 % over the limit"],
         ["101.3 %", "102.0 % over the limit"],
     ]
+    assert "101.5 % of jerk" in str(tables.joints(replace(found, joints=(kept,))).caption)
+    sound = replace(found, joints=(replace(kept, jerk_share=1.0),))
+    assert tables.joints(sound).caption is None
 
 
 def test_what_binds_where_is_in_order_and_does_not_overlap() -> None:
