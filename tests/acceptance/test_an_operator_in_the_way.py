@@ -293,7 +293,7 @@ def switched_at(done: Cut) -> list[int]:
 @cache
 def marked(path: str, *events: Event, without: bool = False) -> Cut:
     text = MARKED[path].replace("M1\n", "") if without else MARKED[path]
-    done = cut(text, shipped(), events=list(events))
+    done = cut(text, shipped(period_s=PERIOD_S), events=list(events))
     assert done.run.result == "completed", done.run.fault_text
     assert_in_limits(done, (path, events))
     return done

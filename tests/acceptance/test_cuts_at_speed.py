@@ -79,7 +79,8 @@ def assert_at_feed(done: Cut, share: float = 1.0) -> None:
 @pytest.mark.parametrize("feed", [pytest.param("100.", marks=pytest.mark.slow), "1500."])
 @pytest.mark.parametrize("name", ["example1_ready", "example2_ready"])
 def test_the_ready_examples_begin_and_end_at_their_feed(name: str, feed: str) -> None:
-    source = machine_file.shipped_program(name).read_text().replace("F100.", f"F{feed}")
+    source = machine_file.shipped_program(name).read_text()
+    source = source.replace("F100.", f"F{feed}").replace("D360.", "D90.")
     done = cut(source, machine(gouge="refuse"))
     if name == "example2_ready":
         # Its first ruling, as auto lays it, and its last one are nearly vertical: C is at its limit at the

@@ -177,7 +177,7 @@ def test_a_late_tick_is_not_felt_by_a_spindle_on_its_way_to_another_speed() -> N
 def test_a_few_late_ticks_on_three_machines(name: str) -> None:
     rng = random.Random(f"late motors {name}")
     machine = replace(tapping.machine() if name == TAPS else shipped(name), stock_s=0.016)
-    judge(rng, Healthy(machine, TEXTS[name], motor=None), 6)
+    judge(rng, Healthy(machine, TEXTS[name], motor=None), 3)
 
 
 def test_a_few_late_ticks_on_a_thread_of_a_spindle_that_lags_and_slips() -> None:
@@ -185,7 +185,7 @@ def test_a_few_late_ticks_on_a_thread_of_a_spindle_that_lags_and_slips() -> None
     machine = replace(tapping.machine(), stock_s=0.016)
     hole = "G84 Z36. R40\nG80"
     text = f"G21 G90 G54 G40\nS600 M3\nF600\nG0 X5. Y-50.\nG0 Z40\n{hole}\nG0 X15.\n{hole}\nM30\n"
-    judge(rng, Healthy(machine, text, motor=MotorParameters(0.02, 0.02, 200.0)), 6)
+    judge(rng, Healthy(machine, text, motor=MotorParameters(0.02, 0.02, 200.0)), 3)
 
 
 @pytest.mark.slow

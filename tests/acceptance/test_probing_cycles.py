@@ -189,8 +189,8 @@ def test_a_ring_tells_the_ball_as_it_touches_in_every_direction(some: random.Ran
 def test_a_sphere_tells_the_ball_and_where_it_is(some: random.Random) -> None:
     x, y, z = (some.uniform(-1, 1) for _ in range(3))
     ball = f'{PRETRAVEL}[[solid]]\nkind = "sphere"\ncentre_mm = [{x}, {y}, {z}]\nradius_mm = 12.7\n'
-    values = {"diameter": 25.4, "most": 40, "keep": "yes"}
-    *_, found, table = probe_of("sphere", values, "G0 X0 Y0\nG0 Z35\n", ball)
+    values = {"diameter": 25.4, "most": 25, "keep": "yes"}
+    *_, found, table = probe_of("sphere", values, "G0 X0 Y0\nG0 Z20\n", ball)
     assert found[:2] == pytest.approx([x, y], abs=0.002)
     assert found[2] == pytest.approx(z, abs=0.002)
     assert found[3] == pytest.approx(found[4] - 0.012, abs=0.001)

@@ -31,13 +31,13 @@ TEXT = """G21 G90 G55 T2 M6
 G43.4
 G0 X0 Y0 Z60 A0 C0
 G1 Z40 F3000
-G1 X30 Y8 A6
+G1 X20 Y6 A4
 G1 X-10 A2 F2000
 G49
-G0 Z120
+G0 Z70
 M30
 """
-LONG = TEXT.replace("F2000", "F1000")  # a plan that is killed on line 5 has not planned all of it
+LONG = TEXT.replace("X20 Y6 A4", "X30 Y8 A6").replace("F2000", "F500")  # a plan that is killed on line 5 has not planned all of it
 UP = Jog((0.0, 0.0, 1.0, 0.0, 0.0), 20.0, 4.0)
 ASIDE = Jog((1.0, 0.0, 0.0, 0.0, 0.0), 15.0, 6.0)
 BACK = Jog((0.0, 0.0, -1.0, 0.0, 0.0), 20.0, 4.0)

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from support.machines import stepped_runs
 from support.machines.interrupted_runs import (
     EXAMPLE_2,
     LINES,
@@ -27,7 +28,7 @@ from support.machines.interrupted_runs import (
     until,
     with_tool,
 )
-from support.machines.stepped_runs import Cut, cut, shipped
+from support.machines.stepped_runs import Cut, cut
 from support.suite import seed as suite_seed
 
 from controller import messages
@@ -63,7 +64,12 @@ def slow(value: object) -> object:
 
 
 SAME = 1e-6  # mm or rad
+PERIOD_S = 0.004
 JOINTS = slice(COLUMN["joint_command_0"], COLUMN["joint_command_0"] + 5)
+
+
+def shipped(name: str = "trunnion", **changes: object) -> Machine:
+    return stepped_runs.shipped(name, period_s=PERIOD_S, **changes)
 
 
 @cache
@@ -174,12 +180,12 @@ def last_place(rows: np.ndarray) -> tuple[int, float]:
 def test_at_every_standstill_the_journal_has_the_very_place_and_the_rest_is_cut_from_there(
     how: Request, tmp_path: Path
 ) -> None:
-    stepped, file = fresh(), tmp_path / "journal.json"
+    stepped, file = fresh(shipped()), tmp_path / "journal.json"
     clock = lambda: stepped.clock.now_s()  # noqa: E731
     kept = Journal(file, clock)
     kept.begin(job("example 2", stepped))
     stepped.begin(Items(rest_of(EXAMPLE_2, Spot(1, 0.0), stepped.machine).items))
-    tick = instants("example 2", "trunnion", 8, 1)[0] // 2 + 1500
+    tick = instants("example 2", "trunnion", 8, 1)[0] // 2 + 750
     rows = run_for(stepped, kept, tick)
     if how is Request.STOP:
         stepped.planner.drop()
@@ -191,7 +197,7 @@ def test_at_every_standstill_the_journal_has_the_very_place_and_the_rest_is_cut_
         assert not entry.exact and (entry.spot.motion_id, entry.spot.s) <= last_place(rows)
     else:
         assert entry.exact and (entry.spot.motion_id, entry.spot.s) == last_place(rows)
-    again = fresh()
+    again = fresh(shipped())
     now = job("example 2", again)
     assert journal.refusal(entry, now, 0x1F, 0, 5) is None
     assert_goes_on("example 2", "trunnion", journal.spot_of(entry, now), again)
@@ -201,7 +207,7 @@ def test_at_every_standstill_the_journal_has_the_very_place_and_the_rest_is_cut_
 def test_after_a_power_loss_the_journal_is_at_or_before_what_was_cut_and_at_most_a_second_of_it(
     tmp_path: Path,
 ) -> None:
-    stepped, file = fresh(), tmp_path / "journal.json"
+    stepped, file = fresh(shipped()), tmp_path / "journal.json"
     kept = Journal(file, lambda: stepped.clock.now_s())
     kept.begin(job("example 2", stepped))
     stepped.begin(Items(rest_of(EXAMPLE_2, Spot(1, 0.0), stepped.machine).items))
@@ -226,7 +232,7 @@ def spot_at_row(row: np.ndarray, spot: Spot) -> float | None:
 
 @pytest.mark.soak
 def test_a_program_that_came_to_its_end_is_not_gone_on_with(tmp_path: Path) -> None:
-    stepped, file = fresh(), tmp_path / "journal.json"
+    stepped, file = fresh(shipped()), tmp_path / "journal.json"
     kept = Journal(file, lambda: stepped.clock.now_s())
     kept.begin(job("lines", stepped))
     stepped.begin(Items(rest_of(LINES, Spot(1, 0.0), stepped.machine).items))
@@ -245,7 +251,7 @@ class Operator:
     """Holds a program on the stepped machine, leads the tool off and back, and goes on."""
 
     def __init__(self, text: str, machine: Machine | None = None) -> None:
-        self.text, self.stepped = text, fresh(machine)
+        self.text, self.stepped = text, fresh(machine or shipped())
         self.rows: list[np.ndarray] = []
         self.stepped.begin(Items(rest_of(text, Spot(1, 0.0), self.stepped.machine).items))
 
@@ -387,7 +393,7 @@ def test_a_hold_on_the_way_off_or_back_is_a_hold_like_any_other() -> None:
 
 @pytest.mark.parametrize("name", ["lines", slow("example 2")])
 def test_a_dry_run_follows_the_program_off_the_part_with_the_spindle_off(name: str) -> None:
-    stepped = fresh()
+    stepped = fresh(shipped())
     rest = restart.find(source(PROGRAMS[name], stepped.machine, 25.0), Spot(1, 0.0))
     stepped.begin(Items(rest.opened(rest.items)))
     spindle: set[float] = set()

@@ -57,7 +57,7 @@ def test_the_shipped_machines_have_the_buses_they_are_named_for(
 
 @pytest.mark.parametrize("name", [name for name, *_ in CASES])
 def test_a_fast_cut_of_example_2_never_overruns_a_bus(name: str) -> None:
-    done, wires = run(name, "6000.")
+    done, wires = run(name, "12000.")
     assert_complete(done)
     assert_no_overrun(done, wires)
 

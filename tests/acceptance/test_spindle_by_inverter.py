@@ -38,7 +38,7 @@ ALL_LINES = IO.replace("estop", f"spindle_ready = {READY}, spindle_at_speed = {A
 BY_TIME = ALL_LINES.replace(f"spindle_at_speed = {AT_SPEED}, ", "")
 RUN_ALONE = IO.replace("coolant", f"spindle_run = {RUN}, coolant")
 PROGRAM = "G21 G90 G54\nS6000 M3 M8\nG1 Z130. F6000\nG1 X90.\nM5\nG0 X0\nM30\n"
-CUTTING = 450  # a tick of the run in which it moves at feed
+CUTTING = 225  # a tick of the run in which it moves at feed
 COUNTS_6000 = 200 + 30000 * 6000 // 15000
 
 WAYS: dict[str, tuple[str, str]] = {
@@ -75,7 +75,7 @@ class Turned(Mill):
 @cache
 def machine(way: str) -> Machine:
     """A mill by one of the ways."""
-    return mill(*WAYS[way])
+    return mill(*WAYS[way], changes=(("period_s = 0.002", "period_s = 0.004"),))
 
 
 def moving(made: Mill) -> list[int]:
@@ -92,21 +92,21 @@ def test_it_turns_as_told_before_anything_moves_and_stands_at_the_end(
     made.seen.clear()
     assert made.run(PROGRAM).result == "completed"
     cut = moving(made)
-    assert len(cut) > 100
+    assert len(cut) > 50
     assert all(abs(made.real[i] - 6000.0) <= 0.05 * 6000.0 for i in cut)
     assert all(made.seen[i].spindle_at_speed and made.seen[i].spindle_rev_min == 6000.0 for i in cut)
     assert made.io.analogue(2) == 200, "it is told to stand"
-    made.ticks(400)
+    made.ticks(200)
     assert made.real[-1] == 0.0 and made.seen[-1].spindle_rev_min == 0.0
 
 
 def test_what_the_output_is_told_is_what_was_measured(monkeypatch: pytest.MonkeyPatch) -> None:
     made = Turned(machine("0 to 10 V, at speed by an input"), monkeypatch)
     at: list[int] = []
-    made.at[300] = lambda: at.append(made.io.analogue(2))
+    made.at[150] = lambda: at.append(made.io.analogue(2))
     made.run(PROGRAM)
     assert at == [COUNTS_6000]
-    told = status.machine_values(made.machine, made.seen[300], None, power_on(), 1)["spindle"]
+    told = status.machine_values(made.machine, made.seen[150], None, power_on(), 1)["spindle"]
     assert told["actual_rev_min"] is None and told["rev_min"] == 6000.0, "nobody measures it"
 
 
@@ -143,7 +143,7 @@ def _fails(what: Callable[[Turned], None], monkeypatch: pytest.MonkeyPatch) -> t
     made.real.clear()
     run = made.run(PROGRAM)
     assert run.result in ("fault", "held"), run.result
-    return made, made.ticks(500)
+    return made, made.ticks(250)
 
 
 def test_a_fault_of_its_own_stops_the_path_and_it_does_not_turn_again_by_itself(
@@ -154,10 +154,10 @@ def test_a_fault_of_its_own_stops_the_path_and_it_does_not_turn_again_by_itself(
     first = next(i for i, one in enumerate(made.seen) if one.fault is Fault.SPINDLE_LOST)
     assert first - CUTTING <= 4 and not made.seen[first + 2].outputs >> RUN & 1
     made.input(READY, True)()
-    now = made.ticks(300)
+    now = made.ticks(150)
     assert made.real[-1] == 0.0 and not now.outputs >> RUN & 1
     made.bench.request(Request.RESET)
-    resets = [one.outputs >> RESET & 1 for one in [made.ticks(1) for _ in range(400)]]
+    resets = [one.outputs >> RESET & 1 for one in [made.ticks(1) for _ in range(200)]]
     assert 0.4 <= sum(resets) * made.machine.period_s <= 0.6, "a pulse that resets it, too"
     made.bench.come_up()
     made.at.clear()
@@ -193,6 +193,6 @@ def test_one_that_does_not_reach_its_speed_holds_the_machine(monkeypatch: pytest
 def test_an_override_turns_it_while_the_path_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:
     made = Turned(machine("0 to 10 V, at speed by an input"), monkeypatch)
     made.seen.clear()
-    assert made.run(PROGRAM, Event(400, Request.SPINDLE_OVERRIDE, 0.5)).result == "completed"
+    assert made.run(PROGRAM, Event(200, Request.SPINDLE_OVERRIDE, 0.5)).result == "completed"
     assert any(abs(one - 3000.0) < 1.0 for one in made.real)
     assert all(made.seen[i].mode is Mode.RUNNING for i in moving(made))

@@ -14,11 +14,12 @@ from controller.tick.cycle import Again
 from drives.bench.simulated.spindle_motor import MotorParameters
 
 DEPTH_UM, PITCH_SHARE = 5.0, 0.01  # what must hold
+DEPTH_MM = 8.0
 LAGGING = MotorParameters(lag_s=0.02, slip=0.02, strongest_rev_s2=200.0)
 HEAD = "G21 G90 G54 G40\n"
 
 
-def tapped(rev_min: float, pitch: float, depth: float = 12.0, code: str = "G33.1") -> str:
+def tapped(rev_min: float, pitch: float, depth: float = DEPTH_MM, code: str = "G33.1") -> str:
     over, bottom = 40.0, 40.0 - depth
     if code == "G33.1":
         cycle = f"G33.1 Z{bottom} K{pitch}"
@@ -46,7 +47,7 @@ def test_depth_and_pitch_are_right_at_every_speed(
     tapper = Tapper(motor=motor)
     assert tapper.run(tapped(rev_min, pitch)).result == "completed"
     cut = tapper.cut
-    assert abs(cut.way.max() - 12.0) * 1000.0 < DEPTH_UM
+    assert abs(cut.way.max() - DEPTH_MM) * 1000.0 < DEPTH_UM
     assert cut.pitch_mm() == pytest.approx(pitch, rel=PITCH_SHARE)
     assert cut.error_um(1.0 / pitch) < DEPTH_UM
     assert cut.turns.max() > 0.0
@@ -72,7 +73,7 @@ def test_a_left_hand_thread_is_tapped_by_g74_with_the_spindle_turning_back() -> 
     tapper = Tapper(motor=LAGGING)
     assert tapper.run(tapped(600.0, 1.0, code="G74")).result == "completed"
     assert tapper.cut.error_um(-1.0) < DEPTH_UM
-    assert tapper.cut.turns.min() == pytest.approx(-12.0, abs=0.01)
+    assert tapper.cut.turns.min() == pytest.approx(-DEPTH_MM, abs=0.01)
 
 
 def test_pecks_find_the_thread_again() -> None:
@@ -83,7 +84,7 @@ def test_pecks_find_the_thread_again() -> None:
     tops = np.flatnonzero(np.diff(np.sign(np.diff(cut.way))) < 0)
     assert [round(float(cut.way[i])) for i in tops if cut.way[i] > 1.0][:1] == [5]
     assert cut.error_um(1.0) < DEPTH_UM
-    assert abs(cut.way.max() - 12.0) * 1000.0 < DEPTH_UM
+    assert abs(cut.way.max() - DEPTH_MM) * 1000.0 < DEPTH_UM
 
 
 @pytest.mark.parametrize("turned", ["I30. J15. K0"])
@@ -121,11 +122,11 @@ def test_a_hold_stops_on_the_thread_and_goes_on_there(share: float, plain: Tappe
     first = next(i for i, now in enumerate(plain.seen) if now.thread_rev)
     at = first + round(share * len(plain.cut.turns))
     held = Tapper(motor=LAGGING)
-    run = held.run(tapped(600.0, 1.0), Event(at, Request.HOLD), Event(at + 500, Request.RESUME))
+    run = held.run(tapped(600.0, 1.0), Event(at, Request.HOLD), Event(at + 300, Request.RESUME))
     assert run.result == "completed"
     assert Mode.HOLD in {now.mode for now in held.seen}
     assert held.cut.error_um(1.0) < DEPTH_UM
-    assert abs(held.cut.way.max() - 12.0) * 1000.0 < DEPTH_UM
+    assert abs(held.cut.way.max() - DEPTH_MM) * 1000.0 < DEPTH_UM
 
 
 def test_a_spindle_that_tires_takes_the_axes_along() -> None:
@@ -134,18 +135,18 @@ def test_a_spindle_that_tires_takes_the_axes_along() -> None:
     def tire() -> None:
         tapper.spindle.axis.servo.cutting = 100.0 * 4096.0
 
-    tapper.at = {400: tire}
+    tapper.at = {250: tire}
     assert tapper.run(tapped(600.0, 1.0)).result == "completed"
     assert tapper.cut.error_um(1.0) < 10.0 * DEPTH_UM  # one shock of half the torque
-    assert abs(tapper.cut.way.max() - 12.0) * 1000.0 < DEPTH_UM
+    assert abs(tapper.cut.way.max() - DEPTH_MM) * 1000.0 < DEPTH_UM
 
 
 def test_a_spindle_that_is_stuck_is_told_and_the_axes_rest_where_it_is() -> None:
     tapper = Tapper(motor=LAGGING)
-    tapper.at = {500: lambda: tapper.spindle.jam(True, tapper.now_s)}
+    tapper.at = {300: lambda: tapper.spindle.jam(True, tapper.now_s)}
     run = tapper.run(tapped(600.0, 1.0))
     assert (run.result, run.fault) == ("held", Fault.SPINDLE_LAGS)
-    now = tapper.ticks(500)
+    now = tapper.ticks(300)
     assert now.mode is Mode.HOLD and now.at_rest
     assert abs(tapper.cut.way[-1] - tapper.cut.turns[-1]) < 0.005
 
@@ -153,13 +154,13 @@ def test_a_spindle_that_is_stuck_is_told_and_the_axes_rest_where_it_is() -> None
 def test_a_spindle_that_comes_free_again_finishes_its_thread() -> None:
     tapper = Tapper(motor=LAGGING)
     tapper.at = {
-        500: lambda: tapper.spindle.jam(True, tapper.now_s),
-        1200: lambda: tapper.spindle.jam(False, tapper.now_s),
+        300: lambda: tapper.spindle.jam(True, tapper.now_s),
+        800: lambda: tapper.spindle.jam(False, tapper.now_s),
     }
-    run = tapper.run(tapped(600.0, 1.0), Event(4000, Request.RESUME))
+    run = tapper.run(tapped(600.0, 1.0), Event(2500, Request.RESUME))
     assert run.result == "completed"
     assert Fault.SPINDLE_LAGS in {now.fault for now in tapper.seen}
-    assert abs(tapper.cut.way.max() - 12.0) * 1000.0 < DEPTH_UM
+    assert abs(tapper.cut.way.max() - DEPTH_MM) * 1000.0 < DEPTH_UM
 
 
 def test_every_limit_of_the_axes_holds_and_the_override_is_said_to_be_locked() -> None:
