@@ -1,7 +1,7 @@
 """From the bytes of a file to the text of a program, and its lines.
 
 Bytes that a punched tape or a serial line left before and behind a program are no part of it:
-NUL, DEL, DC1 to DC4 and, behind it, the ^Z with which DOS ended texts.
+NUL, DEL, DC1 to DC4, STX before it, and behind it ETX, EOT and the ^Z with which DOS ended texts.
 """
 
 from __future__ import annotations
@@ -16,8 +16,9 @@ from controller.messages import Said, said
 from controller.program.program import Place, ProgramError
 
 _AROUND = bytes([0x00, 0x11, 0x12, 0x13, 0x14, 0x7F])
-_BEHIND = frozenset(_AROUND + b"\x1a \t\r\n")
-_LEADER = re.compile(rb"[\x00\x11-\x14\x7f \t\r\n]*")
+_BEFORE = _AROUND + b"\x02"
+_BEHIND = frozenset(_AROUND + b"\x03\x04\x1a \t\r\n")
+_LEADER = re.compile(rb"[\x00\x02\x11-\x14\x7f \t\r\n]*")
 NEWLINE = re.compile(r"\r\n|\r|\n")
 _NEWLINE = re.compile(rb"\r\n|\r|\n")
 PART = 65_536  # bytes that are decoded at once, and what is left of their last line
@@ -96,7 +97,7 @@ def _without_tape(data: Bytes) -> tuple[str, memoryview]:
         end -= 1
     leader = _LEADER.match(data, 0, end)
     begin = leader.end() if leader else 0
-    blank = str(bytes(view[:begin]).translate(None, _AROUND), "ascii")
+    blank = str(bytes(view[:begin]).translate(None, _BEFORE), "ascii")
     return blank, view[begin + 3 if bytes(view[begin : begin + 3]) == codecs.BOM_UTF8 else begin : end]
 
 

@@ -49,25 +49,31 @@ _HEIDENHAIN = (
 _HEIDENHAIN_ISO = (_beginning(r"%[A-Z0-9_-]+[ \t]+G7[01]"), r"[0-9][ \t]*\*[ \t]*$")
 _SIEMENS = (
     _beginning(r"%_N_", r";[ \t]*\$PATH", r"%(?:MPF|SPF)[ \t]*[0-9]"),
-    _beginning(r"(?:TRANS|ROT|MIRROR|SCALE|MSG|PROC|DEF[ \t]+(?:REAL|INT|BOOL|STRING))(?![A-Z_])"),
-    _beginning(r"RET[ \t]*$"),
+    _beginning(r"(?:MSG[ \t]*\(|(?:PROC|DEF[ \t]+(?:REAL|INT|BOOL|STRING))(?![A-Z_]))"),
     _words(
         "TRAORI TRAFOOF TRANSMIT TRACYL CUT3DC CUT2D ORIWKS ORIMKS ORIAXES ORIVECT ORIPATH ORISON COMPCAD "
         "COMPCURV COMPON COMPOF COMPSURF FFWON FFWOF UPATH SPATH FGROUP SUPA STOPRE CFTCP CFC CFIN ATRANS "
-        "AROT AMIRROR TOFRAME TOROT MCALL GOTOF GOTOB EXTCALL EXTERN WORKPIECE NEWCONF WAITM DIAMOF DIAMON "
-        "G64[1-5] G500 G50[5-9] G5[1-9][0-9] G45[01] G29[01]"
+        "AROT AMIRROR TOFRAME TOROT MCALL GOTOF GOTOB EXTCALL EXTERN WORKPIECE NEWCONF WAITM DIAMOF DIAMON"
     ),
     r"(?<![A-Z0-9<_#])(?:CYCLE|POCKET|SLOT|HOLES|LONGHOLE)[0-9]*[ \t]*\(",
-    r"(?<![A-Z0-9<_#])(?:R[0-9]+|[XYZABCIJKTD]|CR|AR|RP|AP|TURN|ADIS|[ABC][2-6]|[MS][1-9]|[IJK]1|SPOS|LIMS|"
-    r"OFFN|CTOL|OTOL)[ \t]*=(?!=|[ \t]*V)",
+    r"(?<![A-Z0-9<_#])(?:CR|AR|RP|AP|TURN|ADIS|SPOS|LIMS|OFFN|CTOL|OTOL)[ \t]*=(?!=|[ \t]*V)",
+    r"(?<![A-Z0-9<_#])[XYZABCIJKTD][ \t]*=[ \t]*(?:(?:IC|AC|DC|ACP|ACN)[ \t]*\(|\")",
     r"\$(?:P|A|M[ACN])[A-Z]*_",
 )
+# What others write, too, or a mistake may look like: two of these that differ are a sign.
+_PERHAPS_SIEMENS = (
+    _beginning(r"(?:TRANS|ROT|MIRROR|SCALE)(?![A-Z_])", r"RET[ \t]*$"),
+    _words("G64[1-5] G500 G50[5-9] G5[1-9][0-9] G45[01] G29[01]"),
+    r"(?<![A-Z0-9<_#])(?:R[0-9]+|[XYZABCIJKTD]|[ABC][2-6]|[MS][1-9]|[IJK]1)[ \t]*=(?!=|[ \t]*V)",
+)
+_SIEMENS_NAME = "Siemens (Sinumerik)"
+_PERHAPS = "|".join(sign.replace("?P<it>", "?:") for sign in _PERHAPS_SIEMENS)
 _CONTROLS = {
     name: "|".join(sign.replace("?P<it>", "?:") for sign in signs)
     for name, signs in (
         ("Heidenhain (conversational)", _HEIDENHAIN),
         ("Heidenhain (DIN/ISO)", _HEIDENHAIN_ISO),
-        ("Siemens (Sinumerik)", _SIEMENS),
+        (_SIEMENS_NAME, _SIEMENS),
     )
 }
 
@@ -133,11 +139,20 @@ def judged(
 
 
 def program(lines: Iterable[str], name: str) -> ProgramError | None:
-    """What to tell of a program where a line of it is another control's; else None."""
-    other = None
+    """What to tell of a program where a line of it is another control's, or two may be; else None."""
+    other: ProgramError | None = None
+    perhaps: ProgramError | None = None
+    words = set[str]()
     for number, raw in enumerate(islice(lines, MAX_LINES), start=1):
-        if other is None and (found := _control(raw)) is not None:
-            other = _told(name, number, raw, *found)
+        told = _without_comments(raw) if other is None else ""
+        if told and (found := _control(told)) is not None:
+            first = perhaps if found[0] == _SIEMENS_NAME else None  # of its program the first line that tells
+            other = first or _told(name, number, raw, *found)
+        elif told:
+            for word in _pattern(_PERHAPS).finditer(told):
+                perhaps = perhaps or _told(name, number, raw, _SIEMENS_NAME, _column(told, word.start()))
+                words.add("".join(word.group().split()).upper())
+            other = perhaps if len(words) > 1 else None
         if _pattern(_OKUMA).search(raw):
             return None
     return other
@@ -157,18 +172,26 @@ def statement(raw: str, name: str, number: int) -> ProgramError | None:
     return None
 
 
-def _control(raw: str) -> tuple[str, int] | None:
-    """Control and offset of the first sign in a line; comments, and what block delete skips, are none."""
+def _without_comments(raw: str) -> str:
+    """What of a line may be a sign, each character in its place; "" of one that block delete skips."""
     first = raw.lstrip()[:1]
     if first == "/" or (first == ";" and "$PATH" not in raw.upper()):
-        return None
+        return ""
     told = _COMMENT.sub(lambda found: "(".ljust(len(found.group())), raw)  # as arguments they are a sign
-    if first != ";":
-        told = told.partition(";")[0]
+    return told if first == ";" else told.partition(";")[0]
+
+
+def _control(told: str) -> tuple[str, int] | None:
+    """Control and offset of the first sign in a line."""
     for control, signs in _CONTROLS.items():
         if found := _pattern(signs).search(told):
-            return control, len(told) - len(told.lstrip()) if found.start() == 0 else found.start()
+            return control, _column(told, found.start())
     return None
+
+
+def _column(told: str, start: int) -> int:
+    """Offset of a sign, behind the blanks that it may begin with."""
+    return len(told) - len(told.lstrip()) if start == 0 else start
 
 
 def _shown(raw: str) -> str:

@@ -127,7 +127,7 @@ def _mark(axes: Axes, mark: Mark, shape: Shape, tips: Array) -> None:
         scaley=False,
     )
     if mark.refused:
-        axes.text(x, y, f"  {mark.line}", color=colour, weight="bold")
+        axes.text(x, y, f"   {mark.line}", color=colour, weight="bold", va="bottom", clip_on=True)
 
 
 def _in_offset(points: Array, machine: Machine) -> Array:

@@ -94,6 +94,8 @@ class Course:
 
     def index(self, s: Array) -> Index:
         """Index of the stretch in which each place lies (N,); a boundary belongs to the stretch behind it."""
+        if len(self.stretches) == 1:
+            return np.zeros(len(s), dtype=np.intp)
         found = np.searchsorted(self.starts, s, side="right") - 1
         return np.clip(found, 0, len(self.stretches) - 1)
 
@@ -144,7 +146,7 @@ class Course:
         """Of each stretch the feed that ``feed`` tells anywhere on it; nan where it is not one."""
         found = np.full(len(self.stretches), math.nan)
         for k, stretch in enumerate(self.stretches):
-            if isinstance(stretch.motion, ToolLine) and not stretch.feed_steps and not stretch.turning:
+            if not isinstance(stretch.motion, ToolSpline) and not stretch.feed_steps and not stretch.turning:
                 found[k] = stretch.feed_at(np.zeros(1))[0] * stretch.scale(*self._scales)
         return found
 

@@ -24,8 +24,10 @@ def read(data: bytes) -> tuple[Block, ...]:
     return blocks.read(data, MILL, "part.ngc").blocks
 
 
-@pytest.mark.parametrize("before", [b"", bytes(50), b"\x11", b"\x12\r\n\0\0", b"\x7f\0\x11\r\n\r\n"])
-@pytest.mark.parametrize("after", [b"", bytes(50), b"\x13", b"\x14\r\n\0", b"\x1a", b"\x1a\x1a\r\n\0\0"])
+@pytest.mark.parametrize("before", [b"", bytes(50), b"\x11", b"\x12\r\n\0\0", b"\x7f\0\x11\r\n\r\n", b"\x02"])
+@pytest.mark.parametrize(
+    "after", [b"", bytes(50), b"\x13", b"\x14\r\n\0", b"\x1a", b"\x1a\x1a\r\n\0\0", b"\x03", b"\r\n\x04\x03"]
+)
 def test_what_a_tape_or_a_serial_line_leaves_around_a_program_is_no_part_of_it(
     before: bytes, after: bytes
 ) -> None:
@@ -36,7 +38,7 @@ def test_what_a_tape_or_a_serial_line_leaves_around_a_program_is_no_part_of_it(
     assert read(before + BODY.replace(b"%\n", b"") + after)
 
 
-@pytest.mark.parametrize("byte", [b"\0", b"\x11", b"\x13", b"\x1a", b"\x7f"])
+@pytest.mark.parametrize("byte", [b"\0", b"\x02", b"\x03", b"\x04", b"\x11", b"\x13", b"\x1a", b"\x7f"])
 def test_inside_of_a_program_they_are_refused(byte: bytes) -> None:
     with pytest.raises(ProgramError, match=f"control character 0x{byte[0]:02X}") as refused:
         read(b"G0 X1.\nX1" + byte + b"2.\nM30\n")

@@ -24,7 +24,7 @@ SIEMENS = {
     "vectors": ("G1 X1 Y1 Z1 A3=0 B3=0.5 C3=0.8 F500\n", 1),
     "parameter": ("R1=5\nG0 X=R1\n", 1),
     "increment": ("N5 G0 X0 Y0\nN6 G1 X=IC(5) F100\n", 2),
-    "no datum": ("N10 G500 G0 Z100\n", 1),
+    "no datum": ("N10 G500 G0 Z100\nN20 G0 X1 G642\n", 1),
     "machine position": ("N10 G0 SUPA Z0 D0\n", 1),
     "blend": ("N10 G642 ADIS=0.02\n", 1),
     "shift": ("G54\nTRANS X10 Y5\nAROT Z30\nG0 X0\n", 2),
@@ -65,6 +65,12 @@ OURS = (
     "VC1=5\nX=VC1+5\n",
     "G15 H=VC32\nG0 X=XPOS Y=YPOS\nIF [VC1 EQ 20] NDTM8\nGOTO NDTM\n",
     "T1 M6\nG65 P9810 Z5. F100\nG05.1 Q1\n",
+    # One thing that Siemens' programs have makes none of them.
+    "G0 X1.\nG500\nX2.\n",
+    "G0 X1.\nG1 X=5. F100.\nX=6.\n",
+    "G0 X1.\nSCALE X2.\n",
+    "R1=5\nG99.9\n",
+    "G0 X1.\nRET\n",
 )
 
 
