@@ -158,6 +158,20 @@ def test_a_step_that_is_taken_back_for_a_stop_is_told() -> None:
     assert [one.wrongs for one in verdicts] == [[]] * len(verdicts)
 
 
+@pytest.mark.slow
+def test_the_slip_is_known_also_where_every_thread_is_too_short_for_an_even_speed() -> None:
+    """Along a stop beyond the stock nobody measures: axes and spindle part by what is not known of it."""
+    machine = replace(tapping.machine(), stock_s=0.016)
+    hole, head = "G74 Z30.7 R40\nG80", "G21 G90 G54 G40\nS1500 M4\nF1567.8\n"
+    text = f"{head}G0 X5. Y-50.\nG0 Z40\n{hole}\nG0 X15.\n{hole}\nG0 Z60.\nM30\n"
+    healthy = Healthy(machine, text, motor=MotorParameters(0.0081, 0.0123, 200.0))
+    begin, end = healthy.cuts[-1]
+    late = late_runs.Late("one beyond", {1: 0.12}, {})
+    verdicts = list(late_runs.cases(healthy, [(n, late) for n in range(begin + 40, end, 60)]))
+    assert [one.wrongs for one in verdicts] == [[]] * len(verdicts)
+    assert max(one.shares["thread um beyond"] for one in verdicts) < 1.0
+
+
 def test_a_late_tick_is_not_felt_by_a_spindle_on_its_way_to_another_speed() -> None:
     """Its ramp is in the plans: up, down, and from one to the other."""
     machine = replace(tapping.machine(), stock_s=0.016)
