@@ -25,6 +25,7 @@ from support.machines.with_tables import with_tables
 from support.net import drawn
 from support.suite.seed import SEED
 
+from controller.ipc.handoff import COLUMN
 from controller.machine import machine_file
 from controller.machine.deviation_tables import Pitch
 from controller.machine.model import Machine
@@ -147,6 +148,17 @@ def test_late_ticks_where_axes_turn_back_with_play() -> None:
     late = late_runs.Late("one beyond", {1: 0.06}, {})
     verdicts = list(late_runs.cases(healthy, [(fork, late) for fork in range(524, 660, 16)]))
     assert [one.wrongs for one in verdicts] == [[]] * len(verdicts)
+
+
+def test_late_ticks_where_axes_rest_before_they_have_turned_back() -> None:
+    """What is left of a reversal where the plan rests is no step either, once a tick comes."""
+    made, play = shipped("three_axes"), Pitch((-250.0, 250.0), (-0.015, -0.015), (0.015, 0.015))
+    machine = replace(made, axes=tuple(replace(axis, pitch=play) for axis in made.axes), stock_s=0.016)
+    healthy = Healthy(machine, "G21 G90 G54 G61\nG0 X0 Y0 Z50\nG1 X10 F6000\nX9.95\nG4 P0.3\nX10\nM30\n")
+    late = late_runs.Late("one beyond", {1: 0.06}, {})
+    begin, *_, end = np.flatnonzero(healthy.run.rows[:, COLUMN["line"]] == 4).tolist()
+    verdicts = list(late_runs.cases(healthy, [(n, late) for n in range(begin - 20, end + 10, 4)]))
+    assert len(verdicts) > 5 and [one.wrongs for one in verdicts] == [[]] * len(verdicts)
 
 
 def test_a_step_that_is_taken_back_for_a_stop_is_told() -> None:
