@@ -46,6 +46,7 @@ DRIFTS_REV_S = 1.0  # faster than this, what is not explained is taken for a sha
 SETTLED_REV = 0.002  # of e at rest, and ...
 SETTLED_COUNTS = 2.0  # ... not below what the encoder can tell
 SETTLED_TICKS = 4  # in a row
+EVEN_S = 0.25  # of one speed beside a thread: then what a spindle lags has come to its end
 LATE_S = 3.0  # not settled by then: it is lost as one that lags
 CLOSING_REV_S = 0.1  # a lag beyond the window that shrinks by so much is on its way back
 PATIENCE_S = 0.2  # for one that does neither
@@ -72,8 +73,11 @@ class Turning(Protocol):
 
     turns: float
     unheard: int
+    even_syncs: int
     load: float
 
+    @property
+    def told_rev_s(self) -> float: ...
     def lead(self, rev_s: float, by_plan: bool, /) -> None: ...
 
 
@@ -96,7 +100,8 @@ class Slope:
 class Reply:
     """How the spindle answers: told - actual = ``slip`` speed + ``lag_s`` acceleration, the best of late.
 
-    Each is learnt where the other does not hide it, and forgotten only by what is learnt anew.
+    Each is learnt where the other does not hide it, and forgotten only by what is learnt anew: the slip also
+    beside a thread, for a short one has no even speed.
     """
 
     def __init__(self) -> None:
@@ -218,6 +223,7 @@ class Coupling:
         self.depth_rev = self.pitch_mm = self.led_mm = self.ahead_mm = 0.0
         self.again: Recorded | None = None  # of a run that is made again
         self.committed = 0
+        self._most_even = round(EVEN_S / machine.period_s)
         self._untaught = 0  # ticks for which what the spindle answers is to what nobody has told it
         self.s = self._zero = self._rate = 0.0  # ``_rate``: of e, rev/s, if nothing were added
         self._delay, self._periods = delay, periods
@@ -238,6 +244,8 @@ class Coupling:
         if self.again is not None:
             self.settled = self.again.settled
             return
+        if not self.active and self._spindle is not None:
+            self._listen(self._spindle)
         here = self._settled >= SETTLED_TICKS and not self.committed
         off = self.releasing and any([c.off_rev or c.step_rev for c in (self.now, *self._stock)])
         self.settled = self.active and here and not off
@@ -393,13 +401,25 @@ class Coupling:
         after, before = self._past.turned[-2:]
         return after - before
 
+    def _hear(self, spindle: Turning) -> tuple[float, bool]:
+        """How fast it has turned (rev/s), and whether that is its answer to one SYNC."""
+        turns, unheard = spindle.turns, spindle.unheard
+        turned, self._turned = (turns - self._turned) / self._period_s, turns
+        self._untaught = max(0, self._untaught - 1, 2 * (unheard < 1))  # two answers at once, and then none
+        return turned, unheard <= 1 and not self._untaught
+
+    def _listen(self, spindle: Turning) -> None:
+        """One tick beside a thread."""
+        turned, sure = self._hear(spindle)
+        speed = spindle.told_rev_s
+        if sure and speed != 0.0 and spindle.even_syncs > self._most_even:
+            self.reply.learn(speed, 0.0, speed - turned)
+
     def _measure(self, spindle: Turning) -> None:
         """Filters e; where no position has come it goes on as it did."""
         T, turns, unheard, past = self._period_s, spindle.turns, spindle.unheard, self._past
-        turned, self._turned = (turns - self._turned) / T, turns
+        turned, sure = self._hear(spindle)
         speed, acceleration = past.led[self._answers_in - 1]
-        self._untaught = max(0, self._untaught - 1, 2 * (unheard < 1))  # two answers at once, and then none
-        sure = unheard <= 1 and not self._untaught
         if sure and speed != 0.0 and -TEACHES_REV < self.lag_rev < TEACHES_REV:
             self.reply.learn(speed, acceleration, speed - turned)
         if unheard <= 1:

@@ -11,7 +11,7 @@ on its way already. After it stand the periods that ``Lookahead`` sees, and the 
 ```
 
 Where axes miss something, how far a reversal has come is a matter of time: along a stop that the pump has
-begun it is with the rows that the stop goes by, and for the tick it went on. From the one to the other the
+begun, or at rest where the rows end, it is with those rows, and for the tick it went on. From the one to the other the
 setpoints are led by a ``Bridge``, as slowly as a reversal itself.
 """
 
@@ -62,7 +62,7 @@ class Published(NamedTuple):
 
 
 class Bridge(NamedTuple):
-    """From the counts of a stop to those of the path, of each axis."""
+    """From the counts of a stop, or where rows ended at rest, to those of the path, of each axis."""
 
     begin: int  # period
     ticks: Sequence[int]  # that it takes
@@ -278,11 +278,11 @@ class Stock:
         return _columns(period, row, self._bridge, self.memory)
 
     def _bridge_over(self, begin: int, anew: bool) -> None:
-        """What is new from ``begin`` on goes on from a stop that the pump has begun, if it has."""
+        """What is new from ``begin`` on goes on from where the pump has gone behind its rows, if it has."""
         bridge, plan, ticks = self._bridge, self._plan, self._encoder.reversal_ticks
         if anew or (bridge is not None and bridge.is_over(begin - 1)):
             self._bridge = None
-        if not self._reverses or plan is None or plan.stop is None or plan.is_nominal(begin - 1):
+        if not self._reverses or plan is None or plan.is_nominal(begin - 1):
             return
         (before, _), (there, _) = self._exact(begin - 1), self._exact(begin)
         last, here = self._last.counts, self.ahead.here.counts

@@ -35,8 +35,8 @@ class SpindleDrive(PowerStage):
 
     Read: ``speed`` (counts/s, actual), ``speed_at_s``, ``rev_min``, ``at_speed``, ``standing``; where it
     tells its position ``turns`` (revolutions since the first one was heard, signed), ``unheard`` (SYNCs since
-    the one that it answers: 0 where that is the newest) and ``load`` (share of the rated torque); and what
-    `PowerStage` and `Supervised` have.
+    the one that it answers: 0 where that is the newest), ``even_syncs`` (in which it has been told one speed)
+    and ``load`` (share of the rated torque); and what `PowerStage` and `Supervised` have.
     """
 
     def __init__(self, settings: SpindleSettings, lost_after: int = LOST_IN_A_ROW) -> None:
@@ -59,7 +59,8 @@ class SpindleDrive(PowerStage):
         self._standing_speed = abs(STANDING_REV_S * settings.counts_per_rev)
         self._stepped_s = NEVER_S
         self._frame = pdo.command_frame(node, profile.rpdo)
-        self._sent_speed = 0
+        self._sent_speed = self._even_speed = 0
+        self.even_syncs = 0
         self._due_s = NEVER_S
         self._repeats = 0
         self.turns = self.load = 0.0
@@ -117,6 +118,11 @@ class SpindleDrive(PowerStage):
         return self.speed * 60.0 / self.settings.counts_per_rev
 
     @property
+    def told_rev_s(self) -> float:
+        """The speed that it was told last."""
+        return self._sent_speed / self.units_per_rev_s
+
+    @property
     def standing(self) -> bool:
         """Whether it has reported to stand."""
         return self.speed_at_s > NEVER_S and abs(self.speed) <= self._standing_speed
@@ -149,6 +155,9 @@ class SpindleDrive(PowerStage):
             self.unheard = 0  # those before it were lost
         self._placed = False
         self.unheard += 1
+        even = self._sent_speed == self._even_speed and self.word & FOLLOWS
+        self.even_syncs = self.even_syncs + 1 if even else 0
+        self._even_speed = self._sent_speed
         self._ahead = self._ahead + 1 if self.unheard < 1 else 0
         if self._ahead > MOST_AHEAD:
             self.unheard = 1

@@ -25,6 +25,7 @@ from support.machines.with_tables import with_tables
 from support.net import drawn
 from support.suite.seed import SEED
 
+from controller.ipc.handoff import COLUMN
 from controller.machine import machine_file
 from controller.machine.deviation_tables import Pitch
 from controller.machine.model import Machine
@@ -149,6 +150,17 @@ def test_late_ticks_where_axes_turn_back_with_play() -> None:
     assert [one.wrongs for one in verdicts] == [[]] * len(verdicts)
 
 
+def test_late_ticks_where_axes_rest_before_they_have_turned_back() -> None:
+    """What is left of a reversal where the plan rests is no step either, once a tick comes."""
+    made, play = shipped("three_axes"), Pitch((-250.0, 250.0), (-0.015, -0.015), (0.015, 0.015))
+    machine = replace(made, axes=tuple(replace(axis, pitch=play) for axis in made.axes), stock_s=0.016)
+    healthy = Healthy(machine, "G21 G90 G54 G61\nG0 X0 Y0 Z50\nG1 X10 F6000\nX9.95\nG4 P0.3\nX10\nM30\n")
+    late = late_runs.Late("one beyond", {1: 0.06}, {})
+    begin, *_, end = np.flatnonzero(healthy.run.rows[:, COLUMN["line"]] == 4).tolist()
+    verdicts = list(late_runs.cases(healthy, [(n, late) for n in range(begin - 20, end + 10, 4)]))
+    assert len(verdicts) > 5 and [one.wrongs for one in verdicts] == [[]] * len(verdicts)
+
+
 def test_a_step_that_is_taken_back_for_a_stop_is_told() -> None:
     """The last period of the stock, and a plan that comes too late to replace the stop that begins there."""
     machine = replace(shipped("three_axes"), stock_s=0.016)
@@ -156,6 +168,20 @@ def test_a_step_that_is_taken_back_for_a_stop_is_told() -> None:
     lates = [late_runs.Late("slow", {1: 0.001 * late}, {1: 0.0045}) for late in range(14, 20)]
     verdicts = list(late_runs.cases(healthy, [(healthy.ticks // 2, late) for late in lates]))
     assert [one.wrongs for one in verdicts] == [[]] * len(verdicts)
+
+
+@pytest.mark.slow
+def test_the_slip_is_known_also_where_every_thread_is_too_short_for_an_even_speed() -> None:
+    """Along a stop beyond the stock nobody measures: axes and spindle part by what is not known of it."""
+    machine = replace(tapping.machine(), stock_s=0.016)
+    hole, head = "G74 Z30.7 R40\nG80", "G21 G90 G54 G40\nS1500 M4\nF1567.8\n"
+    text = f"{head}G0 X5. Y-50.\nG0 Z40\n{hole}\nG0 X15.\n{hole}\nG0 Z60.\nM30\n"
+    healthy = Healthy(machine, text, motor=MotorParameters(0.0081, 0.0123, 200.0))
+    begin, end = healthy.cuts[-1]
+    late = late_runs.Late("one beyond", {1: 0.12}, {})
+    verdicts = list(late_runs.cases(healthy, [(n, late) for n in range(begin + 40, end, 60)]))
+    assert [one.wrongs for one in verdicts] == [[]] * len(verdicts)
+    assert max(one.shares["thread um beyond"] for one in verdicts) < 1.0
 
 
 def test_a_late_tick_is_not_felt_by_a_spindle_on_its_way_to_another_speed() -> None:

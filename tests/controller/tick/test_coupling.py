@@ -46,7 +46,7 @@ LATE = 3  # ticks from a place to its answer
 class Spindle:
     def __init__(self) -> None:
         self.turns, self.unheard, self.load, self.led = 100.0, 1, 0.25, math.nan
-        self.by_plan = True
+        self.by_plan, self.even_syncs, self.told_rev_s = True, 0, 0.0
 
     def lead(self, rev_s: float, by_plan: bool, /) -> None:
         self.led, self.by_plan = rev_s, by_plan
@@ -291,6 +291,27 @@ def test_one_whose_angle_is_not_heard_is_deaf_and_goes_on_as_it_did() -> None:
     assert coupling.deaf
     coupling.end()
     assert not coupling.deaf
+
+
+def test_the_slip_is_learnt_beside_a_thread_where_the_spindle_has_long_been_told_one_speed() -> None:
+    spindle = Spindle()
+    coupling = Coupling(machine(), spindle)
+
+    def ticks(many: int, even: bool, speed: float, slip: float) -> float:
+        for n in range(many):
+            spindle.even_syncs = 1000 + n if even else 100
+            spindle.told_rev_s = speed
+            spindle.turns += speed * (1.0 - slip) * T
+            coupling.look()
+        return coupling.reply.slip
+
+    assert ticks(200, False, 25.0, 0.02) == 0.0  # on its ramp, or hardly off it
+    assert ticks(200, True, 25.0, 0.02) == pytest.approx(0.02, rel=1e-2)
+    assert ticks(200, True, 25.0, 0.9) == pytest.approx(0.02, rel=1e-2)  # jammed: that is no slip
+    assert ticks(200, True, 0.0, 0.0) == pytest.approx(0.02, rel=1e-2)
+    assert ticks(3000, True, -25.0, 0.01) == pytest.approx(0.01, rel=1e-2)
+    spindle.unheard = 0  # two answers at once
+    assert ticks(3, True, -25.0, 0.25) == pytest.approx(0.01, rel=1e-2)
 
 
 def test_the_axes_go_where_the_spindle_will_be_when_they_are_there() -> None:

@@ -338,6 +338,26 @@ def test_its_ramp_is_the_pump_s_from_the_period_after_the_one_that_was_told_it()
     assert late.at(141) is None and late.value(141) == 2.0
 
 
+def test_it_counts_the_syncs_in_which_it_has_been_told_one_speed():
+    drive = enabled(mode=3)
+    drive.want_speed(600.0)
+    sent(drive, 0.0)
+    drive.expect()
+    assert (drive.even_syncs, drive.told_rev_s) == (0, 10.0)
+    for _ in range(3):
+        drive.expect()
+    assert drive.even_syncs == 3
+    drive.want_speed(660.0)
+    sent(drive, T)
+    assert drive.told_rev_s == 11.0
+    drive.expect()
+    assert drive.even_syncs == 0
+    drive.want(Wanted.OFF)
+    for _ in range(3):
+        drive.expect()
+    assert drive.even_syncs == 0  # it follows nothing
+
+
 def test_what_a_plan_leads_is_the_pumps_to_tell_and_counts_as_told():
     drive = enabled(position_tpdo=2, position_per_rev=4096.0)
     assert drive.wire == (10, drive.settings.profile.rpdo, False) and enabled(mode=3).wire is None
