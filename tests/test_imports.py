@@ -52,6 +52,7 @@ ARROWS: dict[str, set[str]] = {
     "cli": VALUES
     | {
         "atomic_file",
+        "sealed_file",
         "memory",
         "workers",
         "ipc",

@@ -25,7 +25,7 @@ from controller.api.records import Clock, Facts
 from controller.messages import Key, said
 from controller.program import linked
 
-INCOMING, CONTENT = ".incoming", ".ngc"
+FOLDER, INCOMING, CONTENT = "programs", ".incoming", ".ngc"
 RECOVERED = "recovered"  # folder of contents whose names were lost
 
 

@@ -133,6 +133,11 @@ def recorded(path: Path) -> Recorded | None:
     return Recorded(begin, tuple(sorted(lines, key=_order)))
 
 
+def has_sums(path: Path) -> bool:
+    """Whether a record's lines have sums; those of older versions have none. Raises OSError."""
+    return sealed_file.has_sum(path.read_bytes())
+
+
 def _order(line: Line) -> tuple[int, int, int, int]:
     """A record of an older version is in order within a tick."""
     if line.at is None:
@@ -149,7 +154,7 @@ def _lines(path: Path) -> list[Line | Begin]:
         raise EventError(said("events.unreadable", path=path, why=error)) from error
     lines = text.splitlines()
     is_record = bool(lines) and '"request": "begin"' in lines[0]
-    is_summed = is_record and f'"{sealed_file.SUM}": ' in text  # those of older versions are not
+    is_summed = is_record and sealed_file.has_sum(text.encode())  # those of older versions are not
     if is_record and not text.endswith("\n") and not (is_summed and _is_whole(lines)):
         del lines[-1]  # its writer did not live to write it to its end
     keys = _RECORDED_KEYS if is_record else _KEYS
