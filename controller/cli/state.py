@@ -186,7 +186,10 @@ def _program(file: Path, state: Path) -> Condition:
 
 def _events(file: Path, state: Path) -> Condition:
     """With them what they have sums of."""
-    found = events.recorded(file)
+    count = None
+    with contextlib.suppress(OSError, ValueError):  # which is a line of its own
+        count = record_files.facts(file.parent, within=state).get(record_files.COUNT)
+    found = events.recorded(file, count)
     if found is None or not events.has_sums(file):
         return OLDER if file.stat().st_size else OK
     for name, wanted in (

@@ -123,9 +123,13 @@ def read(path: Path) -> tuple[Event, ...]:
     return tuple(sorted(found, key=lambda event: event.tick))
 
 
-def recorded(path: Path) -> Recorded | None:
-    """The record of a live run; None where an operator wrote the file. Raises EventError."""
+def recorded(path: Path, count: int | None = None) -> Recorded | None:
+    """The record of a live run; None where an operator wrote the file. ``count``: of its lines, where the end
+    of the run says so. Raises EventError.
+    """
     found = _lines(path)
+    if count is not None and len(found) != count:
+        raise EventError(said("events.lost", path=path, found=len(found), wanted=count))
     begin = next((one for one in found if isinstance(one, Begin)), None)
     if begin is None:
         return None

@@ -169,6 +169,15 @@ def test_lines_of_a_record_that_are_left_out_or_exchanged_are_noticed(tmp_path: 
             events.recorded(file)
 
 
+def test_a_record_that_was_cut_after_its_end_is_noticed(tmp_path: Path) -> None:
+    file = _events(tmp_path)
+    assert events.recorded(file, 3) == events.recorded(file)
+    for data in (file.read_text()[:-5], "".join(file.read_text().splitlines(keepends=True)[:2])):
+        file.write_text(data)
+        with pytest.raises(events.EventError, match=r"has 2 lines, and had 3"):
+            events.recorded(file, 3)
+
+
 def test_the_end_of_a_run_that_is_damaged_or_of_another_is_put_aside_and_reported(tmp_path: Path) -> None:
     file = _ended(tmp_path)
     other = file.parent.parent / "2026-11-22T083120.042-other.ngc" / record_files.RUN

@@ -39,11 +39,13 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
     assert service.changer is not None
     service.changer.store.confirm({1: 1, 2: 0})
     record = runs.RunRecord(state, MACHINE, {"name": "over.ngc", "sha256": "0" * 64})
-    record.end("stopped")
     start = Start((0.0, 1.0, 2.0), 0.5).to_dict()
     sums = {"program_sha256": sha256(b"M2\n"), "machine_sha256": sha256(b"")}
     begin = {"tick": -1, "request": events.BEGIN, "value": {**start, **sums, "fitted": {}}}
+    record.end("stopped")
     (record.folder / events.FILE).write_text(sealed_file.line(begin, 1))
+    facts = sealed_file.read(record.folder / runs.RUN)
+    (record.folder / runs.RUN).write_text(sealed_file.text({**facts, "events": 1}, runs.RUN))
     (record.folder / events.PROGRAM).write_bytes(b"M2\n")
     arrangement.save(state / arrangement.FOLDER, MACHINE, [Arranged("X", 1)])
     stored.save(stored.Stored(700, 1.4, 3, {}), "a" * 64, state / "checks")
@@ -109,6 +111,10 @@ def test_every_file_that_it_lists_is_damaged_by_a_bit_and_then_alone(state: Path
     program.write_bytes(b"M3\n")
     (damaged,) = (one for one in asked(state, 1) if one["condition"] == "damaged")
     assert damaged["file"].endswith("events.jsonl")  # which has its sum
+    program.write_bytes(b"M2\n")
+    program.with_name("events.jsonl").write_bytes(b"")  # cut short where no line shows it
+    (damaged,) = (one for one in asked(state, 1) if one["condition"] == "damaged")
+    assert damaged["file"].endswith("events.jsonl") and "0" in damaged["why"]
 
 
 def test_a_row_and_what_was_written_ahead_are_looked_at(state: Path) -> None:
