@@ -52,6 +52,7 @@ FILES = {
     "dnc": ("dnc",),
     "backup": ("backup",),
     "support": ("support",),
+    "state": ("state",),
     "service": ("service",),
     "host": ("host",),
     "panel_users": ("users", "tokens"),

@@ -150,9 +150,14 @@ def adopt(folder: Path, names: Iterable[str]) -> None:
         atomic_file.write(folder / MARK, "".join(f"{name}\n" for name in sorted(marked.union(wanted))))
 
 
-def is_sealed(file: Path, within: Path | None = None) -> bool:
-    """Whether it has a seal, and not of an older version. Raises as ``read``."""
-    return _parted(file, within=within)[1] is not None
+def is_sealed(file: Path, within: Path | None = None, shared: bool = False) -> bool:
+    """Whether it has a seal; one of an older version has none. Raises as ``read``."""
+    return _parted(file, within=within, shared=shared)[1] is not None
+
+
+def has_sum(text: bytes) -> bool:
+    """Whether a line has one, be it right or wrong."""
+    return f'"{SUM}": '.encode() in text
 
 
 def _must_have_one(file: Path) -> bool:

@@ -85,6 +85,22 @@ def damaged(sql: sqlite3.Connection) -> list[Row]:
     return found
 
 
+def look(sql: sqlite3.Connection) -> str | None:
+    """What is wrong, as ``summary``, "" where nothing is; None: it is of a version without sums. It changes
+    nothing; in no transaction. Raises sqlite3.Error.
+    """
+    sql.create_function("row_sum", -1, _sum, deterministic=True)
+    sql.execute("BEGIN")
+    try:
+        schemas, words = _schemas(sql), broken(sql)
+        if TABLE not in schemas:
+            return summary((), words) or None
+        _is_as_written(sql, schemas)
+        return summary(damaged(sql), words)
+    finally:
+        sql.execute("ROLLBACK")
+
+
 def broken(sql: sqlite3.Connection) -> list[str]:
     """What SQLite itself finds wrong, in its own words, a few at most. Raises sqlite3.Error.
 

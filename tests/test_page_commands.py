@@ -191,6 +191,7 @@ ELSEWHERE: dict[str, tuple[str, str]] = {
     "service status": ("guest/systemd/test_services.py", '"service", "status"'),
     "service uninstall": ("guest/systemd/conftest.py", '"uninstall"'),
     "serve --simulate": ("support/live/shop.py", '"--simulate"'),
+    "state check": ("controller/cli/test_state.py", '"state", "check"'),
     "support case.zip": ("controller/cli/test_support.py", '"support"'),
     "withdraw": ("controller/service/test_command_handlers.py", '"withdraw"'),
 }

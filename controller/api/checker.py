@@ -104,15 +104,15 @@ class Checker:
 
     def _checked(self, program: Program, machine: str) -> tuple[str, dict[str, Any]]:
         """State and result of one check."""
-        job = {
-            "name": program.name,
-            "program": str(self._store.programs.path(program.sha256)),
-            "lines": program.lines,
-            "files": self._store.programs.called(program),
-            "state": str(self._store.folder),
-            "parent": os.getpid(),
-        }
         try:
+            job = {
+                "name": program.name,
+                "program": self._store.programs.sound_path(program.sha256),
+                "lines": program.lines,
+                "files": self._store.programs.called(program),
+                "state": str(self._store.folder),
+                "parent": os.getpid(),
+            }
             with self._started() as child:
                 timer = threading.Timer(LONGEST_S, child.kill)
                 timer.start()
@@ -121,6 +121,8 @@ class Checker:
                 finally:
                     timer.cancel()
                     child.kill()
+        except StoreError as error:
+            return "failed", {**error.said}
         except OSError as error:
             return "failed", {**said("check_not_started", program=program.name, why=error)}
 

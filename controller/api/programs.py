@@ -25,7 +25,8 @@ from controller.api.records import Clock, Facts
 from controller.messages import Key, said
 from controller.program import linked
 
-INCOMING, CONTENT = ".incoming", ".ngc"
+CHUNK = 1 << 20
+FOLDER, INCOMING, CONTENT = "programs", ".incoming", ".ngc"
 RECOVERED = "recovered"  # folder of contents whose names were lost
 
 
@@ -90,15 +91,34 @@ class Programs:
         return self.folder / f"{sha256}{CONTENT}"
 
     def content(self, sha256: str) -> BinaryIO:
-        """A content, opened. Raises OSError."""
-        return own_files.opened(self.path(sha256), os.O_RDONLY, self.folder.parent, shared=True)
+        """A content, opened. Raises OSError, and StoreError where it is not as it was uploaded."""
+        found = own_files.opened(self.path(sha256), os.O_RDONLY, self.folder.parent, shared=True)
+        try:
+            summed = hashlib.sha256()
+            while data := found.read(CHUNK):
+                summed.update(data)
+            if summed.hexdigest() != sha256:
+                raise StoreError.told("store", "program_damaged", file=self.path(sha256))
+            found.seek(0)
+            return found
+        except BaseException:
+            found.close()
+            raise
 
     def read(self, sha256: str) -> bytes:
-        """A content, whole. Raises OSError."""
-        return own_files.read_bytes(self.path(sha256), self.folder.parent, shared=True)
+        """A content, whole. Raises as ``content``."""
+        with self.content(sha256) as found:
+            return found.read()
+
+    def sound_path(self, sha256: str) -> str:
+        """Where a content is that was just found as it was uploaded. Raises as ``content``."""
+        self.content(sha256).close()
+        return str(self.path(sha256))
 
     def called(self, program: Program) -> dict[str, str]:
-        """Names and paths of the programs whose subs a program calls."""
+        """Names and paths of the programs whose subs a program calls. Raises StoreError where one of them is
+        not as it was uploaded.
+        """
         try:
             return self.called_by(program.name, self.read(program.sha256))
         except OSError:  # whoever reads it next says so
@@ -115,10 +135,14 @@ class Programs:
 
     def called_by(self, name: str, text: bytes) -> dict[str, str]:
         """The same of a text that would have that name, shipped cycles among them. Raises OSError."""
-        there = {one.name: self.path(one.sha256) for one in self.list() if one.name != name}
+        sums = {one.name: one.sha256 for one in self.list() if one.name != name}
+        there = {one: self.path(sha256) for one, sha256 in sums.items()}
         beside, top = (_in(folder, there) for folder in (names.folder_of(name), ""))
         _, files = linked.parts(linked.linked(text, lambda label: beside(label) or top(label)))
-        return {name: str(there.get(name, linked.SHIPPED / name)) for name, _ in files.values()}
+        called = [one for one, _ in files.values()]
+        return {
+            one: self.sound_path(sums[one]) if one in sums else str(linked.SHIPPED / one) for one in called
+        }
 
     def opened(self, name: str) -> tuple[Program, BinaryIO]:
         """A program and its content, which stays readable though the program is replaced meanwhile.
@@ -195,13 +219,14 @@ class Programs:
         for sha256 in (name[: -len(CONTENT)] for name in self._there()):
             if sha256 in named:
                 continue
-            with contextlib.suppress(OSError):
+            try:
                 text = self.read(sha256)
-                if hashlib.sha256(text).hexdigest() == sha256:
-                    lines = text.count(b"\n") + (text[-1:] != b"\n")
-                    name = f"{RECOVERED}/{sha256[:12]}{CONTENT}"
-                    with self._database.write() as sql:
-                        self.enter(Program(name, sha256, len(text), lines, self.now_s(), RECOVERED), sql)
+            except (OSError, StoreError):
+                continue
+            lines = text.count(b"\n") + (text[-1:] != b"\n")
+            name = f"{RECOVERED}/{sha256[:12]}{CONTENT}"
+            with self._database.write() as sql:
+                self.enter(Program(name, sha256, len(text), lines, self.now_s(), RECOVERED), sql)
 
     def _there(self) -> Sequence[str]:
         """Names of the files of contents."""

@@ -24,7 +24,7 @@ from pathlib import Path
 
 from controller.api.database import Database, StoreError
 from controller.api.program_queue import Queue
-from controller.api.programs import Checks, Program, ProgramCheck, Programs
+from controller.api.programs import FOLDER, Checks, Program, ProgramCheck, Programs
 from controller.api.records import (
     ROLES,
     Alarm,
@@ -67,7 +67,7 @@ class Store:
         """Open, or make, a store. Raises StoreError."""
         self.folder = folder
         self.database = database = Database(folder)
-        self.programs = Programs(database, folder / "programs", clock)
+        self.programs = Programs(database, folder / FOLDER, clock)
         self.uploads = Uploads(self.programs, limits or UploadLimits())
         self.checks = Checks(database, clock)
         self.runs = Runs(database, clock)

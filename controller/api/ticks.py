@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import asyncio
 import time
-import zipfile
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
@@ -17,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from controller import npz
 from controller.api import signals
 from controller.api.answers import Refusal
 from controller.api.service_client import ServiceClient
@@ -90,15 +90,15 @@ def of_recording(folder: Path) -> Signals:
     file = folder / record_files.TRACE
     try:
         return _recording(file, *_stamp(file))
-    except (OSError, ValueError, KeyError, ConfigError, zipfile.BadZipFile) as error:
+    except (OSError, ValueError, KeyError, ConfigError) as error:
         raise _unreadable(file) from error
 
 
 @lru_cache(maxsize=3)
 def _recording(file: Path, *_: int) -> Signals:
-    with np.load(file, allow_pickle=False) as kept:
-        columns, found = [str(name) for name in kept["columns"]], np.asarray(kept["rows"], dtype=float)
-        machine = machine_file.read(str(kept["machine"]), record_files.MACHINE)
+    kept = npz.read(file)
+    columns, found = [str(name) for name in kept["columns"]], np.asarray(kept["rows"], dtype=float)
+    machine = machine_file.read(str(kept["machine"]), record_files.MACHINE)
     return Signals(rows_of(columns, found), machine)
 
 
@@ -107,15 +107,15 @@ def of_run(folder: Path, machine: Machine) -> Signals:
     file = folder / record_files.SETPOINTS
     try:
         return _run(file, machine, *_stamp(file))
-    except (OSError, ValueError, KeyError, zipfile.BadZipFile) as error:
+    except (OSError, ValueError, KeyError) as error:
         raise _unreadable(file) from error
 
 
 @lru_cache(maxsize=2)
 def _run(file: Path, machine: Machine, *_: int) -> Signals:
-    with np.load(file, allow_pickle=False) as kept:
-        found = kept["rows"][:MAX_ROWS]
-        return Signals(signals.rows_of_setpoints([str(n) for n in kept["columns"]], found, machine), machine)
+    kept = npz.read(file)
+    found = kept["rows"][:MAX_ROWS]
+    return Signals(signals.rows_of_setpoints([str(n) for n in kept["columns"]], found, machine), machine)
 
 
 def _unreadable(file: Path) -> Refusal:

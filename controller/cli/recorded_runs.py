@@ -194,7 +194,7 @@ def read(file: Path, machine: Machine, program: bytes) -> RecordedRun | None:
     """The record of a run, None where an operator wrote the file. Raises EventError, and Refused where
     it is of another program or machine.
     """
-    found = events.recorded(file)
+    found = events.recorded(file, _facts(file.parent).get(record_files.COUNT))
     if found is None:
         return None
     for what, wanted, given in (

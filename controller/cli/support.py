@@ -11,11 +11,13 @@
     journal.txt       the units' latest lines, where systemd keeps them
 
 Users, tokens, sessions, the audit log and what the settings hide (``notice_settings.SECRETS``) stay out:
-the store's own file is not among it, and nothing of the panel's but what is named here.
+the store's own file is not among it, and nothing of the panel's but what is named here. Of what goes along,
+what lets others in is taken out wherever it stands: see ``redaction``.
 """
 
 from __future__ import annotations
 
+import contextlib
 import json
 import platform
 import shutil
@@ -35,7 +37,7 @@ from controller import messages, own_files
 from controller.api import notice_settings
 from controller.api.database import StoreError
 from controller.api.store import Store
-from controller.cli import host_findings, installation, internal_error
+from controller.cli import host_findings, installation, internal_error, redaction
 from controller.cli.host_view import Host
 from controller.ipc import control_socket
 from controller.machine import machine_file, setup_data, tool_store
@@ -80,12 +82,22 @@ def _write(archive: Path, folder: Path, records: int, missing: list[str]) -> Non
     half = archive.with_name(f"{archive.name}.part")
     try:
         with own_files.new(half) as out, zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED) as file:
+            secrets = _secrets(folder, missing)
             for name, data in _parts(folder, records, missing):
-                file.writestr(name, data)
-            file.writestr("missing.txt", "\n".join([*missing, ""]))
+                file.writestr(name, data if name.endswith(".npz") else redaction.redacted(data, secrets))
+            file.writestr("missing.txt", redaction.redacted("\n".join([*missing, ""]).encode(), secrets))
         own_files.rename(half, archive)
     finally:
         own_files.remove(half)
+
+
+def _secrets(folder: Path, missing: list[str]) -> list[bytes]:
+    try:
+        with contextlib.closing(Store(folder)) as store:
+            return redaction.of_shop(store)
+    except StoreError as error:
+        missing.append(f"secrets: {messages.text(messages.of_error(error), spoken.get())}")
+        return []
 
 
 def _parts(folder: Path, records: int, missing: list[str]) -> Iterator[Part]:
@@ -160,13 +172,13 @@ def _facts(folder: Path) -> dict[str, Any]:
 
 def _stored(folder: Path) -> dict[str, Any]:
     """Raises StoreError."""
-    store = Store(folder)
-    return {
-        "runs": [asdict(one) for one in store.runs.list(LATEST_ROWS)],
-        "alarms": [asdict(one) for one in store.alarms.list(LATEST_ROWS)],
-        "programs": [asdict(one) for one in store.programs.list()],
-        "settings": notice_settings.without_secrets(store.settings.all()),
-    }
+    with contextlib.closing(Store(folder)) as store:
+        return {
+            "runs": [asdict(one) for one in store.runs.list(LATEST_ROWS)],
+            "alarms": [asdict(one) for one in store.alarms.list(LATEST_ROWS)],
+            "programs": [asdict(one) for one in store.programs.list()],
+            "settings": notice_settings.without_secrets(store.settings.all()),
+        }
 
 
 def _journal() -> bytes:

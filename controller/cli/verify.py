@@ -7,7 +7,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
-from zipfile import BadZipFile
 
 import numpy as np
 import typer
@@ -228,7 +227,7 @@ def _recorded(file: Path, task: checked.Task) -> trace.Trace:
         if trace.is_recording(file):
             return trace.of_recording(file, task.machine, task.kinematics)
         return trace.load(file)
-    except (ValueError, EOFError, KeyError, BadZipFile) as error:
+    except (ValueError, KeyError) as error:
         raise Refused(say("cli.verify.unreadable", file=file, why=error)) from error
 
 

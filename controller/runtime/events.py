@@ -123,14 +123,23 @@ def read(path: Path) -> tuple[Event, ...]:
     return tuple(sorted(found, key=lambda event: event.tick))
 
 
-def recorded(path: Path) -> Recorded | None:
-    """The record of a live run; None where an operator wrote the file. Raises EventError."""
+def recorded(path: Path, count: int | None = None) -> Recorded | None:
+    """The record of a live run; None where an operator wrote the file. ``count``: of its lines, where the end
+    of the run says so. Raises EventError.
+    """
     found = _lines(path)
+    if count is not None and len(found) != count:
+        raise EventError(said("events.lost", path=path, found=len(found), wanted=count))
     begin = next((one for one in found if isinstance(one, Begin)), None)
     if begin is None:
         return None
     lines = [one for one in found if isinstance(one, Line)]
     return Recorded(begin, tuple(sorted(lines, key=_order)))
+
+
+def has_sums(path: Path) -> bool:
+    """Whether a record's lines have sums; those of older versions have none. Raises OSError."""
+    return sealed_file.has_sum(path.read_bytes())
 
 
 def _order(line: Line) -> tuple[int, int, int, int]:
@@ -149,7 +158,7 @@ def _lines(path: Path) -> list[Line | Begin]:
         raise EventError(said("events.unreadable", path=path, why=error)) from error
     lines = text.splitlines()
     is_record = bool(lines) and '"request": "begin"' in lines[0]
-    is_summed = is_record and f'"{sealed_file.SUM}": ' in text  # those of older versions are not
+    is_summed = is_record and sealed_file.has_sum(text.encode())  # those of older versions are not
     if is_record and not text.endswith("\n") and not (is_summed and _is_whole(lines)):
         del lines[-1]  # its writer did not live to write it to its end
     keys = _RECORDED_KEYS if is_record else _KEYS

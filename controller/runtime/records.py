@@ -21,6 +21,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from controller import npz
 from controller.machine import machine_file
 from controller.machine.model import Kind
 from controller.messages import DEFAULT, Key, Said, plain, said, text
@@ -76,8 +77,7 @@ def read(path: Path) -> Record:
     try:
         if path.suffix == PARQUET:
             return _of_parquet(path)
-        with np.load(path, allow_pickle=False) as file:
-            values = {name: file[name] for name in file.files}
+        values = npz.read(path)
     except NoRecord:
         raise
     except FileNotFoundError:

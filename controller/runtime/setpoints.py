@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from controller import npz
 from controller.machine.model import Machine
 from controller.state import record_files
 from controller.state.modes import MAX_AXES
@@ -38,8 +39,8 @@ class Table(NamedTuple):
         Raises OSError, and ValueError where the file is none.
         """
         if (folder / self.whole).exists():
-            with np.load(folder / self.whole) as file:
-                return np.asarray(file["rows"][:, 1:], dtype=np.int32)
+            rows = npz.read(folder / self.whole, ["rows"])["rows"]
+            return np.asarray(rows[:, 1:], dtype=np.int32)
         if not (folder / self.part).exists():
             return None
         return self.of_part((folder / self.part).read_bytes())[:, 1:]

@@ -32,10 +32,11 @@ from controller.service.set_up import SetUp
 from controller.service.thread_guard import ThreadGuard
 from controller.service.tool_changer import ToolChanger
 from controller.service.usage import Usage
+from controller.state import record_files
 
 JOURNAL = "journal.json"
 SEALED = (
-    *(JOURNAL, usage.FILE, probed.FILE, durations.FILE, thread_guard.FILE),
+    *(JOURNAL, usage.FILE, probed.FILE, record_files.TOUCHES, durations.FILE, thread_guard.FILE),
     *(setup_data.FILE, setup_data.IN_SPINDLE, setup_data.MACHINE, control_socket.LAST),
 )  # what the service keeps of a machine as JSON
 
@@ -68,7 +69,8 @@ class Owners:
         self.interrupted = entry if entry is not None and not entry.ended else None  # a run, by the last end
         self.journal = Journal(state / JOURNAL, last=entry)
         files = (self.alarms, self.usage, self.probed, self.durations, self.thread)
-        for damaged in (*(file.damaged for file in files), *self.set_up.damaged, unread):
+        others = (unread, self.probed.touches_damaged)
+        for damaged in (*(file.damaged for file in files), *self.set_up.damaged, *others):
             if damaged is not None:
                 self.alarms.add(kept_file.ALARM, damaged)
         for lost in runs.put_damaged_aside(state):

@@ -3,7 +3,7 @@
 A program tells a result as ``(LOG, bore x_mm=#1 y_mm=#2 diameter_mm=#3)``: a name, and values whose names end
 in their unit. So do the cycles that ship, and so may any cycle of one's own.
 
-Beside them the last touches themselves, as measuring takes them: a CSV in the state folder.
+Beside them the last touches themselves, as measuring takes them: lines of a CSV.
 """
 
 from __future__ import annotations
@@ -16,13 +16,15 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from controller import atomic_file, own_files, sealed_file
+from controller import own_files, sealed_file
 from controller.machine.model import Machine
+from controller.messages import Said
 from controller.plan.planner import Touch
 from controller.runtime import touch_table
 from controller.service import kept_file
+from controller.state import record_files
 
-FILE, TOUCHES = "probed.json", "touches.csv"
+FILE = "probed.json"
 KEPT, KEPT_TOUCHES = 500, 2000
 _VALUE = r"[a-z]\w*=-?\d+\.\d+"
 _RESULT = re.compile(rf"([a-z]\w*)((?: {_VALUE})+)", re.ASCII)
@@ -43,22 +45,31 @@ def _taken(kept: Any) -> list[dict[str, Any]]:
     return kept
 
 
+def _of_older(state: Path) -> tuple[list[str], Said | None]:
+    """Touches that a version before has kept, and what an alarm says where they cannot be read."""
+    try:
+        return record_files.touches(state), None
+    except FileNotFoundError:
+        return [], None
+    except (OSError, ValueError) as error:
+        return [], kept_file.put_aside(state / record_files.OLDER_TOUCHES, error)
+
+
 class Probed:
     """One per service; any thread."""
 
     def __init__(self, state: Path) -> None:
         self._file, self._lock = state / FILE, threading.Lock()
-        self._table = state / TOUCHES
+        self._table = state / record_files.TOUCHES
         self._touches: list[str] = []  # lines of the table behind its head, the newest last
         self._head = ""
         self._rows: list[dict[str, Any]]
         self._rows, self.damaged = kept_file.read(self._file, _taken, _taken([]))
-        try:
-            self._head, *self._touches = own_files.read_text(self._table).splitlines()
-        except FileNotFoundError:
-            pass
-        except (OSError, ValueError) as error:
-            self.damaged = kept_file.put_aside(self._table, error)
+        none: list[str] = []
+        lines, self.touches_damaged = kept_file.read(self._table, record_files.table_lines, none)
+        if not lines and self.touches_damaged is None:
+            lines, self.touches_damaged = _of_older(state)
+        self._head, *self._touches = lines or [""]
 
     def told(self) -> list[dict[str, Any]]:
         """Time (s since 1970), program, cycle, values; the newest first."""
@@ -77,7 +88,8 @@ class Probed:
     def save_touches(self) -> None:
         """As ``save``."""
         with self._lock, contextlib.suppress(OSError):
-            atomic_file.write(self._table, "\n".join((self._head, *self._touches, "")))
+            sealed_file.write(self._table, [self._head, *self._touches])
+            own_files.remove(self._table.with_name(record_files.OLDER_TOUCHES))
 
     def save(self) -> None:
         """What the disk does not take is only told. Waits for the disk."""

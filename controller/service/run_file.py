@@ -88,6 +88,11 @@ class RunFile:
             self.problem = str(error)
         self._is_new[file] = True
 
+    @property
+    def lines(self) -> int:
+        """Of events, so far."""
+        return self._lines
+
     def sync(self) -> None:
         """Returns when the disk has all that was written before."""
         with self._lock:

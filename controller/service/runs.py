@@ -241,6 +241,7 @@ class RunRecord:
         if self._file is not None:
             self._write_events(is_last=True)
             self._file.close()
+            facts[record_files.COUNT] = self._file.lines
             for table in TABLES:
                 self._write_rows(table)
         _write_facts(self.folder / RUN, facts)

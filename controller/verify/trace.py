@@ -22,6 +22,7 @@ from typing import Any, BinaryIO, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from controller import npz
 from controller.geometry.arrays import columns, distinct
 from controller.geometry.passing_place import LOOK_BACK_S, passing
 from controller.geometry.placement import Placed
@@ -103,11 +104,10 @@ def _write(file: BinaryIO, values: Mapping[str, Any]) -> None:
 
 def load(path: str | Path) -> Trace:
     """Read a trace file; TraceError when a field is missing."""
-    with np.load(path, allow_pickle=False) as file:
-        names = {field.name for field in fields(Trace)}
-        if missing := sorted(names - set(file.files)):
-            raise TraceError(said("trace.none", path=path, missing=", ".join(missing)))
-        values = {name: file[name] for name in names}
+    names = {field.name for field in fields(Trace)}
+    values: dict[str, Any] = npz.read(path, names)
+    if missing := sorted(names - values.keys()):
+        raise TraceError(said("trace.none", path=path, missing=", ".join(missing)))
     values |= {"axes": tuple(map(str, values["axes"])), "machine": str(values["machine"])}
     return Trace(**(values | {"period_s": float(values["period_s"])}))
 
@@ -118,10 +118,10 @@ def of_recording(path: str | Path, machine: Machine, kinematics: Kinematics) -> 
     It holds rows of the recorder and no path, so ``contact`` and ``u`` are NaN. Raises ValueError
     for another file, for rows of a version that kept too little and for a machine with another period.
     """
-    with np.load(path, allow_pickle=False) as file:
-        if missing := sorted({"columns", "rows", "period_s"} - set(file.files)):
-            raise TraceError(said("trace.no_recording", path=path, missing=", ".join(missing)))
-        columns, rows, period_s = tuple(map(str, file["columns"])), file["rows"], float(file["period_s"])
+    file = npz.read(path, {"columns", "rows", "period_s"})
+    if missing := sorted({"columns", "rows", "period_s"} - file.keys()):
+        raise TraceError(said("trace.no_recording", path=path, missing=", ".join(missing)))
+    columns, rows, period_s = tuple(map(str, file["columns"])), file["rows"], float(file["period_s"])
     if not set(columns) >= _NEEDED:
         raise TraceError(said("trace.other_version", path=path))
     if period_s != machine.period_s:
@@ -133,8 +133,7 @@ def of_recording(path: str | Path, machine: Machine, kinematics: Kinematics) -> 
 
 def is_recording(path: str | Path) -> bool:
     """Whether a file holds rows of the recorder. Raises OSError or ValueError where it is no ``.npz``."""
-    with np.load(path, allow_pickle=False) as file:
-        return "columns" in file.files
+    return "columns" in npz.names(path)
 
 
 def machine_json(machine: Machine) -> str:

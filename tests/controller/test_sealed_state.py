@@ -22,6 +22,7 @@ from controller.plan.report import stored
 from controller.runtime import events
 from controller.runtime.starts import Start
 from controller.service import owners, runs
+from controller.service.probed import Probed
 from controller.state import record_files
 from drives.arranged import Arranged
 
@@ -36,7 +37,7 @@ FACTS = {
     "cut_time_s": 7.25,
 }
 DRIVE = Arranged("X", (("6085h", 900), ("605Ah", 6)), 0.25, 900.0, 100.0, ("It stops late.",))  # type: ignore[arg-type]
-WORDS = (OSError, ValueError, events.EventError)
+WORDS = (OSError, ValueError, TypeError, events.EventError)
 
 
 class Kind(NamedTuple):
@@ -92,7 +93,16 @@ def _events(state: Path) -> Path:
     return file
 
 
+def _touched(state: Path) -> Path:
+    probed = Probed(state)
+    probed._head, probed._touches = "line,touched,X", ["5,1,8.0", "6,1,9.5"]
+    for _ in range(2):
+        probed.save_touches()
+    return state / record_files.TOUCHES
+
+
 KINDS = {
+    "touches": Kind(_touched, record_files.touches),
     "machine": Kind(_noted, lambda state: setup_data.noted(state).text),
     "status": Kind(_last, _status),
     "arranged": Kind(_arranged, lambda state: arrangement.load(state / arrangement.FOLDER, MACHINE)),
@@ -167,6 +177,15 @@ def test_lines_of_a_record_that_are_left_out_or_exchanged_are_noticed(tmp_path: 
         file.write_text("".join(lines))
         with pytest.raises(events.EventError, match=r"events\.jsonl:[23]: this line of the record"):
             events.recorded(file)
+
+
+def test_a_record_that_was_cut_after_its_end_is_noticed(tmp_path: Path) -> None:
+    file = _events(tmp_path)
+    assert events.recorded(file, 3) == events.recorded(file)
+    for data in (file.read_text()[:-5], "".join(file.read_text().splitlines(keepends=True)[:2])):
+        file.write_text(data)
+        with pytest.raises(events.EventError, match=r"has 2 lines, and had 3"):
+            events.recorded(file, 3)
 
 
 def test_the_end_of_a_run_that_is_damaged_or_of_another_is_put_aside_and_reported(tmp_path: Path) -> None:

@@ -104,7 +104,7 @@ def _program(panel: Panel, name: str) -> Mapping[str, Any]:
     if not name:
         return {"program": None, "name": "", "files": {}}
     found = panel.store.programs.get(name)
-    path = str(panel.store.programs.path(found.sha256))
+    path = panel.store.programs.sound_path(found.sha256)
     return {"program": path, "name": found.name, "files": panel.store.programs.called(found)}
 
 

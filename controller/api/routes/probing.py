@@ -14,12 +14,14 @@ from pydantic import Field
 from controller.api import models
 from controller.api.access import needs, panel_of
 from controller.api.answers import Refusal, documented
+from controller.api.database import StoreError
 from controller.api.roles import Role
 from controller.api.routes.machine import LOOKS
+from controller.messages import of_error
 from controller.program import probing_cycles
+from controller.state import record_files
 
 router = APIRouter(tags=["probing"])
-TOUCHES = "touches.csv"  # in the state folder, written by the service
 Value = Annotated[float, Field(ge=-1000.0, le=1000.0)] | Annotated[str, Field(max_length=8)]
 
 
@@ -73,15 +75,22 @@ async def results_csv(request: Request) -> Response:
     "/probing/touches.csv",
     dependencies=[needs(Role.VIEW)],
     response_class=Response,
-    responses={200: {"content": {"text/csv": {"schema": {"type": "string"}}}}, **documented(401, 403, 404)},
+    responses={
+        200: {"content": {"text/csv": {"schema": {"type": "string"}}}},
+        **documented(401, 403, 404, 503),
+    },
 )
 async def touches(request: Request) -> Response:
     """The last touches of the probe, as calibration, set-up and inspection take them."""
-    file = panel_of(request).store.folder / TOUCHES
+    state = panel_of(request).store.folder
     try:
-        return Response(await asyncio.to_thread(file.read_bytes), media_type="text/csv")
-    except OSError:
+        lines = await asyncio.to_thread(record_files.touches, state)
+    except FileNotFoundError:
         raise Refusal.told(404, "missing", "no_touches") from None
+    except (OSError, ValueError, TypeError) as error:
+        file, why = state / record_files.TOUCHES, of_error(error)
+        raise StoreError.told("store", "store_unread", file=file, why=why) from error
+    return Response("".join(f"{line}\n" for line in lines), media_type="text/csv")
 
 
 @router.get(

@@ -103,7 +103,7 @@ async def program(request: Request, name: Name) -> models.ProgramFacts:
     "/programs/{name}/text",
     dependencies=[needs(Role.VIEW)],
     response_class=FileResponse,
-    responses=FILE,
+    responses={**FILE, **documented(503)},
 )
 async def text(request: Request, name: Name) -> Opened:
     """The program as it was uploaded, byte by byte."""
@@ -115,7 +115,7 @@ async def text(request: Request, name: Name) -> Opened:
 
 
 @router.get(
-    "/programs/{name}/around", dependencies=[needs(Role.VIEW)], responses=documented(401, 403, 404, 422)
+    "/programs/{name}/around", dependencies=[needs(Role.VIEW)], responses=documented(401, 403, 404, 422, 503)
 )
 async def around(
     request: Request, name: Name, line: Place, column: Place = 0, file: Annotated[str, Query()] = ""

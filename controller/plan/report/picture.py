@@ -17,10 +17,12 @@ import tempfile
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from controller import npz
 from controller.geometry.arrays import distinct
 from controller.geometry.curves import Even, Line
 from controller.machine.kinematics import Kinematics
@@ -78,8 +80,8 @@ class Shape:
 
 def load(file: Path) -> Shape:
     """A shape as it was saved. Raises OSError, ValueError or KeyError where there is none."""
-    with np.load(file, allow_pickle=False) as kept:
-        values = {name: kept[name] for name in Shape.__slots__}
+    kept: dict[str, Any] = npz.read(file)
+    values = {name: kept[name] for name in Shape.__slots__}
     return Shape(**{**values, "tolerance_mm": float(values["tolerance_mm"])})
 
 

@@ -14,6 +14,8 @@ import pytest
 from support.fakes.fake_socket import FakeDoor
 from support.fakes.panels import Scene, sentence
 
+from controller.api import service_client
+from controller.api.checker import Checker
 from controller.api.routes import programs, records
 from controller.api.store import Store, StoreError
 from controller.ipc.control_socket import CommandRefused
@@ -181,3 +183,31 @@ def test_a_half_upload_of_a_dead_process_of_root_is_swept_by_the_group(
 
     monkeypatch.setattr(os, "open", of_the_group)
     assert store.sweep() == 1 and not half.exists()
+
+
+def test_a_program_that_is_not_as_it_was_uploaded_is_given_to_nobody(tmp_path: Path) -> None:
+    """Neither to be read, nor to be checked, nor as a sub of another; uploaded again it is whole."""
+
+    async def story() -> None:
+        scene = Scene(tmp_path)
+        store = scene.store
+        put(store, "main.ngc", b"O<hole> CALL\nM2\n")
+        put(store, "hole.ngc", b"O<hole> SUB\nG1 X10 F100\nO<hole> ENDSUB\n")
+        main, hole = store.programs.get("main.ngc"), store.programs.get("hole.ngc")
+        assert store.programs.called(main) == {"hole.ngc": str(store.programs.path(hole.sha256))}
+        file = store.programs.path(hole.sha256)
+        text = file.read_bytes()
+        file.write_bytes(text.replace(b"X10", b"X90"))
+        async with scene.client() as client:
+            got = await client.get("/api/v1/programs/hole.ngc/text")
+            assert got.status_code == 503 and "not as it was uploaded" in sentence(got)
+        with pytest.raises(StoreError, match=hole.sha256):
+            await service_client.load(store, scene.door, "main.ngc")
+        assert not [args for verb, args in scene.door.asked if verb == "load"]
+        for program in (main, hole):
+            state, result = Checker(store)._checked(program, "0" * 64)
+            assert state == "failed" and result["key"] == "program_damaged"
+        put(store, "hole.ngc", text)
+        assert store.programs.read(hole.sha256) == text
+
+    asyncio.run(story())

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import json
 import os
 import zipfile
@@ -12,9 +13,11 @@ import pytest
 from support.fakes.panels import Scene
 from typer.testing import CliRunner
 
+from controller import sealed_file
 from controller.__main__ import app
 from controller.api import notice_settings
-from controller.cli import internal_error
+from controller.api.store import Store
+from controller.cli import internal_error, redaction, support
 from controller.machine import machine_file, setup_data
 
 WEBHOOK, PASSWORD, OUTSIDE = "https://chat.example/hooks/k3y-of-hook", "pass-of-mail", "what-is-elsewhere"
@@ -58,6 +61,74 @@ def test_what_helps_is_in_it_and_no_secret(tmp_path: Path) -> None:
     assert b"planted.json" in parts["missing.txt"] and not any("0002" in name for name in parts)
     for name, data in parts.items():
         assert not [one for one in secrets if one in data], name
+
+
+def planted_everywhere(state: Path, words: list[str]) -> None:
+    """In every file that goes along, and in names of its own."""
+    for number, word in enumerate(words):
+        run = state / "runs" / "0001"
+        (run / f"notes{number}.txt").write_text(f"a\n{word}\nb")
+        (run / "events.jsonl").write_text(json.dumps({"request": "begin", "value": word}) + "\n")
+        for folder in ("recordings/1", "crashes"):
+            (state / folder).mkdir(parents=True, exist_ok=True)
+            (state / folder / f"{number}.txt").write_text(f"directrix panel {word}\nKeyError: {word!r}")
+    (state / "usage.json").write_text(json.dumps({"items": words}))
+    lines = [json.dumps({"id": 1, "time_s": 1.0, "name": "X", "acknowledged_s": None, "values": words})]
+    (state / "alarms.jsonl").write_text("\n".join(lines))
+    note = setup_data.note_of(machine_file.load("trunnion"))
+    note["text"] += "".join(f"# {word}\n" for word in words if "\n" not in word)
+    (state / setup_data.MACHINE).write_text(sealed_file.text(note, setup_data.MACHINE))
+
+
+def test_secrets_that_stand_anywhere_are_taken_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    state = tmp_path / "state"
+    known = [one.decode() for one in state_of_a_shop(state)[:-2]]
+    with contextlib.closing(Store(state)) as store:
+        for name, value in (
+            ("user", "mail-user-77"),
+            ("sender", "shop@works.example"),
+            ("to", "a@b.example,c@d.example"),
+        ):
+            store.settings.set(notice_settings.PREFIX + name, value, "anna")
+        hashes = list(store.users.by_hash())
+    known += [
+        "mail-user-77",
+        "shop@works.example",
+        "a@b.example",
+        "c@d.example",
+        *hashes,
+        "/hooks/k3y-of-hook",
+    ]
+    secrets = {
+        "Authorization: Bearer abcdef.GHI-jkl_012": "abcdef.GHI-jkl_012",
+        "authorization: Basic QWxhZGRpbjpv": "QWxhZGRpbjpv",
+        "smtp://box:open-sesame@mail.example/": "open-sesame",
+        "--password Tr0ub4dor": "Tr0ub4dor",
+        "password = 'correct-horse'": "correct-horse",
+        '"api_key": "0123-4567-89"': "0123-4567-89",
+        "-----BEGIN EC PRIVATE KEY-----\nMHcCAQEEIIx\n-----END EC PRIVATE KEY-----": "MHcCAQEEIIx",
+        "dx_" + "q7" * 12: "q7" * 12,
+    }
+    planted_everywhere(state, [*known, *secrets])
+    monkeypatch.setattr(support, "_journal", lambda: "\n".join([*known, *secrets]).encode())
+    parts = written(state, tmp_path / "case.zip")
+    wanted = {"journal.txt", "machine.toml", "state/alarms.jsonl", "state/usage.json", "crashes/0.txt"}
+    assert wanted <= parts.keys() and "recordings/1/0.txt" in parts and "runs/0001/notes0.txt" in parts
+    for name, data in parts.items():
+        found = [one for one in (*known, *secrets.values()) if one.encode() in data]
+        assert not found, (name, found)
+    assert machine_file.read(parts["machine.toml"].decode(), "machine.toml").name
+    assert parts["runs/0001/notes0.txt"] == b"a\n[taken out]\nb"
+
+
+def test_what_is_no_secret_stays(tmp_path: Path) -> None:
+    for text in (
+        b"G1 X10 (token)\nM2",
+        b"https://a.example/b",
+        b"a basic operation",
+        b'{"position_trusted": true}',
+    ):
+        assert redaction.redacted(text, []) == text
 
 
 def test_a_crash_is_kept_in_the_state_folder_and_goes_along(

@@ -12,6 +12,7 @@ from controller.runtime.plan_messages import Announcement, News
 from controller.service.command_handlers import CommandHandlers
 from controller.service.probed import FILE, KEPT, Probed, found
 from controller.service.service import Service
+from controller.state import record_files
 
 BORE = {"cycle": "bore", "values": {"x_mm": -0.25, "diameter_mm": 20.0}}
 
@@ -69,3 +70,17 @@ def test_what_is_not_sound_is_begun_anew(tmp_path: Path, text: str) -> None:
     kept = Probed(tmp_path)
     kept.add("a.ngc", [BORE])
     assert [row["program"] for row in kept.told()] == ["a.ngc"]
+
+
+def test_touches_of_a_version_before_are_taken_over_and_damaged_ones_are_an_alarm(tmp_path: Path) -> None:
+    (tmp_path / record_files.OLDER_TOUCHES).write_text("line,X\n5,1.0\n")
+    probed = Probed(tmp_path)
+    assert record_files.touches(tmp_path) == ["line,X", "5,1.0"] and probed.touches_damaged is None
+    probed.save_touches()
+    assert not (tmp_path / record_files.OLDER_TOUCHES).exists()
+    probed._touches.append("6,2.0")
+    probed.save_touches()
+    file = tmp_path / record_files.TOUCHES
+    file.write_text(file.read_text().replace("6,2.0", "6,3.0"))
+    probed = Probed(tmp_path)
+    assert probed.touches_damaged is not None and probed._touches == ["5,1.0"]

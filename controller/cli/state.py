@@ -1,0 +1,215 @@
+"""``directrix state``: whether what a state folder holds is as it was written."""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import json
+import os
+import sqlite3
+import zipfile
+from collections import Counter
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Annotated, Final, Literal, NamedTuple
+
+import typer
+
+from controller import messages, own_database, own_files, sealed_file, sealed_rows
+from controller.api import database, log_in_marker
+from controller.api.programs import CONTENT, FOLDER
+from controller.ipc import control_socket
+from controller.machine import arrangement, tool_store
+from controller.messages import Said, of_error, said
+from controller.runtime import events
+from controller.service import alarms, owners
+from controller.service.folders import Folders
+from controller.state import record_files
+from controller.verify.console import Refused, refusals, say, show, spoken
+
+app = typer.Typer(add_completion=False, no_args_is_help=True)
+
+Condition = Literal["ok", "older", "damaged"]
+OK: Final = "ok"
+OLDER: Final = "older"
+DAMAGED: Final = "damaged"
+WRONG = (OSError, ValueError, events.EventError)
+GROUPS = (record_files.RUNS, record_files.RECORDINGS, FOLDER, "checks", arrangement.FOLDER)
+
+
+class Found(NamedTuple):
+    """A file, by its path in the state folder; ``why`` it is damaged."""
+
+    file: str
+    condition: Condition
+    why: Said | None = None
+
+
+@app.callback()
+def main() -> None:
+    """Whether what a state folder holds is as it was written."""
+
+
+@app.command()
+def check(
+    state: Annotated[Path | None, typer.Option("--state")] = None,
+    as_json: Annotated[bool, typer.Option("--json")] = False,
+) -> None:
+    """Hold every file and row of a state folder against its checksum. It changes nothing; exit code 1 where
+    one is damaged.
+    """
+    with refusals(as_json, lambda: (OSError,)):
+        folder = state or control_socket.state_folder()
+        if not folder.is_dir():
+            raise Refused(say("cli.support.no_state", folder=folder))
+        found = list(look(folder))
+        damaged = [one for one in found if one.condition == DAMAGED]
+        if as_json:
+            rows = [{**one._asdict(), "why": in_words(one)} for one in found]
+            print(json.dumps({"ok": not damaged, "damaged": len(damaged), "files": rows}))
+        else:
+            show.print("\n".join(_lines(found)), markup=False, soft_wrap=True)
+    if damaged:
+        raise typer.Exit(1)
+
+
+def in_words(one: Found) -> str:
+    """Why it is damaged; empty where it is not."""
+    return "" if one.why is None else messages.text(one.why, spoken.get())
+
+
+def _lines(found: list[Found]) -> Iterator[str]:
+    """One each, but for the many of a folder that are as they should be."""
+    counts = Counter((_group(one), one.condition) for one in found if one.condition != DAMAGED)
+    for (name, condition), count in counts.items():
+        yield say(f"cli.state.{condition}", file=f"{name} ({count})" if name.endswith("/") else name)
+    for one in found:
+        if one.condition == DAMAGED:
+            yield say("cli.state.damaged", file=one.file, why=in_words(one))
+    yield say("cli.state.all", count=len(found), damaged=sum(one.condition == DAMAGED for one in found))
+
+
+def _group(one: Found) -> str:
+    first = Path(one.file).parts[0]
+    return f"{first}/" if first in GROUPS else one.file
+
+
+def look(state: Path) -> Iterator[Found]:
+    """Every file of a state folder that is read again, in the order of their names. Raises OSError."""
+    for name in owners.SEALED:
+        for file in (state / name, sealed_file.before(state / name)):
+            yield from _held(file, state, _sealed)
+    yield from _held(state / alarms.FILE, state, _alarms)
+    yield from _held(state / log_in_marker.FILE, state, _log_in)
+    for name in (tool_store.FILE, database.FILE):
+        yield from _held(state / name, state, _rows)
+    folders = Folders.within(state)
+    for folder in (folders.arranged, folders.checks):
+        for name in own_files.names(folder, state):
+            yield from _held(folder / name, state, _record)
+    for name in own_files.names(state / FOLDER, state):
+        if name.endswith(CONTENT):
+            yield from _held(state / FOLDER / name, state, _program)
+    for kind in (record_files.RUNS, record_files.RECORDINGS):
+        for name in own_files.names(state / kind, state):
+            yield from _of_record(state / kind / name, state)
+
+
+def _of_record(folder: Path, state: Path) -> Iterator[Found]:
+    """Of a run or of a fault."""
+    for name in (record_files.RUN, record_files.BEGUN):
+        yield from _held(folder / name, state, _facts)
+    yield from _held(folder / record_files.EVENTS, state, _events)
+    for name in (record_files.SETPOINTS, record_files.ACTUAL, record_files.TRACE):
+        yield from _held(folder / name, state, _packed)
+
+
+def _held(file: Path, state: Path, condition: Callable[[Path, Path], Condition]) -> Iterator[Found]:
+    """What a look at a file finds; nothing where it is not there."""
+    name = str(file.relative_to(state))
+    if not os.path.lexists(file):
+        return
+    try:
+        yield Found(name, condition(file, state))
+    except WRONG as error:
+        yield Found(name, DAMAGED, of_error(error))
+    except (sqlite3.Error, zipfile.BadZipFile) as error:
+        yield Found(name, DAMAGED, messages.plain(str(error)))
+
+
+# -- each raises one of the above for what is damaged
+
+
+def _sealed(file: Path, state: Path) -> Condition:
+    sealed_file.read(file)
+    return OK if sealed_file.is_sealed(file) else OLDER
+
+
+def _record(file: Path, state: Path) -> Condition:
+    sealed_file.read(file, within=state, shared=True, older=sealed_file.INDENTED)
+    return OK if sealed_file.is_sealed(file, state, shared=True) else OLDER
+
+
+def _facts(file: Path, state: Path) -> Condition:
+    record_files.facts(file.parent, file.name, state)
+    return _record(file, state)
+
+
+def _alarms(file: Path, state: Path) -> Condition:
+    lines = [line for line in own_files.read_bytes(file, state).splitlines() if line.strip()]
+    for line in lines:
+        sealed_file.of_line(line, file)
+    return OK if all(sealed_file.has_sum(line) for line in lines) else OLDER
+
+
+def _log_in(file: Path, state: Path) -> Condition:
+    if log_in_marker.users(state) is None:
+        raise sealed_file.Damaged(said("sealed.other"))
+    return OK
+
+
+def _rows(file: Path, state: Path) -> Condition:
+    with contextlib.closing(own_database.opened(file, shared=file.name == database.FILE)) as sql:
+        if own_database.has_lost(sql, file):
+            raise sealed_file.Damaged(said("cli.state.lost"))
+        wrong = sealed_rows.look(sql)
+    if wrong:
+        raise sealed_file.Damaged(said("cli.state.rows", tables=wrong))
+    return OLDER if wrong is None else OK
+
+
+def _program(file: Path, state: Path) -> Condition:
+    """Its name is its sum."""
+    _same(own_files.read_bytes(file, state, shared=True), file.name.removesuffix(CONTENT))
+    return OK
+
+
+def _events(file: Path, state: Path) -> Condition:
+    """With them what they have sums of."""
+    count = None
+    with contextlib.suppress(OSError, ValueError):  # which is a line of its own
+        count = record_files.facts(file.parent, within=state).get(record_files.COUNT)
+    found = events.recorded(file, count)
+    if found is None or not events.has_sums(file):
+        return OLDER if file.stat().st_size else OK
+    for name, wanted in (
+        (events.PROGRAM, found.begin.program_sha256),
+        (events.MACHINE, found.begin.machine_sha256),
+    ):
+        if os.path.lexists(file.with_name(name)):
+            _same(own_files.read_bytes(file.with_name(name), state, shared=True), wanted)
+    return OK
+
+
+def _same(data: bytes, wanted: str) -> None:
+    """Raises Damaged."""
+    if hashlib.sha256(data).hexdigest() != wanted:
+        raise sealed_file.Damaged(said("sealed.other"))
+
+
+def _packed(file: Path, state: Path) -> Condition:
+    """It has sums of its own."""
+    with own_files.opened(file, os.O_RDONLY, state, shared=True) as data, zipfile.ZipFile(data) as packed:
+        if (bad := packed.testzip()) is not None:
+            raise zipfile.BadZipFile(bad)
+    return OK

@@ -1,0 +1,145 @@
+"""``directrix state check``: it names what is damaged, and nothing else."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+from typing import Any
+
+import pytest
+from support.fakes.fake_engine import served
+from support.machines import changer_bench
+from typer.testing import CliRunner
+
+from controller import sealed_file
+from controller.__main__ import app
+from controller.api.store import Store
+from controller.machine import arrangement, setup_data
+from controller.messages import said
+from controller.plan.report import stored
+from controller.runtime import events
+from controller.runtime.starts import Start
+from controller.service import runs
+from controller.service.journal import sha256
+from drives.arranged import Arranged
+
+MACHINE = changer_bench.machine()
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The state folder of a service and a panel that have ended."""
+    folder = tmp_path_factory.mktemp("whole")
+    service = served(folder, MACHINE)
+    state = service.state
+    for number in (1.0, 2.0):
+        setup_data.save(state, {"parameters": {"500": number}})
+    service.alarms.add("TEST", said("stopped"))
+    assert service.changer is not None
+    service.changer.store.confirm({1: 1, 2: 0})
+    record = runs.RunRecord(state, MACHINE, {"name": "over.ngc", "sha256": "0" * 64})
+    start = Start((0.0, 1.0, 2.0), 0.5).to_dict()
+    sums = {"program_sha256": sha256(b"M2\n"), "machine_sha256": sha256(b"")}
+    begin = {"tick": -1, "request": events.BEGIN, "value": {**start, **sums, "fitted": {}}}
+    record.end("stopped")
+    (record.folder / events.FILE).write_text(sealed_file.line(begin, 1))
+    facts = sealed_file.read(record.folder / runs.RUN)
+    (record.folder / runs.RUN).write_text(sealed_file.text({**facts, "events": 1}, runs.RUN))
+    (record.folder / events.PROGRAM).write_bytes(b"M2\n")
+    arrangement.save(state / arrangement.FOLDER, MACHINE, [Arranged("X", 1)])
+    stored.save(stored.Stored(700, 1.4, 3, {}), "a" * 64, state / "checks")
+    service.close()
+    store = Store(state)
+    with store.uploads.begin("a.ngc") as upload:
+        upload.write(b"(a)\nM2\n")
+        upload.commit()
+    store.users.set("anna", "hash", "view")
+    store.close()
+    return state
+
+
+@pytest.fixture
+def state(whole: Path, tmp_path: Path) -> Path:
+    return Path(shutil.copytree(whole, tmp_path / "state"))
+
+
+def asked(state: Path, code: int) -> list[dict[str, Any]]:
+    done = CliRunner().invoke(app, ["state", "check", "--state", str(state), "--json"])
+    told = json.loads(done.stdout)
+    assert done.exit_code == code and told["ok"] is (code == 0), done.output
+    return list(told["files"])
+
+
+def test_what_is_whole_is_ok_and_nothing_is_changed(state: Path) -> None:
+    kept = {
+        file: file.read_bytes() for file in state.rglob("*") if file.is_file() and "-shm" not in file.name
+    }
+    found = {one["file"]: one["condition"] for one in asked(state, 0)}
+    wanted = {
+        "fitting.json",
+        "fitting.json.before",
+        "machine.json",
+        "alarms.jsonl",
+        "tools.db",
+        "store.sqlite",
+    }
+    assert wanted <= found.keys() and set(found.values()) == {"ok"}
+    for start in ("runs/", "arranged/", "checks/", "programs/"):
+        assert any(name.startswith(start) for name in found), start
+    for file, data in kept.items():
+        if not file.name.endswith(("-wal", ".sqlite", ".db")):
+            assert file.read_bytes() == data
+
+
+def test_every_file_that_it_lists_is_damaged_by_a_bit_and_then_alone(state: Path) -> None:
+    for one in asked(state, 0):
+        if one["file"].endswith((".sqlite", ".db")) or one["file"].startswith("log_in"):
+            continue
+        file = state / one["file"]
+        data = bytearray(sound := file.read_bytes())
+        if file.suffix == ".npz":  # which has sums of what it packs alone
+            del data[-30:]
+        else:
+            data[len(data) // 2] ^= 0x40  # no digit that a number could do without
+        file.write_bytes(data)
+        assert [other["file"] for other in asked(state, 1) if other["condition"] == "damaged"] == [
+            one["file"]
+        ]
+        file.write_bytes(sound)
+    (program,) = state.glob("runs/*/program.ngc")
+    program.write_bytes(b"M3\n")
+    (damaged,) = (one for one in asked(state, 1) if one["condition"] == "damaged")
+    assert damaged["file"].endswith("events.jsonl")  # which has its sum
+    program.write_bytes(b"M2\n")
+    program.with_name("events.jsonl").write_bytes(b"")  # cut short where no line shows it
+    (damaged,) = (one for one in asked(state, 1) if one["condition"] == "damaged")
+    assert damaged["file"].endswith("events.jsonl") and "0" in damaged["why"]
+
+
+def test_a_row_and_what_was_written_ahead_are_looked_at(state: Path) -> None:
+    for name in ("tools.db", "store.sqlite"):
+        file = state / name
+        data = file.read_bytes()
+        wanted = b"anna" if name == "store.sqlite" else b"confirmed"
+        assert wanted in data or (state / f"{name}-wal").exists(), name
+        file.write_bytes(data.replace(wanted, wanted[:-1] + b"x"))
+        (damaged,) = (one for one in asked(state, 1) if one["condition"] == "damaged")
+        assert damaged["file"] == name and damaged["why"]
+        file.write_bytes(data)
+
+
+def test_older_files_are_said_to_be_older_in_words_too(state: Path) -> None:
+    for name in ("fitting.json", "fitting.json.before", "sealed"):
+        (state / name).unlink()
+    (state / "fitting.json").write_text('{"parameters": {"500": 1.0}}')
+    assert {one["file"] for one in asked(state, 0) if one["condition"] == "older"} == {"fitting.json"}
+    (state / "usage.json").write_text("{")
+    done = CliRunner().invoke(app, ["state", "check", "--state", str(state)])
+    assert done.exit_code == 1 and "usage.json: DAMAGED" in done.output
+    assert "fitting.json: of an older version" in done.output
+
+
+def test_without_a_state_folder_it_is_refused(tmp_path: Path) -> None:
+    done = CliRunner().invoke(app, ["state", "check", "--state", str(tmp_path / "none")])
+    assert done.exit_code == 1 and "--state" in done.output
