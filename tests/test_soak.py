@@ -30,7 +30,7 @@ from controller.verify.console import EndedAsAsked
 
 SEED = 4711
 SOUND, FAULTY = 11, 43  # rapids at 5 ms; in the second something goes wrong
-SHORT_S = 4.0  # of the machine, after which the operator stops a run
+SHORT_S = 3.0  # of the machine, after which the operator stops a run
 
 
 def test_what_is_drawn_depends_on_seed_and_number_alone() -> None:

@@ -17,6 +17,7 @@ import math
 from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import lru_cache
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -138,6 +139,7 @@ def ramp(pitch: Pitch, limits: Limits, period_s: float) -> tuple[float, ...]:
     return tuple(s**3 * (10.0 - 15.0 * s + 6.0 * s * s) for s in shares)
 
 
+@lru_cache(64)
 def slopes(pitch: Pitch) -> tuple[float, float]:
     """The largest first and second derivative of the deviations over the position."""
     first = second = 0.0

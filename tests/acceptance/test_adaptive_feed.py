@@ -14,7 +14,7 @@ import pytest
 from support.live.replayed_runs import again, assert_same_setpoints
 from support.machines.interrupted_runs import assert_in_limits, distance, stretches
 from support.machines.recording_bench import RecordedBench
-from support.machines.spindle_machine import SPINDLE, mill
+from support.machines.spindle_machine import SLOWER, SPINDLE, mill
 
 from controller.ipc.handoff import COLUMN, Snapshot, of_axes
 from controller.machine.model import Machine
@@ -67,7 +67,7 @@ M30
 def machine(overload: float = 140.0, more: str = "") -> Machine:
     law = f"position = {{ load = true }}\nadaptive = {{ {LAW.format(overload)}{more} }}"
     spindle = SPINDLE.replace("counts_per_rev = 4096", f"counts_per_rev = 4096\n{law}")
-    return mill(spindle, "", "", changes=(("period_s = 0.002", "period_s = 0.004"),))
+    return mill(spindle, "", "", changes=(SLOWER,))
 
 
 def stock(made: Machine, rows: Sequence[tuple[float, float, float]]) -> Bench:

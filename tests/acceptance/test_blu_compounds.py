@@ -38,7 +38,7 @@ def scene(seed: int) -> tuple[list[Pair], str, Machine]:
     kind = (blu_compounds.general, blu_compounds.like_the_papers)[seed % 2]
     surfaces, side = kind(seed, rng.choice((2, 2, 3, 4, 5))), rng.choice(("G41", "G42"))
     cutter = Tool(1, "end mill", rng.choice((1.0, 1.5, 3.0, 5.0, 8.0)), 0.0, 30.0)
-    return surfaces, side, shipped(rng.choice(SHIPPED), tools=(cutter,), period_s=0.004)
+    return surfaces, side, shipped(rng.choice(SHIPPED), tools=(cutter,), period_s=0.008)
 
 
 def run_one(seed: int) -> int:

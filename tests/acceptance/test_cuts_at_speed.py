@@ -26,7 +26,7 @@ from controller.runtime.events import Event
 from controller.state.modes import Request
 
 NEWTON = 30
-PERIOD_S = 0.004
+PERIOD_S = 0.008
 BESIDE_MM = 8.0  # of an end: limits that are lower further away leave room to reach the feed
 
 

@@ -16,6 +16,8 @@ from support.parts import cam_programs
 from controller.machine.model import Machine
 from controller.runtime.events import Event
 
+PERIOD_S = 0.004
+
 EXACT_MM, EXACT_DEG = 1e-6, 1e-6
 ROUNDING = 1e-6  # mm over P
 
@@ -32,7 +34,7 @@ class Followed(NamedTuple):
 def follow(
     source: str, cloud: cam_programs.Cloud, machine: Machine | None = None, events: list[Event] | None = None
 ) -> Followed:
-    done = cut(source, machine or shipped(), events=events or [])
+    done = cut(source, machine or shipped(period_s=PERIOD_S), events=events or [])
     assert done.run.result == "completed", done.run.fault_text
     assert_in_limits(done, f"{len(cloud)} points", events or [])
     rows = on_lines(done, cloud)
@@ -54,7 +56,7 @@ def on_lines(done: Cut, cloud: cam_programs.Cloud) -> np.ndarray:
 
 def assert_exact(source: str, cloud: cam_programs.Cloud, machine: Machine | None = None) -> Cut:
     """G61: tip on its line, axis on the great circle or from evenly turning rotaries, at every tick."""
-    done = cut(source, machine or shipped())
+    done = cut(source, machine or shipped(period_s=PERIOD_S))
     assert done.run.result == "completed", done.run.fault_text
     assert_in_limits(done, "exact lines")
     rows = on_lines(done, cloud)
@@ -127,7 +129,7 @@ def test_dense_lines_of_a_rough_part_keep_limits_and_tolerance_on_every_machine(
     step = (0.004, 0.03)[seed]
     made = cam_programs.bowl(2, 200.0 * step, 20.0 * step, step_mm=step).noisy(0.001, seed)
     source, cloud = cam_programs.text(made, 2000.0, True, "", decimals=3)
-    found = follow(source, cloud, shipped(name))
+    found = follow(source, cloud, shipped(name, period_s=PERIOD_S))
     assert found.off_mm <= found.done.machine.joint_tolerance_mm + ROUNDING
 
 
@@ -165,7 +167,9 @@ def test_inverse_time_takes_its_time_per_line(path: str) -> None:
 @pytest.mark.parametrize("seed", range(4))
 def test_an_operator_in_the_way_of_short_lines_leaves_the_tolerance_and_the_limits(seed: int) -> None:
     source, cloud = cam_programs.text(cam_programs.bowl(3, 20.0, 2.0), 2000.0, seed % 2 == 1)
-    events = random_operators.events(random.Random(seed), len(cut(source, shipped()).rows), 8)
+    events = random_operators.events(
+        random.Random(seed), len(cut(source, shipped(period_s=PERIOD_S)).rows), 8
+    )
     found = follow(source, cloud, events=events)
     assert found.off_mm <= 0.01 + ROUNDING and found.missed_mm <= 0.01 + ROUNDING
 

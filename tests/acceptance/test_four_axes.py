@@ -51,7 +51,7 @@ def mill(**changes: object) -> Machine:
 
 @pytest.mark.parametrize("text", [LEANING, MOVES])
 def test_it_goes_where_the_trunnion_goes_with_c_at_zero(text: str) -> None:
-    done, wanted = cut(text, mill(period_s=0.004)), cut(text, shipped(period_s=0.004))
+    done, wanted = cut(text, mill(period_s=0.008)), cut(text, shipped(period_s=0.008))
     assert done.run.fault.name == wanted.run.fault.name == "NONE"
     assert done.joints.shape[1] == 4 and done.joints[:, 3].any()
     assert max(off_the_path(done)) < 1e-6

@@ -30,7 +30,7 @@ def run_one(seed: int) -> int:
     """How many of both ends of the surfaces are run through; 0 where the program was refused."""
     made, name = part(seed), SHIPPED[seed % len(SHIPPED)]
     try:
-        done = cut(made.source, shipped(name, period_s=0.004))
+        done = cut(made.source, shipped(name, period_s=0.008))
     except ProgramError as refusal:
         assert "internal" not in refusal.sentence and len(refusal.sentence) > 40
         return 0

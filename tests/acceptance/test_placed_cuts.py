@@ -28,7 +28,7 @@ from controller.plan.restart.program_position import Spot
 from controller.runtime.events import Event
 from controller.state.modes import Request
 
-PERIOD_S = 0.004
+PERIOD_S = 0.008
 
 
 def example_2(placement: int, feed: str) -> str:

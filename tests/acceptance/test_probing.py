@@ -95,7 +95,7 @@ def touches(name: str, some: random.Random, count: int) -> tuple[str, list[tuple
 )
 def test_a_touch_is_told_within_a_micrometre_in_any_direction_and_rotary_position(name: str) -> None:
     some = random.Random(f"{SEED} {name}")
-    made = probing_machine.machine(name)
+    made = probing_machine.machine(name, **{"period_s = 0.002": "period_s = 0.004"})
     text, axes = touches(name, some, TOUCHES)
     done = probing_machine.run(text, probing_machine.up(SPHERE, made))
     assert done.error == ""

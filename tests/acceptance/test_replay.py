@@ -37,7 +37,8 @@ G49
 G0 Z70
 M30
 """
-LONG = TEXT.replace("X20 Y6 A4", "X30 Y8 A6").replace("F2000", "F500")  # a plan that is killed on line 5 has not planned all of it
+# A plan that is killed on line 5 has not planned all of it.
+LONG = TEXT.replace("X20 Y6 A4", "X30 Y8 A6").replace("F2000", "F500")
 UP = Jog((0.0, 0.0, 1.0, 0.0, 0.0), 20.0, 4.0)
 ASIDE = Jog((1.0, 0.0, 0.0, 0.0, 0.0), 15.0, 6.0)
 BACK = Jog((0.0, 0.0, -1.0, 0.0, 0.0), 20.0, 4.0)

@@ -15,6 +15,7 @@ from support.machines.spindle_machine import (
     COOLANT,
     DOOR,
     ESTOP,
+    SLOWER,
     Mill,
     mill,
 )
@@ -107,7 +108,7 @@ def test_at_the_end_of_the_program_everything_is_off(whole: Mill) -> None:
 
 
 def test_the_same_program_gives_the_same_setpoints_with_and_without_peripherals(whole: Mill) -> None:
-    plain = Mill(mill("", "", ""))
+    plain = Mill(mill("", "", "", changes=(SLOWER,)))
     text = PROGRAM.replace("S6000 M3 M8\n", "").replace("M9\n", "").replace("M5\n", "")
     assert plain.run(text).result == "completed"
 

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from functools import cache
 
 import pytest
-from support.machines.spindle_machine import IO, Mill, mill
+from support.machines.spindle_machine import IO, SLOWER, Mill, mill
 
 from controller.ipc.handoff import Snapshot
 from controller.machine.model import Machine
@@ -75,7 +75,7 @@ class Turned(Mill):
 @cache
 def machine(way: str) -> Machine:
     """A mill by one of the ways."""
-    return mill(*WAYS[way], changes=(("period_s = 0.002", "period_s = 0.004"),))
+    return mill(*WAYS[way], changes=(SLOWER,))
 
 
 def moving(made: Mill) -> list[int]:

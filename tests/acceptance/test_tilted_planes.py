@@ -58,7 +58,7 @@ class Gone(NamedTuple):
 
 def run(name: str, dialect: str, hole: str = "G98 G81", turn: str = "G53.6") -> Gone:
     """What the drives were told at every tick."""
-    machine = shipped(name, dialect=dialect, without_point="unit")
+    machine = shipped(name, dialect=dialect, without_point="unit", period_s=0.004)
     done = cut(PART.format(plane=PLANES[dialect][0], turn=turn, hole=hole), machine)
     assert done.run.result == "completed", done.run.fault_text
     return Gone(machine, done.joints, done.trace.line)
@@ -66,7 +66,7 @@ def run(name: str, dialect: str, hole: str = "G98 G81", turn: str = "G53.6") -> 
 
 def planned(name: str, dialect: str, hole: str) -> Gone:
     """The path, sampled evenly."""
-    machine = shipped(name, dialect=dialect, without_point="unit")
+    machine = shipped(name, dialect=dialect, without_point="unit", period_s=0.004)
     made = trace(PART.format(plane=PLANES[dialect][0], turn="G53.6", hole=hole), machine, homed(machine))
     rows, lines, kinematics = [], [], kinematics_of(machine)
     for stretch in stretches(made):

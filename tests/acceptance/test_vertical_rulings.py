@@ -24,7 +24,7 @@ from support.parts.vertical_rulings import (
 from controller.program.program import ProgramError
 
 TIP_MM, AXIS_DEG = 1e-6, 1e-6
-PERIOD_S = 0.004
+PERIOD_S = 0.008
 MACHINES = (*SHIPPED, "xyzac_linuxcnc")
 
 

@@ -22,7 +22,7 @@ from controller.state.modes import Mode
 CONE = """G21 G90 G54 G61 G94
 T2 M6
 G42 R0.1
-G51 X10. Y0. Z-8. I0. J0. K-8. H8. R5. D60. F1500.
+G51 X10. Y0. Z-8. I0. J0. K-8. H8. R5. D30. F1500.
 G40
 M30
 """
@@ -34,7 +34,7 @@ def records(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     """Of a run that cuts a surface, and of one that does not."""
     found = {}
     for name, text in (("cone", CONE), ("lines", LINES)):
-        bench = RecordedBench(tmp_path_factory.mktemp(name), shipped())
+        bench = RecordedBench(tmp_path_factory.mktemp(name), shipped(period_s=0.005))
         bench.started(text)
         bench.until(Mode.READY)
         found[name] = bench.ended()

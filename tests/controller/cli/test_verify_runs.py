@@ -33,7 +33,7 @@ COUNT_MM = 1e-3  # a recorded position is a whole count
 
 
 def run(folder: Path, script: str = "") -> RecordedBench:
-    bench = RecordedBench(folder, shipped())
+    bench = RecordedBench(folder, shipped(period_s=0.004))
     bench.started(CONE)
     MachineScript.read(script, bench.machine).inject(bench.stepped.rig.buses, 0.0)
     bench.until(Mode.READY)

@@ -14,7 +14,7 @@ from controller.state.modes import Mode, Request
 from drives.bench.simulated.spindle_motor import MotorParameters
 
 LAGGING = MotorParameters(lag_s=0.02, slip=0.02, strongest_rev_s2=200.0)
-PROGRAM = "G21 G90 G54 G40\nS600 {way}\nG0 X5. Y-50.\nG0 Z40.\nG33.1 Z28. K1.25\nG0 Z60.\nM30\n"
+PROGRAM = "G21 G90 G54 G40\nS600 {way}\nG0 X5. Y-50.\nG0 Z40.\nG33.1 Z34. K1.25\nG0 Z60.\nM30\n"
 
 
 def at(turns: float, pitch: float = 1.25, line: int = 5):  # type: ignore[no-untyped-def]

@@ -123,7 +123,7 @@ def test_an_override_is_told_as_it_will_be(share: float, plain: TimedRun) -> Non
     assert_told(run, OVERRIDE, 2.0 + SOON_S)
 
 
-@pytest.mark.parametrize("share", [0.25, 0.5, 1.2])
+@pytest.mark.parametrize("share", [0.5, 1.2])
 def test_until_the_plan_has_heard_of_an_override_no_time_is_told(share: float, plain: TimedRun) -> None:
     """Neither the old one for a moment, nor one that is scaled though limits do not scale."""
     clicked_s = 2.0

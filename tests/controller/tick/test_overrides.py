@@ -6,7 +6,7 @@ import itertools
 
 import pytest
 from support.machines.interrupted_runs import Items, rest_of
-from support.machines.spindle_machine import SPINDLE, Mill, mill
+from support.machines.spindle_machine import SLOWER, SPINDLE, Mill, mill
 
 from controller.machine.model import Machine
 from controller.plan.restart.program_position import ENTRY_ID, Spot
@@ -26,7 +26,7 @@ SWITCHED = "G21 G90 G54 G61\nG1 X10. F1200\nM49\nG1 X20.\nM48\nG1 X30.\nM30\n"
 
 
 def machine() -> Machine:
-    return mill(SPINDLE, WITH, "")
+    return mill(SPINDLE, WITH, "", changes=(SLOWER,))
 
 
 def set_to(made: Mill, request: Request, share: float) -> None:

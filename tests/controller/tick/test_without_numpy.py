@@ -13,12 +13,11 @@ import pytest
 from support.machines.interrupted_runs import TIPS
 from support.machines.stepped_runs import T2, cut, program, shipped
 from support.machines.tapping import Tapper
-from support.parts import surface_trains
+from support.parts import random_surfaces, surface_trains
 from support.parts.nurbs_text import blade, nurbs
 
 from controller.ipc import piece_socket
 from controller.ipc.handoff import PieceMessage
-from controller.machine import machine_file
 from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Machine
 
@@ -74,12 +73,10 @@ def surfaces(name: str, text: str = "example2_ready") -> Machine:
 
 
 def placed() -> Machine:
-    """Example 2 as it is shipped, with the cutter placed: its two cuts are led over into one another."""
-    text = machine_file.shipped_program("example2_ready").read_text()
-    assert "G41 P4" in text and "F100." in text
-    text = text.replace("F100.", "F2000.")
+    """Two twisted surfaces that are cut along a free axis, one after another."""
     machine = shipped(period_s=PERIOD_S)
-    cut(text, machine)
+    done = cut(random_surfaces.text(random_surfaces.compound(21, 2), 2000.0, "G42 P3 R0.5"), machine)
+    assert sum(one.motion.surface.through is not None for one in done.stretches.values() if one.cutting) == 2
     return machine
 
 

@@ -35,6 +35,7 @@ node = 11
 inputs = { estop = 0, door = 1, clamp_A_closed = 2, clamp_C_closed = 3 }
 outputs = { coolant = 0, mist = 1, clamp_A = 2, clamp_C = 3 }
 """
+SLOWER = "period_s = 0.002", "period_s = 0.004"  # a change of the text: half the ticks
 ESTOP, DOOR, A_CLOSED, C_CLOSED = 0, 1, 2, 3  # inputs
 COOLANT, MIST, A_OPEN, C_OPEN = 0, 1, 2, 3  # outputs
 
@@ -67,7 +68,7 @@ class Mill:
     """A stepped machine that notes every change of what its peripherals do."""
 
     def __init__(self, machine: Machine | None = None, come_up: bool = True) -> None:
-        self.machine = machine or mill()
+        self.machine = machine or mill(changes=(SLOWER,))
         self.bench = SteppedMachine(self.machine)
         self.seen: list[Snapshot] = []
         self.at: dict[int, Callable[[], Any]] = {}  # what happens to the machine, by tick of the run

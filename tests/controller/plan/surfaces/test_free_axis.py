@@ -54,7 +54,7 @@ def blade_of(seed: int) -> RuledSurface:
 
 
 @pytest.mark.parametrize(
-    ("seed", "counts"), [(3, (4, 26)), pytest.param(None, (4, 9, 14, 26, 60), marks=pytest.mark.slow)]
+    ("seed", "counts"), [(21, (4, 14, 60)), pytest.param(None, (4, 9, 14, 26, 60), marks=pytest.mark.slow)]
 )
 def test_one_surface_is_cut_alike_however_many_points_it_is_written_with(
     seed: int | None, counts: tuple[int, ...]
@@ -71,13 +71,14 @@ def test_a_surface_in_parts_is_placed_as_one_and_the_pose_runs_through_with_two_
     member: int,
 ) -> None:
     whole = example_2()[member]
-    parts = in_parts(whole, [0.3, 0.55, 0.9])
+    places = [0.3, 0.75]
+    parts = in_parts(whole, places)
     placed = Row(parts, parts, PLAIN).placed(Strategy.OPTIMAL)
     best = off_mm(whole, place(whole, PLAIN, Strategy.OPTIMAL), 3.0)
     off = _off_of_parts(whole, placed)
     print(f"{1e3 * best:.2f} um, in parts {1e3 * off:.2f}")
     assert off <= max(best + SAME_MM, 1.1 * best)
-    widths = np.diff([0.0, 0.3, 0.55, 0.9, 1.0])
+    widths = np.diff([0.0, *places, 1.0])
     for before, after, a, b in zip(placed, placed[1:], widths, widths[1:], strict=False):
         for one, other in zip(before.through, after.through, strict=True):
             assert one.at(1.0) == pytest.approx(other.at(0.0), abs=1e-9)
