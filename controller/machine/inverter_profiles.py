@@ -14,6 +14,7 @@ from functools import cache, lru_cache
 from pathlib import Path
 
 from controller.machine.declaration import key
+from controller.machine.drive_profiles import WORDS
 from controller.machine.forms import POSITIVE, TEXT, Integer, Rows, Sub
 from controller.machine.reading import File, Reading, Rules
 from controller.machine.toml_table import ConfigError, parse, read_text
@@ -59,7 +60,7 @@ class InverterProfile:
     """How a family is asked and ordered."""
 
     source: str = key(TEXT, "the documents that the numbers are from")
-    watchdog: str = key(TEXT, "how the inverter is set to stop by itself where it hears nothing")
+    watchdog: str = key(WORDS, "how the inverter is set to stop by itself where it hears nothing")
     first: int = key(Integer(0, 1), "number of the register at address 0", default=0)
     forward: tuple[Order, ...] = key(Rows(Order), "what makes it turn clockwise")
     reverse: tuple[Order, ...] = key(Rows(Order), "and counter-clockwise")

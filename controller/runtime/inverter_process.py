@@ -8,13 +8,16 @@ inverter's own watchdog stops it, which the operator sets (``watchdog`` of its p
 from __future__ import annotations
 
 import contextlib
+import sys
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
 from controller.ipc.inverter_slot import InverterSlot, Reported, Wanted
+from controller.machine import inverter_profiles
 from controller.machine.spindle import Spindle
+from controller.messages import said, text
 from controller.runtime import children, inverter_line
 from controller.runtime.inverter_line import LineError
 
@@ -50,7 +53,13 @@ def _inverter(job: Job) -> Inverter:
         from controller.runtime import simulation
 
         return simulation.inverter(job.spindle, time.monotonic)
-    return inverter_line.opened(job.spindle.modbus)
+    modbus = job.spindle.modbus
+    watchdog = inverter_profiles.load(modbus.profile).watchdog
+    with contextlib.suppress(OSError):  # nobody may be there to read it
+        print(
+            text(said("inverter.watchdog", port=modbus.port, watchdog=watchdog)), file=sys.stderr, flush=True
+        )
+    return inverter_line.opened(modbus)
 
 
 def serve(slot: InverterSlot, inverter: Inverter, going: Callable[[], bool]) -> None:

@@ -33,7 +33,7 @@ def test_shipped_profiles_have_their_sources_and_a_watchdog() -> None:
     assert len(inverter_profiles.shipped()) >= 2
     for name in inverter_profiles.shipped():
         found = inverter_profiles.load(name)
-        assert "manual" in found.source and len(found.watchdog) > 40
+        assert "manual" in found.source and found.watchdog
         assert found.highest_hz() >= 400.0
 
 
