@@ -22,7 +22,7 @@ Tree = dict[str, Any]
 # Shipped machines, by how each is built.
 KINDS = ("trunnion", "fig4b", "fig4c", "fig4d", "oblique45", "table_head", "head_head", "three_axes")
 EQUIPPED = "machining_centre"  # the shipped machine whose node, changer, probe and setter are taken
-SPINDLES = ("none", "hand", "inverter", "drive")
+SPINDLES = ("none", "hand", "inverter", "modbus", "drive")
 SPINDLE_TABLES: dict[str, Tree] = {
     "hand": {"max_rev_min": 24000, "by": "hand"},
     "inverter": {
@@ -31,6 +31,13 @@ SPINDLE_TABLES: dict[str, Tree] = {
         "acceleration_rev_s2": 60.0,
         "spin_up_s": 8.0,
         "inverter": {"channel": 1, "full_counts": 32767, "full_rev_min": 18000},
+    },
+    "modbus": {
+        "max_rev_min": 18000,
+        "by": "modbus",
+        "acceleration_rev_s2": 60.0,
+        "spin_up_s": 8.0,
+        "modbus": {"port": "/dev/ttyUSB0", "profile": "delta_c2000", "station": 1, "rev_min_per_hz": 60.0},
     },
     "drive": {"max_rev_min": 12000, "bus": "can1", "node": 10, "counts_per_rev": 4096},
 }

@@ -27,7 +27,7 @@ import mmap
 import os
 import struct
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from controller.ipc.piece_socket import PieceInbox, PieceOutbox, piece_pair
 from controller.motion.pieces import (
@@ -103,6 +103,7 @@ __all__ = [
     "Answers",
     "Arrangement",
     "Awaited",
+    "Board",
     "Jog",
     "Law",
     "Outcome",
@@ -161,42 +162,55 @@ def _mapped(size: int, path: str | None, create: bool) -> mmap.mmap:
 
 
 _COUNTER_BYTES = 8
-_SLOT = (LAYOUT.size + 7) // 8 * 8
 
 
-class SnapshotBoard:
-    """One writer (the tick), any number of readers; a reader never sees half a snapshot.
+class Board:
+    """One writer, any number of readers; a reader never sees half of what was written.
 
     The writer fills the buffer that is not shown and then moves the counter; a reader
-    whose counter has moved on meanwhile reads again.
+    whose counter has moved on meanwhile reads again. ``count``: of what was written, as it was read last.
     """
 
-    def __init__(self, path: str | None = None, create: bool = True, axes: int = MAX_AXES) -> None:
-        """``axes``: how many the machine has, for those who read."""
-        self.block = SharedBlock(2 * _SLOT, path, create)
-        self._snapshot_of = snapshot_of(axes)
+    def __init__(self, layout: struct.Struct, path: str | None = None, create: bool = True) -> None:
+        self._layout, self._slot = layout, (layout.size + 7) // 8 * 8
+        self.block = SharedBlock(2 * self._slot, path, create)
         self._memory, self._counter = self.block.memory, self.block.counter
-        self._count = 0
+        self._count = int(self._counter[0])
+        self.count = 0
 
-    def write(self, values: Flat) -> None:
-        """Publish one snapshot: its flat values, see ``live_state.gather``."""
+    def write(self, values: Sequence[Any]) -> None:
+        """Publish the values of the layout."""
         self.fill(values)
         self._count += 1
         self._counter[0] = self._count
 
-    def fill(self, values: Flat) -> None:
+    def fill(self, values: Sequence[Any]) -> None:
         """The buffer that is not shown, and not yet to be."""
-        LAYOUT.pack_into(self._memory, _COUNTER_BYTES + (~self._count & 1) * _SLOT, *values)
+        self._layout.pack_into(self._memory, _COUNTER_BYTES + (~self._count & 1) * self._slot, *values)
+
+    def newest(self) -> tuple[Any, ...] | None:
+        """The values written last; None before the first."""
+        while True:
+            self.count = count = self._counter[0]
+            if count == 0:
+                return None
+            values = self._layout.unpack_from(self._memory, _COUNTER_BYTES + (count & 1) * self._slot)
+            if self._counter[0] == count:
+                return values
+
+
+class SnapshotBoard(Board):
+    """That of the live state: the tick writes."""
+
+    def __init__(self, path: str | None = None, create: bool = True, axes: int = MAX_AXES) -> None:
+        """``axes``: how many the machine has, for those who read."""
+        super().__init__(LAYOUT, path, create)
+        self._snapshot_of = snapshot_of(axes)
 
     def read(self) -> Snapshot | None:
         """The newest snapshot; None before the first."""
-        while True:
-            count = self._counter[0]
-            if count == 0:
-                return None
-            values = LAYOUT.unpack_from(self._memory, _COUNTER_BYTES + (count & 1) * _SLOT)
-            if self._counter[0] == count:
-                return self._snapshot_of(values)
+        values = self.newest()
+        return None if values is None else self._snapshot_of(values)
 
 
 class OwnBoard(SnapshotBoard):
@@ -206,8 +220,8 @@ class OwnBoard(SnapshotBoard):
         super().__init__(axes=axes)
         self._newest: Flat | None = None
 
-    def write(self, values: Flat) -> None:
-        self._newest = values
+    def write(self, values: Sequence[Any]) -> None:
+        self._newest = tuple(values)
 
     def read(self) -> Snapshot | None:
         return None if self._newest is None else self._snapshot_of(self._newest)

@@ -75,6 +75,7 @@ def overrides(table: Table) -> tuple[Override, ...]:
 
 
 _SIZE = Integer(LEAST, MOST)
+WORDS = Own(lambda here, name: words(here.table, name), said("file.may.text"), {"type": ["string", "object"]})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -89,11 +90,7 @@ class OverrideTable:
     mappable: bool | None = key(FLAG, "whether a PDO takes it", default=None)
     type: int | None = key(Choice(TYPES), "of an object that the sheet lacks", default=None)
     reason: str = key(
-        Own(
-            lambda here, name: _words(here.table, name),
-            said("file.may.text"),
-            {"type": ["string", "object"]},
-        ),
+        WORDS,
         "who says so; it is told with every commissioning",
     )
 
@@ -135,7 +132,8 @@ RULES: Mapping[type, Rules] = {
 TEXTS = frozenset(key for key in LANGUAGES[DEFAULT].texts if key.startswith("profile."))
 
 
-def _words(table: Table, key: str) -> str:
+def words(table: Table, key: str) -> str:
+    """What a profile says to whoever reads it: a text, or one of the catalogue. Raises ConfigError."""
     value = table.get(key, said("file.may.text"))
     return _named(table, key, value) if isinstance(value, dict) else table.text(key).strip()
 
@@ -320,6 +318,6 @@ def _write(table: Table) -> Write:
     value = table.get("value", said("file.may.whole"))
     if not is_number(value) or type(value) is not int:
         table.refuse("value", "not_whole")
-    write = Write(*where, value, _words(table, "why"))
+    write = Write(*where, value, words(table, "why"))
     table.finish()
     return write

@@ -461,6 +461,11 @@ class Machine:
         return told is None or told.signed or has_output
 
     @property
+    def is_simulated(self) -> bool:
+        """Whether all that it drives is simulated."""
+        return all(bus.interface == "virtual" for bus in self.buses)
+
+    @property
     def has_peripherals(self) -> bool:
         """Whether anything but the axes is driven: what M3 to M9 ask for is then waited for."""
         return self.io is not None or (self.spindle is not None and self.spindle.is_driven)

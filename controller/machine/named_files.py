@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from posixpath import dirname, join, normpath
 
-from controller.machine import drive_profiles
+from controller.machine import drive_profiles, inverter_profiles
 from controller.machine.declaration import key
 from controller.machine.forms import TEXT
 from controller.machine.reading import Unread
@@ -84,6 +84,13 @@ class NamedFiles:
             return found
         own = parse(found.text, name).table("drive", "[drive]").text("eds", default="")
         return TextFile(name, found.text, self._taken(join(dirname(name), own), SHEETS) if own else None)
+
+    def inverter(self, table: Table) -> Source:
+        """The register map of an inverter, shipped ones by their name. Raises ConfigError."""
+        name = table.text("profile")
+        if not name.endswith(".toml"):
+            return table.text("profile", inverter_profiles.shipped())
+        return self._of(table, "profile", PROFILES)
 
     def is_named(self, name: str) -> bool:
         """Whether one of the tables that were read names it."""

@@ -6,18 +6,19 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
-from controller.machine import drive_profiles
+from controller.machine import drive_profiles, inverter_profiles
 from controller.machine.axes import BUS, NODE, OVERRIDES, PROFILE, SHEET, UNSUPERVISED, Stopping
 from controller.machine.declaration import in_order, key, same_table, shared, spellings
 from controller.machine.equipment import INT16, MAX_CHANNELS
-from controller.machine.forms import FLAG, POSITIVE, Choice, Integer, Number, Sub
+from controller.machine.forms import FLAG, POSITIVE, TEXT, Choice, Integer, Number, Own, Sub
 from controller.machine.reading import Reading, Rules
 from controller.messages import Key
 from drives.profile import Override
 from drives.settings import INT32_MAX
 from drives.text_file import Source
 
-WAYS = ("drive", "inverter", "hand")
+WAYS = ("drive", "inverter", "modbus", "hand")
+FRAMES = ("8N1", "8N2", "8E1", "8O1")
 MODES = {"csv": 9, "pv": 3}
 TAPPING_REV_S2 = 50.0  # along a thread, where the file says nothing
 
@@ -112,6 +113,34 @@ class Inverter:
         return round(self.zero_counts + speed / self.full_rev_min * (self.full_counts - self.zero_counts))
 
 
+def _inverter_profile(here: Reading, _: str) -> Source:
+    here.top["file"]  # which may be refused
+    found: Source = here.file.files.inverter(here.table)
+    return found
+
+
+@dataclass(frozen=True, slots=True)
+class Modbus:
+    """An inverter on a serial line (RS-485, Modbus RTU), which a process of its own asks and orders."""
+
+    port: str = key(TEXT, "the serial port, best by its name in /dev/serial/by-id")
+    profile: Source = key(
+        Own(_inverter_profile, TEXT.allowed(None), TEXT.schema()),
+        "its register map: one of `config/inverters`, or a file beside the machine file",
+    )
+    station: int = key(Integer(1, 247), "its address on the line", default=1)
+    baud: int = key(Integer(4800, 115_200), "as set in the inverter", default=9600)
+    frame: str = key(Choice(FRAMES), "bits, parity and stop bits, as set in the inverter", default="8N1")
+    rev_min_per_hz: float = key(
+        POSITIVE, "speed of the spindle at 1 Hz: 60 of a motor with one pole pair", default=60.0
+    )
+    silent_s: float = key(
+        Number(0.5, 10.0),
+        "nothing heard of it for so long while it is to turn: stopped, with a fault",
+        default=1.0,
+    )
+
+
 def _driven(here: Reading) -> bool:
     return bool(here["by"] == "drive")
 
@@ -124,10 +153,19 @@ def _inverted(here: Reading) -> bool:
     return bool(here["by"] == "inverter")
 
 
+def _by_modbus(here: Reading) -> bool:
+    return bool(here["by"] == "modbus")
+
+
+def _heard(here: Reading) -> bool:
+    return bool(here["by"] in ("drive", "modbus"))
+
+
 def _left_out(here: Reading) -> str:
     """What a file means that is silent about ``by``: any key of a drive means one."""
-    if here.table.holds("inverter"):
-        return "inverter"
+    for way in ("inverter", "modbus"):
+        if here.table.holds(way):
+            return way
     keys = (one for one in in_order(Spindle) if one.only in (_driven, _turned))
     of_drive = {name for one in keys for name in one.spelled} | spellings(Stopping)
     return "drive" if any(here.table.holds(name) for name in of_drive) else "hand"
@@ -140,11 +178,11 @@ class Spindle:
     max_rev_min: float = key(POSITIVE, "largest S", usual=(50.0, 300_000.0))
     by: str = key(
         Choice(WAYS),
-        "what turns it: a drive of its own (60FFh), an inverter on `[io]`, or the hand of the operator, who "
-        "is asked wherever a program turns it otherwise than before",
+        "what turns it: a drive of its own (60FFh), an inverter on `[io]` or on a serial line, or the hand "
+        "of the operator, who is asked wherever a program turns it otherwise than before",
         default="hand",
         silent=_left_out,
-        left_out='"inverter" where `inverter` is there, "drive" with a key of a drive, else "hand"',
+        left_out='"inverter" or "modbus" where its table is there, "drive" with a key of one, else "hand"',
     )
     by_hand_s: float = key(
         Number(0.0, 600.0),
@@ -159,7 +197,7 @@ class Spindle:
     )
     mode: int = key(Choice(MODES), "60FFh in mode 9 (csv) or 3 (pv)", default=9, only=_driven)
     at_speed_share: float = key(
-        Number(0.001, 0.5), "at speed within this share of the wanted one", default=0.05, only=_driven
+        Number(0.001, 0.5), "at speed within this share of the wanted one", default=0.05, only=_heard
     )
     spin_up_s: float = key(
         Number(0.1, 120.0),
@@ -192,6 +230,9 @@ class Spindle:
         needed=True,
         only=_inverted,
     )
+    modbus: Modbus | None = key(
+        Sub(Modbus), "how an inverter on a serial line is reached", default=None, needed=True, only=_by_modbus
+    )
     adaptive: AdaptiveFeed | None = key(  # None: M52 P1 is refused
         Sub(AdaptiveFeed),
         "its load leads the feed under M52 P1; left out: M52 P1 is refused",
@@ -202,12 +243,17 @@ class Spindle:
     @property
     def is_driven(self) -> bool:
         """Whether the controller turns it."""
-        return self.by in ("drive", "inverter")
+        return self.by in ("drive", "inverter", "modbus")
 
     @property
     def has_drive(self) -> bool:
-        """Whether that is a drive of its own, which reports how it turns."""
+        """Whether that is a drive of its own."""
         return self.by == "drive"
+
+    @property
+    def reports_speed(self) -> bool:
+        """Whether somebody reports how it turns."""
+        return self.by in ("drive", "modbus")
 
 
 def unasked(spindle: Spindle | None) -> Spindle:
@@ -238,6 +284,14 @@ def _check_inverter(here: Reading) -> None:
         if not INT16[0] <= round(here["zero_counts"] + sign * share * whole) <= INT16[1]:
             least, most = INT16
             here.table.refuse("full_counts", "speed_beyond_counts", least=least, most=most)
+
+
+def _check_highest(here: Reading) -> None:
+    """Every speed is one that the set-point's register can be told."""
+    profile = inverter_profiles.load(here["profile"])
+    most = profile.highest_hz() * here["rev_min_per_hz"]
+    if here.above is not None and here.above["max_rev_min"] > most:
+        here.table.refuse("rev_min_per_hz", "speed_beyond_register", most=most)
 
 
 def check_outputs(here: Reading) -> None:
@@ -285,6 +339,7 @@ def _check_overload(here: Reading) -> None:
 RULES: Mapping[type, Rules] = {
     Spindle: Rules(checks=(_check_speed, _check_mode, _check_load)),
     Inverter: Rules(checks=(_check_inverter,)),
+    Modbus: Rules(checks=(_check_highest,)),
     SpindlePosition: Rules(checks=(_check_counts, _check_tpdo)),
     AdaptiveFeed: Rules(checks=(_check_rise, _check_overload)),
 }

@@ -3,6 +3,7 @@
 tick JOB                the real-time process of a machine (tick_process.py)
 plan JOB                its plan (planning.py)
 bus JOB                 a virtual bus with the machine's simulated devices (bench/bus.py)
+inverter JOB            what talks to a spindle's inverter on a serial line (inverter_process.py)
 hub JOB                 a virtual bus that shares an adapter (drives.bench)
 """
 
@@ -38,6 +39,11 @@ def main(arguments: Sequence[str]) -> int:
         from controller.runtime import plan_end, planning
 
         return children.run(role, planning.main, Path(rest[0]), plan_end.EXPECTED)
+    if role == "inverter":
+        from controller.machine.toml_table import ConfigError
+        from controller.runtime import inverter_process
+
+        return children.run(role, inverter_process.main, Path(rest[0]), (ConfigError,))
     from controller.runtime import tick_process
     from drives.bus import BusError
 

@@ -42,6 +42,7 @@ class Job:
     requests: int
     snapshot_path: str
     recorder_path: str
+    inverter: tuple[str, str] | None = None  # of the slot of one on a serial line
 
 
 def environment() -> dict[str, str]:

@@ -28,7 +28,11 @@ from drives.bench.virtual.hub import Hub
 from drives.settings import BusSettings
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from controller.machine.spindle import Spindle
     from controller.runtime.bench.fault_file import Injected, MachineScript
+    from controller.runtime.bench.inverter import SimulatedInverter, SteppedInverter
     from controller.runtime.bench.observer import Observer
     from controller.runtime.bench.probe import Bench, Wired
     from controller.tick.cycle import Cycle
@@ -74,6 +78,21 @@ def wired(bench: Bench, machine: Machine, rig: Rig) -> Wired:
     from controller.runtime.bench import touching
 
     return touching.wired(bench, machine, rig)
+
+
+def inverter(spindle: Spindle, now: Callable[[], float]) -> SimulatedInverter:
+    """What stands behind the serial line of a spindle's inverter."""
+    from controller.runtime.bench.inverter import SimulatedInverter
+
+    return SimulatedInverter(spindle, now)
+
+
+def stepped_inverter(machine: Machine, now: Callable[[], float]) -> SteppedInverter | None:
+    """The same on the stepped clock; None where the spindle has none."""
+    from controller.runtime.bench.inverter import SteppedInverter
+
+    spindle = machine.spindle
+    return None if spindle is None or spindle.modbus is None else SteppedInverter(spindle, now)
 
 
 def observer(machine: Machine, cycle: Cycle, rig: Rig) -> Observer:

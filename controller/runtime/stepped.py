@@ -161,6 +161,7 @@ class SteppedMachine:
         plans = cyclic.plans(machine)
         advance = self._advance if plans is None else self._pump(plans).advance
         self.clock = SteppedClock([advance], lateness)
+        self.inverter = simulation.stepped_inverter(machine, lambda: self.rig.now_s)
         self.cycle = Cycle(
             machine,
             self._group,
@@ -170,6 +171,7 @@ class SteppedMachine:
             self.recorder,
             self.clock.now_s,
             plans,
+            None if self.inverter is None else self.inverter.slot,
         )
         self._loop = Loop(self.cycle, self.clock, with_pump=plans is not None)
         self.outbox = PieceOutbox(self._plan_end)
@@ -194,6 +196,8 @@ class SteppedMachine:
 
     def _advance(self, now_s: float) -> None:
         self.rig.advance(now_s + self._offset_s)
+        if self.inverter is not None:
+            self.inverter.advance()
 
     def _pass_time(self) -> commission.Pump:
         """What SDO waits by: the bus alone, or the whole machine where the drives must hear the master."""

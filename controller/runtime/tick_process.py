@@ -15,6 +15,7 @@ import time
 
 from controller.geometry import placement, surfaces
 from controller.ipc.handoff import Recorder, RequestInbox, SnapshotBoard
+from controller.ipc.inverter_slot import InverterSlot
 from controller.ipc.piece_socket import PACKETS_PER_S, PieceInbox
 from controller.machine import machine_file
 from controller.machine.model import Machine
@@ -44,7 +45,7 @@ def main(job: Job) -> None:
         settings.name: bus.open(settings, pdo.TICK_FILTERS) for settings in machine_file.bus_settings(machine)
     }
     group = cyclic.group(machine, ports, _patience_s(machine))
-    simulated = _simulated(machine)
+    simulated = machine.is_simulated
     plans = pump = None
     only_counts = simulated and machine.late == "count"  # of such a computer nobody asks to be in time
     if machine.has_pump and not only_counts and pump_process.possible(ports):
@@ -61,6 +62,7 @@ def main(job: Job) -> None:
         Recorder(job.recorder_path, create=False),
         time.monotonic,
         plans,
+        None if job.inverter is None else InverterSlot(job.inverter, create=False),
     )
     of_pump = pump.wait_until_ready() if pump is not None else real_time.Granted()
     granted = of_pump & real_time.prepare()
@@ -92,8 +94,4 @@ def lacking(granted: real_time.Granted, simulated: bool) -> str:
 
 def _patience_s(machine: Machine) -> float:
     """Simulated drives on a virtual bus are a process of this computer and may be late."""
-    return VIRTUAL_TIMEOUT_S if _simulated(machine) else 0.0
-
-
-def _simulated(machine: Machine) -> bool:
-    return all(bus.interface == "virtual" for bus in machine.buses)
+    return VIRTUAL_TIMEOUT_S if machine.is_simulated else 0.0

@@ -9,7 +9,8 @@
 ```
 The service keeps the plan's end of the piece socket, so that a plan that was killed is followed
 by another one while the tick goes on. A tick that is gone takes the plan with it: both start
-anew, on new sockets, when the operator asks for it. Hubs with simulated drives outlive both.
+anew, on new sockets, when the operator asks for it. Hubs with simulated drives outlive both. An inverter
+on a serial line has a process, too (``serial_inverter``), which lives as long as the tick.
 """
 
 from __future__ import annotations
@@ -45,9 +46,11 @@ from controller.runtime.children import Child, Job
 from controller.runtime.plan_messages import News
 from controller.runtime.planning import PlanJob
 from controller.runtime.startup import SessionError
+from controller.service import serial_inverter
 from controller.service.folders import Folders
 from controller.service.planner_client import Line
 from controller.service.refusals import by_fault, refused
+from controller.service.serial_inverter import SerialInverter
 from controller.state.modes import Fault, Request
 from drives.settings import BusSettings
 
@@ -110,6 +113,7 @@ class Engine:
         self._folder, self._kept, self._hear = folder, kept, hear
         self._run: _Run | None = None
         self._starts = 0
+        self.inverter: SerialInverter | None = None  # of the spindle, where it is on a serial line
         self._ending = contextlib.ExitStack()
         self._numbering = threading.Lock()
         self._number = 0  # of the last request
@@ -121,6 +125,7 @@ class Engine:
         ``part``: a simulation file of what can be touched and cut; None: the usual. ``stamped``: for
         ``sync_stamps_s``, which take memory as long as it goes. Raises SessionError.
         """
+        serial_inverter.check_packages(self.machine)
         stamps_s = self.sync_stamps_s if stamped else None
         self.machine = hubs_started(self.machine, self._folder, self._ending, self.hubs, stamps_s, part)
 
@@ -138,11 +143,15 @@ class Engine:
         paths = [str(self._folder / f"{name}.{self._starts}") for name in ("snapshot", "recorder")]
         board = SnapshotBoard(paths[0], axes=len(self.machine.axes))
         recorder = Recorder(paths[1])
+        self.inverter = serial_inverter.begun(self.machine, self._folder, self._starts)
+        slot = None if self.inverter is None else self.inverter.paths
         plan_end, piece_end = piece_pair()
         operator, request_end = request_pair()
         with piece_end, request_end:
             ends = (piece_end.fileno(), request_end.fileno())
-            tick = children.start("tick", Job(self.machine, *ends, *paths), self._folder, ends)
+            tick = children.start(
+                "tick", Job(self.machine, *ends, paths[0], paths[1], slot), self._folder, ends
+            )
         plan, line = self._plan(plan_end, operator, paths[0])
         self._run = _Run(tick, board, recorder, operator, plan_end, paths[0], plan, line)
 
@@ -166,6 +175,9 @@ class Engine:
         run, self._run = self._run, None
         if run is not None:
             run.end()
+        inverter, self.inverter = self.inverter, None
+        if inverter is not None:
+            inverter.end()
 
     def end_tick(self) -> None:
         """One that hangs; then it is gone as if it had died."""

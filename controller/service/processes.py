@@ -146,6 +146,8 @@ class Processes:
         if not self._engine.tick_alive:
             seen, self._tick_died = self._tick_died, True
             return "" if seen else "tick"
+        if self._engine.inverter is not None:
+            self._engine.inverter.revive()
         seen, self._plan_died = self._plan_died, self._plan_died or not self._engine.plan_alive
         return "plan" if self._plan_died and not seen else ""
 

@@ -154,8 +154,8 @@ def spindle_change(rev_min: float) -> dict[str, Any]:
 
 
 def _spindle(machine: Machine, told: Mapping[str, Any]) -> dict[str, Any]:
-    """What is told of it; how one turns that has no drive nobody reports."""
-    if machine.spindle is not None and machine.spindle.has_drive:
+    """What is told of it; how one turns of which nobody reports that is not known."""
+    if machine.spindle is not None and machine.spindle.reports_speed:
         return dict(told)
     is_driven = machine.spindle is not None and machine.spindle.is_driven
     return {**told, "actual_rev_min": None, "at_speed": told["at_speed"] if is_driven else None}

@@ -30,6 +30,7 @@ from controller.ipc.handoff import (
     RequestInbox,
     SnapshotBoard,
 )
+from controller.ipc.inverter_slot import InverterSlot
 from controller.machine.model import Joints, Machine
 from controller.state.modes import ALWAYS, BY_HAND, DROPS, Fault, Mode, Request, bars
 from controller.state.queue_refusals import QueueRefusal
@@ -88,11 +89,12 @@ class Cycle:
         recorder: Recorder,
         now: Callable[[], float],
         plans: Memory | None = None,
+        slot: InverterSlot | None = None,
     ) -> None:
-        """``plans``: shared with the pump, which then sends SYNC and setpoints."""
+        """``plans``: shared with the pump, which then sends SYNC and setpoints; ``slot``: of an inverter."""
         self.machine = machine
         self.group = group
-        parts = Parts(machine, group, now, plans)
+        parts = Parts(machine, group, now, plans, slot)
         self.modes, self.follow, self.jogging = parts.modes, parts.follow, parts.jogging
         self.coupling, self.peripherals, self.adaptive = parts.coupling, parts.peripherals, parts.adaptive
         self.sync, self.probing, self.answers = parts.sync, parts.probing, parts.answers

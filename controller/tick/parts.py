@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from controller.ipc.handoff import Answers
+from controller.ipc.inverter_slot import InverterSlot
 from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Machine
 from controller.state import stop_times
@@ -45,7 +46,12 @@ class Parts:
     )
 
     def __init__(
-        self, machine: Machine, group: Drives, now: Callable[[], float], plans: Memory | None = None
+        self,
+        machine: Machine,
+        group: Drives,
+        now: Callable[[], float],
+        plans: Memory | None = None,
+        slot: InverterSlot | None = None,
     ) -> None:
         self.machine, self.group = machine, group
         stops_s = stop_times.path_stop_s(machine), stop_times.quick_stop_s(machine)
@@ -55,7 +61,7 @@ class Parts:
         periods = round(machine.stock_s / machine.period_s) if plans is not None else 0
         self.coupling = Coupling(machine, group.spindle, group.drives, delay, periods)
         self.follow = Follow(machine, kinematics_of(machine), self.coupling)
-        self.peripherals = Peripherals(machine, group.spindle, group.io, self.coupling)
+        self.peripherals = Peripherals(machine, group.spindle, group.io, self.coupling, slot)
         self.adaptive = Adaptive(machine, group.spindle)
         self.jogging = Jogging(machine, self.modes, self.follow, delay)
         self.answers = Answers()

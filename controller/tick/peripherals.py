@@ -33,10 +33,11 @@ from collections.abc import Sequence
 from typing import Protocol
 
 from controller.ipc.handoff import ANALOGUE, Awaited, Piece
+from controller.ipc.inverter_slot import InverterSlot
 from controller.machine.model import BESIDE, Axis, Changer, Clamp, Io, Machine
 from controller.state.modes import Fault, Mode, Request, StaysOn
 from controller.tick.coupling import Coupling
-from controller.tick.inverter import InverterSpindle
+from controller.tick.inverter import InverterSpindle, ModbusInverter, NodeInverter
 from controller.tick.mode import Modes
 from drives.settings import MasterSettings
 
@@ -133,9 +134,11 @@ class Peripherals:
         spindle: SpindleDrive | None = None,
         nodes: Sequence[IoNode] = (),
         coupling: Coupling | None = None,
+        slot: InverterSlot | None = None,
     ) -> None:
+        """``slot``: of an inverter on a serial line; None: nobody answers in it."""
         period_s, io = machine.period_s, machine.io
-        self._inverter = _inverter(machine) if nodes else None
+        self._inverter = _inverter(machine, bool(nodes), slot)
         self._spindle: SpindleDrive | None = spindle if self._inverter is None else self._inverter
         self._coupling = Coupling(machine, None) if coupling is None else coupling
         self._barred = False  # the door is open, the axes stand: no thread turns the spindle either
@@ -289,7 +292,9 @@ class Peripherals:
         self.waiting, self._waited = self._answers, 0
 
     def coolant_off(self) -> None:
-        """The tick is about to end by an error of its own: a spindle on the node stops, clamps stay."""
+        """The tick is about to end by an error of its own: a spindle by an inverter stops, clamps stay."""
+        if self._inverter is not None:
+            self._inverter.stop()
         if self._node is not None:
             spindle = self._inverter.own_outputs if self._inverter is not None else 0
             self._node.write((self.outputs & ~(self._mist | self._flood | spindle)) ^ self._flip_outputs)
@@ -407,7 +412,7 @@ class Peripherals:
             self._spindle.want_speed(rev_min)
 
     def _drive_inverter(self, inverter: InverterSpindle, modes: Modes, ticks: int) -> None:
-        """Its outputs; a fault of its own stops the path, and is reset with the machine's."""
+        """What it is told; a fault of its own stops the path, and is reset with the machine's."""
         if self._was_fault and modes.mode is not Mode.FAULT:
             inverter.reset()
         self._was_fault = modes.mode is Mode.FAULT
@@ -450,7 +455,7 @@ class Peripherals:
             outputs |= clamp.turn(bool(clamp.bit & is_open), actual[clamp.index], ticks)
         if self._inverter is not None:
             outputs |= self._inverter.outputs
-            self._node.write_analogue(self._inverter.channel, self._inverter.counts)
+            self._inverter.put_out(self._node)
         self.outputs = outputs
         self._node.write(outputs ^ self._flip_outputs)
         self._lead(self._node)
@@ -534,12 +539,16 @@ def _masks(io: Io | None) -> tuple[int, int, int]:
     return _mask(io.inputs, ["coolant_flow"]), _mask(io.outputs, ["mist"]), _mask(io.outputs, ["coolant"])
 
 
-def _inverter(machine: Machine) -> InverterSpindle | None:
-    """Of a spindle that turns by outputs of the node."""
+def _inverter(machine: Machine, has_node: bool, slot: InverterSlot | None) -> InverterSpindle | None:
+    """What turns the spindle, where that is no drive of its own."""
     spindle, io = machine.spindle, machine.io
-    if spindle is None or spindle.inverter is None or io is None:
+    if spindle is None:
         return None
-    return InverterSpindle(spindle, spindle.inverter, io, machine.period_s)
+    if spindle.modbus is not None:
+        return ModbusInverter(spindle, spindle.modbus, slot or InverterSlot(), machine.period_s)
+    if spindle.inverter is None or io is None or not has_node:
+        return None
+    return NodeInverter(spindle, spindle.inverter, io, machine.period_s)
 
 
 def _switches(io: Io | None) -> tuple[tuple[int, ...], int]:

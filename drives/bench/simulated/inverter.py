@@ -39,21 +39,31 @@ class Wiring(NamedTuple):
     at_speed: Line | None = None
 
 
+class Ramp:
+    """A speed on its way to another; rev/min, rev/min per s. Read: ``target``."""
+
+    def __init__(self, per_s: float, now_s: float) -> None:
+        self._per_s, self._begun_s, self._from, self.target = per_s, now_s, 0.0, 0.0
+
+    def speed(self, now_s: float) -> float:
+        most = self._per_s * max(0.0, now_s - self._begun_s)
+        return self._from + max(-most, min(most, self.target - self._from))
+
+    def go_to(self, target: float, now_s: float) -> None:
+        self._from, self._begun_s, self.target = self.speed(now_s), now_s, target
+
+
 class Inverter:
     """Read: ``speed`` at a time, rev/min, signed."""
 
     def __init__(self, node: IoNode, wiring: Wiring) -> None:
         self._node, self._wiring = node, wiring
-        self._begun_s, self._from, self._target = node.now_s, 0.0, 0.0
+        self._ramp = Ramp(wiring.ramp_rev_min_s, node.now_s)
+        self.speed = self._ramp.speed
         self._counts = wiring.zero_counts
         node.watchers.append(lambda _, now_s: self._turn(now_s))
         node.dictionary.writers[key(ANALOGUE, wiring.channel)] = self._take
         self._show(False, node.now_s)
-
-    def speed(self, now_s: float) -> float:
-        """How fast it turns."""
-        most = self._wiring.ramp_rev_min_s * max(0.0, now_s - self._begun_s)
-        return self._from + max(-most, min(most, self._target - self._from))
 
     def _take(self, counts: int) -> None:
         self._counts = counts
@@ -68,17 +78,18 @@ class Inverter:
         if wiring.reverse is not None and wiring.reverse.is_on(word):
             told = -told
         target = told if wiring.run.is_on(word) else 0.0
-        if target == self._target:
+        if target == self._ramp.target:
             return
-        self._from, self._begun_s, self._target = self.speed(now_s), now_s, target
+        before = self.speed(now_s)
+        self._ramp.go_to(target, now_s)
         self._show(False, now_s)
         near = AT_SPEED_SHARE * abs(target)
-        ramp_s = max(0.0, abs(target - self._from) - near) / wiring.ramp_rev_min_s
+        ramp_s = max(0.0, abs(target - before) - near) / wiring.ramp_rev_min_s
         if target:
             self._node.alarm("inverter", now_s + ramp_s, lambda at_s: self._arrive(target, at_s))
 
     def _arrive(self, target: float, now_s: float) -> None:
-        if self._target == target:
+        if self._ramp.target == target:
             self._show(True, now_s)
 
     def _show(self, at_speed: bool, now_s: float) -> None:

@@ -8,7 +8,7 @@ import pytest
 from support.machines.spindle_machine import without_spindle
 
 from controller import messages
-from controller.machine import drive_profiles, machine_file, nodes
+from controller.machine import drive_profiles, inverter_profiles, machine_file, nodes
 from controller.machine.toml_table import ConfigError, parse
 from controller.messages import LANGUAGES, Key
 from drives.profile import CyclicMode, Override, Supervision, Write
@@ -71,6 +71,7 @@ def sentences(name: str) -> list[str]:
 
 def test_what_shipped_profiles_say_are_texts_of_the_catalogue_and_none_is_of_one_that_is_gone() -> None:
     said_by = [one for name in drive_profiles.shipped() for one in sentences(name)]
+    said_by += [inverter_profiles.load(name).watchdog for name in inverter_profiles.shipped()]
     assert all(isinstance(one, Key) for one in said_by), said_by
     assert set(said_by) == drive_profiles.TEXTS and len(said_by) > 10
 

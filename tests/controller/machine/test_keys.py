@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import pytest
-from support.machines.every_key import BY_INVERTER, EVERY, TEXT, values_of_every_key
+from support.machines.every_key import BY_INVERTER, BY_MODBUS, EVERY, TEXT, values_of_every_key
 
 from controller import messages
 from controller.machine import keys as machine_keys
@@ -20,7 +20,7 @@ from controller.machine.reading import File, Reading
 from controller.machine.toml_table import ConfigError, parse
 
 VALUES = tomllib.loads(TEXT)
-FILES = (VALUES, tomllib.loads(BY_INVERTER))
+FILES = (VALUES, tomllib.loads(BY_INVERTER), tomllib.loads(BY_MODBUS))
 PAGE = machine_keys.PAGE.read_text()
 SCHEMA = json.loads(machine_keys.SCHEMA.read_text())
 DECLARED = [(section, one) for section in machine_keys.sections() for one in section.keys]
@@ -86,7 +86,7 @@ def test_a_wrong_value_of_every_key_is_refused_with_its_line_and_nothing_else_is
 
 
 # Tables that the file has under heads of their own.
-TABLES = {"analogue_out", "inverter", "m_codes", "override", "pitch", "prepare", "put_away", "take"}
+TABLES = {"analogue_out", "inverter", "m_codes", "modbus", "override", "pitch", "prepare", "put_away", "take"}
 
 
 def test_the_reference_names_every_kinematics_that_there_is() -> None:

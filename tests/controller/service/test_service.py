@@ -22,6 +22,8 @@ from controller.state.modes import Fault, Mode
 class _Ends:
     """As an engine does."""
 
+    inverter = None
+
     def end_run(self) -> None: ...
 
     def tell_tool(self, number: int) -> None: ...

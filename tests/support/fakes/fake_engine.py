@@ -43,6 +43,7 @@ class FakeEngine:
     def __init__(self, machine: Machine) -> None:
         self.machine = machine
         self.tick_alive = self.plan_alive = True
+        self.inverter = None
         self.recorder: FakeRecorder | None = None
         self.pids: dict[str, int] = {}
         self.requests: list[Request] = []  # as they came to the tick

@@ -1,6 +1,6 @@
 """Machine files with every key that there is, and the same with one wrong value.
 
-``TEXT`` has all that one file may have; ``BY_INVERTER`` is the same with another way to turn the spindle.
+``TEXT`` has all that one file may have; ``BY_INVERTER`` and ``BY_MODBUS`` turn the spindle in other ways.
 """
 
 from __future__ import annotations
@@ -27,9 +27,26 @@ settle_s = 0.5
 VALUE = re.compile(r"(?P<key>[A-Za-z_]\w*) = (?P<value>\{.*\}|\[.*\]|[^,}\n]+)")
 
 
+BY_MODBUS = f"""{_BEFORE}[spindle]
+max_rev_min = 12000
+by = "modbus"
+
+[spindle.modbus]
+port = "/dev/ttyUSB0"
+profile = "delta_c2000"
+station = 2
+baud = 19200
+frame = "8E1"
+rev_min_per_hz = 60.0
+silent_s = 1.5
+
+{_REST[_REST.index("[io]") :]}"""
+
+
 def values_of_every_key() -> list[tuple[int, str, str]]:
     """(line, key, the text with a wrong value in its place), of every value in the files."""
-    return [*_values(TEXT, frozenset()), *_values(BY_INVERTER, frozenset(TEXT.splitlines()))]
+    known = frozenset(TEXT.splitlines())
+    return [*_values(TEXT, frozenset()), *_values(BY_INVERTER, known), *_values(BY_MODBUS, known)]
 
 
 def _values(text: str, known: frozenset[str]) -> list[tuple[int, str, str]]:

@@ -1,0 +1,86 @@
+"""The process of a spindle's inverter on a serial line: it asks and orders it, so that the tick never waits.
+
+Both sides watch each other. A tick that is silent for ``TICK_SILENT_S`` has the spindle stopped; a spindle
+that nothing is heard of for ``silent_s`` of the machine file stops the path. Where both are gone, the
+inverter's own watchdog stops it, which the operator sets (``watchdog`` of its profile).
+"""
+
+from __future__ import annotations
+
+import contextlib
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+from controller.ipc.inverter_slot import InverterSlot, Reported, Wanted
+from controller.machine import inverter_profiles
+from controller.machine.spindle import Spindle
+from controller.messages import said, text
+from controller.runtime import children, inverter_line
+from controller.runtime.inverter_line import LineError
+
+TICK_SILENT_S = 0.5
+ROUND_S = 0.02  # from one exchange to the next, at least
+AGAIN_S = 0.2  # likewise after a failure
+
+
+@dataclass(frozen=True, slots=True)
+class Job:
+    """``paths``: of the slot; ``simulated``: an inverter that is none turns."""
+
+    spindle: Spindle
+    paths: tuple[str, str]
+    simulated: bool
+
+
+class Inverter(Protocol):
+    """What is asked and ordered."""
+
+    def exchange(self, wanted: Wanted, /) -> Reported: ...
+
+
+def main(job: Job) -> None:
+    """Until SIGTERM; then the spindle is stopped. Raises ConfigError."""
+    asked = children.Asked()
+    serve(InverterSlot(job.paths, create=False), _inverter(job), lambda: not asked.yes)
+
+
+def _inverter(job: Job) -> Inverter:
+    assert job.spindle.modbus is not None
+    if job.simulated:
+        from controller.runtime import simulation
+
+        return simulation.inverter(job.spindle, time.monotonic)
+    modbus = job.spindle.modbus
+    watchdog = inverter_profiles.load(modbus.profile).watchdog
+    with contextlib.suppress(OSError):  # nobody may be there to read it
+        print(
+            text(said("inverter.watchdog", port=modbus.port, watchdog=watchdog)), file=sys.stderr, flush=True
+        )
+    return inverter_line.opened(modbus)
+
+
+def serve(slot: InverterSlot, inverter: Inverter, going: Callable[[], bool]) -> None:
+    """Exchange after exchange; each answer is reported, and a failure is a silence."""
+    heard, heard_s = 0, time.monotonic()
+    while going():
+        wanted, count = slot.wanted()
+        now_s = time.monotonic()
+        if count != heard:
+            heard, heard_s = count, now_s
+        elif now_s - heard_s > TICK_SILENT_S:
+            wanted = _stopped(wanted)
+        try:
+            slot.report(inverter.exchange(wanted))
+            time.sleep(ROUND_S)
+        except LineError:
+            time.sleep(AGAIN_S)
+    with contextlib.suppress(LineError):
+        inverter.exchange(_stopped(slot.wanted()[0]))
+
+
+def _stopped(wanted: Wanted) -> Wanted:
+    """Nobody's order: to stop."""
+    return Wanted(resets=wanted.resets)
