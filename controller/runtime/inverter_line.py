@@ -131,7 +131,6 @@ def opened(modbus: Modbus) -> InverterLine:
     from pymodbus.client import ModbusSerialClient
 
     logging.getLogger("pymodbus.logging").setLevel(logging.CRITICAL)  # each silence would be a line
-
     client = ModbusSerialClient(
         modbus.port,
         baudrate=modbus.baud,

@@ -16,8 +16,8 @@ from typing import Protocol
 
 from controller.ipc.inverter_slot import InverterSlot, Reported, Wanted
 from controller.machine import inverter_profiles
-from controller.machine.spindle import Spindle
-from controller.messages import said, text
+from controller.machine.spindle import Modbus, Spindle
+from controller.messages import Said, said, text
 from controller.runtime import children, inverter_line
 from controller.runtime.inverter_line import LineError
 
@@ -44,27 +44,43 @@ class Inverter(Protocol):
 def main(job: Job) -> None:
     """Until SIGTERM; then the spindle is stopped. Raises ConfigError."""
     asked = children.Asked()
-    serve(InverterSlot(job.paths, create=False), _inverter(job), lambda: not asked.yes)
+    modbus = job.spindle.modbus
+    assert modbus is not None
+    slot = InverterSlot(job.paths, create=False)
+    serve(
+        slot,
+        _inverter(job.spindle, modbus, job.simulated),
+        lambda: not asked.yes,
+        lambda error: _tell(
+            said("inverter.silent", port=modbus.port, station=modbus.station, why=str(error))
+        ),
+    )
 
 
-def _inverter(job: Job) -> Inverter:
-    assert job.spindle.modbus is not None
-    if job.simulated:
+def _inverter(spindle: Spindle, modbus: Modbus, simulated: bool) -> Inverter:
+    if simulated:
         from controller.runtime import simulation
 
-        return simulation.inverter(job.spindle, time.monotonic)
-    modbus = job.spindle.modbus
+        return simulation.inverter(spindle, time.monotonic)
     watchdog = inverter_profiles.load(modbus.profile).watchdog
-    with contextlib.suppress(OSError):  # nobody may be there to read it
-        print(
-            text(said("inverter.watchdog", port=modbus.port, watchdog=watchdog)), file=sys.stderr, flush=True
-        )
+    _tell(said("inverter.watchdog", port=modbus.port, watchdog=watchdog))
     return inverter_line.opened(modbus)
 
 
-def serve(slot: InverterSlot, inverter: Inverter, going: Callable[[], bool]) -> None:
-    """Exchange after exchange; each answer is reported, and a failure is a silence."""
-    heard, heard_s = 0, time.monotonic()
+def _tell(what: Said) -> None:
+    """For the journal."""
+    with contextlib.suppress(OSError):  # nobody may be there to read it
+        print(text(what), file=sys.stderr, flush=True)
+
+
+def serve(
+    slot: InverterSlot, inverter: Inverter, going: Callable[[], bool], tell: Callable[[LineError], None]
+) -> None:
+    """Exchange after exchange; each answer is reported, and a failure is a silence.
+
+    ``tell``: called with the first failure after an answer.
+    """
+    heard, heard_s, answers = 0, time.monotonic(), True
     while going():
         wanted, count = slot.wanted()
         now_s = time.monotonic()
@@ -74,8 +90,12 @@ def serve(slot: InverterSlot, inverter: Inverter, going: Callable[[], bool]) -> 
             wanted = _stopped(wanted)
         try:
             slot.report(inverter.exchange(wanted))
+            answers = True
             time.sleep(ROUND_S)
-        except LineError:
+        except LineError as error:
+            if answers:
+                tell(error)
+            answers = False
             time.sleep(AGAIN_S)
     with contextlib.suppress(LineError):
         inverter.exchange(_stopped(slot.wanted()[0]))

@@ -12,6 +12,7 @@ from support.machines.modbus_slave import Slave
 from controller.ipc.inverter_slot import InverterSlot, Reported, Wanted
 from controller.machine.spindle import Modbus, Spindle
 from controller.runtime import children, inverter_process
+from controller.runtime.inverter_line import LineError
 
 pytest.importorskip("pymodbus", reason="pip install 'directrix[modbus]'")
 STATION = 3
@@ -155,3 +156,18 @@ def test_what_is_not_answered_is_not_reported_and_is_told_anew_afterwards(
     side.until(lambda _: side.slot.reported()[1] > before)
     assert side.slot.reported()[0].rev_min == 12000.0
     assert slave.written[: len(MAPS[profile][1])] == MAPS[profile][1], "it may have been without power"
+
+
+def test_why_it_does_not_answer_is_told_once_of_each_silence(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(inverter_process, "AGAIN_S", 0.0)
+    answers = iter([True, False, False, True, False, True, True])
+
+    class Deaf:
+        def exchange(self, wanted: Wanted) -> Reported:
+            if not next(answers, True):
+                raise LineError("nothing")
+            return Reported(order=wanted.order)
+
+    slot, told, left = InverterSlot(), list[LineError](), iter(range(7))
+    inverter_process.serve(slot, Deaf(), lambda: next(left, None) is not None, told.append)
+    assert len(told) == 2 and slot.reported()[1] == 4, "and what was answered is reported"
