@@ -10,7 +10,7 @@ import contextlib
 import zipfile
 from collections.abc import Collection, Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 import numpy.typing as npt
@@ -42,11 +42,23 @@ def _array(packed: zipfile.ZipFile, part: str) -> npt.NDArray[Any]:
         return found
 
 
+def check(data: BinaryIO) -> None:
+    """Reads all parts of an open file to their sums. Raises ValueError where one is damaged."""
+    with _unpacked(data) as packed:
+        if (bad := packed.testzip()) is not None:
+            raise zipfile.BadZipFile(bad)
+
+
 @contextlib.contextmanager
 def _opened(file: str | Path) -> Iterator[zipfile.ZipFile]:
-    with open(file, "rb") as data:
-        try:
-            with zipfile.ZipFile(data) as packed:
-                yield packed
-        except Exception as error:  # BadZipFile, zlib.error, EOFError, MemoryError, SyntaxError of a head ...
-            raise ValueError(f"{type(error).__name__}: {error}") from error
+    with open(file, "rb") as data, _unpacked(data) as packed:
+        yield packed
+
+
+@contextlib.contextmanager
+def _unpacked(data: BinaryIO) -> Iterator[zipfile.ZipFile]:
+    try:
+        with zipfile.ZipFile(data) as packed:
+            yield packed
+    except Exception as error:  # BadZipFile, zlib.error, EOFError, MemoryError, SyntaxError of a head ...
+        raise ValueError(f"{type(error).__name__}: {error}") from error

@@ -222,7 +222,11 @@ def whole(folder: Path, machine: str | None, program: Path | None) -> RecordedRu
     if machine is not None:
         built = machine_file.load(machine)
     else:
-        built = machine_file.read(_part(folder, events.MACHINE, "--machine").decode(), events.MACHINE, folder)
+        try:
+            own = _part(folder, events.MACHINE, "--machine").decode()
+        except UnicodeDecodeError as error:
+            raise Refused(say("cli.replay.unreadable", parent=folder / events.MACHINE, why=error)) from error
+        built = machine_file.read(own, events.MACHINE, folder)
     text = _part(folder, events.PROGRAM, "--program") if program is None else _linked(program, built)
     found = read(file, built, text)
     if found is None or not found.duration_s:

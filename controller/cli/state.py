@@ -7,7 +7,6 @@ import hashlib
 import json
 import os
 import sqlite3
-import zipfile
 from collections import Counter
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -15,7 +14,7 @@ from typing import Annotated, Final, Literal, NamedTuple
 
 import typer
 
-from controller import messages, own_database, own_files, sealed_file, sealed_rows
+from controller import messages, npz, own_database, own_files, sealed_file, sealed_rows
 from controller.api import database, log_in_marker
 from controller.api.programs import CONTENT, FOLDER
 from controller.ipc import control_socket
@@ -133,7 +132,7 @@ def _held(file: Path, state: Path, condition: Callable[[Path, Path], Condition])
         yield Found(name, condition(file, state))
     except WRONG as error:
         yield Found(name, DAMAGED, of_error(error))
-    except (sqlite3.Error, zipfile.BadZipFile) as error:
+    except sqlite3.Error as error:
         yield Found(name, DAMAGED, messages.plain(str(error)))
 
 
@@ -209,7 +208,6 @@ def _same(data: bytes, wanted: str) -> None:
 
 def _packed(file: Path, state: Path) -> Condition:
     """It has sums of its own."""
-    with own_files.opened(file, os.O_RDONLY, state, shared=True) as data, zipfile.ZipFile(data) as packed:
-        if (bad := packed.testzip()) is not None:
-            raise zipfile.BadZipFile(bad)
+    with own_files.opened(file, os.O_RDONLY, state, shared=True) as data:
+        npz.check(data)
     return OK

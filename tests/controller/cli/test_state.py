@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
+import random
 import shutil
+import tarfile
 from pathlib import Path
 from typing import Any
 
 import pytest
 from support.fakes.fake_engine import served
 from support.machines import changer_bench
+from support.suite.seed import SEED
 from typer.testing import CliRunner
 
 from controller import sealed_file
 from controller.__main__ import app
 from controller.api.store import Store
+from controller.cli import recorded_runs, state
 from controller.machine import arrangement, setup_data
 from controller.messages import said
 from controller.plan.report import stored
@@ -22,9 +27,11 @@ from controller.runtime import events
 from controller.runtime.starts import Start
 from controller.service import runs
 from controller.service.journal import sha256
+from controller.verify.console import Refused
 from drives.arranged import Arranged
 
 MACHINE = changer_bench.machine()
+NET = Path(__file__).parents[2] / "data" / "net"
 
 
 @pytest.fixture(scope="module")
@@ -60,22 +67,22 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def state(whole: Path, tmp_path: Path) -> Path:
+def copied(whole: Path, tmp_path: Path) -> Path:
     return Path(shutil.copytree(whole, tmp_path / "state"))
 
 
-def asked(state: Path, code: int) -> list[dict[str, Any]]:
-    done = CliRunner().invoke(app, ["state", "check", "--state", str(state), "--json"])
+def asked(folder: Path, code: int) -> list[dict[str, Any]]:
+    done = CliRunner().invoke(app, ["state", "check", "--state", str(folder), "--json"])
     told = json.loads(done.stdout)
     assert done.exit_code == code and told["ok"] is (code == 0), done.output
     return list(told["files"])
 
 
-def test_what_is_whole_is_ok_and_nothing_is_changed(state: Path) -> None:
+def test_what_is_whole_is_ok_and_nothing_is_changed(copied: Path) -> None:
     kept = {
-        file: file.read_bytes() for file in state.rglob("*") if file.is_file() and "-shm" not in file.name
+        file: file.read_bytes() for file in copied.rglob("*") if file.is_file() and "-shm" not in file.name
     }
-    found = {one["file"]: one["condition"] for one in asked(state, 0)}
+    found = {one["file"]: one["condition"] for one in asked(copied, 0)}
     wanted = {
         "fitting.json",
         "fitting.json.before",
@@ -92,52 +99,93 @@ def test_what_is_whole_is_ok_and_nothing_is_changed(state: Path) -> None:
             assert file.read_bytes() == data
 
 
-def test_every_file_that_it_lists_is_damaged_by_a_bit_and_then_alone(state: Path) -> None:
-    for one in asked(state, 0):
+def test_every_file_that_it_lists_is_damaged_by_a_bit_and_then_alone(copied: Path) -> None:
+    for one in asked(copied, 0):
         if one["file"].endswith((".sqlite", ".db")) or one["file"].startswith("log_in"):
             continue
-        file = state / one["file"]
+        file = copied / one["file"]
         data = bytearray(sound := file.read_bytes())
         if file.suffix == ".npz":  # which has sums of what it packs alone
             del data[-30:]
         else:
             data[len(data) // 2] ^= 0x40  # no digit that a number could do without
         file.write_bytes(data)
-        assert [other["file"] for other in asked(state, 1) if other["condition"] == "damaged"] == [
+        assert [other["file"] for other in asked(copied, 1) if other["condition"] == "damaged"] == [
             one["file"]
         ]
         file.write_bytes(sound)
-    (program,) = state.glob("runs/*/program.ngc")
+    (program,) = copied.glob("runs/*/program.ngc")
     program.write_bytes(b"M3\n")
-    (damaged,) = (one for one in asked(state, 1) if one["condition"] == "damaged")
+    (damaged,) = (one for one in asked(copied, 1) if one["condition"] == "damaged")
     assert damaged["file"].endswith("events.jsonl")  # which has its sum
     program.write_bytes(b"M2\n")
     program.with_name("events.jsonl").write_bytes(b"")  # cut short where no line shows it
-    (damaged,) = (one for one in asked(state, 1) if one["condition"] == "damaged")
+    (damaged,) = (one for one in asked(copied, 1) if one["condition"] == "damaged")
     assert damaged["file"].endswith("events.jsonl") and "0" in damaged["why"]
 
 
-def test_a_row_and_what_was_written_ahead_are_looked_at(state: Path) -> None:
+def test_a_row_and_what_was_written_ahead_are_looked_at(copied: Path) -> None:
     for name in ("tools.db", "store.sqlite"):
-        file = state / name
+        file = copied / name
         data = file.read_bytes()
         wanted = b"anna" if name == "store.sqlite" else b"confirmed"
-        assert wanted in data or (state / f"{name}-wal").exists(), name
+        assert wanted in data or (copied / f"{name}-wal").exists(), name
         file.write_bytes(data.replace(wanted, wanted[:-1] + b"x"))
-        (damaged,) = (one for one in asked(state, 1) if one["condition"] == "damaged")
+        (damaged,) = (one for one in asked(copied, 1) if one["condition"] == "damaged")
         assert damaged["file"] == name and damaged["why"]
         file.write_bytes(data)
 
 
-def test_older_files_are_said_to_be_older_in_words_too(state: Path) -> None:
+def test_older_files_are_said_to_be_older_in_words_too(copied: Path) -> None:
     for name in ("fitting.json", "fitting.json.before", "sealed"):
-        (state / name).unlink()
-    (state / "fitting.json").write_text('{"parameters": {"500": 1.0}}')
-    assert {one["file"] for one in asked(state, 0) if one["condition"] == "older"} == {"fitting.json"}
-    (state / "usage.json").write_text("{")
-    done = CliRunner().invoke(app, ["state", "check", "--state", str(state)])
+        (copied / name).unlink()
+    (copied / "fitting.json").write_text('{"parameters": {"500": 1.0}}')
+    assert {one["file"] for one in asked(copied, 0) if one["condition"] == "older"} == {"fitting.json"}
+    (copied / "usage.json").write_text("{")
+    done = CliRunner().invoke(app, ["state", "check", "--state", str(copied)])
     assert done.exit_code == 1 and "usage.json: DAMAGED" in done.output
     assert "fitting.json: of an older version" in done.output
+
+
+@pytest.fixture(scope="module")
+def older(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of a version without checksums, with an interrupted run."""
+    folder = tmp_path_factory.mktemp("older")
+    with tarfile.open(NET / "state.tar.xz") as packed:
+        packed.extractall(folder, filter="data")
+    return folder / "state"
+
+
+def hurt(source: Path, folder: Path, times: int) -> int:
+    """Damages one file of a folder after the other, and has all looked at; how often that was noticed."""
+    rng, noticed = random.Random(f"{SEED}-{source.parent.name[:5]}"), 0
+    shutil.copytree(source, folder)
+    for _ in range(times):
+        file = rng.choice([one for one in sorted(folder.rglob("*")) if one.is_file() and one.stat().st_size])
+        data = bytearray(sound := file.read_bytes())
+        at = rng.randrange(len(data))
+        if rng.random() < 0.75:
+            data[at] ^= 1 << rng.randrange(8)
+        else:
+            del data[at:]
+        file.write_bytes(data)
+        print(SEED, file, at)
+        noticed += any(one.condition == "damaged" and state.in_words(one) for one in state.look(folder))
+        for run in sorted((folder / "runs").glob("*")):
+            with contextlib.suppress(*recorded_runs.expected(), Refused, OSError):
+                recorded_runs.whole(run, None, None)
+        file.write_bytes(sound)
+    return noticed
+
+
+def test_whatever_is_damaged_is_a_sentence(whole: Path, older: Path, tmp_path: Path) -> None:
+    """Also of a record that is to be made again."""
+    assert hurt(whole, tmp_path / "a", 30) > 5 and hurt(older, tmp_path / "b", 30) > 0
+
+
+@pytest.mark.slow
+def test_whatever_of_thousands_is_damaged_is_a_sentence(whole: Path, older: Path, tmp_path: Path) -> None:
+    assert hurt(whole, tmp_path / "a", 2000) > 400 and hurt(older, tmp_path / "b", 2000) > 400
 
 
 def test_without_a_state_folder_it_is_refused(tmp_path: Path) -> None:
