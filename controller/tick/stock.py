@@ -11,8 +11,8 @@ on its way already. After it stand the periods that ``Lookahead`` sees, and the 
 ```
 
 Where axes miss something, how far a reversal has come is a matter of time: along a stop that the pump has
-begun, or at rest where the rows end, it is with those rows, and for the tick it went on. From the one to
-the other the setpoints are led by a ``Bridge``, as slowly as a reversal itself.
+begun, or at rest where the rows end, it is with those rows, and for the tick it went on. From the one to the
+other the setpoints are led by a ``Bridge``, as slowly as a reversal itself.
 """
 
 from __future__ import annotations

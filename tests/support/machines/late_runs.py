@@ -18,6 +18,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial import cKDTree
 from support.machines.forked_machine import Forkable
+from support.oracles import latched_setpoints
 
 from controller.ipc.handoff import COLUMN, of_axes
 from controller.machine.compensation import reversal
@@ -28,7 +29,7 @@ from controller.runtime.events import Event
 from controller.runtime.stepped import Run
 from controller.state.modes import Fault, Request
 from drives.bench.simulated.plant import Plant
-from drives.pump.plan_memory import Phase
+from drives.pump.plan_memory import FOLLOWS, Phase
 from drives.pump.stepped import SteppedPump
 
 AFTER_S = 0.5  # from the last late tick to the end of a case
@@ -82,6 +83,7 @@ class Played(NamedTuple):
     motors: tuple[float, ...]  # when it was sent, mm and rad
     shaft: float | None = None  # of the spindle, where there is one, and ...
     turned: float | None = None  # ... where a thread has begun (rev)
+    follow: bool = True  # all drives go by their setpoints, and none stops by itself
 
 
 class Watched(Forkable):
@@ -101,12 +103,13 @@ class Watched(Forkable):
         self.warned.add(self.cycle.modes.warning)
 
     def _pump(self, plans: Any) -> SteppedPump:
-        made = super()._pump(plans)
+        made, machine = super()._pump(plans), self.machine
         player, send = made._player, made._player.send
 
         def noted(due_ns: int, late_ns: int) -> None:
             shaft = None if self.rig.spindle is None else float(self.rig.spindle.axis.servo.shaft)
-            place = self.motors(), shaft, self.turned()
+            words = player._memory.words[: len(machine.axes)]
+            place = self.motors(), shaft, self.turned(), all(word & FOLLOWS for word in words)
             self.played[player.period] = Played(player.phase, tuple(player._counts), *place)
             send(due_ns, late_ns)
 
@@ -361,7 +364,9 @@ def judge(
     silent = next((n for n, one in enumerate(played) if one.phase is Phase.SILENT), len(played))
     silent_told = silent == len(played) or Fault.STOCK_USED_UP in (modes.fault, *child.warned)
     heard = played[:silent]
-    setpoints, motors = healthy.setpoints(heard), np.array([one.motors for one in heard])
+    given_up = (n for n in range(1, len(heard)) if heard[n - 1].follow and not heard[n].follow)
+    led = heard[: next(given_up, len(heard))]
+    setpoints, motors = healthy.setpoints(led), np.array([one.motors for one in heard])
     verdict.result = modes.fault.name if modes.fault is not Fault.NONE else "" if run is None else run.result
     told = (*TOLD, Fault.SPINDLE_LAGS, Fault.SPINDLE_LOST) if healthy.threads else TOLD
     if modes.fault not in (Fault.NONE, *told) or not silent_told:
@@ -378,6 +383,8 @@ def judge(
         shares[f"motor {name} / in time"] = share / max(1.0, own)
         if share > MOST_SHARE * max(1.0, own):
             wrong(f"motors have {share:.4f} of an {name}, in time {own:.4f}")
+    if len(healthy.machine.axes) == latched_setpoints.AXES:
+        shares["recorded acceleration"] = _recorded(healthy, child)
     if healthy.threads:
         _thread(healthy, [*(one for n, one in child.played.items() if n < period - BEFORE), *heard], verdict)
     else:
@@ -391,8 +398,17 @@ def judge(
         _same(healthy, heard, period - BEFORE, verdict)
     last = list(healthy.played.values())[-1]
     off = np.abs(np.array(played[-1].counts) - last.counts) * np.abs(healthy.units)
-    if run is not None and run.result == "completed" and off.max() > SAME_END_MM * healthy.threads:
+    near = SAME_END_MM * healthy.threads + healthy.play_mm  # a reversal may be under way where a program ends
+    if run is not None and run.result == "completed" and off.max() > near:
         wrong("ends elsewhere")
+
+
+def _recorded(healthy: Healthy, child: Watched) -> float:
+    """The largest share of an acceleration in the recorder's rows of the program, without a fault."""
+    child._drain()
+    rows = np.concatenate(child._rows)
+    ours = (rows[:, COLUMN["tick"]] > healthy.first) & (rows[:, COLUMN["fault"]] == Fault.NONE)
+    return latched_setpoints.most(rows[ours], healthy.machine)[1]
 
 
 def _thread(healthy: Healthy, heard: Sequence[Played], verdict: Verdict) -> None:

@@ -15,6 +15,7 @@ from controller.ipc.handoff import COLUMN, STOOD, TAKEN_BACK, TAKEN_BACK_BRAKED
 from controller.machine.model import Machine
 
 REST = 3  # places in a row that are the same
+AXES = 5  # of the machines that it knows
 
 
 def parts(rows: np.ndarray, first: str = "joint_command_0") -> list[np.ndarray]:
@@ -25,7 +26,7 @@ def parts(rows: np.ndarray, first: str = "joint_command_0") -> list[np.ndarray]:
     switches = rows[:, COLUMN["switches"]].astype(int)
     taken_back = switches & (TAKEN_BACK | TAKEN_BACK_BRAKED) != 0
     sent = (rows[1:, COLUMN["sync_sent"]] != 0.0) & ~taken_back[1:]
-    used = rows[:-1, COLUMN[first] : COLUMN[first] + 5]
+    used = rows[:-1, COLUMN[first] : COLUMN[first] + AXES]
     gaps = np.flatnonzero((switches & STOOD != 0) | taken_back)
     found, begin = [], 0
     for end in [*gaps, len(rows)]:
