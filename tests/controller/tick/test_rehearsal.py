@@ -32,7 +32,7 @@ OPERATOR = (
     Event(1102, Request.HOLD),
     Event(1110, Request.RESUME),
 )
-TAP = "G21 G90 G54 G40\nS800 M3\nG0 X5. Y-50.\nG0 Z40.\nG33.1 Z30. K1.\nG0 Z60.\nM30\n"
+TAP = "G21 G90 G54 G40\nS800 M3\nG0 X5. Y-50.\nG0 Z40.\nG33.1 Z35. K1.\nG0 Z60.\nM30\n"
 
 
 # ---- nothing comes of it -----------------------------------------------------------

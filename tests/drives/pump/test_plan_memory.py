@@ -270,7 +270,7 @@ for plan in itertools.count(1):
 
 
 def test_a_tick_that_is_killed_while_it_publishes_leaves_a_whole_plan_or_none() -> None:
-    for _ in range(8):
+    for _ in range(4):
         memory, descriptor = Memory.create(DRIVES)
         with subprocess.Popen(
             [sys.executable, "-c", PUBLISHES, str(descriptor)],

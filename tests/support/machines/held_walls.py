@@ -23,6 +23,7 @@ from controller.runtime.plan_messages import Program
 from controller.state.modes import Mode, Request
 
 PERIOD_S = 0.008
+FEED = 1200.0  # mm/min
 JOINTS = of_axes("joint_command", 5)
 HEIGHT_MM = 20.0
 LOOKED = 250  # rows of a way, at most
@@ -51,7 +52,7 @@ class Part:
         words = [*HEAD, "G42 P1 R0.05" if side > 0.0 else "G41 P1 R0.05"]
         for upper, lower in curves:
             first, *others = [*upper, *lower]
-            words.append(f"G52 {_xyz(first)} F600.")
+            words.append(f"G52 {_xyz(first)} F{FEED:g}.")
             words += [_xyz(point) for point in others]
         return Part(_text([*words, "M2"]), _walls(curves, side))
 
@@ -83,7 +84,7 @@ class Part:
         high = [
             f"{_xyz(one + 25.0 * axis)} {_ijk(axis)}" for one, axis in ((first, axes[0]), (last, axes[-1]))
         ]
-        words = [*HEAD, "G43.5 H2", f"G0 {high[0]}", f"G1 {_xyz(first)} {_ijk(axes[0])} F600.", *poses]
+        words = [*HEAD, "G43.5 H2", f"G0 {high[0]}", f"G1 {_xyz(first)} {_ijk(axes[0])} F{FEED:g}.", *poses]
         words += [f"G1 {_xyz(last)} {_ijk(axes[-1])}", f"G0 {high[1]}", "G49", "M2"]
         return Part(_text(words), _walls(curves, 1.0))
 
@@ -91,7 +92,7 @@ class Part:
     def cone(radius_mm: float, lean_mm: float, sweep_deg: float) -> Part:
         """G51, the cutter outside."""
         size = f"H{HEIGHT_MM} R{radius_mm - lean_mm:.4f} D{sweep_deg:.4f}"
-        words = [*HEAD, "G42 P1 R0.05", f"G51 X{radius_mm:.4f} Y0. Z0. I0. J0. K0. {size} F600."]
+        words = [*HEAD, "G42 P1 R0.05", f"G51 X{radius_mm:.4f} Y0. Z0. I0. J0. K0. {size} F{FEED:g}."]
         along, up = aside_envelope.GRID
         angle, v = np.linspace(0.0, np.radians(sweep_deg), along), np.linspace(0.0, 1.0, up)
         rho, z = radius_mm - lean_mm * v, HEIGHT_MM * v
@@ -205,7 +206,7 @@ def _along(tips: np.ndarray) -> list[str]:
 
 def _down(place: np.ndarray) -> list[str]:
     over = place + np.array([0.0, 0.0, HEIGHT_MM + 5.0])
-    return [f"G0 {_xyz(over)}", f"G1 Z{place[2]:.4f} F600."]
+    return [f"G0 {_xyz(over)}", f"G1 Z{place[2]:.4f} F{FEED:g}."]
 
 
 def _ijk(axis: np.ndarray) -> str:
@@ -282,7 +283,7 @@ class Held(Bench):
             self.until(Mode.READY)
             rows = np.concatenate(self.rows)
             fed = (rows[:, COLUMN["line"]] > 3) & (rows[:, COLUMN["feed_mm_s"]] > 0.0)
-            fed &= rows[:, COLUMN["feed_mm_s"]] < 11.0
+            fed &= rows[:, COLUMN["feed_mm_s"]] < 1.1 * FEED / 60.0
             fed[-NEAR_ITS_END:] = False
             self._ticks[part.text] = [int(k) for k in np.flatnonzero(fed)]
         return self._ticks[part.text]
