@@ -29,7 +29,10 @@ def profile(
     force: Annotated[bool, typer.Option("--force")] = False,
     as_json: Json = False,
 ) -> None:
-    """Draft a profile for a drive that has none, from its data sheet."""
+    """Draft a profile for a drive that has none, from its data sheet.
+
+    Notes in it say what the drive lacks and what that costs, and where only the manual knows.
+    """
     with refusals(as_json, lambda: EXPECTED):
         about = sheet.load(str(eds), 1)
         master = MasterSettings(period_s=period_ms / 1e3)

@@ -11,6 +11,7 @@ import shutil
 from pathlib import Path
 
 import pytest
+from support.machines import edited_records
 from support.machines.recording_bench import RecordedBench
 from typer.testing import CliRunner
 
@@ -112,7 +113,7 @@ def test_a_record_of_an_older_version_needs_the_files_beside_it_or_the_machine_f
     old = machine_file.written(text.read_text())
     sums = [hashlib.sha256(words.encode()).hexdigest() for words in (text.read_text(), old)]
     assert "[[file]]" not in old and "sheets/z.eds" in old
-    log.write_text(log.read_text().replace(*sums))
+    edited_records.rewrite(log, json.loads(json.dumps(edited_records.lines_of(log)).replace(*sums)))
     text.write_text(old)
     code, said = replayed(record)
     assert code == 1 and "there is no such file in" in said and str(record) in said

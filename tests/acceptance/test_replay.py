@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 from support.live.recordings import MILLED
 from support.live.replayed_runs import again, assert_same_setpoints
+from support.machines import edited_records
 from support.machines.planning_bench import PERIOD_S
 from support.machines.recording_bench import RecordedBench, sent
 from support.machines.spindle_machine import DOOR, mill
@@ -338,13 +339,14 @@ def test_a_record_whose_planner_was_killed_before_its_last_turn_was_written_ends
     bench.until_line(5)
     bench.rows.append(bench.stepped.go(300))
     folder = bench.record.folder
-    lines = (folder / "events.jsonl").read_text().splitlines(keepends=True)
-    last = max(n for n, line in enumerate(lines) if '"request": "plan"' in line)
-    taken = [n for n, line in enumerate(lines) if '"request": "pieces"' in line and n > last]
+    file = folder / "events.jsonl"
+    lines = edited_records.lines_of(file)
+    last = max(n for n, line in enumerate(lines) if line["request"] == "plan")
+    taken = [n for n, line in enumerate(lines) if line["request"] == "pieces" and n > last]
     assert taken, "the last turn made nothing"
-    (folder / "events.jsonl").write_text("".join(lines[:last] + lines[last + 1 :]))
+    edited_records.rewrite(file, lines[:last] + lines[last + 1 :])
     done = again(folder, LONG)
-    assert done.run.lacks_from == json.loads(lines[taken[0]])["tick"]
+    assert done.run.lacks_from == lines[taken[0]]["tick"]
     assert len(done.setpoints) > 300
     assert_same_setpoints(done, ended_itself=False)
     code, told = simulated(folder, LONG)
@@ -374,11 +376,10 @@ def test_a_record_without_the_overrides_before_the_start_is_another_run(bench: R
     bench.until(Mode.READY)
     folder = bench.ended()
     file = folder / "events.jsonl"
-    lines = [
-        line for line in file.read_text().splitlines() if json.loads(line)["request"] != "rapid_override"
-    ]
-    assert len(lines) == len(file.read_text().splitlines()) - 1
-    file.write_text("\n".join(lines) + "\n")
+    lines = edited_records.lines_of(file)
+    others = [line for line in lines if line["request"] != "rapid_override"]
+    assert len(others) == len(lines) - 1
+    edited_records.rewrite(file, others)
     with pytest.raises(AssertionError):
         again(folder, TEXT)
 

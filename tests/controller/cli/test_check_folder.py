@@ -16,6 +16,7 @@ from support.live.dask_cluster import Cluster
 from support.parts import surface_trains
 from typer.testing import CliRunner
 
+from controller import sealed_file
 from controller.__main__ import app
 
 PLACED = ("P1", "P3")
@@ -34,13 +35,13 @@ def made(folder: Path, good: int) -> Path:
     return folder
 
 
-def checked(folder: Path, out: Path, *words: str) -> tuple[int, dict, bytes, dict[str, bytes]]:
-    """Exit code, JSON, report and stored checks."""
+def checked(folder: Path, out: Path, *words: str) -> tuple[int, dict, bytes, dict[str, dict]]:
+    """Exit code, JSON, report and what the stored checks hold."""
     store, report = out / "store", out / "report.html"
     out.mkdir()
     asked = ["check", str(folder), "--store", str(store), "--report", str(report), "--json", *words]
     done = CliRunner().invoke(app, asked)
-    stored = {file.name: file.read_bytes() for file in store.glob("*.json")}
+    stored = {file.name: sealed_file.read(file) for file in store.glob("*.json")}
     return done.exit_code, json.loads(done.stdout), report.read_bytes(), stored
 
 
@@ -127,8 +128,8 @@ def test_the_surfaces_of_one_program_are_the_same_on_two_workers(verb: str, tmp_
 
     assert told("2") == told("1")
     if verb == "check":
-        one, two = (next((tmp_path / n).glob("*.json")).read_bytes() for n in ("1", "2"))
-        assert one == two and b'"placements": {"' in one
+        one, two = (sealed_file.read(next((tmp_path / n).glob("*.json"))) for n in ("1", "2"))
+        assert one == two and one["placements"]
 
 
 # ---- a cluster ---------------------------------------------------------------------
@@ -165,7 +166,7 @@ def test_a_cluster_gives_the_same_while_one_of_its_workers_is_killed(
     dask_cluster.until(lambda: store.is_dir() and any(store.iterdir()))  # some are done, some are not
     cluster.workers[0].kill()
     out, _ = asked.communicate(timeout=120)
-    stored = {file.name: file.read_bytes() for file in store.glob("*.json")}
+    stored = {file.name: sealed_file.read(file) for file in store.glob("*.json")}
     assert (asked.returncode, json.loads(out), (tmp_path / "report.html").read_bytes(), stored) == alone
 
 
