@@ -77,7 +77,7 @@ class Turning(Protocol):
     load: float
 
     @property
-    def told_rev_s(self) -> float: ...
+    def commanded_rev_s(self) -> float: ...
     def lead(self, rev_s: float, by_plan: bool, /) -> None: ...
 
 
@@ -411,7 +411,7 @@ class Coupling:
     def _listen(self, spindle: Turning) -> None:
         """One tick beside a thread."""
         turned, sure = self._hear(spindle)
-        speed = spindle.told_rev_s
+        speed = spindle.commanded_rev_s
         if sure and speed != 0.0 and spindle.even_syncs > self._most_even:
             self.reply.learn(speed, 0.0, speed - turned)
 

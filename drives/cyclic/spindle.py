@@ -118,8 +118,8 @@ class SpindleDrive(PowerStage):
         return self.speed * 60.0 / self.settings.counts_per_rev
 
     @property
-    def told_rev_s(self) -> float:
-        """The speed that it was told last."""
+    def commanded_rev_s(self) -> float:
+        """The speed that was sent to it last, rev/s."""
         return self._sent_speed / self.units_per_rev_s
 
     @property

@@ -14,7 +14,7 @@ from controller.tick.cycle import Again
 from drives.bench.simulated.spindle_motor import MotorParameters
 
 DEPTH_UM, PITCH_SHARE = 5.0, 0.01  # what must hold
-DEPTH_MM = 8.0
+DEPTH_MM = 9.0
 LAGGING = MotorParameters(lag_s=0.02, slip=0.02, strongest_rev_s2=200.0)
 HEAD = "G21 G90 G54 G40\n"
 
@@ -196,4 +196,4 @@ def test_the_record_of_a_thread_gives_the_same_setpoints_again_whatever_the_spin
     assert again.run(tapped(600.0, 1.0)).result == "completed"
     found = [now.setpoints for now in again.seen[: len(plain.seen)]]
     assert found == [now.setpoints for now in plain.seen[: len(found)]]
-    assert len(found) > 1500
+    assert len(found) > 2000

@@ -46,7 +46,7 @@ LATE = 3  # ticks from a place to its answer
 class Spindle:
     def __init__(self) -> None:
         self.turns, self.unheard, self.load, self.led = 100.0, 1, 0.25, math.nan
-        self.by_plan, self.even_syncs, self.told_rev_s = True, 0, 0.0
+        self.by_plan, self.even_syncs, self.commanded_rev_s = True, 0, 0.0
 
     def lead(self, rev_s: float, by_plan: bool, /) -> None:
         self.led, self.by_plan = rev_s, by_plan
@@ -300,7 +300,7 @@ def test_the_slip_is_learnt_beside_a_thread_where_the_spindle_has_long_been_told
     def ticks(many: int, even: bool, speed: float, slip: float) -> float:
         for n in range(many):
             spindle.even_syncs = 1000 + n if even else 100
-            spindle.told_rev_s = speed
+            spindle.commanded_rev_s = speed
             spindle.turns += speed * (1.0 - slip) * T
             coupling.look()
         return coupling.reply.slip

@@ -343,13 +343,13 @@ def test_it_counts_the_syncs_in_which_it_has_been_told_one_speed():
     drive.want_speed(600.0)
     sent(drive, 0.0)
     drive.expect()
-    assert (drive.even_syncs, drive.told_rev_s) == (0, 10.0)
+    assert (drive.even_syncs, drive.commanded_rev_s) == (0, 10.0)
     for _ in range(3):
         drive.expect()
     assert drive.even_syncs == 3
     drive.want_speed(660.0)
     sent(drive, T)
-    assert drive.told_rev_s == 11.0
+    assert drive.commanded_rev_s == 11.0
     drive.expect()
     assert drive.even_syncs == 0
     drive.want(Wanted.OFF)
