@@ -14,6 +14,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from controller import messages
+from controller.cli import new_files
+from controller.cli.new_files import Overwrite
 from controller.cli.speech import speaking
 from controller.geometry.vectors import Frame, Vector, add, rotate
 from controller.machine import machine_file
@@ -36,7 +38,6 @@ ListOnly = Annotated[bool, typer.Option("--list")]
 Plot = Annotated[Path | None, typer.Option("--plot")]
 Faces = Annotated[str, typer.Option("--faces")]
 Out = Annotated[Path | None, typer.Option("--out")]
-Overwrite = Annotated[bool, typer.Option("--overwrite")]
 MachineFile = Annotated[str, typer.Option("--machine")]
 ToolNumber = Annotated[int, typer.Option("--tool")]
 Feed = Annotated[float, typer.Option("--feed")]
@@ -97,9 +98,9 @@ def import_(
             raise Refused(say("cli.not_below_0", name="--prolong", value=prolong))
         if plot is not None and not only_list:
             raise Refused(say("cli.import.plot", plot=plot))
-        plot = None if plot is None else _target(plot, overwrite, "--plot")
+        plot = None if plot is None else new_files.target(plot, overwrite, "--plot")
         made, placed = machine_file.load(machine), _placed(move, turn)
-        target = None if only_list else _target(out or file.with_suffix(".ngc"), overwrite)
+        target = None if only_list else new_files.target(out or file.with_suffix(".ngc"), overwrite, "--out")
         part = _part(file, placed)
         from controller.cad import program
         from controller.cad.strip import How
@@ -205,14 +206,6 @@ def _float(text: str) -> float | None:
     except ValueError:
         return None
     return value if math.isfinite(value) else None
-
-
-def _target(out: Path, overwrite: bool, option: str = "--out") -> Path:
-    if out.exists() and not overwrite:
-        raise Refused(say("cli.import.exists", out=out, option=option))
-    if not out.parent.is_dir():
-        raise Refused(say("cli.import.no_folder", out=out, parent=out.parent))
-    return out
 
 
 # ---- the faces -----------------------------------------------------------------------

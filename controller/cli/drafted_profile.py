@@ -10,6 +10,8 @@ from typing import Annotated
 
 import typer
 
+from controller import atomic_file
+from controller.cli import new_files, toml_rows
 from controller.cli.drive_buses import EXPECTED, Json
 from controller.machine import drive_profiles
 from controller.machine.drive_profiles import MODES, NONE
@@ -19,14 +21,14 @@ from drives.profile import Profile
 from drives.settings import MasterSettings
 from drives.text_file import TextFile
 
-NOTE_COLUMN = 32  # where notes begin, behind a key and its value
+NOTE_COLUMN = 32  # where notes begin
 
 
 def profile(
     eds: Annotated[Path, typer.Argument(metavar="SHEET.eds")],
     output: Annotated[Path | None, typer.Option("--output", "-o", metavar="FILE.toml")] = None,
     period_ms: Annotated[float, typer.Option("--period-ms", min=0.5, max=10.0)] = 2.0,
-    force: Annotated[bool, typer.Option("--force")] = False,
+    overwrite: new_files.Overwrite = False,
     as_json: Json = False,
 ) -> None:
     """Draft a profile for a drive that has none, from its data sheet.
@@ -34,6 +36,8 @@ def profile(
     Notes in it say what the drive lacks and what that costs, and where only the manual knows.
     """
     with refusals(as_json, lambda: EXPECTED):
+        if output:
+            new_files.target(output, overwrite, "--output", ".toml")
         about = sheet.load(str(eds), 1)
         master = MasterSettings(period_s=period_ms / 1e3)
         name = (output or eds).stem
@@ -49,7 +53,7 @@ def profile(
         read = drive_profiles.read(text, f"{name}.toml", folder, name, TextFile(eds.name, ""))
         remarks = [*map(in_words, possible.of_profile(read, about, master)[1])]
         if output:
-            _write(output, text, force)
+            atomic_file.write(output, text)
         if as_json:
             facts = {"eds": str(eds), "file": str(output or ""), "text": text, "remarks": remarks}
             print(json.dumps({"ok": True, **facts}))
@@ -59,26 +63,14 @@ def profile(
             print(text, end="")
 
 
-def _write(output: Path, text: str, force: bool) -> None:
-    """Raises Refused where there is a file already, and OSError."""
-    if output.suffix != ".toml":
-        raise Refused(say("cli.profile.suffix", file=output))
-    if output.exists() and not force:
-        raise Refused(say("cli.profile.exists", file=output))
-    output.write_text(text, encoding="utf-8")
-
-
 def _lines(found: draft.Draft, eds: Path, beside: str) -> Iterator[str]:
-    """The file; notes stand behind their keys."""
+    """The rows of the profile, each key with its note."""
     yield f"# {say('draft.heading', name=eds.name)}"
     yield "[drive]"
-    yield f"eds = {json.dumps(beside)}"
+    yield f"eds = {toml_rows.value(beside)}"
     for key, value in _keys(found.profile):
-        shown = f"{value:#x}" if key == "vendor" else json.dumps(value)
-        row, note = f"{key} = {shown}", _note(found, key)
-        if len(row) >= NOTE_COLUMN and note:
-            yield f"# {note}:"
-        yield f"{row:<{NOTE_COLUMN}}# {note}" if note and len(row) < NOTE_COLUMN else row
+        shown = f"{value:#x}" if key == "vendor" else toml_rows.value(value)
+        yield from toml_rows.noted(f"{key} = {shown}", _note(found, key), NOTE_COLUMN)
     for index in found.profile.optional:
         yield f"#   {index:04X}: {say(f'draft.without.{index:04X}')}"
     if unit := _note(found, "velocity_unit_counts_s"):

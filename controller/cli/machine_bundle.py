@@ -11,6 +11,9 @@ from typing import Annotated, Any
 
 import typer
 
+from controller import atomic_file
+from controller.cli import new_files
+from controller.cli.drive_buses import Json
 from controller.cli.new_machine import new
 from controller.machine import machine_file
 from controller.machine.named_files import PROFILES, SHEETS
@@ -27,25 +30,21 @@ MACHINE_FILE = "machine.toml"
 NAMES = ("name", "number", "object")  # what rows of a table are told apart by
 
 MachineName = Annotated[str, typer.Argument(metavar="MACHINE")]
-Json = Annotated[bool, typer.Option("--json")]
 
 
 @app.command()
 def pack(
     machine: MachineName,
     output: Annotated[Path, typer.Option("--output", "-o", metavar="FILE.toml")],
-    force: Annotated[bool, typer.Option("--force")] = False,
+    overwrite: new_files.Overwrite = False,
     as_json: Json = False,
 ) -> None:
     """Write a machine as one sealed file: its tools, data sheets and profiles are in it."""
     with refusals(as_json, lambda: EXPECTED):
-        if output.suffix != ".toml":
-            raise Refused(say("cli.machine.suffix", file=output))
-        if output.exists() and not force:
-            raise Refused(say("cli.machine.exists", file=output))
+        new_files.target(output, overwrite, "--output", ".toml")
         made = machine_file.load(machine)
         text = sealed(machine_file.alone(made))
-        output.write_text(text, encoding="utf-8")
+        atomic_file.write(output, text)
         files = [name for name, _ in _files(text)]
         if as_json:
             print(json.dumps({"ok": True, "machine": made.name, "file": str(output), "files": files}))

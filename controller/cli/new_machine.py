@@ -12,6 +12,9 @@ from typing import Annotated, Any
 
 import typer
 
+from controller import atomic_file
+from controller.cli import new_files, toml_rows
+from controller.cli.drive_buses import Json
 from controller.machine import drive_profiles, keys, machine_file
 from controller.machine.named_files import SHIPPED
 from controller.machine.toml_table import ConfigError
@@ -71,14 +74,12 @@ def new(
     equipment: Annotated[list[str] | None, typer.Option("--with")] = None,
     put: Annotated[list[str] | None, typer.Option("--set", metavar="TABLE.KEY=VALUE")] = None,
     ask: Annotated[bool, typer.Option("--ask")] = False,
-    as_json: Annotated[bool, typer.Option("--json")] = False,
+    overwrite: new_files.Overwrite = False,
+    as_json: Json = False,
 ) -> None:
     """Write a machine file that checks, from answers: asked for with --ask, or given as options."""
     with refusals(as_json, lambda: (ConfigError,)):
-        if file.suffix != ".toml":
-            raise Refused(say("cli.machine.suffix", file=file))
-        if file.exists():
-            raise Refused(say("cli.machine.is_there", file=file))
+        new_files.target(file, overwrite, "FILE.toml", ".toml")
         answers = Answers(kind, interface, profile, eds, spindle, equipment or [])
         if ask:
             _ask(answers)
@@ -93,7 +94,7 @@ def new(
         text = "\n".join([_head(file), *_written(tree)]) + "\n"
         whole = text if "tool" in tree else _with_tools(text)
         machine_file.read(whole, file.name, file.resolve().parent)
-        file.write_text(text, encoding="utf-8")
+        atomic_file.write(file, text)
         if as_json:
             print(json.dumps({"ok": True, "file": str(file), "machine": tree["machine"]["name"]}))
             return
@@ -127,7 +128,7 @@ def _ask_axes(tree: Tree) -> None:
         unit = "mm" if axis["kind"] == "linear" else "deg"
         for pattern in OF_AN_AXIS:
             key = pattern.format(unit=unit)
-            given = typer.prompt(f"{axis['name']} {key}", default=json.dumps(axis[key]), err=True)
+            given = typer.prompt(f"{axis['name']} {key}", default=toml_rows.value(axis[key]), err=True)
             axis[key] = _value(given)
         axis["homing"]["method"] = _value(
             typer.prompt(f"{axis['name']} homing.method", default=str(axis["homing"]["method"]), err=True)
@@ -270,18 +271,7 @@ def _table(
         elif isinstance(value, dict) and f"{name}.{key}" in meanings:
             below.append((f"[{name}.{key}]", f"{name}.{key}", value))
         else:
-            line, means = f"{key} = {_toml(value)}", meanings.get(name, {}).get(key, "")
-            if means and len(line) >= MEANING_COLUMN:
-                yield f"# {means}:"
-                means = ""
-            yield f"{line:<{MEANING_COLUMN}}# {means}" if means else line
+            means = meanings.get(name, {}).get(key, "")
+            yield from toml_rows.noted(f"{key} = {toml_rows.value(value)}", means, MEANING_COLUMN)
     for one in below:
         yield from _table(*one, meanings)
-
-
-def _toml(value: Any) -> str:
-    if isinstance(value, dict):
-        return "{ " + ", ".join(f"{key} = {_toml(one)}" for key, one in value.items()) + " }"
-    if isinstance(value, list):
-        return "[" + ", ".join(map(_toml, value)) + "]"
-    return json.dumps(value, ensure_ascii=False)

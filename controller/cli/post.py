@@ -14,6 +14,8 @@ import typer
 from rich.table import Table
 
 from controller import atomic_file
+from controller.cli import new_files
+from controller.cli.new_files import Overwrite
 from controller.cli.speech import speaking
 from controller.machine import machine_file
 from controller.machine.model import Tool
@@ -36,7 +38,6 @@ from controller.verify.sweep import Pass
 Argument = Annotated[Path, typer.Argument()]
 Chord = Annotated[float, typer.Option("--chord")]
 Out = Annotated[Path | None, typer.Option("--out")]
-Overwrite = Annotated[bool, typer.Option("--overwrite")]
 Exact = Annotated[bool, typer.Option("--exact")]
 MachineFile = Annotated[str, typer.Option("--machine")]
 Json = Annotated[bool, typer.Option("--json")]
@@ -84,8 +85,7 @@ def post_(
         stem = out or program
         files = {form: stem.with_name(f"{stem.stem}_{form.value}.ngc") for form in Form}
         for file in files.values():
-            if file.exists() and not overwrite:
-                raise Refused(say("cli.post.exists", file=file))
+            new_files.target(file, overwrite, "--out")
         made = machine_file.load(machine)
         whole = linked.linked(program.read_bytes(), linked.beside(program), made)
         task = checked.task(whole, str(program), made)

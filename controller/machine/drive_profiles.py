@@ -171,18 +171,20 @@ def shipped() -> tuple[str, ...]:
 def _load(source: str | TextFile) -> Profile:
     if isinstance(source, TextFile):
         return read(source.text, source.name, Path(), source.name, source.sheet)
-    path = _find(source)
+    path = profile_file(source, SHIPPED)
     name = path.stem if path.parent == SHIPPED else source
     return read(read_text(path), path.name, path.parent, name)
 
 
-def _find(source: str) -> Path:
-    path = Path(source) if source.endswith(".toml") else SHIPPED / f"{source}.toml"
+def profile_file(source: str, folder: Path) -> Path:
+    """The file of a profile by its path, or by its name in ``folder``. Raises ConfigError."""
+    path = Path(source) if source.endswith(".toml") else folder / f"{source}.toml"
     if path.is_file():
         return path
-    near = difflib.get_close_matches(source, shipped(), n=1)
+    known = sorted(one.stem for one in folder.glob("*.toml"))
+    near = difflib.get_close_matches(source, known, n=1)
     do = said("file.mean", near=near[0]) if near else said("file.name_profile")
-    raise ConfigError(said("file.no_profile", source=source, allowed=", ".join(shipped()), do=do))
+    raise ConfigError(said("file.no_profile", source=source, allowed=", ".join(known), do=do))
 
 
 def read(text: str, file: str, folder: Path, name: str, sheet: TextFile | None = None) -> Profile:

@@ -7,18 +7,16 @@ Numbers of registers and coils are those of the maker's manual; ``first`` says w
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache, lru_cache
 from pathlib import Path
 
 from controller.machine.declaration import key
-from controller.machine.drive_profiles import WORDS
+from controller.machine.drive_profiles import WORDS, profile_file
 from controller.machine.forms import POSITIVE, TEXT, Integer, Rows, Sub
 from controller.machine.reading import File, Reading, Rules
-from controller.machine.toml_table import ConfigError, parse, read_text
-from controller.messages import said
+from controller.machine.toml_table import parse, read_text
 from drives.text_file import Source, TextFile
 
 SHIPPED = Path(__file__).resolve().parent.parent.parent / "config" / "inverters"
@@ -131,11 +129,7 @@ def load(source: Source) -> InverterProfile:
 def _load(source: str | TextFile) -> InverterProfile:
     if isinstance(source, TextFile):
         return read(source.text, source.name)
-    path = Path(source) if source.endswith(".toml") else SHIPPED / f"{source}.toml"
-    if not path.is_file():
-        near = difflib.get_close_matches(source, shipped(), n=1)
-        do = said("file.mean", near=near[0]) if near else said("file.name_profile")
-        raise ConfigError(said("file.no_profile", source=source, allowed=", ".join(shipped()), do=do))
+    path = profile_file(source, SHIPPED)
     return read(read_text(path), path.name)
 
 

@@ -100,7 +100,10 @@ class NamedFiles:
         """The machine file's text with all of them."""
         new = {name: words for name, words in self._used.items() if name not in self._there}
         head = TAKEN_ALONG if new and TAKEN_ALONG not in text else ""
-        tables = (f"\n[[file]]\nname = {_toml(name)}\ntext = {_toml(words)}\n" for name, words in new.items())
+        tables = (
+            f"\n[[file]]\nname = {toml_text(name)}\ntext = {toml_text(words)}\n"
+            for name, words in new.items()
+        )
         return "".join((text, head, *tables))
 
     def _of(self, table: Table, key: str, encoding: str) -> Source:
@@ -131,7 +134,7 @@ def _on_disk(folder: Path, name: str) -> Path | None:
     return next((path for path in paths if path.is_file()), None)
 
 
-def _toml(words: str) -> str:
+def toml_text(words: str) -> str:
     """A text in quotes, on one line for whatever reads lines."""
     plain = json.dumps(words, ensure_ascii=False)
     return re.sub(r"[^ -~]", lambda sign: f"\\U{ord(sign[0]):08X}", plain)

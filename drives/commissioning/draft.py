@@ -27,11 +27,8 @@ CHOICES: dict[str, tuple[Any, ...]] = {
     "tpdo": (1, 2, 3, 4),
     "quick_stop_code": (2, 6, 1, 5, None),  # by 6085h before by 6084h, off before on (CiA 402-2, 605Ah)
     "abort_code": (3, 1, 2, None),  # quick stop, fault, power off (CiA 402-2, 6007h)
-    "supervision": (
-        Supervision.HEARTBEAT,
-        Supervision.GUARDING,
-        Supervision.NONE,
-    ),  # none: all of it is waived
+    # With the last of them all supervision is waived.
+    "supervision": (Supervision.HEARTBEAT, Supervision.GUARDING, Supervision.NONE),
     "home_offset": (0x607C, None),
 }
 ANY_EXPONENT = (-128, 63)  # limits of 60C2h:02 that every drive may write (CiA 402-2)
@@ -105,17 +102,12 @@ def _feed_forward(profile: Profile, sheet: Sheet, master: MasterSettings) -> Pro
 
 def _homing(sheet: Sheet, notes: dict[str, Said]) -> dict[str, Any]:
     """By 60E3h, else by the limits of 6098h; the standard's where neither says it."""
-    listed = tuple(
-        (method + 128) % 256 - 128
-        for method in (sheet.default(0x60E3, sub) for sub in sheet.subs(0x60E3))
-        if method
-    )
     if not sheet.writable(0x6098):
         notes["homing_methods"] = said("draft.homing_methods.fixed")
         return {"homing_methods": (sheet.default(0x6098) or 0,)}
     least, most = _limits(sheet, 0x6098, 0)
     within = tuple(method for method in STANDARD_HOMING if least <= method <= most)
-    known = listed or (within if 0 < len(within) < len(STANDARD_HOMING) else ())
+    known = sheet.homing_methods or (within if 0 < len(within) < len(STANDARD_HOMING) else ())
     notes["homing_methods"] = said(f"draft.homing_methods.{'listed' if known else 'unknown'}")
     return {"homing_methods": known or STANDARD_HOMING}
 

@@ -225,13 +225,12 @@ def _of_kind(settings: NodeSettings | SpindleSettings, sheet: Sheet) -> Iterator
 
 
 def _of_homing(node: NodeSettings, sheet: Sheet) -> Iterator[Said]:
-    """60E3h lists the methods, where the sheet fills it in; some write them as unsigned."""
+    """The method is one that the drive lists, and the speeds that are asked for are objects that it has."""
     for index, sub, _, why in wanted.homing_speeds(node):
         if not sheet.has(index, sub) and index not in node.profile.optional:
             problem = said("on_paper.not_in_sheet_but", where=where(index, sub), sheet=sheet.name, need=why)
             yield _to_do(problem, said(f"on_paper.do.{index:04X}"), WRONG)
-    listed = [sheet.default(0x60E3, sub) for sub in sheet.subs(0x60E3)]
-    methods = [(method + 128) % 256 - 128 for method in listed if method]
+    methods = sheet.homing_methods
     homes = node.homing_method and not node.absolute
     if methods and homes and node.homing_method not in methods:
         allowed = ", ".join(map(str, methods))

@@ -125,6 +125,12 @@ class Sheet:
         """1018h:01 to :03, the head's word before the object's."""
         return next(iter(self.identities(sub)), None)
 
+    @property
+    def homing_methods(self) -> tuple[int, ...]:
+        """Those that 60E3h lists, where the sheet fills it in; some write them as unsigned."""
+        listed = (self.default(0x60E3, sub) for sub in self.subs(0x60E3))
+        return tuple((method + 128) % 256 - 128 for method in listed if method)
+
     def subs(self, index: int) -> list[int]:
         """The sub-indices of an object but 0."""
         found = self.dictionary.indices.get(index)

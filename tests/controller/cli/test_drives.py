@@ -185,7 +185,7 @@ def test_a_drafted_profile_is_one_that_check_takes(tmp_path: Path) -> None:
     assert Path(str(family.eds)) == EDS and family.takes_feed_forward
     assert asked("check", "--eds", str(EDS), "--profile", str(own))["problems"] == []
     again = asked("profile", str(EDS), "--output", str(own))
-    assert not again["ok"] and "there is such a file" in again["error"]
+    assert not again["ok"] and "is there already" in again["error"]
 
 
 def test_every_mismatch_is_a_line_for_people() -> None:

@@ -79,9 +79,9 @@ def test_a_spoilt_file_is_not_unpacked(folder: Path, flipped: int) -> None:
 def test_no_file_lands_outside_of_the_folder_and_nothing_is_overwritten(folder: Path) -> None:
     packed, mine = folder / "p.toml", folder / "in" / "mine.toml"
     assert asked("pack", str(mine), "--output", str(packed))["ok"]
-    assert "there is such a file" in asked("pack", str(mine), "--output", str(packed))["error"]
+    assert "is there already" in asked("pack", str(mine), "--output", str(packed))["error"]
     assert "not an empty folder" in asked("unpack", str(packed), str(folder / "in"))["error"]
     mine.write_text(mine.read_text().replace("sheets/x.eds", "../in/sheets/x.eds"))
-    assert asked("pack", str(mine), "--output", str(packed), "--force")["ok"]
+    assert asked("pack", str(mine), "--output", str(packed), "--overwrite")["ok"]
     refused = asked("unpack", str(packed), str(folder / "out"))
     assert "outside of the folder" in refused["error"] and not (folder / "out").exists()

@@ -59,7 +59,7 @@ def test_any_key_may_be_set_and_a_wrong_one_is_refused_with_nothing_written(tmp_
     ):
         refused = asked(str(other), "--set", setting)
         assert refused["exit"] == 1 and why in refused["error"] and not other.exists()
-    assert "there is such a file" in asked(str(file))["error"]
+    assert "is there already" in asked(str(file))["error"]
     assert "allowed are" in asked(str(other), "--kind", "hexapod")["error"]
 
 

@@ -1,0 +1,23 @@
+"""Files that a command writes: where there is one already, only with --overwrite."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from controller.verify.console import Refused, say
+
+Overwrite = Annotated[bool, typer.Option("--overwrite")]
+
+
+def target(out: Path, overwrite: bool, option: str, suffix: str = "") -> Path:
+    """The file to write, by the option that names it. Raises Refused where it cannot be."""
+    if suffix and out.suffix != suffix:
+        raise Refused(say("cli.out.suffix", out=out, option=option, suffix=suffix))
+    if out.exists() and not overwrite:
+        raise Refused(say("cli.out.exists", out=out, option=option))
+    if not out.parent.is_dir():
+        raise Refused(say("cli.out.no_folder", out=out, parent=out.parent))
+    return out
