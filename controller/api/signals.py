@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from controller.ipc.handoff import rows_of
 from controller.machine.model import Machine
 from controller.state.live_state import COLUMN, SIGNALS
+from controller.state.setpoints import SETPOINTS, Counts
 
 Array = NDArray[np.float64]
 
@@ -185,9 +186,10 @@ def npz(found: Signals, wanted: Sequence[str], where: slice) -> bytes:
     return file.getvalue()
 
 
-def rows_of_setpoints(columns: Sequence[str], values: Array, machine: Machine) -> Array:
-    """Rows out of a run's record, which holds setpoints alone: what it does not hold is NaN."""
-    rows = rows_of(columns, values)
+def rows_of_setpoints(counts: Counts, machine: Machine) -> Array:
+    """Rows out of the setpoints of a run, (N, MAX_AXES) counts from its first tick on; all else is NaN."""
+    rows = rows_of(SETPOINTS.columns, counts.astype(np.float64))
+    rows[:, COLUMN["tick"]] = range(len(rows))
     for i, axis in enumerate(machine.axes):
         rows[:, COLUMN[f"joint_command_{i}"]] = rows[:, COLUMN[f"setpoint_{i}"]] / axis.counts_per_unit
     return rows

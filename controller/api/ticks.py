@@ -27,6 +27,7 @@ from controller.machine import machine_file, setup_data
 from controller.machine.model import Machine
 from controller.machine.toml_table import ConfigError
 from controller.state import record_files
+from controller.state.setpoints import SETPOINTS
 
 KEPT_S = 30.0
 AT_ONCE = 500  # rows of one answer of the service: 170 kB at worst
@@ -104,18 +105,20 @@ def _recording(file: Path, *_: int) -> Signals:
 
 def of_run(folder: Path, machine: Machine) -> Signals:
     """The setpoints of a run, on the machine as it is now. Raises Refusal."""
-    file = folder / record_files.SETPOINTS
+    file = folder / SETPOINTS.whole
     try:
-        return _run(file, machine, *_stamp(file))
+        return _run(folder, machine, *_stamp(file))
     except (OSError, ValueError, KeyError) as error:
         raise _unreadable(file) from error
 
 
 @lru_cache(maxsize=2)
-def _run(file: Path, machine: Machine, *_: int) -> Signals:
-    kept = npz.read(file)
-    found = kept["rows"][:MAX_ROWS]
-    return Signals(signals.rows_of_setpoints([str(n) for n in kept["columns"]], found, machine), machine)
+def _run(folder: Path, machine: Machine, *_: int) -> Signals:
+    """Its first rows, of as many segments as these are in. Raises OSError and ValueError."""
+    found = SETPOINTS.read(folder, MAX_ROWS)
+    if found is None:
+        raise FileNotFoundError(folder)
+    return Signals(signals.rows_of_setpoints(found, machine), machine)
 
 
 def _unreadable(file: Path) -> Refusal:

@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-import contextlib
 import hashlib
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
-from controller import own_files
-from controller.ipc.handoff import COLUMN
+from controller import messages, own_files
 from controller.machine import machine_file, setup_data
 from controller.machine.machine_file import written
 from controller.machine.model import Kind, Machine
@@ -21,14 +17,13 @@ from controller.machine.toml_table import ConfigError
 from controller.program import linked
 from controller.runtime import events
 from controller.runtime.checked import Task, Walk
+from controller.runtime.comparison import Comparison, Difference, Spoilt, off_path
 from controller.runtime.events import Recorded
-from controller.runtime.setpoints import ACTUAL, SETPOINTS, Counts, counts_per_unit
 from controller.state import record_files
-from controller.state.record_files import BEGUN, RUN
-from controller.verify.console import Refused, say
+from controller.state.setpoints import ACTUAL, SETPOINTS, Counts, SpoiltSegment, counts_per_unit
+from controller.verify.console import Refused, say, spoken
 
 if TYPE_CHECKING:
-    from controller.runtime.replay import Difference
     from controller.runtime.stepped import Run, SteppedMachine
     from controller.verify.trace import Trace
 
@@ -37,37 +32,43 @@ class RecordedRun:
     """``machine`` is fitted as it was then, ``text`` was run; ``recorded`` says how it began."""
 
     def __init__(self, file: Path, recorded: Recorded, built: Machine, text: bytes) -> None:
-        """Raises Refused where its setpoints cannot be read, and ConfigError for a period that is none."""
+        """Raises ConfigError for a period that is none."""
         period_s = recorded.begin.period_s
         if not recorded.begin.start.asks_spindle:
             built = replace(built, spindle=unasked(built.spindle))
         self._built = built if period_s is None else machine_file.with_period(built, period_s)
         self.recorded, self._file, self.text = recorded, file, text
-        self.name = str(_facts(file.parent).get("name") or events.PROGRAM)
+        self.name = str(record_files.known(file.parent).get("name") or events.PROGRAM)
         self.machine = setup_data.applied(self._built, recorded.begin.fitted)
-        try:
-            self._wanted = SETPOINTS.read(file.parent)
-        except (OSError, ValueError, KeyError) as error:
-            raise Refused(say("cli.replay.unreadable", parent=file.parent, why=error)) from error
+        self._wanted = Comparison(file.parent, recorded) if SETPOINTS.segments(file.parent) else None
 
     @property
     def duration_s(self) -> float:
         """Of what was recorded."""
-        return 0.0 if self._wanted is None else len(self._wanted) * self.machine.period_s
+        return 0.0 if self._wanted is None else self._wanted.ticks * self.machine.period_s
 
     def stand(self, bench: SteppedMachine) -> None:
         """Where the run began."""
         bench.stand_at(self.recorded.begin.start.joints, self.recorded.begin.start.plan_time_s)
 
-    def run(self, bench: SteppedMachine, walk: Walk, task: Task, progress: Callable[[float], None]) -> Run:
-        """As far as it was recorded."""
+    def run(
+        self,
+        bench: SteppedMachine,
+        walk: Walk,
+        task: Task,
+        progress: Callable[[float], None],
+        keep: bool = True,
+    ) -> Run:
+        """As far as it was recorded; ``keep``: every row of it, and not the last one alone."""
         from controller.runtime import replay
 
         part = replay.Part(task, lambda values: setup_data.applied(self._built, dict(values)))
-        return replay.again(bench, walk, part, self.recorded, self._wanted, progress)
+        return replay.again(bench, walk, part, self.recorded, self._wanted, progress, keep)
 
-    def repeat(self, task: Task, progress: Callable[[float], None]) -> tuple[SteppedMachine, Run]:
-        """The run on a machine of its own; ``progress`` gets the share that is done."""
+    def repeat(
+        self, task: Task, progress: Callable[[float], None], keep: bool = True
+    ) -> tuple[SteppedMachine, Run]:
+        """The run on a machine of its own; ``progress`` gets the share that is done, ``keep`` as ``run``."""
         from controller.runtime import starts
         from controller.runtime.stepped import SteppedMachine
 
@@ -76,7 +77,7 @@ class RecordedRun:
         bench.come_up()
         self.stand(bench)
         of_all = lambda s: progress(s / max(self.duration_s, s, 1e-9))  # noqa: E731
-        return bench, self.run(bench, walk, task, of_all)
+        return bench, self.run(bench, walk, task, of_all, keep)
 
     def positions(self) -> Counts | None:
         """That the drives reported, (N, MAX_AXES) counts; None where an earlier version kept none.
@@ -85,8 +86,8 @@ class RecordedRun:
         """
         try:
             return ACTUAL.read(self._file.parent)
-        except (OSError, ValueError, KeyError) as error:
-            raise Refused(say("cli.replay.unreadable", parent=self._file.parent, why=error)) from error
+        except SpoiltSegment as error:
+            raise Refused(say("cli.replay.unreadable", parent=self._file.parent, why=error.said)) from error
 
     def trace(self, task: Task, bench: SteppedMachine, run: Run, positions: Counts | None) -> Trace:
         """Of the repetition, with ``positions`` of the drives in place of those of the simulated ones."""
@@ -101,46 +102,63 @@ class RecordedRun:
 
     def judge(self, run: Run) -> dict[str, Any]:
         """How much of it came again. Raises Refused where it came out otherwise."""
-        from controller.runtime import replay
-
-        if self._wanted is None:
-            return {"recorded_ticks": 0, "compared_ticks": 0, "lacks_turns": False}
-        found = replay.difference(self.recorded, self._wanted, run.rows)
-        if found is not None:
-            raise self._otherwise(found, run)
+        wanted = self._wanted
+        if wanted is None:
+            found = {"recorded_ticks": 0, "compared_ticks": 0, "lacks_turns": False, "off_path": False}
+            return {**found, "spoilt": []}
+        wanted.finish()
+        if wanted.difference is not None:
+            raise self._otherwise(wanted.difference)
+        if wanted.spoilt and not wanted.compared:
+            why = wanted.spoilt[0].why
+            raise Refused(say("cli.replay.unreadable", parent=self._file.parent, why=why))
         if run.result != "completed" and self._ended_as() == "completed":
             raise Refused(
                 say(
                     "cli.replay.not_to_end",
                     file=self._file,
-                    count=len(self._wanted),
+                    count=wanted.ticks,
                     result=run.result,
                     causes=say("cli.replay.causes"),
                 )
             )
-        wanted = min(len(self._wanted), replay.off_path(self.recorded))
+        ticks = min(wanted.ticks, off_path(self.recorded))
         if run.lacks_from is not None:
-            wanted = min(wanted, run.lacks_from)
-        if (made := int(np.count_nonzero(run.rows[:, COLUMN["sync_sent"]]))) < wanted:
+            ticks = min(ticks, run.lacks_from)
+        if wanted.made < ticks:
             raise Refused(
                 say(
                     "cli.replay.shorter",
                     file=self._file,
-                    made=made,
-                    wanted=wanted,
+                    made=wanted.made,
+                    wanted=ticks,
                     causes=say("cli.replay.causes"),
                 )
             )
         return {
-            "recorded_ticks": len(self._wanted),
-            "compared_ticks": wanted,
+            "recorded_ticks": wanted.ticks,
+            "compared_ticks": wanted.compared,
             "lacks_turns": run.lacks_from is not None,
+            "off_path": off_path(self.recorded) < wanted.ticks,
+            "spoilt": [self._spoilt(one) for one in wanted.spoilt],
         }
 
-    def _otherwise(self, found: Difference, run: Run) -> Refused:
+    def _spoilt(self, found: Spoilt) -> dict[str, Any]:
+        """Which segment, and of when: ``at_s`` and ``until_s`` from the start of the run."""
+        why = messages.text(found.why, spoken.get())
+        at_s, until_s = (tick * self.machine.period_s for tick in (found.first, found.end))
+        return {
+            "file": found.file,
+            "first_tick": found.first,
+            "end_tick": found.end,
+            "at_s": at_s,
+            "until_s": until_s,
+            "sentence": say("cli.replay.spoilt", file=found.file, why=why, at_s=at_s, until_s=until_s),
+        }
+
+    def _otherwise(self, found: Difference) -> Refused:
         """Where, when and by how much."""
-        sent = run.rows[run.rows[:, COLUMN["sync_sent"]] != 0.0]
-        line, axis = int(sent[found.tick, COLUMN["line"]]), self.machine.axes[found.axis]
+        axis = self.machine.axes[found.axis]
         apart = abs((found.again - found.recorded) / axis.counts_per_unit * axis.shown_per_unit)
         unit, at_s = (
             "mm" if axis.kind is Kind.LINEAR else say("unit.degrees"),
@@ -151,7 +169,7 @@ class RecordedRun:
                 "cli.replay.differs",
                 file=self._file,
                 tick=found.tick,
-                line=line,
+                line=found.line,
                 at_s=at_s,
                 name=axis.name,
                 recorded=found.recorded,
@@ -162,7 +180,7 @@ class RecordedRun:
             ),
             tick=found.tick,
             time_s=at_s,
-            line=line,
+            line=found.line,
             axis=axis.name,
             difference=apart,
             unit=unit,
@@ -170,7 +188,7 @@ class RecordedRun:
 
     def _ended_as(self) -> str:
         """ "" where nobody lived to write it."""
-        return str(_facts(self._file.parent).get("result", ""))
+        return str(record_files.known(self._file.parent).get("result", ""))
 
 
 def expected() -> tuple[type[Exception], ...]:
@@ -182,19 +200,11 @@ def expected() -> tuple[type[Exception], ...]:
     return ConfigError, SessionError, events.EventError, BusError, CommissionError
 
 
-def _facts(folder: Path) -> dict[str, Any]:
-    """What is known of a run: of one that was killed only how it began."""
-    for name in (RUN, BEGUN):
-        with contextlib.suppress(OSError, ValueError):
-            return record_files.facts(folder, name)
-    return {}
-
-
 def read(file: Path, machine: Machine, program: bytes) -> RecordedRun | None:
     """The record of a run, None where an operator wrote the file. Raises EventError, and Refused where
     it is of another program or machine.
     """
-    found = events.recorded(file, _facts(file.parent).get(record_files.COUNT))
+    found = events.recorded(file, record_files.known(file.parent).get(record_files.COUNT))
     if found is None:
         return None
     for what, wanted, given in (

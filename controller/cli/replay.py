@@ -96,7 +96,7 @@ def _made_again(record: RecordedRun, trace_file: Path | None, as_json: bool) -> 
     if not as_json:
         tell.print(say("cli.replay.title", name=record.name, machine=record.machine.name), markup=False)
     with bar(say("cli.bar.replaying"), as_json) as progress:
-        bench, run = record.repeat(task, progress)
+        bench, run = record.repeat(task, progress, keep=trace_file is not None)
     figures = record.judge(run)
     if trace_file is not None:
         record.trace(task, bench, run, record.positions()).save(trace_file)
@@ -114,6 +114,8 @@ def _made_again(record: RecordedRun, trace_file: Path | None, as_json: bool) -> 
 def _told(figures: dict[str, Any]) -> str:
     ticks, of = figures["compared_ticks"], figures["recorded_ticks"]
     said = say("cli.replay.same", ticks=ticks, of=of, time=ticks * figures["period_s"])
-    if ticks < of:
+    for spoilt in figures["spoilt"]:
+        said += f" {spoilt['sentence']}"
+    if figures["lacks_turns"] or figures["off_path"]:
         said += say("cli.replay.lacks_turns" if figures["lacks_turns"] else "cli.replay.off_path")
     return f"{said} {say('cli.replay.trace', file=figures['trace'])}" if figures["trace"] else said

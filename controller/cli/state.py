@@ -24,6 +24,7 @@ from controller.runtime import events
 from controller.service import alarms, owners
 from controller.service.folders import Folders
 from controller.state import record_files
+from controller.state.setpoints import TABLES, Table
 from controller.verify.console import Refused, refusals, say, show, spoken
 
 app = typer.Typer(add_completion=False, no_args_is_help=True)
@@ -119,8 +120,16 @@ def _of_record(folder: Path, state: Path) -> Iterator[Found]:
     for name in (record_files.RUN, record_files.BEGUN):
         yield from _held(folder / name, state, _facts)
     yield from _held(folder / record_files.EVENTS, state, _events)
-    for name in (record_files.SETPOINTS, record_files.ACTUAL, record_files.TRACE):
-        yield from _held(folder / name, state, _packed)
+    yield from _held(folder / record_files.TRACE, state, _packed)
+    for table in TABLES:
+        yield from _segments(table, folder, state)
+
+
+def _segments(table: Table, folder: Path, state: Path) -> Iterator[Found]:
+    """Of a run: each by itself."""
+    for piece in table.pieces(folder):
+        name = str(piece.file.relative_to(state))
+        yield Found(name, OK) if piece.spoilt is None else Found(name, DAMAGED, piece.spoilt)
 
 
 def _held(file: Path, state: Path, condition: Callable[[Path, Path], Condition]) -> Iterator[Found]:

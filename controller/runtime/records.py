@@ -26,9 +26,9 @@ from controller.machine import machine_file
 from controller.machine.model import Kind
 from controller.messages import DEFAULT, Key, Said, plain, said, text
 from controller.runtime import events
-from controller.runtime.setpoints import ACTUAL, SETPOINTS, counts_per_unit
 from controller.state.live_state import FIELDS, Field
 from controller.state.record_files import TRACE
+from controller.state.setpoints import ACTUAL, SETPOINTS, SpoiltSegment, counts_per_unit
 from controller.verify import trace as traces
 
 Array = NDArray[Any]
@@ -94,16 +94,19 @@ def read(path: Path) -> Record:
 def _of_folder(folder: Path) -> Record:
     if (folder / TRACE).is_file():
         return read(folder / TRACE)
-    rows, name = SETPOINTS.read(folder), SETPOINTS.whole
+    try:
+        rows, actual, name = SETPOINTS.read(folder), ACTUAL.read(folder), SETPOINTS.whole
+    except SpoiltSegment as error:
+        raise NoRecord("unreadable", path=folder, why=error.said) from error
     if rows is None or not (folder / events.MACHINE).is_file():
         raise NoRecord("no_folder", folder=folder, trace=TRACE, run=name, machine=events.MACHINE)
     machine = (folder / events.MACHINE).read_text(encoding="utf-8")
     begun = events.recorded(folder / events.FILE)
     period_s = begun.begin.period_s if begun is not None else None
-    columns = _named(SETPOINTS.columns[1:], rows.astype(np.float64), machine)
+    columns = _named(SETPOINTS.columns, rows.astype(np.float64), machine)
     built = machine_file.read(machine, events.MACHINE)
-    if (actual := ACTUAL.read(folder)) is not None and len(actual) == len(rows):
-        columns |= _named(ACTUAL.columns[1:], actual / counts_per_unit(built), machine)
+    if actual is not None and len(actual) == len(rows):
+        columns |= _named(ACTUAL.columns, actual / counts_per_unit(built), machine)
     return Record("run", columns, period_s or built.period_s, machine)
 
 

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from controller.ipc.handoff import BRAKED, COLUMN, PLAYED, PieceMessage, Snapshot, of_axes
+from controller.ipc.handoff import BRAKED, COLUMN, PLAYED, ROW, PieceMessage, Snapshot, of_axes
 from controller.machine.model import Machine
 from controller.messages import said
 from controller.plan.off_path import Back
@@ -30,40 +30,18 @@ from controller.plan.stretch import Chain, Pause
 from controller.program.program import ProgramError
 from controller.runtime import checked, events, starts
 from controller.runtime.checked import Task, Walk
+from controller.runtime.comparison import MAX_TICKS, Comparison, off_path
 from controller.runtime.events import Line, Recorded
-from controller.runtime.setpoints import Counts
 from controller.runtime.stepped import PLAN_EVERY_S, Items, Run, SteppedMachine
 from controller.state.modes import MAX_AXES, Fault, Mode, Request
+from controller.state.setpoints import Counts
 from controller.tick.coupling import Recorded as ThreadRecord
 from controller.tick.cycle import Again
 
 ENDING = 5  # ticks after the last one that is recorded: the mode follows the standstill
-MAX_TICKS = 50_000_000
 _STOCK = 0, PLAYED, PLAYED | BRAKED  # by the value of a line
 
 Rows = npt.NDArray[np.float64]
-
-
-@dataclass(frozen=True, slots=True)
-class Difference:
-    """The first setpoint that came out otherwise, in counts."""
-
-    tick: int  # that sent a SYNC, from the start
-    axis: int
-    recorded: int
-    again: int
-
-
-def difference(record: Recorded, wanted: Counts, rows: Rows) -> Difference | None:
-    """Where the setpoints of a repetition are first others than those that were recorded."""
-    sent = rows[rows[:, COLUMN["sync_sent"]] != 0.0]
-    found = sent[:, of_axes("setpoint", MAX_AXES)].astype(np.int64)
-    most = min(len(wanted), len(found), off_path(record))
-    ticks, axes = np.nonzero(wanted[:most] != found[:most])
-    if len(ticks):
-        tick, axis = int(ticks[0]), int(axes[0])
-        return Difference(tick, axis, int(wanted[tick, axis]), int(found[tick, axis]))
-    return None
 
 
 def as_driven(rows: Rows, actual: Counts, per_unit: npt.NDArray[np.float64]) -> Rows:
@@ -76,11 +54,6 @@ def as_driven(rows: Rows, actual: Counts, per_unit: npt.NDArray[np.float64]) -> 
     nth = np.cumsum(found[:, COLUMN["sync_sent"]] != 0.0) - 1
     found[:, of_axes("actual", MAX_AXES)] = actual[nth] / per_unit
     return found
-
-
-def off_path(record: Recorded) -> int:
-    """The tick from which on nothing can be made again: the setpoints are where the drives were."""
-    return next((line.tick for line in record.lines if line.kind == events.OFF_PATH), MAX_TICKS)
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,23 +69,59 @@ def again(
     path: Walk,
     part: Part,
     record: Recorded,
-    wanted: Counts | None,
+    wanted: Comparison | None,
     progress: Callable[[float], None] = lambda _: None,
+    keep: bool = True,
 ) -> Run:
-    """The run once more, as far as its setpoints go; ``wanted``: these. The machine stands where it began.
+    """The run once more, as far as its setpoints go, which are compared with those that are ``wanted``. The
+    machine stands where it began. ``keep``: all its rows and motions, and not the last row alone.
 
     Raises SessionError where the machine forbids the start.
     """
     last = max((line.tick for line in record.lines), default=0) + 1
-    ticks = min(last if wanted is None else len(wanted), off_path(record) + 1)
-    return _Repetition(bench, part, record).run(path, ticks, wanted is None, progress)
+    ticks = min(last if wanted is None else wanted.ticks, off_path(record) + 1)
+    passed = _Passed(wanted, MAX_TICKS if wanted is None else ticks, keep)
+    return _Repetition(bench, part, record, passed).run(path, ticks, wanted is None, progress)
+
+
+class _Passed:
+    """The rows of a repetition up to the last SYNC that was recorded, as they come."""
+
+    def __init__(self, wanted: Comparison | None, ticks: int, keep: bool) -> None:
+        """``ticks``: so many SYNCs, at most."""
+        self.ticks, self.keep = ticks, keep
+        self.stopped = False  # by an operator
+        self._wanted, self._sent = wanted, 0
+        self._rows = [np.zeros((0, len(ROW)))]
+
+    def take(self, rows: Rows) -> None:
+        """The next ones."""
+        sent = self._sent + np.cumsum(rows[:, COLUMN["sync_sent"]] != 0.0)
+        rows = rows[sent <= self.ticks]
+        if not len(rows):
+            return
+        self._sent = int(sent[len(rows) - 1])
+        self.stopped |= bool(np.any(rows[:, COLUMN["mode"]] == Mode.STOPPING))
+        if self._wanted is not None:
+            self._wanted.take(rows)
+        if self.keep:
+            self._rows.append(rows)
+        else:
+            self._rows = [rows[-1:]]
+
+    @property
+    def rows(self) -> Rows:
+        """All that were kept."""
+        return np.concatenate(self._rows)
 
 
 class _Repetition:
-    def __init__(self, bench: SteppedMachine, part: Part, record: Recorded) -> None:
-        self._bench, self._part, self._record = bench, part, record
+    def __init__(self, bench: SteppedMachine, part: Part, record: Recorded, passed: _Passed) -> None:
+        self._bench, self._part, self._record, self._passed = bench, part, record, passed
         self._waiting: deque[PieceMessage] = deque()
-        self._planner = bench.planner = Planner(bench.machine, bench.kinematics, self._send, remember=True)
+        self._planner = bench.planner = Planner(
+            bench.machine, bench.kinematics, self._send, remember=passed.keep
+        )
         now = self._now()
         self._planner.go_on_from(max(now.accepted, now.rejected))
         self._fitted = bench.machine
@@ -141,7 +150,7 @@ class _Repetition:
             self._make(line)
             if line.kind == events.PIECES or line.event is not None:
                 bench.tick()
-        bench.begin_rows()
+        bench.begin_rows(self._passed.take)
         started = bench.request(Request.START, float(self._record.begin.start.stays_on))
         first, skips = bench.cycle.tick + 1, bench.cycle.sync.skips
         every = max(1, round(PLAN_EVERY_S / bench.machine.period_s))
@@ -151,14 +160,13 @@ class _Repetition:
                 self._planner.keepalive()
             self._tick(list(_taken(lines, n)))
             if self._lacks:
-                lacks_from = ticks = n
+                lacks_from = self._passed.ticks = n
                 break
             if n == 0:
                 bench.see_started(started)
             bench.keep_rows(n + 1, progress)
         self._end(to_its_end)
-        ended = self._ended(first, skips, MAX_TICKS if to_its_end else ticks)
-        ended = replace(ended, lacks_from=lacks_from)
+        ended = replace(self._ended(first, skips), lacks_from=lacks_from)
         bench.cycle.again = None  # from here on the simulated drives' own faults count
         return ended
 
@@ -242,20 +250,20 @@ class _Repetition:
             self._planner.keepalive()
             bench.tick()
 
-    def _ended(self, first: int, skips_before: int, ticks: int) -> Run:
+    def _ended(self, first: int, skips_before: int) -> Run:
         """What came of it; of the rows those that were recorded."""
         bench, modes = self._bench, self._bench.cycle.modes
-        rows = bench.kept_rows()
-        rows = rows[np.cumsum(rows[:, COLUMN["sync_sent"]]) <= ticks]
-        stopped = bool(np.any(rows[:, COLUMN["mode"]] == Mode.STOPPING))
+        bench.end_rows()
         result = {
             Mode.FAULT: "fault",
-            Mode.READY: "stopped" if stopped else "completed",
+            Mode.READY: "stopped" if self._passed.stopped else "completed",
             Mode.HOLD: "held",
             Mode.JOG: "held",
         }.get(modes.mode, "lost")
         skips = bench.cycle.sync.skips - skips_before
-        return Run(rows, result, modes.fault, modes.fault_axis, first, skips, 0, 0, bench.fault_text)
+        return Run(
+            self._passed.rows, result, modes.fault, modes.fault_axis, first, skips, 0, 0, bench.fault_text
+        )
 
 
 def _unprobed(items: Iterable[Chain | Pause]) -> Iterator[Chain | Pause]:

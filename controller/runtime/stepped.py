@@ -181,6 +181,7 @@ class SteppedMachine:
         self.contour: ContourWatch | None = None  # of the run under way
         self._held = self._reacts = False  # it was held for its contour error, or would be
         self._rows: list[Rows] = []
+        self._take: Callable[[Rows], object] = self._rows.append
         self._turns = 0  # of the planner
         self._idle = 0  # ticks in which nothing moved, and nothing was there that would
         self._skips_before = 0  # while coming up
@@ -360,10 +361,11 @@ class SteppedMachine:
                 break
         return np.concatenate([*rows, self.recorder.drain()])
 
-    def begin_rows(self) -> None:
-        """Rows of the recorder are kept from here on."""
+    def begin_rows(self, take: Callable[[Rows], object] | None = None) -> None:
+        """Rows of the recorder are kept from here on, or ``take`` gets them, some thousand at a time."""
         self.recorder.drain()
         self._rows.clear()
+        self._take = take or self._rows.append
 
     def keep_rows(self, n: int, progress: Callable[[float], None]) -> None:
         """After the n-th tick; ``progress`` gets the seconds of motion."""
@@ -378,18 +380,22 @@ class SteppedMachine:
 
     def _drain(self) -> None:
         rows = self.recorder.drain()
-        self._rows.append(rows)
+        self._take(rows)
         for excess in self.contour.take(rows) if self.contour is not None else ():
             asked = reaction(self.machine, self.cycle.modes.override)
             if asked is not None and self._reacts and not excess.over:
                 self._held |= asked[0] is Request.HOLD
                 self.request(*asked)
 
-    def kept_rows(self) -> Rows:
-        """All since ``begin_rows``."""
+    def end_rows(self) -> None:
+        """No more are kept, or taken."""
         self._drain()
         if self.contour is not None:
             self.contour.see_all()
+
+    def kept_rows(self) -> Rows:
+        """All since ``begin_rows``."""
+        self.end_rows()
         return np.concatenate(self._rows)
 
     def see_started(self, number: int) -> None:

@@ -1,7 +1,8 @@
 """What a run leaves on the disk while it is under way: rows and events, each behind the last one.
 
-Nothing that was written is written again, so that a loss of power costs what the disk had not been told
-of yet: ``sync`` tells it, some twenty times a second. A reader counts whole rows and whole lines.
+Nothing that was written is written again before its segment is full (``state.setpoints``), so that a loss
+of power costs what the disk had not been told of yet: ``sync`` tells it, some twenty times a second. A reader
+counts whole frames and whole lines.
 
 Each event gets the number of the SYNC before which it came. What the planner tells comes later than the rows
 of the ticks that it is about, so ticks are remembered for a while; what a row tells is written with it.
@@ -42,33 +43,101 @@ from controller.ipc.handoff import (
 )
 from controller.messages import Said, reason
 from controller.runtime import events
-from controller.runtime.setpoints import TABLES, Table
 from controller.service.engine import Asked
+from controller.state import setpoints
 from controller.state.modes import Fault, Request
+from controller.state.setpoints import PART, TABLES, WHOLE, Counts, Table
 
-MAX_BYTES = 512 << 20  # of setpoints and actual positions in one run: six hours at 2 ms
 LOOKED_AT = 3  # records before, whose files may be the same
 
 
+class _Growing:
+    """The segment of a table that is written."""
+
+    def __init__(self, table: Table, folder: Path, first: int) -> None:
+        """Raises OSError."""
+        self.table, self.first, self.bytes = table, first, 0
+        self.path = folder / table.name(first, PART)
+        self.file = own_files.new(self.path, folder.parent.parent, buffering=0)
+
+    @property
+    def room(self) -> int:
+        """For how many rows more; one at least is in each."""
+        return max(0 if self.bytes else 1, (setpoints.SEGMENT_BYTES - self.bytes) // self.table.row_bytes)
+
+
 class RunFile:
-    """One thread writes, another one may ``sync``. A full disk costs the record, not the run."""
+    """One thread writes, another one may ``sync``, and one ``pack``. A full disk costs the record, not the
+    run.
+    """
 
     def __init__(self, folder: Path) -> None:
         """Raises OSError."""
-        self._folder = folder
-        state = folder.parent.parent
-        self._rows = {table: own_files.new(folder / table.part, state, buffering=0) for table in TABLES}
-        self._events = own_files.new(folder / events.FILE, state, buffering=0)
+        self._folder, self._state = folder, folder.parent.parent
+        self._growing = {table: _Growing(table, folder, 0) for table in TABLES}
+        self._events = own_files.new(folder / events.FILE, self._state, buffering=0)
+        self._full: list[_Growing] = []  # segments that nothing is added to any more, and are not packed yet
         self._lock = threading.Lock()  # nobody closes what is just being told to the disk
-        self._kept_bytes = self._lines = 0
-        self._is_new = dict.fromkeys((*self._rows.values(), self._events), False)
+        self._lines = 0
+        self._new = set[Any]()  # files of which the disk has not all yet
         self.problem: Said | str = ""  # why no more is written
 
-    def rows(self, table: Table, data: bytes) -> None:
-        """Whole rows of setpoints, or of actual positions."""
-        if self._kept_bytes <= MAX_BYTES:
-            self._kept_bytes += len(data)
-            self._write(self._rows[table], data)
+    def rows(self, table: Table, first: int, rows: Counts) -> None:
+        """Rows (N, columns) of the ticks from ``first`` on."""
+        while len(rows) and not self.problem:
+            growing = self._growing[table]
+            added, rows = rows[: growing.room], rows[growing.room :]
+            self._write(growing.file, table.frame(first, added, self._folder.name))
+            first, growing.bytes = first + len(added), growing.bytes + added.nbytes
+            if not growing.room:
+                self._begin_segment(table, first)
+
+    def _begin_segment(self, table: Table, first: int) -> None:
+        try:
+            new = _Growing(table, self._folder, first)
+        except OSError as error:
+            self.problem = reason(error)
+            return
+        with self._lock:
+            self._full.append(self._growing[table])
+            self._growing[table] = new
+
+    @property
+    def has_full(self) -> bool:
+        """Whether there is something to ``pack``."""
+        return bool(self._full)
+
+    def pack(self) -> None:
+        """Segments that are full take less room from now on. Raises OSError; then those left stay as they
+        are.
+        """
+        while self._full:
+            full = self._full[0]
+            rows, spoilt = full.table.of_part(
+                own_files.read_bytes(full.path, self._state), full.first, self._folder.name
+            )
+            if spoilt is None and (len(rows) or not full.first):
+                self._pack(full, rows)
+            with self._lock:
+                del self._full[0]
+                full.file.close()
+            if spoilt is None:
+                own_files.remove(full.path, self._state)
+
+    def _pack(self, full: _Growing, rows: Counts) -> None:
+        """The disk has it before it gets its name. Raises OSError."""
+        whole = full.path.with_suffix(WHOLE)
+        new = whole.with_name(f"{whole.name}.new")
+        try:
+            with own_files.new(new, self._state) as file:
+                full.table.pack(file, full.first, rows, self._folder.name)
+                file.flush()
+                os.fsync(file.fileno())
+            own_files.rename(new, whole, self._state)
+            atomic_file.sync(self._folder, self._state)
+        except OSError:
+            own_files.remove(new, self._state)
+            raise
 
     def events(self, lines: Iterable[dict[str, Any]]) -> None:
         """Events, a line each, with sums and in order."""
@@ -86,7 +155,7 @@ class RunFile:
             self.problem = reason(error)
         except ValueError as error:  # closed
             self.problem = str(error)
-        self._is_new[file] = True
+        self._new.add(file)
 
     @property
     def lines(self) -> int:
@@ -96,9 +165,9 @@ class RunFile:
     def sync(self) -> None:
         """Returns when the disk has all that was written before."""
         with self._lock:
-            for file in (*self._rows.values(), self._events):
-                if self._is_new[file] and not file.closed:
-                    self._is_new[file] = False
+            for file in self._open:
+                if file in self._new and not file.closed:
+                    self._new.discard(file)
                     try:
                         os.fdatasync(file.fileno())
                     except OSError as error:
@@ -119,8 +188,14 @@ class RunFile:
         """Nothing more comes."""
         self.sync()
         with self._lock:
-            for file in (*self._rows.values(), self._events):
+            self._full += self._growing.values()
+            self._growing = {}
+            for file in self._open:
                 file.close()
+
+    @property
+    def _open(self) -> tuple[Any, ...]:
+        return *(one.file for one in (*self._full, *self._growing.values())), self._events
 
 
 def _keep(file: Path, data: bytes) -> None:

@@ -66,6 +66,8 @@ class RunRecorder:
         """The newest rows of the tick, and what was asked of it."""
         if self.record is not None:
             self.record.take(rows, engine.asked, now)
+            if self.record.has_full:
+                self._writer.submit(self.record.pack)
             self._report(self.record)
 
     def find(self, results: Sequence[dict[str, Any]]) -> None:

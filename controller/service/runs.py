@@ -8,10 +8,8 @@ A folder per run in the state folder:
         events.jsonl     what came to the tick, as ``simulate --events`` reads it (``session.events``)
         program.ngc      what was run, with the subs of other files
         machine.toml     the machine file, with its tool table
-        setpoints.part   tick and the setpoints of every tick (int32), while it is under way or lost
-        setpoints.npz    the same rows of a run that was ended
-        actual.part      of the same ticks where the drives said that they were (int32 counts)
-        actual.npz       the same rows of a run that was ended
+        setpoints.npz    the setpoints of every tick (counts), in segments: see ``state.setpoints``
+        actual.npz       likewise, where the drives said that they were
 
 Ticks count from cycle start, and those alone that sent a SYNC: the path clock counts no others.
 Which tick took a request is read from the recorder's rows, where its number stands, and not from
@@ -33,19 +31,19 @@ import numpy as np
 import numpy.typing as npt
 
 from controller import atomic_file, own_files, sealed_file
-from controller.ipc.handoff import COLUMN, Snapshot, of_axes
+from controller.ipc.handoff import COLUMN, ROW, Snapshot, of_axes
 from controller.machine.model import Machine
 from controller.messages import Said, reason, said
 from controller.runtime import events
 from controller.runtime.plan_messages import Program, Turn
 from controller.runtime.recording import forget_oldest, new_folder
-from controller.runtime.setpoints import ACTUAL, SETPOINTS, TABLES, Table, counts_per_unit
 from controller.runtime.starts import Start
 from controller.service.engine import Asked
 from controller.service.journal import sha256
 from controller.service.run_file import RowEvents, RunEvents, RunFile
 from controller.state import record_files
 from controller.state.modes import Mode
+from controller.state.setpoints import ACTUAL, TABLES, counts_per_unit
 
 FOLDER, RUN, BEGUN = record_files.RUNS, record_files.RUN, record_files.BEGUN
 KEPT = 200
@@ -78,7 +76,9 @@ class RunRecord:
         self._found = RowEvents(self._events)
         self._started_s = time.time()
         self._ticks = 0  # that sent a SYNC
-        self._busy = (0, -1)  # how many of them belong to the run, and the last tick of it
+        self._last_tick = -1  # of the machine, of them
+        self._behind = np.zeros((0, len(ROW)))  # rows that stand: of the run if it goes on after them
+        self._owes_one = False  # of these the first is of the run
         self._problem: Said | str = ""
         self._state = state
         self.folder = state / FOLDER / _stem(str(what.get("name", "")))
@@ -170,20 +170,27 @@ class RunRecord:
     def _keep(self, rows: Rows) -> None:
         """A full disk costs the record, not the run."""
         self._events.pass_rows(rows)
-        sent = rows[rows[:, COLUMN["sync_sent"]] != 0.0]
-        taken = {table: sent[:, columns].copy() for table, columns in _TAKEN.items()}
-        taken[ACTUAL][:, 1:] = np.round(taken[ACTUAL][:, 1:] * self._per_unit)
-        for rows_of in taken.values():
-            rows_of[:, 0] = np.arange(self._ticks, self._ticks + len(sent))
-        busy = np.flatnonzero(sent[:, COLUMN["mode"]] != Mode.READY)
-        if len(busy):  # what stands behind the end is only the looking whether it stands
-            last = min(int(busy[-1]) + 1, len(sent) - 1)
-            self._busy = (self._ticks + int(busy[-1]) + 2, int(sent[last, COLUMN["tick"]]))
-        self._ticks += len(sent)
         self._write_events()  # first: what is recorded of setpoints can be made again
+        sent = self._of_run(rows[rows[:, COLUMN["sync_sent"]] != 0.0])
+        if not len(sent):
+            return
+        taken = {table: sent[:, columns] for table, columns in _TAKEN.items()}
+        taken[ACTUAL] = np.round(taken[ACTUAL] * self._per_unit)
         if self._file is not None:
-            for table, rows_of in taken.items():
-                self._file.rows(table, rows_of.astype("<i4").tobytes())
+            for table, counts in taken.items():
+                self._file.rows(table, self._ticks, counts.astype(np.int32))
+        self._ticks, self._last_tick = self._ticks + len(sent), int(sent[-1, COLUMN["tick"]])
+
+    def _of_run(self, sent: Rows) -> Rows:
+        """The rows up to the one that found the end: what stands behind it is only the looking whether it
+        stands. Those are kept for the moment that the run goes on.
+        """
+        behind = np.concatenate([self._behind, sent])
+        busy = np.flatnonzero(behind[:, COLUMN["mode"]] != Mode.READY)
+        count = int(busy[-1]) + 2 if len(busy) else int(self._owes_one)
+        self._owes_one = count > len(behind)
+        self._behind = behind[count:]
+        return behind[:count]
 
     def _write_events(self, is_last: bool = False) -> None:
         if self._file is not None:
@@ -193,8 +200,8 @@ class RunRecord:
 
     def end(self, result: str, **more: Any) -> dict[str, Any]:
         """Write the record; its facts."""
-        ticks, last_tick = min(self._busy[0], self._ticks), self._busy[1]
-        passed = last_tick - self.first_tick + 1 if self.began and ticks else 0
+        ticks = self._ticks
+        passed = self._last_tick - self.first_tick + 1 if ticks else 0
         shown = [
             float(e * abs(a.shown_per_unit)) for e, a in zip(self._errors, self.machine.axes, strict=True)
         ]
@@ -214,7 +221,8 @@ class RunRecord:
         try:
             self._write(facts)
         except OSError:
-            self._throw_away_halves()
+            if not ticks:
+                own_files.remove_tree(self.folder, self._state)
         return facts
 
     def _facts(self) -> dict[str, Any]:
@@ -227,36 +235,32 @@ class RunRecord:
             self._file.close()
         own_files.remove_tree(self.folder, self._state)
 
-    def _throw_away_halves(self) -> None:
-        """What the disk did not take whole; and all of it where it took no setpoint."""
-        with contextlib.suppress(OSError):
-            for table in TABLES:
-                own_files.remove(self.folder / table.whole, self._state)
-        rows = self.folder / SETPOINTS.part
-        if not rows.exists() or not rows.stat().st_size:
-            own_files.remove_tree(self.folder, self._state)
+    @property
+    def has_full(self) -> bool:
+        """Whether there is something to ``pack``."""
+        return self._file is not None and self._file.has_full
+
+    def pack(self) -> None:
+        """Segments that are full take less room; a disk that has none for that keeps them as they are."""
+        if self._file is not None:
+            with contextlib.suppress(OSError):
+                self._file.pack()
 
     def _write(self, facts: dict[str, Any]) -> None:
+        """Raises OSError."""
         own_files.make_folder(self.folder, self._state)  # there may be room by now
         if self._file is not None:
             self._write_events(is_last=True)
             self._file.close()
             facts[record_files.COUNT] = self._file.lines
-            for table in TABLES:
-                self._write_rows(table)
+            try:
+                self._file.pack()
+            except OSError:  # what is there stays as it is
+                if not self._ticks:
+                    raise
         _write_facts(self.folder / RUN, facts)
-        for table in TABLES:
-            own_files.remove(self.folder / table.part, self._state)
         own_files.remove(self.folder / BEGUN, self._state)
         forget_oldest(self.folder.parent, KEPT)
-
-    def _write_rows(self, table: Table) -> None:
-        """All rows once more, as one file that takes less room; the disk has it before the other goes."""
-        rows = table.of_part(own_files.read_bytes(self.folder / table.part, self._state))
-        with own_files.new(self.folder / table.whole, self._state) as file:
-            np.savez_compressed(file, columns=np.array(table.columns), rows=rows[: self._busy[0]])
-            file.flush()
-            os.fsync(file.fileno())
 
 
 def _write_facts(file: Path, facts: dict[str, Any]) -> None:

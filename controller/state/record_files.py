@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from pathlib import Path
 from typing import Any, Final
 
@@ -16,7 +17,7 @@ EVENTS: Final = "events.jsonl"
 COUNT: Final = "events"  # in ``RUN``: how many lines of them there are
 PROGRAM: Final = "program.ngc"
 MACHINE: Final = "machine.toml"
-SETPOINTS: Final = "setpoints.npz"  # while it goes on, or where it was lost, .part
+SETPOINTS: Final = "setpoints.npz"  # its first segment: see ``state.setpoints``
 ACTUAL: Final = "actual.npz"  # likewise: where the drives were
 TRACE: Final = "trace.npz"  # of a fault: the last seconds before it
 TOUCHES: Final = "touches.json"  # the last of the probe, as lines of a table, its head first ...
@@ -36,6 +37,14 @@ def facts(folder: Path, name: str = RUN, within: Path | None = None) -> dict[str
     if number != folder.name and "/" not in number and (folder.parent / number).is_dir():
         raise sealed_file.Damaged(said("sealed.other"))
     return values
+
+
+def known(folder: Path) -> dict[str, Any]:
+    """What is known of a run: of one that was killed only how it began; nothing where that is damaged."""
+    for name in (RUN, BEGUN):
+        with contextlib.suppress(OSError, ValueError):
+            return facts(folder, name)
+    return {}
 
 
 def touches(state: Path) -> list[str]:

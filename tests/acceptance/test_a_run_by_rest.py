@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import json
 from pathlib import Path
 
@@ -13,6 +12,7 @@ from typer.testing import CliRunner
 
 from controller.__main__ import app
 from controller.machine import machine_file
+from controller.state.setpoints import SETPOINTS, Segment
 
 NAME = "example2_ready.ngc"
 TEXT = machine_file.shipped_program(NAME).read_bytes()
@@ -48,10 +48,11 @@ def test_a_program_is_brought_checked_run_held_and_finished_by_rest_and_simulate
             for name in ("events.jsonl", "setpoints.npz")
         }
     assert words(files["events.jsonl"]) == ["resume", "hold", "override", "resume"]
-    live = np.load(io.BytesIO(files["setpoints.npz"]))["rows"]
+    (tmp_path / "setpoints.npz").write_bytes(files["setpoints.npz"])
+    live = SETPOINTS.piece(Segment(0, tmp_path / "setpoints.npz"), run["facts"]["record"]).rows
     (tmp_path / "events.jsonl").write_bytes(files["events.jsonl"])
     again = simulated(tmp_path, tmp_path / "machine.toml")
-    assert_same_setpoints(live[:, 1:], again)
+    assert_same_setpoints(live, again)
 
 
 def test_a_run_that_was_stopped_is_offered_and_gone_on_with_and_the_panels_death_stops_nothing(

@@ -39,7 +39,6 @@ from controller.machine.tool_store import ToolStore
 from controller.messages import said
 from controller.plan.report import stored
 from controller.runtime import recording
-from controller.runtime.setpoints import SETPOINTS
 from controller.service import journal, runs
 from controller.service.alarms import Alarms
 from controller.service.folders import Folders
@@ -49,6 +48,7 @@ from controller.service.service import Service
 from controller.service.thread_guard import InThread, ThreadGuard
 from controller.service.usage import Usage
 from controller.state.modes import Fault
+from controller.state.setpoints import SETPOINTS
 
 SERVICE, PANEL, GROUP = 64001, 64002, 64000
 needs_root = pytest.mark.skipif(os.geteuid() != 0, reason="a second user takes root to make")
@@ -127,7 +127,7 @@ def _runs(state: Path, _: Path) -> None:
     record = runs.RunRecord(state, shipped(), {"name": "a.ngc", "sha256": "0" * 64})
     if record._file is not None:
         record._file.begin({"program.ngc": b"M2\n", "machine.toml": b"x"})
-        record._file.rows(SETPOINTS, b"\0" * 48)
+        record._file.rows(SETPOINTS, 0, np.zeros((2, 5), dtype=np.int32))
     record.end("stopped")
 
 

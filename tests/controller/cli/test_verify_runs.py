@@ -16,8 +16,8 @@ from controller import __main__ as command_line
 from controller.ipc.handoff import COLUMN, of_axes
 from controller.program import blocks
 from controller.runtime.bench.fault_file import MachineScript
-from controller.runtime.setpoints import ACTUAL, SETPOINTS
 from controller.state.modes import Mode
+from controller.state.setpoints import ACTUAL, SETPOINTS
 from controller.verify import passes, trace
 from controller.verify.judge import judge
 

@@ -14,6 +14,8 @@ import numpy as np
 import pytest
 from support.live.served_machine import Serving, calm, serving
 
+from controller.state.setpoints import SETPOINTS
+
 pytestmark = [pytest.mark.slow, pytest.mark.live, pytest.mark.calm]
 
 SHORT = "G21 G90 G54 G0 X20.\nG1 X10. F3000\nM30\n"
@@ -104,8 +106,8 @@ def test_hold_resume_override_and_stop(service: Serving) -> None:
     events = [json.loads(line) for line in (folder / "events.jsonl").read_text().splitlines()]
     operators = [event["request"] for event in events if event["request"] not in NOT_ASKED]
     assert operators == ["hold", "override", "resume", "stop"]
-    rows = np.load(folder / "setpoints.npz")["rows"]
-    assert len(rows) == run["ticks"] and (np.diff(rows[:, 0]) >= 1).all()
+    rows = SETPOINTS.read(folder)
+    assert rows is not None and len(rows) == run["ticks"] and np.ptp(rows, axis=0).any()
 
 
 def test_a_jog_goes_on_while_it_is_refreshed_and_ends_by_itself_when_it_is_not(service: Serving) -> None:

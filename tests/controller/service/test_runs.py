@@ -18,6 +18,7 @@ from controller.runtime.starts import Start
 from controller.service import runs
 from controller.service.runs import RunRecord
 from controller.state.modes import Mode
+from controller.state.setpoints import SETPOINTS
 
 MACHINE = shipped()
 WHAT = {"name": "part.ngc", "sha256": "00", "line": None}
@@ -64,8 +65,8 @@ def test_a_run_whose_service_was_killed_is_lost_and_not_forgotten(tmp_path: Path
     run = told(tmp_path)
     assert (run["id"], run["name"], run["sha256"], run["result"]) == (folder.name, "part.ngc", "00", "lost")
     assert run["started_s"] <= run["ended_s"]
-    kept = np.fromfile(folder / "setpoints.part", dtype="<i4").reshape(-1, len(runs.SETPOINTS.columns))
-    assert kept[:, 0].tolist() == list(range(1000))
+    found = SETPOINTS.read(folder)
+    assert found is not None and len(found) == 1000
 
 
 def test_a_run_ended_when_its_last_setpoints_were_written(tmp_path: Path) -> None:
@@ -134,7 +135,7 @@ def test_what_a_full_disk_took_by_halves_is_no_recording(
         file.write(b"PK")
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(runs.np, "savez_compressed", full)
+    monkeypatch.setattr(np, "savez_compressed", full)
     record.end("completed")
     left = [file.name for file in record.folder.glob("*")]
     assert "setpoints.npz" not in left and ("setpoints.part" in left) is bool(ticks)
@@ -171,7 +172,7 @@ def test_what_was_taken_can_be_read_before_anybody_closes_the_files(tmp_path: Pa
     """So it outlives a kill at any moment; a loss of power once the disk was told."""
     record = begun(tmp_path, 1000)
     for table in runs.TABLES:
-        assert (record.folder / table.part).stat().st_size == 1000 * table.row_bytes
+        assert len(table.read(record.folder)) == 1000
     record.planned((Turn(500, 0.05),), {})
     lines = (record.folder / "events.jsonl").read_text().splitlines()
     (begin, plan) = [sealed_file.of_line(line, number=number) for number, line in enumerate(lines, 1)]
@@ -217,8 +218,8 @@ def test_what_a_full_disk_took_in_part_is_the_last_of_a_record(tmp_path: Path) -
     """Room that comes later is not written behind half a row: what there is stays whole."""
     record = begun(tmp_path, 100)
     assert record._file is not None and not record.problem
-    files, size = record._file._rows, runs.SETPOINTS.row_bytes
-    file = files[runs.SETPOINTS]
+    growing = record._file._growing[SETPOINTS]
+    file = growing.file
 
     class Short:
         closed = False
@@ -227,11 +228,10 @@ def test_what_a_full_disk_took_in_part_is_the_last_of_a_record(tmp_path: Path) -
         def write(self, data: bytes) -> int:
             return int(file.write(data[: len(data) // 2 + 1]))
 
-    files[runs.SETPOINTS] = Short()  # type: ignore[assignment]
-    record._file._is_new[files[runs.SETPOINTS]] = False
+    growing.file = Short()  # type: ignore[assignment]
     record.take(running(101)[100:])
     assert record.problem == NO_SPACE
-    files[runs.SETPOINTS] = file
+    growing.file = file
     record.take(running(200)[101:])
-    kept = (record.folder / "setpoints.part").stat().st_size
-    assert 100 * size < kept < 101 * size
+    found = SETPOINTS.read(record.folder)
+    assert found is not None and len(found) == 100

@@ -16,8 +16,9 @@ from controller.machine import machine_file, setup_data
 from controller.machine.model import Machine
 from controller.plan.restart.program_position import Spot
 from controller.runtime import checked, events, replay, starts
-from controller.runtime.setpoints import SETPOINTS
+from controller.runtime.comparison import Comparison, off_path
 from controller.runtime.stepped import Run, SteppedMachine
+from controller.state.setpoints import SETPOINTS
 
 FIRST = COLUMN["setpoint_0"]
 LOOKING = 1  # tick: whether the one that found the end belongs to it
@@ -65,9 +66,10 @@ def again(folder: Path, text: str, machine: Machine | None = None) -> Again:
     live = SETPOINTS.read(folder)
     assert live is not None
     part = replay.Part(task, lambda fitted: setup_data.applied(built, dict(fitted)))
-    run = replay.again(bench, walk, part, recorded, live)
-    assert replay.difference(recorded, live, run.rows) is None
-    return Again(run, bench, live, replay.off_path(recorded))
+    compared = Comparison(folder, recorded)
+    run = replay.again(bench, walk, part, recorded, compared)
+    assert compared.difference is None
+    return Again(run, bench, live, off_path(recorded))
 
 
 def assert_same_setpoints(done: Again, ended_itself: bool = True) -> None:

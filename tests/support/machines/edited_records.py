@@ -1,4 +1,4 @@
-"""The events of a record changed, as a writer would have written them so."""
+"""Events and setpoints of a record changed, as a writer would have written them so."""
 
 from __future__ import annotations
 
@@ -6,7 +6,10 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from controller import sealed_file
+from controller.state.setpoints import SETPOINTS
 
 
 def lines_of(file: Path) -> list[dict[str, Any]]:
@@ -19,3 +22,9 @@ def rewrite(file: Path, lines: Iterable[dict[str, Any]]) -> None:
     """These lines instead, each with its number and sum."""
     text = "".join(sealed_file.line(values, number) for number, values in enumerate(lines, 1))
     file.write_text(text, encoding="utf-8")
+
+
+def rewrite_setpoints(folder: Path, rows: np.ndarray, first: int = 0) -> None:
+    """These counts (N, 5) instead of a packed segment of the record."""
+    with (folder / SETPOINTS.name(first)).open("wb") as file:
+        SETPOINTS.pack(file, first, rows, folder.name)

@@ -113,7 +113,7 @@ def _built(machine: Machine) -> Machine:
 
 def sent(folder: Path) -> np.ndarray:
     """Setpoints of a record."""
-    from controller.runtime.setpoints import SETPOINTS
+    from controller.state.setpoints import SETPOINTS
 
     found = SETPOINTS.read(folder)
     assert found is not None

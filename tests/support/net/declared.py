@@ -25,10 +25,10 @@ from controller.ipc.control_socket import CommandRefused
 from controller.ipc.handoff import COLUMN
 from controller.machine import keys as machine_keys
 from controller.machine import machine_file
-from controller.runtime.setpoints import TABLES
 from controller.service.command_handlers import CommandHandlers
 from controller.service.thread_guard import InThread
 from controller.state.modes import Mode
+from controller.state.setpoints import TABLES
 from controller.verify.trace import Trace
 
 EVERY_KEY = Path(__file__).resolve().parents[2] / "controller" / "machine" / "every_key.toml"

@@ -44,9 +44,9 @@ from controller.ipc.handoff import COLUMN, OFF_PATH, PLAN_IDS, of_axes
 from controller.ipc.packed_rows import unpacked
 from controller.machine import machine_file
 from controller.machine.model import Machine
-from controller.runtime.setpoints import SETPOINTS
 from controller.service.jobs import UNDER_WAY
 from controller.state.modes import Fault, Mode
+from controller.state.setpoints import SETPOINTS
 from drives import bus, pdo
 
 RUN_S = 10.0  # then the operator stops it
