@@ -185,6 +185,7 @@ ELSEWHERE: dict[str, tuple[str, str]] = {
     ),
     "probe edge towards=X- most=20 --offset G54": ("controller/cli/test_client.py", '"probe"'),
     "probe --touches touches.csv": ("controller/cli/test_client.py", '"--touches"'),
+    "runs --keep 12": ("controller/cli/test_client.py", '"--keep"'),
     "serve --pendant pendant.toml": ("controller/service/test_pendant.py", "pendant.toml"),
     "service install --machine /etc/directrix/machine.toml": ("guest/systemd/conftest.py", '"install"'),
     "service self-test": ("guest/systemd/test_services.py", '"self-test"'),

@@ -162,9 +162,20 @@ def _why_not(name: str, result: Mapping[str, Any]) -> str:
 # --- runs and alarms
 
 
-def runs(most: Most = 20, url: Url = remote.URL, as_json: Json = False) -> None:
+def runs(
+    most: Most = 20,
+    keep: Annotated[int | None, typer.Option("--keep")] = None,
+    release: Annotated[int | None, typer.Option("--release")] = None,
+    url: Url = remote.URL,
+    as_json: Json = False,
+) -> None:
     """What was run, when, how long, and how it ended."""
     with asked(url, as_json) as machine:
+        for number, on, key in ((keep, True, "run_kept"), (release, False, "run_released")):
+            if number is not None:
+                done = machine.put(f"runs/{number}/kept", {"on": on})
+                tell_done(say(key, number=number), done, as_json)
+                return
         found = machine.get("runs", most=most)["runs"]
         if as_json:
             print(json.dumps({"ok": True, "runs": found}))

@@ -556,6 +556,12 @@ ALL: tuple[Command, ...] = (
         lane=Lane.LOOK,
     ),
     look("runs"),
+    Command(
+        "keep_run",
+        Access.OPERATE,
+        (Argument("record", Text(200, 1), "Name of its folder."), *ON),
+        lane=Lane.LOOK,
+    ),
     look("rows", *given("after", "most", "kept")),
     look("buses"),
     look("usage"),

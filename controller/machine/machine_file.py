@@ -61,6 +61,7 @@ from controller.machine.nodes import master_settings as master_settings
 from controller.machine.nodes import node_settings as node_settings
 from controller.machine.nodes import spindle_settings as spindle_settings
 from controller.machine.reading import Check, File, Reading, Rules
+from controller.machine.records_table import Records
 from controller.machine.toml_table import ConfigError, Table, parse, read_text, span
 from controller.messages import chain, said
 
@@ -119,6 +120,7 @@ class MachineFile:
     setter: Sensor | None = key(Sub(Sensor, top=True), "a tool setter on the table", default=None)
     table: WorkTable | None = key(Sub(WorkTable, top=True), "what no tool may touch", default=None)
     straightness: tuple[Straightness, ...] = key(Rows(Straightness), "how slides are off", silent=())
+    records: Records = key(Sub(Records, top=True, always=True), "what runs leave on the disk")
     thermal: Thermal = key(Sub(Thermal, top=True, always=True), "what warmth does")
     macro: tuple[Macro, ...] = key(Rows(Macro), "a button with lines of program", silent=())
     file: tuple[NamedFile, ...] = key(Rows(NamedFile), "a file that is taken along", silent=())
@@ -214,6 +216,7 @@ def _machine(general: Mapping[str, Any], tables: MachineFile, text: str) -> Mach
         setter=tables.setter,
         table=tables.table,
         straightness=tables.straightness,
+        records=tables.records,
         thermal_shift_mm=tables.thermal.shift_mm,
         tool_change_s=tables.tools.change_s,
         macros=tables.macro,

@@ -45,6 +45,7 @@ from controller.machine.offset_table import Offset as Offset
 from controller.machine.offset_table import Pair as Pair
 from controller.machine.program_table import OWN, OWN_CODES, SUB_FOLDERS
 from controller.machine.reading import Reading, Rules
+from controller.machine.records_table import Records
 from controller.machine.spindle import AdaptiveFeed as AdaptiveFeed
 from controller.machine.spindle import Spindle as Spindle
 from controller.machine.spindle import SpindlePosition as SpindlePosition
@@ -408,6 +409,7 @@ class Machine:
     in_spindle: int = TOOL_AT_POWER_ON  # of a changer: the tool with which a program begins, 0 = none
     sisters: tuple[tuple[int, int], ...] = ()  # of tools that are worn, and those that come in their place
     macros: tuple[Macro, ...] = field(default=(), repr=False)
+    records: Records = field(default_factory=Records)  # how much of the disk they may take
     thermal_shift_mm: Vector = ZERO  # of X Y Z since the machine was calibrated: where the tool is too far
 
     def comes(self, tool: int) -> int:

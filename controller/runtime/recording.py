@@ -27,6 +27,7 @@ from controller import own_files
 from controller.ipc.handoff import ROW, Recorder, Snapshot, of_axes
 from controller.machine.model import Machine
 from controller.messages import said, text
+from controller.state import record_files
 from controller.state.fault_table import NOBODY, Sender
 from controller.state.modes import FAULTS, Fault, Mode, sentence
 from controller.state.record_files import TRACE
@@ -215,9 +216,10 @@ def new_folder(base: Path, stem: str) -> Path:
 
 
 def forget_oldest(base: Path, kept: int) -> None:
-    """All but so many are deleted; names begin with the time, so the first are the oldest."""
+    """All but so many are deleted, if nobody keeps them; names begin with the time, the oldest first."""
     for old in own_files.names(base, base.parent)[:-kept]:
-        own_files.remove_tree(base / old, base.parent)
+        if not record_files.is_needed(base / old):
+            own_files.remove_tree(base / old, base.parent)
 
 
 def _stem(facts: Facts) -> str:

@@ -90,6 +90,17 @@ def _buses(service: Service, _: Values) -> Values:
     return diagnostics.buses(service.set_up.machine, service.processes.logs, service.engine.recorder)
 
 
+def _keep_run(service: Service, values: Values) -> Values:
+    """Raises CommandRefused where there is no such record, or it cannot be marked."""
+    try:
+        found = runs.keep(service.state, values["record"], bool(values["on"]))
+    except OSError as error:
+        raise refused("of_place", code="bad", place=values["record"], why=error) from error
+    if not found:
+        raise refused("no_run_record", code="bad", record=values["record"])
+    return {"kept": values["on"]}
+
+
 AT_ONCE: dict[str, Callable[[HandlerContext, Values], Answer]] = {
     "status": lambda handlers, _: whole_status.status(handlers.service),
     "facts": lambda handlers, _: whole_status.facts(handlers.service),
@@ -128,6 +139,7 @@ ERRANDS: dict[str, Callable[[Service, Values], Values]] = {  # they wait for a d
     "forget": fitting.forget,
     "acknowledge": lambda service, values: {"acknowledged": service.alarms.acknowledge(values["id"])},
     "runs": lambda service, _: {"runs": runs.list_runs(service.state)},
+    "keep_run": _keep_run,
     "rows": lambda service, values: diagnostics.rows(service.engine.recorder, values),
     "buses": _buses,
     "usage": lambda service, _: service.usage.told(),

@@ -27,6 +27,7 @@ from controller.service.folders import Folders
 from controller.service.journal import Journal
 from controller.service.probed import Probed
 from controller.service.processes import Processes
+from controller.service.room import Room
 from controller.service.sequencer import Sequencer
 from controller.service.set_up import SetUp
 from controller.service.thread_guard import ThreadGuard
@@ -55,7 +56,7 @@ class Owners:
             raise SessionError(sentence)
         kept.make()
         self.state = state = kept.state
-        self.alarms = Alarms(state)
+        self.alarms, self.room = Alarms(state), Room(kept, machine)
         self._folder = tempfile.TemporaryDirectory(prefix="directrix-")
         folder = Path(self._folder.name)
         self.engine = engine or Engine(machine, folder, kept, hear)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import threading
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
@@ -17,6 +18,7 @@ from controller.runtime.starts import Start
 from controller.service.alarms import Alarms
 from controller.service.engine import Engine
 from controller.service.jobs import Job
+from controller.service.room import SPARE_BYTES, Room
 from controller.service.runs import Rows, RunRecord
 
 IDLE_S = 0.5  # without a record, between two looks whether something else is to be saved
@@ -26,9 +28,13 @@ SYNC_S = 0.05  # a loss of power costs so much of a record, and what the disk it
 class RunRecorder:
     """A thread of its own has the disk take what is written: nobody else waits for that."""
 
-    def __init__(self, state: Path, alarms: Alarms, writer: Executor, save: Callable[[], object]) -> None:
-        """``writer`` ends records; ``save`` is called now and then, for what else changes as it runs."""
-        self._state, self._alarms, self._writer, self._save = state, alarms, writer, save
+    def __init__(
+        self, state: Path, room: Room, alarms: Alarms, writer: Executor, save: Callable[[], object]
+    ) -> None:
+        """``writer`` ends records, and makes room; ``save`` is called now and then, for what else changes as
+        it runs.
+        """
+        self._state, self._room, self._alarms, self._writer, self._save = state, room, alarms, writer, save
         self.record: RunRecord | None = None
         self.unrecorded: Said | None = None  # why the run, or the last one, has no whole record
         self._over = threading.Event()
@@ -67,8 +73,19 @@ class RunRecorder:
         if self.record is not None:
             self.record.take(rows, engine.asked, now)
             if self.record.has_full:
-                self._writer.submit(self.record.pack)
+                self._writer.submit(self._pack, self.record)
             self._report(self.record)
+
+    def _pack(self, record: RunRecord) -> None:
+        """What is full takes less room from now on, and others go where there is none."""
+        record.pack()
+        if not self._make_room():
+            record.give_up(said("no_room_left", spare=SPARE_BYTES >> 20))
+
+    def _make_room(self) -> bool:
+        with contextlib.suppress(OSError):
+            return self._room.make()
+        return True  # what cannot be written is told where it is
 
     def find(self, results: Sequence[dict[str, Any]]) -> None:
         """What probing cycles have found."""
@@ -84,6 +101,7 @@ class RunRecorder:
         """The run is over; ``more``: facts that others have."""
         if (record := self.release()) is not None:
             self._writer.submit(record.end, result, planned_s=planned_s, **more, **messages.facts(why))
+            self._writer.submit(self._make_room)
 
     def close(self) -> None:
         """All is over: nothing goes to the disk beside the run any more."""

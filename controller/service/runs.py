@@ -36,7 +36,7 @@ from controller.machine.model import Machine
 from controller.messages import Said, reason, said
 from controller.runtime import events
 from controller.runtime.plan_messages import Program, Turn
-from controller.runtime.recording import forget_oldest, new_folder
+from controller.runtime.recording import new_folder
 from controller.runtime.starts import Start
 from controller.service.engine import Asked
 from controller.service.journal import sha256
@@ -46,7 +46,6 @@ from controller.state.modes import Mode
 from controller.state.setpoints import ACTUAL, TABLES, counts_per_unit
 
 FOLDER, RUN, BEGUN = record_files.RUNS, record_files.RUN, record_files.BEGUN
-KEPT = 200
 ALARM = "RECORD_DAMAGED"
 _STEM, _TIME = "%Y-%m-%dT%H%M%S", "2026-11-21T083120"
 LAG_TICKS = 2  # from a setpoint to the feedback that can have followed it
@@ -240,6 +239,11 @@ class RunRecord:
         """Whether there is something to ``pack``."""
         return self._file is not None and self._file.has_full
 
+    def give_up(self, why: Said) -> None:
+        """No more is kept of it."""
+        if self._file is not None:
+            self._file.problem = self._file.problem or why
+
     def pack(self) -> None:
         """Segments that are full take less room; a disk that has none for that keeps them as they are."""
         if self._file is not None:
@@ -260,7 +264,6 @@ class RunRecord:
                     raise
         _write_facts(self.folder / RUN, facts)
         own_files.remove(self.folder / BEGUN, self._state)
-        forget_oldest(self.folder.parent, KEPT)
 
 
 def _write_facts(file: Path, facts: dict[str, Any]) -> None:
@@ -303,6 +306,19 @@ def put_damaged_aside(state: Path) -> list[Said]:
                 if not os.path.lexists(file):
                     _write_facts(file, {**_of_name(name), **_ended(file.parent, state)})
     return found
+
+
+def keep(state: Path, name: str, on: bool) -> bool:
+    """Has the record of a run stay, or go with the oldest again; False: there is none. Raises OSError."""
+    if name not in own_files.names(state / FOLDER, state):
+        return False
+    file = state / FOLDER / name / record_files.KEPT
+    if on:
+        own_files.new(file, state).close()
+        atomic_file.sync(file.parent, state)
+    else:
+        own_files.remove(file, state)
+    return True
 
 
 def lose(state: Path) -> int:

@@ -6,20 +6,16 @@ Run by the sequencer's thread; all of it raises CommandRefused with the sentence
 from __future__ import annotations
 
 import contextlib
-import os
-import shutil
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
-from controller import own_files
 from controller.ipc.control_socket import CommandRefused, Values
 from controller.ipc.handoff import Jog, Outcome, Snapshot
 from controller.machine import setup_data
-from controller.messages import Key, of_error, said
+from controller.messages import of_error
 from controller.runtime.starts import Start
 from controller.runtime.startup import SessionError
-from controller.service import restart_preview, runs
+from controller.service import restart_preview, room, runs
 from controller.service.acknowledged import why_refused
 from controller.service.jobs import Job
 from controller.service.refusals import by_fault, by_now, refused
@@ -27,7 +23,6 @@ from controller.service.sequencer import Going
 from controller.service.service import Service
 from controller.state import stop_times
 from controller.state.modes import FAULTS, Mode, Recovery, Request
-from controller.state.record_files import RECORDINGS, RUNS
 from drives.cia402 import State
 
 MARGIN_S = 2.0  # on top of what the tick itself waits
@@ -263,54 +258,8 @@ def _drop(service: Service) -> None:
         service.processes.wait_for(lambda later: later.has_taken(asked), TAKEN_S, "standstill")
 
 
-# Whether the disk takes what a run leaves behind: asked before it starts, while nothing is lost yet.
-#
-# A run that cannot be recorded cannot be made again, nor gone on with after a loss of power; and a fault in
-# it leaves no recording. That is for an operator to know before, and to decide.
-
-ROW_BYTES = 24  # of a tick's setpoints
-MAX_ROWS_BYTES = 256 << 20  # a longer run is not kept to its end
-SPARE_BYTES = 64 << 20  # for events, a fault's recording, alarms and the journal
-PROBE_BYTES = 1 << 16
-FOLDERS = (RUNS, RECORDINGS, "")  # of the state folder, which itself has alarms and journal
-
-
 def check_disk(state: Path, job: Job) -> None:
     """Raises CommandRefused "unrecorded" where a run of ``job`` could not be kept."""
-    period_s = job.program.machine.period_s
-    ticks = (job.duration_s or 0.0) / period_s
-    rows = min(MAX_ROWS_BYTES, round(ticks * ROW_BYTES))
-    if reason := lacking(state, rows + len(job.program.text) + SPARE_BYTES):
+    ticks = (job.duration_s or 0.0) / job.program.machine.period_s
+    if reason := room.lacking(state, room.needed(ticks) + len(job.program.text)):
         raise refused("unrecorded", "READY", "START", "unrecorded", program=job.program.name, **reason)
-
-
-def lacking(state: Path, needed: int) -> dict[str, Any]:
-    """Why so many bytes cannot be kept, as values of the refusal; nothing where they can."""
-    for name in FOLDERS:
-        folder = state / name
-        try:
-            own_files.make_folder(folder, state)
-            _probe(folder, state)
-            free = shutil.disk_usage(folder).free
-        except OSError as error:
-            return {"why": said("of_place", place=folder, why=error)}
-        if free < needed:
-            return {
-                "why": Key("little_room"),
-                "free": free >> 20,
-                "needed": -(-needed >> 20),
-                "folder": folder,
-            }
-    return {}
-
-
-def _probe(folder: Path, state: Path) -> None:
-    """Write something, for neither a permission nor a mount tells of itself what will be. Raises OSError."""
-    file = folder / ".probe"
-    try:
-        with own_files.new(file, state) as probe:
-            probe.write(bytes(PROBE_BYTES))
-            probe.flush()
-            os.fsync(probe.fileno())
-    finally:
-        own_files.remove(file, state)

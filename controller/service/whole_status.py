@@ -78,6 +78,7 @@ def facts(service: Service) -> Values:
         **machine_status.facts(service.engine.machine, service.set_up.to_json()),
         "state": str(service.state),
         "pids": service.engine.pids,
+        "records": service.room.facts(),
     }
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import os
 from pathlib import Path
 from typing import Any, Final
 
@@ -19,6 +20,7 @@ PROGRAM: Final = "program.ngc"
 MACHINE: Final = "machine.toml"
 SETPOINTS: Final = "setpoints.npz"  # its first segment: see ``state.setpoints``
 ACTUAL: Final = "actual.npz"  # likewise: where the drives were
+KEPT: Final = "kept"  # there where an operator wants the record of a run or fault to stay
 TRACE: Final = "trace.npz"  # of a fault: the last seconds before it
 TOUCHES: Final = "touches.json"  # the last of the probe, as lines of a table, its head first ...
 OLDER_TOUCHES: Final = "touches.csv"  # ... and as versions before wrote them
@@ -45,6 +47,13 @@ def known(folder: Path) -> dict[str, Any]:
         with contextlib.suppress(OSError, ValueError):
             return facts(folder, name)
     return {}
+
+
+def is_needed(folder: Path) -> bool:
+    """Whether a record may not go: an operator keeps it, or its run is under way."""
+    return os.path.lexists(folder / KEPT) or (
+        os.path.lexists(folder / BEGUN) and not os.path.lexists(folder / RUN)
+    )
 
 
 def touches(state: Path) -> list[str]:

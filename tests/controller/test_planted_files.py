@@ -39,7 +39,7 @@ from controller.machine.tool_store import ToolStore
 from controller.messages import said
 from controller.plan.report import stored
 from controller.runtime import recording
-from controller.service import journal, runs
+from controller.service import journal, room, runs
 from controller.service.alarms import Alarms
 from controller.service.folders import Folders
 from controller.service.owners import JOURNAL
@@ -129,6 +129,7 @@ def _runs(state: Path, _: Path) -> None:
         record._file.begin({"program.ngc": b"M2\n", "machine.toml": b"x"})
         record._file.rows(SETPOINTS, 0, np.zeros((2, 5), dtype=np.int32))
     record.end("stopped")
+    room.Room(Folders.within(state), shipped()).make()
 
 
 def _faults(state: Path, _: Path) -> None:
@@ -308,8 +309,8 @@ def _refused(do: Do, state: Path, outside: Path) -> None:
 @pytest.fixture
 def outside(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Where the victims are. The oldest of all that is kept are looked for, too."""
-    for room in (recording, runs, stored):
-        monkeypatch.setattr(room, "KEPT", 0)
+    for module, most in ((recording, "KEPT"), (room, "MOST"), (stored, "KEPT")):
+        monkeypatch.setattr(module, most, 0)
     return tmp_path / "outside"
 
 

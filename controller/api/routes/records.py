@@ -120,6 +120,19 @@ async def judge(request: Request, number: Number) -> models.RunFacts:
     return models.RunFacts(**asdict(found), files=files)
 
 
+@router.put(
+    "/runs/{number}/kept",
+    dependencies=[needs(Role.OPERATE)],
+    responses=documented(401, 403, 404, 409, 422, 503),
+)
+async def keep(request: Request, number: Number, body: models.Switch) -> models.RunFacts:
+    """Whether the record of a run stays where the oldest go, for room on the disk."""
+    panel = panel_of(request)
+    await panel.door.ask("keep_run", record=await record_of(panel, number), on=body.on)
+    await asyncio.to_thread(panel.store.runs.add_facts, number, kept=body.on)
+    return models.RunFacts(**asdict(await _run(panel, number)))
+
+
 @router.get(
     "/runs/{number}/files/{file}",
     dependencies=[needs(Role.VIEW)],

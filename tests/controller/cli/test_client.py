@@ -556,6 +556,20 @@ def test_runs_are_listed(panel: Panel) -> None:
     assert json.loads(done("runs", "--json"))["runs"][1]["result"] == "completed"
 
 
+def test_a_run_is_kept_by_its_number_and_let_go_again(panel: Panel, door: NotingDoor) -> None:
+    number = panel.store.runs.begin("part.ngc", "0" * 64, record="2026-11-21T080000.000-part.ngc")
+    panel.store.runs.end(number, "completed")
+    ran = run("runs", "--keep", str(number))
+    assert ran.exit_code == 1 and "its record is gone" in " ".join(ran.stderr.split())
+    (panel.run_records / "2026-11-21T080000.000-part.ngc").mkdir(parents=True)
+    assert f"The record of run {number} stays." in done("runs", "--keep", str(number))
+    assert json.loads(done("runs", "--json"))["runs"][0]["facts"]["kept"] is True
+    assert "may go with the oldest" in done("runs", "--release", str(number))
+    sent = [values for verb, values in door.asked if verb == "keep_run"]
+    assert [values["on"] for values in sent] == [True, False]
+    assert {values["record"] for values in sent} == {"2026-11-21T080000.000-part.ngc"}
+
+
 # --- who does not answer
 
 

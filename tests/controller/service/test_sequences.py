@@ -17,7 +17,7 @@ from support.fakes.fake_engine import FakeEngine, done
 from controller import messages
 from controller.ipc.control_socket import CommandRefused
 from controller.messages import text
-from controller.service import sequences
+from controller.service import room
 from controller.service.command_handlers import CommandHandlers
 from controller.service.service import Service
 from controller.state.modes import Mode
@@ -55,7 +55,7 @@ def test_a_confirmation_is_true_and_nothing_like_it(
     desk: CommandHandlers, service: Service, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     loaded(desk, service)
-    monkeypatch.setattr(sequences, "lacking", lambda *_: {"why": "the disk is full"})
+    monkeypatch.setattr(room, "lacking", lambda *_: {"why": "the disk is full"})
     for said in ("yes", 1, None, False):
         with pytest.raises(CommandRefused, match=r"cannot be gone on with: the disk is full|true or false"):
             done(desk, "start", unrecorded=said)
@@ -64,7 +64,7 @@ def test_a_confirmation_is_true_and_nothing_like_it(
 def test_a_line_by_hand_runs_all_the_same_for_the_machine_must_be_moved(
     desk: CommandHandlers, engine: FakeEngine, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(sequences, "lacking", lambda *_: {"why": "the disk is full"})
+    monkeypatch.setattr(room, "lacking", lambda *_: {"why": "the disk is full"})
     done(desk, "mdi", text="G0 X1")
     assert engine.now.mode is Mode.RUNNING
 
@@ -82,23 +82,23 @@ def small(tmp_path: Path) -> Iterator[Path]:
 
 
 def test_a_disk_that_is_really_full_or_read_only_is_told(small: Path) -> None:
-    assert sequences.lacking(small, 1 << 20) == {}
-    assert sequences.lacking(small, 9 << 20)["needed"] == 9
+    assert room.lacking(small, 1 << 20) == {}
+    assert room.lacking(small, 9 << 20)["needed"] == 9
     (small / "other").write_bytes(bytes(shutil.disk_usage(small).free))
-    assert "No space left" in text(sequences.lacking(small, 0)["why"])
+    assert "No space left" in text(room.lacking(small, 0)["why"])
     (small / "other").unlink()
     subprocess.run(["mount", "-o", "remount,ro", str(small)], check=True)
-    assert "Read-only file system" in text(sequences.lacking(small, 0)["why"])
+    assert "Read-only file system" in text(room.lacking(small, 0)["why"])
 
 
 def test_a_quota_is_found_by_writing_and_not_by_asking(tmp_path: Path) -> None:
     """Also where root asks, whom no permission binds."""
     asked = (
-        "import resource, signal; from pathlib import Path; from controller.service import sequences\n"
+        "import resource, signal; from pathlib import Path; from controller.service import room\n"
         "from controller.messages import text\n"
         "signal.signal(signal.SIGXFSZ, signal.SIG_IGN)\n"
         f"resource.setrlimit(resource.RLIMIT_FSIZE, (1000, {resource.RLIM_INFINITY}))\n"
-        f"print(text(sequences.lacking(Path({str(tmp_path)!r}), 0)['why']))"
+        f"print(text(room.lacking(Path({str(tmp_path)!r}), 0)['why']))"
     )
     said = subprocess.run([sys.executable, "-c", asked], capture_output=True, text=True, check=True).stdout
     assert "File too large" in said and not list(tmp_path.rglob("*.*"))
