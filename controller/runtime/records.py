@@ -2,7 +2,8 @@
 
     simulate --trace t.npz          "trace": setpoints, positions and the tool on the part, from cycle start
     a folder of a fault, its .npz   "recording": the recorder's rows, the last seconds before it and the stop
-    a folder of a run               "run": setpoints and positions of every tick that sent a SYNC
+    a folder of a run               "run": setpoints, positions, following errors, feed and load of every tick
+                                    that sent a SYNC
 
 A column of an axis has its name behind a dot (``actual.X``). Names, units and meanings of a recorder's
 columns are those of ``state.live_state``. In Parquet they stand with each column (``unit``, ``meaning``),
@@ -28,7 +29,15 @@ from controller.messages import DEFAULT, Key, Said, plain, said, text
 from controller.runtime import events
 from controller.state.live_state import FIELDS, Field
 from controller.state.record_files import TRACE
-from controller.state.setpoints import ACTUAL, SETPOINTS, SpoiltSegment, counts_per_unit
+from controller.state.setpoints import (
+    ACTUAL,
+    PROCESS,
+    SETPOINTS,
+    TABLES,
+    SpoiltSegment,
+    counts_per_unit,
+    process_values,
+)
 from controller.verify import trace as traces
 
 Array = NDArray[Any]
@@ -95,18 +104,26 @@ def _of_folder(folder: Path) -> Record:
     if (folder / TRACE).is_file():
         return read(folder / TRACE)
     try:
-        rows, actual, name = SETPOINTS.read(folder), ACTUAL.read(folder), SETPOINTS.whole
+        rows, actual, process = (table.read(folder) for table in TABLES)
     except SpoiltSegment as error:
         raise NoRecord("unreadable", path=folder, why=error.said) from error
     if rows is None or not (folder / events.MACHINE).is_file():
-        raise NoRecord("no_folder", folder=folder, trace=TRACE, run=name, machine=events.MACHINE)
+        raise NoRecord("no_folder", folder=folder, trace=TRACE, run=SETPOINTS.whole, machine=events.MACHINE)
     machine = (folder / events.MACHINE).read_text(encoding="utf-8")
     begun = events.recorded(folder / events.FILE)
     period_s = begun.begin.period_s if begun is not None else None
     columns = _named(SETPOINTS.columns, rows.astype(np.float64), machine)
     built = machine_file.read(machine, events.MACHINE)
     if actual is not None and len(actual) == len(rows):
-        columns |= _named(ACTUAL.columns, actual / counts_per_unit(built), machine)
+        per_unit = counts_per_unit(built)
+        columns |= _named(ACTUAL.columns, actual / per_unit, machine)
+        errors = (rows.astype(np.float64) - actual) / per_unit
+        for i, axis in enumerate(built.axes):
+            unit = columns[f"actual.{axis.name}"].unit
+            meaning = _part("following_error", axis.name)
+            columns[f"following_error.{axis.name}"] = Column(errors[:, i], unit, meaning)
+    if process is not None and len(process) == len(rows):
+        columns |= _named(PROCESS.columns, process_values(process), machine)
     return Record("run", columns, period_s or built.period_s, machine)
 
 

@@ -27,7 +27,7 @@ from controller.state import record_files, setpoints
 from controller.state.record_files import RECORDINGS, RUNS
 
 ROW_BYTES = sum(table.row_bytes for table in setpoints.TABLES)  # of a tick at most, ...
-PACKED_BYTES = 16  # ... and, once its segment is packed, about half of this: see ``Table.pack``
+PACKED_BYTES = 20  # ... and, once its segment is packed, about half of this: see ``Table.pack``
 SPARE_BYTES = 64 << 20  # for events, a fault's recording, alarms and the journal
 MOST = 2000  # runs, however small: each is read at the start
 PROBE_BYTES = 1 << 16

@@ -10,6 +10,7 @@ A folder per run in the state folder:
         machine.toml     the machine file, with its tool table
         setpoints.npz    the setpoints of every tick (counts), in segments: see ``state.setpoints``
         actual.npz       likewise, where the drives said that they were
+        process.npz      likewise, feed and load of the spindle
 
 Ticks count from cycle start, and those alone that sent a SYNC: the path clock counts no others.
 Which tick took a request is read from the recorder's rows, where its number stands, and not from
@@ -42,8 +43,16 @@ from controller.service.engine import Asked
 from controller.service.journal import sha256
 from controller.service.run_file import RowEvents, RunEvents, RunFile
 from controller.state import record_files
-from controller.state.modes import Mode
-from controller.state.setpoints import ACTUAL, TABLES, counts_per_unit
+from controller.state.modes import MAX_AXES, Mode
+from controller.state.setpoints import (
+    ACTUAL,
+    PROCESS,
+    PROCESS_PER_UNIT,
+    SETPOINTS,
+    TABLES,
+    counts_per_unit,
+    in_counts,
+)
 
 FOLDER, RUN, BEGUN = record_files.RUNS, record_files.RUN, record_files.BEGUN
 ALARM = "RECORD_DAMAGED"
@@ -68,7 +77,11 @@ class RunRecord:
         self._cut_ticks = 0
         axes = len(machine.axes)
         self._command, self._actual = of_axes("joint_command", axes), of_axes("actual", axes)
-        self._per_unit = counts_per_unit(machine)
+        self._per_unit = {
+            SETPOINTS: np.ones(MAX_AXES),
+            ACTUAL: counts_per_unit(machine),
+            PROCESS: PROCESS_PER_UNIT,
+        }
         self._errors = np.zeros(axes)
         self._commands = np.zeros((0, axes))
         self._events = RunEvents()
@@ -173,11 +186,10 @@ class RunRecord:
         sent = self._of_run(rows[rows[:, COLUMN["sync_sent"]] != 0.0])
         if not len(sent):
             return
-        taken = {table: sent[:, columns] for table, columns in _TAKEN.items()}
-        taken[ACTUAL] = np.round(taken[ACTUAL] * self._per_unit)
         if self._file is not None:
-            for table, counts in taken.items():
-                self._file.rows(table, self._ticks, counts.astype(np.int32))
+            for table, columns in _TAKEN.items():
+                counts = in_counts(sent[:, columns] * self._per_unit[table])
+                self._file.rows(table, self._ticks, counts)
         self._ticks, self._last_tick = self._ticks + len(sent), int(sent[-1, COLUMN["tick"]])
 
     def _of_run(self, sent: Rows) -> Rows:

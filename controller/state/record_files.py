@@ -20,6 +20,7 @@ PROGRAM: Final = "program.ngc"
 MACHINE: Final = "machine.toml"
 SETPOINTS: Final = "setpoints.npz"  # its first segment: see ``state.setpoints``
 ACTUAL: Final = "actual.npz"  # likewise: where the drives were
+PROCESS: Final = "process.npz"  # likewise: feed, and load of the spindle
 KEPT: Final = "kept"  # there where an operator wants the record of a run or fault to stay
 TRACE: Final = "trace.npz"  # of a fault: the last seconds before it
 TOUCHES: Final = "touches.json"  # the last of the probe, as lines of a table, its head first ...

@@ -1,4 +1,4 @@
-"""What the record of a run keeps of every tick that sent a SYNC: setpoints and positions, in counts.
+"""What the record of a run keeps of every tick that sent a SYNC: setpoints, positions, feed, load, in counts.
 
 Each table lies in segments of bounded size, named after their first tick, so that no length ends a record
 and what is damaged costs one segment:
@@ -224,6 +224,13 @@ class Table(NamedTuple):
         return max(last.end, int(facts.get("ticks", 0)))
 
 
+def in_counts(values: Values) -> Counts:
+    """Values that are multiplied by their counts, as whole ones; ``MISSING`` where there is none (NaN)."""
+    most = np.iinfo(np.int32).max
+    found = np.clip(np.round(values), -most, most)
+    return np.where(np.isnan(found), MISSING, found).astype(np.int32)
+
+
 def _seed(record: str) -> int:
     """Of the sums of a record's rows: those of another one do not fit."""
     return zlib.crc32(record.encode())
@@ -236,7 +243,15 @@ def _table(file: str, column: str, differences: int) -> Table:
 
 # A setpoint is smooth to its second difference; a position that a drive tells has its noise.
 SETPOINTS, ACTUAL = _table(record_files.SETPOINTS, "setpoint", 2), _table(record_files.ACTUAL, "actual", 1)
-TABLES = (SETPOINTS, ACTUAL)
+PROCESS = Table(("feed_mm_s", "spindle_load"), record_files.PROCESS.removesuffix(WHOLE), 1)
+PROCESS_PER_UNIT = np.array([1e3, 1e4])  # counts: um/s, and 0.01 % of the rated torque
+TABLES = (SETPOINTS, ACTUAL, PROCESS)
+MISSING = -(1 << 31)  # instead of counts
+
+
+def process_values(counts: Counts) -> Values:
+    """(N, 2) feed (mm/s) and load of the spindle (share), NaN where that is not told."""
+    return np.where(counts == MISSING, np.nan, counts / PROCESS_PER_UNIT)
 
 
 def counts_per_unit(machine: Machine) -> Values:

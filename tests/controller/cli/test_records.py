@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -15,7 +16,9 @@ from controller.__main__ import app
 from controller.machine import machine_file
 from controller.messages import LANGUAGES
 from controller.runtime import records
+from controller.state import record_files
 from controller.state.live_state import COLUMN, ROW
+from controller.state.setpoints import ACTUAL, SETPOINTS
 from controller.verify import trace as traces
 
 RUNS = Path(__file__).parents[2] / "data" / "runs"
@@ -87,9 +90,15 @@ def test_meanings_are_in_the_language_that_is_asked_for(trace: Path, fault: Path
 
 
 def test_every_column_has_a_meaning_in_the_catalogue_and_none_is_of_one_that_is_gone(
-    trace: Path, fault: Path
+    trace: Path, fault: Path, tmp_path: Path
 ) -> None:
-    said = [one.meaning for path in (trace, fault) for one in records.read(path).columns.values()]
+    run = tmp_path / "run"
+    shutil.copytree(RUNS / "tool_changes", run)
+    rows = SETPOINTS.read(run)
+    assert rows is not None
+    with (run / ACTUAL.whole).open("wb") as file:
+        ACTUAL.pack(file, 0, rows, str(record_files.known(run)["id"]))
+    said = [one.meaning for path in (trace, fault, run) for one in records.read(path).columns.values()]
     parts = [one["values"].get("meaning", one) for one in said]
     found = {one["key"] for one in (*said, *parts)}
     texts = {key for key in LANGUAGES["en"].texts if key.startswith("column.")}

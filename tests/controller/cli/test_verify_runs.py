@@ -15,6 +15,7 @@ from typer.testing import CliRunner
 from controller import __main__ as command_line
 from controller.ipc.handoff import COLUMN, of_axes
 from controller.program import blocks
+from controller.runtime import records
 from controller.runtime.bench.fault_file import MachineScript
 from controller.state.modes import Mode
 from controller.state.setpoints import ACTUAL, SETPOINTS
@@ -84,6 +85,24 @@ def test_a_record_keeps_where_the_drives_were_in_whole_counts(tmp_path: Path) ->
     per_unit = [axis.counts_per_unit for axis in bench.machine.axes]
     wanted = mine[:, of_axes("actual", len(per_unit))] * per_unit
     assert np.abs(actual[:, : len(per_unit)] - wanted).max() <= 0.5
+
+
+def test_a_record_has_following_errors_feed_and_load(tmp_path: Path) -> None:
+    """As the tick had them, but for what their counts round off; and nothing where no load is told."""
+    bench = run(tmp_path)
+    found = records.read(bench.record.folder).columns
+    rows = np.concatenate(bench.rows)
+    mine = rows[rows[:, COLUMN["tick"]] >= bench.record.first_tick][: len(found["feed_mm_s"].values)]
+    assert np.abs(found["feed_mm_s"].values - mine[:, COLUMN["feed_mm_s"]]).max() <= 0.5e-3
+    assert found["feed_mm_s"].values.max() > 10.0 and found["feed_mm_s"].unit == "mm/s"
+    load = mine[:, COLUMN["spindle_load"]]
+    np.testing.assert_allclose(found["spindle_load"].values, load, atol=0.5e-4)
+    for i, axis in enumerate(bench.machine.axes):
+        error = mine[:, COLUMN[f"setpoint_{i}"]] / axis.counts_per_unit - mine[:, COLUMN[f"actual_{i}"]]
+        told = found[f"following_error.{axis.name}"]
+        assert np.abs(told.values - error).max() <= 0.6 / abs(axis.counts_per_unit)
+        assert told.unit == found[f"actual.{axis.name}"].unit
+    assert max(np.abs(found["following_error.X"].values)) > 0.0
 
 
 def test_a_record_without_positions_says_so(tmp_path: Path) -> None:

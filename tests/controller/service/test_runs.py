@@ -162,6 +162,7 @@ def test_a_run_under_way_is_told_from_one_that_has_ended_by_its_files(tmp_path: 
         "actual.npz",
         "events.jsonl",
         "machine.toml",
+        "process.npz",
         "program.ngc",
         "run.json",
         "setpoints.npz",
@@ -191,10 +192,10 @@ def test_the_disk_is_told_of_all_that_was_written_and_not_twice(
     record.take(running(3))
     record.sync()
     record.sync()
-    assert told == ["events.jsonl", "setpoints.part", "actual.part"]
+    assert told == ["events.jsonl", "setpoints.part", "actual.part", "process.part"]
     record.planned((Turn(1, 0.05),), {})
     record.sync()
-    assert told[3:] == ["events.jsonl"]
+    assert told[4:] == ["events.jsonl"]
 
 
 def test_a_turn_that_is_told_late_is_of_the_tick_that_it_was_made_before(tmp_path: Path) -> None:
