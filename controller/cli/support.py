@@ -49,7 +49,7 @@ from controller.verify.console import Refused, refusals, say, show, spoken
 STATE_FILES = (*owners.SEALED, alarms.FILE, tool_store.FILE)
 LATEST = 3  # runs and faults whose records go along
 LATEST_ROWS = 200  # of runs and alarms
-MAX_BYTES = 64 << 20  # of one record; a larger one is named instead
+MAX_BYTES = 64 << 20  # of one record; what is more is named instead
 JOURNAL_LINES, JOURNAL_TIMEOUT_S = 5000, 20.0
 BOOT = Path("/proc/sys/kernel/random/boot_id")
 
@@ -132,10 +132,15 @@ def _read(file: Path, within: Path) -> bytes:
 
 
 def _folder(folder: Path, within: Path, missing: list[str]) -> Iterator[Part]:
-    """The files of one folder, none below it, and no link."""
-    for name in _names(folder, within):
-        file = folder / name
-        yield from _readable(str(file.relative_to(within)), partial(_read, file, within), missing)
+    """The files of one folder, none below it, and no link: the small ones first, as many as go along."""
+    sizes = {folder / name: (folder / name).lstat().st_size for name in _names(folder, within)}
+    total = 0
+    for file in sorted(sizes, key=lambda one: (sizes[one], one)):
+        name, total = str(file.relative_to(within)), total + sizes[file]
+        if total > MAX_BYTES:
+            missing.append(f"{name}: {say('cli.support.large', size=total >> 20, most=MAX_BYTES >> 20)}")
+        else:
+            yield from _readable(name, partial(_read, file, within), missing)
 
 
 def _latest(folder: Path, within: Path, count: int) -> list[Path]:

@@ -63,6 +63,26 @@ def test_what_helps_is_in_it_and_no_secret(tmp_path: Path) -> None:
         assert not [one for one in secrets if one in data], name
 
 
+def test_a_long_record_goes_along_as_far_as_there_is_room_its_events_first(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(support, "MAX_BYTES", 10_000)
+    state = tmp_path / "state"
+    state_of_a_shop(state)
+    run = state / "runs" / "0001"
+    (run / "events.jsonl").write_bytes(b" " * 500)
+    for n in range(5):
+        (run / f"setpoints.{n:010d}.npz").write_bytes(bytes(4000 + n))
+    parts = written(state, tmp_path / "case.zip")
+    assert {"runs/0001/run.json", "runs/0001/events.jsonl", "runs/0001/setpoints.0000000001.npz"} <= set(
+        parts
+    )
+    missing = parts["missing.txt"].decode()
+    for n in range(5):
+        name = f"runs/0001/setpoints.{n:010d}.npz"
+        assert (name in missing) is (n > 1) and (name in parts) is (n <= 1)
+
+
 def planted_everywhere(state: Path, words: list[str]) -> None:
     """In every file that goes along, and in names of its own."""
     for number, word in enumerate(words):
