@@ -81,10 +81,11 @@ class RunFile:
         self._lines = 0
         self._new = set[Any]()  # files of which the disk has not all yet
         self.problem: Said | str = ""  # why no more is written
+        self.to_pack = False  # a segment is full since it was packed last
 
     def rows(self, table: Table, first: int, rows: Counts) -> None:
         """Rows (N, columns) of the ticks from ``first`` on."""
-        while len(rows) and not self.problem:
+        while len(rows) and not self.problem and table in self._growing:
             growing = self._growing[table]
             added, rows = rows[: growing.room], rows[growing.room :]
             self._write(growing.file, table.frame(first, added, self._folder.name))
@@ -101,16 +102,13 @@ class RunFile:
         with self._lock:
             self._full.append(self._growing[table])
             self._growing[table] = new
-
-    @property
-    def has_full(self) -> bool:
-        """Whether there is something to ``pack``."""
-        return bool(self._full)
+            self.to_pack = True
 
     def pack(self) -> None:
         """Segments that are full take less room from now on. Raises OSError; then those left stay as they
         are.
         """
+        self.to_pack = False
         while self._full:
             full = self._full[0]
             rows, spoilt = full.table.of_part(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import threading
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import Executor
+from concurrent.futures import Executor, Future
 from pathlib import Path
 from typing import Any
 
@@ -36,6 +36,7 @@ class RunRecorder:
         """
         self._state, self._room, self._alarms, self._writer, self._save = state, room, alarms, writer, save
         self.record: RunRecord | None = None
+        self._packing: Future[None] | None = None
         self.unrecorded: Said | None = None  # why the run, or the last one, has no whole record
         self._over = threading.Event()
         self._begun = threading.Event()  # a record is, or all is over
@@ -72,8 +73,8 @@ class RunRecorder:
         """The newest rows of the tick, and what was asked of it."""
         if self.record is not None:
             self.record.take(rows, engine.asked, now)
-            if self.record.has_full:
-                self._writer.submit(self._pack, self.record)
+            if self.record.to_pack and (self._packing is None or self._packing.done()):
+                self._packing = self._writer.submit(self._pack, self.record)
             self._report(self.record)
 
     def _pack(self, record: RunRecord) -> None:

@@ -247,9 +247,9 @@ class RunRecord:
         own_files.remove_tree(self.folder, self._state)
 
     @property
-    def has_full(self) -> bool:
+    def to_pack(self) -> bool:
         """Whether there is something to ``pack``."""
-        return self._file is not None and self._file.has_full
+        return self._file is not None and self._file.to_pack
 
     def give_up(self, why: Said) -> None:
         """No more is kept of it."""
