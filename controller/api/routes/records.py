@@ -128,9 +128,11 @@ async def judge(request: Request, number: Number) -> models.RunFacts:
 async def keep(request: Request, number: Number, body: models.Switch) -> models.RunFacts:
     """Whether the record of a run stays where the oldest go, for room on the disk."""
     panel = panel_of(request)
-    await panel.door.ask("keep_run", record=await record_of(panel, number), on=body.on)
+    record = await record_of(panel, number)
+    await panel.door.ask("keep_run", record=record, on=body.on)
     await asyncio.to_thread(panel.store.runs.add_facts, number, kept=body.on)
-    return models.RunFacts(**asdict(await _run(panel, number)))
+    files = await asyncio.to_thread(files_of, panel.run_records, record)
+    return models.RunFacts(**asdict(await _run(panel, number)), files=files)
 
 
 @router.get(

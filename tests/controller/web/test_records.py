@@ -96,3 +96,16 @@ def test_new_runs_come_while_older_ones_are_read_and_their_worst_errors_are_told
     page.wait_for_selector("#runs-list tr:first-child:has-text('later.ngc')")
     assert until(lambda: page.evaluate(rows) == PAGE + 2, "all of the runs")
     until(lambda: not page.is_visible("#runs-more"), "no more")
+
+
+def test_the_record_of_a_run_is_kept_and_let_go_by_one_button(page: Any, site: Site, store: Store) -> None:
+    record = "2026-11-21T080000.000-part.ngc"
+    (store.folder / "runs" / record).mkdir(parents=True)
+    store.runs.end(store.runs.begin("part.ngc", "0" * 64, record=record), "completed")
+    show(page, "runs")
+    page.click("#runs-list tr:has-text('part.ngc')")
+    page.click("#run-keep:has-text('Keep record')")
+    page.click("#run-keep:has-text('Keep no longer')")
+    page.wait_for_selector("#run-keep:has-text('Keep record')")
+    asked = [values for _, verb, values in site.asked("keep_run")]
+    assert asked == [{"record": record, "on": True}, {"record": record, "on": False}]

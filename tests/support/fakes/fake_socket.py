@@ -56,6 +56,7 @@ TABLE: dict[str, tuple[set[str], str | None]] = {
     "forget": ({"OFF", "READY"}, None),
     "set_tool": ({"OFF", "READY", "HOLD"}, None),
     "acknowledge": (set(), None),
+    "keep_run": (set(), None),
     **dict.fromkeys(WEARS, (set(), None)),
 }
 

@@ -113,6 +113,7 @@ ARGUMENTS: dict[str, tuple[dict[str, Any], ...]] = {
     "set_tool": ({"number": 2, **TOOL},),
     "forget": ({"name": "G55"},),
     "acknowledge": ({"id": 1}, {}),
+    "keep_run": ({"record": "part.ngc", "on": True},),
     "rows": ({"after": 0}, {}),
     "tool_life": ({"tool": 2, "cut_min": 10.0, "parts": 5, "cut_m": 3.0, "sister": 3},),
     "tool_renewed": ({"tool": 2},),

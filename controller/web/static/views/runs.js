@@ -25,6 +25,12 @@ async function choose(id) {
   dx.draw();
 }
 
+async function keep(run) {
+  const said = await call("PUT", `runs/${run.id}/kept`, { on: !run.facts.kept });
+  if (said.ok && chosen?.id === run.id) chosen = said.body;
+  dx.draw();
+}
+
 function View() {
   return html`<div class="looks runs">
     <${Card} title=${word("sums")} class="runs-sums"><div class="sums"><${Sums} /></div><//>
@@ -85,6 +91,7 @@ function Detail({ run }) {
     <${Facts} class="wide" rows=${rows.map(([key, value]) => [word(key), value])} />
     <div class="row">
       ${(run.files ?? []).includes("setpoints.npz") && html`<${Act} text=${word("scope")} needs="" press=${() => open_scope(`run:${run.id}`)} />`}
+      ${facts.record && html`<${Act} id="run-keep" text=${word(facts.kept ? "release" : "keep")} needs="role" press=${() => keep(run)} />`}
       ${run.result !== "running" && html`<a class="act" href=${`/api/v1/runs/${run.id}/report?language=${dx.language}`} target="_blank" rel="noopener">${word("report")}</a>`}
       ${(run.files ?? []).map((file) => html`<${Link} key=${file} text=${file} path=${`runs/${run.id}/files/${encodeURIComponent(file)}`} />`)}
     </div>`;
