@@ -51,11 +51,11 @@ def replay(
             trace_file.open("ab").close()
         figures = {"run": folder.name, **_made_again(record, trace_file, as_json)}
         if figures["result"] in AS_ASKED:
-            raise as_asked(figures["result"], _told(figures), **figures)
+            raise as_asked(figures["result"], in_words(figures), **figures)
         if as_json:
             print(json.dumps({"ok": True, **figures}))
         else:
-            show.print(_told(figures), markup=False)
+            show.print(in_words(figures), markup=False)
 
 
 def folder_of(run: str, state: Path | None) -> Path:
@@ -111,7 +111,8 @@ def _made_again(record: RecordedRun, trace_file: Path | None, as_json: bool) -> 
     }
 
 
-def _told(figures: dict[str, Any]) -> str:
+def in_words(figures: dict[str, Any]) -> str:
+    """What came of it: how much came again, and why not all."""
     ticks, of = figures["compared_ticks"], figures["recorded_ticks"]
     said = say("cli.replay.same", ticks=ticks, of=of, time=ticks * figures["period_s"])
     for spoilt in figures["spoilt"]:
