@@ -32,7 +32,9 @@ class RecordedRun:
     """``machine`` is fitted as it was then, ``text`` was run; ``recorded`` says how it began."""
 
     def __init__(self, file: Path, recorded: Recorded, built: Machine, text: bytes) -> None:
-        """Raises ConfigError for a period that is none."""
+        """Raises Refused where its setpoints cannot be read at all, and ConfigError for a period that is
+        none.
+        """
         period_s = recorded.begin.period_s
         if not recorded.begin.start.asks_spindle:
             built = replace(built, spindle=unasked(built.spindle))
@@ -41,6 +43,9 @@ class RecordedRun:
         self.name = str(record_files.known(file.parent).get("name") or events.PROGRAM)
         self.machine = setup_data.applied(self._built, recorded.begin.fitted)
         self._wanted = Comparison(file.parent, recorded) if SETPOINTS.segments(file.parent) else None
+        if self._wanted is not None and not self._wanted.ticks:
+            self._wanted.finish()
+            self._refuse_unreadable()
 
     @property
     def duration_s(self) -> float:
@@ -109,9 +114,7 @@ class RecordedRun:
         wanted.finish()
         if wanted.difference is not None:
             raise self._otherwise(wanted.difference)
-        if wanted.spoilt and not wanted.compared:
-            why = wanted.spoilt[0].why
-            raise Refused(say("cli.replay.unreadable", parent=self._file.parent, why=why))
+        self._refuse_unreadable()
         if run.result != "completed" and self._ended_as() == "completed":
             raise Refused(
                 say(
@@ -142,6 +145,12 @@ class RecordedRun:
             "off_path": off_path(self.recorded) < wanted.ticks,
             "spoilt": [self._spoilt(one) for one in wanted.spoilt],
         }
+
+    def _refuse_unreadable(self) -> None:
+        """Raises Refused where some of the record is spoilt, and nothing of it could be compared."""
+        if self._wanted is not None and self._wanted.spoilt and not self._wanted.compared:
+            why = self._wanted.spoilt[0].why
+            raise Refused(say("cli.replay.unreadable", parent=self._file.parent, why=why))
 
     def _spoilt(self, found: Spoilt) -> dict[str, Any]:
         """Which segment, and of when: ``at_s`` and ``until_s`` from the start of the run."""

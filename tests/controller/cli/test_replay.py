@@ -96,6 +96,15 @@ def test_what_a_record_lacks_is_said_with_what_to_do(record: Path, gone: str, wo
     assert code == 1 and words in told["error"] and told["error"].endswith("."), told["error"]
 
 
+@pytest.mark.parametrize("ended", [True, False])
+def test_a_record_that_is_spoilt_as_a_whole_is_told_with_the_reason(record: Path, ended: bool) -> None:
+    (record / "setpoints.npz").write_bytes(b"nothing")
+    if not ended:
+        (record / "run.json").unlink()
+    code, told = replayed(record)
+    assert code == 1 and "its setpoints cannot be read (BadZipFile" in told["error"], told
+
+
 def test_a_record_of_an_older_version_takes_program_and_machine_from_files(record: Path) -> None:
     (record / "program.ngc").rename(record.parent / "program.ngc")
     assert replayed(record, "--program", record.parent / "program.ngc")[0] == 0

@@ -5,11 +5,13 @@ from __future__ import annotations
 import random
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from controller.messages import text
+from controller.service import run_file
 from controller.service.run_file import RunFile
 from controller.state import setpoints
 from controller.state.setpoints import ACTUAL, SETPOINTS, TABLES, Counts, SpoiltSegment
@@ -76,6 +78,31 @@ def test_a_killed_service_costs_the_frame_that_it_was_writing_and_no_segment(tmp
         (*whole, piece) = SETPOINTS.pieces(folder)
         assert piece.spoilt is None and piece.end <= TICKS and whole[-1].end == 5 * ROWS_EACH
         np.testing.assert_array_equal(SETPOINTS.read(folder), counts()[: piece.end])
+
+
+class Killed(BaseException):
+    """Nothing is tidied up after it."""
+
+
+@pytest.mark.parametrize("moment", ["while it is written", "before its rows go"])
+def test_a_service_killed_as_it_packs_a_segment_leaves_its_rows(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, moment: str
+) -> None:
+    file, folder = written(tmp_path), tmp_path / "runs" / "a"
+
+    def killed(out: Any, *_: object, **__: object) -> None:
+        if moment == "while it is written":
+            out.write(b"PK\x03\x04")
+        raise Killed
+
+    where = (np, "savez_compressed") if moment == "while it is written" else (run_file.atomic_file, "sync")
+    monkeypatch.setattr(*where, killed)
+    with pytest.raises(Killed):
+        file.pack()
+    monkeypatch.undo()
+    left = {one.name for one in folder.iterdir()}
+    assert {"setpoints.part"} <= left and ({"setpoints.npz.new", "setpoints.npz"} & left)
+    np.testing.assert_array_equal(SETPOINTS.read(folder), counts())
 
 
 def spoil(name: str, change: Callable[[bytes], bytes]) -> Callable[[Path], None]:
