@@ -10,6 +10,7 @@ import tarfile
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from support.fakes.fake_engine import served
 from support.machines import changer_bench
@@ -27,6 +28,7 @@ from controller.runtime import events
 from controller.runtime.starts import Start
 from controller.service import runs
 from controller.service.journal import sha256
+from controller.state.setpoints import SETPOINTS
 from controller.verify.console import Refused
 from drives.arranged import Arranged
 
@@ -191,3 +193,17 @@ def test_whatever_of_thousands_is_damaged_is_a_sentence(whole: Path, older: Path
 def test_without_a_state_folder_it_is_refused(tmp_path: Path) -> None:
     done = CliRunner().invoke(app, ["state", "check", "--state", str(tmp_path / "none")])
     assert done.exit_code == 1 and "--state" in done.output
+
+
+def test_a_segment_of_a_record_is_named_that_is_damaged_or_gone(copied: Path) -> None:
+    (folder,) = (copied / "runs").iterdir()
+    for first in (0, 4, 8):
+        with (folder / SETPOINTS.name(first)).open("wb") as file:
+            SETPOINTS.pack(file, first, np.full((4, 5), first, dtype=np.int32), folder.name)
+    assert all(one["condition"] == "ok" for one in asked(copied, 0) if "setpoints" in one["file"])
+    (folder / SETPOINTS.name(4)).unlink()
+    last = folder / SETPOINTS.name(8)
+    last.write_bytes(last.read_bytes()[:-9])
+    found = [one for one in asked(copied, 1) if one["condition"] == "damaged"]
+    names = [f"runs/{folder.name}/{SETPOINTS.name(first)}" for first in (4, 8)]
+    assert [one["file"] for one in found] == names and found[0]["why"] == "it is missing"
