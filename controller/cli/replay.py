@@ -39,7 +39,8 @@ def replay(
 
     In it come again: what was set before the start, overrides, holds, retract and return, jogs out of a hold,
     tool changes, a start behind a line, faults, a plan that was killed. No run, and so in no record, are
-    homing and jogs between programs: a run begins where they have left the axes.
+    homing and jogs between programs: a run begins where they have left the axes. Of a segment of the record
+    that is damaged or gone the ticks come again without being compared; it is named.
 
     Exit code 0: the same setpoints. 1: others, with the first tick, time, axis and difference; or no
     record to be made again. 4: the same setpoints, of a run that was held or stopped before its end.
