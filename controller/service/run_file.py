@@ -65,6 +65,10 @@ class _Growing:
         """For how many rows more; one at least is in each."""
         return max(0 if self.bytes else 1, (setpoints.SEGMENT_BYTES - self.bytes) // self.table.row_bytes)
 
+    def count(self, rows: Counts) -> None:
+        """These were added."""
+        self.bytes += rows.nbytes
+
 
 class RunFile:
     """One thread writes, another one may ``sync``, and one ``pack``. A full disk costs the record, not the
@@ -89,7 +93,8 @@ class RunFile:
             growing = self._growing[table]
             added, rows = rows[: growing.room], rows[growing.room :]
             self._write(growing.file, table.frame(first, added, self._folder.name))
-            first, growing.bytes = first + len(added), growing.bytes + added.nbytes
+            growing.count(added)
+            first += len(added)
             if not growing.room:
                 self._begin_segment(table, first)
 
@@ -154,6 +159,10 @@ class RunFile:
         except ValueError as error:  # closed
             self.problem = str(error)
         self._new.add(file)
+
+    def give_up(self, why: Said) -> None:
+        """No more is written."""
+        self.problem = self.problem or why
 
     @property
     def lines(self) -> int:

@@ -254,7 +254,7 @@ class RunRecord:
     def give_up(self, why: Said) -> None:
         """No more is kept of it."""
         if self._file is not None:
-            self._file.problem = self._file.problem or why
+            self._file.give_up(why)
 
     def pack(self) -> None:
         """Segments that are full take less room; a disk that has none for that keeps them as they are."""
