@@ -32,7 +32,7 @@ class Key(str):
     """A value that is itself a text, by its key, for instance what was waited for."""
 
 
-def said(key: str, /, **values: object) -> Said:
+def message(key: str, /, **values: object) -> Said:
     """The text of a key, with what it has places for; an error among the values is its ``reason``."""
     if "why" in values and not str(values["why"] or "").strip():  # an OSError may have no words, for one
         values["why"] = Key("no_why")
@@ -41,7 +41,7 @@ def said(key: str, /, **values: object) -> Said:
 
 def plain(sentence: Said | str) -> Said:
     """Also of what is known as a sentence only, of a program's reader for one."""
-    return said("text", text=sentence) if isinstance(sentence, str) else sentence
+    return message("text", text=sentence) if isinstance(sentence, str) else sentence
 
 
 def of_error(error: BaseException) -> Said:
@@ -61,14 +61,14 @@ class TextError(Exception):
 
 def several(*texts: Said | str) -> Said:
     """One after the other, without those that are empty."""
-    return said("text", text=[plain(one) for one in texts if one])
+    return message("text", text=[plain(one) for one in texts if one])
 
 
 def chain(link: str, texts: Sequence[Said | str]) -> Said | str:
     """Several as one: ``link`` is "and" or "or"; each is a key or plain words."""
     last: Said | str = texts[-1]
     for one in texts[-2::-1]:
-        last = said(link, one=one, other=last)
+        last = message(link, one=one, other=last)
     return last
 
 
@@ -107,7 +107,7 @@ def reason(error: BaseException) -> Said | str:
 # ---- in words
 
 
-def is_said(value: object) -> bool:
+def is_message(value: object) -> bool:
     return isinstance(value, Mapping) and "key" in value and "values" in value
 
 
@@ -121,9 +121,11 @@ def filled(said: Mapping[str, Any], texts: Mapping[str, str], around: Mapping[st
     def words(value: Any, name: str = "") -> Any:
         if name == "unit":
             return texts.get(f"unit.{value}", value)
-        if is_said(value):
+        if is_message(value):
             return filled(value, texts, figures)
-        return " ".join(map(words, value)) if isinstance(value, list) and all(map(is_said, value)) else value
+        return (
+            " ".join(map(words, value)) if isinstance(value, list) and all(map(is_message, value)) else value
+        )
 
     key, values = str(said["key"]), {**around, **(said["values"] or {})}
     figures = {name: value for name, value in values.items() if isinstance(value, str | int | float)}

@@ -39,7 +39,7 @@ LEAVE_S = 5.0  # for the last answer of a connection to go out
 
 def _silent() -> bytes:
     """The answer to a request whose rest did not come (RFC 9110, 15.5.9), as all others look."""
-    body = Refusal.told(408, "slow", "request_silent").response().body
+    body = Refusal.of(408, "slow", "request_silent").response().body
     head = "HTTP/1.1 408 Request Timeout\r\nConnection: close\r\nContent-Type: application/json\r\n"
     return f"{head}Content-Length: {len(body)}\r\n\r\n".encode() + bytes(body)
 

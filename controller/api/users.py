@@ -72,7 +72,7 @@ class Brake:
         wait_s = max(self._tries[key].wait_s(now_s) if key in self._tries else 0.0 for key in keys)
         if wait_s > 0.0:
             later = {"Retry-After": str(int(wait_s) + 1)}
-            raise Refusal.told(429, "too_often", "too_often", headers=later, seconds=wait_s)
+            raise Refusal.of(429, "too_often", "too_often", headers=later, seconds=wait_s)
 
     def wrong(self, now_s: float, keys: Mapping[str, int]) -> None:
         self._tries = {key: tries for key, tries in self._tries.items() if tries.remembered(now_s) > 0.0}
@@ -134,7 +134,7 @@ class Users:
         """Raises Refusal where there were users and the store has none any more: nobody can log in."""
         if self.lost is not None and not self._users:
             more, headers = self.lost["values"], {"WWW-Authenticate": "Bearer"}
-            raise Refusal.told(401, "log_in", self.lost["key"], headers=headers, **more)
+            raise Refusal.of(401, "log_in", self.lost["key"], headers=headers, **more)
 
     @cached_property
     def _nobody(self) -> str:
@@ -158,7 +158,7 @@ class Users:
         async with self._hashing:
             right = await asyncio.to_thread(self._verify, user, password)
         if user is None or not right:
-            raise Refusal.told(401, "log_in", "wrong_password")
+            raise Refusal.of(401, "log_in", "wrong_password")
         self._brake.right(keys)
         self._remember(name, address)
         begun = self.begin(name, Role.named(user.role))
@@ -200,7 +200,7 @@ class Users:
             return None
         self._tokens[key] = found
         if found.expires_s is not None and self._wall() >= found.expires_s:
-            raise Refusal.told(401, "token", "token_expired", name=found.name)
+            raise Refusal.of(401, "token", "token_expired", name=found.name)
         return Principal(f"token {found.name}", Role.named(found.role), "token")
 
     def log_out(self, cookie: str) -> None:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq, minimize_scalar
 
 from controller.cad.arcs import Arc, Ruled, Scale, Trimmed, place
-from controller.messages import said
+from controller.messages import message
 
 Array = NDArray[np.float64]
 
@@ -309,7 +309,7 @@ def _without_ends(
     sound = np.flatnonzero(length > LEAST_MM)
     if not len(sound) or len(sound) < sound[-1] - sound[0] + 1:
         at = a[int(length.argmin())]
-        raise Trimmed(said("cad.no_length_at", at=place(face.point(float(at), made[0](float(at))))))
+        raise Trimmed(message("cad.no_length_at", at=place(face.point(float(at), made[0](float(at))))))
     cut = float(a[sound[0]]), float(a[sound[-1]])
     left = max(float(length[: sound[0] + 1].max(initial=0.0)), float(length[sound[-1] :].max(initial=0.0)))
     bounds = [_over(bound, cut) for bound in made]

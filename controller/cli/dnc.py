@@ -17,7 +17,7 @@ from controller.api.dnc import LineError, LineSettings
 from controller.api.dnc_format import Tape, TapeError, punched
 from controller.api.store import Program, Store, StoreError
 from controller.ipc import control_socket
-from controller.messages import Said, said
+from controller.messages import Said, message
 from controller.verify.console import Refused, bar, refusals, say, spoken, tell
 
 app = typer.Typer(
@@ -83,15 +83,15 @@ def _take(
         came = dnc.receive(line, lambda count: progress(0.0, say("cli.dnc.bytes", count=count)))
     if name and len(came.tapes) > 1:
         listed = ", ".join(tape.name or say("cli.dnc.unnumbered") for tape in came.tapes)
-        raise TapeError(said("cli.dnc.several", port=settings.port, count=len(came.tapes), listed=listed))
+        raise TapeError(message("cli.dnc.several", port=settings.port, count=len(came.tapes), listed=listed))
     for tape in came.tapes:
-        _say(kept(store, tape, name, in_use()), "cli.dnc.received", as_json, tape.told)
+        _say(save_tape(store, tape, name, in_use()), "cli.dnc.received", as_json, tape.told)
     if came.problem:
         raise TapeError(came.problem)
 
 
-def kept(store: Store, tape: Tape, name: str, in_use: Collection[str]) -> Program:
-    """The tape as a program of the store. Raises StoreError."""
+def save_tape(store: Store, tape: Tape, name: str, in_use: Collection[str]) -> Program:
+    """Store the tape as a program. Raises StoreError."""
     called = name or tape.name or time.strftime("received %Y-%m-%d %H.%M.%S")
     with store.uploads.begin(called, size=len(tape.text), by=BY) as upload:
         upload.write(tape.text)
@@ -109,7 +109,7 @@ def _in_use(state: Path, runtime: Path | None) -> Callable[[], Collection[str]]:
         try:
             job = client.ask("status").get("job") or {}
         except control_socket.CommandRefused as error:
-            sentence = said("cli.dnc.unknown_use", why=error)
+            sentence = message("cli.dnc.unknown_use", why=error)
             raise StoreError("running", sentence) from error
         finally:
             client.close()

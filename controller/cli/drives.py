@@ -23,7 +23,7 @@ from controller.cli.speech import speaking
 from controller.ipc import control_socket
 from controller.machine import arrangement, drive_profiles, nodes
 from controller.machine.model import Machine
-from controller.messages import Said, is_said, said
+from controller.messages import Said, is_message, message
 from controller.verify.console import Refused, in_words, refusals, say, show, tell
 from drives import commission as commissioning
 from drives.commissioning import identity, lss, possible, sheet, survey, twins
@@ -126,7 +126,7 @@ def commission(
 
 def _in_words(tree: Any) -> Any:
     """Values with the words of each text in its place, for JSON."""
-    if is_said(tree):
+    if is_message(tree):
         return in_words(tree)
     if isinstance(tree, dict):
         return {key: _in_words(value) for key, value in tree.items()}
@@ -212,7 +212,7 @@ def _twins(joined: Joined, found: Sequence[survey.Found]) -> Iterator[Said]:
             if one.node in known:
                 yield commissioning.of_drive(known[one.node], what)
             else:
-                yield said("cli.drives.of_node", bus=joined.bus.name, node=one.node, why=what)
+                yield message("cli.drives.of_node", bus=joined.bus.name, node=one.node, why=what)
 
 
 def _strangers(joined: Joined, found: Sequence[survey.Found]) -> Iterator[Said]:

@@ -30,7 +30,7 @@ from typing import Any
 
 from controller import atomic_file, messages, own_files, sealed_file
 from controller.ipc import internal_error
-from controller.messages import Key, Said, plain, said
+from controller.messages import Key, Said, message, plain
 
 Values = dict[str, Any]
 Answer = Values | Future[Values]
@@ -107,8 +107,8 @@ def runtime_of(state: Path) -> Path:
         return runtime_folder()
 
 
-def last_told(state: Path, what: str) -> Values:
-    """The "status" or "facts" that the service of a state folder told last, with ``gone_s``: so long ago.
+def last_known(state: Path, what: str) -> Values:
+    """The "status" or "facts" that the service of a state folder stored last, with ``gone_s``: so long ago.
 
     Empty where nothing is known.
     """
@@ -186,7 +186,7 @@ class Client:
             number = self._number
         packet = packed({"id": number, "verb": verb, "args": args})
         if len(packet) > MAX_BYTES:
-            raise CommandRefused("bad", said("long_request", verb=verb, bytes=len(packet)))
+            raise CommandRefused("bad", message("long_request", verb=verb, bytes=len(packet)))
         return number, packet
 
     def _answer(self, own: socket.socket, number: int) -> Values:
@@ -221,7 +221,7 @@ class Client:
             own.connect(str(self._path))
         except (FileNotFoundError, ConnectionError) as error:
             own.close()
-            raise CommandRefused("gone", said("no_service", path=self._path, why=error)) from error
+            raise CommandRefused("gone", message("no_service", path=self._path, why=error)) from error
         except OSError as error:
             own.close()
             raise self._silent(error) from error
@@ -233,15 +233,15 @@ class Client:
             self._take(fresh=True).close()
         except CommandRefused as error:
             return error
-        return CommandRefused("silent", said("started_anew", path=self._path, verb=verb))
+        return CommandRefused("silent", message("started_anew", path=self._path, verb=verb))
 
     def _silent(self, error: OSError) -> CommandRefused:
         """Somebody holds the socket: what is loaded there may be running."""
         if isinstance(error, PermissionError):
-            return CommandRefused("silent", said("stranger", path=self._path))
+            return CommandRefused("silent", message("stranger", path=self._path))
         why = error if error.strerror else Key("no_answer_within")
         return CommandRefused(
-            "silent", said("silent_door", path=self._path, why=why, seconds=self._longest_s)
+            "silent", message("silent_door", path=self._path, why=why, seconds=self._longest_s)
         )
 
 
@@ -258,7 +258,7 @@ def _received(own: socket.socket) -> bytes:
 
 def own_error(error: BaseException) -> CommandRefused:
     """A mistake of ours as an answer."""
-    return CommandRefused("busy", said("own_error", error=internal_error.told(error)))
+    return CommandRefused("busy", message("own_error", error=internal_error.summary(error)))
 
 
 def packed(told: Values) -> bytes:

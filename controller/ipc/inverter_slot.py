@@ -47,7 +47,7 @@ class InverterSlot:
     def report(self, reported: Reported) -> None:
         self._reported.write(reported)
 
-    def wanted(self) -> tuple[Wanted, int]:
+    def commanded(self) -> tuple[Wanted, int]:
         """The newest, and how many there have been."""
         values = self._wanted.newest()
         return (Wanted(), 0) if values is None else (Wanted(*values), self._wanted.count)

@@ -49,7 +49,7 @@ def _newest() -> _Newest:
 
 def law(course: Course, begin: State, until: float | None, guess: Profile | None) -> Profile | None:
     """As ``profile.plan``."""
-    if not _is_kept(course):
+    if not _is_cacheable(course):
         return profile.plan(course, begin, until, guess)
     on = ("law", course.made_of, begin, until, _bytes(guess))
     return _newest().of(on, lambda: profile.plan(course, begin, until, guess), _size)
@@ -57,7 +57,7 @@ def law(course: Course, begin: State, until: float | None, guess: Profile | None
 
 def stops(course: Course, found: Profile, first_s: float, last_s: float, step_s: float) -> StopTable:
     """As ``stops.table.stops``."""
-    if not _is_kept(course):
+    if not _is_cacheable(course):
         return table.stops(course, found, first_s, last_s, step_s)
     on = ("stops", course.made_of, _bytes(found), first_s, last_s, step_s)
     return _newest().of(
@@ -67,7 +67,7 @@ def stops(course: Course, found: Profile, first_s: float, last_s: float, step_s:
     )
 
 
-def _is_kept(course: Course) -> bool:
+def _is_cacheable(course: Course) -> bool:
     """Exact rows are remembered by their course, and not here."""
     return len(course.stretches) <= MOST and not is_row(course)
 

@@ -173,7 +173,7 @@ class Note:
         """In English."""
         return text(self.said)
 
-    def told(self, language: str) -> dict[str, object]:
+    def to_json(self, language: str) -> dict[str, object]:
         """For JSON that is read by people."""
         return {"line": self.place.line, "note": text(self.said, language), **self.said}
 

@@ -19,7 +19,7 @@ from dataclasses import replace
 from types import MappingProxyType
 
 from controller.machine.model import Joints, Machine
-from controller.messages import Said, chain, said
+from controller.messages import Said, chain, message
 from controller.program import (
     arc_words,
     codes,
@@ -186,7 +186,7 @@ def _blocks(
     order = 0
     for line in ahead.items:
         if ahead.told:
-            yield _said(ahead.told, given.state)
+            yield _notes_and_settings(ahead.told, given.state)
         if isinstance(line, CommonRun):
             if in_force is not None:
                 in_force.add_run(line, given.state)
@@ -233,7 +233,7 @@ def _blocks(
         if turn.ended:
             break
     if ahead.told:
-        yield _said(ahead.told, given.state)
+        yield _notes_and_settings(ahead.told, given.state)
     note.add(order, given.state._replace(parameters=parameters.to_leave()))
 
 
@@ -293,7 +293,7 @@ def _is_part(word: Word) -> bool:
     return word.letter in "XYZKRPL" or (word.letter == "G" and word.value in (5.2, 5.3))
 
 
-def _said(told: list[Line], state: State) -> list[Block]:
+def _notes_and_settings(told: list[Line], state: State) -> list[Block]:
     said: list[Block] = []
     for line in told:
         said += [Remark(line.place(1), state.modal, note) for note in line.notes]
@@ -494,7 +494,7 @@ class _Turn:
 
     def _unowned(self, word: Word, takers: Sequence[tuple[str, str]]) -> ProgramError:
         if self._motion == "G6.2":
-            return nurbs_words.refusal(self.ask.line, word, said("surface.found", found=word.text))
+            return nurbs_words.refusal(self.ask.line, word, message("surface.found", found=word.text))
         if self._motion in CURVES:
             return spline_words.refusal(self.ask.line, word, self._motion)
         if self._motion in SURFACES:
@@ -512,9 +512,9 @@ class _Turn:
         belongs, of_line = takers_of(word.letter, self._machine.dialect), list[Said]()
         for code, letters in takers:
             if letters:
-                of_line.append(said("word.takes", code=self._with_form(code), letters=" ".join(letters)))
+                of_line.append(message("word.takes", code=self._with_form(code), letters=" ".join(letters)))
             elif code == self._holder:
-                of_line.append(said("word.takes_none", code=code))
+                of_line.append(message("word.takes_none", code=code))
         if not of_line:
             return self.ask.refusal(word, "word.no_owner", takers=belongs)
         return self.ask.refusal(word, "word.no_owner_here", takers=belongs, here=chain("and", of_line))
@@ -560,7 +560,7 @@ class _Turn:
             self._note("note.g81_p", self.ask.words["P"])
         for key, word in self.ask.lenient:
             if key not in self.state.noted:
-                told = said(key, word=word.text)
+                told = message(key, word=word.text)
                 self.made.append(Remark(self.ask.place(word), self.state.modal, told))
                 self.state = self.state._replace(noted=self.state.noted | {key})
 
@@ -587,7 +587,7 @@ class _Turn:
             self.state = dynamic_offset.switched(self._here(code))
         if self._shifts:
             self.state = offset_words.local_shift(self._here("G52"))
-            self.made.append(surface_words.told_shift(self.ask, self.state))
+            self.made.append(surface_words.shift_remark(self.ask, self.state))
         if once in TO_PLANE:
             self.state, turned = tool_axis_words.turned(self._here(once))
             self.made += turned
@@ -607,7 +607,7 @@ class _Turn:
         word = self.ask.codes["one-line"][1]
         while (line := self._ahead.look()) is not None:
             if any(one.letter == "G" and one.value == 11.0 for one in line.words):
-                told = said("note.control_parameters", line=line.number)
+                told = message("note.control_parameters", line=line.number)
                 self.made.append(Remark(self.ask.place(word), self.state.modal, told))
                 return
             next(self._ahead)
@@ -658,7 +658,7 @@ class _Turn:
         if named == "G80" and (beneath := self._beneath()):
             self.state = self.state._replace(motion=beneath, cycle=None)
         elif named in _CLEARED:
-            why = said(_CLEARED[named], line=self.ask.line.number)
+            why = message(_CLEARED[named], line=self.ask.line.number)
             goes = self.state.curve_goes if named == "G5" else None
             self.state = self.state._replace(motion="", cleared=why, cycle=None, curve_goes=goes)
         elif named != self.state.motion or (self.state.cycle and named not in CYCLES):

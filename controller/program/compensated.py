@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 from controller.geometry.vectors import ROUNDING
 from controller.machine.model import Machine
-from controller.messages import Said, said, text
+from controller.messages import Said, message, text
 from controller.program.arc_words import PLANES
 from controller.program.contour import circles, ways
 from controller.program.contour.ways import Cut, Doubt, Way
@@ -30,7 +30,7 @@ MOTIONS = (JointLine, JointArc, TipLine)
 MAX_BETWEEN = 1000  # blocks between two moves in the plane
 SHORTEST_ARC_MM = 2e-6  # shorter ones could be taken for whole circles
 ROUND_MM = 1e-3  # by which the cutter may be larger than an arc that it fills (rounded words)
-UNKNOWN = said("beside.unknown")
+UNKNOWN = message("beside.unknown")
 
 
 class NotBesideError(Exception):
@@ -302,7 +302,7 @@ class Cutter:
             radius = abs(self.planar.off_mm)
             if self._machine.gouge == "refuse":
                 raise self._wrong(step.held, "beside.gouge", radius=radius, there=neck.old.line)
-            told = said("beside.gouge_told", radius=radius, there=neck.old.line)
+            told = message("beside.gouge_told", radius=radius, there=neck.old.line)
             self._waiting.append(Remark(step.block.place, step.block.modal, told))
 
     # ---- targets ---------------------------------------------------------------------
@@ -334,7 +334,9 @@ class Cutter:
 
     def _wrong(self, held: Held, key: str, **values: object) -> NotBesideError:
         planar = self.planar
-        return NotBesideError(held.block.place, said(key, code=planar.code, line=planar.place.line, **values))
+        return NotBesideError(
+            held.block.place, message(key, code=planar.code, line=planar.place.line, **values)
+        )
 
 
 def to_end(held: Held, axes: Sequence[int], machine: Machine) -> Block:

@@ -18,7 +18,7 @@ from dataclasses import replace
 from types import MappingProxyType
 
 from controller.geometry.vectors import ROUNDING, Vector, angle_between
-from controller.messages import Key, chain, said
+from controller.messages import Key, chain, message
 from controller.program import line_words, output_words, thread_words
 from controller.program.codes import CYCLES, Ask
 from controller.program.cycle_way import PLANES, Way
@@ -132,7 +132,7 @@ def blocks(here: Here, code: str, word: Word) -> tuple[list[Block], State]:
     state = here.state._replace(cycle=cycle, motion=code, beneath=beneath)
     rigid = code in TAPS and thread_words.is_rigid(here)
     if code in TAPS and not rigid:
-        state = _told_floating(way, state, code)
+        state = _note_floating(way, state, code)
     clearance, bottom = _heights(here, cycle)
     start = _start(way, now, clearance, cycle.level)
     way.end = clearance if here.state.to_clearance else max(cycle.level, clearance)
@@ -291,10 +291,10 @@ def _repeats(ask: Ask, way: Way) -> int:
     return count
 
 
-def _told_floating(way: Way, state: State, code: str) -> State:
+def _note_floating(way: Way, state: State, code: str) -> State:
     if code in state.noted:
         return state
-    way.made.append(Remark(way.place, state.modal, said("note.floating", code=code)))
+    way.made.append(Remark(way.place, state.modal, message("note.floating", code=code)))
     return state._replace(noted=state.noted | {code})
 
 

@@ -14,7 +14,7 @@ import re
 from collections.abc import Callable
 from typing import Any
 
-from controller.messages import Key, said
+from controller.messages import Key, message
 from controller.program.parameters import Name, NoValue, Parameters
 from controller.program.program import ProgramError
 
@@ -118,7 +118,7 @@ class Values:
 
     def refusal(self, at: int, key: str, **values: object) -> ProgramError:
         """The error of this line at the 0-based place ``at``."""
-        return ProgramError(self._name, self._number, at + 1, said(key, **values))
+        return ProgramError(self._name, self._number, at + 1, message(key, **values))
 
     def peek(self) -> str:
         """The next character that is no gap, or nothing at the end of the line."""

@@ -10,7 +10,7 @@ from types import MappingProxyType
 from typing import NamedTuple
 
 from controller.machine.changes import Change
-from controller.messages import Said, said
+from controller.messages import Said, message
 from controller.program.program import Block, Callers, Place, ProgramError
 
 # A common line as programs from CAM systems have them in millions: an N, G0 to G3, words in the usual order,
@@ -208,7 +208,7 @@ class Line:
 
     def refusal(self, word: Word, key: str, about: str = "", **values: object) -> ProgramError:
         """Of a word; the text of ``key`` may name it as {word} and {letter} beside its own values."""
-        why = said(key, **{"word": word.text, "letter": word.letter, **values})
+        why = message(key, **{"word": word.text, "letter": word.letter, **values})
         about = about or (word.text if word.letter in "GM" else word.letter)
         error = ProgramError(self.name, self.number, word.column, why, about)
         return error.within(self.where.calls) if self.where is not None else error

@@ -8,7 +8,7 @@ from types import MappingProxyType
 from typing import NamedTuple
 
 from controller.machine.model import TOOL_AT_POWER_ON, Machine, Tool
-from controller.messages import Key, Said, said
+from controller.messages import Key, Said, message
 from controller.program.codes import SURFACES, Ask
 from controller.program.origins import Origins
 from controller.program.position import Known
@@ -64,7 +64,7 @@ class Begun:
     rows: Mapping[int, Mapping[str, float]]  # words (mm, degrees) by Q
 
 
-NO_MOTION = said("cleared.none")
+NO_MOTION = message("cleared.none")
 
 
 class State(NamedTuple):
@@ -110,13 +110,13 @@ class State(NamedTuple):
             raise ask.refusal(word, "feed.inverse_without", code=code)
         return 60.0 / ask.words["F"].value
 
-    def tool_as_told(self, number: int, machine: Machine) -> Tool | None:
+    def table_tool(self, number: int, machine: Machine) -> Tool | None:
         """A tool of the table, as G10 has changed it, its wear beside its size."""
-        return self.tools.get(number) or machine.tool_as_told(number)
+        return self.tools.get(number) or machine.table_tool(number)
 
     def tool(self, number: int, machine: Machine) -> Tool | None:
         """The same as it is cut with: worn."""
-        found = self.tool_as_told(number, machine)
+        found = self.table_tool(number, machine)
         return None if found is None else found.worn
 
     def named(self, number: int, machine: Machine) -> Tool | None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from controller.machine.model import OFFSETS, Machine, Spindle
-from controller.messages import Key, said
+from controller.messages import Key, message
 from controller.program import output_words, planar_words, tool_change_words
 from controller.program.codes import SURFACES, Ask
 from controller.program.modal import BLU_PER_MM, FEEDS, INCHES, TIPS, TURNS, State, dwell_s, tool_list
@@ -146,7 +146,7 @@ class _Settings:
         number = int(word.value)
         comes = self._machine.comes(number)
         if comes != number:
-            told = said("note.sister", tool=number, sister=comes)
+            told = message("note.sister", tool=number, sister=comes)
             self.made.append(Remark(self.ask.place(word), self.state.modal, told))
         if self._machine.changer is not None and self._machine.changer.prepare:
             self.made.append(Select(self.ask.place(word), self.state.modal, comes))
@@ -300,7 +300,7 @@ class _Settings:
                 self.ask, code, self.side_letters, self.state.mm_per_unit, self.state.modal
             )
             self.state = self.state._replace(modal=modal)
-            planar = planar_words.said(self.ask, code, self.side_letters, self.state, self._machine)
+            planar = planar_words.active_offset(self.ask, code, self.side_letters, self.state, self._machine)
             word = self.ask.words.get("D") if planar is not None and "D" in self.side_letters else None
             number = int(word.value) if word is not None and code not in planar_words.WRITTEN else 0
             self.state = self.state._replace(
@@ -322,7 +322,7 @@ class _Settings:
             code = self.state.length_code  # H alone
         if code not in TIPS:
             return
-        modal, said = self.state.modal, self._said_mm(code)
+        modal, said = self.state.modal, self._tool_length_mm(code)
         length = {"G43.2": modal.length_mm + said, "G44": -said}.get(code, said)
         self._set_modal(replace(modal, length_mm=length, tip=TIPS[code]))
         self._set_aside(self._aside(code))
@@ -363,7 +363,7 @@ class _Settings:
         word = self.ask.of(code).words.get("Z" if code == "G43.1" else "H")
         return self.state.length_number if word is None and code != "G43.1" else word
 
-    def _said_mm(self, code: str) -> float:
+    def _tool_length_mm(self, code: str) -> float:
         """The length that H, or Z of G43.1, names; without one that of the tool in the spindle."""
         word = self._length_word(code)
         if word is None and code == "G43.1" and self.ask.of(code).words.keys() & {"X", "Y"}:

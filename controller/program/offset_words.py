@@ -82,16 +82,16 @@ def _shifted_to(here: Here) -> Origins:
         state.origins, shift=NONE if state.origins.suspended else state.origins.shift, suspended=False
     )
     plain = state.with_origins(origins, here.machine)
-    now = _said(here, here.position.in_frame(plain.modal), xyz, word)
+    now = _positions(here, here.position.in_frame(plain.modal), xyz, word)
     shift = origins.shift
     x, y, z = (s + (n - w if w is not None else 0.0) for s, n, w in zip(shift.xyz, now, xyz, strict=True))
-    stand = _said(here, here.position.rotaries, rotary, word)
+    stand = _positions(here, here.position.rotaries, rotary, word)
     before = zip(shift.turned_rad, stand, rotary, plain.modal.turned_rad, strict=True)
     a, b = (s if w is None else s + n - t - w for s, n, w, t in before)
     return replace(origins, shift=Shift((x, y, z), (a, b)))
 
 
-def _said(here: Here, now: Sequence[Known], words: Sequence[Known], word: Word) -> tuple[float, ...]:
+def _positions(here: Here, now: Sequence[Known], words: Sequence[Known], word: Word) -> tuple[float, ...]:
     """Positions; those of axes without a word are not needed."""
     needed = [0.0 if w is None else n for n, w in zip(now, words, strict=True)]
     return here.known(word, needed, here.ask.code("one-line"))
@@ -147,7 +147,7 @@ def _set_offset(here: Here, index: int, to_here: bool) -> State:
     if to_here:
         _check_untilted(here, "G10 L20")
     xyz, rotary = here.lengths_mm(), here.rotary_rad()
-    offset = _offset_here(here, index, xyz, rotary) if to_here else _offset_said(here, before, xyz, rotary)
+    offset = _offset_here(here, index, xyz, rotary) if to_here else _offset_after(here, before, xyz, rotary)
     if r is not None:
         offset = replace(offset, frame=turned_about_z(offset.frame, r.value))
     return here.state.with_origins(origins.with_offset(index, offset), here.machine)
@@ -173,15 +173,15 @@ def _check_untilted(here: Here, code: str) -> None:
         raise here.ask.refusal(here.ask.codes["one-line"][1], "offset.tilted", code=code)
 
 
-def _offset_said(here: Here, before: Offset, xyz: Sequence[Known], rotary: Sequence[Known]) -> Offset:
+def _offset_after(here: Here, before: Offset, xyz: Sequence[Known], rotary: Sequence[Known]) -> Offset:
     distances = here.machine.dialect == "fanuc" and not here.state.absolute
 
-    def said(old: Sequence[float], words: Sequence[Known]) -> list[float]:
+    def shifted(old: Sequence[float], words: Sequence[Known]) -> list[float]:
         base = old if distances else [0.0] * len(old)
         return [q if w is None else b + w for q, b, w in zip(old, base, words, strict=True)]
 
-    x, y, z = said(before.frame.origin, xyz)
-    a, b = said(before.turned_rad, rotary)
+    x, y, z = shifted(before.frame.origin, xyz)
+    a, b = shifted(before.turned_rad, rotary)
     return Offset(before.frame._replace(origin=(x, y, z)), (a, b))
 
 
@@ -190,8 +190,8 @@ def _offset_here(here: Here, index: int, xyz: Sequence[Known], rotary: Sequence[
     word = here.ask.codes["one-line"][1]
     under = replace(here.state.origins, index=index, turn=None)
     plain = here.state.with_origins(under, here.machine)
-    now = _said(here, here.position.in_frame(plain.modal), xyz, word)
-    stand = _said(here, here.position.rotaries, rotary, word)
+    now = _positions(here, here.position.in_frame(plain.modal), xyz, word)
+    stand = _positions(here, here.position.rotaries, rotary, word)
     before = under.offset(index, here.machine)
     x, y, z = (0.0 if w is None else n - w for n, w in zip(now, xyz, strict=True))
     turned = zip(before.turned_rad, stand, rotary, plain.modal.turned_rad, strict=True)
@@ -202,7 +202,7 @@ def _offset_here(here: Here, index: int, xyz: Sequence[Known], rotary: Sequence[
 
 
 def _set_tool(here: Here, what: int, number: int) -> State:
-    tool, fanuc = here.state.tool_as_told(number, here.machine), here.machine.dialect == "fanuc"
+    tool, fanuc = here.state.table_tool(number, here.machine), here.machine.dialect == "fanuc"
     if tool is None:
         word = here.ask.words["P"]
         raise here.ask.refusal(word, "tool.unknown_here", tools=tool_list(here.machine))

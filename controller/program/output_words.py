@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from types import MappingProxyType
 
 from controller.machine.model import Machine
-from controller.messages import Key, said
+from controller.messages import Key, message
 from controller.program.codes import Ask
 from controller.program.program import Await, Block, Level, Modal, Remark
 from controller.program.words import Word
@@ -25,7 +25,7 @@ def awaited(ask: Ask, word: Word, modal: Modal, machine: Machine) -> list[Block]
     kind, most = ask.words.get("L"), ask.words.get("Q")
     level = 0 if kind is None else ask.whole(kind)
     if level == 0:
-        return [Remark(ask.place(word), modal, said("note.reads_input"))]
+        return [Remark(ask.place(word), modal, message("note.reads_input"))]
     if level > len(Level):
         raise ask.refusal(kind or word, "output.no_level", level=level)
     if most is None or not 0.0 < most.value <= MAX_WAIT_S:

@@ -32,8 +32,8 @@ _STAYS = MappingProxyType(
 _NEVER = ("G28", "G30", "G53")
 
 
-def said(ask: Ask, code: str, letters: str, state: State, machine: Machine) -> Planar | None:
-    """What G40 to G42.1 leave on; ``letters``: those of D P Q R that no other code of the line takes."""
+def active_offset(ask: Ask, code: str, letters: str, state: State, machine: Machine) -> Planar | None:
+    """The compensation after G40 to G42.1; ``letters``: those of D P Q R that no other code takes."""
     word, before = ask.codes["side"][1], state.modal.planar
     if code == "G40":
         return None

@@ -111,7 +111,7 @@ def defined(here: Here) -> tuple[State, list[Block]]:
 
     def tell(key: str, **values: object) -> None:
         told.append(
-            Remark(here.ask.place(word), here.state.modal, messages.said(key, code=code, p=p, **values))
+            Remark(here.ask.place(word), here.state.modal, messages.message(key, code=code, p=p, **values))
         )
 
     given = None if form.rows else here.ask.words.get("Q")

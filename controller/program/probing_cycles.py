@@ -18,7 +18,7 @@ from decimal import Decimal
 from typing import Any, NamedTuple
 
 from controller.machine.model import OFFSETS
-from controller.messages import Said, said
+from controller.messages import Said, message
 from controller.program import linked
 
 TOWARDS = {"X+": (1, 0), "X-": (-1, 0), "Y+": (0, 1), "Y-": (0, -1)}
@@ -157,4 +157,4 @@ def _numbers(name: str, value: object) -> tuple[float, ...]:
 
 
 def _refused(key: str, allowed: Any = (), **values: object) -> CycleRefused:
-    return CycleRefused(said(key, allowed=", ".join(allowed), **values))
+    return CycleRefused(message(key, allowed=", ".join(allowed), **values))

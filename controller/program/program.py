@@ -12,7 +12,7 @@ from controller.geometry.splines import BSpline
 from controller.geometry.vectors import Frame, Vector
 from controller.machine.changes import Change
 from controller.machine.model import Joints, Machine, Tool
-from controller.messages import Said, chain, said, several, text
+from controller.messages import Said, chain, message, several, text
 
 
 class Caller(NamedTuple):
@@ -47,7 +47,7 @@ class ProgramError(Exception):
     def placed(self) -> Said:
         """Where and why."""
         place = f"{self.file}:{self.line}:{self.column}"
-        return said("program.refused", place=place, sentence=self.said)
+        return message("program.refused", place=place, sentence=self.said)
 
     def __str__(self) -> str:
         return text(self.placed)
@@ -56,10 +56,10 @@ class ProgramError(Exception):
         """The same error inside of a sub, with who called it."""
         if not callers:
             return self
-        told: list[Said | str] = [said("program.called", **one._asdict()) for one in callers[:MAX_CALLERS]]
+        told: list[Said | str] = [message("program.called", **one._asdict()) for one in callers[:MAX_CALLERS]]
         if (more := len(callers) - MAX_CALLERS) > 0:
-            told.append(said("program.more_calls", more=more))
-        why = said("program.within", sentence=self.said, calls=chain("program.listed", told))
+            told.append(message("program.more_calls", more=more))
+        why = message("program.within", sentence=self.said, calls=chain("program.listed", told))
         found = type(self)(self.file, self.line, self.column, why, self.about)
         found.facts, found.callers = self.facts, callers
         return found
@@ -81,8 +81,8 @@ def refused_on_the_way(refusal: Said) -> Said:
     while isinstance(why, Mapping) and why["key"] == "program.within":  # subs
         why = why["values"]["sentence"]
     probed = isinstance(why, Mapping) and why["key"] in PROBED_IN_VAIN
-    stands = said("stands_after_probing" if probed else "stands_before")
-    return several(said("sentence", text=refusal), stands)
+    stands = message("stands_after_probing" if probed else "stands_before")
+    return several(message("sentence", text=refusal), stands)
 
 
 class GougeRefused(ProgramError):

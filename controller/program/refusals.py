@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from controller.machine.model import Joints, Machine
-from controller.messages import DEFAULT, Said, chain, said, text
+from controller.messages import DEFAULT, Said, chain, message, text
 from controller.program import blocks, caret, linked
 from controller.program.decoding import NEWLINE
 from controller.program.program import ProgramError
@@ -44,10 +44,10 @@ def counts(refused: Sequence[ProgramError]) -> dict[str, int]:
 def summed(refused: Sequence[ProgramError]) -> Said:
     """One sentence that counts them."""
     each: list[Said | str] = [
-        said("program.count" if about else "program.count_other", about=about, count=count)
+        message("program.count" if about else "program.count_other", about=about, count=count)
         for about, count in counts(refused).items()
     ]
-    return said("program.summed", count=len(refused), each=chain("program.listed", each))
+    return message("program.summed", count=len(refused), each=chain("program.listed", each))
 
 
 def lines_of(data: bytes, name: str) -> dict[str, list[str]]:

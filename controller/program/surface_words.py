@@ -19,7 +19,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 from controller.geometry.vectors import Frame, Vector, norm, subtract
 from controller.machine.model import Machine
-from controller.messages import Said, said
+from controller.messages import Said, message
 from controller.program.codes import CONE_WORDS, Ask
 from controller.program.line import Upcoming
 from controller.program.modal import BLU_PER_MM, State, tool_list
@@ -37,7 +37,7 @@ LEVEL_MM = 1e-9  # start and centre of a cone are on one level, a radius is not 
 def surplus(ask: Ask, motion: str, word: Word) -> ProgramError:
     """The refusal of a word that the G51 or G52 of this line does not take."""
     make = _not_a_cone if motion == "G51" else _not_a_ruled
-    return make(ask.line, word, said("surface.found", found=word.text))
+    return make(ask.line, word, message("surface.found", found=word.text))
 
 
 def _not_a_cone(line: Line, word: Word, found: Said) -> ProgramError:
@@ -69,20 +69,20 @@ def is_shift(ask: Ask, state: State, machine: Machine, ahead: Upcoming) -> bool:
     )
 
 
-def told_shift(ask: Ask, state: State) -> Remark:
-    """What ``check`` tells of a G52 that shifts."""
+def shift_remark(ask: Ask, state: State) -> Remark:
+    """What ``check`` reports of a G52 that shifts."""
     origins = state.origins
     key = "note.no_shift"
     if origins.local != NONE or (origins.shift != NONE and not origins.suspended):
         key = "note.shift" if origins.plane is None else "note.shift_of_plane"
-    return Remark(ask.place(ask.codes["motion"][1]), state.modal, said(key))
+    return Remark(ask.place(ask.codes["motion"][1]), state.modal, message(key))
 
 
 def cone(ask: Ask, state: State, machine: Machine) -> CutCone:
     """The cone of a line with G51 (mm, radians, part frame)."""
     word, given = ask.codes["motion"][1], ask.words
     if lacking := missing(given, CONE_WORDS):
-        raise _not_a_cone(ask.line, word, said("surface.missing", letters=lacking))
+        raise _not_a_cone(ask.line, word, message("surface.missing", letters=lacking))
     start, centre = point_of(given, "XYZ", state), point_of(given, "IJK", state)
     sweep = given["D"].value if given["D"].point else given["D"].value / BLU_PER_DEGREE
     _check_cone(ask, start, centre, sweep)
@@ -114,15 +114,15 @@ def ruled(ask: Ask, state: State, machine: Machine, lines: Iterator[Line]) -> Cu
     """The ruled surface of a line with G52; takes its other seven points from ``lines`` (mm)."""
     word, given = ask.codes["motion"][1], ask.words
     if lacking := missing(given, "XYZ"):
-        raise _not_a_ruled(ask.line, word, said("surface.missing", letters=lacking))
+        raise _not_a_ruled(ask.line, word, message("surface.missing", letters=lacking))
     if "stop" in ask.codes:
-        raise _not_a_ruled(ask.line, ask.codes["stop"][1], said("surface.found", found=ask.code("stop")))
+        raise _not_a_ruled(ask.line, ask.codes["stop"][1], message("surface.found", found=ask.code("stop")))
     p, words = [point_of(given, "XYZ", state)], _counted(given, "XYZF")
     while len(p) < 8:
         line = next(lines, None)
         if line is None:
-            raise _not_a_ruled(ask.line, word, said("surface.ends_after", count=len(p)))
-        due = said("surface.point", number=len(p) + 1, line=ask.line.number)
+            raise _not_a_ruled(ask.line, word, message("surface.ends_after", count=len(p)))
+        due = message("surface.point", number=len(p) + 1, line=ask.line.number)
         point = _point_words(line, due)
         p.append(point_of(point, "XYZ", state))
         words += point.values()
@@ -139,10 +139,10 @@ def _point_words(line: Line, due: Said) -> dict[str, Word]:
     given: dict[str, Word] = {}
     for found in line.words:
         if found.letter not in "XYZ" or found.letter in given:
-            raise _not_a_ruled(line, found, said("surface.found_for", found=found.text, due=due))
+            raise _not_a_ruled(line, found, message("surface.found_for", found=found.text, due=due))
         given[found.letter] = found
     if lacking := missing(given, "XYZ"):
-        raise _not_a_ruled(line, line.words[0], said("surface.missing_in", letters=lacking, due=due))
+        raise _not_a_ruled(line, line.words[0], message("surface.missing_in", letters=lacking, due=due))
     return given
 
 
@@ -198,14 +198,14 @@ def doubt_of_words(code: str, words: Iterable[Word], contact_mm: float, feed_mm_
     plain = next((word for word in lengths if not word.point), None)
     if plain is None:
         feed = next((word for word in counted if word.letter == "F" and not word.point), None)
-        return said("doubt.feed", code=code, word=feed.text, feed=feed_mm_s * 60.0) if feed else None
+        return message("doubt.feed", code=code, word=feed.text, feed=feed_mm_s * 60.0) if feed else None
     pointed = next((word for word in lengths if word.point), None)
     means = {"code": code, "word": plain.text, "mm": abs(plain.value) / BLU_PER_MM}
     if pointed is not None:
-        return said("doubt.mixed", pointed=pointed.text, **means)
+        return message("doubt.mixed", pointed=pointed.text, **means)
     if contact_mm >= SMALL_MM:
         return None
-    return said("doubt.small", contact=contact_mm, feed=feed_mm_s * 60.0, **means)
+    return message("doubt.small", contact=contact_mm, feed=feed_mm_s * 60.0, **means)
 
 
 def length_mm(points: Sequence[Vector]) -> float:

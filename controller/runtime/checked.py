@@ -18,7 +18,7 @@ from typing import Any
 from controller.geometry.vectors import ROUNDING
 from controller.machine.kinematics import Kinematics, kinematics_of
 from controller.machine.model import TOOL_AT_POWER_ON, Joints, Machine
-from controller.messages import Said, said
+from controller.messages import Said, message
 from controller.motion.motions import Rotaries
 from controller.plan.look_ahead import NoLaw
 from controller.plan.path import (
@@ -202,7 +202,7 @@ def _whole(items: Iterator[Chain | Pause], read: _Read, asked: Task) -> Iterator
     if read.last is None and asked.typed:
         yield Pause(Place(1, 1), modal.begun(asked.machine, asked.begin).modal)
     elif read.last is None:
-        raise ProgramError(asked.name, 1, 1, said("path.nothing"))
+        raise ProgramError(asked.name, 1, 1, message("path.nothing"))
     elif empty:
         yield Pause(read.last.place, read.last.modal)
 
@@ -217,11 +217,11 @@ def _switched_off(items: Iterable[Chain | Pause]) -> Iterator[Chain | Pause]:
 
 def chosen_for(asked: Task, progress: Progress = lambda _: None) -> dict[int, Rotaries]:
     """Branch and turns over the whole program: a pass of its own over its blocks."""
-    read = _told(_blocks(asked), asked, progress)
+    read = _with_progress(_blocks(asked), asked, progress)
     return choices.choices(read, asked.machine, asked.kinematics, asked.start, asked.name)
 
 
-def _told(read: Iterator[Block], asked: Task, progress: Progress) -> Iterator[Block]:
+def _with_progress(read: Iterator[Block], asked: Task, progress: Progress) -> Iterator[Block]:
     """Blocks; ``progress`` gets the share of the program that is read."""
     lines = max(1, asked.text.count(b"\n"))
     for block in read:
@@ -372,7 +372,7 @@ def looked_at(
                 in_force,
             )
         except NoLaw as lost:
-            raise ProgramError(asked.name, lost.line, 1, said("path.no_law")) from lost
+            raise ProgramError(asked.name, lost.line, 1, message("path.no_law")) from lost
         seen = _audited(asked, watched, _between(done, PLANNED, 1.0), spread)
     notes, overcuts = (*walk.notes, *seen.notes), tuple(seen.overcuts)
     figures = found.ticks, found.duration_s, found.blocks
@@ -397,9 +397,9 @@ def place_ahead(asked: Task, spread: Spread, progress: Progress = lambda _: None
         return
     wanted: dict[placing.Wanted, None] = {}
     with contextlib.suppress(ProgramError):
-        for block in _told(_blocks(asked), asked, _between(progress, 0.0, 0.1)):
+        for block in _with_progress(_blocks(asked), asked, _between(progress, 0.0, 0.1)):
             if isinstance(block, CutBlock):
-                wanted |= dict.fromkeys(cuts.wanted(block, asked.machine))
+                wanted |= dict.fromkeys(cuts.required_placements(block, asked.machine))
     unknown = [one for one in wanted if not one.is_known]
     for k, recipes in enumerate(spread(placing.searched, unknown, PLACING_S)):
         placements.learn(recipes)
@@ -411,13 +411,13 @@ def keep(kept: Stored, name: str, where: Path) -> Said | str:
     try:
         stored.save(kept, name, where)
     except OSError as error:
-        return said("stored.not_kept", folder=where, why=error)
+        return message("stored.not_kept", folder=where, why=error)
     return ""
 
 
 def verdict_of(kept: Stored, most: int = wording.MOST) -> dict[str, Any] | None:
-    """What a check says of the form of all surfaces, as ``wording.told`` does."""
-    return wording.told(kept.verdicts, most)
+    """What a check says of the form of all surfaces, as ``wording.to_json`` does."""
+    return wording.to_json(kept.verdicts, most)
 
 
 def find(asked: Task, where: Path) -> tuple[Stored | None, Said | str]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from controller.machine import machine_file
 from controller.machine.model import Machine
-from controller.messages import Said, said
+from controller.messages import Said, message
 from drives import commission
 
 
@@ -23,4 +23,4 @@ def look(machine: Machine) -> tuple[list[Said], list[Said]]:
 
 def refusal(machine: Machine) -> list[Said]:
     """The problems as sentences; none where there are none. Raises ConfigError."""
-    return [said("sentence", text=problem) for problem in look(machine)[0]]
+    return [message("sentence", text=problem) for problem in look(machine)[0]]

@@ -15,14 +15,14 @@ from controller.geometry.curves import ArcLength
 from controller.ipc.handoff import Snapshot
 from controller.machine.changes import Change
 from controller.machine.model import Joints, Machine
-from controller.messages import Said, said
+from controller.messages import Said, message
 from controller.plan.planner import Touch
 from controller.plan.report.passing import place_of
 from controller.plan.restart.program_position import LinePart, Spot, part_at
 from controller.plan.timetable import Passed, Timetable
 from controller.program.modal import State, power_on
 from controller.program.program import Changing
-from controller.state.modes import Fault, Mode, told
+from controller.state.modes import Fault, Mode, fault_message
 
 POWER_ON = power_on()
 
@@ -196,10 +196,14 @@ def _queue(now: Snapshot) -> tuple[int, Joints]:
 
 def _refused(key: str, mode: str = "") -> tuple[Any, ...]:
     """As the error of an answer."""
-    return "refused", said(key, mode=mode, request=""), mode, ""
+    return "refused", message(key, mode=mode, request=""), mode, ""
 
 
 def _by_now(now: Snapshot) -> tuple[Any, ...]:
     """The mode that the machine has come to; of a fault with which, and what to do."""
     mode = now.mode.name
-    return _refused("by_now", mode) if now.fault is Fault.NONE else ("refused", told(now.fault), mode, "")
+    return (
+        _refused("by_now", mode)
+        if now.fault is Fault.NONE
+        else ("refused", fault_message(now.fault), mode, "")
+    )

@@ -18,11 +18,11 @@ from typing import Any
 from controller import atomic_file, own_files, sealed_file
 from controller.ipc.handoff import Snapshot
 from controller.machine.model import Machine
-from controller.messages import Said, said
+from controller.messages import Said, message
 from controller.service import kept_file
 from controller.service.refusals import refused
 from controller.state.fault_table import NOBODY, Sender
-from controller.state.modes import FAULTS, Fault, told
+from controller.state.modes import FAULTS, Fault, fault_message
 
 FILE = "alarms.jsonl"
 RESERVE = "reserve"
@@ -160,9 +160,9 @@ def of(
     return {
         "name": fault.name,
         "axis": machine.axis_off(axis) or None,
-        **told(fault, name, also, sender),
-        "cause": said(f"cause.{fault.name}"),
-        "remedy": said(f"remedy.{fault.name}"),
+        **fault_message(fault, name, also, sender),
+        "cause": message(f"cause.{fault.name}"),
+        "remedy": message(f"remedy.{fault.name}"),
         "recovery": row.recovery.name.lower(),
         "position_trusted": row.position_trusted,
     }

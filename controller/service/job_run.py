@@ -13,7 +13,7 @@ from typing import Any
 
 from controller.ipc.handoff import Snapshot
 from controller.machine.changes import Change
-from controller.messages import Said, said
+from controller.messages import Said, message
 from controller.program import modal
 from controller.program.modal import State
 from controller.runtime.plan_messages import News, Program
@@ -191,7 +191,7 @@ class JobRun:
             fed = self.job.take_rows(rows, set_up.machine.period_s) if self.job is not None else ()
             usage.take(rows, set_up.tool, now.spindle_actual_rev_min != 0.0, fed)
             for key, values in usage.due():
-                self._service.alarms.add(key.upper(), said(key, **values))
+                self._service.alarms.add(key.upper(), message(key, **values))
             self._contour.take(rows, set_up.machine, now)
             self.recorder.take(rows, engine, engine.snapshot())
 

@@ -15,7 +15,7 @@ from controller.ipc.control_socket import CommandRefused
 from controller.ipc.handoff import COLUMN, Snapshot
 from controller.machine.changes import Change
 from controller.machine.model import Joints, Machine, Tool
-from controller.messages import Said, said
+from controller.messages import Said, message
 from controller.motion.pieces import STANDSTILL
 from controller.plan.report.passing import Mark, passed_s
 from controller.plan.restart.program_position import ENTRY_ID, Spot
@@ -316,7 +316,7 @@ class Job:
             return self.state
         return _STATES.get(now.mode, self.state)
 
-    def asked_tool(self, now: Snapshot, in_spindle: int) -> int | None:
+    def awaited_tool(self, now: Snapshot, in_spindle: int) -> int | None:
         """Number of the tool that it stands and waits for."""
         waits = self.active and now.mode is Mode.HOLD and now.at_rest
         return self.announced.awaited_tool(now.line, in_spindle) if waits else None
@@ -354,7 +354,7 @@ def bars_the_next(job: Job, result: str) -> Said | None:
     spot = job.program.spot
     if result != "completed" or job.entry is None or spot is None:
         return None
-    return said("gone_on_over", program=job.program.name, line=spot.line)
+    return message("gone_on_over", program=job.program.name, line=spot.line)
 
 
 def journalled(job: Job, now: Machine) -> journal.Job:

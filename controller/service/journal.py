@@ -30,7 +30,7 @@ from controller import sealed_file
 from controller.ipc.handoff import COLUMN, Snapshot
 from controller.machine.model import REFERENCES, Joints, Machine
 from controller.machine.offset_table import FIXTURES, KEPT_OFFSETS, OFFSETS
-from controller.messages import Key, Said, chain, said, text
+from controller.messages import Key, Said, chain, message, text
 from controller.plan.restart.program_position import AFTER_CHANGE, ENTRY_ID, FORMER, Spot
 from controller.program import carried
 from controller.service import kept_file
@@ -99,7 +99,7 @@ class Entry:
     change: tuple[int, int, int] | None = None
 
     @property
-    def wanted(self) -> int:
+    def required_tool(self) -> int:
         """Number of the tool with which the program goes on."""
         return self.tool if self.change is None else self.change[1]
 
@@ -186,7 +186,7 @@ def refusal(entry: Entry | None, now: Job, homed: int, untrusted: int, axes: int
     masks of the ``axes`` axes. A changed tool is no reason: the rest is cut as the new one does it.
     """
     if entry is None or entry.ended:
-        return said("not_interrupted")
+        return message("not_interrupted")
     then = entry.job
     changed = [
         name
@@ -199,9 +199,9 @@ def refusal(entry: Entry | None, now: Job, homed: int, untrusted: int, axes: int
     ]
     if changed:
         what = chain("and", [Key(name) for name in changed])
-        return said("changed", program=then.name, line=entry.spot.line, what=what)
+        return message("changed", program=then.name, line=entry.spot.line, what=what)
     if homed != (1 << axes) - 1 or untrusted:
-        return said("lost", program=then.name, line=entry.spot.line)
+        return message("lost", program=then.name, line=entry.spot.line)
     return None
 
 
@@ -252,7 +252,7 @@ class Journal:
         """As ``refusal``, of the last entry and its own program on a machine as it is now."""
         entry, known = self.last, self._here
         if entry is None:
-            return said("not_interrupted")
+            return message("not_interrupted")
         if known is None or known[0].job is not entry.job or known[1] is not machine:
             here = Job.of(entry.job.name, b"", machine, entry.job.start, entry.job.dry_run_mm)
             known = entry, machine, replace(here, program_sha256=entry.job.program_sha256)
@@ -375,7 +375,7 @@ class Journal:
             write(entry, self._file)
             self.problem = ""
         except OSError as error:
-            self.problem = text(said("journal_unwritten", file=self._file, why=error))
+            self.problem = text(message("journal_unwritten", file=self._file, why=error))
 
 
 def _is_programs(motion_id: int) -> bool:

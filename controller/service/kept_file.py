@@ -13,7 +13,7 @@ from typing import Any, TypeVar
 
 from controller import own_files, sealed_file
 from controller.machine.toml_table import ConfigError
-from controller.messages import Said, of_error, said
+from controller.messages import Said, message, of_error
 
 ALARM = "FILE_DAMAGED"
 WRONG = (*sealed_file.UNREADABLE, ConfigError)
@@ -35,7 +35,7 @@ def read(file: Path, taken: Callable[[Any], T], missing: T) -> tuple[T, Said | N
         own_files.put_aside(earlier)
         return missing, put_aside(file, why)
     at = time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(at_s))
-    return values, said("file_before", file=file, why=why, aside=_replaced(file, plain), at=at)
+    return values, message("file_before", file=file, why=why, aside=_replaced(file, plain), at=at)
 
 
 def read_newest(file: Path, taken: Callable[[Any], T], missing: T, unknown: Any) -> tuple[T, Said | None]:
@@ -45,7 +45,7 @@ def read_newest(file: Path, taken: Callable[[Any], T], missing: T, unknown: Any)
     values, why = _newest(file, taken, missing)
     if why is None:
         return values, None
-    return taken(unknown), said("file_damaged", file=file, why=why, aside=_replaced(file, unknown))
+    return taken(unknown), message("file_damaged", file=file, why=why, aside=_replaced(file, unknown))
 
 
 def _newest(file: Path, taken: Callable[[Any], T], missing: T) -> tuple[T, Said | None]:
@@ -53,7 +53,7 @@ def _newest(file: Path, taken: Callable[[Any], T], missing: T) -> tuple[T, Said 
     try:
         return taken(sealed_file.read(file)), None
     except FileNotFoundError:
-        return missing, said("sealed.gone") if sealed_file.before(file).exists() else None
+        return missing, message("sealed.gone") if sealed_file.before(file).exists() else None
     except WRONG as error:
         return missing, of_error(error)
 
@@ -77,4 +77,4 @@ def _replaced(file: Path, values: Any) -> str:
 def put_aside(file: Path, why: Exception | Said | str) -> Said:
     """Gives a file that cannot be read another name; what an alarm says of it."""
     aside = own_files.put_aside(file)
-    return said("file_damaged", file=file, why=why, aside=aside.name if aside else "-")
+    return message("file_damaged", file=file, why=why, aside=aside.name if aside else "-")

@@ -16,7 +16,7 @@ from collections.abc import Iterator, Mapping
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
-from controller.messages import Key, Said, said
+from controller.messages import Key, Said, message
 from controller.service import kept_file
 from controller.service.jobs import INTERRUPTED, UNDER_WAY
 from controller.state.modes import TOOL_CHANGE
@@ -77,15 +77,15 @@ def _steps(status: Status) -> Iterator[Step]:
 
 
 def _wait(key: str, **values: object) -> Step:
-    return Step(said(f"next.{key}", **values), waits=True)
+    return Step(message(f"next.{key}", **values), waits=True)
 
 
 def _by_hand(key: str, place: str = "", **values: object) -> Step:
-    return Step(said(f"next.{key}", **values), place=place)
+    return Step(message(f"next.{key}", **values), place=place)
 
 
 def _press(key: str, verb: str, args: dict[str, Any] | None = None, **values: object) -> Step:
-    return Step(said(f"next.{key}", **values), verb, args or {})
+    return Step(message(f"next.{key}", **values), verb, args or {})
 
 
 def _notice(status: Status, name: str) -> Said | None:
@@ -96,7 +96,7 @@ def _notice(status: Status, name: str) -> Said | None:
 def _fault_words(status: Status) -> Said:
     fault = status["fault"]
     remedy: Said | None = fault.get("remedy") if fault else None
-    return remedy or said("no_tick")
+    return remedy or message("no_tick")
 
 
 def _barred(status: Status) -> Iterator[Step]:
@@ -184,7 +184,7 @@ def _at_rest(status: Status) -> Iterator[Step]:
         why = _failed(status, "power up") or _failed(status, "reset")
         yield _press("commission" if why is None else "not_commissioned", "reset", why=why or "–")
     if (doubt := _notice(status, "CHANGER_IN_DOUBT")) is not None:
-        yield Step(said("next.changer", doubt=doubt), "changer_confirm", place="changer")
+        yield Step(message("next.changer", doubt=doubt), "changer_confirm", place="changer")
     yield from _barred(status)
     yield from _out_of_thread(status)
     if status["not_homed"]:
@@ -221,7 +221,7 @@ def _ready(status: Status, job: Mapping[str, Any]) -> Iterator[Step]:
         other = Said(key=offer["key"], values=offer["values"])
         yield _press("restart_tool", "mdi", {"text": f"T{tool} M6"}, why=other)
     if of_it and offer["offered"]:
-        yield Step(said("next.restart", offer=offer["says"]), "load", {"restart": True}, "restart")
+        yield Step(message("next.restart", offer=offer["says"]), "load", {"restart": True}, "restart")
     if not job or state == INTERRUPTED or job.get("text") is not None:
         yield _by_hand("choose", "programs")
     why = Said(key=job["key"], values=job["values"]) if job.get("key") else None
@@ -233,7 +233,7 @@ def _ready(status: Status, job: Mapping[str, Any]) -> Iterator[Step]:
     if starts and job.get("restart") and status["changer"] and starts["values"]["tool"] != status["tool"]:
         tool = starts["values"]["tool"]
         which = {"found": status["tool"] or 0, "wanted": tool, "program": name}
-        other = said("offer.other_tool" if status["tool"] else "offer.no_tool", **which)
+        other = message("offer.other_tool" if status["tool"] else "offer.no_tool", **which)
         yield _press("restart_tool", "mdi", {"text": f"T{tool} M6"}, why=other)
     key = "again" if state in ("completed", *ENDED_EARLY) else "start"
     yield _press(key, "start", program=name, what=starts or name)

@@ -101,7 +101,7 @@ class Owners:
 
     def _worn(self, tool: int) -> Said | None:
         """What is told before a tool comes whose life is over; None of any other."""
-        return self.usage.said_worn("change_worn", tool, self.set_up.tool_numbers)
+        return self.usage.worn_message("change_worn", tool, self.set_up.tool_numbers)
 
     def _save_usage(self, at_once: bool = False) -> None:
         """Counters that cannot be kept are kept later."""

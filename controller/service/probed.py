@@ -71,7 +71,7 @@ class Probed:
             lines, self.touches_damaged = _of_older(state)
         self._head, *self._touches = lines or [""]
 
-    def told(self) -> list[dict[str, Any]]:
+    def to_json(self) -> list[dict[str, Any]]:
         """Time (s since 1970), program, cycle, values; the newest first."""
         return self._rows[::-1]
 

@@ -11,7 +11,7 @@ from typing import Any
 from controller import messages
 from controller.ipc.handoff import Snapshot
 from controller.machine.model import Machine
-from controller.messages import Said, said
+from controller.messages import Said, message
 from controller.runtime.plan_messages import Turn
 from controller.runtime.starts import Start
 from controller.service.alarms import Alarms
@@ -92,7 +92,7 @@ class RunRecorder:
         """Once: nothing of a run is kept, or no more of it than until now."""
         if record.problem and self.unrecorded is None:
             name, key = str(record.what.get("name", "")), "record_ended" if record.began else "not_recorded"
-            self.unrecorded = said(key, program=name, why=record.problem)
+            self.unrecorded = message(key, program=name, why=record.problem)
             self._alarms.add("NOT_RECORDED", self.unrecorded)
 
     def _sync(self) -> None:

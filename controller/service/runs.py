@@ -35,7 +35,7 @@ import numpy.typing as npt
 from controller import atomic_file, own_files, sealed_file
 from controller.ipc.handoff import COLUMN, Snapshot, of_axes
 from controller.machine.model import Machine
-from controller.messages import Said, reason, said
+from controller.messages import Said, message, reason
 from controller.runtime import events
 from controller.runtime.plan_messages import Program, Turn
 from controller.runtime.recording import forget_oldest, new_folder
@@ -108,7 +108,7 @@ class RunRecord:
         """
         if not len(rows):
             return
-        self._found.find_asked(rows, asked if asked is not None else deque(), now)
+        self._found.find_requests(rows, asked if asked is not None else deque(), now)
         if not self.began:
             going = np.flatnonzero(
                 (rows[:, COLUMN["mode"]] == Mode.RUNNING) | (rows[:, COLUMN["rate"]] > 0.0)
@@ -294,7 +294,7 @@ def put_damaged_aside(state: Path) -> list[Said]:
         file = state / FOLDER / name / RUN
         if os.path.lexists(file) and not _read(state, name, RUN):
             aside = own_files.put_aside(file, state)
-            found.append(said("record_damaged", file=file, aside=aside.name if aside else "-"))
+            found.append(message("record_damaged", file=file, aside=aside.name if aside else "-"))
             with contextlib.suppress(OSError):
                 if not os.path.lexists(file):
                     _write_facts(file, {**_of_name(name), **_ended(file.parent, state)})

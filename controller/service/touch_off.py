@@ -71,7 +71,7 @@ def offset(
     if tool is not None:
         read = read._replace(length_mm=_tool(machine, tool).worn.length_mm)
     now = figures.work(machine, kinematics, joints, read)
-    wanted = _wanted(machine, now, reads)
+    wanted = _target_readings(machine, now, reads)
     before = state.origins.offset(index, machine)
     found = figures.offset_for(machine, now, read, before, wanted)
     state = dynamic_offset.standing(state, machine.pair(joints, 0.0), machine, kinematics)
@@ -90,7 +90,7 @@ def tool(machine: Machine, state: State, joints: Joints, number_: int, reads: ob
     found, kinematics = _tool(machine, number_), kinematics_of(machine)
     read = reading(machine, kinematics, joints, state)._replace(length_mm=found.worn.length_mm)
     now = figures.work(machine, kinematics, joints, read)
-    wanted = _wanted(machine, now, reads)
+    wanted = _target_readings(machine, now, reads)
     (letter, value), *others = wanted.items()
     if others or letter not in "XYZ":
         raise refused("one_reading", code="bad")
@@ -102,14 +102,14 @@ def tool(machine: Machine, state: State, joints: Joints, number_: int, reads: ob
 
 
 def _tool(machine: Machine, number_: int) -> Tool:
-    found = machine.tool_as_told(number_)
+    found = machine.table_tool(number_)
     if found is None:
         raise refused("no_tool", number=number_)
     return found
 
 
-def _wanted(machine: Machine, now: figures.Figures, reads: object) -> Mapping[str, float]:
-    """By axis what it is to read. Raises CommandRefused."""
+def _target_readings(machine: Machine, now: figures.Figures, reads: object) -> Mapping[str, float]:
+    """The value that each axis is to read. Raises CommandRefused."""
     typed: dict[str, Any] = reads if isinstance(reads, dict) else {}
     shown = dict(zip((axis.name for axis in machine.axes), now, strict=True))
     if not typed:

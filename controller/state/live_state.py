@@ -431,7 +431,7 @@ def of_axes(column: str, axes: int) -> slice:
     return slice(first, first + axes)
 
 
-def told(now: Snapshot) -> dict[str, Any]:
+def status_values(now: Snapshot) -> dict[str, Any]:
     """The fields of the status that are values of a snapshot, as JSON has them."""
     found: dict[str, Any] = {}
     for name, shown in _IN_STATUS:

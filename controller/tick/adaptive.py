@@ -58,7 +58,7 @@ class Followed(Protocol):
     limited_by: int
 
 
-def wanted(law: AdaptiveFeed, acting: float, load: float) -> float:
+def target_share(law: AdaptiveFeed, acting: float, load: float) -> float:
     """The share of F at which the load would be at its target; it is ``load`` at the share ``acting``."""
     most = law.max_share if load >= CUTS * law.target else min(1.0, law.max_share)
     return max(law.min_share, min(most, acting * law.target / max(load, LEAST_LOAD)))
@@ -102,7 +102,9 @@ class Adaptive:
         elif piece is not None and self._spindle is not None and modes.override > 0.0:
             load = abs(self._spindle.load)
             self._watch_overload(load, modes, ticks)
-            self._answer(wanted(self._law, piece.override / modes.override, load), follow.limited_by, ticks)
+            self._answer(
+                target_share(self._law, piece.override / modes.override, load), follow.limited_by, ticks
+            )
         self._tell()
 
     def take(self, modes: Modes, follow: Followed, share: float) -> None:

@@ -462,7 +462,7 @@ class Coupling:
         if first <= last:
             n = last
             before = chain[first - 1] if first else self.now
-            off_rev = self._wanted_off(before, chain[first].added_rev_s, first, move, stands)
+            off_rev = self._target_offset_rev(before, chain[first].added_rev_s, first, move, stands)
             foreseen = max(FORESEEN_MM * abs(move.rev_per_mm), self._least_rev)
             if abs(off_rev - chain[first].off_rev) > (0.0 if self._leaves else foreseen):
                 n = first
@@ -485,7 +485,7 @@ class Coupling:
         pending = before.turned_rev - self._past.turned[self._answers_in - 1]
         return self.lag_rev + self._rate * (self._answers_in + ticks) * self._period_s - pending
 
-    def _wanted_off(
+    def _target_offset_rev(
         self, before: Correction, added: float, ticks: int, move: ThreadMove, stands: bool
     ) -> float:
         """How far the axes are to be behind then, if so much is ``added`` (rev/s)."""
@@ -502,7 +502,7 @@ class Coupling:
         axis_s = max(before.axis_s - LEARNS_S, min(before.axis_s + LEARNS_S, self._axis_s))
         most = (FASTER - 1.0) * abs(law.rev_s) + LEAST_REV_S
         added = max(-most, min(most, self._gain * self._lag_in(before, ticks)))
-        give, off_rev = T * abs(move.rev_per_mm), self._wanted_off(before, added, ticks, move, stands)
+        give, off_rev = T * abs(move.rev_per_mm), self._target_offset_rev(before, added, ticks, move, stands)
         off = before.approach(off_rev, self.bend_rev(move), move.give_mm_s * give)
         turned, drift = before.turned_rev + T * added, max(-most, min(most, self._rate))
         return Correction(*off, added, turned, drift, reply.slip, reply.lag_s, axis_s)

@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 
 from controller.geometry.vectors import Vector
 from controller.machine.model import Tool, WorkTable
-from controller.messages import Key, Said, said, text
+from controller.messages import Key, Said, message, text
 from controller.plan.report.stored import Overcut
 from controller.plan.report.verdict import Verdict
 from controller.plan.stretch import motion_named
@@ -83,27 +83,27 @@ class Gouge:
         return {name: getattr(self, name) for name in self.__slots__}
 
     @property
-    def said(self) -> Said:
+    def message(self) -> Said:
         """What happens where, for people; without a full stop."""
         x, y, z = self.place
-        at = said("gouge.at", x=x, y=y, z=z)
+        at = message("gouge.at", x=x, y=y, z=z)
         if self.u is not None:
-            at = said("gouge.at_uv", u=self.u, v=self.v, x=x, y=y, z=z)
-        return said(
+            at = message("gouge.at_uv", u=self.u, v=self.v, x=x, y=y, z=z)
+        return message(
             f"gouge.{self.kind.replace(' ', '_')}",
             tool=self.tool,
             depth=self.depth_mm,
             bound=self.bound_mm,
             at=at,
-            motion=said("gouge.motion", motion=motion_named(self.by), line=self.by_line),
-            whose="" if self.line == self.by_line else said("gouge.of_line", line=self.line),
+            motion=message("gouge.motion", motion=motion_named(self.by), line=self.by_line),
+            whose="" if self.line == self.by_line else message("gouge.of_line", line=self.line),
             body=Key(f"gouge.body.{self.body}") if self.body else "",
         )
 
     @property
     def sentence(self) -> str:
         """In English."""
-        return text(self.said)
+        return text(self.message)
 
     @property
     def advice(self) -> Key:
@@ -111,9 +111,9 @@ class Gouge:
             return Key("gouge.do.side_or_lead" if self.by in LEADS else "gouge.do.side")
         return Key(ADVICE[self.kind])
 
-    def told(self, key: str, **values: object) -> Said:
-        """Both in one text."""
-        return said(key, what=self.said, advice=self.advice, **values)
+    def with_advice(self, key: str, **values: object) -> Said:
+        """Its message and its advice in one text."""
+        return message(key, what=self.message, advice=self.advice, **values)
 
 
 @dataclass(frozen=True, slots=True)

@@ -24,7 +24,7 @@ from drives.settings import (
     NodeSettings,
     SpindleSettings,
 )
-from drives.texts import Said, english, said
+from drives.texts import Said, english, message
 
 CONTROLLER = "controller"
 
@@ -108,7 +108,7 @@ class Row:
 
 def text(frame: str, names: str) -> Said:
     """What a frame is, and whose; ``names`` of one node or several."""
-    return said(f"frame.{frame}", name=names)
+    return message(f"frame.{frame}", name=names)
 
 
 def of(

@@ -17,7 +17,7 @@ import numpy.typing as npt
 from controller.geometry.vectors import ROUNDING, Vector, add, dot, norm, subtract, unit
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Joints, Machine
-from controller.messages import Key, said
+from controller.messages import Key, message
 from controller.motion.motions import DEG_PER_MM, Rotaries, ToolLine
 from controller.plan.junctions import JUMP_SHARE, STOP_SHARE
 from controller.plan.rotaries.tool_axes import AxisLost, Followed, GreatCircles, follow
@@ -97,7 +97,7 @@ def exact(
 
 
 def refuse_lost(lost: AxisLost, place: Place, voice: Voice) -> NoReturn:
-    voice.refuse(place, said("reach.on_line", reason=Key(lost.reason)))
+    voice.refuse(place, message("reach.on_line", reason=Key(lost.reason)))
 
 
 def _to_rotaries(
@@ -253,7 +253,7 @@ def _chosen(
     tips, axes = _row_ahead(block, tip, axis, following, machine)
     ways = _ways(axes, stand.rotaries, kinematics)
     if not ways:
-        voice.refuse(block.place, said("reach.tilt", reason=Key(kinematics.unreached)))
+        voice.refuse(block.place, message("reach.tilt", reason=Key(kinematics.unreached)))
     ways = [shifted for way in ways for shifted in _in_turns(way, stand.rotaries, machine)]
     ways.sort(key=lambda way: _travel(way, stand.rotaries))
     for way in ways:

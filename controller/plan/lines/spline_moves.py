@@ -14,7 +14,7 @@ from controller.geometry.splines import BSpline, simplest
 from controller.geometry.vectors import ROUNDING, Vector, add, norm, subtract
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Joints, Machine
-from controller.messages import said
+from controller.messages import message
 from controller.motion.motions import JointMove
 from controller.plan.lines.moves import xyz_of
 from controller.plan.stretch import Stretch, Voice, joints_of, rotaries_of
@@ -37,7 +37,7 @@ def stretches(
     try:
         arcs = [arc_length.of(span) for span in _spans(whole)]
     except ValueError:
-        voice.refuse(block.place, said("curve.to_and_fro"))
+        voice.refuse(block.place, message("curve.to_and_fro"))
     length = sum(arc.length_mm for arc in arcs)
     made: list[Stretch] = []
     for arc in arcs:

@@ -13,7 +13,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import replace
 
 from controller.machine.model import Machine
-from controller.messages import said
+from controller.messages import message
 from controller.motion.motions import ThreadMove
 from controller.plan.lines.corners import Feed
 from controller.plan.stretch import Chain, Pause, Stretch, Voice
@@ -125,7 +125,7 @@ def probing_way(chain: Chain, probe: Probing, tool: int, machine: Machine, voice
             fastest = math.floor(60.0 * _fastest(stretch, most_mm, late_s, machine))
             voice.refuse(
                 stretch.place,
-                said(
+                message(
                     "probing.too_fast",
                     code=probe.code,
                     feed=60.0 * feed,

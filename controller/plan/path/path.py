@@ -18,7 +18,7 @@ import numpy as np
 
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Joints, Machine
-from controller.messages import Said, said
+from controller.messages import Said, message
 from controller.motion.motions import JointMove, Rotaries, SurfaceCut, ToolLine
 from controller.plan.lines import exact_rows, lines, meant, moves, rows, spline_moves
 from controller.plan.lines.corners import Feed
@@ -197,7 +197,7 @@ class Tracer:
                 continue
             elif (words := (block.place.line, block.text)) not in self._said and len(self._said) < MAX_SAID:
                 self._said.add(words)
-                self._note(block.place, said("note.says", text=block.text))
+                self._note(block.place, message("note.says", text=block.text))
 
     def _made(self) -> list[Chain | Pause]:
         made, self._items = self._items, []
@@ -266,7 +266,7 @@ class Tracer:
         self._rest()
         ways = [one for one in self._items[made:] if isinstance(one, Chain)]
         if not ways:
-            self._voice.refuse(block.place, said("probing.no_way", code=probe.code))
+            self._voice.refuse(block.place, message("probing.no_way", code=probe.code))
         self._items[made:] = [
             outputs.probing_way(one, probe, block.modal.tool, self._machine, self._voice) for one in ways
         ]
@@ -497,7 +497,7 @@ class Tracer:
             return True
         self.now = before
         if why:
-            self._note(block.place, said("row.departs", line=way.run[-1].place.line, why=why))
+            self._note(block.place, message("row.departs", line=way.run[-1].place.line, why=why))
         return False
 
     def _run_off(self, chain: Chain, modal: Modal) -> Chain:
@@ -555,7 +555,7 @@ class Tracer:
         if not self._blends_noted:
             self._blends_noted = True
             mm, degrees = self._machine.joint_tolerance_mm, self._machine.joint_tolerance_deg
-            self._note(place, said(key, mm=mm, degrees=degrees))
+            self._note(place, message(key, mm=mm, degrees=degrees))
 
     def _pause(self, pause: Pause) -> None:
         self._rest()
@@ -606,7 +606,7 @@ class Tracer:
             excess = audit.outside(self._machine, s, joints_along(stretch, s, self._kinematics))
         if excess is not None:
             axis = self._machine.axes[excess.axis]
-            where = said("travel.in", motion=motion_named(stretch.name)) if stretch.name != "line" else ""
+            where = message("travel.in", motion=motion_named(stretch.name)) if stretch.name != "line" else ""
             advice: Said = audit.MOVE
             if axis.is_rotary and relative:  # from another turn the same distance may fit
                 a, b = stretch.start[excess.axis], stretch.end[excess.axis]

@@ -13,7 +13,7 @@ from controller.geometry.arrays import columns
 from controller.geometry.vectors import ROUNDING
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import TOOL_AT_POWER_ON, Machine, Tool
-from controller.messages import said
+from controller.messages import message
 from controller.motion.motions import ToolSpline
 from controller.plan.rotaries.branch import joints_along
 from controller.plan.stretch import Chain, Note, Pause, Stretch
@@ -36,7 +36,7 @@ def noted(
             place = next((one for one in places if one is not None), None)
             if place is not None:
                 told.add(tool.number)
-                note(Note(place, said("note.plunge", tool=tool.number)))
+                note(Note(place, message("note.plunge", tool=tool.number)))
         yield item
 
 

@@ -13,7 +13,7 @@ import math
 
 from controller.geometry.vectors import Vector, cross, norm, scale, subtract, unit
 from controller.machine.model import Machine
-from controller.messages import Said, said
+from controller.messages import Said, message
 from controller.plan.stretch import Stretch
 from controller.plan.surfaces.legs import Leg
 
@@ -34,13 +34,13 @@ def standing(swivel: Stretch, before: Leg, after: Leg, machine: Machine) -> Said
     )
     x, y, z = after.cut.start.contact
     facts = {"x": x, "y": y, "z": z, "axis": machine.axes[k].name, "degrees": math.degrees(turns[k])}
-    stands = said("note.swivel", **facts, seconds=seconds)
+    stands = message("note.swivel", **facts, seconds=seconds)
     tilt = _tilt(before, after, limits.velocity, limits.acceleration, limits.jerk)
     if tilt is None:
         return stands
     about = [math.degrees(one) for one in tilt]
     turned = ", ".join(f"{one:.1f}" for one in about)
-    return said("note.swivel_tilt", stands=stands, degrees=math.degrees(norm(tilt)), tilt=turned)
+    return message("note.swivel_tilt", stands=stands, degrees=math.degrees(norm(tilt)), tilt=turned)
 
 
 def _tilt(before: Leg, after: Leg, velocity: float, acceleration: float, jerk: float) -> Vector | None:

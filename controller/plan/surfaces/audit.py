@@ -12,14 +12,14 @@ import numpy.typing as npt
 from controller.geometry.arrays import rows
 from controller.geometry.vectors import ROUNDING, Vector
 from controller.machine.model import Axis, Joints, Machine
-from controller.messages import Said, said
+from controller.messages import Said, message
 from controller.motion.motions import SurfaceCut
 from controller.plan.surfaces import deviation
 from controller.plan.surfaces.cuts import Cut, flank
 
 Array = npt.NDArray[np.float64]
 
-MOVE = said("travel.move")  # what helps against a joint outside of its travel
+MOVE = message("travel.move")  # what helps against a joint outside of its travel
 POINTS_PER_CUT = (161, 7)  # along and across, for the gouge check of leads
 MAX_POINTS = 20000
 TURN_POSES = 33
@@ -92,7 +92,7 @@ def outside_at(machine: Machine, joints: Joints) -> Excess | None:
 
 def describe(axis: Axis, excess: Excess, where: Said | str = "", advice: Said = MOVE) -> Said:
     """One sentence: which axis, where, how far, what is allowed and what to do."""
-    return said("travel.beyond", where=where, advice=advice, **beyond(axis, excess))
+    return message("travel.beyond", where=where, advice=advice, **beyond(axis, excess))
 
 
 def beyond(axis: Axis, excess: Excess) -> dict[str, object]:
@@ -107,7 +107,7 @@ def beyond(axis: Axis, excess: Excess) -> dict[str, object]:
 def at_place(cut: Cut, u: float) -> Said:
     """Where on a block, for a sentence: its parameter and the contact, part frame."""
     x, y, z = cut.motion.surface.contact(u)
-    return said("travel.at", u=cut.block_u(u), x=x, y=y, z=z)
+    return message("travel.at", u=cut.block_u(u), x=x, y=y, z=z)
 
 
 # ---- gouging ---------------------------------------------------------------------

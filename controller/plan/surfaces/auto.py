@@ -41,7 +41,7 @@ def build(block: CutBlock, machine: Machine, voice: Voice) -> tuple[Cut, ...]:
 
 def _least_off(parts: Parts, machine: Machine, name: str) -> tuple[Surface, ...]:
     """The surfaces of a block as a check has kept them, or as they are found now; of equals the plainest."""
-    row, asked = parts.row, _asked(parts, machine)
+    row, asked = parts.row, _choice_inputs(parts, machine)
     known = row.known(Strategy.AUTO, *asked)
     if known is not None:
         return known
@@ -63,8 +63,8 @@ def _least_off(parts: Parts, machine: Machine, name: str) -> tuple[Surface, ...]
     return chosen
 
 
-def _asked(parts: Parts, machine: Machine) -> tuple[object, ...]:
-    """What the choice hangs on beside the surfaces: the block's joints and its leads."""
+def _choice_inputs(parts: Parts, machine: Machine) -> tuple[object, ...]:
+    """What the choice depends on beside the surfaces: the block's joints and its leads."""
     block, joints = parts.block, blending.allowed_by(parts.block.modal, machine)
     led = machine.lead_mm, machine.lead_feed_mm_s, machine.period_s, machine.axes
     return block.feed_mm_s, block.modal.frame(machine), joints, led

@@ -27,7 +27,7 @@ from controller.geometry.placement import AT_LOWER, Placed
 from controller.geometry.vectors import Vector, norm
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Joints, Machine, Tool
-from controller.messages import said
+from controller.messages import message
 from controller.motion.motions import Rotaries, ToolSpline
 from controller.plan.rotaries.branch import joints_along
 from controller.plan.stretch import Stretch, Voice, joints_of, motion_named, rotaries_of, straight
@@ -63,7 +63,7 @@ SHAPES = (
 )
 AT_FEED = 3
 SHORTER = tuple(10.0 ** (k / 10.0) for k in range(20, -7, -1))  # mm: preferred numbers, ISO 3, series R10
-KEPT = 0.98  # of the feed at the ruling, as ``End.kept`` estimates it ...
+KEPT = 0.98  # of the feed at the ruling, as ``End.feed_share`` estimates it ...
 NEARLY = 0.9  # ... or this of the most that any keeps
 ROOM = 1.2  # times the way in which the feed is reached: the lead bends meanwhile
 LONGEST = 5.0  # times ``lead_mm``, however long a machine needs to its feed
@@ -97,7 +97,7 @@ def lay(legs: Sequence[Leg], at_start: bool, machine: Machine, kinematics: Kinem
     if machine.lead_mm <= 0.0:
         return end.standing(())
     free = Room.of(legs, at_start, machine, kinematics)
-    found = free.best(end.joined(machine), lambda lead: end.kept(lead, machine))
+    found = free.best(end.joined(machine), lambda lead: end.feed_share(lead, machine))
     if found is not None:
         return end.led(found)
     off = end.straight_off()
@@ -106,13 +106,13 @@ def lay(legs: Sequence[Leg], at_start: bool, machine: Machine, kinematics: Kinem
     reached = free.reached(off)
     if reached > OVERCUT_MM:
         gouge(
-            said("gouge.lead", lead=motion_named(off.name), length=machine.lead_mm, reached=reached),
-            said("gouge.shorter_lead"),
+            message("gouge.lead", lead=motion_named(off.name), length=machine.lead_mm, reached=reached),
+            message("gouge.shorter_lead"),
             leg.cut.block,
             machine,
             voice,
         )
-    voice.tell(leg.cut.block.place, said("lead.rests", lead=motion_named(off.name)))
+    voice.tell(leg.cut.block.place, message("lead.rests", lead=motion_named(off.name)))
     return end.led(off)
 
 
@@ -315,7 +315,7 @@ class End:
             steps, own_s = ((0.0, own), (at, feed_mm_s)), (0.0, at)
         return replace(lead, feed_mm_s=steps[0][1], feed_steps=steps, turning=(own_s,))
 
-    def kept(self, lead: Stretch, machine: Machine) -> float:
+    def feed_share(self, lead: Stretch, machine: Machine) -> float:
         """About what share of its feed the contact has at the ruling with this lead.
 
         The lead may be too short for it, or itself slower where rotaries are to come to stand soon.

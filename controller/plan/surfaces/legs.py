@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Kind, Machine
-from controller.messages import Key, said
+from controller.messages import Key, message
 from controller.motion.motions import Rotaries
 from controller.plan.rotaries.branch import BranchLost, Field, field, joints_on
 from controller.plan.rotaries.turns import wrapped
@@ -165,7 +165,7 @@ def _followed(fields: Fields, branch: int, near: Rotaries, voice: Voice) -> Iter
             rotaries = found.follow(start)
         except BranchLost as lost:
             where = audit.at_place(cut, lost.u)
-            voice.refuse(cut.block.place, said("reach.lost", reason=Key(lost.reason), where=where))
+            voice.refuse(cut.block.place, message("reach.lost", reason=Key(lost.reason), where=where))
         leg = Leg(cut, found.u, rotaries, joints_on(cut.motion, found.u, rotaries, fields.kinematics))
         near = leg.end
         yield leg

@@ -25,7 +25,7 @@ from controller.geometry.placement import Blend
 from controller.geometry.vectors import angle_between, norm, subtract
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Joints, Machine
-from controller.messages import Key, Said, said
+from controller.messages import Key, Said, message
 from controller.motion.motions import ROW, SurfaceCut, ToolSpline
 from controller.plan.rotaries.branch import joints_along
 from controller.plan.stretch import Stretch, Voice, rotaries_of
@@ -66,10 +66,10 @@ class Blended(NamedTuple):
     reach_mm: float
     deviates_mm: float
 
-    def told(self, name: str, before: Stretch) -> Said:
-        """That it runs on from the block before, called by the text of ``name``."""
+    def message(self, name: str, before: Stretch) -> Said:
+        """The message that it runs on from the block before, called by the text of ``name``."""
         costs = {"reach": self.reach_mm, "um": 1000.0 * self.deviates_mm}
-        return said("row.runs_on", name=Key(name), line=_last_line(before), **costs)
+        return message("row.runs_on", name=Key(name), line=_last_line(before), **costs)
 
 
 class Entered(NamedTuple):
@@ -109,7 +109,7 @@ def onto(
     found = meeting.blended(follow)
     if found is None:
         return None
-    voice.tell(first.block.place, found.told("row.the_line", row))
+    voice.tell(first.block.place, found.message("row.the_line", row))
     return Entered(found.row, legs)
 
 
@@ -125,7 +125,7 @@ def off(
     """The last cut of a train and the first stretch of the row that begins at its end, led over."""
     found = _left(legs, run, row, modal, machine, kinematics)
     if found is not None:
-        voice.tell(row.place, found.told("row.the_block", run[-1]))
+        voice.tell(row.place, found.message("row.the_block", run[-1]))
     return found
 
 
@@ -139,7 +139,7 @@ def departs(
 ) -> Said | str | None:
     """Why a row that begins so does not lead on from the last cut; None: it does, empty: it is not to."""
     if not row:
-        return said("row.unreached")
+        return message("row.unreached")
     meeting = _meeting(row[0], modal, legs[-1].cut, True, machine, kinematics)
     if meeting is None:
         return ""
@@ -149,7 +149,7 @@ def departs(
         Room.of(legs, False, machine, kinematics).reached(row[0]),
         legs[-1].cut.block.modal.blend_mm,
     )
-    return said("row.deeper", deeper=deeper, mm=most) if deeper > most else None
+    return message("row.deeper", deeper=deeper, mm=most) if deeper > most else None
 
 
 def _left(
@@ -232,11 +232,11 @@ class Meeting:
     def unmet(self) -> Said:
         """Why no blend was found."""
         if self._longest_mm() < SHORTEST_MM:
-            return said("row.short", room=self._longest_mm())
+            return message("row.short", room=self._longest_mm())
         here, there = self._pose_rows()[1, :3], End.of(self.cut.motion, not self.leaves).rows[1, :3]
         turn = np.degrees(angle_between(tuple(here), tuple(there)))
         degrees = float(np.degrees(self.allowed.rad))
-        return said("row.turns", turn=float(turn), mm=self.allowed.mm, degrees=degrees)
+        return message("row.turns", turn=float(turn), mm=self.allowed.mm, degrees=degrees)
 
     def blended(self, follow: Follow) -> Blended | None:
         """The longest blend within the tolerance; ``follow`` gives a cut's motion as the joints follow it."""

@@ -17,7 +17,7 @@ import numpy.typing as npt
 
 from controller.geometry.vectors import ROUNDING
 from controller.machine.model import Axis, Machine
-from controller.messages import Said, said
+from controller.messages import Said, message
 from controller.motion.motions import Rotaries
 from controller.plan.rotaries.turns import TURN
 from controller.plan.rotaries.winding import RankKey, Way
@@ -90,7 +90,7 @@ def offer(axis: Axis, start: float, low: float, high: float) -> Said:
 
 
 def _first(axis: Axis, start: float) -> Said:
-    return said("travel.unwind", axis=axis.name, at=start * axis.shown_per_unit)
+    return message("travel.unwind", axis=axis.name, at=start * axis.shown_per_unit)
 
 
 def _advice(legs: Sequence[Leg], i: int, index: int, machine: Machine) -> Said:
@@ -122,8 +122,8 @@ def _split(legs: Sequence[Leg], index: int, axis: Axis) -> Said:
     rest, start = _farthest(values[at:], axis)
     then = audit.MOVE
     if at > 0 and rest > 0 and abs(start - values[at]) >= 1e-6:
-        then = said("travel.split", axis=axis.name, u=float(u[at]), start=start * axis.shown_per_unit)
-    return said("travel.turns", axis=axis.name, turned=(high - low) * k, then=then)
+        then = message("travel.split", axis=axis.name, u=float(u[at]), start=start * axis.shown_per_unit)
+    return message("travel.turns", axis=axis.name, turned=(high - low) * k, then=then)
 
 
 def _farthest(values: Array, axis: Axis) -> tuple[int, float]:

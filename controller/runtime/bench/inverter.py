@@ -44,4 +44,4 @@ class SteppedInverter:
         if self._now() < self._next_s or self.mute:
             return
         self._next_s = self._now() + ANSWER_S
-        self.slot.report(self.inverter.exchange(self.slot.wanted()[0]))
+        self.slot.report(self.inverter.exchange(self.slot.commanded()[0]))

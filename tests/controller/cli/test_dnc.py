@@ -24,7 +24,7 @@ def store(tmp_path: Path) -> Store:
 
 
 def keep(store: Store, text: bytes, in_use: Callable[[], Collection[str]]) -> None:
-    dnc.kept(store, Tape(text, "O4711"), "", in_use())
+    dnc.save_tape(store, Tape(text, "O4711"), "", in_use())
 
 
 def test_the_running_program_is_found_by_the_state_folder_and_not_replaced(

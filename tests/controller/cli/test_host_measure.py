@@ -397,7 +397,7 @@ def test_beside_a_running_machine_its_syncs_are_heard_and_nothing_else_is_done(
     faults = iter([(100, 7), (105, 8)])
     monkeypatch.setattr(Host, "tick_faults", lambda _: next(faults))
     tick = {"number": 9000, "skips": 0, "late_max_ms": 0.1, "period_ms": 1.0}
-    monkeypatch.setattr(self_test, "asked", lambda _: tick)
+    monkeypatch.setattr(self_test, "running_tick", lambda _: tick)
     report = tmp_path / "a.html"
     done = invoke("--seconds", "3", "--period-ms", "1", "--report", str(report))
     told = json.loads(done.stdout)

@@ -205,7 +205,7 @@ def until(bench: ChangerBench, step: str) -> None:
 def test_t_prepares_while_the_cut_goes_on_and_m6_takes_what_stands_ready(tmp_path: Path) -> None:
     bench = cutting(tmp_path)
     until(bench, "Pocket to the arm")
-    assert bench.changer.told()["preparing"] == {
+    assert bench.changer.to_json()["preparing"] == {
         "tool": 2,
         "step": 1,
         "steps": 2,
@@ -213,9 +213,11 @@ def test_t_prepares_while_the_cut_goes_on_and_m6_takes_what_stands_ready(tmp_pat
     }
     bench.go(40)
     assert bench.cutting and bench.stepped.joints[0] < 39.0, "the cut is not over"
-    assert bench.changer.told()["ready"] == 2 and bench.magazine.arm == 2 and bench.store.preparation is None
+    assert (
+        bench.changer.to_json()["ready"] == 2 and bench.magazine.arm == 2 and bench.store.preparation is None
+    )
     assert bench.go(LONGEST) == "done" and bench.store.spindle == 2
-    assert bench.changer.told()["ready"] is None
+    assert bench.changer.to_json()["ready"] is None
     assert [row[1] for row in bench.store.log()].count("preparing") == 2, "M6 has not done it again"
 
 
@@ -260,7 +262,7 @@ def test_between_two_steps_and_behind_the_last_nothing_is_in_doubt(tmp_path: Pat
     until(bench, "Pocket to the arm")
     bench.go(40)
     bench.die(True)
-    assert bench.changer.doubt is None and bench.changer.told()["ready"] is None
+    assert bench.changer.doubt is None and bench.changer.to_json()["ready"] is None
 
 
 def test_a_pocket_that_does_not_come_is_told_and_the_cut_goes_on_until_m6_waits(tmp_path: Path) -> None:

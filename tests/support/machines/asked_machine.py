@@ -198,7 +198,7 @@ class AskedMachine:
         except NotPossible:
             return
         for _ in range(TOLD_TICKS):
-            if planner.told(self.now):
+            if planner.is_path_accepted(self.now):
                 break
             self.ticks(1)
         self.ask(Request.RESUME)

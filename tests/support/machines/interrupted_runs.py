@@ -174,7 +174,7 @@ def until(stepped: SteppedMachine, *modes: Mode) -> np.ndarray:
 
 def along(stepped: SteppedMachine) -> np.ndarray:
     """The way that the planner was asked for is told, gone along, and held at its end."""
-    rows = stepped.go(2000, lambda: stepped.planner.told(stepped.board.read()))  # type: ignore[arg-type]
+    rows = stepped.go(2000, lambda: stepped.planner.is_path_accepted(stepped.board.read()))  # type: ignore[arg-type]
     stepped.request(Request.RESUME)
     return np.concatenate([rows, stepped.go(5), until(stepped, Mode.HOLD)])
 
