@@ -92,7 +92,9 @@ def test_a_sheet_named_as_the_machine_file_does_not_replace_it(folder: Path) -> 
     (folder / "in" / "sheets" / "x.eds").rename(folder / "in" / "machine.toml")
     mine.write_text(mine.read_text().replace("sheets/x.eds", "machine.toml"))
     (folder / "in" / "sheets" / "own.toml").write_text(
-        (CONFIG / "drives" / "generic.toml").read_text().replace("[drive]", '[drive]\neds = "../machine.toml"')
+        (CONFIG / "drives" / "generic.toml")
+        .read_text()
+        .replace("[drive]", '[drive]\neds = "../machine.toml"')
     )
     assert asked("pack", str(mine), "--output", str(packed))["ok"]
     refused = asked("unpack", str(packed), str(folder / "out"))
