@@ -167,6 +167,23 @@ def test_silence_ends_with_a_beginning_only() -> None:
     assert bench.ports[0].last()[1] == command(0, period + 2)
 
 
+@pytest.mark.parametrize("silences", [0, 3])
+@pytest.mark.parametrize("late", [0, 1, HOLD + 9])
+def test_a_beginning_whose_rows_are_over_is_none(silences: int, late: int) -> None:
+    bench = Bench()
+    if silences:
+        bench.publish(0, 2)
+    for _ in range(silences and 2 + HOLD + silences):
+        bench.play()
+    bench.ports[0].last()
+    bench.publish(bench.player.period + 1 - 4 - late, 4)  # a pump that was away takes its looks late
+    played = bench.play()
+    assert played.phase is Phase.SILENT and bench.ports[0].last() == []
+    bench.publish(bench.player.period + 1 - 3, 4)
+    assert bench.play().phase is Phase.NOMINAL, "the last of its rows is enough"
+    assert bench.ports[0].last()[1] == command(0, bench.player.period)
+
+
 def test_a_drive_that_does_not_follow_gets_the_position_where_it_is() -> None:
     bench = Bench()
     bench.publish(0, 2)
