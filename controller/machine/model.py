@@ -204,6 +204,14 @@ class Tool:
         shown=False,
         left_out="true, but false of a probe",
     )
+    max_rev_min: float | None = key(
+        POSITIVE,
+        "largest S with it in the spindle, whatever the override",
+        default=None,
+        shown=False,
+        left_out="as the spindle",
+        usual=(50.0, 300_000.0),
+    )
     # Its end cuts up to the axis: it may be plunged into stock. No path depends on it either.
     centre_cutting: bool = key(
         FLAG,
@@ -436,6 +444,12 @@ class Machine:
         if found is not None and found.may_turn is not None:
             return found.may_turn
         return self.probe is None or self.probe.tool != tool
+
+    def max_rev_min(self, tool: int) -> float:
+        """How fast the spindle may turn with the tool of this number (1/min); inf where no file says."""
+        found = self.tool_as_told(tool)
+        limits = (found and found.max_rev_min, self.spindle and self.spindle.max_rev_min)
+        return min((one for one in limits if one is not None), default=math.inf)
 
     def sensor(self, tool: int) -> Sensor | None:
         """What a probing move with this tool in the spindle listens to: the probe itself, else the setter."""

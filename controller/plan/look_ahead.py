@@ -414,6 +414,7 @@ class Windows:
             end=unit.last,
             sets=sets,
             spindle_rev_min=pause.modal.spindle_rev_min,
+            max_rev_min=self._machine.max_rev_min(pause.modal.tool),
             coolant=pause.modal.coolant,
             outputs=_plain(_switched(pause) if sets else UNSAID),
             open_clamps=pause.open_clamps,

@@ -223,8 +223,7 @@ class _Settings:
         if word.value != 0.0:
             self._known_tool(word)
         tool = int(word.value)
-        if self.state.turning and not self._machine.may_turn(tool):
-            raise self.ask.refusal(word, "spindle.must_stand", code=TURNS[self.state.turning], tool=tool)
+        self._check_turning(self.state.turning, tool, word)
         self._set_modal(self.state.with_tool(tool, self._machine))
 
     def _spindle(self) -> None:
@@ -258,14 +257,23 @@ class _Settings:
             raise self.ask.refusal(word, "spindle.none")
         return self._machine.spindle
 
+    def _check_turning(self, turning: int, tool: int, word: Word) -> None:
+        """The spindle may turn as the state says with this tool in it. Raises ProgramError."""
+        if not turning:
+            return
+        if not self._machine.may_turn(tool):
+            raise self.ask.refusal(word, "spindle.must_stand", code=TURNS[turning], tool=tool)
+        speed, most = self.state.speed_rev_min, self._machine.max_rev_min(tool)
+        if speed > most:
+            raise self.ask.refusal(word, "spindle.too_fast_for_tool", speed=speed, tool=tool, most=most)
+
     def _turn_spindle(self, turning: int, word: Word) -> None:
         tool = self.state.modal.tool
         if turning:
             self._spindle_of(word)
         if turning < 0 and not self._machine.may_turn_back:
             raise self.ask.refusal(word, "spindle.one_way", code=TURNS[turning])
-        if turning and not self._machine.may_turn(tool):
-            raise self.ask.refusal(word, "spindle.must_stand", code=TURNS[turning], tool=tool)
+        self._check_turning(turning, tool, word)
         modal = replace(self.state.modal, spindle_rev_min=turning * self.state.speed_rev_min)
         self.state = self.state._replace(modal=modal, turning=turning)
         self._act(word, Act.SPINDLE)
