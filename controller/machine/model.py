@@ -447,9 +447,8 @@ class Machine:
 
     def max_rev_min(self, tool: int) -> float:
         """How fast the spindle may turn with the tool of this number (1/min); inf where no file says."""
-        found = self.tool_as_told(tool)
-        limits = (found and found.max_rev_min, self.spindle and self.spindle.max_rev_min)
-        return min((one for one in limits if one is not None), default=math.inf)
+        most, found = math.inf if self.spindle is None else self.spindle.max_rev_min, self.table_tool(tool)
+        return most if found is None or found.max_rev_min is None else min(most, found.max_rev_min)
 
     def sensor(self, tool: int) -> Sensor | None:
         """What a probing move with this tool in the spindle listens to: the probe itself, else the setter."""
