@@ -45,7 +45,7 @@ FEWEST_POSITIONS, FEWEST_TOUCHES = 3, 4  # and touches at each
 
 
 @dataclass(frozen=True, slots=True)
-class Known:
+class PriorDeviations:
     """What is known before: standard deviations of what the touches must tell apart."""
 
     scatter_mm: float = 0.0  # of a touch; 0: taken from the residuals
@@ -131,7 +131,7 @@ def fit(
     touches: Touches,
     machine: Machine,
     sphere_radius_mm: float,
-    known: Known = Known(),
+    known: PriorDeviations = PriorDeviations(),
 ) -> Fit:
     """Rotaries of a machine from touches on one sphere. Raises Refusal where they are too few."""
     rotaries = machine.rotary()
@@ -147,7 +147,7 @@ def fit(
 class Model:
     """The residuals as a function of all unknowns."""
 
-    def __init__(self, touches: Touches, machine: Machine, radius_mm: float, known: Known) -> None:
+    def __init__(self, touches: Touches, machine: Machine, radius_mm: float, known: PriorDeviations) -> None:
         self.touches, self.machine, self.known = touches, machine, known
         self.rotaries, self.linear = machine.rotary(), machine.linear()
         self.basis = tuple(across(machine.axes[i].direction) for i in self.rotaries)

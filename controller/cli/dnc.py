@@ -17,7 +17,7 @@ from controller.api.dnc import LineError, LineSettings
 from controller.api.dnc_format import Tape, TapeError, punched
 from controller.api.store import Program, Store, StoreError
 from controller.ipc import control_socket
-from controller.messages import Said, message
+from controller.messages import Message, message
 from controller.verify.console import Refused, bar, refusals, say, spoken, tell
 
 app = typer.Typer(
@@ -153,7 +153,9 @@ def _of_store(name: str, state: Path | None) -> bytes:
     return store.programs.read(store.programs.get(name).sha256)
 
 
-def _say(told: Program | dict[str, Any], done: str, as_json: bool, left_out: Collection[Said] = ()) -> None:
+def _say(
+    told: Program | dict[str, Any], done: str, as_json: bool, left_out: Collection[Message] = ()
+) -> None:
     sentences = [messages.text(one, spoken.get()) for one in left_out]
     facts = (
         {"program": told.name, "bytes": told.size, "lines": told.lines, "sha256": told.sha256}

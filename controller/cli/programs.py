@@ -227,7 +227,7 @@ class _Check(NamedTuple):
     survey: Survey
     rows: Rows
     kept: stored.Stored
-    warning: messages.Said | str
+    warning: messages.Message | str
 
 
 def _draw_check(program: Path, task: checked.Task, done: _Check, shape: Shape, plot: Path) -> None:

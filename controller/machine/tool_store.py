@@ -29,7 +29,7 @@ from typing import Any, NamedTuple
 
 from controller import atomic_file, own_database, own_files, sealed_rows
 from controller.machine.toml_table import ConfigError
-from controller.messages import Said, message
+from controller.messages import Message, message
 
 FILE = "tools.db"
 SPINDLE, AWAY = 0, -1
@@ -89,7 +89,7 @@ class ToolStore:
         except (OSError, ValueError, sqlite3.Error) as error:
             raise _no_store(file, error) from error
 
-    def _damaged(self, file: Path) -> Said | None:
+    def _damaged(self, file: Path) -> Message | None:
         """What an alarm says of rows that are not as they were written; a copy of them is put aside."""
         with self._whole():
             words = sealed_rows.broken(self._db)

@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable, Iterable
 from typing import Any
 
-from controller.ipc.inverter_slot import Reported, Wanted
+from controller.ipc.inverter_slot import Commanded, Reported
 from controller.machine import inverter_profiles
 from controller.machine.inverter_profiles import NONE, Frequency, InverterProfile, Order, State
 from controller.machine.spindle import Modbus
@@ -38,7 +38,7 @@ class InverterLine:
         self._told: float | None = None  # rev/min
         self._resets: int | None = None
 
-    def exchange(self, wanted: Wanted) -> Reported:
+    def exchange(self, wanted: Commanded) -> Reported:
         """Tell it what has changed, and ask how it is. Raises LineError."""
         try:
             if self._resets not in (None, wanted.resets):

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from controller import sealed_file
-from controller.messages import Said
+from controller.messages import Message
 from controller.plan.timetable import Event
 from controller.service import kept_file
 
@@ -36,7 +36,7 @@ class Durations:
         self._usual = {name: statistics.median(took) for name, took in self._known.items()}
         self._changed = False
 
-    def _read(self, own: bool) -> tuple[dict[str, list[float]], Said | None]:
+    def _read(self, own: bool) -> tuple[dict[str, list[float]], Message | None]:
         missing = dict[str, list[float]]()
         if own:
             return kept_file.read(self._file, _taken, missing)

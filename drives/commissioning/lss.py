@@ -14,7 +14,7 @@ from struct import Struct
 from drives import pdo
 from drives.commissioning.identity import named
 from drives.commissioning.network import CommissionError, Network
-from drives.texts import Said, chain, message
+from drives.texts import Message, chain, message
 
 REQUEST, ANSWER = 0x7E5, pdo.LSS_ANSWER
 SWITCH_GLOBAL, SET_NODE, STORE = 0x04, 0x11, 0x17
@@ -120,7 +120,7 @@ class Lss:
         answer = self._ask(bytes([INQUIRE_NODE]))
         return answer[1] if answer[:1] == bytes([INQUIRE_NODE]) else UNCONFIGURED
 
-    def _set(self, command: int, value: int, what: Said) -> None:
+    def _set(self, command: int, value: int, what: Message) -> None:
         answer = self._ask(bytes([command, value]))
         if answer[:1] != bytes([command]) or answer[1]:
             why = message("lss.error", code=answer[1]) if answer else message("lss.silent")

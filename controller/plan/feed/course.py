@@ -54,7 +54,7 @@ class Jump:
     curve: Array
 
 
-class Course:
+class FeedCourse:
     """A row of stretches between two rests; the overrides scale feeds and rapids (1.0 = 100 %).
 
     ``adaptive`` and ``everywhere``: as of ``Stretch.scale``. ``begins``: s at which each stretch is come to,
@@ -250,7 +250,7 @@ class Course:
         return self._jumps[k]
 
 
-def _along_thread(limits: JointLimits, move: ThreadMove, course: Course) -> JointLimits:
+def _along_thread(limits: JointLimits, move: ThreadMove, course: FeedCourse) -> JointLimits:
     """What a thread leaves of the joints' limits: the spindle's own, and a share to follow it by."""
     kinematics, axes = course.kinematics, len(course.machine.axes)
     along = np.abs(np.array(kinematics.arrange((*move.direction, 0.0, 0.0)), dtype=float))
@@ -269,7 +269,7 @@ def _at_ends(stretch: Stretch, begin: float, kinematics: Kinematics) -> Derivati
     return derivatives(stretch, np.array([begin, stretch.motion.end]), kinematics)
 
 
-def least_passed(course: Course, k: int) -> float:
+def least_passed(course: FeedCourse, k: int) -> float:
     """What the boundary behind stretch ``k`` is passed at, or it is a stop."""
     return min(
         float(junctions.least(np.abs(course.at_ends(side).first[end]), limit.jerk, course.machine.period_s))
@@ -277,7 +277,7 @@ def least_passed(course: Course, k: int) -> float:
     )
 
 
-def unhindered(course: Course, k: int) -> float:
+def unhindered(course: FeedCourse, k: int) -> float:
     """About the speed that the boundary behind stretch ``k`` would be passed at if nothing jumped there.
 
     The lower feed of both sides, what the limits allow at that place, and what a start from rest

@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from controller.plan.feed import mesh
-from controller.plan.feed.course import Course
+from controller.plan.feed.course import FeedCourse
 from controller.plan.feed.limits import JointLimits
 from controller.plan.feed.tool_limits import has_limits
 
@@ -35,7 +35,7 @@ FEW = 9  # places at which a ramp is looked at, and the whole course before it i
 REACH = 1.1  # times a ramp's first length: it is looked at as far
 
 
-def law(course: Course, s: float, v: float, a: float, last: float) -> Law | None:
+def law(course: FeedCourse, s: float, v: float, a: float, last: float) -> Law | None:
     """From ``s``, at rest or at the feed, to rest at ``last``; None where more than the feed counts."""
     parts = mesh.Parts.of(course, s, last)
     if len(parts.index) != 1 or a != 0.0 or has_limits(course):
@@ -55,7 +55,7 @@ def law(course: Course, s: float, v: float, a: float, last: float) -> Law | None
     return _joined(s, last, feed, up, down) if up is not None and down is not None else None
 
 
-def _slight(course: Course, k: int, s: Array, feed: float) -> tuple[float, float] | None:
+def _slight(course: FeedCourse, k: int, s: Array, feed: float) -> tuple[float, float] | None:
     """Shares of acceleration and jerk that the bends take at the feed; None where they are not slight."""
     d, limits = course.derivatives(s, np.full(len(s), k)), course.limits[k]
     bend = float((np.abs(d.second) / limits.acceleration).max()) * feed**2
@@ -64,7 +64,7 @@ def _slight(course: Course, k: int, s: Array, feed: float) -> tuple[float, float
 
 
 def _ramp(
-    course: Course, k: int, at: float, sign: float, feed: float, taken: tuple[float, float]
+    course: FeedCourse, k: int, at: float, sign: float, feed: float, taken: tuple[float, float]
 ) -> list[Phase] | None:
     """Phases of the quickest way from rest at ``at`` to the feed, forwards or (``sign`` -1) backwards."""
     limits, reach = course.limits[k], 0.0

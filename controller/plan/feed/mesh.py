@@ -22,7 +22,7 @@ from controller.geometry.curves import Arc, Even
 from controller.geometry.vectors import ROUNDING
 from controller.motion.motions import JointMove, SurfaceCut, ToolLine
 from controller.plan.feed import tool_limits
-from controller.plan.feed.course import Course, Index
+from controller.plan.feed.course import FeedCourse, Index
 from controller.plan.feed.limits import JointLimits, ramp_length
 from controller.plan.rotaries.branch import beside_pole
 from controller.plan.stretch import Stretch
@@ -67,12 +67,12 @@ class Samples:
 class Parts:
     """A course between ``ends`` (n + 1,), cut at its marks; part i lies in stretch ``index[i]``."""
 
-    course: Course
+    course: FeedCourse
     ends: Array
     index: Index
 
     @staticmethod
-    def of(course: Course, first: float, last: float) -> Parts:
+    def of(course: FeedCourse, first: float, last: float) -> Parts:
         # A mark that is off an end by rounding alone would make a part in which there is no way.
         marks = course.marks[(course.marks > first + ROUNDING) & (course.marks < last - ROUNDING)]
         ends = np.concatenate([[first], marks, [last]])

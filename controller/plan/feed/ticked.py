@@ -23,7 +23,7 @@ import numpy.typing as npt
 from controller.geometry.arrays import columns
 from controller.geometry.vectors import ROUNDING
 from controller.motion.motions import ROW, ToolSpline
-from controller.plan.feed.course import Course
+from controller.plan.feed.course import FeedCourse
 from controller.plan.feed.limits import JointLimits
 from controller.plan.junctions import MARGIN
 
@@ -44,12 +44,12 @@ SMOOTH_TICKS = 4.0  # to both sides, over which joints are smoothed for those wh
 PER_CELL = 8  # places that are told as one
 
 
-def is_row(course: Course) -> bool:
+def is_row(course: FeedCourse) -> bool:
     """Whether a course is made of exact rows alone."""
     return all(one.is_exact_row for one in course.stretches)
 
 
-def of(course: Course, first: float, last: float, v: float = 0.0) -> Ticked:
+def of(course: FeedCourse, first: float, last: float, v: float = 0.0) -> Ticked:
     """What is known of a course, or of all from ``first`` to ``last`` if nothing is."""
     known = course.ticked
     if isinstance(known, Ticked) and known.first <= first + ROUNDING and known.last >= last - ROUNDING:
@@ -61,7 +61,7 @@ def of(course: Course, first: float, last: float, v: float = 0.0) -> Ticked:
 class Ticked:
     """The places from ``first`` to ``last`` of a course of exact rows, in cells (n,) of some places each."""
 
-    def __init__(self, course: Course, first: float, last: float, v: float = 0.0) -> None:
+    def __init__(self, course: FeedCourse, first: float, last: float, v: float = 0.0) -> None:
         """``v``: at which it may come to the first of them, above the feed perhaps."""
         self.course, self.first, self.last, self._v = course, first, last, v
         self.limits = JointLimits.of(course.machine, MARGIN)

@@ -30,7 +30,7 @@ from controller.plan.rotaries import tool_paths
 from controller.plan.rotaries.tool_axes import AxisLost, GreatCircles, follow
 from controller.plan.rotaries.tool_paths import LITTLE_RAD, WITHIN_REACH
 from controller.plan.rotaries.turns import SAME_ROTARY_RAD
-from controller.plan.stretch import STANDS_MM, Chain, Stretch, Voice, joints_of
+from controller.plan.stretch import STANDS_MM, Chain, Diagnostics, Stretch, joints_of
 from controller.plan.surfaces.rates import Derivatives, limits
 from controller.program.program import Block, ProgramError, Tip, TipLine
 
@@ -66,7 +66,7 @@ class _Ways(NamedTuple):
 class ExactLines:
     """Collects lines; ``parts`` tells which of them are rows."""
 
-    def __init__(self, machine: Machine, kinematics: Kinematics, voice: Voice) -> None:
+    def __init__(self, machine: Machine, kinematics: Kinematics, voice: Diagnostics) -> None:
         self._machine, self._kinematics = machine, kinematics
         self._motions = RowMotions(machine, kinematics, voice)
         self._velocity, self._acceleration, self._jerk = (junctions.MARGIN * limits(machine)).T

@@ -23,7 +23,7 @@ from controller.plan.junctions import JUMP_SHARE, STOP_SHARE
 from controller.plan.rotaries.tool_axes import AxisLost, Followed, GreatCircles, follow
 from controller.plan.rotaries.tool_paths import LITTLE_RAD
 from controller.plan.rotaries.turns import SAME_ROTARY_RAD
-from controller.plan.stretch import STANDS_MM, Stretch, Voice, joints_of, rotaries_of, straight
+from controller.plan.stretch import STANDS_MM, Diagnostics, Stretch, joints_of, rotaries_of, straight
 from controller.program.block_look_ahead import AHEAD_LINES
 from controller.program.program import Place, TipLine
 
@@ -69,7 +69,7 @@ def rotaries_to(block: TipLine, now: Rotaries) -> Rotaries:
 
 
 def exact(
-    block: TipLine, stand: Stand, machine: Machine, kinematics: Kinematics, voice: Voice
+    block: TipLine, stand: Stand, machine: Machine, kinematics: Kinematics, voice: Diagnostics
 ) -> tuple[list[Stretch], Stand]:
     """The exact stretches of a G1, a swivel at the pole before it if it needs one, and where it ends."""
     part = block.modal.frame(machine)
@@ -96,7 +96,7 @@ def exact(
     return stretches, stand
 
 
-def refuse_lost(lost: AxisLost, place: Place, voice: Voice) -> NoReturn:
+def refuse_lost(lost: AxisLost, place: Place, voice: Diagnostics) -> NoReturn:
     voice.refuse(place, message("reach.on_line", reason=Key(lost.reason)))
 
 
@@ -217,7 +217,7 @@ def rapid(
     wanted: Rotaries | None,
     machine: Machine,
     kinematics: Kinematics,
-    voice: Voice,
+    voice: Diagnostics,
 ) -> tuple[Stretch | None, Stand]:
     """G0: the joints go straight to where the tip and axis are wanted.
 
@@ -246,7 +246,7 @@ def _chosen(
     wanted: Rotaries | None,
     machine: Machine,
     kinematics: Kinematics,
-    voice: Voice,
+    voice: Diagnostics,
 ) -> Rotaries:
     if wanted is not None:
         return wanted

@@ -31,8 +31,8 @@ from controller.plan.rotaries.turns import SAME_ROTARY_RAD
 from controller.plan.stretch import (
     STANDS_MM,
     Chain,
+    Diagnostics,
     Stretch,
-    Voice,
     joints_of,
     rotaries_of,
     straight,
@@ -73,7 +73,7 @@ class LineRow:
     """Collects the blocks of one row; ``chains`` gives what can be given of it."""
 
     def __init__(
-        self, block: Feed, stand: Stand, machine: Machine, kinematics: Kinematics, voice: Voice
+        self, block: Feed, stand: Stand, machine: Machine, kinematics: Kinematics, voice: Diagnostics
     ) -> None:
         self._machine, self._kinematics, self._voice = machine, kinematics, voice
         self._modal = block.modal
@@ -292,7 +292,7 @@ class LineRow:
         return found
 
 
-def audit_line(stretch: Stretch, machine: Machine, kinematics: Kinematics, voice: Voice) -> None:
+def audit_line(stretch: Stretch, machine: Machine, kinematics: Kinematics, voice: Diagnostics) -> None:
     """Refuses an exact tool line on which a joint leaves its travel."""
     motion = stretch.motion
     first, last = rotaries_of(stretch.start, kinematics), rotaries_of(stretch.end, kinematics)

@@ -21,7 +21,7 @@ from collections.abc import Iterable, Iterator, Sequence
 import numpy as np
 
 from controller.plan.feed.binding import Span
-from controller.plan.feed.course import Course
+from controller.plan.feed.course import FeedCourse
 from controller.plan.feed.law import along
 from controller.plan.report.planned import Planned
 from controller.plan.restart.program_position import LinePart, lines_along, part_at
@@ -90,7 +90,7 @@ class Passing:
             self._events += [event] if len(self._events) < MOST_EVENTS else []
         self._now_s += sent.took_s
 
-    def _spans(self, course: Course, spans: Sequence[Span]) -> None:
+    def _spans(self, course: FeedCourse, spans: Sequence[Span]) -> None:
         now_s = self._now_s
         for span in spans:
             stretch, parts = self._of(course.stretches[span.stretch])

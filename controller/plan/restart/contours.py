@@ -22,7 +22,7 @@ import numpy.typing as npt
 from controller.geometry.arrays import rows
 from controller.geometry.vectors import Pose
 from controller.machine.model import Tool
-from controller.plan.path.path import Tracer
+from controller.plan.path.path import PathBuilder
 from controller.plan.restart.program_position import line_of, order_of
 from controller.plan.restart.restart import Source
 from controller.plan.rotaries.branch import joints_along
@@ -127,7 +127,7 @@ def _fed(source: Source, tool: int) -> Iterator[tuple[Stretch, float]]:
             yield block
 
     machine = source.machine
-    tracer = Tracer(source.name, machine, source.kinematics, source.start, source.chosen or {})
+    tracer = PathBuilder(source.name, machine, source.kinematics, source.start, source.chosen or {})
     before = 0
     for item in tracer.items(read()):
         for stretch in item.stretches if isinstance(item, Chain) else ():

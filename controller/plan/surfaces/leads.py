@@ -30,10 +30,10 @@ from controller.machine.model import Joints, Machine, Tool
 from controller.messages import message
 from controller.motion.motions import Rotaries, ToolSpline
 from controller.plan.rotaries.branch import joints_along
-from controller.plan.stretch import Stretch, Voice, joints_of, motion_named, rotaries_of, straight
+from controller.plan.stretch import Diagnostics, Stretch, joints_of, motion_named, rotaries_of, straight
 from controller.plan.surfaces import audit, rates
 from controller.plan.surfaces.cuts import Edge, beside, gouge, tolerance_mm
-from controller.plan.surfaces.legs import Leg
+from controller.plan.surfaces.legs import CutSegment
 from controller.program.program import Place
 
 Array = npt.NDArray[np.float64]
@@ -87,7 +87,9 @@ class Lead:
     rotaries: Rotaries
 
 
-def lay(legs: Sequence[Leg], at_start: bool, machine: Machine, kinematics: Kinematics, voice: Voice) -> Lead:
+def lay(
+    legs: Sequence[CutSegment], at_start: bool, machine: Machine, kinematics: Kinematics, voice: Diagnostics
+) -> Lead:
     """The longest lead that stays outside of the train's surfaces and in travel; none where ``lead_mm`` is 0.
 
     Refuses (or tells, where the machine is to warn only) what would cut into them in any case.
@@ -116,7 +118,7 @@ def lay(legs: Sequence[Leg], at_start: bool, machine: Machine, kinematics: Kinem
     return end.led(off)
 
 
-def _off_mm(leg: Leg, machine: Machine) -> float:
+def _off_mm(leg: CutSegment, machine: Machine) -> float:
     """At most the radius of a cutter that leans against the twist: a longer lead reaches over the end."""
     surface = leg.cut.motion.surface
     leans = isinstance(surface, Placed) and (surface.normals_v != AT_LOWER or surface.through is not None)
@@ -148,7 +150,7 @@ class End:
     most: float = math.inf
 
     @staticmethod
-    def of(leg: Leg, at_start: bool, machine: Machine, kinematics: Kinematics) -> End:
+    def of(leg: CutSegment, at_start: bool, machine: Machine, kinematics: Kinematics) -> End:
         """That of a cut."""
         stretch = leg.stretch
         s, q = (0.0, stretch.start) if at_start else (stretch.motion.end, stretch.end)
@@ -384,7 +386,7 @@ class Room:
     kinematics: Kinematics
 
     @staticmethod
-    def of(legs: Sequence[Leg], at_start: bool, machine: Machine, kinematics: Kinematics) -> Room:
+    def of(legs: Sequence[CutSegment], at_start: bool, machine: Machine, kinematics: Kinematics) -> Room:
         cut = legs[0 if at_start else -1].cut
         points, allowed = audit.surface_points([leg.cut for leg in legs]), 0.0
         if cut.tool.radius_mm > 0.0:

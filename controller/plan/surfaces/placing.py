@@ -115,7 +115,7 @@ def place(surface: Surface, cutter: Cutter, strategy: Strategy) -> Surface:
 
 
 @dataclass(frozen=True, slots=True)
-class Wanted:
+class RequiredPlacement:
     """A placement that has to be searched: what ``Row.placed`` is asked."""
 
     row: Row
@@ -128,7 +128,7 @@ class Wanted:
         return self.row.known(self.strategy) is not None
 
 
-def searched(wanted: Wanted) -> Mapping[str, placements.Recipe]:
+def searched(wanted: RequiredPlacement) -> Mapping[str, placements.Recipe]:
     """What ``Row.placed`` finds, to be learnt, by name; the paper's placement has none."""
     try:
         placed = wanted.row.placed(wanted.strategy)

@@ -20,7 +20,7 @@ from controller.machine.kinematics import Kinematics, kinematics_of
 from controller.machine.model import Machine
 from controller.motion.motions import ToolLine, ToolSpline
 from controller.plan.feed import ticked
-from controller.plan.feed.course import Course
+from controller.plan.feed.course import FeedCourse
 from controller.plan.lines import exact_rows
 from controller.plan.path import path
 from controller.plan.path.path import Chain
@@ -243,7 +243,7 @@ def test_the_allowed_speed_is_that_of_differences_of_samples() -> None:
     """A grid's answer beside that of samples taken at just that speed, wherever they begin."""
     machine = shipped()
     row = max(chains(dense(1, 0.02, 4), machine), key=lambda chain: len(rows_of([chain])))
-    course = Course(row.stretches, machine, kinematics_of(machine))
+    course = FeedCourse(row.stretches, machine, kinematics_of(machine))
     seen = ticked.Ticked(course, 0.0, course.length)
     rng = np.random.default_rng(1)
     for k in rng.integers(20, len(seen.allowed) - 20, 60).tolist():

@@ -24,7 +24,9 @@ def passing_of(text: str) -> tuple[Passing, float, dict[int, tuple[str, tuple]]]
     asked = source(text, shipped(period_s=PERIOD_S))
 
     def chains():
-        tracer = path.Tracer(asked.name, asked.machine, asked.kinematics, asked.start, asked.chosen or {})
+        tracer = path.PathBuilder(
+            asked.name, asked.machine, asked.kinematics, asked.start, asked.chosen or {}
+        )
         return tracer.items(asked.blocks)
 
     made = Passing()
