@@ -38,7 +38,7 @@ DONE = 1e-3  # of a standard deviation: nothing moves any more
 UNSEEN = 0.5  # of the prior's deviation: what is left above it was not seen by the touches
 LEVER_MM = 100.0  # at which an angle counts as much as a length
 STEP, TURN = 1e-4, 1e-6  # of difference quotients, mm and rad
-FIRST_SCATTER_MM, LEAST_SCATTER_MM = 1e-3, 1e-4
+FIRST_SCATTER_MM, MIN_SCATTER_MM = 1e-3, 1e-4
 PITCHES_MM = (2e-4, 5e-4, 1e-3, 2e-3, 4e-3, 8e-3, 16e-3, 32e-3)  # deviations that are tried
 KNOTS = 9  # of a pitch error over what was visited of an axis
 FEWEST_POSITIONS, FEWEST_TOUCHES = 3, 4  # and touches at each
@@ -323,7 +323,7 @@ def _linear(
         free = len(r) - float(np.einsum("ij,ji->", square, covariance)) / scatter**2
         if not is_sought:
             break
-        before, scatter = scatter, max(math.sqrt(chi / max(free, 1.0)), LEAST_SCATTER_MM)
+        before, scatter = scatter, max(math.sqrt(chi / max(free, 1.0)), MIN_SCATTER_MM)
         if abs(scatter - before) < 1e-3 * before:
             break
     bounded = weights > 0.0

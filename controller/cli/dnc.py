@@ -37,7 +37,7 @@ Json = Annotated[bool, typer.Option("--json")]
 
 LINE_ENDS = {"own": None, "lf": b"\n", "crlf": b"\r\n", "cr": b"\r", "lfcrcr": b"\n\r\r"}
 BY = "serial line"
-ANSWER_S = 5.0  # of the service
+ANSWER_TIMEOUT_S = 5.0  # of the service
 
 
 @app.command()
@@ -105,7 +105,7 @@ def _in_use(state: Path, runtime: Path | None) -> Callable[[], Collection[str]]:
         socket = control_socket.control_path(runtime or control_socket.runtime_of(state))
         if not control_socket.is_served(socket):
             return ()
-        client = control_socket.Client(socket, longest_s=ANSWER_S)
+        client = control_socket.Client(socket, longest_s=ANSWER_TIMEOUT_S)
         try:
             job = client.ask("status").get("job") or {}
         except control_socket.CommandRefused as error:

@@ -43,7 +43,7 @@ MAX_ANSWER = 2 * MAX_BYTES  # of an answer
 MAX_PEERS = 64
 CODES = ("refused", "bad", "missing", "busy", "gone", "silent", "unrecorded", "worn")
 FACTS = ("code", "mode", "request")  # of a refusal, beside what it says
-ANSWER_S = 600.0  # a whole program may have to be read before the answer
+ANSWER_TIMEOUT_S = 600.0  # a whole program may have to be read before the answer
 BUFFER_BYTES = 1 << 20  # of a socket
 
 
@@ -148,7 +148,7 @@ def is_served(path: Path) -> bool:
 class Client:
     """Asks the service. Any number of threads may use one; each request has a connection to itself."""
 
-    def __init__(self, path: Path, longest_s: float = ANSWER_S) -> None:
+    def __init__(self, path: Path, longest_s: float = ANSWER_TIMEOUT_S) -> None:
         """``path``: of the socket; ``longest_s``: how long an answer may take."""
         self._path, self._longest_s = path, longest_s
         self._idle: list[socket.socket] = []

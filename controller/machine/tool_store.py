@@ -259,7 +259,7 @@ _KINDS: dict[str, tuple[type, ...]] = {
     "step": (int, int, int, str, int, int),
     "log": (float, str, int, int, int, str),
 }
-_MOST = 2**31
+_MAX_NUMBER = 2**31
 
 
 def saved_rows(file: Path) -> dict[str, list[list[Any]]]:
@@ -316,7 +316,7 @@ def _checked(name: str, rows: object) -> list[list[Any]]:
         if not isinstance(row, list) or len(row) != len(kinds):
             raise ValueError(f"{name} has a row that is none of {len(kinds)} values")
         for value, kind in zip(row, kinds, strict=True):
-            if type(value) is not kind or (isinstance(value, int) and not -1 <= value < _MOST):
+            if type(value) is not kind or (isinstance(value, int) and not -1 <= value < _MAX_NUMBER):
                 raise ValueError(f"{name} has a row with a value that cannot stand there")
     return rows
 

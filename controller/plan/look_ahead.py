@@ -23,7 +23,7 @@ from controller.motion.motions import ToolLine
 from controller.motion.pieces import Sensing
 from controller.plan import known
 from controller.plan.feed import binding, pace
-from controller.plan.feed.course import FEW, REMEMBERED, FeedCourse
+from controller.plan.feed.course import MAX_SINGLE, REMEMBERED, FeedCourse
 from controller.plan.feed.profile import Profile, State
 from controller.plan.feed.ticked import is_row
 from controller.plan.path.path import Chain, Pause, Stretch
@@ -275,7 +275,7 @@ class Windows:
             chain is None
             or s > 0.0
             or not isinstance(stretch.motion, ToolLine)
-            or len(chain.stretches) <= FEW
+            or len(chain.stretches) <= MAX_SINGLE
         ):
             return self._takes(stretch, s, orders)
         if self._row is None or self._row[0] is not chain or self._row[1] != orders:

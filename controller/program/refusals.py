@@ -16,7 +16,7 @@ from controller.program import blocks, caret, linked
 from controller.program.decoding import NEWLINE
 from controller.program.program import ProgramError
 
-MOST = 100  # that are told one by one
+MAX_REPORTED = 100  # that are told one by one
 MAX_WIDE = 100  # columns of a line that is shown
 MAX_BLOCKS = 1_000_000  # that are read to find them
 
@@ -81,4 +81,4 @@ def facts(
             place["called_at"] = one.line_in(program)
         return {**place, **one.said, "shown": shown(one, by_file)}
 
-    return {"refusals": [row(one) for one in refused[:MOST]], "counts": counts(refused)}
+    return {"refusals": [row(one) for one in refused[:MAX_REPORTED]], "counts": counts(refused)}

@@ -51,7 +51,7 @@ from controller.workers import Spread, here
 
 # Share of a check that is done when cutters are placed, when branches are chosen, and when all is planned.
 PLACED, CHOSEN, PLANNED = 0.1, 0.2, 0.6
-MOST_KEPT = 1000  # motions of a path that is not laid once more for its run: it bounds the memory
+MAX_KEPT = 1000  # motions of a path that is not laid once more for its run: it bounds the memory
 PLACING_S = 0.4  # that a search for one surface takes, about
 
 
@@ -272,7 +272,7 @@ def _fixed(watched: Watched) -> list[Chain | Pause] | None:
     kept, fixed = list[Chain | Pause](), True
     for item in watched:
         probes = isinstance(item, Pause) and item.probe is not None
-        fixed = fixed and not probes and len(watched.stretches) <= MOST_KEPT
+        fixed = fixed and not probes and len(watched.stretches) <= MAX_KEPT
         if fixed:
             kept.append(item)
     return kept if fixed else None
@@ -415,7 +415,7 @@ def keep(kept: Stored, name: str, where: Path) -> Message | str:
     return ""
 
 
-def verdict_of(kept: Stored, most: int = wording.MOST) -> dict[str, Any] | None:
+def verdict_of(kept: Stored, most: int = wording.MAX_SURFACES) -> dict[str, Any] | None:
     """What a check says of the form of all surfaces, as ``wording.to_json`` does."""
     return wording.to_json(kept.verdicts, most)
 

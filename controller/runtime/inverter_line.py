@@ -13,7 +13,7 @@ from controller.machine.inverter_profiles import NONE, Frequency, InverterProfil
 from controller.machine.spindle import Modbus
 
 PAUSE_S = 0.012  # between messages: some inverters begin a new one after 10 ms of silence (Delta, MS300)
-ANSWER_S = 0.2  # for one answer; a longer silence is tried once more, then it is a failure
+ANSWER_TIMEOUT_S = 0.2  # for one answer; a longer silence is tried once more, then it is a failure
 MAX_SPAN = 16  # registers or coils that are read at once (WJ200: 16 registers)
 
 
@@ -137,7 +137,7 @@ def opened(modbus: Modbus) -> InverterLine:
         bytesize=int(modbus.frame[0]),
         parity=modbus.frame[1],
         stopbits=int(modbus.frame[2]),
-        timeout=ANSWER_S,
+        timeout=ANSWER_TIMEOUT_S,
         retries=1,
     )
     return InverterLine(modbus, client)

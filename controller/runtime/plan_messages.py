@@ -159,7 +159,7 @@ class News:
 # A plan is made for the machine as it stands. A stop, a jog or a fault between the order and the
 # tick's next look makes it void; whoever waits for it would wait for nothing.
 
-TAKEN_S = 120.0  # for the first window to be planned and taken
+TAKEN_TIMEOUT_S = 120.0  # for the first window to be planned and taken
 
 
 @dataclass(frozen=True, slots=True)
@@ -176,7 +176,7 @@ class Awaited:
     def of(cls, order: Order, now: Snapshot) -> Awaited:
         """``now``: what was planned from."""
         mode = Mode.READY if order.verb == "arm" else Mode.HOLD
-        return cls(order.number, now.accepted, mode, _queue(now), time.monotonic() + TAKEN_S)
+        return cls(order.number, now.accepted, mode, _queue(now), time.monotonic() + TAKEN_TIMEOUT_S)
 
     def taken(self, now: Snapshot) -> bool:
         return now.accepted > self.before

@@ -23,7 +23,7 @@ from controller.verify.nominal import Nominal
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
-SURELY = 0.5  # of the tolerance: what is off by less on the grid is not zoomed into
+SURE_SHARE = 0.5  # of the tolerance: what is off by less on the grid is not zoomed into
 ZOOMED = 3  # places of each sign
 STEPS, POINTS = 6, 5  # of a zoom
 FEWEST, SETTLED_MM = 2, 1e-6  # it ends where a step after these gains less
@@ -60,7 +60,7 @@ def _worst(look: SurfaceGrid, sign: float, tolerance_mm: float) -> tuple[float, 
     """The largest amount (mm, without the allowance) of one sign, and its u and v."""
     left = np.where(np.isfinite(look.left), look.left, look.nominal.tool.radius_mm)
     size = _net(look, left, sign)
-    if float(size.max()) < SURELY * tolerance_mm:
+    if float(size.max()) < SURE_SHARE * tolerance_mm:
         starts = np.array([int(np.argmax(size))])
         return _measured(look, look.u[starts], look.v[starts], size[starts], sign)
     starts = _apart(size, look.shape)

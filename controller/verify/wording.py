@@ -8,7 +8,7 @@ from typing import Any
 from controller.messages import DEFAULT, LANGUAGES, Key, Message, chain, facts, message
 from controller.plan.report.verdict import Verdict
 
-MOST = 1000  # surfaces that are told one by one
+MAX_SURFACES = 1000  # surfaces that are told one by one
 
 
 def worst(verdicts: Iterable[Verdict]) -> Verdict | None:
@@ -49,7 +49,7 @@ def summed(verdicts: Sequence[Verdict]) -> Message | None:
     return message("form.within", off=off, tolerance=tolerance, line=one.line)
 
 
-def to_json(verdicts: Sequence[Verdict], most: int = MOST) -> dict[str, Any] | None:
+def to_json(verdicts: Sequence[Verdict], most: int = MAX_SURFACES) -> dict[str, Any] | None:
     """The verdicts for JSON, ``most`` surfaces one by one; None where none has a tolerance."""
     one = worst(verdicts)
     if one is None:

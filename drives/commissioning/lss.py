@@ -25,7 +25,7 @@ INQUIRE, INQUIRE_NODE = 0x5A, 0x5E
 UNCONFIGURED = 255
 WAITING, CONFIGURATION = 0, 1
 RESET_COMMUNICATION, PRE_OPERATIONAL, ALL_NODES = 0x82, 0x80, 0
-ANSWER_S = 0.02  # CiA 305 names no time; drives answer within a few milliseconds
+ANSWER_TIMEOUT_S = 0.02  # CiA 305 names no time; drives answer within a few milliseconds
 BOOT_S = 5.0
 FRAME = Struct("<BI3x")
 SCAN = Struct("<BIBBB")
@@ -36,7 +36,7 @@ Identity = tuple[int, int, int, int]
 class Lss:
     """The master's side on one bus. Everybody on it must be without torque: they are put pre-operational."""
 
-    def __init__(self, network: Network, answer_s: float = ANSWER_S) -> None:
+    def __init__(self, network: Network, answer_s: float = ANSWER_TIMEOUT_S) -> None:
         self._network = network
         self._answer_s = answer_s
         self._answers: list[bytes] = []

@@ -47,7 +47,7 @@ TIME_OUT_TICKS = 5
 FOLLOWING = 0x6066
 MOTOR_SPEED = 0x6080
 NEARLY = 1.0 - 1e-6  # of what is needed; the rest is rounding
-MOST = 0xFFFF_FFFF
+MAX_UINT32 = 0xFFFF_FFFF
 # Without these a drive stops as well as with them.
 UNIMPORTANT = (0x605D, 0x6083, 0x6084, FOLLOWING, 0x6080, 0x60C5, 0x60C6)
 
@@ -171,8 +171,8 @@ def offers(node: NodeSettings, units: Units) -> Iterator[Offer]:
         yield Offer(MOTOR_SPEED, most_turns, message("setting.not_faster"))
     why = message("setting.not_held_back")
     needed = math.ceil(HEADROOM * max(most, quick) / units.acceleration_counts_s2)
-    yield Offer(0x60C5, min(needed, MOST), why, at_least=True)
-    yield Offer(0x60C6, min(needed, MOST), why, at_least=True)
+    yield Offer(0x60C5, min(needed, MAX_UINT32), why, at_least=True)
+    yield Offer(0x60C6, min(needed, MAX_UINT32), why, at_least=True)
 
 
 def _fastest(exact: float) -> int:
@@ -187,7 +187,7 @@ def _see_motor(drive: Drive, node: NodeSettings, units: Units) -> None:
         most = drive.find(MOTOR_SPEED)
     except RefusedError:
         return
-    if not most or most == MOST:
+    if not most or most == MAX_UINT32:
         return
     most = max(most, drive.sheet.default(MOTOR_SPEED) or 0)
     if most * unit and most * unit < NEARLY * node.velocity_counts_s:
@@ -205,7 +205,7 @@ def _held_back(found: Read, node: NodeSettings, units: Units) -> Message | None:
         (0x60C6, units.acceleration_counts_s2, rate, RATE),
     ):
         value = found.get(index)
-        if value not in (None, 0, MOST) and value * unit < NEARLY * needed:
+        if value not in (None, 0, MAX_UINT32) and value * unit < NEARLY * needed:
             facts = {"index": index, "value": value, "size": value * unit, "name": name}
             return message("stopping.held_back", **facts, needed=needed)
     return None

@@ -13,7 +13,7 @@ from drives.commissioning.remote import Drive
 from drives.texts import Message
 
 NODES = range(1, 128)
-ANSWER_S = 0.15  # for a whole bus of drives that answer SDO within some milliseconds
+ANSWER_TIMEOUT_S = 0.15  # for a whole bus of drives that answer SDO within some milliseconds
 ROUNDS = 3  # a gateway or adapter may swallow what comes before it has settled
 UPLOAD, ABORT = 0x40, 0x80
 REQUEST = Struct("<BHB4x")
@@ -57,7 +57,7 @@ class _Questions:
                     if node not in self._answers:
                         self._network.post(SDO_REQUEST + node, REQUEST.pack(UPLOAD, index, sub))
                         self._network.receive()
-                self._network.wait(lambda: len(self._answers) == len(nodes), ANSWER_S)
+                self._network.wait(lambda: len(self._answers) == len(nodes), ANSWER_TIMEOUT_S)
         finally:
             self._network.hearer = None
         return {node: _value(data) for node, data in sorted(self._answers.items())}

@@ -34,7 +34,7 @@ Index = npt.NDArray[np.intp]
 REMEMBERED = 256  # stretches: more than a window has
 THREAD_SHARE = 0.6  # of the axes' limits, along a thread; what is left follows the spindle
 THREAD_RAMP_S = 0.06  # in which the spindle's acceleration may change by all of it
-FEW = 2  # stretches, of which each is looked at alone
+MAX_SINGLE = 2  # stretches, of which each is looked at alone
 APART = 1e-3  # unit of s: of marks closer than that only the boundaries of stretches count
 
 
@@ -217,7 +217,7 @@ class FeedCourse:
     def at_ends(self, k: int) -> Derivatives:
         """At the beginning and the end of stretch ``k``; of lines, of which there are many, all at once."""
         if k not in self._ends:
-            in_row = isinstance(self.stretches[k].motion, ToolLine) and len(self.stretches) > FEW
+            in_row = isinstance(self.stretches[k].motion, ToolLine) and len(self.stretches) > MAX_SINGLE
             if in_row and self._kind(k) is not None:
                 self._ends |= self._line_ends(k)
             else:

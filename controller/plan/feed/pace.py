@@ -18,7 +18,7 @@ from controller.plan.surfaces.rates import Derivatives
 Array = npt.NDArray[np.float64]
 
 PLACES = 17  # at which a stretch is looked at ...
-NEAR = 8  # lines before and behind a place of an exact row, whose corners count there
+NEAR_LINES = 8  # lines before and behind a place of an exact row, whose corners count there
 SHORT_PLACES = 4  # ... and each of a row of short ones
 BRAKINGS, LONGEST_S = 3.0, 24.0  # of a window: no less than so many times what braking takes, up to this
 TAIL_S = 1.5  # at a window's end, where it would brake: replaced by the next window ...
@@ -57,8 +57,8 @@ def row_takes_s(course: FeedCourse, from_s: float) -> tuple[float, float]:
     )
     jump, curve = (np.abs(q[1:] - p[:-1]) for p, q in ((end.first, begin.first), (end.second, begin.second)))
     passed = junctions.passed(jump, curve, limits.acceleration, limits.jerk, course.machine.period_s)
-    near = np.pad(passed, NEAR + 1, constant_values=np.inf)
-    slowest = np.lib.stride_tricks.sliding_window_view(near, 2 * NEAR + 2).min(axis=1)[: len(size)]
+    near = np.pad(passed, NEAR_LINES + 1, constant_values=np.inf)
+    slowest = np.lib.stride_tricks.sliding_window_view(near, 2 * NEAR_LINES + 2).min(axis=1)[: len(size)]
     with np.errstate(divide="ignore"):
         most = (limits.velocity / np.abs(begin.first)).min(axis=1)
     speed = np.minimum(np.minimum(course.feed(knots[:-1] + 0.5 * size), most), slowest)

@@ -38,7 +38,9 @@ NOTHING = 1e-9  # of s: no way to go
 SAME = 1e-8  # of s: two places that are one
 SAME_SPEED = 1e-6  # unit of s per second
 PLACES = 9  # at which a way that bends is looked at ...
-SLIGHT = 0.01  # ... and the share of acceleration and jerk that its bends may take, to be taken for straight
+BEND_SHARE = (
+    0.01  # ... and the share of acceleration and jerk that its bends may take, to be taken for straight
+)
 
 
 class State(NamedTuple):
@@ -204,7 +206,7 @@ def _straight(course: FeedCourse, first: float, last: float) -> Profile | None:
         length = last - first
         bends = float((bend / limits.acceleration).max()) * acceleration * length
         twists = float(((bend + 0.25 * length * twist) / limits.jerk).max()) * jerk * length
-        if max(bends, twists) > SLIGHT:
+        if max(bends, twists) > BEND_SHARE:
             return None
         acceleration, jerk = (1.0 - bends) * acceleration, (1.0 - twists) * jerk
     law = straight(last - first, velocity, acceleration, jerk)

@@ -351,7 +351,7 @@ def vectors(blocks: Sequence[TipLine], frame: Array) -> Array:
 
 # ---- running through ---------------------------------------------------------------
 
-SLIGHT = 1e-4  # share of a line over which its rates at an end are measured
+END_SHARE = 1e-4  # share of a line over which its rates at an end are measured
 
 
 def runs_through(before: Stretch, after: Stretch, machine: Machine, kinematics: Kinematics) -> bool:
@@ -377,7 +377,7 @@ def _rates(stretch: Stretch, at_end: bool, kinematics: Kinematics) -> list[float
     """Joints per unit of s at one end of a line."""
     end = stretch.motion.end
     joints = stretch.end if at_end else stretch.start
-    s = end * (1.0 - SLIGHT) if at_end else end * SLIGHT
+    s = end * (1.0 - END_SHARE) if at_end else end * END_SHARE
     inner = stretch.motion.joints(s, rotaries_of(joints, kinematics), kinematics) or joints
     sign = 1.0 if at_end else -1.0
-    return [sign * (q - p) / (end * SLIGHT) for p, q in zip(inner, joints, strict=True)]
+    return [sign * (q - p) / (end * END_SHARE) for p, q in zip(inner, joints, strict=True)]

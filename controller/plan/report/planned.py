@@ -149,7 +149,7 @@ class _Rolling:
         if stretch is not self._stretch:
             course = FeedCourse([stretch], self._machine, self._kinematics, *self._scales)
             found = mesh.survey(mesh.Parts.of(course, s, course.length))
-            tight = (found.allowed < cruise.SURELY * found.feed) | (found.feed != speed)
+            tight = (found.allowed < cruise.MARGIN_RATIO * found.feed) | (found.feed != speed)
             self._stretch, self._tight = stretch, np.append(found.s[tight], course.length)
             self._sight_s = SIGHT * pace.window_s(WINDOW_S, pace.takes_s(course, s)[1])
         return float(self._tight[np.searchsorted(self._tight, s)])

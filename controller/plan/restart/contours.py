@@ -33,7 +33,7 @@ Array = npt.NDArray[np.float64]
 
 SPACING_MM = 0.3  # of samples along lines
 LEVEL_MM = 0.05  # heights that are one level
-MOST_LEVELS = 40
+MAX_LEVELS = 40
 SAME_AXIS = 1e-4  # of unit vectors
 
 
@@ -98,7 +98,7 @@ def _deepest(
     before = (fed.tips - (np.sign(beside) * thicker_mm)[:, None] * fed.left) @ plane.T
     after = fed.tips @ plane.T
     levels = np.unique(np.round(high[contour] / LEVEL_MM))
-    levels = levels[np.linspace(0, len(levels) - 1, min(len(levels), MOST_LEVELS)).astype(int)] * LEVEL_MM
+    levels = levels[np.linspace(0, len(levels) - 1, min(len(levels), MAX_LEVELS)).astype(int)] * LEVEL_MM
     is_low = tip is not None and float(tip @ axis) < float(high.max())
     for level in levels:
         low = high <= level + LEVEL_MM

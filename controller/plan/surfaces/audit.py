@@ -175,14 +175,14 @@ def depth_in_turn(way: SurfaceCut, before: Cut, after: Cut) -> float:
     poses = [way.surface.pose(float(x), 0.0) for x in np.linspace(0.0, 1.0, TURN_POSES)]
     tips, axes = (np.array(column) for column in zip(*poses, strict=True))
     deepest = 0.0
-    for cut, u in ((before, 1.0 - BESIDE * _NEAR), (after, BESIDE * _NEAR)):
+    for cut, u in ((before, 1.0 - BESIDE * _JOINT_SHARES), (after, BESIDE * _JOINT_SHARES)):
         points = _beside(cut, u)
         gap = deviation.at_poses(tips, axes, flank(cut), cut.tool.taper_rad, points)
         deepest = max(deepest, -float(gap.min()))
     return deepest
 
 
-_NEAR = np.linspace(0.0, 1.0, 65) ** 2  # closer towards the joint
+_JOINT_SHARES = np.linspace(0.0, 1.0, 65) ** 2  # closer towards the joint
 
 
 def _beside(cut: Cut, u: Array) -> Array:

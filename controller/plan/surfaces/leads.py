@@ -71,7 +71,7 @@ FADING, FADING_RAD = 1.0, math.radians(10.0)  # by so much of itself, and so far
 MAX_FADE = 0.45  # of a lead, on which the cut's bend fades: twice that must fit
 DIPS, TICKS, MIN_MM = 1.5, 4.0, 0.004  # of the way at the cut's feed beside the ruling
 MAX_TILT_RAD = math.radians(20.0)  # of the axis on a lead
-EASY = 0.4  # of both, where the feed does not need more
+EASY_SHARE = 0.4  # of both, where the feed does not need more
 MAX_TURN_RAD = math.radians(60.0)  # of a rotary: beside a pole it might be any number of turns
 STANDS_RAD = 1e-9  # per mm: rounding of a rotary that stands
 MIN_RATE = 0.2  # mm of the tip per mm of the contact: in a tight hollow the tip all but stands
@@ -216,7 +216,9 @@ class End:
         ramp = min(ROOM * way, LONGEST * lead_mm)
         for k, (share, slender, holds) in enumerate(SHAPES):
             off = share * off_mm
-            length = max(min(slender * off / tip_rate, EASY * most), min(ramp, most) if k < AT_FEED else 0.0)
+            length = max(
+                min(slender * off / tip_rate, EASY_SHARE * most), min(ramp, most) if k < AT_FEED else 0.0
+            )
             yield self._lead(min(length, self.most), off, feed, settling, holds)
 
     def _longest(self) -> float:

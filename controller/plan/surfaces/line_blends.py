@@ -54,7 +54,7 @@ Follow = Callable[[SurfaceCut], Stretch | None]
 SHORTER = 0.75  # each blend that is tried is so much shorter than the one before
 LOOKED, OF_PATH = 25, 97  # places of the blend on either side, and of the programmed path
 SAME_AXIS = 1e-12  # axes and their rates that differ by less are alike
-LEAST_RATE = 0.2  # mm of the tip per mm of s: where a tip all but stands nothing is blended
+MIN_RATE = 0.2  # mm of the tip per mm of s: where a tip all but stands nothing is blended
 ROUNDING = Rounding.of(0.0594)
 
 
@@ -245,7 +245,7 @@ class Meeting:
         if not (end.sound and np.isfinite(row).all()):
             return None
         own, of_cut = (float(np.linalg.norm(rows[1, :3])) for rows in (row, end.rows))
-        if min(own, of_cut) < LEAST_RATE:
+        if min(own, of_cut) < MIN_RATE:
             return None
         row *= _powers(of_cut / own)
         reach = self._longest_mm()

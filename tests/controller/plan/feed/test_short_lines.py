@@ -29,7 +29,7 @@ AT_LEAST = 20  # lines that are looked at
 
 @pytest.fixture
 def alone(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(exact_rows, "LEAST", 10**9)
+    monkeypatch.setattr(exact_rows, "MIN_LINES", 10**9)
 
 
 @pytest.mark.parametrize(("name", "step_mm", "decimals"), CASES)
