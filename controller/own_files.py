@@ -25,7 +25,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from drives.texts import Said, english, message
+from drives.texts import Message, english, message
 
 MODE = 0o644  # less the umask: the group reads
 LONGEST_ASIDE = 100  # names of what could not be read
@@ -33,7 +33,7 @@ FLAGS = os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC  # a pipe that nobody write
 _FOLDER = os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC
 
 
-def refusal(code: int, why: Said, path: Path) -> OSError:
+def refusal(code: int, why: Message, path: Path) -> OSError:
     """An error of the kind that its number has, with a text of its own."""
     error = OSError(code, english(why), str(path))
     vars(error)["said"] = why

@@ -33,7 +33,7 @@ from drives.commissioning.values import shown
 from drives.commissioning.wanted import Setting, Settings, Step, interpolation_time, steps_of
 from drives.profile import Supervision
 from drives.settings import IoSettings, MasterSettings, NodeSettings, SpindleSettings
-from drives.texts import Said, message
+from drives.texts import Message, message
 
 __all__ = [
     "Arranged",
@@ -104,7 +104,9 @@ def commission(
     return [drive.outcome for drive in drives]
 
 
-def on_paper(settings: Settings, master: MasterSettings, bit_rate: int = 0) -> tuple[list[Said], list[Said]]:
+def on_paper(
+    settings: Settings, master: MasterSettings, bit_rate: int = 0
+) -> tuple[list[Message], list[Message]]:
     """What ``commission`` would refuse of a node before a frame is sent, and what it would warn of."""
     try:
         about = sheet.of(settings)
@@ -115,7 +117,7 @@ def on_paper(settings: Settings, master: MasterSettings, bit_rate: int = 0) -> t
     return [of_drive(settings, one) for one in problems], [of_drive(settings, one) for one in warned]
 
 
-def _sentences(found: Sequence[Said]) -> Said:
+def _sentences(found: Sequence[Message]) -> Message:
     """Each with a full stop."""
     return message("text", text=[message("sentence", text=one) for one in found])
 
@@ -123,7 +125,7 @@ def _sentences(found: Sequence[Said]) -> Said:
 @lru_cache(256)
 def _of_paper(
     settings: Settings, master: MasterSettings, about: sheet.Sheet, bit_rate: int
-) -> tuple[tuple[Said, ...], tuple[Said, ...]]:
+) -> tuple[tuple[Message, ...], tuple[Message, ...]]:
     """Problems and warnings; the same drives are looked at with every program of a folder, and each start."""
     found = possible.problems(settings, master, about, bit_rate)
     return tuple(found), tuple(possible.warnings(settings, master, about))

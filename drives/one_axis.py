@@ -33,7 +33,7 @@ from drives.cyclic.drive_fault import DriveFault
 from drives.cyclic.group import Group
 from drives.profile import GENERIC, Profile
 from drives.settings import INT32_MAX, INT32_MIN, BusSettings, MasterSettings, NodeSettings
-from drives.texts import Key, Said, TextError, message
+from drives.texts import Key, Message, TextError, message
 
 Filters = Sequence[tuple[int, int]]
 
@@ -194,7 +194,7 @@ class OneAxis:
         node = self._drive.settings.node
         raise AxisError(message(failure, node=node, seconds=patience_s, found=self._found(), **facts))
 
-    def _found(self) -> Said:
+    def _found(self) -> Message:
         if not self._drive.fresh:
             return message("axis.no_feedback")
         state = self._drive.state.name.lower().replace("_", " ")

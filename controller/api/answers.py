@@ -23,7 +23,7 @@ from pydantic import BaseModel, Field
 from starlette.requests import HTTPConnection
 
 from controller import messages
-from controller.messages import Said, message, plain
+from controller.messages import Message, message, plain
 
 LANGUAGE_COOKIE = "directrix_language"  # which one was chosen on the page
 VARY = "Accept-Language, Cookie"
@@ -76,7 +76,7 @@ class Refusal(Exception):
         self,
         status: int,
         code: str,
-        text: Said | str,
+        text: Message | str,
         *,
         mode: str | None = None,
         request: str | None = None,

@@ -30,7 +30,7 @@ from controller.machine import machine_file as config
 from controller.machine import setup_data, tool_store
 from controller.machine.model import Machine
 from controller.machine.toml_table import ConfigError
-from controller.messages import Key, Said, TextError, message, of_error
+from controller.messages import Key, Message, TextError, message, of_error
 
 FORMAT = 2
 MANIFEST, MACHINE, FITTING, SETTINGS = "manifest.json", "machine.toml", "fitting.json", "settings.json"
@@ -87,9 +87,9 @@ def check(file: Path) -> Contents:
         raise BackupError(message("archive.not_taken", file=file, why=_error_message(error))) from error
 
 
-def _error_message(error: BaseException) -> Said:
+def _error_message(error: BaseException) -> Message:
     """What an error says, fit for a sentence whatever of the archive it quotes."""
-    found: Said = _plain(of_error(error))
+    found: Message = _plain(of_error(error))
     return found
 
 

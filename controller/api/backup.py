@@ -53,7 +53,7 @@ from controller.machine import machine_file as config
 from controller.machine import setup_data, tool_store
 from controller.machine.model import Machine
 from controller.machine.toml_table import ConfigError
-from controller.messages import Said, message
+from controller.messages import Message, message
 
 __all__ = ["BackupError", "Contents", "automatic_backups", "check", "keep", "restore", "save", "update"]
 
@@ -105,7 +105,7 @@ def _write(
 
 def restore(
     store: Store, contents: Contents, machine_file: Path | None, before: Machine | None
-) -> list[Said]:
+) -> list[Message]:
     """Put back what an archive holds, all of it or nothing; what was done, a sentence each.
 
     ``machine_file``: where the service reads its machine file, None = left as it is; ``before``: the
@@ -123,7 +123,7 @@ def restore(
         texts[note] = sealed_file.next_text(note, setup_data.note_of(contents.machine))
     with contextlib.ExitStack() as work:
         replaced = machine_file if machine_file is not None and machine_file.exists() else None
-        done = list[Said]()
+        done = list[Message]()
         if before:
             done.append(
                 message("backup.kept", kept=work.enter_context(_backup_before(store, before, replaced)))
@@ -225,7 +225,7 @@ def _facts(file: Path, within: Path) -> tuple[int, int]:
     return size, ends + (last != b"\n")
 
 
-def update(store: Store, new: Path, machine_file: Path) -> list[Said]:
+def update(store: Store, new: Path, machine_file: Path) -> list[Message]:
     """Replace the machine file by a new one, checked with what is fitted; what was done.
 
     Raises ConfigError, StoreError, OSError.
@@ -233,7 +233,7 @@ def update(store: Store, new: Path, machine_file: Path) -> list[Said]:
     machine = config.load(new)
     setup_data.applied(machine, setup_data.load(store.folder))
     with contextlib.ExitStack() as work:
-        done = list[Said]()
+        done = list[Message]()
         if machine_file.exists():
             kept = work.enter_context(_backup_before(store, config.load(machine_file), machine_file))
             done.append(message("backup.kept", kept=kept))

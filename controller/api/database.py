@@ -157,7 +157,7 @@ class StoreError(Exception):
     not come; many: others are under way; space: the disk is full; store: the store itself cannot be used.
     """
 
-    def __init__(self, code: str, text: messages.Said | str) -> None:
+    def __init__(self, code: str, text: messages.Message | str) -> None:
         """``text``: a sentence alone where it has no key."""
         self.said = messages.plain(text)
         super().__init__(messages.text(self.said))

@@ -23,7 +23,7 @@ from typing import Protocol
 import serial
 
 from controller.api.dnc_format import DC1, DC2, DC3, DC4, Reader, Tape, TapeError, coded, programs
-from controller.messages import Said, chain, message
+from controller.messages import Message, chain, message
 
 BAUD_RATES = (1200, 2400, 4800, 9600, 19200, 38400, 57600, 115200)
 FORMATS = {"7E2": (True, 2), "7E1": (True, 1), "8N1": (False, 1)}  # even parity in 7 bits; stop bits
@@ -167,7 +167,7 @@ class Received:
     """The programs of one transmission, and why what came after them was not kept (None: nothing came)."""
 
     tapes: tuple[Tape, ...]
-    problem: Said | None = None
+    problem: Message | None = None
 
 
 def receive(line: Line, tell: Callable[[int], None] = lambda _: None) -> Received:
@@ -190,7 +190,7 @@ def receive(line: Line, tell: Callable[[int], None] = lambda _: None) -> Receive
     return Received(tuple(one for tape in tapes for one in programs(tape)), problem)
 
 
-def _and_others(line: Line, reader: Reader, tell: Callable[[int], None]) -> tuple[list[Tape], Said | None]:
+def _and_others(line: Line, reader: Reader, tell: Callable[[int], None]) -> tuple[list[Tape], Message | None]:
     """The tape that was read, and those that follow it without a pause; why one of them was not kept."""
     assert reader.tape is not None
     tapes = [reader.tape]

@@ -27,7 +27,7 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
-from controller.messages import Said, TextError, message
+from controller.messages import Message, TextError, message
 
 NUL, DC1, DC2, DC3, DC4, DEL = b"\x00", b"\x11", b"\x12", b"\x13", b"\x14", b"\x7f"
 LEADER = 32  # NULs before and behind, enough for a reader to start up
@@ -61,7 +61,7 @@ class Tape:
 
     text: bytes
     name: str
-    told: tuple[Said, ...] = ()  # what of it was left out, a sentence each
+    told: tuple[Message, ...] = ()  # what of it was left out, a sentence each
     is_one: bool = False  # by the checksum in its leader
 
 
@@ -164,7 +164,7 @@ def _tape(leader: bytes, body: bytes) -> Tape:
     return Tape(text, _name(text), is_one=bool(found))
 
 
-def _left_out_messages(body: bytes, left_out: list[tuple[int, int]]) -> Iterator[Said]:
+def _left_out_messages(body: bytes, left_out: list[tuple[int, int]]) -> Iterator[Message]:
     for at, sign in left_out[:MAX_TOLD]:
         line = len(_LINE_END.findall(body[:at])) + 1
         yield (message("dnc.left_out", line=line, name=SIGNS[sign], sign=sign))
@@ -228,7 +228,7 @@ def _sound(text: bytes) -> None:
         raise TapeError(_strange(text, error.start, "dnc.no_text")) from error
 
 
-def _strange(text: bytes, at: int, key: str) -> Said:
+def _strange(text: bytes, at: int, key: str) -> Message:
     return message(key, line=len(_LINE_END.findall(text[:at])) + 1, byte=text[at])
 
 

@@ -31,7 +31,7 @@ from controller.api.database import StoreError
 from controller.api.notice_settings import NoticeSettings
 from controller.api.service_client import Watch
 from controller.api.store import Alarm, Run, Store
-from controller.messages import Key, Said, from_facts, message, plain, reason
+from controller.messages import Key, Message, from_facts, message, plain, reason
 
 POLL_S = 1.0
 TRIES = 3
@@ -47,7 +47,7 @@ class Outcome:
 
     at_s: float
     sent: bool
-    why: Said | None = None  # it was not
+    why: Message | None = None  # it was not
 
 
 class Notices:
@@ -174,7 +174,7 @@ class Way:
             if self.deliver(notice, settings).sent or pause_s is None or self._ended.wait(pause_s):
                 return
 
-    def _note(self, why: Said | str | None) -> Outcome:
+    def _note(self, why: Message | str | None) -> Outcome:
         told = None if why is None else message("notice_failed", way=Key(f"way.{self.name}"), why=why)
         self.last = Outcome(time.time(), why is None, told)
         return self.last
@@ -220,7 +220,7 @@ class Notice:
 
     event: str  # 'alarm', 'program_end', 'tool_change', 'test'
     at_s: float  # seconds since 1970
-    said: Said
+    said: Message
     facts: Mapping[str, Any] = field(default_factory=dict)
 
     def text(self, settings: NoticeSettings) -> str:
@@ -327,7 +327,7 @@ class _SmtpTls(_Bounded, smtplib.SMTP_SSL):
 # ---- what went wrong
 
 
-def why_not(error: Exception) -> Said | str:
+def why_not(error: Exception) -> Message | str:
     """Without a word of the server's, nor the address that was asked."""
     if isinstance(error, NotTaken):
         return f"HTTP {error.status}"

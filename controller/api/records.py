@@ -15,7 +15,7 @@ from typing import Any
 
 from controller.api import log_in_marker
 from controller.api.database import Database, StoreError
-from controller.messages import Key, Said, message, plain
+from controller.messages import Key, Message, message, plain
 
 Facts = Mapping[str, Any]
 Clock = Callable[[], float]
@@ -158,7 +158,7 @@ class Alarms:
     _database: Database
     _clock: Clock = time.time
 
-    def add(self, name: str, said: Said | str, axis: str = "", **facts: Any) -> int:
+    def add(self, name: str, said: Message | str, axis: str = "", **facts: Any) -> int:
         """An alarm is raised; its number."""
         with self._database.write() as sql:
             done = sql.execute(
@@ -263,7 +263,7 @@ class Users:
         return log_in_marker.users(self._state)
 
     @property
-    def lost(self) -> Said | None:
+    def lost(self) -> Message | None:
         """What is said where the store has fewer users than there are; None: all is well."""
         there, known = len(self.all()), self.known()
         if there:

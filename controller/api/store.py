@@ -40,7 +40,7 @@ from controller.api.records import (
     Values,
 )
 from controller.api.uploads import Upload, UploadLimits, Uploads
-from controller.messages import Said, message
+from controller.messages import Message, message
 
 DAMAGED = "STORE_DAMAGED"  # an alarm
 
@@ -83,7 +83,7 @@ class Store:
             self.programs.recover()
             self.report(message("store_lost", file=database.file, aside=aside.name))
 
-    def report(self, what: Said) -> None:
+    def report(self, what: Message) -> None:
         """An alarm that something was lost, once. Raises StoreError."""
         if not any(
             one.name == DAMAGED and one.key == what["key"] for one in self.alarms.list(open_only=True)

@@ -28,7 +28,7 @@ from controller.api.records import Token, User
 from controller.api.records import Users as Rows
 from controller.api.roles import Principal, Role
 from controller.api.sessions import Sessions, csrf_of, sha256
-from controller.messages import Said
+from controller.messages import Message
 
 FREE_TRIES = 5  # wrong passwords from an address before it has to wait
 CROWD_TRIES = 100  # of one name, from all addresses that are strange to it
@@ -108,7 +108,7 @@ class Users:
         self._brake = Brake()
         self._places: dict[tuple[str, str], None] = {}  # (name, address) of log-ins, latest last
         self._users: dict[str, User] = {}
-        self.lost: Said | None = None  # what is said of users that the store has lost
+        self.lost: Message | None = None  # what is said of users that the store has lost
         self._marks: dict[str, str] = {}  # of users: of password and role
         self._tokens: dict[str, Token] = {}  # by SHA-256
         self.refresh()

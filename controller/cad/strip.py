@@ -25,7 +25,7 @@ from controller.cad.outline import Outline, TurnedPlane
 from controller.geometry.defects import concave_radius, defect
 from controller.geometry.surfaces import RuledSurface
 from controller.geometry.vectors import Vector
-from controller.messages import Said, TextError, message
+from controller.messages import Message, TextError, message
 from controller.plan.surfaces.cuts import describe
 
 if TYPE_CHECKING:
@@ -55,7 +55,7 @@ class Strip:
     off_ruled_mm: float  # how far the face's own curves leave the rulings
     right: bool  # the material is on the left of the travel, the cutter on its right
     cone: Cone | None = None  # where G51 says it
-    remarks: tuple[Said, ...] = ()
+    remarks: tuple[Message, ...] = ()
     is_whole_box: bool = False  # more than the face is cut
     base: RuledSurface | None = None  # the face's own surface, over the box about it
     prolonged_mm: float = 0.0  # of rulings beyond the face
@@ -128,7 +128,7 @@ class Cone:
 class NotRuled(TextError):
     """Why a face is not cut along rulings, and how far its curves leave straight lines."""
 
-    def __init__(self, reason: Said, off_ruled_mm: float = math.inf) -> None:
+    def __init__(self, reason: Message, off_ruled_mm: float = math.inf) -> None:
         super().__init__(reason)
         self.off_ruled_mm = off_ruled_mm
 
@@ -452,7 +452,7 @@ def _stand(face: Face, at: Nurbs, other: Nurbs) -> float:
     return sum(buried) / STANDS
 
 
-def _remarks(clip: Clip) -> list[Said]:
+def _remarks(clip: Clip) -> list[Message]:
     """What a chain does beside the outline of its face."""
     found = [FITTED]
     if clip.bridges:

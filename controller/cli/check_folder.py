@@ -17,7 +17,7 @@ from rich.text import Text
 from controller import messages
 from controller.cli import internal_error
 from controller.machine.model import Machine
-from controller.messages import Said, message, reason
+from controller.messages import Message, message, reason
 from controller.plan.report.stored import Stored
 from controller.plan.report.survey import Survey
 from controller.program import linked, refusals
@@ -38,7 +38,7 @@ class Job:
 
     name: str
     text: bytes
-    wrong: Said | str = ""
+    wrong: Message | str = ""
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,7 +17,7 @@ from controller.api.dnc import LineError, LineSettings
 from controller.api.dnc_format import Tape, TapeError, punched
 from controller.api.store import Program, Store, StoreError
 from controller.ipc import control_socket
-from controller.messages import Said, message
+from controller.messages import Message, message
 from controller.verify.console import Refused, bar, refusals, say, spoken, tell
 
 app = typer.Typer(
@@ -37,7 +37,7 @@ Json = Annotated[bool, typer.Option("--json")]
 
 LINE_ENDS = {"own": None, "lf": b"\n", "crlf": b"\r\n", "cr": b"\r", "lfcrcr": b"\n\r\r"}
 BY = "serial line"
-ANSWER_S = 5.0  # of the service
+ANSWER_TIMEOUT_S = 5.0  # of the service
 
 
 @app.command()
@@ -105,7 +105,7 @@ def _in_use(state: Path, runtime: Path | None) -> Callable[[], Collection[str]]:
         socket = control_socket.control_path(runtime or control_socket.runtime_of(state))
         if not control_socket.is_served(socket):
             return ()
-        client = control_socket.Client(socket, longest_s=ANSWER_S)
+        client = control_socket.Client(socket, longest_s=ANSWER_TIMEOUT_S)
         try:
             job = client.ask("status").get("job") or {}
         except control_socket.CommandRefused as error:
@@ -153,7 +153,9 @@ def _of_store(name: str, state: Path | None) -> bytes:
     return store.programs.read(store.programs.get(name).sha256)
 
 
-def _say(told: Program | dict[str, Any], done: str, as_json: bool, left_out: Collection[Said] = ()) -> None:
+def _say(
+    told: Program | dict[str, Any], done: str, as_json: bool, left_out: Collection[Message] = ()
+) -> None:
     sentences = [messages.text(one, spoken.get()) for one in left_out]
     facts = (
         {"program": told.name, "bytes": told.size, "lines": told.lines, "sha256": told.sha256}

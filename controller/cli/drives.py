@@ -23,7 +23,7 @@ from controller.cli.speech import speaking
 from controller.ipc import control_socket
 from controller.machine import arrangement, drive_profiles, nodes
 from controller.machine.model import Machine
-from controller.messages import Said, is_message, message
+from controller.messages import Message, is_message, message
 from controller.verify.console import Refused, in_words, refusals, say, show, tell
 from drives import commission as commissioning
 from drives.commissioning import identity, lss, possible, sheet, survey, twins
@@ -178,7 +178,7 @@ def scan(
         made = drive_buses.machine(machine)
         rows: list[dict[str, Any]] = []
         missing: list[str] = []
-        strange: list[Said] = []
+        strange: list[Message] = []
         with drive_buses.joined(made, bus, channel) as joined:
             for each in joined:
                 found = survey.scan(each.network)
@@ -203,7 +203,7 @@ def scan(
             print(json.dumps({"ok": True, **facts}))
 
 
-def _twins(joined: Joined, found: Sequence[survey.Found]) -> Iterator[Said]:
+def _twins(joined: Joined, found: Sequence[survey.Found]) -> Iterator[Message]:
     """What is to be said of every node id that more than one drive has."""
     known = {node.node: node for node in joined.nodes}
     for one in found:
@@ -215,7 +215,7 @@ def _twins(joined: Joined, found: Sequence[survey.Found]) -> Iterator[Said]:
                 yield message("cli.drives.of_node", bus=joined.bus.name, node=one.node, why=what)
 
 
-def _strangers(joined: Joined, found: Sequence[survey.Found]) -> Iterator[Said]:
+def _strangers(joined: Joined, found: Sequence[survey.Found]) -> Iterator[Message]:
     """What is to be said of every node that is not who data sheet and machine file say."""
     by_node = {one.node: one for one in found}
     for node in joined.nodes:

@@ -19,7 +19,7 @@ from controller.version import VERSION
 
 EXIT_CODE = 70  # EX_SOFTWARE of sysexits.h
 FOLDER = "crashes"  # in the state folder; ``directrix support`` takes it along
-MOST = 20  # files there
+MAX_FILES = 20  # files there
 
 
 def sentence(error: BaseException) -> str:
@@ -69,6 +69,6 @@ def _in_state(text: str) -> Path:
     file = folder / f"{time.time_ns()}-{os.getpid()}.txt"
     with own_files.new(file, state, mode=0o640) as out:
         out.write(text.encode("utf-8", errors="backslashreplace"))
-    for name in own_files.names(folder, state)[:-MOST]:
+    for name in own_files.names(folder, state)[:-MAX_FILES]:
         own_files.remove(folder / name, state)
     return file

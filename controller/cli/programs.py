@@ -227,7 +227,7 @@ class _Check(NamedTuple):
     survey: Survey
     rows: Rows
     kept: stored.Stored
-    warning: messages.Said | str
+    warning: messages.Message | str
 
 
 def _draw_check(program: Path, task: checked.Task, done: _Check, shape: Shape, plot: Path) -> None:
@@ -327,7 +327,7 @@ def _refuse_all(first: ProgramError, task: checked.Task, quiet: bool) -> NoRetur
     if not found or str(found[0]) != str(first):
         found = [first]
     lines = refusals_of_text.lines_of(task.text, task.name)
-    most = 1 if quiet else refusals_of_text.MOST
+    most = 1 if quiet else refusals_of_text.MAX_REPORTED
     told = [refusals_of_text.pointed(one, lines, language) for one in found[:most]]
     if len(found) > 1 and not quiet:
         told.append(messages.text(refusals_of_text.summed(found), language))

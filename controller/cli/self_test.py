@@ -26,7 +26,7 @@ from controller.verify.console import say
 MIN_QUEUE = 128  # frames
 MIN_FREE = 1 << 30  # bytes
 ERRORS_ALLOWED = 96  # CiA 301 and ISO 11898: from here on a controller warns
-ANSWER_S = 5.0
+ANSWER_TIMEOUT_S = 5.0
 _UNSYNCHRONISED = 0x40  # STA_UNSYNC, linux/timex.h
 _CURRENT = 1  # MCL_CURRENT
 
@@ -62,7 +62,7 @@ def _say(key: str, **values: object) -> str:
 def running_tick(state: Path) -> dict[str, float] | None:
     """The tick's part of the status of a running service; None where no service answers."""
     client = control_socket.Client(
-        control_socket.control_path(control_socket.runtime_of(state)), longest_s=ANSWER_S
+        control_socket.control_path(control_socket.runtime_of(state)), longest_s=ANSWER_TIMEOUT_S
     )
     try:
         tick = dict(client.ask("status")["tick"])

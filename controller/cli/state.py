@@ -19,7 +19,7 @@ from controller.api import database, log_in_marker
 from controller.api.programs import CONTENT, FOLDER
 from controller.ipc import control_socket
 from controller.machine import arrangement, tool_store
-from controller.messages import Said, message, of_error
+from controller.messages import Message, message, of_error
 from controller.runtime import events
 from controller.service import alarms, owners
 from controller.service.folders import Folders
@@ -41,7 +41,7 @@ class Found(NamedTuple):
 
     file: str
     condition: Condition
-    why: Said | None = None
+    why: Message | None = None
 
 
 @app.callback()

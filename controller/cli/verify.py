@@ -93,7 +93,7 @@ class Found:
         }
 
 
-def _others(count: int) -> messages.Said | str:
+def _others(count: int) -> messages.Message | str:
     return messages.message("gouge.others", more=count) if count else ""
 
 

@@ -21,7 +21,7 @@ from typing import Any
 
 from controller.geometry.curves import Bezier, Curve, Points
 from controller.geometry.vectors import ZERO, Number, Vector, add, scale, subtract
-from controller.messages import Said, message, text
+from controller.messages import Message, message, text
 
 Weights = tuple[float, ...]
 Rows = tuple[tuple[float, ...], ...]
@@ -34,7 +34,7 @@ _HIGHEST = 3  # derivative kept as control points; series make what lies above
 class BadSpline(ValueError):
     """Why order, knots, points and weights make no curve; ``what`` and ``index`` name the culprit."""
 
-    def __init__(self, why: Said, what: str, index: int = 0) -> None:
+    def __init__(self, why: Message, what: str, index: int = 0) -> None:
         super().__init__(text(why))
         self.said, self.what, self.index = (
             why,

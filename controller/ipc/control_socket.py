@@ -30,7 +30,7 @@ from typing import Any
 
 from controller import atomic_file, messages, own_files, sealed_file
 from controller.ipc import internal_error
-from controller.messages import Key, Said, message, plain
+from controller.messages import Key, Message, message, plain
 
 Values = dict[str, Any]
 Answer = Values | Future[Values]
@@ -43,7 +43,7 @@ MAX_ANSWER = 2 * MAX_BYTES  # of an answer
 MAX_PEERS = 64
 CODES = ("refused", "bad", "missing", "busy", "gone", "silent", "unrecorded", "worn")
 FACTS = ("code", "mode", "request")  # of a refusal, beside what it says
-ANSWER_S = 600.0  # a whole program may have to be read before the answer
+ANSWER_TIMEOUT_S = 600.0  # a whole program may have to be read before the answer
 BUFFER_BYTES = 1 << 20  # of a socket
 
 
@@ -55,7 +55,7 @@ class CommandRefused(Exception):
     "worn" = it would be done if that were confirmed.
     """
 
-    def __init__(self, code: str, said: Said | str, mode: str = "", request: str = "") -> None:
+    def __init__(self, code: str, said: Message | str, mode: str = "", request: str = "") -> None:
         """``said``: a sentence alone where it has no key, as that of a program's reader."""
         self.said = plain(said)
         super().__init__(self.sentence)
@@ -71,7 +71,9 @@ class CommandRefused(Exception):
     @classmethod
     def from_dict(cls, told: Mapping[str, Any]) -> CommandRefused:
         values = told.get("values")
-        key = Said(key=str(told.get("key") or "no_reason"), values=values if isinstance(values, dict) else {})
+        key = Message(
+            key=str(told.get("key") or "no_reason"), values=values if isinstance(values, dict) else {}
+        )
         return cls(said=key, **{name: str(told.get(name, "")) for name in FACTS})
 
 
@@ -146,7 +148,7 @@ def is_served(path: Path) -> bool:
 class Client:
     """Asks the service. Any number of threads may use one; each request has a connection to itself."""
 
-    def __init__(self, path: Path, longest_s: float = ANSWER_S) -> None:
+    def __init__(self, path: Path, longest_s: float = ANSWER_TIMEOUT_S) -> None:
         """``path``: of the socket; ``longest_s``: how long an answer may take."""
         self._path, self._longest_s = path, longest_s
         self._idle: list[socket.socket] = []

@@ -48,7 +48,7 @@ TYPES = {  # CiA 301, 7.4.7.1
     "UNSIGNED32": 0x07,
 }
 WHAT = ("low", "high", "access", "default", "mappable", "type")
-LEAST, MOST = -(2**31), 2**32 - 1  # of any integer up to 32 bits
+MIN_INTEGER, MAX_INTEGER = -(2**31), 2**32 - 1  # of any integer up to 32 bits
 
 
 def object_index(text: str) -> int | None:
@@ -74,7 +74,7 @@ def overrides(table: Table) -> tuple[Override, ...]:
     return tuple(read_alone(OverrideTable, entry, RULES) for entry in table.tables("override"))
 
 
-_SIZE = Integer(LEAST, MOST)
+_SIZE = Integer(MIN_INTEGER, MAX_INTEGER)
 WORDS = Own(
     lambda here, name: words(here.table, name), message("file.may.text"), {"type": ["string", "object"]}
 )

@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from controller.geometry.vectors import Vector
-from controller.messages import Key, Said, chain, message, several, text
+from controller.messages import Key, Message, chain, message, several, text
 
 
 class ConfigError(Exception):
@@ -28,7 +28,7 @@ class ConfigError(Exception):
     allowed and what to do: ``said``, a text whose keys begin with ``file.``. As a str it is English.
     """
 
-    def __init__(self, said: Said, file: str = "", line: int = 0, place: Place = ()) -> None:
+    def __init__(self, said: Message, file: str = "", line: int = 0, place: Place = ()) -> None:
         """``line``: of the file, from 1; 0: none is known. ``place``: of the key in it."""
         super().__init__(said)
         self.said, self.file, self.line, self.place = said, file, line, place
@@ -62,7 +62,7 @@ class Table:
     """One TOML table that remembers which keys were read."""
 
     def __init__(
-        self, file: str, name: Said | str, values: dict[str, Any], text: str = "", place: Place = ()
+        self, file: str, name: Message | str, values: dict[str, Any], text: str = "", place: Place = ()
     ) -> None:
         """``name``: as it is shown. ``text``: of the whole file, and ``place``: of this table in it; without
         them no line is named.
@@ -93,7 +93,7 @@ class Table:
         """Whether the file has it; that does not count as asked for."""
         return key in self._values
 
-    def get(self, key: str, allowed: Said | str, default: object = None) -> Any:
+    def get(self, key: str, allowed: Message | str, default: object = None) -> Any:
         """The raw value, or ``default``; a missing key without default is refused."""
         self.known.add(key)
         if key in self._values:
@@ -102,7 +102,7 @@ class Table:
             return default
         raise self.missing(key, allowed)
 
-    def missing(self, key: str, allowed: Said | str) -> ConfigError:
+    def missing(self, key: str, allowed: Message | str) -> ConfigError:
         """The refusal of a file without this key."""
         near = difflib.get_close_matches(key, self._values.keys() - self.known, n=1, cutoff=0.7)
         self._meant.update(near)
@@ -126,7 +126,7 @@ class Table:
             self.refuse(key, "not_positive")
         return value
 
-    def _finite(self, key: str, allowed: Said, default: float | None) -> float:
+    def _finite(self, key: str, allowed: Message, default: float | None) -> float:
         value = self.get(key, allowed, default)
         if not is_number(value):
             self.refuse(key, "no_number", allowed=allowed)
@@ -339,7 +339,7 @@ def is_number(value: Any) -> bool:
     return type(value) in (int, float) and -1e300 < value < 1e300  # also refuses nan
 
 
-def span(lower: float, upper: float) -> Said:
+def span(lower: float, upper: float) -> Message:
     if math.isinf(upper):
         return message("file.span.any") if math.isinf(lower) else message("file.span.from", lower=lower)
     return message("file.span", lower=lower, upper=upper)

@@ -19,7 +19,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 from xml.sax.saxutils import escape
 
-from controller.messages import Said, message, text
+from controller.messages import Message, message, text
 
 Row = Mapping[str, Any]
 FORMATS: Sequence[str] = (".tbl", ".json")
@@ -34,7 +34,7 @@ class TableRefused(Exception):
     """A text that is no tool table; ``said``: the sentence."""
 
     def __init__(self, key: str, **values: object) -> None:
-        self.said: Said = message(f"tool_file.{key}", **values)
+        self.said: Message = message(f"tool_file.{key}", **values)
         super().__init__(text(self.said))
 
 

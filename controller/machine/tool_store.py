@@ -29,7 +29,7 @@ from typing import Any, NamedTuple
 
 from controller import atomic_file, own_database, own_files, sealed_rows
 from controller.machine.toml_table import ConfigError
-from controller.messages import Said, message
+from controller.messages import Message, message
 
 FILE = "tools.db"
 SPINDLE, AWAY = 0, -1
@@ -89,7 +89,7 @@ class ToolStore:
         except (OSError, ValueError, sqlite3.Error) as error:
             raise _no_store(file, error) from error
 
-    def _damaged(self, file: Path) -> Said | None:
+    def _damaged(self, file: Path) -> Message | None:
         """What an alarm says of rows that are not as they were written; a copy of them is put aside."""
         with self._whole():
             words = sealed_rows.broken(self._db)
@@ -259,7 +259,7 @@ _KINDS: dict[str, tuple[type, ...]] = {
     "step": (int, int, int, str, int, int),
     "log": (float, str, int, int, int, str),
 }
-_MOST = 2**31
+_MAX_NUMBER = 2**31
 
 
 def saved_rows(file: Path) -> dict[str, list[list[Any]]]:
@@ -316,7 +316,7 @@ def _checked(name: str, rows: object) -> list[list[Any]]:
         if not isinstance(row, list) or len(row) != len(kinds):
             raise ValueError(f"{name} has a row that is none of {len(kinds)} values")
         for value, kind in zip(row, kinds, strict=True):
-            if type(value) is not kind or (isinstance(value, int) and not -1 <= value < _MOST):
+            if type(value) is not kind or (isinstance(value, int) and not -1 <= value < _MAX_NUMBER):
                 raise ValueError(f"{name} has a row with a value that cannot stand there")
     return rows
 

@@ -1,7 +1,7 @@
 """Every text that an operator reads, by language; and how a text travels.
 
-What is reported is a key with its values (``Said``): through the shared state, the service's socket and the
-store, in no language. Who shows it asks for words in the reader's language (``text``, ``with_sentences``).
+What is reported is a key with its values (``Message``): through the shared state, the service's socket and
+the store, in no language. Who shows it puts it in words of a language (``text``, ``with_sentences``).
 
 A language is one file of this folder, ``<code>.json``: key -> text, a line each, sorted by key. Nothing
 else names the languages. What a file lacks is read in English, so that a translation may lag. All files are
@@ -13,7 +13,7 @@ part before the first dot says where the text belongs:
 - ``fault.``, ``cause.``, ``remedy.`` with a fault's name: what happened, where that usually comes from, what
   to do (what the machine does about it is in ``fault_table``);
 - ``class.``, ``recovery.``, ``faults.``: the table of faults: reactions, steps out, its frame;
-- any other: what a ``Said`` may name, with {placeholders} by name.
+- any other: what a ``Message`` may name, with {placeholders} by name.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from drives import texts
 from drives.texts import (
     FOLDER,
     Key,
-    Said,
+    Message,
     TextError,
     chain,
     is_message,
@@ -41,7 +41,7 @@ from drives.texts import (
 __all__ = [
     "FOLDER",
     "Key",
-    "Said",
+    "Message",
     "TextError",
     "chain",
     "is_message",
@@ -135,12 +135,12 @@ def text(said: Mapping[str, Any] | None, language: str = DEFAULT) -> str:
     return str((said or {}).get("sentence") or "")
 
 
-def from_facts(facts: Mapping[str, Any]) -> Said | None:
+def from_facts(facts: Mapping[str, Any]) -> Message | None:
     """The message that ``facts`` has made facts of; None where there is none."""
-    return Said(key=facts["key"], values=facts["values"] or {}) if facts.get("key") else None
+    return Message(key=facts["key"], values=facts["values"] or {}) if facts.get("key") else None
 
 
-def facts(said: Said | None) -> dict[str, Any]:
+def facts(said: Message | None) -> dict[str, Any]:
     """Key and values as facts of something else; both are null where there is nothing to be said."""
     return dict(said) if said else {"key": None, "values": None}
 

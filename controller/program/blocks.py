@@ -19,7 +19,7 @@ from dataclasses import replace
 from types import MappingProxyType
 
 from controller.machine.model import Joints, Machine
-from controller.messages import Said, chain, message
+from controller.messages import Message, chain, message
 from controller.program import (
     arc_words,
     codes,
@@ -61,7 +61,7 @@ from controller.program.codes import (
     SURFACES,
     TILTS,
     TO_PLANE,
-    Ask,
+    ParsedLine,
     letters_of,
 )
 from controller.program.decoding import Bytes
@@ -77,7 +77,7 @@ from controller.program.program import (
     Act,
     Action,
     Block,
-    Message,
+    OperatorMessage,
     Program,
     ProgramError,
     Remark,
@@ -211,7 +211,7 @@ def _blocks(
             ask = polar_words.cartesian(ask, state, given.position, machine)
             if state.polar is not None or "polar" in ask.codes:
                 ask, state = polar_words.programmed(ask, state, given.position, machine)
-            turn = _Turn(ask, state, machine, given.position, ahead)
+            turn = _BlockInterpreter(ask, state, machine, given.position, ahead)
             turn.run()
             if turn.corner is not None:
                 turn = _with_corners(turn, line, given, machine, ahead)
@@ -237,7 +237,9 @@ def _blocks(
     note.add(order, given.state._replace(parameters=parameters.to_leave()))
 
 
-def _with_corners(turn: _Turn, line: Line, given: Given, machine: Machine, ahead: Upcoming) -> _Turn:
+def _with_corners(
+    turn: _BlockInterpreter, line: Line, given: Given, machine: Machine, ahead: Upcoming
+) -> _BlockInterpreter:
     """A line with a corner at its end and those that follow it, up to the first without, as one turn.
 
     Raises ProgramError.
@@ -252,7 +254,7 @@ def _with_corners(turn: _Turn, line: Line, given: Given, machine: Machine, ahead
             ask = points.counted(codes.sort(following, machine), turn.state, machine)
             ask = polar_words.cartesian(ask, turn.state, given.position, machine)
             before, given.state, line = turn.corner, turn.state, following
-            turn = _Turn(ask, turn.state, machine, given.position, ahead)
+            turn = _BlockInterpreter(ask, turn.state, machine, given.position, ahead)
             turn.run()
             moves.append(_move_to_corner(turn, line, given, before))
             first += [block for block in turn.made if isinstance(block, Remark)]
@@ -262,7 +264,9 @@ def _with_corners(turn: _Turn, line: Line, given: Given, machine: Machine, ahead
     return turn
 
 
-def _move_to_corner(turn: _Turn, line: Line, given: Given, before: Word | None = None) -> corner_words.Move:
+def _move_to_corner(
+    turn: _BlockInterpreter, line: Line, given: Given, before: Word | None = None
+) -> corner_words.Move:
     """The one motion of a line; ``before``: the corner that it follows, beside which it has nothing else."""
     block = corner_words.moved(turn.made)
     others = before is not None and any(not isinstance(one, Remark) for one in turn.made[:-1])
@@ -300,19 +304,19 @@ def _notes_and_settings(told: list[Line], state: State) -> list[Block]:
         if line.changes:
             said.append(Setting(line.place(1), state.modal, line.changes))
         if line.message:
-            said.append(Message(line.place(1), state.modal, line.message))
+            said.append(OperatorMessage(line.place(1), state.modal, line.message))
         if line.kept:
             said.append(Setting(line.place(1), state.modal, kept.of_parameters(line.kept)))
     told.clear()
     return said
 
 
-class _Turn:
+class _BlockInterpreter:
     """One line being carried out; its state counts only when ``run`` returns."""
 
     def __init__(
         self,
-        ask: Ask,
+        ask: ParsedLine,
         state: State,
         machine: Machine,
         position: Position,
@@ -509,7 +513,7 @@ class _Turn:
             return self.ask.refusal(word, "word.rotary_with_vectors")
         if word.letter in "IJK" and self._motion in ("G0", "G1"):
             return self.ask.refusal(word, "word.vector", motion=self._motion)
-        belongs, of_line = takers_of(word.letter, self._machine.dialect), list[Said]()
+        belongs, of_line = takers_of(word.letter, self._machine.dialect), list[Message]()
         for code, letters in takers:
             if letters:
                 of_line.append(message("word.takes", code=self._with_form(code), letters=" ".join(letters)))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from enum import Enum
 
-from controller.messages import Key, Said, message, text
+from controller.messages import Key, Message, message, text
 
 AXES = "@"  # in ``letters``: the axes of the machine
 
@@ -56,7 +56,7 @@ class Code:
         parts = {part: key_of(part, self.name, self.dialect) for part in ("meaning", "instead")}
         return {"code": self.name, **parts}
 
-    def noted_with(self) -> Said:
+    def noted_with(self) -> Message:
         """What ``check`` tells of a noted one."""
         meaning = key_of("meaning", self.name, self.dialect)
         return message("note.needs_nothing", code=self.name, meaning=meaning, told=Key(self.note))

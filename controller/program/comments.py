@@ -12,7 +12,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator
 
-from controller.messages import DEFAULT, LANGUAGES, Said, message
+from controller.messages import DEFAULT, LANGUAGES, Message, message
 from controller.program.program import ProgramError
 
 _COMMENT = re.compile(r"[();]")
@@ -58,7 +58,7 @@ def aborted(raw: str, values: Callable[[str], float]) -> tuple[int, str] | None:
     return None if found is None else (found.start() + 1, _short(_shown(found, values)))
 
 
-def ended(text: str) -> Said:
+def ended(text: str) -> Message:
     """Why a program ends itself by ABORT."""
     found = _OF_CYCLE.fullmatch(text)
     sentence = "" if found is None else LANGUAGES[DEFAULT].texts.get(found[1], "")

@@ -9,11 +9,11 @@ from dataclasses import dataclass, replace
 
 from controller.geometry.vectors import ROUNDING
 from controller.machine.model import Machine
-from controller.messages import Said, message, text
+from controller.messages import Message, message, text
 from controller.program.arc_words import PLANES
 from controller.program.contour import circles, ways
 from controller.program.contour.ways import Cut, Doubt, Way
-from controller.program.position import Known, Place3
+from controller.program.position import Coordinate, Place3
 from controller.program.program import (
     Block,
     JointArc,
@@ -36,7 +36,7 @@ UNKNOWN = message("beside.unknown")
 class NotBesideError(Exception):
     """Why a contour has no way beside it, and where."""
 
-    def __init__(self, place: Place, why: Said) -> None:
+    def __init__(self, place: Place, why: Message) -> None:
         super().__init__(text(why))
         self.place, self.said = place, why
 
@@ -48,7 +48,7 @@ class Held:
     block: Block
     before: Place3 = (None, None, None)
     after: Place3 = (None, None, None)
-    joints: tuple[Known, ...] = ()
+    joints: tuple[Coordinate, ...] = ()
 
 
 @dataclass(slots=True)
@@ -316,7 +316,7 @@ class Cutter:
         return tuple(made)
 
     def _only(self, point: complex) -> Targets:
-        made: list[Known] = [None] * len(self._machine.axes)
+        made: list[Coordinate] = [None] * len(self._machine.axes)
         linear = self._machine.linear()
         for axis, value in zip(self._axes, (point.real, point.imag), strict=False):
             made[linear[axis]] = value
@@ -372,7 +372,7 @@ def _absolute(held: Held, machine: Machine) -> Targets:
     assert isinstance(block, JointLine | JointArc)
     if not block.relative:
         return block.targets
-    made: list[Known] = [
+    made: list[Coordinate] = [
         None if word is None else joint for word, joint in zip(block.targets, held.joints, strict=True)
     ]
     for axis, i in enumerate(machine.linear()):

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from mmap import mmap
 
-from controller.messages import Said, message
+from controller.messages import Message, message
 from controller.program.program import Place, ProgramError
 
 _AROUND = bytes([0x00, 0x11, 0x12, 0x13, 0x14, 0x7F])
@@ -57,7 +57,7 @@ class Text:
         return self.leader + str(self.body, self.encoding)
 
 
-def text_of(data: Bytes, name: str) -> tuple[Text, tuple[Place, Said] | None]:
+def text_of(data: Bytes, name: str) -> tuple[Text, tuple[Place, Message] | None]:
     """The text, and what to tell of it where it is not UTF-8; ProgramError for what is no text."""
     text, remark = _decoded(*_without_tape(data), name)
     if control := _CONTROL.search(text.body):
@@ -66,7 +66,7 @@ def text_of(data: Bytes, name: str) -> tuple[Text, tuple[Place, Said] | None]:
     return text, remark
 
 
-def _decoded(leader: str, body: memoryview, name: str) -> tuple[Text, tuple[Place, Said] | None]:
+def _decoded(leader: str, body: memoryview, name: str) -> tuple[Text, tuple[Place, Message] | None]:
     text = Text(leader, body, "utf-8")
     at = _first_undecoded(text)
     if at is None:

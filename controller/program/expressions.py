@@ -25,7 +25,7 @@ OF_FANUC = range(1, 100_000)  # system variables among them
 NOTHING = 0  # on controls as Fanuc's #0, which never has a value
 GAPS = " \t\0"  # \0 marks where a comment stood: it ends a number, a space does not
 SAME = 1e-4  # values that EQ takes for one, as LinuxCNC's interpreter
-MOST_BITS = 2.0**31  # of a value that is taken bit by bit
+MAX_BITS = 2.0**31  # of a value that is taken bit by bit
 
 _NUMBER = re.compile(r"[+-]?[ \t]*(?:[0-9][0-9 \t]*(?:\.[0-9 \t]*)?|\.[ \t]*[0-9][0-9 \t]*)")
 _NAME = re.compile(r"<([^<>\[\]#;\0]*)>")
@@ -48,7 +48,7 @@ def _bitwise(function: Callable[[int, int], int]) -> Callable[[float, float], fl
 
     def of(*values: float) -> float:
         for value in values:
-            if abs(value - round(value)) >= SAME or abs(value) > MOST_BITS:
+            if abs(value - round(value)) >= SAME or abs(value) > MAX_BITS:
                 raise _NoBits(value)
         return float(function(*map(round, values)))
 

@@ -20,7 +20,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
-from controller.messages import Said, chain, message
+from controller.messages import Message, chain, message
 from controller.program.code_rows import key_of
 
 HAAS, FANUC, MAKINO, LINUXCNC, MARLIN = "Haas", "Fanuc", "Makino", "LinuxCNC", "Marlin"
@@ -122,7 +122,7 @@ def known_uses(code: str) -> dict[str, Any] | None:
     """What builders have a code for, and what to write instead, as values of a sentence; None if none has."""
     if code not in USES:
         return None
-    uses, advice = list[Said | str](), list[Said | str]()
+    uses, advice = list[Message | str](), list[Message | str]()
     for use in USES[code]:
         purpose = key_of("foreign_use", use.purpose, "")
         uses.append(message("foreign_use", builder=use.builder, purpose=purpose))

@@ -7,7 +7,7 @@ from dataclasses import replace
 from controller.machine.model import OFFSETS, Machine, Spindle
 from controller.messages import Key, message
 from controller.program import output_words, planar_words, tool_change_words
-from controller.program.codes import SURFACES, Ask
+from controller.program.codes import SURFACES, ParsedLine
 from controller.program.modal import BLU_PER_MM, FEEDS, INCHES, TIPS, TURNS, State, dwell_s, tool_list
 from controller.program.program import (
     Act,
@@ -28,7 +28,7 @@ OLDER_OFFSETS = tuple(f"G{110 + i}" for i in range(20))  # Haas' names of G154 P
 
 
 def apply(
-    ask: Ask, motion: str, state: State, machine: Machine, side_letters: str = ""
+    ask: ParsedLine, motion: str, state: State, machine: Machine, side_letters: str = ""
 ) -> tuple[State, list[Block]]:
     """The state after all codes of the line but its motion and stop, and their actions in order.
 
@@ -44,7 +44,7 @@ def apply(
 class _Settings:
     """One line being carried out up to its motion; one method per step of RS-274/NGC 3.8."""
 
-    def __init__(self, ask: Ask, motion: str, state: State, machine: Machine) -> None:
+    def __init__(self, ask: ParsedLine, motion: str, state: State, machine: Machine) -> None:
         self.ask = ask
         self.state = state
         self.made: list[Block] = []
@@ -167,7 +167,7 @@ class _Settings:
             self._switch(number, on)
             self._act(word, Act.OUTPUT)
 
-    def _say(self, ask: Ask, code: str, word: Word) -> None:
+    def _say(self, ask: ParsedLine, code: str, word: Word) -> None:
         """An output, digital or analogue, is told."""
         if code in ("M67", "M68"):
             modal = self.state.modal
@@ -452,7 +452,7 @@ class _Settings:
 FEED_STOP = "feed_stop"  # the input of M53
 
 
-def overrides_after(ask: Ask, modal: Modal, machine: Machine) -> Modal:
+def overrides_after(ask: ParsedLine, modal: Modal, machine: Machine) -> Modal:
     """The modal state after the line's code of the group. Raises ProgramError."""
     code, word = ask.codes["overrides"]
     if code in ("M48", "M49"):
@@ -470,7 +470,7 @@ def overrides_after(ask: Ask, modal: Modal, machine: Machine) -> Modal:
     return modal
 
 
-def _is_on(ask: Ask, code: str) -> bool:
+def _is_on(ask: ParsedLine, code: str) -> bool:
     """P: 0 is off, 1 or nothing on."""
     p = ask.of(code).words.get("P")
     if p is not None and p.value not in (0.0, 1.0):
@@ -478,6 +478,6 @@ def _is_on(ask: Ask, code: str) -> bool:
     return p is None or p.value == 1.0
 
 
-def _check_input(ask: Ask, machine: Machine, on: bool) -> None:
+def _check_input(ask: ParsedLine, machine: Machine, on: bool) -> None:
     if on and (machine.io is None or machine.io.input(FEED_STOP) is None):
         raise ask.refusal(ask.codes["overrides"][1], "override.no_feed_stop", input=FEED_STOP)

@@ -23,9 +23,9 @@ from dataclasses import dataclass, field
 from controller.geometry.splines import ORDERS, BadSpline, BSpline
 from controller.geometry.vectors import Vector
 from controller.machine.model import Machine
-from controller.messages import Key, Said, message
+from controller.messages import Key, Message, message
 from controller.program import surface_words
-from controller.program.codes import Ask
+from controller.program.codes import ParsedLine
 from controller.program.modal import State
 from controller.program.program import CutNurbs, ProgramError
 from controller.program.surface_words import feed_of, missing, point_of
@@ -36,12 +36,12 @@ SEEN_AT = 32  # rulings that are looked at to see which curve is above
 NUMBERED = {"P": Key("surface.upper"), "Q": Key("surface.lower")}
 
 
-def refusal(line: Line, word: Word, found: Said) -> ProgramError:
+def refusal(line: Line, word: Word, found: Message) -> ProgramError:
     """The refusal of anything that is not exactly one surface of G6.2."""
     return line.refusal(word, "surface.not_nurbs", found=found)
 
 
-def surface(ask: Ask, state: State, machine: Machine, lines: Iterator[Line]) -> CutNurbs:
+def surface(ask: ParsedLine, state: State, machine: Machine, lines: Iterator[Line]) -> CutNurbs:
     """The surface of a line with G6.2; takes its points and knots from ``lines`` (mm)."""
     word = ask.codes["motion"][1]
     for other in ask.line.words:
@@ -61,7 +61,7 @@ def surface(ask: Ask, state: State, machine: Machine, lines: Iterator[Line]) -> 
     return CutNurbs(ask.place(word), state.modal, upper, lower, feed)
 
 
-def _order(ask: Ask, word: Word) -> int:
+def _order(ask: ParsedLine, word: Word) -> int:
     order = ask.whole(word)
     if order not in ORDERS:
         curve = NUMBERED[word.letter]
@@ -73,7 +73,7 @@ def _order(ask: Ask, word: Word) -> int:
 class _Reader:
     """One curve being read, with the line and word of everything it is made of."""
 
-    ask: Ask
+    ask: ParsedLine
     name: Key  # upper, lower
     order: int
     state: State
@@ -122,7 +122,7 @@ class _Reader:
         if given.keys() != {"K"}:
             raise refusal(line, line.words[0], message("surface.missing_in", letters="K", due=due))
 
-    def _line(self, letters: str, due: Said) -> tuple[Line, dict[str, Word]]:
+    def _line(self, letters: str, due: Message) -> tuple[Line, dict[str, Word]]:
         """The next line, with none but these letters and a K."""
         line = next(self.lines, None)
         of = message("surface.of_nurbs", due=due, line=self.ask.line.number)

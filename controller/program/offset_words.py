@@ -17,10 +17,10 @@ from typing import Any, NamedTuple
 from controller.geometry.vectors import ZERO, Frame, Vector, X, Y, Z, add
 from controller.machine.model import FIXTURES, MAX_WEAR_MM, OFFSETS, Machine, Offset, Shift, Tool
 from controller.messages import Key
-from controller.program.codes import Ask
+from controller.program.codes import ParsedLine
 from controller.program.modal import State, tool_list
 from controller.program.origins import NONE, Origins, about, fixture_index, turned_about_z, within
-from controller.program.position import Known, Position
+from controller.program.position import Coordinate, Position
 from controller.program.words import Word
 
 NORMALS = MappingProxyType({"G17": Z, "G18": Y, "G19": X})
@@ -30,12 +30,12 @@ _FANUC_TOOL = MappingProxyType({10: "length_mm", 11: "wear_length_mm", 12: "radi
 class Here(NamedTuple):
     """What a line finds: its words, the state before it, where the axes stand."""
 
-    ask: Ask
+    ask: ParsedLine
     state: State
     position: Position
     machine: Machine
 
-    def known(self, word: Word, values: Sequence[Known], what: str) -> tuple[float, ...]:
+    def known(self, word: Word, values: Sequence[Coordinate], what: str) -> tuple[float, ...]:
         """``values``, refused where one of them is not known."""
         if any(value is None for value in values):
             raise self.ask.refusal(word, "position.unknown", what=what)
@@ -45,13 +45,13 @@ class Here(NamedTuple):
         word = self.ask.words.get(letter)
         return None if word is None else word.value * self.state.mm_per_unit
 
-    def rotary_rad(self) -> tuple[Known, Known]:
+    def rotary_rad(self) -> tuple[Coordinate, Coordinate]:
         """The words of the two rotaries (carried sense)."""
         given = ((self.ask.words.get(axis.name), axis) for axis in self.machine.axes)
         found = [None if word is None else word.value / axis.shown_per_unit for word, axis in given]
         return self.machine.pair(found, None)
 
-    def lengths_mm(self) -> tuple[Known, Known, Known]:
+    def lengths_mm(self) -> tuple[Coordinate, Coordinate, Coordinate]:
         return self.length_mm("X"), self.length_mm("Y"), self.length_mm("Z")
 
 
@@ -91,7 +91,9 @@ def _shifted_to(here: Here) -> Origins:
     return replace(origins, shift=Shift((x, y, z), (a, b)))
 
 
-def _positions(here: Here, now: Sequence[Known], words: Sequence[Known], word: Word) -> tuple[float, ...]:
+def _positions(
+    here: Here, now: Sequence[Coordinate], words: Sequence[Coordinate], word: Word
+) -> tuple[float, ...]:
     """Positions; those of axes without a word are not needed."""
     needed = [0.0 if w is None else n for n, w in zip(now, words, strict=True)]
     return here.known(word, needed, here.ask.code("one-line"))
@@ -173,10 +175,12 @@ def _check_untilted(here: Here, code: str) -> None:
         raise here.ask.refusal(here.ask.codes["one-line"][1], "offset.tilted", code=code)
 
 
-def _offset_after(here: Here, before: Offset, xyz: Sequence[Known], rotary: Sequence[Known]) -> Offset:
+def _offset_after(
+    here: Here, before: Offset, xyz: Sequence[Coordinate], rotary: Sequence[Coordinate]
+) -> Offset:
     distances = here.machine.dialect == "fanuc" and not here.state.absolute
 
-    def shifted(old: Sequence[float], words: Sequence[Known]) -> list[float]:
+    def shifted(old: Sequence[float], words: Sequence[Coordinate]) -> list[float]:
         base = old if distances else [0.0] * len(old)
         return [q if w is None else b + w for q, b, w in zip(old, base, words, strict=True)]
 
@@ -185,7 +189,7 @@ def _offset_after(here: Here, before: Offset, xyz: Sequence[Known], rotary: Sequ
     return Offset(before.frame._replace(origin=(x, y, z)), (a, b))
 
 
-def _offset_here(here: Here, index: int, xyz: Sequence[Known], rotary: Sequence[Known]) -> Offset:
+def _offset_here(here: Here, index: int, xyz: Sequence[Coordinate], rotary: Sequence[Coordinate]) -> Offset:
     """Moved along its own axes by what the position under it reads too much."""
     word = here.ask.codes["one-line"][1]
     under = replace(here.state.origins, index=index, turn=None)
@@ -278,7 +282,7 @@ def local_shift(here: Here) -> State:
     return here.state.with_origins(changed, here.machine)
 
 
-def _laid(before: Sequence[float], words: Sequence[Known], relative: bool) -> list[float]:
+def _laid(before: Sequence[float], words: Sequence[Coordinate], relative: bool) -> list[float]:
     return [q if w is None else w + (q if relative else 0.0) for q, w in zip(before, words, strict=True)]
 
 

@@ -12,7 +12,7 @@ from types import MappingProxyType
 from typing import Protocol
 
 from controller.machine.changes import Change
-from controller.messages import Said
+from controller.messages import Message
 
 Name = int | str
 ARGUMENTS = range(1, 31)  # a sub's own
@@ -45,7 +45,7 @@ class System(Protocol):
     """Numbers by which controls as Fanuc's mean themselves."""
 
     asks: dict[int, float]  # ``ALARM`` or ``STOP`` of the line that is read
-    notes: list[Said]  # what ``check`` is to tell of it
+    notes: list[Message]  # what ``check`` is to tell of it
     changes: list[Change]  # what it changes for good
     is_modal_call: bool  # G66 is on
 

@@ -28,7 +28,7 @@ from typing import Any, NamedTuple
 from controller.geometry.vectors import Vector
 from controller.machine.changes import Change
 from controller.machine.model import MAX_WEAR_MM, OFFSETS, Machine, Offset, Tool
-from controller.messages import Said, message
+from controller.messages import Message, message
 from controller.program import kept
 from controller.program.given import LETTERS, Given
 from controller.program.modal import State
@@ -93,7 +93,7 @@ class SystemVariables:
         self._machine, self._given = machine, given
         self._plain: dict[int, float] = {}  # what was written and does nothing
         self.asks: dict[int, float] = {}  # ALARM or STOP of the line that is read
-        self.notes: list[Said] = []
+        self.notes: list[Message] = []
         self.changes: list[Change] = []
         self.is_modal_call = False  # G66
         axes = [axis.name.lower() for axis in machine.axes]

@@ -16,7 +16,7 @@ from dataclasses import replace
 from controller.geometry.vectors import ROUNDING, Vector
 from controller.machine.kinematics import Pair
 from controller.machine.model import Kind, Machine
-from controller.messages import Said, chain, message
+from controller.messages import Message, chain, message
 from controller.program.modal import State, tool_list
 from controller.program.offset_words import Here
 from controller.program.program import Block, JointLine, ProgramError, TipLine
@@ -139,8 +139,8 @@ def _shown(machine: Machine, pair: Pair) -> str:
     return " ".join(rows)
 
 
-def _travel(machine: Machine) -> list[Said | str]:
-    told: list[Said | str] = []
+def _travel(machine: Machine) -> list[Message | str]:
+    told: list[Message | str] = []
     for axis in (machine.axes[i] for i in machine.rotary()):
         low, high = sorted(q * axis.shown_per_unit for q in (axis.travel_min, axis.travel_max))
         told.append(message("plane.travel", axis=axis.name, low=low, high=high))

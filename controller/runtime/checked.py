@@ -18,7 +18,7 @@ from typing import Any
 from controller.geometry.vectors import ROUNDING
 from controller.machine.kinematics import Kinematics, kinematics_of
 from controller.machine.model import TOOL_AT_POWER_ON, Joints, Machine
-from controller.messages import Said, message
+from controller.messages import Message, message
 from controller.motion.motions import Rotaries
 from controller.plan.look_ahead import NoLaw
 from controller.plan.path import (
@@ -51,7 +51,7 @@ from controller.workers import Spread, here
 
 # Share of a check that is done when cutters are placed, when branches are chosen, and when all is planned.
 PLACED, CHOSEN, PLANNED = 0.1, 0.2, 0.6
-MOST_KEPT = 1000  # motions of a path that is not laid once more for its run: it bounds the memory
+MAX_KEPT = 1000  # motions of a path that is not laid once more for its run: it bounds the memory
 PLACING_S = 0.4  # that a search for one surface takes, about
 
 
@@ -119,7 +119,7 @@ def path_of(
     is waited for.
     """
     source = _source(asked, chosen, dry_run_mm).dry()
-    tracer = path.Tracer(asked.name, source.machine, asked.kinematics, asked.start, chosen or {})
+    tracer = path.PathBuilder(asked.name, source.machine, asked.kinematics, asked.start, chosen or {})
     read = _Read(iter(source.blocks))
     items = duration.bounded(tracer.items(read), source.machine, asked.name, whole=chosen is not None)
     items = _whole(items, read, asked)
@@ -272,7 +272,7 @@ def _fixed(watched: Watched) -> list[Chain | Pause] | None:
     kept, fixed = list[Chain | Pause](), True
     for item in watched:
         probes = isinstance(item, Pause) and item.probe is not None
-        fixed = fixed and not probes and len(watched.stretches) <= MOST_KEPT
+        fixed = fixed and not probes and len(watched.stretches) <= MAX_KEPT
         if fixed:
             kept.append(item)
     return kept if fixed else None
@@ -325,7 +325,7 @@ def check(
     progress: Callable[[int], None] = lambda _: None,
     watch: Callable[[Iterable[Chain | Pause]], Iterable[Chain | Pause]] = lambda items: items,
     spread: Spread = here,
-) -> tuple[Survey, Stored, Said | str]:
+) -> tuple[Survey, Stored, Message | str]:
     """Look at the whole program and keep what was found: survey, check, and a warning or "".
 
     As ``looked_at``. Raises ProgramError.
@@ -395,7 +395,7 @@ def place_ahead(asked: Task, spread: Spread, progress: Progress = lambda _: None
     """
     if spread is here or not may_cut(asked.text):
         return
-    wanted: dict[placing.Wanted, None] = {}
+    wanted: dict[placing.RequiredPlacement, None] = {}
     with contextlib.suppress(ProgramError):
         for block in _with_progress(_blocks(asked), asked, _between(progress, 0.0, 0.1)):
             if isinstance(block, CutBlock):
@@ -406,7 +406,7 @@ def place_ahead(asked: Task, spread: Spread, progress: Progress = lambda _: None
         progress(0.1 + 0.9 * (k + 1) / len(unknown))
 
 
-def keep(kept: Stored, name: str, where: Path) -> Said | str:
+def keep(kept: Stored, name: str, where: Path) -> Message | str:
     """Store a check; a warning where that was not to be done, or ""."""
     try:
         stored.save(kept, name, where)
@@ -415,12 +415,12 @@ def keep(kept: Stored, name: str, where: Path) -> Said | str:
     return ""
 
 
-def verdict_of(kept: Stored, most: int = wording.MOST) -> dict[str, Any] | None:
+def verdict_of(kept: Stored, most: int = wording.MAX_SURFACES) -> dict[str, Any] | None:
     """What a check says of the form of all surfaces, as ``wording.to_json`` does."""
     return wording.to_json(kept.verdicts, most)
 
 
-def find(asked: Task, where: Path) -> tuple[Stored | None, Said | str]:
+def find(asked: Task, where: Path) -> tuple[Stored | None, Message | str]:
     """The kept check, and a warning or "" where there is none to be used."""
     kept, warning = stored.load(asked.key, where)
     if kept is not None:

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from controller.geometry.vectors import Frame
 from controller.machine.model import OFFSETS, Machine
-from controller.messages import DEFAULT, LANGUAGES, Key, Said, message
+from controller.messages import DEFAULT, LANGUAGES, Key, Message, message
 from controller.plan.restart.restart import Rest
 from controller.program.program import Modal
 
 COOLANT = (Key("at.off"), Key("at.mist"), Key("at.flood"), Key("at.mist_and_flood"))
 
 
-def messages(rest: Rest) -> list[Said]:
+def messages(rest: Rest) -> list[Message]:
     """The place, what is in force there, and how it is entered."""
     at, machine, spot = rest.target.modal, rest.source.machine, rest.spot
     feed = Key("at.none") if at.feed_mm_s is None else f"{at.feed_mm_s * 60.0:g} mm/min"

@@ -14,10 +14,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
-from controller.ipc.inverter_slot import InverterSlot, Reported, Wanted
+from controller.ipc.inverter_slot import Commanded, InverterSlot, Reported
 from controller.machine import inverter_profiles
 from controller.machine.spindle import Modbus, Spindle
-from controller.messages import Said, message, text
+from controller.messages import Message, message, text
 from controller.runtime import children, inverter_line
 from controller.runtime.inverter_line import LineError
 
@@ -38,7 +38,7 @@ class Job:
 class Inverter(Protocol):
     """What is asked and ordered."""
 
-    def exchange(self, wanted: Wanted, /) -> Reported: ...
+    def exchange(self, wanted: Commanded, /) -> Reported: ...
 
 
 def main(job: Job) -> None:
@@ -67,7 +67,7 @@ def _inverter(spindle: Spindle, modbus: Modbus, simulated: bool) -> Inverter:
     return inverter_line.opened(modbus)
 
 
-def _tell(what: Said) -> None:
+def _tell(what: Message) -> None:
     """For the journal."""
     with contextlib.suppress(OSError):  # nobody may be there to read it
         print(text(what), file=sys.stderr, flush=True)
@@ -101,6 +101,6 @@ def serve(
         inverter.exchange(_stopped(slot.commanded()[0]))
 
 
-def _stopped(wanted: Wanted) -> Wanted:
+def _stopped(wanted: Commanded) -> Commanded:
     """Nobody's order: to stop."""
-    return Wanted(resets=wanted.resets)
+    return Commanded(resets=wanted.resets)

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from controller import npz
 from controller.machine import machine_file
 from controller.machine.model import Kind
-from controller.messages import DEFAULT, Key, Said, message, plain, text
+from controller.messages import DEFAULT, Key, Message, message, plain, text
 from controller.runtime import events
 from controller.runtime.setpoints import ACTUAL, SETPOINTS, counts_per_unit
 from controller.state.live_state import FIELDS, Field
@@ -42,7 +42,7 @@ class Column(NamedTuple):
 
     values: Array
     unit: str
-    meaning: Said | str  # words where it is read from a file that has them
+    meaning: Message | str  # words where it is read from a file that has them
 
     def meaning_text(self, language: str) -> str:
         """The meaning of its values, in words of a language."""
@@ -141,7 +141,7 @@ def _typed(values: Array, field: Field) -> Array:
     return values != 0.0 if field.type is bool else values.astype(np.int64)
 
 
-def _part(name: str, part: str) -> Said:
+def _part(name: str, part: str) -> Message:
     """The meaning of what is of one axis, or of one part of a vector."""
     return message("column.part", meaning=Key(f"column.{name}"), part=part)
 

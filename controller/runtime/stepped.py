@@ -64,7 +64,7 @@ KEEPALIVE_EVERY = 16  # turns of it
 IDLE_TICKS = 100  # at rest with nothing to do, while the planner has had many turns: nothing will come
 DRAIN_EVERY = 4096  # ticks between two looks at the recorder
 STANDING_WORDS = (Request.HOLD, Request.RESUME, Request.STOP)
-PATIENCE_S = 10.0  # beyond the tick's own for enabling or homing, which tells more
+WAIT_TIMEOUT_S = 10.0  # beyond the tick's own for enabling or homing, which tells more
 # Looked up every tick, and an enum's members are slow to look up.
 _RUNNING: Final = Mode.RUNNING
 _HOLD: Final = Mode.HOLD
@@ -272,7 +272,7 @@ class SteppedMachine:
         # SDO has let time pass on the bus alone.
         self._offset_s = self.rig.now_s - self.clock.now_s()
         number = self.request(request, value)
-        longest_s = stop_times.ENABLE_S + stop_times.HOMING_S + PATIENCE_S
+        longest_s = stop_times.ENABLE_S + stop_times.HOMING_S + WAIT_TIMEOUT_S
         for _ in range(round(longest_s / self.machine.period_s)):
             self.tick()
             now = self.board.read()

@@ -13,7 +13,7 @@ from typing import Any
 
 from controller.ipc.handoff import Snapshot
 from controller.machine.model import Machine
-from controller.messages import Said, several
+from controller.messages import Message, several
 from controller.runtime.recording import Keeper
 from controller.service import alarms as alarm_values
 from controller.service.alarms import Alarms
@@ -81,11 +81,11 @@ class Troubles:
         self._told_before = None
 
     @property
-    def message(self) -> Said | None:
+    def message(self) -> Message | None:
         """The message of the present fault."""
         return _message(self.shown) if self.shown is not None else None
 
-    def tick_gone(self, now: Snapshot, words: str) -> Said:
+    def tick_gone(self, now: Snapshot, words: str) -> Message:
         """The drives stop by themselves; what the last ticks were is kept. What is said of it."""
         gone = Fault.CONTROLLER_GONE
         shown = {**alarm_values.of(self._machine, gone, -1), "recording": None}
@@ -160,5 +160,5 @@ def _sender(now: Snapshot) -> Sender:
     return Sender(now.chatter_id, now.chatter_per_s)
 
 
-def _message(shown: dict[str, Any]) -> Said:
-    return Said(key=shown["key"], values=shown["values"])
+def _message(shown: dict[str, Any]) -> Message:
+    return Message(key=shown["key"], values=shown["values"])

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from controller.ipc.handoff import Snapshot
-from controller.messages import Key, Said, facts, message
+from controller.messages import Key, Message, facts, message
 from controller.program import linked
 from controller.service.jobs import INTERRUPTED, MDI, Job, settles_s
 from controller.service.journal import Entry
@@ -65,7 +65,7 @@ def interrupted(entry: Entry) -> dict[str, Any]:
     }
 
 
-def ended_early(job: Job, result: str, why: Said | None) -> Said | None:
+def ended_early(job: Job, result: str, why: Message | None) -> Message | None:
     """What a run that did not come to its end leaves to be read; None of one that did."""
     if result == "completed":
         return None

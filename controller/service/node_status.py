@@ -8,7 +8,7 @@ from typing import Any
 
 from controller.machine import machine_file
 from controller.machine.model import Machine, Temperature
-from controller.messages import Key, Said, message
+from controller.messages import Key, Message, message
 from controller.state.live_state import DriveRow, Snapshot
 from controller.state.modes import Mode
 from drives import emergency_codes, pdo
@@ -111,7 +111,7 @@ def _drive(
     )
 
 
-def _emergency(code: int) -> Said:
+def _emergency(code: int) -> Message:
     """A code by its text, or its class's."""
     known = emergency_codes.listed(code)
     what = Key("emcy.unlisted" if known is None else f"emcy.{known:04X}")

@@ -9,7 +9,7 @@ from typing import Any
 from controller import messages
 from controller.ipc.control_socket import CommandRefused
 from controller.machine.model import Machine
-from controller.messages import Said, message, several
+from controller.messages import Message, message, several
 from controller.plan.restart.program_position import AFTER_CHANGE, FORMER, Spot
 from controller.service import jobs, journal
 from controller.service.jobs import Job
@@ -53,7 +53,7 @@ def restart(service: Service) -> dict[str, Any]:
 OTHER_TOOL = ("offer.other_tool", "offer.no_tool")
 
 
-def _place(entry: journal.Entry) -> Said:
+def _place(entry: journal.Entry) -> Message:
     """Where it was interrupted."""
     if entry.change is not None:
         out, into, line = entry.change
@@ -62,20 +62,20 @@ def _place(entry: journal.Entry) -> Said:
     return message("offer.place", program=entry.job.name, line=entry.spot.line, percent=percent)
 
 
-def _goes_on(entry: journal.Entry) -> Said:
+def _goes_on(entry: journal.Entry) -> Message:
     """What a restart does."""
     if entry.change is not None:
         return message("offer.goes_on_after", into=entry.required_tool)
     return message("offer.goes_on_at", tool=entry.required_tool)
 
 
-def _why_not(service: Service, entry: journal.Entry) -> Said | None:
+def _why_not(service: Service, entry: journal.Entry) -> Message | None:
     """Why a load from there would be refused; None: it would not, as far as can be known before it."""
     why = service.journal.why_not(service.set_up.machine, *_trusted(service))
     return why or _not_with(service, entry)
 
 
-def _not_with(service: Service, entry: journal.Entry) -> Said | None:
+def _not_with(service: Service, entry: journal.Entry) -> Message | None:
     """A changer's tools: nobody knows where they are, or another one is in the spindle."""
     if service.changer is None:
         return None  # by hand it is changed on the way in

@@ -40,7 +40,7 @@ from controller.ipc.handoff import (
     Outcome,
     Snapshot,
 )
-from controller.messages import Said, reason
+from controller.messages import Message, reason
 from controller.runtime import events
 from controller.runtime.setpoints import TABLES, Table
 from controller.service.engine import Asked
@@ -62,7 +62,7 @@ class RunFile:
         self._lock = threading.Lock()  # nobody closes what is just being told to the disk
         self._kept_bytes = self._lines = 0
         self._is_new = dict.fromkeys((*self._rows.values(), self._events), False)
-        self.problem: Said | str = ""  # why no more is written
+        self.problem: Message | str = ""  # why no more is written
 
     def rows(self, table: Table, data: bytes) -> None:
         """Whole rows of setpoints, or of actual positions."""

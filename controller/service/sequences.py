@@ -33,7 +33,7 @@ from drives.cia402 import State
 MARGIN_S = 2.0  # on top of what the tick itself waits
 STAND_S = 15.0  # for a stop after a fault
 ASIDE_S = 120.0  # for a way off the path
-TAKEN_S = 5.0  # for a datagram to show its effect
+TAKEN_TIMEOUT_S = 5.0  # for a datagram to show its effect
 SHORT_MM = 1e-3  # less is no shorter way
 
 
@@ -77,7 +77,7 @@ def enable(service: Service) -> Values:
 
 def _see_taken(service: Service, number: int, request: Request) -> Snapshot:
     """The first snapshot in which a request is answered. Raises CommandRefused where the tick refused it."""
-    now = service.processes.wait_for(lambda now: now.has_taken(number), TAKEN_S, "answer")
+    now = service.processes.wait_for(lambda now: now.has_taken(number), TAKEN_TIMEOUT_S, "answer")
     if now.came_of(number)[0] is Outcome.REFUSED:
         raise why_refused(service.set_up.machine, now, number, request)
     return now
@@ -260,7 +260,7 @@ def _drop(service: Service) -> None:
         if service.engine.plan_alive:
             service.engine.line.order("drop")
         asked = service.engine.request(Request.STOP)
-        service.processes.wait_for(lambda later: later.has_taken(asked), TAKEN_S, "standstill")
+        service.processes.wait_for(lambda later: later.has_taken(asked), TAKEN_TIMEOUT_S, "standstill")
 
 
 # Whether the disk takes what a run leaves behind: asked before it starts, while nothing is lost yet.

@@ -19,7 +19,7 @@ from controller.plan.restart.reentry import room_along_axis
 from controller.program import dynamic_offset
 from controller.program.modal import State
 from controller.program.program import Tip
-from controller.runtime.plan_messages import Way
+from controller.runtime.plan_messages import MotionFacts
 from controller.service.active_codes import active_codes
 from controller.service.jobs import UNDER_WAY
 from controller.service.usage import Usage
@@ -37,7 +37,7 @@ AT_LIMIT = 1e-3  # mm or rad from the end of the travel
 def machine_values(
     machine: Machine,
     now: Snapshot,
-    way: Way | None,
+    way: MotionFacts | None,
     state: State,
     in_spindle: int = 1,
     age_s: float = 0.0,
@@ -185,7 +185,7 @@ def reading(machine: Machine, kinematics: Kinematics, joints: Joints, state: Sta
 
 
 def joints(
-    machine: Machine, kinematics: Kinematics, now: Snapshot, way: Way | None, state: State
+    machine: Machine, kinematics: Kinematics, now: Snapshot, way: MotionFacts | None, state: State
 ) -> dict[str, dict[str, Any]]:
     """By axis: where it is told to be, where it is, how far it still goes."""
     shown, actual = machine.shown(now.joints), machine.shown(now.actual)
@@ -251,7 +251,7 @@ def retract_room_mm(machine: Machine, now: Snapshot) -> float | None:
     return math.floor(room_mm * 1e3) / 1e3
 
 
-def _programmed(now: Snapshot, way: Way | None) -> float | None:
+def _programmed(now: Snapshot, way: MotionFacts | None) -> float | None:
     if way is None or way.feed_mm_s is None:
         return None
     begun = [feed for s, feed in way.feed_steps if s <= now.s]

@@ -23,7 +23,7 @@ from typing import Any
 from controller.ipc.handoff import Snapshot
 from controller.machine.model import Changer, Io
 from controller.machine.tool_store import AWAY, SPINDLE, Step, ToolStore
-from controller.messages import Said, message, several
+from controller.messages import Message, message, several
 from controller.motion.pieces import FIRST_MARK
 from controller.program.program import Changing
 from controller.program.tool_change_words import steps_of
@@ -94,7 +94,7 @@ class _StepTime:
         """An operator lets it go on."""
         self._told = False
 
-    def look(self, now: Snapshot, mark: Changing, changer: Changer) -> tuple[Said | None, bool]:
+    def look(self, now: Snapshot, mark: Changing, changer: Changer) -> tuple[Message | None, bool]:
         """What is told of the step just now; and whether it takes too long."""
         if now.mode is Mode.RUNNING:
             self._ran += now.tick - self._seen_tick
@@ -136,7 +136,7 @@ class Whereabouts:
         """Number of the tool in it; 0 = none, or nobody knows."""
         return 0 if self.unsure else self._store.spindle or 0
 
-    def doubt(self, beside: Said | None) -> Said | None:
+    def doubt(self, beside: Message | None) -> Message | None:
         """What an operator must confirm before anything moves; ``beside``: of a preparation."""
         store = self._store
         if not store.known:
@@ -151,7 +151,7 @@ class Whereabouts:
         )
         return several(told, begun, *carried, message("changer_confirm"))
 
-    def refusal(self, mark: Changing) -> Said | None:
+    def refusal(self, mark: Changing) -> Message | None:
         """Why a change does not begin: a tool is not where it is taken, or where it goes another one is."""
         store, changer, places = self._store, self._changer(), self._store.places
         out, into = mark.tool_out, mark.tool_in
@@ -204,9 +204,9 @@ class ToolChanger:
         store: ToolStore,
         changer: Callable[[], Changer],
         tick: Tick,
-        tell: Callable[[str, Said], object],
+        tell: Callable[[str, Message], object],
         period_s: float,
-        worn: Callable[[int], Said | None],
+        worn: Callable[[int], Message | None],
         io: Io | None,
     ) -> None:
         """``changer``: as its pockets are now; ``tell``: name and words of an alarm; ``worn``: what is to be
@@ -246,7 +246,7 @@ class ToolChanger:
         """Whether a run is in the middle of a change."""
         return self._now is not None or self._waits
 
-    def change(self, now: Snapshot) -> Said | None:
+    def change(self, now: Snapshot) -> Message | None:
         """The step of the change under way, in words; None where there is none, or it is held.
 
         The stops between its steps are no holds: nobody has asked for one, and it goes on by itself.
@@ -336,14 +336,14 @@ class ToolChanger:
         self._now = None if mark.last else mark
         return True
 
-    def _refuse(self, why: Said, ends: bool) -> None:
+    def _refuse(self, why: Message, ends: bool) -> None:
         """Told; a change that was to begin or go on ends with it."""
         self._tell("CHANGE_REFUSED", why)
         if ends:
             self._keeps = True
             self._tick.request(Request.STOP)
 
-    def _refusal(self, mark: Changing) -> Said | None:
+    def _refusal(self, mark: Changing) -> Message | None:
         """Why the change may not go on: it does not begin with its first step, or tools are elsewhere."""
         if self._now is not None:
             same = (self._now.tool_out, self._now.tool_in, self._now.step + 1)
@@ -366,7 +366,7 @@ class ToolChanger:
     # -- what is known
 
     @property
-    def doubt(self) -> Said | None:
+    def doubt(self) -> Message | None:
         """What an operator must confirm before anything moves; None: nothing."""
         return None if self._now is not None else self.whereabouts.doubt(self.beside.doubt)
 
@@ -380,7 +380,7 @@ class ToolChanger:
         }
 
 
-def _in_words(changer: Changer, mark: Changing, waits: bool) -> Said:
+def _in_words(changer: Changer, mark: Changing, waits: bool) -> Message:
     """The step of a change; ``waits``: for the pocket that is prepared."""
     out, into = mark.tool_out, mark.tool_in
     if mark.moves_nothing:

@@ -20,7 +20,7 @@ from typing import Any, NamedTuple, Protocol
 from controller.ipc.handoff import Outcome, Snapshot
 from controller.machine.model import Changer, ChangerStep, Io
 from controller.machine.tool_store import Step, ToolStore
-from controller.messages import Said, message, several
+from controller.messages import Message, message, several
 from controller.state.modes import Fault, Request
 
 
@@ -50,7 +50,7 @@ class Preparation:
         changer: Callable[[], Changer],
         io: Io | None,
         tick: Tick,
-        tell: Callable[[str, Said], object],
+        tell: Callable[[str, Message], object],
         period_s: float,
     ) -> None:
         """``changer``: as its pockets are now; ``tell``: name and words of an alarm."""
@@ -92,7 +92,7 @@ class Preparation:
 
     # -- looking on
 
-    def look(self, now: Snapshot, may_begin: bool) -> Said | None:
+    def look(self, now: Snapshot, may_begin: bool) -> Message | None:
         """The step under way, and the next one where it ``may_begin``; why nothing can be kept of it."""
         try:
             if self._step is not None:
@@ -157,7 +157,7 @@ class Preparation:
     def _is_reached(self, now: Snapshot, step: ChangerStep) -> bool:
         return bool(now.inputs >> self._inputs[step.input] & 1) is (step.level in ("rise", "on"))
 
-    def _late(self, under_way: _UnderWay, step: ChangerStep) -> Said:
+    def _late(self, under_way: _UnderWay, step: ChangerStep) -> Message:
         steps = len(self._changer().prepare)
         what: dict[str, Any] = {"number": under_way.number + 1, "steps": steps, "step": step.name}
         return several(
@@ -167,7 +167,7 @@ class Preparation:
     # -- what is known
 
     @property
-    def doubt(self) -> Said | None:
+    def doubt(self) -> Message | None:
         """A step that was under way when all ended; None: none was."""
         step = self._store.preparation
         if step is None or self._step is not None:

@@ -26,7 +26,7 @@ from controller.service.refusals import number, refused
 from controller.service.status import reading
 from controller.state import figures
 
-MOST = 1e5  # mm or degrees
+MAX_READING = 1e5  # mm or degrees
 _ARITHMETIC = re.compile(r"[-+*/(). 0-9]{1,100}")
 _TWO_NUMBERS = re.compile(r"[0-9.] +[0-9.]")
 
@@ -37,7 +37,7 @@ def figure(typed: object, now: float) -> float:
     What begins with + is so much more than what it reads ``now``. Raises CommandRefused.
     """
     if not isinstance(typed, str):
-        return number({"figure": typed}, "figure", -MOST, MOST)
+        return number({"figure": typed}, "figure", -MAX_READING, MAX_READING)
     text = typed.strip().replace(",", ".").replace("−", "-")
     more, text = text.startswith("+"), text.removeprefix("+")
     if _ARITHMETIC.fullmatch(text) and not _TWO_NUMBERS.search(text):
@@ -45,7 +45,7 @@ def figure(typed: object, now: float) -> float:
         with contextlib.suppress(ProgramError):
             value = values.bracket()
             if not values.peek():
-                return number({"figure": now + value if more else value}, "figure", -MOST, MOST)
+                return number({"figure": now + value if more else value}, "figure", -MAX_READING, MAX_READING)
     raise refused("no_figure", code="bad", typed=typed[:100])
 
 

@@ -23,7 +23,7 @@ from controller import sealed_file
 from controller.ipc.control_socket import Values
 from controller.ipc.handoff import COLUMN, of_axes
 from controller.machine.model import Machine
-from controller.messages import Said, message, several
+from controller.messages import Message, message, several
 from controller.service import kept_file
 from controller.service.refusals import refused
 from controller.state.modes import Mode
@@ -173,7 +173,7 @@ class Usage:
             return {}
         return {"number": tool, "cut": use.cut_s / 60.0, "way": use.cut_m, "parts": use.parts}
 
-    def worn_message(self, key: str, tool: int, known: Collection[int]) -> Said | None:
+    def worn_message(self, key: str, tool: int, known: Collection[int]) -> Message | None:
         """That a tool is worn, and what a start from here brings in its place; None where it is not worn."""
         if not (told := self.worn(tool)):
             return None

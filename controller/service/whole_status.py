@@ -10,7 +10,7 @@ from controller import atomic_file, messages, sealed_file
 from controller.ipc.control_socket import LAST, Values, as_json
 from controller.ipc.handoff import Snapshot, blank
 from controller.machine.model import OFFSETS
-from controller.messages import Said, message
+from controller.messages import Message, message
 from controller.service import alarms, job_status, kept_file, restart_preview
 from controller.service import status as machine_status
 from controller.service.jobs import Job
@@ -202,7 +202,7 @@ def _snapshot_values(service: Service, now: Snapshot) -> Values:
     }
 
 
-def _starts(service: Service, job: Job, now: Snapshot) -> Said | None:
+def _starts(service: Service, job: Job, now: Snapshot) -> Message | None:
     """What a start begins with: program, line, tool and work offset; None where there is none to begin."""
     if job.active or job.state in ("loading", "refused"):
         return None
@@ -216,7 +216,7 @@ def _starts(service: Service, job: Job, now: Snapshot) -> Said | None:
     return message("starts" if there["tool"] else "starts_empty", **facts)
 
 
-def _no_resume(service: Service, now: Snapshot) -> Said | None:
+def _no_resume(service: Service, now: Snapshot) -> Message | None:
     """Why a held program cannot go on from where the tool is, or with which."""
     if now.mode is not Mode.HOLD:
         return None

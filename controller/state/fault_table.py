@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 from controller import messages
 from controller.faults import Fault, FaultRow, Reaction, Recovery, Times, Wait, Words
-from controller.messages import DEFAULT, LANGUAGES, Key, Said, message, several
+from controller.messages import DEFAULT, LANGUAGES, Key, Message, message, several
 from drives import pdo
 
 
@@ -133,7 +133,7 @@ class Sender(NamedTuple):
     can_id: int = -1
     per_s: float = 0.0
 
-    def message(self) -> Said:
+    def message(self) -> Message:
         """Whose frames they are, which ones, and how many a second."""
         shown, per_s = f"{self.can_id & IDENTIFIER:03X}", round(self.per_s)
         if not (node := pdo.node_of(self.can_id)):
@@ -145,7 +145,7 @@ class Sender(NamedTuple):
 NOBODY = Sender()
 
 
-def fault_message(fault: Fault, axis: str = "", also: Fault = Fault.NONE, sender: Sender = NOBODY) -> Said:
+def fault_message(fault: Fault, axis: str = "", also: Fault = Fault.NONE, sender: Sender = NOBODY) -> Message:
     """Text and remedy for the operator, with the axis or the sender concerned and what came on top."""
     text, remedy = message(f"fault.{fault.name}"), message(f"remedy.{fault.name}")
     first = message("of_axis", axis=axis, text=text) if axis else text

@@ -33,7 +33,7 @@ from enum import IntEnum, IntFlag
 from controller.commands.command import Command
 from controller.commands.table import MAX_AXES, OVERRIDES, SWITCHED, Request
 from controller.faults import Fault, FaultRow, Reaction, Recovery, Times, Wait
-from controller.messages import Key, Said, chain, message
+from controller.messages import Key, Message, chain, message
 from controller.state.fault_table import FAULTS, fault_message, sentence, stands_within_s, waits_s
 
 __all__ = [
@@ -205,7 +205,7 @@ def refusal(
     interlock: Fault = Fault.NONE,
     away: bool = False,
     axes: Sequence[str] = (),
-) -> Said | None:
+) -> Message | None:
     """Why ``request`` is refused: mode, request, reason and what to do, in one sentence; None if it is not.
 
     ``homed`` and ``untrusted`` are bit masks of the axes, whose names are ``axes``; ``away``: the tool has
@@ -232,7 +232,7 @@ def _every(axes: Sequence[str]) -> int:
     return (1 << len(axes)) - 1 if axes else ALL_AXES
 
 
-def _where_then(mode: Mode, request: Request) -> Said:
+def _where_then(mode: Mode, request: Request) -> Message:
     """What the mode is, what to do, and the modes that know the request."""
     nothing = request in _NOTHING_TO and (
         request is not Request.ENABLE or mode not in (Mode.FAULT, Mode.HOMING)

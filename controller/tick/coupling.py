@@ -49,12 +49,12 @@ SETTLED_TICKS = 4  # in a row
 EVEN_S = 0.25  # of one speed beside a thread: then what a spindle lags has come to its end
 LATE_S = 3.0  # not settled by then: it is lost as one that lags
 CLOSING_REV_S = 0.1  # a lag beyond the window that shrinks by so much is on its way back
-PATIENCE_S = 0.2  # for one that does neither
+BEYOND_TIMEOUT_S = 0.2  # for one that does neither
 ANSWERS_IN = 3  # ticks, from a speed that the spindle is told to its answer
 TEACHES_REV = 0.2  # a spindle that is further off is hindered, and teaches nothing
 DEAF_SYNCS = 5  # without a position: the thread is left to nobody's guess
 FASTER = 1.2  # than the law asks for: what the loop may add to catch up, and in any case ...
-LEAST_REV_S = 1.0  # ... so much
+MIN_REV_S = 1.0  # ... so much
 LEARNS_S = 1e-5  # of the axes' lag, in a tick: what is learnt on the thread comes without a jerk
 STILL = 1e-9  # of s between two ticks: the law stands
 STILL_MM = 1e-3  # of the axes at rest: what the encoder's last count does moves no axis
@@ -235,7 +235,7 @@ class Coupling:
         self._turned = 0.0  # revolutions, as heard last
         self.reply = Reply()
         self._settled = self._late = self._beyond = 0  # ticks
-        self._most_beyond = round(PATIENCE_S / machine.period_s)
+        self._most_beyond = round(BEYOND_TIMEOUT_S / machine.period_s)
 
     # -- what others ask
 
@@ -500,7 +500,7 @@ class Coupling:
         """The correction in so many ticks, after ``before``."""
         move, T, reply = law.move, self._period_s, self.reply
         axis_s = max(before.axis_s - LEARNS_S, min(before.axis_s + LEARNS_S, self._axis_s))
-        most = (FASTER - 1.0) * abs(law.rev_s) + LEAST_REV_S
+        most = (FASTER - 1.0) * abs(law.rev_s) + MIN_REV_S
         added = max(-most, min(most, self._gain * self._lag_in(before, ticks)))
         give, off_rev = T * abs(move.rev_per_mm), self._target_offset_rev(before, added, ticks, move, stands)
         off = before.approach(off_rev, self.bend_rev(move), move.give_mm_s * give)

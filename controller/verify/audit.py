@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Machine
-from controller.messages import Said, message
+from controller.messages import Message, message
 from controller.motion.motions import SurfaceCut
 from controller.plan.report.stored import Overcut
 from controller.plan.report.verdict import Verdict
@@ -121,7 +121,7 @@ def _refusal(found: list[Gouge], place: Place, name: str) -> ProgramError:
     return place.refusal(name, why)
 
 
-def _more(count: int) -> Said | str:
+def _more(count: int) -> Message | str:
     """How many others there are."""
     return message("gouge.more", more=count) if count else ""
 

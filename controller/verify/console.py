@@ -77,7 +77,7 @@ def say(key: str, **values: object) -> str:
     return in_words(messages.message(key, **values))
 
 
-def in_words(text: messages.Said | None) -> str:
+def in_words(text: messages.Message | None) -> str:
     """A text in that language; "" for none."""
     return messages.text(text, spoken.get())
 

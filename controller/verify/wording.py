@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from controller.messages import DEFAULT, LANGUAGES, Key, Said, chain, facts, message
+from controller.messages import DEFAULT, LANGUAGES, Key, Message, chain, facts, message
 from controller.plan.report.verdict import Verdict
 
-MOST = 1000  # surfaces that are told one by one
+MAX_SURFACES = 1000  # surfaces that are told one by one
 
 
 def worst(verdicts: Iterable[Verdict]) -> Verdict | None:
@@ -16,7 +16,7 @@ def worst(verdicts: Iterable[Verdict]) -> Verdict | None:
     return max(verdicts, key=lambda one: (one.exceeds_mm, one.largest_mm / one.tolerance_mm), default=None)
 
 
-def exceeds(one: Verdict) -> Said:
+def exceeds(one: Verdict) -> Message:
     """By how much a surface exceeds its tolerance, where, and what would do; without a full stop."""
     motion = f"form.motion.{one.by}"
     sentence = message(
@@ -38,7 +38,7 @@ def exceeds(one: Verdict) -> Said:
     )
 
 
-def summed(verdicts: Sequence[Verdict]) -> Said | None:
+def summed(verdicts: Sequence[Verdict]) -> Message | None:
     """One sentence on all surfaces; None where none has a tolerance."""
     one = worst(verdicts)
     if one is None:
@@ -49,7 +49,7 @@ def summed(verdicts: Sequence[Verdict]) -> Said | None:
     return message("form.within", off=off, tolerance=tolerance, line=one.line)
 
 
-def to_json(verdicts: Sequence[Verdict], most: int = MOST) -> dict[str, Any] | None:
+def to_json(verdicts: Sequence[Verdict], most: int = MAX_SURFACES) -> dict[str, Any] | None:
     """The verdicts for JSON, ``most`` surfaces one by one; None where none has a tolerance."""
     one = worst(verdicts)
     if one is None:

@@ -15,7 +15,7 @@ from drives.commissioning import possible
 from drives.commissioning.sheet import Sheet
 from drives.profile import STANDARD_HOMING, CyclicMode, Profile, Supervision
 from drives.settings import MasterSettings, NodeSettings
-from drives.texts import Said, message
+from drives.texts import Message, message
 
 # What a drive may lack: whatever reads them does without (CiA 402-2; 6502h, 60F4h: the feedback says it).
 DISPENSABLE = (0x603F, 0x6066, 0x6099, 0x609A, 0x60B1, 0x60C4, 0x60C5, 0x60F4, 0x6502)
@@ -41,13 +41,13 @@ class Draft:
     """A profile, what is to be said of its keys, and what no profile can mend."""
 
     profile: Profile
-    notes: dict[str, Said]  # by key of the profile file
-    problems: tuple[Said, ...]  # none: drives with this sheet are commissioned by it
+    notes: dict[str, Message]  # by key of the profile file
+    problems: tuple[Message, ...]  # none: drives with this sheet are commissioned by it
 
 
 def draft(name: str, sheet: Sheet, master: MasterSettings) -> Draft:
     """The profile of a sheet, judged at the master's period or the shortest that the sheet allows."""
-    notes: dict[str, Said] = {}
+    notes: dict[str, Message] = {}
     missing = tuple(index for index in DISPENSABLE if not sheet.holds(index))
     profile = Profile(name=name, vendor=sheet.identity(1), optional=missing, takes_feed_forward=False)
     profile = replace(profile, **_homing(sheet, notes), **_periods(sheet, notes))
@@ -73,7 +73,7 @@ def draft(name: str, sheet: Sheet, master: MasterSettings) -> Draft:
 
 def _problems(
     profile: Profile, sheet: Sheet, master: MasterSettings, feed_forward: bool = False
-) -> list[Said]:
+) -> list[Message]:
     """What is in the way of an axis that asks for as little as it can."""
     node = NodeSettings(
         profile.name,
@@ -100,7 +100,7 @@ def _feed_forward(profile: Profile, sheet: Sheet, master: MasterSettings) -> Pro
     return next(fits, profile) if sheet.holds(0x60B1) else profile
 
 
-def _homing(sheet: Sheet, notes: dict[str, Said]) -> dict[str, Any]:
+def _homing(sheet: Sheet, notes: dict[str, Message]) -> dict[str, Any]:
     """By 60E3h, else by the limits of 6098h; the standard's where neither says it."""
     if not sheet.writable(0x6098):
         notes["homing_methods"] = message("draft.homing_methods.fixed")
@@ -112,7 +112,7 @@ def _homing(sheet: Sheet, notes: dict[str, Said]) -> dict[str, Any]:
     return {"homing_methods": known or STANDARD_HOMING}
 
 
-def _periods(sheet: Sheet, notes: dict[str, Said]) -> dict[str, Any]:
+def _periods(sheet: Sheet, notes: dict[str, Message]) -> dict[str, Any]:
     """What 60C2h takes by the sheet; whole milliseconds where its limits are those of its types."""
     limits = _limits(sheet, 0x60C2, 2)
     said_so = limits[0] > ANY_EXPONENT[0] or limits[1] < ANY_EXPONENT[1]

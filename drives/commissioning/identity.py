@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from drives.commissioning.sheet import Sheet
 from drives.commissioning.wanted import Settings
 from drives.settings import IoSettings, NodeSettings
-from drives.texts import Key, Said, chain, message
+from drives.texts import Key, Message, chain, message
 
 
 @dataclass(frozen=True, slots=True)
@@ -17,9 +17,9 @@ class Word:
 
     sub: int
     wanted: tuple[int, ...]  # any of these: a sheet may contradict itself
-    source: Said
+    source: Message
 
-    def mismatch(self, found: int) -> Said | None:
+    def mismatch(self, found: int) -> Message | None:
         """What is to be said where another node answers; None where it is the right one."""
         if found in self.wanted:
             return None
@@ -45,7 +45,7 @@ def words_of(settings: Settings, sheet: Sheet) -> Iterator[Word]:
         yield Word(4, (settings.serial,), message("identity.by_file"))
 
 
-def contradictions(sheet: Sheet, found: Mapping[int, int] | None = None) -> Iterator[Said]:
+def contradictions(sheet: Sheet, found: Mapping[int, int] | None = None) -> Iterator[Message]:
     """What is to be said of each word that the head of a sheet and its object 1018h have differently.
 
     ``found``: what the drive says, by sub-index.

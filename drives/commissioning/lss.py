@@ -14,7 +14,7 @@ from struct import Struct
 from drives import pdo
 from drives.commissioning.identity import named
 from drives.commissioning.network import CommissionError, Network
-from drives.texts import Said, chain, message
+from drives.texts import Message, chain, message
 
 REQUEST, ANSWER = 0x7E5, pdo.LSS_ANSWER
 SWITCH_GLOBAL, SET_NODE, STORE = 0x04, 0x11, 0x17
@@ -25,7 +25,7 @@ INQUIRE, INQUIRE_NODE = 0x5A, 0x5E
 UNCONFIGURED = 255
 WAITING, CONFIGURATION = 0, 1
 RESET_COMMUNICATION, PRE_OPERATIONAL, ALL_NODES = 0x82, 0x80, 0
-ANSWER_S = 0.02  # CiA 305 names no time; drives answer within a few milliseconds
+ANSWER_TIMEOUT_S = 0.02  # CiA 305 names no time; drives answer within a few milliseconds
 BOOT_S = 5.0
 FRAME = Struct("<BI3x")
 SCAN = Struct("<BIBBB")
@@ -36,7 +36,7 @@ Identity = tuple[int, int, int, int]
 class Lss:
     """The master's side on one bus. Everybody on it must be without torque: they are put pre-operational."""
 
-    def __init__(self, network: Network, answer_s: float = ANSWER_S) -> None:
+    def __init__(self, network: Network, answer_s: float = ANSWER_TIMEOUT_S) -> None:
         self._network = network
         self._answer_s = answer_s
         self._answers: list[bytes] = []
@@ -120,7 +120,7 @@ class Lss:
         answer = self._ask(bytes([INQUIRE_NODE]))
         return answer[1] if answer[:1] == bytes([INQUIRE_NODE]) else UNCONFIGURED
 
-    def _set(self, command: int, value: int, what: Said) -> None:
+    def _set(self, command: int, value: int, what: Message) -> None:
         answer = self._ask(bytes([command, value]))
         if answer[:1] != bytes([command]) or answer[1]:
             why = message("lss.error", code=answer[1]) if answer else message("lss.silent")

@@ -13,7 +13,7 @@ from canopen.objectdictionary import ObjectDictionary, ODRecord, ODVariable
 from canopen.objectdictionary.datatypes import SIGNED_TYPES
 
 from drives.profile import Override
-from drives.texts import Key, Said, message
+from drives.texts import Key, Message, message
 
 # Attribute of an entry as canopen has it, by the field of the override.
 WHAT = {
@@ -28,12 +28,12 @@ TOLD = {"data_type": "type"}  # as the tables call it
 IDENTITY, HEAD = 0x1018, {1: "vendor_number", 2: "product_number", 3: "revision_number"}
 
 
-def apply(dictionary: ObjectDictionary, wanted: Sequence[Override], sheet: str) -> tuple[Said, ...]:
+def apply(dictionary: ObjectDictionary, wanted: Sequence[Override], sheet: str) -> tuple[Message, ...]:
     """Change the dictionary; a sentence for everything that the sheet says otherwise."""
     return tuple(sentence for one in wanted for sentence in _applied(dictionary, one, sheet))
 
 
-def _applied(dictionary: ObjectDictionary, one: Override, sheet: str) -> Iterator[Said]:
+def _applied(dictionary: ObjectDictionary, one: Override, sheet: str) -> Iterator[Message]:
     at = {"where": message("drive.object", index=one.index, sub=one.sub), "sheet": sheet}
     found = _find(dictionary, one)
     if found is None:

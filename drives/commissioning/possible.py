@@ -21,7 +21,7 @@ from drives.commissioning.values import shown_at
 from drives.commissioning.wanted import RPDO, Pdo, Setting, Settings, where
 from drives.profile import Profile, Supervision
 from drives.settings import IoSettings, MasterSettings, NodeSettings, SpindleSettings
-from drives.texts import Key, Said, message, once, plain
+from drives.texts import Key, Message, message, once, plain
 
 INTO, OUT_OF = ("wo", "rw", "rww"), ("ro", "rw", "rwr")  # access of what an RPDO, a TPDO may hold
 PERIOD, PERIOD_PROBLEM = 0x60C2, "on_paper.period"
@@ -34,7 +34,7 @@ WRONG = message("on_paper.do.override")
 UNNOTICED = message("on_paper.unnoticed")
 
 
-def problems(settings: Settings, master: MasterSettings, sheet: Sheet, bit_rate: int = 0) -> list[Said]:
+def problems(settings: Settings, master: MasterSettings, sheet: Sheet, bit_rate: int = 0) -> list[Message]:
     """What is to be said of everything that this drive cannot be told; ``bit_rate`` 0 is not looked at."""
     found = [*_of_family(settings, master)]
     found += _of_device(settings, sheet, bit_rate)
@@ -49,20 +49,20 @@ def problems(settings: Settings, master: MasterSettings, sheet: Sheet, bit_rate:
     return once(found)
 
 
-def _to_do(problem: Said, *remedies: Said) -> Said:
+def _to_do(problem: Message, *remedies: Message) -> Message:
     for do in remedies:
         problem = message("on_paper.to_do", problem=problem, do=do)
     return problem
 
 
-def _bare(problem: Said) -> Said:
+def _bare(problem: Message) -> Message:
     """Without what is to be done about it: of what nobody has asked for."""
     while problem["key"] == "on_paper.to_do":
         problem = problem["values"]["problem"]
     return problem
 
 
-def warnings(settings: Settings, master: MasterSettings, sheet: Sheet) -> list[Said]:
+def warnings(settings: Settings, master: MasterSettings, sheet: Sheet) -> list[Message]:
     """What is to be said of everything that paper speaks against and somebody has accepted."""
     found = list(sheet.overridden)
     family = None if isinstance(settings, IoSettings) else settings.profile
@@ -80,7 +80,7 @@ def warnings(settings: Settings, master: MasterSettings, sheet: Sheet) -> list[S
     return once(found)
 
 
-def unit_problems(settings: Settings, sheet: Sheet) -> Iterator[Said]:
+def unit_problems(settings: Settings, sheet: Sheet) -> Iterator[Message]:
     """What commissioning would refuse of the units of a drive that has the sheet's defaults still.
 
     Not a problem yet: who sets a drive up by its maker's tool changes them.
@@ -95,7 +95,7 @@ def unit_problems(settings: Settings, sheet: Sheet) -> Iterator[Said]:
 
 def of_profile(
     profile: Profile, sheet: Sheet, master: MasterSettings, bit_rate: int = 0
-) -> tuple[list[Said], list[Said]]:
+) -> tuple[list[Message], list[Message]]:
     """Problems and remarks of a family against one of its data sheets, at the master's period."""
     methods = profile.homing_methods if sheet.writable(0x6098) else profile.homing_methods[:1]
     base = NodeSettings(profile.name, "", 1, sheet.name, period_s=master.period_s, profile=profile)
@@ -120,7 +120,7 @@ def of_profile(
     return needed, [*remarks, *map(plain, profile.quirks)]
 
 
-def _remarks(profile: Profile, sheet: Sheet) -> Iterator[Said]:
+def _remarks(profile: Profile, sheet: Sheet) -> Iterator[Message]:
     """What is worth knowing and stops nobody."""
     for index in profile.optional:
         if not sheet.holds(index):
@@ -136,11 +136,11 @@ def _remarks(profile: Profile, sheet: Sheet) -> Iterator[Said]:
 # --- by the profile ------------------------------------------------------------------
 
 
-def _of_profile(profile: Profile, problem: Said) -> Said:
+def _of_profile(profile: Profile, problem: Message) -> Message:
     return message("on_paper.of_profile", profile=profile.name, problem=problem)
 
 
-def _of_family(settings: Settings, master: MasterSettings) -> Iterator[Said]:
+def _of_family(settings: Settings, master: MasterSettings) -> Iterator[Message]:
     if isinstance(settings, IoSettings):
         return
     profile = settings.profile
@@ -153,7 +153,7 @@ def _of_family(settings: Settings, master: MasterSettings) -> Iterator[Said]:
         yield _of_profile(profile, message("on_paper.unsupervised", problem=UNNOTICED))
 
 
-def _of_period(period_s: float, profile: Profile) -> Iterator[Said]:
+def _of_period(period_s: float, profile: Profile) -> Iterator[Message]:
     steps = period_s / profile.period_step_s
     inside = profile.period_min_s - 1e-9 <= period_s <= profile.period_max_s + 1e-9
     fits = abs(steps - round(steps)) < 1e-6
@@ -169,7 +169,7 @@ def _of_period(period_s: float, profile: Profile) -> Iterator[Said]:
         yield message(PERIOD_PROBLEM, profile=profile.name, **spans, units=units)
 
 
-def _of_axis(node: NodeSettings, profile: Profile) -> Iterator[Said]:
+def _of_axis(node: NodeSettings, profile: Profile) -> Iterator[Message]:
     if node.feed_forward and not profile.takes_feed_forward:
         yield message("on_paper.no_feed_forward")
     if node.feedback_every > profile.most_feedback_every:
@@ -194,7 +194,7 @@ def _of_axis(node: NodeSettings, profile: Profile) -> Iterator[Said]:
 # --- by the data sheet ---------------------------------------------------------------
 
 
-def _of_device(settings: Settings, sheet: Sheet, bit_rate: int) -> Iterator[Said]:
+def _of_device(settings: Settings, sheet: Sheet, bit_rate: int) -> Iterator[Message]:
     kind = 401 if isinstance(settings, IoSettings) else 402
     found = sheet.default(0x1000)
     if found is not None and found & 0xFFFF != kind:
@@ -212,7 +212,7 @@ def _of_device(settings: Settings, sheet: Sheet, bit_rate: int) -> Iterator[Said
         yield from _of_kind(settings, sheet)
 
 
-def _of_kind(settings: NodeSettings | SpindleSettings, sheet: Sheet) -> Iterator[Said]:
+def _of_kind(settings: NodeSettings | SpindleSettings, sheet: Sheet) -> Iterator[Message]:
     profile = settings.profile
     for sub, wants in ((1, profile.vendor), (2, profile.product)):
         found = sheet.identities(sub)
@@ -226,7 +226,7 @@ def _of_kind(settings: NodeSettings | SpindleSettings, sheet: Sheet) -> Iterator
         yield _to_do(message("on_paper.no_mode", sheet=sheet.name, modes=modes, mode=mode), OTHERWISE, WRONG)
 
 
-def _of_homing(node: NodeSettings, sheet: Sheet) -> Iterator[Said]:
+def _of_homing(node: NodeSettings, sheet: Sheet) -> Iterator[Message]:
     """The method is one that the drive lists, and the speeds that are asked for are objects that it has."""
     for index, sub, _, why in wanted.homing_speeds(node):
         if not sheet.has(index, sub) and index not in node.profile.optional:
@@ -244,7 +244,7 @@ def _of_homing(node: NodeSettings, sheet: Sheet) -> Iterator[Said]:
         yield _to_do(problem, message("on_paper.do.one_of_these"), WRONG)
 
 
-def _of_mapping(settings: Settings, sheet: Sheet) -> Iterator[Said]:
+def _of_mapping(settings: Settings, sheet: Sheet) -> Iterator[Message]:
     for used in wanted.pdos_of(settings):
         if used.optional:
             continue
@@ -263,7 +263,7 @@ def _of_mapping(settings: Settings, sheet: Sheet) -> Iterator[Said]:
             yield from _of_entry(used, place, entry, sheet)
 
 
-def _of_entry(used: Pdo, place: int, entry: int, sheet: Sheet) -> Iterator[Said]:
+def _of_entry(used: Pdo, place: int, entry: int, sheet: Sheet) -> Iterator[Message]:
     index, sub, bits = entry >> 16, entry >> 8 & 0xFF, entry & 0xFF
     facts = {"where": where(index, sub), "sheet": sheet.name, "need": used.what}
     found = sheet.find(index, sub)
@@ -287,7 +287,7 @@ def _is_mapping(setting: Setting) -> bool:
     return 0x1600 <= setting.index < 0x1800 or 0x1A00 <= setting.index < 0x1C00
 
 
-def _of_setting(setting: Setting, sheet: Sheet) -> Iterator[Said]:
+def _of_setting(setting: Setting, sheet: Sheet) -> Iterator[Message]:
     """What is in the way of one value."""
     found = sheet.find(setting.index, setting.sub)
     facts = {"where": setting.where, "sheet": sheet.name, "need": setting.why}

@@ -17,7 +17,7 @@ from drives.commissioning import sheet
 from drives.commissioning.network import CommissionError, Network, Node, of_drive, title, without_title
 from drives.commissioning.values import in_words
 from drives.commissioning.wanted import Setting, Step, where
-from drives.texts import Key, Said, message, plain
+from drives.texts import Key, Message, message, plain
 
 NMT_START, NMT_PRE_OPERATIONAL = 0x01, 0x80
 BOOT_TRIES, BOOT_TRY_S = 20, 0.1  # a drive may be starting up when we look for it
@@ -44,7 +44,7 @@ class Change:
     sub: int
     was: int | None  # None: it cannot be read
     now: int
-    why: Said
+    why: Message
 
 
 @dataclass(slots=True)
@@ -57,7 +57,7 @@ class Outcome:
     already_so: int = 0  # objects that were right before
     stored: bool = False
     arranged: Arranged | None = None  # its units, and how it stops; of drives only
-    warnings: list[Said] = field(default_factory=list)  # what was accepted all the same
+    warnings: list[Message] = field(default_factory=list)  # what was accepted all the same
 
 
 class Drive:
@@ -71,10 +71,10 @@ class Drive:
         self.outcome = Outcome(settings.name, settings.node)
 
     @property
-    def title(self) -> Said:
+    def title(self) -> Message:
         return title(self.settings)
 
-    def says(self, what: Said) -> Said:
+    def says(self, what: Message) -> Message:
         """What is said of this drive."""
         return of_drive(self.settings, what)
 
@@ -131,7 +131,7 @@ class Drive:
         except MissingObjectError:
             return None
 
-    def offer(self, setting: Setting, at_least: bool = False) -> tuple[int | None, Said | None]:
+    def offer(self, setting: Setting, at_least: bool = False) -> tuple[int | None, Message | None]:
         """Write what the drive may refuse, unless it is so: what it has then, and why it is not as offered.
 
         ``at_least``: more is as good. None: it has no such object, or keeps it to itself. Raises
@@ -268,12 +268,12 @@ class Drive:
         except MISFITS as error:
             raise CommissionError(self._misfit(index, sub, error)) from error
 
-    def _misfit(self, index: int, sub: int, error: Exception) -> Said:
+    def _misfit(self, index: int, sub: int, error: Exception) -> Message:
         reason = " ".join(str(error).split())
         facts = {"index": index, "sub": sub, "eds": self.settings.eds, "reason": reason}
         return self.says(message("drive.not_as_sheet", **facts))
 
-    def _silent(self, index: int, sub: int) -> Said:
+    def _silent(self, index: int, sub: int) -> Message:
         patience_s = self._network.patience_s
         return self.says(message("drive.silent", index=index, sub=sub, patience_s=patience_s))
 
@@ -322,7 +322,7 @@ def _agrees(found: int, setting: Setting) -> bool:
     return not (found ^ setting.value) & setting.mask
 
 
-def _aborted(error: BaseException | None) -> Said:
+def _aborted(error: BaseException | None) -> Message:
     """Why a drive refused (CiA 301, 7.2.4.3.17)."""
     if not isinstance(error, SdoAbortedError):
         return plain(str(error))

@@ -18,7 +18,7 @@ from drives.commissioning.identity import named
 from drives.commissioning.network import CommissionError, without_title
 from drives.commissioning.remote import Drive
 from drives.commissioning.wanted import OFF, RPDO, TPDO
-from drives.texts import Said, chain, message
+from drives.texts import Message, chain, message
 
 ENABLED_MASK, ENABLED = 0x6F, 0x27  # statusword of operation enabled
 DOMAIN = 0x0F
@@ -61,7 +61,7 @@ class Row:
     name: str
     kept: Value
     now: Value | None
-    refused: Said | None = None  # why it is still so
+    refused: Message | None = None  # why it is still so
 
     @property
     def place(self) -> Place:
@@ -184,7 +184,7 @@ def restore(drive: Drive, kept: Kept, address: bool = False) -> list[Row]:
     return [_judged(row, still, refused) for row in rows]
 
 
-def _judged(row: Row, still: Mapping[Place, Row], refused: Mapping[Place, Said]) -> Row:
+def _judged(row: Row, still: Mapping[Place, Row], refused: Mapping[Place, Message]) -> Row:
     if row.place not in still:
         return row
     why = refused.get(row.place) or still[row.place].refused or message("setup.as_before")
@@ -195,10 +195,10 @@ def _is_pdo(index: int) -> bool:
     return any(index in span for span in COMMUNICATION)
 
 
-def _plain(drive: Drive, rows: Sequence[Row]) -> dict[Place, Said]:
+def _plain(drive: Drive, rows: Sequence[Row]) -> dict[Place, Message]:
     """Write them, again where one needs another first; what was refused to the last."""
     left = [row for row in rows if row.name]  # what the sheet lacks cannot be written
-    refused: dict[Place, Said] = {}
+    refused: dict[Place, Message] = {}
     for _ in range(TRIES):
         refused = {row.place: why for row in left if (why := _put(drive, row.place, row.kept))}
         if not refused or len(refused) == len(left):
@@ -207,7 +207,7 @@ def _plain(drive: Drive, rows: Sequence[Row]) -> dict[Place, Said]:
     return refused
 
 
-def _put(drive: Drive, place: Place, value: Value) -> Said | None:
+def _put(drive: Drive, place: Place, value: Value) -> Message | None:
     """Write one object; why it is refused, None: it is not. Raises CommissionError where nobody answers."""
     try:
         drive.put(*place, value)
@@ -229,9 +229,9 @@ def _pdos(rows: Sequence[Row]) -> list[tuple[int, int]]:
     return sorted(found)
 
 
-def _pdo(drive: Drive, parameters: int, mapping: int, values: Mapping[Place, Value]) -> dict[Place, Said]:
+def _pdo(drive: Drive, parameters: int, mapping: int, values: Mapping[Place, Value]) -> dict[Place, Message]:
     """One PDO whole, whatever of it differs; what was refused."""
-    refused: dict[Place, Said] = {}
+    refused: dict[Place, Message] = {}
 
     def put(index: int, sub: int, value: Value | None) -> None:
         entry = drive.sheet.find(index, sub)

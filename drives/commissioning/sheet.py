@@ -25,7 +25,7 @@ from drives import sheet_text
 from drives.commissioning import overrides
 from drives.profile import Override
 from drives.text_file import Source, text_of
-from drives.texts import Said, TextError, message
+from drives.texts import Message, TextError, message
 
 # What canopen would log, of data sheets as of drives, is raised as well or mended, and told in a sentence.
 logging.getLogger("canopen").setLevel(logging.CRITICAL)
@@ -82,7 +82,7 @@ class Sheet:
     """What a data sheet says about objects."""
 
     def __init__(
-        self, name: str, dictionary: canopen.ObjectDictionary, overridden: tuple[Said, ...] = ()
+        self, name: str, dictionary: canopen.ObjectDictionary, overridden: tuple[Message, ...] = ()
     ) -> None:
         self.name = name
         self.dictionary = dictionary

@@ -35,7 +35,7 @@ from drives.commissioning.remote import Drive, RefusedError
 from drives.commissioning.units import RATE, SPEED, Units
 from drives.commissioning.wanted import Setting, where
 from drives.settings import NodeSettings, SpindleSettings
-from drives.texts import Said, chain, message
+from drives.texts import Message, chain, message
 
 QUICK_STOP, FAULT_REACTION = 0x605A, 0x605E  # option codes
 SLOW, QUICK = (1, 5), (2, 6)  # their ramps: by 6084h, by 6085h
@@ -47,7 +47,7 @@ TIME_OUT_TICKS = 5
 FOLLOWING = 0x6066
 MOTOR_SPEED = 0x6080
 NEARLY = 1.0 - 1e-6  # of what is needed; the rest is rounding
-MOST = 0xFFFF_FFFF
+MAX_UINT32 = 0xFFFF_FFFF
 # Without these a drive stops as well as with them.
 UNIMPORTANT = (0x605D, 0x6083, 0x6084, FOLLOWING, 0x6080, 0x60C5, 0x60C6)
 
@@ -60,7 +60,7 @@ class Offer:
 
     index: int
     value: int
-    why: Said
+    why: Message
     at_least: bool = False
 
 
@@ -93,7 +93,7 @@ def arrange(drive: Drive, node: NodeSettings, units: Units) -> Arranged:
     return _arranged(drive, units, stop, stop_s, found, notes)
 
 
-def _note(drive: Drive, what: Said) -> Said:
+def _note(drive: Drive, what: Message) -> Message:
     return message("sentence", text=drive.says(what))
 
 
@@ -114,7 +114,7 @@ def _quick_stop(node: NodeSettings, units: Units) -> Offer:
     return Offer(0x6085, quick, message("setting.as_promised"))
 
 
-def _made(drive: Drive, offer: Offer, found: dict[int, int]) -> Iterator[Said]:
+def _made(drive: Drive, offer: Offer, found: dict[int, int]) -> Iterator[Message]:
     """Offer one object; what it is then goes into ``found``, and why it is not as it should be comes out."""
     value = _within(drive, offer)
     have, problem = drive.offer(Setting(offer.index, 0, value, offer.why), offer.at_least)
@@ -133,7 +133,7 @@ def _arranged(
     stop: float = 0.0,
     stop_s: float = 0.0,
     found: Read | None = None,
-    notes: list[Said] | None = None,
+    notes: list[Message] | None = None,
 ) -> Arranged:
     objects = tuple((f"{index:04X}h:00", value) for index, value in sorted((found or {}).items()))
     sizes = units.velocity_counts_s, units.acceleration_counts_s2
@@ -171,8 +171,8 @@ def offers(node: NodeSettings, units: Units) -> Iterator[Offer]:
         yield Offer(MOTOR_SPEED, most_turns, message("setting.not_faster"))
     why = message("setting.not_held_back")
     needed = math.ceil(HEADROOM * max(most, quick) / units.acceleration_counts_s2)
-    yield Offer(0x60C5, min(needed, MOST), why, at_least=True)
-    yield Offer(0x60C6, min(needed, MOST), why, at_least=True)
+    yield Offer(0x60C5, min(needed, MAX_UINT32), why, at_least=True)
+    yield Offer(0x60C6, min(needed, MAX_UINT32), why, at_least=True)
 
 
 def _fastest(exact: float) -> int:
@@ -187,7 +187,7 @@ def _see_motor(drive: Drive, node: NodeSettings, units: Units) -> None:
         most = drive.find(MOTOR_SPEED)
     except RefusedError:
         return
-    if not most or most == MOST:
+    if not most or most == MAX_UINT32:
         return
     most = max(most, drive.sheet.default(MOTOR_SPEED) or 0)
     if most * unit and most * unit < NEARLY * node.velocity_counts_s:
@@ -195,7 +195,7 @@ def _see_motor(drive: Drive, node: NodeSettings, units: Units) -> None:
         raise CommissionError(drive.says(message("stopping.slow_motor", most=most, **speeds)))
 
 
-def _held_back(found: Read, node: NodeSettings, units: Units) -> Said | None:
+def _held_back(found: Read, node: NodeSettings, units: Units) -> Message | None:
     """What keeps the axis from its speed or acceleration; 0 and FFFFFFFFh are none."""
     speed, rate = node.velocity_counts_s, node.acceleration_counts_s2
     for index, unit, needed, name in (
@@ -205,7 +205,7 @@ def _held_back(found: Read, node: NodeSettings, units: Units) -> Said | None:
         (0x60C6, units.acceleration_counts_s2, rate, RATE),
     ):
         value = found.get(index)
-        if value not in (None, 0, MOST) and value * unit < NEARLY * needed:
+        if value not in (None, 0, MAX_UINT32) and value * unit < NEARLY * needed:
             facts = {"index": index, "value": value, "size": value * unit, "name": name}
             return message("stopping.held_back", **facts, needed=needed)
     return None
@@ -255,7 +255,7 @@ def _ramp(code: int | None, found: Read) -> float | None:
     return None
 
 
-def _too_long(found: Read, stop_s: float, node: NodeSettings) -> Said:
+def _too_long(found: Read, stop_s: float, node: NodeSettings) -> Message:
     reads = [
         message("stopping.reads", index=index, value=found[index])
         for index in (0x6085, 0x6084, 0x60C6)

@@ -12,7 +12,7 @@ from struct import Struct
 
 from drives import pdo
 from drives.commissioning.network import SDO_REQUEST, Network
-from drives.texts import Said, chain, message
+from drives.texts import Message, chain, message
 
 IDENTITY, SERIAL = 0x1018, 4
 FIRST_S = 0.15  # for all first answers
@@ -38,7 +38,7 @@ def doubled(network: Network, nodes: Sequence[int]) -> dict[int, Serials]:
     return found
 
 
-def sentence(serials: Serials) -> Said:
+def sentence(serials: Serials) -> Message:
     """What is wrong and what to do, after the name of the drive."""
     known = [f"{serial:#x}" for serial in serials if serial is not None]
     if not known:

@@ -27,7 +27,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from drives.settings import INT32_MAX, NodeSettings, SpindleSettings
-from drives.texts import Key, Said, TextError, message
+from drives.texts import Key, Message, TextError, message
 
 # An object's value; None: the drive has no such object.
 Read = Callable[[int, int], int | None]
@@ -67,15 +67,15 @@ class Units:
         readings = (self.rev_min_counts_s, self.velocity_counts_s if self.said else 0.0)
         return tuple(unit for unit in readings if unit)
 
-    def velocity(self, counts_s: float, where: Said) -> int:
+    def velocity(self, counts_s: float, where: Message) -> int:
         """A speed in the drive's units. Raises UnitError where none is near it."""
         return _nearest(counts_s, self.velocity_counts_s, where, SPEED)
 
-    def acceleration(self, counts_s2: float, where: Said) -> int:
+    def acceleration(self, counts_s2: float, where: Message) -> int:
         """Likewise an acceleration."""
         return _nearest(counts_s2, self.acceleration_counts_s2, where, RATE)
 
-    def see_fits(self, counts_s: float, where: Said) -> None:
+    def see_fits(self, counts_s: float, where: Message) -> None:
         """Raises UnitError for a speed that no INTEGER32 takes in this unit."""
         if counts_s / self.velocity_counts_s > INT32_MAX:
             units, unit = counts_s / self.velocity_counts_s, self.velocity_counts_s
@@ -87,7 +87,7 @@ class Units:
 COARSEST = 0.25  # a value may be larger by this share than what is wanted, for want of a finer unit
 
 
-def _nearest(wanted: float, unit: float, where: Said, name: Key) -> int:
+def _nearest(wanted: float, unit: float, where: Message, name: Key) -> int:
     """Never 0, which many objects take for "none" or "as fast as it goes"; else less is safer than more."""
     exact = wanted / unit
     near = round(exact)

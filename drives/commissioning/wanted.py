@@ -23,7 +23,7 @@ from drives.settings import (
     NodeSettings,
     SpindleSettings,
 )
-from drives.texts import Said, message
+from drives.texts import Message, message
 
 Settings = NodeSettings | SpindleSettings | IoSettings
 
@@ -44,7 +44,7 @@ PREDEFINED = 4  # PDOs with an identifier of the pre-defined connection set
 LINEAR = 0  # 60C0h: linear interpolation
 
 
-def where(index: int, sub: int = 0) -> Said:
+def where(index: int, sub: int = 0) -> Message:
     """An object by its index and sub-index."""
     return message("drive.object", index=index, sub=sub)
 
@@ -56,7 +56,7 @@ class Setting:
     index: int
     sub: int
     value: int
-    why: Said | str  # completes "... is needed"; words where they are those of a profile
+    why: Message | str  # completes "... is needed"; words where they are those of a profile
     optional: bool = False  # only where the data sheet has it
     mask: int = -1  # what must agree when read back
     waived: bool = False  # unsupervised = true: a drive that does not take it is accepted, with a warning
@@ -66,7 +66,7 @@ class Setting:
         return self.index, self.sub
 
     @property
-    def where(self) -> Said:
+    def where(self) -> Message:
         return where(self.index, self.sub)
 
 
@@ -160,7 +160,7 @@ class Pdo:
     number: int
     transmission: int
     entries: tuple[int, ...]
-    what: Said
+    what: Message
     event_ms: int = 0  # event timer, sub 5
     quiet_ms: int = 0  # at least between two of them, sub 3
     optional: bool = False  # only where the drive can
@@ -313,7 +313,7 @@ def _mapped(used: Pdo, node: int, sheet: Sheet) -> Step:
     return Step(tuple(settings))
 
 
-def _when(used: Pdo) -> Said:
+def _when(used: Pdo) -> Message:
     if used.transmission == ON_CHANGE:
         return message("setting.on_change", what=used.what)
     key = "setting.every_sync" if used.transmission == 1 else "setting.every_nth_sync"
@@ -371,7 +371,7 @@ def _supervision(
         yield _one(0x1029, 1, profile.error_behaviour, message("setting.dead_controller_stay"))
 
 
-def _quick_stop(code: int, braked: bool) -> tuple[int, Said]:
+def _quick_stop(code: int, braked: bool) -> tuple[int, Message]:
     """605Ah and why. Codes 1 .. 4 take the current at standstill while the brake is still closing;
     5 .. 8 are the same ramps, and keep it: the controller then disables the drive in the orderly way.
     """
@@ -415,7 +415,7 @@ def _homing(node: NodeSettings) -> Iterator[Step]:
             yield _one(node.profile.home_offset, 0, node.homing_position_counts, homed)
 
 
-def homing_speeds(node: NodeSettings) -> Iterator[tuple[int, int, float, Said]]:
+def homing_speeds(node: NodeSettings) -> Iterator[tuple[int, int, float, Message]]:
     """What is asked of homing: index, sub-index, counts/s or counts/s2, and why."""
     for index, sub, counts, what in (
         (0x6099, 1, node.homing_fast_counts_s, "switch"),
@@ -436,7 +436,7 @@ def _one(
     index: int,
     sub: int,
     value: int,
-    why: Said | str,
+    why: Message | str,
     optional: bool = False,
     mask: int = -1,
     waived: bool = False,

@@ -26,7 +26,7 @@ from drives.load.bus_frames import Kind, Row
 from drives.load.stuffing import worst_bits
 from drives.profile import Profile
 from drives.settings import BusSettings, IoSettings, MasterSettings, NodeSettings, SpindleSettings
-from drives.texts import Said, message
+from drives.texts import Message, message
 
 __all__ = ["MAX_SHARE", "BusBudget", "Row", "advice", "of", "worst_bits"]
 
@@ -152,7 +152,7 @@ def advice(
     period_s: float | None = None,
     spindle: SpindleSettings | None = None,
     io: Sequence[IoSettings] = (),
-) -> list[Said]:
+) -> list[Message]:
     """One text for each bus that does not fit, saying what would; empty if all fit."""
     plan = _Plan(tuple(nodes), tuple(buses), master, period_s or master.period_s, _others(spindle, io))
     return [
@@ -192,7 +192,7 @@ class _Plan:
 # --- what would fit ------------------------------------------------------------------------
 
 
-def _refusal(plan: _Plan, bus: BusSettings, budget: BusBudget, max_share: float) -> Said:
+def _refusal(plan: _Plan, bus: BusSettings, budget: BusBudget, max_share: float) -> Message:
     found = (
         _longer_period(plan, bus, max_share),
         _more_buses(plan, bus, max_share),
@@ -210,7 +210,7 @@ def _refusal(plan: _Plan, bus: BusSettings, budget: BusBudget, max_share: float)
     return message("budget.fits", bus=budget.bus, problem=problem, fits=fits)
 
 
-def _problem(budget: BusBudget, max_share: float) -> Said:
+def _problem(budget: BusBudget, max_share: float) -> Message:
     needed_us, period_us = budget.total_us + budget.background_us, budget.period_us
     key = "budget.drive_needs" if budget.drives == 1 else "budget.drives_need"
     figures = {"needed": needed_us, "period": period_us, "share": needed_us / period_us}
@@ -220,7 +220,7 @@ def _problem(budget: BusBudget, max_share: float) -> Said:
     return message("budget.late", who=who, last=budget.last_us)
 
 
-def _longer_period(plan: _Plan, bus: BusSettings, max_share: float) -> Said | None:
+def _longer_period(plan: _Plan, bus: BusSettings, max_share: float) -> Message | None:
     profiles = [node.profile for node in plan.nodes]
     periods = (p for p in PERIODS_S if p > plan.period_s and all(_takes(profile, p) for profile in profiles))
     longer = (replace(plan, period_s=period_s) for period_s in periods)
@@ -235,7 +235,7 @@ def _takes(profile: Profile, period_s: float) -> bool:
     return whole and profile.period_min_s - 1e-9 <= period_s <= profile.period_max_s + 1e-9
 
 
-def _more_buses(plan: _Plan, bus: BusSettings, max_share: float) -> Said | None:
+def _more_buses(plan: _Plan, bus: BusSettings, max_share: float) -> Message | None:
     """So many buses that each fits, the axes in their order; spindle and I/O stay on the last."""
     nodes = plan.nodes_on(bus)
     for count in range(2, len(nodes) + 1):
@@ -253,7 +253,7 @@ def _more_buses(plan: _Plan, bus: BusSettings, max_share: float) -> Said | None:
     return None
 
 
-def _other_bus(plan: _Plan, bus: BusSettings, max_share: float) -> Said | None:
+def _other_bus(plan: _Plan, bus: BusSettings, max_share: float) -> Message | None:
     """One axis over to a bus that is there and has room."""
     for node in reversed(plan.nodes_on(bus)):
         for other in plan.buses:
@@ -266,7 +266,7 @@ def _other_bus(plan: _Plan, bus: BusSettings, max_share: float) -> Said | None:
     return None
 
 
-def _without_feed_forward(plan: _Plan, bus: BusSettings, max_share: float) -> Said | None:
+def _without_feed_forward(plan: _Plan, bus: BusSettings, max_share: float) -> Message | None:
     names = [node.name for node in plan.nodes_on(bus) if node.feed_forward]
     plain = replace(plan, nodes=tuple(replace(node, feed_forward=False) for node in plan.nodes))
     if not names or not plain.budget(bus).fits(max_share):
@@ -274,7 +274,7 @@ def _without_feed_forward(plan: _Plan, bus: BusSettings, max_share: float) -> Sa
     return message("budget.no_feed_forward", names=" ".join(names))
 
 
-def _faster(plan: _Plan, bus: BusSettings, max_share: float) -> Said | None:
+def _faster(plan: _Plan, bus: BusSettings, max_share: float) -> Message | None:
     fast = replace(bus, bit_rate=FASTEST_BIT_RATE)
     if bus.bit_rate >= FASTEST_BIT_RATE or not plan.budget(fast).fits(max_share):
         return None

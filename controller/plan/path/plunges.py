@@ -20,7 +20,7 @@ from controller.plan.stretch import Chain, Note, Pause, Stretch
 from controller.program.program import Place
 
 OF_PROGRAM = ("line", "arc", "curve")  # names of motions that a program writes itself
-POSES, MOST = 9, 4000  # that are looked at: for each line of a motion, and of all
+POSES, MAX_POSES = 9, 4000  # that are looked at: for each line of a motion, and of all
 
 
 def noted(
@@ -46,7 +46,7 @@ def _plunge(one: Stretch, tool: Tool, kinematics: Kinematics) -> Place | None:
         return None
     motion = one.motion
     lines = len(motion.lines) if isinstance(motion, ToolSpline) else 1
-    s = np.linspace(0.0, motion.end, min(POSES * lines, MOST))
+    s = np.linspace(0.0, motion.end, min(POSES * lines, MAX_POSES))
     pose = kinematics.forward(tuple(joints_along(one, s, kinematics).T), tool.length_mm, np)
     way, axis = np.diff(columns(pose.tip, len(s)), axis=0), columns(pose.axis, len(s))[:-1]
     down = -(way * axis).sum(axis=1)

@@ -12,14 +12,14 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 
 from controller.machine.model import Machine
-from controller.messages import Said, message
+from controller.messages import Message, message
 from controller.plan.stretch import Chain, Note, Pause
 from controller.program.program import Act
 
 _BEFORE = (Act.SPINDLE, Act.COOLANT, Act.OUTPUT, Act.TOOL, Act.END)  # for these nothing has to turn yet
 
 
-def instruction(rev_min: float) -> Said:
+def instruction(rev_min: float) -> Message:
     """What the operator is to do, at a signed speed, 0: it is to stand."""
     if rev_min == 0.0:
         return message("spindle_change.off")

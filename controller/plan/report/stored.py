@@ -19,7 +19,7 @@ from typing import Any
 from controller import own_files, sealed_file
 from controller.machine.model import Joints, Machine
 from controller.machine.plain import plain
-from controller.messages import Said, message, of_error
+from controller.messages import Message, message, of_error
 from controller.motion.motions import Rotaries
 from controller.plan import timetable
 from controller.plan.report.passing import Mark
@@ -123,7 +123,7 @@ def _forget_old(where: Path) -> None:
         own_files.remove(file, where.parent)
 
 
-def load(name: str, where: Path) -> tuple[Stored | None, Said | str]:
+def load(name: str, where: Path) -> tuple[Stored | None, Message | str]:
     """The check of that name and "", or None and a warning; the warning is "" where there is none."""
     file = where / f"{name}.json"
     try:
@@ -158,6 +158,6 @@ def _stored(values: Any, name: str) -> Stored:
     )
 
 
-def _message(words: Any) -> Said:
+def _message(words: Any) -> Message:
     """Raises KeyError or TypeError for anything but a text."""
-    return Said(key=str(words["key"]), values=dict(words["values"]))
+    return Message(key=str(words["key"]), values=dict(words["values"]))

@@ -21,7 +21,7 @@ import numpy.typing as npt
 
 from controller.geometry.vectors import ROUNDING, dot, subtract
 from controller.machine.model import Joints, Machine, Tool
-from controller.messages import Said, message
+from controller.messages import Message, message
 from controller.plan.restart import contours
 from controller.plan.restart.reentry import NotPossible
 from controller.plan.restart.restart import Rest
@@ -128,7 +128,7 @@ def see_cuts_no_deeper(before: Tool, after: Tool, rest: Rest, now: Joints) -> No
             raise NotPossible(message("aside.stands_beside", **where))
 
 
-def _deeper(out: Overhang, before: Tool, after: Tool, block: Block) -> Said:
+def _deeper(out: Overhang, before: Tool, after: Tool, block: Block) -> Message:
     line, tool = block.place.line, after.number
     if out.above_mm >= after.flute_mm:
         return message("aside.holder", tool=tool, by=out.by_mm, above=out.above_mm, line=line)

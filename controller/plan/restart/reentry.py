@@ -24,7 +24,7 @@ import numpy.typing as npt
 from controller.geometry.vectors import Vector, add, norm, scale
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Joints, Machine, Tool
-from controller.messages import Said, message, text
+from controller.messages import Message, message, text
 from controller.motion.motions import SurfaceCut
 from controller.plan.restart.program_position import line_of
 from controller.plan.rotaries.branch import joints_along
@@ -58,7 +58,7 @@ MORE, MORE_MM = 0.1, 5e-3  # than that
 class NotPossible(Exception):
     """Why the tool cannot leave the path, or not come to it, and what to do."""
 
-    def __init__(self, why: Said) -> None:
+    def __init__(self, why: Message) -> None:
         super().__init__(text(why))
         self.said = why
 

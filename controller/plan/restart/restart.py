@@ -19,10 +19,10 @@ import numpy.typing as npt
 
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Joints, Machine
-from controller.messages import Said, message
+from controller.messages import Message, message
 from controller.motion.motions import Rotaries, ToolSpline
 from controller.plan.path import clamps, spindle_by_hand, tool_changes
-from controller.plan.path.path import Tracer
+from controller.plan.path.path import PathBuilder
 from controller.plan.restart import entry
 from controller.plan.restart.program_position import (
     AFTER_CHANGE,
@@ -187,7 +187,9 @@ class _Search:
     def __init__(self, source: Source, spot: Spot) -> None:
         self._source, self._spot = source, spot
         self._lines = _Lines(source)
-        tracer = Tracer(source.name, source.machine, source.kinematics, source.start, source.chosen or {})
+        tracer = PathBuilder(
+            source.name, source.machine, source.kinematics, source.start, source.chosen or {}
+        )
         self._items = _unclamped(tracer.items(self._lines))
         self._stands = source.start
         self._goes_back = False  # lines run in another order than they stand
@@ -375,7 +377,7 @@ def _counted(items: Iterator[Chain | Pause], first_id: int) -> Iterator[Chain | 
 # on the lengths, and everything else (approach, travel, limits) is judged as it will be run.
 
 
-def dry_run_refusal(offset_mm: float) -> Said | None:
+def dry_run_refusal(offset_mm: float) -> Message | None:
     """Why an offset is refused; None where it is not."""
     return None if 0.0 <= offset_mm < 1e4 else message("restart.dry_run", offset=offset_mm)
 

@@ -21,11 +21,11 @@ from controller.geometry.vectors import Number, Vector, add, cross, dot, norm, r
 from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Machine, Tool
 from controller.memory import remembered
-from controller.messages import Key, Said, message
+from controller.messages import Key, Message, message
 from controller.motion.motions import SurfaceCut
-from controller.plan.stretch import Voice
+from controller.plan.stretch import Diagnostics
 from controller.plan.surfaces.placements import name_of
-from controller.plan.surfaces.placing import CHOSEN_FROM, Cutter, Row, Wanted, off_mm
+from controller.plan.surfaces.placing import CHOSEN_FROM, Cutter, RequiredPlacement, Row, off_mm
 from controller.plan.surfaces.touching import touched
 from controller.program.program import CutBlock, CutCone, CutRuled, GougeRefused, Modal
 
@@ -127,7 +127,7 @@ class Parts:
 def build(
     block: CutBlock,
     machine: Machine,
-    voice: Voice,
+    voice: Diagnostics,
     auto: Callable[[Parts], tuple[Surface, ...]],
 ) -> tuple[Cut, ...]:
     """The cuts of one block, in order; refuses a surface that its cutter cannot cut.
@@ -172,7 +172,7 @@ def _plainer(placed: Sequence[Surface]) -> str:
     return "note.double" if any(one.normals_v != AT_LOWER for one in found) else "note.single"
 
 
-def required_placements(block: CutBlock, machine: Machine) -> Iterator[Wanted]:
+def required_placements(block: CutBlock, machine: Machine) -> Iterator[RequiredPlacement]:
     """The placements that ``build`` will search for a block; none where it refuses it before."""
     tool = block.modal.tool_in(machine)
     if tool is None or (kind := strategy(block.modal, tool, machine)) is Strategy.SINGLE:
@@ -184,7 +184,9 @@ def required_placements(block: CutBlock, machine: Machine) -> Iterator[Wanted]:
     found = _defect(surface)
     if found is None or (found.kind is DefectKind.TWIST and kind in FREE):
         row = Parts.of(block, surface, tool).row
-        yield from (Wanted(row, one) for one in (CHOSEN_FROM[1:] if kind is Strategy.AUTO else (kind,)))
+        yield from (
+            RequiredPlacement(row, one) for one in (CHOSEN_FROM[1:] if kind is Strategy.AUTO else (kind,))
+        )
 
 
 def _cutter(modal: Modal, tool: Tool) -> Cutter:
@@ -230,19 +232,19 @@ def _parts(block: CutBlock, surface: Surface, free: bool) -> tuple[tuple[Surface
     return tuple(RuledSurface(upper.between(*share), lower.between(*share)) for share in shares), shares
 
 
-def describe(found: Defect) -> Said:
+def describe(found: Defect) -> Message:
     """What is wrong with a surface and what to do; without a full stop."""
     figures = {"u": found.u, "v": found.v, "turn_deg": found.turn_deg}
     known = {name: value for name, value in figures.items() if math.isfinite(value)}  # NaN is no JSON
     return message(f"defect.{found.kind.value}", **known)
 
 
-def described(block: CutBlock, found: Defect, advice: Said | str = "") -> Said:
+def described(block: CutBlock, found: Defect, advice: Message | str = "") -> Message:
     """The same of the surface of a block."""
     return message("cut.defect", code=code(block), defect=describe(found), advice=advice)
 
 
-def _untwisted(block: CutBlock, surface: Surface, tool: Tool, machine: Machine) -> Said:
+def _untwisted(block: CutBlock, surface: Surface, tool: Tool, machine: Machine) -> Message:
     """What helps a twisted surface: a placement that leaves the ruling, where one is good enough.
 
     A surface in several parts is not searched for a refusal: that would take seconds for each of them.
@@ -259,7 +261,9 @@ def _untwisted(block: CutBlock, surface: Surface, tool: Tool, machine: Machine) 
     return message("cut.none_found", tool=tool.number, best=min(own, best), allowed=allowed)
 
 
-def _audit_hollow(block: CutBlock, surface: Surface, tool: Tool, machine: Machine, voice: Voice) -> None:
+def _audit_hollow(
+    block: CutBlock, surface: Surface, tool: Tool, machine: Machine, voice: Diagnostics
+) -> None:
     """A cutter that does not fit into the hollow of its side cuts away what it must leave (gouge)."""
     side = block.modal.side
     radius, u = _concave_radius(surface, side.value)
@@ -281,7 +285,7 @@ def _audit_hollow(block: CutBlock, surface: Surface, tool: Tool, machine: Machin
         )
 
 
-def _tell_flute(block: CutBlock, surface: Surface, tool: Tool, voice: Voice) -> None:
+def _tell_flute(block: CutBlock, surface: Surface, tool: Tool, voice: Diagnostics) -> None:
     """A note where the longest ruling is longer than what the flank cuts."""
     longest = max(float(norm(surface.ruling(i / 64.0))) for i in range(65))
     if longest > tool.flank_mm:
@@ -290,7 +294,7 @@ def _tell_flute(block: CutBlock, surface: Surface, tool: Tool, voice: Voice) -> 
         voice.tell(block.place, told)
 
 
-def gouge(what: Said, advice: Said, block: CutBlock, machine: Machine, voice: Voice) -> None:
+def gouge(what: Message, advice: Message, block: CutBlock, machine: Machine, voice: Diagnostics) -> None:
     """Refuse what cuts into the part, or only note it where the machine file says gouge = "warn"."""
     if machine.gouge == "refuse":
         why = message("gouge.refused", what=what, advice=advice, more="")

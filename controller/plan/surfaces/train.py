@@ -17,14 +17,14 @@ import numpy.typing as npt
 
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Machine
-from controller.messages import Key, Said, chain, message
+from controller.messages import Key, Message, chain, message
 from controller.motion.motions import Rotaries
 from controller.plan.rotaries import winding
 from controller.plan.rotaries.turns import SAME_ROTARY_RAD
-from controller.plan.stretch import Voice
+from controller.plan.stretch import Diagnostics
 from controller.plan.surfaces import audit, blending, blends, passing, unwind
 from controller.plan.surfaces.cuts import SAME_RAD, Cut, apart, turn, turned, turned_axis
-from controller.plan.surfaces.legs import Fields, Leg, options, timed
+from controller.plan.surfaces.legs import CutSegment, Fields, options, timed
 
 Array = npt.NDArray[np.float64]
 
@@ -46,12 +46,12 @@ class Met(NamedTuple):
     """How two cuts meet, told of the first one, and both as they are cut: a blend changes them."""
 
     meeting: Meeting
-    told: Said
+    told: Message
     before: Cut
     after: Cut
 
 
-def meet(before: Cut, after: Cut, machine: Machine, kinematics: Kinematics, voice: Voice) -> Met:
+def meet(before: Cut, after: Cut, machine: Machine, kinematics: Kinematics, voice: Diagnostics) -> Met:
     """Whether two blocks run through, pivot or need a departure; refuses a concave corner."""
     met = _met(before, after, machine, kinematics, voice)
     name = message("join.block", line=before.block.place.line)
@@ -59,12 +59,12 @@ def meet(before: Cut, after: Cut, machine: Machine, kinematics: Kinematics, voic
         if met.meeting is Meeting.JOIN:
             return met
         name = message("join.own_part", u=after.part[0])
-    told = Said(key=met.told["key"], values={**met.told["values"], "name": name})
+    told = Message(key=met.told["key"], values={**met.told["values"], "name": name})
     voice.tell(after.block.place, told)
     return met
 
 
-def _met(before: Cut, after: Cut, machine: Machine, kinematics: Kinematics, voice: Voice) -> Met:
+def _met(before: Cut, after: Cut, machine: Machine, kinematics: Kinematics, voice: Diagnostics) -> Met:
     a, b = before.block.modal, after.block.modal
     differ = [
         Key(key)
@@ -113,7 +113,7 @@ def _to_be_blended(
     return found is blending.Difference.ROUNDING
 
 
-def _blended(joint: blending.Joint, allowed: blending.Tolerance) -> Said:
+def _blended(joint: blending.Joint, allowed: blending.Tolerance) -> Message:
     return message(
         "join.blended",
         degrees=math.degrees(joint.angle_rad),
@@ -124,7 +124,7 @@ def _blended(joint: blending.Joint, allowed: blending.Tolerance) -> Said:
     )
 
 
-def _slowed(joint: blending.Joint, allowed: blending.Tolerance) -> Said | str:
+def _slowed(joint: blending.Joint, allowed: blending.Tolerance) -> Message | str:
     """What a blend costs that the tolerance or the length of the cuts keeps short: a sentence, or nothing."""
     told = joint.slowed
     if told is None:
@@ -136,7 +136,7 @@ def _slowed(joint: blending.Joint, allowed: blending.Tolerance) -> Said | str:
     return message(key, crease=crease, mm=allowed.mm, **binds)
 
 
-def _slowed_at_kink(before: Cut, after: Cut, machine: Machine, kinematics: Kinematics) -> Said | str:
+def _slowed_at_kink(before: Cut, after: Cut, machine: Machine, kinematics: Kinematics) -> Message | str:
     """What it costs to run through exactly where the rates of the pose jump: a sentence, or nothing."""
     if before.block is after.block:
         return ""
@@ -151,16 +151,18 @@ def _binding(slowest: passing.Slowest) -> dict[str, Any]:
     return {"feed": 60.0 * slowest.mm_s, "axis": slowest.axis, "limit": Key(f"limit.{slowest.limit}")}
 
 
-def _crease(angle_rad: float) -> Said | str:
+def _crease(angle_rad: float) -> Message | str:
     along = math.degrees(angle_rad)
     return message("join.crease", along=along) if along > CREASE_DEG else ""
 
 
-def _tolerance_message(allowed: blending.Tolerance) -> Said:
+def _tolerance_message(allowed: blending.Tolerance) -> Message:
     return message("join.tolerance", mm=allowed.mm, degrees=math.degrees(allowed.rad))
 
 
-def _corner(before: Cut, after: Cut, allowed: blending.Tolerance, voice: Voice) -> tuple[Meeting, Said]:
+def _corner(
+    before: Cut, after: Cut, allowed: blending.Tolerance, voice: Diagnostics
+) -> tuple[Meeting, Message]:
     """Ends meet on one ruling, the normals differ.
 
     With the cutter on the right a turn to the left leads it round the outside of the
@@ -171,7 +173,7 @@ def _corner(before: Cut, after: Cut, allowed: blending.Tolerance, voice: Voice) 
     radius, degrees = after.tool.radius_mm, math.degrees(abs(angle))
     if abs(angle) > TURNED_BACK_RAD:
         return Meeting.APART, message("join.turns_back")
-    hollow: Said | str = ""
+    hollow: Message | str = ""
     least = radius * (1.0 - math.cos(angle)) if after.side * angle < 0.0 else 0.0
     if least > FLAT_MM or (least and allowed is not blending.EXACT):
         overcut = max(least, blends.overcut(before.motion, after.motion, angle))
@@ -188,7 +190,7 @@ def _corner(before: Cut, after: Cut, allowed: blending.Tolerance, voice: Voice) 
     return Meeting.PIVOT, message("join.pivots", degrees=degrees, **whole)
 
 
-def _reached(before: Cut, after: Cut) -> Said | str:
+def _reached(before: Cut, after: Cut) -> Message | str:
     """What a turn between two placements costs the surfaces that meet there."""
     way = turn(before, after)
     if way is None:
@@ -196,7 +198,7 @@ def _reached(before: Cut, after: Cut) -> Said | str:
     return message("join.reaches", depth=audit.depth_in_turn(way, before, after))
 
 
-def _where(before: Cut, after: Cut) -> Said:
+def _where(before: Cut, after: Cut) -> Message:
     if before.block is after.block:
         return message("join.parts_meet", u=after.part[0])
     return message("join.blocks_meet", line=before.block.place.line)
@@ -207,10 +209,10 @@ def choose(
     machine: Machine,
     kinematics: Kinematics,
     now: Rotaries,
-    voice: Voice,
+    voice: Diagnostics,
     wanted: Rotaries | None = None,
     within_rad: float = SAME_ROTARY_RAD,
-) -> list[Leg]:
+) -> list[CutSegment]:
     """The legs of a train from the rotaries ``wanted``, which were chosen over the whole program.
 
     Without them, or where they do not fit, for the train alone: the branch on which its cuts are faster,
@@ -235,7 +237,7 @@ def choose(
 
 
 def trains(
-    ready: Sequence[Cut], machine: Machine, kinematics: Kinematics, voice: Voice
+    ready: Sequence[Cut], machine: Machine, kinematics: Kinematics, voice: Diagnostics
 ) -> Iterator[tuple[list[Cut], list[Meeting]]]:
     """Rows of cuts that run through, with how each follows the one before."""
     members, meetings = [ready[0]], list[Meeting]()

@@ -92,7 +92,7 @@ def test_turns_alternate_and_all_are_added_up(fake_turns: list[str]) -> None:
 @pytest.mark.parametrize("kinds", [1, 2, 3])
 def test_however_long_it_takes_the_turns_are_few_and_fill_the_time(hours: float, kinds: int) -> None:
     rounds, turn_s = host_measure.turns(3600.0 * hours, kinds)
-    assert 1 <= rounds <= host_measure.MOST_TURNS
+    assert 1 <= rounds <= host_measure.MAX_TURNS
     assert rounds * turn_s * kinds == pytest.approx(3600.0 * hours)
     assert turn_s >= host_measure.SHORTEST_TURN_S / 2
 

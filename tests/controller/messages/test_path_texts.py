@@ -18,7 +18,7 @@ from typer.testing import CliRunner
 from controller import messages
 from controller.__main__ import app
 from controller.geometry.defects import Defect, DefectKind
-from controller.messages import LANGUAGES, Said, message, text
+from controller.messages import LANGUAGES, Message, message, text
 from controller.plan.surfaces import cuts
 from controller.program import code_table
 from controller.program.code_rows import Fate
@@ -113,7 +113,7 @@ def test_the_figures_of_a_text_are_written_alike_in_every_language(language: str
         assert figures(LANGUAGES[language].texts[key]) == figures(words), key
 
 
-def told(one: Said) -> dict[str, str]:
+def told(one: Message) -> dict[str, str]:
     """A text in every language; each is whole, and no two are the same."""
     found = {language: text(one, language) for language in ("en", "de")}
     assert found["en"] != found["de"]

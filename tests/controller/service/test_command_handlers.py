@@ -1021,7 +1021,7 @@ def test_a_run_that_ended_early_is_told_until_somebody_has_seen_it_or_another_be
     assert messages.text(now["ended_early"]).startswith(told), now["ended_early"]
     service.writer.submit(lambda: None).result(HANGS_S)
     (run,) = done(desk, "runs")["runs"]
-    kept = messages.text(messages.Said(key=run["key"], values=run["values"]))
+    kept = messages.text(messages.Message(key=run["key"], values=run["values"]))
     assert kept and (told.split(". ", 1)[-1][:20] in kept), "and the list of runs has it, too"
     done(desk, "seen")
     assert done(desk, "status")["ended_early"] is None

@@ -187,7 +187,7 @@ def offered_and_asked(folder: Path, seed: int, count: int, monkeypatch: pytest.M
         step = status["next"]
         told[step["key"]] += 1
         for language in messages.LANGUAGES:
-            words = messages.text(messages.Said(key=step["key"], values=step["values"]), language)
+            words = messages.text(messages.Message(key=step["key"], values=step["values"]), language)
             assert words and "{" not in words and words != step["key"], step
         assert not (step["verb"] and step["waits"])
         if step["verb"]:

@@ -12,7 +12,7 @@ from controller.ipc.handoff import Snapshot, blank
 from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Machine
 from controller.program.modal import State
-from controller.runtime.plan_messages import POWER_ON, Way
+from controller.runtime.plan_messages import POWER_ON, MotionFacts
 from controller.service import status
 from controller.service.jogging import Stance
 from controller.state.modes import ALL_AXES, Fault, Mode, fault_message
@@ -30,8 +30,8 @@ def machine() -> Machine:
     return replace(made, offsets=frames)
 
 
-def way(state: State = POWER_ON) -> Way:
-    return Way((0.0, 0.0, 0.0, 0.0, 0.0), 10.0, "line", state=state)
+def way(state: State = POWER_ON) -> MotionFacts:
+    return MotionFacts((0.0, 0.0, 0.0, 0.0, 0.0), 10.0, "line", state=state)
 
 
 def within(frame: Frame) -> State:

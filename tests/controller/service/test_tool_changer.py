@@ -33,7 +33,7 @@ from controller.ipc.control_socket import CommandRefused
 from controller.machine import machine_file
 from controller.machine.toml_table import ConfigError
 from controller.machine.tool_store import Step, ToolStore, placed
-from controller.messages import Said, text
+from controller.messages import Message, text
 from controller.motion.pieces import FIRST_MARK
 from controller.plan.restart.program_position import AFTER_CHANGE, ENTRY_ID, Spot
 from controller.plan.stretch import Chain
@@ -587,13 +587,13 @@ def test_of_a_change_that_was_interrupted_the_offer_says_which_tool_is_where_and
     offer = _ask(desk, "restart")
     assert not offer["offered"] and offer["change"] and offer["line"] == 3
     assert text(offer["says"]) == "two.ngc was interrupted in the tool change of line 3 (T1 away, T2 in)."
-    assert "confirm where the tools are" in text(Said(key=offer["key"], values=offer["values"]))
+    assert "confirm where the tools are" in text(Message(key=offer["key"], values=offer["values"]))
     step = _ask(desk, "status")["next"]
     assert (step["verb"], step["place"]) == ("changer_confirm", "changer")
 
     _ask(desk, "changer_confirm", spindle=1, away=[], clear=True)
     offer = _ask(desk, "restart")
-    why = text(Said(key=offer["key"], values=offer["values"]))
+    why = text(Message(key=offer["key"], values=offer["values"]))
     assert why.startswith("T1 is in the spindle, and two.ngc goes on with T2")
     with pytest.raises(CommandRefused) as error:
         _ask(desk, "load", path=file, restart=True)

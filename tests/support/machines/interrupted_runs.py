@@ -82,7 +82,7 @@ def stretches(
     if in_spindle is not None:
         machine = replace(machine, in_spindle=in_spindle)
     asked = source(text, machine, start=start)
-    tracer = path.Tracer(asked.name, machine, asked.kinematics, asked.start, asked.chosen or {})
+    tracer = path.PathBuilder(asked.name, machine, asked.kinematics, asked.start, asked.chosen or {})
     chains = [item for item in tracer.items(asked.blocks) if isinstance(item, Chain)]
     return dict(enumerate(stretch for chain in chains for stretch in chain.stretches))
 
