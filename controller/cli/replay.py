@@ -14,7 +14,17 @@ from controller.cli.recorded_runs import RecordedRun
 from controller.ipc import control_socket
 from controller.runtime import checked
 from controller.state.record_files import RUNS
-from controller.verify.console import AS_ASKED, Refused, as_asked, bar, refusals, say, show, spoken, tell
+from controller.verify.console import (
+    AS_ASKED,
+    Refused,
+    bar,
+    ended_as_requested,
+    refusals,
+    say,
+    show,
+    spoken,
+    tell,
+)
 
 RunName = Annotated[
     str,
@@ -52,7 +62,7 @@ def replay(
             trace_file.open("ab").close()
         figures = {"run": folder.name, **_made_again(record, trace_file, as_json)}
         if figures["result"] in AS_ASKED:
-            raise as_asked(figures["result"], in_words(figures), **figures)
+            raise ended_as_requested(figures["result"], in_words(figures), **figures)
         if as_json:
             print(json.dumps({"ok": True, **figures}))
         else:

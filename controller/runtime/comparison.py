@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from controller.ipc.handoff import COLUMN, of_axes
-from controller.messages import Said
+from controller.messages import Message
 from controller.runtime import events
 from controller.runtime.events import Recorded
 from controller.state.modes import MAX_AXES
@@ -43,7 +43,7 @@ class Spoilt:
     file: str
     first: int
     end: int
-    why: Said
+    why: Message
 
 
 def off_path(record: Recorded) -> int:

@@ -21,7 +21,7 @@ import numpy.typing as npt
 
 from controller.ipc.handoff import BRAKED, COLUMN, PLAYED, ROW, PieceMessage, Snapshot, of_axes
 from controller.machine.model import Machine
-from controller.messages import said
+from controller.messages import message
 from controller.plan.off_path import Back
 from controller.plan.planner import Planner
 from controller.plan.restart.program_position import Spot
@@ -271,7 +271,7 @@ def _unprobed(items: Iterable[Chain | Pause]) -> Iterator[Chain | Pause]:
     for item in items:
         if isinstance(item, Pause) and item.probe is not None:
             line, column = item.place.line, item.place.column
-            raise ProgramError("replay", line, column, said("probing.no_replay", code=item.probe.code))
+            raise ProgramError("replay", line, column, message("probing.no_replay", code=item.probe.code))
         yield item
 
 

@@ -21,7 +21,7 @@ from typing import Any
 
 from controller import own_files
 from controller.machine.model import Machine
-from controller.messages import Key, said
+from controller.messages import Key, message
 from controller.service.folders import Folders
 from controller.state import record_files, setpoints
 from controller.state.record_files import RECORDINGS, RUNS
@@ -107,7 +107,7 @@ def lacking(state: Path, needed: int) -> dict[str, Any]:
             _probe(folder, state)
             free = shutil.disk_usage(folder).free
         except OSError as error:
-            return {"why": said("of_place", place=folder, why=error)}
+            return {"why": message("of_place", place=folder, why=error)}
         if free < needed:
             return {
                 "why": Key("little_room"),

@@ -28,7 +28,7 @@ from drives.cia402 import State
 MARGIN_S = 2.0  # on top of what the tick itself waits
 STAND_S = 15.0  # for a stop after a fault
 ASIDE_S = 120.0  # for a way off the path
-TAKEN_S = 5.0  # for a datagram to show its effect
+TAKEN_TIMEOUT_S = 5.0  # for a datagram to show its effect
 SHORT_MM = 1e-3  # less is no shorter way
 
 
@@ -61,7 +61,7 @@ def start_engine(service: Service) -> None:
 def enable(service: Service) -> Values:
     """From OFF to READY; nothing moves. Raises CommandRefused."""
     service.processes.commission()
-    _asked(service, Request.ENABLE)
+    _ask_tick(service, Request.ENABLE)
     now = service.processes.wait_for(
         lambda now: now.mode in (Mode.READY, Mode.FAULT), stop_times.ENABLE_S + MARGIN_S, "enabled"
     )
@@ -72,13 +72,13 @@ def enable(service: Service) -> Values:
 
 def _see_taken(service: Service, number: int, request: Request) -> Snapshot:
     """The first snapshot in which a request is answered. Raises CommandRefused where the tick refused it."""
-    now = service.processes.wait_for(lambda now: now.has_taken(number), TAKEN_S, "answer")
+    now = service.processes.wait_for(lambda now: now.has_taken(number), TAKEN_TIMEOUT_S, "answer")
     if now.came_of(number)[0] is Outcome.REFUSED:
         raise why_refused(service.set_up.machine, now, number, request)
     return now
 
 
-def _asked(service: Service, request: Request) -> Snapshot:
+def _ask_tick(service: Service, request: Request) -> Snapshot:
     """Ask the tick, and see that it takes it. Raises CommandRefused."""
     return _see_taken(service, service.engine.request(request), request)
 
@@ -101,7 +101,7 @@ def home(service: Service, axes: tuple[int, ...], going: Going) -> Values:
 def _disable(service: Service) -> None:
     """A drive changes its mode of operation without torque."""
     if service.processes.now().mode is not Mode.OFF:
-        _asked(service, Request.DISABLE)
+        _ask_tick(service, Request.DISABLE)
     service.processes.wait_for(_off, stop_times.ENABLE_S, "switched_off")
 
 
@@ -125,7 +125,7 @@ def reset(service: Service) -> Values:
         service.processes.wait_for(lambda now: now.at_rest, STAND_S, "standstill")
         now = service.processes.wait_for(lambda _: service.run.job is None, STAND_S, "end_of_run")
         needs = max(FAULTS[now.fault].recovery, FAULTS[now.warning].recovery)
-        _asked(service, Request.RESET)
+        _ask_tick(service, Request.RESET)
         service.run.modal.reset(service.set_up.machine)
         if needs >= Recovery.COMMISSION:
             service.processes.lose_settings()
@@ -255,7 +255,7 @@ def _drop(service: Service) -> None:
         if service.engine.plan_alive:
             service.engine.line.order("drop")
         asked = service.engine.request(Request.STOP)
-        service.processes.wait_for(lambda later: later.has_taken(asked), TAKEN_S, "standstill")
+        service.processes.wait_for(lambda later: later.has_taken(asked), TAKEN_TIMEOUT_S, "standstill")
 
 
 def check_disk(state: Path, job: Job) -> None:

@@ -26,7 +26,7 @@ import numpy.typing as npt
 
 from controller import npz, sealed_file
 from controller.machine.model import Machine
-from controller.messages import Said, of_error, said
+from controller.messages import Message, message, of_error
 from controller.state import record_files
 from controller.state.modes import MAX_AXES
 
@@ -56,7 +56,7 @@ class Piece(NamedTuple):
     first: int
     rows: Counts
     file: Path
-    spoilt: Said | None = None
+    spoilt: Message | None = None
 
     @property
     def end(self) -> int:
@@ -68,7 +68,7 @@ class SpoiltSegment(sealed_file.Damaged):
     """Which segment of a record cannot be read, and why."""
 
     def __init__(self, piece: Piece) -> None:
-        super().__init__(said("segment.spoilt", file=piece.file.name, tick=piece.end, why=piece.spoilt))
+        super().__init__(message("segment.spoilt", file=piece.file.name, tick=piece.end, why=piece.spoilt))
 
 
 class Table(NamedTuple):
@@ -131,16 +131,16 @@ class Table(NamedTuple):
         facts, tick, spoilt = record_files.known(folder), 0, False
         for segment in self.segments(folder):
             if segment.first > tick and not spoilt:
-                yield self._nothing(Segment(tick, folder / self.name(tick)), said("segment.missing"))
+                yield self._nothing(Segment(tick, folder / self.name(tick)), message("segment.missing"))
             piece = self.piece(segment, str(facts.get("id", folder.name)))
             if segment.first < tick:
                 piece = self._nothing(
-                    Segment(tick, segment.file), said("segment.overlaps", tick=segment.first)
+                    Segment(tick, segment.file), message("segment.overlaps", tick=segment.first)
                 )
             yield piece
             tick, spoilt = piece.end, piece.spoilt is not None
         if tick and not spoilt and tick < int(facts.get("ticks", 0)):
-            yield self._nothing(Segment(tick, folder / self.name(tick)), said("segment.missing"))
+            yield self._nothing(Segment(tick, folder / self.name(tick)), message("segment.missing"))
 
     def piece(self, segment: Segment, record: str) -> Piece:
         """What is sound of a segment; ``record``: that it is to be of."""
@@ -152,7 +152,7 @@ class Table(NamedTuple):
             return self._nothing(segment, of_error(error))
         return Piece(segment.first, rows, segment.file, spoilt)
 
-    def _nothing(self, segment: Segment, why: Said) -> Piece:
+    def _nothing(self, segment: Segment, why: Message) -> Piece:
         return Piece(segment.first, self._rows(b""), segment.file, why)
 
     def _unpacked(self, segment: Segment, record: str) -> Counts:
@@ -162,13 +162,13 @@ class Table(NamedTuple):
             return np.asarray(found["rows"][:, 1:], dtype=np.int32)
         place = tuple(found["columns"]), int(found["first"]), str(found["record"])
         if place != (self.columns, segment.first, record):
-            raise sealed_file.Damaged(said("segment.elsewhere"))
+            raise sealed_file.Damaged(message("segment.elsewhere"))
         rows = found["packed"]
         for _ in range(int(found["differences"])):
             rows = np.cumsum(rows, axis=0, dtype=np.int32)
         return np.ascontiguousarray(rows)
 
-    def of_part(self, data: bytes, first: int, record: str) -> tuple[Counts, Said | None]:
+    def of_part(self, data: bytes, first: int, record: str) -> tuple[Counts, Message | None]:
         """(N, columns) of what was written while a run went on, and why there is no more of it.
 
         The last frame may be torn: its service was killed then.
@@ -184,18 +184,18 @@ class Table(NamedTuple):
             if is_sound and len(rows) < count * self.row_bytes:
                 break
             if not is_sound or of_rows != zlib.crc32(rows, _seed(record)):
-                return np.concatenate(found), said("segment.damaged")
+                return np.concatenate(found), message("segment.damaged")
             found.append(self._rows(rows))
             at, tick = at + len(rows), tick + count
         return np.concatenate(found), None
 
-    def _of_old_part(self, data: bytes) -> tuple[Counts, Said | None]:
+    def _of_old_part(self, data: bytes) -> tuple[Counts, Message | None]:
         """Rows with their ticks before them."""
         each = 4 + self.row_bytes
         rows = np.frombuffer(data[: len(data) // each * each], dtype="<i4").reshape(-1, each // 4)
         wrong = np.flatnonzero(rows[:, 0] != np.arange(len(rows)))
         if len(wrong):
-            return rows[: wrong[0], 1:], said("segment.damaged")
+            return rows[: wrong[0], 1:], message("segment.damaged")
         return rows[:, 1:], None
 
     def _rows(self, data: bytes) -> Counts:
