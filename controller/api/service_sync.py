@@ -1,4 +1,4 @@
-"""What the service wrote of runs, alarms, offsets and tools, taken into the store.
+"""What the service wrote of runs and alarms, taken into the store.
 
 The service writes files of its own, so that nothing it has to keep waits for a database or
 for the panel. Here they become rows that can be listed, searched and acknowledged. Taking the
@@ -15,9 +15,6 @@ from typing import Any
 
 from controller import sealed_file
 from controller.api.database import Database
-from controller.api.records import Values
-from controller.machine import setup_data
-from controller.machine.toml_table import ConfigError
 from controller.state.record_files import RUN, RUNS, facts
 
 ALARMS = "alarms.jsonl"
@@ -32,31 +29,14 @@ class Gatherer:
 
     def __init__(self, database: Database, state: Path) -> None:
         self._database, self._state = database, state
-        self._alarms = self._fitted = (0, 0)  # size and time of the files that were taken in
+        self._alarms = (0, 0)  # size and time of the file that was taken in
         self._runs: set[str] = {
             row[0] for row in database.rows("SELECT source FROM runs WHERE source IS NOT NULL")
         }
 
     def gather(self) -> bool:
         """Take in what is new; whether there was anything. Raises StoreError."""
-        return bool(self._gather_alarms() + self._gather_runs() + self._gather_fitted())
-
-    def _gather_fitted(self) -> int:
-        """Offsets and tools as they were changed last: to be seen while no service runs, too."""
-        file = self._state / setup_data.FILE
-        try:
-            if (stamp := _stamp(file)) == self._fitted:
-                return 0
-            told = setup_data.load(self._state)
-            offsets, tools = dict(told.get("offsets") or {}), dict(told.get("tools") or {})
-            numbered = {int(number): tool for number, tool in tools.items()}
-        except (OSError, ValueError, TypeError, ConfigError):
-            return 0
-        with self._database.write() as sql:
-            Values(self._database, "offsets", "name", "facts").replace(offsets, BY_SERVICE, sql)
-            Values(self._database, "tools", "number", "facts").replace(numbered, BY_SERVICE, sql)
-        self._fitted = stamp
-        return 1
+        return bool(self._gather_alarms() + self._gather_runs())
 
     def _gather_alarms(self) -> int:
         file = self._state / ALARMS

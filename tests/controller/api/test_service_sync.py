@@ -12,7 +12,6 @@ from support.fakes.panels import Scene
 
 from controller.api.service_sync import Gatherer
 from controller.api.store import Store
-from controller.machine import setup_data
 
 ALARM = {
     "id": 1,
@@ -120,13 +119,3 @@ def test_files_that_are_no_records_are_left_out(store: Store, text: str) -> None
     append(store, text)
     Gatherer(store.database, store.folder).gather()
     assert store.runs.list() == [] and store.alarms.list() == []
-
-
-def test_offsets_and_tools_are_those_that_were_fitted_last(store: Store) -> None:
-    gatherer = Gatherer(store.database, store.folder)
-    setup_data.save(store.folder, {"offsets": {"G54": [1.0, 2.0, 3.0]}, "tools": {"2": {"radius_mm": 1.0}}})
-    assert gatherer.gather() and not gatherer.gather()
-    assert store.offsets.all() == {"G54": [1.0, 2.0, 3.0]} and store.tools.all() == {2: {"radius_mm": 1.0}}
-    setup_data.save(store.folder, {"offsets": {}, "tools": {"2": None, "31": {"radius_mm": 7.5}}})
-    assert gatherer.gather()
-    assert store.offsets.all() == {} and store.tools.all() == {2: None, 31: {"radius_mm": 7.5}}
