@@ -270,8 +270,7 @@ def kept(file: Path) -> dict[str, list[list[Any]]]:
     if not os.path.lexists(file):
         return {}
     try:
-        with contextlib.closing(own_database.opened(file)) as db:
-            db.execute("BEGIN")  # all that is read from here on is of one moment
+        with own_database.reading(file) as db:
             return {name: [list(row) for row in db.execute(rows)] for name, rows in _ROWS.items()}
     except (OSError, sqlite3.Error) as error:
         raise _no_store(file, error) from error

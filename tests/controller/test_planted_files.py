@@ -15,7 +15,10 @@ import shutil
 import sqlite3
 import struct
 import tempfile
+import time
+import traceback
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -25,7 +28,7 @@ from support.fakes.fake_engine import FakeEngine, served
 from support.machines.stepped_runs import shipped
 from typer.testing import CliRunner
 
-from controller import atomic_file, own_files
+from controller import atomic_file, own_database, own_files
 from controller.api import backup
 from controller.api.store import Store
 from controller.api.uploads import UploadLimits
@@ -83,8 +86,8 @@ def used() -> Iterator[Path]:
 def tmp_path(used: Path) -> Iterator[Path]:
     """A copy of it that every user comes to, as to /var/lib."""
     with tempfile.TemporaryDirectory() as made:
-        Path(made).chmod(0o755)
         place = shutil.copytree(used, Path(made).resolve(), symlinks=True, dirs_exist_ok=True)
+        place.chmod(0o755)  # which the copy has given it, too
         (place / "etc").mkdir()
         (place / "etc" / "new.toml").write_text(config.alone(config.load("trunnion")))
         (place / "outside").mkdir()
@@ -351,6 +354,59 @@ def test_nothing_beside_or_in_the_place_of_a_database_is_written_through(
     with unharmed(outside):
         for do in (VERBS["users add"], VERBS["upload"], DONE["tools"], VERBS["save"]):
             _refused(do, state, outside)
+
+
+def ends_well(user: int, do: Callable[[], object]) -> bool:
+    """Whether a process of a user that does it ends without an error."""
+    if (child := os.fork()) == 0:
+        try:
+            os.setgroups([])
+            os.setgid(GROUP)
+            os.setuid(user)
+            os.umask(0o007)
+            do()
+            os._exit(0)
+        except BaseException:
+            traceback.print_exc()
+            os._exit(1)
+    return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
+
+
+@needs_root
+def test_the_panel_reads_a_file_of_the_service_and_leaves_nothing_beside_it(state: Path) -> None:
+    """While the service has it open, was killed, or has closed it, and also where -shm is gone."""
+    file, places = state / tool_store.FILE, {1: 1, 2: 0}
+
+    def write(until: int | None = None) -> None:
+        with contextlib.closing(ToolStore(file)) as tools:
+            tools.confirm(places)
+            if until is not None:
+                os.read(until, 1)
+
+    def read() -> None:
+        assert tool_store.kept(file)["places"] == [list(row) for row in places.items()]
+
+    for end in own_database.BESIDE:
+        file.with_name(file.name + end).unlink(missing_ok=True)
+    assert ends_well(SERVICE, write)
+    assert ends_well(PANEL, read) and ends_well(SERVICE, write)
+    ended, end = os.pipe()
+    with ThreadPoolExecutor(1) as beside:
+        written = beside.submit(ends_well, SERVICE, lambda: write(ended))
+        while not file.with_name(f"{file.name}-shm").exists():
+            time.sleep(0.01)
+        assert ends_well(PANEL, read)
+        os.write(end, b"x")
+        assert written.result()
+    assert not ends_well(SERVICE, lambda: (ToolStore(file).confirm({1: 1, 2: 0}), os._exit(9)))
+    assert ends_well(PANEL, read)
+    file.with_name(f"{file.name}-shm").unlink()
+    assert not ends_well(PANEL, read)
+    assert {path.stat().st_uid for path in state.glob(f"{file.name}*")} == {SERVICE}
+    assert ends_well(SERVICE, write)
+    file.with_name(f"{file.name}-wal").touch()
+    os.chown(file.with_name(f"{file.name}-wal"), PANEL, GROUP)
+    assert ends_well(SERVICE, write), "what a reader of before has left is no reason not to start"
 
 
 def hot_journal(database: Path, victim: Path) -> bytes:
