@@ -1,4 +1,4 @@
-"""What probing cycles have found: a table of the last results, kept on the disk.
+"""What probing cycles have found: a table of the last results, kept in the store.
 
 A program tells a result as ``(LOG, bore x_mm=#1 y_mm=#2 diameter_mm=#3)``: a name, and values whose names end
 in their unit. So do the cycles that ship, and so may any cycle of one's own.
@@ -23,8 +23,9 @@ from controller.plan.planner import Touch
 from controller.runtime import touch_table
 from controller.service import kept_file
 from controller.state import record_files
+from controller.store.service_store import ServiceStore
 
-FILE = "probed.json"
+DOCUMENT = "probed"  # in the store
 KEPT, KEPT_TOUCHES = 500, 2000
 _VALUE = r"[a-z]\w*=-?\d+\.\d+"
 _RESULT = re.compile(rf"([a-z]\w*)((?: {_VALUE})+)", re.ASCII)
@@ -38,7 +39,7 @@ def found(text: str) -> dict[str, Any] | None:
     return {"cycle": match[1], "values": {name: float(value) for name, value in values.items()}}
 
 
-def _taken(kept: Any) -> list[dict[str, Any]]:
+def taken(kept: Any) -> list[dict[str, Any]]:
     """Raises TypeError for what are no rows."""
     if not isinstance(kept, list) or not all(isinstance(row, dict) for row in kept):
         raise TypeError("no list of results")
@@ -58,13 +59,13 @@ def _of_older(state: Path) -> tuple[list[str], Said | None]:
 class Probed:
     """One per service; any thread."""
 
-    def __init__(self, state: Path) -> None:
-        self._file, self._lock = state / FILE, threading.Lock()
+    def __init__(self, store: ServiceStore, state: Path) -> None:
+        """Raises OSError."""
+        self._store, self._lock = store, threading.Lock()
         self._table = state / record_files.TOUCHES
         self._touches: list[str] = []  # lines of the table behind its head, the newest last
         self._head = ""
-        self._rows: list[dict[str, Any]]
-        self._rows, self.damaged = kept_file.read(self._file, _taken, _taken([]))
+        self._rows = store.document(DOCUMENT, taken, taken([]))
         none: list[str] = []
         lines, self.touches_damaged = kept_file.read(self._table, record_files.table_lines, none)
         if not lines and self.touches_damaged is None:
@@ -94,4 +95,4 @@ class Probed:
     def save(self) -> None:
         """What the disk does not take is only told. Waits for the disk."""
         with self._lock, contextlib.suppress(OSError):
-            sealed_file.write(self._file, self._rows)
+            self._store.put(DOCUMENT, self._rows)

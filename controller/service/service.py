@@ -35,4 +35,5 @@ class Service(Owners):
         self.engine.end()
         if self.changer is not None:
             self.changer.store.close()
+        self.store.close()
         self._folder.cleanup()

@@ -52,6 +52,7 @@ from controller.service.service import Service
 from controller.service.thread_guard import InThread, ThreadGuard
 from controller.service.usage import Usage
 from controller.state.modes import Fault
+from controller.store.service_store import ServiceStore
 
 SERVICE, PANEL, GROUP = 64001, 64002, 64000
 needs_root = pytest.mark.skipif(os.geteuid() != 0, reason="a second user takes root to make")
@@ -145,13 +146,13 @@ def _tools(state: Path, _: Path) -> None:
 
 
 def _usage(state: Path, _: Path) -> None:
-    usage = Usage(state, shipped())
+    usage = Usage(ServiceStore(state), shipped())
     usage.set_item("oil", "motion", 10.0)
     usage.save(at_once=True)
 
 
 def _probed(state: Path, _: Path) -> None:
-    probed = Probed(state)
+    probed = Probed(ServiceStore(state), state)
     probed.add("a.ngc", [{"cycle": "bore", "values": {"x_mm": 1.0}}])
     probed.save()
     probed.save_touches()
@@ -199,7 +200,7 @@ DONE: dict[str, Do] = {
     "fitted": _fitted,
     "journal": _journal,
     "check": _checked,
-    "alarm": lambda state, _: Alarms(state).add("TEST", said("stopped")),
+    "alarm": lambda state, _: Alarms(ServiceStore(state)).add("TEST", said("stopped")),
     "commissioned": lambda state, _: arrangement.save(state / "arranged", shipped(), []),
     "noted": lambda state, _: control_socket.note_runtime(state, Path("/run/directrix")),
 }
@@ -383,6 +384,10 @@ def test_the_panel_reads_a_file_of_the_service_and_leaves_nothing_beside_it(stat
             if until is not None:
                 os.read(until, 1)
 
+    def write_and_die() -> None:
+        ToolStore(file).confirm(places)
+        os._exit(9)
+
     def read() -> None:
         assert tool_store.kept(file)["places"] == [list(row) for row in places.items()]
 
@@ -390,15 +395,15 @@ def test_the_panel_reads_a_file_of_the_service_and_leaves_nothing_beside_it(stat
         file.with_name(file.name + end).unlink(missing_ok=True)
     assert ends_well(SERVICE, write)
     assert ends_well(PANEL, read) and ends_well(SERVICE, write)
-    ended, end = os.pipe()
+    told, tell = os.pipe()
     with ThreadPoolExecutor(1) as beside:
-        written = beside.submit(ends_well, SERVICE, lambda: write(ended))
+        written = beside.submit(ends_well, SERVICE, lambda: write(told))
         while not file.with_name(f"{file.name}-shm").exists():
             time.sleep(0.01)
         assert ends_well(PANEL, read)
-        os.write(end, b"x")
+        os.write(tell, b"x")
         assert written.result()
-    assert not ends_well(SERVICE, lambda: (ToolStore(file).confirm({1: 1, 2: 0}), os._exit(9)))
+    assert not ends_well(SERVICE, write_and_die)
     assert ends_well(PANEL, read)
     file.with_name(f"{file.name}-shm").unlink()
     assert not ends_well(PANEL, read)

@@ -24,6 +24,7 @@ from controller.runtime.starts import Start
 from controller.service import owners, runs
 from controller.service.probed import Probed
 from controller.state import record_files
+from controller.store.service_store import ServiceStore
 from drives.arranged import Arranged
 
 MACHINE = machine_file.load("trunnion")
@@ -94,7 +95,7 @@ def _events(state: Path) -> Path:
 
 
 def _touched(state: Path) -> Path:
-    probed = Probed(state)
+    probed = Probed(ServiceStore(state), state)
     probed._head, probed._touches = "line,touched,X", ["5,1,8.0", "6,1,9.5"]
     for _ in range(2):
         probed.save_touches()

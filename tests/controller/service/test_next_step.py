@@ -18,7 +18,7 @@ from controller.ipc.control_socket import CommandRefused
 from controller.machine.tool_store import Step, placed
 from controller.messages import said
 from controller.plan.restart.program_position import Spot
-from controller.service import jobs, journal, kept_file, sequences
+from controller.service import alarms, jobs, journal, sequences
 from controller.service.command_handlers import CommandHandlers
 from controller.service.sequencer import Sequence
 from controller.service.thread_guard import InThread
@@ -124,7 +124,7 @@ class Scene:
         elif running is None and draw.random() < 0.1:
             changer.store.begin(Step(0, 2, 1, "Over it", 2, 2))
         if draw.random() < 0.1:
-            service.alarms.add(kept_file.ALARM, said("file_damaged", file="usage", why="?", aside="-"))
+            service.alarms.add(alarms.DAMAGE, said("file_damaged", file="usage", why="?", aside="-"))
         if draw.random() < 0.15:
             service.thread.found = InThread(draw.choice((4.0, 0.0)), draw.choice((1.0, 0.0)), 7, "plate.ngc")
         job = service.run.loaded

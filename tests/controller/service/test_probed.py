@@ -10,9 +10,10 @@ from support.fakes.fake_engine import done
 
 from controller.runtime.plan_messages import Announcement, News
 from controller.service.command_handlers import CommandHandlers
-from controller.service.probed import FILE, KEPT, Probed, found
+from controller.service.probed import KEPT, Probed, found
 from controller.service.service import Service
 from controller.state import record_files
+from controller.store.service_store import ServiceStore
 
 BORE = {"cycle": "bore", "values": {"x_mm": -0.25, "diameter_mm": 20.0}}
 
@@ -35,11 +36,11 @@ def test_a_message_of_a_name_and_values_is_a_result(text: str, told: dict[str, A
 
 
 def test_results_are_there_after_a_restart_and_no_more_than_are_kept(tmp_path: Path) -> None:
-    kept = Probed(tmp_path)
+    kept = Probed(ServiceStore(tmp_path), tmp_path)
     for k in range(KEPT + 3):
         kept.add(f"{k}.ngc", [BORE])
     kept.save()
-    for told in (kept.told(), Probed(tmp_path).told()):
+    for told in (kept.told(), Probed(ServiceStore(tmp_path), tmp_path).told()):
         assert [row["program"] for row in told] == [f"{k}.ngc" for k in range(KEPT + 2, 2, -1)]
         assert told[0].items() >= BORE.items() and told[0]["at_s"] >= told[-1]["at_s"]
 
@@ -64,17 +65,9 @@ def test_what_a_run_finds_is_in_the_table_and_in_its_record(desk: CommandHandler
     assert record.end("completed")["found"] == [BORE, BORE]
 
 
-@pytest.mark.parametrize("text", ["", "{}", "[1, null]", "no JSON"])
-def test_what_is_not_sound_is_begun_anew(tmp_path: Path, text: str) -> None:
-    (tmp_path / FILE).write_text(text)
-    kept = Probed(tmp_path)
-    kept.add("a.ngc", [BORE])
-    assert [row["program"] for row in kept.told()] == ["a.ngc"]
-
-
 def test_touches_of_a_version_before_are_taken_over_and_damaged_ones_are_an_alarm(tmp_path: Path) -> None:
     (tmp_path / record_files.OLDER_TOUCHES).write_text("line,X\n5,1.0\n")
-    probed = Probed(tmp_path)
+    probed = Probed(ServiceStore(tmp_path), tmp_path)
     assert record_files.touches(tmp_path) == ["line,X", "5,1.0"] and probed.touches_damaged is None
     probed.save_touches()
     assert not (tmp_path / record_files.OLDER_TOUCHES).exists()
@@ -82,5 +75,5 @@ def test_touches_of_a_version_before_are_taken_over_and_damaged_ones_are_an_alar
     probed.save_touches()
     file = tmp_path / record_files.TOUCHES
     file.write_text(file.read_text().replace("6,2.0", "6,3.0"))
-    probed = Probed(tmp_path)
+    probed = Probed(ServiceStore(tmp_path), tmp_path)
     assert probed.touches_damaged is not None and probed._touches == ["5,1.0"]
