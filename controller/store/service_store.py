@@ -164,10 +164,16 @@ class ServiceStore:
 
     def check(self) -> list[Said]:
         """Hold every row against its sum, and take out what is not as it was written: what an alarm says of
-        that. What is sound is copied. Raises OSError.
+        that. What is sound is copied; for what is not to be mended the next start takes that copy. Raises
+        OSError.
         """
-        with self._lock, self._of_the_disk():
-            losses = self._taken_out(self._sql)
+        with self._lock:
+            try:
+                losses = self._taken_out(self._sql)
+            except sqlite3.Error as error:
+                if (code := _errno(error)) is not None:
+                    raise OSError(code, str(error), str(self.file)) from error
+                return [said("store_damaged", file=self.file, what=str(error), aside="-")]
         self._copy_beside()
         return losses
 
@@ -207,7 +213,9 @@ class ServiceStore:
         return sql
 
     def _taken_out(self, sql: sqlite3.Connection) -> list[Said]:
-        """Takes out what is damaged; what an alarm says of it. Raises sqlite3.Error, OSError."""
+        """Takes out what is damaged; what an alarm says of it. Raises sqlite3.Error, also where something damaged
+        is left, and OSError.
+        """
         sql.execute("BEGIN IMMEDIATE")
         try:
             words, rows = sealed_rows.broken(sql), sealed_rows.damaged(sql)
@@ -218,6 +226,8 @@ class ServiceStore:
                 sealed_rows.index_anew(sql)
                 rows = sealed_rows.damaged(sql)
                 sealed_rows.take_out(sql, rows)
+                if left := sealed_rows.broken(sql):
+                    raise sqlite3.DatabaseError(left[0])
                 what = sealed_rows.summary(rows, words)
                 losses = [said("store_damaged", file=self.file, what=what, aside=aside.name)]
             sql.execute("COMMIT")
