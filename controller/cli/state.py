@@ -18,13 +18,13 @@ from controller import messages, npz, own_database, own_files, sealed_file, seal
 from controller.api import database, log_in_marker
 from controller.api.programs import CONTENT, FOLDER
 from controller.ipc import control_socket
-from controller.machine import arrangement, tool_store
+from controller.machine import arrangement
 from controller.messages import Said, of_error, said
 from controller.runtime import events
 from controller.service import older_files, owners
 from controller.service.folders import Folders
 from controller.state import record_files
-from controller.store import service_store
+from controller.store import service_store, tool_store
 from controller.verify.console import Refused, refusals, say, show, spoken
 
 app = typer.Typer(add_completion=False, no_args_is_help=True)
@@ -101,7 +101,7 @@ def look(state: Path) -> Iterator[Found]:
             yield from _held(file, state, _sealed)
     yield from _held(state / older_files.ALARMS, state, _alarms)
     yield from _held(state / log_in_marker.FILE, state, _log_in)
-    for name in (tool_store.FILE, database.FILE, service_store.FILE, service_store.COPY):
+    for name in (tool_store.OLDER, database.FILE, service_store.FILE, service_store.COPY):
         yield from _held(state / name, state, _rows)
     folders = Folders.within(state)
     for folder in (folders.arranged, folders.checks):

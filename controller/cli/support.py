@@ -41,14 +41,14 @@ from controller.api.store import Store
 from controller.cli import host_findings, installation, internal_error, redaction
 from controller.cli.host_view import Host
 from controller.ipc import control_socket
-from controller.machine import machine_file, setup_data, tool_store
+from controller.machine import machine_file, setup_data
 from controller.machine.toml_table import ConfigError
 from controller.service import older_files, owners
 from controller.state.record_files import RECORDINGS, RUNS
 from controller.store import service_store
 from controller.verify.console import Refused, refusals, say, show, spoken
 
-STATE_FILES = (*owners.SEALED, *older_files.DOCUMENTS, older_files.ALARMS, tool_store.FILE)
+STATE_FILES = (*owners.SEALED, *older_files.DOCUMENTS, older_files.ALARMS)
 LATEST = 3  # runs and faults whose records go along
 LATEST_ROWS = 200  # of runs and alarms
 MAX_BYTES = 64 << 20  # of one record; a larger one is named instead

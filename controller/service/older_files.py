@@ -8,13 +8,16 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+import sqlite3
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from controller import own_files, sealed_file
-from controller.messages import Said
+from controller import own_database, own_files, sealed_file, sealed_rows
+from controller.messages import Said, said
 from controller.service import kept_file, probed, usage
+from controller.store import tool_store
 from controller.store.service_store import ServiceStore
 
 OLDER = ".older"
@@ -36,7 +39,7 @@ def take_over(store: ServiceStore, state: Path) -> list[Said]:
             if found is not None:
                 store.put(document, found)
         _put_by(state / name)
-    losses.append(_take_alarms(store, state / ALARMS))
+    losses += [_take_alarms(store, state / ALARMS), _take_tools(store, state / tool_store.OLDER)]
     return [loss for loss in losses if loss is not None]
 
 
@@ -81,6 +84,26 @@ def alarms(file: Path) -> tuple[list[dict[str, Any]], Said | None]:
         except kept_file.WRONG as error:
             bad = bad or (error if line.endswith(b"\n") else None)
     return found, kept_file.put_aside(file, bad) if bad else None
+
+
+def _take_tools(store: ServiceStore, file: Path) -> Said | None:
+    """Where the tools are is known only if each row is as it was written."""
+    if not os.path.lexists(file):
+        return None
+    try:
+        with contextlib.closing(own_database.opened(file)) as sql:
+            wrong = said("cli.state.lost") if own_database.has_lost(sql, file) else sealed_rows.look(sql)
+            known = not wrong and sql.execute("SELECT 1 FROM known").fetchone() is not None
+        rows = tool_store.rows_of(file)
+        with store.write() as into:
+            if into.execute("SELECT 1 FROM log UNION SELECT 1 FROM place").fetchone() is None:
+                tool_store.put(into, rows)
+                if known:
+                    into.execute("INSERT INTO known VALUES (1, ?)", (time.time(),))
+    except (ValueError, sqlite3.Error) as error:
+        return kept_file.put_aside(file, error)
+    _put_by(file)
+    return said("store_damaged", file=file, what=wrong, aside=f"{file.name}{OLDER}") if wrong else None
 
 
 def _put_by(file: Path) -> None:

@@ -11,9 +11,8 @@ from pathlib import Path
 from controller import sealed_file
 from controller.ipc import control_socket
 from controller.ipc.control_socket import CommandRefused
-from controller.machine import setup_data, tool_store
+from controller.machine import setup_data
 from controller.machine.model import Changer, Machine
-from controller.machine.tool_store import ToolStore
 from controller.messages import Said
 from controller.runtime.bus_load import overload
 from controller.runtime.plan_messages import News
@@ -34,6 +33,7 @@ from controller.service.tool_changer import ToolChanger
 from controller.service.usage import Usage
 from controller.state import record_files
 from controller.store.service_store import ServiceStore
+from controller.store.tool_store import ToolStore
 
 JOURNAL = "journal.json"
 SEALED = (
@@ -93,19 +93,20 @@ class Owners:
             assert set_up.machine.changer is not None
             return set_up.machine.changer
 
-        store = ToolStore(self.state / tool_store.FILE)
+        store = ToolStore(self.store)
         machine, add = set_up.machine, self.alarms.add
         made = ToolChanger(store, changer, self.engine, add, machine.period_s, self._worn, machine.io)
         set_up.find(made.whereabouts.spindle)
-        if store.damaged is not None:
-            self.alarms.add(alarms.DAMAGE, store.damaged)
         return made
 
     def check_store(self) -> None:
         """As each start does: an alarm says what is lost. A disk that does not answer is looked at again."""
         with contextlib.suppress(OSError):
-            for loss in self.store.check():
+            losses = self.store.check()
+            for loss in losses:
                 self.alarms.add(alarms.DAMAGE, loss)
+            if losses and self.changer is not None:
+                self.changer.store.forget()
 
     def _worn(self, tool: int) -> Said | None:
         """What is told before a tool comes whose life is over; None of any other."""

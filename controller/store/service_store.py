@@ -56,7 +56,25 @@ CREATE TABLE alarms (
     facts TEXT NOT NULL                 -- JSON: time_s, name, key and values of what is said, ...
 ) STRICT
 """
-MIGRATIONS: tuple[str, ...] = (_FIRST,)
+_TOOLS = """
+CREATE TABLE place (tool INTEGER PRIMARY KEY, pocket INTEGER NOT NULL) STRICT;
+CREATE TABLE known (id INTEGER PRIMARY KEY CHECK (id = 1), time_s REAL NOT NULL) STRICT;
+CREATE TABLE change (
+    id INTEGER PRIMARY KEY CHECK (id = 1), tool_out INTEGER NOT NULL, tool_in INTEGER NOT NULL,
+    step INTEGER NOT NULL, name TEXT NOT NULL, carries INTEGER NOT NULL, goes_to INTEGER NOT NULL
+) STRICT;
+CREATE TABLE preparation (
+    id INTEGER PRIMARY KEY CHECK (id = 1), tool_out INTEGER NOT NULL, tool_in INTEGER NOT NULL,
+    step INTEGER NOT NULL, name TEXT NOT NULL
+) STRICT;
+CREATE TABLE log (
+    id INTEGER PRIMARY KEY AUTOINCREMENT, time_s REAL NOT NULL, what TEXT NOT NULL,
+    tool_out INTEGER NOT NULL, tool_in INTEGER NOT NULL, step INTEGER NOT NULL, name TEXT NOT NULL
+) STRICT
+"""
+MIGRATIONS: tuple[str, ...] = (_FIRST, _TOOLS)
+
+_NOT_KNOWN = "DELETE FROM known"  # somebody must look where the tools are
 
 # Codes of SQLite that say nothing of the file's content.
 _OF_THE_DISK = {
@@ -87,6 +105,8 @@ class ServiceStore:
             self._sql = self._opened()
         with contextlib.suppress(OSError), self.write() as sql:  # a full disk forbids no start
             sql.execute("INSERT INTO starts VALUES (1, 1) ON CONFLICT (id) DO UPDATE SET count = count + 1")
+            if self.losses:
+                sql.execute(_NOT_KNOWN)
         self._copy_beside()
         self._put_by()
 
@@ -213,8 +233,8 @@ class ServiceStore:
         return sql
 
     def _taken_out(self, sql: sqlite3.Connection) -> list[Said]:
-        """Takes out what is damaged; what an alarm says of it. Raises sqlite3.Error, also where something damaged
-        is left, and OSError.
+        """Takes out what is damaged; what an alarm says of it. Raises sqlite3.Error, also where something
+        damaged is left, and OSError.
         """
         sql.execute("BEGIN IMMEDIATE")
         try:
@@ -226,6 +246,7 @@ class ServiceStore:
                 sealed_rows.index_anew(sql)
                 rows = sealed_rows.damaged(sql)
                 sealed_rows.take_out(sql, rows)
+                sql.execute(_NOT_KNOWN)
                 if left := sealed_rows.broken(sql):
                     raise sqlite3.DatabaseError(left[0])
                 what = sealed_rows.summary(rows, words)
@@ -249,12 +270,8 @@ class ServiceStore:
 
     def _starts_of_copy(self) -> int:
         """0: there is none that can be read."""
-        with contextlib.suppress(OSError, sqlite3.Error):
-            data = bytearray(own_files.read_bytes(self._copy))
-            data[18:20] = b"\1\1"  # of a memory's database is nothing written ahead
-            with contextlib.closing(sqlite3.connect(":memory:")) as sql:
-                sql.deserialize(bytes(data))
-                return _starts(sql)
+        with contextlib.suppress(OSError, sqlite3.Error), contextlib.closing(_loaded(self._copy)) as sql:
+            return _starts(sql)
         return 0
 
     def _replace(self, why: Said | str) -> None:
@@ -269,6 +286,53 @@ class ServiceStore:
         at = time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(self._copy.lstat().st_mtime))
         own_files.rename(self._copy, self.file)
         self.losses.append(said("file_before", **facts, at=at))
+
+
+def in_memory(file: Path | None) -> sqlite3.Connection:
+    """What a file has, with sums of what is written to it from then on. Where it cannot be read it is what
+    its copy has, and without one, or for None, an empty store.
+    """
+    for source in (file, file and file.with_name(COPY), None):
+        sql = _empty()
+        try:
+            if source is not None:
+                sql = _loaded(source)
+            sealed_rows.seal(sql, anew=_migrate(sql, Path(FILE)))
+            return sql
+        except (OSError, sqlite3.Error, ConfigError):
+            sql.close()
+    raise AssertionError("an empty store can be made")
+
+
+def _empty() -> sqlite3.Connection:
+    return sqlite3.connect(":memory:", isolation_level=None)
+
+
+def _loaded(file: Path) -> sqlite3.Connection:
+    """A file, without what is written ahead of it, in memory. Raises OSError, sqlite3.Error."""
+    data = bytearray(own_files.read_bytes(file))
+    data[18:20] = b"\1\1"  # of the file format: nothing is written ahead
+    sql = _empty()
+    sql.deserialize(bytes(data))
+    return sql
+
+
+def settle(file: Path) -> Said | None:
+    """Takes into the file what stands beside it, so that it can be replaced; the service must not run.
+
+    One that is no store is put aside with what stands beside it, and the answer says so. Raises OSError.
+    """
+    if not os.path.lexists(file):
+        return None
+    try:
+        with contextlib.closing(own_database.opened(file)) as sql:
+            sql.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+    except sqlite3.Error as error:
+        for end in own_database.BESIDE:
+            own_files.put_aside(file.with_name(f"{file.name}{end}"))
+        aside = own_files.put_aside(file)
+        return said("file_damaged", file=file, why=str(error), aside=aside.name if aside else "-")
+    return None
 
 
 def _errno(error: sqlite3.Error) -> int | None:

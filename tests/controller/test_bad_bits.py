@@ -22,6 +22,7 @@ from support.fakes.fake_engine import done, engine_of, served
 from support.fakes.fake_socket import FakeDoor
 from support.fakes.panels import QUICK, URL
 from support.machines import changer_bench
+from support.machines.stored_tools import StoredTools
 from support.suite.seed import SEED
 
 from controller import own_database
@@ -34,9 +35,8 @@ from controller.api.users import Users, new_token
 from controller.commands.table import COMMANDS
 from controller.ipc import control_socket
 from controller.ipc.control_socket import CommandRefused
-from controller.machine import setup_data, tool_store
+from controller.machine import setup_data
 from controller.machine.toml_table import ConfigError
-from controller.machine.tool_store import ToolStore
 from controller.messages import said
 from controller.plan.planner import Touch
 from controller.program.program import Probed
@@ -53,7 +53,7 @@ TOKEN, SHA256 = new_token()
 USER = "anna"
 MACHINE = changer_bench.machine()
 TOUCHED = Probed(True, (0.0,) * len(MACHINE.axes), (0.0,) * len(MACHINE.axes))
-DATABASES = ("store.sqlite", "tools.db", service_store.FILE)
+DATABASES = ("store.sqlite", service_store.FILE)
 ASKED = ("status", "facts", "alarms", "runs", "usage", "probed", "restart", "changer")
 
 
@@ -98,7 +98,9 @@ def used(tmp_path_factory: pytest.TempPathFactory) -> Path:
     store.users.add_token(SHA256, "script", "set_up", USER)
     killed = folder / "killed"
     shutil.copytree(state, killed)  # what is written ahead with it, as nobody has closed them
-    assert (killed / "store.sqlite-wal").stat().st_size and (killed / "tools.db-wal").stat().st_size
+    assert (killed / "store.sqlite-wal").stat().st_size and (
+        killed / f"{service_store.FILE}-wal"
+    ).stat().st_size
     store.close()
     service.close()
     return killed
@@ -438,17 +440,18 @@ def test_nothing_starts_with_damaged_offsets_or_an_unknown_tool_before_somebody_
 
 
 def test_tools_of_which_a_bad_bit_has_cost_the_last_step_must_be_confirmed(folder: Path) -> None:
-    state = folder / "state"
-    with contextlib.closing(ToolStore(state / tool_store.FILE)) as tools:
+    state, name = folder / "state", service_store.FILE
+    with contextlib.closing(StoredTools(state)) as tools:
         assert tools.spindle == 2
         tools.confirm({1: 0, 2: 2})
         for end in ("", "-wal"):
-            shutil.copyfile(state / f"tools.db{end}", folder / f"tools.db{end}")
-    data = bytearray((folder / "tools.db-wal").read_bytes())
+            shutil.copyfile(state / f"{name}{end}", folder / f"{name}{end}")
+    data = bytearray((folder / f"{name}-wal").read_bytes())
     data[32 + 24 + 100] ^= 1  # in the page of the first frame
-    (folder / "tools.db-wal").write_bytes(data)
-    with contextlib.closing(ToolStore(folder / tool_store.FILE)) as tools:
-        assert tools.spindle is None and not tools.known
+    (folder / f"{name}-wal").write_bytes(data)
+    for _ in range(2):
+        with contextlib.closing(StoredTools(folder)) as tools:
+            assert tools.spindle is None and not tools.known
 
 
 def test_a_back_up_beside_a_note_that_cannot_be_read_says_so(folder: Path) -> None:

@@ -26,6 +26,7 @@ import pytest
 from support.fakes import cutting_service
 from support.fakes.fake_engine import FakeEngine, served
 from support.machines.stepped_runs import shipped
+from support.machines.stored_tools import StoredTools
 from typer.testing import CliRunner
 
 from controller import atomic_file, own_database, own_files
@@ -36,9 +37,8 @@ from controller.cli import backup as backup_verbs
 from controller.cli import dnc, panel_users
 from controller.ipc import control_socket
 from controller.ipc.handoff import ROW
-from controller.machine import arrangement, setup_data, tool_store
+from controller.machine import arrangement, setup_data
 from controller.machine import machine_file as config
-from controller.machine.tool_store import ToolStore
 from controller.messages import said
 from controller.plan.report import stored
 from controller.runtime import recording
@@ -52,6 +52,7 @@ from controller.service.service import Service
 from controller.service.thread_guard import InThread, ThreadGuard
 from controller.service.usage import Usage
 from controller.state.modes import Fault
+from controller.store import service_store, tool_store
 from controller.store.service_store import ServiceStore
 
 SERVICE, PANEL, GROUP = 64001, 64002, 64000
@@ -141,7 +142,7 @@ def _faults(state: Path, _: Path) -> None:
 
 
 def _tools(state: Path, _: Path) -> None:
-    with contextlib.closing(ToolStore(state / tool_store.FILE)) as tools:
+    with contextlib.closing(StoredTools(state)) as tools:
         tools.confirm({1: 1, 2: 0})
 
 
@@ -344,7 +345,11 @@ def test_nothing_that_takes_the_place_of_a_folder_of_the_service_is_written_or_e
 
 @pytest.mark.parametrize("plant", ["link", "hard link", "pipe", "folder"])
 @pytest.mark.parametrize(
-    "name", ["store.sqlite", "store.sqlite-wal", "store.sqlite-shm", "tools.db", "tools.db-wal", "log_in"]
+    "name",
+    [
+        *("store.sqlite", "store.sqlite-wal", "store.sqlite-shm", "service.sqlite", "service.sqlite-wal"),
+        *("service.sqlite.before", "tools.db", "log_in"),
+    ],
 )
 def test_nothing_beside_or_in_the_place_of_a_database_is_written_through(
     state: Path, outside: Path, plant: str, name: str
@@ -376,20 +381,20 @@ def ends_well(user: int, do: Callable[[], object]) -> bool:
 @needs_root
 def test_the_panel_reads_a_file_of_the_service_and_leaves_nothing_beside_it(state: Path) -> None:
     """While the service has it open, was killed, or has closed it, and also where -shm is gone."""
-    file, places = state / tool_store.FILE, {1: 1, 2: 0}
+    file, places = state / service_store.FILE, {1: 1, 2: 0}
 
     def write(until: int | None = None) -> None:
-        with contextlib.closing(ToolStore(file)) as tools:
+        with contextlib.closing(StoredTools(state)) as tools:
             tools.confirm(places)
             if until is not None:
                 os.read(until, 1)
 
     def write_and_die() -> None:
-        ToolStore(file).confirm(places)
+        StoredTools(state).confirm(places)
         os._exit(9)
 
     def read() -> None:
-        assert tool_store.kept(file)["places"] == [list(row) for row in places.items()]
+        assert tool_store.kept(state)["places"] == [list(row) for row in places.items()]
 
     for end in own_database.BESIDE:
         file.with_name(file.name + end).unlink(missing_ok=True)
@@ -422,7 +427,9 @@ def hot_journal(database: Path, victim: Path) -> bytes:
     return head.ljust(512, b"\0") + page + name + struct.pack(">II", len(name), sum(name)) + magic
 
 
-@pytest.mark.parametrize(("name", "do"), [("store.sqlite", VERBS["users add"]), ("tools.db", DONE["tools"])])
+@pytest.mark.parametrize(
+    ("name", "do"), [("store.sqlite", VERBS["users add"]), ("service.sqlite", DONE["tools"])]
+)
 def test_no_journal_that_is_planted_beside_a_database_deletes_what_it_names(
     state: Path, outside: Path, name: str, do: Do
 ) -> None:
@@ -473,7 +480,13 @@ def test_a_restore_replaces_the_machine_file_and_a_roll_back_puts_it_back_though
     victim, machine_file = outside / "victim", tmp_path / "etc" / "machine.toml"
     victim.write_text("x")
     machine_file.write_text(config.alone(config.load("trunnion")).replace("0.002", "0.004"))
-    for name in ("fitting.json.new", "fitting.json.old", "machine.json.new", "tools.db.old", "tools.db.new"):
+    for name in (
+        "fitting.json.new",
+        "fitting.json.old",
+        "machine.json.new",
+        "service.sqlite.old",
+        "service.sqlite.new",
+    ):
         (state / name).unlink(missing_ok=True)
         (state / name).symlink_to(victim)
     with unharmed(outside):
@@ -507,7 +520,8 @@ def test_a_name_leads_out_of_no_folder(tmp_path: Path) -> None:
 ROOM = Path(own_files.__file__).parent
 IN_STATE = [
     *(file for file in ROOM.glob("service/*.py") if file.stem not in ("pendant", "socket_server")),
-    *(ROOM / "machine" / f"{name}.py" for name in ("setup_data", "tool_store", "arrangement")),
+    *(ROOM / "machine" / f"{name}.py" for name in ("setup_data", "arrangement")),
+    *(ROOM / "store").glob("*.py"),
     *(ROOM / "api" / f"{name}.py" for name in ("backup", "database", "programs", "uploads", "log_in_marker")),
     *(ROOM / name for name in ("runtime/recording.py", "plan/report/stored.py", "ipc/control_socket.py")),
 ]

@@ -15,7 +15,6 @@ from support.machines.stepped_runs import shipped
 from controller import messages
 from controller.commands.table import SWITCHED
 from controller.ipc.control_socket import CommandRefused
-from controller.machine.tool_store import Step, placed
 from controller.messages import said
 from controller.plan.restart.program_position import Spot
 from controller.service import alarms, jobs, journal, sequences
@@ -24,6 +23,7 @@ from controller.service.sequencer import Sequence
 from controller.service.thread_guard import InThread
 from controller.service.watchdog import Pulse
 from controller.state.modes import ALL_AXES, Fault, Mode, Request
+from controller.store.tool_store import Step, placed
 
 TEXT = "G21 G90 G54\nG1 X10. F3000\nG1 X20.\nM30\n"
 QUESTIONS = ("worn", "unrecorded")  # that a start asks before it begins

@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
+import sqlite3
 from pathlib import Path
 from typing import Any
 
 import pytest
 from support.fakes.fake_engine import served
+from support.machines.stored_tools import StoredTools
 
-from controller import sealed_file
+from controller import own_database, sealed_file, sealed_rows
 from controller.service import older_files
+from controller.store import tool_store
 from controller.store.service_store import ServiceStore
+from controller.store.tool_store import Step, ToolStore
 
 ALARM = {"id": 1, "time_s": 1000.5, "name": "ESTOP", "key": "stopped", "values": {}, "acknowledged_s": None}
 BORE = {"at_s": 1.0, "program": "a.ngc", "cycle": "bore", "values": {"x_mm": -0.25}}
@@ -107,3 +112,69 @@ def test_no_flip_of_a_bit_changes_what_an_alarm_of_before_says(tmp_path: Path) -
         file.write_bytes(flipped)
         found, loss = older_files.alarms(file)
         assert loss is not None or found == [ALARM], bytes(flipped)
+
+
+def write_tools(state: Path, sql_more: str = "") -> None:
+    """As a version before has left where the tools are, in the middle of a change."""
+    with contextlib.closing(own_database.opened(state / "tools.db")) as sql:
+        sql.executescript(
+            """
+            CREATE TABLE place (tool INTEGER PRIMARY KEY, pocket INTEGER NOT NULL);
+            CREATE TABLE known (id INTEGER PRIMARY KEY CHECK (id = 1), time_s REAL NOT NULL);
+            CREATE TABLE change (
+                id INTEGER PRIMARY KEY CHECK (id = 1), tool_out INTEGER NOT NULL, tool_in INTEGER NOT NULL,
+                step INTEGER NOT NULL, name TEXT NOT NULL, carries INTEGER NOT NULL,
+                goes_to INTEGER NOT NULL);
+            CREATE TABLE preparation (
+                id INTEGER PRIMARY KEY CHECK (id = 1), tool_out INTEGER NOT NULL, tool_in INTEGER NOT NULL,
+                step INTEGER NOT NULL, name TEXT NOT NULL);
+            CREATE TABLE log (
+                id INTEGER PRIMARY KEY AUTOINCREMENT, time_s REAL NOT NULL, what TEXT NOT NULL,
+                tool_out INTEGER NOT NULL, tool_in INTEGER NOT NULL, step INTEGER NOT NULL,
+                name TEXT NOT NULL);
+            INSERT INTO place VALUES (1, 1), (2, 0), (3, -1);
+            INSERT INTO known VALUES (1, 1.5);
+            INSERT INTO change VALUES (1, 2, 1, 4, 'Let it go', 2, 2);
+            INSERT INTO log VALUES (7, 1.5, 'begun', 2, 1, 4, 'Let it go');
+            """
+        )
+        sealed_rows.seal(sql)
+    with contextlib.closing(sqlite3.connect(state / "tools.db")) as sql:  # which keeps no sums, as a bad bit
+        sql.executescript(sql_more)
+
+
+STEP = Step(2, 1, 4, "Let it go", 2, 2)
+PLACES = {1: 1, 2: 0, 3: -1}
+
+
+def test_where_the_tools_were_and_the_change_under_way_are_known_as_before(tmp_path: Path) -> None:
+    write_tools(tmp_path)
+    assert tool_store.kept(tmp_path)["places"] == [list(row) for row in PLACES.items()], "for a back-up, too"
+    for _ in range(2):
+        with contextlib.closing(StoredTools(tmp_path)) as tools:
+            assert older_files.take_over(tools.kept, tmp_path) == []
+            tools = ToolStore(tools.kept)
+            assert (tools.known, tools.spindle, tools.places, tools.step) == (True, 2, PLACES, STEP)
+            assert tools.log() == [(1.5, "begun", 2, 1, 4, "Let it go")]
+        assert {"tools.db.older"} == {path.name for path in tmp_path.glob("tools.db*")}
+
+
+def test_after_a_bad_bit_in_where_the_tools_were_somebody_must_look(tmp_path: Path) -> None:
+    write_tools(tmp_path, "UPDATE place SET pocket = 3 WHERE tool = 3")
+    store = ServiceStore(tmp_path)
+    (loss,) = older_files.take_over(store, tmp_path)
+    assert loss["key"] == "store_damaged" and loss["values"]["what"] == "place 1"
+    assert not ToolStore(store).known and (tmp_path / loss["values"]["aside"]).exists()
+    assert older_files.take_over(store, tmp_path) == []
+
+
+@pytest.mark.parametrize("more", [None, "UPDATE place SET pocket = 'here'", "DROP TABLE place"])
+def test_what_is_no_place_of_a_tool_is_put_aside(tmp_path: Path, more: str | None) -> None:
+    if more is None:
+        (tmp_path / "tools.db").write_bytes(b"no store" * 1000)
+    else:
+        write_tools(tmp_path, more.replace("'here'", "1e300"))
+    store = ServiceStore(tmp_path)
+    (loss,) = older_files.take_over(store, tmp_path)
+    assert loss["key"] == "file_damaged" and (tmp_path / "tools.db.damaged1").exists()
+    assert not ToolStore(store).known and ToolStore(store).places == {}

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from support.machines.stored_tools import StoredTools
 from support.suite.seed import SEED
 
 from controller import own_database, own_files
@@ -108,6 +109,22 @@ def test_what_is_damaged_while_it_runs_is_found_by_a_look(folder: Path) -> None:
         changed(folder, "UPDATE documents SET value = '{\"n\": 5}' WHERE generation = 2")
         (loss,) = store.check()
         assert loss["key"] == "store_damaged" and value(store) == {"n": 1} and store.check() == []
+
+
+def test_after_any_loss_somebody_must_look_where_the_tools_are(folder: Path) -> None:
+    """Also where a look found it, and the machine was switched off before anybody did."""
+    statement = "UPDATE place SET pocket = 2 WHERE tool = 1"
+    for at_a_start in (True, False):
+        with contextlib.closing(StoredTools(folder)) as tools:
+            tools.confirm({1: 1, 2: 0})
+            if not at_a_start:
+                changed(folder, statement)
+                assert tools.kept.check()
+        if at_a_start:
+            changed(folder, statement)
+            assert lost(folder)[1] == ["store_damaged"]
+        with contextlib.closing(StoredTools(folder)) as tools:
+            assert not tools.known and tools.spindle is None and not tools.kept.losses
 
 
 def test_a_file_that_is_none_or_gone_or_older_than_its_copy_is_replaced_by_that(folder: Path) -> None:
