@@ -13,7 +13,7 @@ import sqlite3
 from pathlib import Path
 from typing import Any
 
-from controller import own_database
+from controller import own_database, sealed_rows
 from controller.api.database import Database
 from controller.state.record_files import RUN, RUNS, facts
 from controller.store import service_store
@@ -40,21 +40,23 @@ class Gatherer:
         return bool(self._gather_alarms() + self._gather_runs())
 
     def _gather_alarms(self) -> int:
-        """A store of the service that cannot be read is looked at again the next time."""
+        """A store that cannot be read is looked at again the next time; rows that are damaged stay out."""
         file = self._state / service_store.FILE
         try:
             if (stamp := _stamp(file)) == self._stamped:
                 return 0
             with own_database.reading(file) as sql:
                 found = dict(sql.execute("SELECT id, facts FROM alarms"))
+                if found != self._alarms:
+                    damaged = {row for name, row in sealed_rows.damaged(sql) if name == "alarms"}
+                    found = {number: facts for number, facts in found.items() if number not in damaged}
         except (OSError, sqlite3.Error):
             return 0
         new = [facts for number, facts in found.items() if self._alarms.get(number) != facts]
         if new:
             with self._database.write() as own:
                 for facts in new:
-                    with contextlib.suppress(ValueError, KeyError, TypeError):  # of a row that is damaged
-                        _alarm(own, facts)
+                    _alarm(own, facts)
         self._stamped, self._alarms = stamp, found
         return len(new)
 

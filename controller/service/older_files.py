@@ -22,10 +22,12 @@ from controller.store.service_store import ServiceStore
 
 OLDER = ".older"
 ALARMS = "alarms.jsonl"
+TABLE = "touches.csv"  # before there was touches.json
 # By the file's name: the document that it has become, and what raises for values that are not sound.
 DOCUMENTS: dict[str, tuple[str, Callable[[Any], Any]]] = {
     "usage.json": (usage.DOCUMENT, usage.taken),
     "probed.json": (probed.DOCUMENT, probed.taken),
+    "touches.json": (probed.TOUCHES, probed.table_lines),
 }
 
 
@@ -39,6 +41,7 @@ def take_over(store: ServiceStore, state: Path) -> list[Said]:
             if found is not None:
                 store.put(document, found)
         _put_by(state / name)
+    losses.append(_take_table(store, state / TABLE))
     losses += [_take_alarms(store, state / ALARMS), _take_tools(store, state / tool_store.OLDER)]
     return [loss for loss in losses if loss is not None]
 
@@ -51,6 +54,19 @@ def _whole(taken: Callable[[Any], Any]) -> Callable[[Any], Any]:
         return values
 
     return checked
+
+
+def _take_table(store: ServiceStore, file: Path) -> Said | None:
+    try:
+        lines = own_files.read_text(file).splitlines()
+    except FileNotFoundError:
+        return None
+    except (OSError, ValueError) as error:
+        return kept_file.put_aside(file, error)
+    if lines and not store.has(probed.TOUCHES):
+        store.put(probed.TOUCHES, lines)
+    _put_by(file)
+    return None
 
 
 def _take_alarms(store: ServiceStore, file: Path) -> Said | None:

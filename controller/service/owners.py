@@ -31,13 +31,12 @@ from controller.service.set_up import SetUp
 from controller.service.thread_guard import ThreadGuard
 from controller.service.tool_changer import ToolChanger
 from controller.service.usage import Usage
-from controller.state import record_files
 from controller.store.service_store import ServiceStore
 from controller.store.tool_store import ToolStore
 
 JOURNAL = "journal.json"
 SEALED = (
-    *(JOURNAL, record_files.TOUCHES, durations.FILE, thread_guard.FILE),
+    *(JOURNAL, durations.FILE, thread_guard.FILE),
     *(setup_data.FILE, setup_data.IN_SPINDLE, setup_data.MACHINE, control_socket.LAST),
 )  # what the service keeps of a machine as JSON
 
@@ -64,14 +63,14 @@ class Owners:
         self.engine = engine or Engine(machine, folder, kept, hear)
         self.set_up = SetUp(machine, state, self.alarms, self.engine.tell_tool)
         self.usage = Usage(self.store, machine)
-        self.probed, self.durations = Probed(self.store, state), Durations(state)
+        self.probed, self.durations = Probed(self.store), Durations(state)
         self.thread = ThreadGuard(state)
         self.sequencer = Sequencer(self._failed)
         self.writer = ThreadPoolExecutor(1, "records")  # of what runs leave behind
         entry, unread = journal.read(state / JOURNAL)
         self.interrupted = entry if entry is not None and not entry.ended else None  # a run, by the last end
         self.journal = Journal(state / JOURNAL, last=entry)
-        files = (self.durations.damaged, self.thread.damaged, unread, self.probed.touches_damaged)
+        files = (self.durations.damaged, self.thread.damaged, unread)
         for damaged in (*self.store.losses, *losses, *self.set_up.damaged, *files):
             if damaged is not None:
                 self.alarms.add(alarms.DAMAGE, damaged)

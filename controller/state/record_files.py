@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any, Final
 
-from controller import own_files, sealed_file
+from controller import sealed_file
 from controller.messages import said
 
 RECORDINGS: Final = "recordings"  # a folder for each fault
@@ -19,8 +19,6 @@ MACHINE: Final = "machine.toml"
 SETPOINTS: Final = "setpoints.npz"  # while it goes on, or where it was lost, .part
 ACTUAL: Final = "actual.npz"  # likewise: where the drives were
 TRACE: Final = "trace.npz"  # of a fault: the last seconds before it
-TOUCHES: Final = "touches.json"  # the last of the probe, as lines of a table, its head first ...
-OLDER_TOUCHES: Final = "touches.csv"  # ... and as versions before wrote them
 
 
 def facts(folder: Path, name: str = RUN, within: Path | None = None) -> dict[str, Any]:
@@ -35,22 +33,4 @@ def facts(folder: Path, name: str = RUN, within: Path | None = None) -> dict[str
     number = str(values.get("id") or folder.name)
     if number != folder.name and "/" not in number and (folder.parent / number).is_dir():
         raise sealed_file.Damaged(said("sealed.other"))
-    return values
-
-
-def touches(state: Path) -> list[str]:
-    """Lines of the table of the probe's last touches, its head first.
-
-    Raises FileNotFoundError where there are none, OSError, and ValueError or TypeError for what is damaged.
-    """
-    try:
-        return table_lines(sealed_file.read(state / TOUCHES))
-    except FileNotFoundError:
-        return own_files.read_text(state / OLDER_TOUCHES).splitlines()
-
-
-def table_lines(values: Any) -> list[str]:
-    """Raises TypeError for what are no lines of a table."""
-    if not isinstance(values, list) or not values or not all(isinstance(line, str) for line in values):
-        raise TypeError("no lines of a table")
     return values

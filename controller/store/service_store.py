@@ -288,6 +288,21 @@ class ServiceStore:
         self.losses.append(said("file_before", **facts, at=at))
 
 
+def document_of(folder: Path, name: str) -> Any:
+    """The newest of a document, for who only reads; only from a store that is as it was written.
+
+    Raises FileNotFoundError where there is none, OSError, sealed_file.Damaged, sqlite3.Error.
+    """
+    with own_database.reading(folder / FILE) as sql:
+        if wrong := sealed_rows.look(sql):
+            raise sealed_file.Damaged(said("cli.state.rows", tables=wrong))
+        newest = "SELECT value FROM documents WHERE name = ? ORDER BY generation DESC"
+        row = sql.execute(newest, (name,)).fetchone()
+    if row is None:
+        raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), name)
+    return json.loads(row[0])
+
+
 def in_memory(file: Path | None) -> sqlite3.Connection:
     """What a file has, with sums of what is written to it from then on. Where it cannot be read it is what
     its copy has, and without one, or for None, an empty store.

@@ -381,14 +381,13 @@ def test_a_note_that_can_be_had_anew_is_written_anew(
     assert setup_data.noted(folder / "state").name == MACHINE.name
 
 
-@pytest.mark.parametrize("name", [JOURNAL, "touches.json"])
-def test_what_carried_facts_and_cannot_be_read_is_put_aside_and_reported(folder: Path, name: str) -> None:
-    file = folder / "state" / name
+def test_what_carried_facts_and_cannot_be_read_is_put_aside_and_reported(folder: Path) -> None:
+    file = folder / "state" / JOURNAL
     data = b"\xff" + file.read_bytes()[1:]
     file.write_bytes(data)
     alarm = next(alarm for alarm in started(folder) if alarm["name"] == alarms.DAMAGE)
-    assert alarm["values"]["file"] == str(file) and alarm["values"]["aside"] == f"{name}.damaged1"
-    assert file.with_name(f"{name}.damaged1").read_bytes() == data
+    assert alarm["values"]["file"] == str(file) and alarm["values"]["aside"] == f"{JOURNAL}.damaged1"
+    assert file.with_name(f"{JOURNAL}.damaged1").read_bytes() == data
 
 
 def test_an_alarm_that_is_damaged_costs_no_other_and_holds_every_start_back(folder: Path) -> None:

@@ -153,7 +153,7 @@ def _usage(state: Path, _: Path) -> None:
 
 
 def _probed(state: Path, _: Path) -> None:
-    probed = Probed(ServiceStore(state), state)
+    probed = Probed(ServiceStore(state))
     probed.add("a.ngc", [{"cycle": "bore", "values": {"x_mm": 1.0}}])
     probed.save()
     probed.save_touches()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import json
+import sqlite3
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ from support.fakes.panels import Scene
 
 from controller.api.service_sync import Gatherer
 from controller.api.store import Store
-from controller.store.service_store import ServiceStore
+from controller.store.service_store import FILE, ServiceStore
 
 ALARM = {
     "id": 1,
@@ -47,12 +48,11 @@ def write_run(store: Store, name: str, text: str) -> None:
     (folder / "run.json").write_text(text)
 
 
-def tell(store: Store, *alarms: dict[str, Any] | str) -> None:
+def tell(store: Store, *alarms: dict[str, Any]) -> None:
     """The service adds alarms, or has them say something else."""
     with contextlib.closing(ServiceStore(store.folder)) as kept, kept.write() as sql:
         for one in alarms:
-            row = (7, one) if isinstance(one, str) else (one["id"], json.dumps(one))
-            sql.execute("INSERT OR REPLACE INTO alarms VALUES (?, ?)", row)
+            sql.execute("INSERT OR REPLACE INTO alarms VALUES (?, ?)", (one["id"], json.dumps(one)))
 
 
 def test_alarms_are_taken_in_once_and_completed_by_later_lines(store: Store) -> None:
@@ -60,13 +60,24 @@ def test_alarms_are_taken_in_once_and_completed_by_later_lines(store: Store) -> 
     assert not gatherer.gather()
     tell(store, ALARM)
     assert gatherer.gather() and not gatherer.gather()
-    tell(store, {**ALARM, "recording": "x.npz"}, "{cut off")
+    tell(store, {**ALARM, "recording": "x.npz"})
     assert gatherer.gather()
     [alarm] = store.alarms.list()
     assert (alarm.at_s, alarm.name, alarm.axis, alarm.key) == (1000.5, "FOLLOWING_ERROR", "X", "of_axis")
     assert alarm.values == ALARM["values"] and alarm.facts == {"recording": "x.npz", "number": 1}
     assert Gatherer(store.database, store.folder).gather()
     assert len(store.alarms.list()) == 1
+
+
+def test_an_alarm_that_is_not_as_it_was_written_is_not_taken_in_and_the_others_are(store: Store) -> None:
+    tell(store, ALARM)
+    with contextlib.closing(sqlite3.connect(store.folder / FILE)) as sql:  # which keeps no sums, as a bad bit
+        sql.execute("INSERT INTO alarms VALUES (7, '{cut off')")
+        sql.execute("INSERT INTO alarms VALUES (8, ?)", (json.dumps({**ALARM, "id": 8}),))
+        sql.commit()
+    gatherer = Gatherer(store.database, store.folder)
+    assert gatherer.gather() and not gatherer.gather()
+    assert [alarm.facts["number"] for alarm in store.alarms.list()] == [1]
 
 
 def test_what_was_kept_as_a_sentence_before_keys_were_is_still_told(tmp_path: Path) -> None:
@@ -121,6 +132,5 @@ def test_a_record_that_could_not_be_read_at_first_is_listed_later(store: Store) 
 @pytest.mark.parametrize("text", ["", "{", "[]", "null", '{"started_s": "x"}', '{"name": 1}'])
 def test_files_that_are_no_records_are_left_out(store: Store, text: str) -> None:
     write_run(store, "r", text)
-    tell(store, text)
     Gatherer(store.database, store.folder).gather()
-    assert store.runs.list() == [] and store.alarms.list() == []
+    assert store.runs.list() == []

@@ -15,7 +15,7 @@ from support.machines.stored_tools import StoredTools
 from controller import own_database, sealed_file, sealed_rows
 from controller.service import older_files
 from controller.store import tool_store
-from controller.store.service_store import ServiceStore
+from controller.store.service_store import ServiceStore, document_of
 from controller.store.tool_store import Step, ToolStore
 
 ALARM = {"id": 1, "time_s": 1000.5, "name": "ESTOP", "key": "stopped", "values": {}, "acknowledged_s": None}
@@ -66,6 +66,20 @@ def test_a_file_of_before_that_comes_again_is_not_taken_again(tmp_path: Path) ->
     assert older_files.take_over(store, tmp_path) == []
     assert store.document("usage", lambda found: found, None)["hours"] == {"motion": 9.0}
     assert store.rows("SELECT id FROM alarms") == [(1,)] and not (tmp_path / "usage.json").exists()
+
+
+def test_touches_of_each_version_before_are_taken_over(tmp_path: Path) -> None:
+    lines = ["line,X", "5,1.0"]
+    for name in ("touches.csv", "touches.json"):
+        state = tmp_path / name
+        state.mkdir()
+        if name == "touches.csv":
+            (state / name).write_text("line,X\n5,1.0\n")
+        else:
+            sealed_file.write(state / name, lines)
+        store = ServiceStore(state)
+        assert older_files.take_over(store, state) == [] and document_of(state, "touches") == lines
+        assert (state / f"{name}.older").exists() and not (state / name).exists()
 
 
 @pytest.mark.parametrize("text", ["", "[]", '{"travel": 1}', '{"travel": {"X": 1e999}, "hours": {}}', "\x00"])
