@@ -16,7 +16,7 @@ from typing import Any
 
 from controller import own_database, own_files, sealed_file, sealed_rows
 from controller.messages import Said, said
-from controller.service import kept_file, probed, usage
+from controller.service import durations, kept_file, probed, usage
 from controller.store import tool_store
 from controller.store.service_store import ServiceStore
 
@@ -27,6 +27,7 @@ TABLE = "touches.csv"  # before there was touches.json
 DOCUMENTS: dict[str, tuple[str, Callable[[Any], Any]]] = {
     "usage.json": (usage.DOCUMENT, usage.taken),
     "probed.json": (probed.DOCUMENT, probed.taken),
+    "durations.json": (durations.DOCUMENT, durations.taken),
     "touches.json": (probed.TOUCHES, probed.table_lines),
 }
 

@@ -19,7 +19,6 @@ from controller.runtime.plan_messages import News
 from controller.runtime.startup import SessionError
 from controller.service import alarms, durations, journal, older_files, runs, thread_guard
 from controller.service.alarms import Alarms
-from controller.service.durations import Durations
 from controller.service.engine import Engine
 from controller.service.fault_reporter import Troubles
 from controller.service.folders import Folders
@@ -36,7 +35,7 @@ from controller.store.tool_store import ToolStore
 
 JOURNAL = "journal.json"
 SEALED = (
-    *(JOURNAL, durations.FILE, thread_guard.FILE),
+    *(JOURNAL, thread_guard.FILE),
     *(setup_data.FILE, setup_data.IN_SPINDLE, setup_data.MACHINE, control_socket.LAST),
 )  # what the service keeps of a machine as JSON
 
@@ -63,14 +62,14 @@ class Owners:
         self.engine = engine or Engine(machine, folder, kept, hear)
         self.set_up = SetUp(machine, state, self.alarms, self.engine.tell_tool)
         self.usage = Usage(self.store, machine)
-        self.probed, self.durations = Probed(self.store), Durations(state)
+        self.probed, self.durations = Probed(self.store), durations.of_service(self.store)
         self.thread = ThreadGuard(state)
         self.sequencer = Sequencer(self._failed)
         self.writer = ThreadPoolExecutor(1, "records")  # of what runs leave behind
         entry, unread = journal.read(state / JOURNAL)
         self.interrupted = entry if entry is not None and not entry.ended else None  # a run, by the last end
         self.journal = Journal(state / JOURNAL, last=entry)
-        files = (self.durations.damaged, self.thread.damaged, unread)
+        files = (self.thread.damaged, unread)
         for damaged in (*self.store.losses, *losses, *self.set_up.damaged, *files):
             if damaged is not None:
                 self.alarms.add(alarms.DAMAGE, damaged)

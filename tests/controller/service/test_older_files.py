@@ -32,6 +32,7 @@ def write(state: Path, *alarms: dict[str, Any]) -> None:
     state.mkdir(exist_ok=True)
     sealed_file.write(state / "usage.json", USED)
     sealed_file.write(state / "probed.json", [BORE])
+    sealed_file.write(state / "durations.json", {"Grip": [0.8, 0.9]})
     (state / "alarms.jsonl").write_text("".join(sealed_file.line(one) for one in alarms or (ALARM,)))
 
 
@@ -47,6 +48,7 @@ def test_a_folder_of_before_opens_with_all_of_it_and_then_without_its_files(tmp_
     service = served(tmp_path)
     alarms, probed, cut_s, item, motion = found = of(service)
     assert [(one["id"], one["acknowledged_s"]) for one in alarms] == [(2, None), (1, 1003.0)]
+    assert document_of(state, "durations") == {"Grip": [0.8, 0.9]}
     assert probed == [BORE] and (cut_s, item["name"], motion) == (60.0, "oil", 0.25)
     service.close()
     names = {path.name for path in state.iterdir()}

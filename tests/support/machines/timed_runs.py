@@ -42,7 +42,7 @@ class TimedRun(Bench):
     """One machine, on which programs are run one after another."""
 
     def __init__(self, folder: Path, machine: Machine) -> None:
-        self.durations = Durations(folder)
+        self.durations = Durations({})
         self.store: StoredTools | None = None
         self.changer: ToolChanger | None = None
         super().__init__(folder, machine)
