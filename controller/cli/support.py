@@ -111,7 +111,7 @@ def _parts(folder: Path, records: int, missing: list[str]) -> Iterator[Part]:
         if (folder / name).exists():
             yield from _readable(f"state/{name}", partial(_read, folder / name, folder), missing)
     if (folder / service_store.FILE).exists():
-        yield from _readable("state/service.json", lambda: _json(_kept(folder)), missing)
+        yield from _readable("state/service.json", lambda: _json(_service_facts(folder)), missing)
     yield from _readable("store.json", lambda: _json(_stored(folder)), missing)
     for kind in (RUNS, RECORDINGS):
         for one in _latest(folder / kind, folder, records):
@@ -174,7 +174,7 @@ def _facts(folder: Path) -> dict[str, Any]:
     }
 
 
-def _kept(folder: Path) -> dict[str, Any]:
+def _service_facts(folder: Path) -> dict[str, Any]:
     """Of the service's store. Raises OSError, ValueError, sqlite3.Error."""
     with own_database.reading(folder / service_store.FILE) as sql:
         documents = sql.execute("SELECT name, generation, value FROM documents").fetchall()

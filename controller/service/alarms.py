@@ -15,10 +15,10 @@ from typing import Any
 
 from controller.ipc.handoff import Snapshot
 from controller.machine.model import Machine
-from controller.messages import Said, said
+from controller.messages import Message, message
 from controller.service.refusals import refused
 from controller.state.fault_table import NOBODY, Sender
-from controller.state.modes import FAULTS, Fault, told
+from controller.state.modes import FAULTS, Fault, fault_message
 from controller.store.service_store import ServiceStore
 
 DAMAGE = "FILE_DAMAGED"  # name of the alarm that something kept was damaged: before it is seen nothing starts
@@ -36,7 +36,7 @@ class Alarms:
         rows = store.rows("SELECT id, facts FROM alarms ORDER BY id")
         self._known: dict[int, dict[str, Any]] = {number: json.loads(facts) for number, facts in rows}
 
-    def add(self, name: str, what: Said, **more: Any) -> dict[str, Any]:
+    def add(self, name: str, what: Message, **more: Any) -> dict[str, Any]:
         """A new alarm; the disk being full does not stop the machine from telling it."""
         with self._lock:
             alarm = {
@@ -111,9 +111,9 @@ def of(
     return {
         "name": fault.name,
         "axis": machine.axis_off(axis) or None,
-        **told(fault, name, also, sender),
-        "cause": said(f"cause.{fault.name}"),
-        "remedy": said(f"remedy.{fault.name}"),
+        **fault_message(fault, name, also, sender),
+        "cause": message(f"cause.{fault.name}"),
+        "remedy": message(f"remedy.{fault.name}"),
         "recovery": row.recovery.name.lower(),
         "position_trusted": row.position_trusted,
     }

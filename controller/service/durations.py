@@ -20,7 +20,7 @@ from controller.store.service_store import ServiceStore, document_of
 
 DOCUMENT = "durations"  # in the store
 KEPT = 9  # of each wait the last so many
-MOST = 2000  # waits that are known by name
+MAX_NAMES = 2000  # waits that are known by name
 
 
 class Durations:
@@ -46,7 +46,7 @@ class Durations:
             took = [*self._known.pop(name, ()), round(seconds, 4)][-KEPT:]
             self._known[name] = took
             self._usual[name] = statistics.median(took)
-            if len(self._known) > MOST:
+            if len(self._known) > MAX_NAMES:
                 del self._usual[next(iter(self._known))], self._known[next(iter(self._known))]
             self._changed = True
 

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from controller import own_database, own_files, sealed_file, sealed_rows
-from controller.messages import Said, said
+from controller.messages import Message, message
 from controller.service import durations, kept_file, probed, usage
 from controller.store import tool_store
 from controller.store.service_store import ServiceStore
@@ -32,7 +32,7 @@ DOCUMENTS: dict[str, tuple[str, Callable[[Any], Any]]] = {
 }
 
 
-def take_over(store: ServiceStore, state: Path) -> list[Said]:
+def take_over(store: ServiceStore, state: Path) -> list[Message]:
     """What alarms say of those that could not be read. Raises OSError."""
     losses = []
     for name, (document, taken) in DOCUMENTS.items():
@@ -57,7 +57,7 @@ def _whole(taken: Callable[[Any], Any]) -> Callable[[Any], Any]:
     return checked
 
 
-def _take_table(store: ServiceStore, file: Path) -> Said | None:
+def _take_table(store: ServiceStore, file: Path) -> Message | None:
     try:
         lines = own_files.read_text(file).splitlines()
     except FileNotFoundError:
@@ -70,7 +70,7 @@ def _take_table(store: ServiceStore, file: Path) -> Said | None:
     return None
 
 
-def _take_alarms(store: ServiceStore, file: Path) -> Said | None:
+def _take_alarms(store: ServiceStore, file: Path) -> Message | None:
     found, loss = alarms(file)
     with store.write() as sql:
         if sql.execute("SELECT 1 FROM alarms").fetchone() is None:
@@ -80,7 +80,7 @@ def _take_alarms(store: ServiceStore, file: Path) -> Said | None:
     return loss
 
 
-def alarms(file: Path) -> tuple[list[dict[str, Any]], Said | None]:
+def alarms(file: Path) -> tuple[list[dict[str, Any]], Message | None]:
     """What is sound of a file of alarms, of which the last line of an id counts, and what an alarm says of
     the rest; the last line may be cut short.
     """
@@ -103,13 +103,13 @@ def alarms(file: Path) -> tuple[list[dict[str, Any]], Said | None]:
     return found, kept_file.put_aside(file, bad) if bad else None
 
 
-def _take_tools(store: ServiceStore, file: Path) -> Said | None:
+def _take_tools(store: ServiceStore, file: Path) -> Message | None:
     """Where the tools are is known only if each row is as it was written."""
     if not os.path.lexists(file):
         return None
     try:
         with contextlib.closing(own_database.opened(file)) as sql:
-            wrong = said("cli.state.lost") if own_database.has_lost(sql, file) else sealed_rows.look(sql)
+            wrong = message("cli.state.lost") if own_database.has_lost(sql, file) else sealed_rows.look(sql)
             known = not wrong and sql.execute("SELECT 1 FROM known").fetchone() is not None
         rows = tool_store.rows_of(file)
         with store.write() as into:
@@ -120,7 +120,7 @@ def _take_tools(store: ServiceStore, file: Path) -> Said | None:
     except (ValueError, sqlite3.Error) as error:
         return kept_file.put_aside(file, error)
     _put_by(file)
-    return said("store_damaged", file=file, what=wrong, aside=f"{file.name}{OLDER}") if wrong else None
+    return message("store_damaged", file=file, what=wrong, aside=f"{file.name}{OLDER}") if wrong else None
 
 
 def _put_by(file: Path) -> None:

@@ -13,7 +13,7 @@ from controller.ipc import control_socket
 from controller.ipc.control_socket import CommandRefused
 from controller.machine import setup_data
 from controller.machine.model import Changer, Machine
-from controller.messages import Said
+from controller.messages import Message
 from controller.runtime.bus_load import overload
 from controller.runtime.plan_messages import News
 from controller.runtime.startup import SessionError
@@ -106,9 +106,9 @@ class Owners:
             if losses and self.changer is not None:
                 self.changer.store.forget()
 
-    def _worn(self, tool: int) -> Said | None:
+    def _worn(self, tool: int) -> Message | None:
         """What is told before a tool comes whose life is over; None of any other."""
-        return self.usage.said_worn("change_worn", tool, self.set_up.tool_numbers)
+        return self.usage.worn_message("change_worn", tool, self.set_up.tool_numbers)
 
     def _save_usage(self, at_once: bool = False) -> None:
         """Counters that cannot be kept are kept later."""

@@ -58,7 +58,7 @@ class Probed:
         # Lines of the table after its head, the newest last.
         self._head, *self._touches = store.document(TOUCHES, table_lines, [""])
 
-    def told(self) -> list[dict[str, Any]]:
+    def to_json(self) -> list[dict[str, Any]]:
         """Time (s since 1970), program, cycle, values; the newest first."""
         return self._rows[::-1]
 

@@ -29,7 +29,7 @@ from typing import Any, TypeVar
 
 from controller import atomic_file, own_database, own_files, sealed_file, sealed_rows
 from controller.machine.toml_table import ConfigError
-from controller.messages import Said, said
+from controller.messages import Message, message
 
 FILE = "service.sqlite"
 COPY = f"{FILE}{sealed_file.BEFORE}"  # as it was found sound last
@@ -94,7 +94,7 @@ class ServiceStore:
     def __init__(self, folder: Path) -> None:
         """Open, or make. Raises OSError for a file that may not be used, ConfigError for a newer one."""
         self.file, self._lock = folder / FILE, threading.RLock()
-        self.losses: list[Said] = []  # what alarms say of this start
+        self.losses: list[Message] = []  # what alarms say of this start
         own_files.make_folder(folder)
         try:
             self._sql = self._opened()
@@ -126,7 +126,7 @@ class ServiceStore:
             try:
                 return taken(json.loads(row[0]))
             except sealed_file.UNREADABLE:
-                self.losses.append(said("store_damaged", file=self.file, what=name, aside="-"))
+                self.losses.append(message("store_damaged", file=self.file, what=name, aside="-"))
         return missing
 
     def has(self, name: str) -> bool:
@@ -182,7 +182,7 @@ class ServiceStore:
 
     # -- whether it is as it was written
 
-    def check(self) -> list[Said]:
+    def check(self) -> list[Message]:
         """Hold every row against its sum, and take out what is not as it was written: what an alarm says of
         that. What is sound is copied; for what is not to be mended the next start takes that copy. Raises
         OSError.
@@ -193,7 +193,7 @@ class ServiceStore:
             except sqlite3.Error as error:
                 if (code := _errno(error)) is not None:
                     raise OSError(code, str(error), str(self.file)) from error
-                return [said("store_damaged", file=self.file, what=str(error), aside="-")]
+                return [message("store_damaged", file=self.file, what=str(error), aside="-")]
         self._copy_beside()
         return losses
 
@@ -202,7 +202,7 @@ class ServiceStore:
         for _ in range(2):
             try:
                 if not os.path.lexists(self.file) and os.path.lexists(self._copy):
-                    raise sealed_file.Damaged(said("sealed.gone"))
+                    raise sealed_file.Damaged(message("sealed.gone"))
                 return self._sound()
             except sealed_file.Damaged as error:
                 self._replace(error.said)
@@ -221,18 +221,18 @@ class ServiceStore:
                 aside = own_files.aside(ahead)
                 atomic_file.write(aside, own_files.read_bytes(ahead))
                 sql.execute("PRAGMA wal_checkpoint(TRUNCATE)")
-                what = said("cli.state.lost")
-                self.losses.append(said("store_damaged", file=self.file, what=what, aside=aside.name))
+                what = message("cli.state.lost")
+                self.losses.append(message("store_damaged", file=self.file, what=what, aside=aside.name))
             sealed_rows.seal(sql, anew=_migrate(sql, self.file))
             self.losses += self._taken_out(sql)
             if not self.losses and _starts(sql) < self._starts_of_copy():
-                raise sealed_file.Damaged(said("sealed.older"))
+                raise sealed_file.Damaged(message("sealed.older"))
         except BaseException:
             sql.close()
             raise
         return sql
 
-    def _taken_out(self, sql: sqlite3.Connection) -> list[Said]:
+    def _taken_out(self, sql: sqlite3.Connection) -> list[Message]:
         """Takes out what is damaged; what an alarm says of it. Raises sqlite3.Error, also where something
         damaged is left, and OSError.
         """
@@ -250,7 +250,7 @@ class ServiceStore:
                 if left := sealed_rows.broken(sql):
                     raise sqlite3.DatabaseError(left[0])
                 what = sealed_rows.summary(rows, words)
-                losses = [said("store_damaged", file=self.file, what=what, aside=aside.name)]
+                losses = [message("store_damaged", file=self.file, what=what, aside=aside.name)]
             sql.execute("COMMIT")
         except BaseException:
             sql.execute("ROLLBACK")
@@ -274,18 +274,18 @@ class ServiceStore:
             return _starts(sql)
         return 0
 
-    def _replace(self, why: Said | str) -> None:
+    def _replace(self, why: Message | str) -> None:
         """Puts the file aside, with what stands beside it, and its copy in its place. Raises OSError."""
         aside = own_files.put_aside(self.file)
         for end in own_database.BESIDE:
             own_files.put_aside(self.file.with_name(f"{FILE}{end}"))
         facts: dict[str, Any] = {"file": self.file, "why": why, "aside": aside.name if aside else "-"}
         if not os.path.lexists(self._copy):
-            self.losses.append(said("file_damaged", **facts))
+            self.losses.append(message("file_damaged", **facts))
             return
         at = time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(self._copy.lstat().st_mtime))
         own_files.rename(self._copy, self.file)
-        self.losses.append(said("file_before", **facts, at=at))
+        self.losses.append(message("file_before", **facts, at=at))
 
 
 def document_of(folder: Path, name: str) -> Any:
@@ -295,7 +295,7 @@ def document_of(folder: Path, name: str) -> Any:
     """
     with own_database.reading(folder / FILE) as sql:
         if wrong := sealed_rows.look(sql):
-            raise sealed_file.Damaged(said("cli.state.rows", tables=wrong))
+            raise sealed_file.Damaged(message("cli.state.rows", tables=wrong))
         newest = "SELECT value FROM documents WHERE name = ? ORDER BY generation DESC"
         row = sql.execute(newest, (name,)).fetchone()
     if row is None:
@@ -332,7 +332,7 @@ def _loaded(file: Path) -> sqlite3.Connection:
     return sql
 
 
-def settle(file: Path) -> Said | None:
+def settle(file: Path) -> Message | None:
     """Takes into the file what stands beside it, so that it can be replaced; the service must not run.
 
     One that is no store is put aside with what stands beside it, and the answer says so. Raises OSError.
@@ -346,7 +346,7 @@ def settle(file: Path) -> Said | None:
         for end in own_database.BESIDE:
             own_files.put_aside(file.with_name(f"{file.name}{end}"))
         aside = own_files.put_aside(file)
-        return said("file_damaged", file=file, why=str(error), aside=aside.name if aside else "-")
+        return message("file_damaged", file=file, why=str(error), aside=aside.name if aside else "-")
     return None
 
 
@@ -366,7 +366,7 @@ def _migrate(sql: sqlite3.Connection, file: Path) -> bool:
     if version == newest:
         return False
     if version > newest:
-        raise ConfigError(said("store.schema", file=file, version=version, newest=newest))
+        raise ConfigError(message("store.schema", file=file, version=version, newest=newest))
     sql.execute("BEGIN IMMEDIATE")
     try:
         for step in MIGRATIONS[version:]:

@@ -12,8 +12,8 @@ tool that it carries both places where it may be.
 What they hold is read once, and again behind every transaction: whoever asks where the tools are (the status,
 a refusal, every look at the tick) waits for no disk.
 
-A back-up has their rows (``kept``). One that is brought back (``file_with``) is what was last known, and no
-more: since then tools were changed, so an operator must confirm first where they are.
+A back-up has their rows (``saved_rows``). One that is brought back (``file_with``) is what was last known,
+and no more: since then tools were changed, so an operator must confirm first where they are.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from typing import Any, NamedTuple
 
 from controller import own_database
 from controller.machine.toml_table import ConfigError
-from controller.messages import said
+from controller.messages import message
 from controller.store import service_store
 from controller.store.service_store import ServiceStore
 
@@ -214,10 +214,10 @@ _KINDS: dict[str, tuple[type, ...]] = {
     "step": (int, int, int, str, int, int),
     "log": (float, str, int, int, int, str),
 }
-_MOST = 2**31
+_MAX_NUMBER = 2**31
 
 
-def kept(state: Path) -> dict[str, list[list[Any]]]:
+def saved_rows(state: Path) -> dict[str, list[list[Any]]]:
     """The rows of a state folder as one moment has them, also while the service writes them; {} where no tool
     was ever anywhere. Raises ConfigError.
     """
@@ -226,7 +226,7 @@ def kept(state: Path) -> dict[str, list[list[Any]]]:
             try:
                 found = rows_of(file)
             except (OSError, sqlite3.Error) as error:
-                raise ConfigError(said("file.no_tool_store", file=file, why=error)) from error
+                raise ConfigError(message("file.no_tool_store", file=file, why=error)) from error
             if any(found.values()):
                 return found
     return {}
@@ -242,7 +242,7 @@ def file_with(file: Path | None, rows: Mapping[str, Any]) -> bytes:
     """The service's store as it is in ``file``, which is settled (None: an empty one), but with these rows of
     the tools; nobody has confirmed yet where they are.
 
-    Raises ValueError for what are no rows of ``kept``.
+    Raises ValueError for what are no rows of ``saved_rows``.
     """
     with contextlib.closing(service_store.in_memory(file)) as sql:
         for table in ("place", "known", "change", "preparation", "log"):
@@ -252,7 +252,7 @@ def file_with(file: Path | None, rows: Mapping[str, Any]) -> bytes:
 
 
 def put(sql: sqlite3.Connection, rows: Mapping[str, Any]) -> None:
-    """Rows of ``kept`` into empty tables. Raises ValueError."""
+    """Rows of ``saved_rows`` into empty tables. Raises ValueError."""
     for name in _ROWS:
         values = _checked(name, rows.get(name))
         try:
@@ -269,6 +269,6 @@ def _checked(name: str, rows: object) -> list[list[Any]]:
         if not isinstance(row, list) or len(row) != len(kinds):
             raise ValueError(f"{name} has a row that is none of {len(kinds)} values")
         for value, kind in zip(row, kinds, strict=True):
-            if type(value) is not kind or (isinstance(value, int) and not -1 <= value < _MOST):
+            if type(value) is not kind or (isinstance(value, int) and not -1 <= value < _MAX_NUMBER):
                 raise ValueError(f"{name} has a row with a value that cannot stand there")
     return rows

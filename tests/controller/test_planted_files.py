@@ -39,7 +39,7 @@ from controller.ipc import control_socket
 from controller.ipc.handoff import ROW
 from controller.machine import arrangement, setup_data
 from controller.machine import machine_file as config
-from controller.messages import said
+from controller.messages import message
 from controller.plan.report import stored
 from controller.runtime import recording
 from controller.runtime.setpoints import SETPOINTS
@@ -201,7 +201,7 @@ DONE: dict[str, Do] = {
     "fitted": _fitted,
     "journal": _journal,
     "check": _checked,
-    "alarm": lambda state, _: Alarms(ServiceStore(state)).add("TEST", said("stopped")),
+    "alarm": lambda state, _: Alarms(ServiceStore(state)).add("TEST", message("stopped")),
     "commissioned": lambda state, _: arrangement.save(state / "arranged", shipped(), []),
     "noted": lambda state, _: control_socket.note_runtime(state, Path("/run/directrix")),
 }
@@ -394,7 +394,7 @@ def test_the_panel_reads_a_file_of_the_service_and_leaves_nothing_beside_it(stat
         os._exit(9)
 
     def read() -> None:
-        assert tool_store.kept(state)["places"] == [list(row) for row in places.items()]
+        assert tool_store.saved_rows(state)["places"] == [list(row) for row in places.items()]
 
     for end in own_database.BESIDE:
         file.with_name(file.name + end).unlink(missing_ok=True)

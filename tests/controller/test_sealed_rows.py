@@ -18,7 +18,7 @@ from controller import own_database, sealed_rows
 from controller.api.database import StoreError
 from controller.api.store import DAMAGED, Store
 from controller.machine.toml_table import ConfigError
-from controller.messages import said
+from controller.messages import message
 from controller.store import service_store
 from controller.store.tool_store import Step
 
@@ -38,7 +38,7 @@ def kept(tmp_path_factory: pytest.TempPathFactory) -> Path:
     store.settings.set("upload_mb", 8, "anna")
     for result in ("completed", "stopped"):
         store.runs.end(store.runs.begin("a.ngc", "0" * 64, ticks=7), result)
-    store.alarms.add("TEST", said("stopped"), axis="X")
+    store.alarms.add("TEST", message("stopped"), axis="X")
     store.queue.add("a.ngc", 3, "anna")
     store.close()
     tools = StoredTools(folder)

@@ -87,10 +87,10 @@ async def touches(request: Request) -> Response:
     try:
         lines = await asyncio.to_thread(service_store.document_of, state, "touches")
     except FileNotFoundError:
-        raise Refusal.told(404, "missing", "no_touches") from None
+        raise Refusal.of(404, "missing", "no_touches") from None
     except (OSError, ValueError, sqlite3.Error) as error:
         file, why = state / service_store.FILE, of_error(error)
-        raise StoreError.told("store", "store_unread", file=file, why=why) from error
+        raise StoreError.of("store", "store_unread", file=file, why=why) from error
     return Response("".join(f"{line}\n" for line in lines), media_type="text/csv")
 
 
@@ -104,5 +104,5 @@ async def picture(name: Annotated[str, Path(max_length=20)]) -> Response:
     """What a cycle does: the part, the way of the probe, where it touches, the letters of its values."""
     if (drawn := probing_cycles.picture(name)) is None:
         allowed = ", ".join(probing_cycles.CYCLES)
-        raise Refusal.told(404, "missing", "probe_cycle", found=name, allowed=allowed)
+        raise Refusal.of(404, "missing", "probe_cycle", found=name, allowed=allowed)
     return Response(drawn, media_type="image/svg+xml")

@@ -30,7 +30,7 @@ from controller.cli import client_lists, remote
 from controller.ipc.control_socket import LAST
 from controller.machine import machine_file
 from controller.messages import plain
-from controller.state.modes import Fault, told
+from controller.state.modes import Fault, fault_message
 from controller.store.service_store import ServiceStore
 
 ASK = CliRunner()
@@ -534,7 +534,7 @@ def test_a_watch_in_a_terminal_shows_the_whole_view(
 
 
 def test_alarms_are_listed_in_either_language_and_acknowledged(panel: Panel) -> None:
-    panel.store.alarms.add("DOOR_OPEN", told(Fault.DOOR_OPEN))
+    panel.store.alarms.add("DOOR_OPEN", fault_message(Fault.DOOR_OPEN))
     assert "The door is open." in done("alarms") and "Die Tür ist offen." in done(
         "alarms", "--language", "de"
     )

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from controller.ipc.control_socket import CommandRefused
-from controller.messages import said
+from controller.messages import message
 from controller.service import alarms
 from controller.service.alarms import Alarms
 from controller.store.service_store import RESERVE, RESERVE_BYTES, ServiceStore
@@ -24,7 +24,7 @@ def test_on_a_full_disk_the_reserve_takes_the_alarm(tmp_path: Path, monkeypatch:
         return real(store)
 
     monkeypatch.setattr(ServiceStore, "write", full)
-    known.add("ESTOP", said("stopped"))
+    known.add("ESTOP", message("stopped"))
     assert not (tmp_path / RESERVE).exists()
     monkeypatch.undo()
     assert [one["name"] for one in Alarms(ServiceStore(tmp_path)).list()] == ["ESTOP"]
@@ -37,7 +37,7 @@ def test_alarms_are_there_after_a_restart_as_they_were_last_and_no_more_than_are
     monkeypatch.setattr(alarms, "KEPT", 5)
     known = Alarms(ServiceStore(tmp_path))
     for n in range(9):
-        known.add("OTHER", said("stopped"), axis="X", n=n)
+        known.add("OTHER", message("stopped"), axis="X", n=n)
     known.change(9, recording="x")
     assert known.acknowledge(8) == 1 and known.acknowledge(8) == 0
     with pytest.raises(CommandRefused):
@@ -45,14 +45,14 @@ def test_alarms_are_there_after_a_restart_as_they_were_last_and_no_more_than_are
     again = Alarms(ServiceStore(tmp_path))
     assert again.list() == known.list() and [one["n"] for one in again.list()] == [8, 7, 6, 5, 4]
     assert again.list()[0]["recording"] == "x" and again.list()[1]["acknowledged_s"] is not None
-    assert again.add("NEXT", said("stopped"))["id"] == 10
+    assert again.add("NEXT", message("stopped"))["id"] == 10
 
 
 def test_an_alarm_that_waits_to_be_confirmed_is_found_after_many_others(tmp_path: Path) -> None:
     known = Alarms(ServiceStore(tmp_path))
-    first = known.add("FILE_DAMAGED", said("stopped"))
+    first = known.add("FILE_DAMAGED", message("stopped"))
     for _ in range(alarms.SHOWN + 10):
-        known.add("OTHER", said("stopped"))
+        known.add("OTHER", message("stopped"))
     assert known.unconfirmed("FILE_DAMAGED") == first
     known.acknowledge(first["id"])
     assert known.unconfirmed("FILE_DAMAGED") is None

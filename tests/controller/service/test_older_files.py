@@ -37,9 +37,15 @@ def write(state: Path, *alarms: dict[str, Any]) -> None:
 
 
 def of(service: Any) -> tuple[Any, ...]:
-    used = service.usage.told()
+    used = service.usage.to_json()
     motion = next(one["value"] for one in used["counters"] if one["name"] == "motion")
-    return service.alarms.list(), service.probed.told(), used["tools"][0]["cut_s"], used["items"][0], motion
+    return (
+        service.alarms.list(),
+        service.probed.to_json(),
+        used["tools"][0]["cut_s"],
+        used["items"][0],
+        motion,
+    )
 
 
 def test_a_folder_of_before_opens_with_all_of_it_and_then_without_its_files(tmp_path: Path) -> None:
@@ -165,7 +171,9 @@ PLACES = {1: 1, 2: 0, 3: -1}
 
 def test_where_the_tools_were_and_the_change_under_way_are_known_as_before(tmp_path: Path) -> None:
     write_tools(tmp_path)
-    assert tool_store.kept(tmp_path)["places"] == [list(row) for row in PLACES.items()], "for a back-up, too"
+    assert tool_store.saved_rows(tmp_path)["places"] == [list(row) for row in PLACES.items()], (
+        "for a back-up, too"
+    )
     for _ in range(2):
         with contextlib.closing(StoredTools(tmp_path)) as tools:
             assert older_files.take_over(tools.kept, tmp_path) == []
