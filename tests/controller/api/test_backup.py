@@ -170,9 +170,10 @@ def test_what_a_killed_service_left_beside_its_store_is_not_taken_into_the_resto
     left_by_a_killed_service(store)
     if broken:
         (store.folder / service_store.FILE).write_bytes(b"no store" * 1000)
-    backup.restore(store, backup.check(archive), None, setup_data.noted(store.folder))
+    done = backup.restore(store, backup.check(archive), None, setup_data.noted(store.folder))
+    assert any(one["key"] == "file_damaged" for one in done) is broken
     with tools_of(store) as tools:
-        assert tools.places == PLACES and not tools.known
+        assert tools.places == PLACES and not tools.known and tools.kept.losses == []
 
 
 def test_a_back_up_of_before_there_were_changers_leaves_where_tools_are_to_be_confirmed(
