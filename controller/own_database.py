@@ -6,6 +6,7 @@ import contextlib
 import errno
 import os
 import sqlite3
+import stat
 import struct
 from collections.abc import Iterator
 from pathlib import Path
@@ -47,11 +48,9 @@ def opened(file: Path, shared: bool = False) -> sqlite3.Connection:
             os.close(made)
         # Looked at without being opened: to close one would give up SQLite's locks of this process.
         owner = None if shared else os.fstat(at).st_uid
-        for end in BESIDE:
-            with contextlib.suppress(FileNotFoundError):
-                own_files.see(_stat(file.name + end, at), file.with_name(file.name + end), owner, alone=True)
-        facts = _stat(file.name, at)
-        own_files.see(facts, file, owner, alone=True)
+        if owner is not None:
+            _remove_what_a_reader_left(file, at, owner)
+        facts = _seen(file, at, owner)
         if facts.st_size:
             own_files.remove(file.with_name(f"{file.name}-journal"))
         with _as_owner(at, file.parent):
@@ -62,9 +61,56 @@ def _stat(name: str, at: int) -> os.stat_result:
     return os.stat(name, dir_fd=at, follow_symlinks=False)
 
 
-def _connected(file: Path, facts: os.stat_result, at: int) -> sqlite3.Connection:
+@contextlib.contextmanager
+def reading(file: Path) -> Iterator[sqlite3.Connection]:
+    """Opens a SQLite file of the service for who only reads it: all that is read is of one moment.
+
+    Whoever is neither its owner nor root writes nothing, also not beside it: what he left there would be a
+    stranger's, and the service's own next start would refuse it. So without a -wal, when nobody has the file
+    open, it is read as it is ("immutable"); with one, by the -shm that its writer has made.
+
+    Raises OSError, sqlite3.Error.
+    """
+    with own_files.folder(file.parent) as at:
+        owner = os.fstat(at).st_uid
+        facts = _seen(file, at, owner)
+        if os.geteuid() in (0, owner):
+            sql = opened(file)
+        else:
+            written_ahead = os.path.lexists(file.with_name(f"{file.name}-wal"))
+            how = "mode=ro&readonly_shm=1" if written_ahead else "mode=ro&immutable=1"
+            sql = _connected(file, facts, at, how)
+    with contextlib.closing(sql):
+        sql.execute("BEGIN")
+        yield sql
+
+
+def _seen(file: Path, at: int, owner: int | None) -> os.stat_result:
+    """Facts of the file, which is what it should be, as is what stands beside it. Raises OSError."""
+    for end in BESIDE:
+        with contextlib.suppress(FileNotFoundError):
+            own_files.see(_stat(file.name + end, at), file.with_name(file.name + end), owner, alone=True)
+    facts = _stat(file.name, at)
+    own_files.see(facts, file, owner, alone=True)
+    return facts
+
+
+def _remove_what_a_reader_left(file: Path, at: int, owner: int) -> None:
+    """Removes an empty -wal of another user, and the -shm to it: there is nothing in them."""
+    found = {}
+    for end in BESIDE:
+        with contextlib.suppress(FileNotFoundError):
+            found[end] = _stat(file.name + end, at)
+    if "-wal" in found and found["-wal"].st_size:
+        return
+    for end, facts in found.items():
+        if stat.S_ISREG(facts.st_mode) and facts.st_uid not in (0, os.geteuid(), owner):
+            own_files.remove(file.with_name(file.name + end))
+
+
+def _connected(file: Path, facts: os.stat_result, at: int, how: str = "mode=rw") -> sqlite3.Connection:
     real = Path(os.path.realpath(file.parent), file.name)
-    named = f"file:{quote(str(real))}?mode=rw"
+    named = f"file:{quote(str(real))}?{how}"
     more: Any = {"isolation_level": None, "check_same_thread": False, "factory": Connection}
     sql: sqlite3.Connection = sqlite3.connect(named, timeout=WAIT_S, uri=True, **more)
     try:
@@ -72,8 +118,9 @@ def _connected(file: Path, facts: os.stat_result, at: int) -> sqlite3.Connection
         now = _stat(file.name, at)
         if opened_as != str(real) or (now.st_dev, now.st_ino) != (facts.st_dev, facts.st_ino):
             raise own_files.refusal(errno.ELOOP, message("own_file.exchanged"), file)
-        sql.execute("PRAGMA journal_mode = WAL")
-        sql.execute("PRAGMA synchronous = FULL")  # what was said to be kept stays so after a power loss
+        if how == "mode=rw":
+            sql.execute("PRAGMA journal_mode = WAL")
+            sql.execute("PRAGMA synchronous = FULL")  # what was said to be kept stays so after a power loss
         sql.execute("PRAGMA trusted_schema = OFF")
         sql.execute("SELECT count(*) FROM sqlite_master").fetchone()
     except BaseException:

@@ -74,6 +74,7 @@ def damaged(sql: sqlite3.Connection) -> list[Row]:
     """Rows whose sum is of other values, that have none, or that are gone; in the caller's transaction, so
     that all is of one moment. Raises sqlite3.Error.
     """
+    sql.create_function("row_sum", -1, _sum, deterministic=True)
     found: list[Row] = []
     sums = (
         f"SELECT row, CAST(sum AS BLOB) FROM {TABLE} WHERE name = ? AND typeof(row) = 'integer' AND row >= 0"
@@ -87,10 +88,11 @@ def damaged(sql: sqlite3.Connection) -> list[Row]:
 
 def look(sql: sqlite3.Connection) -> str | None:
     """What is wrong, as ``summary``, "" where nothing is; None: it is of a version without sums. It changes
-    nothing; in no transaction. Raises sqlite3.Error.
+    nothing. Raises sqlite3.Error.
     """
-    sql.create_function("row_sum", -1, _sum, deterministic=True)
-    sql.execute("BEGIN")
+    begun = not sql.in_transaction  # so that all is of one moment
+    if begun:
+        sql.execute("BEGIN")
     try:
         schemas, words = _schemas(sql), broken(sql)
         if TABLE not in schemas:
@@ -98,7 +100,8 @@ def look(sql: sqlite3.Connection) -> str | None:
         _is_as_written(sql, schemas)
         return summary(damaged(sql), words)
     finally:
-        sql.execute("ROLLBACK")
+        if begun:
+            sql.execute("ROLLBACK")
 
 
 def broken(sql: sqlite3.Connection) -> list[str]:

@@ -26,6 +26,7 @@ ARROWS: dict[str, set[str]] = {
     "faults": set(),  # what a fault is made of: words for all
     "geometry": {"messages"},
     "machine": {"geometry", "atomic_file", "sealed_file", "messages"},
+    "store": {"atomic_file", "sealed_file", "machine", "messages"},  # what the service keeps, in one file
     "memory": set(),  # what a process keeps, and gives back
     "motion": {"geometry", "machine"},  # what both sides compute alike
     "messages": set(),  # texts, a file per language
@@ -44,8 +45,10 @@ ARROWS: dict[str, set[str]] = {
     "runtime": VALUES
     | {"sealed_file", "workers", "memory", "ipc", "program", "plan", "tick", "verify", "one_thread"},
     # The process of `serve`: parent of tick and plan, and the far side of the control socket.
-    "service": VALUES | {"atomic_file", "sealed_file", "memory", "ipc", "program", "plan", "tick", "runtime"},
-    "api": VALUES | {"atomic_file", "sealed_file", "ipc", "program", "plan", "verify", "calibration"},
+    "service": VALUES
+    | {"atomic_file", "sealed_file", "store", "memory", "ipc", "program", "plan", "tick", "runtime"},
+    "api": VALUES
+    | {"atomic_file", "sealed_file", "store", "ipc", "program", "plan", "verify", "calibration"},
     "web": {"api", "messages"},
     "cad": {"geometry", "machine", "messages", "program", "plan"},  # faces of a CAD file as a program
     "post": {"geometry", "machine", "motion", "program", "plan"},  # a planned path as lines
@@ -54,6 +57,7 @@ ARROWS: dict[str, set[str]] = {
     | {
         "atomic_file",
         "sealed_file",
+        "store",
         "memory",
         "workers",
         "ipc",

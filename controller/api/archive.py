@@ -27,10 +27,11 @@ from typing import Any
 from controller.api import names
 from controller.api.database import StoreError
 from controller.machine import machine_file as config
-from controller.machine import setup_data, tool_store
+from controller.machine import setup_data
 from controller.machine.model import Machine
 from controller.machine.toml_table import ConfigError
 from controller.messages import Key, Message, TextError, message, of_error
+from controller.store import tool_store
 
 FORMAT = 2
 MANIFEST, MACHINE, FITTING, SETTINGS = "manifest.json", "machine.toml", "fitting.json", "settings.json"
@@ -61,7 +62,7 @@ class Contents:
     machine: Machine  # as its builder wrote it
     fitted: dict[str, Any]
     settings: dict[str, Any]
-    tools: bytes | None  # the tool changer's store, where the back-up has one
+    tools: dict[str, Any]  # rows of the tool changer's store, where the back-up has any
     programs: dict[str, str]  # name: sha256
     machine_file: Path | None = None  # that was replaced when this was kept; a roll-back puts it back there
 
@@ -220,12 +221,14 @@ def _settings(data: bytes) -> dict[str, Any]:
     return settings
 
 
-def _tools(data: bytes) -> bytes | None:
+def _tools(data: bytes) -> dict[str, Any]:
     rows = _object(TOOLS, data)
     try:
-        return tool_store.file_of(rows) if rows else None
+        if rows:
+            tool_store.file_with(None, rows)  # they can stand there
     except ValueError as error:
         raise BackupError(message("archive.tools", part=TOOLS, why=_error_message(error))) from error
+    return rows
 
 
 def _object(part: str, data: bytes) -> dict[str, Any]:

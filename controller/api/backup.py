@@ -50,10 +50,11 @@ from controller.api.programs import Program
 from controller.api.store import Store
 from controller.api.uploads import MODE
 from controller.machine import machine_file as config
-from controller.machine import setup_data, tool_store
+from controller.machine import setup_data
 from controller.machine.model import Machine
 from controller.machine.toml_table import ConfigError
 from controller.messages import Message, message
+from controller.store import service_store, tool_store
 
 __all__ = ["BackupError", "Contents", "automatic_backups", "check", "keep", "restore", "save", "update"]
 
@@ -67,7 +68,7 @@ def save(store: Store, machine: Machine, file: Path, machine_file: Path | None =
 
     Raises StoreError, ConfigError, OSError.
     """
-    return _write(store, machine, tool_store.saved_rows(store.folder / tool_store.FILE), file, machine_file)
+    return _write(store, machine, tool_store.saved_rows(store.folder), file, machine_file)
 
 
 def _write(
@@ -112,10 +113,11 @@ def restore(
     machine now, for the back-up that is made first. Programs that the archive does not hold stay.
     Raises StoreError, ConfigError, BackupError, OSError.
     """
+    lost = service_store.settle(store.folder / service_store.FILE)
     fitting = store.folder / setup_data.FILE
     texts: dict[Path, str | bytes] = {fitting: sealed_file.next_text(fitting, contents.fitted)}
     if (tools := _unconfirmed(store, contents)) is not None:
-        texts[store.folder / tool_store.FILE] = tools
+        texts[store.folder / service_store.FILE] = tools
     if machine_file is not None:
         texts[machine_file] = config.alone(contents.machine)
     if machine_file is not None or before is None:
@@ -123,12 +125,11 @@ def restore(
         texts[note] = sealed_file.next_text(note, setup_data.note_of(contents.machine))
     with contextlib.ExitStack() as work:
         replaced = machine_file if machine_file is not None and machine_file.exists() else None
-        done = list[Message]()
+        done = [lost] if lost is not None else list[Message]()
         if before:
             done.append(
                 message("backup.kept", kept=work.enter_context(_backup_before(store, before, replaced)))
             )
-        tool_store.settle(store.folder / tool_store.FILE)
         put = work.enter_context(atomic_file.all_or_none(texts))
         staged = work.enter_context(_unpacked(store, contents))
         with store.database.write() as sql:
@@ -144,20 +145,18 @@ def restore(
 
 
 def _unconfirmed(store: Store, contents: Contents) -> bytes | None:
-    """The tool changer's store of the archive, else the one that is there; None: neither is.
+    """The service's store with the tools of the archive, else with those that are there; None: no tools.
 
     Tools were changed between the two, by hand or by program: nobody knows for sure where they are.
     """
-    if contents.tools is not None:
-        return contents.tools
-    rows = _readable_tools(store)
-    return tool_store.file_of(rows) if rows else None
+    rows = contents.tools or _readable_tools(store)
+    return tool_store.file_with(store.folder / service_store.FILE, rows) if rows else None
 
 
 def _readable_tools(store: Store) -> dict[str, list[list[Any]]]:
     """{} also for a file that is no tool store: a restore is the way out of that."""
     try:
-        return tool_store.saved_rows(store.folder / tool_store.FILE)
+        return tool_store.saved_rows(store.folder)
     except ConfigError:
         return {}
 

@@ -141,7 +141,10 @@ _MARKED = "PRAGMA user_version = 4"
 # From here on every row has a sum, which a version before would not keep: see ``sealed_rows``.
 _SUMMED = "PRAGMA user_version = 5"
 
-MIGRATIONS: tuple[str, ...] = (_FIRST, _LOG_INS, _QUEUE, _MARKED, _SUMMED)
+# Copies of what the service keeps in its own files, which nothing has read.
+_NO_COPIES = "DROP TABLE IF EXISTS offsets;\nDROP TABLE IF EXISTS tools"
+
+MIGRATIONS: tuple[str, ...] = (_FIRST, _LOG_INS, _QUEUE, _MARKED, _SUMMED, _NO_COPIES)
 
 
 MARKED = 4  # the schema from which on a log-in marker is there

@@ -202,22 +202,20 @@ class Alarms:
 
 @dataclass(slots=True)
 class Values:
-    """Named JSON values that an operator changes: offsets, tools, settings. Raises StoreError."""
+    """Named JSON values: settings, marks. Raises StoreError."""
 
     _database: Database
     _table: str
-    _key: str
-    _value: str
     _clock: Clock = time.time
 
-    def all(self) -> dict[Any, Any]:
-        rows = self._database.rows(f"SELECT {self._key}, {self._value} FROM {self._table} ORDER BY 1")
+    def all(self) -> dict[str, Any]:
+        rows = self._database.rows(f"SELECT key, value FROM {self._table} ORDER BY 1")
         return {row[0]: json.loads(row[1]) for row in rows}
 
-    def get(self, key: str | int, default: Any = None) -> Any:
+    def get(self, key: str, default: Any = None) -> Any:
         return self.all().get(key, default)
 
-    def set(self, key: str | int, value: Any, by: str) -> None:
+    def set(self, key: str, value: Any, by: str) -> None:
         with self._database.write() as sql:
             self._put(sql, key, value, by)
 
@@ -227,21 +225,20 @@ class Values:
             for key, value in values.items():
                 self._put(sql, key, value, by)
 
-    def remove(self, key: str | int) -> None:
-        """Back to what the machine file says; nothing happens where there is no such value."""
+    def remove(self, key: str) -> None:
+        """Nothing happens where there is no such value."""
         with self._database.write() as sql:
-            sql.execute(f"DELETE FROM {self._table} WHERE {self._key} = ?", (key,))
+            sql.execute(f"DELETE FROM {self._table} WHERE key = ?", (key,))
 
-    def replace(self, values: Mapping[Any, Any], by: str, sql: sqlite3.Connection) -> None:
+    def replace(self, values: Mapping[str, Any], by: str, sql: sqlite3.Connection) -> None:
         """All of them at once, within the caller's transaction; for a restored back-up."""
         sql.execute(f"DELETE FROM {self._table}")
         for key, value in values.items():
             self._put(sql, key, value, by)
 
-    def _put(self, sql: sqlite3.Connection, key: str | int, value: Any, by: str) -> None:
+    def _put(self, sql: sqlite3.Connection, key: str, value: Any, by: str) -> None:
         sql.execute(
-            f"REPLACE INTO {self._table} ({self._key}, {self._value}, changed_s, changed_by) "
-            "VALUES (?, ?, ?, ?)",
+            f"REPLACE INTO {self._table} (key, value, changed_s, changed_by) VALUES (?, ?, ?, ?)",
             (key, _json(value), self._clock(), by),
         )
 

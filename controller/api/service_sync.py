@@ -1,8 +1,8 @@
-"""What the service wrote of runs, alarms, offsets and tools, taken into the store.
+"""What the service wrote of runs and alarms, taken into the store.
 
-The service writes files of its own, so that nothing it has to keep waits for a database or
-for the panel. Here they become rows that can be listed, searched and acknowledged. Taking the
-same file in again changes nothing, so it may be done at any time and by anybody.
+The service writes a store and records of its own, so that nothing it has to keep waits for the panel. Here
+they become rows that can be listed, searched and acknowledged. Taking the same in again changes nothing, so
+it may be done at any time and by anybody.
 """
 
 from __future__ import annotations
@@ -13,14 +13,11 @@ import sqlite3
 from pathlib import Path
 from typing import Any
 
-from controller import sealed_file
+from controller import own_database, sealed_rows
 from controller.api.database import Database
-from controller.api.records import Values
-from controller.machine import setup_data
-from controller.machine.toml_table import ConfigError
 from controller.state.record_files import RUN, RUNS, facts
+from controller.store import service_store
 
-ALARMS = "alarms.jsonl"
 BY_SERVICE = "at the machine"  # who acknowledged, where the service does not say
 
 _OWN = ("id", "time_s", "name", "axis", "sentence", "acknowledged_s")  # columns; the others are facts
@@ -32,44 +29,36 @@ class Gatherer:
 
     def __init__(self, database: Database, state: Path) -> None:
         self._database, self._state = database, state
-        self._alarms = self._fitted = (0, 0)  # size and time of the files that were taken in
+        self._stamped: tuple[object, ...] = ()  # size and time of what was read last
+        self._alarms: dict[int, str] = {}  # as they were taken in
         self._runs: set[str] = {
             row[0] for row in database.rows("SELECT source FROM runs WHERE source IS NOT NULL")
         }
 
     def gather(self) -> bool:
         """Take in what is new; whether there was anything. Raises StoreError."""
-        return bool(self._gather_alarms() + self._gather_runs() + self._gather_fitted())
-
-    def _gather_fitted(self) -> int:
-        """Offsets and tools as they were changed last: to be seen while no service runs, too."""
-        file = self._state / setup_data.FILE
-        try:
-            if (stamp := _stamp(file)) == self._fitted:
-                return 0
-            told = setup_data.load(self._state)
-            offsets, tools = dict(told.get("offsets") or {}), dict(told.get("tools") or {})
-            numbered = {int(number): tool for number, tool in tools.items()}
-        except (OSError, ValueError, TypeError, ConfigError):
-            return 0
-        with self._database.write() as sql:
-            Values(self._database, "offsets", "name", "facts").replace(offsets, BY_SERVICE, sql)
-            Values(self._database, "tools", "number", "facts").replace(numbered, BY_SERVICE, sql)
-        self._fitted = stamp
-        return 1
+        return bool(self._gather_alarms() + self._gather_runs())
 
     def _gather_alarms(self) -> int:
-        file = self._state / ALARMS
+        """A store that cannot be read is looked at again the next time; rows that are damaged stay out."""
+        file = self._state / service_store.FILE
         try:
-            if (stamp := _stamp(file)) == self._alarms:
+            if (stamp := _stamp(file)) == self._stamped:
                 return 0
-            lines = file.read_text(encoding="utf-8", errors="replace").splitlines()
-        except OSError:
+            with own_database.reading(file) as sql:
+                found = dict(sql.execute("SELECT id, facts FROM alarms"))
+                if found != self._alarms:
+                    damaged = {row for name, row in sealed_rows.damaged(sql) if name == "alarms"}
+                    found = {number: facts for number, facts in found.items() if number not in damaged}
+        except (OSError, sqlite3.Error):
             return 0
-        with self._database.write() as sql:
-            taken = sum(_alarm(sql, line, self._state) for line in lines)
-        self._alarms = stamp
-        return taken
+        new = [facts for number, facts in found.items() if self._alarms.get(number) != facts]
+        if new:
+            with self._database.write() as own:
+                for facts in new:
+                    _alarm(own, facts)
+        self._stamped, self._alarms = stamp, found
+        return len(new)
 
     def _gather_runs(self) -> int:
         """A record that cannot be read is looked at again the next time."""
@@ -89,37 +78,38 @@ class Gatherer:
         return len(ended)
 
 
-def _stamp(file: Path) -> tuple[int, int]:
+def _stamp(file: Path) -> tuple[object, ...]:
+    """Of a database, and of what is written ahead of it. Raises OSError."""
     found = file.stat()
-    return found.st_size, found.st_mtime_ns
+    ahead = None
+    with contextlib.suppress(FileNotFoundError):
+        ahead = file.with_name(f"{file.name}-wal").stat()
+    return found.st_size, found.st_mtime_ns, ahead and (ahead.st_size, ahead.st_mtime_ns)
 
 
-def _alarm(sql: sqlite3.Connection, line: str, state: Path) -> bool:
-    """One line, unless it is cut off; a later line of the same alarm adds to it."""
-    with contextlib.suppress(ValueError, KeyError, TypeError):
-        told = sealed_file.of_line(line, state / ALARMS)
-        source = f"{int(told['id'])} {float(told['time_s'])!r}"
-        values = (
-            float(told["time_s"]),
-            str(told["name"]),
-            str(told.get("axis") or ""),
-            str(told.get("sentence") or ""),  # of those that were kept before keys were
-            json.dumps({k: v for k, v in told.items() if k not in _OWN} | {"number": told["id"]}),
-            source,
-        )
+def _alarm(sql: sqlite3.Connection, facts: str) -> None:
+    """A later state of the same alarm adds to it."""
+    told = json.loads(facts)
+    source = f"{int(told['id'])} {float(told['time_s'])!r}"
+    values = (
+        float(told["time_s"]),
+        str(told["name"]),
+        str(told.get("axis") or ""),
+        str(told.get("sentence") or ""),  # of those that were kept before keys were
+        json.dumps({k: v for k, v in told.items() if k not in _OWN} | {"number": told["id"]}),
+        source,
+    )
+    sql.execute(
+        "INSERT INTO alarms (at_s, name, axis, sentence, facts, source) VALUES (?, ?, ?, ?, ?, ?) "
+        "ON CONFLICT (source) DO UPDATE SET facts = excluded.facts",
+        values,
+    )
+    if (seen_s := told.get("acknowledged_s")) is not None:
         sql.execute(
-            "INSERT INTO alarms (at_s, name, axis, sentence, facts, source) VALUES (?, ?, ?, ?, ?, ?) "
-            "ON CONFLICT (source) DO UPDATE SET facts = excluded.facts",
-            values,
+            "UPDATE alarms SET acknowledged_s = ?, acknowledged_by = ? "
+            "WHERE source = ? AND acknowledged_s IS NULL",
+            (float(seen_s), str(told.get("acknowledged_by") or BY_SERVICE), source),
         )
-        if (seen_s := told.get("acknowledged_s")) is not None:
-            sql.execute(
-                "UPDATE alarms SET acknowledged_s = ?, acknowledged_by = ? "
-                "WHERE source = ? AND acknowledged_s IS NULL",
-                (float(seen_s), str(told.get("acknowledged_by") or BY_SERVICE), source),
-            )
-        return True
-    return False
 
 
 def _run(file: Path) -> tuple[Any, ...] | None:

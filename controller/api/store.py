@@ -3,7 +3,7 @@
     store = Store(state_folder)
     store.programs.list()              names, sizes, contents; files by sha256
     store.uploads.begin("part.ngc")    the only way in: see ``uploads``
-    store.checks / runs / alarms / offsets / tools / settings / marks / queue / users / audit
+    store.checks / runs / alarms / settings / marks / queue / users / audit
 
     STATE/store.sqlite                 facts
     STATE/programs/<sha256>.ngc        contents; written once, never changed
@@ -72,10 +72,8 @@ class Store:
         self.checks = Checks(database, clock)
         self.runs = Runs(database, clock)
         self.alarms = Alarms(database, clock)
-        self.offsets = Values(database, "offsets", "name", "facts", clock)  # as fitted last
-        self.tools = Values(database, "tools", "number", "facts", clock)
-        self.settings = Values(database, "settings", "key", "value", clock)
-        self.marks = Values(database, "marks", "key", "value", clock)  # of this store alone
+        self.settings = Values(database, "settings", clock)
+        self.marks = Values(database, "marks", clock)  # of this store alone
         self.queue = Queue(database, clock)
         self.users = Users(database, clock)
         self.audit = Audit(database, clock)

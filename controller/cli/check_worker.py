@@ -31,7 +31,7 @@ from controller.plan.stretch import Stretch
 from controller.program import blocks, linked, refusals
 from controller.program.program import Block, ProgramError
 from controller.runtime import checked, children, refused_path
-from controller.service.durations import Durations
+from controller.service import durations
 from controller.verify.audit import Watched
 from controller.verify.maps import maps
 
@@ -97,7 +97,7 @@ def check(
     if kept.overcuts:
         seen((task, watched.stretches))
     figures = found.to_dict()
-    figures["waits_s"] = Durations(state, own=False).sum_s(kept.events)  # as its runs have shown it
+    figures["waits_s"] = durations.of_state(state).sum_s(kept.events)  # as its runs have shown it
     figures["takes_s"] = found.duration_s + figures["waits_s"]
     for listed in ("cuts_mm", "holes"):
         figures[listed] = figures[listed][:MAX_CUTS]

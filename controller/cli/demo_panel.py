@@ -13,9 +13,11 @@ import urllib.request
 from collections.abc import Iterator
 from pathlib import Path
 
-from controller.machine import machine_file, setup_data, tool_store
+from controller.machine import machine_file, setup_data
 from controller.machine.model import TOOL_AT_POWER_ON
 from controller.runtime import children
+from controller.store import tool_store
+from controller.store.service_store import ServiceStore
 from controller.verify.console import Refused, say, show, tell
 
 MACHINE = "shop"
@@ -73,7 +75,8 @@ def load_magazine(folder: Path) -> None:
     """A simulated changer knows what it holds: nobody could look, and confirm it before anything moves."""
     machine = setup_data.applied(machine_file.load(MACHINE), setup_data.load(folder))
     assert machine.changer is not None
-    with contextlib.closing(tool_store.ToolStore(folder / tool_store.FILE)) as store:
+    with contextlib.closing(ServiceStore(folder)) as kept:
+        store = tool_store.ToolStore(kept)
         if not store.known or store.step is not None:
             store.confirm(tool_store.placed(machine.changer.pockets, TOOL_AT_POWER_ON, ()))
 

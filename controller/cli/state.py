@@ -18,13 +18,14 @@ from controller import messages, npz, own_database, own_files, sealed_file, seal
 from controller.api import database, log_in_marker
 from controller.api.programs import CONTENT, FOLDER
 from controller.ipc import control_socket
-from controller.machine import arrangement, tool_store
+from controller.machine import arrangement
 from controller.messages import Message, message, of_error
 from controller.runtime import events
-from controller.service import alarms, owners
+from controller.service import older_files, owners
 from controller.service.folders import Folders
 from controller.state import record_files
 from controller.state.setpoints import TABLES, Table
+from controller.store import service_store, tool_store
 from controller.verify.console import Refused, refusals, say, show, spoken
 
 app = typer.Typer(add_completion=False, no_args_is_help=True)
@@ -96,12 +97,12 @@ def _group(one: Found) -> str:
 
 def look(state: Path) -> Iterator[Found]:
     """Every file of a state folder that is read again, in the order of their names. Raises OSError."""
-    for name in owners.SEALED:
+    for name in (*owners.SEALED, *older_files.DOCUMENTS):
         for file in (state / name, sealed_file.before(state / name)):
             yield from _held(file, state, _sealed)
-    yield from _held(state / alarms.FILE, state, _alarms)
+    yield from _held(state / older_files.ALARMS, state, _alarms)
     yield from _held(state / log_in_marker.FILE, state, _log_in)
-    for name in (tool_store.FILE, database.FILE):
+    for name in (tool_store.OLDER, database.FILE, service_store.FILE, service_store.COPY):
         yield from _held(state / name, state, _rows)
     folders = Folders.within(state)
     for folder in (folders.arranged, folders.checks):

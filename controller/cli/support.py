@@ -3,7 +3,7 @@
     facts.json        versions of all packages, system, boot, clock, room on the disk
     host.json         what ``directrix host check`` finds
     machine.toml      complete, it needs no other file
-    state/            what the service keeps of the machine, as it stands there
+    state/            what the service keeps of the machine, as it stands there; its store as service.json
     store.json        latest runs, alarms, programs by name and sum, settings
     runs/             records of the latest runs
     recordings/       of the latest faults
@@ -21,6 +21,7 @@ import contextlib
 import json
 import platform
 import shutil
+import sqlite3
 import subprocess
 import time
 import zipfile
@@ -33,20 +34,21 @@ from typing import Annotated, Any
 
 import typer
 
-from controller import messages, own_files
+from controller import messages, own_database, own_files
 from controller.api import notice_settings
 from controller.api.database import StoreError
 from controller.api.store import Store
 from controller.cli import host_findings, installation, internal_error, redaction
 from controller.cli.host_view import Host
 from controller.ipc import control_socket
-from controller.machine import machine_file, setup_data, tool_store
+from controller.machine import machine_file, setup_data
 from controller.machine.toml_table import ConfigError
-from controller.service import alarms, owners
+from controller.service import older_files, owners
 from controller.state.record_files import RECORDINGS, RUNS
+from controller.store import service_store
 from controller.verify.console import Refused, refusals, say, show, spoken
 
-STATE_FILES = (*owners.SEALED, alarms.FILE, tool_store.FILE)
+STATE_FILES = (*owners.SEALED, *older_files.DOCUMENTS, older_files.ALARMS)
 LATEST = 3  # runs and faults whose records go along
 LATEST_ROWS = 200  # of runs and alarms
 MAX_BYTES = 64 << 20  # of one record; what is more is named instead
@@ -108,6 +110,8 @@ def _parts(folder: Path, records: int, missing: list[str]) -> Iterator[Part]:
     for name in STATE_FILES:
         if (folder / name).exists():
             yield from _readable(f"state/{name}", partial(_read, folder / name, folder), missing)
+    if (folder / service_store.FILE).exists():
+        yield from _readable("state/service.json", lambda: _json(_service_facts(folder)), missing)
     yield from _readable("store.json", lambda: _json(_stored(folder)), missing)
     for kind in (RUNS, RECORDINGS):
         for one in _latest(folder / kind, folder, records):
@@ -120,7 +124,7 @@ def _parts(folder: Path, records: int, missing: list[str]) -> Iterator[Part]:
 def _readable(name: str, make: Callable[[], bytes], missing: list[str]) -> Iterator[Part]:
     try:
         yield name, make()
-    except (OSError, ValueError, StoreError, ConfigError, Refused) as error:
+    except (OSError, ValueError, sqlite3.Error, StoreError, ConfigError, Refused) as error:
         missing.append(f"{name}: {messages.text(messages.of_error(error), spoken.get())}")
 
 
@@ -172,6 +176,17 @@ def _facts(folder: Path) -> dict[str, Any]:
         "boot": BOOT.read_text().strip() if BOOT.exists() else None,
         "state": str(folder),
         "disk_bytes": None if disk is None else disk._asdict(),
+    }
+
+
+def _service_facts(folder: Path) -> dict[str, Any]:
+    """Of the service's store. Raises OSError, ValueError, sqlite3.Error."""
+    with own_database.reading(folder / service_store.FILE) as sql:
+        documents = sql.execute("SELECT name, generation, value FROM documents").fetchall()
+        alarms = sql.execute("SELECT facts FROM alarms ORDER BY id").fetchall()
+    return {
+        "documents": {f"{name} {generation}": json.loads(value) for name, generation, value in documents},
+        "alarms": [json.loads(facts) for (facts,) in alarms],
     }
 
 

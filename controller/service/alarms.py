@@ -1,49 +1,40 @@
-"""Alarms: what went wrong, when, and whether somebody has seen it. Kept over restarts.
+"""Alarms: what went wrong, when, and whether somebody has seen it. Kept over restarts, in the store.
 
-One file of JSON lines in the state folder, newest last; an alarm that was acknowledged is
-written again with the same id, and the last line of an id counts. A reserve beside it is given up where the
-disk is full, so that what ends a run on a full disk, an emergency stop above all, is still written.
+Where the disk is full the store's reserve is given up, so that what ends a run on a full disk, an emergency
+stop above all, is still written.
 """
 
 from __future__ import annotations
 
 import contextlib
 import errno
-import os
+import json
 import threading
 import time
-from pathlib import Path
 from typing import Any
 
-from controller import atomic_file, own_files, sealed_file
 from controller.ipc.handoff import Snapshot
 from controller.machine.model import Machine
 from controller.messages import Message, message
-from controller.service import kept_file
 from controller.service.refusals import refused
 from controller.state.fault_table import NOBODY, Sender
 from controller.state.modes import FAULTS, Fault, fault_message
+from controller.store.service_store import ServiceStore
 
-FILE = "alarms.jsonl"
-RESERVE = "reserve"
-RESERVE_BYTES = 1 << 20  # some thousand alarms
+DAMAGE = "FILE_DAMAGED"  # name of the alarm that something kept was damaged: before it is seen nothing starts
 KEPT = 1000
 SHOWN = 100  # in one answer
-FULL = (errno.ENOSPC, errno.EDQUOT)
+FULL = (errno.ENOSPC, errno.EDQUOT, errno.EIO)
 
 
 class Alarms:
     """The list; any thread may use it."""
 
-    def __init__(self, state: Path) -> None:
-        self._file = state / FILE
-        self._lock = threading.Lock()
-        self._known: dict[int, dict[str, Any]] = {}
-        found, self.damaged = _read(self._file)
-        for alarm in found:
-            self._known[alarm["id"]] = alarm
-        self._write_all()
-        self._put_by()
+    def __init__(self, store: ServiceStore) -> None:
+        """Raises OSError."""
+        self._store, self._lock = store, threading.Lock()
+        rows = store.rows("SELECT id, facts FROM alarms ORDER BY id")
+        self._known: dict[int, dict[str, Any]] = {number: json.loads(facts) for number, facts in rows}
 
     def add(self, name: str, what: Message, **more: Any) -> dict[str, Any]:
         """A new alarm; the disk being full does not stop the machine from telling it."""
@@ -90,60 +81,20 @@ class Alarms:
         self._known[alarm["id"]] = alarm
         while len(self._known) > KEPT:
             del self._known[min(self._known)]
-        line = sealed_file.line(alarm).encode()
         try:
-            self._append(line)
+            self._write(alarm)
         except OSError as error:
             if error.errno not in FULL:
                 return
             with contextlib.suppress(OSError):
-                own_files.remove(self._file.with_name(RESERVE))
-                self._append(b"\n" + line)  # half of a line may have been written
+                self._store.give_up_reserve()
+                self._write(alarm)
 
-    def _append(self, line: bytes) -> None:
+    def _write(self, alarm: dict[str, Any]) -> None:
         """Raises OSError."""
-        flags = os.O_WRONLY | os.O_APPEND | os.O_CREAT
-        with own_files.opened(self._file, flags) as file:
-            file.write(line)
-            file.flush()
-            os.fsync(file.fileno())
-
-    def _put_by(self) -> None:
-        """The reserve, at the start; a full disk has none to put by."""
-        reserve = self._file.with_name(RESERVE)
-        with contextlib.suppress(OSError):
-            if not reserve.exists():
-                with own_files.new(reserve) as file:
-                    file.write(bytes(RESERVE_BYTES))
-                    os.fsync(file.fileno())
-
-    def _write_all(self) -> None:
-        """Each alarm once; at the start only."""
-        with contextlib.suppress(OSError):
-            own_files.make_folder(self._file.parent)
-            lines = (sealed_file.line(self._known[number]) for number in sorted(self._known)[-KEPT:])
-            atomic_file.write(self._file, "".join(lines))
-
-
-def _read(file: Path) -> tuple[list[dict[str, Any]], Message | None]:
-    """What is sound of the file, and what an alarm says of the rest; the last line may be cut short."""
-    try:
-        lines = own_files.read_bytes(file).splitlines(keepends=True)
-    except FileNotFoundError:
-        return [], None
-    except OSError as error:
-        return [], kept_file.put_aside(file, error)
-    found, bad = [], None
-    for line in lines:
-        if not line.strip():
-            continue
-        try:
-            alarm = sealed_file.of_line(line, file)
-            whole = {**alarm, "id": int(alarm["id"]), "acknowledged_s": alarm["acknowledged_s"]}
-            found.append({**whole, "time_s": float(alarm["time_s"]), "name": str(alarm["name"])})
-        except kept_file.WRONG as error:
-            bad = bad or (error if line.endswith(b"\n") else None)
-    return found, kept_file.put_aside(file, bad) if bad else None
+        with self._store.write() as sql:
+            sql.execute("INSERT OR REPLACE INTO alarms VALUES (?, ?)", (alarm["id"], json.dumps(alarm)))
+            sql.execute("DELETE FROM alarms WHERE id < ?", (min(self._known),))
 
 
 def of(

@@ -1,4 +1,4 @@
-"""How long what a program waits for has taken on this machine, by the names of the waits; kept on the disk.
+"""How long what a program waits for has taken on this machine, by the names of the waits; kept in the store.
 
 What is expected of the next is the one in the middle of the last few; of one that has never come to pass what
 the machine file makes likely (``plan/waits``).
@@ -7,6 +7,7 @@ the machine file makes likely (``plan/waits``).
 from __future__ import annotations
 
 import contextlib
+import sqlite3
 import statistics
 import threading
 from collections.abc import Iterable
@@ -14,11 +15,10 @@ from pathlib import Path
 from typing import Any
 
 from controller import sealed_file
-from controller.messages import Message
 from controller.plan.timetable import Event
-from controller.service import kept_file
+from controller.store.service_store import ServiceStore, document_of
 
-FILE = "durations.json"
+DOCUMENT = "durations"  # in the store
 KEPT = 9  # of each wait the last so many
 MAX_NAMES = 2000  # waits that are known by name
 
@@ -26,24 +26,11 @@ MAX_NAMES = 2000  # waits that are known by name
 class Durations:
     """How long waits took in the last runs of this machine, by their names; any thread."""
 
-    def __init__(self, state: Path, own: bool = True) -> None:
-        """``own``: of the service, which puts aside what cannot be read; to others it is as if it were not
-        there.
-        """
-        self._file, self._lock = state / FILE, threading.Lock()
-        self._known: dict[str, list[float]]
-        self._known, self.damaged = self._read(own)
-        self._usual = {name: statistics.median(took) for name, took in self._known.items()}
+    def __init__(self, known: dict[str, list[float]], store: ServiceStore | None = None) -> None:
+        """``known``: what was kept; ``store``: where what is learned is kept, None: nowhere."""
+        self._known, self._store, self._lock = known, store, threading.Lock()
+        self._usual = {name: statistics.median(took) for name, took in known.items()}
         self._changed = False
-
-    def _read(self, own: bool) -> tuple[dict[str, list[float]], Message | None]:
-        missing = dict[str, list[float]]()
-        if own:
-            return kept_file.read(self._file, _taken, missing)
-        try:
-            return _taken(sealed_file.read(self._file)), None
-        except kept_file.WRONG:
-            return missing, None
 
     def of(self, event: Event) -> float:
         """What a wait is expected to take."""
@@ -66,12 +53,25 @@ class Durations:
     def save(self) -> None:
         """What the disk does not take is learned anew. Waits for the disk."""
         with self._lock, contextlib.suppress(OSError):
-            if self._changed:
-                sealed_file.write(self._file, self._known)
+            if self._changed and self._store is not None:
+                self._store.put(DOCUMENT, self._known)
                 self._changed = False
 
 
-def _taken(kept: Any) -> dict[str, list[float]]:
+def of_service(store: ServiceStore) -> Durations:
+    """Of the service, which learns. Raises OSError."""
+    return Durations(store.document(DOCUMENT, taken, dict[str, list[float]]()), store)
+
+
+def of_state(state: Path) -> Durations:
+    """For who only reads; what cannot be read is to him as if nothing was known."""
+    try:
+        return Durations(taken(document_of(state, DOCUMENT)))
+    except (*sealed_file.UNREADABLE, sqlite3.Error):
+        return Durations({})
+
+
+def taken(kept: Any) -> dict[str, list[float]]:
     """Raises ValueError or TypeError for anything but what is saved."""
     if not isinstance(kept, dict) or not all(kept.values()):
         raise TypeError("no durations")

@@ -15,7 +15,6 @@ from controller import own_files, sealed_file
 from controller.machine.toml_table import ConfigError
 from controller.messages import Message, message, of_error
 
-ALARM = "FILE_DAMAGED"
 WRONG = (*sealed_file.UNREADABLE, ConfigError)
 T = TypeVar("T")
 

@@ -17,7 +17,7 @@ from types import MappingProxyType
 from typing import Any, NamedTuple
 
 from controller.messages import Key, Message, message
-from controller.service import kept_file
+from controller.service import alarms
 from controller.service.jobs import INTERRUPTED, UNDER_WAY
 from controller.state.modes import TOOL_CHANGE
 
@@ -212,7 +212,7 @@ def _ready(status: Status, job: Mapping[str, Any]) -> Iterator[Step]:
     """Which program, from where."""
     state, name = job.get("state"), job.get("name") or ""
     offer = status["restart"]
-    if (damage := _notice(status, kept_file.ALARM)) is not None:
+    if (damage := _notice(status, alarms.DAMAGE)) is not None:
         yield _by_hand("damage", "alarms", what=damage)
     if state == "loading":
         yield _wait("loading", program=name)

@@ -11,16 +11,14 @@ from pathlib import Path
 from controller import sealed_file
 from controller.ipc import control_socket
 from controller.ipc.control_socket import CommandRefused
-from controller.machine import setup_data, tool_store
+from controller.machine import setup_data
 from controller.machine.model import Changer, Machine
-from controller.machine.tool_store import ToolStore
 from controller.messages import Message
 from controller.runtime.bus_load import overload
 from controller.runtime.plan_messages import News
 from controller.runtime.startup import SessionError
-from controller.service import alarms, durations, journal, kept_file, probed, runs, thread_guard, usage
+from controller.service import alarms, durations, journal, older_files, runs, thread_guard
 from controller.service.alarms import Alarms
-from controller.service.durations import Durations
 from controller.service.engine import Engine
 from controller.service.fault_reporter import Troubles
 from controller.service.folders import Folders
@@ -33,11 +31,12 @@ from controller.service.set_up import SetUp
 from controller.service.thread_guard import ThreadGuard
 from controller.service.tool_changer import ToolChanger
 from controller.service.usage import Usage
-from controller.state import record_files
+from controller.store.service_store import ServiceStore
+from controller.store.tool_store import ToolStore
 
 JOURNAL = "journal.json"
 SEALED = (
-    *(JOURNAL, usage.FILE, probed.FILE, record_files.TOUCHES, durations.FILE, thread_guard.FILE),
+    *(JOURNAL, thread_guard.FILE),
     *(setup_data.FILE, setup_data.IN_SPINDLE, setup_data.MACHINE, control_socket.LAST),
 )  # what the service keeps of a machine as JSON
 
@@ -56,27 +55,28 @@ class Owners:
             raise SessionError(sentence)
         kept.make()
         self.state = state = kept.state
-        self.alarms, self.room = Alarms(state), Room(kept, machine)
+        self.store = ServiceStore(state)
+        losses = older_files.take_over(self.store, state)
+        self.alarms, self.room = Alarms(self.store), Room(kept, machine)
         self._folder = tempfile.TemporaryDirectory(prefix="directrix-")
         folder = Path(self._folder.name)
         self.engine = engine or Engine(machine, folder, kept, hear)
         self.set_up = SetUp(machine, state, self.alarms, self.engine.tell_tool)
-        self.usage = Usage(state, machine)
-        self.probed, self.durations = Probed(state), Durations(state)
+        self.usage = Usage(self.store, machine)
+        self.probed, self.durations = Probed(self.store), durations.of_service(self.store)
         self.thread = ThreadGuard(state)
         self.sequencer = Sequencer(self._failed)
         self.writer = ThreadPoolExecutor(1, "records")  # of what runs leave behind
         entry, unread = journal.read(state / JOURNAL)
         self.interrupted = entry if entry is not None and not entry.ended else None  # a run, by the last end
         self.journal = Journal(state / JOURNAL, last=entry)
-        files = (self.alarms, self.usage, self.probed, self.durations, self.thread)
-        others = (unread, self.probed.touches_damaged)
-        for damaged in (*(file.damaged for file in files), *self.set_up.damaged, *others):
+        files = (self.thread.damaged, unread)
+        for damaged in (*self.store.losses, *losses, *self.set_up.damaged, *files):
             if damaged is not None:
-                self.alarms.add(kept_file.ALARM, damaged)
+                self.alarms.add(alarms.DAMAGE, damaged)
         for lost in runs.put_damaged_aside(state):
             self.alarms.add(runs.ALARM, lost)
-        sealed_file.adopt(state, (*SEALED, alarms.FILE))
+        sealed_file.adopt(state, SEALED)
         self.troubles = Troubles(self.set_up.machine, self.alarms, self.writer)
         self.processes = Processes(self.engine, self.troubles, kept.recordings)
         self.changer = self._opened_changer()
@@ -92,13 +92,20 @@ class Owners:
             assert set_up.machine.changer is not None
             return set_up.machine.changer
 
-        store = ToolStore(self.state / tool_store.FILE)
+        store = ToolStore(self.store)
         machine, add = set_up.machine, self.alarms.add
         made = ToolChanger(store, changer, self.engine, add, machine.period_s, self._worn, machine.io)
         set_up.find(made.whereabouts.spindle)
-        if store.damaged is not None:
-            self.alarms.add(kept_file.ALARM, store.damaged)
         return made
+
+    def check_store(self) -> None:
+        """As each start does: an alarm says what is lost. A disk that does not answer is looked at again."""
+        with contextlib.suppress(OSError):
+            losses = self.store.check()
+            for loss in losses:
+                self.alarms.add(alarms.DAMAGE, loss)
+            if losses and self.changer is not None:
+                self.changer.store.forget()
 
     def _worn(self, tool: int) -> Message | None:
         """What is told before a tool comes whose life is over; None of any other."""

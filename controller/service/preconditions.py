@@ -13,7 +13,7 @@ from controller.ipc.handoff import Snapshot
 from controller.program import blocks
 from controller.program.effects import moves
 from controller.program.program import ProgramError
-from controller.service import job_status, jobs, kept_file
+from controller.service import alarms, job_status, jobs
 from controller.service.acknowledged import refusal
 from controller.service.jobs import Job
 from controller.service.refusals import refused
@@ -76,7 +76,7 @@ def changer_is_sure(service: Service, title: str) -> None:
 
 def damage_is_confirmed(service: Service, title: str) -> None:
     """What was found damaged in the state folder has been looked at. Raises CommandRefused."""
-    if (alarm := service.alarms.unconfirmed(kept_file.ALARM)) is not None:
+    if (alarm := service.alarms.unconfirmed(alarms.DAMAGE)) is not None:
         what, mode = {"key": alarm["key"], "values": alarm["values"]}, service.processes.now().mode.name
         raise refused("damage_not_confirmed", mode, title, number=alarm["id"], what=what)
 

@@ -1,4 +1,4 @@
-"""What probing cycles have found: a table of the last results, kept on the disk.
+"""What probing cycles have found: a table of the last results, kept in the store.
 
 A program tells a result as ``(LOG, bore x_mm=#1 y_mm=#2 diameter_mm=#3)``: a name, and values whose names end
 in their unit. So do the cycles that ship, and so may any cycle of one's own.
@@ -13,18 +13,14 @@ import re
 import threading
 import time
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
-from controller import own_files, sealed_file
 from controller.machine.model import Machine
-from controller.messages import Message
 from controller.plan.planner import Touch
 from controller.runtime import touch_table
-from controller.service import kept_file
-from controller.state import record_files
+from controller.store.service_store import ServiceStore
 
-FILE = "probed.json"
+DOCUMENT, TOUCHES = "probed", "touches"  # in the store
 KEPT, KEPT_TOUCHES = 500, 2000
 _VALUE = r"[a-z]\w*=-?\d+\.\d+"
 _RESULT = re.compile(rf"([a-z]\w*)((?: {_VALUE})+)", re.ASCII)
@@ -38,38 +34,29 @@ def found(text: str) -> dict[str, Any] | None:
     return {"cycle": match[1], "values": {name: float(value) for name, value in values.items()}}
 
 
-def _taken(kept: Any) -> list[dict[str, Any]]:
+def taken(kept: Any) -> list[dict[str, Any]]:
     """Raises TypeError for what are no rows."""
     if not isinstance(kept, list) or not all(isinstance(row, dict) for row in kept):
         raise TypeError("no list of results")
     return kept
 
 
-def _of_older(state: Path) -> tuple[list[str], Message | None]:
-    """Touches that a version before has kept, and what an alarm says where they cannot be read."""
-    try:
-        return record_files.touches(state), None
-    except FileNotFoundError:
-        return [], None
-    except (OSError, ValueError) as error:
-        return [], kept_file.put_aside(state / record_files.OLDER_TOUCHES, error)
+def table_lines(values: Any) -> list[str]:
+    """Raises TypeError for what are no lines of a table."""
+    if not isinstance(values, list) or not values or not all(isinstance(line, str) for line in values):
+        raise TypeError("no lines of a table")
+    return values
 
 
 class Probed:
     """One per service; any thread."""
 
-    def __init__(self, state: Path) -> None:
-        self._file, self._lock = state / FILE, threading.Lock()
-        self._table = state / record_files.TOUCHES
-        self._touches: list[str] = []  # lines of the table behind its head, the newest last
-        self._head = ""
-        self._rows: list[dict[str, Any]]
-        self._rows, self.damaged = kept_file.read(self._file, _taken, _taken([]))
-        none: list[str] = []
-        lines, self.touches_damaged = kept_file.read(self._table, record_files.table_lines, none)
-        if not lines and self.touches_damaged is None:
-            lines, self.touches_damaged = _of_older(state)
-        self._head, *self._touches = lines or [""]
+    def __init__(self, store: ServiceStore) -> None:
+        """Raises OSError."""
+        self._store, self._lock = store, threading.Lock()
+        self._rows = store.document(DOCUMENT, taken, taken([]))
+        # Lines of the table after its head, the newest last.
+        self._head, *self._touches = store.document(TOUCHES, table_lines, [""])
 
     def to_json(self) -> list[dict[str, Any]]:
         """Time (s since 1970), program, cycle, values; the newest first."""
@@ -88,10 +75,9 @@ class Probed:
     def save_touches(self) -> None:
         """As ``save``."""
         with self._lock, contextlib.suppress(OSError):
-            sealed_file.write(self._table, [self._head, *self._touches])
-            own_files.remove(self._table.with_name(record_files.OLDER_TOUCHES))
+            self._store.put(TOUCHES, [self._head, *self._touches])
 
     def save(self) -> None:
         """What the disk does not take is only told. Waits for the disk."""
         with self._lock, contextlib.suppress(OSError):
-            sealed_file.write(self._file, self._rows)
+            self._store.put(DOCUMENT, self._rows)

@@ -33,6 +33,5 @@ class Service(Owners):
         self._save_usage(at_once=True)
         self.processes.close()
         self.engine.end()
-        if self.changer is not None:
-            self.changer.store.close()
+        self.store.close()
         self._folder.cleanup()

@@ -15,20 +15,19 @@ start (``doubt``), and until an operator has confirmed where the tools are nothi
 
 from __future__ import annotations
 
-import sqlite3
 import threading
 from collections.abc import Callable, Iterable
 from typing import Any
 
 from controller.ipc.handoff import Snapshot
 from controller.machine.model import Changer, Io
-from controller.machine.tool_store import AWAY, SPINDLE, Step, ToolStore
 from controller.messages import Message, message, several
 from controller.motion.pieces import FIRST_MARK
 from controller.program.program import Changing
 from controller.program.tool_change_words import steps_of
 from controller.service.tool_preparation import Preparation, Tick
 from controller.state.modes import Fault, Mode, Request, bars
+from controller.store.tool_store import AWAY, SPINDLE, Step, ToolStore
 
 SLOWER = 2.0  # a step without an input of its own may take so much longer than it says: at an override
 
@@ -164,7 +163,7 @@ class Whereabouts:
         return None
 
     def begin(self, mark: Changing) -> None:
-        """The step before is over, and this one begins; or all is. Raises sqlite3.Error."""
+        """The step before is over, and this one begins; or all is. Raises OSError."""
         if mark.last:
             self._store.end()
             return
@@ -326,8 +325,8 @@ class ToolChanger:
         try:
             if why is None:
                 self.whereabouts.begin(mark)
-        except sqlite3.Error as error:
-            why = message("change_not_kept", why=str(error))
+        except OSError as error:
+            why = message("change_not_kept", why=error)
         if why is not None:
             self._refuse(why, True)
             return False

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import sqlite3
 from typing import Any
 
 from controller.ipc.control_socket import Values
-from controller.machine import setup_data, tool_store
+from controller.machine import setup_data
 from controller.machine.model import Machine
 from controller.service import fitting
 from controller.service.refusals import refused
 from controller.service.service import Service
 from controller.service.tool_changer import ToolChanger
+from controller.store import tool_store
 
 LOGGED = ("time_s", "what", "tool_out", "tool_in", "step", "name")
 
@@ -37,8 +37,8 @@ def confirm(service: Service, values: Values) -> Values:
         raise refused("changer_twice", code="bad", tool=spindle)
     try:
         changer.store.confirm(tool_store.placed(_pockets(service.set_up.machine), spindle, away))
-    except sqlite3.Error as error:
-        raise refused("not_written", code="busy", path=service.state, why=str(error)) from error
+    except OSError as error:
+        raise refused("not_written", code="busy", path=service.state, why=error) from error
     service.run.change_tool(changer.whereabouts.spindle)
     return changer.to_json()
 

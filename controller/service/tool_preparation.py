@@ -13,15 +13,14 @@ moves but by jog. Without a T, or where it is not done yet, M6 waits for the sam
 
 from __future__ import annotations
 
-import sqlite3
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple, Protocol
 
 from controller.ipc.handoff import Outcome, Snapshot
 from controller.machine.model import Changer, ChangerStep, Io
-from controller.machine.tool_store import Step, ToolStore
 from controller.messages import Message, message, several
 from controller.state.modes import Fault, Request
+from controller.store.tool_store import Step, ToolStore
 
 
 class Tick(Protocol):
@@ -99,9 +98,9 @@ class Preparation:
                 self._watch(now, self._step, may_begin)
             elif may_begin and self._wants() and self.doubt is None and now.interlock is Fault.NONE:
                 self._begin(now)
-        except sqlite3.Error as error:
+        except OSError as error:
             self.end()
-            return message("change_not_kept", why=str(error))
+            return message("change_not_kept", why=error)
         return None
 
     @property

@@ -13,22 +13,20 @@ import threading
 import time
 from collections.abc import Collection
 from dataclasses import asdict, dataclass, field, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from controller import sealed_file
 from controller.ipc.control_socket import Values
 from controller.ipc.handoff import COLUMN, of_axes
 from controller.machine.model import Machine
 from controller.messages import Message, message, several
-from controller.service import kept_file
 from controller.service.refusals import refused
 from controller.state.modes import Mode
+from controller.store.service_store import ServiceStore
 
-FILE = "usage.json"
+DOCUMENT = "usage"  # in the store
 SAVE_S = 5.0  # a loss of power costs so much of the counters
 FASTER = 1.5  # than an axis may go: its zero was found, or rows are missing; that is no travel
 SPINDLE, MOTION = "spindle", "motion"
@@ -88,10 +86,11 @@ class Kept:
 class Usage:
     """``take`` rows as they come; any thread may ask and change; ``save`` waits for the disk."""
 
-    def __init__(self, state: Path, machine: Machine) -> None:
-        self.file, self._machine = state / FILE, machine
+    def __init__(self, store: ServiceStore, machine: Machine) -> None:
+        """Raises OSError."""
+        self.store, self._machine = store, machine
         self._lock = threading.Lock()
-        self._kept, self.damaged = kept_file.read(self.file, _taken, Kept())
+        self._kept = store.document(DOCUMENT, taken, Kept())
         self._last: Rows | None = None
         self._used: set[str] = set()  # tools that have cut in this run
         self._changed, self._saved_s = False, 0.0
@@ -293,13 +292,13 @@ class Usage:
         with self._lock:
             values, self._changed = asdict(self._kept), False
         try:
-            sealed_file.write(self.file, values)
+            self.store.put(DOCUMENT, values)
         except OSError:
             self._changed = True
             raise
 
 
-def _taken(told: Any) -> Kept:
+def taken(told: Any) -> Kept:
     """Raises ValueError, KeyError, TypeError or AttributeError for what is not sound."""
     numbers = {key: {str(n): float(v) for n, v in told[key].items()} for key in ("travel", "hours")}
     if not all(math.isfinite(v) for of in numbers.values() for v in of.values()):
@@ -355,7 +354,7 @@ def _saved(usage: Usage) -> dict[str, Any]:
     try:
         usage.save(at_once=True)
     except OSError as error:
-        raise refused("not_written", code="busy", path=usage.file, why=error) from error
+        raise refused("not_written", code="busy", path=usage.store.file, why=error) from error
     return usage.to_json()
 
 

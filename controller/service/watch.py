@@ -20,6 +20,7 @@ from controller.service.watchdog import STANDS_S, LastSecond
 from controller.state.modes import Mode, Request
 
 POLL_S = 0.02
+CHECK_S = 24 * 3600.0  # from one check of the store to the next
 ROWS_S = 0.2  # from one look at the tick's rows to the next, where no run is recorded
 
 
@@ -30,6 +31,7 @@ class Watch:
         self._service, self._run = service, run
         self.last_second = LastSecond()
         self._rows_s = 0.0  # when the tick's rows were looked at
+        self._checked_s = time.monotonic()  # when the store was held against its sums
         self._asked_tool: int | None = None  # that a program waited for at the last look ...
         self._asked_line = 0  # ... and on which line
         self._stance: tuple[object, ...] = ()  # for which it is known how long a start would take
@@ -61,6 +63,9 @@ class Watch:
         self._write_journal(now)
         self._look_at_job(now)
         self._see_moved(now)
+        if time.monotonic() - self._checked_s >= CHECK_S:
+            self._checked_s = time.monotonic()
+            service.writer.submit(service.check_store)
         return now
 
     @contextmanager

@@ -11,7 +11,7 @@ from controller.ipc.control_socket import LAST, Values, as_json
 from controller.ipc.handoff import Snapshot, blank
 from controller.machine.model import OFFSETS
 from controller.messages import Message, message
-from controller.service import alarms, job_status, kept_file, restart_preview
+from controller.service import alarms, job_status, restart_preview
 from controller.service import status as machine_status
 from controller.service.jobs import Job
 from controller.service.journal import Entry
@@ -238,8 +238,8 @@ def _with_notices(service: Service, values: Values) -> Values:
     changer = service.changer
     if changer is not None and (doubt := changer.doubt) is not None:
         notices = [*notices, {"name": "CHANGER_IN_DOUBT", **doubt}]
-    if (alarm := service.alarms.unconfirmed(kept_file.ALARM)) is not None:
-        notices = [*notices, {"name": kept_file.ALARM, "key": alarm["key"], "values": alarm["values"]}]
+    if (alarm := service.alarms.unconfirmed(alarms.DAMAGE)) is not None:
+        notices = [*notices, {"name": alarms.DAMAGE, "key": alarm["key"], "values": alarm["values"]}]
     if service.run.recorder.unrecorded is not None:
         notices = [*notices, {"name": "NOT_RECORDED", **service.run.recorder.unrecorded}]
     return {**values, "notices": notices}

@@ -7,7 +7,7 @@ import os
 from pathlib import Path
 from typing import Any, Final
 
-from controller import own_files, sealed_file
+from controller import sealed_file
 from controller.messages import message
 
 RECORDINGS: Final = "recordings"  # a folder for each fault
@@ -23,8 +23,6 @@ ACTUAL: Final = "actual.npz"  # likewise: where the drives were
 PROCESS: Final = "process.npz"  # likewise: feed, and load of the spindle
 KEPT: Final = "kept"  # there where an operator wants the record of a run or fault to stay
 TRACE: Final = "trace.npz"  # of a fault: the last seconds before it
-TOUCHES: Final = "touches.json"  # the last of the probe, as lines of a table, its head first ...
-OLDER_TOUCHES: Final = "touches.csv"  # ... and as versions before wrote them
 
 
 def facts(folder: Path, name: str = RUN, within: Path | None = None) -> dict[str, Any]:
@@ -55,21 +53,3 @@ def is_needed(folder: Path) -> bool:
     return os.path.lexists(folder / KEPT) or (
         os.path.lexists(folder / BEGUN) and not os.path.lexists(folder / RUN)
     )
-
-
-def touches(state: Path) -> list[str]:
-    """Lines of the table of the probe's last touches, its head first.
-
-    Raises FileNotFoundError where there are none, OSError, and ValueError or TypeError for what is damaged.
-    """
-    try:
-        return table_lines(sealed_file.read(state / TOUCHES))
-    except FileNotFoundError:
-        return own_files.read_text(state / OLDER_TOUCHES).splitlines()
-
-
-def table_lines(values: Any) -> list[str]:
-    """Raises TypeError for what are no lines of a table."""
-    if not isinstance(values, list) or not values or not all(isinstance(line, str) for line in values):
-        raise TypeError("no lines of a table")
-    return values

@@ -22,6 +22,7 @@ from support.fakes.fake_engine import done, engine_of, served
 from support.fakes.fake_socket import FakeDoor
 from support.fakes.panels import QUICK, URL
 from support.machines import changer_bench
+from support.machines.stored_tools import StoredTools
 from support.suite.seed import SEED
 
 from controller import own_database
@@ -34,21 +35,25 @@ from controller.api.users import Users, new_token
 from controller.commands.table import COMMANDS
 from controller.ipc import control_socket
 from controller.ipc.control_socket import CommandRefused
-from controller.machine import setup_data, tool_store
+from controller.machine import setup_data
 from controller.machine.toml_table import ConfigError
-from controller.machine.tool_store import ToolStore
 from controller.messages import message
+from controller.plan.planner import Touch
+from controller.program.program import Probed
 from controller.runtime.startup import SessionError
-from controller.service import kept_file, runs
+from controller.service import alarms, runs
 from controller.service.command_handlers import CommandHandlers
 from controller.service.owners import JOURNAL
 from controller.service.preconditions import NEEDS
 from controller.service.whole_status import Kept
+from controller.store import service_store
 
 SENTENCES = (ConfigError, SessionError, OSError, CommandRefused)  # what ``serve`` ends with; others: code 70
 TOKEN, SHA256 = new_token()
 USER = "anna"
 MACHINE = changer_bench.machine()
+TOUCHED = Probed(True, (0.0,) * len(MACHINE.axes), (0.0,) * len(MACHINE.axes))
+DATABASES = ("store.sqlite", service_store.FILE)
 ASKED = ("status", "facts", "alarms", "runs", "usage", "probed", "restart", "changer")
 
 
@@ -70,6 +75,8 @@ def used(tmp_path_factory: pytest.TempPathFactory) -> Path:
     service.usage.save(at_once=True)
     service.probed.add("a.ngc", [{"cycle": "bore", "values": {"x_mm": 1.0}}])
     service.probed.save()
+    service.probed.touch([Touch(5, TOUCHED, (0.0, 0.0, -1.0), 2, 5.0)], MACHINE)
+    service.probed.save_touches()
     found = service.engine.snapshot()
     assert found is not None
     Kept(service).look(found)
@@ -91,7 +98,9 @@ def used(tmp_path_factory: pytest.TempPathFactory) -> Path:
     store.users.add_token(SHA256, "script", "set_up", USER)
     killed = folder / "killed"
     shutil.copytree(state, killed)  # what is written ahead with it, as nobody has closed them
-    assert (killed / "store.sqlite-wal").stat().st_size and (killed / "tools.db-wal").stat().st_size
+    assert (killed / "store.sqlite-wal").stat().st_size and (
+        killed / f"{service_store.FILE}-wal"
+    ).stat().st_size
     store.close()
     service.close()
     return killed
@@ -181,7 +190,7 @@ def as_it_was(app: Any, folder: Path) -> None:
 def damaged(state: Path, rng: random.Random, cut: bool) -> str:
     """Turn over one bit of one file, or cut it short."""
     files = sorted(path for path in state.rglob("*") if path.is_file() and path.stat().st_size)
-    databases = [state / name for name in ("store.sqlite", "tools.db")]
+    databases = [state / name for name in DATABASES]
     file = rng.choice(files if rng.random() < 0.5 else databases)
     data = bytearray(file.read_bytes())
     at = rng.choice([i for i, byte in enumerate(data) if byte or file not in databases])
@@ -199,7 +208,7 @@ def many(used: Path, tmp_path: Path, app: Any, numbers: range) -> None:
         folder = tmp_path / str(number)
         shutil.copytree(used, folder / "state")
         if number % 2:  # they were closed; else they were killed
-            for name in ("store.sqlite", "tools.db"):
+            for name in DATABASES:
                 own_database.opened(folder / "state" / name).close()
         what = damaged(folder / "state", rng, cut=number % 5 == 4)
         try:
@@ -223,8 +232,7 @@ def test_a_thousand_bad_bits_open_nothing_and_end_in_a_sentence(
 
 
 def test_without_a_bad_bit_all_is_there(folder: Path, app: Any) -> None:
-    alarms = started(folder)
-    assert {alarm["name"] for alarm in alarms} == {"TEST"}
+    assert {alarm["name"] for alarm in started(folder)} == {"TEST"}
     panel, strangers, logged_in = asyncio.run(answered(app, folder / "state"))
     assert set(strangers) == {401} and 200 in logged_in and panel.users.lost is None
     assert not list((folder / "state").rglob("*.damaged*"))
@@ -237,7 +245,7 @@ def frames(wal: Path) -> int:
     return (wal.stat().st_size - 32) // (4096 + 24)
 
 
-@pytest.mark.parametrize("name", ["store.sqlite-wal", "tools.db-wal"])
+@pytest.mark.parametrize("name", [f"{name}-wal" for name in DATABASES])
 def test_a_bad_bit_in_any_frame_that_is_written_ahead_is_noticed(
     used: Path, tmp_path: Path, name: str
 ) -> None:
@@ -373,23 +381,34 @@ def test_a_note_that_can_be_had_anew_is_written_anew(
     assert setup_data.noted(folder / "state").name == MACHINE.name
 
 
-@pytest.mark.parametrize("name", [JOURNAL, "usage.json", "probed.json", "alarms.jsonl"])
-def test_what_carried_facts_and_cannot_be_read_is_put_aside_and_reported(folder: Path, name: str) -> None:
-    file = folder / "state" / name
+def test_what_carried_facts_and_cannot_be_read_is_put_aside_and_reported(folder: Path) -> None:
+    file = folder / "state" / JOURNAL
     data = b"\xff" + file.read_bytes()[1:]
     file.write_bytes(data)
-    alarm = next(alarm for alarm in started(folder) if alarm["name"] == kept_file.ALARM)
-    assert alarm["values"]["file"] == str(file) and alarm["values"]["aside"] == f"{name}.damaged1"
-    assert file.with_name(f"{name}.damaged1").read_bytes() == data
+    alarm = next(alarm for alarm in started(folder) if alarm["name"] == alarms.DAMAGE)
+    assert alarm["values"]["file"] == str(file) and alarm["values"]["aside"] == f"{JOURNAL}.damaged1"
+    assert file.with_name(f"{JOURNAL}.damaged1").read_bytes() == data
 
 
-def test_an_alarm_that_cannot_be_read_costs_no_other(folder: Path) -> None:
-    file = folder / "state" / "alarms.jsonl"
-    first = file.read_bytes()
-    file.write_bytes(b'{"id": 7, \xfe}\n' + first + b'{"id": 8, "ti')  # the last was cut by a loss of power
-    assert {"TEST", kept_file.ALARM} == {alarm["name"] for alarm in started(folder)}
-    file.write_bytes(first + b'{"id": 8, "ti')
-    assert {alarm["name"] for alarm in started(folder)} == {"TEST"}
+def test_an_alarm_that_is_damaged_costs_no_other_and_holds_every_start_back(folder: Path) -> None:
+    state = folder / "state"
+    with contextlib.closing(own_database.opened(state / service_store.FILE)) as sql:  # which keeps no sums
+        sql.execute("INSERT INTO alarms VALUES (7, '{}')")
+    found = {alarm["name"]: alarm for alarm in started(folder)}
+    assert found.keys() == {"TEST", alarms.DAMAGE}
+    assert found[alarms.DAMAGE]["values"]["what"] == "alarms 1"
+    assert (state / found[alarms.DAMAGE]["values"]["aside"]).exists()
+
+
+def test_counters_of_wear_in_a_store_that_is_no_store_any_more_are_those_of_its_copy(folder: Path) -> None:
+    state = folder / "state"
+    for end in own_database.BESIDE:
+        (state / f"{service_store.FILE}{end}").unlink()
+    (state / service_store.FILE).write_bytes(b"\xff" * 5000)
+    service = served(folder, MACHINE)
+    (alarm,) = (one for one in service.alarms.list() if one["name"] == alarms.DAMAGE)
+    assert alarm["key"] == "file_before" and alarm["values"]["aside"] == f"{service_store.FILE}.damaged1"
+    service.close()
 
 
 @pytest.mark.parametrize("name", [setup_data.FILE, setup_data.IN_SPINDLE])
@@ -404,7 +423,7 @@ def test_nothing_starts_with_damaged_offsets_or_an_unknown_tool_before_somebody_
     (state / name).write_bytes((state / name).read_bytes()[:-cut])
     service = served(folder, MACHINE)
     desk = CommandHandlers(service)
-    alarm = next(one for one in service.alarms.list() if one["name"] == kept_file.ALARM)
+    alarm = next(one for one in service.alarms.list() if one["name"] == alarms.DAMAGE)
     assert alarm["values"]["file"] == str(state / name)
     if name == setup_data.FILE:
         assert alarm["key"] == "file_before"
@@ -420,17 +439,18 @@ def test_nothing_starts_with_damaged_offsets_or_an_unknown_tool_before_somebody_
 
 
 def test_tools_of_which_a_bad_bit_has_cost_the_last_step_must_be_confirmed(folder: Path) -> None:
-    state = folder / "state"
-    with contextlib.closing(ToolStore(state / tool_store.FILE)) as tools:
+    state, name = folder / "state", service_store.FILE
+    with contextlib.closing(StoredTools(state)) as tools:
         assert tools.spindle == 2
         tools.confirm({1: 0, 2: 2})
         for end in ("", "-wal"):
-            shutil.copyfile(state / f"tools.db{end}", folder / f"tools.db{end}")
-    data = bytearray((folder / "tools.db-wal").read_bytes())
+            shutil.copyfile(state / f"{name}{end}", folder / f"{name}{end}")
+    data = bytearray((folder / f"{name}-wal").read_bytes())
     data[32 + 24 + 100] ^= 1  # in the page of the first frame
-    (folder / "tools.db-wal").write_bytes(data)
-    with contextlib.closing(ToolStore(folder / tool_store.FILE)) as tools:
-        assert tools.spindle is None and not tools.known
+    (folder / f"{name}-wal").write_bytes(data)
+    for _ in range(2):
+        with contextlib.closing(StoredTools(folder)) as tools:
+            assert tools.spindle is None and not tools.known
 
 
 def test_a_back_up_beside_a_note_that_cannot_be_read_says_so(folder: Path) -> None:

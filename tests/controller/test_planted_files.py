@@ -15,7 +15,10 @@ import shutil
 import sqlite3
 import struct
 import tempfile
+import time
+import traceback
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -23,9 +26,10 @@ import pytest
 from support.fakes import cutting_service
 from support.fakes.fake_engine import FakeEngine, served
 from support.machines.stepped_runs import shipped
+from support.machines.stored_tools import StoredTools
 from typer.testing import CliRunner
 
-from controller import atomic_file, own_files
+from controller import atomic_file, own_database, own_files
 from controller.api import backup
 from controller.api.store import Store
 from controller.api.uploads import UploadLimits
@@ -33,9 +37,8 @@ from controller.cli import backup as backup_verbs
 from controller.cli import dnc, panel_users
 from controller.ipc import control_socket
 from controller.ipc.handoff import ROW
-from controller.machine import arrangement, setup_data, tool_store
+from controller.machine import arrangement, setup_data
 from controller.machine import machine_file as config
-from controller.machine.tool_store import ToolStore
 from controller.messages import message
 from controller.plan.report import stored
 from controller.runtime import recording
@@ -49,6 +52,8 @@ from controller.service.thread_guard import InThread, ThreadGuard
 from controller.service.usage import Usage
 from controller.state.modes import Fault
 from controller.state.setpoints import SETPOINTS
+from controller.store import service_store, tool_store
+from controller.store.service_store import ServiceStore
 
 SERVICE, PANEL, GROUP = 64001, 64002, 64000
 needs_root = pytest.mark.skipif(os.geteuid() != 0, reason="a second user takes root to make")
@@ -83,8 +88,8 @@ def used() -> Iterator[Path]:
 def tmp_path(used: Path) -> Iterator[Path]:
     """A copy of it that every user comes to, as to /var/lib."""
     with tempfile.TemporaryDirectory() as made:
-        Path(made).chmod(0o755)
         place = shutil.copytree(used, Path(made).resolve(), symlinks=True, dirs_exist_ok=True)
+        place.chmod(0o755)  # which the copy has given it, too
         (place / "etc").mkdir()
         (place / "etc" / "new.toml").write_text(config.alone(config.load("trunnion")))
         (place / "outside").mkdir()
@@ -138,18 +143,18 @@ def _faults(state: Path, _: Path) -> None:
 
 
 def _tools(state: Path, _: Path) -> None:
-    with contextlib.closing(ToolStore(state / tool_store.FILE)) as tools:
+    with contextlib.closing(StoredTools(state)) as tools:
         tools.confirm({1: 1, 2: 0})
 
 
 def _usage(state: Path, _: Path) -> None:
-    usage = Usage(state, shipped())
+    usage = Usage(ServiceStore(state), shipped())
     usage.set_item("oil", "motion", 10.0)
     usage.save(at_once=True)
 
 
 def _probed(state: Path, _: Path) -> None:
-    probed = Probed(state)
+    probed = Probed(ServiceStore(state))
     probed.add("a.ngc", [{"cycle": "bore", "values": {"x_mm": 1.0}}])
     probed.save()
     probed.save_touches()
@@ -197,7 +202,7 @@ DONE: dict[str, Do] = {
     "fitted": _fitted,
     "journal": _journal,
     "check": _checked,
-    "alarm": lambda state, _: Alarms(state).add("TEST", message("stopped")),
+    "alarm": lambda state, _: Alarms(ServiceStore(state)).add("TEST", message("stopped")),
     "commissioned": lambda state, _: arrangement.save(state / "arranged", shipped(), []),
     "noted": lambda state, _: control_socket.note_runtime(state, Path("/run/directrix")),
 }
@@ -341,7 +346,11 @@ def test_nothing_that_takes_the_place_of_a_folder_of_the_service_is_written_or_e
 
 @pytest.mark.parametrize("plant", ["link", "hard link", "pipe", "folder"])
 @pytest.mark.parametrize(
-    "name", ["store.sqlite", "store.sqlite-wal", "store.sqlite-shm", "tools.db", "tools.db-wal", "log_in"]
+    "name",
+    [
+        *("store.sqlite", "store.sqlite-wal", "store.sqlite-shm", "service.sqlite", "service.sqlite-wal"),
+        *("service.sqlite.before", "tools.db", "log_in"),
+    ],
 )
 def test_nothing_beside_or_in_the_place_of_a_database_is_written_through(
     state: Path, outside: Path, plant: str, name: str
@@ -354,6 +363,63 @@ def test_nothing_beside_or_in_the_place_of_a_database_is_written_through(
             _refused(do, state, outside)
 
 
+def ends_well(user: int, do: Callable[[], object]) -> bool:
+    """Whether a process of a user that does it ends without an error."""
+    if (child := os.fork()) == 0:
+        try:
+            os.setgroups([])
+            os.setgid(GROUP)
+            os.setuid(user)
+            os.umask(0o007)
+            do()
+            os._exit(0)
+        except BaseException:
+            traceback.print_exc()
+            os._exit(1)
+    return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
+
+
+@needs_root
+def test_the_panel_reads_a_file_of_the_service_and_leaves_nothing_beside_it(state: Path) -> None:
+    """While the service has it open, was killed, or has closed it, and also where -shm is gone."""
+    file, places = state / service_store.FILE, {1: 1, 2: 0}
+
+    def write(until: int | None = None) -> None:
+        with contextlib.closing(StoredTools(state)) as tools:
+            tools.confirm(places)
+            if until is not None:
+                os.read(until, 1)
+
+    def write_and_die() -> None:
+        StoredTools(state).confirm(places)
+        os._exit(9)
+
+    def read() -> None:
+        assert tool_store.saved_rows(state)["places"] == [list(row) for row in places.items()]
+
+    for end in own_database.BESIDE:
+        file.with_name(file.name + end).unlink(missing_ok=True)
+    assert ends_well(SERVICE, write)
+    assert ends_well(PANEL, read) and ends_well(SERVICE, write)
+    told, tell = os.pipe()
+    with ThreadPoolExecutor(1) as beside:
+        written = beside.submit(ends_well, SERVICE, lambda: write(told))
+        while not file.with_name(f"{file.name}-shm").exists():
+            time.sleep(0.01)
+        assert ends_well(PANEL, read)
+        os.write(tell, b"x")
+        assert written.result()
+    assert not ends_well(SERVICE, write_and_die)
+    assert ends_well(PANEL, read)
+    file.with_name(f"{file.name}-shm").unlink()
+    assert not ends_well(PANEL, read)
+    assert {path.stat().st_uid for path in state.glob(f"{file.name}*")} == {SERVICE}
+    assert ends_well(SERVICE, write)
+    file.with_name(f"{file.name}-wal").touch()
+    os.chown(file.with_name(f"{file.name}-wal"), PANEL, GROUP)
+    assert ends_well(SERVICE, write), "what a reader of before has left is no reason not to start"
+
+
 def hot_journal(database: Path, victim: Path) -> bytes:
     """A rollback journal whose super-journal is the victim: SQLite deletes it when it has rolled back."""
     magic, name = bytes.fromhex("d9d505f920a163d7"), str(victim).encode()
@@ -362,7 +428,9 @@ def hot_journal(database: Path, victim: Path) -> bytes:
     return head.ljust(512, b"\0") + page + name + struct.pack(">II", len(name), sum(name)) + magic
 
 
-@pytest.mark.parametrize(("name", "do"), [("store.sqlite", VERBS["users add"]), ("tools.db", DONE["tools"])])
+@pytest.mark.parametrize(
+    ("name", "do"), [("store.sqlite", VERBS["users add"]), ("service.sqlite", DONE["tools"])]
+)
 def test_no_journal_that_is_planted_beside_a_database_deletes_what_it_names(
     state: Path, outside: Path, name: str, do: Do
 ) -> None:
@@ -413,7 +481,13 @@ def test_a_restore_replaces_the_machine_file_and_a_roll_back_puts_it_back_though
     victim, machine_file = outside / "victim", tmp_path / "etc" / "machine.toml"
     victim.write_text("x")
     machine_file.write_text(config.alone(config.load("trunnion")).replace("0.002", "0.004"))
-    for name in ("fitting.json.new", "fitting.json.old", "machine.json.new", "tools.db.old", "tools.db.new"):
+    for name in (
+        "fitting.json.new",
+        "fitting.json.old",
+        "machine.json.new",
+        "service.sqlite.old",
+        "service.sqlite.new",
+    ):
         (state / name).unlink(missing_ok=True)
         (state / name).symlink_to(victim)
     with unharmed(outside):
@@ -447,7 +521,8 @@ def test_a_name_leads_out_of_no_folder(tmp_path: Path) -> None:
 ROOM = Path(own_files.__file__).parent
 IN_STATE = [
     *(file for file in ROOM.glob("service/*.py") if file.stem not in ("pendant", "socket_server")),
-    *(ROOM / "machine" / f"{name}.py" for name in ("setup_data", "tool_store", "arrangement")),
+    *(ROOM / "machine" / f"{name}.py" for name in ("setup_data", "arrangement")),
+    *(ROOM / "store").glob("*.py"),
     *(ROOM / "api" / f"{name}.py" for name in ("backup", "database", "programs", "uploads", "log_in_marker")),
     *(ROOM / name for name in ("runtime/recording.py", "plan/report/stored.py", "ipc/control_socket.py")),
 ]

@@ -11,16 +11,18 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from support.machines.stored_tools import StoredTools
 from support.suite.seed import SEED
 
 from controller import own_database, sealed_rows
 from controller.api.database import StoreError
 from controller.api.store import DAMAGED, Store
 from controller.machine.toml_table import ConfigError
-from controller.machine.tool_store import Step, ToolStore
 from controller.messages import message
+from controller.store import service_store
+from controller.store.tool_store import Step
 
-STORE, TOOLS = "store.sqlite", "tools.db"
+STORE, TOOLS = "store.sqlite", service_store.FILE
 
 
 @pytest.fixture(scope="module")
@@ -39,7 +41,7 @@ def kept(tmp_path_factory: pytest.TempPathFactory) -> Path:
     store.alarms.add("TEST", message("stopped"), axis="X")
     store.queue.add("a.ngc", 3, "anna")
     store.close()
-    tools = ToolStore(folder / TOOLS)
+    tools = StoredTools(folder)
     tools.confirm({1: 1, 2: 0, 3: 3})
     tools.begin(Step(2, 3, 1, "to the pocket", 2, 2))
     tools.end()
@@ -66,7 +68,7 @@ def of_store(store: Store) -> dict[str, Any]:
     }
 
 
-def of_tools(tools: ToolStore) -> Any:
+def of_tools(tools: StoredTools) -> Any:
     return tools.spindle, dict(tools.places), tools.step, tools.log()
 
 
@@ -89,13 +91,13 @@ def flip_tools(folder: Path, times: int) -> int:
             (folder / f"{TOOLS}{end}").unlink(missing_ok=True)
         file.write_bytes(data)
         try:
-            tools = ToolStore(file)
-        except ConfigError:
+            tools = StoredTools(folder)
+        except (ConfigError, OSError):
             noticed += 1
             continue
         try:
-            found = None if tools.damaged is not None else of_tools(tools)
-        except sqlite3.Error:
+            found = None if tools.kept.losses else of_tools(tools)
+        except OSError:
             found = None
         finally:
             tools.close()
@@ -148,13 +150,17 @@ def changed(file: Path, *statements: str) -> None:
 
 def test_another_tool_in_the_spindle_must_be_confirmed_and_a_copy_is_put_aside(folder: Path) -> None:
     changed(folder / TOOLS, "UPDATE place SET pocket = 0 WHERE tool = 1")
-    tools = ToolStore(folder / TOOLS)
-    assert tools.spindle is None and not tools.known and tools.damaged is not None
-    assert tools.damaged["values"]["tables"] == "place 1" and (folder / "tools.db.damaged1").exists()
+    tools = StoredTools(folder)
+    (loss,) = tools.kept.losses
+    assert tools.spindle is None and not tools.known
+    assert loss["values"]["what"] == "place 1" and (folder / f"{TOOLS}.damaged1").exists()
+    tools.close()
+    tools = StoredTools(folder)
+    assert not tools.kept.losses and not tools.known, "as long as nobody has looked"
     tools.confirm({1: 1, 2: 0, 3: 3})
     tools.close()
-    tools = ToolStore(folder / TOOLS)
-    assert tools.damaged is None and tools.spindle == 2
+    tools = StoredTools(folder)
+    assert not tools.kept.losses and tools.spindle == 2
     tools.close()
 
 
@@ -199,10 +205,10 @@ def test_sums_follow_every_way_of_writing_a_row(tmp_path: Path) -> None:
         assert [name for name, _ in sealed_rows.damaged(sql)] == ["t"]
 
 
-def test_a_file_of_before_there_were_sums_is_taken_once(folder: Path) -> None:
-    changed(folder / TOOLS, "DROP TABLE sums", "UPDATE place SET pocket = 7 WHERE tool = 1")
-    for pocket, damaged in ((7, False), (8, True)):
-        tools = ToolStore(folder / TOOLS)
-        assert tools.places[1] == pocket and (tools.damaged is not None) is damaged
-        tools.close()
-        changed(folder / TOOLS, "UPDATE place SET pocket = 8 WHERE tool = 1")
+def test_a_store_of_before_there_were_sums_is_taken_once(folder: Path) -> None:
+    changed(folder / STORE, "DROP TABLE sums", "UPDATE settings SET value = '7'")
+    for damaged in (False, True):
+        with contextlib.closing(Store(folder)) as store:
+            store.sweep()
+            assert store.settings.all() == ({} if damaged else {"upload_mb": 7})
+        changed(folder / STORE, "UPDATE settings SET value = '8'")

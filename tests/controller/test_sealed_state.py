@@ -22,7 +22,6 @@ from controller.plan.report import stored
 from controller.runtime import events
 from controller.runtime.starts import Start
 from controller.service import owners, runs
-from controller.service.probed import Probed
 from controller.state import record_files
 from drives.arranged import Arranged
 
@@ -93,16 +92,7 @@ def _events(state: Path) -> Path:
     return file
 
 
-def _touched(state: Path) -> Path:
-    probed = Probed(state)
-    probed._head, probed._touches = "line,touched,X", ["5,1,8.0", "6,1,9.5"]
-    for _ in range(2):
-        probed.save_touches()
-    return state / record_files.TOUCHES
-
-
 KINDS = {
-    "touches": Kind(_touched, record_files.touches),
     "machine": Kind(_noted, lambda state: setup_data.noted(state).text),
     "status": Kind(_last, _status),
     "arranged": Kind(_arranged, lambda state: arrangement.load(state / arrangement.FOLDER, MACHINE)),

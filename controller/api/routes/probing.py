@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import csv
 import io
+import sqlite3
 from datetime import UTC, datetime
 from typing import Annotated, Any
 
@@ -19,7 +20,7 @@ from controller.api.roles import Role
 from controller.api.routes.machine import LOOKS
 from controller.messages import of_error
 from controller.program import probing_cycles
-from controller.state import record_files
+from controller.store import service_store
 
 router = APIRouter(tags=["probing"])
 Value = Annotated[float, Field(ge=-1000.0, le=1000.0)] | Annotated[str, Field(max_length=8)]
@@ -84,11 +85,11 @@ async def touches(request: Request) -> Response:
     """The last touches of the probe, as calibration, set-up and inspection take them."""
     state = panel_of(request).store.folder
     try:
-        lines = await asyncio.to_thread(record_files.touches, state)
+        lines = await asyncio.to_thread(service_store.document_of, state, "touches")
     except FileNotFoundError:
         raise Refusal.of(404, "missing", "no_touches") from None
-    except (OSError, ValueError, TypeError) as error:
-        file, why = state / record_files.TOUCHES, of_error(error)
+    except (OSError, ValueError, sqlite3.Error) as error:
+        file, why = state / service_store.FILE, of_error(error)
         raise StoreError.of("store", "store_unread", file=file, why=why) from error
     return Response("".join(f"{line}\n" for line in lines), media_type="text/csv")
 

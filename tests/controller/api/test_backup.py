@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from support.machines.stored_tools import StoredTools
 from support.suite.seed import SEED
 from typer.testing import CliRunner
 
@@ -27,9 +28,10 @@ from controller.api.store import Store, StoreError
 from controller.cli import backup as command
 from controller.cli import installation
 from controller.machine import machine_file as config
-from controller.machine import setup_data, tool_store
+from controller.machine import setup_data
 from controller.machine.toml_table import ConfigError
-from controller.machine.tool_store import AWAY, SPINDLE, Step, ToolStore
+from controller.store import service_store, tool_store
+from controller.store.tool_store import AWAY, SPINDLE, Step
 
 FITTED = {
     "offsets": {"G54": {"origin_mm": [1.0, 2.0, 3.0]}},
@@ -48,15 +50,15 @@ def put(store: Store, name: str, text: bytes) -> None:
 def state(store: Store) -> tuple[object, ...]:
     """All that a back-up holds."""
     programs = {p.name: store.programs.path(p.sha256).read_bytes() for p in store.programs.list()}
-    tools = tool_store.saved_rows(store.folder / tool_store.FILE)
+    tools = tool_store.saved_rows(store.folder)
     fitted = setup_data.load(store.folder), tools
     return programs, fitted, store.settings.all(), setup_data.machine(store.folder)
 
 
 @contextlib.contextmanager
-def tools_of(store: Store) -> Iterator[ToolStore]:
+def tools_of(store: Store) -> Iterator[StoredTools]:
     """The store of a tool changer, as the service has it open."""
-    opened = ToolStore(store.folder / tool_store.FILE)
+    opened = StoredTools(store.folder)
     try:
         yield opened
     finally:
@@ -142,8 +144,8 @@ def test_a_back_up_beside_a_change_has_what_the_disk_has(store: Store, tmp_path:
     step = Step(3, 7, 4, "arm down", carries=3, goes_to=2)
     with tools_of(store) as tools:
         tools.begin(step)
-        with tools._whole():
-            tools._db.execute("DELETE FROM place")
+        with tools._whole() as sql:
+            sql.execute("DELETE FROM place")
             made = backup.save(store, config.load("trunnion"), tmp_path / "beside.zip")
     other = Store(tmp_path / "other")
     backup.restore(other, backup.check(made), None, None)
@@ -153,7 +155,7 @@ def test_a_back_up_beside_a_change_has_what_the_disk_has(store: Store, tmp_path:
 
 def left_by_a_killed_service(store: Store) -> None:
     """A store whose last transactions are only in the file beside it."""
-    file = store.folder / tool_store.FILE
+    file = store.folder / service_store.FILE
     beside = file.with_name(f"{file.name}-wal")
     with tools_of(store) as tools:
         tools.confirm({7: SPINDLE})
@@ -167,10 +169,11 @@ def test_what_a_killed_service_left_beside_its_store_is_not_taken_into_the_resto
 ) -> None:
     left_by_a_killed_service(store)
     if broken:
-        (store.folder / tool_store.FILE).write_bytes(b"no store" * 1000)
-    backup.restore(store, backup.check(archive), None, setup_data.noted(store.folder))
+        (store.folder / service_store.FILE).write_bytes(b"no store" * 1000)
+    done = backup.restore(store, backup.check(archive), None, setup_data.noted(store.folder))
+    assert any(one["key"] == "file_damaged" for one in done) is broken
     with tools_of(store) as tools:
-        assert tools.places == PLACES and not tools.known
+        assert tools.places == PLACES and not tools.known and tools.kept.losses == []
 
 
 def test_a_back_up_of_before_there_were_changers_leaves_where_tools_are_to_be_confirmed(

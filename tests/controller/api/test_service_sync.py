@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import json
+import sqlite3
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +14,7 @@ from support.fakes.panels import Scene
 
 from controller.api.service_sync import Gatherer
 from controller.api.store import Store
-from controller.machine import setup_data
+from controller.store.service_store import FILE, ServiceStore
 
 ALARM = {
     "id": 1,
@@ -46,17 +48,19 @@ def write_run(store: Store, name: str, text: str) -> None:
     (folder / "run.json").write_text(text)
 
 
-def append(store: Store, *alarms: object) -> None:
-    with open(store.folder / "alarms.jsonl", "a", encoding="utf-8") as file:
-        file.writelines(f"{a if isinstance(a, str) else json.dumps(a)}\n" for a in alarms)
+def tell(store: Store, *alarms: dict[str, Any]) -> None:
+    """The service adds alarms, or has them say something else."""
+    with contextlib.closing(ServiceStore(store.folder)) as kept, kept.write() as sql:
+        for one in alarms:
+            sql.execute("INSERT OR REPLACE INTO alarms VALUES (?, ?)", (one["id"], json.dumps(one)))
 
 
 def test_alarms_are_taken_in_once_and_completed_by_later_lines(store: Store) -> None:
     gatherer = Gatherer(store.database, store.folder)
     assert not gatherer.gather()
-    append(store, ALARM)
+    tell(store, ALARM)
     assert gatherer.gather() and not gatherer.gather()
-    append(store, {**ALARM, "recording": "x.npz"}, "{cut off")
+    tell(store, {**ALARM, "recording": "x.npz"})
     assert gatherer.gather()
     [alarm] = store.alarms.list()
     assert (alarm.at_s, alarm.name, alarm.axis, alarm.key) == (1000.5, "FOLLOWING_ERROR", "X", "of_axis")
@@ -65,11 +69,22 @@ def test_alarms_are_taken_in_once_and_completed_by_later_lines(store: Store) -> 
     assert len(store.alarms.list()) == 1
 
 
+def test_an_alarm_that_is_not_as_it_was_written_is_not_taken_in_and_the_others_are(store: Store) -> None:
+    tell(store, ALARM)
+    with contextlib.closing(sqlite3.connect(store.folder / FILE)) as sql:  # which keeps no sums, as a bad bit
+        sql.execute("INSERT INTO alarms VALUES (7, '{cut off')")
+        sql.execute("INSERT INTO alarms VALUES (8, ?)", (json.dumps({**ALARM, "id": 8}),))
+        sql.commit()
+    gatherer = Gatherer(store.database, store.folder)
+    assert gatherer.gather() and not gatherer.gather()
+    assert [alarm.facts["number"] for alarm in store.alarms.list()] == [1]
+
+
 def test_what_was_kept_as_a_sentence_before_keys_were_is_still_told(tmp_path: Path) -> None:
     """Of the machine's file, and of rows of the store: the sentence as it was, whatever is asked for."""
     scene = Scene(tmp_path)
     old = {name: value for name, value in ALARM.items() if name not in ("key", "values")}
-    append(scene.store, {**old, "sentence": "X lags.", "cause": "A collision."}, {**ALARM, "id": 2})
+    tell(scene.store, {**old, "sentence": "X lags.", "cause": "A collision."}, {**ALARM, "id": 2})
     run = scene.store.runs.begin("part.ngc", "0" * 64)
     scene.store.runs.end(run, "fault", sentence="The tick was gone.")
 
@@ -86,11 +101,11 @@ def test_what_was_kept_as_a_sentence_before_keys_were_is_still_told(tmp_path: Pa
 
 
 def test_an_acknowledgement_of_either_side_counts_and_is_not_undone(store: Store) -> None:
-    append(store, ALARM, {**ALARM, "id": 2})
+    tell(store, ALARM, {**ALARM, "id": 2})
     gatherer = Gatherer(store.database, store.folder)
     gatherer.gather()
     store.alarms.acknowledge(1, "anna")
-    append(store, {**ALARM, "acknowledged_s": 1003.0}, {**ALARM, "id": 2, "acknowledged_s": 1004.0})
+    tell(store, {**ALARM, "acknowledged_s": 1003.0}, {**ALARM, "id": 2, "acknowledged_s": 1004.0})
     gatherer.gather()
     assert [(a.id, a.acknowledged_by) for a in store.alarms.list()] == [(2, "at the machine"), (1, "anna")]
 
@@ -117,16 +132,5 @@ def test_a_record_that_could_not_be_read_at_first_is_listed_later(store: Store) 
 @pytest.mark.parametrize("text", ["", "{", "[]", "null", '{"started_s": "x"}', '{"name": 1}'])
 def test_files_that_are_no_records_are_left_out(store: Store, text: str) -> None:
     write_run(store, "r", text)
-    append(store, text)
     Gatherer(store.database, store.folder).gather()
-    assert store.runs.list() == [] and store.alarms.list() == []
-
-
-def test_offsets_and_tools_are_those_that_were_fitted_last(store: Store) -> None:
-    gatherer = Gatherer(store.database, store.folder)
-    setup_data.save(store.folder, {"offsets": {"G54": [1.0, 2.0, 3.0]}, "tools": {"2": {"radius_mm": 1.0}}})
-    assert gatherer.gather() and not gatherer.gather()
-    assert store.offsets.all() == {"G54": [1.0, 2.0, 3.0]} and store.tools.all() == {2: {"radius_mm": 1.0}}
-    setup_data.save(store.folder, {"offsets": {}, "tools": {"2": None, "31": {"radius_mm": 7.5}}})
-    assert gatherer.gather()
-    assert store.offsets.all() == {} and store.tools.all() == {2: None, 31: {"radius_mm": 7.5}}
+    assert store.runs.list() == []

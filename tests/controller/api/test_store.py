@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import os
 import signal
@@ -155,13 +156,30 @@ def test_the_first_acknowledgement_of_an_alarm_counts(store: Store) -> None:
         store.alarms.acknowledge(alarm + 1, "anna")
 
 
-def test_offsets_tools_and_settings_are_values_by_name(store: Store) -> None:
-    store.offsets.set("G54", {"origin_mm": [1.0, 2.0, 3.0]}, "me")
-    store.tools.set(2, {"radius_mm": 1.5}, "me")
-    assert store.offsets.all() == {"G54": {"origin_mm": [1.0, 2.0, 3.0]}}
-    assert store.tools.get(2) == {"radius_mm": 1.5}
-    store.offsets.remove("G54")
-    assert store.offsets.get("G54", "none") == "none"
+def test_settings_are_values_by_name(store: Store) -> None:
+    store.settings.set("language", "de", "me")
+    store.settings.put({"upload_mb": 8, "notices": {"mail": [1, 2]}}, "me")
+    assert store.settings.all() == {"language": "de", "notices": {"mail": [1, 2]}, "upload_mb": 8}
+    store.settings.remove("language")
+    assert store.settings.get("language", "none") == "none"
+
+
+def test_a_store_of_before_gives_up_its_copies_of_what_the_service_keeps(tmp_path: Path) -> None:
+    """And keeps what is its own; the whole of before lies beside it."""
+    with contextlib.closing(sqlite3.connect(tmp_path / "store.sqlite")) as sql:
+        for version, step in enumerate(database.MIGRATIONS[:5], 1):
+            sql.executescript(step)
+            sql.execute(f"PRAGMA user_version = {version}")
+        sql.execute("INSERT INTO offsets VALUES ('G54', '{}', 1, 'me')")
+        sql.execute("INSERT INTO settings VALUES ('language', '\"de\"', 1, 'me')")
+        sql.commit()
+    with contextlib.closing(Store(tmp_path)) as store:
+        assert store.settings.all() == {"language": "de"}
+        store.sweep()
+        assert store.alarms.list() == []
+        tables = {row[0] for row in store.database.rows("SELECT name FROM sqlite_master")}
+        assert "settings" in tables and not {"offsets", "tools"} & tables
+    assert (tmp_path / "store.schema5.sqlite").exists()
 
 
 def test_users_tokens_and_the_audit_log(store: Store) -> None:

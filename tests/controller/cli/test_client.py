@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import csv
 import hashlib
 import json
+import sqlite3
 from collections.abc import Callable
 from io import StringIO
 from pathlib import Path
@@ -28,8 +30,8 @@ from controller.cli import client_lists, remote
 from controller.ipc.control_socket import LAST
 from controller.machine import machine_file
 from controller.messages import plain
-from controller.state import record_files
 from controller.state.modes import Fault, fault_message
+from controller.store.service_store import ServiceStore
 
 ASK = CliRunner()
 PROGRAM = b"g90\ng0 x1\nm30\n"
@@ -143,16 +145,15 @@ def test_the_touches_of_the_probe_are_written_as_a_table(panel: Panel, tmp_path:
     ran = run("probe", "--touches", str(tmp_path / "t.csv"))
     assert ran.exit_code == 1 and "probe first" in ran.stderr
     kept = "line,touched,X,Y,Z\n5,1,8.0,96.0,212.699\n"
-    (panel.store.folder / "touches.csv").write_text(kept)
+    with contextlib.closing(ServiceStore(panel.store.folder)) as store:
+        store.put("touches", kept.splitlines())
     assert "1 touches written" in done("probe", "--touches", str(tmp_path / "t.csv"))
-    assert (tmp_path / "t.csv").read_text() == kept, "as a version before kept them"
-    file = panel.store.folder / record_files.TOUCHES
-    file.write_text(text := sealed_file.text([*kept.splitlines(), "6,1,9.5,96.0,212.7"], file.name))
-    assert "2 touches written" in done("probe", "--touches", str(tmp_path / "t.csv"))
-    assert (tmp_path / "t.csv").read_text() == kept + "6,1,9.5,96.0,212.7\n"
-    file.write_text(text.replace("9.5", "9.4"))
+    assert (tmp_path / "t.csv").read_text() == kept
+    with contextlib.closing(sqlite3.connect(store.file)) as sql:  # which keeps no sums, as a bad bit
+        sql.execute("UPDATE documents SET value = replace(value, '8.0', '9.0')")
+        sql.commit()
     ran = run("probe", "--touches", str(tmp_path / "t.csv"))
-    assert ran.exit_code == 1 and "checksum" in ran.stderr
+    assert ran.exit_code == 1 and "documents 1" in ran.stderr
 
 
 def test_jobs_of_maintenance_are_listed_made_and_done(panel: Panel, door: NotingDoor) -> None:

@@ -15,9 +15,10 @@ from typing import Any
 import pytest
 from support.live import browser
 from support.live.ports import free_port
+from support.machines.stored_tools import StoredTools
 
 from controller.cli import demo_panel
-from controller.machine import tool_store
+from controller.store.tool_store import Step
 
 ENDS_S = 90.0  # no test is meant to come near
 
@@ -26,11 +27,11 @@ def test_its_changer_knows_what_it_holds_whatever_the_last_one_was_doing(tmp_pat
     """Nobody could look into a simulated magazine, and confirm what is there before anything moves."""
     for _ in range(2):
         demo_panel.load_magazine(tmp_path)
-        with contextlib.closing(tool_store.ToolStore(tmp_path / tool_store.FILE)) as store:
+        with contextlib.closing(StoredTools(tmp_path)) as store:
             assert store.known and store.spindle == 1 and store.places[2] == 2 and store.step is None
-            store.begin(tool_store.Step(1, 2, 5, "Let it go", carries=True, goes_to=1))
+            store.begin(Step(1, 2, 5, "Let it go", carries=True, goes_to=1))
     demo_panel.load_magazine(tmp_path)
-    with contextlib.closing(tool_store.ToolStore(tmp_path / tool_store.FILE)) as store:
+    with contextlib.closing(StoredTools(tmp_path)) as store:
         assert store.known and store.step is None
 
 

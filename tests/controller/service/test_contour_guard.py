@@ -19,6 +19,7 @@ from controller.runtime.plan_messages import MotionFacts
 from controller.service.alarms import Alarms
 from controller.service.contour_guard import ContourGuard
 from controller.state.modes import Mode, Request
+from controller.store.service_store import ServiceStore
 
 MACHINE = shipped()
 AXES = len(MACHINE.axes)
@@ -43,7 +44,7 @@ class Service:
     """A guard with what it needs."""
 
     def __init__(self, folder: Path, tick: Tick | None = None, **machine: Any) -> None:
-        self.tick, self.alarms = tick or Tick(), Alarms(folder)
+        self.tick, self.alarms = tick or Tick(), Alarms(ServiceStore(folder))
         self.machine: Machine = replace(MACHINE, **machine)
         self.guard = ContourGuard(self.alarms, self.tick)  # type: ignore[arg-type]
         self.guard.begin(self.machine)

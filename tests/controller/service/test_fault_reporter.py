@@ -17,6 +17,7 @@ from controller.runtime.recording import CAUSE_S, KEPT_S, STOP_S, Keeper
 from controller.service.alarms import Alarms
 from controller.service.fault_reporter import Troubles
 from controller.state.modes import FAULTS, Fault, Mode, Reaction
+from controller.store.service_store import ServiceStore
 
 MACHINE = shipped()
 IDLE = blank()
@@ -52,7 +53,11 @@ class Site:
     """Troubles that look at a machine ten seconds after its start; a test moves it on."""
 
     def __init__(self, folder: Path, recordings: Path | None = None) -> None:
-        self.alarms, self.recorder, self.writer = Alarms(folder), Recorder(rows=16384), _Writer()
+        self.alarms, self.recorder, self.writer = (
+            Alarms(ServiceStore(folder)),
+            Recorder(rows=16384),
+            _Writer(),
+        )
         self.troubles = Troubles(MACHINE, self.alarms, self.writer)
         self.troubles.record_by(Keeper(MACHINE, self.recorder, {}, recordings or folder / "recordings"))
         self.now = IDLE._replace(tick=0, mode=Mode.RUNNING, fault_axis=-1)

@@ -15,15 +15,15 @@ from support.machines.stepped_runs import shipped
 from controller import messages
 from controller.commands.table import SWITCHED
 from controller.ipc.control_socket import CommandRefused
-from controller.machine.tool_store import Step, placed
 from controller.messages import message
 from controller.plan.restart.program_position import Spot
-from controller.service import jobs, journal, kept_file, sequences
+from controller.service import alarms, jobs, journal, sequences
 from controller.service.command_handlers import CommandHandlers
 from controller.service.sequencer import Sequence
 from controller.service.thread_guard import InThread
 from controller.service.watchdog import Pulse
 from controller.state.modes import ALL_AXES, Fault, Mode, Request
+from controller.store.tool_store import Step, placed
 
 TEXT = "G21 G90 G54\nG1 X10. F3000\nG1 X20.\nM30\n"
 QUESTIONS = ("worn", "unrecorded")  # that a start asks before it begins
@@ -124,7 +124,7 @@ class Scene:
         elif running is None and draw.random() < 0.1:
             changer.store.begin(Step(0, 2, 1, "Over it", 2, 2))
         if draw.random() < 0.1:
-            service.alarms.add(kept_file.ALARM, message("file_damaged", file="usage", why="?", aside="-"))
+            service.alarms.add(alarms.DAMAGE, message("file_damaged", file="usage", why="?", aside="-"))
         if draw.random() < 0.15:
             service.thread.found = InThread(draw.choice((4.0, 0.0)), draw.choice((1.0, 0.0)), 7, "plate.ngc")
         job = service.run.loaded

@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 from support.fakes.fake_engine import done
 
+from controller.machine import machine_file
+from controller.plan.planner import Touch
+from controller.program.program import Probed as Came
 from controller.runtime.plan_messages import Announcement, News
+from controller.service import probed
 from controller.service.command_handlers import CommandHandlers
-from controller.service.probed import FILE, KEPT, Probed, found
+from controller.service.probed import KEPT, Probed, found
 from controller.service.service import Service
-from controller.state import record_files
+from controller.store.service_store import ServiceStore, document_of
 
 BORE = {"cycle": "bore", "values": {"x_mm": -0.25, "diameter_mm": 20.0}}
 
@@ -35,11 +40,11 @@ def test_a_message_of_a_name_and_values_is_a_result(text: str, told: dict[str, A
 
 
 def test_results_are_there_after_a_restart_and_no_more_than_are_kept(tmp_path: Path) -> None:
-    kept = Probed(tmp_path)
+    kept = Probed(ServiceStore(tmp_path))
     for k in range(KEPT + 3):
         kept.add(f"{k}.ngc", [BORE])
     kept.save()
-    for told in (kept.to_json(), Probed(tmp_path).to_json()):
+    for told in (kept.to_json(), Probed(ServiceStore(tmp_path)).to_json()):
         assert [row["program"] for row in told] == [f"{k}.ngc" for k in range(KEPT + 2, 2, -1)]
         assert told[0].items() >= BORE.items() and told[0]["at_s"] >= told[-1]["at_s"]
 
@@ -64,23 +69,22 @@ def test_what_a_run_finds_is_in_the_table_and_in_its_record(desk: CommandHandler
     assert record.end("completed")["found"] == [BORE, BORE]
 
 
-@pytest.mark.parametrize("text", ["", "{}", "[1, null]", "no JSON"])
-def test_what_is_not_sound_is_begun_anew(tmp_path: Path, text: str) -> None:
-    (tmp_path / FILE).write_text(text)
-    kept = Probed(tmp_path)
-    kept.add("a.ngc", [BORE])
-    assert [row["program"] for row in kept.to_json()] == ["a.ngc"]
-
-
-def test_touches_of_a_version_before_are_taken_over_and_damaged_ones_are_an_alarm(tmp_path: Path) -> None:
-    (tmp_path / record_files.OLDER_TOUCHES).write_text("line,X\n5,1.0\n")
-    probed = Probed(tmp_path)
-    assert record_files.touches(tmp_path) == ["line,X", "5,1.0"] and probed.touches_damaged is None
-    probed.save_touches()
-    assert not (tmp_path / record_files.OLDER_TOUCHES).exists()
-    probed._touches.append("6,2.0")
-    probed.save_touches()
-    file = tmp_path / record_files.TOUCHES
-    file.write_text(file.read_text().replace("6,2.0", "6,3.0"))
-    probed = Probed(tmp_path)
-    assert probed.touches_damaged is not None and probed._touches == ["5,1.0"]
+def test_the_last_touches_are_there_after_a_restart_and_of_another_machine_all_are_begun_anew(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(probed, "KEPT_TOUCHES", 3)
+    kept, machine = Probed(ServiceStore(tmp_path)), machine_file.load("trunnion")
+    touch = Touch(5, Came(True, (0.0,) * 5, (0.0,) * 5), (0.0, 0.0, -1.0), 2, 5.0)
+    for line in range(5):
+        kept.touch([touch._replace(line=line)], machine)
+    kept.save_touches()
+    head, *lines = document_of(tmp_path, "touches")
+    assert head.startswith("line,") and [line.split(",")[0] for line in lines] == ["2", "3", "4"]
+    again = Probed(ServiceStore(tmp_path))
+    again.touch([touch], machine)
+    again.save_touches()
+    assert document_of(tmp_path, "touches")[1:3] == lines[1:]
+    three = replace(machine, axes=machine.axes[:3])
+    again.touch([Touch(7, Came(True, (0.0,) * 3, (0.0,) * 3), (0.0, 0.0, -1.0), 2, 5.0)], three)
+    again.save_touches()
+    assert len(document_of(tmp_path, "touches")) == 2

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import sqlite3
 from collections import deque
 from pathlib import Path
 
@@ -12,7 +14,7 @@ from support.machines.stepped_runs import shipped
 from controller import messages
 from controller.ipc.control_socket import CommandRefused
 from controller.ipc.handoff import Snapshot, blank
-from controller.service import jobs, sequences
+from controller.service import alarms, jobs, sequences, watch
 from controller.service.command_handlers import CommandHandlers
 from controller.service.folders import Folders
 from controller.service.service import Service
@@ -137,3 +139,23 @@ def test_how_long_what_is_loaded_would_take_is_known_anew_where_the_machine_has_
     assert looks() == 1 and looks() == 0
     engine.now = engine.now._replace(mode=Mode.JOG, joints=(x + 9.0, *others))
     assert looks() == 0, "not while it moves"
+
+
+def test_what_is_damaged_in_the_store_while_it_serves_is_an_alarm_within_a_day(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    service = fake_engine.served(tmp_path)
+    service.usage.set_item("oil", "motion", 10.0)
+    service.usage.save(at_once=True)
+    with contextlib.closing(sqlite3.connect(service.store.file)) as sql:  # which keeps no sums, as a bad bit
+        sql.execute("UPDATE documents SET value = '{}'")
+        sql.commit()
+    service.watch.look()
+    service.writer.submit(int).result()
+    assert service.alarms.list() == []
+    monkeypatch.setattr(watch, "CHECK_S", 0.0)
+    service.watch.look()
+    service.writer.submit(int).result()
+    (alarm,) = service.alarms.list()
+    assert alarm["name"] == alarms.DAMAGE and alarm["values"]["what"] == "documents 1"
+    service.close()

@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 from support.live.served_machine import Serving, Values, calm, serving
 
-from controller import sealed_file
+from controller import own_database, sealed_file
+from controller.store import service_store
 
 pytestmark = [pytest.mark.slow, pytest.mark.live, pytest.mark.calm]
 
@@ -46,6 +47,11 @@ def fitted(service: Serving) -> Values:
     return dict(sealed_file.read(file)) if file.exists() else {}
 
 
+def probed_on_disk(service: Serving) -> bool:
+    with own_database.reading(service.state / service_store.FILE) as sql:
+        return sql.execute("SELECT 1 FROM documents WHERE name = 'probed'").fetchone() is not None
+
+
 def offset(service: Serving, name: str = "G56") -> Values:
     return dict(service.ask("facts")["offsets"][name])
 
@@ -73,7 +79,7 @@ def test_an_offset_is_set_at_its_line_and_outlives_the_service(service: Serving,
     service.ended()
     service.done("mdi", text="(LOG, mine way_mm=#5420)\nG4 P0.01")
     service.ended()
-    service.until(lambda _: (service.state / "probed.json").exists(), "what was found on the disk")
+    service.until(lambda _: probed_on_disk(service), "what was found on the disk")
     service.process.kill()  # as a loss of power
     service.process.wait()
     with serving(tmp_path, *options(tmp_path)) as again:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import random
+import sqlite3
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -18,10 +20,11 @@ from controller.plan.timetable import Event, Timetable
 from controller.plan.waits import BY_HAND, CHANGE, OPTIONAL, STOP
 from controller.program.modal import power_on
 from controller.runtime.plan_messages import Program
-from controller.service.durations import Durations
+from controller.service.durations import of_service, of_state
 from controller.service.jobs import Job, settles_s
 from controller.service.time_left import TimeLeft
 from controller.state.modes import Request
+from controller.store.service_store import ServiceStore
 
 SLOW_S = 0.01  # a tick of the machines here: a fifth of what shipped ones cost
 START, OVERRIDE, SHOP = 0.005, 0.001, 0.03  # shares of what is left by which it may be told wrong
@@ -244,23 +247,26 @@ def test_a_change_by_hand_is_a_tool_and_a_stop() -> None:
 
 
 def test_what_a_wait_took_last_is_expected_of_the_next_of_its_name(tmp_path: Path) -> None:
-    durations = Durations(tmp_path)
-    event = Event(2.0, 3, Wait("Grip", 0.5))
-    assert durations.of(event) == 0.5
+    """Of the service after its next start, and of who only reads."""
+    durations, event = of_service(ServiceStore(tmp_path)), Event(2.0, 3, Wait("Grip", 0.5))
+    assert durations.of(event) == of_state(tmp_path / "none").of(event) == 0.5
     for seconds in (0.7, 9.0, 0.8):
         durations.learn("Grip", seconds)
     durations.save()
-    again = Durations(tmp_path)
-    assert again.of(event) == 0.8 and again.damaged is None
-    assert again.of(event._replace(wait=event.wait._replace(name="Swing"))) == 0.5
+    for again in (of_service(ServiceStore(tmp_path)), of_state(tmp_path)):
+        assert again.of(event) == 0.8
+        assert again.of(event._replace(wait=event.wait._replace(name="Swing"))) == 0.5
 
 
-def test_durations_that_cannot_be_read_are_put_aside(tmp_path: Path) -> None:
-    (tmp_path / "durations.json").write_text('{"Grip": 3}')
-    assert Durations(tmp_path, own=False).damaged is None and (tmp_path / "durations.json").exists()
-    found = Durations(tmp_path)
-    assert found.damaged is not None and found.of(Event(0.0, 1, Wait("Grip", 0.5))) == 0.5
-    assert list(tmp_path.glob("durations.json*")) and not (tmp_path / "durations.json").exists()
+def test_durations_that_are_damaged_are_not_expected(tmp_path: Path) -> None:
+    with contextlib.closing(ServiceStore(tmp_path)) as store:
+        store.put("durations", {"Grip": [0.8]})
+        event = Event(0.0, 1, Wait("Grip", 0.5))
+        assert of_state(tmp_path).of(event) == 0.8
+        with contextlib.closing(sqlite3.connect(store.file)) as sql:  # which keeps no sums, as a bad bit
+            sql.execute("UPDATE documents SET value = replace(value, '0.8', '0.9')")
+            sql.commit()
+        assert of_state(tmp_path).of(event) == 0.5
 
 
 @pytest.mark.slow

@@ -6,7 +6,6 @@ import contextlib
 import math
 import random
 import signal
-import sqlite3
 import subprocess
 import sys
 import threading
@@ -28,11 +27,11 @@ from support.machines.changer_bench import (
     machine,
     nothing_moves,
 )
+from support.machines.stored_tools import StoredTools
 
 from controller.ipc.control_socket import CommandRefused
 from controller.machine import machine_file
 from controller.machine.toml_table import ConfigError
-from controller.machine.tool_store import Step, ToolStore, placed
 from controller.messages import Message, text
 from controller.motion.pieces import FIRST_MARK
 from controller.plan.restart.program_position import AFTER_CHANGE, ENTRY_ID, Spot
@@ -44,6 +43,7 @@ from controller.runtime.starts import Start, path_from
 from controller.runtime.stepped import SteppedMachine
 from controller.service.command_handlers import CommandHandlers
 from controller.state.modes import TOOL_CHANGE, Fault, Mode, Request
+from controller.store.tool_store import Step, placed
 
 
 def _changes(folder: Path, seed: int, count: int, changer: str) -> Counter[str]:
@@ -386,8 +386,9 @@ def test_where_tools_are_must_be_confirmed_once(tmp_path: Path) -> None:
 _WRITER = """
 import sys
 from pathlib import Path
-from controller.machine.tool_store import Step, ToolStore
-store, spindle = ToolStore(Path(sys.argv[1])), 0
+from controller.store.service_store import ServiceStore
+from controller.store.tool_store import Step, ToolStore
+store, spindle = ToolStore(ServiceStore(Path(sys.argv[1]))), 0
 print("begun", flush=True)
 while True:
     for tool in (1, 2, 3):
@@ -398,17 +399,16 @@ while True:
 
 
 def test_a_store_whose_writer_is_killed_knows_every_tool(tmp_path: Path) -> None:
-    file = tmp_path / "tools.db"
-    store = ToolStore(file)
+    store = StoredTools(tmp_path)
     store.confirm(placed((1, 2, 3), 0, ()))
     store.close()
     for k in range(3):
-        writer = subprocess.Popen([sys.executable, "-c", _WRITER, str(file)], stdout=subprocess.PIPE)
+        writer = subprocess.Popen([sys.executable, "-c", _WRITER, str(tmp_path)], stdout=subprocess.PIPE)
         assert writer.stdout is not None and writer.stdout.readline()
         time.sleep(0.02 + 0.013 * k)
         writer.send_signal(signal.SIGKILL)
         writer.wait()
-        store = ToolStore(file)
+        store = StoredTools(tmp_path)
         places, step = store.places, store.step
         assert set(places) == {1, 2, 3}
         for tool, pocket in places.items():
@@ -419,19 +419,19 @@ def test_a_store_whose_writer_is_killed_knows_every_tool(tmp_path: Path) -> None
 
 
 def test_who_asks_where_the_tools_are_waits_for_no_writer_and_sees_only_what_is_kept(tmp_path: Path) -> None:
-    store = ToolStore(tmp_path / "tools.db")
+    store = StoredTools(tmp_path)
     store.confirm(placed((1, 2, 3), 2, ()))
     asked = list[object]()
 
     def ask() -> None:
         asked.extend((store.spindle, store.step, dict(store.places)))
 
-    with contextlib.suppress(sqlite3.IntegrityError), store._whole():
-        store._db.execute("DELETE FROM place")
+    with contextlib.suppress(KeyError), store._whole() as sql:
+        sql.execute("DELETE FROM place")
         asking = threading.Thread(target=ask, daemon=True)
         asking.start()
         asking.join(30.0)
-        raise sqlite3.IntegrityError
+        raise KeyError
     assert asked == [2, None, {1: 1, 2: 0, 3: 3}]
     assert store.spindle == 2, "taken back"
     store.begin(Step(2, 0, 0, "put away", 2, 2))

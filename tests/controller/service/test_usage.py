@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -27,6 +26,7 @@ from controller.service.command_handlers import CommandHandlers
 from controller.service.service import Service
 from controller.service.usage import Usage
 from controller.state.modes import Mode
+from controller.store.service_store import ServiceStore
 
 MACHINE = shipped()
 NAMES = [axis.name for axis in MACHINE.axes]
@@ -63,7 +63,7 @@ def gone(path: np.ndarray, axis: int) -> float:
 
 
 def test_every_axis_is_counted_to_and_fro_however_the_rows_come(tmp_path: Path) -> None:
-    path, usage, at = walk(1000), Usage(tmp_path, MACHINE), 0
+    path, usage, at = walk(1000), Usage(ServiceStore(tmp_path), MACHINE), 0
     for size in (1, 7, 2, 490, 500):
         usage.take(rows(path[at : at + size], Mode.JOG, fed=False, first=at), 1, turning=True, fed={FED})
         at += size
@@ -77,14 +77,14 @@ def test_every_axis_is_counted_to_and_fro_however_the_rows_come(tmp_path: Path) 
 
 
 def test_a_zero_that_is_found_is_no_travel_nor_is_a_drive_that_is_off(tmp_path: Path) -> None:
-    usage, there = Usage(tmp_path, MACHINE), walk(1)
+    usage, there = Usage(ServiceStore(tmp_path), MACHINE), walk(1)
     usage.take(rows(np.vstack((there, there + 250.0, there + 250.0))), 1, turning=False, fed={FED})
     usage.take(rows(there + 250.0 + walk(50), Mode.OFF, first=3), 1, turning=False, fed={FED})
     assert [value(usage, name) for name in (*NAMES, "motion", "spindle")] == [0.0] * (len(NAMES) + 2)
 
 
 def test_a_tick_that_was_skipped_loses_no_way(tmp_path: Path) -> None:
-    usage, path = Usage(tmp_path, MACHINE), walk(100)
+    usage, path = Usage(ServiceStore(tmp_path), MACHINE), walk(100)
     kept = np.delete(np.arange(100), slice(40, 44))
     usage.take(rows(path)[kept], 1, turning=False, fed={FED})
     for i, name in enumerate(NAMES):
@@ -92,7 +92,7 @@ def test_a_tick_that_was_skipped_loses_no_way(tmp_path: Path) -> None:
 
 
 def test_a_tool_counts_its_cut_and_the_parts_that_it_was_in(tmp_path: Path) -> None:
-    usage = Usage(tmp_path, MACHINE)
+    usage = Usage(ServiceStore(tmp_path), MACHINE)
     usage.take(rows(walk(500)), 3, turning=False, fed={FED})
     usage.take(rows(walk(300), fed=False, first=500), 4, turning=False, fed={FED})
     usage.ended(whole_part=True)
@@ -105,7 +105,7 @@ def test_a_tool_counts_its_cut_and_the_parts_that_it_was_in(tmp_path: Path) -> N
 
 
 def test_a_tool_is_worn_by_its_time_its_way_or_its_parts(tmp_path: Path) -> None:
-    usage = Usage(tmp_path, MACHINE)
+    usage = Usage(ServiceStore(tmp_path), MACHINE)
     usage.take(rows(walk(500)), 3, turning=False, fed={FED})
     cut_s, cut_m = 500 * MACHINE.period_s, 500 * 4e-3 * MACHINE.period_s
     for life in ((cut_s / 60.0, None, None), (None, None, cut_m)):
@@ -117,42 +117,37 @@ def test_a_tool_is_worn_by_its_time_its_way_or_its_parts(tmp_path: Path) -> None
 
 
 def test_all_of_it_is_there_after_a_restart(tmp_path: Path) -> None:
-    usage = Usage(tmp_path, MACHINE)
+    usage = Usage(ServiceStore(tmp_path), MACHINE)
     usage.take(rows(walk(200)), 2, turning=True, fed={FED})
     usage.ended(whole_part=True)
     usage.set_life(2, 5.0, None)
     usage.set_item("grease", NAMES[0], 0.5)
     usage.save(at_once=True)
-    assert Usage(tmp_path, MACHINE).to_json() == usage.to_json()
-
-
-@pytest.mark.parametrize("text", ["", "[]", '{"travel": 1}', '{"travel": {"X": 1e999}, "hours": {}}', "\x00"])
-def test_a_file_that_is_not_sound_is_begun_anew(tmp_path: Path, text: str) -> None:
-    (tmp_path / module.FILE).write_text(text)
-    assert Usage(tmp_path, MACHINE).to_json() == Usage(tmp_path / "none", MACHINE).to_json()
+    assert Usage(ServiceStore(tmp_path), MACHINE).to_json() == usage.to_json()
 
 
 def test_it_is_kept_now_and_then_and_a_full_disk_loses_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    usage, real = Usage(tmp_path, MACHINE), module.sealed_file.write
+    store = ServiceStore(tmp_path)
+    usage = Usage(store, MACHINE)
 
     def full(*_: Any) -> None:
         raise OSError("full")
 
     usage.take(rows(walk(10)), 1, turning=False, fed={FED})
-    monkeypatch.setattr(module.sealed_file, "write", full)
+    monkeypatch.setattr(ServiceStore, "put", full)
     with pytest.raises(OSError):
         usage.save(at_once=True)
-    monkeypatch.setattr(module.sealed_file, "write", real)
+    monkeypatch.undo()
     usage.save()
-    assert not (tmp_path / module.FILE).exists(), "a moment after the last try"
+    assert not store.has(module.DOCUMENT), "a moment after the last try"
     usage.save(at_once=True)
-    assert json.loads((tmp_path / module.FILE).read_text())["hours"]["motion"] > 0.0
+    assert store.document(module.DOCUMENT, lambda found: found["hours"]["motion"], 0.0) > 0.0
 
 
 def test_what_comes_to_its_end_is_told_once_and_again_after_it_was_done(tmp_path: Path) -> None:
-    usage = Usage(tmp_path, MACHINE)
+    usage = Usage(ServiceStore(tmp_path), MACHINE)
     usage.set_life(1, None, 2)
     usage.set_item("grease", NAMES[0], 1e-6)
     assert usage.due() == []
@@ -161,7 +156,7 @@ def test_what_comes_to_its_end_is_told_once_and_again_after_it_was_done(tmp_path
         usage.ended(whole_part=True)
         assert [key for key, _ in usage.due()] == [["maintenance_due"], ["tool_worn"], []][part]
     usage.save(at_once=True)
-    assert Usage(tmp_path, MACHINE).due() == [], "nor after a restart"
+    assert Usage(ServiceStore(tmp_path), MACHINE).due() == [], "nor after a restart"
     usage.renew(1)
     usage.done("grease", "anna")
     assert usage.worn(1) == {} and usage.to_json()["items"][0]["used"] == 0.0
@@ -170,7 +165,7 @@ def test_what_comes_to_its_end_is_told_once_and_again_after_it_was_done(tmp_path
 
 
 def test_an_interval_begins_when_it_is_made(tmp_path: Path) -> None:
-    usage = Usage(tmp_path, MACHINE)
+    usage = Usage(ServiceStore(tmp_path), MACHINE)
     usage.take(rows(walk(200)), 1, turning=False, fed={FED})
     usage.set_item("grease", NAMES[0], 1e-3)
     assert usage.to_json()["items"][0]["used"] == 0.0
@@ -244,7 +239,7 @@ def worn_again(service: Service, tool: int) -> None:
 def test_a_sister_comes_in_the_place_of_what_is_worn(
     tmp_path: Path, sisters: dict[int, int], worn_ones: list[int], known: set[int], found: dict[str, int]
 ) -> None:
-    usage = Usage(tmp_path, MACHINE)
+    usage = Usage(ServiceStore(tmp_path), MACHINE)
     for tool in (1, 2, 3):
         usage.set_life(tool, None, 1, None, sisters.get(tool))
     for tool in worn_ones:

@@ -9,9 +9,10 @@ import pytest
 from support.live import browser
 from support.live.browser import Site, until
 from support.machines import changer_bench
+from support.machines.stored_tools import StoredTools
 
-from controller.machine.tool_store import AWAY, SPINDLE, Step, ToolStore, placed
 from controller.service.tool_changer import ToolChanger
+from controller.store.tool_store import AWAY, SPINDLE, Step, ToolStore, placed
 
 pytestmark = pytest.mark.slow
 
@@ -23,7 +24,7 @@ class NoTick:
 
 @pytest.fixture
 def store(tmp_path: Path) -> Any:
-    made = ToolStore(tmp_path / "tools.db")
+    made = StoredTools(tmp_path)
     yield made
     made.close()
 

@@ -9,7 +9,7 @@ import pytest
 from support.live import browser, live_page, shop
 
 from controller.machine import machine_file
-from controller.machine.tool_store import FILE
+from controller.store.service_store import FILE
 
 pytestmark = [pytest.mark.slow, pytest.mark.live, pytest.mark.calm]
 

@@ -36,6 +36,7 @@ from controller.service.next_step import next_step
 from controller.service.refusals import refused
 from controller.service.usage import Usage
 from controller.state.modes import ALL_AXES, Fault, Mode, fault_message
+from controller.store.service_store import ServiceStore
 from controller.verify import wording
 from controller.web.server import add_page
 
@@ -53,7 +54,7 @@ class MovingDoor(FakeDoor):
         super().__init__()
         self.mode = "READY"
         self._told = folder / TOLD
-        self._usage = Usage(folder, MACHINE)
+        self._usage = Usage(ServiceStore(folder), MACHINE)
         self._asked = open(folder / "asked.jsonl", "a", buffering=1)  # noqa: SIM115
         self._where = dict.fromkeys(AXES, 0.0)
         self._jog: tuple[str, float, float, float] | None = None  # axis, speed, last look, until

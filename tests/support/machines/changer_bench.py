@@ -13,9 +13,10 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from support.machines.stored_tools import StoredTools
+
 from controller.machine import machine_file
 from controller.machine.model import Machine
-from controller.machine.tool_store import SPINDLE, ToolStore, placed
 from controller.messages import message, text
 from controller.motion.pieces import STANDSTILL
 from controller.plan.stretch import Chain, Pause
@@ -24,6 +25,7 @@ from controller.runtime.starts import Start
 from controller.runtime.stepped import SteppedMachine
 from controller.service.tool_changer import ToolChanger
 from controller.state.modes import Fault, Mode, Request
+from controller.store.tool_store import SPINDLE, placed
 from drives.bench.simulated.io_node import IoNode
 
 CHANGER = """
@@ -300,7 +302,7 @@ class ChangerBench:
 
     def __init__(self, folder: Path, changer: str = CHANGER) -> None:
         self.machine = machine(changer)
-        self.file = folder / "tools.db"
+        self.folder = folder
         self.magazine = Magazine(self.machine, {tool: tool for tool in TOOLS})
         self.alarms: list[tuple[str, str]] = []
         self.worn: set[int] = set()
@@ -318,7 +320,7 @@ class ChangerBench:
 
     def restart_service(self) -> None:
         """As after a SIGKILL: nothing is told to anybody, and what is on the disk is all that is known."""
-        self.store = ToolStore(self.file)
+        self.store = StoredTools(self.folder)
         self.changer = ToolChanger(
             self.store,
             lambda: self.machine.changer,  # type: ignore[arg-type, return-value]

@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from support.machines.planning_bench import Bench
+from support.machines.stored_tools import StoredTools
 
 from controller.machine.model import Machine
-from controller.machine.tool_store import ToolStore, placed
 from controller.plan.restart.program_position import Spot
 from controller.runtime.plan_messages import Answer, Program
 from controller.service.durations import Durations
@@ -21,6 +21,7 @@ from controller.service.jobs import Job, settles_s
 from controller.service.time_left import Left
 from controller.service.tool_changer import ToolChanger
 from controller.state.modes import Mode, Request
+from controller.store.tool_store import placed
 
 LOOK_TICKS = 2
 MOST_TICKS = 20_000
@@ -41,12 +42,12 @@ class TimedRun(Bench):
     """One machine, on which programs are run one after another."""
 
     def __init__(self, folder: Path, machine: Machine) -> None:
-        self.durations = Durations(folder)
-        self.store: ToolStore | None = None
+        self.durations = Durations({})
+        self.store: StoredTools | None = None
         self.changer: ToolChanger | None = None
         super().__init__(folder, machine)
         if machine.changer is not None:
-            self.store = ToolStore(folder / "tools.db")
+            self.store = StoredTools(folder)
             self.store.confirm(placed(machine.changer.pockets, 1, ()))
             self.changer = ToolChanger(
                 self.store,

@@ -18,6 +18,7 @@ from controller.runtime import checked
 from controller.runtime.stepped import SteppedMachine
 from controller.service.alarms import Alarms
 from controller.service.set_up import SetUp
+from controller.store.service_store import ServiceStore
 
 TRUNNION = shipped()
 CLAMPED = mill()
@@ -89,7 +90,7 @@ def test_a_run_stands_at_the_change_until_the_operator_goes_on() -> None:
 def test_the_tool_in_the_spindle_is_known_after_a_loss_of_power(tmp_path: Path) -> None:
     def known() -> int:
         """By the next service."""
-        return SetUp(TRUNNION, tmp_path, Alarms(tmp_path), lambda tool: None).tool
+        return SetUp(TRUNNION, tmp_path, Alarms(ServiceStore(tmp_path)), lambda tool: None).tool
 
     assert known() == 1
     setup_data.put_in(tmp_path, 3)
