@@ -23,7 +23,7 @@ from controller.motion.motions import ThreadMove
 from controller.state.modes import Fault
 from controller.tick.check import Check
 from controller.tick.coupling import Law
-from controller.tick.follow import Follow, Step
+from controller.tick.follow import Follow, Foreseen, Step
 from controller.tick.jog import Jogging
 from controller.tick.joints import INT32, Encoder
 from controller.tick.law_alone import LawAlone
@@ -90,11 +90,11 @@ class Ghost(Follow):
         self.tie = LawAlone(machine, follow.coupling)
         super().__init__(machine, kinematics_of(machine), self.tie, follow.queue)
 
-    def step(self, go: bool) -> Step:
+    def step(self, go: bool, foreseen: Foreseen | None = None) -> Step:
         if self._brake.active and self._brake.over:  # what comes after a stop is the first one's to say
             self._take(self.joints, 0.0)
             return Step.MOVED
-        return super().step(go)
+        return super().step(go, foreseen)
 
     def _arrive(self, wanted: bool) -> Step:
         return super()._arrive(False)
@@ -121,8 +121,8 @@ class Ghost(Follow):
         stands = self.joints == self.last
         stop = self._brake.rest if self._brake.active and not self._brake.over else None
         tau = self._clock.tau
-        if not len(queue) or queue[now].motion is None:
-            rests = stands and (not len(queue) or tau >= queue[now].end_s - ROUNDING or not self._goes)
+        if queue.is_empty or queue[now].motion is None:
+            rests = stands and (queue.is_empty or tau >= queue[now].end_s - ROUNDING or not self._goes)
             stays = before.s, before.motion, before.place, before.end
             return Row(self.joints, counts, *stays, tau, now, None, rests, False, self.tie.law)
         entry = queue[now]
@@ -165,7 +165,7 @@ class Ghost(Follow):
     def rests_at(self, row: Row) -> bool:
         """Whether the plan itself rests at a row, so that it can simply end there."""
         queue = self._queue
-        return row.rests or not len(queue) or (row.stop is None and queue[row.now].rests_at(row.tau))
+        return row.rests or queue.is_empty or (row.stop is None and queue[row.now].rests_at(row.tau))
 
 
 class Lookahead:
