@@ -79,6 +79,11 @@ class Conditions(NamedTuple):
     jog_speed: float = 0.0  # per tick; then all others are nothing
     by_hand: bool = False
 
+    @property
+    def marks(self) -> tuple[bool, bool]:
+        """Which of them count."""
+        return self.optional_stop, self.single_block
+
 
 STANDING: Final = Conditions()
 
@@ -211,16 +216,20 @@ class Lookahead:
 
         ``replaced_s``: plan time from which on the queue was replaced in this tick; infinite: it was not.
         """
-        rows = self.rows
-        same = conditions == self._conditions and bool(rows) and self._ghost.knows_its_place
-        if same and self._came_to(rows[0]):
+        rows, old = self.rows, self._conditions
+        known = bool(rows) and self._ghost.knows_its_place and self._came_to(rows[0])
+        if known and conditions == old:
             self.here = self._as_sent(rows.popleft())
             first, end = self._endless
             self._endless = (0, 0) if math.isfinite(replaced_s) else (first - 1, end - 1)
             last = rows[-1] if rows else self.here
-            if math.isinf(replaced_s) or (replaced_s > last.tau - ROUNDING and not last.rests):
+            behind = replaced_s > last.tau - ROUNDING and not (last.rests or self.path)
+            if math.isinf(replaced_s) or behind:
                 return True
-        self._begin(conditions)
+            known = False
+        # A hold for which no stop begins yet goes on along the same path, up to where one does.
+        same_path = known and old is not None and old.marks == conditions.marks and math.isinf(replaced_s)
+        self._begin(conditions, same_path or self._follow.stopping)
         return False
 
     def _came_to(self, row: Row) -> bool:
@@ -266,9 +275,10 @@ class Lookahead:
         self.before_stop = self._periods + EXTRA if jogging.goes else len(rows)
         return same and jogging.goes
 
-    def _begin(self, conditions: Conditions) -> None:
+    def _begin(self, conditions: Conditions, same_path: bool) -> None:
+        """Anew from where the tick is; with ``same_path`` what was seen of it stays to brake along."""
         ghost, before = self._ghost, self.here
-        if self._follow.stopping:
+        if same_path:
             s = self.rows[-1].s if self.rows else before.s
             rows = [self._by_law(row) for row in self.rows]
             self.path = [*rows, *(row for row in self.path if row.s > s)]
