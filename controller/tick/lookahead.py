@@ -190,6 +190,7 @@ class Lookahead:
         self.path: list[Row] = []
         self.here = self._standing()
         self.before_stop: int | None = None  # rows of a jog before its stop begins
+        self._covered = -math.inf  # s up to which the stop needs the path that was looked at last
         self._endless = 0, 0  # from that row to this one the plan neither rests nor has a stop
         self._known_stop: tuple[Row | None, Stop | None] = (None, None)  # of the row that was looked at last
         self._jog_speed = 0.0  # per tick, that the rows of a jog are towards; 0: all are those of its stop
@@ -303,7 +304,18 @@ class Lookahead:
         return [row._replace(law=law) for row in found]
 
     def fill(self) -> tuple[int, Stop | None]:
-        """Looks as far ahead as the stock needs it: rows that may be played, and the stop after them."""
+        """Looks as far ahead as the stock needs it: rows that may be played, and the stop after them.
+
+        A tick that needs no new row computes one all the same, if the next will need two: stops begin in
+        every second period, or more seldom.
+        """
+        seen = len(self.rows)
+        found = self._fill()
+        if seen == len(self.rows) > 1 and self.rows[-2].s < self._covered:
+            self._extend()
+        return found
+
+    def _fill(self) -> tuple[int, Stop | None]:
         rows, n = self.rows, self._periods
         self._take_corrections()
         if self._conditions is None:
@@ -356,7 +368,8 @@ class Lookahead:
             first, end = self._endless
             self._endless = (first if first <= i <= end else i, i + 1)
             return None
-        if not self._covers(row.s + self._at_most(stop)):
+        self._covered = row.s + self._at_most(stop)
+        if not self._covers(self._covered):
             return None
         by = row.by or (self._chain[-1] if self._chain else None)
         return stop if row.law is None or by is None else row.law.stop(stop, by)

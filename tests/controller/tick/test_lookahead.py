@@ -75,6 +75,7 @@ def test_on_a_thread_a_tick_computes_the_rows_that_are_new(
     ticks = len(work.stepped)
     assert ticks > 400
     assert 0.4 * ticks < sum(work.stepped) <= NEW * ticks and max(work.stepped) <= AT_ONCE
+    assert work.stepped.count(1) > 0.6 * ticks, "stops begin in every second tick, and no tick has two rows"
     turning = work.led[:300]
     assert 280 <= sum(turning) <= NEW * len(turning) and max(work.led) == periods
     anew = [stepped for stepped, led in zip(work.stepped, work.led, strict=True) if led == periods]
