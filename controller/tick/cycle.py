@@ -583,21 +583,20 @@ class Cycle:
             return
         modes, follow = self.modes, self.follow
         follow.heed(modes.optional_stop, modes.single_block or modes.phase is _ENDING)
-        self._waits = modes.running and self._must_wait()
+        running = modes.mode is _RUNNING
+        self._waits = running and self._must_wait()
         self.coupling.again = None if self.again is None else self.again.thread
-        running = modes.running and not self._waits
+        running = running and not self._waits
         self._along_path(follow.goes(running, modes.override, modes.rapid_override))
 
     def _along_path(self, go: bool) -> None:
         """One step of the path, and what comes of it."""
         modes, follow = self.modes, self.follow
-        if self.stock is not None:
-            follow.foresee(self.stock.foreseen)
-        step = follow.step(go)
+        step = follow.step(go, None if self.stock is None else self.stock.foreseen)
         self._arrived = step is _STOP or step is _END or step is _SET
-        follow.foresee(None)
-        if follow.piece is not None and not follow.piece.sets and modes.mode in FOLLOWING:
-            self.peripherals.switch(follow.piece.outputs)
+        piece = follow.piece
+        if piece is not None and not piece.sets and modes.mode in FOLLOWING:
+            self.peripherals.switch(piece.outputs)
         fault, axis = self._judge(step, self._check)
         self.peripherals.lead_spindle()
         if fault is not _NONE:

@@ -17,7 +17,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Sequence
 from enum import IntEnum
-from typing import Final, NamedTuple, Protocol
+from typing import Final, Protocol
 
 from controller.geometry.vectors import ROUNDING
 from controller.ipc.handoff import Piece, PieceMessage
@@ -50,19 +50,18 @@ _UNKNOWN_MOTION: Final = QueueRefusal.UNKNOWN_MOTION
 _MOVED: Final = Step.MOVED  # looked up every tick, and an enum's members are slow to look up
 
 
-class State(NamedTuple):
-    """What a step changes, so that it can be taken back."""
-
-    joints: Joints
-    last: Joints
-    before: Joints
-    clock: tuple[float, int]
-    rate: float
-    now: int
-    brake: tuple[bool, float, float, float, int, int]
-    tie: Tie | None
-    piece: Piece | None
-    s: float
+# What a step changes, so that it can be taken back: the number of the entry under the clock; joints, those
+# before and those before them; the clock, its rate; the stop; the tie; piece and place.
+State = tuple[
+    int,
+    tuple[Joints, Joints, Joints],
+    tuple[float, int],
+    float,
+    tuple[bool, float, float, float, int, int],
+    Tie | None,
+    Piece | None,
+    float,
+]
 
 
 class Foreseen(Protocol):
@@ -110,7 +109,7 @@ class Follow:
         self.epoch = 0  # queues given up so far
         self.refusal = _TAKEN  # of the last message
         self.optional_stop = self.single_block = False  # the operator's switches: which marks count
-        self._foreseen: Foreseen | None = None
+        self._foreseen: Foreseen | None = None  # of the step that is under way
         self._undo: deque[State] = deque(maxlen=STEPS_BACK)  # the last steps
 
     # -- state
@@ -164,7 +163,7 @@ class Follow:
 
     def clear(self) -> None:
         """Drops the queue where the clock stands; only at standstill."""
-        if len(self._queue) or self.piece is not None:
+        if not self._queue.is_empty or self.piece is not None:
             self.epoch += 1
         self._empty()
         self.last = self.before = self.joints
@@ -180,7 +179,7 @@ class Follow:
 
     def give_up(self) -> None:
         """What is queued is void; only at standstill. Where it stands on the path stays known."""
-        if len(self._queue):
+        if not self._queue.is_empty:
             self.epoch += 1
             self._empty()
 
@@ -305,13 +304,13 @@ class Follow:
 
     def _plan_rests(self) -> bool:
         """Whether the plan stands where the clock is, so that the clock may just stand, too."""
-        return not len(self._queue) or self._queue[self._now].rests_at(self._clock.tau)
+        return self._queue.is_empty or self._queue[self._now].rests_at(self._clock.tau)
 
     # -- one tick
 
     def goes(self, running: bool, override: float, rapid_override: float) -> bool:
         """Whether the clock is to run; an override of 0 stops what it is for."""
-        piece = self._queue[self._now].piece if len(self._queue) else self.piece
+        piece = self.piece if self._queue.is_empty else self._queue[self._now].piece
         if not running or piece is None or piece.motion_id < 0:
             return running
         return piece.own_feed or (rapid_override if piece.rapid else override) > 0.0
@@ -324,7 +323,7 @@ class Follow:
     @property
     def heeds_stop(self) -> bool:
         """Whether the input feed_stop does."""
-        piece = self._queue[self._now].piece if len(self._queue) else self.piece
+        piece = self.piece if self._queue.is_empty else self._queue[self._now].piece
         return piece is None or piece.heeds_stop
 
     @property
@@ -333,10 +332,14 @@ class Follow:
         queue, i, tau = self._queue, self._now, self._clock.tau
         while i < queue.last and tau >= queue[i].end_s - ROUNDING:
             i += 1
-        return queue[i].piece if len(queue) else None
+        return None if queue.is_empty else queue[i].piece
 
-    def step(self, go: bool) -> Step:
-        """One tick: along the plan, along a stop, or standing; joints, s and feed are new."""
+    def step(self, go: bool, foreseen: Foreseen | None = None) -> Step:
+        """One tick: along the plan, along a stop, or standing; joints, s and feed are new.
+
+        ``foreseen``: what another follower has found for it, which is then not computed again.
+        """
+        self._foreseen = foreseen
         if self._brake.active and self._brake.over:
             self._settle()
         self._remember()
@@ -346,20 +349,16 @@ class Follow:
             self._leave()
         if self._brake.active:
             return self._brake_on()
-        if (go and len(self._queue)) or not self._plan_rests():
+        if (go and not self._queue.is_empty) or not self._plan_rests():
             return self._run(go)
         joints = self.coupling.stay(self.joints, self._kinematics) if self.coupling.active else self.joints
         self._take(joints, 1.0 if go else 0.0)
         self.feed = 0.0
         return _MOVED
 
-    def foresee(self, found: Foreseen | None) -> None:
-        """What another follower has found for the next step, which is then not computed again."""
-        self._foreseen = found
-
     def rehearse(self) -> None:
         """Evaluates the plan where the clock is, for the caches alone: nothing of it changes."""
-        if not len(self._queue):
+        if self._queue.is_empty:
             return
         entry, tau = self._queue[self._now], self._clock.tau
         s, _, _ = entry.at(tau)
@@ -387,11 +386,11 @@ class Follow:
             self._go_back_to(self._undo.pop())
 
     def _go_back_to(self, state: State) -> None:
-        self.joints, self.last, self.before = state.joints, state.last, state.before
-        self._clock.restore(state.clock)
-        self.rate, self._now, self.piece, self.s = state.rate, state.now, state.piece, state.s
-        self._brake.restore(state.brake)
-        self.coupling.restore(state.tie)
+        self._now, here, clock, self.rate, stop, tie, self.piece, self.s = state
+        self.joints, self.last, self.before = here
+        self._clock.restore(clock)
+        self._brake.restore(stop)
+        self.coupling.restore(tie)
 
     def stand(self, back: int) -> bool:
         """No SYNC came for so long that the drives stand: so does the path, at once, and goes on from rest.
@@ -401,8 +400,9 @@ class Follow:
         brake = self._brake
         if brake.over if brake.active else self._plan_rests():
             return False
-        for _ in range(back):
-            if self._undo and self._undo[-1].now >= self._queue.first:  # it is still known
+        for _ in range(min(back, len(self._undo))):
+            now, *_ = self._undo[-1]
+            if now >= self._queue.first:  # it is still known
                 self.revert()
         if brake.active:
             brake.stand(brake.s)
@@ -425,12 +425,9 @@ class Follow:
 
     def _remember(self) -> None:
         """Where it is, so that the next step can be taken back."""
-        self._undo.append(self._state())
-
-    def _state(self) -> State:
-        clock, brake, tie = self._clock.save(), self._brake.save(), self.coupling.save()
-        here = self.joints, self.last, self.before
-        return State(*here, clock, self.rate, self._now, brake, tie, self.piece, self.s)
+        here, clock = (self.joints, self.last, self.before), self._clock.save()
+        stop, tie = self._brake.save(), self.coupling.save()
+        self._undo.append((self._now, here, clock, self.rate, stop, tie, self.piece, self.s))
 
     def _take(self, joints: Joints, rate: float) -> None:
         self.before, self.last, self.joints = self.last, self.joints, joints
@@ -439,17 +436,19 @@ class Follow:
     # -- along the plan
 
     def _run(self, go: bool) -> Step:
-        tau = self._reached(self._clock.next)
+        clock = self._clock
+        tau = self._reached(clock.tau + clock.period_s)
         joints = self._evaluate(tau)
         if joints is None:
             return Step.LOST
         self._take(joints, 1.0)
-        self._clock.advance(tau)
+        clock.advance(tau)
         return self._arrive(go)
 
     def _reached(self, tau: float) -> float:
         """The clock goes to ``tau``, but not past a mark that counts, nor past the queue's end."""
-        queue, i, last = self._queue, self._now, self._queue.last
+        queue, i = self._queue, self._now
+        last = queue.last
         while i <= last and queue[i].end_s < tau - ROUNDING:
             if self._halts(queue[i].piece) or i == last or not self._passes(i):
                 return queue[i].end_s

@@ -23,7 +23,7 @@ from controller.motion.motions import ThreadMove
 from controller.state.modes import Fault
 from controller.tick.check import Check
 from controller.tick.coupling import Law
-from controller.tick.follow import Follow, Step
+from controller.tick.follow import Follow, Foreseen, Step
 from controller.tick.jog import Jogging
 from controller.tick.joints import INT32, Encoder
 from controller.tick.law_alone import LawAlone
@@ -79,6 +79,11 @@ class Conditions(NamedTuple):
     jog_speed: float = 0.0  # per tick; then all others are nothing
     by_hand: bool = False
 
+    @property
+    def marks(self) -> tuple[bool, bool]:
+        """Which of them count."""
+        return self.optional_stop, self.single_block
+
 
 STANDING: Final = Conditions()
 
@@ -90,11 +95,11 @@ class Ghost(Follow):
         self.tie = LawAlone(machine, follow.coupling)
         super().__init__(machine, kinematics_of(machine), self.tie, follow.queue)
 
-    def step(self, go: bool) -> Step:
+    def step(self, go: bool, foreseen: Foreseen | None = None) -> Step:
         if self._brake.active and self._brake.over:  # what comes after a stop is the first one's to say
             self._take(self.joints, 0.0)
             return Step.MOVED
-        return super().step(go)
+        return super().step(go, foreseen)
 
     def _arrive(self, wanted: bool) -> Step:
         return super()._arrive(False)
@@ -121,8 +126,8 @@ class Ghost(Follow):
         stands = self.joints == self.last
         stop = self._brake.rest if self._brake.active and not self._brake.over else None
         tau = self._clock.tau
-        if not len(queue) or queue[now].motion is None:
-            rests = stands and (not len(queue) or tau >= queue[now].end_s - ROUNDING or not self._goes)
+        if queue.is_empty or queue[now].motion is None:
+            rests = stands and (queue.is_empty or tau >= queue[now].end_s - ROUNDING or not self._goes)
             stays = before.s, before.motion, before.place, before.end
             return Row(self.joints, counts, *stays, tau, now, None, rests, False, self.tie.law)
         entry = queue[now]
@@ -165,7 +170,7 @@ class Ghost(Follow):
     def rests_at(self, row: Row) -> bool:
         """Whether the plan itself rests at a row, so that it can simply end there."""
         queue = self._queue
-        return row.rests or not len(queue) or (row.stop is None and queue[row.now].rests_at(row.tau))
+        return row.rests or queue.is_empty or (row.stop is None and queue[row.now].rests_at(row.tau))
 
 
 class Lookahead:
@@ -185,6 +190,7 @@ class Lookahead:
         self.path: list[Row] = []
         self.here = self._standing()
         self.before_stop: int | None = None  # rows of a jog before its stop begins
+        self._covered = -math.inf  # s up to which the stop needs the path that was looked at last
         self._endless = 0, 0  # from that row to this one the plan neither rests nor has a stop
         self._known_stop: tuple[Row | None, Stop | None] = (None, None)  # of the row that was looked at last
         self._jog_speed = 0.0  # per tick, that the rows of a jog are towards; 0: all are those of its stop
@@ -211,16 +217,20 @@ class Lookahead:
 
         ``replaced_s``: plan time from which on the queue was replaced in this tick; infinite: it was not.
         """
-        rows = self.rows
-        same = conditions == self._conditions and bool(rows) and self._ghost.is_in_queue
-        if same and self._came_to(rows[0]):
+        rows, old = self.rows, self._conditions
+        known = bool(rows) and self._ghost.is_in_queue and self._came_to(rows[0])
+        if known and conditions == old:
             self.here = self._as_sent(rows.popleft())
             first, end = self._endless
             self._endless = (0, 0) if math.isfinite(replaced_s) else (first - 1, end - 1)
             last = rows[-1] if rows else self.here
-            if math.isinf(replaced_s) or (replaced_s > last.tau - ROUNDING and not last.rests):
+            behind = replaced_s > last.tau - ROUNDING and not (last.rests or self.path)
+            if math.isinf(replaced_s) or behind:
                 return True
-        self._begin(conditions)
+            known = False
+        # A hold for which no stop begins yet goes on along the same path, up to where one does.
+        same_path = known and old is not None and old.marks == conditions.marks and math.isinf(replaced_s)
+        self._begin(conditions, same_path or self._follow.stopping)
         return False
 
     def _came_to(self, row: Row) -> bool:
@@ -266,9 +276,10 @@ class Lookahead:
         self.before_stop = self._periods + EXTRA if jogging.goes else len(rows)
         return same and jogging.goes
 
-    def _begin(self, conditions: Conditions) -> None:
+    def _begin(self, conditions: Conditions, same_path: bool) -> None:
+        """Anew from where the tick is; with ``same_path`` what was seen of it stays to brake along."""
         ghost, before = self._ghost, self.here
-        if self._follow.stopping:
+        if same_path:
             s = self.rows[-1].s if self.rows else before.s
             rows = [self._by_law(row) for row in self.rows]
             self.path = [*rows, *(row for row in self.path if row.s > s)]
@@ -293,7 +304,18 @@ class Lookahead:
         return [row._replace(law=law) for row in found]
 
     def fill(self) -> tuple[int, Stop | None]:
-        """Looks as far ahead as the stock needs it: rows that may be played, and the stop after them."""
+        """Looks as far ahead as the stock needs it: rows that may be played, and the stop after them.
+
+        A tick that needs no new row computes one all the same, if the next will need two: stops begin in
+        every second period, or more seldom.
+        """
+        seen = len(self.rows)
+        found = self._fill()
+        if seen == len(self.rows) > 1 and self.rows[-2].s < self._covered:
+            self._extend()
+        return found
+
+    def _fill(self) -> tuple[int, Stop | None]:
         rows, n = self.rows, self._periods
         self._take_corrections()
         if self._conditions is None:
@@ -346,7 +368,8 @@ class Lookahead:
             first, end = self._endless
             self._endless = (first if first <= i <= end else i, i + 1)
             return None
-        if not self._covers(row.s + self._at_most(stop)):
+        self._covered = row.s + self._at_most(stop)
+        if not self._covers(self._covered):
             return None
         by = row.by or (self._chain[-1] if self._chain else None)
         return stop if row.law is None or by is None else row.law.stop(stop, by)

@@ -31,6 +31,7 @@ class Parts:
     __slots__ = (
         "adaptive",
         "answers",
+        "chatter",
         "check",
         "coupling",
         "encoder",
@@ -65,6 +66,7 @@ class Parts:
         self.adaptive = Adaptive(machine, group.spindle)
         self.jogging = Jogging(machine, self.modes, self.follow, delay)
         self.answers = Answers()
+        self.chatter = group.chatter
         self.sync = SyncWatch(machine, group, self.modes, now)
         self.encoder = Encoder(machine)
         self.probing = Probing(machine, group, self.modes, self.follow, self.encoder, self.peripherals, delay)

@@ -15,17 +15,12 @@ class PathClock:
         self._origin_s, self._syncs = 0.0, 0
         self.tau = 0.0
 
-    @property
-    def next(self) -> float:
-        """Where it is one period on."""
-        return self.tau + self.period_s
-
     def set(self, tau: float) -> None:
         """Counts from there."""
         self._origin_s, self._syncs, self.tau = tau, 0, tau
 
     def advance(self, reached: float) -> None:
-        """One SYNC on, to ``reached``: ``next``, or a mark before it, from which it counts anew."""
+        """One SYNC on, to ``reached``: a period, or a mark before it, from which it counts anew."""
         if reached < self.tau + self.period_s - ROUNDING:
             self.set(reached)
             return

@@ -31,7 +31,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Protocol
+from typing import Final, Protocol
 
 from controller.ipc.handoff import ANALOGUE, Awaited, Piece
 from controller.ipc.inverter_slot import InverterSlot
@@ -60,6 +60,15 @@ _INTERLOCKS = (
 _STAYS_BEFORE, _STAYS_AFTER = int(StaysOn.BEFORE), int(StaysOn.AFTER)
 _MOVING = (Mode.RUNNING, Mode.HOMING, Mode.JOG)
 _PROGRAM = (Mode.RUNNING, Mode.HOLD, Mode.STOPPING, Mode.FAULT, Mode.JOG)
+# Looked up every tick, and an enum's members are slow to look up.
+_OFF: Final = Mode.OFF
+_READY: Final = Mode.READY
+_RUNNING: Final = Mode.RUNNING
+_HOMING: Final = Mode.HOMING
+_JOG: Final = Mode.JOG
+_FAULT: Final = Mode.FAULT
+_NONE: Final = Fault.NONE
+_DOOR_OPEN: Final = Fault.DOOR_OPEN
 
 
 class SpindleDrive(Protocol):
@@ -324,7 +333,7 @@ class Peripherals:
         if running and not self._was_running:
             self._wait()
         self._was_running = running
-        if running:
+        if running and self._answers:
             self._judge(modes, ticks)
 
     def _read(self, now_s: float, modes: Modes) -> bool:
@@ -337,15 +346,15 @@ class Peripherals:
         self.inputs = inputs = self._node.inputs ^ self._flip_inputs
         guards = inputs | self._lifted
         self.feed_stopped = self._feed_stop & guards != self._feed_stop
-        found = Fault.NONE
+        found = _NONE
         for mask, fault in self._interlocks:
             if not guards & mask:
                 found = fault
                 break
         modes.forbid(found)
-        if found is not Fault.NONE:
+        if found is not _NONE:
             self._forbid(found, modes)
-        return found is Fault.DOOR_OPEN
+        return found is _DOOR_OPEN
 
     def _forbid(self, found: Fault, modes: Modes) -> None:
         if found in (Fault.ESTOP_INPUT, Fault.POWER_LOST):
@@ -365,17 +374,17 @@ class Peripherals:
     ) -> None:
         mode = modes.mode
         self._hand_over(modes)
-        given_up = mode is Mode.FAULT and (standing or not modes.on_path)
-        by_hand = self._by_hand and mode in (Mode.READY, Mode.JOG) and not open_door
+        given_up = mode is _FAULT and (standing or not modes.on_path)
+        by_hand = self._by_hand and mode in (_READY, _JOG) and not open_door
         if given_up or (not by_hand and (self._by_hand or mode not in _PROGRAM)):
             self._wanted, self.waiting, self._awaited, self._by_hand = (0.0, 0, 0), False, None, False
             self._lifted = self._lifted_after = 0
             self._coupling.end()
             self._switch_to(self._switched & self._held)
             self._leave_analogue()
-        if mode in (Mode.HOMING, Mode.JOG):
+        if mode is _HOMING or mode is _JOG:
             self._was_homing = True
-        elif self._was_homing or mode is not Mode.OFF:
+        elif self._was_homing or mode is not _OFF:
             self._homing, self._was_homing = 0, False
         rev_min, coolant, is_open = self._wanted
         self._barred = open_door and standing
@@ -391,10 +400,10 @@ class Peripherals:
 
     def _hand_over(self, modes: Modes) -> None:
         """What the hand has switched on becomes the program's, and what that leaves on is the hand's."""
-        if modes.mode is Mode.RUNNING:
+        if modes.mode is _RUNNING:
             self._by_hand = self._by_hand and not modes.stays_on & _STAYS_BEFORE
             self._handed_over = False
-        elif modes.ended and modes.mode is Mode.READY and not self._handed_over:
+        elif modes.ended and modes.mode is _READY and not self._handed_over:
             self._handed_over = True
             if modes.stays_on & _STAYS_AFTER:
                 rev_min, coolant, _ = self._wanted

@@ -108,16 +108,17 @@ class Stops:
 
 
 class Queue:
-    """The entries in the order of their times. Read: ``end_s``, where it rests.
+    """The entries in the order of their times. Read: ``end_s``, where it rests; the numbers ``first`` and
+    ``last`` of the oldest and the newest, the latter one less than ``first`` where there ``is_empty``.
 
     An entry keeps its number for as long as it is here; the oldest are forgotten, and 0 is the first ever.
     """
 
-    __slots__ = ("_entries", "_first", "_motions", "_stops", "end_s")
+    __slots__ = ("_entries", "_motions", "_stops", "end_s", "first", "is_empty", "last")
 
     def __init__(self) -> None:
         self._entries: list[Entry] = []
-        self._first = 0  # the number of the oldest
+        self.first, self.last, self.is_empty = 0, -1, True
         self._motions: dict[int, Motion] = {}
         self._stops = Stops()
         self.end_s = 0.0
@@ -126,23 +127,18 @@ class Queue:
         return len(self._entries)
 
     def __getitem__(self, number: int) -> Entry:
-        return self._entries[number - self._first]
+        return self._entries[number - self.first]
 
-    @property
-    def first(self) -> int:
-        return self._first
-
-    @property
-    def last(self) -> int:
-        """One less than ``first`` where there is none."""
-        return self._first + len(self._entries) - 1
+    def _count(self) -> None:
+        """After each change: these are read several times a tick."""
+        self.last, self.is_empty = self.first + len(self._entries) - 1, not self._entries
 
     def numbers_from(self, number: int) -> range:
-        return range(number, self._first + len(self._entries))
+        return range(number, self.last + 1)
 
     def at(self, tau: float, now: int) -> Entry | None:
         """The entry that ``tau`` lies in, from number ``now`` on."""
-        entries = self._entries[now - self._first :]
+        entries = self._entries[now - self.first :]
         return next((entry for entry in entries if entry.start_s <= tau < entry.end_s), None)
 
     def stop_at(self, tau: float) -> tuple[StopTable, int] | None:
@@ -151,11 +147,12 @@ class Queue:
 
     def clear(self, tau: float) -> None:
         """It ends where the clock stands."""
-        self._first += len(self._entries)
+        self.first += len(self._entries)
         self._entries.clear()
         self._motions.clear()
         self._stops.clear()
         self.end_s = tau
+        self._count()
 
     def entries_of(self, message: PieceMessage, start_s: float) -> list[Entry] | None:
         """A message's pieces from ``start_s`` on; None: there are none, or one's motion is not known."""
@@ -171,6 +168,7 @@ class Queue:
     def add(self, message: PieceMessage, entries: Sequence[Entry], tau: float) -> None:
         """Takes a message's ``entries`` in, behind what is here."""
         self._entries += entries
+        self._count()
         self.end_s = entries[-1].end_s
         self._motions.update(message.motions)
         self._stops.add(message.stops, message.replace_from_s, tau)
@@ -188,15 +186,16 @@ class Queue:
             cut = entries[-1]
             cut.end_s = start_s
             cut.piece = cut.piece._replace(stop=False, optional_stop=False, block_end=False, end=False)
-        return max(self._first, min(now, self.last))
+        self._count()
+        return max(self.first, min(now, self.last))
 
     def forget_before(self, now: int) -> None:
         """Entries behind the clock; a dwell keeps the motion before it, where it stands."""
-        entries, keep = self._entries, now - self._first
+        entries, keep = self._entries, now - self.first
         while keep > 0 and entries[keep].motion is None:
             keep -= 1
         del entries[:keep]
-        self._first += keep
+        self.first += keep
         used = {entry.piece.motion_id for entry in entries}
         for identity in [i for i in self._motions if i not in used]:
             del self._motions[identity]

@@ -43,7 +43,6 @@ class StatusPublisher:
         self.malformed = [0] * len(group.drives)
         self.missed, self.overdue = [-1] * len(group.drives), [0] * len(group.drives)
         self.fault_off = 0.0
-        self.chatter_id, self.chatter_per_s = group.chatter.can_id, group.chatter.per_s
         self.bus_share = 0.0
         self.lost_frames = 0
 
@@ -76,14 +75,13 @@ class StatusPublisher:
 
     def _look(self) -> None:
         piece, states, malformed = self._follow.piece, self.drive_states, self.malformed
+        missed, overdue = self.missed, self.overdue
         self.motion_id = piece.motion_id if piece else STANDSTILL
         self.cutting = piece is not None and piece.cutting and not self._jogging.active
         for i, drive in enumerate(self._group.drives):
             states[i], malformed[i] = drive.state, drive.malformed
-            self.missed[i], self.overdue[i] = drive.missed, drive.overdue
+            missed[i], overdue[i] = drive.missed, drive.overdue
         self.fault_off = self._off()
-        chatter = self._group.chatter
-        self.chatter_id, self.chatter_per_s = chatter.can_id, chatter.per_s
 
     def _off(self) -> float:
         """How far the axis is from its command that stopped for that reason."""

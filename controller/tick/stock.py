@@ -32,6 +32,7 @@ from drives.pump.player import beat_every, to_counts
 from drives.pump.speed_ramp import NO_RAMP, SpeedRamp
 
 NEVER: Final = 1 << 60  # period
+_GAP: Final = Phase.GAP  # looked up every tick, and an enum's members are slow to look up
 DELAY: Final = 2  # periods from a tick to the period that sends what it has computed
 ANSWERS_S: Final = 250e-6  # after SYNC: its frame, a drive's own time and the answer's take as much
 STOPPED_S: Final = 0.1  # a tick that does not run is tolerated for so long at rest; then nothing is sent
@@ -170,7 +171,7 @@ class Stock:
     @property
     def stood_from(self) -> int:
         """The first period in which the pump repeated the last one, since the motors have stood meanwhile."""
-        return self.since if self.phase is Phase.GAP else NEVER
+        return self.since if self.phase is _GAP else NEVER
 
     def counts(self, period: int) -> Sequence[int]:
         """What the pump has sent in a period, or will."""

@@ -98,7 +98,6 @@ class Drive(PowerStage):
         self.near = False
         self._before = 0  # counts, where it was before its answer to this SYNC
         self._late = 0  # feedbacks that were missed and may come yet
-        self._unheard = 0  # SYNCs after which nobody has listened yet, but for the last one
         self._mode = profile.mode.value
         self._homing = False
         self._homing_statuswords = 0
@@ -193,8 +192,7 @@ class Drive(PowerStage):
         if not -self._rest <= lag <= self._rest and self.following:
             self._compare(lag)
 
-    def settle(self) -> None:
-        super().settle()
+    def _expect_late(self) -> None:
         while self._unheard:
             self._unheard -= 1
             self._later()

@@ -106,9 +106,11 @@ class FollowingError:
     def measure(self, lag: int, moved: int) -> None:
         """Every ``MEASURE_EVERY`` SYNCs: the speed that counts, and what the drive lags by it."""
         if moved:
-            self._lagged = FORGETS * self._lagged + lag * moved
-            self._squared = FORGETS * self._squared + moved * moved
-            self._look_ahead(lag * moved, moved * moved)
+            lagged, squared = lag * moved, moved * moved
+            self._lagged = FORGETS * self._lagged + lagged
+            self._squared = FORGETS * self._squared + squared
+            if squared >= AHEAD_COUNTS * AHEAD_COUNTS:
+                self._look_ahead(lagged, squared)
         speed = float(moved if moved >= 0 else -moved)
         late = self._speed * self._decay
         self._speed = speed = speed if speed > late else late
@@ -119,8 +121,6 @@ class FollowingError:
 
     def _look_ahead(self, lagged: int, squared: int) -> None:
         """Both by the command's way in one SYNC."""
-        if squared < AHEAD_COUNTS * AHEAD_COUNTS:
-            return
         self._ahead = self._ahead + 1 if lagged < -AHEAD * squared else 0
         if self._ahead >= self._most_ahead:
             self.early = True

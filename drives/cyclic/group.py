@@ -41,6 +41,7 @@ _NONE: Final = DriveFault.NONE
 MISSED: Final = (DriveFault.FEEDBACK_LOST, DriveFault.HEARTBEAT_LOST, DriveFault.SETPOINTS_LOST)
 UNHEARD: Final = (0x8100, 0x8130, 0x8700)
 _BUS_FLOODED: Final = DriveFault.BUS_FLOODED
+_SEND_FAILED: Final = DriveFault.SEND_FAILED
 _FINE: Final = (_NONE, -1)
 
 
@@ -116,7 +117,7 @@ class Group:
         ``periods`` since it was done last; ``late``: the answers to the newest SYNC may be there already, and
         are left for the next time.
         """
-        most = MAX_FRAMES * max(1, min(periods, MAX_PERIODS))
+        most = MAX_FRAMES * (periods if periods < MAX_PERIODS else MAX_PERIODS)
         for line in self.lines:
             if late and line.has_answers(most):
                 line.drain_answers(now_s)
@@ -204,7 +205,10 @@ class Group:
             words[i], positions[i], units[i] = drive.word, drive.position, drive.velocity_per_period
         if self.spindle is not None:
             words[memory.drives], units[memory.drives] = self.spindle.word, self.spindle.units_per_rev_s
-        memory.muted = sum([1 << i for i, line in enumerate(self.lines) if line.off])
+        muted = 0
+        for i, line in enumerate(self.lines):
+            muted |= line.off << i
+        memory.muted = muted
 
     def was_played(self, setpoints: Sequence[int], beat: bool, rev_s: float | None = None) -> None:
         """One period has gone out: SYNC, then these setpoints, and our heartbeat if ``beat``.
@@ -324,7 +328,7 @@ class Group:
         if found is not _NONE and any(line.floods(now_s, found) for line in self.lines):
             found = _BUS_FLOODED
         if found is not _NONE:
-            return found, self._send_failed_at if found is DriveFault.SEND_FAILED else -1
+            return found, self._send_failed_at if found is _SEND_FAILED else -1
         return _FINE
 
     def _fault_of_others(self, now_s: float, consumer_s: float) -> DriveFault:
@@ -334,7 +338,7 @@ class Group:
         for node in self.io:
             if node.fault(now_s, consumer_s) is not _NONE:
                 return DriveFault.IO_LOST
-        return DriveFault.SEND_FAILED if self._send_failed else _NONE
+        return _SEND_FAILED if self._send_failed else _NONE
 
     def fault_of(self, index: int, now_s: float) -> DriveFault:
         """What is wrong with one drive, whatever else is wrong."""

@@ -123,7 +123,7 @@ class Line:
 
     def drain(self, now_s: float, most: int = MAX_FRAMES) -> None:
         """Takes what came in, ``most`` frames of it, and settles whether the feedback owed has come."""
-        self._since_s, self._drained_s = min(self._drained_s, now_s), now_s
+        self._begin_drain(now_s)
         while self._waiting:
             self._take(*self._waiting.popleft(), now_s)
         if self._receive_packet is None:
@@ -131,6 +131,10 @@ class Line:
         else:
             self._drain_packets(self._receive_packet, now_s, most)
         self._settle(now_s)
+
+    def _begin_drain(self, now_s: float) -> None:
+        self._since_s = now_s if now_s < self._drained_s else self._drained_s
+        self._drained_s = now_s
 
     def has_answers(self, most: int) -> bool:
         """Whether an answer to SYNC has come in; fetches ``most`` frames of what is there."""
@@ -144,7 +148,7 @@ class Line:
 
     def drain_answers(self, now_s: float) -> None:
         """Of what was fetched, up to where somebody answers once more: that is of the next SYNC."""
-        self._since_s, self._drained_s = min(self._drained_s, now_s), now_s
+        self._begin_drain(now_s)
         waiting, answered = self._waiting, set[int]()
         while waiting and waiting[0][0] not in answered:
             can_id, data = waiting.popleft()

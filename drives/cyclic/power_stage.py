@@ -57,6 +57,7 @@ class PowerStage(Supervised):
         self._pending = True  # the next statusword is worth a step though it be the same
         self._arrived = False
         self._awaiting = False
+        self._unheard = 0  # SYNCs after which nobody has listened yet, but for the last one
         self._since = 0  # SYNCs without feedback
         self._missed = 0
         self._feedback_lost = False
@@ -96,6 +97,8 @@ class PowerStage(Supervised):
         elif self._arrived:
             self._missed = 0  # late, in a tick that sent no SYNC: what is missed next is not in a row
         self._arrived = False
+        if self._unheard:
+            self._expect_late()
 
     def too_many(self) -> int:
         """Feedbacks of this tick, the one that is owed included, if more have come than were ever missed."""
@@ -105,6 +108,9 @@ class PowerStage(Supervised):
 
     def _heard(self) -> None:
         """The feedback owed has come; of several that came at once the newest counts."""
+
+    def _expect_late(self) -> None:
+        """Of each SYNC after which nobody has listened the feedback may come yet."""
 
     def _miss(self) -> None:
         self.fresh = False

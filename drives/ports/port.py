@@ -186,7 +186,10 @@ class HubSocket(FrameSocket):
             if not self._poll.poll(0) or not self._receive():
                 return None
         at = self._at
-        self._at = end = min(self._end, at + most * pdo.FRAME_BYTES)
+        end = at + most * pdo.FRAME_BYTES
+        if end > self._end:
+            end = self._end
+        self._at = end
         return self._view[at:end]
 
     def _receive(self) -> bool:

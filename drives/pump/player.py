@@ -170,7 +170,10 @@ def beat_every(period_s: float, heartbeat_s: float) -> int:
 
 def to_counts(counts: Sequence[float]) -> Sequence[int]:
     """As they go out: rounded, and within 32 bits."""
-    return [max(INT32_MIN, min(INT32_MAX, round(one))) for one in counts]
+    found = [round(one) for one in counts]
+    if min(found) >= INT32_MIN and max(found) <= INT32_MAX:
+        return found
+    return [max(INT32_MIN, min(INT32_MAX, one)) for one in found]
 
 
 def to_speed(rev_s: float, units: float) -> int:

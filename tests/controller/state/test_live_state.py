@@ -48,6 +48,8 @@ OTHERWISE = {
     "probings": "probing.count",
     "probed": "probing.came",
     "answers": "answers.ring",
+    "chatter_id": "chatter.can_id",
+    "chatter_per_s": "chatter.per_s",
 }
 # Columns of recordings as they have been since 2026-11; of old ones none may change its place.
 COLUMNS = [

@@ -158,7 +158,7 @@ def test_before_the_first_tick_all_is_zero_and_a_count_is_told_in_units() -> Non
 
 def test_deviations_are_put_on_what_is_told_and_taken_off_what_is_heard() -> None:
     class Shifted:
-        def told(self, joints: Joints) -> Joints:
+        def compensated(self, joints: Joints) -> Joints:
             return tuple(q + 1.0 for q in joints)
 
         def real(self, drives: Joints) -> Joints:
