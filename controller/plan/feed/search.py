@@ -18,7 +18,7 @@ import numpy.typing as npt
 from controller.geometry.arrays import distinct
 from controller.plan.feed import barrier, mesh
 from controller.plan.feed.bounds import INNER, Bounds, Grid, Shares
-from controller.plan.feed.course import Course, Index
+from controller.plan.feed.course import FeedCourse, Index
 from controller.plan.feed.law import straight, through
 from controller.plan.junctions import MARGIN
 from controller.plan.surfaces.rates import Derivatives
@@ -101,7 +101,7 @@ class Search:
     """The search for the fastest law from a state to rest."""
 
     def __init__(
-        self, course: Course, s: float, v: float, a: float, last: float, way: Way | None = None
+        self, course: FeedCourse, s: float, v: float, a: float, last: float, way: Way | None = None
     ) -> None:
         """``way``: of a law that goes on from the same state, if one is known."""
         self.course, self.v, self.a, self._way = course, v, a, way

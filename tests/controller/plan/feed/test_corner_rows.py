@@ -10,7 +10,7 @@ from support.parts import plane_chords
 
 from controller.machine.kinematics import kinematics_of
 from controller.plan.feed import bounds, profile, search
-from controller.plan.feed.course import Course
+from controller.plan.feed.course import FeedCourse
 from controller.plan.report.planned import windows_along
 from controller.plan.stretch import Chain
 from controller.plan.track import Track
@@ -85,6 +85,6 @@ def test_windows_of_a_row_of_corners_are_as_fast_as_the_whole() -> None:
     machine, chain = shipped(), row(700, feed=500.0)
     track = Track([chain], machine, kinematics_of(machine))
     windows = list(windows_along(track, machine, kinematics_of(machine)))
-    whole = profile.plan(Course(chain.stretches, machine, kinematics_of(machine)))
+    whole = profile.plan(FeedCourse(chain.stretches, machine, kinematics_of(machine)))
     assert whole is not None
     assert windows[-1].end_s - windows[0].start_s <= 1.01 * whole.duration_s
