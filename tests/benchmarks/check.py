@@ -1,7 +1,8 @@
-"""What checking costs: a surface by its placement, and a folder of programs on one worker, on two, on more.
+"""What checking costs: a surface by its placement, chords by their corners, a folder on one worker to many.
 
 A surface's cost is processor time of the library in this process, its parts are those of a check. A folder is
-checked by the command on one process and on two. What more workers do than there are cores is measured with
+checked by the command on one process and on two. A line of chords with corners is held beside one of a smooth
+row, in the same run. What more workers do than there are cores is measured with
 processes that wait as long as each program took, instead of working: all of ``controller/workers.py`` runs
 (questions, answers, their order), only the cores are lent. It stands beside the formula there.
 """
@@ -19,7 +20,7 @@ from typing import Any
 
 sys.path[:0] = [str(Path(__file__).parents[2]), str(Path(__file__).parents[1])]
 
-from support.parts import surface_trains  # noqa: E402
+from support.parts import plane_chords, surface_trains  # noqa: E402
 from support.suite import figures  # noqa: E402
 from support.suite.figures import Figure, Report  # noqa: E402
 
@@ -31,6 +32,13 @@ from controller.workers import Workers  # noqa: E402
 ROOT = Path(__file__).parents[2]
 PLACEMENTS = ("P1", "P2", "P3", "P4 R0.05")
 WANTED_MS = 60.0  # of P1
+SMOOTH = 0.5, 1.5  # degrees of corners between chords
+CHORDS = (  # corners in degrees, and what the path is
+    ("smooth", SMOOTH, "G64 P0.001"),
+    ("10 deg, G64 P", (10.0, 10.0), "G64 P0.001"),
+    ("5 to 15 deg, G64 P", (5.0, 15.0), "G64 P0.001"),
+    ("5 to 15 deg, exact", (5.0, 15.0), ""),
+)
 SIMULATED = 8
 TURNS = 3  # of one and two workers, of which the calmest count
 START_S = 1.0  # in which a worker has begun
@@ -68,6 +76,15 @@ class Timed:
             return function(*arguments)
         finally:
             self.parts_s[part] += time.process_time() - began_s
+
+
+def chord_us(corners_deg: tuple[float, float], path: str, count: int, store: Path) -> float:
+    """Processor time of a line of so many chords in a check."""
+    source = plane_chords.program(count, corners_deg, path)
+    machine = machine_file.load("trunnion")
+    began_s = time.process_time()
+    checked.check(checked.task(source.encode(), "chords.ngc", machine), store)
+    return 1e6 * (time.process_time() - began_s) / count
 
 
 def folder_s(folder: Path, workers: int) -> float:
@@ -108,6 +125,10 @@ def report(short: bool) -> Report:
                 Figure(f"a surface, {placement}", cost_ms, "ms of CPU", of_p1_ms, "P1", at_most=wanted_ms)
             )
         whole_s = sum(one.value for one in found) * 1e-3 * count
+        chords = [
+            (what, chord_us(corners, path, 300 if short else 6000, folder / "chords"))
+            for what, corners, path in CHORDS
+        ]
         programs = folder / "programs"
         programs.mkdir()
         for k in range(4 if short else 40):
@@ -115,6 +136,10 @@ def report(short: bool) -> Report:
         turns = [(folder_s(programs, 1), folder_s(programs, 2)) for _ in range(1 if short else TURNS)]
         one_s, two_s = map(min, zip(*turns, strict=True))
         took_s = [_alone_s(job) for job in check_folder.jobs(programs)]
+    found += [
+        Figure(f"a chord, {what}", one_us, "us of CPU", chords[0][1], chords[0][0], at_most_times=2.0)
+        for what, one_us in chords
+    ]
     found.append(Figure("a folder on two workers", two_s, "s", one_s, "one worker", at_most_times=0.6))
     for workers in (2, SIMULATED):
         found.append(

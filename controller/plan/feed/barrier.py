@@ -19,7 +19,7 @@ Newton's matrix has five diagonals, and a step costs time proportional to the in
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -28,13 +28,17 @@ import numpy.typing as npt
 from controller.plan import banded
 
 Array = npt.NDArray[np.float64]
+Bools = npt.NDArray[np.bool_]
+Index = npt.NDArray[np.intp]
 
 GAP = 1e-5  # share of the time that may be left on the table when the search ends
 MAX_STEPS = 150
 PRICE = 10.0  # of exceeding one limit by its whole size in one interval, in times of the law
 STEP_OF_NOTHING, MAX_IDLE = 2e-3, 6  # share of a step that is none, and how many of them in a row
+MIN_PRICE = 1e-12  # of what is no limit
 SOFT = 1.0  # the same of all of a cap that is exceeded to begin with
 MAX_CHANGE = 0.15  # of z in one step, while the walls may come nearer
+SLIGHT = 0.02  # of a limit: what exceeds it by more is outside
 FLOOR = 3.0  # weight of keeping z positive, among all limits
 MAX_GROWTH = 3.0  # of z in one step
 TO_WALL = 0.95  # of the way to the nearest wall that a step may go
@@ -71,6 +75,7 @@ class Limits:
     cap_price: Array  # (m + 2,) of exceeding it: PRICE, or less where it cannot be helped
     first: float | None  # c[0] = first * c[1]; None: c[0] and c[1] are held
     last: float  # c[m + 1] = last * c[m]
+    held: Bools | None = None  # (m + 2,) coefficients that stay as they are
 
 
 class Left(NamedTuple):
@@ -93,6 +98,7 @@ class Point:
     cap_price: Array
     steps: int = 0
     gap: float = 1.0
+    unit: float = 1.0  # s: the time that prices and the gap are shares of
     stuck: bool = False  # no step leads on
 
 
@@ -101,15 +107,81 @@ def solve(limits: Limits, c: Array, before: Point | None = None, gap: float = GA
     return _Solver(limits).run(c, before, gap)
 
 
+def solve_near(limits: Limits, before: Point, near: Bools) -> Point:
+    """As ``solve`` after ``before`` in the intervals ``near`` (m,) alone; all others stay as they are."""
+    part = _Part.of(limits, before.c, near)
+    inner, whole, found = part.which >= 0, _Solver(limits), _Solver(part.limits)
+    cap_price = np.full(len(before.c), np.nan)
+    cap_price[whole.capped] = before.cap_price
+    price = np.where(inner, before.price[:, part.which], MIN_PRICE)
+    begun = replace(before, price=price, cap_price=cap_price[part.coefficients][found.capped])
+    point = found.run(before.c[part.coefficients], begun, GAP, before.unit)
+    made = replace(before, c=before.c.copy(), price=before.price.copy(), stuck=point.stuck)
+    made.c[part.coefficients] = point.c
+    made.price[:, part.which[inner]] = point.price[:, inner]
+    cap_price[part.coefficients[found.capped]] = point.cap_price
+    made.cap_price = cap_price[whole.capped]
+    return made
+
+
+class _Part(NamedTuple):
+    """Some runs of intervals behind each other, with two of no limits and no time between two runs.
+
+    ``which`` (n,) are the intervals, -1 those between; ``coefficients`` (n + 2,) belong to them, and the two
+    at both ends of each run are held.
+    """
+
+    limits: Limits
+    which: Index
+    coefficients: Index
+
+    @staticmethod
+    def of(limits: Limits, c: Array, near: Bools) -> _Part:
+        firsts = np.flatnonzero(np.diff(near, prepend=False) & near)
+        lasts = np.flatnonzero(np.diff(near, append=False) & near) + 1
+        runs = list(zip(firsts.tolist(), lasts.tolist(), strict=True))
+        of = np.concatenate([np.arange(a, b + 2) for a, b in runs])
+        which = np.concatenate([np.append(np.arange(a, b), (-1, -1)) for a, b in runs])[:-2]
+        held = np.concatenate([np.isin(np.arange(b - a + 2), (0, 1, b - a, b - a + 1)) for a, b in runs])
+        first, last = c[of[0]] / c[of[1]], c[of[-1]] / c[of[-2]]
+        if runs[0][0] == 0:
+            first, held[:2] = limits.first, False
+        if runs[-1][1] == len(near):
+            last, held[-2:] = limits.last, False
+        time, at = (_columns(form, which, 1.0) for form in (limits.time, limits.at))
+        straight, jerk = (_columns(form, which, 0.0) for form in (limits.straight, limits.jerk))
+        width = np.where(which < 0, 0.0, limits.width[which])
+        cap, price = limits.cap[of], limits.cap_price[of]
+        most = limits.most[:, which]
+        made = Limits(time, width, straight, jerk, at, most, cap, price, first, last, held)
+        return _Part(made, which, of)
+
+
+def _columns(form: Form, which: Index, mid: float) -> Form:
+    """A form in some intervals, and ``mid`` times the middle coefficient in those of -1."""
+    none = which < 0
+    low, high = (np.where(none, 0.0, value[:, which]) for value in (form.low, form.high))
+    return Form(low, np.where(none, mid, form.mid[:, which]), high)
+
+
+def outside(limits: Limits, c: Array) -> float:
+    """The share of intervals in which coefficients exceed a limit."""
+    over = (limits.straight.of(c) > 1.0 + SLIGHT).any(axis=0)
+    return float((over | (_jerk_use(limits, c) > 1.0 + SLIGHT).any(axis=(0, 1))).mean())
+
+
 def inside(limits: Limits, c: Array) -> Array:
     """Coefficients of a law from rest, scaled evenly to where every limit leaves room."""
-    jerk = _by_place(limits.jerk.of(c), limits.most) * np.sqrt(limits.at.of(c)) / limits.most
     most = max(
         float(limits.straight.of(c).max()),
-        float(jerk.max()) ** (2.0 / 3.0),
+        float(_jerk_use(limits, c).max()) ** (2.0 / 3.0),
         float((c[1:-1] / limits.cap[1:-1]).max()),
     )
     return np.asarray(c * (0.7 / max(most, 0.7)))
+
+
+def _jerk_use(limits: Limits, c: Array) -> Array:
+    return np.asarray(_by_place(limits.jerk.of(c), limits.most) * np.sqrt(limits.at.of(c)) / limits.most)
 
 
 class _Solver:
@@ -124,6 +196,8 @@ class _Solver:
         self.free[[0, -1]] = False
         if limits.first is None:
             self.free[1] = False
+        if limits.held is not None:
+            self.free[limits.held] = False
         self.capped = np.flatnonzero(self.free & np.isfinite(limits.cap))
         self.cap, self.cap_most = limits.cap[self.capped], limits.cap_price[self.capped]
         self.count = self.forms.low.size + len(self.capped)
@@ -142,14 +216,14 @@ class _Solver:
         by_place += self.l.most / np.sqrt(z)
         return Left(found, 1.0 - c[self.capped] / self.cap, z)
 
-    def start(self, c: Array, before: Point | None) -> Point:
+    def start(self, c: Array, before: Point | None, unit: float | None) -> Point:
         c = self.closed(c.copy())
         left = self.left(c)
-        self.unit = float((self.l.width / np.sqrt(self.l.time.of(c))).sum())
+        self.unit = unit or float((self.l.width / np.sqrt(self.l.time.of(c))).sum())
         self.mu = (0.5 if before is None else 0.02) / self.count
         excess, price = self.centred(left.rows, before.price if before else None, PRICE)
         cap_excess, cap_price = self.centred(left.cap, before.cap_price if before else None, self.cap_most)
-        return Point(c, left, excess, price, cap_excess, cap_price)
+        return Point(c, left, excess, price, cap_excess, cap_price, unit=self.unit)
 
     def centred(self, room: Array, price: Array | None, most: Array | float) -> tuple[Array, Array]:
         """Excess and price of limits: small where there is room, what it takes where there is none."""
@@ -161,8 +235,9 @@ class _Solver:
             own = np.clip(price, np.minimum(self.mu / (room + excess), 0.5 * most), 0.999 * most)
         return excess, own
 
-    def run(self, c: Array, before: Point | None, gap: float) -> Point:
-        p, idle = self.start(c, before), 0
+    def run(self, c: Array, before: Point | None, gap: float, unit: float | None = None) -> Point:
+        """``unit``: of the time, left out the time of ``c``."""
+        p, idle = self.start(c, before, unit), 0
         for p.steps in range(1, MAX_STEPS + 1):
             share, change = self.step(p)
             idle = idle + 1 if share < STEP_OF_NOTHING else 0

@@ -36,13 +36,15 @@ DEAR = 5.0  # price above a lowered feed, in times of what may be gained there
 class Grid:
     """Knots of a law, (n + 1,) from its beginning to its rest, and derivatives at them.
 
-    ``starts``, ``inner`` and ``ends`` belong to the n intervals, each seen from inside.
+    ``starts``, ``inner`` and ``ends`` belong to the n intervals, each seen from inside; they have a column
+    for each of ``axes``, the joints that move anywhere: one that stands keeps its limits whatever the law.
     """
 
     parts: Parts
     s: Array
     part: Index  # of each interval
     from_rest: bool
+    axes: Index
     starts: Derivatives
     ends: Derivatives
     inner: tuple[Derivatives, ...]
@@ -54,7 +56,7 @@ class Grid:
         sides = np.flatnonzero(np.diff(part, append=-1))  # intervals whose end is not the next one's start
         places = [s[:-1], s[sides + 1], *(s[:-1] + share * width for share in INNER)]
         all_of = np.concatenate([part, part[sides], *[part] * len(INNER)])
-        d = parts.derivatives(np.concatenate(places), all_of)
+        axes, d = _moving(parts.derivatives(np.concatenate(places), all_of))
         after = np.arange(n) + 1
         after[sides] = n + np.arange(len(sides))
         begin = n + len(sides)
@@ -65,7 +67,7 @@ class Grid:
             tool = tuple(
                 tool_limits.rates(parts.course, s[:-1] + x * width, parts.index[part]) for x in shares
             )
-        return Grid(parts, s, part, from_rest, _part(d, slice(0, n)), _part(d, after), inner, tool)
+        return Grid(parts, s, part, from_rest, axes, _part(d, slice(0, n)), _part(d, after), inner, tool)
 
     def under(self, parts: Parts) -> Grid:
         """The same knots on a course that only allows more or less."""
@@ -89,6 +91,14 @@ class Grid:
     def knots(self) -> Array:
         """Of the spline, (m + 1,)."""
         return self.s[1:-1] if self.from_rest else self.s[:-1]
+
+
+def _moving(d: Derivatives) -> tuple[Index, Derivatives]:
+    """The joints that move at any of the places, or all where none does, and their derivatives alone."""
+    orders = (d.first, d.second, d.third)
+    moves = np.any([order.any(axis=0) for order in orders], axis=0)
+    axes = np.flatnonzero(moves if moves.any() else ~moves)
+    return axes, Derivatives(*(order[:, axes] for order in orders))
 
 
 def _part(d: Derivatives, which: slice | Index) -> Derivatives:
@@ -153,7 +163,8 @@ class Bounds:
         self._about = np.full(len(grid.s), np.inf) if about is None else FASTER * about
         course, n = grid.course, len(grid.part)
         self.velocity, self.acceleration, self.jerk = (
-            course.least_limit(grid.s, which, grid.index) for which in ("velocity", "acceleration", "jerk")
+            course.least_limit(grid.s, which, grid.index)[:, grid.axes]
+            for which in ("velocity", "acceleration", "jerk")
         )
         self.feed = self._feeds()
         rates = (np.abs(d.first) + 1e-30 for d in (grid.starts, grid.ends))
@@ -198,7 +209,7 @@ class Bounds:
             low = min(low, float(self._about[i + 1]))
             v = min(v, low)
         self.speed[1, i] = self.speed[0, i + 1] = low
-        rate, curve = jump.rate * v, jump.curve * v * v
+        rate, curve = jump.rate[grid.axes] * v, jump.curve[grid.axes] * v * v
         used = (rate / T + SPREAD * curve) / (T * jerk)
         if used.max() < SMOOTH:
             return

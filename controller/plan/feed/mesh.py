@@ -8,16 +8,13 @@ short it is. Where the feed alone holds the speed, knots lie further and further
 
 from __future__ import annotations
 
-import functools
 import math
-import operator
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
 from controller.geometry import arc_length
-from controller.geometry.arrays import distinct
 from controller.geometry.curves import Arc, Even
 from controller.geometry.vectors import ROUNDING
 from controller.motion.motions import JointMove, SurfaceCut, ToolLine
@@ -94,12 +91,7 @@ class Parts:
 
 def survey(parts: Parts, v: float = 0.0, a: float = 0.0) -> Samples:
     """Every part sampled closely enough to see narrow places, and what a motion at its beginning does."""
-    found = [
-        _even(parts.course.stretches[k], float(parts.course.zeros[k]), low, high)
-        for k, low, high in zip(parts.index, parts.ends[:-1], parts.ends[1:], strict=True)
-    ]
-    part = np.repeat(np.arange(len(found)), [len(one) for one in found])
-    rough = _near_ends(parts, _sampled(parts, np.concatenate(found), part))
+    rough = _near_ends(parts, _sampled(parts, *_even(parts)))
     if v > 0.0:
         way, _ = braking(rough, v, a)
         s = way[(way > parts.ends[0]) & (way < parts.ends[-1])]
@@ -107,22 +99,33 @@ def survey(parts: Parts, v: float = 0.0, a: float = 0.0) -> Samples:
     return _refined(parts, rough)
 
 
-def _even(stretch: Stretch, start: float, low: float, high: float) -> Array:
-    """Places of a stretch that has s = 0 at ``start``; they gather where its axis passes by the pole."""
+def _even(parts: Parts) -> tuple[Array, Index]:
+    """Places evenly in every part, and the part of each; they gather where an axis passes by the pole."""
+    course, (low, high) = parts.course, (parts.ends[:-1], parts.ends[1:])
+    rows = zip(parts.index.tolist(), low.tolist(), high.tolist(), strict=True)
+    counts = np.array([_spaces(course.stretches[k], b - a) for k, a, b in rows])
+    part, ends = np.repeat(np.arange(len(counts)), counts + 1), np.cumsum(counts + 1)
+    s = (np.arange(len(part)) - (ends - counts - 1)[part]) * ((high - low) / counts)[part] + low[part]
+    s[ends - 1] = high
+    for k, n in enumerate(parts.index.tolist()):
+        motion = course.stretches[n].motion
+        if isinstance(motion, SurfaceCut) and motion.beside_pole:
+            near = float(course.zeros[n]) + arc_length.s_at(motion.arc, beside_pole(motion))
+            more = np.setdiff1d(near[(near > low[k]) & (near < high[k])], s[part == k])
+            at = np.searchsorted(s, more)
+            s, part = np.insert(s, at, more), np.insert(part, at, k)
+    return s, part
+
+
+def _spaces(stretch: Stretch, length: float) -> int:
+    """Between the places on so long a part of it."""
     motion = stretch.motion
     if isinstance(motion, JointMove) and not isinstance(motion.curve, Even):
         turn = motion.curve.sweep_rad if isinstance(motion.curve, Arc) else 0.0
-        count = 5 + math.ceil(16.0 * abs(turn) * (high - low) / motion.end)
-    elif _is_short(stretch):
-        count = SHORT_SAMPLES
-    else:
-        share = (high - low) / motion.end
-        count = 2 + int(min(max((high - low) / SPACING, SAMPLES[0] * share), SAMPLES[1]))
-    even = np.linspace(low, high, count + 1)
-    if not isinstance(motion, SurfaceCut) or not motion.beside_pole:
-        return even
-    near = start + arc_length.s_at(motion.arc, beside_pole(motion))
-    return distinct(np.concatenate((even, near[(near > low) & (near < high)])))
+        return 5 + math.ceil(16.0 * abs(turn) * length / motion.end)
+    if _is_short(stretch):
+        return SHORT_SAMPLES
+    return 2 + int(min(max(length / SPACING, SAMPLES[0] * (length / motion.end)), SAMPLES[1]))
 
 
 def _is_short(stretch: Stretch) -> bool:
@@ -291,19 +294,20 @@ def knots(found: Samples, v: Array, step_s: float) -> tuple[Array, Index]:
     something happens. At rests the first interval takes ``FROM_REST`` of these times.
     """
     count = _count(found, v, step_s)
-    wanted, s_of = count.tolist(), found.s.tolist()
-    ends = [*np.flatnonzero(np.diff(found.part)).tolist(), len(s_of) - 1]
-    places, per_part, first = s_of[:1], list[int](), 0
-    for last in ends:
-        n = max(1, math.ceil(functools.reduce(operator.add, wanted[first:last], 0.0) - 0.2))
-        if n > 1:  # rows of many short parts have one interval in most of them
-            upto = np.concatenate([[0.0], np.cumsum(count[first:last])])
-            made = np.interp(np.linspace(0.0, upto[-1], n + 1), upto, found.s[first : last + 1])
-            places += made[1:-1].tolist()
-        places.append(s_of[last])
-        per_part.append(n)
-        first = last + 1
-    s, parts = np.array(places), np.repeat(found.part[ends], per_part)
+    ends = np.append(np.flatnonzero(np.diff(found.part)), len(found.s) - 1)
+    firsts = np.append(0, ends[:-1])
+    wanted = np.add.reduceat(count, firsts)
+    per_part = np.maximum(1, np.ceil(wanted - 0.2)).astype(np.intp)
+    places, upto = [found.s[:1]], 0
+    for k in np.flatnonzero(per_part > 1).tolist():  # most parts of rows of many short ones have one interval
+        first, last, n = firsts[k], ends[k], per_part[k]
+        places.append(found.s[ends[upto:k]])
+        so_far = np.concatenate([[0.0], np.cumsum(count[first:last])])
+        made = np.interp(np.linspace(0.0, so_far[-1], n + 1), so_far, found.s[first : last + 1])
+        places.append(made[1:-1])
+        upto = k
+    places.append(found.s[ends[upto:]])
+    s, parts = np.concatenate(places), np.repeat(found.part[ends], per_part)
     if v[0] == 0.0:
         more = _joined_at_rest(parts)
         s, parts = np.delete(s, np.arange(1, more + 1)), parts[more:]
@@ -322,7 +326,7 @@ def _count(found: Samples, v: Array, step_s: float) -> Array:
     t = times(found.s, v)
     busy = (v < 0.999 * found.feed) | (found.allowed < HEADROOM * found.feed)
     busy[0] = busy[-1] = True
-    quiet = _time_away(t, busy) - 4.0 * step_s
+    quiet = time_away(t, busy) - 4.0 * step_s
     span = step_s + GROWTH * np.maximum(quiet, 0.0)
     matters = np.minimum(found.allowed[1:], found.allowed[:-1]) < 1.5 * HEADROOM * found.feed[1:]
     bends = np.abs(np.diff(np.log(found.allowed))) / STEP_OF_SPEED * matters
@@ -333,7 +337,7 @@ def _count(found: Samples, v: Array, step_s: float) -> Array:
     return np.asarray(np.diff(t) / mean + bends)
 
 
-def _time_away(t: Array, busy: npt.NDArray[np.bool_]) -> Array:
+def time_away(t: Array, busy: npt.NDArray[np.bool_]) -> Array:
     """Time from each sample to the nearest busy one."""
     before = np.maximum.accumulate(np.where(busy, t, -np.inf))
     after = np.minimum.accumulate(np.where(busy, t, np.inf)[::-1])[::-1]

@@ -34,6 +34,7 @@ Array = npt.NDArray[np.float64]
 Run = tuple[Stretch, ...]
 
 WAITS_S = (0.02, 0.05, 0.1, 0.2, 0.4, 0.8)
+WAY_S = 2e-3
 NOTHING = 1e-9  # of s: no way to go
 SAME = 1e-8  # of s: two places that are one
 SAME_SPEED = 1e-6  # unit of s per second
@@ -102,6 +103,12 @@ class Profile:
         s = c[0] + x * (c[1] + x * (c[2] + x * c[3]))
         return s, c[1] + x * (2.0 * c[2] + x * 3.0 * c[3]), 2.0 * c[2] + x * 6.0 * c[3], 6.0 * c[3]
 
+    @property
+    def way(self) -> tuple[Array, Array]:
+        """Places and speeds along it, (N,) each, ``WAY_S`` apart."""
+        s, v, _, _ = self.along(np.linspace(0.0, self.duration_s, 2 + int(self.duration_s / WAY_S)))
+        return s, v
+
     def laws(self, course: FeedCourse) -> list[tuple[int, Law]]:
         """(index of the stretch, its law in its own s) for each stretch that the profile passes, in order."""
         first = int(course.index(self.pieces[:1, 0])[0])
@@ -152,7 +159,7 @@ def plan(
         return even
     if (law := cruise.law(course, *begin, last)) is not None:
         return Profile(*law)
-    found = _searched(course, begin, last)
+    found = _searched(course, begin, last, guess)
     return _after(course, guess, last) if found is None and guess is not None else found
 
 
@@ -167,9 +174,9 @@ def _is_there(state: State, last: float) -> bool:
     return last - state.s <= NOTHING * max(1.0, last)
 
 
-def _searched(course: FeedCourse, begin: State, last: float) -> Profile | None:
+def _searched(course: FeedCourse, begin: State, last: float, before: Profile | None = None) -> Profile | None:
     """What the search finds; None where it finds nothing, or what does not join."""
-    law = search.Search(course, *begin, last).law()
+    law = search.Search(course, *begin, last, before.way if before is not None else None).law()
     found = Profile(*law) if law is not None else None
     return found if found is not None and found.joins else None
 
@@ -179,7 +186,7 @@ def _after(course: FeedCourse, before: Profile, last: float) -> Profile | None:
     for wait_s in WAITS_S:
         if wait_s >= before.duration_s or _is_there(before.at(wait_s), last):
             break
-        found = _searched(course, before.at(wait_s), last)
+        found = _searched(course, before.at(wait_s), last, before)
         if found is not None:
             return before.until(wait_s).followed_by(found)
     return before if abs(before.end_s - last) <= NOTHING * max(1.0, last) else None

@@ -9,6 +9,8 @@ and the search goes on from where it was.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -22,12 +24,19 @@ from controller.plan.junctions import MARGIN
 from controller.plan.surfaces.rates import Derivatives
 
 Array = npt.NDArray[np.float64]
+Bools = npt.NDArray[np.bool_]
 Law = tuple[Array, Array]  # times (n + 1,) and pieces (n, 6)
+Way = tuple[Array, Array]  # places and speeds along a law, (N,) each
 
-ROUNDS = 5
+ROUNDS = 8
+FAR = 0.1  # of the intervals: if an estimate exceeds limits in more, the search begins with another one
+# Sought again alone is what is no more than such a share of all intervals: what is not good enough, and so
+# many swings of an acceleration before and behind it, in which a law can become another.
+FEW, BESIDE = 0.35, 5.0
 TIGHTEN_POWER = 1.3
 PER_SWING = 12.0  # knots in the time that an axis needs to swing its acceleration up
 MIN_KNOTS, MAX_KNOTS = 60, 4000
+WIDEST = 3.0  # times as far apart at most, to be no more
 MORE_KNOTS = 240  # the least where they are no closer than ...
 CLOSE_S = 5e-3  # ... that: the dips of a machine with little jerk are short beside its swings
 COARSE = 4.0  # times fewer knots in the first search
@@ -61,15 +70,41 @@ class Excess:
         shares = [float(use.max()) / most for use, most in zip(self._all(), FINE, strict=True)]
         return float(max(share ** (1.0 / (k + 1)) for k, share in enumerate(shares)))
 
+    def exceeds(self, fine: tuple[float, float, float]) -> Bools:
+        """The intervals in which something is not as ``fine``, (n,)."""
+        velocity, acceleration, jerk = fine
+        over = (self.velocity > velocity) | (self.tip > acceleration)
+        over |= (self.acceleration > acceleration).any(axis=1)
+        return np.asarray(over | (self.jerk > jerk).any(axis=1))
+
     def _all(self) -> tuple[Array, Array, Array]:
         return self.velocity, np.append(self.acceleration, self.tip), self.jerk
+
+
+class Looked(NamedTuple):
+    """A law, and how much of each limit it uses."""
+
+    law: Law
+    excess: Excess
+
+    @property
+    def over(self) -> float:
+        """At most 1.0 where it is good enough."""
+        return self.excess.over(FINE)
+
+    def near(self, reach_s: float) -> Bools:
+        """The intervals that begin within such a time of one that is not good enough, (n,)."""
+        return np.asarray(mesh.time_away(self.law[0][:-1:2], self.excess.exceeds(FINE)) <= reach_s)
 
 
 class Search:
     """The search for the fastest law from a state to rest."""
 
-    def __init__(self, course: FeedCourse, s: float, v: float, a: float, last: float) -> None:
-        self.course, self.v, self.a = course, v, a
+    def __init__(
+        self, course: FeedCourse, s: float, v: float, a: float, last: float, way: Way | None = None
+    ) -> None:
+        """``way``: of a law that goes on from the same state, if one is known."""
+        self.course, self.v, self.a, self._way = course, v, a, way
         self.parts = mesh.Parts.of(course, s, last)
         self.samples = mesh.survey(self.parts, v, a)
         self.from_rest = v == 0.0
@@ -77,29 +112,60 @@ class Search:
     def law(self) -> Law | None:
         """None where the state of motion cannot be continued; from rest there is always a law."""
         speed = mesh.estimate(self.parts, self.samples, self.v, self.a)
-        found = self._sought(speed)
-        if found is None and self.from_rest:
-            return self._sought(speed, slowly=True) or self._careful()
-        return found
-
-    def _sought(self, speed: Array, slowly: bool = False) -> Law | None:
-        """``slowly``: from a law inside all limits, which takes more steps and cannot fail to lead on."""
         step_s = COARSE * self._step(speed)
         bounds = self._bounds(speed, step_s)
         smooth = mesh.smoothed(self.samples, speed, self.a, SMOOTHING * step_s)
-        c = self._coefficients(bounds, np.minimum(smooth, speed) if self.from_rest else smooth)
+        speed = np.minimum(smooth, speed) if self.from_rest else smooth
+        is_row = len(bounds.grid.s) > MAX_KNOTS
+        found = self._of_row(speed) if is_row else self._sought(bounds, speed)
+        if found is None and self._has_start:
+            found = self._sought(bounds, speed, slowly=True)
+        return self._careful() if found is None and self.from_rest else found
+
+    def _sought(self, bounds: Bounds, speed: Array, slowly: bool = False) -> Law | None:
+        """``slowly``: from a law inside all limits, which takes more steps and cannot fail to lead on."""
+        found = self._coarse(bounds, speed, slowly)
+        if found is None or (found.stuck and self.from_rest and not slowly):
+            return None
+        speed = self._speed(bounds, found.c)
+        bounds = self._bounds(speed, self._step(speed))
+        begun = self._begun(bounds, speed, slowly)
+        return None if begun is None else self._refine(bounds, begun[1])
+
+    def _of_row(self, speed: Array) -> Law | None:
+        """Of so many short parts that no knots are coarse: those of a fine search from the beginning.
+
+        Most parts are one wide interval, so what is found coarsely tells already where it is too fast.
+        """
+        bounds = self._bounds(speed, self._step(speed))
+        found = self._coarse(bounds, speed)
+        return None if found is None or found.stuck else self._refine(bounds, found.c, found)
+
+    def _coarse(self, bounds: Bounds, speed: Array, slowly: bool = False) -> barrier.Point | None:
+        """What is found from about ``speed`` to a coarse gap."""
+        begun = self._begun(bounds, speed, slowly)
+        return None if begun is None else barrier.solve(*begun, None, COARSE_GAP)
+
+    def _begun(self, bounds: Bounds, speed: Array, slowly: bool) -> tuple[barrier.Limits, Array] | None:
+        """All of the limits, and coefficients of about ``speed`` or, where those are too far outside, inside.
+
+        Out of motion the first of these are those of the law so far.
+        """
+        c = self._coefficients(bounds, speed)
         if not (c > 0.0).all():
             return None  # it brakes so hard that it would stand before the first knot
         limits = bounds.limits(Shares.full(*bounds.velocity.shape), c[1:-1])
-        found = barrier.solve(limits, barrier.inside(limits, c) if slowly else c, None, COARSE_GAP)
-        speed = self._speed(bounds, found.c)
-        bounds = self._bounds(speed, self._step(speed))
-        c = self._coefficients(bounds, speed)
-        if not (c > 0.0).all():
-            return None
-        if slowly:
-            c = barrier.inside(bounds.limits(Shares.full(*bounds.velocity.shape), c[1:-1]), c)
-        return self._refine(bounds, c)
+        if self._has_start and (slowly or barrier.outside(limits, c) > FAR):
+            held, c = c[:2], barrier.inside(limits, c)
+            if self._way is not None and not self.from_rest:
+                before = np.interp(self.samples.s, *self._way, right=0.0)
+                c = np.maximum(c, self._coefficients(bounds, before))
+                c[:2] = held
+        return limits, c
+
+    @property
+    def _has_start(self) -> bool:
+        return self.from_rest or self._way is not None
 
     def _careful(self) -> Law:
         """The closed form for the worst place of all: each part of a limit's sum may use a share of it."""
@@ -123,27 +189,41 @@ class Search:
         pieces[:, 0] += s[0]
         return np.array(made.knots_s), pieces
 
-    def _refine(self, bounds: Bounds, c: Array) -> Law | None:
-        shares = self._shares(bounds, c)
-        best: tuple[float, Law, Excess] | None = None
-        point, z = None, c[1:-1].copy()
+    def _refine(self, bounds: Bounds, c: Array, point: barrier.Point | None = None) -> Law | None:
+        """From about ``c``, in all intervals and then only where a limit is exceeded, if that is in few.
+
+        ``point``: what was found there to a coarse gap.
+        """
+        shares, z = self._shares(bounds, c), c[1:-1].copy()
+        if point is not None:
+            _tighten(shares, self._looked(bounds, c).excess)
+            if self.from_rest:
+                c, point = barrier.inside(bounds.limits(shares, z), c), None
+        best: Looked | None = None
+        near, reach_s = np.ones(len(z), dtype=bool), BESIDE * self._swing_s
         for _ in range(ROUNDS):
-            point = barrier.solve(bounds.limits(shares, z), c, point)
+            limits = bounds.limits(shares, z)
+            if point is not None and near.mean() < FEW:
+                point = barrier.solve_near(limits, point, near)
+            else:
+                point = barrier.solve(limits, c, point)
             if point.stuck:
                 break
             c = point.c
-            law = self._law(bounds, c)
-            excess = self._excess(bounds, *law)
-            if best is None or excess.over(FINE) < best[0]:
-                best = (excess.over(FINE), law, excess)
-            if excess.over(FINE) <= 1.0:
+            looked = self._looked(bounds, c)
+            helped = best is None or looked.over < best.over
+            best = looked if best is None or helped else best
+            if looked.over <= 1.0:
                 break
-            _tighten(shares, excess)
-        if best is None:
-            return None
-        if best[2].over(LAST) <= 1.0:
-            return best[1]
-        return _slowed(best[1], best[2].slowing) if self.from_rest else None
+            _tighten(shares, looked.excess)
+            near = looked.near(reach_s)[bounds.grid.own] if helped else np.ones_like(near)
+        if best is None or best.excess.over(LAST) <= 1.0:
+            return None if best is None else best.law
+        return _slowed(best.law, best.excess.slowing) if self.from_rest else None
+
+    def _looked(self, bounds: Bounds, c: Array) -> Looked:
+        law = self._law(bounds, c)
+        return Looked(law, self._excess(bounds, *law))
 
     def _shares(self, bounds: Bounds, c: Array) -> Shares:
         """All of every limit, and a little more just behind a state of motion."""
@@ -158,14 +238,18 @@ class Search:
     def _step(self, speed: Array) -> float:
         """Time between knots."""
         duration = float(mesh.times(self.samples.s, speed)[-1])
-        swing = float((self.samples.acceleration / self.samples.jerk).min())
         least = min(max(duration / MORE_KNOTS, CLOSE_S), duration / MIN_KNOTS)
-        return min(max(swing / PER_SWING, mesh.FINEST_S), least)
+        return min(max(self._swing_s / PER_SWING, mesh.FINEST_S), least)
+
+    @cached_property
+    def _swing_s(self) -> float:
+        """The time that the quickest swing of an acceleration to its limit takes."""
+        return float((self.samples.acceleration / self.samples.jerk).min())
 
     def _bounds(self, speed: Array, step_s: float) -> Bounds:
         s, part = self._knots(speed, step_s)
-        if len(s) > MAX_KNOTS:
-            s, part = self._knots(speed, step_s * len(s) / MAX_KNOTS)
+        if len(s) > MAX_KNOTS:  # marks are knots whatever comes: where these are most of them, little is won
+            s, part = self._knots(speed, step_s * min(len(s) / MAX_KNOTS, WIDEST))
         about = np.interp(s, self.samples.s, speed)
         return Bounds(Grid.of(self.parts, s, part, self.from_rest), about)
 

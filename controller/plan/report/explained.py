@@ -52,6 +52,8 @@ _KINDS = {
     Act.END: "end",
 }
 
+LINES = ("line", "drill", "tap", "thread")  # kinds of what is straight at feed: the others in a cycle, or G33
+
 
 @dataclass(frozen=True, slots=True)
 class Step:
@@ -59,7 +61,7 @@ class Step:
 
     line: int
     column: int
-    # rapid, line, arc, curve, surface, dwell, spindle, tool, coolant, message, stop, optional stop, end
+    # rapid, of LINES, arc, curve, surface, dwell, spindle, tool, coolant, message, stop, optional stop, end
     kind: str
     program: dict[str, Coordinate]  # position at the end, in program coordinates
     axes: dict[str, Coordinate]  # the same as positions of the machine's axes
@@ -130,11 +132,10 @@ class _Explainer:
 
     def _facts(self, block: Block, before: tuple[Coordinate, ...]) -> dict[str, Any]:
         if isinstance(block, JointLine | TipLine):
-            return (
-                {"kind": "rapid"}
-                if block.feed_mm_s is None
-                else {"kind": "line", **self._feed(block, before)}
-            )
+            if block.feed_mm_s is None:
+                return {"kind": "rapid"}
+            hole = block.hole if isinstance(block, JointLine) else ""
+            return {"kind": hole or "line", **self._feed(block, before)}
         if isinstance(block, JointArc):
             return {"kind": "arc", **self._feed(block, before), **self._arc(block, before)}
         if isinstance(block, JointCurve):

@@ -30,7 +30,7 @@ def told(program: str, on: Machine) -> list[str]:
     made, here = [], ""
     for step in explained.steps(blocks.stream((START + program).encode(), on, "p"), on, "p", homed(on)):
         place = " ".join(f"{step.axes[name]:g}" for name in "XYZ")
-        if step.kind in ("rapid", "line"):
+        if step.kind in ("rapid", *explained.LINES):
             if place != here:
                 made.append(f"{'r' if step.kind == 'rapid' else 'f'} {place}")
             here = place

@@ -26,13 +26,14 @@ def told(text: str, dialect: str = "rs274") -> list[str]:
     made, here = [], ""
     for step in explained.steps(blocks.stream((START + text).encode(), on, "p"), on, "p", homed(on)):
         place = " ".join(f"{step.axes[name]:g}" for name in "XYZ")
-        if step.kind in ("rapid", "line") and place != here:
-            made.append(f"{step.kind[0].replace('l', 'f')} {place}")
+        moves = step.kind in ("rapid", *explained.LINES)
+        if moves and place != here:
+            made.append(f"{'r' if step.kind == 'rapid' else 'f'} {place}")
         elif step.kind == "dwell":
             made.append(f"d {step.facts['seconds']:g}")
         elif step.kind == "spindle":
             made.append(f"s {step.facts['rev_min']:g}")
-        here = place if step.kind in ("rapid", "line") else here
+        here = place if moves else here
     return made[2:]
 
 

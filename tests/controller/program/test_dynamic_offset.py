@@ -115,7 +115,7 @@ def test_g254_carries_the_origin_with_the_table_and_leaves_the_axes_parallel(num
         text.append(f"G0 {written(where)}" if number % 4 == 1 else f"G0 {written(where | at)}")
     text.append(f"G1 {written(at)} F500.")
     text += ["G255", f"G0 {written(at)}"]
-    made = [step for step in steps("\n".join(text), machine) if step.kind in ("line", "rapid")]
+    made = [step for step in steps("\n".join(text), machine) if step.kind in ("rapid", *explained.LINES)]
     expected = point(table(machine, where), origin) + vec(shift) + vec(at)
     expected[2] += tool.length_mm
     assert np.abs(xyz(made[-2]) - expected).max() < EXACT
@@ -133,7 +133,7 @@ def test_g54_2_adds_a_vector_that_turns_with_the_table(number: int) -> None:
     measured, where = angles(machine, rng), angles(machine, rng)
     text = f"G90 G21 G54\nG10 L21 P3 {written(vector | measured)}\nG54.2 P3\n"
     text += f"G0 {written(where)}\nG0 {written(at)}\nG54.2 P0\nG0 {written(at)}"
-    made = [step for step in steps(text, machine) if step.kind in ("line", "rapid")]
+    made = [step for step in steps(text, machine) if step.kind in ("rapid", *explained.LINES)]
     turned = table(machine, where)[:3, :3] @ table(machine, measured)[:3, :3].T @ vec(vector)
     assert np.abs(xyz(made[-2]) - (centre + turned + vec(at))).max() < EXACT
     assert np.abs(xyz(made[-1]) - (centre + vec(at))).max() < EXACT

@@ -185,7 +185,7 @@ def test_the_path_goes_where_the_reader_says() -> None:
     read = blocks.read(text.encode(), on, "p.ngc", start=(0.0, 0.0, 200.0, 0.0, 0.0))
     told = [s for s in explained.steps(read.blocks, on, "p.ngc", (0.0, 0.0, 200.0, 0.0, 0.0))]
     planned = [on.shown(stretch.end) for stretch in stretches(trace(text, on))]
-    said = [tuple(step.axes.values()) for step in told if step.kind in ("rapid", "line")]
+    said = [tuple(step.axes.values()) for step in told if step.kind in ("rapid", *explained.LINES)]
     moving = [
         b for a, b in zip([None, *said], said, strict=False) if a is None or b != pytest.approx(a, abs=1e-9)
     ]

@@ -178,7 +178,8 @@ def judged(name: str, dialect: str, number: int, drills: bool) -> bool:
         assert_tool(case, step, point)
     if drills:
         for k, hole in enumerate(holes):
-            rows = [step for step in steps if step.line == head + 4 + k and step.kind in ("rapid", "line")]
+            kinds = ("rapid", *explained.LINES)
+            rows = [step for step in steps if step.line == head + 4 + k and step.kind in kinds]
             deepest = min(rows, key=lambda step: step.program["Z"] or 0.0)
             assert_tool(case, deepest, (*hole, b))
             assert_tool(case, rows[-1], (*hole, r if ends == "G99" else 20.0))

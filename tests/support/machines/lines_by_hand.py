@@ -65,10 +65,12 @@ class ByHand:
         before = machine.shown(here)
         read = list(blocks.stream(job.program.text, machine, "MDI", start=here, begin=begin, in_force=seen))
         for step in explained.steps(iter(read), machine, "MDI", here):
-            if step.kind in ("rapid", "line", "arc", "curve"):
+            if step.kind in ("rapid", *explained.LINES, "arc", "curve"):
                 values = tuple(0.0 if q is None else q for q in step.axes.values())
                 if step.kind != "curve":  # of which the reference makes arcs
-                    made.append(oracle.Move(step.kind, values, oracle._a_minute(step, before, values)))
+                    made.append(
+                        oracle.Move(oracle.kind_of(step), values, oracle._a_minute(step, before, values))
+                    )
                 before = values
                 here = tuple(q / axis.shown_per_unit for q, axis in zip(values, machine.axes, strict=True))
         changes = [change for block in read if isinstance(block, Setting) for change in block.changes]

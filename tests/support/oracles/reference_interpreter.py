@@ -81,13 +81,18 @@ def ours(text: str, on: Machine) -> Reading:
     here = (0.0,) * len(on.axes)
     try:
         for step in explained.steps(read, on, "p.ngc", homed(on)):
-            if step.kind in ("rapid", "line", "arc"):
+            if step.kind in ("rapid", *explained.LINES, "arc"):
                 axes = tuple(math.nan if q is None else q for q in step.axes.values())
-                made.append(Move(step.kind, axes, _a_minute(step, here, axes)))
+                made.append(Move(kind_of(step), axes, _a_minute(step, here, axes)))
                 here = axes
     except ProgramError as error:
         return Reading(_moving(made), str(error))
     return Reading(_moving(made), "")
+
+
+def kind_of(step: explained.Step) -> str:
+    """As the reference has it, which does not tell a stroke into a hole from any other line."""
+    return "line" if step.kind in explained.LINES else step.kind
 
 
 def _a_minute(step: explained.Step, here: tuple[float, ...], there: tuple[float, ...]) -> float | None:

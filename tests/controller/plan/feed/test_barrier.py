@@ -118,3 +118,23 @@ def test_a_solution_under_similar_limits_saves_most_of_the_steps() -> None:
     other = line(jerk=0.98e4)
     warm = barrier.solve(other, cold.c, cold)
     assert worst(other, warm.c) <= 1.0 + 1e-6 and warm.steps <= 0.6 * cold.steps
+
+
+@pytest.mark.parametrize(
+    "where", [slice(30, 55), slice(0, 20), slice(60, 80)], ids=["inside", "first", "last"]
+)
+def test_what_is_sought_again_in_a_part_is_what_all_of_it_would_be(where: slice) -> None:
+    """The feed is lowered in one place: far from there nothing changes, and near it as much as it must."""
+    limits = line(jerk=1e5)
+    begun = barrier.solve(limits, np.full(82, 10.0))
+    k = (where.start + where.stop) // 2
+    limits.cap[k : k + 3] *= 0.9
+    near = np.zeros(80, dtype=bool)
+    near[where] = near[22:24] = near[56:58] = True
+    found = barrier.solve_near(limits, begun, near)
+    wanted = barrier.solve(limits, begun.c, begun)
+    assert not found.stuck and worst(limits, found.c) <= 1.0 + 1e-6
+    others = ~(np.convolve(near, [1.0, 1.0, 1.0]) > 0.0)
+    assert np.array_equal(found.c[others], begun.c[others])
+    assert duration(limits, begun.c) < duration(limits, wanted.c)
+    assert duration(limits, found.c) <= (1.0 + 1e-3) * duration(limits, wanted.c)

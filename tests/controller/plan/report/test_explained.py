@@ -112,3 +112,13 @@ def test_the_command_prints_a_line_for_each_and_with_json_an_object(tmp_path: Pa
     file.write_text("G0 X1.\nG1234\n")
     told = CliRunner().invoke(app, ["explain", "--json", str(file)])
     assert told.exit_code == 1 and json.loads(told.output.splitlines()[-1])["line"] == 2
+
+
+@pytest.mark.parametrize(
+    ("cycle", "kind"),
+    [("G81 X5 Z-3 R1", "drill"), ("G83 X5 Z-3 Q1 R1", "drill"), ("G1 X5 Z-3", "line")],
+)
+def test_a_stroke_into_a_hole_is_named_as_what_it_does(cycle: str, kind: str) -> None:
+    found = steps(f"G21 G90 S500 M3\nG0 Z5\n{cycle} F100\nG80\nG1 X9 F100\n")
+    fed = [step.kind for step in found if step.facts.get("feed")]
+    assert fed[-1] == "line" and set(fed[:-1]) == {kind}
