@@ -19,7 +19,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import optimize
 
 from controller.calibration.refusal import Refusal
 
@@ -72,6 +71,7 @@ def fitted(points: Array) -> tuple[Array, float, float]:
 
 def zone_mm(path: Array) -> float:
     """Least distance of two concentric circles that hold the path (N, 2) between them."""
+    from scipy.optimize import minimize  # takes as long to import as any other measurement altogether
 
     def width(centre: Array) -> float:
         return float(np.ptp(np.hypot(*(path - centre).T)))
@@ -80,7 +80,7 @@ def zone_mm(path: Array) -> float:
     size = max(1e-3, width(start))
     simplex = start + size * np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
     options = {"initial_simplex": simplex, "xatol": 1e-8 * max(radius, 1.0), "fatol": 1e-9}
-    return float(optimize.minimize(width, start, method="Nelder-Mead", options=options).fun)
+    return float(minimize(width, start, method="Nelder-Mead", options=options).fun)
 
 
 def radii(path: Array) -> Array:

@@ -6,7 +6,7 @@ import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
 import typer
@@ -24,13 +24,15 @@ from controller.runtime import checked, events
 from controller.state.record_files import TRACE
 from controller.verify import forms, passes, tables, trace, wording
 from controller.verify.audit import Watched
-from controller.verify.bound import Bound, bound
 from controller.verify.console import Refused, bar, refusals, say, show, spoken, tell
 from controller.verify.gouges import Gouge, gouges, in_table
 from controller.verify.judge import SETTLED_MM, Judged, Worst, Zone, judge
 from controller.verify.nominal import Nominal
 from controller.verify.sweep import FIT_MM, Pass
 from controller.workers import Spread, here
+
+if TYPE_CHECKING:
+    from controller.verify.bound import Bound
 
 Argument = Annotated[Path, typer.Argument()]
 Program = Annotated[Path | None, typer.Option("--program")]
@@ -263,6 +265,8 @@ def _found(
 
 def _bounds(judged: Sequence[Judged], progress: Any, spread: Spread) -> list[Bound]:
     """What each surface could be cut to, by a search that shares nothing with the planner's."""
+    from controller.verify.bound import bound  # what it takes of scipy takes 0.3 s to import
+
     found = []
     for k, one in enumerate(spread(bound, [one.nominal for one in judged], BOUND_S)):
         found.append(one)

@@ -105,13 +105,15 @@ class Drive:
 
     def read(self, index: int, sub: int = 0) -> int:
         """Upload. Raises CommissionError."""
-        if not self.has(index, sub):
+        variable = self.sheet.find(index, sub)
+        if variable is None:
             eds = self.settings.eds
             raise CommissionError(
                 self.says(message("drive.no_object_to_read", eds=eds, index=index, sub=sub))
             )
         try:
-            return int(self._variable(index, sub).raw)
+            # Past canopen's variable, which makes a text of each value: hundreds are read at each start.
+            return int(variable.decode_raw(self._node.sdo.upload(index, sub)))
         except SdoAbortedError as error:
             kind = MissingObjectError if error.code in MISSING else RefusedError
             what = message("drive.not_read", index=index, sub=sub, why=_aborted(error))

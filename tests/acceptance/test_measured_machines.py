@@ -37,7 +37,7 @@ MEASURED = Errors(backlash_mm=5e-4, pitch_mm=5e-4, scale=2e-6)
 )
 def test_a_part_that_lies_turned_by_a_hair_is_cut_within_the_limits(turned_deg):
     """A rotary then turns half round within a hair of the begin: its rate there is taken there."""
-    machine = shipped("trunnion", period_s=0.004)
+    machine = shipped("trunnion", period_s=0.008)
     part = moved(machine.offsets[0], (0.0, 0.0, 0.0), (turned_deg, -0.7 * turned_deg, 0.0))
     text = PROGRAM.read_text().replace("F100.", "F600.")
     done = cut(text, replace(machine, offsets=(part, *machine.offsets[1:])))
@@ -64,7 +64,7 @@ def verdict(tmp_path, plan: str, real: str) -> dict:
     """What a machine makes of Example 2 that is told to be as ``plan`` has it: judged by its own geometry."""
     files = {name: tmp_path / f"{name}.toml" for name in ("plan", "real")}
     part = tmp_path / "part.ngc"
-    part.write_text(PROGRAM.read_text().replace("F100.", "F600."))
+    part.write_text(PROGRAM.read_text().replace("F100.", "F1500."))
     for name, text in (("plan", plan), ("real", real)):
         files[name].write_text(text)
     trace = tmp_path / "trace.npz"

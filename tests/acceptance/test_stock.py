@@ -193,8 +193,8 @@ def assert_within_limits(ran: Ran) -> None:
 @pytest.mark.parametrize("name", SOME)
 def test_in_time_the_setpoints_are_those_of_a_tick_that_sends_by_itself(name: str) -> None:
     """And each goes out two periods after its tick."""
-    with_pump = in_time(name, "6000.")
-    by_itself = cut(program("example2_ready", "6000."), shipped(name, stock_s=0.0))
+    with_pump = in_time(name, "12000.")
+    by_itself = cut(program("example2_ready", "12000."), shipped(name, stock_s=0.0))
     alone = by_itself.run.rows[:, of_axes("setpoint", len(by_itself.machine.axes))].astype(np.int64)
     assert (with_pump.setpoints == alone).all()
     assert (with_pump.played() == with_pump.setpoints[: len(with_pump.played())]).all()

@@ -95,8 +95,9 @@ def test_positions_to_probe_are_told_with_the_bounds_that_they_would_leave():
 
 
 def part_scene(tmp_path, off_mm=0.0):
-    """The shipped example, its first surface touched on a part that lies 0.3 mm off."""
-    machine, program = machine_file.load("trunnion"), machine_file.shipped_program("example2_ready")
+    """The shipped example placed at two points, its surfaces touched on a part that lies 0.3 mm off."""
+    machine, program = machine_file.load("trunnion"), tmp_path / "part.ngc"
+    program.write_text(machine_file.shipped_program("example2_ready").read_text().replace("P4", "P2"))
     made = run("points", program, "--line", 10, "--along", 5, "--across", 2)
     assert made.exit_code == 0, made.output
     rows = [line.split(",") for line in made.stdout.splitlines()[1:]]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -34,12 +35,17 @@ COUNT_MM = 1e-3  # a recorded position is a whole count
 
 
 def run(folder: Path, script: str = "") -> RecordedBench:
-    bench = RecordedBench(folder, shipped(period_s=0.004))
+    bench = RecordedBench(folder, shipped(period_s=0.008))
     bench.started(CONE)
     MachineScript.read(script, bench.machine).inject(bench.stepped.rig.buses, 0.0)
     bench.until(Mode.READY)
     bench.ended()
     return bench
+
+
+@pytest.fixture(scope="module")
+def healthy(tmp_path_factory: pytest.TempPathFactory) -> RecordedBench:
+    return run(tmp_path_factory.mktemp("healthy"))
 
 
 def verified(*words: str) -> dict[str, Any]:
@@ -48,7 +54,9 @@ def verified(*words: str) -> dict[str, Any]:
     return found
 
 
-def test_a_run_with_lost_setpoints_is_judged_as_the_drives_have_cut_it(tmp_path: Path) -> None:
+def test_a_run_with_lost_setpoints_is_judged_as_the_drives_have_cut_it(
+    tmp_path: Path, healthy: RecordedBench
+) -> None:
     bench = run(tmp_path, LOST)
     rows = np.concatenate(bench.rows)
     told = verified(str(bench.record.folder))
@@ -64,7 +72,7 @@ def test_a_run_with_lost_setpoints_is_judged_as_the_drives_have_cut_it(tmp_path:
     (judged,) = judge(surfaces, ways)
     assert judged.inside.overcut is not None
     assert overcut == pytest.approx(judged.inside.overcut.mm, abs=COUNT_MM)
-    whole = verified(str(run(tmp_path / "healthy").record.folder))
+    whole = verified(str(healthy.record.folder))
     assert abs(overcut) > abs(whole["surfaces"][0]["inside"]["overcut"]["mm"]) + 2.0 * COUNT_MM
 
 
@@ -75,8 +83,8 @@ def told_stretches(bench: RecordedBench) -> dict[int, Any]:
     return checked.stretches(checked.walk_of(task, None, unchecked=True))
 
 
-def test_a_record_keeps_where_the_drives_were_in_whole_counts(tmp_path: Path) -> None:
-    bench = run(tmp_path)
+def test_a_record_keeps_where_the_drives_were_in_whole_counts(healthy: RecordedBench) -> None:
+    bench = healthy
     setpoints, actual = SETPOINTS.read(bench.record.folder), ACTUAL.read(bench.record.folder)
     assert setpoints is not None and actual is not None and setpoints.shape == actual.shape
     rows = np.concatenate(bench.rows)
@@ -87,9 +95,9 @@ def test_a_record_keeps_where_the_drives_were_in_whole_counts(tmp_path: Path) ->
     assert np.abs(actual[:, : len(per_unit)] - wanted).max() <= 0.5
 
 
-def test_a_record_has_following_errors_feed_and_load(tmp_path: Path) -> None:
+def test_a_record_has_following_errors_feed_and_load(healthy: RecordedBench) -> None:
     """As the tick had them, but for what their counts round off; and nothing where no load is told."""
-    bench = run(tmp_path)
+    bench = healthy
     found = records.read(bench.record.folder).columns
     rows = np.concatenate(bench.rows)
     mine = rows[rows[:, COLUMN["tick"]] >= bench.record.first_tick][: len(found["feed_mm_s"].values)]
@@ -105,8 +113,9 @@ def test_a_record_has_following_errors_feed_and_load(tmp_path: Path) -> None:
     assert max(np.abs(found["following_error.X"].values)) > 0.0
 
 
-def test_a_record_without_positions_says_so(tmp_path: Path) -> None:
-    folder = run(tmp_path).record.folder
+def test_a_record_without_positions_says_so(tmp_path: Path, healthy: RecordedBench) -> None:
+    folder = tmp_path / healthy.record.folder.name
+    shutil.copytree(healthy.record.folder, folder)
     (folder / "actual.npz").unlink()
     told = verified(str(folder))
     assert told["ok"] is False and "holds no positions of the drives" in told["error"]

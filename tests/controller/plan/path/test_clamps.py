@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from support.machines.spindle_machine import mill
+from support.machines.stepped_runs import program as shipped_program
 
 from controller.machine import machine_file
 from controller.machine.kinematics import kinematics_of
@@ -82,7 +83,7 @@ def test_a_pause_for_a_clamp_keeps_spindle_and_coolant_as_the_program_has_them()
 def test_a_cut_opens_the_clamps_of_the_rotaries_that_it_turns() -> None:
     """A cone keeps its tilt, so only C turns; the ruled surfaces turn both."""
     cone = walk(machine_file.shipped_program("example1_ready").read_text())
-    ruled = walk(machine_file.shipped_program("example2_ready").read_text())
+    ruled = walk(shipped_program("example2_ready"))
     opened = [bits for name, bits in cone if name == "CLAMP" and bits]
     assert opened == [A | C, C], "to the place where the lead begins, and for all of the cut"
     assert ("CLAMP", A | C) in ruled and ruled[-1] == ("END", 0)

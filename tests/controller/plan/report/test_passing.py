@@ -16,7 +16,7 @@ from controller.plan.restart.program_position import lines_along, part_at
 
 CLOSE = 0.005  # of the duration ...
 SHORT_S = 0.06  # ... or this: nobody sees it of a program of seconds
-PERIOD_S = 0.004
+PERIOD_S = 0.008
 
 
 def passing_of(text: str) -> tuple[Passing, float, dict[int, tuple[str, tuple]]]:

@@ -200,7 +200,7 @@ def test_the_program_after_the_first_refusal_is_refused() -> None:
     ids=["mixed", "end", "dwell", "long", "stops"],
 )
 def test_the_duration_is_what_a_run_takes_tick_for_tick(text: str) -> None:
-    built = shipped(period_s=0.004)
+    built = shipped(period_s=0.008)
     home = tuple(axis.homing.position for axis in built.axes)
     done = cut(text, built)
     found = survey(trace(text, built, home).items, built, kinematics_of(built))

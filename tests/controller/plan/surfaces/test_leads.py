@@ -109,7 +109,7 @@ def test_beside_a_pole_neither_axis_nor_rotary_turns_far_on_a_lead() -> None:
     """The last ruling of example 2 is vertical, and a rotary turns by many degrees per millimetre there."""
     built = shipped()
     home = tuple(axis.homing.position for axis in built.axes)
-    traced = trace(machine_file.shipped_program("example2_ready").read_text(), built, home)
+    traced = trace(program("example2_ready"), built, home)
     a, b = built.rotary()
     for lead in (*named(traced, "lead in"), *named(traced, "lead out")):
         turned = max(abs(lead.end[a] - lead.start[a]), abs(lead.end[b] - lead.start[b]))
