@@ -45,6 +45,10 @@ DESK: dict[str, tuple[str, str]] = {
         "bench start --short --readme README.md",
     ),
     "bench check": ("", "bench check --short"),
+    "bring-up FOLDER --machine FILE --simulate": (
+        "",
+        "bring-up folder --machine config/shop.toml --simulate --yes scale.X --value scale.X=10",
+    ),
     "bus FILE": ("", "bus config/trunnion.toml"),
     "bus MACHINE": ("", "bus config/trunnion.toml"),
     "bus MACHINE --plot bus.png": ("", "bus config/trunnion.toml --plot bus.png"),

@@ -23,14 +23,13 @@ import numpy.typing as npt
 
 from controller.geometry.vectors import ROUNDING
 from controller.machine.model import Machine
+from controller.runtime.cyclic import latency
 from controller.state.modes import FAULTS, Fault, Mode, Reaction
 from controller.tick.cycle import Cycle
-from controller.tick.stock import DELAY
 from drives.bench.simulated.plant import Plant
 from drives.bench.simulated.rig import Rig
 from drives.bench.simulated.servo import Servo
 
-LATENCY = 3  # ticks from a setpoint to the motor that should be there, as both are noted, without a pump
 STANDS = 0.5  # mm/s or degrees/s: below this a motor stands
 STANDS_FOR_S = 0.1  # so long; a drive that is about to be switched off stands no longer
 LONGEST_STOP_S = 10.0  # a motor without torque may coast for long, not for ever
@@ -155,11 +154,6 @@ class Observer:
     @property
     def sight(self) -> Sight:
         return Sight(self._machine, tuple(self._seen))
-
-
-def latency(machine: Machine) -> int:
-    """Ticks from a setpoint to the motor that should be there."""
-    return LATENCY + DELAY * machine.has_pump
 
 
 def _true_counts(servo: Servo) -> float:
