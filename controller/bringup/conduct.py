@@ -316,12 +316,9 @@ def _spindle(step: Step, site: Site) -> Outcome:
 
 def _until_line(ticks: Ticks, line: int) -> float:
     """From the end of the line two before until a line begins, s."""
-    before = np.flatnonzero(ticks.line < line - 1)
-    begins = np.flatnonzero(ticks.line >= line)
-    if not len(begins):
-        raise NotDone(said("bringup.not_seen"))
-    from_tick = int(before[-1]) + 1 if len(before) else 0
-    return max(0, int(begins[0]) - from_tick) * ticks.period_s
+    begins = int(np.argmax(ticks.line >= line))
+    before = np.flatnonzero(ticks.line[:begins] < line - 1)
+    return (begins - int(before[-1]) - 1) * ticks.period_s if len(before) else 0.0
 
 
 def _dry_run(step: Step, site: Site) -> Outcome:

@@ -7,7 +7,7 @@ neighbouring frequencies (Bendat and Piersol, Random Data, chapter 6), with the 
 no window is needed. Within a band the phase turns by the delay of the answer: that is taken out before the
 sum, and put back behind it.
 
-What is late by the bus alone is no matter of the drive: ``latency`` ticks are counted (``runtime.cyclic``).
+What is late by the bus alone is no matter of the drive: ``latency`` ticks are counted (``live_state``).
 """
 
 from __future__ import annotations

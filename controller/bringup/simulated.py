@@ -12,7 +12,7 @@ from controller.ipc.handoff import of_axes
 from controller.machine.model import Machine
 from controller.messages import Said, of_error, said
 from controller.program.program import ProgramError
-from controller.runtime import checked, cyclic
+from controller.runtime import checked
 from controller.runtime.startup import SessionError
 from controller.runtime.stepped import SteppedMachine
 from controller.state.fault_table import told as fault_told
@@ -52,7 +52,7 @@ class SimulatedBench:
         return self._ticks(run.rows)
 
     def _ticks(self, rows: Array) -> Ticks:
-        return Ticks.of_rows(rows, self.machine, cyclic.latency(self.machine))
+        return Ticks.of_rows(rows, self.machine, self.stepped.cycle.sync.latency)
 
     def switched_off(self, seconds: float) -> Ticks:
         self.stepped.recorder.drain()

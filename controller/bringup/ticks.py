@@ -29,6 +29,11 @@ class Ticks:
     actual: Array  # (N, axes) as reported
     line: NDArray[np.int64]  # (N,) of the program, 0 = none
 
+    def __post_init__(self) -> None:
+        """What begins before the start of a program has the line at which the one before it ended."""
+        begins = int(np.argmax(self.line != self.line[0])) if len(self.line) else 0
+        self.line[:begins] = 0
+
     @classmethod
     def of_rows(cls, rows: Array, machine: Machine, latency: int) -> Ticks:
         """Of the recorder's rows."""

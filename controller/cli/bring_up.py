@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from controller import atomic_file, messages, own_files
-from controller.cli.client import Json
+from controller.cli import remote
+from controller.cli.client import Json, TakeOver, Url
 from controller.machine import machine_file
 from controller.machine.model import Machine
 from controller.machine.toml_table import ConfigError
@@ -37,6 +40,8 @@ def bring_up(
     value: Annotated[list[str] | None, typer.Option("--value", metavar="STEP=VALUE")] = None,
     part: Annotated[Path | None, typer.Option("--part", metavar="PROGRAM")] = None,
     list_only: Annotated[bool, typer.Option("--list")] = False,
+    take_over: TakeOver = False,
+    url: Url = remote.URL,
     as_json: Json = False,
 ) -> None:
     """Bring a new machine up, step by step: what moves, what to look at, and what came of it in a protocol.
@@ -55,13 +60,33 @@ def bring_up(
         own_files.make_folder(folder)
         protocol = protocols.opened(folder, made, simulate)
         todo = [one for one in steps if one.name in chosen and (again or one.name not in protocol.done)]
-        run = Session(made, simulate, protocol, steps, answers, part)
-        if not list_only:
-            run.work(todo)
+        with contextlib.ExitStack() as ending:
+            opener = (
+                partial(_bench, made, url, take_over, ending) if not simulate else partial(_simulated, made)
+            )
+            run = Session(made, protocol, steps, answers, part, opener)
+            if not list_only:
+                run.work(todo)
         _write(protocol, steps)
         _tell(run, as_json)
     if run.failed:
         raise typer.Exit(1)
+
+
+def _simulated(machine: Machine) -> Bench:
+    from controller.bringup.simulated import SimulatedBench
+
+    return SimulatedBench(machine)
+
+
+def _bench(machine: Machine, url: str, take_over: bool, ending: contextlib.ExitStack) -> Bench:
+    """The machine behind a panel, controlled until the end. Raises Refused."""
+    from controller.cli.live_bench import LiveBench
+
+    found = ending.enter_context(remote.connected(url, remote.known_token()))
+    bench = LiveBench(found, machine)
+    ending.enter_context(found.control(take_over))
+    return bench
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,11 +103,11 @@ class Session:
     """The steps that are worked through now; the machine is there from the first that needs it."""
 
     machine: Machine
-    simulate: bool
     protocol: Protocol
     steps: Sequence[Step]
     answers: Answers
     part: Path | None
+    open: Callable[[], Bench]
     unfinished: dict[str, Said] = field(default_factory=dict)  # step: why it was not ended
     bad: list[str] = field(default_factory=list)
     _bench: Bench | None = None
@@ -94,12 +119,8 @@ class Session:
     @property
     def bench(self) -> Bench:
         """Raises what a machine that does not come up raises."""
-        if not self.simulate:
-            raise Misunderstood(console.say("bringup.only_simulated"))
         if self._bench is None:
-            from controller.bringup.simulated import SimulatedBench
-
-            self._bench = SimulatedBench(self.machine)
+            self._bench = self.open()
         return self._bench
 
     def work(self, todo: Sequence[Step]) -> None:

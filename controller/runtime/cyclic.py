@@ -6,7 +6,6 @@ from collections.abc import Mapping
 
 from controller.machine import machine_file
 from controller.machine.model import Machine
-from controller.tick.stock import DELAY
 from drives.bus import Port
 from drives.cyclic.drive import Drive
 from drives.cyclic.group import Group
@@ -15,10 +14,6 @@ from drives.cyclic.power_stage import LOST_IN_A_ROW
 from drives.cyclic.spindle import SpindleDrive
 from drives.pump.plan_memory import Memory
 from drives.pump.player import Player, beat_every
-
-# Ticks from a setpoint to the position that should be there, as the recorder has both: a setpoint of tick k
-# is latched by SYNC k + 1, reached at SYNC k + 2, and its position read in tick k + 3.
-FEEDBACK_TICKS = 3
 
 
 def group(machine: Machine, ports: Mapping[str, Port], patience_s: float = 0.0) -> Group:
@@ -43,11 +38,6 @@ def group(machine: Machine, ports: Mapping[str, Port], patience_s: float = 0.0) 
 def plans(machine: Machine) -> Memory | None:
     """Room for the plans of a pump of the same process; None where the tick sends by itself."""
     return Memory(len(machine.axes), thread=machine.has_threads) if machine.has_pump else None
-
-
-def latency(machine: Machine) -> int:
-    """Ticks from a setpoint to the position that should be there, with the pump's where there is one."""
-    return FEEDBACK_TICKS + DELAY * machine.has_pump
 
 
 def player(machine: Machine, group: Group, memory: Memory) -> Player:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from html import escape
 
 WIDTH, HEIGHT = 860, 340
-LEFT, RIGHT, TOP, BOTTOM = 70, 16, 14, 44  # margins
+LEFT, RIGHT, TOP, BOTTOM = 70, 16, 28, 44  # margins
 COLOURS = ("#0b5cad", "#b3470b", "#2c7a2c", "#7b3aa5", "#8a6d00", "#00727a")
 DASHES = ("", "6 3", "2 3", "8 3 2 3", "1 2", "10 4")
 GREY = "#bbb"
@@ -97,7 +97,7 @@ def _frame(x: Scale, y: Scale, words: tuple[str, str]) -> Iterator[str]:
         yield f'<line x1="{at:.1f}" y1="{y.begin}" x2="{at:.1f}" y2="{y.begin + 5}" stroke="#111"/>'
         yield _text(at, y.begin + 18, f"{mark:.4g}", "middle")
     yield _text((x.begin + x.end) / 2, HEIGHT - 8, words[0], "middle")
-    yield _text(x.begin + 6, TOP + 12, words[1], "start")
+    yield _text(x.begin, TOP - 12, words[1], "start")
 
 
 def _curves(drawn: Sequence[Line], x: Scale, y: Scale) -> Iterator[str]:

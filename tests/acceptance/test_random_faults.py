@@ -24,8 +24,7 @@ from typer.testing import CliRunner
 
 from controller import __main__ as command_line
 from controller.machine.model import Machine
-from controller.runtime.bench.observer import Seen, Sight
-from controller.runtime.cyclic import latency
+from controller.runtime.bench.observer import Seen, Sight, latency
 from controller.state.modes import Fault, Mode
 
 IN_A_BATCH = 40

@@ -23,9 +23,10 @@ import numpy.typing as npt
 
 from controller.geometry.vectors import ROUNDING
 from controller.machine.model import Machine
-from controller.runtime.cyclic import latency
 from controller.state.modes import FAULTS, Fault, Mode, Reaction
 from controller.tick.cycle import Cycle
+from controller.tick.stock import DELAY
+from controller.tick.sync_watch import FEEDBACK_TICKS
 from drives.bench.simulated.plant import Plant
 from drives.bench.simulated.rig import Rig
 from drives.bench.simulated.servo import Servo
@@ -154,6 +155,11 @@ class Observer:
     @property
     def sight(self) -> Sight:
         return Sight(self._machine, tuple(self._seen))
+
+
+def latency(machine: Machine) -> int:
+    """Ticks from a setpoint to the motor that should be there."""
+    return FEEDBACK_TICKS + DELAY * machine.has_pump
 
 
 def _true_counts(servo: Servo) -> float:

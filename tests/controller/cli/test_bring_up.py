@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 import typer
+from support.live.shop import opened
 from typer.testing import CliRunner
 
 from controller.bringup import charts, protocol, report, steps
@@ -141,3 +142,27 @@ def test_a_picture_is_a_line_within_its_frame() -> None:
     places = [tuple(map(float, pair.split(","))) for pair in points.split()]
     assert places[1][0] == pytest.approx(0.5 * (places[0][0] + places[2][0]), abs=0.1)
     assert all(0.0 <= x <= 860.0 and 0.0 <= y <= 340.0 for x, y in places)
+
+
+@pytest.mark.slow
+@pytest.mark.live
+@pytest.mark.calm
+def test_a_machine_that_runs_is_brought_up_by_its_panel(tmp_path: Path) -> None:
+    """Another machine's file is refused, and what moves it leaves it ready."""
+    with opened(tmp_path) as shop:
+        shop.up()
+        shop.do("POST", "/machine/home", json={})
+        shop.do("POST", "/machine/enable")
+        where = (str(tmp_path / "protocol"), "--url", shop.url, "--take-over")
+        other = asked(
+            *where, "--machine", "fig4b", "--yes", "scale.X", "--step", "scale.X", "--value", "scale.X=10"
+        )
+        assert other["exit"] == 1 and "trunnion" in other["error"]
+        words = [word for step in ("brake.Z", "scale.X", "circle.XY") for word in ("--yes", step)]
+        own = (str(tmp_path / "own"), *where[1:], "--machine", str(shop.machine_file))
+        found = asked(*own, *words, "--value", "scale.X=10")
+        good = {step for step, verdict in verdicts(found).items() if verdict == "good"}
+        assert found["exit"] == 0 and good == {"brake.Z", "scale.X", "circle.XY"}, found
+        (row,) = [one for one in found["steps"] if one["step"] == "circle.XY"]
+        assert row["measured"]["off_mm"] < 0.02
+        assert shop.status()["mode"] == "READY"

@@ -20,8 +20,7 @@ import numpy as np
 import numpy.typing as npt
 
 from controller.machine.model import Axis
-from controller.runtime.bench.observer import STANDS, Sight
-from controller.runtime.cyclic import latency
+from controller.runtime.bench.observer import STANDS, Sight, latency
 from controller.state import stop_times
 from controller.state.modes import Fault, Mode, Times, stands_within_s
 

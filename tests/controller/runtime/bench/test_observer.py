@@ -10,8 +10,7 @@ from support.machines.stepped_runs import program, shipped
 
 from controller.runtime import checked
 from controller.runtime.bench.fault_file import MachineScript
-from controller.runtime.bench.observer import Observer
-from controller.runtime.cyclic import latency
+from controller.runtime.bench.observer import Observer, latency
 from controller.runtime.stepped import Run, SteppedMachine
 from controller.state.modes import Fault, Mode
 from controller.tick.stock import DELAY
