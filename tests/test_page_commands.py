@@ -264,7 +264,7 @@ def test_the_tutorial_leads_from_five_drives_to_the_first_chip(tmp_path: Path) -
     said = [ran(f"directrix --version\n{block}", "", tmp_path) for block in blocks]
     assert len(said) == 8
     first, again = said[4], said[5]
-    assert "feed_forward = true" in first and "3.75 ms" in first
+    assert "feed_forward = true" in first and "3.751 ms" in first
     assert "feed_forward = true" not in again.split("[[axis]] C")[0]
     report = (tmp_path / "protocol" / "bring_up.html").read_text(encoding="utf-8")
     assert report.count("<svg") > 10 and "of another machine file" in report

@@ -206,8 +206,8 @@ def _response(step: Step, site: Site) -> Outcome:
 
 
 def _unequal(step: Step, site: Site, figures: Figures) -> list[Said]:
-    """Beside the axes that were measured before, of its own kind: slides, or rotaries."""
-    lags = dict(site.protocol.measured("response", "lag_s"))
+    """Beside the axes that were measured before."""
+    lags = site.protocol.measured("response", "lag_s")
     others = {name: lag for name, lag in lags.items() if name != step.of}
     return [
         one

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import hashlib
 import time
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -67,12 +66,14 @@ class Protocol:
         """Whether the machine file has changed since a step was done."""
         return bool(self.done[step]["machine_sha256"] != self.machine_sha256)
 
-    def measured(self, kind: str, name: str) -> Mapping[str, float]:
-        """One value of the steps of a kind, by what they are of."""
-        rows = ((step.partition("."), row["measured"]) for step, row in self.done.items())
-        return {
-            of: float(values[name]) for (of_kind, _, of), values in rows if of_kind == kind and name in values
-        }
+    def measured(self, kind: str, name: str) -> dict[str, float]:
+        """One value of the steps of a kind that were done with this machine file, by what they are of."""
+        found = {}
+        for step, row in self.done.items():
+            of_kind, _, of = step.partition(".")
+            if of_kind == kind and name in row["measured"] and not self.is_of_another_file(step):
+                found[of] = float(row["measured"][name])
+        return found
 
 
 def opened(folder: Path, machine: Machine, simulated: bool) -> Protocol:

@@ -129,7 +129,10 @@ def test_what_was_done_with_another_machine_file_says_so(tmp_path: Path) -> None
     all_steps = steps.steps(machine_file.load("trunnion"))
     step = next(one for one in all_steps if one.name == "switches.X")
     assert report.verdict(made, step) == "good"
+    made.note("response.Y", Outcome(True, measured={"lag_s": 3e-3}))
+    assert made.measured("response", "lag_s") == {"Y": 3e-3}
     made.machine_sha256 = "of a file that was changed since"
+    assert made.measured("response", "lag_s") == {}  # other axes are not held against it
     assert report.verdict(made, step) == "good, of another machine file"
 
 
