@@ -12,7 +12,7 @@ from controller.bringup.excitation import Excitation, Shown
 from controller.bringup.response import AxisTicks, Bode
 from controller.calibration.circular_test import Circle
 from controller.geometry.arrays import Array
-from controller.messages import Said, said
+from controller.messages import Message, message
 
 COLUMNS = 400  # of a picture; each keeps its lowest and its highest value
 DIGITS = 6
@@ -20,13 +20,13 @@ ENLARGED = 0.3  # of the radius, that the largest deviation of a circle is drawn
 
 
 def _chart(
-    title: Said, x: Said, y: Said, series: Sequence[dict[str, Any]], shape: str = ""
+    title: Message, x: Message, y: Message, series: Sequence[dict[str, Any]], shape: str = ""
 ) -> dict[str, Any]:
     """``shape``: "log" of the lower scale, "circle": both scales alike."""
     return {"title": title, "x": x, "y": y, "series": list(series), "shape": shape}
 
 
-def series(name: Said | str, x: Array, y: Array) -> dict[str, Any]:
+def series(name: Message | str, x: Array, y: Array) -> dict[str, Any]:
     """A line with its name."""
     return {"name": name, "x": _plain(x), "y": _plain(y)}
 
@@ -50,17 +50,17 @@ def errors(axis: Shown, ticks: AxisTicks, made: Excitation) -> list[dict[str, An
     for part in made.parts:
         its = ticks.of_part(part)
         time_s: Array = its.period_s * np.arange(len(its.line), dtype=np.float64)
-        title = said(f"bringup.chart.{part.kind}", axis=axis.name, percent=100.0 * made.share)
+        title = message(f"bringup.chart.{part.kind}", axis=axis.name, percent=100.0 * made.share)
         line = series("", *_thinned(time_s, its.error))
-        words = said("bringup.chart.seconds"), said("bringup.chart.error", unit=axis.words)
+        words = message("bringup.chart.seconds"), message("bringup.chart.error", unit=axis.words)
         found.append(_chart(title, *words, [line]))
     return found
 
 
 def bode(axis: Shown, shares: Sequence[tuple[float, Bode]]) -> list[dict[str, Any]]:
     """Magnitude and phase over the frequency, a line a share of the speed."""
-    hertz = said("bringup.chart.hertz")
-    names = [said("bringup.chart.share", percent=100.0 * share) for share, _ in shares]
+    hertz = message("bringup.chart.hertz")
+    names = [message("bringup.chart.share", percent=100.0 * share) for share, _ in shares]
     gains = [
         series(name, one.frequency_hz, 20.0 * np.log10(one.magnitude))
         for name, (_, one) in zip(names, shares, strict=True)
@@ -70,12 +70,16 @@ def bode(axis: Shown, shares: Sequence[tuple[float, Bode]]) -> list[dict[str, An
     ]
     return [
         _chart(
-            said("bringup.chart.bode_gain", axis=axis.name), hertz, said("bringup.chart.gain"), gains, "log"
+            message("bringup.chart.bode_gain", axis=axis.name),
+            hertz,
+            message("bringup.chart.gain"),
+            gains,
+            "log",
         ),
         _chart(
-            said("bringup.chart.bode_phase", axis=axis.name),
+            message("bringup.chart.bode_phase", axis=axis.name),
             hertz,
-            said("bringup.chart.phase"),
+            message("bringup.chart.phase"),
             phases,
             "log",
         ),
@@ -86,8 +90,8 @@ def standing(axis: Shown, actual: Array, period_s: float) -> dict[str, Any]:
     """Where an axis is while its drive is off, less where it was."""
     time_s: Array = period_s * np.arange(len(actual), dtype=np.float64)
     line = series("", *_thinned(time_s, actual - actual[0]))
-    words = said("bringup.chart.seconds"), said("bringup.chart.moved", unit=axis.words)
-    return _chart(said("bringup.chart.standing", axis=axis.name), *words, [line])
+    words = message("bringup.chart.seconds"), message("bringup.chart.moved", unit=axis.words)
+    return _chart(message("bringup.chart.standing", axis=axis.name), *words, [line])
 
 
 def circles(found: Sequence[Circle], names: tuple[str, str]) -> dict[str, Any]:
@@ -95,11 +99,11 @@ def circles(found: Sequence[Circle], names: tuple[str, str]) -> dict[str, Any]:
     offs = [np.hypot(*one.path.T) - one.radius_mm for one in found]
     scale = ENLARGED / max(1e-6, *(float(np.abs(off).max()) for off in offs))
     turn = np.linspace(0.0, 2.0 * np.pi, 181)
-    drawn = [series(said("bringup.chart.nominal"), np.cos(turn), np.sin(turn))]
+    drawn = [series(message("bringup.chart.nominal"), np.cos(turn), np.sin(turn))]
     for one, off in zip(found, offs, strict=True):
         away = (1.0 + scale * off) / np.hypot(*one.path.T)
         place = (one.path * away[:, None])[:: max(1, len(off) // COLUMNS)]
         sense = "↺" if one.sense > 0 else "↻"
         drawn.append(series(f"{sense} {1e3 * off.min():.1f} … {1e3 * off.max():.1f} µm", *place.T))
-    title = said("bringup.chart.circle", plane="".join(names), factor=round(scale * found[0].radius_mm))
-    return _chart(title, said("text", text=names[0]), said("text", text=names[1]), drawn, "circle")
+    title = message("bringup.chart.circle", plane="".join(names), factor=round(scale * found[0].radius_mm))
+    return _chart(title, message("text", text=names[0]), message("text", text=names[1]), drawn, "circle")

@@ -25,7 +25,7 @@ from controller.calibration import circular_test
 from controller.calibration.refusal import Refusal
 from controller.machine import machine_file
 from controller.machine.model import Axis
-from controller.messages import Said, said
+from controller.messages import Message, message
 
 WAYS = {"mm": 10.0, "deg": 90.0}  # that an axis is moved by to be measured
 SCALE_SHARE = 0.1  # of the largest speed
@@ -43,13 +43,13 @@ DRY_RUN_MM = 20.0
 class Operator(Interface):
     """Who stands at the machine."""
 
-    def value(self, question: Said) -> float:
+    def value(self, question: Message) -> float:
         """What he has read off. Raises NotDone where he says nothing."""
 
-    def confirms(self, question: Said) -> bool:
+    def confirms(self, question: Message) -> bool:
         """Whether he has seen it."""
 
-    def does(self, request: Said) -> None:
+    def does(self, request: Message) -> None:
         """Asks him to do something by hand, and waits until he has. Raises NotDone where he does not."""
 
 
@@ -68,7 +68,7 @@ class Site:
     def axis(self, name: str) -> Axis:
         return self.bench.machine.axes[self.index(name)]
 
-    def by_hand(self, action: str, request: Said) -> None:
+    def by_hand(self, action: str, request: Message) -> None:
         if not self.bench.by_hand(action):
             self.operator.does(request)
 
@@ -81,35 +81,35 @@ def conduct(step: Step, site: Site) -> Outcome:
 def _seen(step: Step, site: Site) -> Outcome:
     """What only an operator sees."""
     good = site.operator.confirms(step.text("look"))
-    return Outcome(good, findings=[] if good else [said("bringup.not_seen")])
+    return Outcome(good, findings=[] if good else [message("bringup.not_seen")])
 
 
 # ---- stops
 
 
 def _estop(step: Step, site: Site) -> Outcome:
-    return _stops(site, "estop", "", said("bringup.hand.estop"))
+    return _stops(site, "estop", "", message("bringup.hand.estop"))
 
 
 def _sto(step: Step, site: Site) -> Outcome:
     outcome = Outcome(True)
     for channel in CHANNELS:
-        found = _stops(site, "sto", f".{step.of}", said("bringup.hand.sto", axis=step.of, channel=channel))
+        found = _stops(site, "sto", f".{step.of}", message("bringup.hand.sto", axis=step.of, channel=channel))
         outcome.good &= found.good
         outcome.figures += found.figures
         outcome.findings += found.findings
     return outcome
 
 
-def _stops(site: Site, what: str, of: str, request: Said) -> Outcome:
+def _stops(site: Site, what: str, of: str, request: Message) -> Outcome:
     """Pressed, seen by the machine, released, and up again."""
     site.by_hand(f"{what}_press{of}", request)
     why = site.bench.stopped_by()
-    site.by_hand(f"{what}_release{of}", said("bringup.hand.release"))
+    site.by_hand(f"{what}_release{of}", message("bringup.hand.release"))
     if why is None:
-        return Outcome(False, findings=[said("bringup.not_stopped")])
+        return Outcome(False, findings=[message("bringup.not_stopped")])
     site.bench.recover()
-    return Outcome(True, figures=[said("bringup.figure.stopped_by", why=why)])
+    return Outcome(True, figures=[message("bringup.figure.stopped_by", why=why)])
 
 
 def _brake(step: Step, site: Site) -> Outcome:
@@ -120,10 +120,10 @@ def _brake(step: Step, site: Site) -> Outcome:
     most = axis.following.rest * abs(axis.shown_per_unit)
     unit = shown.words
     outcome = Outcome(moved <= most, measured={"moved": moved})
-    outcome.figures.append(said("bringup.figure.moved", value=moved, unit=unit, seconds=OFF_S))
+    outcome.figures.append(message("bringup.figure.moved", value=moved, unit=unit, seconds=OFF_S))
     outcome.charts.append(charts.standing(shown, actual, ticks.period_s))
     if not outcome.good:
-        outcome.findings.append(said("bringup.sags", axis=step.of, moved=moved, most=most, unit=unit))
+        outcome.findings.append(message("bringup.sags", axis=step.of, moved=moved, most=most, unit=unit))
     return outcome
 
 
@@ -137,10 +137,10 @@ def _scale(step: Step, site: Site) -> Outcome:
     if at + way > shown.travel[1]:
         way = -way
     if not shown.travel[0] <= at + way <= shown.travel[1]:
-        raise NotDone(said("bringup.no_room", axis=step.of, at=at, unit=shown.words))
+        raise NotDone(message("bringup.no_room", axis=step.of, at=at, unit=shown.words))
     _moved(site, shown, way)
     unit = shown.words
-    measured = site.operator.value(said("bringup.ask.gauge", axis=step.of, way=way, unit=unit))
+    measured = site.operator.value(message("bringup.ask.gauge", axis=step.of, way=way, unit=unit))
     _moved(site, shown, -way)
     return scale_of(axis, way, measured)
 
@@ -154,19 +154,19 @@ def scale_of(axis: Axis, way: float, measured: float) -> Outcome:
     """What a gauge says to a way that an axis was moved by; both in mm or degrees, signed."""
     shown = Shown.of(axis)
     unit, off = shown.words, measured / way - 1.0
-    figures = [said("bringup.figure.gauge", way=way, value=measured, unit=unit, percent=100.0 * off)]
+    figures = [message("bringup.figure.gauge", way=way, value=measured, unit=unit, percent=100.0 * off)]
     outcome = Outcome(abs(off) <= SCALE_WITHIN, figures, measured={"off": off})
     if measured == 0.0:
-        outcome.findings.append(said("bringup.stands", axis=axis.name))
+        outcome.findings.append(message("bringup.stands", axis=axis.name))
     elif not outcome.good:
         key, old = f"counts_per_{shown.unit}", axis.counts_per_unit / axis.shown_per_unit
         old = math.copysign(old, axis.counts_per_unit)
         new = float(f"{old * way / measured:.7g}")
         if measured * way < 0.0:
-            outcome.findings.append(said("bringup.turned", axis=axis.name))
-        why = said("bringup.why.scale", axis=axis.name, way=way, value=measured, unit=unit)
+            outcome.findings.append(message("bringup.turned", axis=axis.name))
+        why = message("bringup.why.scale", axis=axis.name, way=way, value=measured, unit=unit)
         outcome.findings.append(
-            said("bringup.off_scale", axis=axis.name, percent=100.0 * off, key=key, new=new)
+            message("bringup.off_scale", axis=axis.name, percent=100.0 * off, key=key, new=new)
         )
         outcome.proposals.append(Proposal(axis.name, key, old, new, why).to_dict())
     return outcome
@@ -181,7 +181,7 @@ def _response(step: Step, site: Site) -> Outcome:
     way = excitation.room(shown, site.bench.positions()[index])
     if not way:
         at = site.bench.positions()[index]
-        raise NotDone(said("bringup.no_room", axis=step.of, at=at, unit=shown.words))
+        raise NotDone(message("bringup.no_room", axis=step.of, at=at, unit=shown.words))
     outcome, answers = Outcome(True), []
     for share in SHARES:
         made = excitation.excitation(shown, way, share, machine.period_s, axis.feedback_every)
@@ -193,7 +193,7 @@ def _response(step: Step, site: Site) -> Outcome:
         outcome.figures += _figures(shown, figures)
         window = axis.following_error * abs(axis.shown_per_unit)
         if share < SHARES[-1] and figures.error > STOPS_AT_WINDOW * window:
-            outcome.findings.append(said("bringup.not_faster", axis=step.of, percent=100.0 * share))
+            outcome.findings.append(message("bringup.not_faster", axis=step.of, percent=100.0 * share))
             break
     outcome.measured = asdict(figures)
     outcome.findings += proposals.findings(axis, figures)
@@ -205,7 +205,7 @@ def _response(step: Step, site: Site) -> Outcome:
     return outcome
 
 
-def _unequal(step: Step, site: Site, figures: Figures) -> list[Said]:
+def _unequal(step: Step, site: Site, figures: Figures) -> list[Message]:
     """Beside the axes that were measured before."""
     lags = site.protocol.measured("response", "lag_s")
     others = {name: lag for name, lag in lags.items() if name != step.of}
@@ -216,16 +216,18 @@ def _unequal(step: Step, site: Site, figures: Figures) -> list[Said]:
     ]
 
 
-def _figures(shown: Shown, found: Figures) -> list[Said]:
+def _figures(shown: Shown, found: Figures) -> list[Message]:
     unit = shown.words
     rows = [
-        said("bringup.figure.share", percent=100.0 * found.share, speed=found.speed, unit=unit),
-        said("bringup.figure.error", value=found.error, unit=unit),
-        said("bringup.figure.lag", value=1e3 * found.lag_s),
-        said("bringup.figure.settling", value=1e3 * found.settling_s, overshoot=found.overshoot, unit=unit),
+        message("bringup.figure.share", percent=100.0 * found.share, speed=found.speed, unit=unit),
+        message("bringup.figure.error", value=found.error, unit=unit),
+        message("bringup.figure.lag", value=1e3 * found.lag_s),
+        message(
+            "bringup.figure.settling", value=1e3 * found.settling_s, overshoot=found.overshoot, unit=unit
+        ),
     ]
     key = "bandwidth" if found.bandwidth_hz else "wide"
-    return [*rows, said(f"bringup.figure.{key}", value=found.bandwidth_hz, peak_db=found.peak_db)]
+    return [*rows, message(f"bringup.figure.{key}", value=found.bandwidth_hz, peak_db=found.peak_db)]
 
 
 # ---- circle
@@ -252,12 +254,12 @@ def _circle(step: Step, site: Site) -> Outcome:
     most = site.bench.machine.tolerance_mm or math.inf
     outcome = Outcome(off <= most, measured={"off_mm": off})
     outcome.figures.append(
-        said("bringup.figure.circle", value=1e3 * off, g=told.get("G_bidirectional_um", 0.0))
+        message("bringup.figure.circle", value=1e3 * off, g=told.get("G_bidirectional_um", 0.0))
     )
     outcome.charts.append(charts.circles(found, names))
     if not outcome.good:
         outcome.findings.append(
-            said("bringup.not_round", plane=step.of, off_um=1e3 * off, most_um=1e3 * most)
+            message("bringup.not_round", plane=step.of, off_um=1e3 * off, most_um=1e3 * most)
         )
     return outcome
 
@@ -273,7 +275,7 @@ def circles_text(names: tuple[str, str], axes: tuple[Shown, Shown], at: tuple[fl
     room = [max(one.travel[1] - place, place - one.travel[0]) for one, place in zip(axes, at, strict=True)]
     radius = min(RADIUS_MM, 0.45 * min(room))
     if radius < 0.1 * RADIUS_MM:
-        raise NotDone(said("bringup.no_room", axis=names[0], at=at[0], unit="mm"))
+        raise NotDone(message("bringup.no_room", axis=names[0], at=at[0], unit="mm"))
     sides = [
         1.0 if one.travel[1] - place >= place - one.travel[0] else -1.0
         for one, place in zip(axes, at, strict=True)
@@ -304,12 +306,12 @@ def _spindle(step: Step, site: Site) -> Outcome:
     taken = [_until_line(ticks, 3 + 4 * n) for n in range(len(speeds))]
     outcome = Outcome(max(taken) <= spindle.spin_up_s, measured={"spin_up_s": max(taken)})
     outcome.figures = [
-        said("bringup.figure.spindle", rev_min=speed, seconds=one)
+        message("bringup.figure.spindle", rev_min=speed, seconds=one)
         for speed, one in zip(speeds, taken, strict=True)
     ]
     new = proposals.rounded(SPIN_MARGIN * max(taken))
     if new > 0.0 and abs(new - spindle.spin_up_s) > proposals.CHANGES * spindle.spin_up_s:
-        why = said("bringup.why.spin_up", seconds=max(taken))
+        why = message("bringup.why.spin_up", seconds=max(taken))
         outcome.proposals.append(Proposal("spindle", "spin_up_s", spindle.spin_up_s, new, why).to_dict())
     return outcome
 
@@ -323,21 +325,21 @@ def _until_line(ticks: Ticks, line: int) -> float:
 
 def _dry_run(step: Step, site: Site) -> Outcome:
     if site.part is None:
-        raise NotDone(said("bringup.no_part"))
+        raise NotDone(message("bringup.no_part"))
     text = site.part.read_text(encoding="utf-8", errors="replace")
     ticks = site.bench.run(text, site.part.name, DRY_RUN_MM)
     outcome = Outcome(True)
     seconds = len(ticks.line) * ticks.period_s
-    outcome.figures.append(said("bringup.figure.dry_run", part=site.part.name, seconds=seconds))
+    outcome.figures.append(message("bringup.figure.dry_run", part=site.part.name, seconds=seconds))
     for i, axis in enumerate(site.bench.machine.axes):
         shown, its = Shown.of(axis), ticks.of_axis(i)
         error = float(np.abs(its.error).max(initial=0.0))
         window = axis.following_error * abs(axis.shown_per_unit)
         unit = shown.words
-        outcome.figures.append(said("bringup.figure.error_of", axis=axis.name, value=error, unit=unit))
+        outcome.figures.append(message("bringup.figure.error_of", axis=axis.name, value=error, unit=unit))
         if error > STOPS_AT_WINDOW * window:
             near = {"error": error, "window": window, "unit": unit}
-            outcome.findings.append(said("bringup.near_window", axis=axis.name, **near))
+            outcome.findings.append(message("bringup.near_window", axis=axis.name, **near))
     outcome.good = not outcome.findings
     return outcome
 

@@ -3,7 +3,7 @@
 Rules of the trade, with their reasons:
 
 - the windows are twice what was measured, so that wear and a cold machine still fit, and no more than that:
-  a wide window notices late that an axis is in the work;
+  a wide window notices late that an axis is in the work; one setpoint that is late must fit, too;
 - a lag by speed is taken out by a velocity that goes with the target (60B1h), where the drive takes it;
 - a resonance peak of more than 2 dB is a loop that rings (damping below 0.46 of a second-order loop);
 - jerk: an acceleration should rise for no less than a period of what the loop can follow, J <= A f(-3 dB);
@@ -20,9 +20,10 @@ from typing import Any
 from controller.bringup.excitation import Shown
 from controller.bringup.response import Figures
 from controller.machine.model import Axis
-from controller.messages import Said, said
+from controller.messages import Message, message
 
 MARGIN = 2.0  # of a window beside what was measured
+LOST_TICKS = 2.0  # of the largest speed: a setpoint that comes one SYNC late must fit into a window, too
 LEAST_COUNTS = 10.0  # of a window: an encoder's own noise must fit
 PEAK_DB = 2.0
 SLOWEST_HZ = 15.0  # of a position loop that cuts contours
@@ -41,7 +42,7 @@ class Proposal:
     key: str
     old: float | bool
     new: float | bool
-    why: Said
+    why: Message
 
     def to_dict(self) -> dict[str, Any]:
         return asdict(self)
@@ -51,7 +52,7 @@ def proposals(axis: Axis, found: Figures, takes_velocity: bool, period_s: float)
     """Of what was measured at the highest share of the speed."""
     shown = Shown.of(axis)
     made = [
-        *_windows(axis, shown, found),
+        *_windows(axis, shown, found, period_s),
         *_feed_forward(axis, found, takes_velocity, period_s),
         *_limits(axis, shown, found),
     ]
@@ -64,35 +65,36 @@ def _differs(one: Proposal) -> bool:
     return abs(one.new - one.old) > CHANGES * abs(one.old)
 
 
-def _windows(axis: Axis, shown: Shown, found: Figures) -> Iterator[Proposal]:
+def _windows(axis: Axis, shown: Shown, found: Figures, period_s: float) -> Iterator[Proposal]:
     """Largest lags, doubled; extrapolated to the largest speed where that was not reached."""
     per, unit = abs(axis.shown_per_unit), shown.unit
     least = LEAST_COUNTS * per / abs(axis.counts_per_unit)
+    moving = max(LOST_TICKS * period_s * shown.velocity, 2.0 * least)
     to_full = max(1.0, shown.velocity / found.speed) if found.speed > 0.0 else 1.0
-    most = rounded(max(MARGIN * found.error * to_full, 2.0 * least))
+    most = rounded(max(MARGIN * found.error * to_full, moving))
     rest = rounded(max(MARGIN * found.rest_error, least, axis.following.in_position * per))
-    why = said("bringup.why.window", error=found.error, unit=shown.words, speed=found.speed)
+    why = message("bringup.why.window", error=found.error, unit=shown.words, speed=found.speed)
     yield Proposal(axis.name, f"following_error_{unit}", axis.following_error * per, most, why)
-    at_speed = rounded(max(MARGIN * found.lag_s * shown.velocity, 2.0 * least))
+    at_speed = rounded(max(MARGIN * found.lag_s * shown.velocity, moving))
     yield Proposal(
         axis.name,
         f"following.at_speed_{unit}",
         axis.following.at_speed * per,
         at_speed,
-        said("bringup.why.at_speed", lag_ms=1e3 * found.lag_s),
+        message("bringup.why.at_speed", lag_ms=1e3 * found.lag_s),
     )
     yield Proposal(
         axis.name,
         f"following.rest_{unit}",
         axis.following.rest * per,
         rest,
-        said("bringup.why.rest", error=found.rest_error, unit=shown.words),
+        message("bringup.why.rest", error=found.rest_error, unit=shown.words),
     )
 
 
 def _feed_forward(axis: Axis, found: Figures, takes_velocity: bool, period_s: float) -> Iterator[Proposal]:
     if takes_velocity and not axis.feed_forward and found.lag_s > LATE_TICKS * period_s:
-        why = said("bringup.why.feed_forward", lag_ms=1e3 * found.lag_s)
+        why = message("bringup.why.feed_forward", lag_ms=1e3 * found.lag_s)
         yield Proposal(axis.name, "feed_forward", False, True, why)
 
 
@@ -100,11 +102,11 @@ def _limits(axis: Axis, shown: Shown, found: Figures) -> Iterator[Proposal]:
     acceleration = shown.acceleration
     if _is_saturated(found):
         acceleration = rounded(REDUCED * found.reached)
-        why = said("bringup.why.acceleration", reached=found.reached, unit=shown.words)
+        why = message("bringup.why.acceleration", reached=found.reached, unit=shown.words)
         yield Proposal(axis.name, f"acceleration_{shown.unit}_s2", shown.acceleration, acceleration, why)
     most = acceleration * found.bandwidth_hz
     if 0.0 < most < shown.jerk:
-        why = said("bringup.why.jerk", bandwidth_hz=found.bandwidth_hz)
+        why = message("bringup.why.jerk", bandwidth_hz=found.bandwidth_hz)
         yield Proposal(axis.name, f"jerk_{shown.unit}_s3", shown.jerk, rounded(most), why)
 
 
@@ -123,34 +125,34 @@ def rounded(value: float) -> float:
 # ---- what is told
 
 
-def findings(axis: Axis, found: Figures) -> list[Said]:
+def findings(axis: Axis, found: Figures) -> list[Message]:
     """What is wrong with how an axis answers; none: it is tuned."""
     shown = Shown.of(axis)
     per = abs(axis.shown_per_unit)
     told = []
     if found.peak_db > PEAK_DB:
-        told.append(said("bringup.rings", axis=axis.name, peak_db=found.peak_db, peak_hz=found.peak_hz))
+        told.append(message("bringup.rings", axis=axis.name, peak_db=found.peak_db, peak_hz=found.peak_hz))
     if 0.0 < found.bandwidth_hz < SLOWEST_HZ:
-        told.append(said("bringup.slow", axis=axis.name, hz=found.bandwidth_hz, least_hz=SLOWEST_HZ))
+        told.append(message("bringup.slow", axis=axis.name, hz=found.bandwidth_hz, least_hz=SLOWEST_HZ))
     if _is_saturated(found):
         figures = {"asked": found.acceleration, "reached": found.reached, "unit": shown.words}
-        told.append(said("bringup.saturated", axis=axis.name, **figures))
+        told.append(message("bringup.saturated", axis=axis.name, **figures))
     if found.rest_error > axis.following.rest * per:
         rest = {"error": found.rest_error, "window": axis.following.rest * per, "unit": shown.words}
-        told.append(said("bringup.restless", axis=axis.name, **rest))
+        told.append(message("bringup.restless", axis=axis.name, **rest))
     if found.error > 0.5 * axis.following_error * per:
         near = {"error": found.error, "window": axis.following_error * per, "unit": shown.words}
-        told.append(said("bringup.near_window", axis=axis.name, **near))
+        told.append(message("bringup.near_window", axis=axis.name, **near))
     return told
 
 
-def unequal(lags_s: Mapping[str, float]) -> list[Said]:
+def unequal(lags_s: Mapping[str, float]) -> list[Message]:
     """Axes that lag differently from most of the others: they bend a path that they move together."""
     if len(lags_s) < 2:
         return []
     usual = _median(list(lags_s.values()))
     return [
-        said("bringup.unequal", axis=name, lag_ms=1e3 * lag, usual_ms=1e3 * usual)
+        message("bringup.unequal", axis=name, lag_ms=1e3 * lag, usual_ms=1e3 * usual)
         for name, lag in lags_s.items()
         if abs(lag - usual) > UNEQUAL * max(usual, 1e-3)
     ]

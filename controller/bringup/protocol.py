@@ -14,7 +14,7 @@ from typing import Any
 
 from controller import sealed_file
 from controller.machine.model import Machine
-from controller.messages import Said, TextError, said
+from controller.messages import Message, TextError, message
 
 FILE = "bring_up.json"
 REPORT = "bring_up.html"
@@ -33,8 +33,8 @@ class Outcome:
     """
 
     good: bool
-    figures: list[Said] = field(default_factory=list)
-    findings: list[Said] = field(default_factory=list)
+    figures: list[Message] = field(default_factory=list)
+    findings: list[Message] = field(default_factory=list)
     proposals: list[dict[str, Any]] = field(default_factory=list)
     charts: list[dict[str, Any]] = field(default_factory=list)
     measured: dict[str, float] = field(default_factory=dict)  # by name: what other steps and scripts read
@@ -84,11 +84,11 @@ def opened(folder: Path, machine: Machine, simulated: bool) -> Protocol:
     except FileNotFoundError:
         return made
     except sealed_file.Damaged as error:
-        raise NoProtocol(said("bringup.damaged", file=folder / FILE, why=error.said)) from error
+        raise NoProtocol(message("bringup.damaged", file=folder / FILE, why=error.said)) from error
     if (found["machine"], found["simulated"]) != (machine.name, simulated):
-        kinds = {True: said("bringup.simulated"), False: said("bringup.real")}
+        kinds = {True: message("bringup.simulated"), False: message("bringup.real")}
         raise NoProtocol(
-            said(
+            message(
                 "bringup.other",
                 folder=folder,
                 found=found["machine"],

@@ -9,7 +9,7 @@ from typing import Any
 
 from controller.bringup.protocol import GOOD, Protocol
 from controller.bringup.steps import Step
-from controller.messages import said
+from controller.messages import message
 from controller.verify import chart, html_page
 from controller.verify.console import in_words, say, spoken
 
@@ -42,7 +42,7 @@ def summed(protocol: Protocol, steps: Sequence[Step]) -> str:
     """How much of it is done, in a sentence."""
     done = [step.name for step in steps if step.name in protocol.done]
     bad = sum(protocol.done[name]["verdict"] != GOOD for name in done)
-    kind = in_words(said("bringup.simulated" if protocol.simulated else "bringup.real"))
+    kind = in_words(message("bringup.simulated" if protocol.simulated else "bringup.real"))
     return _say("summed", done=len(done), all=len(steps), bad=bad, kind=kind)
 
 

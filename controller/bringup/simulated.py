@@ -10,12 +10,12 @@ from controller.bringup.ticks import NotDone, Ticks
 from controller.geometry.arrays import Array
 from controller.ipc.handoff import of_axes
 from controller.machine.model import Machine
-from controller.messages import Said, of_error, said
+from controller.messages import Message, message, of_error
 from controller.program.program import ProgramError
 from controller.runtime import checked
 from controller.runtime.startup import SessionError
 from controller.runtime.stepped import SteppedMachine
-from controller.state.fault_table import told as fault_told
+from controller.state.fault_table import fault_message
 from controller.state.modes import Fault, Mode, Request
 
 LONGEST_S = 10.0  # that a change of mode may take
@@ -47,7 +47,7 @@ class SimulatedBench:
         except SessionError as error:
             raise NotDone(of_error(error)) from error
         if run.result != "completed":
-            why = self.stopped_by() or said("bringup.ended", result=run.result, line=run.line)
+            why = self.stopped_by() or message("bringup.ended", result=run.result, line=run.line)
             raise NotDone(why)
         return self._ticks(run.rows)
 
@@ -87,11 +87,11 @@ class SimulatedBench:
         for node in self.stepped.rig.io.values():
             node.set_inputs(node.inputs ^ (1 << bit), self.stepped.rig.now_s)
 
-    def stopped_by(self) -> Said | None:
+    def stopped_by(self) -> Message | None:
         modes = self.stepped.cycle.modes
         if modes.fault is Fault.NONE:
             return None
-        return fault_told(modes.fault, self.machine.axis_off(modes.fault_axis))
+        return fault_message(modes.fault, self.machine.axis_off(modes.fault_axis))
 
     def recover(self) -> None:
         self.stepped.go(round(0.1 / self.machine.period_s))
@@ -109,5 +109,7 @@ class SimulatedBench:
         """The rows until then. Raises NotDone where it does not come."""
         rows = self.stepped.go(round(LONGEST_S / self.machine.period_s), done)
         if not done():
-            raise NotDone(self.stopped_by() or said("bringup.mode", mode=self.stepped.cycle.modes.mode.name))
+            raise NotDone(
+                self.stopped_by() or message("bringup.mode", mode=self.stepped.cycle.modes.mode.name)
+            )
         return rows

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 from controller.machine.model import Axis, Machine
-from controller.messages import Said, said
+from controller.messages import Message, message
 
 ESTOP_INPUT = "estop"
 
@@ -36,8 +36,8 @@ class Step:
     def name(self) -> str:
         return f"{self.kind}.{self.of}" if self.of else self.kind
 
-    def text(self, which: str) -> Said:
-        return said(f"bringup.step.{self.kind}.{which}", of=self.of)
+    def text(self, which: str) -> Message:
+        return message(f"bringup.step.{self.kind}.{which}", of=self.of)
 
 
 def _once(machine: Machine) -> list[str]:

@@ -12,7 +12,7 @@ from controller.bringup.response import AxisTicks
 from controller.geometry.arrays import Array
 from controller.ipc.handoff import COLUMN, of_axes
 from controller.machine.model import Machine
-from controller.messages import Said, TextError
+from controller.messages import Message, TextError
 
 
 class NotDone(TextError, Exception):
@@ -72,7 +72,7 @@ class Bench(Protocol):
     def by_hand(self, action: str) -> bool:
         """Does what an operator does by hand, where it is simulated; else False."""
 
-    def stopped_by(self) -> Said | None:
+    def stopped_by(self) -> Message | None:
         """The fault in which the machine stands; None: in none."""
 
     def recover(self) -> None:

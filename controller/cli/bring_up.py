@@ -18,7 +18,7 @@ from controller.cli.client import Json, TakeOver, Url
 from controller.machine import machine_file
 from controller.machine.model import Machine
 from controller.machine.toml_table import ConfigError
-from controller.messages import Said, said
+from controller.messages import Message, message
 from controller.verify import console
 from controller.verify.console import Misunderstood, agreed, in_words, refusals, show, spoken, tell
 
@@ -108,7 +108,7 @@ class Session:
     answers: Answers
     part: Path | None
     open: Callable[[], Bench]
-    unfinished: dict[str, Said] = field(default_factory=dict)  # step: why it was not ended
+    unfinished: dict[str, Message] = field(default_factory=dict)  # step: why it was not ended
     bad: list[str] = field(default_factory=list)
     _bench: Bench | None = None
 
@@ -167,22 +167,22 @@ class AtTerminal:
     def __init__(self, step: str, answers: Answers) -> None:
         self._step, self._answers = step, answers
 
-    def value(self, question: Said) -> float:
+    def value(self, question: Message) -> float:
         from controller.bringup.ticks import NotDone
 
         if self._step in self._answers.values:
             return self._answers.values[self._step]
         if self._answers.silent:
-            raise NotDone(said("bringup.no_value", step=self._step))
+            raise NotDone(message("bringup.no_value", step=self._step))
         found: float = typer.prompt(in_words(question), type=float, err=True)
         return found
 
-    def confirms(self, question: Said) -> bool:
+    def confirms(self, question: Message) -> bool:
         if self._step in self._answers.yes:
             return True
         return not self._answers.silent and agreed(in_words(question))
 
-    def does(self, request: Said) -> None:
+    def does(self, request: Message) -> None:
         typer.prompt(in_words(request), default="", show_default=False, err=True)
 
 
@@ -230,7 +230,7 @@ def _row(run: Session, step: Step) -> dict[str, Any]:
         row |= {name: done[name] for name in kept}
     if (why := run.unfinished.get(step.name)) is not None:
         row["not_done"] = why
-    told: dict[str, Any] = messages.told(row, spoken.get())
+    told: dict[str, Any] = messages.with_sentences(row, spoken.get())
     return told
 
 

@@ -20,7 +20,7 @@ from controller.cli.client_lists import check_refusal, upload_file, wait_for_che
 from controller.cli.remote import Machine as Remote
 from controller.geometry.arrays import Array
 from controller.machine.model import Machine
-from controller.messages import Said, said
+from controller.messages import Message, message
 from controller.verify.console import Refused, say
 
 POLL_S = 0.5  # between two looks at the ticks, of which the panel keeps half a minute
@@ -47,7 +47,7 @@ class LiveBench:
         try:
             return self._run(text, f"bring_up_{Path(name).stem}.ngc", dry_run_mm)
         except Refused as refused:
-            raise NotDone(said("text", text=str(refused))) from refused
+            raise NotDone(message("text", text=str(refused))) from refused
 
     def _run(self, text: str, name: str, dry_run_mm: float) -> Ticks:
         """Raises Refused."""
@@ -84,7 +84,7 @@ class LiveBench:
             parts.append(self._ticks_after(int(parts[-1][-1, 0]) if len(parts[-1]) else after))
         rows = np.concatenate(parts)
         if (np.diff(rows[:, 0]) != 1.0).any():
-            raise NotDone(said("bringup.ticks_lost"))
+            raise NotDone(message("bringup.ticks_lost"))
         return rows
 
     def _ticks(self, rows: Array) -> Ticks:
@@ -120,11 +120,11 @@ class LiveBench:
     def by_hand(self, action: str) -> bool:
         return False
 
-    def stopped_by(self) -> Said | None:
+    def stopped_by(self) -> Message | None:
         until_s = time.monotonic() + SEEN_S
         while (fault := self._remote.get("status").get("fault")) is None and time.monotonic() < until_s:
             time.sleep(POLL_S)
-        return None if fault is None else said("text", text=str(fault["sentence"]))
+        return None if fault is None else message("text", text=str(fault["sentence"]))
 
     def recover(self) -> None:
         for path in ("machine/reset", "machine/home", "machine/enable"):
@@ -135,4 +135,4 @@ class LiveBench:
         try:
             carried_out(self._remote, path, {} if path.endswith("home") else None)
         except Refused as refused:
-            raise NotDone(said("text", text=str(refused))) from refused
+            raise NotDone(message("text", text=str(refused))) from refused

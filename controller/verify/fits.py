@@ -25,7 +25,7 @@ from controller.geometry.vectors import Frame
 from controller.machine.model import Tool
 from controller.plan.surfaces.placing import Cutter, place
 from controller.verify import forms
-from controller.verify.looks import NOT_CUT, Look, blunts_of
+from controller.verify.looks import NOT_CUT, SurfaceGrid, blunts_of
 from controller.verify.nominal import Nominal, grid
 from controller.verify.passes import ROUGH_FIT_MM, extent_mm, height_mm, longest, step_mm
 from controller.verify.sweep import Pass, Sweep, sampled
@@ -85,7 +85,7 @@ def off_mm(asked: Asked, tool: Tool, strategy: Strategy) -> float:
     surface = place(asked.surface, cutter, strategy)
     nominal = Nominal(surface, Frame(), asked.side, tool, asked.line, 0, tolerance_mm=1e-9)
     sweeps = {tool: _sweep(nominal, cutter)}
-    look = Look(nominal, sweeps, blunts_of(sweeps, extent_mm([nominal])))
+    look = SurfaceGrid(nominal, sweeps, blunts_of(sweeps, extent_mm([nominal])))
     if any(hurt.kind in NOT_CUT for hurt in look.hurts(lambda _: (look,), None)):
         return math.inf
     made = forms.verdict(look)

@@ -16,7 +16,7 @@ from controller.bringup.steps import steps
 from controller.bringup.ticks import NotDone, Ticks
 from controller.machine import machine_file
 from controller.machine.model import Machine
-from controller.messages import Said
+from controller.messages import Message
 from controller.runtime.simulation import MotorParameters
 from controller.runtime.stepped import SteppedMachine
 
@@ -30,15 +30,15 @@ class Hand:
         self.reads, self.sees = reads, sees
         self.asked: list[str] = []
 
-    def value(self, question: Said) -> float:
+    def value(self, question: Message) -> float:
         self.asked.append(question["key"])
         return self.reads
 
-    def confirms(self, question: Said) -> bool:
+    def confirms(self, question: Message) -> bool:
         self.asked.append(question["key"])
         return self.sees
 
-    def does(self, request: Said) -> None:
+    def does(self, request: Message) -> None:
         raise AssertionError(f"a simulated machine does it itself: {request}")
 
 
@@ -48,7 +48,7 @@ def done(bench: SimulatedBench, name: str, folder: Path, hand: Hand | None = Non
     return conduct(step, Site(bench, hand or Hand(), made, PART))
 
 
-def keys(found: list[Said]) -> list[str]:
+def keys(found: list[Message]) -> list[str]:
     return [one["key"] for one in found]
 
 
