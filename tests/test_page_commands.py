@@ -50,7 +50,7 @@ DESK: dict[str, tuple[str, str]] = {
     "bench check": ("", "bench check --short"),
     "bring-up FOLDER --machine FILE --simulate": (
         "",
-        "bring-up folder --machine config/shop.toml --simulate --yes scale.X --value scale.X=10",
+        "bring-up folder --machine config/shop.toml --simulate --step scale.X --yes all --value scale.X=10",
     ),
     "bus FILE": ("", "bus config/trunnion.toml"),
     "bus MACHINE": ("", "bus config/trunnion.toml"),

@@ -16,7 +16,7 @@ from controller.bringup.excitation import Shown
 from controller.bringup.response import AxisTicks, Bode
 from controller.bringup.simulated import SimulatedBench
 from controller.machine import machine_file
-from controller.machine.model import Machine
+from controller.machine.model import Axis, Machine
 from controller.runtime.stepped import SteppedMachine
 
 WITHIN = 0.05
@@ -177,23 +177,30 @@ def test_what_is_proposed_lowers_the_following_error_and_fits() -> None:
     assert after.error < again["following_error_mm"] < made["following_error_mm"]
 
 
+def figures_of(axis: Axis, **other: float) -> response.Figures:
+    """Of an axis that reaches its largest speed and acceleration without any error."""
+    limits = Shown.of(axis)
+    usual = {
+        **dict.fromkeys(("error", "rest_error", "lag_s", "overshoot", "settling_s", "peak_db"), 0.0),
+        **{"share": 1.0, "speed": limits.velocity, "peak_hz": 1.0, "bandwidth_hz": 60.0},
+        **{"acceleration": limits.acceleration, "reached": limits.acceleration},
+    }
+    return response.Figures(**{**usual, **other})
+
+
+def test_a_window_has_room_for_a_setpoint_that_comes_late() -> None:
+    """However small the error is: else a single lost frame would be a fault."""
+    axis = machine_file.load("trunnion").axes[0]
+    made = {one.key: one.new for one in proposals.proposals(axis, figures_of(axis, error=1e-3), True, 2e-3)}
+    late = 2.0 * 2e-3 * Shown.of(axis).velocity
+    assert made["following_error_mm"] == made["following.at_speed_mm"] == pytest.approx(late, rel=0.1)
+    assert made["following.rest_mm"] >= axis.following.in_position
+
+
 def test_jerk_and_acceleration_are_proposed_where_the_motor_does_not_follow() -> None:
     axis = machine_file.load("trunnion").axes[0]
     limits = Shown.of(axis)
-    figures = response.Figures(
-        share=1.0,
-        speed=limits.velocity,
-        error=1.0,
-        rest_error=0.0,
-        lag_s=3e-3,
-        overshoot=0.0,
-        settling_s=0.0,
-        acceleration=limits.acceleration,
-        reached=0.5 * limits.acceleration,
-        bandwidth_hz=10.0,
-        peak_db=0.0,
-        peak_hz=1.0,
-    )
+    figures = figures_of(axis, reached=0.5 * limits.acceleration, bandwidth_hz=10.0)
     made = {one.key: one.new for one in proposals.proposals(axis, figures, False, 2e-3)}
     assert made["acceleration_mm_s2"] == pytest.approx(0.4 * limits.acceleration)
     assert made["jerk_mm_s3"] == pytest.approx(4.0 * limits.acceleration)
