@@ -31,6 +31,7 @@ FILES = {
     "verify": ("verify",),
     "fit": ("fit",),
     "calibrate": ("calibrate",),
+    "bring_up": ("bring-up",),
     "cad": ("import",),
     "post": ("post",),
     "bench": ("bench",),

@@ -41,6 +41,8 @@ ARROWS: dict[str, set[str]] = {
     "verify": VALUES | {"workers", "memory", "ipc", "program", "plan"},
     # The machine's own geometry, and how a part lies, from what was measured.
     "calibration": VALUES | {"atomic_file", "program", "plan"},
+    # A new machine step by step: moved, measured, and what came of it on record.
+    "bringup": VALUES | {"sealed_file", "ipc", "program", "verify", "calibration", "runtime"},
     # Puts the parts together: clock, tick, plan and drives.
     "runtime": VALUES
     | {"sealed_file", "workers", "memory", "ipc", "program", "plan", "tick", "verify", "one_thread"},
@@ -65,6 +67,7 @@ ARROWS: dict[str, set[str]] = {
         "plan",
         "verify",
         "calibration",
+        "bringup",
         "runtime",
         "service",
         "api",

@@ -16,7 +16,11 @@ from controller.state.modes import Fault
 
 ROOT = Path(__file__).resolve().parent.parent
 ROOMS = (".", "config", "config/programs", "controller", "drives", "systemd", "tests")
-FILES = {room: ROOT / room / "README.md" for room in ROOMS} | {"computer": ROOT / "systemd" / "COMPUTER.md"}
+FILES = {
+    **{room: ROOT / room / "README.md" for room in ROOMS},
+    "computer": ROOT / "systemd" / "COMPUTER.md",
+    "first chip": ROOT / "config" / "TUTORIAL.md",
+}
 PAGES = {name: file.read_text(encoding="utf-8") for name, file in FILES.items()}
 LONGEST = 150  # lines of the first page: what a person reads before deciding
 

@@ -115,7 +115,7 @@ def start(
             if block_delete:
                 place["block_delete"] = True
             if program:
-                loaded = _loaded(machine, {"program": program, **place})
+                loaded = load_program(machine, {"program": program, **place})
                 if line is not None and not yes:
                     _agreed(loaded, line)
             confirmed = {"unrecorded": unrecorded, "worn": worn}
@@ -127,7 +127,7 @@ def start(
         tell_done(say("started_program", program=program) if program else say("started"), done, as_json)
 
 
-def _loaded(machine: Machine, values: Mapping[str, Any]) -> Any:
+def load_program(machine: Machine, values: Mapping[str, Any]) -> Any:
     """Load, however long it takes. Raises Refused where it was refused, or another one is loaded by then."""
     answer = machine.post("job", values)
     while (answer.get("result") or {}).get("done") is False:

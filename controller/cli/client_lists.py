@@ -111,16 +111,16 @@ def upload(
 ) -> None:
     """Bring a program into the machine's store, where it is checked; it never starts by itself."""
     with connected(url, as_json) as machine:
-        sent = _sent(machine, file, name or file.name)
+        sent = upload_file(machine, file, name or file.name)
         if wait:
-            sent = _checked(machine, str(sent["name"]), as_json)
+            sent = wait_for_check(machine, str(sent["name"]), as_json)
         check = sent.get("check") or {}
         if check.get("state") in ("refused", "failed"):
-            raise Refused(_why_not(str(sent["name"]), check["result"]), **sent)
+            raise Refused(check_refusal(str(sent["name"]), check["result"]), **sent)
         tell_done(_stored(str(sent["name"]), check), sent, as_json)
 
 
-def _sent(machine: Machine, file: Path, name: str) -> dict[str, Any]:
+def upload_file(machine: Machine, file: Path, name: str) -> dict[str, Any]:
     """Streamed, with the checksum first: what was cut off on the way is not kept."""
     if not file.is_file():
         raise Refused(say("no_file", file=file))
@@ -131,7 +131,7 @@ def _sent(machine: Machine, file: Path, name: str) -> dict[str, Any]:
     return sent
 
 
-def _checked(machine: Machine, name: str, quiet: bool) -> dict[str, Any]:
+def wait_for_check(machine: Machine, name: str, quiet: bool) -> dict[str, Any]:
     """The program's facts once its check has ended."""
     with bar(say("checking", name=name), quiet) as progress:
         while True:
@@ -152,7 +152,7 @@ def _stored(name: str, check: Mapping[str, Any]) -> str:
     return say("stored_long" if long else "stored", name=name, clock=status_view.clock(takes_s))
 
 
-def _why_not(name: str, result: Mapping[str, Any]) -> str:
+def check_refusal(name: str, result: Mapping[str, Any]) -> str:
     """The check's own sentence, with its place."""
     sentence = str(result.get("sentence") or say("check_failed"))
     place = ":".join(str(result[key]) for key in ("line", "column") if result.get(key) is not None)

@@ -16,7 +16,9 @@ from controller.cli.host_lines import Line
 from controller.cli.host_measure import SHARES, Measured
 from controller.cli.host_view import Host
 from controller.runtime.wake_ups import Histogram
+from controller.verify import html_page
 from controller.verify.console import say, spoken
+from controller.verify.html_page import table
 from controller.version import VERSION
 
 # Words of the kernel's command line that are facts of such a measurement; others may name disks and people.
@@ -25,23 +27,11 @@ WORDS = re.compile(
     r"|intel_idle\.max_cstate|cpufreq\.default_governor|transparent_hugepage|preempt|tsc|clocksource|threadirqs"
     r"|skew_tick|nowatchdog|nmi_watchdog|intel_pstate|amd_pstate)(=|$)"
 )
-STYLE = (
-    "body{font:16px/1.45 sans-serif;margin:2rem auto;max-width:56rem;padding:0 1rem;color:#111;"
-    "background:#fff}"
-    "table{border-collapse:collapse;margin:.5rem 0 1.5rem;font-size:.92rem}"
-    "th,td{text-align:left;padding:.25rem .9rem .25rem 0;border-bottom:1px solid #bbb;vertical-align:top}"
-    "td{font-variant-numeric:tabular-nums}svg{max-width:100%;height:auto}text{font:12px sans-serif}"
-)
 
 
 def page(measured: Measured, lines: Sequence[Line], host: Host) -> str:
     """The whole document, in the language that is spoken."""
-    title = escape(_say("title"))
-    parts = "".join(_parts(measured, lines, host))
-    return (
-        f'<!doctype html>\n<html lang="{spoken.get()}"><head><meta charset="utf-8"><title>{title}</title>'
-        f"<style>{STYLE}</style></head>\n<body><h1>{title}</h1>\n{parts}</body></html>\n"
-    )
+    return html_page.document(_say("title"), spoken.get(), "".join(_parts(measured, lines, host)))
 
 
 def _parts(measured: Measured, lines: Sequence[Line], host: Host) -> Iterator[str]:
@@ -52,15 +42,15 @@ def _parts(measured: Measured, lines: Sequence[Line], host: Host) -> Iterator[st
         names = [name_of(kind, bus) for kind, bus, _ in rows]
         counts = [one for *_, one in rows]
         yield host_pictures.histogram(names, counts, measured.limit_s)
-        yield _table(
+        yield table(
             _heads(), [_figures(name, one, measured) for name, one in zip(names, counts, strict=True)]
         )
         yield f"<p>{escape(_say('meaning', limit=1e6 * measured.limit_s))}</p>\n"
     if len(measured.course) > 1:
         yield f"<h2>{escape(_say('course'))}</h2>\n{host_pictures.course(measured.course, measured.limit_s)}"
-    yield f"<h2>{escape(_say('computer'))}</h2>\n{_table((), facts(host, measured))}"
+    yield f"<h2>{escape(_say('computer'))}</h2>\n{table((), facts(host, measured))}"
     found = [(_say_host(one.verdict), one.shown, one.found, one.good) for one in lines]
-    yield f"<h2>{escape(_say('check'))}</h2>\n{_table(_words('verdict', 'what', 'found', 'good'), found)}"
+    yield f"<h2>{escape(_say('check'))}</h2>\n{table(_words('verdict', 'what', 'found', 'good'), found)}"
 
 
 def verdict(measured: Measured) -> str:
@@ -140,15 +130,6 @@ def facts(host: Host, measured: Measured) -> list[tuple[str, str]]:
         ("day", time.strftime("%Y-%m-%d", time.gmtime())),
     ]
     return [(_say(f"fact.{key}"), value) for key, value in found if value]
-
-
-def _table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    head = "".join(f'<th scope="col">{escape(one)}</th>' for one in heads)
-    body = "".join(
-        f'<tr><th scope="row">{escape(first)}</th>{"".join(f"<td>{escape(cell)}</td>" for cell in more)}</tr>'
-        for first, *more in rows
-    )
-    return f"<table>{f'<thead><tr>{head}</tr></thead>' if head else ''}<tbody>{body}</tbody></table>\n"
 
 
 def _words(*keys: str) -> list[str]:

@@ -69,7 +69,7 @@ def _ended(machine: Machine, run: str, as_json: bool) -> dict[str, Any]:
     with bar(say("waits_for_end"), as_json) as progress:
         while True:
             try:
-                found, now = _look(machine, run)
+                found, now = outcome_and_status(machine, run)
             except Refused as refused:
                 if refused.facts.get("status") in (401, 403):
                     raise
@@ -84,7 +84,7 @@ def _ended(machine: Machine, run: str, as_json: bool) -> dict[str, Any]:
             time.sleep(POLL_S)
 
 
-def _look(machine: Machine, run: str) -> tuple[dict[str, Any] | None, Mapping[str, Any]]:
+def outcome_and_status(machine: Machine, run: str) -> tuple[dict[str, Any] | None, Mapping[str, Any]]:
     """What is known of a run, and the status; None: nothing. Raises Refused."""
     try:
         now = machine.get("status")

@@ -197,6 +197,9 @@ class Snapshot(NamedTuple):
     braked: int = _value(
         "sync", "times that the stock was not enough: the axes braked, and went on", status="tick.braked"
     )
+    latency: int = _value(
+        "sync", "ticks from a setpoint to the position that should be there", status="tick.latency"
+    )
     lost_frames: int = _value(
         "status", "received frames that were lost, since nobody took them in time", status="tick.lost_frames"
     )

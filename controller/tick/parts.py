@@ -67,7 +67,7 @@ class Parts:
         self.jogging = Jogging(machine, self.modes, self.follow, delay)
         self.answers = Answers()
         self.chatter = group.chatter
-        self.sync = SyncWatch(machine, group, self.modes, now)
+        self.sync = SyncWatch(machine, group, self.modes, now, delay)
         self.encoder = Encoder(machine)
         self.probing = Probing(machine, group, self.modes, self.follow, self.encoder, self.peripherals, delay)
         self.check = Check(machine)

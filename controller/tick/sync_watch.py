@@ -28,11 +28,17 @@ STOPS_SHARE: Final = 1.0 / 6.0
 _RUNNING: Final = Mode.RUNNING  # an enum's members are slow to look up
 BLAMED_TICKS = 3  # the silence may have begun after the buses were drained
 
+# A setpoint of tick k is latched by SYNC k + 1 and reached at SYNC k + 2; its position is read in tick k + 3.
+FEEDBACK_TICKS: Final = 3
+
 
 class SyncWatch:
     """Sends SYNC, and counts what did not come or came late. Names faults; moves nothing."""
 
-    def __init__(self, machine: Machine, group: Drives, modes: Modes, now: Callable[[], float]) -> None:
+    def __init__(
+        self, machine: Machine, group: Drives, modes: Modes, now: Callable[[], float], delay: int = 0
+    ) -> None:
+        """``delay``: ticks until a setpoint is sent."""
         self._group, self._modes, self._now = group, modes, now
         self._period_s = machine.period_s
         self._latest_s = LATE_SHARE * machine.period_s - ROUNDING
@@ -46,6 +52,7 @@ class SyncWatch:
         self._skip_limit = max(machine.skip_limit_per_s, 1.0) if machine.late == "stop" else math.inf
         self._deaf_s = stop_times.deaf_s(machine)
         self._blamed = 0  # ticks in which what the drives have to say is of our silence
+        self.latency = FEEDBACK_TICKS + delay
         self.skips = 0
         self.played = self.braked = 0
         self.late_max_s = 0.0

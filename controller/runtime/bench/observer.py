@@ -26,11 +26,11 @@ from controller.machine.model import Machine
 from controller.state.modes import FAULTS, Fault, Mode, Reaction
 from controller.tick.cycle import Cycle
 from controller.tick.stock import DELAY
+from controller.tick.sync_watch import FEEDBACK_TICKS
 from drives.bench.simulated.plant import Plant
 from drives.bench.simulated.rig import Rig
 from drives.bench.simulated.servo import Servo
 
-LATENCY = 3  # ticks from a setpoint to the motor that should be there, as both are noted, without a pump
 STANDS = 0.5  # mm/s or degrees/s: below this a motor stands
 STANDS_FOR_S = 0.1  # so long; a drive that is about to be switched off stands no longer
 LONGEST_STOP_S = 10.0  # a motor without torque may coast for long, not for ever
@@ -159,7 +159,7 @@ class Observer:
 
 def latency(machine: Machine) -> int:
     """Ticks from a setpoint to the motor that should be there."""
-    return LATENCY + DELAY * machine.has_pump
+    return FEEDBACK_TICKS + DELAY * machine.has_pump
 
 
 def _true_counts(servo: Servo) -> float:

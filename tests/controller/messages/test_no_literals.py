@@ -134,6 +134,7 @@ NOT_READ = {
     *((file, name) for file in ("gouges.py", "looks.py") for name in ("own cut", "other motion")),
     ("values.py", " is made_here else "),  # code
 }
+MARKUP = ("chart.py", "html_page.py")  # of SVG and HTML; all words are given to them
 
 
 def test_no_phrase_at_all_is_written_in_rooms_that_have_given_theirs_to_the_catalogue() -> None:
@@ -142,7 +143,7 @@ def test_no_phrase_at_all_is_written_in_rooms_that_have_given_theirs_to_the_cata
         f"{file}:{line}: {text}"
         for file in files
         for line, text in phrases(ast.parse(file.read_text()))
-        if (file.name, text) not in NOT_READ
+        if (file.name, text) not in NOT_READ and file.name not in MARKUP
     ]
     assert len(files) > 100 and not found, "\n".join(found)
 

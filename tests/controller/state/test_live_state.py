@@ -139,7 +139,7 @@ def test_the_status_tells_what_is_declared_in_shown_units() -> None:
         "number": 7,
         "skips": 0,
         "late_max_ms": 0.25,
-        **dict.fromkeys(("played", "braked", "lost_frames"), 0),
+        **dict.fromkeys(("played", "braked", "latency", "lost_frames"), 0),
     }
     assert told["feed_mm_min"] == {"actual": 600.0} and told["spindle"]["rev_min"] == -1200.0
     assert told["mode"] == "OFF" and told["warning"] is None and told["at_rest"] is False

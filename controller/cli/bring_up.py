@@ -1,0 +1,274 @@
+"""``directrix bring-up``: a new machine step by step, and what came of each step in a protocol."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from controller import atomic_file, messages, own_files
+from controller.cli import remote
+from controller.cli.client import Json, TakeOver, Url
+from controller.machine import machine_file
+from controller.machine.model import Machine
+from controller.machine.toml_table import ConfigError
+from controller.messages import Message, message
+from controller.verify import console
+from controller.verify.console import Misunderstood, agreed, in_words, refusals, show, spoken, tell
+
+if TYPE_CHECKING:
+    from controller.bringup.protocol import Protocol
+    from controller.bringup.steps import Step
+    from controller.bringup.ticks import Bench
+
+EVERY = "all"  # in place of a step's name
+
+
+def bring_up(
+    folder: Annotated[Path, typer.Argument(metavar="FOLDER")],
+    machine: Annotated[str, typer.Option("--machine")] = "trunnion",
+    simulate: Annotated[bool, typer.Option("--simulate")] = False,
+    step: Annotated[list[str] | None, typer.Option("--step", metavar="STEP")] = None,
+    again: Annotated[bool, typer.Option("--again")] = False,
+    yes: Annotated[list[str] | None, typer.Option("--yes", metavar="STEP")] = None,
+    value: Annotated[list[str] | None, typer.Option("--value", metavar="STEP=VALUE")] = None,
+    part: Annotated[Path | None, typer.Option("--part", metavar="PROGRAM")] = None,
+    list_only: Annotated[bool, typer.Option("--list")] = False,
+    take_over: TakeOver = False,
+    url: Url = remote.URL,
+    as_json: Json = False,
+) -> None:
+    """Bring a new machine up, step by step: what moves, what to look at, and what came of it in a protocol.
+
+    It can be left after any step and gone on with; nothing moves without being asked. Exit code 1 where a
+    step is not as it should be, or could not be ended.
+    """
+    from controller.bringup import protocol as protocols
+    from controller.bringup import steps as declared
+
+    with refusals(as_json, _expected):
+        made = machine_file.load(machine)
+        steps = declared.steps(made)
+        answers = Answers(_named(yes or [], steps), _values(value or [], steps), as_json)
+        chosen = _named(step or [EVERY], steps)
+        own_files.make_folder(folder)
+        protocol = protocols.opened(folder, made, simulate)
+        todo = [one for one in steps if one.name in chosen and (again or one.name not in protocol.done)]
+        with contextlib.ExitStack() as ending:
+            opener = (
+                partial(_bench, made, url, take_over, ending) if not simulate else partial(_simulated, made)
+            )
+            run = Session(made, protocol, steps, answers, part, opener)
+            if not list_only:
+                run.work(todo)
+        _write(protocol, steps)
+        _tell(run, as_json)
+    if run.failed:
+        raise typer.Exit(1)
+
+
+def _simulated(machine: Machine) -> Bench:
+    from controller.bringup.simulated import SimulatedBench
+
+    return SimulatedBench(machine)
+
+
+def _bench(machine: Machine, url: str, take_over: bool, ending: contextlib.ExitStack) -> Bench:
+    """The machine behind a panel, controlled until the end. Raises Refused."""
+    from controller.cli.live_bench import LiveBench
+
+    found = ending.enter_context(remote.connected(url, remote.known_token()))
+    bench = LiveBench(found, machine)
+    ending.enter_context(found.control(take_over))
+    return bench
+
+
+@dataclass(frozen=True, slots=True)
+class Answers:
+    """What the command line has said already: steps that are agreed to, and values by step."""
+
+    yes: frozenset[str]
+    values: Mapping[str, float]
+    silent: bool  # nobody is asked for more
+
+
+@dataclass
+class Session:
+    """The steps that are worked through now; the machine is there from the first that needs it."""
+
+    machine: Machine
+    protocol: Protocol
+    steps: Sequence[Step]
+    answers: Answers
+    part: Path | None
+    open: Callable[[], Bench]
+    unfinished: dict[str, Message] = field(default_factory=dict)  # step: why it was not ended
+    bad: list[str] = field(default_factory=list)
+    _bench: Bench | None = None
+
+    @property
+    def failed(self) -> bool:
+        return bool(self.bad or self.unfinished)
+
+    @property
+    def bench(self) -> Bench:
+        """Raises what a machine that does not come up raises."""
+        if self._bench is None:
+            self._bench = self.open()
+        return self._bench
+
+    def work(self, todo: Sequence[Step]) -> None:
+        """One step after another, each written down as it ends; a fault that stays ends it."""
+        for step in todo:
+            if not self._begins(step):
+                continue
+            self._conduct(step)
+            _write(self.protocol, self.steps)
+            if step.name in self.unfinished and self.bench.stopped_by() is not None:
+                return
+
+    def _begins(self, step: Step) -> bool:
+        """Shows what is to be done, and asks."""
+        if not self.answers.silent:
+            for which in ("title", "do", "look"):
+                show.print(in_words(step.text(which)), markup=False, soft_wrap=True)
+        if step.name in self.answers.yes:
+            return True
+        key = "bringup.ask.moves" if step.moves else "bringup.ask.step"
+        return not self.answers.silent and agreed(console.say(key, step=step.name))
+
+    def _conduct(self, step: Step) -> None:
+        from controller.bringup.conduct import Site, conduct
+        from controller.bringup.ticks import NotDone
+
+        operator = AtTerminal(step.name, self.answers)
+        try:
+            outcome = conduct(step, Site(self.bench, operator, self.protocol, self.part))
+        except NotDone as error:
+            self.unfinished[step.name] = error.said
+            tell.print(in_words(error.said), markup=False)
+            return
+        self.protocol.note(step.name, outcome)
+        self.bad += [] if outcome.good else [step.name]
+        if not self.answers.silent:
+            for one in (*outcome.figures, *outcome.findings):
+                show.print(f"  {in_words(one)}", markup=False, soft_wrap=True)
+
+
+class AtTerminal:
+    """The operator of one step, asked where the command line has not said it already."""
+
+    def __init__(self, step: str, answers: Answers) -> None:
+        self._step, self._answers = step, answers
+
+    def value(self, question: Message) -> float:
+        from controller.bringup.ticks import NotDone
+
+        if self._step in self._answers.values:
+            return self._answers.values[self._step]
+        if self._answers.silent:
+            raise NotDone(message("bringup.no_value", step=self._step))
+        found: float = typer.prompt(in_words(question), type=float, err=True)
+        return found
+
+    def confirms(self, question: Message) -> bool:
+        if self._step in self._answers.yes:
+            return True
+        return not self._answers.silent and agreed(in_words(question))
+
+    def does(self, request: Message) -> None:
+        typer.prompt(in_words(request), default="", show_default=False, err=True)
+
+
+def _write(protocol: Protocol, steps: Sequence[Step]) -> None:
+    """The report beside the protocol. Raises OSError."""
+    from controller.bringup import report
+    from controller.bringup.protocol import REPORT
+
+    atomic_file.write(protocol.folder / REPORT, report.page(protocol, steps))
+
+
+def _tell(run: Session, as_json: bool) -> None:
+    """What is done and what is open, and what to write into the machine file."""
+    from rich.table import Table
+
+    from controller.bringup import report
+    from controller.bringup.protocol import REPORT
+
+    protocol, file = run.protocol, run.protocol.folder / REPORT
+    if as_json:
+        rows = [_row(run, step) for step in run.steps]
+        facts = {"machine": protocol.machine, "report": str(file), "steps": rows}
+        print(json.dumps({"ok": not run.failed, **facts}))
+        return
+    table = Table()
+    for head in ("step", "what", "verdict"):
+        table.add_column(console.say(f"bringup.report.{head}"), no_wrap=head == "step")
+    for step in run.steps:
+        table.add_row(step.name, in_words(step.text("title")), report.verdict(protocol, step))
+    show.print(table)
+    for step in run.steps:
+        for axis, name, old, new, why in report.proposed(protocol, step):
+            row = console.say("bringup.report.propose", axis=axis, name=name, old=old, new=new, why=why)
+            show.print(row, markup=False, soft_wrap=True)
+    tell.print(report.summed(protocol, run.steps), markup=False)
+    tell.print(console.say("bringup.report.written", file=file), markup=False)
+
+
+def _row(run: Session, step: Step) -> dict[str, Any]:
+    """A step as JSON, with its sentences."""
+    done = run.protocol.done.get(step.name)
+    kept = ("verdict", "at_s", "figures", "findings", "proposals", "measured")
+    row: dict[str, Any] = {"step": step.name, "moves": step.moves, "verdict": None}
+    if done is not None:
+        row |= {name: done[name] for name in kept}
+    if (why := run.unfinished.get(step.name)) is not None:
+        row["not_done"] = why
+    told: dict[str, Any] = messages.with_sentences(row, spoken.get())
+    return told
+
+
+def _named(names: Sequence[str], steps: Sequence[Step]) -> frozenset[str]:
+    """Steps by name, or all of a kind by that. Raises Misunderstood."""
+    found: set[str] = set()
+    for name in names:
+        its = {step.name for step in steps if name in (EVERY, step.name, step.kind)}
+        if not its:
+            known = ", ".join(step.name for step in steps)
+            raise Misunderstood(console.say("bringup.no_step", found=name, known=known))
+        found |= its
+    return frozenset(found)
+
+
+def _values(pairs: Sequence[str], steps: Sequence[Step]) -> dict[str, float]:
+    """Raises Misunderstood."""
+    found = {}
+    for pair in pairs:
+        name, _, number = pair.partition("=")
+        (step,) = _named([name], steps) if name in {one.name for one in steps} else _named([pair], steps)
+        try:
+            found[step] = float(number)
+        except ValueError:
+            raise Misunderstood(console.say("bringup.no_number", found=pair)) from None
+    return found
+
+
+def _expected() -> tuple[type[Exception], ...]:
+    """What a machine that does not come up, and a protocol that is none, raise."""
+    from controller.bringup.protocol import NoProtocol
+    from controller.runtime.startup import SessionError
+    from drives.bus import BusError
+    from drives.commission import CommissionError
+
+    return ConfigError, NoProtocol, SessionError, BusError, CommissionError
+
+
+def register(app: typer.Typer) -> None:
+    """Adds the verb, whose name no function can have."""
+    app.command("bring-up")(bring_up)
