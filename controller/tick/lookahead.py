@@ -364,11 +364,12 @@ class Lookahead:
         if known is not row:
             stop = self._ghost.stop_at(row)
             self._known_stop = row, stop
+            if stop is not None and len(stop.jerks):
+                self._covered = row.s + self._at_most(stop)
         if stop is None or not len(stop.jerks):
             first, end = self._endless
             self._endless = (first if first <= i <= end else i, i + 1)
             return None
-        self._covered = row.s + self._at_most(stop)
         if not self._covers(self._covered):
             return None
         by = row.by or (self._chain[-1] if self._chain else None)
@@ -447,8 +448,8 @@ class Lookahead:
     @property
     def lead(self) -> Lead | None:
         """How the rows behind those of the stock are led; None: on no thread."""
-        move = self._ghost.tie.move
-        if not self._chain or move is None:
+        move = self._ghost.tie.move if self._chain else None
+        if move is None:
             return None
         known = min(self._periods, len(self.rows))
         return Lead(known, self._ghost.tie.bend_rev(move), self._chain[known], self._counts_per_mm(move))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 from controller.geometry.vectors import ROUNDING
@@ -15,7 +16,19 @@ REST_SPEED = 1e-6  # mm/s or deg/s of the law: at rest
 class Entry:
     """One piece in the queue, with its place in plan time."""
 
-    __slots__ = ("coefficients", "end_s", "index", "knots", "last", "motion", "piece", "start_s", "thread")
+    __slots__ = (
+        "_place",
+        "_tau",
+        "coefficients",
+        "end_s",
+        "index",
+        "knots",
+        "last",
+        "motion",
+        "piece",
+        "start_s",
+        "thread",
+    )
 
     def __init__(self, piece: Piece, motion: Motion | None, start_s: float) -> None:
         self.piece = piece
@@ -27,9 +40,13 @@ class Entry:
         self.coefficients = piece.law.coefficients
         self.last = len(self.coefficients) - 1
         self.index = 0  # polynomial of the last look-up: the next is this or a neighbour
+        self._tau = math.nan  # of the last look-up, which a tick asks for more than once, and ...
+        self._place = (0.0, 0.0, 0.0)  # ... what was found
 
     def at(self, tau: float) -> tuple[float, float, float]:
         """(s, ds/dtau, d2s/dtau2) at plan time ``tau``, clamped to the law."""
+        if tau == self._tau:
+            return self._place
         t, knots, i = tau - self.start_s, self.knots, self.index
         if t > knots[-1]:
             t = knots[-1]
@@ -42,11 +59,13 @@ class Entry:
         self.index = i
         x = t - knots[i]
         c0, c1, c2, c3, c4, c5 = self.coefficients[i]
-        return (
+        self._tau = tau
+        self._place = found = (
             c0 + x * (c1 + x * (c2 + x * (c3 + x * (c4 + x * c5)))),
             c1 + x * (2.0 * c2 + x * (3.0 * c3 + x * (4.0 * c4 + x * 5.0 * c5))),
             2.0 * c2 + x * (6.0 * c3 + x * (12.0 * c4 + x * 20.0 * c5)),
         )
+        return found
 
     @property
     def begins_at(self) -> float:

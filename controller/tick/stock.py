@@ -26,7 +26,7 @@ from controller.tick.jog import Jogging
 from controller.tick.joints import Encoder
 from controller.tick.lookahead import Conditions, Lookahead, Row
 from drives.pump.braking import Braking, led_rev_s
-from drives.pump.lead import LedRows
+from drives.pump.lead import Lead, LedRows
 from drives.pump.plan_memory import Memory, Phase, PlanWriter, Played, Stop
 from drives.pump.player import beat_every, to_counts
 from drives.pump.speed_ramp import NO_RAMP, SpeedRamp
@@ -36,30 +36,6 @@ _GAP: Final = Phase.GAP  # looked up every tick, and an enum's members are slow 
 DELAY: Final = 2  # periods from a tick to the period that sends what it has computed
 ANSWERS_S: Final = 250e-6  # after SYNC: its frame, a drive's own time and the answer's take as much
 STOPPED_S: Final = 0.1  # a tick that does not run is tolerated for so long at rest; then nothing is sent
-
-
-class Published(NamedTuple):
-    """A plan: ``rows`` of the periods from ``first`` on, of which ``nominal`` are played as they are."""
-
-    number: int
-    first: int
-    nominal: int
-    rows: Sequence[Row]
-    led: LedRows  # the same as they are played
-    stop: Stop | None
-    same_until: int  # up to here the next plan is the same, if nothing changes
-    changes: int  # the first period in which it differs from the plan that it was built on
-    anew: bool
-    by_hand: bool  # the stop is among its rows, from ``same_until`` on
-    ramp: SpeedRamp  # of the spindle where no row leads it
-
-    @property
-    def newest(self) -> int:
-        """The period that has the setpoints of the tick by which it was published."""
-        return self.first + 1
-
-    def is_nominal(self, period: int) -> bool:
-        return period - self.first < self.nominal
 
 
 class Bridge(NamedTuple):
@@ -80,6 +56,31 @@ class Bridge(NamedTuple):
             count + _left(off, speed, t, n)
             for count, n, off, speed in zip(counts, self.ticks, self.off, self.speed, strict=True)
         ]
+
+
+class Published(NamedTuple):
+    """A plan: ``rows`` of the periods from ``first`` on, of which ``nominal`` are played as they are."""
+
+    number: int
+    first: int
+    nominal: int
+    rows: Sequence[Row]
+    bridge: Bridge | None  # that leads them
+    lead: Lead | None  # likewise, on a thread
+    stop: Stop | None
+    same_until: int  # up to here the next plan is the same, if nothing changes
+    changes: int  # the first period in which it differs from the plan that it was built on
+    anew: bool
+    by_hand: bool  # the stop is among its rows, from ``same_until`` on
+    ramp: SpeedRamp  # of the spindle where no row leads it
+
+    @property
+    def newest(self) -> int:
+        """The period that has the setpoints of the tick by which it was published."""
+        return self.first + 1
+
+    def is_nominal(self, period: int) -> bool:
+        return period - self.first < self.nominal
 
 
 def _left(off: float, speed: float, t: int, ticks: int) -> float:
@@ -191,17 +192,25 @@ class Stock:
             return self._encoder.setpoints, None
         i, end = period - plan.first, 1 + self.memory.drives
         if i < plan.nominal or plan.stop is None:
-            row = plan.led(max(0, min(i, plan.nominal - 1)))
+            n = max(0, min(i, plan.nominal - 1))
+            if plan.bridge is None and plan.rows[n].law is None:  # nothing leads it
+                return plan.rows[n].counts, None
+            row = self._led(plan)(n)
             rev_s = led_rev_s(row[end:])
             return row[1:end], rev_s if rev_s is None or i < plan.nominal else 0.0
         if self._braking is None:
             at, thread = plan.nominal - 1, self.memory.thread
-            self._braking = Braking(plan.stop, self._period_s, plan.led, at, len(plan.rows), thread)
+            self._braking = Braking(plan.stop, self._period_s, self._led(plan), at, len(plan.rows), thread)
             self._braked_at = at
         while self._braked_at < i and not self._braking.over:
             self._braking.step()
             self._braked_at += 1
         return self._braking.counts, self._braking.rev_s
+
+    def _led(self, plan: Published) -> LedRows:
+        """The rows of a plan as they are played."""
+        first, rows, bridge = plan.first, plan.rows, plan.bridge
+        return LedRows(lambda n: self._columns(first + n, rows[n], bridge), plan.lead)
 
     def is_nominal(self, period: int) -> bool:
         """Whether the plan has it as a row of its own, and not as a part of the stop."""
@@ -235,7 +244,9 @@ class Stock:
         nominal, stop = ahead.fill()
         first = self.period - 1 + DELAY
         rows = [self._last, here, *ahead.rows]
-        self._bridge_over(first + 1, anew)
+        if self._reverses:
+            self._bridge_over(first + 1, anew)
+        bridge = self._bridge
         if old is None or anew:
             rows[0] = here
             changes = begin = first
@@ -249,15 +260,15 @@ class Stock:
             lead = lead._replace(known=DELAY + lead.known)
             for i in range(min(lead.known, begin - first)):
                 if rows[i] is not self._written[first + i - self._written_from]:
-                    writer.put(first + i, self._columns(first + i, rows[i]))
+                    writer.put(first + i, self._columns(first + i, rows[i], bridge))
         for period in range(begin, tail):
-            writer.put(period, self._columns(period, rows[period - first]))
+            writer.put(period, self._columns(period, rows[period - first], bridge))
         self._tail = tail
         writer.end_at(tail)
         if ahead.path:
             further = ahead.further()
             for period, row in enumerate(further, tail):
-                writer.put(period, self._columns(period, row))
+                writer.put(period, self._columns(period, row, bridge))
             rows += further
         self._written, self._written_from = rows, first
         spindle = self._group.spindle
@@ -266,24 +277,27 @@ class Stock:
         played = DELAY + nominal
         before_stop = played if ahead.before_stop is None else DELAY + ahead.before_stop
         self._before, self._braking = old, None
-        by_hand, bridge = ahead.before_stop is not None, self._bridge
-        until = first + before_stop
-        led = LedRows(lambda n: _columns(first + n, rows[n], bridge, self.memory), lead)
+        by_hand, until = ahead.before_stop is not None, first + before_stop
         self._plan = Published(
-            writer.number, first, played, rows, led, stop, until, changes, anew, by_hand, ramp
+            writer.number, first, played, rows, bridge, lead, stop, until, changes, anew, by_hand, ramp
         )
         ahead.renewed, self._same = False, True
         self._group.show(self.memory)
 
-    def _columns(self, period: int, row: Row) -> tuple[float, ...]:
-        return _columns(period, row, self._bridge, self.memory)
+    def _columns(self, period: int, row: Row, bridge: Bridge | None) -> tuple[float, ...]:
+        """A row as the plan has it."""
+        found = row.columns(self.memory.thread)
+        if bridge is None:
+            return found
+        end = 1 + self.memory.drives
+        return (found[0], *bridge.over(period, found[1:end]), *found[end:])
 
     def _bridge_over(self, begin: int, anew: bool) -> None:
         """What is new from ``begin`` on goes on from where the pump has gone behind its rows, if it has."""
         bridge, plan, ticks = self._bridge, self._plan, self._encoder.reversal_ticks
         if anew or (bridge is not None and bridge.is_over(begin - 1)):
             self._bridge = None
-        if not self._reverses or plan is None or plan.is_nominal(begin - 1):
+        if plan is None or plan.is_nominal(begin - 1):
             return
         (before, _), (there, _) = self._exact(begin - 1), self._exact(begin)
         last, here = self._last.counts, self.ahead.here.counts
@@ -291,15 +305,6 @@ class Stock:
         old = [a - b if n else 0.0 for a, b, n in zip(before, last, ticks, strict=True)]
         speed = [a - b for a, b in zip(off, old, strict=True)]
         self._bridge = Bridge(begin, [max(1, n) for n in ticks], off, speed)
-
-
-def _columns(period: int, row: Row, bridge: Bridge | None, memory: Memory) -> tuple[float, ...]:
-    """A row as the plan has it."""
-    found = row.columns(memory.thread)
-    if bridge is None:
-        return found
-    end = 1 + memory.drives
-    return (found[0], *bridge.over(period, found[1:end]), *found[end:])
 
 
 def _is_refused(plan: Published, played: Played) -> bool:

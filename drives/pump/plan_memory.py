@@ -169,9 +169,11 @@ class Memory:
         size, at = self.row.size, self.rows_at
         found = crc32(area[self.jerks_at : self.jerks_at + jerks * _DOUBLE], crc32(head))
         begin = first % ROWS
-        before_the_end = min(rows, ROWS - begin)
-        found = crc32(area[at + begin * size : at + (begin + before_the_end) * size], found)
-        return crc32(area[at : at + (rows - before_the_end) * size], found)
+        end = begin + rows
+        if end <= ROWS:
+            return crc32(area[at + begin * size : at + end * size], found)
+        found = crc32(area[at + begin * size : at + ROWS * size], found)
+        return crc32(area[at : at + (end - ROWS) * size], found)
 
 
 class PlanWriter:
@@ -180,6 +182,7 @@ class PlanWriter:
     def __init__(self, memory: Memory) -> None:
         self._memory = memory
         self.number = 0
+        self._no_head = bytes(memory.head.size)
         self._new_from = [0, 0]  # of each area: the first period whose row it does not have yet
         self._rows = memoryview(bytearray(ROWS * memory.row.size))
         self._next = 0  # period after the last row
@@ -187,12 +190,12 @@ class PlanWriter:
 
     def put(self, period: int, columns: Sequence[float]) -> None:
         """The row of a period, for the next plan; those after it are void."""
-        row = self._memory.row
+        row, new = self._memory.row, self._new_from
         row.pack_into(self._rows, period % ROWS * row.size, *columns)
-        new = self._new_from
-        for i in (0, 1):
-            if period < new[i]:
-                new[i] = period
+        if period < new[0]:
+            new[0] = period
+        if period < new[1]:
+            new[1] = period
         self._next = period + 1
 
     def end_at(self, period: int) -> None:
@@ -216,22 +219,22 @@ class PlanWriter:
         ``lead`` of the rows that have the law of a thread alone; ``ramp`` of a spindle that no row leads.
         """
         memory = self._memory
-        self.number += 1
-        area, size = memory.areas[self.number & 1], memory.head.size
-        area[:size] = bytes(size)
-        self._copy(area, max(first, self._new_from[self.number & 1]))
-        self._new_from[self.number & 1] = self._next
-        of_jerks, *rest = NO_STOP if stop is None else stop
-        jerks = len(of_jerks)
+        self.number = number = self.number + 1
+        which = number & 1
+        area, size, new_from = memory.areas[which], memory.head.size, self._new_from[which]
+        area[:size] = self._no_head
+        self._copy(area, first if first > new_from else new_from)
+        self._new_from[which] = self._next
+        jerks = 0
         if stop is not None:
-            at = memory.jerks_at
-            area[at : at + jerks * _DOUBLE] = memoryview(array("d", of_jerks)).cast("B")
-        number, rows = self.number | _ANEW * anew, self._next - first
-        found = (number, first, changes, nominal, rows, hold, jerks, *rest, *ramp)
+            jerks, at = len(stop.jerks), memory.jerks_at
+            area[at : at + jerks * _DOUBLE] = memoryview(array("d", stop.jerks)).cast("B")
+        number, rows, of_stop = number | _ANEW * anew, self._next - first, (stop or NO_STOP)[1:]
+        of_lead: tuple[float, ...] = ()
         if memory.thread:
             known, bend, last, per_mm = lead or Lead(rows, 0.0, Correction(), (0.0,) * memory.drives)
-            found = (*found, known, bend, *last, *per_mm)
-        head = memory.head.pack(*found)
+            of_lead = (known, bend, *last, *per_mm)
+        head = memory.head.pack(number, first, changes, nominal, rows, hold, jerks, *of_stop, *ramp, *of_lead)
         area[size : size + 4] = _SEAL.pack(memory.seal(area, head, first, rows, jerks))
         area[:size] = head
 
