@@ -8,7 +8,7 @@ raises on what may happen on a machine.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Final, NamedTuple
 
 from controller.ipc.handoff import (
@@ -194,13 +194,8 @@ class Cycle:
             self._take_back(self.again.taken_back)
         elif stock.refused and self.modes.on_path and self._moved + DELAY < stock.stood_from:
             self._take_back(self._how(self._moved))
-        is_ahead = self.idle and stock.memory.at_once > 1
-        for period in periods[:-1]:
-            if not is_ahead and self.group.receive_answers(now_s, ticks):
-                self._encoder.decode(self.group.positions)
-            stock.account_for(period)
-            if period + DELAY < stock.stood_from:
-                (self._play_again if is_ahead else self._play)(period)
+        if ticks > 1:
+            self._catch_up(stock, periods[:-1], now_s)
         self.group.receive(now_s, ticks, stock.is_late(now_s))
         self._encoder.decode(self.group.positions)
         stock.account_for(stock.period)
@@ -228,6 +223,16 @@ class Cycle:
         self.group.send_events(now_s)
         self._record(stock.period)
         return True
+
+    def _catch_up(self, stock: Stock, periods: Sequence[int], now_s: float) -> None:
+        """The periods before the newest one, whose ticks were not run."""
+        is_ahead = self.idle and stock.memory.at_once > 1
+        for period in periods:
+            if not is_ahead and self.group.receive_answers(now_s, 1 + len(periods)):
+                self._encoder.decode(self.group.positions)
+            stock.account_for(period)
+            if period + DELAY < stock.stood_from:
+                (self._play_again if is_ahead else self._play)(period)
 
     def _publish(self, stock: Stock, anew: bool) -> None:
         stock.publish(anew)

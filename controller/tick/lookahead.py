@@ -323,7 +323,8 @@ class Lookahead:
         while len(rows) < n and self._extend():
             pass
         self._lead()
-        n = max(n, min(self._led_until + 2, len(rows)))
+        if self._led_until > _NEVER:
+            n = max(n, min(self._led_until + 2, len(rows)))
         first, end = self._endless
         n = min(end, len(rows)) if first < n < end else n
         while 0 < n <= len(rows):
@@ -404,7 +405,7 @@ class Lookahead:
         if self._rests(len(rows) - 1):
             return False
         before = rows[-1] if rows else self.here
-        go = ghost.goes(conditions.running, float(conditions.feed), float(conditions.rapid))
+        go = ghost.goes(conditions.running, conditions.feed, conditions.rapid)
         lost = ghost.step(go) is _LOST
         law = ghost.tie.law
         if law is not None:  # it is judged as it is led

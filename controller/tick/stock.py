@@ -252,7 +252,7 @@ class Stock:
             changes = begin = first
         elif self._same:
             changes = self.period + DELAY if ahead.is_led else old.same_until
-            begin = max(first, self._tail if not ahead.renewed else first)
+            begin = first if ahead.renewed or self._tail < first else self._tail
         else:
             changes, begin = self.period + DELAY, first
         tail, lead = first + len(rows), ahead.lead

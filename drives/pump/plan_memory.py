@@ -262,8 +262,7 @@ class PlanWriter:
             found = _PLAYED.unpack_from(self._memory.bytes, _DOUBLE)
             if record[0] == count:
                 if count:
-                    period, number, phase, *rest = found
-                    self._last = Played(period, number, _PHASES[phase], *rest)
+                    self._last = Played._make((found[0], found[1], _PHASES[found[2]], *found[3:]))
                 break
         return self._last
 

@@ -170,7 +170,7 @@ def beat_every(period_s: float, heartbeat_s: float) -> int:
 
 def to_counts(counts: Sequence[float]) -> Sequence[int]:
     """As they go out: rounded, and within 32 bits."""
-    found = [round(one) for one in counts]
+    found = list(map(round, counts))
     if min(found) >= INT32_MIN and max(found) <= INT32_MAX:
         return found
     return [max(INT32_MIN, min(INT32_MAX, one)) for one in found]
