@@ -14,6 +14,7 @@ Where no stop begins, the plan is followed: to the next one, or to the queue's e
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Sequence
 from enum import IntEnum
@@ -46,6 +47,7 @@ class Step(IntEnum):
 
 
 _TAKEN: Final = QueueRefusal.NONE
+NOWHERE: Final = (-1, math.nan)  # motion and place that no joints are of
 _UNKNOWN_MOTION: Final = QueueRefusal.UNKNOWN_MOTION
 _MOVED: Final = Step.MOVED  # looked up every tick, and an enum's members are slow to look up
 
@@ -65,14 +67,12 @@ State = tuple[
 
 
 class Foreseen(Protocol):
-    """The joints of the next step, if it leads to that place of that motion."""
+    """The joints of the next step, if they are asked for ``of`` the same motion and place."""
 
     @property
     def joints(self) -> Joints: ...
     @property
-    def motion(self) -> int: ...
-    @property
-    def place(self) -> float: ...
+    def of(self) -> tuple[int, float]: ...
 
 
 class Follow:
@@ -110,6 +110,7 @@ class Follow:
         self.refusal = _TAKEN  # of the last message
         self.optional_stop = self.single_block = False  # the operator's switches: which marks count
         self._foreseen: Foreseen | None = None  # of the step that is under way
+        self._of = NOWHERE  # motion and place for which that step has asked for joints
         self._undo: deque[State] = deque(maxlen=STEPS_BACK)  # the last steps
 
     # -- state
@@ -287,8 +288,9 @@ class Follow:
 
     def _joints_at(self, entry: Entry, motion: Motion, s: float) -> Joints | None:
         """On the branch of the present joints; None where the rotaries cannot reach the next tool axis."""
+        self._of = of = entry.piece.motion_id, s
         foreseen = None if self.coupling.active else self._foreseen  # on a thread its place is the law's
-        if foreseen is not None and foreseen.place == s and foreseen.motion == entry.piece.motion_id:
+        if foreseen is not None and foreseen.of == of:
             return foreseen.joints
         return motion.joints(s, self._rotaries(self.joints), self._kinematics)
 
@@ -339,7 +341,7 @@ class Follow:
 
         ``foreseen``: what another follower has found for it, which is then not computed again.
         """
-        self._foreseen = foreseen
+        self._foreseen, self._of = foreseen, NOWHERE
         if self._brake.active and self._brake.over:
             self._settle()
         self._remember()
