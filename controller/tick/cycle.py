@@ -597,12 +597,18 @@ class Cycle:
     def _along_path(self, go: bool) -> None:
         """One step of the path, and what comes of it."""
         modes, follow = self.modes, self.follow
-        step = follow.step(go, None if self.stock is None else self.stock.foreseen)
+        stock = self.stock
+        foreseen = None if stock is None else stock.foreseen
+        step = follow.step(go, foreseen)
         self._arrived = step is _STOP or step is _END or step is _SET
         piece = follow.piece
         if piece is not None and not piece.sets and modes.mode in FOLLOWING:
             self.peripherals.switch(piece.outputs)
-        fault, axis = self._judge(step, self._check)
+        fault, axis = _NONE, -1
+        if stock is None or foreseen is None or step is _LOST or not stock.has_judged(foreseen, follow):
+            fault, axis = self._judge(step, self._check)
+        else:
+            self._encoder.take(foreseen.joints, foreseen.counts)
         self.peripherals.lead_spindle()
         if fault is not _NONE:
             self._refuse(fault, axis, step)

@@ -43,6 +43,10 @@ class Encoder:
         self._encoded = joints if self._deviations is None else None
         return True
 
+    def take(self, joints: Joints, exact: tuple[float, ...]) -> None:
+        """Rounds ``exact``, which are the ``counts`` of joints alone, and fit."""
+        self.exact, self.setpoints, self._encoded = exact, self._rounded(exact, exact), joints
+
     def counts(self, joints: Joints) -> tuple[float, ...]:
         """Where the drives are to go next, for the axes to be at ``joints``: before it is rounded."""
         sent = joints if self._deviations is None else self._deviations.compensated(joints)

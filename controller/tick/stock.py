@@ -22,6 +22,7 @@ from typing import Final, NamedTuple
 
 from controller.machine.model import Machine
 from controller.tick.drives import Drives
+from controller.tick.follow import Follow
 from controller.tick.jog import Jogging
 from controller.tick.joints import Encoder
 from controller.tick.lookahead import Conditions, Lookahead, Row
@@ -168,6 +169,14 @@ class Stock:
         """What the next step of the path comes to, if nothing has changed."""
         ahead = self.ahead
         return ahead.rows[0] if ahead.rows and ahead.before_stop is None else None
+
+    def has_judged(self, row: Row, follow: Follow) -> bool:
+        """Whether a step has come to a row just as it was looked ahead, from the rows before it.
+
+        Then it was judged there, before it was published, and its counts are those of the row.
+        """
+        same = row.joints is follow.joints and self.ahead.here.joints is follow.last
+        return same and self._last.joints is follow.before and self._encoder.plain
 
     @property
     def stood_from(self) -> int:
