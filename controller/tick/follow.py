@@ -438,14 +438,21 @@ class Follow:
     # -- along the plan
 
     def _run(self, go: bool) -> Step:
-        clock = self._clock
-        tau = self._reached(clock.tau + clock.period_s)
-        joints = self._evaluate(tau)
+        clock, entry = self._clock, self._queue[self._now]
+        tau, end_s, motion = clock.tau + clock.period_s, entry.end_s - ROUNDING, entry.motion
+        if tau < end_s and motion is not None:  # it ends in the entry where it began
+            joints = self._joints_at(entry, motion, self._along(entry, entry.at(tau)))
+        else:
+            tau = self._reached(tau)
+            joints = self._evaluate(tau)
         if joints is None:
             return Step.LOST
         self._take(joints, 1.0)
         clock.advance(tau)
-        return self._arrive(go)
+        if clock.tau >= end_s:
+            return self._arrive(go)
+        self._describe()
+        return _MOVED
 
     def _reached(self, tau: float) -> float:
         """The clock goes to ``tau``, but not past a mark that counts, nor past the queue's end."""

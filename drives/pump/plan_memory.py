@@ -235,7 +235,7 @@ class PlanWriter:
             known, bend, last, per_mm = lead or Lead(rows, 0.0, Correction(), (0.0,) * memory.drives)
             of_lead = (known, bend, *last, *per_mm)
         head = memory.head.pack(number, first, changes, nominal, rows, hold, jerks, *of_stop, *ramp, *of_lead)
-        area[size : size + 4] = _SEAL.pack(memory.seal(area, head, first, rows, jerks))
+        _SEAL.pack_into(area, size, memory.seal(area, head, first, rows, jerks))
         area[:size] = head
 
     def _copy(self, area: memoryview, period: int) -> None:
@@ -243,11 +243,11 @@ class PlanWriter:
         size, at = self._memory.row.size, self._memory.rows_at
         while period < self._next:
             begin = period % ROWS
-            many = min(self._next - period, ROWS - begin)
-            area[at + begin * size : at + (begin + many) * size] = self._rows[
-                begin * size : (begin + many) * size
-            ]
-            period += many
+            end = begin + self._next - period
+            if end > ROWS:
+                end = ROWS
+            area[at + begin * size : at + end * size] = self._rows[begin * size : end * size]
+            period += end - begin
 
     def played(self) -> Played:
         """What the pump has said last.
