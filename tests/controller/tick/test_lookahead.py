@@ -9,14 +9,18 @@ from typing import Any
 
 import pytest
 from support.machines import tapping
+from support.machines.stepped_runs import cut, shipped
 from support.machines.tapping import Tapper
 
 from controller.machine.deviation_tables import Pitch
 from controller.machine.model import Machine
+from controller.runtime.stepped import SteppedMachine
+from controller.tick.follow import Follow
 from controller.tick.lookahead import Ghost, Lookahead
 from drives.bench.simulated.spindle_motor import MotorParameters
 
 THREAD = "G21 G90 G54 G40\nS600 M3\nG0 X5. Y-50.\nG0 Z40\nF600\nG84 Z28 R40\nG80\nM30\n"
+PATH = "G21 G90 G54 G40 G64 P0.01\nF4000\nG1 X20 Y10\nG2 X40 Y-10 R20\nG1 X30 A5\nM30\n"
 NEW = 2.0  # rows in a tick, on average: one, and what comes where motion begins
 AT_ONCE = 50  # where motion begins
 
@@ -80,3 +84,20 @@ def test_on_a_thread_a_tick_computes_the_rows_that_are_new(
     assert 280 <= sum(turning) <= NEW * len(turning) and max(work.led) == periods
     anew = [stepped for stepped, led in zip(work.stepped, work.led, strict=True) if led == periods]
     assert len(anew) > 50 and sorted(anew)[len(anew) // 2] <= NEW
+
+
+def test_no_tick_computes_the_joints_that_were_looked_ahead(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Also where the plan time of a tick is rounded otherwise than that of the period ahead."""
+    taken: list[bool] = []
+    joints_at, stepped = Follow._joints_at, SteppedMachine(shipped(stock_s=0.03))
+    stepped.come_up()
+
+    def noted(self: Follow, *given: Any) -> Any:
+        found = joints_at(self, *given)
+        if type(self) is Follow and self._foreseen is not None:
+            taken.append(found is self._foreseen.joints)
+        return found
+
+    monkeypatch.setattr(Follow, "_joints_at", noted)
+    cut(PATH, stepped=stepped)
+    assert len(taken) > 300 and all(taken[:-1]), "the end alone is behind what is looked ahead"
