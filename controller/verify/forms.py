@@ -16,16 +16,14 @@ from numpy.typing import NDArray
 from controller.geometry.placement import Strategy
 from controller.machine.model import JOINT_TOLERANCE_DEG
 from controller.plan.report.verdict import Verdict
-from controller.verify.judge import Judged
 from controller.verify.looks import Look
-from controller.verify.nominal import Nominal
+from controller.verify.nominal import Nominal, peaks
 
 Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 SURELY = 0.5  # of the tolerance: what is off by less on the grid is not zoomed into
-ZOOMED = 3  # places of each sign
-STEPS, POINTS = 6, 5  # of a zoom
+ZOOMED, FEW = 16, 3  # places of each sign, at first and at last
+STEPS, POINTS = 8, 5  # of a zoom
 FEWEST, SETTLED_MM = 2, 1e-6  # it ends where a step after these gains less
 BESIDE_UP = ("lead in", "lead out", "link", "plunge", "lift")
 MIN_RADIUS_MM = 0.05  # a smaller cutter is no advice
@@ -63,14 +61,15 @@ def _worst(look: Look, sign: float, tolerance_mm: float) -> tuple[float, float, 
     if float(size.max()) < SURELY * tolerance_mm:
         starts = np.array([int(np.argmax(size))])
         return _measured(look, look.u[starts], look.v[starts], size[starts], sign)
-    starts = _apart(size, look.shape)
+    starts = peaks(size, look.shape[1], ZOOMED)
     best = _measured(look, look.u[starts], look.v[starts], size[starts], sign)
     half = 1.0 / (np.array(look.shape) - 1.0)
     u, v = look.u[starts], look.v[starts]
     for k in range(STEPS):
         amount, u, v = _zoomed(look, u, v, half, sign)
         before, best = best, max(best, *zip(amount.tolist(), u.tolist(), v.tolist(), strict=True))
-        half = half / (0.5 * (POINTS - 1))
+        likely = np.argsort(-amount, kind="stable")[: max(FEW, len(amount) // 2)]
+        u, v, half = u[likely], v[likely], half / (0.5 * (POINTS - 1))
         if k >= FEWEST and best[0] - before[0] < SETTLED_MM:
             break
     return best
@@ -115,31 +114,6 @@ def _measured(look: Look, u: Array, v: Array, near: Array, sign: float) -> tuple
     amount = np.where(np.isnan(t), near, _net(look, t, sign))
     k = int(np.argmax(amount))
     return float(amount[k]), float(u[k]), float(v[k])
-
-
-def _apart(size: Array, shape: tuple[int, int]) -> Index:
-    """Indices of the largest values that are no neighbours on the grid."""
-    found: list[int] = []
-    for i in np.argsort(-size, kind="stable")[: 64 * ZOOMED]:
-        row, column = divmod(int(i), shape[1])
-        if all(max(abs(row - k // shape[1]), abs(column - k % shape[1])) > 1 for k in found):
-            found.append(int(i))
-        if len(found) == ZOOMED:
-            break
-    return np.array(found, dtype=np.int64)
-
-
-def widened(made: Verdict, judged: Judged) -> Verdict:
-    """With what a closer look along the normals has found beyond it."""
-    nominal, zone = judged.nominal, judged.whole
-    over, under = -zone.overcut.mm if zone.overcut else 0.0, zone.undercut.mm if zone.undercut else 0.0
-    under -= nominal.allowance_mm
-    found = zone.overcut if over >= under else zone.undercut
-    amounts = replace(made, overcut_mm=max(made.overcut_mm, over), undercut_mm=max(made.undercut_mm, under))
-    if found is None or amounts.largest_mm <= made.largest_mm:
-        return amounts
-    height = _height_mm(nominal, found.u, found.v)
-    return replace(amounts, u=found.u, v=found.v, height_mm=height, place=found.place)
 
 
 def _height_mm(nominal: Nominal, u: float, v: float) -> float:
