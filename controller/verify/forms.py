@@ -22,6 +22,7 @@ from controller.verify.nominal import Nominal, peaks
 Array = NDArray[np.float64]
 
 SURELY = 0.5  # of the tolerance: what is off by less on the grid is not zoomed into
+LIKELY = 0.1  # the same, beside a pivot
 ZOOMED, FEW = 16, 3  # places of each sign, at first and at last
 STEPS, POINTS = 8, 5  # of a zoom
 FEWEST, SETTLED_MM = 2, 1e-6  # it ends where a step after these gains less
@@ -35,7 +36,7 @@ def verdict(look: Look) -> Verdict | None:
     if nominal.tolerance_mm is None:
         return None
     over, under = (_worst(look, sign, nominal.tolerance_mm) for sign in (-1.0, 1.0))
-    over = max(over, _in_corners(look))
+    over = max(over, _in_corners(look, nominal.tolerance_mm))
     _, u, v = max(over, under)
     by, by_line = look.cut_by(u, v)
     made = Verdict(
@@ -63,8 +64,14 @@ def _worst(look: Look, sign: float, tolerance_mm: float) -> tuple[float, float, 
         return _measured(look, look.u[starts], look.v[starts], size[starts], sign)
     starts = peaks(size, look.shape[1], ZOOMED)
     best = _measured(look, look.u[starts], look.v[starts], size[starts], sign)
+    return _climbed(look, look.u[starts], look.v[starts], sign, best)
+
+
+def _climbed(
+    look: Look, u: Array, v: Array, sign: float, best: tuple[float, float, float]
+) -> tuple[float, float, float]:
+    """The largest amount about some places (K,), from the best of them: amount, u, v."""
     half = 1.0 / (np.array(look.shape) - 1.0)
-    u, v = look.u[starts], look.v[starts]
     for k in range(STEPS):
         amount, u, v = _zoomed(look, u, v, half, sign)
         before, best = best, max(best, *zip(amount.tolist(), u.tolist(), v.tolist(), strict=True))
@@ -75,7 +82,7 @@ def _worst(look: Look, sign: float, tolerance_mm: float) -> tuple[float, float, 
     return best
 
 
-def _in_corners(look: Look) -> tuple[float, float, float]:
+def _in_corners(look: Look, tolerance_mm: float) -> tuple[float, float, float]:
     """The deepest overcut (mm) beside a pivot, its u and v: too narrow for the points of the grid.
 
     In a concave corner the cutter stands deepest in either surface as far from the joint as its tip turns.
@@ -89,7 +96,8 @@ def _in_corners(look: Look) -> tuple[float, float, float]:
     if not len(away):
         return 0.0, 0.0, 0.0
     u, v = (m.ravel() for m in np.meshgrid(np.append(away, 1.0 - away), np.linspace(0.0, 1.0, POINTS)))
-    return _measured(look, u, v, np.zeros(len(u)), -1.0)
+    best = _measured(look, u, v, np.zeros(len(u)), -1.0)
+    return _climbed(look, u, v, -1.0, best) if best[0] > LIKELY * tolerance_mm else best
 
 
 def _zoomed(look: Look, u: Array, v: Array, half: Array, sign: float) -> tuple[Array, Array, Array]:
